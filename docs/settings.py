@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from stixel_cli.config.descriptions import (
-    Description,
     groups,
     keys_of_option,
     meaning_of_group,
@@ -21,6 +20,7 @@ from stixel_cli.config.folders import (
     options_of_kind,
 )
 from stixel_cli.config.folders import option_values as values_of
+from stixel_cli.config.keys import Key
 
 PAGE = Path(__file__).parent / "settings.md"
 
@@ -73,7 +73,7 @@ def _section(group: str) -> Iterator[str]:
             yield from _table(found, option)
 
 
-def _table(found: list[Description], option: str) -> Iterator[str]:
+def _table(found: list[Key], option: str) -> Iterator[str]:
     yield "| key | default | range | meaning |"
     yield "|---|---|---|---|"
     for one in found:

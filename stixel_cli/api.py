@@ -4,15 +4,14 @@ Calls leave no state in the process and may follow each other in any order. Erro
 can correct are raised as `stixel_cli.errors.UserError`, in one line.
 """
 
-import dataclasses
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from stixel_cli.config.compose import Composition, from_resolved
+from stixel_cli.config.compose import Composition
 from stixel_cli.config.compose import compose as compose_overrides
-from stixel_cli.config.texts import split_override
+from stixel_cli.config.texts import override_text, split_override
 from stixel_cli.engine.progress import Progress, in_notebook, make_progress
 from stixel_cli.errors import UserError
 from stixel_cli.experiment.run import record_run
@@ -74,13 +73,15 @@ def run(
         UserError: for errors that the user can correct.
         StageFailure: if a stage fails for another reason.
     """
+    machine = _of_this_machine(workers, cache)
     if any(isinstance(part, Composition) for part in experiment):
         if len(experiment) > 1:
             raise UserError("run: give overrides, or one composition without overrides")
         (composition,) = experiment
+        if machine:
+            composition = compose(composition.overrides, machine, last_wins=True)
     else:
-        composition = compose(*experiment, last_wins=last_wins)
-    composition = _on_this_machine(composition, workers, cache)
+        composition = compose(_texts(experiment, last_wins), machine)
     return record_run(
         composition,
         results=None if results is None else Path(results),
@@ -121,15 +122,10 @@ def sweep(
     Raises:
         UserError: for errors that the user can correct, before anything is computed.
     """
-    from stixel_cli.config.texts import override_text
     from stixel_cli.sweeps.runs import sweep_design
     from stixel_cli.sweeps.whole import new_sweep
 
-    texts = list(_texts(overrides, last_wins))
-    if workers is not None:
-        texts.append(override_text("executor.workers", workers))
-    if cache is not None:
-        texts.append(override_text("cache.folder", str(cache)))
+    texts = [*_texts(overrides, last_wins), *_of_this_machine(workers, cache)]
     file = None if file is None else str(file)
     design = sweep_design(texts, file, shuffle, trust_code=trust_code)
     results = None if results is None else Path(results)
@@ -163,17 +159,7 @@ def _visible() -> bool:
     return in_notebook() or sys.stderr.isatty()
 
 
-def _on_this_machine(
-    composition: Composition, workers: int | None, cache: Path | str | None
-) -> Composition:
-    """The composition with another number of workers and another cache, if given."""
-    resolved = dict(composition.resolved)
-    if workers is not None:
-        resolved["executor"] = resolved["executor"] | {"workers": workers}
-    if cache is not None:
-        resolved["cache"] = resolved["cache"] | {"folder": str(cache)}
-    if resolved == composition.resolved:
-        return composition
-    return dataclasses.replace(
-        composition, configuration=from_resolved(resolved), resolved=resolved
-    )
+def _of_this_machine(workers: int | None, cache: Path | str | None) -> list[str]:
+    """The overrides of a number of workers and a cache, if given."""
+    given = {"executor.workers": workers, "cache.folder": None if cache is None else str(cache)}
+    return [override_text(key, value) for key, value in given.items() if value is not None]

@@ -9,7 +9,7 @@ import pytest
 
 from stixel_cli import compose
 from stixel_cli.cli.app import main
-from stixel_cli.config.override_checks import read_overrides
+from stixel_cli.config.override_checks import check_overrides, read_overrides
 from stixel_cli.studies.file import shipped_studies
 
 ROOT = Path(__file__).parents[1]
@@ -64,4 +64,4 @@ def test_commands_of_the_docs_are_valid(page, capsys):
         verb, *words = shlex.split(line.removesuffix("\\"), comments=True)[1:]
         assert main([verb, "--help"]) == 0, line
         given = [word for word in words if re.match(r"[a-z_./]+=", word)]
-        read_overrides(given)
+        check_overrides(read_overrides(given))

@@ -8,8 +8,14 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from stixel_cli.cli.completion import complete_override
-from stixel_cli.cli.options import Json, Workers, argument, new_file
-from stixel_cli.cli.run import with_workers, without_target
+from stixel_cli.cli.options import (
+    Json,
+    Workers,
+    argument,
+    new_file,
+    with_workers,
+    without_target,
+)
 from stixel_cli.cli.terminal import print_json, print_table, say
 from stixel_cli.errors import UserError
 

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from stixel_cli.cli.completion import complete_override
-from stixel_cli.cli.options import Json, Workers, argument
-from stixel_cli.cli.run import with_workers, without_target
+from stixel_cli.cli.options import Json, Workers, argument, with_workers, without_target
 from stixel_cli.cli.terminal import print_json, say
 
 if TYPE_CHECKING:

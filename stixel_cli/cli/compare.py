@@ -2,28 +2,24 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from stixel_cli.cli.cache import local_store
-from stixel_cli.cli.completion import complete_folder
-from stixel_cli.cli.options import Json, argument
+from stixel_cli.cli.options import Folders, Json
 from stixel_cli.cli.terminal import print_json, print_table, say
 from stixel_cli.errors import UserError
 
 
 def compare(
-    folders: Annotated[
-        list[Path], argument("Result folders of two or more runs.", "FOLDER", complete_folder)
-    ],
+    folders: Folders,
     code: Annotated[
         bool, typer.Option("--code", help="Also print the difference of the source of two runs.")
     ] = False,
     json: Json = False,
 ) -> int:
-    """Show the settings and metrics in which runs differ.
+    """Show the settings and metrics in which two or more runs differ.
 
     Example: stixel compare results/simulated results/fabricated
     """

@@ -17,10 +17,8 @@ from stixel_cli.config.folders import (
     shipped_folder,
 )
 from stixel_cli.config.texts import override_text, split_override
-from stixel_cli.errors import ConfigurationError, UserError
+from stixel_cli.errors import UserError
 from stixel_cli.files import read_text
-
-MANIFEST = "manifest.json"
 
 Words = list[str] | list[tuple[str, str]]
 """Words to complete to; for a shell that shows it, each with its meaning."""
@@ -30,13 +28,11 @@ _SHOW_MEANING = ("complete_zsh", "complete_fish")
 
 
 def complete_override(incomplete: str) -> Words:
-    """Complete to groups with their options, or to keys with their values."""
+    """Complete to groups with their options, or to keys with their values.
+
+    After a comma, as in a sweep, complete to a further option of the group.
+    """
     return _with_meaning(_overrides(incomplete))
-
-
-def complete_sweep(incomplete: str) -> Words:
-    """As `complete_override`; after a comma, complete to a further option of the group."""
-    return _with_meaning(_swept(incomplete))
 
 
 def complete_setting(incomplete: str) -> Words:
@@ -81,21 +77,6 @@ def _overrides(incomplete: str) -> list[str]:
     return [word.removeprefix(before) for word in matches if word != before]
 
 
-def _swept(incomplete: str) -> list[str]:
-    """The words of `complete_sweep`."""
-    before, comma, last = incomplete.rpartition(",")
-    if not comma:
-        return _overrides(incomplete)
-    _, group = _words_in_bash(incomplete)
-    name, values = split_override(f"{group}={before}" if group else before)
-    try:
-        options = group_options().get(name, ())
-    except (OSError, ConfigurationError):
-        return []
-    given = values.split(",")
-    return [f"{before},{o}" for o in options if o.startswith(last) and o not in given]
-
-
 def complete_study(incomplete: str) -> list[str]:
     """Complete to names of studies, and to overrides as in a sweep."""
     folder = shipped_folder("pipelines") / "studies"
@@ -106,7 +87,7 @@ def complete_study(incomplete: str) -> list[str]:
     except (OSError, UserError):
         names = []
     studies = [name for name in (*names, "all") if name.startswith(incomplete)]
-    return studies + (_swept(incomplete) if incomplete else [])
+    return studies + (_overrides(incomplete) if incomplete else [])
 
 
 def complete_folder(incomplete: str) -> list[str]:
@@ -122,7 +103,7 @@ def complete_folder(incomplete: str) -> list[str]:
             for child in folders:
                 if child.startswith(name) and (name or not child.startswith(".")):
                     path = place + child
-                    is_run = os.path.isfile(os.path.join(os.path.expanduser(path), MANIFEST))
+                    is_run = os.path.isfile(os.path.join(os.path.expanduser(path), "manifest.json"))
                     paths.append(path if is_run else f"{path}/")
     except OSError:
         pass
@@ -145,7 +126,11 @@ def _words_in_bash(incomplete: str) -> tuple[list[str], str]:
 
 
 def _candidates(typed: str, words: list[str]) -> list[str]:
-    key, _ = split_override(typed)
+    key, values = split_override(typed)
+    *given, last = values.split(",")
+    if given:
+        further = [o for o in group_options().get(key, ()) if o.startswith(last) and o not in given]
+        return [f"{key}={','.join((*given, option))}" for option in further]
     groups = [group for group in group_options() if group.startswith(key)]
     if "=" in typed or len(groups) == 1:
         # The shell appends a space to a single `group=`, so complete to its options.

@@ -11,7 +11,7 @@ from stixel_cli.config.texts import split_override
 from stixel_cli.errors import ConfigurationError
 
 if TYPE_CHECKING:
-    from stixel_cli.config.descriptions import Description
+    from stixel_cli.config.keys import Key
 
 WIDTH = 100
 """Characters of a line where stdout is not a terminal."""
@@ -120,7 +120,7 @@ def _print_key(name: str) -> None:
         print_table((name, key.meaning), [row for row in rows if row[1]], width=WIDTH)
 
 
-def _values(key: "Description") -> str:
+def _values(key: "Key") -> str:
     """The default, and the values of other options where they differ."""
     if len(set(key.values.values())) < 2:
         return key.default

@@ -54,13 +54,16 @@ def guarded(command: Callable[[], int]) -> int:
         if isinstance(error, OSError) and error.errno in _OF_THE_USER and error.filename:
             tell(f"{printable_path(error.filename)}: {error.strerror}")
             return UserError.exit_code
-        if isinstance(error, OSError) and error.errno in _OF_STDOUT and error.filename is None:
-            _leave_stdout(error)
-            return CRASHED
         if isinstance(error, FileNotFoundError) and _working_directory_is_gone():
             tell("the working directory no longer exists: change to another one")
             return UserError.exit_code
-        _tell_crash(error)
+        if isinstance(error, OSError) and error.errno in _OF_STDOUT and error.filename is None:
+            if error.errno != errno.EPIPE:  # Else the reader has ended.
+                tell(f"standard output: cannot be written: {error.strerror}")
+            # Otherwise Python tries again at its exit and complains.
+            sys.stdout = open(os.devnull, "w")  # noqa: SIM115
+        else:
+            _tell_crash(error)
         return CRASHED
 
 
@@ -76,14 +79,6 @@ def settle_streams() -> None:
             setattr(sys, name, open(os.devnull, mode))  # noqa: SIM115
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")
-
-
-def _leave_stdout(error: OSError) -> None:
-    """Report that stdout cannot be written, unless its reader has ended, and stop writing to it."""
-    if error.errno != errno.EPIPE:
-        tell(f"standard output: cannot be written: {error.strerror}")
-    # Otherwise Python tries again at its exit and complains.
-    sys.stdout = open(os.devnull, "w")  # noqa: SIM115
 
 
 def _working_directory_is_gone() -> bool:
@@ -121,12 +116,10 @@ def _tell_crash(error: Exception) -> None:
     text = "".join(traceback.format_exception(error))
     line = head + what + (f" ({place})" if place else "")
     try:
-        log = _write_log(text)
+        tell(f"{line}; traceback: {_write_log(text)}")
     except OSError as fault:
         tell(f"{line}; no log could be written: {fault}")
         sys.stderr.write(text)
-        return
-    tell(f"{line}; traceback: {log}")
 
 
 def _named(error: BaseException) -> str:

@@ -4,7 +4,7 @@ import os
 from collections.abc import Sequence
 from itertools import groupby
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import TYPE_CHECKING, Annotated
 
 from stixel_cli.cli.completion import complete_run_or_override
 from stixel_cli.cli.options import ConfigDir, FromFile, Json, TrustCode, argument
@@ -12,10 +12,7 @@ from stixel_cli.cli.terminal import print_json, say
 from stixel_cli.errors import UserError, printable_path
 
 if TYPE_CHECKING:
-    from stixel_cli.config.compose import Composition
     from stixel_cli.engine.explain import Change, Explanation
-    from stixel_cli.engine.graph import Graph
-    from stixel_cli.engine.store import Store
     from stixel_cli.results.lineage import Lineage
     from stixel_cli.sweeps.graphs import SweepPlan
     from stixel_cli.sweeps.runs import PlannedRun
@@ -24,30 +21,10 @@ MOST_LINES = 30
 """Lines of a module's difference that are printed; --json gives all."""
 
 
-class _Asked(NamedTuple):
-    """The nodes to explain.
-
-    Attributes:
-        graph, targets, store: of the nodes.
-        runs: the runs of a sweep; () for a single run.
-        lineages: of the runs in the folder to compare with.
-    """
-
-    graph: "Graph"
-    targets: list[str]
-    store: "Store"
-    runs: "tuple[PlannedRun, ...]" = ()
-    lineages: "Sequence[Lineage | None]" = ()
-
-
 def explain(
     what: Annotated[
         list[str] | None,
-        argument(
-            "A result folder, or overrides.",
-            "FOLDER|OVERRIDES",
-            complete_run_or_override,
-        ),
+        argument("A result folder, or overrides.", "FOLDER|OVERRIDES", complete_run_or_override),
     ] = None,
     file: FromFile = None,
     trust_code: TrustCode = False,
@@ -68,10 +45,14 @@ def explain(
     """
     from stixel_cli.engine.explain import by_stage
     from stixel_cli.engine.explain import explain as explain_nodes
+    from stixel_cli.engine.store import open_store
 
-    asked = _asked(what or [], file, trust_code)
-    missing = explain_nodes(asked.graph, asked.store, asked.targets, _before(asked.lineages))
-    needed_by = _needed_by(asked.runs, {node.key for node in missing})
+    plan, lineages = _asked(what or [], file, trust_code)
+    targets = list(dict.fromkeys(target for run in plan.runs for target in run.targets))
+    store = open_store(plan.runs[0].composition.configuration.cache)
+    missing = explain_nodes(plan.graph, store, targets, _before(lineages))
+    is_sweep = len(plan.runs) > 1
+    needed_by = _needed_by(plan.runs, {node.key for node in missing}) if is_sweep else {}
     if json:
         print_json([_as_json(node, needed_by.get(node.key)) for node in missing])
         return 0
@@ -81,14 +62,14 @@ def explain(
         labels = first if first == last else f"{first} … {last}"
         labels += f", {len(group)} nodes" if len(group) > 1 else ""
         runs = sorted({index for node in group for index in needed_by.get(node.key, ())})
-        where = f" ({shown_runs(runs, len(asked.runs))})" if asked.runs else ""
+        where = f" ({shown_runs(runs, len(plan.runs))})" if is_sweep else ""
         say(f"{labels}{where}: {text}")
         for change in group[0].changes:
             if change.difference and change.difference not in shown:
                 shown.add(change.difference)
                 say(*(f"    {line}" for line in _shortened(change)))
     if not missing:
-        current = _before(asked.lineages)[0] <= asked.graph.nodes.keys()
+        current = _before(lineages)[0] <= plan.graph.nodes.keys()
         other = "" if current else "; the folder has results of other code or files"
         say(f"nothing to recompute: all results are cached{other}")
     return 0
@@ -109,7 +90,10 @@ def _shortened(change: "Change") -> list[str]:
     return lines
 
 
-def _asked(what: Sequence[str], file: str | None, trust_code: bool) -> _Asked:
+def _asked(
+    what: Sequence[str], file: str | None, trust_code: bool
+) -> "tuple[SweepPlan, Sequence[Lineage | None]]":
+    """The plan of the nodes to explain; the lineages of the runs in the folder to compare with."""
     from stixel_cli.config.compose import Composer
     from stixel_cli.experiment.run import has_pictures, read_stored_run
     from stixel_cli.results.lineage import read_lineage
@@ -117,49 +101,31 @@ def _asked(what: Sequence[str], file: str | None, trust_code: bool) -> _Asked:
     from stixel_cli.sweeps.folder import SweepFolder
     from stixel_cli.sweeps.resume import on_this_machine
     from stixel_cli.sweeps.runs import compose_runs, design_runs, sweep_design
-    from stixel_cli.sweeps.whole import planned_sweep
+    from stixel_cli.sweeps.whole import planned_run, planned_sweep
 
-    if len(what) == 1 and os.path.isdir(what[0]):
-        if file is not None:
-            raise UserError(f"{what[0]}: name either a result folder or --from FILE")
-        folder = Path(what[0])
-        if (folder / SWEEP_FILE).exists():
-            request = SweepFolder(folder).request()
-            composer = Composer(request.working_directory, trusted=False)
-            runs = compose_runs(on_this_machine(request.runs, ()), request.keys, composer)
-            asked = _of_runs(*planned_sweep(runs, None, request.pictures, request.nodes))
-            return asked._replace(lineages=[read_lineage(run) for run in folder.glob("runs/*")])
-        stored = read_stored_run(folder)
-        asked = _of_run(stored.composition, has_pictures(stored))
-        return asked._replace(lineages=[stored.lineage])
     folders = [text for text in what if "=" not in text and os.path.isdir(text)]
-    if folders:
+    if folders and len(what) > 1:
         raise UserError(f"{folders[0]}: name either one result folder or overrides")
+    if folders and file is not None:
+        raise UserError(f"{folders[0]}: name either a result folder or --from FILE")
+    if folders and (Path(folders[0]) / SWEEP_FILE).exists():
+        folder = Path(folders[0])
+        request = SweepFolder(folder).request()
+        composer = Composer(request.working_directory, trusted=False)
+        runs = compose_runs(on_this_machine(request.runs, ()), request.keys, composer)
+        plan, _ = planned_sweep(runs, None, request.pictures, request.nodes)
+        return plan, [read_lineage(run) for run in folder.glob("runs/*")]
+    if folders:
+        stored = read_stored_run(Path(folders[0]))
+        return planned_run(stored.composition, has_pictures(stored)), [stored.lineage]
     lost = [text for text in what if "=" not in text and os.sep in text]
     if lost:
         raise UserError(f"{printable_path(lost[0])}: no such folder")
     design = sweep_design(what, file, one_is_enough=True, trust_code=trust_code)
     runs = design_runs(design)
     if not design.axes:
-        return _of_run(runs[0].composition, pictures=True)
-    return _of_runs(*planned_sweep(runs, None, False))
-
-
-def _of_run(composition: "Composition", pictures: bool) -> _Asked:
-    from stixel_cli.engine.store import open_store
-    from stixel_cli.experiment.run import targets
-    from stixel_cli.experiment.stages import experiment_graph
-
-    graph = experiment_graph(composition)
-    return _Asked(graph, targets(graph, pictures), open_store(composition.configuration.cache))
-
-
-def _of_runs(plan: "SweepPlan", _: Sequence[str]) -> _Asked:
-    from stixel_cli.engine.store import open_store
-
-    store = open_store(plan.runs[0].composition.configuration.cache)
-    wanted = dict.fromkeys(target for run in plan.runs for target in run.targets)
-    return _Asked(plan.graph, list(wanted), store, plan.runs)
+        return planned_run(runs[0].composition), ()
+    return planned_sweep(runs, None, False)[0], ()
 
 
 def _needed_by(runs: "Sequence[PlannedRun]", missing: set[str]) -> dict[str, list[int]]:

@@ -75,7 +75,7 @@ def _is_sweep(run: "RunResult") -> bool:
 
 
 def _differences(run: "RunResult") -> str:
-    from stixel_cli.config.run_names import differences, short_setting
+    from stixel_cli.experiment.run_names import differences, short_setting
 
     if _is_sweep(run):
         return _swept(run.folder)
@@ -88,8 +88,8 @@ def _differences(run: "RunResult") -> str:
 
 def _swept(folder: Path) -> str:
     """`tracker=gp_ekf,contour seed=0..9, 20 runs`."""
-    from stixel_cli.config.run_names import swept_setting
     from stixel_cli.config.texts import split_override
+    from stixel_cli.experiment.run_names import swept_setting
     from stixel_cli.sweeps.folder import SweepFolder
 
     try:

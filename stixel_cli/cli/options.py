@@ -1,17 +1,14 @@
 """Arguments and options that several commands share."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from stixel_cli.cli.completion import (
-    complete_folder,
-    complete_override,
-    complete_sweep,
-)
+from stixel_cli.cli.completion import complete_folder, complete_override
 from stixel_cli.config.folders import trust_presets, use_presets
+from stixel_cli.config.texts import split_override
 from stixel_cli.errors import UserError
 
 
@@ -31,6 +28,18 @@ def new_file(output: Path | None) -> Path | None:
     return output
 
 
+def with_workers(overrides: Sequence[str], workers: int | None) -> list[str]:
+    """`overrides`, with `--workers` as the override `executor.workers`."""
+    return [*overrides, *([] if workers is None else [f"executor.workers={workers}"])]
+
+
+def without_target(overrides: Sequence[str]) -> list[str]:
+    """`overrides` with what a recording without a target needs; no stixel depends on it."""
+    needed = {"road_user": "car", "start": "scans", "start.bearing": "[-45,45]"}
+    names = {split_override(text)[0] for text in overrides}
+    return [*overrides, *(f"{k}={v}" for k, v in needed.items() if k not in names)]
+
+
 Overrides = Annotated[
     list[str] | None,
     argument(
@@ -44,13 +53,14 @@ SweepOverrides = Annotated[
     argument(
         "As in `stixel run`, plus several values: KEY=1,2 KEY=range(1,9,2) GROUP=glob(*).",
         "OVERRIDES",
-        complete_sweep,
+        complete_override,
     ),
 ]
 Folder = Annotated[Path, argument("Result folder of a run.", "FOLDER", complete_folder)]
 RunOrSweep = Annotated[
     Path, argument("Result folder of a run or a sweep.", "FOLDER", complete_folder)
 ]
+Folders = Annotated[list[Path], argument("Result folders of runs.", "FOLDER", complete_folder)]
 Name = Annotated[
     str | None,
     typer.Option(help="Name of the result folder (default: the changed settings, and the time)."),
@@ -85,7 +95,6 @@ FromFile = Annotated[
 ]
 Pictures = Annotated[bool, typer.Option("--pictures", help="Draw the pictures of every run.")]
 
-
 ConfigDir = Annotated[
     Path | None,
     typer.Option(
@@ -95,7 +104,6 @@ ConfigDir = Annotated[
         is_eager=True,
     ),
 ]
-
 
 TrustCode = Annotated[
     bool,

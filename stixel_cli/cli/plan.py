@@ -11,12 +11,12 @@ from stixel_cli.cli.options import (
     SweepOverrides,
     TrustCode,
     Workers,
+    with_workers,
 )
-from stixel_cli.cli.run import with_workers
 from stixel_cli.cli.terminal import counted, print_json, print_table, say
 
 if TYPE_CHECKING:
-    from stixel_cli.sweeps.design import Design
+    from stixel_cli.sweeps.design import Axis
     from stixel_cli.sweeps.graphs import SweepPlan
 
 AS_RUN = (
@@ -47,10 +47,8 @@ def plan(
       stixel plan tracker.length_scale=0.5
       stixel plan tracker.length_scale=0.2,0.4,0.8 seed=0,1,2
     """
-    from stixel_cli.experiment.run import CAMERA
-    from stixel_cli.experiment.stages import RESULTS
     from stixel_cli.sweeps.runs import design_runs, sweep_design
-    from stixel_cli.sweeps.whole import planned_sweep
+    from stixel_cli.sweeps.whole import planned_run, planned_sweep
 
     words = with_workers(overrides or [], workers)
     design = sweep_design(words, file, one_is_enough=True, trust_code=trust_code)
@@ -58,21 +56,22 @@ def plan(
     if design.axes:
         planned, notes = planned_sweep(runs, None, pictures)
     else:
-        planned, notes = planned_sweep(runs, None, pictures=True, nodes=(*RESULTS, CAMERA))
-        notes = [AS_RUN, *notes]
-    print_plan(planned, design, notes, json)
+        planned, notes = planned_run(runs[0].composition), [AS_RUN]
+    print_plan(planned, design.axes, notes, json)
     return 0
 
 
-def print_plan(plan: "SweepPlan", design: "Design", notes: Sequence[str], json: bool) -> None:
+def print_plan(
+    plan: "SweepPlan", axes: "Sequence[Axis]" = (), notes: Sequence[str] = (), json: bool = False
+) -> None:
     """Print a plan as JSON or as a table."""
-    content = plan_content(plan, design, notes)
+    content = plan_content(plan, axes, notes)
     if json:
         print_json(content)
         return
     from stixel_cli.engine.parameters import duration
 
-    for axis in design.axes:
+    for axis in axes:
         values = [" ".join(override.text for override in step) for step in axis.steps]
         shown = ", ".join(values[:6]) + (", …" if len(values) > 6 else "")
         say(f"{axis.name}: {counted(len(values), 'value')}: {shown}")
@@ -101,7 +100,9 @@ def print_plan(plan: "SweepPlan", design: "Design", notes: Sequence[str], json: 
     )
 
 
-def plan_content(plan: "SweepPlan", design: "Design", notes: Sequence[str]) -> dict[str, Any]:
+def plan_content(
+    plan: "SweepPlan", axes: "Sequence[Axis]" = (), notes: Sequence[str] = ()
+) -> dict[str, Any]:
     """A plan in plain types."""
     configuration = plan.runs[0].composition.configuration
     seconds = plan.seconds(configuration.executor.workers)
@@ -115,7 +116,7 @@ def plan_content(plan: "SweepPlan", design: "Design", notes: Sequence[str]) -> d
         },
         "seconds": None if seconds is None else round(seconds, 1),
         "workers": configuration.executor.workers,
-        "axes": [{"keys": list(axis.keys), "values": len(axis.steps)} for axis in design.axes],
+        "axes": [{"keys": list(axis.keys), "values": len(axis.steps)} for axis in axes],
         "notes": list(notes),
         "stages": [
             vars(stage) | {"seconds": None if stage.seconds is None else round(stage.seconds, 2)}

@@ -1,28 +1,14 @@
 """`stixel play`: write a page that plays runs back."""
 
-from pathlib import Path
-from typing import Annotated
-
-from stixel_cli.cli.completion import complete_folder
 from stixel_cli.cli.errors import tell
-from stixel_cli.cli.options import Output, TrustCode, Workers, argument
+from stixel_cli.cli.options import Folders, Output, TrustCode, Workers
 from stixel_cli.cli.run import stored_run
 from stixel_cli.cli.terminal import say
 from stixel_cli.errors import UserError
 
 
 def play(
-    folders: Annotated[
-        list[Path],
-        argument(
-            "Result folders of runs; several must share one scene.",
-            "FOLDER",
-            complete_folder,
-        ),
-    ],
-    output: Output = None,
-    workers: Workers = None,
-    trust_code: TrustCode = False,
+    folders: Folders, output: Output = None, workers: Workers = None, trust_code: TrustCode = False
 ) -> int:
     """Write a page that plays back one or more runs of one scene.
 

@@ -1,26 +1,12 @@
 """`stixel report`: compare runs, or show a sweep, on one page."""
 
-from pathlib import Path
-from typing import Annotated
-
-from stixel_cli.cli.completion import complete_folder
-from stixel_cli.cli.options import Output, argument
+from stixel_cli.cli.options import Folders, Output
 from stixel_cli.cli.terminal import say
 from stixel_cli.errors import UserError
 
 
-def report(
-    folders: Annotated[
-        list[Path],
-        argument(
-            "Result folders of two or more runs, or the folder of one sweep.",
-            "FOLDER",
-            complete_folder,
-        ),
-    ],
-    output: Output = None,
-) -> int:
-    """Compare two or more runs, or show one sweep, on one page.
+def report(folders: Folders, output: Output = None) -> int:
+    """Compare two or more runs, or show one sweep by its own folder, on one page.
 
     A comparison shows verdicts, metrics, errors over time and the settings that differ. A sweep's
     page has a sortable table of its settings, a figure for each axis, and errors over time.

@@ -2,10 +2,9 @@
 
 import sys
 import textwrap
-from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -19,6 +18,7 @@ from stixel_cli.cli.options import (
     TrustCode,
     Verbose,
     Workers,
+    with_workers,
 )
 from stixel_cli.cli.terminal import console, print_json, print_table, say
 from stixel_cli.config.folders import (
@@ -30,7 +30,6 @@ from stixel_cli.errors import UserError
 
 if TYPE_CHECKING:
     from stixel_cli.config.compose import Composition
-    from stixel_cli.engine.store import Store
     from stixel_cli.evaluation.scores import Scores
     from stixel_cli.results.result import RunResult
     from stixel_cli.scene.scenario import Scenario
@@ -55,7 +54,6 @@ def run(
     """Run one experiment; its help is `help_of_run`."""
     from stixel_cli.config.compose import compose
     from stixel_cli.engine.progress import make_progress
-    from stixel_cli.engine.store import open_store
     from stixel_cli.experiment.run import record_run
     from stixel_cli.machine.kernels import uncompiled
     from stixel_cli.results.folder import check_name
@@ -63,7 +61,7 @@ def run(
     composition = compose(with_workers(overrides or [], workers))
     if dry_run:
         check_name(results, name)
-        _print_plan(composition, open_store(composition.configuration.cache), json)
+        _print_plan(composition, json)
         return 0
     made = record_run(
         composition,
@@ -74,6 +72,21 @@ def run(
     )
     print_run(made, json)
     return 0
+
+
+def _print_plan(composition: "Composition", json: bool) -> None:
+    """Print the configuration, and what its run would compute."""
+    import yaml
+
+    from stixel_cli.cli.plan import plan_content, print_plan
+    from stixel_cli.sweeps.whole import planned_run
+
+    plan = planned_run(composition)
+    if json:
+        print_json({"config": composition.resolved, "stages": plan_content(plan)["stages"]})
+        return
+    sys.stdout.write(yaml.safe_dump(composition.resolved, sort_keys=False, allow_unicode=True))
+    print_plan(plan)
 
 
 def help_of_run() -> str:
@@ -123,20 +136,6 @@ def help_of_run() -> str:
             "  stixel run path=waypoints 'path.points=[[0,12],[3,15],[0,20]]' --workers 2",
         ]
     )
-
-
-def with_workers(overrides: Sequence[str], workers: int | None) -> list[str]:
-    """`overrides`, with `--workers` as the override `executor.workers`."""
-    return [*overrides, *([] if workers is None else [f"executor.workers={workers}"])]
-
-
-def without_target(overrides: Sequence[str]) -> list[str]:
-    """`overrides` with what a recording without a target needs; no stixel depends on it."""
-    from stixel_cli.config.texts import split_override
-
-    needed = {"road_user": "car", "start": "scans", "start.bearing": "[-45,45]"}
-    names = {split_override(text)[0] for text in overrides}
-    return [*overrides, *(f"{k}={v}" for k, v in needed.items() if k not in names)]
 
 
 def stored_run(folder: Path, workers: int | None, trust_code: bool) -> "RunResult":
@@ -206,26 +205,3 @@ def _colour(sentence: str) -> str:
     if sentence.startswith("Tracked"):
         return "bold green"
     return "bold red" if sentence.startswith(("Track lost", "The road user")) else "yellow"
-
-
-def _print_plan(composition: "Composition", store: "Store", json: bool) -> None:
-    """Print the configuration and, for each stage, the number of nodes and of missing nodes."""
-    import yaml
-
-    from stixel_cli.experiment.run import plan_experiment
-
-    planned = plan_experiment(composition, store)
-    missing = set(planned.missing)
-    stages: list[dict[str, Any]] = []
-    for name in planned.graph.stages:
-        # Some nodes of a pipeline are for studies only.
-        nodes = planned.needed.intersection(planned.graph.stages[name])
-        if nodes:
-            to_run = len(missing.intersection(nodes))
-            stages.append({"name": name, "nodes": len(nodes), "to_run": to_run})
-    if json:
-        print_json({"config": composition.resolved, "stages": stages})
-        return
-    sys.stdout.write(yaml.safe_dump(composition.resolved, sort_keys=False, allow_unicode=True))
-    rows = [tuple(str(value) for value in stage.values()) for stage in stages]
-    print_table(("stage", "nodes", "to run"), rows, right=(1, 2))

@@ -3,7 +3,7 @@
 import sys
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -20,9 +20,9 @@ from stixel_cli.cli.options import (
     SweepOverrides,
     TrustCode,
     Workers,
+    with_workers,
 )
 from stixel_cli.cli.plan import print_plan
-from stixel_cli.cli.run import with_workers
 from stixel_cli.cli.terminal import counted, print_json, print_table, say
 from stixel_cli.errors import UserError
 
@@ -86,7 +86,7 @@ def sweep(
         check_name(results, name)
         design = sweep_design(words, file, shuffle, trust_code=trust_code)
         plan, notes = planned_sweep(design_runs(design, imports=False), shuffle, pictures)
-        print_plan(plan, design, notes, json)
+        print_plan(plan, design.axes, notes, json)
         return 0
     else:
         design = sweep_design(words, file, shuffle, trust_code=trust_code)
@@ -97,7 +97,17 @@ def sweep(
 
 def _report(result: "SweepResult", json: bool, seconds: float) -> None:
     if json:
-        print_json(_answer(result))
+        from stixel_cli.sweeps.results import summary_records
+
+        answer = {
+            "folder": str(result.folder.absolute()),
+            "complete": result.complete,
+            "nodes": {"computed": result.computed, "cached": result.cached},
+            "runs": result.records,
+            "summary": summary_records(result.statistics),
+            "incomplete": [vars(setting) for setting in result.incomplete],
+        }
+        print_json(answer)
     else:
         if result.statistics:
             _print_statistics(result)
@@ -109,19 +119,6 @@ def _report(result: "SweepResult", json: bool, seconds: float) -> None:
     sys.stdout.flush()
     if not result.complete:
         _tell_what_is_missing(result)
-
-
-def _answer(result: "SweepResult") -> dict[str, Any]:
-    from stixel_cli.sweeps.results import summary_records
-
-    return {
-        "folder": str(result.folder.absolute()),
-        "complete": result.complete,
-        "nodes": {"computed": result.computed, "cached": result.cached},
-        "runs": result.records,
-        "summary": summary_records(result.statistics),
-        "incomplete": [vars(setting) for setting in result.incomplete],
-    }
 
 
 def _print_statistics(result: "SweepResult") -> None:
@@ -150,15 +147,10 @@ def _print_statistics(result: "SweepResult") -> None:
         rows.append((*(value for _, value in setting), str(n), *cells))
     print_table(header, rows, right=range(len(keys), len(header)))
     more = len(by_setting) - 2 * _MOST_SHOWN
-    say(
-        (
-            "Mean over n seeds ± half the 95 % interval (Student's t)"
-            if spread
-            else "One seed per setting: no interval"
-        )
-        + (f"; {more} more settings and" if more > 0 else ";")
-        + " all metrics: summary.csv, .md, .tex"
-    )
+    interval = "Mean over n seeds ± half the 95 % interval (Student's t)"
+    interval = interval if spread else "One seed per setting: no interval"
+    others = f" {more} more settings and" if more > 0 else ""
+    say(f"{interval};{others} all metrics: summary.csv, .md, .tex")
 
 
 def _tell_what_is_missing(result: "SweepResult") -> None:
@@ -174,16 +166,13 @@ def _tell_what_is_missing(result: "SweepResult") -> None:
         if len(runs) > _MOST_SHOWN:
             lines.append(f"{len(runs) - _MOST_SHOWN} more runs {status}, see runs.csv")
     lacking = len(result.runs) - result.count("done")
-    where = f"{lacking} of {len(result.runs)} runs are missing"
+    last = f"{lacking} of {len(result.runs)} runs are missing"
     if result.statistics:
         named = "; ".join(setting.label for setting in result.incomplete[:_MOST_SHOWN])
         more = len(result.incomplete) - _MOST_SHOWN
         named += f"; and {more} more" if more > 0 else ""
-        lines.append(
-            f"no statistics yet for {counted(len(result.incomplete), 'setting')}: {where}: {named}"
-        )
-    else:
-        lines.append(f"no statistics yet: {where}")
-    for line in lines:
+        last = f"for {counted(len(result.incomplete), 'setting')}: {last}: {named}"
+    last = f"no statistics yet {last}" if result.statistics else f"no statistics yet: {last}"
+    for line in (*lines, last):
         tell(line)
     print(resume_command(result.folder, result.runs[0].overrides), file=sys.stderr)  # noqa: T201

@@ -14,8 +14,6 @@ from stixel_cli.tracking.start import NO_TRUTH, TruthStart
 _NEAREST_START = 1.0
 """Minimum distance between the camera and the target at its start, m."""
 
-_NEED_SHAPE = ("point", "rectangle", "random_matrix", "pyrecest")
-
 
 def check(configuration: Configuration) -> None:
     """Refuse a configuration whose keys are valid one by one but contradict each other.
@@ -25,8 +23,6 @@ def check(configuration: Configuration) -> None:
     """
     try:
         _check_source(configuration)
-        _check_rig(configuration)
-        _check_times(configuration)
         for field in dataclasses.fields(configuration):
             part = getattr(configuration, field.name)
             if hasattr(part, "check"):
@@ -34,8 +30,6 @@ def check(configuration: Configuration) -> None:
                 part.check(**{group: getattr(configuration, group) for group in others})
         check_dropout(configuration.measurement)
         _check_start(configuration)
-        _check_stereo(configuration)
-        _check_shape(configuration)
     except ValueError as fault:
         raise ConfigurationError(" ".join(str(fault).split())) from None
 
@@ -66,32 +60,6 @@ def _check_source(configuration: Configuration) -> None:
             )
 
 
-def _check_rig(configuration: Configuration) -> None:
-    rig = configuration.rig
-    _ = rig.focal
-    for name, value, size in (
-        ("principal_u", rig.principal_u, rig.width),
-        ("principal_v", rig.principal_v, rig.height),
-    ):
-        if value is not None and not 0 <= value <= size - 1:
-            raise ValueError(f"rig.{name}: must be 0 to {size - 1} (the image), got {value:g}")
-
-
-def _check_times(configuration: Configuration) -> None:
-    path = configuration.path
-    if path.sample_time > path.duration:
-        raise ValueError(
-            f"path.sample_time: must be <= path.duration ({path.duration:g} s), "
-            f"got {path.sample_time:g} s"
-        )
-    scans = round(path.duration / path.sample_time)
-    if isinstance(configuration.measurement, FileParameters):
-        return  # The file has the number of frames, see `experiment.stages.pictured_frames`.
-    late = [k for k in configuration.pictures.frames or () if k >= scans]
-    if late:
-        raise ValueError(f"pictures.frames: must be <= {scans - 1}, the last frame, got {late[0]}")
-
-
 def _check_start(configuration: Configuration) -> None:
     """Refuse a start from a truth that is missing, and a target that starts at the camera."""
     measurement, path, user = configuration.measurement, configuration.path, configuration.road_user
@@ -110,35 +78,4 @@ def _check_start(configuration: Configuration) -> None:
         raise ValueError(
             f"{key}: must be at least {_NEAREST_START + extent:.2g} m from the camera, "
             f"got {distance:.2g} m"
-        )
-
-
-def _check_shape(configuration: Configuration) -> None:
-    """Refuse to go without the class's shape where the tracker reads its radii."""
-    tracker = configuration.tracker
-    scaled = getattr(tracker, "mean_function", "zero") != "zero"
-    if configuration.prior.shape == "none" and (scaled or tracker.kind in _NEED_SHAPE):
-        needs = "tracker.mean_function=class_radius" if scaled else f"tracker={tracker.kind}"
-        raise ValueError(
-            f"prior.shape: {needs} needs the shape of the class, got none: choose one, as ellipse"
-        )
-
-
-def _check_stereo(configuration: Configuration) -> None:
-    stereo, rig = configuration.stereo, configuration.rig
-    if stereo.disparities is not None and stereo.disparities >= rig.width:
-        raise ValueError(
-            f"stereo.disparities: must be < rig.width ({rig.width}), got {stereo.disparities}"
-        )
-    # In Python floats, because NumPy's warn on overflow.
-    greatest = float(rig.focal) * float(rig.baseline) / float(stereo.nearest)
-    if stereo.disparities is None and greatest >= rig.width:
-        raise ValueError(
-            f"stereo.nearest: at {stereo.nearest:g} m the disparity is {greatest:.0f} px; it must "
-            f"be < rig.width ({rig.width})"
-        )
-    if stereo.block_size >= min(rig.width, rig.height):
-        raise ValueError(
-            f"stereo.block_size: must be smaller than the image, {rig.width} × {rig.height}, "
-            f"got {stereo.block_size}"
         )

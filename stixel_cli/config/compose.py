@@ -7,18 +7,23 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from stixel_cli.config import messages
-from stixel_cli.config.choice import compose_options, store_choices
+from stixel_cli.config.choice import compose_options
 from stixel_cli.config.folders import (
     PACE,
+    PRESETS,
     absolute,
     conf_state,
     group_options,
     installed_functions,
-    own_presets,
-    presets_trusted,
+    outermost_group,
 )
-from stixel_cli.config.override_checks import check_one_run, check_overrides, implied_by_file
-from stixel_cli.config.overrides import Override, outermost_group, parse
+from stixel_cli.config.override_checks import (
+    check_one_run,
+    check_overrides,
+    implied_by_file,
+    read_overrides,
+)
+from stixel_cli.config.overrides import Override
 from stixel_cli.config.own_options import (
     GIVEN,
     check_parameters,
@@ -31,7 +36,7 @@ from stixel_cli.config.own_options import (
     user_sections,
 )
 from stixel_cli.config.schema import Configuration, adapter
-from stixel_cli.config.texts import override_text, split_override
+from stixel_cli.config.texts import split_override
 from stixel_cli.config.user_files import UserFiles
 from stixel_cli.config.values import with_values
 from stixel_cli.errors import ConfigurationError
@@ -114,8 +119,7 @@ class Composer:
     Hydra composes each choice of options once; values are then set in plain dicts. Files of `conf/`
     are taken as they were when the composer was made; each recording is opened once. Equal groups
     of different configurations are one object, so that derived values can be cached by identity; do
-    not change `resolved`, which they share too.
-    `working_directory` is as in `compose`. The user's own modules are imported, to check their
+    not change `resolved`, which they share too. The user's own modules are imported, to check their
     parameters, only if the overrides are `trusted`: not if a result folder gives them.
     """
 
@@ -128,12 +132,8 @@ class Composer:
         self._files = UserFiles()
 
     def compose(self, overrides: Sequence[str | Override]) -> Composition:
-        """The same as `compose(overrides, working_directory)`.
-
-        Raises:
-            ConfigurationError: in one line, for any fault of the overrides.
-        """
-        parsed = [text if isinstance(text, Override) else parse(text) for text in overrides]
+        """The same as the function `compose`."""
+        parsed = read_overrides(overrides)
         check_overrides(parsed)
         check_one_run(parsed)
         settings = {override.key: override.value for override in parsed}
@@ -141,8 +141,8 @@ class Composer:
         user_defined = user_sections(settings)
         shipped = {k: v for k, v in settings.items() if outermost_group(k) not in user_defined}
         resolved, choices = self._with_recording(shipped)
-        if own_presets() is not None and not presets_trusted():
-            refuse_code(own_presets(), code_of_presets(resolved, settings))
+        if PRESETS.folder is not None and not PRESETS.trusted:
+            refuse_code(PRESETS.folder, code_of_presets(resolved, settings))
         resolved |= user_defined
         choices |= {group: str(settings[group]) for group in user_defined}
         resolved["metrics"] = _metric_functions(resolved["metrics"])
@@ -154,7 +154,6 @@ class Composer:
                 resolved[group] = resolved[group] | values
                 code = replace(getattr(configuration, group), parameters=values)
                 configuration = replace(configuration, **{group: code})
-        store_choices()
         texts = tuple(override.text for override in parsed)
         shared = self._shared(configuration, resolved)
         return Composition(shared, choices, texts, resolved, self._files)
@@ -163,39 +162,21 @@ class Composer:
         """The resolved configuration in plain types and the option of each group."""
         options = {name: value for name, value in settings.items() if name in group_options()}
         values = {name: value for name, value in settings.items() if name not in options}
-        chosen = sorted(override_text(group, option) for group, option in options.items())
-        choice = compose_options(tuple(chosen), self._state)
+        choice = compose_options(tuple(sorted(options.items())), self._state)
         resolved = with_values(choice.plain, values, choice.interpolated)
         resolved.pop(PACE)
         return resolved, dict(choice.options)
 
-    def _with_recording(self, typed: dict[str, Any]) -> tuple[dict[str, Any], dict[str, str]]:
+    def _with_recording(self, typed: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, str]]:
         """The resolved configuration and its choices, completed by its recording, if it has one."""
-        settings = dict(typed)
-        group = "path"
-        if any(outermost_group(name) == "source" for name in typed):
-            # Reads and checks files; imported only here, because most runs have no recording.
-            from stixel_cli.config import recorded
-
-            settings |= recorded.guessed_source(typed, self._working_directory)
-            # The other settings may be of options that only the recording chooses.
-            of_source = {k: v for k, v in settings.items() if outermost_group(k) == "source"}
-            resolved, choices = self._resolved(of_source)
-            group = "path" if resolved["source"]["kind"] == "rendered" else "source"
-        if group == "path":
-            resolved, choices = self._resolved(settings)
+        if not any(outermost_group(name) == "source" for name in typed):
+            resolved, choices = self._resolved(typed)
             if resolved["path"]["kind"] != "recorded":
                 return resolved, choices
-        from stixel_cli.config import recorded
+        # It reads files. Imported only here, because most runs have no recording.
+        from stixel_cli.config.recorded import with_recording
 
-        section = dict(resolved[group])
-        given = recorded.given_files(group, section, typed, self._working_directory)
-        recording = self._files.open(given)
-        settings |= recorded.suitable_settings(group, recording, typed)
-        resolved, choices = self._resolved(settings)
-        resolved[group] = section
-        self._files.add(recorded.complete(resolved, choices, given, recording, typed), recording)
-        return resolved, choices
+        return with_recording(typed, self._resolved, self._files, self._working_directory)
 
     def _shared(self, configuration: Configuration, resolved: dict[str, Any]) -> Configuration:
         parts = {
@@ -210,8 +191,7 @@ def _metric_functions(metrics: Any) -> Any:
     """The value of `metrics`, with functions for the names of installed packages."""
     if not isinstance(metrics, list) or all(":" in str(name) for name in metrics):
         return metrics  # The validation of the whole configuration reports another type.
-    installed = installed_functions("metrics")
-    return [installed.get(name, name) if isinstance(name, str) else name for name in metrics]
+    return [installed_functions("metrics").get(str(name), name) for name in metrics]
 
 
 def name_files_in_full(resolved: dict[str, Any], working_directory: str = "") -> None:
@@ -222,9 +202,9 @@ def name_files_in_full(resolved: dict[str, Any], working_directory: str = "") ->
     for group, keys in _FILES.items():
         section = resolved[group]
         # The checks refuse an empty name.
-        names = {k: section[k] for k in keys if isinstance(section.get(k), str) and section[k]}
+        names = [key for key in keys if isinstance(section.get(key), str) and section[key]]
         if names and not is_own(section):
-            full = {key: absolute(name, working_directory) for key, name in names.items()}
+            full = {key: absolute(section[key], working_directory) for key in names}
             resolved[group] = section | full
 
 

@@ -5,7 +5,8 @@ Shell completion and messages need only names, fast: no schema is imported.
 
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -33,9 +34,14 @@ ENTRY_POINTS = {
 _PACKAGE = Path(__file__).resolve().parents[1]
 
 
+def outermost_group(text: str) -> str:
+    """`measurement` of `measurement/noise`, `measurement.rays` and `measurement=lidar`."""
+    return re.split(r"[./@:=]", text.lstrip("+~ "), maxsplit=1)[0].strip()
+
+
 def of_the_machine(text: str) -> bool:
     """Whether an override belongs to a group of `OF_THE_MACHINE`, so no result depends on it."""
-    return re.split(r"[./@:=]", text.lstrip("+~ "), maxsplit=1)[0].strip() in OF_THE_MACHINE
+    return outermost_group(text) in OF_THE_MACHINE
 
 
 def absolute(name: str, working_directory: str) -> str:
@@ -48,10 +54,7 @@ def shipped_folder(name: str) -> Path:
 
     An editable install can leave a stale copy in the package, so the checkout comes first. It is
     recognised by its `pyproject.toml`: next to an installed package, a folder of that name can
-    belong to another project.
-
-    Raises:
-        ConfigurationError: if neither exists.
+    belong to another project. ConfigurationError if neither exists.
     """
     checkout = _PACKAGE.parent / name
     if (_PACKAGE.parent / "pyproject.toml").is_file() and checkout.is_dir():
@@ -62,29 +65,30 @@ def shipped_folder(name: str) -> Path:
     raise ConfigurationError(f"{inside}: the folder is missing: install stixel again")
 
 
-def configuration_folder() -> Path:
-    """The folder of the configuration's groups."""
-    return shipped_folder("conf")
+@dataclass
+class Presets:
+    """The user's own presets of this command.
+
+    Attributes:
+        folder: `--config-dir`; None without one.
+        trusted: whether they may name code, by `--trust-code`.
+    """
+
+    folder: Path | None = None
+    trusted: bool = False
+
+    @property
+    def option(self) -> list[str]:
+        """`--config-dir DIR` of a command line; empty without a folder."""
+        return [] if self.folder is None else ["--config-dir", str(self.folder)]
 
 
-_presets: Path | None = None
-_trusted = False
-
-
-def own_presets() -> Path | None:
-    """The folder of the user's own presets, `--config-dir`; None without one."""
-    return _presets
-
-
-def presets_trusted() -> bool:
-    """Whether the user's own presets may name code, by `--trust-code`."""
-    return _trusted
+PRESETS = Presets()
 
 
 def trust_presets(trusted: bool) -> bool:
     """Let the user's own presets name code, or not; returns `trusted`."""
-    global _trusted
-    _trusted = trusted
+    PRESETS.trusted = trusted
     return trusted
 
 
@@ -93,23 +97,16 @@ def is_shipped(path: Path) -> bool:
     return path.resolve().is_relative_to(shipped_folder("pipelines").resolve())
 
 
-def presets_option() -> list[str]:
-    """`--config-dir DIR` of a command line, if there are presets of the user's own."""
-    return [] if _presets is None else ["--config-dir", str(_presets)]
-
-
 def use_presets(folder: Path | None) -> Path | None:
     """Add the options in `folder`, laid out as `conf/`, to those of `conf/`; returns `folder`.
 
     Raises:
         UserError: if a group is unknown, an option of that name exists, or a file is not a preset.
     """
-    global _presets
-    trust_presets(False)
-    if _presets is not None or folder is not None:
+    if PRESETS.folder is not None or folder is not None:
         group_options.cache_clear()
         installed_functions.cache_clear()
-    _presets = None
+    PRESETS.folder, PRESETS.trusted = None, False
     if folder is None:
         return None
     if not folder.is_dir():
@@ -125,23 +122,22 @@ def use_presets(folder: Path | None) -> Path | None:
             raise ConfigurationError(f"--config-dir: {path}: {group}={option} exists; rename it")
         _check_preset(path)
     group_options.cache_clear()
-    _presets = folder.resolve()
+    PRESETS.folder = folder.resolve()
     return folder
 
 
 def _check_preset(path: Path) -> None:
-    content = read_yaml(path)
-    kinds = {"defaults": list, "inner_options": dict, "sources": dict}
-    if not isinstance(content, dict | None):
+    content = read_yaml(path) or {}
+    if not isinstance(content, dict):
         raise ConfigurationError(f"--config-dir: {path}: must map keys to values")
-    for key, kind in kinds.items():
-        if not isinstance((content or {}).get(key, kind()), kind):
+    for key, kind in (("defaults", list), ("inner_options", dict), ("sources", dict)):
+        if not isinstance(content.get(key, kind()), kind):
             what = "list" if kind is list else "mapping"
             raise ConfigurationError(f"--config-dir: {path}: {key}: must be a {what}")
 
 
 def _roots() -> list[Path]:
-    return [configuration_folder(), *([] if _presets is None else [_presets])]
+    return [shipped_folder("conf"), *([] if PRESETS.folder is None else [PRESETS.folder])]
 
 
 def option_file(group: str, option: str) -> Path:
@@ -156,7 +152,7 @@ def conf_state() -> str:
 
     digest = sha256()
     for folder in _roots():
-        digest.update(f"{folder if folder == _presets else ''}\n".encode())
+        digest.update(f"{folder if folder == PRESETS.folder else ''}\n".encode())
         for path in sorted(folder.rglob("*.yaml")):
             content = path.read_bytes()
             digest.update(f"{path.relative_to(folder)}\n{len(content)}\n".encode() + content)
@@ -204,25 +200,19 @@ def innermost_group(key: str) -> str:
 
 
 def option_content(group: str, option: str) -> dict[str, Any]:
-    """The content of an option's file, in plain types; not to be changed.
-
-    Raises:
-        UserError: if it is not valid YAML.
-    """
+    """The content of an option's file, in plain types, not to be changed; UserError if invalid."""
     return _content(option_file(group, option))
 
 
 def recorded_values() -> dict[str, Any]:
     """The content of `conf/recorded.yaml`; not to be changed."""
-    return _content(configuration_folder() / "recorded.yaml")
+    return _content(shipped_folder("conf") / "recorded.yaml")
 
 
+@remembered
 def _content(path: Path) -> dict[str, Any]:
-    content = _parsed(path)
+    content = read_yaml(path)
     return content if isinstance(content, dict) else {}
-
-
-_parsed = remembered(read_yaml)
 
 
 def chosen_options(content: Mapping[str, Any]) -> dict[str, str]:
@@ -276,19 +266,24 @@ def options_default_first(group: str) -> list[str]:
 
 def configured_option(group: str) -> str | None:
     """The option of a group in `config.yaml`; `${road_user}` for one that follows another group."""
-    return chosen_options(_content(configuration_folder() / "config.yaml")).get(group)
+    return chosen_options(top_values()).get(group)
+
+
+def top_values() -> dict[str, Any]:
+    """The content of `conf/config.yaml`; not to be changed."""
+    return _content(shipped_folder("conf") / "config.yaml")
 
 
 def option_values(group: str, option: str) -> dict[str, Any]:
     """The keys of an option's file with their values; keys of nested groups have dots."""
-    values: dict[str, Any] = {}
-    pending = [("", option_content(group, option))]
-    while pending:
-        prefix, section = pending.pop(0)
-        for name, value in section.items():
-            if isinstance(value, dict):
-                pending.append((f"{prefix}{name}.", value))
-            else:
-                values[prefix + name] = value
+    values = dict(_flat(option_content(group, option), ""))
     values.pop("defaults", None)
     return values
+
+
+def _flat(section: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Any]]:
+    for name, value in section.items():
+        if isinstance(value, dict):
+            yield from _flat(value, f"{prefix}{name}.")
+        else:
+            yield prefix + name, value

@@ -1,21 +1,46 @@
-"""The keys of the schema, with a description of their valid values."""
+"""The keys of the schema: meaning, unit, range and values of each.
+
+A text is that of the schema's docstrings, a range that of its annotations, and a value that of
+`conf/`: each is written in one place.
+"""
 
 import dataclasses
-import types
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
-from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
+from typing import Any
 
-from annotated_types import Ge, Gt, Interval, Le, Len, Lt, MaxLen, MinLen, MultipleOf
-
+from stixel_cli.config.annotations import (
+    alternatives,
+    attribute_texts,
+    classes_in,
+    describe,
+    element,
+    fields_of,
+    kind_of,
+)
+from stixel_cli.config.folders import (
+    EXPERIMENT,
+    group_options,
+    innermost_group,
+    option_values,
+    options_default_first,
+    top_values,
+)
 from stixel_cli.config.schema import Configuration
-from stixel_cli.own_code import OwnCode
+from stixel_cli.config.texts import value_text
+
+_UNITS = (
+    *("rad/s^1.5", "m/s^1.5", "px per px", "degrees/s", "m/s²", "m/s", "rad/s", "1/rad", "1/s"),
+    *("1/m", "px²", "m²", "px", "m", "s", "rad", "degrees", "grey levels"),
+)
+_UNIT = re.compile(rf"(?:^|, )({'|'.join(map(re.escape, _UNITS))})(?=$|[.,;:])")
 
 
 @dataclass(frozen=True)
 class Key:
-    """A key of the schema.
+    """A key of the schema, of one variant of its group.
 
     Attributes:
         name: with dots, as it is typed.
@@ -29,6 +54,90 @@ class Key:
     annotation: Any
     owners: tuple[tuple[str, str], ...]
     schema: type
+
+    def fits(self, kinds: Mapping[str, str]) -> bool:
+        """Whether the chosen kinds of groups are those of a variant that has it."""
+        return all(kinds.get(group) == kind for group, kind in self.owners)
+
+    @property
+    def field(self) -> str:
+        """Its name in its class."""
+        return self.name.rpartition(".")[2]
+
+    @property
+    def place(self) -> int:
+        """Its place among the fields of its class."""
+        return list(fields_of(self.schema)).index(self.field)
+
+    @property
+    def belongs_to(self) -> list[str]:
+        """The options that have it, as `tracker=gp_ekf`; empty if its group has one variant."""
+        return [f"{group}={o}" for group, kind in self.owners for o in _options(group, kind)]
+
+    @property
+    def meaning(self) -> str:
+        """What the value is, with its unit."""
+        return attribute_texts(self.schema).get(self.field, "")
+
+    @property
+    def unit(self) -> str:
+        """The unit in the meaning; "" without one."""
+        unit = _UNIT.search(self.meaning)
+        return unit[1] if unit else ""
+
+    @property
+    def range(self) -> str:
+        """The valid values in words."""
+        return describe(self.annotation)
+
+    @property
+    def values(self) -> dict[str, str]:
+        """Option of the group to its value as it is typed; the default option comes first.
+
+        It is that of the option's file, or the schema's own default.
+        """
+        group = innermost_group(self.name)
+        if not group:
+            top = top_values()
+            return {"": _typed(top[self.name])} if self.name in top else {}
+        default = self.schema.__dataclass_fields__[self.field].default
+        name = self.name[len(group) + 1 :]
+        values = {
+            option: option_values(group, option).get(name, default)
+            for option in _options(group, dict(self.owners).get(group))
+        }
+        return {o: "" if v is dataclasses.MISSING else _typed(v) for o, v in values.items()}
+
+    @property
+    def default(self) -> str:
+        """The value of the default option, or of the first option that has the key."""
+        return next(iter(self.values.values()), "")
+
+    @property
+    def followers(self) -> list[str]:
+        """The keys that have this key's value unless they are set."""
+        followers = [
+            f"{group.replace('/', '.')}.{name}"
+            for group, options in group_options().items()
+            if group != EXPERIMENT
+            for option in options
+            for name, value in option_values(group, option).items()
+            if f"${{{self.name}}}" in str(value)
+        ]
+        return list(dict.fromkeys(followers))
+
+
+def _options(group: str, kind: str | None) -> list[str]:
+    """The options of a group, only those of a `kind` if it is given; the default first."""
+    options = options_default_first(group)
+    return [o for o in options if kind is None or option_values(group, o).get("kind") == kind]
+
+
+def _typed(value: Any) -> str:
+    """A value as one would type it; `that of prior.sigma_f` for an interpolation."""
+    if isinstance(value, str) and (reference := re.fullmatch(r"\$\{([\w.]+)\}", value)):
+        return f"that of {reference[1]}"
+    return value_text(value)
 
 
 @cache
@@ -48,8 +157,8 @@ def _walk(
     schema: type, prefix: str = "", owners: tuple[tuple[str, str], ...] = ()
 ) -> Iterator[Key]:
     """The keys of a schema, and the variants of its groups with their classes as annotations."""
-    for name, annotation in _fields(schema).items():
-        variants = _dataclasses(annotation)
+    for name, annotation in fields_of(schema).items():
+        variants = classes_in(annotation)
         for variant in variants:
             kind = kind_of(variant) if len(variants) > 1 else None
             group = (prefix + name).replace(".", "/")
@@ -58,11 +167,6 @@ def _walk(
             yield from _walk(variant, f"{prefix}{name}.", of_variant)
         if not variants and name != "kind":
             yield Key(prefix + name, annotation, owners, schema)
-
-
-def place_in_class(key: Key) -> int:
-    """The place of a key among the fields of its class."""
-    return list(_fields(key.schema)).index(key.name.rpartition(".")[2])
 
 
 @cache
@@ -87,39 +191,6 @@ def chosen_kinds(plain: Any, prefix: str = "") -> dict[str, str]:
     return kinds
 
 
-@cache
-def _fields(schema: type) -> dict[str, Any]:
-    hints = get_type_hints(schema, include_extras=True)
-    return {field.name: hints[field.name] for field in dataclasses.fields(schema)}
-
-
-def _bare(annotation: Any) -> Any:
-    while get_origin(annotation) is Annotated:
-        annotation = get_args(annotation)[0]
-    return annotation
-
-
-def _alternatives(annotation: Any) -> list[Any]:
-    """The members of a union, each with its annotation; for another type, only itself."""
-    bare = _bare(annotation)
-    if get_origin(bare) in (Union, types.UnionType):
-        return [leaf for member in get_args(bare) for leaf in _alternatives(member)]
-    return [annotation]
-
-
-def _dataclasses(annotation: Any) -> list[type]:
-    members = [_bare(member) for member in _alternatives(annotation)]
-    # The keys of the user's own code are not known here.
-    return [m for m in members if dataclasses.is_dataclass(m) and not issubclass(m, OwnCode)]
-
-
-def kind_of(schema: type) -> str | None:
-    """The kind of a variant; None if the class has several kinds or none."""
-    annotation = _fields(schema).get("kind")
-    values = get_args(_bare(annotation)) if annotation is not None else ()
-    return values[0] if len(values) == 1 else None
-
-
 def locate(path: tuple[str | int, ...]) -> tuple[str, Any]:
     """The name and annotation of the key at pydantic's location `path`; None if it is unknown.
 
@@ -128,86 +199,17 @@ def locate(path: tuple[str | int, ...]) -> tuple[str, Any]:
     annotation: Any = Configuration
     name = ""
     for part in path:
-        schemas = _dataclasses(annotation)
-        variants = [schema for schema in schemas if kind_of(schema) == part]
-        if len(schemas) > 1 and variants:
-            annotation = variants[0]
-            continue
-        if len(schemas) > 1 and part == "own":
-            continue  # The keys that the user's own code shares with the others.
-        if isinstance(part, int):
+        schemas = classes_in(annotation)
+        of_kind = [schema for schema in schemas if kind_of(schema) == part]
+        if len(schemas) > 1 and of_kind:
+            annotation = of_kind[0]
+        elif len(schemas) > 1 and part == "own":
+            pass  # The keys that the user's own code shares with the others.
+        elif isinstance(part, int):
             name += f"[{part}]"
-            annotation = _element(annotation, part)
-        elif not schemas and len(_alternatives(annotation)) > 1:
-            continue  # A member of a union of plain types.
-        else:
+            annotation = element(annotation, part)
+        elif schemas or len(alternatives(annotation)) == 1:  # Else a member of a union of types.
             name += f".{part}" if name else part
-            fields = [_fields(schema)[part] for schema in schemas if part in _fields(schema)]
+            fields = [fields_of(schema)[part] for schema in schemas if part in fields_of(schema)]
             annotation = fields[0] if fields else None
     return name, annotation
-
-
-def _element(annotation: Any, index: int) -> Any:
-    for member in _alternatives(annotation):
-        arguments = get_args(_bare(member))
-        if get_origin(_bare(member)) is tuple:
-            return (
-                arguments[0]
-                if arguments[-1] is Ellipsis or index >= len(arguments)
-                else (arguments[index])
-            )
-    return None
-
-
-def choices(annotation: Any) -> tuple[str, ...]:
-    """The valid words of a key; () if it does not take words."""
-    members = map(_bare, _alternatives(annotation))
-    return tuple(str(w) for t in members if get_origin(t) is Literal for w in get_args(t))
-
-
-def describe(annotation: Any) -> str:
-    """The valid values of a key in words: `a number > 0 and ≤ 5, or null`."""
-    return ", or ".join(_describe_one(member) for member in _alternatives(annotation))
-
-
-def _describe_one(annotation: Any) -> str:
-    bare = _bare(annotation)
-    if bare is type(None):
-        return "null"
-    if dataclasses.is_dataclass(bare):
-        return "a group of keys: " + ", ".join(_fields(bare))
-    if get_origin(bare) is Literal:
-        return "one of " + ", ".join(str(word) for word in get_args(bare))
-    limits = bounds(annotation)
-    if get_origin(bare) is tuple:
-        arguments = get_args(bare)
-        if arguments[-1] is Ellipsis:
-            words = f"a list, each {_describe_one(arguments[0])}"
-        else:
-            words = f"[{', '.join(_describe_one(argument) for argument in arguments)}]"
-        return f"{words} ({limits} of them)" if limits else words
-    names = {int: "a whole number", float: "a number", bool: "true or false", str: "text"}
-    words = names.get(bare, str(bare))
-    return f"{words} {limits}" if limits else words
-
-
-_LIMITS = {
-    Gt: "> {0.gt}",
-    Ge: "≥ {0.ge}",
-    MinLen: "≥ {0.min_length}",
-    Lt: "< {0.lt}",
-    Le: "≤ {0.le}",
-    MaxLen: "≤ {0.max_length}",
-    MultipleOf: "a multiple of {0.multiple_of}",
-}
-
-
-def bounds(annotation: Any) -> str:
-    """The range of one annotation in words, `> 0 and ≤ 5`; empty if it has no limits."""
-    metadata = get_args(annotation)[1:] if get_origin(annotation) is Annotated else ()
-    words: dict[type, str] = {}
-    for entry in metadata:
-        for limit in entry if isinstance(entry, Interval | Len) else (entry,):
-            if type(limit) in _LIMITS and limit != MinLen(0):
-                words[type(limit)] = _LIMITS[type(limit)].format(limit)
-    return " and ".join(words[kind] for kind in _LIMITS if kind in words)

@@ -6,16 +6,13 @@ from difflib import SequenceMatcher
 from typing import Any
 
 from stixel_cli.config import keys
+from stixel_cli.config.annotations import choices, describe
 from stixel_cli.config.folders import group_options, innermost_group, options_of_kind
 from stixel_cli.errors import printable
 
 _OUT_OF_RANGE = {
-    "greater_than",
-    "greater_than_equal",
-    "less_than",
-    "less_than_equal",
-    "too_short",
-    "too_long",
+    *("greater_than", "greater_than_equal", "less_than", "less_than_equal"),
+    *("too_short", "too_long"),
 }
 LONGEST_REASON = 200
 _NEAR = 0.6
@@ -31,8 +28,7 @@ def nearest(word: str, candidates: Iterable[str]) -> list[str]:
     (`widht`, `camera.baseline`) and shorten (`rig.fov`). Where no last part is similar, keys whose
     last part has the same first word are near too (`range_deviation`: `range_std`).
     """
-    candidates = list(candidates)
-    word = word.lower()
+    candidates, word = list(candidates), word.lower()
     group, _, last = word.rpartition(".")
     # A matcher caches its second word.
     whole, its_last, its_group = (SequenceMatcher(None, "", part) for part in (word, last, group))
@@ -52,7 +48,8 @@ def nearest(word: str, candidates: Iterable[str]) -> list[str]:
     near = [name for name, score in scores.items() if score == best] if best > _NEAR else []
     if any(_likeness(its_last, name.rpartition(".")[2]) > _SIMILAR for name in near):
         return near
-    related = [name for name in candidates if _first_word(name) == _first_word(word)]
+    first = last.partition("_")[0]
+    related = [n for n in candidates if n.rpartition(".")[2].partition("_")[0] == first]
     outer = f"{group}.".partition(".")[0] + "."
     related = (
         [name for name in related if name.rpartition(".")[0] == group]
@@ -61,10 +58,6 @@ def nearest(word: str, candidates: Iterable[str]) -> list[str]:
     )
     related.sort(key=lambda name: -_likeness(its_last, name.rpartition(".")[2]))
     return list(dict.fromkeys([*near, *related]))[:_MOST_SUGGESTIONS]
-
-
-def _first_word(key: str) -> str:
-    return key.rpartition(".")[2].partition("_")[0]
 
 
 def _likeness(matcher: SequenceMatcher, other: str) -> float:
@@ -106,8 +99,7 @@ def unknown_key(name: str, kinds: Mapping[str, str] | None = None) -> str:
     candidates = [
         key
         for key, variants in keys.known_keys().items()
-        if not key.startswith(within)
-        or any(all(kinds.get(g, kind) == kind for g, kind in v.owners) for v in variants)
+        if not key.startswith(within) or any(v.fits(dict(v.owners) | dict(kinds)) for v in variants)
     ]
     groups = [] if "." in name or name in group_options() else group_options()
     hint = suggestion(name, [*groups, *candidates])
@@ -171,20 +163,14 @@ _TYPES = {bool: "a boolean", int: "a whole number", float: "a float", str: "text
 _NOT_SUITABLE = {"finite_number": "is not finite", "multiple_of": "does not fit"}
 
 
-def describe_fault(fault: dict[str, Any], plain: dict[str, Any]) -> str:
-    """Describe one of pydantic's errors in one line.
-
-    Args:
-        fault: an item of `ValidationError.errors()`.
-        plain: the configuration that was validated.
-    """
+def _describe_fault(fault: dict[str, Any], plain: dict[str, Any]) -> str:
+    """One line for one of pydantic's errors."""
     kind, value = fault["type"], fault["input"]
     name, annotation = keys.locate(fault["loc"])
     if kind in ("unexpected_keyword_argument", "extra_forbidden"):
         return unknown_key(name, keys.chosen_kinds(plain))
     if kind == "missing":
-        needed = f": must be {keys.describe(annotation)}" if annotation is not None else ""
-        return f"{name}: is missing{needed}"
+        return f"{name}: is missing" + (f": must be {describe(annotation)}" if annotation else "")
     if kind.startswith("union_tag"):
         options = ", ".join(group_options()[innermost_group(name)])
         return f"{name}: its kind is unknown (options: {options})"
@@ -192,7 +178,7 @@ def describe_fault(fault: dict[str, Any], plain: dict[str, Any]) -> str:
         return "the configuration has text that is not UTF-8"
     if annotation is None:
         return f"{name}: {show(value)}: {fault['msg']}"
-    right = keys.describe(annotation)
+    right = describe(annotation)
     if kind in _OUT_OF_RANGE:
         # Both bounds, so that the user need not find the other one.
         range_ = right.removeprefix("a whole number ").removeprefix("a number ")
@@ -201,7 +187,7 @@ def describe_fault(fault: dict[str, Any], plain: dict[str, Any]) -> str:
         return f"{name}: {show(value)} {_NOT_SUITABLE[kind]}: must be {right}"
     if value is None:
         return f"{name}: has no value: must be {right}"
-    words = keys.choices(annotation)
+    words = choices(annotation)
     if words and isinstance(value, str):
         return f"{name}: {show(value)} is not known: must be {right}" + suggestion(value, words)
     what = "empty" if value == "" else _TYPES.get(type(value), "a group of keys")
@@ -218,14 +204,9 @@ def describe_faults(
         plain: the configuration that was validated.
         typed: the keys that the user gave; their faults come first.
     """
-    given = tuple(typed)
-
-    def not_typed(fault: dict[str, Any]) -> bool:
-        return not keys.locate(fault["loc"])[0].startswith(given)
-
-    first = min(faults, key=not_typed)
-    text = describe_fault(first, plain)
-    others = len({keys.locate(fault["loc"])[0] for fault in faults}) - 1
+    given, names = tuple(typed), [keys.locate(fault["loc"])[0] for fault in faults]
+    first = next((i for i, name in enumerate(names) if name.startswith(given)), 0)
+    text, others = _describe_fault(faults[first], plain), len(set(names)) - 1
     more = "1 more fault" if others == 1 else f"{others} more faults"
     return f"{text} (and {more})" if others > 0 else text
 

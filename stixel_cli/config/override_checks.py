@@ -1,6 +1,6 @@
 """Checks of overrides: names and options, and conditions between the overrides of one run."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any
 
 from stixel_cli.config import messages
@@ -12,53 +12,46 @@ from stixel_cli.config.folders import (
 )
 from stixel_cli.config.keys import known_keys
 from stixel_cli.config.overrides import Override, parse
-from stixel_cli.config.own_options import check_option, is_parameter, own_groups
+from stixel_cli.config.own_options import RESERVED, check_option, user_function
 from stixel_cli.errors import BelongsElsewhere, ConfigurationError
 
-WITHOUT_EFFECT = (
-    "pace",
-    "path",
-    "ego",
-    "rig",
-    "world",
-    "renderer",
-    "sensor",
-    "stereo",
-    "road",
-    "occupancy",
-    "free_space",
-    "height",
-    "extraction",
-)
+WITHOUT_EFFECT = {
+    *("pace", "path", "ego", "rig", "world", "renderer", "sensor", "stereo"),
+    *("road", "occupancy", "free_space", "height", "extraction"),
+}
 """Groups of the scene and the cameras, which scans from a file do not have."""
 
 
-def read_overrides(texts: Sequence[str]) -> list[Override]:
-    """The overrides of texts, parsed and checked by `check_overrides`.
+def read_overrides(overrides: Sequence[str | Override]) -> list[Override]:
+    """The overrides, parsed where they are texts; no two of one key.
 
     Raises:
         ConfigurationError: for the first invalid override.
     """
-    parsed = [parse(text) for text in texts]
-    check_overrides(parsed)
-    return parsed
+    parsed: dict[str, Override] = {}
+    for given in overrides:
+        override = given if isinstance(given, Override) else parse(given)
+        # Hydra silently takes the last value.
+        if override.key in parsed:
+            both = f"{parsed[override.key].shown} and {override.shown}"
+            raise ConfigurationError(f"{override.key}: is given twice, {both}: give it once")
+        parsed[override.key] = override
+    return list(parsed.values())
 
 
-def check_overrides(parsed: Sequence[Override], user_defined: Collection[str] = ()) -> None:
+def check_overrides(parsed: Iterable[Override]) -> None:
     """Refuse invalid overrides that Hydra accepts, or reports unclearly.
 
-    Several values, and faults that depend on all overrides of a run, are checked by
-    `check_one_run`.
+    Faults that depend on all overrides of a run are checked by `check_one_run`.
 
     Args:
-        parsed: the overrides.
-        user_defined: groups whose option is user-defined by an override that is not in `parsed`.
+        parsed: those of a run, or the single values of those of a sweep.
 
     Raises:
         ConfigurationError: for the first invalid override.
     """
-    user_defined = own_groups(parsed) | set(user_defined)
-    seen: dict[str, Override] = {}
+    parsed = list(parsed)
+    user_defined = {o.key for o in parsed if user_function(o.key, o.value)}
     for override in parsed:
         _check_name(override, user_defined)
         if override.sign == "~":
@@ -70,17 +63,16 @@ def check_overrides(parsed: Sequence[Override], user_defined: Collection[str] = 
             owners = messages.owners_of(override.key)
             there = f"belongs to {owners} and exists there" if owners else "already exists"
             raise ConfigurationError(f"{override.shown}: {override.key} {there}: leave out the +")
-    for override in parsed:
-        # Hydra silently takes the last value.
-        if override.key in seen:
-            both = f"{seen[override.key].shown} and {override.shown}"
-            raise ConfigurationError(f"{override.key}: is given twice, {both}: give it once")
-        seen[override.key] = override
 
 
 def _check_name(override: Override, user_defined: Collection[str]) -> None:
     name = override.key
-    if name in group_options() or name in known_keys() or is_parameter(name, user_defined):
+    if name in group_options() or name in known_keys():
+        return
+    group, _, key = name.partition(".")
+    if group in user_defined and key.isidentifier():
+        if key in RESERVED:
+            raise ConfigurationError(f"{name}: the name is reserved; rename the parameter")
         return
     if "/" in name and name.replace("/", ".") in known_keys():
         raise ConfigurationError(f"{name}: unknown key; did you mean {name.replace('/', '.')}?")
@@ -118,9 +110,6 @@ def check_one_run(parsed: Sequence[Override]) -> None:
     """Refuse several values, and an inner group that the chosen option does not have.
 
     `parsed` must be all overrides of one run, because some of them choose options.
-
-    Raises:
-        ConfigurationError: for the first of them.
     """
     for override in parsed:
         if override.sweep is not None:
@@ -145,10 +134,7 @@ def check_one_run(parsed: Sequence[Override]) -> None:
 
 
 def implied_by_file(settings: Mapping[str, Any]) -> dict[str, str]:
-    """Further settings of one run: `start=scans` for scans from a file without truth.
-
-    Args:
-        settings: keys and groups of all overrides of the run, with their values and options.
+    """Further settings of a run with these: `start=scans` for scans from a file without truth.
 
     Raises:
         BelongsElsewhere: for a setting that has no effect on such a run.
@@ -156,8 +142,9 @@ def implied_by_file(settings: Mapping[str, Any]) -> dict[str, str]:
     if settings.get("measurement") != "file":
         return {}
     for name in settings:
-        if name.partition(".")[0] in WITHOUT_EFFECT or name.startswith("road_user."):
-            more = "; prior.… sets the class's size" if name.startswith("road_user.") else ""
+        of_user = name.startswith("road_user.")
+        if of_user or name.partition(".")[0] in WITHOUT_EFFECT:
+            more = "; prior.… sets the class's size" if of_user else ""
             raise BelongsElsewhere(
                 f"{name}: has no effect with measurement=file, which has no scene and no cameras: "
                 f"leave it out{more}"

@@ -15,7 +15,6 @@ from typing import Any
 from stixel_cli.config import messages
 from stixel_cli.config.folders import group_options
 from stixel_cli.config.keys import known_keys
-from stixel_cli.config.own_options import GIVEN
 from stixel_cli.config.texts import split_override
 from stixel_cli.errors import ConfigurationError
 
@@ -79,9 +78,7 @@ class Override:
     def singles(self, shuffled: bool = False) -> "list[Override]":
         """Overrides of one value each, in order; for one value only itself.
 
-        Args:
-            shuffled: whether the order of the runs will be random, so that `shuffle(…)` is
-                allowed. The order is not changed here.
+        `shuffled`: whether the order of the runs will be random, which allows `shuffle(…)`.
 
         Raises:
             ConfigurationError: for no values, too many, or an interval.
@@ -95,14 +92,9 @@ class Override:
             raise ConfigurationError(f"{self.shown}: has no values{hint}")
         if len(texts) > MOST_VALUES:
             raise ConfigurationError(f"{self.shown}: has more than {MOST_VALUES} values")
-        if self.key in GIVEN:  # Hydra escapes the colon of module:function.
+        if self.key in group_options():  # Hydra escapes the colon of module:function.
             texts = [text.replace("\\:", ":") for text in texts]
         return [parse(f"{self.sign}{self.key}={text}") for text in texts]
-
-
-def outermost_group(name: str) -> str:
-    """`measurement` of the group `measurement/noise` and of the key `measurement.rays`."""
-    return name.replace("/", ".").partition(".")[0]
 
 
 @lru_cache(maxsize=8192)
@@ -149,19 +141,16 @@ def _parser() -> Any:
 def _refuse_malformed(text: str) -> None:
     bare = text.lstrip("+~").strip()
     shown = messages.printable(text)
-    for wrong, fault in (
-        (any("\ud800" <= c <= "\udfff" for c in text), f"{messages.show(text)}: is not UTF-8 text"),
-        (
-            text.count(",") > MOST_TYPED,
-            f"{shown}: more than {MOST_TYPED} values: use range(START,STOP)",
-        ),
-        (len(text) > LONGEST_TYPED, f"{shown}: longer than {LONGEST_TYPED} characters"),
-        ("${oc.deprecated:" in text, f"{shown}: oc.deprecated only warns: write ${{KEY}}"),
-        (not bare, f"{messages.show(text)}: a KEY=VALUE is needed"),
-        (bare.startswith("="), f"{shown}: the key before the = is missing"),
+    for is_wrong, fault in (
+        (any("\ud800" <= c <= "\udfff" for c in text), "is not UTF-8 text"),
+        (text.count(",") > MOST_TYPED, f"more than {MOST_TYPED} values: use range(START,STOP)"),
+        (len(text) > LONGEST_TYPED, f"longer than {LONGEST_TYPED} characters"),
+        ("${oc.deprecated:" in text, "oc.deprecated only warns: write ${KEY}"),
+        (not bare, "a KEY=VALUE is needed"),
+        (bare.startswith("="), "the key before the = is missing"),
     ):
-        if wrong:
-            raise ConfigurationError(fault)
+        if is_wrong:
+            raise ConfigurationError(f"{shown if bare else messages.show(text)}: {fault}")
     if "=" in bare or text.startswith("~"):
         return
     groups = [group for group, options in group_options().items() if bare in options]
@@ -181,15 +170,13 @@ def _refuse_malformed(text: str) -> None:
 
 
 def _unreadable(text: str) -> str:
-    words = text.split()
+    words, (name, value) = text.split(), split_override(text)
     if len(words) > 1 and all("=" in word for word in words):
         return f"{messages.printable(text)}: is several overrides in one text: separate them"
-    name, value = split_override(text)
-    shown = messages.printable(text)
-    if name not in known_keys() and name not in group_options():
-        hint = messages.suggestion(name, [*group_options(), *known_keys()])
-        if hint:
-            return f"{messages.printable(name)}: unknown key{hint}"
+    shown, known = messages.printable(text), [*group_options(), *known_keys()]
+    hint = "" if name in known else messages.suggestion(name, known)
+    if hint:
+        return f"{messages.printable(name)}: unknown key{hint}"
     for opening, closing in ("[]", "{}", "()"):
         if value.count(opening) != value.count(closing):
             return f"{shown}: {opening} and {closing} do not match"

@@ -3,19 +3,18 @@
 Hydra composes the other groups. The keys (`tracker.alpha=0.5`) are the function's parameters.
 """
 
-import dataclasses
 import os
 import re
 import sys
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from importlib.machinery import PathFinder
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_type_hints
 
+from stixel_cli.config.annotations import describe
 from stixel_cli.config.folders import absolute, group_options, installed_functions
-from stixel_cli.config.keys import describe
 from stixel_cli.config.messages import show
 from stixel_cli.config.schema import Configuration
 from stixel_cli.config.texts import override_text, split_override
@@ -42,20 +41,7 @@ def user_function(group: str, option: Any) -> str | None:
     """The "module:function" of an option that is the user's own; None for another option."""
     if group not in GIVEN or not isinstance(option, str) or option in group_options()[group]:
         return None
-    if ":" in option:
-        return option
-    return installed_functions(group).get(option)
-
-
-def own_groups(parsed: "Iterable[Override]") -> set[str]:
-    """The groups for which an override has an option of the user's own, one of several too."""
-    return {
-        override.key
-        for override in parsed
-        if override.key in GIVEN
-        for word in override.value_text.split(",")
-        if user_function(override.key, word.strip().strip("'\""))
-    }
+    return option if ":" in option else installed_functions(group).get(option)
 
 
 def check_option(group: str, option: Any) -> bool:
@@ -70,22 +56,8 @@ def check_option(group: str, option: Any) -> bool:
     return True
 
 
-def is_parameter(name: str, groups: Collection[str]) -> bool:
-    """Whether the key is a parameter of the user's own option of one of `groups`."""
-    group, _, key = name.partition(".")
-    if group not in groups or not key.isidentifier():
-        return False
-    if key in RESERVED:
-        raise ConfigurationError(f"{name}: the name is reserved; rename the parameter")
-    return True
-
-
 def user_sections(settings: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-    """The sections of the configuration that are user-defined, by group.
-
-    Args:
-        settings: keys and groups of all overrides of one run, with their values and options.
-    """
+    """The user-defined sections of a configuration with these options and values, by group."""
     sections = {}
     for group in GIVEN:
         function = user_function(group, settings.get(group))
@@ -112,8 +84,8 @@ def functions_of(resolved: Mapping[str, Any]) -> dict[str, str]:
     """The user's functions that a configuration in plain types names: key to "module:function"."""
     functions = {g: str(resolved[g].get("function")) for g in GIVEN if is_own(resolved.get(g))}
     metrics = resolved.get("metrics")
-    names = metrics if isinstance(metrics, list) else ()
-    return functions | {f"metrics[{i}]": str(name) for i, name in enumerate(names)}
+    names = enumerate(metrics if isinstance(metrics, list) else ())
+    return functions | {f"metrics[{i}]": str(name) for i, name in names}
 
 
 def refuse_code(source: object, names: Iterable[str]) -> None:
@@ -157,7 +129,7 @@ def find_folders(resolved: Mapping[str, Any], working_directory: str) -> list[st
     if not isinstance(given, list):
         return given  # The validation of the whole configuration reports it.
     folders = [absolute(str(folder), working_directory) for folder in given]
-    places = [*folders, os.path.abspath(working_directory or os.getcwd())]
+    places = [*folders, absolute("", working_directory)]
     for key, name in functions_of(resolved).items():
         try:
             check_name(name)
@@ -172,9 +144,7 @@ def find_folders(resolved: Mapping[str, Any], working_directory: str) -> list[st
 def _folder_of(key: str, module: str, places: Sequence[str]) -> str | None:
     """The folder of a module; None if a distribution provides it."""
     top = module.partition(".")[0]
-    local = next(
-        (p for p in places if (Path(p) / f"{top}.py").is_file() or (Path(p) / top).is_dir()), None
-    )
+    local = next((place for place in places if _exists(place, top)), None)
     # Not as `find_spec`, which may answer with a module of the same name that is imported.
     spec = PathFinder.find_spec(top, [p for p in sys.path if p not in places])
     if spec is None and top in providers():
@@ -182,8 +152,8 @@ def _folder_of(key: str, module: str, places: Sequence[str]) -> str | None:
             spec = find_spec(top)
     where = None
     if spec is not None:
-        locations = list(spec.submodule_search_locations or ())
-        where = str(Path(locations[0] if locations else spec.origin or "").parent)
+        first = next(iter(spec.submodule_search_locations or ()), spec.origin or "")
+        where = str(Path(first).parent)
     taken = top in sys.stdlib_module_names or (top in providers() and where not in (None, local))
     if local is not None and taken:
         raise ConfigurationError(
@@ -197,37 +167,34 @@ def _folder_of(key: str, module: str, places: Sequence[str]) -> str | None:
         )
     if local is None and top not in providers():
         local = where
-    if local is not None and not _exists(Path(local), module):
+    if local is not None and not _exists(local, module):
         raise ConfigurationError(f"{key}: no module {printable(module)} found in {local}")
     return local
 
 
-def _exists(folder: Path, module: str) -> bool:
-    path = folder.joinpath(*module.split("."))
+def _exists(folder: str, module: str) -> bool:
+    path = Path(folder, *module.split("."))
     return path.is_dir() or path.with_name(f"{path.name}.py").is_file()
 
 
 def with_own_values(overrides: Sequence[str], resolved: Mapping[str, Any]) -> tuple[str, ...]:
     """The overrides with all parameters of the user's functions, whose defaults may change."""
     typed = {split_override(text)[0] for text in overrides}
-    values = {
-        f"{group}.{name}": value
+    more = [
+        override_text(f"{group}.{name}", value)
         for group in GIVEN
         if is_own(resolved[group])
         for name, value in nested(group, resolved[group])["parameters"].items()
-    }
-    return (*overrides, *(override_text(k, v) for k, v in values.items() if k not in typed))
+        if f"{group}.{name}" not in typed
+    ]
+    return (*overrides, *more)
 
 
 def imported_option(group: str, option: str) -> Any:
-    """The user's function that an option names.
-
-    Raises:
-        ConfigurationError: in one line, if it is missing or cannot be imported.
-    """
-    section = {"kind": "own", "function": user_function(group, option)}
-    folders = find_folders({group: section, "code_folders": []}, "")
-    return _imported(group, section["function"], [Path(folder) for folder in folders])
+    """The user's function that an option names; ConfigurationError if it cannot be imported."""
+    function = user_function(group, option)
+    folder = _folder_of(group, function.partition(":")[0], [os.getcwd()])
+    return _imported(group, function, [] if folder is None else [folder])
 
 
 def check_parameters(configuration: Configuration) -> dict[str, dict[str, Any]]:
@@ -236,8 +203,7 @@ def check_parameters(configuration: Configuration) -> dict[str, dict[str, Any]]:
     Raises:
         ConfigurationError: in one line that names the key, or the file and line of a fault.
     """
-    folders = [Path(folder) for folder in configuration.code_folders]
-    values = {}
+    folders, values = configuration.code_folders, {}
     for group, given in GIVEN.items():
         code = getattr(configuration, group)
         if isinstance(code, OwnCode):
@@ -249,12 +215,12 @@ def check_parameters(configuration: Configuration) -> dict[str, dict[str, Any]]:
     return values
 
 
-def _imported(key: str, name: str, folders: Sequence[Path]) -> Any:
+def _imported(key: str, name: str, folders: Sequence[str]) -> Any:
     from stixel_cli.engine.errors import CodeChanged, StageFailure
     from stixel_cli.engine.loaded_code import current_function
 
     try:
-        function = current_function(name, tuple(folders))
+        function = current_function(name, tuple(map(Path, folders)))
     except CodeChanged:
         raise
     except LookupError as fault:
@@ -289,12 +255,9 @@ def _checked_values(
 
 
 def _reason(function: Any, given: int, fault: Mapping[str, Any]) -> str:
-    schema = parameters_type(function, given)
-    hints = get_type_hints(schema, include_extras=True)
+    hints = get_type_hints(parameters_type(function, given), include_extras=True)
     name = str(fault["loc"][0])
     if name not in hints:
-        names = [field.name for field in dataclasses.fields(schema)]
-        return f"unknown parameter; it has {', '.join(names) or 'no parameters'}"
-    if fault["type"] == "missing":
-        return f"is missing: must be {describe(hints[name])}"
-    return f"{show(fault['input'])}: must be {describe(hints[name])}"
+        return f"unknown parameter; it has {', '.join(hints) or 'no parameters'}"
+    what = "is missing" if fault["type"] == "missing" else show(fault["input"])
+    return f"{what}: must be {describe(hints[name])}"

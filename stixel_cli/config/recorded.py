@@ -6,7 +6,7 @@ them where the user sets nothing is in `conf/recorded.yaml`.
 
 import json
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -15,7 +15,8 @@ from pydantic import Field, TypeAdapter, ValidationError
 
 from stixel_cli.config import messages
 from stixel_cli.config.choice import set_by_experiment
-from stixel_cli.config.folders import EXPERIMENT, absolute, recorded_values
+from stixel_cli.config.folders import EXPERIMENT, absolute, outermost_group, recorded_values
+from stixel_cli.config.user_files import UserFiles
 from stixel_cli.errors import ConfigurationError
 from stixel_cli.recordings.find import guess_layout
 from stixel_cli.recordings.parameters import Recorded, Source
@@ -37,37 +38,67 @@ FILE_KEYS = ("folder", "right", "calibration", "disparity", "labels")
 
 _SCHEMAS = {"source": Annotated[Source, Field(discriminator="kind")], "path": ReplayedPath}
 
+Resolved = tuple[dict[str, Any], dict[str, str]]
+"""A configuration in plain types, and the option of each group."""
 
-def guessed_source(typed: Mapping[str, Any], working_directory: str) -> dict[str, str]:
-    """The option of `source` that `source.folder` needs; {} if it is given or not needed.
+
+def with_recording(
+    typed: Mapping[str, Any],
+    resolve: Callable[[Mapping[str, Any]], Resolved],
+    files: UserFiles,
+    working_directory: str,
+) -> Resolved:
+    """The resolved configuration, completed by its recording, if it has one.
 
     Args:
-        typed: names and values of the overrides.
+        typed: keys and groups that the user gives, with their values and options.
+        resolve: gives the configuration of keys and groups.
+        files: opens the recording.
         working_directory: to which relative names of folders refer.
 
     Raises:
-        ConfigurationError: if the folder has no known layout.
+        UserError: for a recording that cannot be opened, or settings that do not suit it.
     """
+    settings = dict(typed)
     folder = typed.get("source.folder")
-    if "source" in typed or not isinstance(folder, str) or not folder:
-        return {}
-    return {"source": guess_layout(Path(absolute(folder, working_directory)))}
+    if "source" not in typed and isinstance(folder, str) and folder:
+        settings["source"] = guess_layout(Path(absolute(folder, working_directory)))
+    # The other settings may be of options that only the recording chooses.
+    resolved, _ = resolve({k: v for k, v in settings.items() if outermost_group(k) == "source"})
+    group = "source"
+    if resolved["source"]["kind"] == "rendered":
+        group = "path"
+        resolved, choices = resolve(settings)
+        if resolved["path"]["kind"] != "recorded":
+            return resolved, choices
+    section = dict(resolved[group])
+    given = _parameters(group, section, typed, working_directory)
+    _refuse_given(group, given.kind, typed)
+    recording = files.open(given)
+    settings |= _suitable_settings(group, recording, typed)
+    resolved, choices = resolve(settings)
+    resolved[group] = section
+    files.add(_completed(resolved, choices, given, recording, typed), recording)
+    return resolved, choices
 
 
-def given_files(
-    group: str, section: dict[str, Any], typed: Iterable[str], working_directory: str
-) -> Recorded | ReplayedPath:
-    """The parameters in a resolved `section`, `source` or `path`, that name files.
-
-    The names in `section` are made absolute.
-
-    Raises:
-        ConfigurationError: if a value is missing or wrong, or one is set that the files give.
-    """
-    for name in typed if group == "path" else ():
-        for key, reason in OF_THE_MOTION.items():
+def _refuse_given(group: str, kind: str, typed: Collection[str]) -> None:
+    """Refuse a setting that the recording gives."""
+    for name in typed:
+        outer = name.partition(".")[0]
+        if group == "source" and outer in OF_THE_SCENE and name != "ego":
+            raise ConfigurationError(
+                f"{name}: is of the rendered scene; source={kind} has no {outer} to set"
+            )
+        for key, reason in OF_THE_MOTION.items() if group == "path" else ():
             if name == key or name.startswith(f"{key}."):
                 raise ConfigurationError(f"{name}: with path=recorded, {reason}")
+
+
+def _parameters(
+    group: str, section: dict[str, Any], typed: Collection[str], working_directory: str
+) -> Recorded | ReplayedPath:
+    """The parameters in a resolved `section`, in which the names of files are made absolute."""
     for name in FILE_KEYS:
         if isinstance(section.get(name), str) and section[name]:
             section[name] = absolute(section[name], working_directory)
@@ -86,27 +117,15 @@ def given_files(
         raise ConfigurationError(text) from None
     except ValueError as fault:
         raise ConfigurationError(str(fault)) from None
-    for name in typed if group == "source" else ():
-        outer = name.partition(".")[0]
-        if outer in OF_THE_SCENE and name != "ego":
-            raise ConfigurationError(
-                f"{name}: is of the rendered scene; source={parameters.kind} has no {outer} to set"
-            )
     return parameters
 
 
-def suitable_settings(group: str, recording: Recording, typed: Mapping[str, Any]) -> dict[str, Any]:
+def _suitable_settings(
+    group: str, recording: Recording, typed: Mapping[str, Any]
+) -> dict[str, Any]:
     """The options and values that the recording needs and the user does not set.
 
     Those of an experiment's file count as set; they do not replace the options that suit.
-
-    Args:
-        group: `source` or `path`, which names the recording.
-        recording: opened.
-        typed: keys and groups that the user gives, with their values and options.
-
-    Raises:
-        ConfigurationError: if the label has no class of road user and none is chosen.
     """
     suitable = recorded_values()[group]
     options = dict(suitable["options"])
@@ -116,22 +135,17 @@ def suitable_settings(group: str, recording: Recording, typed: Mapping[str, Any]
         preset = set_by_experiment(typed[EXPERIMENT])
         typed = {k: v for k, v in preset.items() if k not in options} | dict(typed)
     options["road_user"] = recording.road_user
-    if "road_user" not in typed:
-        _check_class(group, recording)
-    values = {} if group == "path" else _values(suitable, recording, options | typed)
-    return {name: value for name, value in (options | values).items() if name not in typed}
-
-
-def _check_class(group: str, recording: Recording) -> None:
-    if recording.label is None:
+    if "road_user" not in typed and recording.label is None:
         raise ConfigurationError(
             "road_user: is required, because the recording has no labelled target (source.target)"
         )
-    if recording.road_user is None:
+    if "road_user" not in typed and recording.road_user is None:
         raise ConfigurationError(
             f"{group}.target: is a {messages.printable(recording.label)}, which no class "
             f"suits; the classes are of {', '.join(CLASS_OF_KITTI_TYPE)}; or choose a road_user"
         )
+    values = {} if group == "path" else _values(suitable, recording, options | dict(typed))
+    return {name: value for name, value in (options | values).items() if name not in typed}
 
 
 def _values(
@@ -165,19 +179,18 @@ def _values(
     return values
 
 
-def complete(
+def _completed(
     resolved: dict[str, Any],
     choices: dict[str, str],
     given: Recorded | ReplayedPath,
     recording: Recording,
-    typed: Iterable[str],
+    typed: Collection[str],
 ) -> Recorded | ReplayedPath:
     """Set what the files of the recording give, and return `given` with it.
 
     That is the path's duration, `frames` and the section `ego`, and of recorded images the sections
     `rig` and `path`. Values that the user sets stay.
     """
-    typed = set(typed)
     group = "path" if isinstance(given, ReplayedPath) else "source"
     changes: dict[str, Any] = {"frames": f"{recording.frames.start}:{recording.frames.stop}"}
     duration = round(recording.count * given.sample_time, 9)
@@ -196,14 +209,14 @@ def complete(
     if group == "source":
         path = {"kind": "source", "duration": duration, "sample_time": given.sample_time}
         resolved["path"], choices["path"] = path, "source"
-        rig = {k: v for k, v in rig_values(recording).items() if f"rig.{k}" not in typed}
+        rig = {k: v for k, v in _rig(recording).items() if f"rig.{k}" not in typed}
         resolved["rig"] = resolved["rig"] | rig
         if "rig" not in typed:
             choices["rig"] = "source"
     return replace(given, **changes)
 
 
-def rig_values(recording: Recording) -> dict[str, Any]:
+def _rig(recording: Recording) -> dict[str, Any]:
     """The values of the group `rig` that the calibration and the images give."""
     calibration = recording.calibration
     square = math.isclose(calibration.focal_length, calibration.focal_length_v, rel_tol=1e-6)

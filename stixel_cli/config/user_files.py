@@ -10,7 +10,6 @@ from stixel_cli.scene.ego import Parked
 from stixel_cli.scene.path_parameters import ReplayedPath
 
 if TYPE_CHECKING:
-    from stixel_cli.measurements.scans import Scans
     from stixel_cli.recordings.types import Recording
 
 
@@ -37,17 +36,9 @@ class UserFiles:
         parked = isinstance(configuration.ego, Parked)
         return replace(recording, pose_files=()) if parked else recording
 
-    def scans(self, measurement: FileParameters) -> "Scans":
-        """The scans of a file; its truth is checked too.
-
-        Raises:
-            UserError: if a file is missing or not valid.
-        """
-        return self.open(measurement)
-
     def open(self, parameters: Any) -> Any:
         """The `Recording` of a source or a replayed path, or the `Scans` of a file, by its
-        parameters; errors as above."""
+        parameters; errors as above. The truth of scans is checked too."""
         name = repr(parameters)
         if name not in self._opened:
             self._opened[name] = _open(parameters)
@@ -61,7 +52,19 @@ class UserFiles:
 def _open(parameters: Any) -> Any:
     # Imported here, because most runs have no such files.
     if isinstance(parameters, FileParameters):
-        return _read_scans(parameters)
+        from stixel_cli.measurements.file import read_scans
+
+        if parameters.path is None:
+            raise UserError(
+                "measurement.path: is missing: give the file of the scans, .csv or .npz"
+            )
+        scans = read_scans(parameters.path, parameters.ego, parameters.range_std)
+        if parameters.truth is not None:
+            # Shapely is imported for it.
+            from stixel_cli.measurements.file_truth import read_truth
+
+            read_truth(scans, parameters.truth)
+        return scans
     if isinstance(parameters, ReplayedPath):
         from stixel_cli.recordings.replay import find_replay
 
@@ -69,17 +72,3 @@ def _open(parameters: Any) -> Any:
     from stixel_cli.recordings.find import find_recording
 
     return find_recording(parameters)
-
-
-def _read_scans(measurement: FileParameters) -> "Scans":
-    from stixel_cli.measurements.file import read_scans
-
-    if measurement.path is None:
-        raise UserError("measurement.path: is missing: give the file of the scans, .csv or .npz")
-    scans = read_scans(measurement.path, measurement.ego, measurement.range_std)
-    if measurement.truth is not None:
-        # Shapely is imported for it.
-        from stixel_cli.measurements.file_truth import read_truth
-
-        read_truth(scans, measurement.truth)
-    return scans

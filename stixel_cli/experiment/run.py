@@ -9,16 +9,15 @@ from pathlib import Path
 
 from stixel_cli import __version__
 from stixel_cli.config.compose import Composition, compose, from_resolved
-from stixel_cli.config.folders import OF_THE_MACHINE, presets_option
+from stixel_cli.config.folders import OF_THE_MACHINE, PRESETS
 from stixel_cli.config.own_options import check_parameters, functions_of, refuse_code
-from stixel_cli.config.run_names import run_name
 from stixel_cli.config.schema import Configuration
 from stixel_cli.engine.graph import Graph
-from stixel_cli.engine.plan import Plan, plan
 from stixel_cli.engine.progress import Progress
 from stixel_cli.engine.store import Store, open_store
 from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.evaluation.scores import Scores
+from stixel_cli.experiment.run_names import run_name
 from stixel_cli.experiment.stages import RESULTS, computed_stages, experiment_graph
 from stixel_cli.experiment.table.table import picture_stages
 from stixel_cli.measurements.file_truth import angle_to_motion
@@ -37,17 +36,6 @@ CAMERA = "camera_frames"
 
 OBJECTS, TRACKS = "objects", "tracks"
 """Stages of a recording: the objects in its frames; the tracks of moving objects."""
-
-
-def plan_experiment(composition: Composition, store: Store) -> Plan:
-    """The nodes that an experiment would compute, given the results in `store`.
-
-    Raises:
-        UserError: if the pipeline's file is wrong.
-        CacheError: if the store cannot be read.
-    """
-    graph = experiment_graph(composition)
-    return plan(graph, targets(graph), store)
 
 
 def run_experiment(
@@ -115,7 +103,7 @@ def record_run(
         composition: the experiment.
         results: parent of the result folder; None to write nothing.
         name: of the result folder; None for a name made of what differs from the default, see
-            `config.run_names`, and the time.
+            `experiment.run_names`, and the time.
         progress: reports the progress.
         on_scores: see `computed_stages`.
         rerun_of: the folder that is repeated, whose name the new one has.
@@ -130,7 +118,7 @@ def record_run(
     now = datetime.now(UTC)
     run = run_experiment(composition, progress, on_scores=on_scores)
     if rerun_of is None:
-        command = ["stixel", "run", *composition.overrides, *presets_option()]
+        command = ["stixel", "run", *composition.overrides, *PRESETS.option]
         stem, origin = run_name(composition.choices, composition.overrides), {}
     else:
         command = ["stixel", "rerun", str(rerun_of)]

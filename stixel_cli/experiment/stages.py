@@ -96,7 +96,7 @@ def scan_count(composition: Composition) -> int:
     """
     configuration = composition.configuration
     if isinstance(configuration.measurement, FileParameters):
-        return len(composition.files.scans(configuration.measurement))
+        return len(composition.files.open(configuration.measurement))
     return max(1, round(configuration.path.duration / configuration.path.sample_time))
 
 

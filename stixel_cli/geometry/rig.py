@@ -46,6 +46,16 @@ class Rig:
     disparity_offset: Annotated[float, Ge(-16), Le(16)] = 0.0
     disparity_slope: Annotated[float, Ge(-0.01), Le(0.01)] = 0.0
 
+    def check(self) -> None:
+        """Raise ValueError for two focal lengths, or a principal point outside of the image."""
+        _ = self.focal
+        for name, value, size in (
+            ("principal_u", self.principal_u, self.width),
+            ("principal_v", self.principal_v, self.height),
+        ):
+            if value is not None and not 0 <= value <= size - 1:
+                raise ValueError(f"rig.{name}: must be 0 to {size - 1} (the image), got {value:g}")
+
     @cached_property
     def focal(self) -> float:
         """Horizontal focal length f_u in px: N_w / (2 tan(fov / 2)), thesis (4).

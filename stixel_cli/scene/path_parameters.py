@@ -48,6 +48,11 @@ class _Driven:
 
     def check(self) -> None:
         """Raise ValueError if the values contradict each other."""
+        if self.sample_time > self.duration:
+            raise ValueError(
+                f"path.sample_time: must be <= path.duration ({self.duration:g} s), "
+                f"got {self.sample_time:g} s"
+            )
         if self.duration / self.sample_time > MOST_SCANS:
             raise ValueError(
                 f"path.duration: {self.duration:g} s with path.sample_time={self.sample_time:g} s "

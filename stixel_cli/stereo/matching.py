@@ -49,19 +49,30 @@ class MatchingParameters:
     speckle_range: ClassVar[int] = 2
     """Greatest disparity step inside such a region, px."""
 
-    def check(self) -> None:
-        """Raise ValueError if the parameters contradict each other."""
-        check_odd("block_size", self.block_size)
+    def check(self, rig: Rig) -> None:
+        """Raise ValueError if the parameters contradict each other, or do not suit the rig."""
+        if self.block_size % 2 == 0:
+            raise ValueError(f"stereo.block_size: must be odd, got {self.block_size}")
+        if self.block_size >= min(rig.width, rig.height):
+            raise ValueError(
+                f"stereo.block_size: must be smaller than the image, {rig.width} × {rig.height}, "
+                f"got {self.block_size}"
+            )
+        if self.disparities is not None and self.disparities >= rig.width:
+            raise ValueError(
+                f"stereo.disparities: must be < rig.width ({rig.width}), got {self.disparities}"
+            )
+        # In Python floats, because NumPy's warn on overflow.
+        greatest = float(rig.focal) * float(rig.baseline) / float(self.nearest)
+        if self.disparities is None and greatest >= rig.width:
+            raise ValueError(
+                f"stereo.nearest: at {self.nearest:g} m the disparity is {greatest:.0f} px; it "
+                f"must be < rig.width ({rig.width})"
+            )
 
 
 BLOCK = 16
 """OpenCV searches a multiple of this many disparities."""
-
-
-def check_odd(name: str, value: int) -> None:
-    """Raise ValueError where the key `name` of the group has an even value."""
-    if value % 2 == 0:
-        raise ValueError(f"stereo.{name}: must be odd, got {value}")
 
 
 def disparity_count(stereo: MatchingParameters, rig: Rig) -> int:

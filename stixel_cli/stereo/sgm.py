@@ -36,9 +36,9 @@ class SgmParameters(MatchingParameters):
 
     pre_filter_cap: ClassVar[int] = 63
 
-    def check(self) -> None:
-        """Raise ValueError if the parameters contradict each other."""
-        super().check()
+    def check(self, rig: Rig) -> None:
+        """Raise ValueError if the parameters contradict each other, or do not suit the rig."""
+        super().check(rig)
         if self.p2 <= self.p1:
             raise ValueError(f"stereo.p2: must be > stereo.p1 ({self.p1}), got {self.p2}")
 

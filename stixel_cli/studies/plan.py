@@ -11,12 +11,11 @@ from stixel_cli.config.compose import Composer
 from stixel_cli.config.folders import group_options, of_the_machine
 from stixel_cli.config.override_checks import read_overrides
 from stixel_cli.config.overrides import Override, parse
-from stixel_cli.config.own_options import own_groups
 from stixel_cli.errors import BelongsElsewhere, ConfigurationError
 from stixel_cli.results.reader import listed
 from stixel_cli.studies.entry import Axes, SweepEntry
 from stixel_cli.studies.file import StudyFile
-from stixel_cli.sweeps.design import Axis, Design, check_each, check_size, same
+from stixel_cli.sweeps.design import Axis, Design, check_size, refuse_equal, same
 from stixel_cli.sweeps.graphs import SweepPlan
 from stixel_cli.sweeps.runs import design_runs
 from stixel_cli.sweeps.whole import planned_sweep
@@ -166,7 +165,7 @@ def overridden(
     designs, notes = list(designs), []
     for override in parsed:
         values = override.singles()
-        check_each(values, own_groups(parsed))
+        refuse_equal(values)
         _refuse_distinguishing(
             override.key,
             {n: design for n, design in zip(names, designs, strict=True) if n not in derived},

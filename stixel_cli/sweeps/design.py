@@ -2,14 +2,13 @@
 
 import itertools
 import math
-from collections.abc import Collection, Hashable, Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from stixel_cli.config import messages
-from stixel_cli.config.override_checks import check_overrides, read_overrides
+from stixel_cli.config.override_checks import read_overrides
 from stixel_cli.config.overrides import MOST_VALUES, Override
-from stixel_cli.config.own_options import own_groups
 from stixel_cli.errors import ConfigurationError
 
 SEED = "seed"
@@ -115,20 +114,15 @@ def design_from_line(overrides: Sequence[str], shuffled: bool) -> Design:
     for override in parsed:
         if override.sweep is not None:
             values = override.singles(shuffled)
-            check_each(values, own_groups(parsed))
+            refuse_equal(values)
             axes.append(Axis((override.key,), tuple((one,) for one in values)))
     return Design(tuple(one for one in parsed if one.sweep is None), tuple(axes))
 
 
-def check_each(overrides: Sequence[Override], own: Collection[str] = ()) -> None:
-    """Refuse invalid or repeated overrides of one value each; `own` as in `check_overrides`.
-
-    Raises:
-        ConfigurationError: for the first of them.
-    """
+def refuse_equal(overrides: Sequence[Override]) -> None:
+    """Raise ConfigurationError for the first override that has the value of one before it."""
     seen: set[Any] = set()
     for override in overrides:
-        check_overrides([override], own)
         value = override.value
         # In Python 1 == True, but here they are different values; 1 and 1.0 are the same.
         mark = (isinstance(value, bool), value if isinstance(value, Hashable) else str(value))

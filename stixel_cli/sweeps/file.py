@@ -9,13 +9,13 @@ from typing import Any
 
 from stixel_cli.config import messages
 from stixel_cli.config.folders import is_shipped, shipped_folder
-from stixel_cli.config.override_checks import read_overrides
+from stixel_cli.config.override_checks import check_overrides
 from stixel_cli.config.overrides import MOST_VALUES, Override, parse
 from stixel_cli.config.own_options import code_in, refuse_code
 from stixel_cli.config.texts import override_text
 from stixel_cli.errors import ConfigurationError
 from stixel_cli.files import check_plain, read_text, read_yaml_text
-from stixel_cli.sweeps.design import SEED, Axis, Design, check_each
+from stixel_cli.sweeps.design import SEED, Axis, Design, refuse_equal
 
 _MOST_ENTRIES = 50_000
 """Values of a file, aliases expanded: OmegaConf takes 5 s for these."""
@@ -74,7 +74,7 @@ def design_of(content: Mapping[Any, Any], shuffled: bool) -> Design:
     """
     refuse_unknown(content, ENTRIES)
     given = _entry(content, "fixed", {}).items()
-    fixed = tuple(read_overrides([override_text(key, value) for key, value in given]))
+    fixed = tuple(parse(override_text(key, value)) for key, value in given)
     for override in fixed:
         if override.sweep is not None:
             raise ConfigurationError(f"fixed: {override.text}: one value is needed")
@@ -98,7 +98,9 @@ def design_of(content: Mapping[Any, Any], shuffled: bool) -> Design:
     counts = Counter([*(one.key for one in fixed), *swept])
     for key in (key for key, count in counts.items() if count > 1):
         raise ConfigurationError(f"{key}: is given twice: give it once")
-    return Design(fixed, tuple(axes), tuple(_left_out(content, swept)))
+    design = Design(fixed, tuple(axes), tuple(_left_out(content, swept)))
+    check_overrides(design.overrides)
+    return design
 
 
 def read_mapping(path: Path, entries: Sequence[str]) -> dict[str, Any]:
@@ -157,7 +159,8 @@ def _axis(where: str, keys: Mapping[str, Any], shuffled: bool) -> Axis:
     columns = []
     for key, values in keys.items():
         column = _values(where, key, values, shuffled)
-        check_each(column if len(keys) == 1 else list(dict.fromkeys(column)))
+        if len(keys) == 1:
+            refuse_equal(column)
         columns.append(column)
     lengths = {len(column) for column in columns}
     if len(lengths) > 1:
@@ -180,7 +183,7 @@ def _values(where: str, key: Any, values: Any, shuffled: bool) -> list[Override]
         return [parse(override_text(key, value)) for value in values]
     if isinstance(values, str):
         # As on the command line: a,b or choice(…), range(…), glob(…).
-        (parsed,) = read_overrides([f"{key}={values}"])
+        parsed = parse(f"{key}={values}")
         if parsed.sweep is not None:
             return parsed.singles(shuffled)
     raise ConfigurationError(

@@ -6,9 +6,8 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from stixel_cli.config.folders import OF_THE_MACHINE, of_the_machine, presets_option
-from stixel_cli.config.override_checks import check_overrides
-from stixel_cli.config.overrides import outermost_group, parse
+from stixel_cli.config.folders import OF_THE_MACHINE, PRESETS, of_the_machine
+from stixel_cli.config.override_checks import check_overrides, read_overrides
 from stixel_cli.config.texts import override_text
 from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.results.differences import first_changed_stage
@@ -34,9 +33,9 @@ def on_this_machine(
     Raises:
         ConfigurationError: in one line, for an override of any other group, or of several values.
     """
-    parsed, given = [parse(text) for text in overrides], []
+    parsed, given = read_overrides(overrides), []
     for override in parsed:
-        if outermost_group(override.key) not in OF_THE_MACHINE:
+        if not of_the_machine(override.key):
             raise ConfigurationError(
                 f"{override.shown}: --resume keeps the settings in the folder: only keys of "
                 f"{' and '.join(OF_THE_MACHINE)}, which do not affect results, can be changed"
@@ -55,7 +54,7 @@ def on_this_machine(
 def resume_command(path: Path, overrides: Sequence[str] = ()) -> str:
     """The command line that resumes a sweep, with those of a run's overrides that it needs."""
     machine = [text for text in overrides if of_the_machine(text)]
-    return shlex.join(["stixel", "sweep", "--resume", str(path), *machine, *presets_option()])
+    return shlex.join(["stixel", "sweep", "--resume", str(path), *machine, *PRESETS.option])
 
 
 def outdated_runs(

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from functools import lru_cache
 from typing import Any
 
-from stixel_cli.config.folders import presets_option
+from stixel_cli.config.folders import PRESETS
 from stixel_cli.engine.execute import Execution
 from stixel_cli.engine.store import Store
 from stixel_cli.evaluation.scores import Scores
@@ -41,7 +41,7 @@ def run_files(
     keys = planned.graph.ancestors(planned.targets)
     status = {key: "computed" if key in seconds else "cached" for key in keys}
     manifest = {
-        "command": shlex.join(["stixel", "run", *planned.overrides, *presets_option()]),
+        "command": shlex.join(["stixel", "run", *planned.overrides, *PRESETS.option]),
         **planned.manifest,
         **notes,
         "run": planned.index,

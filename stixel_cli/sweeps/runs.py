@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 from stixel_cli.config.compose import Composer, Composition
 from stixel_cli.config.messages import LONGEST_REASON, printable
-from stixel_cli.config.overrides import Override, parse
+from stixel_cli.config.override_checks import check_overrides, read_overrides
+from stixel_cli.config.overrides import Override
 from stixel_cli.errors import ConfigurationError
 from stixel_cli.experiment.table.table import draws
 from stixel_cli.results.result import RunResult
@@ -123,6 +124,7 @@ def sweep_design(
         design = joined(read_design(path, shuffled, trust_code), design, str(path))
     else:
         design = joined(Design((), ()), design, "")
+    check_overrides(design.overrides)
     check_size(design, one_is_enough)
     options = [] if file is None else ["--from", file]
     options += [] if shuffle_seed is None else ["--shuffle", str(shuffle_seed)]
@@ -163,7 +165,7 @@ def compose_runs(
     composer = Composer() if composer is None else composer
     runs = []
     for index, overrides in enumerate(each):
-        parsed = [one if isinstance(one, Override) else parse(one) for one in overrides]
+        parsed = read_overrides(overrides)
         values = {one.key: one.value_text for one in parsed}
         settings = {key: values[key] for key in keys}
         try:

@@ -9,13 +9,14 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from stixel_cli.config.compose import Composer
-from stixel_cli.config.folders import presets_option
+from stixel_cli.config.compose import Composer, Composition
+from stixel_cli.config.folders import PRESETS
 from stixel_cli.config.own_options import with_own_values
-from stixel_cli.config.run_names import joined_name
 from stixel_cli.engine.plan import probe, undeclared_reads
 from stixel_cli.engine.store import open_store
-from stixel_cli.experiment.run import trust_stored_run
+from stixel_cli.experiment.run import CAMERA, OBJECTS, TRACKS, trust_stored_run
+from stixel_cli.experiment.run_names import joined_name
+from stixel_cli.experiment.stages import RESULTS
 from stixel_cli.results.folder import check_results, new_folder
 from stixel_cli.results.provenance import provenance
 from stixel_cli.sweeps.design import Design
@@ -62,7 +63,7 @@ def new_sweep(
     """
     if results is not None:
         check_results(results, name)
-    options = [*(["--pictures"] if pictures else []), *presets_option()]
+    options = [*(["--pictures"] if pictures else []), *PRESETS.option]
     command = shlex.join(["stixel", "sweep", *design.words, *options])
     plan, request, notes = _requested(design, command, pictures)
     missing = [plan.graph.nodes[key] for key in plan.missing] if advice else []
@@ -161,6 +162,13 @@ def planned_sweep(
     notes = check_axes(planned)
     store = open_store(runs[0].composition.configuration.cache)
     return plan_sweep(shuffled_runs(planned, shuffle), store), notes
+
+
+def planned_run(composition: Composition, pictures: bool = True) -> SweepPlan:
+    """The plan of one run with all that its folder has; UserError as above."""
+    nodes = (*RESULTS, OBJECTS, TRACKS, *((CAMERA,) if pictures else ()))
+    planned = plan_runs([PlannedRun(0, {}, composition)], pictures, nodes)
+    return plan_sweep(planned, open_store(composition.configuration.cache))
 
 
 def check_computable(plan: SweepPlan) -> None:

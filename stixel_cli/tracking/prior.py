@@ -1,12 +1,15 @@
 """The prior shape of a class of road users."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from annotated_types import Ge, Gt, Le
 
 from stixel_cli.parameters import parameters
 from stixel_cli.scene.classes import RoadUserClass
+
+NEED_SHAPE = ("point", "rectangle", "random_matrix", "pyrecest")
+"""Trackers that read the shape's radii."""
 
 
 @parameters
@@ -41,8 +44,15 @@ class PriorShape:
     length_std: Annotated[float, Gt(0), Le(1)]
     width_std: Annotated[float, Gt(0), Le(1)]
 
-    def check(self) -> None:
-        """Raise ValueError if the rounded corners do not fit."""
+    def check(self, tracker: Any) -> None:
+        """Raise ValueError if the corners do not fit, or `tracker` needs a shape that is none."""
+        scaled = getattr(tracker, "mean_function", "zero") != "zero"
+        if self.shape == "none" and (scaled or tracker.kind in NEED_SHAPE):
+            needs = "tracker.mean_function=class_radius" if scaled else f"tracker={tracker.kind}"
+            raise ValueError(
+                f"prior.shape: {needs} needs the shape of the class, got none: choose one, as "
+                "ellipse"
+            )
         if self.shape == "rectangle" and 2.0 * self.corner_radius > min(self.length, self.width):
             raise ValueError(
                 f"prior.corner_radius: must be ≤ half of the shorter side "

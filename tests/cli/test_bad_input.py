@@ -8,8 +8,9 @@ from typing import Any
 import pytest
 
 from stixel_cli.cli.app import main
+from stixel_cli.config.annotations import describe
 from stixel_cli.config.folders import group_options, options_of_kind, outer_options
-from stixel_cli.config.keys import describe, known_keys
+from stixel_cli.config.keys import known_keys
 
 USERS = group_options()["road_user"]
 SENTENCES = {
@@ -144,7 +145,7 @@ def test_one_line_says_it(text, capsys):
     [
         (["seed=1", "seed=2"], "seed: is given twice, seed=1 and seed=2: give it once"),
         (["rig=kitti", "rig=default"], "rig: is given twice"),
-        (["+seed=1", "seed=2"], "+seed=1: seed already exists"),
+        (["+seed=1", "seed=2"], "seed: is given twice, +seed=1 and seed=2"),
         (["seed", "=", "3"], "seed: a value is missing"),
         (
             ["rig=kitti", "rig.horizontal_fov=60"],

@@ -9,7 +9,6 @@ from stixel_cli.cli.completion import (
     complete_override,
     complete_run_or_override,
     complete_setting,
-    complete_sweep,
 )
 from stixel_cli.config.folders import group_options
 
@@ -56,7 +55,9 @@ def test_shells_that_show_a_text_get_the_meaning_of_the_schema(monkeypatch, shel
     assert dict(complete_setting("rig.wid")) == {"rig.width": "image size, px"}
     assert dict(complete_override("se"))["seed="]
     assert max(len(text) for _, text in complete_override("tracker=")) <= 72
-    assert dict(complete_sweep("tracker=gp_ekf,po"))["tracker=gp_ekf,point"].startswith("The base")
+    assert dict(complete_override("tracker=gp_ekf,po"))["tracker=gp_ekf,point"].startswith(
+        "The base"
+    )
 
 
 def test_keys():
@@ -99,14 +100,13 @@ def test_bash_takes_the_equals_sign_for_a_break(in_bash):
 
 def test_further_values_of_a_sweep(in_bash, monkeypatch):
     further = [f"car,{user}" for user in USERS if user != "car"]
-    assert complete_sweep("road_user=car,") == [f"road_user={values}" for values in further]
-    assert "road_user=car,cyclist,pedestrian" in complete_sweep("road_user=car,cyclist,")
-    assert complete_sweep("road_user=car,c") == ["road_user=car,cyclist"]
-    assert complete_sweep("road_user=") == complete_override("road_user=")
-    assert complete_sweep("seed=0,") == []
+    assert complete_override("road_user=car,") == [f"road_user={values}" for values in further]
+    assert "road_user=car,cyclist,pedestrian" in complete_override("road_user=car,cyclist,")
+    assert complete_override("road_user=car,c") == ["road_user=car,cyclist"]
+    assert complete_override("seed=0,") == []
     monkeypatch.setenv("COMP_WORDS", "stixel sweep road_user = car,")
     monkeypatch.setenv("COMP_CWORD", "4")
-    assert complete_sweep("car,") == further
+    assert complete_override("car,") == further
 
 
 def test_result_folders(tmp_path, monkeypatch):

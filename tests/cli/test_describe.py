@@ -36,7 +36,7 @@ def test_a_key_with_a_value_for_each_option(capsys):
 
 def test_who_reads_a_key_by_reference(capsys):
     (one,) = describe_key("prior.sigma_f")
-    assert one.followers == ("tracker.sigma_f",)
+    assert one.followers == ["tracker.sigma_f"]
     assert "tracker.sigma_f" in printed(capsys, "prior.sigma_f")
 
 

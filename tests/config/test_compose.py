@@ -9,10 +9,10 @@ import yaml
 from stixel_cli.config import choice
 from stixel_cli.config.compose import Composer, compose, from_resolved
 from stixel_cli.config.folders import (
-    configuration_folder,
     group_options,
     option_values,
     outer_options,
+    shipped_folder,
 )
 from stixel_cli.config.schema import Configuration
 from stixel_cli.config.texts import override_text
@@ -164,7 +164,7 @@ def test_nothing_stays_behind_in_hydra():
     compose()
     assert not GlobalHydra.instance().is_initialized()
     # A notebook with a Hydra of its own keeps it.
-    with initialize_config_dir(str(configuration_folder()), version_base="1.3"):
+    with initialize_config_dir(str(shipped_folder("conf")), version_base="1.3"):
         mine = GlobalHydra.instance().hydra
         compose(["seed=1"])
         assert GlobalHydra.instance().hydra is mine
@@ -191,7 +191,7 @@ def test_it_is_what_hydra_composes(overrides):
     import hydra
     from omegaconf import OmegaConf
 
-    with hydra.initialize_config_dir(str(configuration_folder()), version_base="1.3"):
+    with hydra.initialize_config_dir(str(shipped_folder("conf")), version_base="1.3"):
         composed = hydra.compose("config", overrides=overrides)
     expected = OmegaConf.to_container(composed, resolve=True)
     expected.pop("pace")  # values for the options of path
@@ -200,7 +200,7 @@ def test_it_is_what_hydra_composes(overrides):
 
 def test_an_edited_file_is_seen(tmp_path, monkeypatch):
     package = tmp_path / "stixel_cli"
-    shutil.copytree(configuration_folder(), package / "conf")
+    shutil.copytree(shipped_folder("conf"), package / "conf")
     monkeypatch.setattr("stixel_cli.config.folders._PACKAGE", package)
     before = compose(["rig=kitti"]).configuration.rig
     kitti = package / "conf" / "rig" / "kitti.yaml"
@@ -216,7 +216,7 @@ def test_an_edited_file_is_seen(tmp_path, monkeypatch):
 def test_an_option_that_follows_and_is_not_there_says_where_it_belongs(tmp_path, monkeypatch):
     of_groups = {name: "|".join(group_options()[name]) for name in ("pace", "prior")}
     package = tmp_path / "stixel_cli"
-    shutil.copytree(configuration_folder(), package / "conf")
+    shutil.copytree(shipped_folder("conf"), package / "conf")
     monkeypatch.setattr("stixel_cli.config.folders._PACKAGE", package)
     users = package / "conf" / "road_user"
     shutil.copy(users / "cyclist.yaml", users / "cargo.yaml")
@@ -245,7 +245,7 @@ def test_an_option_that_follows_and_is_not_there_says_where_it_belongs(tmp_path,
 )
 def test_a_damaged_file_is_named(tmp_path, monkeypatch, composer, content, said):
     package = tmp_path / "stixel_cli"
-    shutil.copytree(configuration_folder(), package / "conf")
+    shutil.copytree(shipped_folder("conf"), package / "conf")
     monkeypatch.setattr("stixel_cli.config.folders._PACKAGE", package)
     (package / "conf/path/turn.yaml").write_bytes(content)
     with pytest.raises(UserError) as error:

@@ -8,9 +8,10 @@ import pytest
 from annotated_types import Ge, Gt, Le, Lt
 
 from stixel_cli.config import messages
+from stixel_cli.config.annotations import describe
 from stixel_cli.config.compose import compose, from_resolved
 from stixel_cli.config.folders import group_options, options_of_kind
-from stixel_cli.config.keys import describe, known_keys, locate
+from stixel_cli.config.keys import known_keys, locate
 from stixel_cli.errors import ConfigurationError
 
 

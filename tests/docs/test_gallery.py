@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from stixel_cli import compose
-from stixel_cli.config.override_checks import read_overrides
+from stixel_cli.config.override_checks import check_overrides, read_overrides
 from stixel_cli.experiment.stages import pictured_frames, scan_count
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -42,7 +42,7 @@ def test_pictures_are_output_of_script_and_small():
 def test_every_command_is_on_the_page_and_valid():
     text = (DOCS / "gallery.md").read_text(encoding="utf-8")
     for entry in ENTRIES:
-        read_overrides(entry.overrides)
+        check_overrides(read_overrides(entry.overrides))
         assert shlex.join(["stixel", "run", *entry.overrides]) in text
 
 

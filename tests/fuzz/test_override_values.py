@@ -15,9 +15,10 @@ from typing import Any
 from harness_of_fuzz import Answer, Kind, answer, run_cases, settle
 from odd_values import INTERPOLATIONS, LISTS, NUMBERS, ODD, SWEEPS, TYPED, WORDS
 
+from stixel_cli.config.annotations import choices, describe
 from stixel_cli.config.compose import from_resolved
 from stixel_cli.config.folders import group_options, options_of_kind
-from stixel_cli.config.keys import choices, describe, known_keys
+from stixel_cli.config.keys import known_keys
 
 SMALL = 15
 

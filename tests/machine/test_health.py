@@ -5,7 +5,7 @@ from stixel_cli.machine import health
 
 
 def test_the_probe_casts_rays_even_if_another_renderer_is_the_default(tmp_path, monkeypatch):
-    conf = shutil.copytree(folders.configuration_folder(), tmp_path / "conf")
+    conf = shutil.copytree(folders.shipped_folder("conf"), tmp_path / "conf")
     chosen = (conf / "config.yaml").read_text(encoding="utf-8")
     assert "renderer: raycast" in chosen
     (conf / "config.yaml").write_text(chosen.replace("renderer: raycast", "renderer: filament"))

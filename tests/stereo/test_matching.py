@@ -126,12 +126,12 @@ def test_disparity_count_includes_one_value_beyond_the_nearest_point(greatest, m
 
 
 def test_matching_rejects_inconsistent_parameters():
-    SGM.check()
-    BM.check()
+    SGM.check(RIG)
+    BM.check(RIG)
     with pytest.raises(ValueError, match=r"stereo\.block_size: must be odd"):
-        replace(SGM, block_size=4).check()
+        replace(SGM, block_size=4).check(RIG)
     with pytest.raises(ValueError, match=r"stereo\.p2: must be > stereo\.p1 .*got 100"):
-        replace(SGM, p2=100).check()
+        replace(SGM, p2=100).check(RIG)
 
 
 def test_matching_rejects_a_block_larger_than_the_image(pairs):

@@ -12,7 +12,7 @@ import pytest
 import yaml
 
 from stixel_cli.config.compose import from_resolved
-from stixel_cli.config.folders import configuration_folder
+from stixel_cli.config.folders import shipped_folder
 from stixel_cli.studies.file import find_study
 
 TINY = (
@@ -90,7 +90,7 @@ def test_a_path_is_evaluated_with_a_noise_fitted_to_other_paths(studies, study):
 
 def test_shipped_presets_name_their_origin():
     for user in ("car", "cyclist", "pedestrian"):
-        path = configuration_folder() / "measurement" / "noise" / f"fitted_{user}.yaml"
+        path = shipped_folder("conf") / "measurement" / "noise" / f"fitted_{user}.yaml"
         text = path.read_text("utf-8")
         assert "stixel study rq3" in text
         assert user in text.splitlines()[0]

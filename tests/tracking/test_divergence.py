@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from seen_targets import scans_seen, start_at, turning
 
+from stixel_cli.config.annotations import kind_of
 from stixel_cli.config.compose import compose
-from stixel_cli.config.keys import kind_of
 from stixel_cli.config.schema import Tracker
 from stixel_cli.evaluation.evaluate import evaluate
 from stixel_cli.evaluation.verdict import verdict

@@ -372,7 +372,7 @@ def test_no_scans_give_an_empty_track(tracker):
 def test_without_a_shape_the_radii_start_at_zero():
     """Thesis (71b): mean 0, covariance K."""
     bare = dataclasses.replace(CAR, shape="none")
-    bare.check()
+    bare.check(TRACKER)
     scans = scans_of([np.zeros((0, 2))])
     found, shaped = track(scans, START, bare, TRACKER), track(scans, START, CAR, TRACKER)
     radii = 2 * gp_ekf.SEEN

@@ -1,4 +1,5 @@
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -45,9 +46,10 @@ def test_ellipse_prior_is_an_ellipse():
 
 
 def test_prior_rejects_a_corner_radius_that_is_too_large():
-    CAR.check()
+    tracker = SimpleNamespace(kind="gp_ekf")
+    CAR.check(tracker)
     with pytest.raises(ValueError, match=r"prior\.corner_radius: must be ≤ .*got 0\.9"):
-        dataclasses.replace(CAR, corner_radius=0.9).check()
+        dataclasses.replace(CAR, corner_radius=0.9).check(tracker)
 
 
 def scenario():

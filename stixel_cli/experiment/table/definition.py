@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, get_args
 
-from stixel_cli.config.keys import kind_of
+from stixel_cli.config.annotations import kind_of
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from stixel_cli.config.run_names import LONGEST_NAME, differences, joined_name, run_name
+from stixel_cli.experiment.run_names import LONGEST_NAME, differences, joined_name, run_name
 from stixel_cli.results.folder import check_plain_name
 
 DEFAULT = {"road_user": "car", "path": "turn", "rig": "default", "tracker": "gp_ekf"}

@@ -1,0 +1,122 @@
+"""The annotations of the schema's classes: their fields, variants and valid values in words."""
+
+import dataclasses
+import inspect
+import re
+import types
+from functools import cache
+from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
+
+from annotated_types import Ge, Gt, Interval, Le, Len, Lt, MaxLen, MinLen, MultipleOf
+
+from stixel_cli.own_code import OwnCode
+
+_ENTRY = re.compile(r"^    (\w+(?:, \w+)*): ", re.MULTILINE)
+
+
+@cache
+def fields_of(schema: type) -> dict[str, Any]:
+    """Field to annotation of a class of parameters."""
+    hints = get_type_hints(schema, include_extras=True)
+    return {field.name: hints[field.name] for field in dataclasses.fields(schema)}
+
+
+def _bare(annotation: Any) -> Any:
+    while get_origin(annotation) is Annotated:
+        annotation = get_args(annotation)[0]
+    return annotation
+
+
+def alternatives(annotation: Any) -> list[Any]:
+    """The members of a union, each with its annotation; for another type, only itself."""
+    bare = _bare(annotation)
+    if get_origin(bare) in (Union, types.UnionType):
+        return [leaf for member in get_args(bare) for leaf in alternatives(member)]
+    return [annotation]
+
+
+def classes_in(annotation: Any) -> list[type]:
+    """The classes of parameters that an annotation allows; the user's own code is none."""
+    members = [_bare(member) for member in alternatives(annotation)]
+    return [m for m in members if dataclasses.is_dataclass(m) and not issubclass(m, OwnCode)]
+
+
+def kind_of(schema: type) -> str | None:
+    """The kind of a variant; None if the class has several kinds or none."""
+    annotation = fields_of(schema).get("kind")
+    values = get_args(_bare(annotation)) if annotation is not None else ()
+    return values[0] if len(values) == 1 else None
+
+
+@cache
+def attribute_texts(schema: type) -> dict[str, str]:
+    """Field to its text in the section `Attributes` of the class or of one that it derives from."""
+    texts: dict[str, str] = {}
+    for base in reversed(schema.__mro__):
+        section = inspect.cleandoc(base.__doc__ or "").partition("Attributes:\n")[2]
+        _, *parts = _ENTRY.split(section.partition("\n\n")[0])
+        for names, text in zip(parts[::2], parts[1::2], strict=True):
+            texts |= dict.fromkeys(names.split(", "), " ".join(text.split()).rstrip("."))
+    return texts
+
+
+def element(annotation: Any, index: int) -> Any:
+    """The annotation of an element of a tuple; None if the annotation is not of a tuple."""
+    for member in alternatives(annotation):
+        arguments = get_args(_bare(member))
+        if get_origin(_bare(member)) is tuple:
+            one = arguments[-1] is Ellipsis or index >= len(arguments)
+            return arguments[0 if one else index]
+    return None
+
+
+def choices(annotation: Any) -> tuple[str, ...]:
+    """The valid words of a key; () if it does not take words."""
+    members = map(_bare, alternatives(annotation))
+    return tuple(str(w) for t in members if get_origin(t) is Literal for w in get_args(t))
+
+
+def describe(annotation: Any) -> str:
+    """The valid values of a key in words: `a number > 0 and ≤ 5, or null`."""
+    members = alternatives(annotation)
+    if len(members) > 1:
+        return ", or ".join(map(describe, members))
+    bare = _bare(annotation)
+    if bare is type(None):
+        return "null"
+    if dataclasses.is_dataclass(bare):
+        return "a group of keys: " + ", ".join(fields_of(bare))
+    if get_origin(bare) is Literal:
+        return "one of " + ", ".join(str(word) for word in get_args(bare))
+    limits = _bounds(annotation)
+    if get_origin(bare) is tuple:
+        first, *others = get_args(bare)
+        if others[-1:] == [Ellipsis]:
+            words = f"a list, each {describe(first)}"
+        else:
+            words = f"[{', '.join(map(describe, (first, *others)))}]"
+        return f"{words} ({limits} of them)" if limits else words
+    names = {int: "a whole number", float: "a number", bool: "true or false", str: "text"}
+    return f"{names.get(bare, bare)} {limits}".rstrip()
+
+
+_LIMITS = {
+    Gt: "> {0.gt}",
+    Ge: "≥ {0.ge}",
+    MinLen: "≥ {0.min_length}",
+    Lt: "< {0.lt}",
+    Le: "≤ {0.le}",
+    MaxLen: "≤ {0.max_length}",
+    MultipleOf: "a multiple of {0.multiple_of}",
+}
+
+
+def _bounds(annotation: Any) -> str:
+    """The range of one annotation in words, `> 0 and ≤ 5`; empty if it has no limits."""
+    metadata = get_args(annotation)[1:] if get_origin(annotation) is Annotated else ()
+    words: dict[type, str] = {}
+    for entry in metadata:
+        for limit in entry if isinstance(entry, Interval | Len) else (entry,):
+            if type(limit) in _LIMITS and limit != MinLen(0):
+                words[type(limit)] = _LIMITS[type(limit)].format(limit)
+    return " and ".join(words[kind] for kind in _LIMITS if kind in words)
