@@ -38,7 +38,7 @@ _PARTIAL = r"partial-\d+"
 """End of the name that `write_whole` gives to an unfinished file."""
 _MADE = {
     r"[0-9a-f]{2}": _KEY,
-    "configurations": rf"{_KEY}(\.json|-\d+-\d+\.partial)",
+    "configurations": rf"{_KEY}\.json|\.{_KEY}\.json\.{_PARTIAL}",
     "leases": r".+-\d+-[0-9a-f]+\.(keys|lock)",
     "locks": rf"{_KEY}\.lock",
     "quarantine": rf"{_KEY}-\d+",

@@ -2,6 +2,7 @@
 
 import os
 import time
+from pathlib import Path
 
 import pytest
 
@@ -15,6 +16,7 @@ from stixel_cli.engine.parameters import CacheParameters
 from stixel_cli.engine.plan import Durations
 from stixel_cli.engine.source_files import kept_source
 from stixel_cli.engine.store import VALUE, Store, open_store
+from stixel_cli.files import write_whole
 
 KEY = "ab" + "0" * 62
 SMALL = ("measurement=fabricated", "tracker=point", "path.duration=0.5", "pictures.frames=[]")
@@ -171,3 +173,10 @@ def test_a_value_that_has_grown_is_not_read(tmp_path):
         file.truncate(64 * 2**30)  # a sparse file
     with pytest.raises(MissingEntry, match="larger"):
         store.load(KEY)
+
+
+def test_a_composition_that_a_kill_left_unfinished_is_a_name_of_the_store(tmp_path, monkeypatch):
+    unfinished = []
+    monkeypatch.setattr(Path, "replace", lambda partial, file: unfinished.append(partial))
+    write_whole(tmp_path / "configurations" / f"{'0' * 64}.json", "{}")
+    assert made_here(*unfinished)
