@@ -45,14 +45,14 @@ BUDGET = {
     "sweeps": 2339,
     # `contour`: the bank of forms for what it did not learn from, the search at the first scan;
     # a start from slow and sparse scans.
-    "tracking": 4746,
+    "tracking": 4871,
     # Statistics of points, the fit of their noise and the tables of stages, of the studies before.
     "validation": 1538,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
 
 # The filters of PyRecEst: with the tracker they had more than 300 lines.
-MODULES = 320
+MODULES = 321
 """Modules of the package, without `__init__`."""
 
 

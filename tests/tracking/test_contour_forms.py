@@ -16,8 +16,16 @@ from stixel_cli.scene.classes import ROAD_USER_CLASSES
 from stixel_cli.tracking.contour.class_shape import class_shape
 from stixel_cli.tracking.contour.class_size import class_size
 from stixel_cli.tracking.contour.contour import may_be, track
-from stixel_cli.tracking.contour.contour_rays import associate, rays_of, segments, sight_of
+from stixel_cli.tracking.contour.contour_rays import (
+    SHARED_STD,
+    associate,
+    rays_of,
+    sampling_inset,
+    segments,
+    sight_of,
+)
 from stixel_cli.tracking.contour.contour_report import LEAST_OUTLINE_STD, contours_of, reported
+from stixel_cli.tracking.contour.contour_update import linearise, update
 from stixel_cli.tracking.contour.forms import forms_of, is_learned, rectangle, with_uncertain_ends
 from stixel_cli.tracking.contour.ray_table import first_depths, outline_table
 from stixel_cli.tracking.contour.residual import NODES, Residual
@@ -109,14 +117,19 @@ def test_stated_deviation_of_the_contour_has_the_residual():
 
 @pytest.mark.parametrize(
     ("outline", "least", "more"),
-    [(BOX, 0.96, 0.05), (TRAPEZIUM, 0.75, 0.1)],
+    [(BOX, 0.95, 0.1), (TRAPEZIUM, 0.68, 0.04)],
     ids=["box", "trapezium"],
 )
 def test_shapes_that_are_no_drawn_car_are_followed(outline, least, more):
     poses = turning(40, 4.0, 0.3)
     scans, start = scans_seen(outline, poses, noise=0.1), start_at(poses)
     found, learned = track(scans, start, STATED, FABRICATED), track(scans, start, PRIOR, FABRICATED)
-    assert overlap(found, outline, poses) > max(least, overlap(learned, outline, poses) + more)
+    # In the last scans, 27 m away, the form is a matter of noise: so all scans count.
+    of_found, of_learned = (
+        np.mean([overlap(result, outline, poses, k) for k in range(len(poses))])
+        for result in (found, learned)
+    )
+    assert of_found > max(least, of_learned + more)
     assert found.class_replaced is None
 
 
@@ -201,3 +214,32 @@ def test_a_neighbour_costs_nothing_where_the_target_is_seen_alone():
     )
     among = track(scans_of(mixed, covariances=np.concatenate(noises)), start_at(poses), PRIOR, FILE)
     assert overlap(among, SHAPE.outline, poses) > overlap(alone, SHAPE.outline, poses) - 0.05
+
+
+def test_a_front_alone_does_not_measure_the_length():
+    # Seen from the front, a change of the length moves every ray as a change of the place does.
+    _, sight, _ = forms_of("car", PRIOR, FILE)["class"]
+    state = np.concatenate([[0.0, 15.0, -0.5 * np.pi, 0.0, 0.0, 0.0, 0.0], np.zeros(NODES)])
+    rays = rays_at(np.column_stack([np.linspace(-0.6, 0.6, 9), np.full(9, 12.7)]))
+    slopes = linearise(state, 0.01 * np.eye(len(state)), rays, 0, 8, sight).slopes
+    np.testing.assert_allclose(slopes[3, :9], -0.5 * SHAPE.size[0] * slopes[1, :9], rtol=0.02)
+
+
+def test_ranges_of_a_file_have_an_error_that_no_number_of_scans_removes():
+    poses = turning(80, 0.0, 0.0)
+    result = track(scans_seen(SHAPE.outline, poses, noise=0.02), start_at(poses), PRIOR, FILE)
+    away = poses[-1, :2] - SENSOR[:2]
+    away /= np.hypot(*away)
+    assert away @ result.covariances[-1, :2, :2] @ away > (0.9 * SHARED_STD) ** 2
+
+
+def test_uneven_points_hardly_show_the_ends_and_a_single_one_does_not():
+    even = rays_at([[x, 20.0] for x in np.linspace(-1.0, 1.0, 6)])
+    uneven = rays_at([[x, 20.0] for x in (-1.0, -0.95, -0.9, -0.1, 0.95, 1.0)])
+    _, sight, tracker = forms_of("car", PRIOR, FILE)["class"]
+    assert sampling_inset(uneven, sight)[1] > 10.0 * sampling_inset(even, sight)[1]
+    state = np.concatenate([[0.0, 22.0, 0.0, 0.0, 0.0, 0.0, 0.0], np.zeros(NODES)])
+    prior = state, 0.1 * np.eye(len(state)), np.zeros(len(state))
+    one, two = [[0.0, 21.0]], [[0.0, 21.0], [0.2, 21.0]]
+    degrees = [update(*prior, rays_at(points), sight, tracker)[4] for points in (one, two)]
+    assert degrees == [1, 4]

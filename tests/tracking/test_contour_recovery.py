@@ -10,6 +10,7 @@ from stixel_cli.geometry.pose import wrap_angle
 from stixel_cli.tracking.contour import contour_filter, contour_recovery
 from stixel_cli.tracking.contour.class_shape import class_shape
 from stixel_cli.tracking.contour.contour import track
+from stixel_cli.tracking.contour.contour_filter import CONFIRMED
 from stixel_cli.tracking.contour.contour_rays import rays_of, sight_of
 from stixel_cli.tracking.contour.contour_recovery import RECENT, cluster_of, is_inconsistent
 from stixel_cli.tracking.contour.contour_report import box_sizes
@@ -57,6 +58,27 @@ def test_a_track_that_the_scans_do_not_contradict_is_left_as_it_is(monkeypatch):
     monkeypatch.setattr(contour_filter, "is_inconsistent", lambda nis, degrees: False)
     without = track(scans, start_at(poses), CYCLIST, TRACKER)
     assert with_recovery.means.tobytes() == without.means.tobytes()
+
+
+def test_a_wrong_detection_is_given_up_again(monkeypatch):
+    """A target turned by 70 degrees fits one scan, and the next ones contradict it."""
+    poses = turning(20, 4.0, 0.0)
+    scans = scans_seen(CAR_SHAPE.outline, poses, noise=0.03)
+    plain = track(scans, start_at(poses), KNOWN, TRACKER)
+    detect_again = contour_recovery.detect_again
+
+    def turned(*arguments):
+        indices, (mean, *rest, likelihood) = detect_again(*arguments)
+        widen = float(arguments[-1])
+        turn = widen * np.radians(70) * np.eye(7)[2]
+        return indices, (mean + turn, *rest, likelihood + 50.0 * widen)
+
+    monkeypatch.setattr(contour_filter, "is_inconsistent", lambda nis, degrees: len(nis) == 8)
+    monkeypatch.setattr(contour_filter, "detect_again", turned)
+    result = track(scans, start_at(poses), KNOWN, TRACKER)
+    errors = np.abs(wrap_angle(result.means[:, 2] - poses[:, 2]))
+    assert errors[7] > np.radians(45)
+    np.testing.assert_array_equal(result.means[7 + CONFIRMED :], plain.means[7 + CONFIRMED :])
 
 
 def test_a_track_is_inconsistent_after_enough_scans_with_a_great_innovation():

@@ -74,7 +74,8 @@ def log_weight(
         speed, speed_variance: v in m/s and V.
         road_user: the class.
     """
-    variance = CLASS_ROWS[road_user].speed ** 2 + speed_variance
+    # After a gap of years a variance may be below zero by rounding.
+    variance = CLASS_ROWS[road_user].speed ** 2 + max(speed_variance, 0.0)
     weight = sum_of_log_likelihoods / CORRELATED_SCANS
     weight -= 0.5 * (size_deviation**2 + speed**2 / variance + np.log(variance))
     return weight if np.isfinite(weight) else -1e9

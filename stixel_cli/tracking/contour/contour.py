@@ -64,7 +64,7 @@ def track(
         kept = {
             (road_user, form): one
             for (road_user, form), one in kept.items()
-            if one.log_weights[k] > best - RULED_OUT
+            if one.log_weights[k] >= best - RULED_OUT
             or (one.sight.residual and road_user == prior.road_user)
         }
     return _reported(filters, None if prior.road_user == "unknown" else prior.road_user)

@@ -37,19 +37,23 @@ import numpy as np
 
 from stixel_cli.geometry.pose import rotation
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.tracking.contour.class_probabilities import log_likelihood, log_weight
+from stixel_cli.tracking.contour.class_probabilities import log_weight
 from stixel_cli.tracking.contour.class_shape import ClassShape
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
 from stixel_cli.tracking.contour.contour_rays import Rays, Sight, associate
 from stixel_cli.tracking.contour.contour_recovery import RECENT, detect_again, is_inconsistent
 from stixel_cli.tracking.contour.contour_report import box_sizes, contours_of, reported
 from stixel_cli.tracking.contour.contour_update import SEEN, update
+from stixel_cli.tracking.contour.hypothesis import Hypothesis
 from stixel_cli.tracking.contour.residual import NODES, RESIDUAL_STD
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.track import InitialState, Track
 
 SIZE_TIME = 10.0
 """s in which the size goes back to the prior's by 63 %."""
+
+CONFIRMED = 5
+"""The likelier of two hypotheses is kept after so many scans; 10 gained nothing on tuning seeds."""
 
 
 class ClassFilter:
@@ -77,14 +81,12 @@ class ClassFilter:
         self._scans, self._tracker, self._road_user = scans, tracker, prior.road_user
         self._shape, self.sight = shape, sight
         self._of_class = np.log(np.array([prior.length, prior.width]) / self._shape.size)
-        self._mean, self._covariance = start(
-            initial, prior, shape, tracker, NODES if sight.residual else 0
-        )
-        self._of_bias = np.zeros(len(self._mean))
-        self._sum_of_log_likelihoods = 0.0
+        mean, covariance = start(initial, prior, shape, tracker, NODES if sight.residual else 0)
+        self._hypotheses = [Hypothesis.unseen((mean, covariance, np.zeros(len(mean))))]
+        self._age = 0
         count = len(scans)
-        self._means = np.tile(self._mean, (count, 1))
-        self._covariances = np.tile(self._covariance, (count, 1, 1))
+        self._means = np.tile(mean, (count, 1))
+        self._covariances = np.tile(covariance, (count, 1, 1))
         self._used = [np.zeros(0, np.int64) for _ in range(count)]
         self._nis, self._degrees = np.full(count, np.nan), np.zeros(count, np.int64)
         self.size_deviations = np.zeros(count)
@@ -95,35 +97,63 @@ class ClassFilter:
 
         `recovers`: whether the filter looks for the target again where the scans contradict it.
         """
-        tracker, sight = self._tracker, self.sight
-        of_bias = transition(self._mean, interval) @ self._of_bias
-        mean, covariance = predict(self._mean, self._covariance, interval, tracker)
-        mean, covariance = self._size_recalled(mean, covariance, interval)
-        indices = associate(rays, mean[SEEN], covariance[np.ix_(SEEN, SEEN)], sight, tracker)
-        if len(indices):
-            predicted = mean, covariance, of_bias
-            first = not np.isfinite(self._nis[max(k - RECENT, 0) : k]).any()
-            posterior = update(*predicted, rays.subset(indices, sight), sight, tracker)
-            *_, self._nis[k], self._degrees[k], _ = posterior
-            if first or (recovers and is_inconsistent(self._nis[: k + 1], self._degrees[: k + 1])):
-                indices, posterior = detect_again(
-                    *predicted, rays, indices, sight, tracker, widen=not first
-                )
-            mean, covariance, of_bias, nis, degrees, stated = posterior
-            self._nis[k], self._degrees[k] = nis, degrees
-            self._sum_of_log_likelihoods += log_likelihood(stated, nis, degrees)
-        self._mean, self._covariance, self._of_bias = mean, covariance, of_bias
+        first = not np.isfinite(self._nis[max(k - RECENT, 0) : k]).any()
+        steps = [self._advanced(one, interval, rays) for one in self._hypotheses]
+        best = self._record(k, steps)
+        if best.degrees:
+            self._age += 1
+            if first or (recovers and len(steps) == 1 and self._is_inconsistent(k)):
+                detected = self._detected(best, rays, widen=not first)
+                # A turned or shifted target may be an error that only later scans contradict.
+                steps, self._age = [detected] if first else [best, detected], 1
+            elif self._age >= CONFIRMED:
+                steps = [best]
+            best = self._record(k, steps)
+        self._hypotheses = steps
+        mean, covariance, _ = best.state
         self._means[k], self._covariances[k] = mean, covariance
-        self._used[k] = indices + self._scans.rows(k).start
-        deviations = (mean[5:7] - self._of_class) / [tracker.length_std, tracker.width_std]
-        self.size_deviations[k] = np.abs(deviations).max()
+        self._used[k] = best.indices + self._scans.rows(k).start
+        stds = [self._tracker.length_std, self._tracker.width_std]
+        self.size_deviations[k] = np.abs((mean[5:7] - self._of_class) / stds).max()
         self.log_weights[k] = log_weight(
-            self._sum_of_log_likelihoods,
+            best.log_likelihood,
             self.size_deviations[k],
             mean[3],
             covariance[3, 3],
             self._road_user,
         )
+
+    def _record(self, k: int, hypotheses: list[Hypothesis]) -> Hypothesis:
+        """The likeliest of the hypotheses, whose NIS is that of scan `k`."""
+        best = max(hypotheses, key=lambda one: one.log_likelihood)
+        self._nis[k], self._degrees[k] = best.nis, best.degrees
+        return best
+
+    def _is_inconsistent(self, k: int) -> bool:
+        return is_inconsistent(self._nis[: k + 1], self._degrees[: k + 1])
+
+    def _advanced(self, one: Hypothesis, interval: float, rays: Rays) -> Hypothesis:
+        """The hypothesis an `interval` in s later, updated with the points that it associates."""
+        mean, covariance, of_bias = one.state
+        of_bias = transition(mean, interval) @ of_bias
+        mean, covariance = predict(mean, covariance, interval, self._tracker)
+        mean, covariance = self._size_recalled(mean, covariance, interval)
+        predicted = mean, covariance, of_bias
+        indices = associate(
+            rays, mean[SEEN], covariance[np.ix_(SEEN, SEEN)], self.sight, self._tracker
+        )
+        if not len(indices):
+            return Hypothesis.unseen(predicted, one.log_likelihood)
+        taken = rays.subset(indices, self.sight)
+        posterior = update(*predicted, taken, self.sight, self._tracker)
+        return Hypothesis.updated(predicted, one.log_likelihood, indices, posterior)
+
+    def _detected(self, one: Hypothesis, rays: Rays, widen: bool) -> Hypothesis:
+        """The hypothesis with the most likely place of its target, see `detect_again`."""
+        indices, posterior = detect_again(
+            *one.predicted, rays, one.indices, self.sight, self._tracker, widen
+        )
+        return Hypothesis.updated(one.predicted, one.log_likelihood_before, indices, posterior)
 
     def _size_recalled(
         self, mean: np.ndarray, covariance: np.ndarray, interval: float

@@ -18,13 +18,22 @@ from stixel_cli.tracking.contour.ray_table import expected
 SEEN = np.array([0, 1, 2, 5, 6])
 """Indices of the states that a ray sees: the pose and the two sizes."""
 
-LEAST_STEP = np.array([0.02, 0.02, 0.01, 0.01, 0.01])
-GREATEST_STEP = np.array([0.3, 0.3, 0.2, 0.1, 0.1])
+CAP = 0.5
+"""Of half the length or the width: a change of the size moves what is nearer to an end by as much
+as the end. From 0.5 to 0.8 gains as much at home; 1, a scaled shape, shrinks real cars whose front
+is rounder than the class's.
+"""
+
+LEAST_STEP = np.array([0.02, 0.02, 0.01])
+GREATEST_STEP = np.array([0.3, 0.3, 0.2])
 """Bounds of the steps of the central differences, in the units of the states seen."""
 
 MISS_STD, MISS_FACTOR = 0.05, 4.0
 """A ray with a point of the target should meet its shape: standard deviation, m, and a factor on it
 that stands for neighbours, which share the error."""
+
+SIZE_STEP = 0.3
+"""Greatest change of a factor of the size in one iteration, relative: slopes are local."""
 
 CONVERGED = 2e-3
 """The iteration ends when no state moves by more than this."""
@@ -56,8 +65,10 @@ def update(
     silhouettes = uncut(
         rays.bearings[[first, last]], rays.ranges[[first, last]], rays.field_of_view
     )
-    rows = np.concatenate([np.ones(count, bool), silhouettes & ~np.array(rays.hidden)])
-    biases = np.concatenate([range_biases(rays, tracker), [0.0, 0.0]])
+    # A single ray does not show where an outline begins or ends.
+    silhouettes &= ~np.array(rays.hidden) & (count > 1 or not sight.outline)
+    rows = np.concatenate([np.ones(count, bool), silhouettes])
+    biases = np.concatenate([range_biases(rays, sight, tracker), [0.0, 0.0]])
     # With the considered error, of variance 1, after the state.
     size = len(mean)
     joint = np.eye(size + 1)
@@ -65,7 +76,7 @@ def update(
     posterior = joint
     iterate = mean if first_iterate is None else first_iterate
     for _ in range(tracker.iterations):
-        linear = _linearise(iterate, posterior, rays, first, last, sight)
+        linear = linearise(iterate, posterior, rays, first, last, sight)
         predicted, slopes, stds = linear.predicted, linear.slopes, linear.stds
         matrix = np.zeros((count + 2, size + 1))
         matrix[:, SEEN], matrix[:, size] = slopes.T, biases
@@ -108,6 +119,7 @@ def update(
             # A miss is a penalty: it makes nothing more likely.
             likelihood += 0.5 * np.log(2.0 * np.pi * miss_noise).sum()
         moved = mean + correction[:size]
+        moved[5:7] = np.clip(moved[5:7], iterate[5:7] - SIZE_STEP, iterate[5:7] + SIZE_STEP)
         change = np.abs(moved - iterate).max()
         iterate = moved
         if change < CONVERGED:
@@ -139,7 +151,11 @@ def condition(
     In the information form the cost grows with n and not with n³.
     """
     scale = np.eye(len(covariance)) + covariance @ (matrix.T @ (matrix / noise[:, None]))
-    posterior = np.linalg.solve(scale, covariance)
+    try:
+        posterior = np.linalg.solve(scale, covariance)
+    except np.linalg.LinAlgError:
+        # Singular by rounding, after a gap of years.
+        posterior = np.linalg.pinv(scale) @ covariance
     posterior = 0.5 * (posterior + posterior.T)
     pull = matrix.T @ (innovation / noise)
     nis = innovation @ (innovation / noise) - pull @ posterior @ pull
@@ -168,7 +184,7 @@ class Linear(NamedTuple):
     miss_slopes: np.ndarray
 
 
-def _linearise(
+def linearise(
     state: np.ndarray, covariance: np.ndarray, rays: Rays, first: int, last: int, sight: Sight
 ) -> Linear:
     """The measurements at a `state` (d,) with a `covariance` (d, d).
@@ -176,24 +192,35 @@ def _linearise(
     The slopes are central differences along the target's axes, over about a standard deviation: so
     no frame of the world matters.
     """
-    axes = np.eye(5)
+    axes = np.eye(3)
     axes[:2, :2] = rotation(state[2])
-    variances = np.diag(axes.T @ covariance[np.ix_(SEEN, SEEN)] @ axes)
+    variances = np.diag(axes.T @ covariance[:3, :3] @ axes)
     steps = np.clip(np.sqrt(np.maximum(variances, 0.0)), LEAST_STEP, GREATEST_STEP)
-    moved = np.repeat(state[None, SEEN], 11, axis=0)
-    moved[1:6] += (axes * steps).T
-    moved[6:] -= (axes * steps).T
+    moved = np.repeat(state[None, SEEN], 7, axis=0)
+    moved[1:4, :3] += (axes * steps).T
+    moved[4:, :3] -= (axes * steps).T
     ranges, insets, misses, range_stds, inset_stds = expected(
         moved, rays.sensor[:2], rays.directions, first, last, *sight.table.arrays()
     )
     predicted = np.hstack([ranges, -insets])
-    slopes = axes @ ((predicted[1:6] - predicted[6:]) / (2.0 * steps[:, None]))
-    second = predicted[1:6] + predicted[6:] - 2.0 * predicted[0]
+    values = np.hstack([predicted, misses])
+    slopes = np.zeros((5, values.shape[1]))
+    slopes[:3] = (values[1:4] - values[4:]) / (2.0 * steps[:, None])
+    # How far a change of the size moves the surface that each ray meets, along both axes.
+    hits = rays.sensor[:2] + ranges[0][:, None] * rays.directions - state[:2]
+    hits = hits @ axes[:2, :2]
+    half = sight.half * np.exp(state[5:7])
+    shifts = half * np.clip(hits / (CAP * half), -1.0, 1.0)
+    order = np.concatenate([np.arange(len(hits)), [first, last], np.arange(len(hits))])
+    slopes[3:] = slopes[:2] * shifts[order].T
+    slopes[:3] = axes @ slopes[:3]
+    second = predicted[1:4] + predicted[4:] - 2.0 * predicted[0]
+    count = len(predicted[0])
     return Linear(
         predicted[0],
-        slopes,
+        slopes[:, :count],
         np.concatenate([range_stds, inset_stds]),
         0.5 * (second**2).sum(axis=0),
         misses[0],
-        axes @ ((misses[1:6] - misses[6:]) / (2.0 * steps[:, None])),
+        slopes[:, count:],
     )

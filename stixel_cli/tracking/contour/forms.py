@@ -22,7 +22,7 @@ from stixel_cli.tracking.prior import PriorShape
 
 FORMS = ("class", "rectangle")
 
-RECTANGLE_ODDS = 8.0
+RECTANGLE_ODDS = 5.0
 """Log odds of the class's outline against the rectangle, before the first scan."""
 
 RECTANGLE_STD = 0.02
