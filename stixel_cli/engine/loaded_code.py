@@ -97,7 +97,8 @@ def current_function(name: str, folders: tuple[Path, ...]) -> Callable[..., Any]
     """
     module = name.partition(":")[0]
     code = CodeIndex().code([module], folders)
-    files = code.of_user
+    # With the data files that the modules declare: a changed one is read when they are imported.
+    files = {one: code.files[one][0] for one in code.modules_of_user if one in code.files}
     elsewhere = any(
         one in sys.modules and getattr(sys.modules[one], "__file__", None) != str(path)
         for one, path in files.items()

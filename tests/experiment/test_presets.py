@@ -15,8 +15,8 @@ PICTURED = {"rig", "renderer", "stereo", "road", "occupancy", "measurement", "me
 """Groups whose options show in the pictures of a scan; paths are drawn in a test of their own."""
 
 OWN_PRESETS = {"road_user", "pace", "prior", "source"}
-OF_FILES = {("measurement", "file"), ("path", "recorded")}
-"""Presets that need the user's files: `test_file_run.py`, tests/recordings."""
+OF_FILES = {("measurement", "file"), ("path", "recorded"), ("experiment", "lidarrm")}
+"""Presets that need the user's files: `test_file_run.py`, tests/recordings, `test_robustness.py`."""
 
 PRESETS = [
     (group, option)
