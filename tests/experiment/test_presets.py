@@ -16,7 +16,7 @@ PICTURED = {"rig", "renderer", "stereo", "road", "occupancy", "measurement", "me
 
 OWN_PRESETS = {"road_user", "pace", "prior", "source"}
 OF_FILES = {("measurement", "file"), ("path", "recorded"), ("experiment", "lidarrm")}
-"""Presets that need the user's files: `test_file_run.py`, tests/recordings, `test_robustness.py`."""
+"""Presets that need files: `test_file_run.py`, tests/recordings, `test_robustness.py`."""
 
 PRESETS = [
     (group, option)
