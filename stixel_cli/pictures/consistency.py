@@ -1,9 +1,19 @@
-"""The interval in which a statistic of a consistent filter is expected."""
+"""What pictures and pages draw of a covariance: ellipses, and bounds of a consistent filter."""
 
 import numpy as np
 
 
-def consistent_bounds(degrees_of_freedom: np.ndarray) -> np.ndarray:
+def ellipse_axes(covariances: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Semi-axes (2, n) m, the longer first, and angles (n,) rad of 1σ ellipses, (n, 2, 2) m²."""
+    a, b, c = covariances[:, 0, 0], covariances[:, 0, 1], covariances[:, 1, 1]
+    # The eigenvalues of a symmetric 2 × 2 matrix in closed form.
+    mean, spread = 0.5 * (a + c), np.hypot(0.5 * (a - c), b)
+    with np.errstate(invalid="ignore"):
+        axes = np.sqrt(np.maximum(np.stack([mean + spread, mean - spread]), 0.0))
+    return axes, 0.5 * np.arctan2(2.0 * b, a - c)
+
+
+def normalised_chi_square_bounds(degrees_of_freedom: np.ndarray) -> np.ndarray:
     """Approximate bounds (2, K) of the central 95 % of χ² / degrees of freedom (K,).
 
     Exact for two degrees of freedom, else by Wilson & Hilferty (1931): the error is below 0.1 for

@@ -12,6 +12,7 @@ from matplotlib.path import Path
 from matplotlib.typing import ColorType
 
 from stixel_cli.pictures import style
+from stixel_cli.pictures.consistency import ellipse_axes
 
 
 def draw_contour(axes: Axes, contour_world: np.ndarray, colour: str, **options) -> None:
@@ -70,13 +71,10 @@ def draw_ellipses(
     **options,
 ) -> None:
     """Ellipses of `std` standard deviations round centres (n, 2), as one artist."""
-    a, b, c = covariances[:, 0, 0], covariances[:, 0, 1], covariances[:, 1, 1]
-    # The eigenvalues of a symmetric 2 × 2 matrix in closed form.
-    mean, spread = 0.5 * (a + c), np.hypot(0.5 * (a - c), b)
+    semi_axes, angles = ellipse_axes(covariances)
     ellipses = EllipseCollection(
-        2.0 * std * np.sqrt(np.maximum(mean + spread, 0.0)),
-        2.0 * std * np.sqrt(np.maximum(mean - spread, 0.0)),
-        np.degrees(0.5 * np.arctan2(2.0 * b, a - c)),
+        *(2.0 * std * semi_axes),
+        np.degrees(angles),
         units="xy",
         offsets=centres,
         offset_transform=axes.transData,

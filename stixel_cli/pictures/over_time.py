@@ -9,7 +9,7 @@ from stixel_cli.evaluation.scan_errors import LOW_OVERLAP
 from stixel_cli.evaluation.scores import SERIES, Scores
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.pictures import style
-from stixel_cli.pictures.consistency import consistent_bounds
+from stixel_cli.pictures.consistency import normalised_chi_square_bounds
 from stixel_cli.pictures.path_figure import path_figure
 from stixel_cli.results.pictures import Pictures
 from stixel_cli.scene.scenario import Scenario
@@ -86,7 +86,7 @@ def _draw_errors(column, scores: Scores) -> None:
 def _draw_consistency(axes: Axes, scores: Scores, name: str, degrees_of_freedom) -> None:
     """A statistic divided by its degrees of freedom, on a logarithmic axis."""
     series, ratio = SERIES[name], getattr(scores, name)
-    low, high = consistent_bounds(np.asarray(degrees_of_freedom))
+    low, high = normalised_chi_square_bounds(np.asarray(degrees_of_freedom))
     ratio = np.where(ratio > 0.0, ratio, np.nan)
     axes.set_yscale("log")
     # A decade to each side at least, so that a small scatter does not look like a great one.

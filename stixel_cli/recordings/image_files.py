@@ -101,7 +101,8 @@ def _size(file: Path, head: bytes, of_disparities: bool) -> tuple[int, int]:
         return _jpeg_size(file, head)
     if not head.startswith(PNG) or len(head) < 33 or head[12:16] != b"IHDR":
         is_jpeg = file.suffix.lower() in (".jpg", ".jpeg") and not head.startswith(PNG)
-        raise UserError(f"{file}: not a {'JPEG' if is_jpeg else 'PNG'} image")
+        needed = "JPEG" if is_jpeg and not of_disparities else "PNG"
+        raise UserError(f"{file}: not a {needed} image")
     width, height = (int.from_bytes(head[i : i + 4], "big") for i in (16, 20))
     bits, colour = head[24], head[25]
     _check_sides(file, width, height)

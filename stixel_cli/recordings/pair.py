@@ -63,8 +63,8 @@ def find_named_pair(source: Pair) -> Recording:
         source.kind,
         (Path(source.folder), Path(source.right)),
         calibration,
-        source.labels and Path(source.labels),
-        source.disparity and Path(source.disparity),
+        None if source.labels is None else Path(source.labels),
+        None if source.disparity is None else Path(source.disparity),
     )
 
 

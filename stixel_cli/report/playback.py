@@ -18,7 +18,7 @@ from stixel_cli.evaluation.scan_errors import LOW_OVERLAP
 from stixel_cli.evaluation.scores import SERIES
 from stixel_cli.evaluation.verdict import badges, verdict
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.pictures.consistency import consistent_bounds
+from stixel_cli.pictures.consistency import normalised_chi_square_bounds
 from stixel_cli.report.metrics import LABEL_COLUMNS, label_rows
 from stixel_cli.report.playback_values import (
     FARTHEST,
@@ -129,7 +129,7 @@ def playback_data(
             if (with_truth and not (scenario.only_box and name == "iou"))
             or any(np.isfinite(getattr(run.scores, name)).any() for run in runs)
         ],
-        "neesBounds": numbers(consistent_bounds(np.array([2])).ravel(), 4),
+        "neesBounds": numbers(normalised_chi_square_bounds(np.array([2])).ravel(), 4),
         "runs": played,
         "scans": scans,
         "cameras": cameras,
@@ -157,7 +157,7 @@ def _run(run: RunResult, facts: Sequence[tuple[str, str]]) -> dict[str, Any]:
         track.used_points[track.used_offsets[k] : track.used_offsets[k + 1]] - run.scans.offsets[k]
         for k in range(len(track.times))
     ]
-    low, high = consistent_bounds(track.nis_degrees_of_freedom)
+    low, high = normalised_chi_square_bounds(track.nis_degrees_of_freedom)
     return {
         "label": run.label,
         "facts": [list(fact) for fact in facts],

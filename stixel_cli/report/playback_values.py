@@ -12,6 +12,7 @@ import numpy as np
 
 from stixel_cli.evaluation.metric_table import metric
 from stixel_cli.measurements.scans import Scans
+from stixel_cli.pictures.consistency import ellipse_axes
 from stixel_cli.report.metrics import shown_value
 from stixel_cli.results.result import RunResult
 
@@ -85,13 +86,8 @@ FARTHEST = 1e7  # m; the page omits farther points
 
 def ellipses(covariances: np.ndarray) -> list[int | None]:
     """Semi-axes (mm) and angle (1e-3 rad) of each 1σ ellipse, in one list."""
-    a, b, c = covariances[:, 0, 0], covariances[:, 0, 1], covariances[:, 1, 1]
-    # The eigenvalues of a symmetric 2 × 2 matrix in closed form.
-    mean, spread = 0.5 * (a + c), np.hypot(0.5 * (a - c), b)
-    with np.errstate(invalid="ignore"):
-        axes = np.sqrt(np.maximum(np.stack([mean + spread, mean - spread]), 0.0))
-    angle = 0.5 * np.arctan2(2.0 * b, a - c)
-    values = 1000.0 * np.stack([*axes, angle], axis=1).ravel()
+    semi_axes, angles = ellipse_axes(covariances)
+    values = 1000.0 * np.stack([*semi_axes, angles], axis=1).ravel()
     known = np.abs(values) < 1e3 * FARTHEST
     whole = np.rint(np.where(known, values, 0.0)).astype(np.int64).tolist()
     return whole if known.all() else [w if k else None for w, k in zip(whole, known, strict=True)]

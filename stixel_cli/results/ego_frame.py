@@ -63,13 +63,13 @@ def track_in_ego_frame(track: Table, ego: Table) -> dict[str, np.ndarray]:
         of the six std_….
     """
     count = len(track["times"])
-    turn = np.tile(np.eye(6), (count, 1, 1))
-    turn[:, :2, :2] = turn[:, 3:5, 3:5] = _turns(ego["heading"])
-    means = track["means"][:, :6].copy()
+    turn = _turns(ego["heading"])
+    means, covariances = track["means"].copy(), track["covariances"].copy()
     means[:, :3] -= np.stack([ego["x"], ego["y"], ego["heading"] - STRAIGHT_AHEAD], axis=1)
-    means = (turn @ means[:, :, None])[:, :, 0]
     means[:, 2] = wrap_angle(means[:, 2])
-    covariances = turn @ track["covariances"][:, :6, :6] @ turn.swapaxes(1, 2)
+    for xy in (slice(0, 2), slice(3, 5)):
+        means[:, xy] = (turn @ means[:, xy, None])[:, :, 0]
+        covariances[:, xy, xy] = turn @ covariances[:, xy, xy] @ turn.swapaxes(1, 2)
     return {"k": np.arange(count), "t": track["times"], **state_columns(means, covariances)}
 
 

@@ -1,6 +1,7 @@
 """The data of a study's report: its complete sweeps with their runs."""
 
 import math
+import os
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -10,13 +11,29 @@ from typing import Any
 from stixel_cli.engine.errors import MissingEntry
 from stixel_cli.engine.graph import Graph
 from stixel_cli.engine.store import Store
-from stixel_cli.errors import UserError
+from stixel_cli.errors import MissingData, UserError
 from stixel_cli.evaluation.scores import SERIES, Scores
 from stixel_cli.report.run_frame import StudyRun
 from stixel_cli.results.reader import read_series
 from stixel_cli.studies.entry import SweepEntry
 from stixel_cli.sweeps.folder import SweepFolder
 from stixel_cli.sweeps.results import SweepResult
+
+DATA = "STIXEL_DATA"
+"""Environment variable that names the folder of the user's recordings."""
+
+
+def data_folder(contents: str, needed: str = "") -> Path:
+    """The folder that `DATA` names, or the folder `needed` in it; `contents` says what it has.
+
+    Raises:
+        MissingData: if there is no such folder.
+    """
+    named = os.environ.get(DATA, "")
+    folder = Path(named, needed)
+    if not named or not folder.is_dir():
+        raise MissingData(f"{DATA}: must name a folder that has {contents}, got {named!r}")
+    return folder.absolute()
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,5 @@
 """The reports of `stixel study robustness` and `robustness_real`: a table for each departure."""
 
-import os
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +11,11 @@ from stixel_cli.errors import MissingData
 from stixel_cli.report import tables
 from stixel_cli.report.blocks import Material, Table
 from stixel_cli.report.run_frame import StudyRun, run_frame
-from stixel_cli.studies.data import StudyData
+from stixel_cli.studies.data import DATA, StudyData, data_folder
 
-DATA = "STIXEL_DATA"
+SETS = "pandaset, lidarrm and kitti_tracking"
+"""What the data folder of `robustness_real` has."""
+
 CLIP, CARS = "0005", (31, 0, 1)
 """KITTI tracking's clip with images, and its cars."""
 
@@ -62,7 +63,10 @@ def lidarrm() -> list[dict[str, list]]:
 
 def clip() -> list[dict[str, list]]:
     """Axes: the cars of the clip, with all frames that have their label."""
-    sequence = {"source.folder": [str(_data() / "kitti_tracking")], "source.sequence": [CLIP]}
+    sequence = {
+        "source.folder": [str(data_folder(SETS) / "kitti_tracking")],
+        "source.sequence": [CLIP],
+    }
     return [
         {key: values * len(CARS) for key, values in sequence.items()}
         | {"source.target": list(CARS)}
@@ -70,19 +74,11 @@ def clip() -> list[dict[str, list]]:
 
 
 def _folders(name: str) -> list[Path]:
-    found = sorted(file.parent for file in (_data() / name).glob("*/scans.csv"))
+    folder = data_folder(SETS) / name
+    found = sorted(file.parent for file in folder.glob("*/scans.csv"))
     if not found:
-        raise MissingData(f"{DATA}: {_data() / name} has no folder with scans.csv")
+        raise MissingData(f"{DATA}: {folder} has no folder with scans.csv")
     return found
-
-
-def _data() -> Path:
-    named = os.environ.get(DATA, "")
-    if not named or not Path(named).is_dir():
-        raise MissingData(
-            f"{DATA}: must name a folder with pandaset, lidarrm and kitti_tracking, got {named!r}"
-        )
-    return Path(named).absolute()
 
 
 def _tables(folders: list[Path], *keys: str) -> dict[str, list]:

@@ -6,7 +6,7 @@ from contextlib import suppress
 from importlib import import_module
 from typing import Any
 
-from stixel_cli.engine.errors import MissingEntry, StageFailure
+from stixel_cli.engine.errors import CacheError, MissingEntry, StageFailure
 from stixel_cli.engine.execute import execute
 from stixel_cli.engine.plan import Durations
 from stixel_cli.engine.progress import make_display
@@ -67,7 +67,8 @@ def run_sweep(
         with suppress(UserError):
             sweep.write_tables()
         if isinstance(error, UserError):
-            raise type(error)(f"{error}{resume}") from error
+            kind = CacheError if isinstance(error, MissingEntry) else type(error)
+            raise kind(f"{error}{resume}") from error
         raise SweepInterrupted(
             f"interrupted: {len(sweep.runs)} of {len(plan.runs)} runs are done; computed results "
             f"are kept{resume}"

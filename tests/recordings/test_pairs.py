@@ -101,6 +101,20 @@ def test_true_disparities_are_read_and_a_wrong_file_is_refused(pair, images, tmp
         read_disparity(cut)
 
 
+def test_an_empty_name_or_a_jpeg_is_no_file_of_disparities(pair, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    images = (
+        f"source.folder={pair}/image_0/000007_10.png",
+        f"source.right={pair}/image_1/000007_10.png",
+    )
+    named = ("source=pair", *images, f"source.calibration={pair}/calib/000007.txt")
+    with pytest.raises(UserError, match=r"\.: "):
+        compose([*named, "source.disparity=''"])
+    (tmp_path / "true.jpg").write_bytes(b"\xff\xd8\xff")
+    with pytest.raises(UserError, match=r"true\.jpg: not a PNG image"):
+        compose([*named, f"source.disparity={tmp_path}/true.jpg"])
+
+
 def test_assess_measures_errors_offset_and_obstacles(pair, tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "cache"))
     monkeypatch.chdir(tmp_path)

@@ -16,7 +16,7 @@ from scipy.stats import chi2
 
 from stixel_cli.pictures import style
 from stixel_cli.pictures.camera_frames import WIDEST, camera_frames
-from stixel_cli.pictures.consistency import consistent_bounds
+from stixel_cli.pictures.consistency import normalised_chi_square_bounds
 from stixel_cli.report import playback
 from stixel_cli.report.playback import json_in_html, playback_data, playback_html
 
@@ -159,14 +159,14 @@ def test_camera_frames_contain_small_images_and_stixels():
     assert frames.offsets.tolist() == [0, len(frames.left) // 2, len(frames.left)]
 
 
-def test_consistent_bounds_approximate_chi_square():
+def test_normalised_bounds_approximate_chi_square():
     n = np.array([2, 4, 20, 180])
     exact = np.stack([chi2.ppf(p, n) / n for p in (0.025, 0.975)])
-    near = consistent_bounds(n)
+    near = normalised_chi_square_bounds(n)
     assert np.allclose(near[:, 0], exact[:, 0])
     assert np.allclose(near[:, 1], exact[:, 1], rtol=0.1)
     assert np.allclose(near[:, 2:], exact[:, 2:], rtol=0.01)
-    assert np.isnan(consistent_bounds(np.array([0]))).all()
+    assert np.isnan(normalised_chi_square_bounds(np.array([0]))).all()
 
 
 def test_page_uses_the_colours_of_the_figures():

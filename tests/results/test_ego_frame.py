@@ -6,7 +6,7 @@ import pytest
 from stixel_cli import run
 from stixel_cli.errors import UserError
 from stixel_cli.geometry.pose import ego_from_world, rotate_covariances
-from stixel_cli.results.ego_frame import read_ego_tables
+from stixel_cli.results.ego_frame import read_ego_tables, track_in_ego_frame
 
 RUN = ["measurement=fabricated", "ego=turning", "ego.yaw_rate=-20", "path.duration=0.5", "seed=1"]
 
@@ -43,6 +43,16 @@ def test_a_state_is_turned_with_its_covariance(result):
         std = [ego["std_x"][k], ego["std_y"][k]]
         np.testing.assert_allclose(std, np.sqrt(np.diag(position)))
     np.testing.assert_array_equal(ego["heading_rate"], track.means[:, 5])
+
+
+def test_an_unknown_rate_leaves_the_place_known(result):
+    means = result.track.means.copy()
+    means[:, 3] = np.nan
+    ego = track_in_ego_frame(vars(result.track) | {"means": means}, result.tables["ego"])
+    known = result.ego_tables["track"]
+    assert np.isnan(ego["x_rate"]).all()
+    for name in ("x", "y", "heading", "std_x", "std_x_rate"):
+        np.testing.assert_array_equal(ego[name], known[name])
 
 
 def test_a_folder_gives_the_same(result):

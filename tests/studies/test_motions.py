@@ -11,6 +11,7 @@ from scipy.stats import ttest_ind
 
 from stixel_cli.errors import MissingData
 from stixel_cli.report.statistics import Estimate, Statistic, excludes_zero, over_seeds
+from stixel_cli.studies.data import data_folder
 from stixel_cli.studies.file import find_study, read_study
 from stixel_cli.studies.motions import tracks
 from stixel_cli.studies.motions.report import (
@@ -87,7 +88,7 @@ def data(tmp_path_factory):
 
 def test_tracks_that_count(data, monkeypatch):
     monkeypatch.setenv("STIXEL_DATA", str(data))
-    found = tracks.real_tracks(tracks.data_folder())
+    found = tracks.real_tracks(data_folder(tracks.NEEDED, tracks.CLIPS))
     named = [(one.sequence, one.target, one.kind, len(one.frames)) for one in found]
     assert named == [
         ("0000", 3, "Car", 6),

@@ -100,4 +100,4 @@ def test_recordings_are_those_of_the_users_data(studies, recordings, tmp_path):
 
 def test_without_data_one_line_names_the_variable(studies, monkeypatch):
     monkeypatch.delenv("STIXEL_DATA", raising=False)
-    assert "STIXEL_DATA: must name a folder with pandaset" in studies.refused("robustness_real")
+    assert "STIXEL_DATA: must name a folder that has pandaset" in studies.refused("robustness_real")

@@ -11,12 +11,24 @@ import sys
 import time
 from pathlib import Path
 
+import pytest
 import yaml
 
+from stixel_cli import sweep
 from stixel_cli.engine.cache_folder import make_folder
+from stixel_cli.engine.errors import CacheError, MissingEntry
 
 FEW = ("measurement=fabricated", "path.duration=0.3")
 STATISTICS = ("summary.csv", "summary.md", "summary.tex")
+
+
+def test_a_result_that_is_gone_after_its_computation_is_one_line(tmp_path, monkeypatch):
+    def take(*_):
+        raise MissingEntry("a" * 64, "was removed")
+
+    monkeypatch.setattr("stixel_cli.sweeps.run._Sweep.take", take)
+    with pytest.raises(CacheError, match="aaaaaaaaaaaa: was removed; resume with: stixel sweep"):
+        sweep([*FEW, "seed=0,1"], results=tmp_path / "results", cache=tmp_path / "cache")
 
 
 def test_a_failing_run_stops_no_other_and_resume_retries_it(sweeps, bad_mesh):

@@ -1,6 +1,5 @@
 """The real tracks of the study: those of KITTI tracking in the folder that STIXEL_DATA names."""
 
-import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,9 +11,11 @@ from stixel_cli.recordings.kitti_tables import read_labels, read_poses
 from stixel_cli.recordings.replay import LABELS, label_root, sequences
 from stixel_cli.recordings.types import Labels
 from stixel_cli.scene.classes import CLASS_OF_KITTI_TYPE
+from stixel_cli.studies.data import DATA, data_folder
 
-DATA = "STIXEL_DATA"
 CLIPS = "kitti_tracking"
+NEEDED = f"{CLIPS}/training with label_02, ego_poses and calib of KITTI's tracking benchmark"
+"""What the data folder of the study has."""
 
 LEAST_FRAMES = 30
 """Labelled frames of a track that count, at least."""
@@ -44,22 +45,6 @@ class RealTrack:
     target: int
     kind: str
     frames: range
-
-
-def data_folder() -> Path:
-    """The folder with the clips.
-
-    Raises:
-        MissingData: if STIXEL_DATA does not name a folder that has it.
-    """
-    named = os.environ.get(DATA, "")
-    folder = Path(named) / CLIPS
-    if not named or not folder.is_dir():
-        raise MissingData(
-            f"{DATA}: must name a folder that has {CLIPS}/training with label_02, ego_poses and "
-            f"calib of KITTI's tracking benchmark, got {named!r}"
-        )
-    return folder.absolute()
 
 
 def real_tracks(folder: Path) -> list[RealTrack]:
@@ -111,7 +96,7 @@ def some_tracks() -> list[dict[str, list]]:
 
 
 def _axes(subset: Callable[[list[RealTrack]], list[RealTrack]]) -> list[dict[str, list]]:
-    folder = data_folder()
+    folder = data_folder(NEEDED, CLIPS)
     tracks = real_tracks(folder)
     chosen = subset(tracks)
     if not chosen:

@@ -20,8 +20,6 @@ from stixel_cli.tracking.contour.ray_table import RayTable, outline_table
 from stixel_cli.tracking.contour.residual import Residual
 from stixel_cli.tracking.prior import PriorShape
 
-FORMS = ("class", "rectangle")
-
 RECTANGLE_ODDS = 5.0
 """Log odds of the class's outline against the rectangle, before the first scan."""
 
