@@ -113,7 +113,7 @@ def _asked(
         request = SweepFolder(folder).request()
         composer = Composer(request.working_directory, trusted=False)
         runs = compose_runs(on_this_machine(request.runs, ()), request.keys, composer)
-        plan, _ = planned_sweep(runs, None, request.pictures, request.nodes)
+        plan = planned_sweep(runs, None, request.pictures, request.nodes)
         return plan, [read_lineage(run) for run in folder.glob("runs/*")]
     if folders:
         stored = read_stored_run(Path(folders[0]))
@@ -125,7 +125,7 @@ def _asked(
     runs = design_runs(design)
     if not design.axes:
         return planned_run(runs[0].composition), ()
-    return planned_sweep(runs, None, False)[0], ()
+    return planned_sweep(runs, None, False), ()
 
 
 def _needed_by(runs: "Sequence[PlannedRun]", missing: set[str]) -> dict[str, list[int]]:

@@ -1,6 +1,7 @@
 """`stixel plan`: count the nodes that a run or a sweep would compute, and estimate the time."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from stixel_cli.cli.options import (
@@ -54,18 +55,16 @@ def plan(
     design = sweep_design(words, file, one_is_enough=True, trust_code=trust_code)
     runs = design_runs(design)
     if design.axes:
-        planned, notes = planned_sweep(runs, None, pictures)
+        planned = planned_sweep(runs, None, pictures)
     else:
-        planned, notes = planned_run(runs[0].composition), [AS_RUN]
-    print_plan(planned, design.axes, notes, json)
+        planned = replace(planned_run(runs[0].composition), notes=(AS_RUN,))
+    print_plan(planned, design.axes, json)
     return 0
 
 
-def print_plan(
-    plan: "SweepPlan", axes: "Sequence[Axis]" = (), notes: Sequence[str] = (), json: bool = False
-) -> None:
+def print_plan(plan: "SweepPlan", axes: "Sequence[Axis]" = (), json: bool = False) -> None:
     """Print a plan as JSON or as a table."""
-    content = plan_content(plan, axes, notes)
+    content = plan_content(plan, axes)
     if json:
         print_json(content)
         return
@@ -75,7 +74,7 @@ def print_plan(
         values = [" ".join(override.text for override in step) for step in axis.steps]
         shown = ", ".join(values[:6]) + (", …" if len(values) > 6 else "")
         say(f"{axis.name}: {counted(len(values), 'value')}: {shown}")
-    for note in notes:
+    for note in plan.notes:
         say(f"note: {note}")
     rows = [
         (
@@ -100,9 +99,7 @@ def print_plan(
     )
 
 
-def plan_content(
-    plan: "SweepPlan", axes: "Sequence[Axis]" = (), notes: Sequence[str] = ()
-) -> dict[str, Any]:
+def plan_content(plan: "SweepPlan", axes: "Sequence[Axis]" = ()) -> dict[str, Any]:
     """A plan in plain types."""
     configuration = plan.runs[0].composition.configuration
     seconds = plan.seconds(configuration.executor.workers)
@@ -117,7 +114,7 @@ def plan_content(
         "seconds": None if seconds is None else round(seconds, 1),
         "workers": configuration.executor.workers,
         "axes": [{"keys": list(axis.keys), "values": len(axis.steps)} for axis in axes],
-        "notes": list(notes),
+        "notes": list(plan.notes),
         "stages": [
             vars(stage) | {"seconds": None if stage.seconds is None else round(stage.seconds, 2)}
             for stage in plan.stages

@@ -203,7 +203,7 @@ class _Command:
 def _planned(plan: "StudyPlan", json: bool) -> dict[str, Any]:
     """The plan in plain types; printed unless `json`."""
     sweeps = {
-        part.sweep.name: part.plan and plan_content(part.plan, part.design.axes, part.notes)
+        part.sweep.name: part.plan and plan_content(part.plan, part.design.axes)
         for part in plan.sweeps
     }
     if not json:
@@ -213,7 +213,7 @@ def _planned(plan: "StudyPlan", json: bool) -> dict[str, Any]:
             if part.plan is None:
                 say("its axes depend on the results of the sweeps before")
             else:
-                print_plan(part.plan, part.design.axes, part.notes)
+                print_plan(part.plan, part.design.axes)
             say("")
     return {"study": plan.study.name, "notes": list(plan.notes), "sweeps": sweeps}
 

@@ -85,8 +85,8 @@ def sweep(
     elif dry_run:
         check_name(results, name)
         design = sweep_design(words, file, shuffle, trust_code=trust_code)
-        plan, notes = planned_sweep(design_runs(design, imports=False), shuffle, pictures)
-        print_plan(plan, design.axes, notes, json)
+        plan = planned_sweep(design_runs(design, imports=False), shuffle, pictures)
+        print_plan(plan, design.axes, json)
         return 0
     else:
         design = sweep_design(words, file, shuffle, trust_code=trust_code)

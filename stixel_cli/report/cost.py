@@ -12,7 +12,8 @@ import pandas as pd
 
 from stixel_cli.report import tables
 from stixel_cli.report.blocks import Table
-from stixel_cli.report.run_frame import StudyRun, run_frame
+from stixel_cli.report.run_frame import run_frame
+from stixel_cli.results.result import RunResult
 
 STAGES = ("match", "free_space", "stixels", "scans", "track")
 """Stages between the images and the track: the work of a system with real cameras."""
@@ -26,14 +27,14 @@ IN_ORDER = ("free_space", "track")
 """Stages that need their result of the scan before."""
 
 
-def seconds_frame(runs: Sequence[StudyRun], stages: Iterable[str]) -> pd.DataFrame:
+def seconds_frame(runs: Sequence[RunResult], stages: Iterable[str]) -> pd.DataFrame:
     """CPU seconds per scan of each run (row) and stage (column); NaN if they are not recorded."""
     seconds = pd.DataFrame([dict(run.cpu_seconds) for run in runs], columns=list(stages))
     scans = np.array([len(run.scores.times) for run in runs], dtype=np.float64)
     return seconds.astype(float).div(scans, axis=0)
 
 
-def seconds_a_scan(runs: Sequence[StudyRun], stages: Sequence[str] = STAGES) -> dict[str, float]:
+def seconds_a_scan(runs: Sequence[RunResult], stages: Sequence[str] = STAGES) -> dict[str, float]:
     """Median over the runs of the CPU seconds per scan, of each of the stages that is recorded."""
     return seconds_frame(runs, stages).median().dropna().to_dict()
 
@@ -48,7 +49,7 @@ def on_cores(seconds: Mapping[str, float]) -> tuple[float, float]:
     return total, max([0.5 * total, *(seconds.get(stage, 0.0) for stage in IN_ORDER)])
 
 
-def real_time_table(name: str, kinds: Mapping[str, Sequence[StudyRun]]) -> Table:
+def real_time_table(name: str, kinds: Mapping[str, Sequence[RunResult]]) -> Table:
     """Milliseconds per scan of each stage, and their sum relative to T, on one core and at
     least on two.
 
@@ -66,7 +67,7 @@ def real_time_table(name: str, kinds: Mapping[str, Sequence[StudyRun]]) -> Table
     return Table.of(name, rows)
 
 
-def cost_of(**kinds: Sequence[StudyRun]) -> dict[str, Any]:
+def cost_of(**kinds: Sequence[RunResult]) -> dict[str, Any]:
     """The computational cost of a scan of two kinds, such as `simulated` and `fabricated`.
 
     Returns:
@@ -88,7 +89,7 @@ def cost_of(**kinds: Sequence[StudyRun]) -> dict[str, Any]:
     }
 
 
-def _totals(runs: Sequence[StudyRun]) -> pd.Series:
+def _totals(runs: Sequence[RunResult]) -> pd.Series:
     """CPU seconds of `SCAN_STAGES` per scan, by road user, path and seed, where all are known."""
     totals = [
         # A pipeline lacks some stages; a stage that was run has its seconds, or they are unknown.

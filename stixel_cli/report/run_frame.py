@@ -1,13 +1,12 @@
-"""The runs of a study, as objects and as one pandas frame."""
+"""The runs of a study as one pandas frame."""
 
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import pandas as pd
 
-from stixel_cli.evaluation.scores import Scores
+from stixel_cli.results.result import RunResult
 
 STIXELS, LIDAR, BASELINE = "stixels", "lidar", "point"
 """Kinds of measurement and of tracker that the questions name."""
@@ -16,35 +15,7 @@ GROUPS = ("road_user", "path", "measurement", "tracker")
 """Groups of the configuration that a frame of runs always has as columns."""
 
 
-@dataclass(frozen=True)
-class StudyRun:
-    """One run of a sweep.
-
-    Attributes:
-        index: its number in the sweep.
-        setting: keys that differ between the sweep's runs, without the seed, to values as typed.
-        seed: of its random numbers.
-        configuration: of the run.
-        metrics: name to value; None for a missing value.
-        scores: errors over time.
-        cpu_seconds: stage to the CPU seconds that its results took; NaN if they are not recorded.
-        variant: name of the sweep's variant; "" if it has none.
-        load: returns the result of a stage that the sweep's `results` names, or the list of the
-            results of its chunks. It reads the store at each call.
-    """
-
-    index: int
-    setting: Mapping[str, str]
-    seed: int
-    configuration: Any
-    metrics: Mapping[str, float | int | None]
-    scores: Scores
-    cpu_seconds: Mapping[str, float]
-    load: Callable[[str], Any]
-    variant: str = ""
-
-
-def run_frame(runs: Iterable[StudyRun]) -> pd.DataFrame:
+def run_frame(runs: Iterable[RunResult]) -> pd.DataFrame:
     """One row for each run: `run` itself, its setting, `seed` and metrics.
 
     Columns of the setting: `GROUPS`, each option as typed, or its kind if it is not swept;
@@ -92,7 +63,7 @@ def tracker_name(option: str, configuration: Any) -> str:
 
 
 def _distinct_names(
-    runs: Sequence[StudyRun], group: str, name: Callable[[str, Any], str]
+    runs: Sequence[RunResult], group: str, name: Callable[[str, Any], str]
 ) -> dict[tuple, str]:
     """Setting of a group to a name; different settings have different names."""
     found: dict[tuple, tuple[str, str]] = {}
@@ -116,11 +87,11 @@ def _distinct_names(
     }
 
 
-def _option(run: StudyRun, group: str) -> str:
+def _option(run: RunResult, group: str) -> str:
     return run.setting.get(group, getattr(run.configuration, group).kind)
 
 
-def _setting(run: StudyRun, group: str) -> tuple:
+def _setting(run: RunResult, group: str) -> tuple:
     """A group's option and other swept keys: the tracker's keys for it, the rest for the scans."""
     rest = [
         (key, value)

@@ -17,8 +17,8 @@ from stixel_cli.report import tables
 from stixel_cli.report.blocks import Cell, Figure, Picture, Table
 from stixel_cli.report.charts import DASHES, Panel, chart
 from stixel_cli.report.charts import over_time as draw_over_time
-from stixel_cli.report.run_frame import StudyRun
 from stixel_cli.report.statistics import chi_square_bounds, over_seeds
+from stixel_cli.results.result import RunResult
 from stixel_cli.validation.point_statistics import contour_distances
 
 NEAR = 2.0
@@ -103,7 +103,7 @@ def within_bounds(scans: pd.DataFrame) -> tuple[float | None, float | None]:
     return shares[0], shares[1]
 
 
-def near_points(run: StudyRun) -> tuple[np.ndarray, np.ndarray]:
+def near_points(run: RunResult) -> tuple[np.ndarray, np.ndarray]:
     """Number of points of each scan (K,) near the true contour, and their distances, m."""
     scans = run.load("scans")
     distances = contour_distances(scans, run.load("scenario"))
@@ -112,7 +112,7 @@ def near_points(run: StudyRun) -> tuple[np.ndarray, np.ndarray]:
     return np.bincount(k[near], minlength=len(scans)), distances[near]
 
 
-def gate_shares(runs: Iterable[StudyRun]) -> tuple[float | None, float | None]:
+def gate_shares(runs: Iterable[RunResult]) -> tuple[float | None, float | None]:
     """Share of the target's points that a tracker did not use, and of others in those it used."""
     near = lost = used = others = 0
     for run in runs:
@@ -189,7 +189,7 @@ def _over_time(name: str, error: str, scans: pd.DataFrame, measurements: Sequenc
     return chart(f"{name}_{error}", [panel], row=2.7)
 
 
-def stage_pictures(name: str, run: StudyRun) -> list[tuple[int, Picture]]:
+def stage_pictures(name: str, run: RunResult) -> list[tuple[int, Picture]]:
     """Frame and sheet of every frame that the stage `camera_pictures` of a run drew."""
     frames = sorted(
         (frame, files)

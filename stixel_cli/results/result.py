@@ -1,7 +1,7 @@
 """A run with its results, computed or read: from the run to its folder, to tables and pages."""
 
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
@@ -61,6 +61,11 @@ class RunResult:
         status: `done`, `failed`, `skipped` or `missing`.
         failure: of a run that failed or was skipped: why; of a listed one: why it is not readable.
         planned: the run before it was computed; in a sweep only.
+        variant: in a study, name of the sweep's variant; "" if it has none.
+        cpu_seconds: in a study, stage to the CPU seconds that its results took; NaN if they are not
+            recorded.
+        load: in a study, returns the result of a stage that the sweep's `results` names, or the
+            list of the results of its chunks. It reads the store at each call.
     """
 
     settings: Mapping[str, Any] = field(default_factory=dict)
@@ -81,6 +86,9 @@ class RunResult:
     status: str = DONE
     failure: Exception | None = None
     planned: Any = None
+    variant: str = ""
+    cpu_seconds: Mapping[str, float] = field(default_factory=dict)
+    load: Callable[[str], Any] | None = None
 
     def __repr__(self) -> str:
         """The choices, the seed, the verdict and the folder, in one line."""
@@ -92,6 +100,11 @@ class RunResult:
         return (
             f"<RunResult {' '.join(words)}: {' '.join(verdict(self.metrics))} {self.folder or ''}>"
         )
+
+    @property
+    def configuration(self) -> Any:
+        """Its validated configuration."""
+        return self.composition.configuration
 
     @property
     def index(self) -> int:

@@ -3,8 +3,8 @@
 import math
 import os
 from collections import defaultdict
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +13,8 @@ from stixel_cli.engine.graph import Graph
 from stixel_cli.engine.store import Store
 from stixel_cli.errors import MissingData, UserError
 from stixel_cli.evaluation.scores import SERIES, Scores
-from stixel_cli.report.run_frame import StudyRun
 from stixel_cli.results.reader import read_series
+from stixel_cli.results.result import RunResult
 from stixel_cli.studies.entry import SweepEntry
 from stixel_cli.sweeps.folder import SweepFolder
 from stixel_cli.sweeps.results import SweepResult
@@ -37,91 +37,77 @@ def data_folder(contents: str, needed: str = "") -> Path:
 
 
 @dataclass(frozen=True)
-class StudySweep:
-    """A complete sweep; `keys` are those of its axes, including the seed if it is swept."""
-
-    name: str
-    keys: tuple[str, ...]
-    runs: tuple[StudyRun, ...]
-
-
-@dataclass(frozen=True)
 class StudyData:
-    """Input of a study's report: the sweeps by name, in the order of the study's file."""
+    """Input of a study's report: the complete sweeps by name, in the order of the study's file.
+
+    Their runs also have `scores`, `cpu_seconds`, `load` and `variant`.
+    """
 
     name: str
     title: str
     question: str
-    sweeps: Mapping[str, StudySweep]
+    sweeps: Mapping[str, SweepResult]
 
 
-class NodeSeconds:
-    """Recorded CPU seconds of nodes in a store, each read once."""
+class NodeSeconds(dict[str, float]):
+    """Recorded CPU seconds of nodes in a store, each read once; NaN for one without a record."""
 
     def __init__(self, store: Store):
+        super().__init__()
         self._store = store
-        self._known: dict[str, float] = {}
 
-    def of(self, key: str) -> float:
-        """CPU seconds of one node; NaN if they are not recorded or its result was removed."""
-        if key not in self._known:
-            try:
-                self._known[key] = float(self._store.meta(key).get("cpu_seconds", math.nan))
-            except MissingEntry:
-                self._known[key] = math.nan
-        return self._known[key]
+    def __missing__(self, key: str) -> float:
+        """Read those of a node; its result may have been removed."""
+        try:
+            self[key] = float(self._store.meta(key).get("cpu_seconds", math.nan))
+        except MissingEntry:
+            self[key] = math.nan
+        return self[key]
 
-    def by_stage(self, graphs: Sequence[tuple[Graph, Sequence[str]]]) -> dict[str, float]:
-        """CPU seconds by stage of the nodes that the targets of graphs need, each counted once.
+    def by_stage(self, runs: Iterable[RunResult]) -> dict[str, float]:
+        """CPU seconds by stage of the nodes that runs of sweeps need, each counted once.
 
         NaN for a stage with a node whose CPU seconds are unknown.
         """
         stage_of: dict[str, str] = {}
-        for graph, targets in graphs:
+        for graph, targets in ((run.planned.graph, run.planned.targets) for run in runs):
             needed = graph.ancestors(targets)
             for name, keys in graph.stages.items():
                 stage_of.update((key, name) for key in keys if key in needed)
         total: dict[str, float] = defaultdict(float)
         for key, name in stage_of.items():
-            total[name] += self.of(key)
+            total[name] += self[key]
         return dict(total)
 
 
-def study_sweep(
-    entry: SweepEntry, result: SweepResult, store: Store, seconds: NodeSeconds
-) -> StudySweep:
-    """The data of a complete sweep.
+def with_stages(
+    result: SweepResult, entry: SweepEntry, store: Store, seconds: NodeSeconds
+) -> SweepResult:
+    """A complete sweep, whose runs have what a report reads of their stages.
 
     Raises:
         UserError: if a run's folder cannot be read.
     """
-    folder = SweepFolder(result.folder)
-    runs = []
-    for one in result.runs:
-        planned = one.planned
-        runs.append(
-            StudyRun(
-                index=planned.index,
-                setting=planned.setting,
-                seed=planned.seed,
-                configuration=planned.composition.configuration,
-                metrics=one.metrics,
-                scores=_scores(folder.run(planned.index), one.metrics),
-                cpu_seconds=seconds.by_stage([(planned.graph, planned.targets)]),
-                load=_loader(planned.graph, store),
-                variant=entry.variant_of(planned.setting),
-            )
+    runs = [
+        replace(
+            run,
+            scores=_scores(run, result.folder),
+            cpu_seconds=seconds.by_stage([run]),
+            load=_loader(run.planned.graph, store),
+            variant=entry.variant_of(run.setting),
         )
-    return StudySweep(entry.name, tuple(result.runs[0].planned.settings), tuple(runs))
+        for run in result.runs
+    ]
+    return replace(result, runs=tuple(runs))
 
 
-def _scores(folder: Path, metrics: Mapping[str, float | int | None]) -> Scores:
-    file = folder / "scores.npz"
+def _scores(run: RunResult, sweep: Path) -> Scores:
+    file = SweepFolder(sweep).run(run.index) / "scores.npz"
     times, series = read_series(file)
     missing = [name for name in SERIES if name not in series]
     if missing:
         raise UserError(f"{file}: {missing[0]} is missing")
-    return Scores(times=times, **series, metrics=dict(metrics))
+    return Scores(times=times, **series, metrics=dict(run.metrics))
 
 
 def _loader(graph: Graph, store: Store) -> Callable[[str], Any]:

@@ -31,7 +31,6 @@ class PlannedSweep:
     sweep: SweepEntry
     design: Design
     plan: SweepPlan | None
-    notes: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -99,7 +98,7 @@ def plan_study(study: StudyFile, overrides: Sequence[str]) -> StudyPlan:
         [sweep.name for sweep in study.sweeps if sweep.derive is not None],
     )
     sweeps = tuple(
-        PlannedSweep(sweep, design, *((None, ()) if sweep.derive else _plan(sweep, design)))
+        PlannedSweep(sweep, design, None if sweep.derive else _plan(sweep, design))
         for sweep, design in zip(study.sweeps, designs, strict=True)
     )
     return StudyPlan(study, tuple(overrides), sweeps, tuple(notes))
@@ -120,10 +119,10 @@ def derived_design(one: PlannedSweep, axes: Axes) -> Design:
     return design
 
 
-def _plan(sweep: SweepEntry, design: Design) -> tuple[SweepPlan, tuple[str, ...]]:
+def _plan(sweep: SweepEntry, design: Design) -> SweepPlan:
     try:
         check_size(design, one_is_enough=True)
-        plan, notes = planned_sweep(design_runs(design), None, False, sweep.steps)
+        plan = planned_sweep(design_runs(design), None, False, sweep.steps)
     except ConfigurationError as fault:
         raise ConfigurationError(f"sweep {sweep.name}: {fault}") from None
     for step in sweep.steps:
@@ -134,7 +133,7 @@ def _plan(sweep: SweepEntry, design: Design) -> tuple[SweepPlan, tuple[str, ...]
                 f"sweep {sweep.name}: results: no pipeline of its runs has a step "
                 f"{messages.printable(step)}{hint}"
             )
-    return plan, tuple(notes)
+    return plan
 
 
 def overridden(

@@ -10,7 +10,8 @@ from stixel_cli.config.folders import shipped_folder
 from stixel_cli.errors import MissingData
 from stixel_cli.report import tables
 from stixel_cli.report.blocks import Material, Table
-from stixel_cli.report.run_frame import StudyRun, run_frame
+from stixel_cli.report.run_frame import run_frame
+from stixel_cli.results.result import RunResult
 from stixel_cli.studies.data import DATA, StudyData, data_folder
 
 SETS = "pandaset, lidarrm and kitti_tracking"
@@ -126,7 +127,7 @@ def _length(dropout: str) -> str:
     return f"{float(last) - float(first):g} s"
 
 
-def _found_again(run: StudyRun) -> float:
+def _found_again(run: RunResult) -> float:
     """Whether the box has an IoU of `FOUND_AGAIN` one second after the gap, 0 or 1."""
     after = run.configuration.measurement.dropout[1] + 1.0
     times = run.scores.times - run.scores.times[0]

@@ -25,7 +25,7 @@ from stixel_cli.evaluation.scores import Scores
 from stixel_cli.report.blocks import Findings, Material
 from stixel_cli.report.template import findings_of
 from stixel_cli.results.result import SKIPPED
-from stixel_cli.studies.data import NodeSeconds, StudyData, StudySweep, study_sweep
+from stixel_cli.studies.data import NodeSeconds, StudyData, with_stages
 from stixel_cli.studies.file import TEMPLATES, StudyFile
 from stixel_cli.studies.folder import StudyFolder
 from stixel_cli.studies.page import SweepState, study_page
@@ -79,7 +79,7 @@ def run_study(
     run.folder.begin(plan, command, fresh)
     for note in (
         *plan.notes,
-        *(f"{p.sweep.name}: {note}" for p in plan.sweeps for note in p.notes),
+        *(f"{p.sweep.name}: {note}" for p in plan.sweeps if p.plan for note in p.plan.notes),
     ):
         tell(note)
     try:
@@ -106,8 +106,6 @@ class _Run:
     ):
         self.plan, self.folder, self.command, self.tell = plan, folder, command, tell
         self.results: dict[str, SweepResult] = {}
-        self.sweeps: dict[str, StudySweep] = {}
-        """Data of the sweeps that are complete."""
         self.started = time.perf_counter()
         self.first = next(p.plan.runs[0].composition for p in plan.sweeps if p.plan)
         self.store = open_store(self.first.configuration.cache)
@@ -118,7 +116,7 @@ class _Run:
         design = one.design
         if one.sweep.derive is not None:
             before = self.plan.sweeps[: self.plan.sweeps.index(one)]
-            if any(other.sweep.name not in self.sweeps for other in before):
+            if any(other.sweep.name not in self._data().sweeps for other in before):
                 return
             with self._leased():
                 axes = self.plan.study.further_axes(one.sweep.derive, self._data())
@@ -126,11 +124,9 @@ class _Run:
         # A sweep keeps the cache's limit at its end: the results of the sweeps before must stay.
         with self._leased():
             result = self._sweep(one, design)
-        self.results[one.sweep.name] = result
         if result.complete:
-            self.sweeps[one.sweep.name] = study_sweep(
-                one.sweep, result, self.store, self.node_seconds
-            )
+            result = with_stages(result, one.sweep, self.store, self.node_seconds)
+        self.results[one.sweep.name] = result
 
     def report(self) -> StudyResult:
         """Write the report; it has statistics only if all sweeps are complete."""
@@ -150,9 +146,7 @@ class _Run:
                 for name, result in self.results.items()
             },
             "configuration": self.first.resolved,
-            "stage_cpu_seconds": self.node_seconds.by_stage(
-                [(run.planned.graph, run.planned.targets) for run in runs]
-            ),
+            "stage_cpu_seconds": self.node_seconds.by_stage(runs),
         }
         html = study_page(self.plan, states, findings, origin)
         return StudyResult(
@@ -167,7 +161,8 @@ class _Run:
 
     def _data(self) -> StudyData:
         study = self.plan.study
-        return StudyData(study.name, study.title, study.question, dict(self.sweeps))
+        complete = {name: result for name, result in self.results.items() if result.complete}
+        return StudyData(study.name, study.title, study.question, complete)
 
     def _findings(self) -> Findings:
         """The findings: those in the store, if nothing that they depend on changed.
@@ -182,7 +177,7 @@ class _Run:
             [data.name, data.title, data.question, study.template_name],
             [_files(TEMPLATES), _files(shipped_folder("pipelines"))],
             conf_state(),
-            [_seen(sweep, self.results[name]) for name, sweep in data.sweeps.items()],
+            [[name, _seen(sweep)] for name, sweep in data.sweeps.items()],
         ]
         modules = [study.module.__name__, StudyFile.__module__]
         return remembered(self.store, "findings", modules, content, lambda: _filled(study, data))
@@ -255,19 +250,16 @@ def _filled(study: StudyFile, data: StudyData) -> Findings:
     return findings_of(study.template, material, study.template_name)
 
 
-def _seen(sweep: StudySweep, result: SweepResult) -> list[Any]:
+def _seen(sweep: SweepResult) -> list[Any]:
     """All that a report can see of a sweep; the keys of its results stand for their content."""
     return [
-        [sweep.name, list(sweep.keys)],
         [
-            [
-                [run.index, run.seed, run.variant, list(run.setting.items())],
-                [canonical(run.configuration)],
-                [list(run.metrics.items()), _digests(run.scores), list(run.cpu_seconds.items())],
-                list(one.planned.targets),
-            ]
-            for run, one in zip(sweep.runs, result.runs, strict=True)
-        ],
+            [run.index, run.seed, run.variant, list(run.setting.items())],
+            [canonical(run.configuration)],
+            [list(run.metrics.items()), _digests(run.scores), list(run.cpu_seconds.items())],
+            list(run.planned.targets),
+        ]
+        for run in sweep.runs
     ]
 
 

@@ -43,6 +43,7 @@ class SweepPlan:
         needed: ids of the nodes that the runs need.
         missing: ids of the nodes to compute, each after its inputs.
         stages: by stage, in the order of the data.
+        notes: on axes that the stages of some runs ignore.
     """
 
     runs: tuple[PlannedRun, ...]
@@ -50,6 +51,7 @@ class SweepPlan:
     needed: frozenset[str]
     missing: tuple[str, ...]
     stages: tuple[StagePlan, ...]
+    notes: tuple[str, ...] = ()
 
     def complete_runs(self) -> int:
         """Number of runs whose results are all in the store."""
@@ -88,7 +90,7 @@ def plan_runs(
     return planned
 
 
-def plan_sweep(planned: Sequence[PlannedRun], store: Store) -> SweepPlan:
+def plan_sweep(planned: Sequence[PlannedRun], store: Store, notes: Sequence[str] = ()) -> SweepPlan:
     """The nodes of the runs that `store` lacks. It looks entries up without reading them.
 
     Raises:
@@ -106,7 +108,9 @@ def plan_sweep(planned: Sequence[PlannedRun], store: Store) -> SweepPlan:
         if keys:
             counts = (len(keys), len(keys) - len(to_run), len(to_run))
             stages.append(StagePlan(name, *counts, durations.estimate(to_run)))
-    return SweepPlan(tuple(planned), graph, found.needed, found.missing, tuple(stages))
+    return SweepPlan(
+        tuple(planned), graph, found.needed, found.missing, tuple(stages), tuple(notes)
+    )
 
 
 def check_axes(planned: Sequence[PlannedRun]) -> list[str]:

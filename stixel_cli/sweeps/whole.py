@@ -65,9 +65,9 @@ def new_sweep(
         check_results(results, name)
     options = [*(["--pictures"] if pictures else []), *PRESETS.option]
     command = shlex.join(["stixel", "sweep", *design.words, *options])
-    plan, request, notes = _requested(design, command, pictures)
+    plan, request = _requested(design, command, pictures)
     missing = [plan.graph.nodes[key] for key in plan.missing] if advice else []
-    for text in [*notes, *undeclared_reads(missing)]:
+    for text in [*plan.notes, *undeclared_reads(missing)]:
         note(text)
     if results is None:
         return run_sweep(plan, request, None, visible)
@@ -99,7 +99,7 @@ def designed_sweep(
     Raises:
         UserError, SweepInterrupted: as `new_sweep` does.
     """
-    plan, request, _ = _requested(design, command, nodes=nodes)
+    plan, request = _requested(design, command, nodes=nodes)
     check_computable(plan)
     folder = SweepFolder(path)
     folder.create(request)
@@ -134,7 +134,7 @@ def resumed_sweep(
     runs = compose_runs(texts, request.keys, composer)
     for one in runs:
         trust_stored_run(replace(one.result(), folder=path), trust_code)
-    plan, _ = planned_sweep(runs, request.shuffle, request.pictures, request.nodes)
+    plan = planned_sweep(runs, request.shuffle, request.pictures, request.nodes)
     origin = _origin(str(request.notes.get("command", path.name)))
     finished = folder.finished(len(runs))
     outdated = outdated_runs(folder, plan.runs, finished)
@@ -152,8 +152,8 @@ def resumed_sweep(
 
 def planned_sweep(
     runs: Sequence[PlannedRun], shuffle: int | None, pictures: bool, nodes: Sequence[str] = ()
-) -> tuple[SweepPlan, list[str]]:
-    """The plan of runs in the order of execution, and notes on their axes.
+) -> SweepPlan:
+    """The plan of runs in the order of execution, with notes on their axes.
 
     Raises:
         UserError: if no stage reads an axis, or the cache cannot be read.
@@ -161,7 +161,7 @@ def planned_sweep(
     planned = plan_runs(runs, pictures, nodes)
     notes = check_axes(planned)
     store = open_store(runs[0].composition.configuration.cache)
-    return plan_sweep(shuffled_runs(planned, shuffle), store), notes
+    return plan_sweep(shuffled_runs(planned, shuffle), store, notes)
 
 
 def planned_run(composition: Composition, pictures: bool = True) -> SweepPlan:
@@ -182,10 +182,10 @@ def _requested(
     command: str,
     pictures: bool = False,
     nodes: Sequence[str] = (),
-) -> tuple[SweepPlan, SweepRequest, list[str]]:
-    """The plan and the request of a design, and notes on its axes; see `planned_sweep`."""
+) -> tuple[SweepPlan, SweepRequest]:
+    """The plan and the request of a design."""
     runs = design_runs(design)
-    plan, notes = planned_sweep(runs, design.shuffle, pictures, nodes)
+    plan = planned_sweep(runs, design.shuffle, pictures, nodes)
     request = SweepRequest(
         axes=tuple(axis.keys for axis in design.axes),
         runs=tuple(with_own_values(o.overrides, o.composition.resolved) for o in runs),
@@ -195,7 +195,7 @@ def _requested(
         working_directory=os.getcwd(),
         notes=_origin(command),
     )
-    return plan, request, notes
+    return plan, request
 
 
 def _origin(command: str) -> dict[str, Any]:

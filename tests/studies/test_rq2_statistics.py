@@ -12,10 +12,11 @@ from scipy.stats import ttest_1samp
 from stixel_cli.config.compose import compose
 from stixel_cli.geometry.pose import world_from_target
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.report.run_frame import StudyRun, measurement_name, run_frame, tracker_name
+from stixel_cli.report.run_frame import measurement_name, run_frame, tracker_name
 from stixel_cli.report.scan_frame import gate_shares, within_bounds
 from stixel_cli.report.statistics import least_effect
 from stixel_cli.report.tables import difference, names
+from stixel_cli.results.result import RunResult
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.studies.rq2.figures import CONDITIONS, binned, condition_values
 from stixel_cli.validation.point_statistics import contour_distances
@@ -139,15 +140,11 @@ def test_a_frame_without_runs_has_its_columns():
 def test_a_swept_parameter_is_in_the_tracker_s_or_the_measurement_s_name():
     def study_run(**setting):
         overrides = [f"{key.replace('__', '.')}={value}" for key, value in setting.items()]
-        return StudyRun(
-            0,
-            {text.partition("=")[0]: text.partition("=")[2] for text in overrides},
-            3,
-            compose(overrides).configuration,
-            {"iou_mean": None, "scans": 4},
-            None,
-            {},
-            None,
+        setting = {text.partition("=")[0]: text.partition("=")[2] for text in overrides}
+        return RunResult(
+            manifest={"swept": setting, "seed": 3},
+            composition=compose(overrides),
+            metrics={"iou_mean": None, "scans": 4},
         )
 
     frame = run_frame(

@@ -8,8 +8,8 @@ from study_toy import answer_of
 
 from stixel_cli.config.compose import compose
 from stixel_cli.report.cost import cost_of
-from stixel_cli.report.run_frame import StudyRun
 from stixel_cli.report.statistics import paired
+from stixel_cli.results.result import RunResult
 from stixel_cli.studies.rq3.answer import answer_values
 from stixel_cli.studies.rq3.compare import Comparison, _corrected, gap_closed, reach_of
 from stixel_cli.studies.rq3.measures import FABRICATED, FITTED, SIMULATED, Measure
@@ -90,8 +90,8 @@ def test_the_reach_of_a_family_of_tests(pairs, enough):
 def test_the_cost_is_unknown_unless_all_cpu_times_are_recorded():
     def runs(**seconds):
         scores = SimpleNamespace(times=np.zeros(10))
-        configuration = compose().configuration
-        return [StudyRun(0, {}, 0, configuration, {}, scores, seconds, None)]
+        manifest = {"seed": 0}
+        return [RunResult({}, manifest, composition=compose(), scores=scores, cpu_seconds=seconds)]
 
     def cost(simulated, fabricated):
         return cost_of(simulated=simulated, fabricated=fabricated)

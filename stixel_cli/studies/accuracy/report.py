@@ -15,7 +15,8 @@ from stixel_cli.report import tables
 from stixel_cli.report.blocks import Cell, Figure, Material, Table
 from stixel_cli.report.forest import difference_row, forest
 from stixel_cli.report.metrics import MINUS
-from stixel_cli.report.run_frame import StudyRun, run_frame
+from stixel_cli.report.run_frame import run_frame
+from stixel_cli.results.result import RunResult
 from stixel_cli.studies.data import StudyData
 
 TRACKER = "contour"
@@ -178,7 +179,7 @@ def _within(runs: pd.DataFrame) -> pd.DataFrame:
     return runs.assign(**near)
 
 
-def _errors_within(run: StudyRun) -> dict[str, float]:
+def _errors_within(run: RunResult) -> dict[str, float]:
     scenario, scores = run.load("scenario"), run.scores
     away = scenario.target_poses_world[:, :2] - scenario.ego_poses_world[:, :2]
     near = np.hypot(*away.T) <= NEAR

@@ -13,10 +13,11 @@ import pandas as pd
 from stixel_cli.evaluation.metric_table import METRICS
 from stixel_cli.report.blocks import Cell, Figure, Material, Table
 from stixel_cli.report.forest import difference_row, forest
-from stixel_cli.report.run_frame import BASELINE, LIDAR, STIXELS, StudyRun, run_frame
+from stixel_cli.report.run_frame import BASELINE, LIDAR, STIXELS, run_frame
 from stixel_cli.report.statistics import Estimate, Statistic, combined_interval, excludes_zero
 from stixel_cli.report.tables import chosen, difference, ends, names, rows_by, with_unit
 from stixel_cli.results.reader import listed
+from stixel_cli.results.result import RunResult
 from stixel_cli.studies.data import StudyData
 from stixel_cli.studies.motions.tracks import (
     FARTHEST,
@@ -134,7 +135,7 @@ def report(data: StudyData) -> Material:
     )
 
 
-def _frame(runs: Sequence[StudyRun]) -> pd.DataFrame:
+def _frame(runs: Sequence[RunResult]) -> pd.DataFrame:
     """`run_frame` with the measures `POINTS`; runs on the same scans read their errors once."""
     known: dict[tuple, tuple[float | None, ...]] = {}
     keys = []
@@ -192,7 +193,7 @@ def _case_rows(runs: pd.DataFrame) -> Iterator[dict[str, Cell]]:
         }
 
 
-def _range_and_speed(run: StudyRun) -> dict[str, Cell]:
+def _range_and_speed(run: RunResult) -> dict[str, Cell]:
     scenario = run.load("scenario")
     away = scenario.target_poses_world[:, :2] - scenario.ego_poses_world[:, :2]
     ranges = np.hypot(*away.T)

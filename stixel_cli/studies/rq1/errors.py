@@ -16,9 +16,9 @@ import pandas as pd
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.report.bootstrap import interval, weights
 from stixel_cli.report.metrics import counted
-from stixel_cli.report.run_frame import StudyRun
 from stixel_cli.report.statistics import Estimate
 from stixel_cli.report.tables import chosen
+from stixel_cli.results.result import RunResult
 from stixel_cli.validation.stage_tables import stage_tables
 
 EDGES = tuple(float(edge) for edge in range(5, 51, 5))
@@ -87,7 +87,7 @@ class Errors:
         label: of the setting.
     """
 
-    runs: Mapping[int, StudyRun]
+    runs: Mapping[int, RunResult]
     tables: Mapping[str, pd.DataFrame] = field(repr=False)
     label: str = "all"
 
@@ -96,7 +96,7 @@ class Errors:
         """The rig of the first run."""
         return next(iter(self.runs.values())).configuration.rig
 
-    def by(self, name: Callable[[StudyRun], str]) -> list["Errors"]:
+    def by(self, name: Callable[[RunResult], str]) -> list["Errors"]:
         """Parts of the runs with the same `name`, in order of appearance."""
         labels = {i: name(run) for i, run in self.runs.items()}
         parts = []
@@ -145,7 +145,7 @@ class Errors:
         return _estimate(both, np.concatenate([our_sums[i], their_sums[j]], axis=1), apart, True)
 
 
-def errors_of(runs: Iterable[StudyRun], columns: str = "") -> Errors:
+def errors_of(runs: Iterable[RunResult], columns: str = "") -> Errors:
     """The errors of runs; `columns`: "" without the image's columns, "target" or "all"."""
     runs = tuple(runs)
     users = sorted({road_user(run) for run in runs})
@@ -192,31 +192,31 @@ def _weights(strata: tuple[int, ...]) -> np.ndarray:
     return weights(strata, "poses")
 
 
-def road_user(run: StudyRun) -> str:
+def road_user(run: RunResult) -> str:
     """The class of the run's road user."""
     return run.configuration.road_user.kind
 
 
-def matcher(run: StudyRun) -> str:
+def matcher(run: RunResult) -> str:
     """Name of the run's stereo matcher."""
     stereo = run.configuration.stereo
     kinds = {"phase_table": " (phase table)", "parabola": " (one match)"}
     return "SGM" + kinds.get(stereo.subpixel, "") if stereo.kind == "sgm" else "BM"
 
 
-def grid(run: StudyRun) -> str:
+def grid(run: RunResult) -> str:
     """Name of the run's occupancy grid."""
     return run.configuration.occupancy.kind.replace("_", "-")
 
 
-def rig(run: StudyRun) -> str:
+def rig(run: RunResult) -> str:
     """Name of the run's rig: the option's, or its size if the study has only one rig."""
     of = run.configuration.rig
     name = run.setting.get("rig", f"{of.width} × {of.height}")
     return {"kitti": "KITTI"}.get(name, name.replace("_", "-"))
 
 
-def contrast(run: StudyRun) -> str:
+def contrast(run: RunResult) -> str:
     """Contrast of the road user's paint, 0 … 1."""
     return f"{run.configuration.road_user.contrast:g}"
 

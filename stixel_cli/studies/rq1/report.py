@@ -12,11 +12,12 @@ from stixel_cli.report.blocks import Figure, Material
 from stixel_cli.report.bootstrap import DRAWS
 from stixel_cli.report.forest import Row, forest
 from stixel_cli.report.scan_frame import stage_pictures
-from stixel_cli.studies.data import StudyData, StudySweep
+from stixel_cli.studies.data import StudyData
 from stixel_cli.studies.rq1 import errors as of
 from stixel_cli.studies.rq1.figures import chapter_figures
 from stixel_cli.studies.rq1.setup import setup_values, width_table, width_values
 from stixel_cli.studies.rq1.tables import answer_table, chapter_tables
+from stixel_cli.sweeps.results import SweepResult
 from stixel_cli.validation.stage_errors import BORDER, GROSS
 from stixel_cli.validation.stage_stixels import SQUARE
 
@@ -86,7 +87,7 @@ def _constants(every: of.Errors) -> dict[str, Any]:
     }
 
 
-def _gallery(sweep: StudySweep) -> list[dict[str, Any]]:
+def _gallery(sweep: SweepResult) -> list[dict[str, Any]]:
     """A picture of the stages for each road user and pictured frame, with its caption's values."""
     firsts = {of.road_user(run): run for run in reversed(sweep.runs)}
     return [

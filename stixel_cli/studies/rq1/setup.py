@@ -15,14 +15,15 @@ from stixel_cli.measurements.scans import Scans
 from stixel_cli.rendering.surfaces import build_surfaces
 from stixel_cli.report.blocks import Cell, Table
 from stixel_cli.report.cost import seconds_frame
-from stixel_cli.report.run_frame import StudyRun
 from stixel_cli.report.statistics import Statistic, over_seeds
 from stixel_cli.report.tables import ends, spread
+from stixel_cli.results.result import RunResult
 from stixel_cli.scene.mesh import Mesh
 from stixel_cli.scene.road_user import road_user_meshes
 from stixel_cli.scene.world import world_objects
-from stixel_cli.studies.data import StudyData, StudySweep
+from stixel_cli.studies.data import StudyData
 from stixel_cli.studies.rq1.errors import grid, matcher, rig, road_user
+from stixel_cli.sweeps.results import SweepResult
 from stixel_cli.tracking import gp_ekf
 
 SCENE = ("road_user", "path", "ego", "rig", "world", "renderer", "sensor")
@@ -79,7 +80,7 @@ def values_of(configuration: Configuration) -> int:
     return sum(leaves(getattr(configuration, group)) for group in SCENE)
 
 
-def seconds_a_frame(runs: Iterable[StudyRun]) -> dict[str, float | None]:
+def seconds_a_frame(runs: Iterable[RunResult]) -> dict[str, float | None]:
     """Mean recorded CPU seconds of each of `STAGES` per frame; None if no run has any."""
     return {stage: over_seeds(own).mean for stage, own in seconds_frame(list(runs), STAGES).items()}
 
@@ -102,14 +103,14 @@ def _lines_of(study: str) -> int:
     return sum(1 for line in lines if line and not line.startswith("#"))
 
 
-def width_values(sweep: StudySweep) -> dict[str, dict[str, Statistic]]:
+def width_values(sweep: SweepResult) -> dict[str, dict[str, Statistic]]:
     """Label of a width to its statistics over the seeds: `iou`, `nees`, `points`, `bias`, `std`.
 
     The widths as they are; then the narrowest, with so few of its points that a scan has about as
     many as with the widest: every m-th in order of the bearing. `bias` and `std` are those of the
     points along the ray, m.
     """
-    by_width: dict[int, list[StudyRun]] = {}
+    by_width: dict[int, list[RunResult]] = {}
     for run in sorted(sweep.runs, key=lambda run: run.configuration.extraction.width):
         by_width.setdefault(run.configuration.extraction.width, []).append(run)
     found = {f"{width} px": _statistics(runs, 1) for width, runs in by_width.items()}
@@ -119,7 +120,7 @@ def width_values(sweep: StudySweep) -> dict[str, dict[str, Statistic]]:
     return found
 
 
-def _statistics(runs: list[StudyRun], step: int) -> dict[str, Statistic]:
+def _statistics(runs: list[RunResult], step: int) -> dict[str, Statistic]:
     """Statistics of the runs' results with every `step`-th point."""
     rows = []
     for run in runs:

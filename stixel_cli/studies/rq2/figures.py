@@ -12,8 +12,8 @@ from stixel_cli.report import tables
 from stixel_cli.report.blocks import Figure, Table
 from stixel_cli.report.charts import DASHES, WIDTH, Panel, chart, line
 from stixel_cli.report.metrics import capital
-from stixel_cli.report.run_frame import StudyRun
 from stixel_cli.report.scan_frame import AXIS_LABELS, ERROR_LABELS, SCAN_ERRORS, colour
+from stixel_cli.results.result import RunResult
 
 
 @dataclass(frozen=True)
@@ -182,7 +182,7 @@ def example_scans(name: str, runs: pd.DataFrame) -> Figure:
     return chart(name, panels, len(columns), 2.0, settings={"axes.titlesize": 8.0})
 
 
-def _scan(axes, run: StudyRun) -> None:
+def _scan(axes, run: RunResult) -> None:
     scenario, scans = run.load("scenario"), run.load("scans")
     k = len(scans) // 2
     pose = scenario.target_poses_world[k]

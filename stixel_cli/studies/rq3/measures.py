@@ -8,7 +8,7 @@ import pandas as pd
 from stixel_cli.evaluation.metric_table import METRICS
 from stixel_cli.report.run_frame import run_frame
 from stixel_cli.report.tables import names
-from stixel_cli.studies.data import StudySweep
+from stixel_cli.sweeps.results import SweepResult
 from stixel_cli.validation.point_statistics import point_statistics
 
 SIMULATED, FABRICATED, FITTED = "simulated", "fabricated", "fitted"
@@ -65,7 +65,7 @@ TRACKER_MEASURES = {
 }
 
 
-def runs_of(sweep: StudySweep) -> pd.DataFrame:
+def runs_of(sweep: SweepResult) -> pd.DataFrame:
     """The frame of a sweep's runs, with the errors of their points as `errors`.
 
     The runs of several trackers on the same scans share one object.

@@ -10,10 +10,10 @@ from stixel_cli.report.blocks import Material, Table
 from stixel_cli.report.bootstrap import DRAWS
 from stixel_cli.report.cost import SHARED, cost_of, cost_table
 from stixel_cli.report.metrics import quantity
-from stixel_cli.report.run_frame import StudyRun
 from stixel_cli.report.tables import chosen, names
 from stixel_cli.results.reader import listed
-from stixel_cli.studies.data import StudyData, StudySweep
+from stixel_cli.results.result import RunResult
+from stixel_cli.studies.data import StudyData
 from stixel_cli.studies.rq3.answer import answer_values
 from stixel_cli.studies.rq3.compare import (
     compare,
@@ -32,6 +32,7 @@ from stixel_cli.studies.rq3.measures import (
     runs_of,
     tracker_values,
 )
+from stixel_cli.sweeps.results import SweepResult
 from stixel_cli.validation.noise_fit import fit_noise
 from stixel_cli.validation.point_statistics import neighbour_columns
 
@@ -127,12 +128,12 @@ def report(data: StudyData) -> Material:
     return Material(values, presets)
 
 
-def _by_noise(sweep: StudySweep) -> dict[str, StudySweep]:
+def _by_noise(sweep: SweepResult) -> dict[str, SweepResult]:
     """The values of the swept keys of the measurement, to the part of the sweep that has them.
 
     Without such a key there is one part, and its name is empty.
     """
-    parts: dict[str, list[StudyRun]] = {}
+    parts: dict[str, list[RunResult]] = {}
     for run in sweep.runs:
         keys = [key for key in run.setting if key.startswith("measurement")]
         parts.setdefault(", ".join(f"{key}={run.setting[key]}" for key in keys), []).append(run)
@@ -190,7 +191,7 @@ def preset(noise: FittedNoise, what: str, command: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def noises_of(sweep: StudySweep) -> list[str]:
+def noises_of(sweep: SweepResult) -> list[str]:
     """What noise the fabricated runs of a sweep have along the ray, as prose has it."""
     return list(dict.fromkeys(_told(p.configuration.measurement.noise) for p in sweep.runs))
 

@@ -9,8 +9,8 @@ from stixel_cli.measurements.rays import first_crossings, spread_rays
 from stixel_cli.pictures import ground, style
 from stixel_cli.report.blocks import Figure
 from stixel_cli.report.charts import WIDTH, Panel, chart, line
-from stixel_cli.report.run_frame import StudyRun
 from stixel_cli.report.tables import chosen, groups, mean_over, names, with_unit
+from stixel_cli.results.result import RunResult
 from stixel_cli.tracking.prior import prior_radii
 
 MEASURES = ("centre_rmse_m", "orientation_rmse_deg", "iou_mean")
@@ -23,7 +23,7 @@ CONTOURS = 6
 def paths(name: str, runs: pd.DataFrame) -> Figure:
     """Path of the target, of the ego car, and the field of view; a panel for each ego motion."""
 
-    def panel(ego: str, run: StudyRun) -> Panel:
+    def panel(ego: str, run: RunResult) -> Panel:
         def draw(axes) -> None:
             scenario, rig = run.load("scenario"), run.configuration.rig
             poses, cars = scenario.target_poses_world, scenario.ego_poses_world
@@ -47,7 +47,7 @@ def paths(name: str, runs: pd.DataFrame) -> Figure:
     return chart(name, panels, len(panels), 2.55)
 
 
-def rays(name: str, run: StudyRun) -> Figure:
+def rays(name: str, run: RunResult) -> Figure:
     """Rays of one scan to the true contour, their crossings, and the fabricated points."""
     scenario, scans = run.load("scenario"), run.load("scans")
     rig, measurement = run.configuration.rig, run.configuration.measurement
@@ -80,7 +80,7 @@ def rays(name: str, run: StudyRun) -> Figure:
 def radial_functions(name: str, runs: pd.DataFrame) -> Figure:
     """Radius over the angle to the heading at the last scan: estimate with band, truth, prior."""
 
-    def panel(kernel: str, run: StudyRun) -> Panel:
+    def panel(kernel: str, run: RunResult) -> Panel:
         track, contour = run.load("track"), run.load("scenario").contour_target(-1)
         radii = np.linalg.norm(track.contours_world[-1] - track.means[-1, :2], axis=1)
         angles = np.linspace(0.0, 360.0, len(radii), endpoint=False)

@@ -25,9 +25,10 @@ from stixel_cli.report.scan_frame import (
     stage_pictures,
     upper_bounds_table,
 )
-from stixel_cli.studies.data import StudyData, StudySweep
+from stixel_cli.studies.data import StudyData
 from stixel_cli.studies.thesis import figures
 from stixel_cli.studies.thesis.figures import MEASURES
+from stixel_cli.sweeps.results import SweepResult
 
 LEVELS = {
     "constant_noise": ("measurement.noise.range_std", "σ (m)"),
@@ -96,7 +97,7 @@ def report(data: StudyData) -> Material:
     )
 
 
-def frame_of(sweep: StudySweep, level: str = "") -> pd.DataFrame:
+def frame_of(sweep: SweepResult, level: str = "") -> pd.DataFrame:
     """The frame of a sweep's runs, as `data.run_frame`, with three columns set.
 
     `ego`: kind of the ego car's motion. `tracker`: the kernel, which depends on the option of
