@@ -4,12 +4,13 @@ Calls leave no state in the process and may follow each other in any order. Erro
 can correct are raised as `stixel_cli.errors.UserError`, in one line.
 """
 
+import dataclasses
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from stixel_cli.config.compose import Composition
+from stixel_cli.config.compose import Composition, from_resolved
 from stixel_cli.config.compose import compose as compose_overrides
 from stixel_cli.config.texts import override_text, split_override
 from stixel_cli.engine.progress import Progress, in_notebook, make_progress
@@ -79,7 +80,7 @@ def run(
             raise UserError("run: give overrides, or one composition without overrides")
         (composition,) = experiment
         if machine:
-            composition = compose(composition.overrides, machine, last_wins=True)
+            composition = _moved(composition, workers, cache, machine)
     else:
         composition = compose(_texts(experiment, last_wins), machine)
     return record_run(
@@ -157,6 +158,23 @@ def _texts(given: Sequence[Sequence[str] | str], last_wins: bool) -> tuple[str, 
 def _visible() -> bool:
     """Whether progress is shown: not in a script whose output goes to a file."""
     return in_notebook() or sys.stderr.isatty()
+
+
+def _moved(
+    composition: Composition, workers: int | None, cache: Path | str | None, machine: list[str]
+) -> Composition:
+    """The composition with another number of workers and another cache, all else as it was."""
+    resolved = dict(composition.resolved)
+    if workers is not None:
+        resolved["executor"] = resolved["executor"] | {"workers": workers}
+    if cache is not None:
+        resolved["cache"] = resolved["cache"] | {"folder": str(cache)}
+    return dataclasses.replace(
+        composition,
+        configuration=from_resolved(resolved),
+        resolved=resolved,
+        overrides=(*composition.overrides, *machine),
+    )
 
 
 def _of_this_machine(workers: int | None, cache: Path | str | None) -> list[str]:

@@ -11,6 +11,7 @@ import pytest
 
 import stixel_cli
 from stixel_cli import compose, plot, run, sweep
+from stixel_cli.config.compose import from_resolved
 from stixel_cli.errors import ConfigurationError, UserError
 
 FABRICATED = ["measurement=fabricated", "path.duration=0.5", "pictures.frames=[0]"]
@@ -81,6 +82,20 @@ def test_a_composition_says_what_it_is():
     assert compose().configuration.seed == 0
     with pytest.raises(ConfigurationError, match=r"executor\.workers"):
         run(FABRICATED, workers=0)
+
+
+def test_a_composition_keeps_its_settings_on_another_number_of_workers(tmp_path):
+    """Composed again it would have the defaults of today, and look for files elsewhere."""
+    composition = compose("measurement=fabricated", "path.duration=0.3", "executor=threads")
+    length = composition.resolved["prior"] | {"length": 4.4}
+    resolved = composition.resolved | {"prior": length}
+    changed = dataclasses.replace(
+        composition, resolved=resolved, configuration=from_resolved(resolved)
+    )
+    result = run(changed, workers=1, cache=tmp_path / "cache", results=tmp_path / "results")
+    used = result.configuration
+    assert (used.prior.length, used.executor.workers) == (4.4, 1)
+    assert used.cache.folder == str(tmp_path / "cache")
 
 
 def test_a_sweep_gives_a_record_a_point(tmp_path):
