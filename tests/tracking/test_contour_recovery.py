@@ -70,7 +70,7 @@ def test_a_wrong_detection_is_given_up_again(monkeypatch):
     def turned(*arguments):
         indices, (mean, *rest, likelihood) = detect_again(*arguments)
         widen = float(arguments[-1])
-        turn = widen * np.radians(70) * np.eye(7)[2]
+        turn = widen * np.radians(70) * np.eye(len(mean))[2]
         return indices, (mean + turn, *rest, likelihood + 50.0 * widen)
 
     monkeypatch.setattr(contour_filter, "is_inconsistent", lambda nis, degrees: len(nis) == 8)

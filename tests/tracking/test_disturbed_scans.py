@@ -86,10 +86,10 @@ def test_dropout_empty_scans_and_clutter_cost_little(user, start):
     assert after["iou_box_mean"] > before["iou_box_mean"] - 0.05
 
 
-def of_prior(user, prior):
+def of_prior(user, prior, sensor="fabricated"):
     """The track of a road user with the prior of another class, from the scans alone."""
     p = compose(
-        [f"prior={prior}", "tracker=contour", "measurement=fabricated", "start=scans"]
+        [f"prior={prior}", "tracker=contour", f"measurement={sensor}", "start=scans"]
     ).configuration
     scans = clean(user)[2]
     return track(scans, start_from_scans(scans, p.start, p.prior), p.prior, p.tracker)
@@ -154,14 +154,16 @@ def test_each_scan_has_the_state_of_the_class_that_it_reports(monkeypatch):
 def test_the_other_classes_change_nothing_while_the_prior_fits(user):
     p, scenario, scans = clean(user)
     initial = noisy_start(scenario, p.start, SEED)
-    seen = class_shape(user), sight_of(user, p.tracker)
-    alone = ClassFilter(scans, initial, p.prior, *seen, p.tracker)
+    # Of a lidar's points a class has one form, and so one filter.
+    tracker = dataclasses.replace(p.tracker, seen_by="lidar")
+    seen = class_shape(user), sight_of(user, tracker)
+    alone = ClassFilter(scans, initial, p.prior, *seen, tracker)
     for k, interval in enumerate(intervals(scans.times)):
         rows = scans.rows(k)
         points, covariances = scans.points_world[rows], scans.covariances_world[rows]
         rays = rays_of(points, covariances, scans.sensor_poses_world[k], scans.field_of_view)
         alone.step(k, interval, rays, recovers=True)
-    assert pickle.dumps(alone.track()) == pickle.dumps(track(scans, initial, p.prior, p.tracker))
+    assert pickle.dumps(alone.track()) == pickle.dumps(track(scans, initial, p.prior, tracker))
 
 
 @pytest.mark.parametrize("user", USERS)
@@ -189,7 +191,7 @@ def test_only_a_class_that_is_not_contradicted_looks_for_its_target_again(user, 
         step(one, k, *arguments, **keywords)
 
     monkeypatch.setattr(ClassFilter, "step", recorded)
-    of_prior(user, "unknown")
+    of_prior(user, "unknown", "lidar")
     assert len(filters) == len(USERS) and not all(recovers.values())
     weights = {name: one.log_weights for name, one in filters.items()}
     for (name, k), again in recovers.items():

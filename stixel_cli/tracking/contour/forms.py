@@ -4,7 +4,8 @@ The visible shapes (`class_shape.py`) were learned from stixels, lidars and fabr
 drawn classes. Points of another sensor, or rays on a target whose size the user states, may look
 different. Then there is a bank of two forms, the class's outline and the rectangle of its box,
 weighted by likelihood; each may deviate a little along its outline (`residual.py`); and the ends of
-the target are uncertain by what the rays graze.
+the target are uncertain by what the rays graze. Fabricated rays cut any outline that the user
+gives: for them the two forms stand beside the learned shape.
 """
 
 from dataclasses import replace
@@ -52,8 +53,9 @@ def forms_of(
 ) -> dict[str, tuple[ClassShape, Sight, ContourParameters]]:
     """The forms that a `road_user` may have: shape, how the sensor sees it, and parameters."""
     shape, sight = class_shape(road_user), sight_of(road_user, tracker)
-    if is_learned(prior, tracker):
-        return {"class": (shape, sight, tracker)}
+    learned = {"learned": (shape, sight, tracker)} if is_learned(prior, tracker) else {}
+    if learned and tracker.seen_by != "fabricated":
+        return learned
     tracker = replace(
         tracker,
         silhouette_factor=max(tracker.silhouette_factor, SILHOUETTE_FACTOR),
@@ -64,7 +66,7 @@ def forms_of(
     ends = np.full_like(table.low, std)
     table = replace(table, stds=np.full_like(table.stds, std), low_stds=ends, high_stds=ends)
     tables = {"class": (shape, sight.table), "rectangle": (box, table)}
-    return {
+    return learned | {
         form: (form_shape, _of_table(sight, form_table, form_shape, tracker), tracker)
         for form, (form_shape, form_table) in tables.items()
     }
