@@ -225,7 +225,7 @@ def test_write_and_read(benchmark, tmp_path, scores, how, what):
 
 
 FUNCTIONS = [
-    "stixel_cli.scene.build:build_scenario",
+    "stixel_cli.scene.path:build_scenario",
     "stixel_cli.rendering.raycast:render",
     "stixel_cli.stereo.sgm:match",
     "stixel_cli.stixels.free_space:find_free_space",

@@ -21,9 +21,9 @@ import numpy as np
 from stixel_cli.config.compose import compose
 from stixel_cli.experiment.run import run_experiment
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.scene.build import build_scenario
 from stixel_cli.scene.classes import ROAD_USER_CLASSES
 from stixel_cli.scene.ego import ego_motion
+from stixel_cli.scene.path import build_scenario
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.tracking.contour import class_size
 from stixel_cli.tracking.contour.class_shape import ClassShape, VisibleShape

@@ -91,8 +91,8 @@ def render_one_picture() -> None:
     """Render one frame of 64 × 64 pixels by ray casting. Run by a child process: it may crash."""
     from stixel_cli.config.compose import compose
     from stixel_cli.rendering.raycast import render
-    from stixel_cli.scene.build import build_scenario
     from stixel_cli.scene.ego import ego_motion
+    from stixel_cli.scene.path import build_scenario
 
     small = ("rig.width=64", "rig.height=64", "stereo.disparities=16", "path.duration=0.2")
     what = compose((*small, "pictures.frames=[0]", "renderer=raycast")).configuration

@@ -1,18 +1,41 @@
-"""Clips of KITTI's tracking and odometry benchmarks.
+"""Clips of KITTI's tracking and odometry benchmarks, and pairs of its object and stereo benchmarks.
 
 Geiger, Lenz, Urtasun 2012, *Are we ready for autonomous driving?*. Tracking: below the folder, or
 below its `training/`, are `image_02/0005/000000.png`, `image_03/0005/…`, `calib/0005.txt`,
 `label_02/0005.txt`. The benchmark has no poses of the ego car; `ego_poses/0005.txt` has them, one
 row per frame, as in the odometry benchmark. That has image_0 and image_1 (or 2 and 3), calib.txt
 and no labels; its `poses.txt`, which it has in another folder, is expected next to the images.
+
+Of one pair of images, below the folder of a benchmark, or below its `training/`:
+
+- object (Geiger, Lenz, Urtasun 2012): `image_2/000123.png`, `image_3/…`, `calib/000123.txt` (P2,
+  P3), `label_2/000123.txt`;
+- stereo 2015 (Menze, Geiger 2015): `image_2/000123_10.png`, `image_3/…`,
+  `calib_cam_to_cam/000123.txt` (P_rect_02, P_rect_03), `disp_occ_0/000123_10.png`;
+- stereo 2012 (Geiger, Lenz, Urtasun 2012): `image_0/000123_10.png`, `image_1/…`, `calib/000123.txt`
+  (P0, P1), `disp_occ/000123_10.png`.
+
+Labels and true disparities are optional. There is one frame, without time, so the ego car does not
+move.
 """
 
 from pathlib import Path
 
+from stixel_cli.errors import UserError
 from stixel_cli.recordings.assembly import assembled_recording, numbered_images, root_of
-from stixel_cli.recordings.kitti_tables import read_calibration
-from stixel_cli.recordings.parameters import KittiOdometry, KittiTracking
-from stixel_cli.recordings.types import Recording
+from stixel_cli.recordings.image_files import image_size
+from stixel_cli.recordings.kitti_tables import PAIRS, read_calibration
+from stixel_cli.recordings.parameters import KittiOdometry, KittiPair, KittiTracking
+from stixel_cli.recordings.types import Calibration, Recording, Tables
+
+BENCHMARKS = (
+    ("image_2/{}.png", "image_3/{}.png", "calib/{}.txt", "label_2/{}.txt", None),
+    ("image_2/{}_10.png", "image_3/{}_10.png", "calib_cam_to_cam/{}.txt", None,
+     "disp_occ_0/{}_10.png"),
+    ("image_0/{}_10.png", "image_1/{}_10.png", "calib/{}.txt", None, "disp_occ/{}_10.png"),
+)  # fmt: skip
+"""Left and right image, calibration, labels and true disparities, by the number of a pair; their
+cameras are the `PAIRS` of the same place."""
 
 
 def is_tracking(folder: Path) -> bool:
@@ -23,6 +46,12 @@ def is_tracking(folder: Path) -> bool:
 def is_odometry(folder: Path) -> bool:
     """Whether the folder has the layout of the odometry benchmark."""
     return (folder / "image_0").is_dir() and (folder / "calib.txt").is_file()
+
+
+def is_pair(folder: Path) -> bool:
+    """Whether the folder has the layout of one of the benchmarks of pairs."""
+    root = root_of(folder, "image_2", "image_0")
+    return any(all((root / file).parent.is_dir() for file in files[:3]) for files in BENCHMARKS)
 
 
 def find_tracking(source: KittiTracking) -> Recording:
@@ -46,4 +75,49 @@ def find_odometry(source: KittiOdometry) -> Recording:
         read_calibration(root / "calib.txt", (f"P{left}", f"P{right}")),
         numbered_images(root / f"image_{left}", root / f"image_{right}"),
         poses=(root / "poses.txt",),
+    )
+
+
+def find_pair(source: KittiPair) -> Recording:
+    """The recording of a benchmark's pair."""
+    root, name = root_of(Path(source.folder), "image_2", "image_0"), f"{int(source.sequence):06d}"
+    for files, cameras in zip(BENCHMARKS, PAIRS, strict=True):
+        left, right, calibration, *truth = (file and root / file.format(name) for file in files)
+        if calibration.parent.is_dir() and left.is_file():
+            existing = [file if file and file.is_file() else None for file in truth]
+            calibrated = read_calibration(calibration, cameras)
+            return recording_of_pair(source.kind, (left, right), calibrated, *existing)
+    images = " or ".join(files[0].format(name) for files in BENCHMARKS)
+    raise UserError(f"source.sequence: {root} has no {images}")
+
+
+def recording_of_pair(
+    layout: str,
+    images: tuple[Path, Path],
+    calibration: Calibration,
+    labels: Path | None,
+    disparity: Path | None,
+) -> Recording:
+    """The recording of one pair of images, without time and motion, and their optional truth."""
+    left, right = images
+    size = image_size(left)
+    others = {right: image_size(right)}
+    if disparity is not None:
+        others[disparity] = image_size(disparity, of_disparities=True)
+    for file, other in others.items():
+        if other != size:
+            raise UserError(
+                f"{file}: {other[0]} × {other[1]} px, but {left.name} has {size[0]} × {size[1]} px"
+            )
+    return Recording(
+        layout=layout,
+        frames=range(1),
+        left=(left,),
+        right=(right,),
+        width=size[0],
+        height=size[1],
+        calibration=calibration,
+        tables=Tables(left_camera=calibration.left_camera),
+        label_files=() if labels is None else (labels,),
+        true_disparities=() if disparity is None else (disparity,),
     )

@@ -1,9 +1,10 @@
-"""A plain folder: rig.yaml, left/000000.png, right/000000.png; optional labels.txt and poses.txt.
+"""Images without a benchmark's layout: a plain folder, or a pair whose files are named.
 
+A plain folder has rig.yaml, left/000000.png, right/000000.png; optional labels.txt and poses.txt.
 `rig.yaml` has `focal_length`, `principal_u`, `principal_v` (px), `baseline` (m), and optionally
 `focal_length_v` (px) and `camera_height` (m). The images are rectified. `labels.txt` has the
 columns of KITTI tracking, in the frame of the left camera, and `poses.txt` the rows of KITTI
-odometry.
+odometry. Of a named pair, the calibration is one of KITTI or a `rig.yaml`.
 """
 
 from pathlib import Path
@@ -11,7 +12,9 @@ from pathlib import Path
 from stixel_cli.errors import UserError, printable
 from stixel_cli.files import read_yaml
 from stixel_cli.recordings.assembly import assembled_recording, numbered_images
-from stixel_cli.recordings.parameters import PlainFolder
+from stixel_cli.recordings.kitti import recording_of_pair
+from stixel_cli.recordings.kitti_tables import PAIRS, read_calibration
+from stixel_cli.recordings.parameters import Pair, PlainFolder
 from stixel_cli.recordings.types import Calibration, Recording
 
 RIG = "rig.yaml"
@@ -33,6 +36,22 @@ def find_recording(source: PlainFolder) -> Recording:
         numbered_images(root / "left", root / "right"),
         labels=(root / "labels.txt",),
         poses=(root / "poses.txt",),
+    )
+
+
+def find_named_pair(source: Pair) -> Recording:
+    """The recording of a pair whose files are named."""
+    file = Path(source.calibration)
+    if file.suffix in (".yaml", ".yml"):
+        calibration = read_rig(file)
+    else:
+        calibration = read_calibration(file, *PAIRS)
+    return recording_of_pair(
+        source.kind,
+        (Path(source.folder), Path(source.right)),
+        calibration,
+        None if source.labels is None else Path(source.labels),
+        None if source.disparity is None else Path(source.disparity),
     )
 
 

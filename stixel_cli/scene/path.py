@@ -1,4 +1,4 @@
-"""Paths of the target: poses and their exact derivatives at any times.
+"""The scenario, and the paths of its target: poses and their exact derivatives at any times.
 
 The heading is tangent to the path and continuous (not wrapped). Every path is a function of the
 length driven, s; only stop-and-go drives at a speed that changes.
@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stixel_cli.scene.contours import moving_target
 from stixel_cli.scene.path_parameters import (
     Approach,
     Circle,
@@ -20,11 +21,24 @@ from stixel_cli.scene.path_parameters import (
     Turn,
     Waypoints,
 )
+from stixel_cli.scene.road_user_parameters import RoadUser
+from stixel_cli.scene.scenario import EgoMotion, Scenario
 
 if TYPE_CHECKING:  # see `waypoint_spline`
     from scipy.interpolate import CubicSpline
 
 GAUSS_NODES, GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(12)
+
+
+def build_scenario(ego_motion: EgoMotion, road_user: RoadUser, path: Path) -> Scenario:
+    """Ground truth at the ego motion's times: poses, their rates, and the target's true contour.
+
+    Raises:
+        ValueError: if the path's values contradict each other, or the mesh cannot be read.
+    """
+    poses, rates = path_poses(path, ego_motion.times)
+    travelled = distance_travelled(path, ego_motion.times)
+    return moving_target(ego_motion, road_user, poses, rates, travelled)
 
 
 def path_poses(path: Path, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -9,8 +9,8 @@ from stixel_cli.evaluation.upper_bounds import (
     between_heights,
     find_upper_bounds,
 )
-from stixel_cli.scene.build import build_scenario
 from stixel_cli.scene.ego import ego_motion
+from stixel_cli.scene.path import build_scenario
 from stixel_cli.scene.scenario import is_star_convex
 
 SQUARE = np.array([[1, -1], [1, 1], [-1, 1], [-1, -1]], float)

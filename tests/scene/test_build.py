@@ -8,10 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.ndimage import binary_fill_holes
 
-from stixel_cli.scene.build import build_scenario
 from stixel_cli.scene.contours import ground_contour
 from stixel_cli.scene.ego import ego_motion
 from stixel_cli.scene.mesh import Mesh, Part, corners
+from stixel_cli.scene.path import build_scenario
 from stixel_cli.scene.road_user import road_user_meshes
 from stixel_cli.scene.scenario import is_star_convex
 from stixel_cli.scene.shapes import box, part

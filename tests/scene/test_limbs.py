@@ -8,10 +8,10 @@ import scene_presets
 import shapely
 
 from stixel_cli.geometry.pose import target_from_world
-from stixel_cli.scene.build import build_scenario
 from stixel_cli.scene.contours import ground_contour, road_user_contours
 from stixel_cli.scene.ego import ego_motion
 from stixel_cli.scene.mesh import bounding_box
+from stixel_cli.scene.path import build_scenario
 from stixel_cli.scene.road_user import LIMB_POSES, limb_poses, moving_parts, road_user_meshes
 from stixel_cli.scene.shapes import knee
 

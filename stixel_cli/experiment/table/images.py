@@ -10,7 +10,7 @@ STAGES: dict[str, Definition] = {
         {"ego": "ego", "duration": "path.duration", "sample_time": "path.sample_time"},
     ),
     "scenario": Definition(
-        only("scene.build:build_scenario"),
+        only("scene.path:build_scenario"),
         "once",
         same("road_user", "path"),
         files=("road_user.mesh",),
