@@ -87,7 +87,10 @@ def heads(monkeypatch):
     ],
     ids=lambda command: " ".join(command[:2]),
 )
-def test_a_command_reads_the_head_of_each_image_once(command, clip, heads, tmp_path, capsys):
+def test_a_command_reads_the_head_of_each_image_once(
+    command, clip, heads, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)  # where `assess` writes its page
     main([*command, *of(clip), *SMALL, HERE])
     capsys.readouterr()
     assert set(heads.values()) == {1} and len(heads) == 10
