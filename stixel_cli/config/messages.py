@@ -76,6 +76,11 @@ def suggestion(word: str, candidates: Iterable[str], form: str = "{}") -> str:
     return f"; did you mean {' or '.join(near)}?"
 
 
+_RENAMED = {("measurement", "simulated"): "stixels"}
+_OTHER_KEYS = {"tracker.class": "tracker.road_user"}
+"""Names that a user may type to those of today."""
+
+
 def unknown_key(name: str, kinds: Mapping[str, str] | None = None) -> str:
     """Message: unknown key, with the nearest ones.
 
@@ -83,6 +88,8 @@ def unknown_key(name: str, kinds: Mapping[str, str] | None = None) -> str:
         name: as typed, with dots.
         kinds: the chosen variant of each group, if known.
     """
+    if name in _OTHER_KEYS:
+        return f"{name}: unknown key; it is called {_OTHER_KEYS[name]}"
     kinds = kinds or {}
     variants = keys.known_keys().get(name)
     name = printable(name)
@@ -127,9 +134,6 @@ def owners_of(name: str) -> str:
     """The options that a key belongs to, as `path=turn or path=circle`; "" if it is in all."""
     variants = keys.known_keys().get(name, ())
     return " or ".join(_owners(variants, {})) if all(v.owners for v in variants) else ""
-
-
-_RENAMED = {("measurement", "simulated"): "stixels"}
 
 
 def unknown_option(group: str, option: str) -> str:

@@ -9,6 +9,9 @@ Values = Mapping[str, float | int | None]
 SHOWN_UPPER_BOUND = 0.995
 """A greater upper bound of the IoU is not mentioned: it would be printed as 1."""
 
+LEAST_ODDS = 100.0
+"""An unknown class stays so until one is this many times as probable as any other."""
+
 
 def verdict(metrics: Values) -> list[str]:
     """Sentences on a run, the most important first; at least one.
@@ -71,13 +74,18 @@ def misfits_class(metrics: Values) -> bool:
 
 
 def _class(metrics: Values) -> list[str]:
-    """`Class: cyclist, 97 %.`, if the tracker compared classes."""
+    """`Class: cyclist, 99 %.`, if the tracker compared classes; `unknown` below odds of 100."""
     values = {name: metrics.get(metric) for name, metric in PROBABILITIES.items()}
     known = {name: value for name, value in values.items() if value is not None}
     if not known:
         return []
-    name = max(known, key=lambda one: known[one])
-    return [f"Class: {name}, {100.0 * known[name]:.0f} %."]
+    *others, second, best = sorted(known, key=lambda one: known[one])
+    if metrics.get("class_replaced_share") is None and known[best] < LEAST_ODDS * known[second]:
+        ordered = (best, second, *reversed(others))
+        return [
+            f"Class: unknown ({', '.join(f'{one} {100.0 * known[one]:.0f} %' for one in ordered)})."
+        ]
+    return [f"Class: {best}, {100.0 * known[best]:.0f} %."]
 
 
 def _diverged(time: float | int | None) -> str:

@@ -26,6 +26,7 @@ SENTENCES = {
     "road_user=null": "road_user: unknown option 'null' (options:",
     "road_user=[car]": 'road_user: ["car"]: one option is needed (options:',
     "rig={width: 3}": 'rig: {"width": 3}: one option is needed',
+    "tracker.class=fixed": "tracker.class: unknown key; it is called tracker.road_user",
     "measurement=simulated": "measurement: simulated is now called 'stixels'",
     "+x=3": "x: unknown key; `stixel run --help`",
     "+rig.width=300": "+rig.width=300: rig.width already exists: leave out the +",

@@ -72,12 +72,23 @@ def test_verdict_names_what_is_wrong(changes, expected):
 
 
 def test_the_class_is_named_with_its_probability():
-    classes = {"car_probability": 0.01, "cyclist_probability": 0.97, "pedestrian_probability": 0.02}
+    classes = {
+        "car_probability": 0.001,
+        "cyclist_probability": 0.993,
+        "pedestrian_probability": 0.006,
+    }
     right = classes | {"class_error": 0.0, "class_replaced_share": None}
     first, last = verdict(GOOD | right)
     assert "consistent" in first
-    assert last == "Class: cyclist, 97 %."
+    assert last == "Class: cyclist, 99 %."
     assert verdict({"scans": 3, "nis_mean": 1.0, **classes})[-1] == last
+
+
+def test_an_unknown_class_is_named_at_odds_of_100_and_a_replaced_one_at_once():
+    classes = {"car_probability": 0.02, "cyclist_probability": 0.97, "pedestrian_probability": 0.01}
+    assert verdict(GOOD | classes)[-1] == "Class: unknown (cyclist 97 %, car 2 %, pedestrian 1 %)."
+    replaced = {"class_replaced_share": 0.5}
+    assert verdict(GOOD | classes | replaced)[-1] == "Class: cyclist, 97 %."
 
 
 def test_limits_are_those_of_the_table():

@@ -151,13 +151,35 @@ def test_the_forms_depend_on_the_sensor_and_on_the_stated_size():
 
 def test_a_stated_size_excludes_the_classes_that_it_does_not_fit():
     cargo_bike = dataclasses.replace(PRIOR, road_user="cyclist", length=2.2, width=0.6)
-    assert [may_be(name, cargo_bike) for name in ROAD_USER_CLASSES] == [
+    assert [may_be(name, cargo_bike, "estimated") for name in ROAD_USER_CLASSES] == [
         name == "cyclist" for name in ROAD_USER_CLASSES
     ]
-    assert all(may_be(name, PRIOR) for name in ROAD_USER_CLASSES)
+    assert all(may_be(name, PRIOR, "estimated") for name in ROAD_USER_CLASSES)
     length, width = class_size("car").mean
     car_like = dataclasses.replace(PRIOR, road_user="cyclist", length=1.02 * length, width=width)
-    assert may_be("car", car_like) and not may_be("pedestrian", car_like)
+    assert may_be("car", car_like, "estimated")
+    assert not may_be("pedestrian", car_like, "estimated")
+    # Five deviations of both: a size that the user hardly knows fits more classes.
+    unsure = dataclasses.replace(cargo_bike, length_std=0.3, width_std=0.5)
+    assert may_be("car", unsure, "estimated")
+    unknown = dataclasses.replace(PRIOR, road_user="unknown")
+    for choice in ("estimated", "fixed"):
+        assert all(may_be(name, unknown, choice) for name in ROAD_USER_CLASSES)
+
+
+@pytest.mark.parametrize("seen_by", ["stixels", "fabricated", "file"])
+def test_a_fixed_class_and_a_stated_one_are_not_replaced(seen_by):
+    # A car's outline, with the class and, then, the size of a cyclist.
+    poses = turning(25, 4.0, 0.3)
+    scans, start = scans_seen(SHAPE.outline, poses, noise=0.05), start_at(poses)
+    length, width = class_size("cyclist").mean.tolist()
+    cyclist = dataclasses.replace(PRIOR, road_user="cyclist", length=length, width=width)
+    tracker = dataclasses.replace(FILE, seen_by=seen_by, length_std=0.03, width_std=0.1)
+    assert track(scans, start, cyclist, tracker).class_replaced[-1]
+    fixed = dataclasses.replace(tracker, road_user="fixed")
+    assert track(scans, start, cyclist, fixed).class_replaced is None
+    stated = dataclasses.replace(cyclist, length=2.2, width=0.6, length_std=0.03, width_std=0.1)
+    assert track(scans, start, stated, tracker).class_replaced is None
 
 
 def rays_at(points):

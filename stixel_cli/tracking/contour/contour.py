@@ -17,14 +17,13 @@ from stixel_cli.tracking.contour.class_size import class_size
 from stixel_cli.tracking.contour.contour_filter import ClassFilter
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
 from stixel_cli.tracking.contour.contour_rays import rays_of
-from stixel_cli.tracking.contour.forms import RECTANGLE_ODDS, forms_of, is_learned
+from stixel_cli.tracking.contour.forms import RECTANGLE_ODDS, forms_of
 from stixel_cli.tracking.motion import intervals
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.track import InitialState, Track, used_rows
 
 FITS = 5.0
-"""A size that the user states fits a class within so many of its standard deviations."""
-
+"""A size that the user states fits a class within so many standard deviations of both."""
 
 GREATEST_DEVIATION = 4.0
 """A class whose size is estimated farther from its mean, in its standard deviations, replaces none.
@@ -43,7 +42,7 @@ def track(
     """
     filters = {}
     for road_user in ROAD_USER_CLASSES:
-        if is_learned(prior, tracker) or may_be(road_user, prior):
+        if may_be(road_user, prior, tracker.road_user):
             start, of_class, parameters = _of_class(road_user, initial, prior, tracker)
             for form, seen in forms_of(road_user, prior, parameters).items():
                 filters[road_user, form] = ClassFilter(scans, start, of_class, *seen)
@@ -70,18 +69,22 @@ def track(
     return _reported(filters, None if prior.road_user == "unknown" else prior.road_user)
 
 
-def may_be(road_user: RoadUserClass, prior: PriorShape) -> bool:
+def may_be(road_user: RoadUserClass, prior: PriorShape, choice: str) -> bool:
     """Whether a target with this prior may turn out to be a `road_user`.
 
     A size that is not that of the prior's class is the user's, and excludes the classes that it
-    does not fit.
+    does not fit, given the standard deviations that the prior and the class state. The tracker's
+    `choice` is `estimated` or `fixed`, see `ContourParameters`.
     """
     if prior.road_user in ("unknown", road_user):
         return True
+    if choice == "fixed":
+        return False
     stated, size = np.array([prior.length, prior.width]), class_size(road_user)
     if np.allclose(stated, class_size(prior.road_user).mean, rtol=5e-3):
         return True
-    return bool((np.abs(stated / size.mean - 1.0) <= FITS * size.stds).all())
+    stds = np.hypot(stated * [prior.length_std, prior.width_std], size.mean * size.stds)
+    return bool((np.abs(stated - size.mean) <= FITS * stds).all())
 
 
 def _of_class(
