@@ -11,14 +11,21 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
+from itertools import accumulate, count
+from typing import Any
 
 import numpy as np
 
 from stixel_cli.evaluation.metric_table import LOSS_RATE, over_runs
 from stixel_cli.evaluation.metric_table import metric as metric_row
+from stixel_cli.randomness import generator
 
 CONFIDENCE = 0.95
 SIGNIFICANT = 0.05
+DRAWS = 4000
+"""Draws of a bootstrap."""
+LEAST_DRAWN = 3
+"""Least number of pairs of a path for a bootstrap."""
 
 
 @dataclass(frozen=True)
@@ -52,10 +59,10 @@ class Statistic:
     setting: Mapping[str, str]
     metric: str
     n: int
-    mean: float | None
-    std: float | None
-    low: float | None
-    high: float | None
+    mean: float | None = None
+    std: float | None = None
+    low: float | None = None
+    high: float | None = None
 
 
 def summarise(
@@ -79,21 +86,19 @@ def summarise(
 
 
 def statistic(
-    setting: Mapping[str, str], metric: str, values: Sequence[float | int | None]
+    setting: Mapping[str, str], metric: str, values: Iterable[float | int | None]
 ) -> Statistic:
     """The statistic of one metric's values, without those that are None."""
-    known = np.array([value for value in values if value is not None], dtype=np.float64)
+    # Sorted, so that the order of the seeds does not change the last bit.
+    known = np.sort(np.array([value for value in values if value is not None], dtype=np.float64))
     n = len(known)
     if n == 0:
-        return Statistic(setting, metric, 0, None, None, None, None)
-    # Sorted before the sum, so that the order of the seeds does not change the last bit.
-    mean = float(np.sort(known).mean())
+        return Statistic(setting, metric, 0)
+    mean, std = float(known.mean()), float(known.std(ddof=1)) if n > 1 else None
     if metric == LOSS_RATE:
-        std = float(np.sort(known).std(ddof=1)) if n > 1 else None
         return Statistic(setting, metric, n, mean, std, *wilson_interval(mean, n))
-    if n == 1:
-        return Statistic(setting, metric, 1, mean, None, None, None)
-    std = float(np.sort(known).std(ddof=1))
+    if std is None:
+        return Statistic(setting, metric, n, mean)
     half = student_t(n - 1) * std / math.sqrt(n)
     return Statistic(setting, metric, n, mean, std, mean - half, mean + half)
 
@@ -138,8 +143,7 @@ def student_t(degrees_of_freedom: float) -> float:
 
 def over_seeds(values: Iterable[float | int | None]) -> Statistic:
     """n, mean, standard deviation and 95 % interval (Student's t) of the finite values."""
-    known = [float(value) for value in values if value is not None and math.isfinite(value)]
-    return statistic({}, "", known)
+    return statistic({}, "", (v for v in values if v is not None and math.isfinite(v)))
 
 
 def t_test(difference: Statistic) -> float | None:
@@ -177,7 +181,6 @@ class Paired:
     """Differences of n pairs.
 
     Attributes:
-        n: number of pairs.
         mean: of the differences; None without a pair.
         low, high: 95 % interval of the mean, or None; see `mean_interval`.
         p: of Wilcoxon's signed rank test, two-sided; None below two pairs.
@@ -186,33 +189,28 @@ class Paired:
     """
 
     n: int
-    mean: float | None
-    low: float | None
-    high: float | None
-    p: float | None
-    effect: float | None
+    mean: float | None = None
+    low: float | None = None
+    high: float | None = None
+    p: float | None = None
+    effect: float | None = None
 
 
 def paired(differences: np.ndarray, strata: Sequence[str]) -> Paired:
     """Statistics of the differences (n,) of pairs in `strata` (paths)."""
     n = len(differences)
     if n == 0:
-        return Paired(0, None, None, None, None, None)
-    mean = float(differences.mean())
-    effect = rank_biserial(differences)
-    if n < 2:
-        return Paired(n, mean, None, None, None, effect)
+        return Paired(0)
     low, high = mean_interval(differences, strata) or (None, None)
-    return Paired(n, mean, low, high, wilcoxon(differences), effect)
+    p = wilcoxon(differences) if n > 1 else None
+    return Paired(n, float(differences.mean()), low, high, p, rank_biserial(differences))
 
 
 def mean_interval(values: np.ndarray, strata: Sequence[str]) -> tuple[float, float] | None:
     """95 % interval of the mean of values (n,) in fixed `strata` (paths), see `combined_interval`.
 
-    With few seeds, a bootstrap's interval is too short: with two seeds of one path it extends from
-    one value to the other, and covers the mean in half of all cases.
-
-    None if there is no value, or a stratum has only one: its variance is unknown.
+    A bootstrap's would be too short: that of two seeds covers the mean in half of all cases. None
+    if there is no value, or a stratum has only one: its variance is unknown.
     """
     columns = np.array(strata)
     members = [values[columns == stratum] for stratum in sorted(set(strata))]
@@ -251,10 +249,7 @@ def least_p(pairs: int) -> float:
 
 def pairs_needed(tests: int) -> int:
     """Number of pairs with which one of `tests` tests can be significant after `holm`."""
-    pairs = 1
-    while tests * least_p(pairs) >= SIGNIFICANT:
-        pairs += 1
-    return pairs
+    return next(pairs for pairs in count(1) if tests * least_p(pairs) < SIGNIFICANT)
 
 
 def rank_biserial(differences: np.ndarray) -> float | None:
@@ -268,12 +263,37 @@ def rank_biserial(differences: np.ndarray) -> float | None:
     return float(np.sign(differences) @ ranks / ranks.sum())
 
 
-def holm(p_values: Mapping[str, float]) -> dict[str, float]:
-    """Holm's (1979) step-down correction, which controls the family-wise error rate."""
-    corrected: dict[str, float] = {}
-    least = 0.0
-    ordered = sorted(p_values.items(), key=lambda item: item[1])
-    for i, (name, p) in enumerate(ordered):
-        least = max(least, min(1.0, (len(ordered) - i) * p))
-        corrected[name] = least
-    return corrected
+def holm(p_values: Mapping[Any, float | None]) -> dict[Any, float]:
+    """Holm's (1979) step-down correction of the known p, against the family-wise error rate."""
+    known = {name: p for name, p in p_values.items() if p is not None}
+    ordered = sorted(known, key=known.get)
+    steps = (min(1.0, (len(ordered) - i) * known[name]) for i, name in enumerate(ordered))
+    return dict(zip(ordered, accumulate(steps, max), strict=True))
+
+
+def weights(strata: Sequence[str], name: str) -> np.ndarray:
+    """Weights (DRAWS, n) of the bootstrap's means of n pairs: each row sums to 1.
+
+    From the m pairs of a stratum, m - 1 are drawn with replacement and weighted up to m (Rao & Wu
+    1988, *Resampling inference with complex survey data*). With m draws, the mean's variance would
+    be (m - 1) / m of the true one: with 5 seeds per path, intervals would be a tenth too short. The
+    only pair of a stratum is always drawn.
+    """
+    random = generator(0, f"bootstrap {name}")
+    columns = np.array(strata)
+    found = np.zeros((DRAWS, len(columns)))
+    for stratum in sorted(set(strata)):
+        members = np.flatnonzero(columns == stratum)
+        m = len(members)
+        if m == 1:
+            found[:, members] = 1.0
+            continue
+        drawn = random.multinomial(m - 1, np.full(m, 1.0 / m), DRAWS)
+        found[:, members] = drawn * (m / (m - 1.0))
+    return found / len(columns)
+
+
+def interval(values: np.ndarray) -> tuple[float, float]:
+    """Percentiles of bootstrap values (n,) that enclose `CONFIDENCE` of them."""
+    low, high = np.quantile(values, [0.5 - 0.5 * CONFIDENCE, 0.5 + 0.5 * CONFIDENCE])
+    return float(low), float(high)

@@ -7,10 +7,12 @@ report.json        its answer and its tables as data, once all runs are complete
 tables/ figures/   tables as CSV, Markdown and LaTeX, figures as SVG, once all runs are complete
 """
 
+import json
 import shutil
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from datetime import UTC, datetime
-from pathlib import Path
+from itertools import takewhile
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 import yaml
@@ -18,14 +20,14 @@ import yaml
 from stixel_cli.config.texts import split_override
 from stixel_cli.errors import UserError
 from stixel_cli.files import read_yaml, write_whole, written
-from stixel_cli.report.blocks import Findings
-from stixel_cli.report.report_files import files_of
+from stixel_cli.report.blocks import Figure, Findings, Paragraph, Table
+from stixel_cli.report.tables import plain_rows, table_csv, table_latex, table_markdown
 from stixel_cli.results.folder import check_plain_name
 from stixel_cli.results.provenance import provenance
 from stixel_cli.results.reader import yaml_text
 from stixel_cli.studies.plan import StudyPlan
 
-FILE, PAGE = "study.yaml", "report.html"
+FILE, PAGE, DATA = "study.yaml", "report.html", "report.json"
 UNSET = "not set"
 _LONGEST = 60
 """Characters of a value that are shown."""
@@ -109,6 +111,51 @@ class StudyFolder:
                 write_whole(self.path / name, content)
             write_whole(self.path / PAGE, html)
         return self.path / PAGE
+
+
+def files_of(findings: Findings, taken: Collection[str] = ()) -> dict[str, str | bytes]:
+    """Path in the folder to content of the files next to the page; `taken` are other names.
+
+    Raises:
+        UserError: if two files have one name, or a name is not a path inside the folder.
+    """
+    named: list[tuple[str, str | bytes]] = []
+    for table in findings.blocks(Table):
+        for suffix, text in (("csv", table_csv), ("md", table_markdown), ("tex", table_latex)):
+            named.append((f"tables/{table.name}.{suffix}", text(table)))
+    named += [(f"figures/{figure.name}.svg", figure.svg) for figure in findings.blocks(Figure)]
+    named.append((DATA, json.dumps(report_data(findings), indent=1, ensure_ascii=False) + "\n"))
+    named += findings.files.items()
+    files = dict(named)
+    if len(files) < len(named):
+        names = [name for name, _ in named]
+        twice = next(name for name in names if names.count(name) > 1)
+        raise UserError(f"report: two files have the name {twice}")
+    for name in files:
+        path = PurePosixPath(name)
+        if path.is_absolute() or ".." in path.parts or name in taken:
+            raise UserError(f"report: {name!r} is not a valid file name in a study's folder")
+    return files
+
+
+def report_data(findings: Findings) -> dict[str, Any]:
+    """The report as plain types.
+
+    `answer`: its paragraphs; `leads`: those before its first figure. `tables`: caption and rows by
+    name; a row maps the columns of `tables/NAME.csv` to cells.
+    """
+    leads = takewhile(lambda block: not isinstance(block, Figure), findings.opening)
+    return {
+        "leads": [block.text for block in leads if isinstance(block, Paragraph)],
+        "answer": list(findings.answer),
+        "tables": {
+            table.name: {
+                "caption": table.caption,
+                "rows": [dict(zip(table.columns, row, strict=True)) for row in plain_rows(table)],
+            }
+            for table in findings.blocks(Table)
+        },
+    }
 
 
 def differences(there: Mapping[str, Any], wanted: Mapping[str, Any], folder: str) -> list[str]:

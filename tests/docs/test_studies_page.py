@@ -7,7 +7,7 @@ from pathlib import Path
 import yaml
 
 from stixel_cli.report.blocks import Figure, Findings, Paragraph, Table
-from stixel_cli.report.report_files import files_of
+from stixel_cli.studies.folder import files_of
 
 
 def load_script():

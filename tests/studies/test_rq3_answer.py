@@ -10,9 +10,17 @@ from stixel_cli.config.compose import compose
 from stixel_cli.report.cost import cost_of
 from stixel_cli.report.statistics import paired
 from stixel_cli.results.result import RunResult
-from stixel_cli.studies.rq3.answer import answer_values
-from stixel_cli.studies.rq3.compare import Comparison, _corrected, gap_closed, reach_of
-from stixel_cli.studies.rq3.measures import FABRICATED, FITTED, SIMULATED, Measure
+from stixel_cli.studies.rq3.compare import (
+    FABRICATED,
+    FITTED,
+    SIMULATED,
+    Comparison,
+    Measure,
+    _corrected,
+    gap_closed,
+    reach_of,
+)
+from stixel_cli.studies.rq3.report import answer_values
 
 COST = cost_of(simulated=(), fabricated=())
 
@@ -35,7 +43,9 @@ def family(pairs, labels, tracker="", gap=-0.2):
 def said(pairs, gap=-0.2):
     points = family(pairs, [f"measure {i}" for i in range(11)] + ["bias along the ray"], gap=gap)
     tracks = family(pairs, ["centre RMSE"], "GP-EKF", gap)
-    return answer_of("rq3", answer_values(points, tracks, COST, pairs, 1))
+    return answer_of(
+        "rq3", answer_values(points, tracks) | {"cost": COST, "seeds": pairs, "paths": 1}
+    )
 
 
 def test_few_pairs_allow_no_test():

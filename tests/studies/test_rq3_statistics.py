@@ -1,7 +1,6 @@
 import numpy as np
 from scipy.stats import ttest_1samp, ttest_ind
 
-from stixel_cli.report.bootstrap import weights
 from stixel_cli.report.statistics import (
     SIGNIFICANT,
     holm,
@@ -10,6 +9,7 @@ from stixel_cli.report.statistics import (
     paired,
     pairs_needed,
     rank_biserial,
+    weights,
     wilcoxon,
 )
 from stixel_cli.studies.rq3.compare import gap_closed

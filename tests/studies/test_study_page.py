@@ -10,9 +10,7 @@ from stixel_cli.errors import UserError
 from stixel_cli.pictures import style
 from stixel_cli.report.blocks import Findings, Section, Table
 from stixel_cli.report.metrics import counted, decimals, number, percent, quantity
-from stixel_cli.report.numbered import Numbered, brief
 from stixel_cli.report.page import drawing_for_page, smallest_text, svg_for_page
-from stixel_cli.report.report_files import files_of
 from stixel_cli.report.statistics import over_seeds
 from stixel_cli.report.tables import (
     shown_table,
@@ -21,6 +19,8 @@ from stixel_cli.report.tables import (
 )
 from stixel_cli.report.template import inline_html
 from stixel_cli.results.reader import listed
+from stixel_cli.studies.folder import files_of
+from stixel_cli.studies.page import Numbered, brief
 
 
 @pytest.fixture(scope="module")

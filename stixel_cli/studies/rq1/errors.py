@@ -14,9 +14,8 @@ import numpy as np
 import pandas as pd
 
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.report.bootstrap import interval, weights
 from stixel_cli.report.metrics import counted
-from stixel_cli.report.statistics import Estimate
+from stixel_cli.report.statistics import Estimate, interval, weights
 from stixel_cli.report.tables import chosen
 from stixel_cli.results.result import RunResult
 from stixel_cli.validation.stage_tables import stage_tables

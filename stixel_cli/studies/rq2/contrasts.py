@@ -78,9 +78,8 @@ def contrasts(runs: pd.DataFrame) -> list[Contrast]:
                         found.append(
                             Contrast(user, tracker, one, other, name, values, apart, tested)
                         )
-    p_values = {str(i): t_test(one.difference) for i, one in enumerate(found) if one.tested}
-    p = holm({name: value for name, value in p_values.items() if value is not None})
-    return [replace(one, p=p.get(str(i))) for i, one in enumerate(found)]
+    p = holm({i: t_test(one.difference) for i, one in enumerate(found) if one.tested})
+    return [replace(one, p=p.get(i)) for i, one in enumerate(found)]
 
 
 def of_kind(runs: pd.DataFrame, kind: str) -> list[str]:

@@ -1,4 +1,4 @@
-"""RQ3: paired comparisons of fabricated and fitted with simulated measurements."""
+"""RQ3: the measures of a track, and paired comparisons with simulated measurements."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -8,28 +8,60 @@ import pandas as pd
 
 from stixel_cli.evaluation.metric_table import METRICS
 from stixel_cli.report.blocks import Cell, Figure, Table
-from stixel_cli.report.bootstrap import LEAST_DRAWN, interval, weights
 from stixel_cli.report.forest import Row, forest
 from stixel_cli.report.metrics import MINUS
 from stixel_cli.report.statistics import (
+    LEAST_DRAWN,
     SIGNIFICANT,
     Estimate,
     Paired,
     holm,
+    interval,
     least_p,
     mean_interval,
     paired,
     pairs_needed,
+    weights,
 )
 from stixel_cli.report.tables import ends, groups
-from stixel_cli.studies.rq3.measures import (
-    FABRICATED,
-    FITTED,
-    PAIR,
-    SIMULATED,
-    TRACKER_MEASURES,
-    Measure,
-)
+
+SIMULATED, FABRICATED, FITTED = "simulated", "fabricated", "fitted"
+
+SCAN = ["road_user", "path", "seed"]
+"""Columns that determine the scans of a sweep."""
+PAIR = [*SCAN, "tracker"]
+"""Columns that are equal in runs that are compared."""
+
+
+@dataclass(frozen=True)
+class Measure:
+    """A number of a run: its name, and its unit, "" if it has none."""
+
+    label: str
+    unit: str
+
+    def __str__(self) -> str:
+        return f"{self.label} ({self.unit})" if self.unit else self.label
+
+
+_METRICS = {
+    "centre": "centre_rmse_m",
+    "orientation": "orientation_rmse_deg",
+    "iou": "iou_mean",
+    "iou_hull": "iou_hull_mean",
+    "iou_box": "iou_box_mean",
+    "nees": "nees_position_mean",
+    "nis": "nis_mean",
+}
+DECADES = "log10 of "
+"""Begin of the labels of metrics that are compared as log10."""
+TRACKER_MEASURES = {
+    name: Measure(
+        (DECADES if METRICS[metric].better == "one" else "") + METRICS[metric].short_label,
+        METRICS[metric].unit,
+    )
+    for name, metric in _METRICS.items()
+}
 
 KINDS = (SIMULATED, FABRICATED, FITTED)
 _MORE_IS_BETTER = {row.short_label for row in METRICS.values() if row.better == "more"}
@@ -90,6 +122,17 @@ def reach_of(found: Sequence[Comparison]) -> Reach:
     return Reach(pairs, tests, min(1.0, tests * least_p(pairs)), pairs_needed(tests))
 
 
+def tracker_values(runs: pd.DataFrame) -> pd.DataFrame:
+    """`TRACKER_MEASURES` of the runs, with `PAIR` as index."""
+    columns = [*_METRICS.values()]
+    values = runs.set_index(PAIR).reindex(columns=columns).set_axis([*_METRICS], axis=1)
+    values = values.replace([np.inf, -np.inf], np.nan)
+    for name, measure in TRACKER_MEASURES.items():
+        if measure.label.startswith(DECADES):
+            values[name] = np.log10(values[name].where(values[name] > 0.0))
+    return values
+
+
 def compare(
     sweeps: Mapping[str, pd.DataFrame], measures: Mapping[str, Measure]
 ) -> list[Comparison]:
@@ -120,15 +163,10 @@ def compare(
 
 def _corrected(found: Sequence[Comparison]) -> list[Comparison]:
     """The comparisons with Holm's correction over all of them."""
-    raw = {
-        f"{i} {kind}": one.p
-        for i, comparison in enumerate(found)
-        for kind, one in comparison.apart.items()
-        if one.p is not None
-    }
-    p = holm(raw)
+    every = enumerate(found)
+    p = holm({(i, kind): d.p for i, one in every for kind, d in one.apart.items()})
     return [
-        replace(one, p={kind: p.get(f"{i} {kind}") for kind in one.apart})
+        replace(one, p={kind: p.get((i, kind)) for kind in one.apart})
         for i, one in enumerate(found)
     ]
 

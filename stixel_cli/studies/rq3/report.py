@@ -1,41 +1,59 @@
 """RQ3: how do fabricated and simulated measurements differ, and does a fitted noise help?"""
 
+from collections.abc import Sequence
 from dataclasses import asdict, fields, replace
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
-from stixel_cli.measurements.noise import ConstantNoise, FittedNoise, Noise, StereoNoise
+from stixel_cli.measurements.noise import ConstantNoise, FittedNoise, StereoNoise
 from stixel_cli.report.blocks import Material, Table
-from stixel_cli.report.bootstrap import DRAWS
 from stixel_cli.report.cost import SHARED, cost_of, cost_table
-from stixel_cli.report.metrics import quantity
+from stixel_cli.report.metrics import listed_by_user, quantity
+from stixel_cli.report.statistics import DRAWS, SIGNIFICANT, Paired, excludes_zero
 from stixel_cli.report.tables import chosen, names
 from stixel_cli.results.reader import listed
 from stixel_cli.results.result import RunResult
 from stixel_cli.studies.data import StudyData
-from stixel_cli.studies.rq3.answer import answer_values
 from stixel_cli.studies.rq3.compare import (
+    DECADES,
+    FABRICATED,
+    FITTED,
+    SIMULATED,
+    TRACKER_MEASURES,
+    Comparison,
     compare,
     comparisons_forest,
     difference_table,
     noise_rows,
-)
-from stixel_cli.studies.rq3.figures import LEAST_POINTS, RANGE_CLASS, Pools, point_figures
-from stixel_cli.studies.rq3.measures import (
-    FABRICATED,
-    FITTED,
-    POINT_MEASURES,
-    SIMULATED,
-    TRACKER_MEASURES,
-    point_values,
-    runs_of,
+    reach_of,
     tracker_values,
+)
+from stixel_cli.studies.rq3.points import (
+    LEAST_POINTS,
+    POINT_MEASURES,
+    RANGE_CLASS,
+    point_figures,
+    point_values,
+    pools_of,
+    runs_of,
 )
 from stixel_cli.sweeps.results import SweepResult
 from stixel_cli.validation.noise_fit import fit_noise
 from stixel_cli.validation.point_statistics import neighbour_columns
 
+_LED_BY = (
+    "bias along the ray",
+    "correlation of neighbours",
+    "share of the target's columns without a point",
+)
+"""Measures of the points in the answer's text."""
+_LED_BY_OF_TRACKS = ("centre RMSE", "orientation RMSE", "mean IoU")
+THESIS = 60.0
+"""The thesis states that simulated scans take more than this many times as long."""
+LEAD = "centre RMSE"
+"""The measure of the answer's first sentences."""
 TRAINING = "training"
 COMMAND = "stixel study rq3"
 _PARAMETERS = tuple(field.name for field in fields(FittedNoise) if field.name != "kind")
@@ -89,7 +107,7 @@ def report(data: StudyData) -> Material:
         FABRICATED: next(iter(levels.values())),
         FITTED: runs_of(data.sweeps[FITTED]),
     }
-    runs, pools = sweeps[SIMULATED], _pools(sweeps)
+    runs, pools = sweeps[SIMULATED], pools_of(sweeps)
     lag = neighbour_columns([run for pool in pools.values() for run in pool[SIMULATED]])
     points = compare({n: point_values(own, lag) for n, own in sweeps.items()}, POINT_MEASURES)
     tracks = compare({n: tracker_values(own) for n, own in sweeps.items()}, TRACKER_MEASURES)
@@ -97,14 +115,16 @@ def report(data: StudyData) -> Material:
     cost = cost_of(simulated=data.sweeps[SIMULATED].runs, fabricated=fabricated.runs)
     training = runs_of(data.sweeps[TRAINING])
     noise_values, presets = _fitted(training, sorted(names(runs, "seed")))
-    seeds, paths = (len(names(runs, name)) for name in ("seed", "path"))
     values = {
-        **answer_values(points, tracks, cost, seeds, paths),
+        **answer_values(points, tracks),
+        "cost": cost,
+        "seeds": len(names(runs, "seed")),
+        "paths": len(names(runs, "path")),
         **noise_values,
         "users": names(runs, "road_user"),
         "path_names": names(runs, "path"),
         "trackers": names(runs, "tracker"),
-        "noises": noises_of(fabricated),
+        "noises": list(dict.fromkeys(map(_noise_of, fabricated.runs))),
         "lag": f"{lag:.2g}",
         "draws": DRAWS,
         "range_class": f"{RANGE_CLASS:g}",
@@ -128,6 +148,84 @@ def report(data: StudyData) -> Material:
     return Material(values, presets)
 
 
+def answer_values(points: Sequence[Comparison], tracks: Sequence[Comparison]) -> dict[str, Any]:
+    """What the template's answer says of the two families of comparisons.
+
+    `leads`: the comparisons of `LEAD`; `forest`: the plot of the trackers' differences. `effects`:
+    owner (points or a tracker) to road user to label, unit and paired difference. `few`: the
+    families without any possibly significant test. `points_test`, `tracker_tests`: results of the
+    other families' tests. `closed`: fraction of the gaps that the fitted noise closes.
+    """
+    families = {"points": points, "trackers": tracks}
+    reaches = {name: reach_of(found) for name, found in families.items()}
+    by_tracker: dict[str, list[Comparison]] = {}
+    for one in tracks:
+        by_tracker.setdefault(one.tracker, []).append(one)
+    led = [one for one in tracks if one.measure.label in _LED_BY_OF_TRACKS]
+    points_test = {
+        "comparisons": len(points),
+        "shown": sum(one.differs(FABRICATED) for one in points),
+        "tests": reaches["points"].tests,
+    }
+    tracker_tests = {tracker: _verdict(own) for tracker, own in by_tracker.items()}
+    return {
+        "leads": [one for one in tracks if one.measure.label == LEAD],
+        "forest": comparisons_forest("answer_forest", led, (FABRICATED,)),
+        "effects": {
+            "points": _effects(points, _LED_BY),
+            **{tracker: _effects(own, _LED_BY_OF_TRACKS) for tracker, own in by_tracker.items()},
+        },
+        "few": {name: reach for name, reach in reaches.items() if not reach.enough},
+        "significant": SIGNIFICANT,
+        "points_test": points_test if reaches["points"].enough else None,
+        "tracker_tests": tracker_tests if reaches["trackers"].enough else {},
+        "closed": [_closed(name, own, reaches[name].enough) for name, own in families.items()],
+        "thesis": THESIS,
+    }
+
+
+def _effects(
+    found: Sequence[Comparison], labels: Sequence[str]
+) -> dict[str, list[tuple[str, str, Paired]]]:
+    """Road user to label, unit and paired difference of fabricated minus simulated."""
+    effects: dict[str, list[tuple[str, str, Paired]]] = {one.road_user: [] for one in found}
+    for label in labels:
+        for one in found:
+            if one.measure.label == label:
+                effects[one.road_user].append((label, one.measure.unit, one.apart[FABRICATED]))
+    return effects
+
+
+def _verdict(found: Sequence[Comparison]) -> dict[str, str]:
+    """The road users and measures whose difference is shown, leaning or not shown."""
+    sorts: dict[str, list[tuple[str, str]]] = {"shown": [], "leaning": [], "alike": []}
+    for one in found:
+        leaning = "leaning" if excludes_zero(one.apart[FABRICATED]) else "alike"
+        label = one.measure.label.removeprefix(DECADES).partition(" / ")[0]
+        label = label.removeprefix("mean ").removesuffix(" RMSE")
+        sorts["shown" if one.differs(FABRICATED) else leaning].append((one.road_user, label))
+    return {name: listed_by_user(own) for name, own in sorts.items()}
+
+
+def _closed(owner: str, found: Sequence[Comparison], tested: bool) -> dict[str, Any]:
+    """Fraction of a family's gaps that the fitted noise closes, and the remaining gaps."""
+    known = [one for one in found if one.closed.mean is not None]
+    gaps = [one for one in known if one.differs(FABRICATED)] if tested else known
+    certain = [one.closed for one in gaps if one.closed.low is not None]
+    return {
+        "owner": owner,
+        "tested": tested,
+        "gaps": len(gaps),
+        "share": float(np.median([one.closed.mean for one in gaps])) if gaps else None,
+        "certain": len(certain),
+        "narrowed": sum(one.low > 0.0 for one in certain),
+        "widened": sum(one.high < 0.0 for one in certain),
+        "comparisons": len(found),
+        "apart": sum(excludes_zero(one.apart[FITTED]) for one in found),
+        "left": sum(one.differs(FITTED) for one in found),
+    }
+
+
 def _by_noise(sweep: SweepResult) -> dict[str, SweepResult]:
     """The values of the swept keys of the measurement, to the part of the sweep that has them.
 
@@ -138,18 +236,6 @@ def _by_noise(sweep: SweepResult) -> dict[str, SweepResult]:
         keys = [key for key in run.setting if key.startswith("measurement")]
         parts.setdefault(", ".join(f"{key}={run.setting[key]}" for key in keys), []).append(run)
     return {name: replace(sweep, runs=tuple(runs)) for name, runs in parts.items()}
-
-
-def _pools(sweeps: dict[str, pd.DataFrame]) -> Pools:
-    """The errors of each road user and sweep, of one tracker: the others have the same."""
-    first = names(sweeps[SIMULATED], "tracker")[0]
-    return {
-        user: {
-            sweep: chosen(runs, road_user=user, tracker=first)["errors"].tolist()
-            for sweep, runs in sweeps.items()
-        }
-        for user in names(sweeps[SIMULATED], "road_user")
-    }
 
 
 def _fitted(training: pd.DataFrame, test_seeds: list[int]) -> tuple[dict[str, Any], dict[str, str]]:
@@ -191,13 +277,9 @@ def preset(noise: FittedNoise, what: str, command: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def noises_of(sweep: SweepResult) -> list[str]:
-    """What noise the fabricated runs of a sweep have along the ray, as prose has it."""
-    return list(dict.fromkeys(_told(p.configuration.measurement.noise) for p in sweep.runs))
-
-
-def _told(noise: Noise) -> str:
-    match noise:
+def _noise_of(run: RunResult) -> str:
+    """What noise a fabricated run has along the ray, as prose has it."""
+    match run.configuration.measurement.noise:
         case StereoNoise(disparity_std=std):
             return f"white noise of the disparity ({quantity(std, 'px')})"
         case ConstantNoise(range_std=std):

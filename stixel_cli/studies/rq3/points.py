@@ -1,16 +1,20 @@
-"""RQ3: the figures of the points. Their captions are in the template."""
+"""RQ3: the points against the true contour, their measures and figures."""
 
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
 
 from stixel_cli.pictures import style
 from stixel_cli.report.blocks import Figure
 from stixel_cli.report.charts import Panel, chart
-from stixel_cli.studies.rq3.measures import FABRICATED, FITTED, SIMULATED
+from stixel_cli.report.run_frame import run_frame
+from stixel_cli.report.tables import chosen, names
+from stixel_cli.studies.rq3.compare import FABRICATED, FITTED, PAIR, SCAN, SIMULATED, Measure
+from stixel_cli.sweeps.results import SweepResult
 from stixel_cli.validation.point_errors import PointErrors
-from stixel_cli.validation.point_statistics import correlogram
+from stixel_cli.validation.point_statistics import correlogram, point_statistics
 
 COLOURS = dict(zip((SIMULATED, FABRICATED, FITTED), style.RUNS, strict=False))
 _LINES = {SIMULATED: "-", FABRICATED: "--", FITTED: "-."}
@@ -23,9 +27,65 @@ _LAGS = tuple(range(1, 25))
 _INSIDE = np.arange(-8.0, 25.0, 2.0)
 _DENSITY = np.linspace(-1.0, 1.0, 81)
 
+_REACH = "reach beyond the silhouette's"
+POINT_MEASURES = {
+    "bias_along": Measure("bias along the ray", "m"),
+    "bias_disparity": Measure("bias of the disparity", "px"),
+    "std": Measure("standard deviation along the ray", "m"),
+    "std_disparity": Measure("standard deviation of the disparity", "px"),
+    "bias_across": Measure("bias across the ray", "m"),
+    "neighbours": Measure("correlation of neighbours", ""),
+    "scans": Measure("correlation of successive scans' means", ""),
+    "reach": Measure(f"{_REACH} ends", "px"),
+    "beside": Measure("share of points outside the silhouette", ""),
+    "missed": Measure("share of the target's columns without a point", ""),
+    "points": Measure("points of the target in a scan", ""),
+    "clutter": Measure("clutter points in a scan", ""),
+}
+
 Pools = Mapping[str, Mapping[str, Sequence[PointErrors]]]
 """Road user to sweep to the errors of its runs."""
 Draw = Callable[[Axes, Sequence[PointErrors], dict], None]
+
+
+def runs_of(sweep: SweepResult) -> pd.DataFrame:
+    """The frame of a sweep's runs, with the errors of their points as `errors`.
+
+    The runs of several trackers on the same scans share one object.
+    """
+    runs = run_frame(sweep.runs).drop_duplicates(PAIR, keep="last")
+    first = runs.drop_duplicates(SCAN)
+    errors = {
+        key: run.load("point_errors")
+        for key, run in zip(first[SCAN].itertuples(index=False), first["run"], strict=True)
+    }
+    return runs.assign(errors=[errors[key] for key in runs[SCAN].itertuples(index=False)])
+
+
+def point_values(runs: pd.DataFrame, lag: float) -> pd.DataFrame:
+    """`POINT_MEASURES` of the runs, with `PAIR` as index; neighbours are `lag` columns apart.
+
+    All trackers have the same points: the index has "" in the place of their names.
+    """
+    first = runs[runs["tracker"] == names(runs, "tracker")[0]].assign(tracker="")
+    rows = [
+        point_statistics(errors, run.configuration.rig.focal, lag)
+        for run, errors in zip(first["run"], first["errors"], strict=True)
+    ]
+    index = pd.MultiIndex.from_frame(first[PAIR])
+    return pd.DataFrame(rows, index, [*POINT_MEASURES], dtype=float)
+
+
+def pools_of(sweeps: dict[str, pd.DataFrame]) -> Pools:
+    """The errors of each road user and sweep, of one tracker: the others have the same."""
+    first = names(sweeps[SIMULATED], "tracker")[0]
+    return {
+        user: {
+            sweep: chosen(runs, road_user=user, tracker=first)["errors"].tolist()
+            for sweep, runs in sweeps.items()
+        }
+        for user in names(sweeps[SIMULATED], "road_user")
+    }
 
 
 def point_figures(pools: Pools) -> dict[str, Figure]:
