@@ -27,7 +27,7 @@ from stixel_cli.tracking.start import noisy_start
 from stixel_cli.tracking.track import InitialState
 
 POINTS, SCANS, INTERVAL, STD = *sized((600, 30), (60, 12)), 0.1, 0.1
-CAR = PriorShape(4.2, 1.7, "rectangle", 0.3, 2.0, 0.8, 0.1, 0.3, "car", 0.06, 0.06)
+CAR = PriorShape(4.2, 1.7, "rectangle", 0.3, 2.0, 0.8, 0.1, 0.3, "car", 0.06, 0.06, None)
 TRACKER = GpEkfParameters(
     kind="gp_ekf",
     basis_points=50,

@@ -14,13 +14,13 @@ BUDGET = {
     "calibration": 646,
     # `explain` says if a folder has results of other code than the cached ones.
     "cli": 2806,
-    "config": 2741,
+    "config": 2794,
     # A check that another process has not marked the new cache meanwhile.
     "engine": 4998,
     # The box of a track has room for the limbs; loss has one definition, with heading and class.
     "evaluation": 1606,
     # The names of runs, from config/.
-    "experiment": 1558,
+    "experiment": 1563,
     "export": 589,
     # Camera poses on the plane, poses of labels, rotations of quaternions: from recordings.
     "geometry": 223,
@@ -45,14 +45,14 @@ BUDGET = {
     "sweeps": 2349,
     # `contour`: the bank of forms for what it did not learn from, the search at the first scan;
     # a start from slow and sparse scans.
-    "tracking": 4877,
+    "tracking": 5022,
     # Statistics of points, the fit of their noise and the tables of stages, of the studies before.
     "validation": 1538,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
 
 # The filters of PyRecEst: with the tracker they had more than 300 lines.
-MODULES = 314
+MODULES = 315
 """Modules of the package, without `__init__`."""
 
 

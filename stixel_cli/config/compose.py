@@ -45,8 +45,13 @@ if TYPE_CHECKING:
     from stixel_cli.recordings.types import Recording
 
 
-_FILES = {"road_user": ["mesh"], "measurement": ["path", "ego", "truth"], "cache": ["folder"]}
-"""Keys that name a file or a folder of the user."""
+_FILES = {
+    "road_user": ["mesh"],
+    "prior": ["road_user", "outline"],
+    "measurement": ["path", "ego", "truth"],
+    "cache": ["folder"],
+}
+"""Keys that name a file or a folder of the user; `prior.road_user` does if it ends as one."""
 
 
 @dataclass(frozen=True)
@@ -203,6 +208,7 @@ def name_files_in_full(resolved: dict[str, Any], working_directory: str = "") ->
         section = resolved[group]
         # The checks refuse an empty name.
         names = [key for key in keys if isinstance(section.get(key), str) and section[key]]
+        names = [key for key in names if key != "road_user" or section[key].endswith(".json")]
         if names and not is_own(section):
             full = {key: absolute(section[key], working_directory) for key in names}
             resolved[group] = section | full

@@ -157,6 +157,7 @@ def _stage(composition: Composition, path: Path, name: str, wiring: dict[str, st
         settings=made.settings | {"function": called.function, "settings": dict(called.settings)},
         modules=(*made.modules, called.function.partition(":")[0], *called.modules),
         folders=called.folders,
+        files=(*made.files, *called.files),
         own=called.own,
     )
 

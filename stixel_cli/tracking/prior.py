@@ -6,7 +6,7 @@ import numpy as np
 from annotated_types import Ge, Gt, Le
 
 from stixel_cli.parameters import parameters
-from stixel_cli.scene.classes import RoadUserClass
+from stixel_cli.scene.classes import ROAD_USER_CLASSES, RoadUserClass
 
 NEED_SHAPE = ("point", "rectangle", "random_matrix", "pyrecest")
 """Trackers that read the shape's radii."""
@@ -28,8 +28,11 @@ class PriorShape:
         start_position: standard deviation of x and of y at the start, m, for `start.position`.
         road_user: the class. The tracker `contour` takes the class's outline, with this length and
             width, instead of `shape`. `unknown`: it compares the classes, each with its own size;
-            other trackers take the values above and do not report a class.
+            other trackers take the values above and do not report a class. FILE.json: the class
+            that `stixel learn-shape` wrote; the scans do not replace it.
         length_std, width_std: of the class's length and width, relative to them.
+        outline: table of the target's vertices, `.csv` or `.npz`: x and y, m, along and to the left
+            of the heading. `contour` takes it as one more form that the target may have; null: no.
     """
 
     length: Annotated[float, Gt(0), Le(30)]
@@ -40,9 +43,15 @@ class PriorShape:
     sigma_r: Annotated[float, Ge(0), Le(20)]
     measurement_std: Annotated[float, Ge(1e-6), Le(10)]
     start_position: Annotated[float, Gt(0), Le(100)]
-    road_user: Literal[RoadUserClass, "unknown"]
+    road_user: Literal[RoadUserClass, "unknown"] | str
     length_std: Annotated[float, Gt(0), Le(1)]
     width_std: Annotated[float, Gt(0), Le(1)]
+    outline: str | None
+
+    @property
+    def class_file(self) -> str | None:
+        """The file of the user's class; None if the class is a known one or unknown."""
+        return None if self.road_user in (*ROAD_USER_CLASSES, "unknown") else self.road_user
 
     def check(self, tracker: Any) -> None:
         """Raise ValueError if the corners do not fit, or `tracker` needs a shape that is none."""

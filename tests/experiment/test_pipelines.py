@@ -135,6 +135,8 @@ DECLARED = {
     "stixel_cli.feather": "recorded",
     # The user's scans, sensor poses and truth: likewise.
     "stixel_cli.measurements.tables": "files",
+    # The class and the outline of the prior: likewise.
+    "stixel_cli.tracking.contour.user_shape": "files",
     # The user's own functions: their modules, see `Definition.code`.
     "stixel_cli.own_code": "code",
     # The child process runs filament_process, which the module imports; the files are its answers.

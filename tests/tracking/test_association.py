@@ -19,7 +19,7 @@ def test_moments_of_ellipse_and_rectangle_are_exact():
     centroid, moments = contour_moments(DIRECTIONS, radii)
     np.testing.assert_allclose(centroid, 0.0, atol=1e-12)
     np.testing.assert_allclose(moments, np.diag([2.0**2 / 4, 0.5**2 / 4]), atol=1e-6)
-    sharp = PriorShape(4.5, 1.8, "rectangle", 0.0, 1.0, 1.0, 0.1, 0.3, "car", 0.06, 0.06)
+    sharp = PriorShape(4.5, 1.8, "rectangle", 0.0, 1.0, 1.0, 0.1, 0.3, "car", 0.06, 0.06, None)
     _, moments = contour_moments(DIRECTIONS, prior_radii(sharp, ANGLES))
     np.testing.assert_allclose(moments, np.diag([4.5**2 / 12, 1.8**2 / 12]), rtol=1e-3, atol=1e-9)
 
@@ -62,7 +62,7 @@ def test_no_gate_accepts_all_points_and_an_empty_scan_gives_no_point():
 @pytest.mark.parametrize("size", [(4.5, 1.8), (1.8, 0.6), (0.6, 0.35), (12.0, 2.5)])
 @pytest.mark.parametrize("shape", ["rectangle", "ellipse"])
 def test_contour_is_inside_its_own_gate(size, shape):
-    prior = PriorShape(*size, shape, 0.0, 1.0, 1.0, 0.1, 0.3, "car", 0.06, 0.06)
+    prior = PriorShape(*size, shape, 0.0, 1.0, 1.0, 0.1, 0.3, "car", 0.06, 0.06, None)
     radii = prior_radii(prior, ANGLES)
     centroid, moments = contour_moments(DIRECTIONS, radii)
     outline = radii[:, None] * np.stack([np.cos(ANGLES), np.sin(ANGLES)], axis=-1)

@@ -1,6 +1,7 @@
 """`contour` where the visible shape was not learned: other sensors, sizes that the user states."""
 
 import dataclasses
+import json
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from stixel_cli.config.compose import compose
 from stixel_cli.geometry.pose import rotation, world_from_target
 from stixel_cli.scene.classes import ROAD_USER_CLASSES
 from stixel_cli.tracking.contour.class_shape import class_shape
-from stixel_cli.tracking.contour.class_size import class_size
+from stixel_cli.tracking.contour.class_size import CLASS_SHAPES, class_size
 from stixel_cli.tracking.contour.contour import may_be, track
 from stixel_cli.tracking.contour.contour_rays import (
     SHARED_STD,
@@ -180,6 +181,35 @@ def test_a_fixed_class_and_a_stated_one_are_not_replaced(seen_by):
     assert track(scans, start, cyclist, fixed).class_replaced is None
     stated = dataclasses.replace(cyclist, length=2.2, width=0.6, length_std=0.03, width_std=0.1)
     assert track(scans, start, stated, tracker).class_replaced is None
+
+
+def test_a_given_outline_is_followed_where_the_bank_has_none_like_it(tmp_path):
+    # An L, whose notch no other form has.
+    notched = [[-2.25, -0.9], [2.25, -0.9], [2.25, 0.0], [0.2, 0.0], [0.2, 0.9], [-2.25, 0.9]]
+    file = tmp_path / "outline.csv"
+    file.write_text("x,y\n" + "\n".join(f"{x},{y}" for x, y in notched), encoding="utf-8")
+    given = dataclasses.replace(STATED, outline=str(file))
+    assert set(forms_of("car", given, FILE)) == {"outline", "class", "rectangle"}
+    assert "outline" not in forms_of("cyclist", given, FILE)
+    stixels = dataclasses.replace(FILE, seen_by="stixels")
+    assert set(forms_of("car", given, stixels)) == {"learned", "outline"}
+    poses = turning(25, 4.0, 0.3)
+    scans, start = scans_seen(np.array(notched), poses, noise=0.05), start_at(poses)
+    with_it, without = (track(scans, start, prior, FILE) for prior in (given, STATED))
+    assert overlap(with_it, notched, poses) > 0.93
+    assert overlap(with_it, notched, poses) > overlap(without, notched, poses) + 0.1
+
+
+def test_a_class_of_a_file_tracks_as_the_class_that_it_copies(tmp_path):
+    file = tmp_path / "copy.json"
+    file.write_text(json.dumps(CLASS_SHAPES["car"]), encoding="utf-8")
+    poses = turning(20, 4.0, 0.3)
+    scans, start = scans_seen(SHAPE.outline, poses, noise=0.03), start_at(poses)
+    own = dataclasses.replace(PRIOR, road_user=str(file))
+    fixed = dataclasses.replace(FABRICATED, road_user="fixed")
+    of_file, ours = track(scans, start, own, FABRICATED), track(scans, start, PRIOR, fixed)
+    np.testing.assert_array_equal(of_file.means, ours.means)
+    assert of_file.class_replaced is None
 
 
 def rays_at(points):

@@ -264,7 +264,7 @@ def test_nis_has_one_degree_of_freedom_per_point():
     """A circle, all of it seen and known: radial innovations of 0.1 m are what the model says."""
     random = np.random.default_rng(4)
     parameters = dataclasses.replace(TRACKER, sigma_q=0.01, sigma_q_psi=0.01, gate_probability=None)
-    circle = PriorShape(3.0, 3.0, "ellipse", 0.0, 1.0, 0.4, 0.1, 0.3, "car", 0.06, 0.06)
+    circle = PriorShape(3.0, 3.0, "ellipse", 0.0, 1.0, 0.4, 0.1, 0.3, "car", 0.06, 0.06, None)
     still = InitialState(np.zeros(6), 1e-4 * np.eye(6))
     points = []
     for _ in range(60):
@@ -326,11 +326,11 @@ def test_unseen_radii_return_to_the_mean_function(tracker):
 
 def test_the_mean_radius_of_an_ellipse_is_between_its_half_axes():
     assert mean_radius(
-        PriorShape(3.0, 3.0, "ellipse", 0.0, 1, 1, 1, 0.3, "car", 0.06, 0.06)
+        PriorShape(3.0, 3.0, "ellipse", 0.0, 1, 1, 1, 0.3, "car", 0.06, 0.06, None)
     ) == pytest.approx(1.5)
     assert (
         0.3
-        < mean_radius(PriorShape(1.8, 0.6, "ellipse", 0.0, 1, 1, 1, 0.3, "car", 0.06, 0.06))
+        < mean_radius(PriorShape(1.8, 0.6, "ellipse", 0.0, 1, 1, 1, 0.3, "car", 0.06, 0.06, None))
         < 0.9
     )
 

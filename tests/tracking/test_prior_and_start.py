@@ -35,12 +35,12 @@ def test_rectangle_prior_without_radius_has_sharp_corners():
 
 
 def test_fully_rounded_square_prior_is_a_circle():
-    circle = PriorShape(1.0, 1.0, "rectangle", 0.5, 0.1, 0.1, 0.1, 0.3, "car", 0.06, 0.06)
+    circle = PriorShape(1.0, 1.0, "rectangle", 0.5, 0.1, 0.1, 0.1, 0.3, "car", 0.06, 0.06, None)
     np.testing.assert_allclose(prior_radii(circle, ANGLES), 0.5)
 
 
 def test_ellipse_prior_is_an_ellipse():
-    ellipse = PriorShape(1.8, 0.6, "ellipse", 0.0, 0.1, 0.1, 0.1, 0.3, "car", 0.06, 0.06)
+    ellipse = PriorShape(1.8, 0.6, "ellipse", 0.0, 0.1, 0.1, 0.1, 0.3, "car", 0.06, 0.06, None)
     x, y = points(ellipse).T
     np.testing.assert_allclose((x / 0.9) ** 2 + (y / 0.3) ** 2, 1.0)
 

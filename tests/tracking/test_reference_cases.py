@@ -118,6 +118,7 @@ def test_whole_track_matches_the_reference(case):
         road_user="car",
         length_std=0.06,
         width_std=0.06,
+        outline=None,
     )
     points = points_of(case)
     scans = scans_of(points, times=float(case["T"]) * np.arange(len(points)))

@@ -23,6 +23,7 @@ CAR = PriorShape(
     road_user="car",
     length_std=0.06,
     width_std=0.06,
+    outline=None,
 )
 
 TRACKER = GpEkfParameters(

@@ -3,6 +3,8 @@
 from stixel_cli.config.schema import Tracker
 from stixel_cli.experiment.table.definition import FROM_LABELS, Definition, by_kind, only, same
 
+FILES_OF_PRIOR = ("prior.class_file", "prior.outline")
+
 STAGES: dict[str, Definition] = {
     "truth_start": Definition(
         only("tracking.start:noisy_start"), "once", same("start"), seeded=True
@@ -21,6 +23,7 @@ STAGES: dict[str, Definition] = {
         "once",
         same("prior", "tracker"),
         chosen_by="tracker",
+        files=FILES_OF_PRIOR,
         watched="scans",
     ),
     "track_each": Definition(only("tracking.several.track_each:track_each"), "once", calls="track"),
@@ -103,6 +106,7 @@ OWN: dict[str, Definition] = {
             "function": "tracker.function",
             "parameters": "tracker.parameters",
         },
+        files=FILES_OF_PRIOR,
         code=("tracker.function",),
         watched="scans",
     ),

@@ -50,6 +50,10 @@ the best.
 """
 
 
+SPEED_OF_FILE = 12.0
+"""Of a class that the user's file gives, m/s; no other class is compared with it."""
+
+
 def log_likelihood(stated: float, nis: float, degrees: int) -> float:
     """Log likelihood of a scan with the stated covariance over `OVERSTATED`.
 
@@ -75,7 +79,8 @@ def log_weight(
         road_user: the class.
     """
     # After a gap of years a variance may be below zero by rounding.
-    variance = CLASS_ROWS[road_user].speed ** 2 + max(speed_variance, 0.0)
+    speed_std = CLASS_ROWS[road_user].speed if road_user in CLASS_ROWS else SPEED_OF_FILE
+    variance = speed_std**2 + max(speed_variance, 0.0)
     weight = sum_of_log_likelihoods / CORRELATED_SCANS
     weight -= 0.5 * (size_deviation**2 + speed**2 / variance + np.log(variance))
     return weight if np.isfinite(weight) else -1e9

@@ -12,13 +12,14 @@ Frame: target, x along the heading, y left; m and rad.
 """
 
 from dataclasses import dataclass
-from typing import Literal
+from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
 
-from stixel_cli.scene.classes import RoadUserClass
 from stixel_cli.tracking.contour.class_size import CLASS_SHAPES
 from stixel_cli.tracking.contour.ray_table import COARSE, FINE, RayTable, outline_table
+from stixel_cli.tracking.contour.user_shape import read_class
 
 NODES = (24, 9)
 """Even aspects over a full turn, and even offsets over the table's width, of the visible shape."""
@@ -64,9 +65,14 @@ class VisibleShape:
     inset_stds: np.ndarray
 
 
-def class_shape(road_user: RoadUserClass) -> ClassShape:
+def known_class(road_user: str) -> dict[str, Any]:
+    """What is known of a class: one of ours, or of the file of `prior.road_user`."""
+    return CLASS_SHAPES.get(road_user) or read_class(Path(road_user))
+
+
+def class_shape(road_user: str) -> ClassShape:
     """The outlines of `road_user` from `class_shapes.json`."""
-    known = CLASS_SHAPES[road_user]
+    known = known_class(road_user)
     radii = _metres(known["radii"])
     angles = 2.0 * np.pi * np.arange(len(radii)) / len(radii)
     return ClassShape(
@@ -76,11 +82,9 @@ def class_shape(road_user: RoadUserClass) -> ClassShape:
     )
 
 
-def visible_shape(
-    road_user: RoadUserClass, sensor: Literal["stixels", "lidar", "outline"]
-) -> VisibleShape:
+def visible_shape(road_user: str, sensor: Literal["stixels", "lidar", "outline"]) -> VisibleShape:
     """What stixels (`stixels`), a `lidar` or a sensor of the outline see of `road_user`."""
-    known = CLASS_SHAPES[road_user][sensor]
+    known = known_class(road_user)[sensor]
     return VisibleShape(
         depth_biases=_metres(known["depth_biases"]).reshape(NODES),
         bias_per_std=known["bias_per_std"],

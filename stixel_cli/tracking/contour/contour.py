@@ -5,7 +5,7 @@ from dataclasses import fields, replace
 import numpy as np
 
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.scene.classes import ROAD_USER_CLASSES, RoadUserClass
+from stixel_cli.scene.classes import ROAD_USER_CLASSES
 from stixel_cli.tracking.contour.class_probabilities import (
     CONTRADICTED,
     RULED_OUT,
@@ -17,7 +17,7 @@ from stixel_cli.tracking.contour.class_size import class_size
 from stixel_cli.tracking.contour.contour_filter import ClassFilter
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
 from stixel_cli.tracking.contour.contour_rays import rays_of
-from stixel_cli.tracking.contour.forms import RECTANGLE_ODDS, forms_of
+from stixel_cli.tracking.contour.forms import FORM_ODDS, forms_of
 from stixel_cli.tracking.motion import intervals
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.track import InitialState, Track, used_rows
@@ -41,7 +41,8 @@ def track(
     nothing.
     """
     filters = {}
-    for road_user in ROAD_USER_CLASSES:
+    own = [] if prior.class_file is None else [prior.class_file]
+    for road_user in (*ROAD_USER_CLASSES, *own):
         if may_be(road_user, prior, tracker.road_user):
             start, of_class, parameters = _of_class(road_user, initial, prior, tracker)
             for form, seen in forms_of(road_user, prior, parameters).items():
@@ -69,7 +70,7 @@ def track(
     return _reported(filters, None if prior.road_user == "unknown" else prior.road_user)
 
 
-def may_be(road_user: RoadUserClass, prior: PriorShape, choice: str) -> bool:
+def may_be(road_user: str, prior: PriorShape, choice: str) -> bool:
     """Whether a target with this prior may turn out to be a `road_user`.
 
     A size that is not that of the prior's class is the user's, and excludes the classes that it
@@ -78,7 +79,7 @@ def may_be(road_user: RoadUserClass, prior: PriorShape, choice: str) -> bool:
     """
     if prior.road_user in ("unknown", road_user):
         return True
-    if choice == "fixed":
+    if choice == "fixed" or prior.class_file is not None:
         return False
     stated, size = np.array([prior.length, prior.width]), class_size(road_user)
     if np.allclose(stated, class_size(prior.road_user).mean, rtol=5e-3):
@@ -110,7 +111,7 @@ def _reported(filters: dict[tuple[str, str], ClassFilter], class_of_prior: str |
     keys, names = list(filters), list(dict.fromkeys(road_user for road_user, _ in filters))
     of_class = np.array([names.index(road_user) for road_user, _ in keys])
     weights = np.stack([one.log_weights for one in filters.values()])
-    weights[[form == "rectangle" for _, form in keys]] -= RECTANGLE_ODDS
+    weights += np.array([[FORM_ODDS.get(form, 0.0)] for _, form in keys])
     for row, ((road_user, _), one) in zip(weights, filters.items(), strict=True):
         # The points of another class stretch or shrink the size before they contradict the shape.
         if one.sight.residual and class_of_prior not in (None, road_user):

@@ -6,7 +6,6 @@ import numpy as np
 
 from stixel_cli.geometry.pose import wrap_angle
 from stixel_cli.measurements.scans import FieldOfView
-from stixel_cli.scene.classes import RoadUserClass
 from stixel_cli.tracking.contour.class_shape import class_shape, visible_shape, visible_table
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
 from stixel_cli.tracking.contour.ray_table import RayTable, expected
@@ -113,12 +112,17 @@ class Rays:
         return ends[0], ends[1]
 
 
-def sight_of(road_user: RoadUserClass, tracker: ContourParameters) -> Sight:
-    """What the sensor sees of a class: stixels and lidars less than the outline."""
+def sight_of(
+    road_user: str, tracker: ContourParameters, vertices: np.ndarray | None = None
+) -> Sight:
+    """What the sensor sees of a class: stixels and lidars less than the outline.
+
+    The outline is the class's, or `vertices` (n, 2) m of another one.
+    """
     outline = tracker.seen_by not in ("stixels", "lidar")
     seen = visible_shape(road_user, "outline" if outline else tracker.seen_by)
-    shape = class_shape(road_user)
-    table = visible_table(shape.outline, seen, blurred=tracker.seen_by == "stixels")
+    shape = class_shape(road_user).outline if vertices is None else vertices
+    table = visible_table(shape, seen, blurred=tracker.seen_by == "stixels")
     return Sight(table, seen.bias_per_std, seen.std_factor, outline)
 
 

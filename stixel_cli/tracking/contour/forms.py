@@ -9,29 +9,38 @@ gives: for them the two forms stand beside the learned shape.
 """
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
-from stixel_cli.scene.classes import RoadUserClass
 from stixel_cli.tracking.contour.class_shape import ClassShape, class_shape
-from stixel_cli.tracking.contour.class_size import class_size
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
 from stixel_cli.tracking.contour.contour_rays import LEARNED, Sight, sight_of
-from stixel_cli.tracking.contour.ray_table import RayTable, outline_table
+from stixel_cli.tracking.contour.ray_table import (
+    RayTable,
+    even_aspects,
+    first_depths,
+    outline_table,
+)
 from stixel_cli.tracking.contour.residual import Residual
+from stixel_cli.tracking.contour.user_shape import RADII, read_outline
 from stixel_cli.tracking.prior import PriorShape
 
-RECTANGLE_ODDS = 5.0
-"""Log odds of the class's outline against the rectangle, before the first scan."""
+FORM_ODDS = {"outline": 5.0, "rectangle": -5.0}
+"""Log odds of a form against the class's outline, before the first scan."""
 
-RECTANGLE_STD = 0.02
-"""How well a rectangle's ranges and ends fit, m."""
+EXACT_STD = 0.02
+"""How well the ranges and ends of a rectangle, or of an outline that the user gives, fit, m."""
 
 GREATEST_SLOPE = 2.0
 """Depth over offset, tan 63°: where a ray grazes the shape more, a real sensor may get no echo."""
 
 SILHOUETTE_FACTOR, OFFSET_STD = 4.0, 0.08
 """In the place of smaller values of `silhouette_factor` and `offset_std`: real edges are round."""
+
+
+LEAST_RADIUS = 0.02
+"""Of an outline whose centre is outside of it, m."""
 
 
 def is_learned(prior: PriorShape, tracker: ContourParameters) -> bool:
@@ -45,16 +54,17 @@ def is_learned(prior: PriorShape, tracker: ContourParameters) -> bool:
     if tracker.seen_by == "stixels" or prior.road_user == "unknown":
         return True
     stated = [prior.length, prior.width]
-    return np.allclose(stated, class_size(prior.road_user).mean, rtol=5e-3)
+    return np.allclose(stated, class_shape(prior.road_user).size, rtol=5e-3)
 
 
 def forms_of(
-    road_user: RoadUserClass, prior: PriorShape, tracker: ContourParameters
+    road_user: str, prior: PriorShape, tracker: ContourParameters
 ) -> dict[str, tuple[ClassShape, Sight, ContourParameters]]:
     """The forms that a `road_user` may have: shape, how the sensor sees it, and parameters."""
     shape, sight = class_shape(road_user), sight_of(road_user, tracker)
     learned = {"learned": (shape, sight, tracker)} if is_learned(prior, tracker) else {}
-    if learned and tracker.seen_by != "fabricated":
+    given = prior.outline if road_user == prior.road_user else None
+    if learned and given is None and tracker.seen_by != "fabricated":
         return learned
     tracker = replace(
         tracker,
@@ -62,14 +72,34 @@ def forms_of(
         offset_std=max(tracker.offset_std, OFFSET_STD),
     )
     box = rectangle(shape)
-    table, std = outline_table(box.outline), RECTANGLE_STD
-    ends = np.full_like(table.low, std)
-    table = replace(table, stds=np.full_like(table.stds, std), low_stds=ends, high_stds=ends)
-    tables = {"class": (shape, sight.table), "rectangle": (box, table)}
+    tables = {"class": (shape, sight.table), "rectangle": (box, _exact_table(box.outline))}
+    if given is not None:
+        vertices = read_outline(Path(given))
+        exact = sight.outline or tracker.seen_by not in LEARNED
+        table = _exact_table(vertices) if exact else sight_of(road_user, tracker, vertices).table
+        tables = ({} if learned else tables) | {"outline": (star_of(vertices), table)}
     return learned | {
         form: (form_shape, _of_table(sight, form_table, form_shape, tracker), tracker)
         for form, (form_shape, form_table) in tables.items()
     }
+
+
+def _exact_table(outline: np.ndarray) -> RayTable:
+    table = outline_table(outline)
+    ends = np.full_like(table.low, EXACT_STD)
+    stds = np.full_like(table.stds, EXACT_STD)
+    return replace(table, stds=stds, low_stds=ends, high_stds=ends)
+
+
+def star_of(vertices: np.ndarray) -> ClassShape:
+    """The outermost points of a polygon (n, 2) m round the centre of its box, at even angles."""
+    angles = even_aspects(RADII)
+    radii = np.maximum(-first_depths(vertices, angles, np.zeros((RADII, 1))), LEAST_RADIUS)
+    return ClassShape(
+        outline=radii * np.stack([np.cos(angles), np.sin(angles)], axis=-1),
+        outline_stds=np.zeros(RADII),
+        size=np.ptp(vertices, axis=0),
+    )
 
 
 def rectangle(shape: ClassShape) -> ClassShape:
