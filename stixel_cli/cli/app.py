@@ -21,6 +21,7 @@ from stixel_cli.cli.doctor import doctor
 from stixel_cli.cli.errors import Interrupted, guarded, settle_streams, usage_line
 from stixel_cli.cli.explain import explain
 from stixel_cli.cli.export import export
+from stixel_cli.cli.learn_shape import learn_shape
 from stixel_cli.cli.ls import ls
 from stixel_cli.cli.plan import plan
 from stixel_cli.cli.play import play
@@ -125,7 +126,7 @@ def stixel(
 app.command(cls=_Run, short_help="Run one experiment.")(run)
 _COMMANDS = (
     *(sweep, study, describe, plan, explain, rerun, verify, ls, show, compare, report, play),
-    *(export, calibrate, assess),
+    *(export, calibrate, assess, learn_shape),
 )
 for _command in _COMMANDS:
     app.command()(_command)

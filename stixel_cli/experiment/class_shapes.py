@@ -1,17 +1,18 @@
-"""Estimate what is known of each class, and write `tracking/contour/class_shapes.json`.
+"""Learn what is known of a class: for `stixel learn-shape`, and for our classes.
 
     python -m stixel_cli.experiment.class_shapes
 
-takes the mean outline and the mean box of drawn shapes, runs the classes on four paths with tuning
-seeds and shapes (1000 and above), and fits what stixels and lidars see of them. Run it again when
-the renderer, the matcher, the stixels or the road users' shapes have changed.
+writes `tracking/contour/class_shapes.json`. Both take the mean outline and the mean box of road
+users, run them on four paths with tuning seeds and shapes (1000 and above), and fit what stixels
+and lidars see of them. Run it again when the renderer, the matcher, the stixels or the road users'
+shapes have changed.
 """
 
 import dataclasses
 import json
 import re
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -35,55 +36,77 @@ SEEDS = range(1000, 1008)
 """Seeds and shape seeds of the scans: so many that some cyclists have panniers, as 30 % have."""
 OUTLINES = range(1000, 1020)
 """Shape seeds of the mean outline."""
+LEAST_SIZE_STD = 0.01
+"""Of a class that is learned from a single mesh, relative."""
 MEASUREMENTS = {"stixels": ("stixels",), "lidar": ("lidar", "lidar_64")}
 """Options of `measurement` for each kind of sensor."""
 
+Overrides = tuple[str, ...]
+
 
 def main() -> None:
-    """Run the experiments that are not cached, fit, and write the file."""
+    """Learn our classes and write the file; experiments that are cached are not run again."""
     shapes = {}
     for road_user in ROAD_USER_CLASSES:
-        samples = {sensor: _samples(road_user, sensor) for sensor in MEASUREMENTS}
-        drawn = [_scenario(road_user, seed) for seed in OUTLINES]
-        sizes = np.array([np.ptp(scenario.box_target, axis=0) for scenario in drawn])
-        mean, std = sizes.mean(axis=0), sizes.std(axis=0)
-        size = ClassSize(mean.round(2), (std / mean).round(2))
+        drawn, seen = (
+            {seed: (f"road_user={road_user}", f"road_user.shape_seed={seed}") for seed in seeds}
+            for seeds in (OUTLINES, SEEDS)
+        )
+        size, shapes[road_user] = learned_class(drawn.values(), seen, (*MEASUREMENTS, "outline"))
         print(f"conf/prior/{road_user}.yaml: {size}")  # noqa: T201
-        # The size that is written, whole centimetres, is that of the fit.
-        shape = dataclasses.replace(class_shape_of(drawn), size=size.mean)
-        seen = {sensor: visible_shape_of(pairs, shape) for sensor, pairs in samples.items()}
-        seen["outline"] = visible_outline_of(drawn, shape)
-        shapes[road_user] = entry(size, shape, seen)
     target = Path(class_size.__file__).with_name(class_size.FILES[0])
-    text = json.dumps(shapes, indent=1)
-    # A list in one line.
-    text = re.sub(r"\[[^\]]+\]", lambda numbers: " ".join(numbers[0].split()), text)
-    target.write_text(text + "\n", encoding="utf-8")
+    target.write_text(class_text(shapes), encoding="utf-8")
     print(target)  # noqa: T201
 
 
-def _scenario(road_user: str, seed: int) -> Scenario:
-    """Ground truth of a drawn shape; its motion does not matter."""
-    p = compose((f"road_user={road_user}", f"road_user.shape_seed={seed}")).configuration
+def learned_class(
+    drawn: Iterable[Overrides], seen: Mapping[int, Overrides], sensors: Sequence[str]
+) -> tuple[ClassSize, dict[str, Any]]:
+    """The sizes of a class, and what is known of it, see `entry`.
+
+    Args:
+        drawn: overrides that choose the road users of the mean outline and size.
+        seen: seed to overrides, of the road users that sensors see on all paths.
+        sensors: `stixels`, `lidar` and `outline`, or some of them.
+    """
+    scenarios = [_scenario(one) for one in drawn]
+    sizes = np.array([np.ptp(scenario.box_target, axis=0) for scenario in scenarios])
+    mean = sizes.mean(axis=0)
+    stds = np.maximum(sizes.std(axis=0) / mean, LEAST_SIZE_STD)
+    size = ClassSize(mean.round(2), stds.round(2))
+    # The size that is written, whole centimetres, is that of the fit.
+    shape = dataclasses.replace(class_shape_of(scenarios), size=size.mean)
+    visible = {
+        sensor: visible_outline_of(scenarios, shape)
+        if sensor == "outline"
+        else visible_shape_of(_samples(seen, sensor), shape)
+        for sensor in sensors
+    }
+    return size, entry(size, shape, visible)
+
+
+def _scenario(road_user: Overrides) -> Scenario:
+    """Ground truth of a road user; its motion does not matter."""
+    p = compose(road_user).configuration
     return build_scenario(ego_motion(p.ego, 1.0, 0.5), p.road_user, p.path)
 
 
-def _samples(road_user: str, sensor: str) -> list[tuple[Scenario, Scans]]:
-    """Ground truth and scans of a class on all paths and seeds."""
+def _samples(road_users: Mapping[int, Overrides], sensor: str) -> list[tuple[Scenario, Scans]]:
+    """Ground truth and scans of the road users of each seed on all paths."""
     found = []
-    for measurement, path, seed in product(MEASUREMENTS[sensor], PATHS, SEEDS):
-        overrides = (
-            f"road_user={road_user}",
-            f"measurement={measurement}",
-            f"path={path}",
-            f"seed={seed}",
-            f"road_user.shape_seed={seed}",
-        )
-        print(*overrides, file=sys.stderr)  # noqa: T201
-        composition = compose((*overrides, "tracker=point", "pictures.frames=[]"))
-        result = run_experiment(composition)
+    for measurement, path, seed in product(MEASUREMENTS[sensor], PATHS, road_users):
+        motion = (f"measurement={measurement}", f"path={path}", f"seed={seed}")
+        print(*road_users[seed], *motion, file=sys.stderr)  # noqa: T201
+        simple = ("tracker=point", "pictures.frames=[]")
+        result = run_experiment(compose((*road_users[seed], *motion, *simple)))
         found.append((result.scenario, result.scans))
     return found
+
+
+def class_text(known: Mapping[str, Any]) -> str:
+    """JSON of what is known, with each list in one line."""
+    text = json.dumps(known, indent=1)
+    return re.sub(r"\[[^\]]+\]", lambda numbers: " ".join(numbers[0].split()), text) + "\n"
 
 
 def entry(size: ClassSize, shape: ClassShape, seen: Mapping[str, VisibleShape]) -> dict[str, Any]:

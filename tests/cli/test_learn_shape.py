@@ -1,0 +1,57 @@
+from itertools import product
+
+import pytest
+
+from stixel_cli.cli.app import main
+from stixel_cli.config.compose import compose
+from stixel_cli.tracking.contour.class_shape import class_shape
+from stixel_cli.tracking.contour.user_shape import read_class
+
+SIDES = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
+
+
+def mesh(tmp_path, name, length, width):
+    corners = product((-length / 2, length / 2), (-width / 2, width / 2), (0, 1.5))
+    lines = [f"v {x} {y} {z}" for x, y, z in corners]
+    for a, b, c, d in SIDES:
+        lines += [f"f {a + 1} {b + 1} {c + 1}", f"f {a + 1} {c + 1} {d + 1}"]
+    file = tmp_path / name
+    file.write_text("\n".join(lines), encoding="utf-8")
+    return str(file)
+
+
+def test_the_overrides_that_it_prints_use_the_class_of_the_meshes(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    meshes = [mesh(tmp_path, "a.obj", 4.0, 1.6), mesh(tmp_path, "b.obj", 5.0, 2.0)]
+    given = ["--sensor", "outline", "--output", "vans.json"]
+    assert main(["learn-shape", *meshes, *given]) == 0
+    assert {file.name for file in tmp_path.glob("*")} == {"a.obj", "b.obj", "vans.json"}
+    overrides = capsys.readouterr().out.split()
+    p = compose(["measurement=fabricated", "tracker=contour", *overrides]).configuration.prior
+    assert (p.length, p.width, p.length_std, p.width_std) == (4.5, 1.8, 0.11, 0.11)
+    assert {*read_class(tmp_path / "vans.json")} & {"lidar", "outline", "stixels"} == {"outline"}
+    # A rectangle's corner is far beyond that of a drawn car, whose front is round.
+    corner = class_shape(p.class_file).outline[22]
+    assert corner[0] > 2.15 and corner[1] > 0.85
+
+
+@pytest.mark.parametrize(
+    ("arguments", "fault"),
+    [
+        (["no.obj", "--output", "x.json"], "road_user.mesh: file not found"),
+        (["a.obj", "--output", "x.csv"], "--output: x.csv must have the suffix .json"),
+        (["a.obj", "--output", "old.json"], "--output: old.json exists"),
+        (["a.obj", "--output", "x.json", "--sensor", "sonar"], "--sensor: 'sonar' is not known"),
+        (["a.obj", "--output", "x.json", "--road-user", "tram"], "road_user: unknown option"),
+        (["a.obj", "--output", "x.json", "--forward", "z"], "road_user.mesh_forward: 'z'"),
+        (["--output", "x.json"], "MESH"),
+    ],
+)
+def test_wrong_input_is_one_line_and_no_file(tmp_path, monkeypatch, capsys, arguments, fault):
+    monkeypatch.chdir(tmp_path)
+    mesh(tmp_path, "a.obj", 4.0, 1.6)
+    (tmp_path / "old.json").write_text("{}", encoding="utf-8")
+    assert main(["learn-shape", *arguments]) == 2
+    error = capsys.readouterr().err
+    assert fault in error and error.count("\n") == 1
+    assert not (tmp_path / "x.json").exists()
