@@ -94,14 +94,13 @@ def _asked(
     what: Sequence[str], file: str | None, trust_code: bool
 ) -> "tuple[SweepPlan, Sequence[Lineage | None]]":
     """The plan of the nodes to explain; the lineages of the runs in the folder to compare with."""
-    from stixel_cli.config.compose import Composer
     from stixel_cli.experiment.run import has_pictures, read_stored_run
     from stixel_cli.results.lineage import read_lineage
     from stixel_cli.results.reader import SWEEP_FILE
     from stixel_cli.sweeps.folder import SweepFolder
-    from stixel_cli.sweeps.resume import on_this_machine
-    from stixel_cli.sweeps.runs import compose_runs, design_runs, sweep_design
-    from stixel_cli.sweeps.whole import planned_run, planned_sweep
+    from stixel_cli.sweeps.graphs import planned_run, planned_sweep
+    from stixel_cli.sweeps.runs import design_runs, sweep_design
+    from stixel_cli.sweeps.whole import stored_runs
 
     folders = [text for text in what if "=" not in text and os.path.isdir(text)]
     if folders and len(what) > 1:
@@ -111,9 +110,7 @@ def _asked(
     if folders and (Path(folders[0]) / SWEEP_FILE).exists():
         folder = Path(folders[0])
         request = SweepFolder(folder).request()
-        composer = Composer(request.working_directory, trusted=False)
-        runs = compose_runs(on_this_machine(request.runs, ()), request.keys, composer)
-        plan = planned_sweep(runs, None, request.pictures, request.nodes)
+        plan = planned_sweep(stored_runs(request), None, request.pictures, request.nodes)
         return plan, [read_lineage(run) for run in folder.glob("runs/*")]
     if folders:
         stored = read_stored_run(Path(folders[0]))

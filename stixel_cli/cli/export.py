@@ -51,12 +51,13 @@ def export(
     """
     from stixel_cli.engine.progress import make_progress
     from stixel_cli.export.export import FORMATS
+    from stixel_cli.export.export import export as write
 
     if format not in FORMATS:
         raise UserError(f"--format: {format!r} is not known: must be one of {', '.join(FORMATS)}")
     stored = stored_run(folder, workers, trust_code)
     target = Path(f"{folder.resolve().name}-{format}") if output is None else output
-    answer = FORMATS[format](stored, target.absolute(), make_progress())
+    answer = write(stored, target.absolute(), format, make_progress())
     say(target)
     if format == "kitti":
         say(shlex.join(["stixel", "run", *answer]))

@@ -48,8 +48,8 @@ def plan(
       stixel plan tracker.length_scale=0.5
       stixel plan tracker.length_scale=0.2,0.4,0.8 seed=0,1,2
     """
+    from stixel_cli.sweeps.graphs import planned_run, planned_sweep
     from stixel_cli.sweeps.runs import design_runs, sweep_design
-    from stixel_cli.sweeps.whole import planned_run, planned_sweep
 
     words = with_workers(overrides or [], workers)
     design = sweep_design(words, file, one_is_enough=True, trust_code=trust_code)

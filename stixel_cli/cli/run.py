@@ -79,7 +79,7 @@ def _print_plan(composition: "Composition", json: bool) -> None:
     import yaml
 
     from stixel_cli.cli.plan import plan_content, print_plan
-    from stixel_cli.sweeps.whole import planned_run
+    from stixel_cli.sweeps.graphs import planned_run
 
     plan = planned_run(composition)
     if json:

@@ -71,8 +71,9 @@ def sweep(
       stixel sweep --resume results/sweep-20260101-120000
     """
     from stixel_cli.results.folder import check_name
+    from stixel_cli.sweeps.graphs import planned_sweep
     from stixel_cli.sweeps.runs import design_runs, sweep_design
-    from stixel_cli.sweeps.whole import new_sweep, planned_sweep, resumed_sweep
+    from stixel_cli.sweeps.whole import new_sweep, resumed_sweep
 
     started = time.perf_counter()
     words = with_workers(overrides or [], workers)
@@ -105,7 +106,7 @@ def _report(result: "SweepResult", json: bool, seconds: float) -> None:
             "nodes": {"computed": result.computed, "cached": result.cached},
             "runs": result.records,
             "summary": summary_records(result.statistics),
-            "incomplete": [vars(setting) for setting in result.incomplete],
+            "incomplete": result.incomplete,
         }
         print_json(answer)
     else:
@@ -128,11 +129,16 @@ def _print_statistics(result: "SweepResult") -> None:
     from stixel_cli.sweeps.figures import SHOWN
     from stixel_cli.sweeps.results import heading
 
-    by_setting = result.statistics_of
+    by_setting = result.statistics
     shown = [over_runs(name) for name in SHOWN]
     names = [name for name in shown if any(name in row for row in by_setting.values())]
     # The interval of a share of runs is not symmetric: it is in the summary only.
-    spread = any(s.low is not None for s in result.statistics if s.metric != LOSS_RATE)
+    spread = any(
+        one.low is not None
+        for row in by_setting.values()
+        for name, one in row.items()
+        if name != LOSS_RATE
+    )
     keys = list(result.runs[0].setting)
     header = [*keys, "n", *(heading(name) for name in names)]
     rows = []
@@ -155,7 +161,8 @@ def _print_statistics(result: "SweepResult") -> None:
 
 def _tell_what_is_missing(result: "SweepResult") -> None:
     from stixel_cli.results.result import FAILED, SKIPPED
-    from stixel_cli.sweeps.resume import resume_command
+    from stixel_cli.sweeps.folder import SweepFolder
+    from stixel_cli.sweeps.results import incomplete_label
 
     lines = []
     for status in (FAILED, SKIPPED):
@@ -168,11 +175,12 @@ def _tell_what_is_missing(result: "SweepResult") -> None:
     lacking = len(result.runs) - result.count("done")
     last = f"{lacking} of {len(result.runs)} runs are missing"
     if result.statistics:
-        named = "; ".join(setting.label for setting in result.incomplete[:_MOST_SHOWN])
+        named = "; ".join(map(incomplete_label, result.incomplete[:_MOST_SHOWN]))
         more = len(result.incomplete) - _MOST_SHOWN
         named += f"; and {more} more" if more > 0 else ""
         last = f"for {counted(len(result.incomplete), 'setting')}: {last}: {named}"
     last = f"no statistics yet {last}" if result.statistics else f"no statistics yet: {last}"
     for line in (*lines, last):
         tell(line)
-    print(resume_command(result.folder, result.runs[0].overrides), file=sys.stderr)  # noqa: T201
+    command = SweepFolder(result.folder).resume_command(result.runs[0].overrides)
+    print(command, file=sys.stderr)  # noqa: T201

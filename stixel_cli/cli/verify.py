@@ -42,7 +42,7 @@ def verify(
     from stixel_cli.engine.progress import make_progress
     from stixel_cli.engine.store import Store, open_store
     from stixel_cli.experiment.verify import verify_run
-    from stixel_cli.results.provenance import provenance
+    from stixel_cli.results.lineage import provenance
 
     stored = stored_run(folder, workers, trust_code)
     tell_changed_code(stored)

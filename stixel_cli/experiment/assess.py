@@ -18,7 +18,7 @@ from stixel_cli.recordings.tables import read_labels
 from stixel_cli.recordings.types import Recording
 from stixel_cli.report.assess import LABELS, Assessment
 from stixel_cli.scene.classes import CLASS_OF_KITTI_TYPE
-from stixel_cli.stixels.types import FreeSpace, Stixels
+from stixel_cli.stixels.types import Stixels
 from stixel_cli.validation.pair_errors import (
     AreaErrors,
     area_errors,
@@ -50,8 +50,14 @@ def assess(composition: Composition, progress: Progress | None = None) -> Assess
     wanted = ["camera_pictures", *(["truth_alignment"] if recording.true_disparities else [])]
     with computed_stages(composition, wanted, progress) as (done, load):
         first = {name: load(name)[0] for name in (*STAGES, *wanted)}
-        values = _columns(first["stixels"], first["free_space"], first["match"].raw(0) >= 0)
-        values |= dict.fromkeys(name for name in LABELS if name not in values)
+        covered = _covered(first["stixels"], configuration.rig.width)
+        free_space = first["free_space"]
+        values = dict.fromkeys(LABELS) | {
+            "stixel_share": float(covered.mean()),
+            "free_share": float(np.isnan(free_space.disparity[0]).mean()),
+            "unknown_share": float((free_space.unknown_row[0] >= 0).mean()),
+            "disparity_share": float((first["match"].raw(0) >= 0).mean()),
+        }
         values |= _against_truth(first, recording, configuration)
     records = {record["name"]: record for record in done.stage_records()}
     return Assessment(
@@ -67,19 +73,9 @@ def assess(composition: Composition, progress: Progress | None = None) -> Assess
     )
 
 
-def _columns(stixels: Stixels, free_space: FreeSpace, known: np.ndarray) -> dict[str, Any]:
-    rows = stixels.rows(0)
-    covered = _covered(stixels, rows, known.shape[1])
-    return {
-        "stixel_share": float(covered.mean()),
-        "free_share": float(np.isnan(free_space.disparity[0]).mean()),
-        "unknown_share": float((free_space.unknown_row[0] >= 0).mean()),
-        "disparity_share": float(known.mean()),
-    }
-
-
-def _covered(stixels: Stixels, rows: slice, width: int) -> np.ndarray:
-    covered = np.zeros(width, dtype=bool)
+def _covered(stixels: Stixels, width: int) -> np.ndarray:
+    """Columns (width,) of the first frame with a stixel."""
+    covered, rows = np.zeros(width, dtype=bool), stixels.rows(0)
     for left, right in zip(stixels.left[rows], stixels.right[rows], strict=True):
         covered[left:right] = True
     return covered
@@ -94,7 +90,7 @@ def _against_truth(first: dict[str, Any], recording: Recording, configuration) -
         errors = area_errors(stixels, 0, truth, rig)
         obstacles = true_obstacles(truth, rig, configuration.road, configuration.free_space)
         seen = np.isfinite(obstacles)
-        covered = _covered(stixels, stixels.rows(0), rig.width)
+        covered = _covered(stixels, rig.width)
         values |= {
             "obstacle_columns": int(seen.sum()),
             "obstacle_covered_share": float(covered[seen].mean()) if seen.any() else None,
@@ -164,7 +160,7 @@ def calibrate(
     if configuration.source.kind == "rendered":
         raise UserError("source: rendered is exact: choose a recording, source.folder=DIR")
     folder = configuration.source.folder
-    stage, fit, _, _ = METHODS[chosen_method(composition.recording, folder, method)]
+    stage, fit, *_ = METHODS[chosen_method(composition.recording, folder, method)]
     with computed_stages(composition, [stage], progress) as (_, load):
         (errors,) = load(stage)
     try:

@@ -55,10 +55,9 @@ def folders_page(
         for label, one, run in zip(labels, stored, runs, strict=True)
         if run.metrics != one.metrics
     ]
-    if len(runs) == 1:
-        return playback_html(runs, labels[0], notes), notes
-    title = f"{listed([run.label for run in runs])} on one scene"
-    return playback_html(runs, title, notes, labels), notes
+    several = f"{listed([run.label for run in runs])} on one scene"
+    title, names = (labels[0], ()) if len(runs) == 1 else (several, labels)
+    return playback_html(runs, title, notes, names), notes
 
 
 def check_one_scene(stored: Sequence[RunResult], labels: Sequence[str]) -> None:

@@ -12,19 +12,17 @@ from stixel_cli.config.compose import Composition, compose, from_resolved
 from stixel_cli.config.folders import OF_THE_MACHINE, PRESETS
 from stixel_cli.config.own_options import check_parameters, functions_of, refuse_code
 from stixel_cli.config.schema import Configuration
-from stixel_cli.engine.graph import Graph
 from stixel_cli.engine.progress import Progress
 from stixel_cli.engine.store import Store, open_store
 from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.evaluation.scores import Scores
-from stixel_cli.experiment.run_names import run_name
+from stixel_cli.experiment.run_names import differences, joined_name
 from stixel_cli.experiment.stages import RESULTS, computed_stages, experiment_graph
-from stixel_cli.experiment.table.table import picture_stages
+from stixel_cli.experiment.table.table import PICTURES
 from stixel_cli.measurements.file_truth import angle_to_motion
 from stixel_cli.report.playback import playback_html
 from stixel_cli.results.folder import check_results, new_folder, write_folder
-from stixel_cli.results.lineage import lineage_of, read_lineage
-from stixel_cli.results.provenance import provenance
+from stixel_cli.results.lineage import lineage_of, provenance, read_lineage
 from stixel_cli.results.result import RunResult, read_run
 from stixel_cli.scene.scenario import Scenario
 
@@ -49,21 +47,20 @@ def run_experiment(
     """Compute the missing nodes of an experiment and load its result.
 
     Args:
-        composition, progress, on_scores: as in `computed_stages`, which has the errors.
+        composition, progress, on_scores, store: as in `computed_stages`, which has the errors.
         pictures: whether to draw pictures.
         camera: whether to load the camera's frames for the page; None: if there are pictures.
-        store: the cache; None for that of the configuration.
     """
-    graph = experiment_graph(composition)
-    wanted = targets(graph, pictures, camera)
+    wanted = [*RESULTS, *(PICTURES if pictures else ()), OBJECTS, TRACKS]
+    wanted += [CAMERA] if (pictures if camera is None else camera) else []
     store = open_store(composition.configuration.cache) if store is None else store
-    with computed_stages(composition, wanted, progress, on_scores, (graph, store)) as (done, load):
+    with computed_stages(composition, wanted, progress, on_scores, store) as (done, load):
         results = {name: load(name)[0] for name in RESULTS}
         if progress is not None and progress.advice:
             _note_headings(composition, results["scenario"], progress)
-        drawn = [one for name in picture_stages(graph) for one in load(name)]
+        drawn = [one for name in PICTURES for one in load(name)]
         frames, objects, tracks = map(load, (CAMERA, OBJECTS, TRACKS))
-        lineage = lineage_of(graph, done.status, store)
+        lineage = lineage_of(done.graph, done.status, store)
     return RunResult(
         settings=composition.resolved,
         manifest={"choices": composition.choices, "stages": done.stage_records()},
@@ -73,7 +70,7 @@ def run_experiment(
         pictures={path: data for one in drawn for path, data in one.files.items()},
         camera=tuple(frames),
         objects=tuple(objects),
-        tracks=tracks[0] if tracks else (),
+        tracks=next(iter(tracks), ()),
         lineage=lineage,
     )
 
@@ -100,17 +97,12 @@ def record_run(
     """Run an experiment and write its result folder into `results`, if that is given.
 
     Args:
-        composition: the experiment.
+        composition, progress, on_scores: as in `computed_stages`. After its errors no result folder
+            is left.
         results: parent of the result folder; None to write nothing.
         name: of the result folder; None for a name made of what differs from the default, see
             `experiment.run_names`, and the time.
-        progress: reports the progress.
-        on_scores: see `computed_stages`.
         rerun_of: the folder that is repeated, whose name the new one has.
-
-    Raises:
-        UserError: for any error that the user can fix; no result folder is left then.
-        StageFailure: if a stage fails for another reason.
     """
     started = time.perf_counter()
     if results is not None:
@@ -119,7 +111,8 @@ def record_run(
     run = run_experiment(composition, progress, on_scores=on_scores)
     if rerun_of is None:
         command = ["stixel", "run", *composition.overrides, *PRESETS.option]
-        stem, origin = run_name(composition.choices, composition.overrides), {}
+        stem = joined_name(differences(composition.choices, composition.overrides))
+        origin = {}
     else:
         command = ["stixel", "rerun", str(rerun_of)]
         stem = f"{rerun_of.resolve().name.lstrip('.')[:100]}-rerun"
@@ -159,19 +152,6 @@ def correction_note(configuration: Configuration) -> dict[str, str]:
         "correction": f"{rig.disparity_offset:+.3f} px {rig.disparity_slope:+.6f} px per column; "
         f"{origin}"
     }
-
-
-def targets(graph: Graph, pictures: bool = True, camera: bool | None = None) -> list[str]:
-    """Names of the stages that an experiment needs: `RESULTS`, those that draw, and `CAMERA`.
-
-    `OBJECTS` and `TRACKS` are of them where the pipeline has them. `camera` is None to include
-    `CAMERA` if there are pictures.
-    """
-    wanted = [*RESULTS, *(picture_stages(graph) if pictures else ())]
-    if (pictures if camera is None else camera) and CAMERA in graph.stages:
-        wanted.append(CAMERA)
-    wanted += [name for name in (OBJECTS, TRACKS) if name in graph.stages]
-    return wanted
 
 
 def trust_stored_run(run: RunResult, trusted: bool) -> None:

@@ -3,12 +3,8 @@
 import re
 from collections.abc import Mapping, Sequence
 
-from stixel_cli.config.folders import (
-    configured_option,
-    group_options,
-    innermost_group,
-    option_values,
-)
+from stixel_cli.config import folders
+from stixel_cli.config.folders import group_options, innermost_group
 from stixel_cli.config.texts import split_override, value_text
 
 ALWAYS = ("road_user", "path")
@@ -72,18 +68,12 @@ def swept_setting(keys: Sequence[str], values: Sequence[str]) -> str:
     return f"{_printable(_last(keys[0]))}{others}={text}"
 
 
-def run_name(choices: Mapping[str, str], overrides: Sequence[str]) -> str:
-    """The `differences` as the name of a folder; `+2` at its end for two that are left out."""
-    return joined_name(differences(choices, overrides))
-
-
 def joined_name(parts: Sequence[str]) -> str:
-    """The parts joined to a valid name of a folder, as many as it may have."""
+    """The parts joined to a valid name of a folder; `+2` at its end for two that are left out."""
     kept = [re.sub(r"[^A-Za-z0-9_.+=,-]+", "_", part) for part in parts]
-    left_out = 0
     while len(kept) > 1 and len("-".join(kept)) > LONGEST_NAME:
         kept.pop()
-        left_out += 1
+    left_out = len(parts) - len(kept)
     return "-".join(kept) + (f"+{left_out}" if left_out else "")
 
 
@@ -93,11 +83,11 @@ def _last(key: str) -> str:
 
 def _is_default(key: str, value: str, group: str, choices: Mapping[str, str]) -> bool:
     if key in group_options():
-        return configured_option(key) == value
+        return folders.configured_option(key) == value
     option = choices.get(group, "")
     if option not in group_options().get(group, ()):
         return False
-    values = option_values(group, option)
+    values = folders.option_values(group, option)
     name = key[len(group) + 1 :]
     return name in values and value_text(values[name]) == value
 

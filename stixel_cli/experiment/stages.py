@@ -1,6 +1,6 @@
 """The stages of one experiment: the entries of the table, wired by the pipeline's file."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from operator import attrgetter
@@ -130,6 +130,8 @@ def _stage(composition: Composition, path: Path, name: str, wiring: dict[str, st
     functions = [f for name in names for f in ((name,) if isinstance(name, str) else name)]
     chosen_by = definition.chosen_by
     kind = attrgetter(f"{chosen_by}.kind")(configuration) if chosen_by else ""
+    given = [attrgetter(path)(configuration) for path in definition.files]
+    files = [Path(name) for name in given if name is not None]
     made = Stage(
         name=name,
         function=definition.functions[kind],
@@ -143,7 +145,7 @@ def _stage(composition: Composition, path: Path, name: str, wiring: dict[str, st
         frames=pictured_frames(composition) if definition.pattern == "pick" else (),
         files=(
             *(getattr(recording, definition.recorded) if definition.recorded else ()),
-            *_files(attrgetter(p)(configuration) for p in definition.files),
+            *(path for file in files for path in (file, *referred_files(file))),
         ),
         gives_files=bool(definition.recorded),
         keys=definition.reads,
@@ -172,12 +174,6 @@ def _definition(configuration: Configuration, stage: str) -> Definition:
     return OWN[stage] if own else TABLE[stage]
 
 
-def _files(names: Iterable[str | None]) -> tuple[Path, ...]:
-    """The files of these names and the files that they refer to."""
-    files = [Path(name) for name in names if name is not None]
-    return tuple(file for own in files for file in (own, *referred_files(own)))
-
-
 def _setting(composition: Composition, path: str) -> Any:
     """A value of the configuration, or one that the files of the recording give."""
     configuration = composition.configuration
@@ -203,7 +199,7 @@ def computed_stages(
     wanted: Sequence[str],
     progress: Progress | None = None,
     on_scores: Callable[[Scenario, Scores], None] | None = None,
-    parts: tuple[Graph, Store] | None = None,
+    store: Store | None = None,
 ) -> Iterator[tuple[Execution, Callable[[str], list[Any]]]]:
     """Compute the missing results of stages, and give a function that loads those of a stage.
 
@@ -213,19 +209,21 @@ def computed_stages(
 
     Args:
         composition: the experiment.
-        wanted: names of stages; `RESULTS` are computed before all others.
+        wanted: names of stages, without effect where the pipeline has no such stage; `RESULTS` are
+            computed before all others.
         progress: reports the progress.
         on_scores: called with the scenario and the scores as soon as `RESULTS` are computed.
-        parts: the graph of the experiment and the cache, if they exist already.
+        store: the cache; None for that of the configuration.
 
     Raises:
         UserError: for any error that the user can fix.
         StageFailure: if a stage fails for another reason; finished nodes stay in the store.
-        KeyError: if the pipeline has no such stage.
     """
     configuration = composition.configuration
+    store = open_store(configuration.cache) if store is None else store
     try:
-        graph, store = parts or (experiment_graph(composition), open_store(configuration.cache))
+        graph = experiment_graph(composition)
+        wanted = [name for name in wanted if name in graph.stages]
         needed = graph.ancestors(graph.expand(wanted))
 
         def load(name: str) -> list[Any]:

@@ -16,23 +16,17 @@ from stixel_cli.results.differences import StageDifference, first_changed_stage,
 from stixel_cli.results.lineage import Lineage
 from stixel_cli.results.result import RunResult
 
-COMPARED = {
-    "ego": "scenario",
-    "truth": "scenario",
-    "scans": "scans",
-    "track": "track",
-    "scores": "scores",
-}
+COMPARED = {"ego": "scenario", "truth": "scenario"} | {n: n for n in ("scans", "track", "scores")}
 """NPZ files that are compared, and the stage of each."""
 
 
 @dataclass(frozen=True)
 class FileDifference:
-    """A file of the folder that differs from the new result."""
+    """A file of the folder, the stage that gives it, and how it differs from the new result."""
 
     file: str
     stage: str
-    what: str
+    what: str | None
 
 
 @dataclass(frozen=True)
@@ -86,27 +80,21 @@ def verify_run(
     paths = {name: stored.folder / f"{name}.npz" for name in COMPARED}
     arrays = {name: read_arrays(path) for name, path in paths.items() if path.exists()}
     new = run_experiment(stored.composition, progress, has_pictures(stored), store=store)
-    compared = list(_compared_files(stored, arrays, new))
-    files = tuple(
-        FileDifference(file, stage, what) for file, stage, what in compared if what is not None
-    )
+    compared = [FileDifference(*one) for one in _compared_files(stored, arrays, new)]
+    files = tuple(file for file in compared if file.what is not None)
     by_key = by_value = None
     if stored.lineage is not None:
         graph = experiment_graph(stored.composition)
         by_key = first_changed_stage(stored.lineage, new.lineage, graph)
         by_value = _first_by_digest(stored.lineage, new.lineage, old_store, store, bool(files))
     if by_value is None and files:
-        by_value = _first_by_file(files, stored.lineage is not None)
+        first, altered = files[0], "altered after the run: lineage.json matches the new result"
+        causes = () if stored.lineage is None else (f"{first.file} was {altered}",)
+        by_value = StageDifference(first.stage, f"{first.file}: {first.what}", causes)
     if by_value is not None and by_key is not None and not by_value.causes:
         by_value = replace(by_value, causes=by_key.causes)
-    return Verification(
-        files=files,
-        compared=len(compared),
-        by_key=by_key,
-        by_value=by_value,
-        changes=tuple(_changes(stored, now)),
-        stages=new.stages,
-    )
+    changes = tuple(_changes(stored, now))
+    return Verification(files, len(compared), by_key, by_value, changes, new.stages)
 
 
 def _compared_files(
@@ -150,17 +138,6 @@ def _first_by_digest(
                 chunk = f"chunk {i + 1} of {len(stage.keys)}: " if len(stage.keys) > 1 else ""
                 return StageDifference(name, chunk + what, ())
     return None
-
-
-def _first_by_file(files: tuple[FileDifference, ...], recorded: bool) -> StageDifference:
-    """The first file that differs, if the lineage shows no difference."""
-    file = files[0]
-    causes = (
-        (f"{file.file} was altered after the run: lineage.json matches the new result",)
-        if recorded
-        else ()
-    )
-    return StageDifference(file.stage, f"{file.file}: {file.what}", causes)
 
 
 def _changes(stored: RunResult, now: Mapping[str, Any]) -> Iterator[str]:

@@ -1,17 +1,19 @@
 """The formats of exports; CSV tables with a table of their columns, trajectories for evo."""
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
 from stixel_cli.engine.progress import Progress
+from stixel_cli.errors import UserError
 from stixel_cli.experiment.run import run_experiment
+from stixel_cli.experiment.stages import pipeline_stages
 from stixel_cli.export.kitti_folder import export_kitti
-from stixel_cli.export.new_folder import new_folder
 from stixel_cli.export.rerun_log import export_rerun
 from stixel_cli.export.stixel_files import export_stx1
-from stixel_cli.results.folder import csv_text
+from stixel_cli.results.folder import csv_text, whole_folder
 from stixel_cli.results.result import RunResult
 from stixel_cli.scene.classes import ROAD_USER_CLASSES
 
@@ -50,20 +52,13 @@ COLUMNS: dict[str, tuple[str, str]] = {
 
 
 def export_csv(stored: RunResult, folder: Path, progress: Progress | None = None) -> None:
-    """Write scans, track, truth, contours and ego poses as CSV, and `columns.csv` about them.
-
-    Results that the cache lacks are computed.
-
-    Raises:
-        UserError: if the folder exists or cannot be written, or the run cannot be repeated.
-        StageFailure: if a stage fails.
-    """
+    """Write scans, track, truth, contours and ego poses as CSV, and `columns.csv` about them."""
     import pandas
 
     run = run_experiment(stored.composition, progress, pictures=False, camera=False)
     tables = exported_tables(run)
     rows = [(table, name, *COLUMNS[name]) for table, columns in tables.items() for name in columns]
-    with new_folder(folder) as partial:
+    with whole_folder(folder) as partial:
         for table, columns in tables.items():
             (partial / f"{table}.csv").write_text(csv_text(columns), encoding="utf-8")
         columns_table = pandas.DataFrame(rows, columns=["table", "column", "unit", "meaning"])
@@ -72,8 +67,8 @@ def export_csv(stored: RunResult, folder: Path, progress: Progress | None = None
 
 def exported_tables(run: RunResult) -> dict[str, dict[str, np.ndarray]]:
     """The tables by name; without truth, those of the truth are missing."""
-    tables = {name: run.tables[name] for name in ("scans", "track", "truth", "ego")
-              if name in run.tables}  # fmt: skip
+    names = ("scans", "track", "truth", "ego")
+    tables = {name: run.tables[name] for name in names if name in run.tables}
     used = np.zeros(len(run.scans.points_world), dtype=np.int64)
     used[run.track.used_points] = 1
     tables["scans"] = tables["scans"] | {"used": used}
@@ -98,10 +93,6 @@ def export_tum(stored: RunResult, folder: Path, progress: Progress | None = None
 
     Each row has the time (s), the place (m, z = 0) and the heading as a quaternion (x, y, z, w).
     Times without truth have no row.
-
-    Raises:
-        UserError: if the folder exists or cannot be written, or the run cannot be repeated.
-        StageFailure: if a stage fails.
     """
     run = run_experiment(stored.composition, progress, pictures=False, camera=False)
     poses = {
@@ -109,21 +100,18 @@ def export_tum(stored: RunResult, folder: Path, progress: Progress | None = None
         "truth": run.scenario.target_poses_world,
         "ego": run.scenario.ego_poses_world,
     }
-    with new_folder(folder) as partial:
+    with whole_folder(folder) as partial:
         for name, values in poses.items():
-            text = tum_text(run.scenario.times, values)
-            (partial / f"{name}.tum").write_text(text, encoding="utf-8")
+            np.savetxt(partial / f"{name}.tum", tum_rows(run.scenario.times, values), "%.9g")
 
 
-def tum_text(times: np.ndarray, poses_world: np.ndarray) -> str:
-    """Rows of `times` (K,) s and poses (K, 3) in TUM's format; a pose of NaN has no row."""
-    rows = []
-    for time, (x, y, heading) in zip(times, poses_world, strict=True):
-        if np.isfinite([x, y, heading]).all():
-            half = 0.5 * heading
-            values = (time, x, y, 0.0, 0.0, 0.0, np.sin(half), np.cos(half))
-            rows.append(" ".join(f"{float(value):.9g}" for value in values))
-    return "".join(f"{row}\n" for row in rows)
+def tum_rows(times: np.ndarray, poses_world: np.ndarray) -> np.ndarray:
+    """Rows (n, 8) of `times` (K,) s and poses (K, 3) as TUM has them; a pose of NaN has no row."""
+    known = np.isfinite(poses_world).all(axis=1)
+    x, y, heading = poses_world[known].T
+    zero = np.zeros(len(x))
+    quaternion = (zero, zero, np.sin(0.5 * heading), np.cos(0.5 * heading))
+    return np.column_stack([times[known], x, y, zero, *quaternion])
 
 
 FORMATS: dict[str, Callable[..., list[str] | None]] = {
@@ -133,3 +121,29 @@ FORMATS: dict[str, Callable[..., list[str] | None]] = {
     "stx1": export_stx1,
     "rerun": export_rerun,
 }
+
+NEEDED = {"kitti": ("add_sensor_noise", "rendered images"), "stx1": ("stixels", "stixels")}
+"""The stage that a format needs, and the noun of its result."""
+
+
+def export(
+    stored: RunResult, folder: Path, format: str, progress: Progress | None = None
+) -> list[str] | None:
+    """Write a run in one of `FORMATS` into a new folder, which appears complete or not at all.
+
+    Results that the cache lacks are computed.
+
+    Returns:
+        What the format's function returns.
+
+    Raises:
+        UserError: if the folder exists or cannot be written, the run lacks what the format needs
+            or cannot be repeated, or the format's package is not installed.
+        StageFailure: if a stage fails.
+    """
+    if os.path.lexists(folder):
+        raise UserError(f"--output: {folder} exists; choose another folder")
+    stage, noun = NEEDED.get(format, ("track", "track"))
+    if stage not in {one.name for one in pipeline_stages(stored.composition)}:
+        raise UserError(f"{stored.folder}: has no {noun} to export")
+    return FORMATS[format](stored, folder, progress)

@@ -8,11 +8,12 @@ import numpy as np
 from stixel_cli.config.compose import compose
 from stixel_cli.config.texts import override_text
 from stixel_cli.engine.progress import Progress
-from stixel_cli.export.new_folder import new_folder, stage_results
+from stixel_cli.experiment.stages import computed_stages
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD, rotation, world_from_target
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.images import encode_png
 from stixel_cli.rendering.frames import StereoPairs
+from stixel_cli.results.folder import whole_folder
 from stixel_cli.results.result import RunResult
 from stixel_cli.scene.classes import CLASS_ROWS
 from stixel_cli.scene.scenario import Scenario
@@ -28,23 +29,17 @@ FROM_IMAGES = ("road", "stereo", "occupancy", "free_space", "height", "extractio
 def export_kitti(stored: RunResult, folder: Path, progress: Progress | None = None) -> list[str]:
     """Write the images, calibration, labels, ego poses and disparities of a run as a KITTI clip.
 
-    Results that the cache lacks are computed.
-
     Returns:
         The overrides with which `stixel run` makes the scans of this run from the clip.
-
-    Raises:
-        UserError: if the run has no rendered images, or the folder exists or cannot be written.
-        StageFailure: if a stage fails.
     """
     configuration = stored.composition.configuration
     user, rig = configuration.road_user, configuration.rig
     wanted = ["add_sensor_noise", "match", "scenario"]
     with (
-        stage_results(stored, wanted, "rendered images", progress) as found,
-        new_folder(folder) as partial,
+        computed_stages(stored.composition, wanted, progress) as (_, load),
+        whole_folder(folder) as partial,
     ):
-        pairs, disparities, (scenario,) = (found[name] for name in wanted)
+        pairs, disparities, (scenario,) = map(load, wanted)
         label = CLASS_ROWS[user.kind].kitti_types[0]
         write_clip(partial, SEQUENCE, pairs, scenario, rig, label, user.height)
         write_disparities(partial / "disparity" / SEQUENCE, disparities)

@@ -8,9 +8,9 @@ import numpy as np
 from stixel_cli.engine.progress import Progress
 from stixel_cli.errors import UserError
 from stixel_cli.experiment.run import run_experiment
-from stixel_cli.export.new_folder import new_folder
 from stixel_cli.pictures.camera_frames import WIDEST
 from stixel_cli.pictures.style import depth_colours
+from stixel_cli.results.folder import whole_folder
 from stixel_cli.results.pictures import CameraFrames
 from stixel_cli.results.result import RunResult
 
@@ -22,19 +22,13 @@ LINE_RADIUS = 0.1
 
 
 def export_rerun(stored: RunResult, folder: Path, progress: Progress | None = None) -> None:
-    """Write `run.rrd`, which `rerun FILE` shows.
-
-    Raises:
-        UserError: if rerun is not installed, the folder exists or cannot be written, or the run
-            cannot be repeated.
-        StageFailure: if a stage fails.
-    """
+    """Write `run.rrd`, which `rerun FILE` shows."""
     try:
         import rerun as library
     except ImportError:
         raise UserError("--format: rerun needs rerun: pip install 'stixel[rerun]'") from None
     run = run_experiment(stored.composition, progress, pictures=False, camera=True)
-    with new_folder(folder) as partial:
+    with whole_folder(folder) as partial:
         recording = library.RecordingStream("stixel", recording_id=folder.name)
         recording.save(str(partial / "run.rrd"))
         log_run(library, recording, run)

@@ -11,10 +11,11 @@ from scipy.special import erf
 
 from stixel_cli.engine.progress import Progress
 from stixel_cli.errors import UserError
-from stixel_cli.export.new_folder import new_folder, stage_results
+from stixel_cli.experiment.stages import computed_stages
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.measurements.gates import Gates, candidates
 from stixel_cli.measurements.scans import Scans
+from stixel_cli.results.folder import whole_folder
 from stixel_cli.results.result import RunResult
 from stixel_cli.scene.classes import CLASS_ROWS
 from stixel_cli.stixels.types import Stixels
@@ -32,11 +33,6 @@ def export_stx1(stored: RunResult, folder: Path, progress: Progress | None = Non
     Fields of a stixel: u, its left column; vT, its top row; vB, the row below its base; d, depth
     along the optical axis, m; label, that of the road user if the track was updated with the
     stixel; width, px; confidence, see `CLOSE`; idx, its number in the frame; cluster, see `TARGET`.
-
-    Raises:
-        UserError: if pyStixel-lib is not installed, the run has no stixels, or the folder exists or
-            cannot be written.
-        StageFailure: if a stage fails.
     """
     try:
         import stixel as library
@@ -44,16 +40,15 @@ def export_stx1(stored: RunResult, folder: Path, progress: Progress | None = Non
         raise UserError("--format: stx1 needs pyStixel-lib: pip install 'stixel[stx1]'") from None
     configuration = stored.composition.configuration
     rig, kind = configuration.rig, configuration.road_user.kind
-    recorded = configuration.source.kind != "rendered"
-    images = "pairs" if recorded else "add_sensor_noise"
+    images = "add_sensor_noise" if configuration.source.kind == "rendered" else "pairs"
     wanted = [images, "stixels", "scans", "track"]
     with (
-        stage_results(stored, wanted, "stixels", progress) as found,
-        new_folder(folder) as partial,
+        computed_stages(stored.composition, wanted, progress) as (_, load),
+        whole_folder(folder) as partial,
     ):
-        (scans,), (track,) = found["scans"], found["track"]
+        chunks_of_images, chunks, (scans,), (track,) = map(load, wanted)
         gates = configuration.measurement.gates
-        for pairs, stixels in zip(found[images], found["stixels"], strict=True):
+        for pairs, stixels in zip(chunks_of_images, chunks, strict=True):
             of_target = used_stixels(stixels, gates, scans, track.used_points)
             for i in range(len(stixels.offsets) - 1):
                 name = f"{stixels.first + i:06d}"

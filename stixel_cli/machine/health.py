@@ -15,7 +15,7 @@ from stixel_cli.engine.entries import entries, set_aside
 from stixel_cli.engine.errors import CacheError, MissingEntry
 from stixel_cli.engine.parameters import show_size
 from stixel_cli.engine.store import Store
-from stixel_cli.results.provenance import git_state, package_versions
+from stixel_cli.results.lineage import git_state, package_versions
 
 RENDERER_TIMEOUT = 60.0
 """Time limit of a renderer, s; the first start on a machine compiles kernels."""

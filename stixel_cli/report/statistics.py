@@ -8,7 +8,7 @@ SciPy is imported where it is used: a command that needs no statistics starts wi
 """
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from itertools import accumulate, count
@@ -47,7 +47,6 @@ class Statistic:
     """A metric of one setting over its seeds.
 
     Attributes:
-        setting: keys that differ between runs, without the seed, with their values as typed.
         metric: its name.
         n: number of seeds with a value; where an estimate is not finite there may be no value.
         mean: None if n is 0.
@@ -56,7 +55,6 @@ class Statistic:
             freedom, None if n < 2; of a share of runs Wilson's.
     """
 
-    setting: Mapping[str, str]
     metric: str
     n: int
     mean: float | None = None
@@ -66,41 +64,39 @@ class Statistic:
 
 
 def summarise(
-    settings: Sequence[Mapping[str, str]], metrics: Sequence[Mapping[str, float | int | None]]
-) -> list[Statistic]:
-    """The statistics of runs; runs of equal settings are repetitions.
+    runs: Iterable[tuple[Hashable, Mapping[str, float | int | None]]],
+) -> dict[Any, dict[str, Statistic]]:
+    """The statistics by setting and metric of runs, each given as its setting and its metrics.
 
-    Args:
-        settings: of each run, without the seed.
-        metrics: of each run, name to value.
+    Runs of equal settings are repetitions.
     """
-    groups: dict[tuple, list[int]] = {}
-    for i, setting in enumerate(settings):
-        groups.setdefault(tuple(setting.items()), []).append(i)
-    names = list(dict.fromkeys(name for run in metrics for name in run))
-    return [
-        statistic(dict(setting), over_runs(name), [metrics[i].get(name) for i in members])
-        for setting, members in groups.items()
-        for name in names
-    ]
+    groups: dict[Any, list[Mapping[str, float | int | None]]] = {}
+    for setting, metrics in runs:
+        groups.setdefault(setting, []).append(metrics)
+    names = list(dict.fromkeys(n for group in groups.values() for run in group for n in run))
+    return {
+        setting: {
+            over_runs(name): statistic(over_runs(name), [run.get(name) for run in group])
+            for name in names
+        }
+        for setting, group in groups.items()
+    }
 
 
-def statistic(
-    setting: Mapping[str, str], metric: str, values: Iterable[float | int | None]
-) -> Statistic:
+def statistic(metric: str, values: Iterable[float | int | None]) -> Statistic:
     """The statistic of one metric's values, without those that are None."""
     # Sorted, so that the order of the seeds does not change the last bit.
     known = np.sort(np.array([value for value in values if value is not None], dtype=np.float64))
     n = len(known)
     if n == 0:
-        return Statistic(setting, metric, 0)
+        return Statistic(metric, 0)
     mean, std = float(known.mean()), float(known.std(ddof=1)) if n > 1 else None
     if metric == LOSS_RATE:
-        return Statistic(setting, metric, n, mean, std, *wilson_interval(mean, n))
+        return Statistic(metric, n, mean, std, *wilson_interval(mean, n))
     if std is None:
-        return Statistic(setting, metric, n, mean)
+        return Statistic(metric, n, mean)
     half = student_t(n - 1) * std / math.sqrt(n)
-    return Statistic(setting, metric, n, mean, std, mean - half, mean + half)
+    return Statistic(metric, n, mean, std, mean - half, mean + half)
 
 
 def excludes_zero(one: "Estimate | Statistic | Paired") -> bool:
@@ -143,7 +139,7 @@ def student_t(degrees_of_freedom: float) -> float:
 
 def over_seeds(values: Iterable[float | int | None]) -> Statistic:
     """n, mean, standard deviation and 95 % interval (Student's t) of the finite values."""
-    return statistic({}, "", (v for v in values if v is not None and math.isfinite(v)))
+    return statistic("", (v for v in values if v is not None and math.isfinite(v)))
 
 
 def t_test(difference: Statistic) -> float | None:

@@ -11,6 +11,7 @@ import numpy as np
 
 from stixel_cli.engine.graph import Graph, Node
 from stixel_cli.engine.source_files import kept_source
+from stixel_cli.errors import printable
 from stixel_cli.evaluation.metric_table import NO_VALUE
 from stixel_cli.results.lineage import Lineage, StageLineage, read_lineage, settings_digest
 from stixel_cli.results.reader import flat_settings, read_manifest
@@ -23,67 +24,47 @@ def first_difference(old: Any, new: Any, name: str = "") -> str | None:
     Floats are equal if their bits are; NaN equals NaN. `name` is the name of the value.
     """
     if type(old) is not type(new):
-        return _named(name, f"a {type(old).__name__} became a {type(new).__name__}")
-    if isinstance(old, np.ndarray):
-        return _array_difference(old, new, name)
-    parts = [_parts(value) for value in (old, new)]
-    if parts[0] is not None:
-        return _of_parts(*parts, name)
-    if isinstance(old, bytes):
-        return None if old == new else _named(name, "other bytes")
-    if isinstance(old, float) and math.isnan(old) and math.isnan(new):
+        text = f"a {type(old).__name__} became a {type(new).__name__}"
+    elif is_dataclass(old):
+        parts = ({f.name: getattr(value, f.name) for f in fields(value)} for value in (old, new))
+        return first_difference(*parts, name)
+    elif isinstance(old, list | tuple):
+        return first_difference(dict(enumerate(old)), dict(enumerate(new)), name)
+    elif isinstance(old, Mapping) and old.keys() == new.keys():
+        names = {key: f"{name}.{key}" if name else str(key) for key in old}
+        inner = (first_difference(old[key], new[key], names[key]) for key in old)
+        return next((difference for difference in inner if difference is not None), None)
+    elif isinstance(old, Mapping):
+        odd = next(key for key in (*old, *new) if (key in old) != (key in new))
+        text = f"{odd} is in only one of the two"
+    elif isinstance(old, np.ndarray):
+        text = _array_difference(old, new)
+    elif old == new or (isinstance(old, float) and math.isnan(old) and math.isnan(new)):
         return None
-    return None if old == new else _named(name, f"{_short(old)} became {_short(new)}")
+    elif isinstance(old, bytes):
+        text = "other bytes"
+    else:
+        text = f"{printable(repr(old))} became {printable(repr(new))}"
+    return f"{name}: {text}" if name and text else text
 
 
-def _parts(value: Any) -> Mapping[Any, Any] | None:
-    """The parts of a compound value by name or number; None if it has no parts."""
-    if is_dataclass(value):
-        return {field.name: getattr(value, field.name) for field in fields(value)}
-    if isinstance(value, list | tuple):
-        return dict(enumerate(value))
-    return value if isinstance(value, Mapping) else None
-
-
-def _of_parts(old: Mapping, new: Mapping, name: str) -> str | None:
-    if old.keys() != new.keys():
-        odd = [str(key) for key in (*old, *new) if (key in old) != (key in new)]
-        return _named(name, f"{odd[0]} is in only one of the two")
-    for key in old:
-        inner = f"{name}.{key}" if name else str(key)
-        difference = first_difference(old[key], new[key], inner)
-        if difference is not None:
-            return difference
-    return None
-
-
-def _array_difference(old: np.ndarray, new: np.ndarray, name: str) -> str | None:
+def _array_difference(old: np.ndarray, new: np.ndarray) -> str | None:
     if old.shape != new.shape:
-        return _named(name, f"its shape {old.shape} became {new.shape}")
+        return f"its shape {old.shape} became {new.shape}"
     if old.dtype != new.dtype:
-        return _named(name, f"its type {old.dtype} became {new.dtype}")
+        return f"its type {old.dtype} became {new.dtype}"
     if old.tobytes() == new.tobytes():
         return None
     if old.dtype.kind not in "biufc":
-        return _named(name, "other values")
+        return "other values"
     same = (old == new) | ((old != old) & (new != new))
     if same.all():
-        return _named(name, "zeros of other signs or other NaNs")
-    share = f"{np.count_nonzero(~same)} of {same.size} values differ"
+        return "zeros of other signs or other NaNs"
     with np.errstate(invalid="ignore", over="ignore"):
         apart = np.abs(new[~same].astype(np.complex128) - old[~same].astype(np.complex128))
     finite = apart[np.isfinite(apart)]
     most = f", by up to {finite.max():.3g}" if finite.size else ", not finite"
-    return _named(name, share + most)
-
-
-def _named(name: str, text: str) -> str:
-    return f"{name}: {text}" if name else text
-
-
-def _short(value: Any) -> str:
-    text = repr(value)
-    return text if len(text) <= 60 else text[:59] + "…"
+    return f"{np.count_nonzero(~same)} of {same.size} values differ{most}"
 
 
 MOST_CAUSES = 8
@@ -92,13 +73,7 @@ ALTERED = "its settings differ from those of the run: was config.yaml altered?"
 
 @dataclass(frozen=True)
 class StageDifference:
-    """A stage that changed.
-
-    Attributes:
-        stage: its name.
-        what: how its key or its result differs.
-        causes: the known causes, one line each.
-    """
+    """The name of a stage that changed, how its key or result differs, and known causes."""
 
     stage: str
     what: str
@@ -157,11 +132,9 @@ def _causes(
 
 def _settings_with_files(node: Node, before: StageLineage) -> str:
     """The digest of the current settings with the old content of the files."""
-    then = before.files or {}
-    paths = [str(path) for path in node.stage.files]
-    if set(paths) != set(then):
-        return settings_digest(node.identity.content)
-    return settings_digest(node.identity.content, [then[path] for path in paths])
+    then, paths = before.files or {}, [str(path) for path in node.stage.files]
+    files = [then[path] for path in paths] if set(paths) == set(then) else None
+    return settings_digest(node.identity.content, files)
 
 
 @dataclass(frozen=True)
@@ -235,9 +208,9 @@ def differing_settings(
     keys = list(dict.fromkeys(key for table in tables for key in table))
     groups = list(dict.fromkeys(key.partition(".")[0] for key in keys))
     keys.sort(key=lambda key: groups.index(key.partition(".")[0]))
-    values = {key: [table.get(key, NO_VALUE) for table in tables] for key in keys}
-    differing = [(key, of_runs) for key, of_runs in values.items() if len(set(of_runs)) > 1]
-    return differing, [(k, of_runs[0]) for k, of_runs in values.items() if len(set(of_runs)) == 1]
+    values = [(key, [table.get(key, NO_VALUE) for table in tables]) for key in keys]
+    differing = [(key, of_runs) for key, of_runs in values if len(set(of_runs)) > 1]
+    return differing, [(key, of_runs[0]) for key, of_runs in values if len(set(of_runs)) == 1]
 
 
 def by_group(differing: Sequence[tuple[str, list[str]]]) -> list[dict[str, Any]]:
@@ -274,9 +247,8 @@ def warnings(runs: Sequence[RunResult]) -> list[str]:
         found.append(f"The durations differ ({shown}): the metrics are over other scans.")
     groups = [g for g in _SCENE if len({str(run.settings.get(g)) for run in runs}) > 1]
     if groups:
-        found.append(
-            f"The scenes differ ({', '.join(groups)}): the metrics compare other motions or views."
-        )
+        views = "the metrics compare other motions or views"
+        found.append(f"The scenes differ ({', '.join(groups)}): {views}.")
     if len({str(run.settings.get("seed")) for run in runs}) > 1:
         found.append("The seeds differ: a difference may be that of the noise.")
     return found

@@ -40,11 +40,10 @@ def scans_in_ego_frame(scans: Table, ego: Table) -> dict[str, np.ndarray]:
     turn = _turns(ego["heading"][k])
     away = np.stack([scans["x"] - ego["x"][k], scans["y"] - ego["y"][k]], axis=1)
     x, y = (turn @ away[:, :, None])[:, :, 0].T
-    rows = [["var_xx", "var_xy"], ["var_xy", "var_yy"]]
-    covariances = np.moveaxis(np.array([[scans[name] for name in row] for row in rows]), 2, 0)
-    covariances = turn @ covariances @ turn.swapaxes(1, 2)
-    variances = {"var_xx": covariances[:, 0, 0], "var_xy": covariances[:, 0, 1]}
-    return {**scans, "x": x, "y": y, **variances, "var_yy": covariances[:, 1, 1]}
+    xx, xy, yy = (scans[name] for name in ("var_xx", "var_xy", "var_yy"))
+    covariances = turn @ np.moveaxis(np.array([[xx, xy], [xy, yy]]), 2, 0) @ turn.swapaxes(1, 2)
+    (xx, xy), (_, yy) = np.moveaxis(covariances, 0, 2)
+    return {**scans, "x": x, "y": y, "var_xx": xx, "var_xy": xy, "var_yy": yy}
 
 
 def track_in_ego_frame(track: Table, ego: Table) -> dict[str, np.ndarray]:
@@ -62,15 +61,14 @@ def track_in_ego_frame(track: Table, ego: Table) -> dict[str, np.ndarray]:
         k, t (s), x, y (m), heading (rad), x_rate, y_rate (m/s), heading_rate (rad/s), and for each
         of the six std_….
     """
-    count = len(track["times"])
-    turn = _turns(ego["heading"])
+    times, turn = track["times"], _turns(ego["heading"])
     means, covariances = track["means"].copy(), track["covariances"].copy()
     means[:, :3] -= np.stack([ego["x"], ego["y"], ego["heading"] - STRAIGHT_AHEAD], axis=1)
     means[:, 2] = wrap_angle(means[:, 2])
     for xy in (slice(0, 2), slice(3, 5)):
         means[:, xy] = (turn @ means[:, xy, None])[:, :, 0]
         covariances[:, xy, xy] = turn @ covariances[:, xy, xy] @ turn.swapaxes(1, 2)
-    return {"k": np.arange(count), "t": track["times"], **state_columns(means, covariances)}
+    return {"k": np.arange(len(times)), "t": times, **state_columns(means, covariances)}
 
 
 def read_ego_tables(folder: Path | str) -> dict[str, dict[str, np.ndarray]]:
@@ -85,7 +83,7 @@ def read_ego_tables(folder: Path | str) -> dict[str, dict[str, np.ndarray]]:
     """
     folder = Path(folder)
     check_folder(folder)
-    ego = _columns(folder / "ego.npz", pose_columns(np.zeros(0), np.zeros((0, 3))))
+    ego = _columns(folder / "ego.npz", ("k", "t", "x", "y", "heading"))
     scans = _columns(folder / "scans.npz", ("k", "x", "y", "var_xx", "var_xy", "var_yy"))
     track = read_arrays(folder / "track.npz")
     count = len(ego["k"])

@@ -14,7 +14,6 @@ import numpy as np
 from stixel_cli.errors import FolderTaken, UserError
 from stixel_cli.files import written
 from stixel_cli.results import lineage
-from stixel_cli.results.provenance import stored_sources
 from stixel_cli.results.reader import json_text, yaml_text
 from stixel_cli.results.result import RunResult
 
@@ -38,11 +37,8 @@ def new_folder(
     `write` writes the folder at a path, and raises FolderTaken if another process was faster.
 
     Raises:
-        UserError: if the name is not a plain folder name, or exists, or `results` is not writable.
+        FolderTaken: if the name exists; `check_results` says so earlier.
     """
-    check_results(results, name)
-    with _created(results):
-        results.mkdir(parents=True, exist_ok=True)
     for number in itertools.count(1):
         more = f"-{number}" if number > 1 else ""
         folder = results / (name or f"{stem}-{moment:%Y%m%d-%H%M%S}{more}")
@@ -57,26 +53,19 @@ def new_folder(
                 raise
 
 
-@contextmanager
-def _created(results: Path) -> Iterator[None]:
-    try:
-        yield
-    except OSError as error:
-        raise UserError(f"--results: {results}: cannot be created: {error.strerror}") from error
-
-
 def check_results(results: Path, name: str | None) -> None:
     """Raise UserError if `name` is not a plain folder name or exists, or `results` is not writable.
 
     A folder `results` that did not exist before is removed again.
     """
     check_name(results, name)
-    if results.is_dir() and not os.access(results, os.W_OK | os.X_OK):
+    if os.path.isdir(results) and not os.access(results, os.W_OK | os.X_OK):
         raise UserError(f"--results: {results}: not writable; name another folder")
-    missing = [path for path in (results, *results.parents) if not path.exists()]
+    missing = [path for path in (results, *results.parents) if not os.path.exists(path)]
     try:
-        with _created(results):
-            results.mkdir(parents=True, exist_ok=True)
+        results.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UserError(f"--results: {results}: cannot be created: {error.strerror}") from error
     finally:
         for path in missing:
             # Another process may have put something into it.
@@ -86,13 +75,10 @@ def check_results(results: Path, name: str | None) -> None:
 
 def check_name(results: Path, name: str | None) -> None:
     """Raise UserError if a given name is not a plain folder name, or exists."""
-    with _created(results):
-        results.exists()
-    if name is None:
-        return
-    check_plain_name(name)
-    if os.path.lexists(results / name):
-        raise UserError(f"--name: {results / name} exists; choose another --name")
+    if name is not None:
+        check_plain_name(name)
+        if os.path.lexists(results / name):
+            raise UserError(f"--name: {results / name} exists; choose another --name")
 
 
 def check_plain_name(name: str) -> None:
@@ -145,12 +131,10 @@ def write_whole_folder(folder: Path, files: Mapping[str, Content], replace: bool
             file = partial / name
             if "/" in name:
                 file.parent.mkdir(parents=True, exist_ok=True)
-            if isinstance(content, str):
-                file.write_text(content, encoding="utf-8")
-            elif isinstance(content, bytes):
-                file.write_bytes(content)
-            else:
+            if callable(content):
                 content(file)
+            else:
+                file.write_bytes(content.encode() if isinstance(content, str) else content)
 
 
 def write_folder(folder: Path, run: RunResult, page: str) -> None:
@@ -160,6 +144,7 @@ def write_folder(folder: Path, run: RunResult, page: str) -> None:
         FolderTaken: if a folder of that name exists by now.
         UserError: if it cannot be written (disk full, no permission).
     """
+    sources = lineage.stored_sources(run.lineage.sources)
     files = {
         "config.yaml": yaml_text(dict(run.settings)),
         "manifest.json": json_text(run.manifest),
@@ -169,9 +154,8 @@ def write_folder(folder: Path, run: RunResult, page: str) -> None:
         **{f"{stem}.csv": csv_text(columns) for stem, columns in run.tables.items()},
         **{f"{stem}.npz": arrays_content(columns) for stem, columns in run.arrays.items()},
         **figure_files(run.pictures),
+        **{f"{lineage.CODE_FOLDER}/{name}": source for name, source in sources.items()},
     }
-    sources = stored_sources(run.lineage.sources)
-    files |= {f"{lineage.CODE_FOLDER}/{name}": source for name, source in sources.items()}
     write_whole_folder(folder, files)
 
 

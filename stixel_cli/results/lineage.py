@@ -1,28 +1,54 @@
 """The lineage of a run: keys, settings, versions, code and digests of every stage.
 
-It explains later why a rerun differs.
+It explains later why a rerun differs, together with the provenance: revision, packages, machine.
 """
 
 import json
+import os
+import platform
+import re
+import subprocess
 from collections.abc import Iterable, Mapping, MutableMapping
 from dataclasses import dataclass, field
+from hashlib import sha256
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+from pydantic import StringConstraints, TypeAdapter
 
 from stixel_cli.engine.errors import MissingEntry
 from stixel_cli.engine.graph import Graph
 from stixel_cli.engine.keys import digest
 from stixel_cli.engine.store import Store
+from stixel_cli.engine.versions import installed_version
 from stixel_cli.errors import UserError
 from stixel_cli.files import read_json
 
 FILE = "lineage.json"
+PACKAGES = (
+    "stixel",
+    "numpy",
+    "scipy",
+    "numba",
+    "opencv-python-headless",
+    "open3d-cpu",
+    "open3d",
+    "shapely",
+    "matplotlib",
+    "joblib",
+    "hydra-core",
+)
+
+LARGEST_DIFFERENCE = 1_000_000
+"""A larger difference of a repository of the user, in characters, is left out."""
+
 CODE_FOLDER = "code"
 """Folder with copies of the user's modules. In that of a sweep: the code part of its runs'
 lineages, one file for equal parts, each with a folder of the copies."""
 
-_KEY_DIGITS = 64
-_CODE_DIGITS = 16
+# They name files, so their form is checked.
+_Key = Annotated[str, StringConstraints(pattern="^[0-9a-f]{64}$")]
+_CodeName = Annotated[str, StringConstraints(pattern="^[0-9a-f]{16}$")]
 
 
 @dataclass(frozen=True)
@@ -40,7 +66,7 @@ class StageLineage:
 
     settings: str
     versions: Mapping[str, str | None]
-    keys: tuple[str, ...]
+    keys: tuple[_Key, ...]
     digests: tuple[str | None, ...]
     files: Mapping[str, str] | None = None
 
@@ -128,12 +154,6 @@ def lineage_tree(lineage: Lineage, code: str | None = None) -> dict[str, Any]:
     return {"stages": stages, "code": (lineage.code or {}) if code is None else code}
 
 
-def shared_code(lineage: Lineage) -> tuple[str, str]:
-    """The name and the text of the sweep's file with the code part of a lineage."""
-    text = compact_json(lineage.code or {})
-    return digest(text)[:_CODE_DIGITS], text
-
-
 def compact_json(tree: Any) -> str:
     """JSON on one line."""
     return json.dumps(tree, separators=(",", ":"), ensure_ascii=False) + "\n"
@@ -152,14 +172,17 @@ def read_lineage(folder: Path) -> Lineage | None:
         return None
     tree = read_json(file)
     try:
-        stages = {name: _read_stage(stage) for name, stage in tree["stages"].items()}
+        stages = TypeAdapter(dict[str, StageLineage]).validate_python(tree["stages"])
+        if any(len(stage.keys) != len(stage.digests) for stage in stages.values()):
+            raise ValueError("as many digests as keys are needed")
         code = tree["code"]
         if isinstance(code, str):
-            file = _code_file(folder, code)
+            name = TypeAdapter(_CodeName).validate_python(code)
+            file = folder.resolve().parent.parent / CODE_FOLDER / f"{name}.json"
             code = read_json(file) if file.exists() else None
         # An older version has digests of functions.
         known = code is not None and all(isinstance(digest, str) for digest in code.values())
-    except (KeyError, TypeError, AttributeError, ValueError):
+    except (KeyError, AttributeError, ValueError):
         raise UserError(f"{file}: not a valid lineage of a run") from None
     return Lineage(stages, dict(code) if known else None)
 
@@ -173,29 +196,77 @@ def read_code_name(folder: Path) -> str | None:
     return name if isinstance(name, str) else None
 
 
-def _code_file(folder: Path, code: str) -> Path:
-    if len(code) != _CODE_DIGITS or not set(code) <= set("0123456789abcdef"):
-        raise ValueError("no name of a file of code")
-    return folder.resolve().parent.parent / CODE_FOLDER / f"{code}.json"
+def provenance() -> dict[str, Any]:
+    """Entries of a manifest: revision, package versions and machine of this process."""
+    machine = {
+        "system": platform.system(),
+        "release": platform.release(),
+        "architecture": platform.machine(),
+        "processors": os.cpu_count(),
+    }
+    return {"git": git_state(), "versions": package_versions(), "machine": machine}
 
 
-def _read_stage(stage: Mapping[str, Any]) -> StageLineage:
-    keys = tuple(stage["keys"])
-    # A key names a file of the cache, so its form is checked.
-    if not all(len(key) == _KEY_DIGITS and set(key) <= set("0123456789abcdef") for key in keys):
-        raise ValueError("no keys")
-    digests = tuple(stage["digests"])
-    if len(digests) != len(keys):
-        raise ValueError("as many digests as keys are needed")
-    files = stage.get("files")
-    return StageLineage(
-        settings=str(stage["settings"]),
-        versions=_texts(stage["versions"]),
-        keys=keys,
-        digests=tuple(None if one is None else str(one) for one in digests),
-        files=None if files is None else _texts(files),
-    )
+def package_versions() -> dict[str, str]:
+    """Versions of Python and of the installed packages that results depend on."""
+    versions = {"python": platform.python_version()}
+    installed = {package: installed_version(package) for package in PACKAGES}
+    return versions | {name: version for name, version in installed.items() if version is not None}
 
 
-def _texts(content: Mapping[str, Any]) -> dict[str, Any]:
-    return {name: None if value is None else str(value) for name, value in content.items()}
+def git_state() -> dict[str, Any]:
+    """Revision of this package's checkout, and whether it has uncommitted changes.
+
+    Both are None if the package is not in a checkout or git is not installed.
+    """
+    folder, state = Path(__file__).resolve().parents[2], None
+    if (folder / ".git").exists():
+        state = git(folder, "status", "--porcelain=v2", "--branch", "--untracked-files=no")
+    if state is None:
+        return {"revision": None, "dirty": None}
+    found = re.search(r"^# branch\.oid ([0-9a-f]+)$", state, re.MULTILINE)
+    changes = any(not line.startswith("#") for line in state.splitlines())
+    return {"revision": found[1] if found else None, "dirty": changes}
+
+
+def git(folder: Path, *arguments: str) -> str | None:
+    """What git prints about a folder; None if it fails or is not installed."""
+    try:
+        answer = subprocess.run(
+            ["git", "-C", str(folder), *arguments],
+            capture_output=True,
+            encoding="utf-8",
+            errors="surrogateescape",
+            timeout=5,
+            check=True,
+        )
+    except (OSError, subprocess.SubprocessError):
+        return None
+    return answer.stdout.rstrip("\n")
+
+
+def stored_sources(sources: Mapping[str, tuple[Path, str]]) -> dict[str, bytes]:
+    """Contents to store in a result folder, by path below its folder of code.
+
+    Args:
+        sources: module -> its file, and the SHA-256 of its bytes when it was planned.
+    """
+    found = {}
+    for module, (path, planned) in sources.items():
+        content = path.read_bytes() if path.is_file() else b""
+        if sha256(content).hexdigest() == planned:
+            name = module.replace(".", "/") + ("/__init__" if path.stem == "__init__" else "")
+            found[f"{name}.py"] = content
+    folders = {path.parent for path, _ in sources.values()}
+    tops = sorted({git(one, "rev-parse", "--show-toplevel") for one in folders} - {None})
+    return found | {f"{Path(top).name}.diff": _difference(Path(top)) for top in tops}
+
+
+def _difference(repository: Path) -> bytes:
+    """The revision of a repository, and the changes of tracked files, as `git apply` reads them."""
+    revision = git(repository, "rev-parse", "HEAD")
+    options = ("--no-ext-diff", "--no-textconv", "--no-color", "--binary")
+    changes = git(repository, "diff", *options, "HEAD") or ""
+    if len(changes) > LARGEST_DIFFERENCE:
+        changes = f"the changes have {len(changes)} characters and are left out"
+    return f"revision {revision}\n\n{changes}\n".encode(errors="surrogateescape")

@@ -71,24 +71,22 @@ def read_config(folder: Path) -> dict[str, Any]:
 def flat_settings(content: dict[str, Any], prefix: str = "") -> dict[str, str]:
     """Dotted key to value as text, in the order of `content`, as `read_config` gives it."""
     settings: dict[str, str] = {}
-    for key, value in content.items():
-        if isinstance(value, dict):
-            settings |= flat_settings(value, f"{prefix}{key}.")
-        else:
-            settings[f"{prefix}{key}"] = _setting_text(value)
+    for name, value in content.items():
+        key = f"{prefix}{name}"
+        match value:
+            case dict():
+                settings |= flat_settings(value, f"{key}.")
+            case None:
+                settings[key] = "null"
+            case bool():
+                settings[key] = str(value).lower()
+            case float() if value.is_integer():
+                settings[key] = str(int(value))  # 3 and 3.0 are the same setting
+            case list():
+                settings[key] = f"[{', '.join(map(str, value))}]"
+            case _:
+                settings[key] = str(value)
     return settings
-
-
-def _setting_text(value: Any) -> str:
-    if value is None:
-        return "null"
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, float) and value.is_integer():
-        return str(int(value))  # 3 and 3.0 are the same setting
-    if isinstance(value, list):
-        return f"[{', '.join(str(item) for item in value)}]"
-    return str(value)
 
 
 def read_series(file: Path) -> tuple[np.ndarray, dict[str, np.ndarray]]:
@@ -98,10 +96,10 @@ def read_series(file: Path) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         UserError: if it is missing or not valid, or the shapes of its arrays differ.
     """
     arrays = read_arrays(file)
-    found = {n: arrays[n].astype(np.float64) for n in ("t", *SERIES) if n in arrays}
-    if "t" not in found:
+    if "t" not in arrays:
         raise UserError(f"{file}: the times (t) are missing")
-    times = found.pop("t")
+    found = {name: arrays[name].astype(np.float64) for name in SERIES if name in arrays}
+    times = arrays["t"].astype(np.float64)
     if times.ndim != 1:
         raise UserError(f"{file}: t has shape {times.shape}, must have one dimension")
     for name, values in found.items():

@@ -2,7 +2,6 @@
 
 import os
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -152,8 +151,7 @@ class RunResult:
         """
         given = {name: self.composition.value(name) for name in self.composition.keys}
         folder = None if self.folder is None else str(self.folder)
-        seed = self.composition.configuration.seed
-        return {"folder": folder, "seed": seed, **given, **self.metrics}
+        return {"folder": folder, "seed": self.configuration.seed, **given, **self.metrics}
 
     @property
     def tables(self) -> dict[str, dict[str, np.ndarray]]:
@@ -260,16 +258,16 @@ def list_runs(root: Path) -> list[RunResult]:
     """
     listed = []
     for folder in find_folders(root):
-        if not os.path.lexists(folder / "manifest.json"):
-            modified = ""
-            with suppress(OSError):
-                seconds = (folder / SWEEP_FILE).stat().st_mtime
-                modified = datetime.fromtimestamp(seconds, UTC).isoformat(timespec="seconds")
-            listed.append(RunResult(folder=folder, manifest={"created": modified}))
-            continue
+        run = RunResult(folder=folder)
         try:
-            manifest, metrics = read_manifest(folder), read_metrics(folder)
-            listed.append(RunResult(folder=folder, manifest=manifest, metrics=metrics))
+            if os.path.lexists(folder / "manifest.json"):
+                run = replace(run, manifest=read_manifest(folder), metrics=read_metrics(folder))
+            else:
+                modified = datetime.fromtimestamp((folder / SWEEP_FILE).stat().st_mtime, UTC)
+                run = replace(run, manifest={"created": modified.isoformat(timespec="seconds")})
         except UserError as fault:
-            listed.append(RunResult(folder=folder, failure=fault))
+            run = replace(run, failure=fault)
+        except OSError:
+            run = replace(run, manifest={"created": ""})
+        listed.append(run)
     return sorted(listed, key=lambda run: (str(run.manifest.get("created", "")), run.folder))

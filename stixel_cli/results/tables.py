@@ -8,7 +8,7 @@ import numpy as np
 from stixel_cli.evaluation.scores import LabelScore, Scores
 from stixel_cli.geometry.pose import world_from_ego
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.results.ego_frame import pose_columns, state_columns
+from stixel_cli.results.ego_frame import STATE, pose_columns, state_columns
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.stixels.types import Objects
 from stixel_cli.tracking.several.found import ObjectTrack
@@ -69,13 +69,9 @@ def score_columns(scores: Scores) -> dict[str, np.ndarray]:
     Without any truth only the NIS.
     """
     with_truth = ("centre_error", "orientation_error", "iou", "iou_box", "nees_position")
-    known = np.isfinite(scores.iou_box).any()
-    return {
-        "k": np.arange(len(scores.times)),
-        "t": scores.times,
-        **({name: getattr(scores, name) for name in with_truth} if known else {}),
-        "nis": scores.nis,
-    }
+    names = (*(with_truth if np.isfinite(scores.iou_box).any() else ()), "nis")
+    columns = {name: getattr(scores, name) for name in names}
+    return {"k": np.arange(len(scores.times)), "t": scores.times, **columns}
 
 
 def truth_columns(scenario: Scenario) -> dict[str, np.ndarray]:
@@ -84,17 +80,11 @@ def truth_columns(scenario: Scenario) -> dict[str, np.ndarray]:
     length and width, m, are those of the box along and across the heading.
     """
     k = np.flatnonzero(scenario.known)
-    x_rate, y_rate, heading_rate = scenario.target_rates_world[k].T
+    poses = pose_columns(scenario.times[k], scenario.target_poses_world[k])
+    rates = dict(zip(STATE[3:], scenario.target_rates_world[k].T, strict=True))
     length, width = np.ptp(scenario.box_target, axis=0)
-    return {
-        **pose_columns(scenario.times[k], scenario.target_poses_world[k]),
-        "k": k,
-        "x_rate": x_rate,
-        "y_rate": y_rate,
-        "heading_rate": heading_rate,
-        "length": np.full(len(k), length),
-        "width": np.full(len(k), width),
-    }
+    sizes = {"length": np.full(len(k), length), "width": np.full(len(k), width)}
+    return {**poses, "k": k, **rates, **sizes}
 
 
 def truth_arrays(scenario: Scenario) -> dict[str, np.ndarray]:

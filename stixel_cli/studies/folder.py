@@ -23,7 +23,7 @@ from stixel_cli.files import read_yaml, write_whole, written
 from stixel_cli.report.blocks import Figure, Findings, Paragraph, Table
 from stixel_cli.report.tables import plain_rows, table_csv, table_latex, table_markdown
 from stixel_cli.results.folder import check_plain_name
-from stixel_cli.results.provenance import provenance
+from stixel_cli.results.lineage import provenance
 from stixel_cli.results.reader import yaml_text
 from stixel_cli.studies.plan import StudyPlan
 

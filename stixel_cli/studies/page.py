@@ -16,7 +16,7 @@ from stixel_cli.report.metrics import format_value
 from stixel_cli.report.page import drawing_for_page, page_template
 from stixel_cli.report.tables import INTERVAL, shown_table
 from stixel_cli.report.template import inline_html
-from stixel_cli.results.provenance import provenance
+from stixel_cli.results.lineage import provenance
 from stixel_cli.studies.plan import StudyPlan
 
 _NARROW = 700

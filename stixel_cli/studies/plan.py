@@ -15,10 +15,9 @@ from stixel_cli.errors import BelongsElsewhere, ConfigurationError
 from stixel_cli.results.reader import listed
 from stixel_cli.studies.entry import Axes, SweepEntry
 from stixel_cli.studies.file import StudyFile
-from stixel_cli.sweeps.design import Axis, Design, check_size, refuse_equal, same
-from stixel_cli.sweeps.graphs import SweepPlan
+from stixel_cli.sweeps.design import Axis, Design, check_size, has, refuse_equal
+from stixel_cli.sweeps.graphs import SweepPlan, planned_sweep
 from stixel_cli.sweeps.runs import design_runs
-from stixel_cli.sweeps.whole import planned_sweep
 
 _NOT_PLAIN = re.compile(r"[^A-Za-z0-9_.+=,-]+")
 _LONGEST_NAME = 100
@@ -218,7 +217,7 @@ def _axis(axis: Axis, key: str, values: Sequence[Override]) -> Axis:
     if axis.keys == (key,):
         return Axis(axis.keys, tuple((one,) for one in values))
     place = axis.keys.index(key)
-    steps = [s for s in axis.steps if any(same(s[place].value, one.value) for one in values)]
+    steps = [step for step in axis.steps if has(values, key, step[place].value)]
     if not steps:
         there = ", ".join(dict.fromkeys(step[place].value_text for step in axis.steps))
         raise ConfigurationError(
@@ -231,7 +230,7 @@ def _axis(axis: Axis, key: str, values: Sequence[Override]) -> Axis:
 def _left_out(entries: Sequence[Any], swept: Sequence[Override]) -> Iterator[Any]:
     """The entries that still match a run."""
     for entry in entries:
-        if all(any(o.key == key and same(o.value, v) for o in swept) for key, v in entry.items()):
+        if all(has(swept, key, value) for key, value in entry.items()):
             yield entry
 
 

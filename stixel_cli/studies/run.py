@@ -32,10 +32,11 @@ from stixel_cli.studies.page import SweepState, study_page
 from stixel_cli.studies.plan import PlannedSweep, StudyPlan, derived_design
 from stixel_cli.sweeps.design import Design
 from stixel_cli.sweeps.folder import SweepFolder
+from stixel_cli.sweeps.graphs import check_computable
 from stixel_cli.sweeps.results import SweepResult
 from stixel_cli.sweeps.run import SweepInterrupted
 from stixel_cli.sweeps.runs import design_runs
-from stixel_cli.sweeps.whole import check_computable, designed_sweep, resumed_sweep
+from stixel_cli.sweeps.whole import designed_sweep, resumed_sweep
 
 _RESUME = "; resume with: "
 _MOST_FAILURES = 5

@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from collections.abc import Hashable, Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -75,28 +75,26 @@ class Design:
 
     def combinations(self) -> Iterator[tuple[Override, ...]]:
         """The overrides of each run that differ, without combinations that are left out."""
-        self._check_left_out()
+        for key, value in (pair for entry in self.left_out for pair in entry.items()):
+            if not has(self.swept, key, value):
+                shown = f"{key}={messages.show(value)}"
+                raise ConfigurationError(f"{self.leave_out}: no run has {shown}")
         for steps in itertools.product(*(axis.steps for axis in self.axes)):
             run = tuple(itertools.chain(*steps))
-            values = {one.key: one.value for one in run} if self.left_out else {}
             if not any(
-                all(same(values[key], value) for key, value in entry.items())
-                for entry in self.left_out
+                all(has(run, key, value) for key, value in entry.items()) for entry in self.left_out
             ):
                 yield run
 
-    def _check_left_out(self) -> None:
-        for entry in self.left_out:
-            for key, value in entry.items():
-                if not any(one.key == key and same(one.value, value) for one in self.swept):
-                    raise ConfigurationError(
-                        f"{self.leave_out}: no run has {key}={messages.show(value)}"
-                    )
 
-
-def same(one: Any, other: Any) -> bool:
-    """Whether two values are equal; 1 equals 1.0 but not True."""
-    return isinstance(one, bool) == isinstance(other, bool) and one == other
+def has(overrides: Iterable[Override], key: str, value: Any) -> bool:
+    """Whether one of the overrides gives the key this value; 1 equals 1.0 but not True."""
+    return any(
+        one.key == key
+        and isinstance(one.value, bool) == isinstance(value, bool)
+        and one.value == value
+        for one in overrides
+    )
 
 
 def design_from_line(overrides: Sequence[str], shuffled: bool) -> Design:
@@ -109,14 +107,15 @@ def design_from_line(overrides: Sequence[str], shuffled: bool) -> Design:
     Raises:
         ConfigurationError: for an invalid override.
     """
-    parsed = read_overrides(overrides)
-    axes = []
-    for override in parsed:
-        if override.sweep is not None:
+    fixed, axes = [], []
+    for override in read_overrides(overrides):
+        if override.sweep is None:
+            fixed.append(override)
+        else:
             values = override.singles(shuffled)
             refuse_equal(values)
             axes.append(Axis((override.key,), tuple((one,) for one in values)))
-    return Design(tuple(one for one in parsed if one.sweep is None), tuple(axes))
+    return Design(tuple(fixed), tuple(axes))
 
 
 def refuse_equal(overrides: Sequence[Override]) -> None:

@@ -16,6 +16,9 @@ from stixel_cli.report.statistics import Statistic, statistic, summarise
 from stixel_cli.sweeps.design import SEED
 from stixel_cli.sweeps.results import heading
 
+Run = tuple[Mapping[str, str], Mapping[str, float | int | None]]
+"""The setting of a run, without the seed, and its metrics."""
+
 SHOWN = (
     "centre_rmse_m",
     "orientation_rmse_deg",
@@ -37,8 +40,7 @@ _LEGEND_WIDTH = 150
 
 
 def axis_figures(
-    settings: Sequence[Mapping[str, str]],
-    metrics: Sequence[Mapping[str, float | int | None]],
+    runs: Sequence[Run],
     axes: Sequence[Sequence[str]],
     left_out: int = 0,
     kind: Literal["png", "svg"] = "png",
@@ -48,48 +50,39 @@ def axis_figures(
     An axis whose runs are pooled over the other axes has no figure if settings are incomplete: its
     means would not be over the same settings.
 
-    Args:
-        settings: of each run, without the seed.
-        metrics: of each run, name to value.
-        axes: the keys of each axis.
-        left_out: number of incomplete settings, which are not in `settings`.
+    `axes` has the keys of each axis; `left_out` is the number of incomplete settings, which are not
+    in `runs`.
     """
     figures = {}
     for keys in axes:
         keys = [key for key in keys if key != SEED]
-        others = list(dict.fromkeys(_label(setting, keys) for setting in settings))
+        others = list(dict.fromkeys(_label(setting, keys) for setting, _ in runs))
         if keys and (len(others) <= MOST_LINES or not left_out):
             lines = others if len(others) <= MOST_LINES else []
-            stem = "+".join(keys) if len("+".join(keys)) <= _LONGEST_NAME else _joined(keys)
             write = style.png if kind == "png" else style.svg
             with style.drawing():
-                figure = write(_figure(keys, settings, metrics, lines, left_out))
-            figures[f"{stem.replace('/', '.')}.{kind}"] = figure
+                figure = write(_figure(keys, runs, lines, left_out))
+            figures[f"{_joined(keys, '+').replace('/', '.')}.{kind}"] = figure
     return figures
 
 
-def _joined(keys: Sequence[str]) -> str:
+def _joined(keys: Sequence[str], sign: str = " + ") -> str:
     """The keys of an axis; of many zipped keys the first, and the number of others."""
-    text = " + ".join(keys)
+    text = sign.join(keys)
     return text if len(text) <= _LONGEST_NAME else f"{keys[0]} + {len(keys) - 1} more"
 
 
 def _figure(
-    keys: Sequence[str],
-    settings: Sequence[Mapping[str, str]],
-    metrics: Sequence[Mapping[str, float | int | None]],
-    others: Sequence[str],
-    left_out: int,
+    keys: Sequence[str], runs: Sequence[Run], others: Sequence[str], left_out: int
 ) -> Figure:
     """A figure over `keys` with a line for each label in `others`; one line if that is empty."""
-    known = {name for run in metrics for name in run}
+    known = {name for _, metrics in runs for name in metrics}
     names = [name for name in DRAWN if name in known] or sorted(known)[:4]
-    pairs = [
-        {"value": tuple(map(setting.get, keys)), "line": _label(setting, keys) if others else ""}
-        for setting in settings
-    ]
-    found = {(*one.setting.values(), one.metric): one for one in summarise(pairs, metrics)}
-    values = list(dict.fromkeys(pair["value"] for pair in pairs))
+    found = summarise(
+        ((tuple(map(setting.get, keys)), _label(setting, keys) if others else ""), metrics)
+        for setting, metrics in runs
+    )
+    values = list(dict.fromkeys(value for value, _ in found))
     numbers = _numbers(values)
     if numbers is not None:
         values = [value for _, value in sorted(zip(numbers, values, strict=True))]
@@ -104,7 +97,7 @@ def _figure(
     for number, name in enumerate(map(over_runs, names)):
         axes = figure.add_subplot(math.ceil(len(names) / 2), 2, number + 1)
         for line, other in enumerate(others or [""]):
-            rows = [found.get((v, other, name), statistic({}, name, [])) for v in values]
+            rows = [found.get((v, other), {}).get(name, statistic(name, [])) for v in values]
             counts |= {row.n for row in rows}
             shifted = [place + steps[line] for place in places]
             if log:
@@ -213,11 +206,8 @@ def draw_line(
         color=colour,
         label=_shortened(label, 3 * _LONGEST_LABEL),
     )
-    ends = [(row.low, row.high) for _, row in known]
-    return any(
-        one[0] is not None and one != shown
-        for one, shown in zip(ends, zip(low, high, strict=True), strict=True)
-    )
+    shown = zip((row for _, row in known), low, high, strict=True)
+    return any(row.low is not None and [row.low, row.high] != ends for row, *ends in shown)
 
 
 def drawn_interval(row: Statistic) -> tuple[float, float]:

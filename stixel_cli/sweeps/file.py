@@ -88,16 +88,15 @@ def design_of(content: Mapping[Any, Any], shuffled: bool) -> Design:
     seeds = content.get("seeds")
     if isinstance(seeds, int) and not isinstance(seeds, bool):
         if not 1 <= seeds <= MOST_VALUES:
-            raise ConfigurationError(
-                f"seeds: must be a number from 1 to {MOST_VALUES} or a list, got {seeds}"
-            )
+            most = f"must be a number from 1 to {MOST_VALUES} or a list"
+            raise ConfigurationError(f"seeds: {most}, got {seeds}")
         seeds = list(range(seeds))
     if seeds is not None:
         axes.append(_axis("seeds", {SEED: seeds}, shuffled))
     swept = [key for axis in axes for key in axis.keys]
-    counts = Counter([*(one.key for one in fixed), *swept])
-    for key in (key for key, count in counts.items() if count > 1):
-        raise ConfigurationError(f"{key}: is given twice: give it once")
+    for key, count in Counter([*(one.key for one in fixed), *swept]).items():
+        if count > 1:
+            raise ConfigurationError(f"{key}: is given twice: give it once")
     design = Design(fixed, tuple(axes), tuple(_left_out(content, swept)))
     check_overrides(design.overrides)
     return design
@@ -121,11 +120,11 @@ def read_mapping(path: Path, entries: Sequence[str]) -> dict[str, Any]:
     except YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         line = f"line {mark.line + 1}: " if mark is not None else ""
-        reason = getattr(error, "problem", None) or "not valid YAML"
-        raise ConfigurationError(f"{where}: {line}{messages.printable(str(reason), 200)}") from None
+        reason = str(getattr(error, "problem", None) or "not valid YAML")
+        raise ConfigurationError(f"{where}: {line}{messages.printable(reason, 200)}") from None
     except (OmegaConfBaseException, AssertionError, ValueError, TypeError, RecursionError) as error:
         # AssertionError: the whole file is one number.
-        reason = (str(error).splitlines() or ["not valid YAML"])[0]
+        reason = str(error).partition("\n")[0] or "not valid YAML"
         raise ConfigurationError(f"{where}: {messages.printable(reason, 200)}") from None
     check_plain(content, path)
     if not isinstance(content, dict):
@@ -156,22 +155,18 @@ def _entry(content: Mapping[str, Any], name: str, default: Any) -> Any:
 
 
 def _axis(where: str, keys: Mapping[str, Any], shuffled: bool) -> Axis:
-    columns = []
-    for key, values in keys.items():
-        column = _values(where, key, values, shuffled)
-        if len(keys) == 1:
-            refuse_equal(column)
-        columns.append(column)
-    lengths = {len(column) for column in columns}
-    if len(lengths) > 1:
-        counts = ", ".join(f"{k} {len(c)}" for k, c in zip(keys, columns, strict=True))
+    columns = {key: _values(where, key, values, shuffled) for key, values in keys.items()}
+    if len(columns) == 1:
+        refuse_equal(*columns.values())
+    if len(set(map(len, columns.values()))) > 1:
+        counts = ", ".join(f"{key} {len(column)}" for key, column in columns.items())
         raise ConfigurationError(f"{where}: zipped keys need the same number of values: {counts}")
-    steps = list(zip(*columns, strict=True))
-    if len(set(steps)) < len(steps):
-        twice = next(step for step in steps if steps.count(step) > 1)
-        shown = " ".join(one.text for one in twice)
-        raise ConfigurationError(f"{where}: {shown} is given twice: two runs would be equal")
-    return Axis(tuple(keys), tuple(steps))
+    steps = tuple(zip(*columns.values(), strict=True))
+    for step, count in Counter(steps).items():
+        if count > 1:
+            shown = " ".join(one.text for one in step)
+            raise ConfigurationError(f"{where}: {shown} is given twice: two runs would be equal")
+    return Axis(tuple(keys), steps)
 
 
 def _values(where: str, key: Any, values: Any, shuffled: bool) -> list[Override]:
@@ -195,15 +190,10 @@ def _values(where: str, key: Any, values: Any, shuffled: bool) -> list[Override]
 def _left_out(content: Mapping[str, Any], swept: Sequence[str]) -> list[dict[str, Any]]:
     entries = _entry(content, "leave_out", [])
     for number, entry in enumerate(entries, start=1):
+        where = f"leave_out: entry {number}"
         if not isinstance(entry, dict) or not entry:
-            raise ConfigurationError(
-                f"leave_out: entry {number}: must map keys to the values to leave out"
-            )
-        for key in entry:
-            if key not in swept:
-                hint = messages.suggestion(str(key), swept)
-                raise ConfigurationError(
-                    f"leave_out: entry {number}: {messages.printable(str(key))} is not on any axis"
-                    f"{hint}"
-                )
+            raise ConfigurationError(f"{where}: must map keys to the values to leave out")
+        for key in (key for key in entry if key not in swept):
+            shown, hint = messages.printable(str(key)), messages.suggestion(str(key), swept)
+            raise ConfigurationError(f"{where}: {shown} is not on any axis{hint}")
     return entries

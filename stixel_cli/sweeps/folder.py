@@ -9,14 +9,15 @@ code/                  code digests to which the runs' lineage.json refer
 failed/0007/ …         config.yaml, failure.json, traceback.txt
 """
 
+import shlex
 import shutil
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
-from stixel_cli.config.folders import of_the_machine
+from stixel_cli.config.folders import PRESETS, of_the_machine
 from stixel_cli.config.texts import split_override
 from stixel_cli.errors import UserError, printable_path
 from stixel_cli.files import read_yaml, write_whole, written
@@ -36,22 +37,22 @@ class SweepRequest:
     """The content of `sweep.yaml`.
 
     Attributes:
-        axes: the keys of each axis.
-        runs: overrides of each run, in the order of their indices.
+        working_directory: to which relative file names in the overrides refer.
         shuffle: seed of the order of execution; None for the order of the indices.
         pictures: whether pictures are drawn.
         nodes: of the pipelines; their results are required in addition to the scores.
-        working_directory: to which relative file names in the overrides refer.
+        axes: the keys of each axis.
+        runs: overrides of each run, in the order of their indices.
         notes: command, time, revision, versions, machine; and `resumed`, the times of each resume.
     """
 
-    axes: tuple[tuple[str, ...], ...]
-    runs: tuple[tuple[str, ...], ...]
+    working_directory: str
     shuffle: int | None
     pictures: bool
     nodes: tuple[str, ...]
-    working_directory: str
-    notes: Mapping[str, Any]
+    axes: tuple[tuple[str, ...], ...]
+    runs: tuple[tuple[str, ...], ...]
+    notes: dict[str, Any]
 
     @property
     def keys(self) -> list[str]:
@@ -60,17 +61,13 @@ class SweepRequest:
 
     @property
     def text(self) -> str:
-        """As YAML."""
-        content = {
-            **self.notes,
-            "working_directory": self.working_directory,
-            "shuffle": self.shuffle,
-            "pictures": self.pictures,
-            "nodes": list(self.nodes),
-            "axes": [list(keys) for keys in self.axes],
-            "runs": [list(overrides) for overrides in self.runs],
-        }
+        """As YAML: the notes, then the other attributes."""
+        content = {**self.notes, **vars(self)}
+        del content["notes"]
         return yaml_text(content)
+
+
+_ENTRIES = [field.name for field in fields(SweepRequest) if field.name != "notes"]
 
 
 class SweepFolder:
@@ -94,6 +91,8 @@ class SweepFolder:
         Raises:
             UserError: if this is not the folder of a sweep.
         """
+        from pydantic import TypeAdapter
+
         file = self.path / PLAN
         if not self.path.is_dir():
             raise UserError(f"{printable_path(self.path)}: no such folder")
@@ -103,22 +102,24 @@ class SweepFolder:
             )
         content = read_yaml(file)
         try:
-            axes = tuple(tuple(map(str, keys)) for keys in content.pop("axes"))
-            runs = tuple(tuple(map(str, overrides)) for overrides in content.pop("runs"))
-            shuffle, pictures = content.pop("shuffle"), content.pop("pictures")
-            nodes = tuple(map(str, content.pop("nodes")))
-            working_directory = str(content.pop("working_directory"))
-        except (AttributeError, KeyError, TypeError):
+            own = {name: content.pop(name) for name in _ENTRIES}
+            request = TypeAdapter(SweepRequest).validate_python({**own, "notes": content})
+            if not request.runs or any(map(of_the_machine, request.keys)):
+                raise ValueError("no runs, or an axis that affects no result")
+        except (AttributeError, KeyError, TypeError, ValueError):
             raise UserError(f"{file}: not a valid {PLAN} of this version of stixel") from None
-        swept = [key for keys in axes for key in keys]
-        typed = isinstance(shuffle, int | None) and isinstance(pictures, bool)
-        if not runs or not typed or any(map(of_the_machine, swept)):
-            raise UserError(f"{file}: not a valid {PLAN} of this version of stixel")
-        for index, overrides in enumerate(runs):
+        for index, overrides in enumerate(request.runs):
             given = {split_override(text)[0] for text in overrides}
-            for key in (key for key in swept if key not in given):
+            for key in (key for key in request.keys if key not in given):
                 raise UserError(f"{file}: run {index} has no value for {key[:60]}, an axis")
-        return SweepRequest(axes, runs, shuffle, pictures, nodes, working_directory, content)
+        return request
+
+    def resume_command(self, overrides: Iterable[str]) -> str:
+        """The command line that resumes the sweep, with those of a run's overrides it needs."""
+        machine = [text for text in overrides if of_the_machine(text)]
+        return shlex.join(
+            ["stixel", "sweep", "--resume", str(self.path), *machine, *PRESETS.option]
+        )
 
     def run(self, index: int) -> Path:
         """The folder of a run; it may not exist."""
@@ -131,12 +132,11 @@ class SweepFolder:
             given = dict(map(split_override, overrides))
             swept = {key: given[key] for key in request.keys}
             manifest = {"run": index, "seed": swept.pop(SEED, ""), "swept": swept}
-            folder = self.run(index)
+            run = RunResult(manifest=manifest, folder=self.run(index))
             try:
-                run = RunResult(manifest=manifest, metrics=read_metrics(folder), folder=folder)
+                runs.append(replace(run, metrics=read_metrics(run.folder)))
             except UserError:
-                run = RunResult(manifest=manifest, folder=folder, status=MISSING)
-            runs.append(run)
+                runs.append(replace(run, status=MISSING))
         return runs
 
     def finished(self, count: int) -> dict[int, RunResult]:

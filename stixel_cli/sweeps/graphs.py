@@ -1,29 +1,27 @@
-"""The runs of a sweep as one graph: runs share the nodes that they have in common."""
+"""The plan of a sweep: its runs as one graph, in which they share the nodes they have in common."""
 
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from stixel_cli.config.compose import Composition
+from stixel_cli.config.folders import of_the_machine
 from stixel_cli.engine.graph import Graph, GraphBuilder, merge
-from stixel_cli.engine.plan import Durations, plan
+from stixel_cli.engine.plan import Durations, plan, probe
 from stixel_cli.engine.store import Store, open_store
 from stixel_cli.errors import ConfigurationError
-from stixel_cli.experiment.stages import CHUNK_SIZE, pipeline_stages, scan_count
-from stixel_cli.experiment.table.table import picture_stages
+from stixel_cli.experiment.run import CAMERA, OBJECTS, TRACKS
+from stixel_cli.experiment.stages import CHUNK_SIZE, RESULTS, pipeline_stages, scan_count
+from stixel_cli.experiment.table.table import PICTURES
 from stixel_cli.sweeps.design import SEED
-from stixel_cli.sweeps.runs import PlannedRun
+from stixel_cli.sweeps.runs import PlannedRun, equal_runs, shuffled_runs
 
 
 @dataclass(frozen=True)
 class StagePlan:
-    """The work of one stage in a sweep.
+    """The nodes of one stage in a sweep, each counted once: needed, in the store, and missing.
 
-    Attributes:
-        name: of the stage.
-        nodes: number of nodes that the runs need, each counted once.
-        cached, to_run: number of nodes in the store, and number of missing ones.
-        seconds: estimated time of the missing nodes on one worker, from recorded durations; None
-            if there are no records.
+    `seconds` is the estimated time of the missing ones on one worker; None if none was measured.
     """
 
     name: str
@@ -56,7 +54,7 @@ class SweepPlan:
     def complete_runs(self) -> int:
         """Number of runs whose results are all in the store."""
         missing = set(self.missing)
-        return sum(missing.isdisjoint(planned.targets) for planned in self.runs)
+        return sum(missing.isdisjoint(run.targets) for run in self.runs)
 
     def seconds(self, workers: int) -> float | None:
         """Estimated time if the work divides evenly among the workers; None if unknown."""
@@ -77,40 +75,34 @@ def plan_runs(
     Raises:
         UserError: if the pipeline's file is wrong, or an input file cannot be read.
     """
-    cache = runs[0].composition.configuration.cache
-    builder = GraphBuilder(open_store(cache).folder)
+    builder = GraphBuilder(open_store(runs[0].composition.configuration.cache).folder)
     planned = []
     for run in runs:
-        composition = run.composition
-        stages = pipeline_stages(composition)
-        graph = builder.build(stages, scan_count(composition), CHUNK_SIZE)
-        wanted = ["scores", *(picture_stages(graph) if pictures else ()), *nodes]
+        stages = pipeline_stages(run.composition)
+        graph = builder.build(stages, scan_count(run.composition), CHUNK_SIZE)
+        wanted = ["scores", *(PICTURES if pictures else ()), *nodes]
         names = [name for name in dict.fromkeys(wanted) if name in graph.stages]
         planned.append(replace(run, graph=graph, targets=tuple(graph.expand(names))))
     return planned
 
 
-def plan_sweep(planned: Sequence[PlannedRun], store: Store, notes: Sequence[str] = ()) -> SweepPlan:
+def plan_sweep(runs: Sequence[PlannedRun], store: Store, notes: Sequence[str] = ()) -> SweepPlan:
     """The nodes of the runs that `store` lacks. It looks entries up without reading them.
 
     Raises:
         CacheError: if the store cannot be read.
     """
-    graph = merge(one.graph for one in planned)
-    targets = list(dict.fromkeys(target for one in planned for target in one.targets))
+    graph = merge(run.graph for run in runs)
+    targets = list(dict.fromkeys(target for run in runs for target in run.targets))
     found = plan(graph, targets, store, verify=False)
-    missing = set(found.missing)
-    durations = Durations(store.folder)
-    stages = []
-    for name in graph.stages:
-        keys = [key for key in graph.stages[name] if key in found.needed]
+    missing, durations, stages = set(found.missing), Durations(store.folder), []
+    for name, all_keys in graph.stages.items():
+        keys = [key for key in all_keys if key in found.needed]
         to_run = [graph.nodes[key] for key in keys if key in missing]
         if keys:
             counts = (len(keys), len(keys) - len(to_run), len(to_run))
             stages.append(StagePlan(name, *counts, durations.estimate(to_run)))
-    return SweepPlan(
-        tuple(planned), graph, found.needed, found.missing, tuple(stages), tuple(notes)
-    )
+    return SweepPlan(tuple(runs), graph, found.needed, found.missing, tuple(stages), tuple(notes))
 
 
 def check_axes(planned: Sequence[PlannedRun]) -> list[str]:
@@ -123,9 +115,8 @@ def check_axes(planned: Sequence[PlannedRun]) -> list[str]:
     """
     notes = []
     keys = list(planned[0].settings)
-    for key in keys:
-        if key.partition(".")[0] in ("executor", "cache"):
-            raise ConfigurationError(f"{key}: it does not affect results, so it cannot be swept")
+    for key in filter(of_the_machine, keys):
+        raise ConfigurationError(f"{key}: it does not affect results, so it cannot be swept")
     for key in keys:
         groups: dict[tuple, list[tuple[str, ...]]] = defaultdict(list)
         for one in planned:
@@ -136,16 +127,15 @@ def check_axes(planned: Sequence[PlannedRun]) -> list[str]:
             # Zipped with another key, which is checked in its place.
             continue
         idle = [others for others, targets in several.items() if len(set(targets)) == 1]
-        if len(idle) == len(several) and key.startswith("pictures"):
-            raise ConfigurationError(
-                f"{key}: no stage reads it: a sweep draws pictures only with --pictures"
-            )
         if len(idle) == len(several):
             choices = planned[0].composition.choices
-            raise ConfigurationError(
-                f"{key}: no stage reads it with measurement={choices.get('measurement')} and "
+            why = (
+                ": a sweep draws pictures only with --pictures"
+                if key.startswith("pictures")
+                else f" with measurement={choices.get('measurement')} and "
                 f"path={choices.get('path')}: all runs would be equal"
             )
+            raise ConfigurationError(f"{key}: no stage reads it{why}")
         if idle and key != SEED:
             labels = (name for name in keys if name != key)
             first = " ".join(f"{k}={v}" for k, v in zip(labels, idle[0], strict=True))
@@ -153,16 +143,34 @@ def check_axes(planned: Sequence[PlannedRun]) -> list[str]:
                 f"{key}: no stage reads it in {len(idle)} of {len(several)} settings of the other "
                 f"axes ({first}), so their runs give equal results"
             )
-    return notes or _equal_runs(planned)
+    equal = () if notes else equal_runs(planned, lambda run: run.targets)
+    for one, other in equal:
+        labels = f"{one.label} and {other.label}"
+        return [f"runs {one.index} and {other.index} give equal results: {labels}"]
+    return notes
 
 
-def _equal_runs(planned: Sequence[PlannedRun]) -> list[str]:
-    seen: dict[tuple[str, ...], PlannedRun] = {}
-    for one in planned:
-        other = seen.setdefault(one.targets, one)
-        if other is not one:
-            return [
-                f"runs {other.index} and {one.index} give equal results: "
-                f"{other.label} and {one.label}"
-            ]
-    return []
+def planned_sweep(
+    runs: Sequence[PlannedRun], shuffle: int | None, pictures: bool, nodes: Sequence[str] = ()
+) -> SweepPlan:
+    """The plan of runs in the order of execution, with notes on their axes.
+
+    Raises:
+        UserError: if no stage reads an axis, or the cache cannot be read.
+    """
+    planned = plan_runs(runs, pictures, nodes)
+    store = open_store(runs[0].composition.configuration.cache)
+    return plan_sweep(shuffled_runs(planned, shuffle), store, check_axes(planned))
+
+
+def planned_run(composition: Composition, pictures: bool = True) -> SweepPlan:
+    """The plan of one run with all that its folder has; UserError as above."""
+    nodes = (*RESULTS, OBJECTS, TRACKS, *((CAMERA,) if pictures else ()))
+    planned = plan_runs([PlannedRun(0, {}, composition)], pictures, nodes)
+    return plan_sweep(planned, open_store(composition.configuration.cache))
+
+
+def check_computable(plan: SweepPlan) -> None:
+    """Raise UserError for an unusable cache or scheduler, before a folder is created."""
+    configuration = plan.runs[0].composition.configuration
+    probe(len(plan.missing), open_store(configuration.cache), configuration.executor)

@@ -39,29 +39,20 @@ def sweep_page(folder: Path, page: Path, command: Sequence[str]) -> str:
     request = SweepFolder(folder).request()
     runs = SweepFolder(folder).runs(request)
     result = SweepResult(folder, tuple(runs))
-    done = [run for run in runs if run.status == DONE]
+    done = result.count(DONE)
     if not done:
         raise UserError(f"{folder}: no run is done; resume with: stixel sweep --resume {folder}")
-    complete = result.complete_runs
-    known = {name for run in done for name in run.metrics}
+    known = {name for run in runs for name in run.metrics}
     shown = [name for name in DRAWN if name in known] or sorted(known)[:8]
     incomplete = len(result.incomplete)
     settings = counted(len(result.by_setting), "setting")
     settings += f", {incomplete} incomplete: no statistics yet" if incomplete else ""
-    axes = axis_figures(
-        [run.setting for run in complete],
-        [run.metrics for run in complete],
-        request.axes,
-        incomplete,
-        "svg",
-    )
+    pairs = [(run.setting, run.metrics) for run in result.complete_runs]
+    axes = axis_figures(pairs, request.axes, incomplete, "svg")
     return page_template(__package__, "sweep").render(
         title=folder.resolve().name,
-        counts=f"{len(done)} of {len(runs)} runs done; {settings}",
-        tables=[
-            _settings_table(result, shown),
-            _runs_table(result, shown, page.resolve().parent),
-        ],
+        counts=f"{done} of {len(runs)} runs done; {settings}",
+        tables=[_settings_table(result, shown), _runs_table(result, shown, page.resolve().parent)],
         axes=[
             (stem, drawing_for_page(data.decode(), f"a{i}"))
             for i, (stem, data) in enumerate(axes.items())
@@ -78,7 +69,7 @@ def _settings_table(result: SweepResult, shown: Sequence[str]) -> dict[str, Any]
     """One row for each complete setting: its values, n, and each metric with its interval."""
     keys, columns = list(result.runs[0].setting), list(map(over_runs, shown))
     rows = []
-    for setting, of in result.statistics_of.items():
+    for setting, of in result.statistics.items():
         cells = [(value, value) for _, value in setting]
         cells.append((str(max(one.n for one in of.values())),) * 2)
         for name in columns:
@@ -89,7 +80,7 @@ def _settings_table(result: SweepResult, shown: Sequence[str]) -> dict[str, Any]
                 text += f"\n[{shown_value(name, one.low)}, {shown_value(name, one.high)}]"
             cells.append((text, _sorted_by(mean)))
         rows.append((cells, ""))
-    count = len({one.metric for one in result.statistics})
+    count = len(next(iter(result.statistics.values()), {}))
     return {
         "id": "settings",
         "title": "Settings",
@@ -137,8 +128,8 @@ def over_time(result: SweepResult) -> list[tuple[str, Drawing]]:
     A line is the mean over the seeds, and its band the 95 % interval at each time. A setting whose
     runs have different times is left out, as are runs without errors over time.
     """
-    settings = [s for s, runs in result.by_setting.items() if all(r.status == DONE for r in runs)]
-    read = {setting: _stacked(result.by_setting[setting]) for setting in settings[:MOST_LINES]}
+    settings = list(result.statistics)[:MOST_LINES]
+    read = {setting: _stacked(result.by_setting[setting]) for setting in settings}
     drawn = []
     for name, series in SERIES.items():
         known = {key: found for key, found in read.items() if found and name in found[1]}

@@ -18,25 +18,8 @@ if TYPE_CHECKING:
     import pandas
 
 
-@dataclass(frozen=True)
-class IncompleteSetting:
-    """A setting without statistics, because some of its runs are not done.
-
-    Attributes:
-        setting: keys that differ between runs, without the seed, with their values as typed.
-        runs: number of its runs.
-        done: number of its runs that are done.
-    """
-
-    setting: Mapping[str, str]
-    runs: int
-    done: int
-
-    @property
-    def label(self) -> str:
-        """`key=value …`, and the number of runs that are done."""
-        named = " ".join(f"{key}={value}" for key, value in self.setting.items())
-        return f"{named or 'the one setting'} ({self.done} of {self.runs} runs done)"
+Setting = tuple[tuple[str, str], ...]
+"""The keys that differ between runs, without the seed, with their values as typed."""
 
 
 @dataclass(frozen=True)
@@ -61,66 +44,63 @@ class SweepResult:
         return tuple(self.runs[0].planned.settings)
 
     @cached_property
-    def by_setting(self) -> dict[tuple[tuple[str, str], ...], list[RunResult]]:
-        """The runs of each setting, its (key, value as typed) pairs without the seed."""
-        found: dict[tuple, list[RunResult]] = {}
+    def by_setting(self) -> dict[Setting, list[RunResult]]:
+        """The runs of each setting."""
+        found: dict[Setting, list[RunResult]] = {}
         for run in self.runs:
             found.setdefault(tuple(run.setting.items()), []).append(run)
         return found
 
     @cached_property
-    def complete_runs(self) -> list[RunResult]:
-        """The runs of complete settings, those all of whose runs are done."""
-        settings = [runs for runs in self.by_setting.values() if _done(runs) == len(runs)]
-        return [run for runs in settings for run in runs]
-
-    @cached_property
-    def incomplete(self) -> tuple[IncompleteSetting, ...]:
-        """The other settings."""
-        counts = ((setting, len(runs), _done(runs)) for setting, runs in self.by_setting.items())
-        return tuple(IncompleteSetting(dict(s), n, done) for s, n, done in counts if done < n)
-
-    @cached_property
-    def statistics(self) -> list[Statistic]:
-        """Statistics of the complete settings over their seeds: missing seeds would bias others."""
-        runs = self.complete_runs
-        return summarise([run.setting for run in runs], [run.metrics for run in runs])
-
-    @cached_property
-    def statistics_of(self) -> dict[tuple[tuple[str, str], ...], dict[str, Statistic]]:
-        """The statistics of each complete setting by metric."""
-        found: dict[tuple, dict[str, Statistic]] = {}
-        for one in self.statistics:
-            found.setdefault(tuple(one.setting.items()), {})[one.metric] = one
+    def incomplete(self) -> list[dict[str, Any]]:
+        """Each `setting` with missing runs: the number of its `runs`, and of those `done`."""
+        found = []
+        for setting, runs in self.by_setting.items():
+            done = sum(run.status == DONE for run in runs)
+            if done < len(runs):
+                found.append({"setting": dict(setting), "runs": len(runs), "done": done})
         return found
+
+    @cached_property
+    def complete_runs(self) -> list[RunResult]:
+        """The runs of the other settings: with missing seeds, statistics would be biased."""
+        complete = (r for r in self.by_setting.values() if all(run.status == DONE for run in r))
+        return [run for runs in complete for run in runs]
+
+    @cached_property
+    def statistics(self) -> dict[Setting, dict[str, Statistic]]:
+        """Statistics over the seeds of each complete setting, by metric."""
+        return summarise((tuple(run.setting.items()), run.metrics) for run in self.complete_runs)
 
     @property
     def rows(self) -> list[dict[str, Any]]:
         """The rows of `runs.csv`."""
-        return [self._row(run) for run in self.runs]
+        rows = []
+        for run in self.runs:
+            failure = run.failure
+            at = "failed" if failure is not None else "runs" if run.status == DONE else None
+            rows.append(
+                {
+                    "run": run.index,
+                    "status": run.status,
+                    **run.setting,
+                    "seed": run.seed,
+                    "overrides": " ".join(map(shlex.quote, run.overrides)),
+                    "folder": None if None in (at, self.folder) else f"{at}/{run.index:04d}",
+                    "failed_stage": None if failure is None else failure.stage,
+                    "error": None if failure is None else " ".join(str(failure).split()),
+                    **run.metrics,
+                }
+            )
+        return rows
 
     @property
     def records(self) -> list[dict[str, Any]]:
         """The rows with values of keys that differ between runs in their own types."""
         return [
-            self._row(run) | {key: run.composition.value(key) for key in run.setting}
-            for run in self.runs
+            row | {key: run.composition.value(key) for key in run.setting}
+            for row, run in zip(self.rows, self.runs, strict=True)
         ]
-
-    def _row(self, run: RunResult) -> dict[str, Any]:
-        failure = run.failure
-        at = "failed" if failure is not None else "runs" if run.status == DONE else None
-        return {
-            "run": run.index,
-            "status": run.status,
-            **run.setting,
-            "seed": run.seed,
-            "overrides": " ".join(map(shlex.quote, run.overrides)),
-            "folder": None if at is None or self.folder is None else f"{at}/{run.index:04d}",
-            "failed_stage": None if failure is None else failure.stage,
-            "error": None if failure is None else " ".join(str(failure).split()),
-            **run.metrics,
-        }
 
     def __repr__(self) -> str:
         """The numbers of runs and nodes, and the folder, in one line."""
@@ -141,15 +121,17 @@ class SweepResult:
     @property
     def complete(self) -> bool:
         """Whether every run is done."""
-        return _done(self.runs) == len(self.runs)
+        return self.count(DONE) == len(self.runs)
 
     def count(self, status: str) -> int:
         """Number of runs with a status."""
         return sum(run.status == status for run in self.runs)
 
 
-def _done(runs: Sequence[RunResult]) -> int:
-    return sum(run.status == DONE for run in runs)
+def incomplete_label(one: Mapping[str, Any]) -> str:
+    """`key=value …` of an incomplete setting, and the number of its runs that are done."""
+    named = " ".join(f"{key}={value}" for key, value in one["setting"].items())
+    return f"{named or 'the one setting'} ({one['done']} of {one['runs']} runs done)"
 
 
 _EXPLANATION = (
@@ -162,30 +144,30 @@ _EXPLANATION = (
 )
 
 
-def summary_records(statistics: Sequence[Statistic]) -> list[dict[str, Any]]:
+def summary_records(statistics: Mapping[Setting, Mapping[str, Statistic]]) -> list[dict[str, Any]]:
     """One record for each setting and metric, as in `summary.csv`."""
-    records = []
-    for one in statistics:
-        low, high = consistent_bounds(one)
-        records.append(
-            {
-                **one.setting,
-                "metric": one.metric,
-                "unit": metric(one.metric).unit,
-                "n": one.n,
-                "mean": one.mean,
-                "std": one.std,
-                "interval_low": one.low,
-                "interval_high": one.high,
-                "consistent_low": low,
-                "consistent_high": high,
-            }
-        )
-    return records
+    ends = ("consistent_low", "consistent_high")
+    return [
+        {
+            **dict(setting),
+            "metric": name,
+            "unit": metric(name).unit,
+            "n": one.n,
+            "mean": one.mean,
+            "std": one.std,
+            "interval_low": one.low,
+            "interval_high": one.high,
+            **dict(zip(ends, consistent_bounds(one), strict=True)),
+        }
+        for setting, by_metric in statistics.items()
+        for name, one in by_metric.items()
+    ]
 
 
 def summary_files(
-    statistics: Sequence[Statistic], incomplete: Sequence[IncompleteSetting], title: str
+    statistics: Mapping[Setting, Mapping[str, Statistic]],
+    incomplete: Sequence[Mapping[str, Any]],
+    title: str,
 ) -> dict[str, str]:
     """The summaries of a sweep by file name; `title` is its command line.
 
@@ -194,18 +176,19 @@ def summary_files(
     """
     records = [record | {"status": "complete"} for record in summary_records(statistics)]
     columns = list(records[0]) if records else []
-    records += [one.setting | {"n": one.done, "status": "incomplete"} for one in incomplete]
+    records += [one["setting"] | {"n": one["done"], "status": "incomplete"} for one in incomplete]
     markdown = [f"# {title}", "", _EXPLANATION, ""]
     latex = [f"% {' '.join(title.split())}", f"% {_EXPLANATION}"]
     if incomplete:
         refusal = f"No statistics yet of {counted(len(incomplete), 'incomplete setting')}:"
-        labels = [one.label for one in incomplete]
+        labels = list(map(incomplete_label, incomplete))
         markdown += [refusal, "", *(f"- {label}" for label in labels), ""]
         latex += [f"% {refusal}", *(f"%   {' '.join(label.split())}" for label in labels)]
-    for name in dict.fromkeys(one.metric for one in statistics if one.n > 0):
-        rows = [one for one in statistics if one.metric == name]
-        header, *body = _cells(rows, incomplete)
-        numeric = [place >= len(rows[0].setting) for place in range(len(header))]
+    known = (name for found in statistics.values() for name, one in found.items() if one.n > 0)
+    for name in dict.fromkeys(known):
+        rows = {setting: found[name] for setting, found in statistics.items()}
+        header, *body = _cells(name, rows, incomplete)
+        numeric = [place >= len(next(iter(rows))) for place in range(len(header))]
         markdown += [f"## {heading(name)}", "", *markdown_table(header, body, numeric), ""]
         latex += latex_table(heading(name), numeric, header, body)
     texts = (csv_text(columns, records), "\n".join(markdown), "\n".join(latex))
@@ -218,19 +201,19 @@ def heading(name: str) -> str:
     return f"{shown.label} ({shown.shown_unit})" if shown.shown_unit else shown.label
 
 
-def _cells(rows: Sequence[Statistic], incomplete: Sequence[IncompleteSetting]) -> list[list[str]]:
-    header = [*rows[0].setting, "n", "mean", "standard deviation", "95 % interval"]
-    bounded = metric(rows[0].metric).degrees_of_freedom is not None
-    header += ["consistent"] if bounded else []
-    cells = [header]
-    for row in rows:
-        ends = [(row.low, row.high), *([consistent_bounds(row)] if bounded else [])]
-        numbers = [shown_value(row.metric, value) for value in (row.mean, row.std)]
-        for low, high in ends:
-            span = f"{shown_value(row.metric, low)} … {shown_value(row.metric, high)}"
+def _cells(
+    name: str, rows: Mapping[Setting, Statistic], incomplete: Sequence[Mapping[str, Any]]
+) -> list[list[str]]:
+    bounded = metric(name).degrees_of_freedom is not None
+    header = [*dict(next(iter(rows))), "n", "mean", "standard deviation", "95 % interval"]
+    cells = [header + ["consistent"] * bounded]
+    for setting, row in rows.items():
+        numbers = [shown_value(name, value) for value in (row.mean, row.std)]
+        for low, high in [(row.low, row.high), *([consistent_bounds(row)] if bounded else [])]:
+            span = f"{shown_value(name, low)} … {shown_value(name, high)}"
             numbers.append(NO_VALUE if low is None else span)
-        cells.append([*row.setting.values(), str(row.n), *numbers])
-    rest = [NO_VALUE] * (3 if bounded else 2)
+        cells.append([*dict(setting).values(), str(row.n), *numbers])
     for one in incomplete:
-        cells.append([*one.setting.values(), str(one.done), "incomplete", *rest])
+        rest = [NO_VALUE] * (len(cells[0]) - len(one["setting"]) - 2)
+        cells.append([*one["setting"].values(), str(one["done"]), "incomplete", *rest])
     return cells

@@ -1,15 +1,16 @@
 """Compute the runs of a sweep and write its folder, without a command line."""
 
-from collections import ChainMap
-from collections.abc import Mapping, Sequence
+from collections import ChainMap, defaultdict
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from importlib import import_module
 from typing import Any
 
 from stixel_cli.engine.errors import CacheError, MissingEntry, StageFailure
 from stixel_cli.engine.execute import execute
+from stixel_cli.engine.graph import Node
 from stixel_cli.engine.plan import Durations
-from stixel_cli.engine.progress import make_display
+from stixel_cli.engine.progress import Progress, make_display
 from stixel_cli.engine.store import open_store
 from stixel_cli.engine.task import remembered
 from stixel_cli.errors import UserError
@@ -20,9 +21,7 @@ from stixel_cli.results.result import FAILED, MISSING, SKIPPED, RunResult
 from stixel_cli.sweeps.folder import FAILED as FAILED_RUNS
 from stixel_cli.sweeps.folder import FIGURES, SUMMARIES, TABLE, SweepFolder, SweepRequest
 from stixel_cli.sweeps.graphs import SweepPlan
-from stixel_cli.sweeps.progress import SweepProgress
 from stixel_cli.sweeps.results import SweepResult, summary_files
-from stixel_cli.sweeps.resume import resume_command
 from stixel_cli.sweeps.run_files import RunLineages, failure_files, remove_unused_code, run_files
 from stixel_cli.sweeps.runs import PlannedRun
 
@@ -57,7 +56,7 @@ def run_sweep(
     """
     sweep = _Sweep(plan, folder, dict(request.notes))
     typed = plan.runs[0].overrides
-    resume = "" if folder is None else f"; resume with: {resume_command(folder.path, typed)}"
+    resume = "" if folder is None else f"; resume with: {folder.resume_command(typed)}"
     try:
         sweep.take_finished(finished or {})
         sweep.compute(visible, label)
@@ -73,7 +72,98 @@ def run_sweep(
             f"interrupted: {len(sweep.runs)} of {len(plan.runs)} runs are done; computed results "
             f"are kept{resume}"
         ) from None
-    return sweep.finish(request.axes)
+    result = sweep.write_tables()
+    if folder is not None:
+        if result.statistics:
+            sweep.write_figures(result, request.axes)
+        remove_unused_code(folder)
+    return result
+
+
+class SweepProgress(Progress):
+    """Counts runs and nodes, and reports each run as soon as all its results are in the store."""
+
+    def __init__(
+        self,
+        waiting: Sequence[PlannedRun],
+        on_run: Callable[[PlannedRun, Mapping[str, float]], None],
+        done: int = 0,
+        label: str = "",
+        prepare: Callable[[], None] = lambda: None,
+        **shown: Any,
+    ):
+        """Start with no run of `waiting` done.
+
+        Args:
+            waiting: the runs to compute.
+            on_run: called with each complete run, and the seconds of all nodes computed so far,
+                by key.
+            done: number of runs that are already done.
+            label: prefix of the counts.
+            prepare: called once, as soon as the first nodes run: the workers start meanwhile.
+            shown: `display` and `uncompiled`, as in `Progress`.
+        """
+        super().__init__(**shown)
+        self.runs_total = done + len(waiting)
+        self.runs_done, self.runs_failed = done, 0
+        self.node_seconds: dict[str, float] = {}
+        self._on_run = on_run
+        self._prepare = prepare
+        self._label = f"{label}: " if label else ""
+        self._left = {one.index: set(one.targets) for one in waiting}
+        self._waiting_for: dict[str, list[PlannedRun]] = defaultdict(list)
+        for one in waiting:
+            for target in one.targets:
+                self._waiting_for[target].append(one)
+
+    def begin(self, nodes: Sequence[Node], cached: int) -> None:
+        """Count the nodes, and report runs that need no node to run."""
+        super().begin(nodes, cached)
+        to_run = {node.key for node in nodes}
+        for target in [target for target in self._waiting_for if target not in to_run]:
+            self._done(target)
+
+    def tick(self) -> None:
+        """Update the display; the first time, prepare the end of the sweep."""
+        super().tick()
+        self._prepare()
+        self._prepare = lambda: None
+
+    def finished(self, node: Node, seconds: float) -> None:
+        """Count the node, and report the runs that waited only for it."""
+        super().finished(node, seconds)
+        self.node_seconds[node.key] = seconds
+        self._done(node.key)
+
+    def failed(self, node: Node, failure: StageFailure, skipped: Sequence[Node]) -> None:
+        """Report the failure, and count the runs that cannot become complete."""
+        super().failed(node, failure, skipped)
+        for one in (node, *skipped):
+            for run in self._waiting_for.get(one.key, ()):
+                if self._left.pop(run.index, None) is not None:
+                    self.runs_failed += 1
+
+    @property
+    def text(self) -> str:
+        """All counts in one line."""
+        failed = f", {self.runs_failed} failed" if self.runs_failed else ""
+        text = (
+            f"{self._label}{self.runs_done}/{self.runs_total} runs{failed}; "
+            f"nodes: {self.all_done}/{self.all_total} done, {self.cached} cached, "
+            f"{len(self.running)} running" + (f", {self.failures} failed" if self.failures else "")
+        )
+        if self.compiling:
+            text += f"; {', '.join(sorted(self.compiling))}: compiling (first run only)"
+        return text + self.text_left
+
+    def _done(self, target: str) -> None:
+        for run in self._waiting_for.get(target, ()):
+            left = self._left.get(run.index, set())
+            if left == {target}:
+                del self._left[run.index]
+                self.runs_done += 1
+                self._on_run(run, self.node_seconds)
+            left.discard(target)
 
 
 class _Sweep:
@@ -103,7 +193,7 @@ class _Sweep:
         for planned in self.plan.runs:
             stored = finished.get(planned.index)
             if planned.is_done_by(stored, missing):
-                self._note(planned, metrics=stored.metrics)
+                self.runs[planned.index] = planned.result(metrics=stored.metrics)
             elif missing.isdisjoint(planned.targets):
                 # A damaged entry is moved away; the run is computed with the others.
                 with suppress(MissingEntry):
@@ -153,31 +243,18 @@ class _Sweep:
             lineage = self.lineages.text(planned)
             files = run_files(planned, scores, seconds, self.notes, lineage)
             self.folder.write_run(planned.index, files | figure_files(dict(ChainMap(*pictures))))
-        self._note(planned, metrics=scores.metrics)
+        self.runs[planned.index] = planned.result(metrics=scores.metrics)
 
     def note_failure(self, planned: PlannedRun, node: str, failure: StageFailure) -> None:
         """Record the failure of a run, here and in the folder."""
         first = self.failed_nodes.setdefault(node, planned.index)
         status = FAILED if first == planned.index else SKIPPED
-        self._note(planned, status=status, failure=failure)
+        run = self.runs[planned.index] = planned.result(status=status, failure=failure)
         if self.folder is not None:
-            content = failure_files(self.runs[planned.index], node, first)
-            self.folder.write_run(planned.index, content, FAILED_RUNS)
-
-    def _note(self, planned: PlannedRun, **outcome: Any) -> None:
-        self.runs[planned.index] = planned.result(**outcome)
-
-    def finish(self, axes: Sequence[Sequence[str]]) -> SweepResult:
-        """Write the tables, and the statistics and figures of complete settings."""
-        result = self.write_tables()
-        if self.folder is not None:
-            if result.statistics:
-                self._write_figures(result, axes)
-            remove_unused_code(self.folder)
-        return result
+            self.folder.write_run(planned.index, failure_files(run, node, first), FAILED_RUNS)
 
     def write_tables(self) -> SweepResult:
-        """Write `runs.csv` and the summaries."""
+        """Write `runs.csv`, and the summaries of complete settings."""
         in_order = sorted(self.plan.runs, key=lambda planned: planned.index)
         runs = tuple(self.runs.get(one.index) or one.result(status=MISSING) for one in in_order)
         folder = None if self.folder is None else self.folder.path
@@ -190,21 +267,18 @@ class _Sweep:
                 self.folder.write(files)
         return result
 
-    def _write_figures(self, result: SweepResult, axes: Sequence[Sequence[str]]) -> None:
-        settings = [run.setting for run in result.complete_runs]
-        metrics = [run.metrics for run in result.complete_runs]
+    def write_figures(self, result: SweepResult, axes: Sequence[Sequence[str]]) -> None:
+        """Draw the figures of complete settings, unless they are in the store."""
+        runs = [(run.setting, run.metrics) for run in result.complete_runs]
         left_out = len(result.incomplete)
 
         def draw() -> dict[str, bytes]:
             from stixel_cli.sweeps.figures import axis_figures
 
-            return axis_figures(settings, metrics, axes, left_out)
+            return axis_figures(runs, axes, left_out)
 
-        content = [
-            [[list(of_run.items()) for of_run in given] for given in (settings, metrics)],
-            [list(keys) for keys in axes],
-            left_out,
-        ]
+        pairs = [[list(one.items()) for one in run] for run in runs]
+        content = [pairs, list(map(list, axes)), left_out]
         code = ["stixel_cli.sweeps.figures"]
         figures = remembered(self.store, "sweep_figures", code, content, draw)
         self.folder.write({f"{FIGURES}/{name}": image for name, image in figures.items()})

@@ -9,11 +9,11 @@ from typing import Any
 
 from stixel_cli.config.folders import PRESETS
 from stixel_cli.engine.execute import Execution
+from stixel_cli.engine.keys import digest
 from stixel_cli.engine.store import Store
 from stixel_cli.evaluation.scores import Scores
 from stixel_cli.results import lineage
 from stixel_cli.results.folder import Content, arrays_content
-from stixel_cli.results.provenance import stored_sources
 from stixel_cli.results.reader import json_text, yaml_text
 from stixel_cli.results.result import RunResult
 from stixel_cli.results.tables import score_columns
@@ -30,12 +30,7 @@ def run_files(
 ) -> dict[str, Content]:
     """Configuration, manifest, metrics, lineage and scores of a run, by file name.
 
-    Args:
-        planned: the run.
-        scores: its scores.
-        seconds: of the computed nodes, by key.
-        notes: additional entries of the manifest.
-        lineage_text: content of the lineage file.
+    `seconds` are those of the computed nodes, by key; `notes` are further entries of the manifest.
     """
     # Each run that shares a computed node records it as computed.
     keys = planned.graph.ancestors(planned.targets)
@@ -85,24 +80,18 @@ def failure_files(run: RunResult, node: str, first: int) -> dict[str, str]:
         "error": f"{type(failure.cause).__name__}: {failure.cause}",
     }
     text = failure.traceback_text or "".join(traceback.format_exception(failure.cause))
-    return {
-        "config.yaml": yaml_text(run.settings),
-        "failure.json": json_text(content),
-        "traceback.txt": text,
-    }
+    files = {"config.yaml": yaml_text(run.settings), "failure.json": json_text(content)}
+    return files | {"traceback.txt": text}
 
 
 class RunLineages:
-    """The lineages of runs; their code digests are stored once, in the sweep's folder.
-
-    Four fifths of a lineage are code digests, and most runs have the same ones.
-    """
+    """The lineages of runs; their code digests, four fifths of each, are stored once."""
 
     def __init__(self, store: Store, folder: SweepFolder):
         self._store = store
         self._folder = folder
         self._digests: dict[str, str] = {}
-        self._codes: dict[tuple[str, ...], str] = {}
+        self._written: set[str] = set()
 
     def text(self, planned: PlannedRun) -> str:
         """The lineage file of a complete run; writes its code file into the sweep's folder.
@@ -111,18 +100,16 @@ class RunLineages:
             UserError: if the folder cannot be written.
             CacheError: if the store cannot be read.
         """
-        graph = planned.graph
-        keys = graph.ancestors(planned.targets)
-        found = lineage.lineage_of(graph, keys, self._store, self._digests)
-        reached = tuple(graph.of_stage(name)[0].identity.code.digest for name in found.stages)
-        if reached not in self._codes:
-            name, text = lineage.shared_code(found)
-            sources = stored_sources(found.sources).items()
+        keys = planned.graph.ancestors(planned.targets)
+        found = lineage.lineage_of(planned.graph, keys, self._store, self._digests)
+        text = lineage.compact_json(found.code)
+        name = digest(text)[:16]
+        if name not in self._written:
+            sources = lineage.stored_sources(found.sources).items()
             files = {f"{name}.json": text} | {f"{name}/{path}": source for path, source in sources}
-            code = {f"{lineage.CODE_FOLDER}/{path}": content for path, content in files.items()}
-            self._folder.write(code)
-            self._codes[reached] = name
-        return lineage.compact_json(lineage.lineage_tree(found, self._codes[reached]))
+            self._folder.write({f"{lineage.CODE_FOLDER}/{path}": files[path] for path in files})
+            self._written.add(name)
+        return lineage.compact_json(lineage.lineage_tree(found, name))
 
 
 def remove_unused_code(folder: SweepFolder) -> None:

@@ -1,7 +1,7 @@
 """The runs of a sweep, composed and validated from overrides or a file."""
 
 import random
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +10,7 @@ from stixel_cli.config.messages import LONGEST_REASON, printable
 from stixel_cli.config.override_checks import check_overrides, read_overrides
 from stixel_cli.config.overrides import Override
 from stixel_cli.errors import ConfigurationError
-from stixel_cli.experiment.table.table import draws
+from stixel_cli.experiment.table.table import PICTURES
 from stixel_cli.results.result import RunResult
 from stixel_cli.sweeps.design import SEED, Design, check_size, design_from_line, joined
 from stixel_cli.sweeps.file import find_file, read_design
@@ -65,7 +65,7 @@ class PlannedRun:
     @property
     def pictures(self) -> tuple[str, ...]:
         """Keys of its pictures; empty unless they are required."""
-        return tuple(key for key in self.targets if draws(self.graph.nodes[key].stage))
+        return tuple(k for k in self.targets if self.graph.nodes[k].stage.name in PICTURES)
 
     def is_done_by(self, run: RunResult | None, missing: Set[str] = frozenset()) -> bool:
         """Whether a complete run of the folder has results of the keys that are planned.
@@ -143,26 +143,24 @@ def design_runs(design: Design, imports: bool = True) -> list[PlannedRun]:
     if not each:
         raise ConfigurationError(f"{design.leave_out}: every run is left out")
     runs = compose_runs(each, design.keys, Composer(trusted=imports))
-    _refuse_equal(runs)
+    # One composer made them, so equal groups are one object.
+    groups = equal_runs(runs, lambda r: (*map(id, vars(r.composition.configuration).values()),))
+    for one, other in groups:
+        raise ConfigurationError(
+            f"runs {one.index} and {other.index} are equal: {one.label} and {other.label} give "
+            "the same configuration"
+        )
     return runs
 
 
 def compose_runs(
-    each: Sequence[Sequence[str | Override]],
-    keys: Sequence[str],
-    composer: Composer | None = None,
+    each: Sequence[Sequence[str | Override]], keys: Sequence[str], composer: Composer
 ) -> list[PlannedRun]:
-    """The runs of given overrides.
-
-    Args:
-        each: overrides of each run, of one value each.
-        keys: that differ between runs.
-        composer: None for a new one.
+    """The runs of the overrides of each, of one value each; `keys` differ between them.
 
     Raises:
         ConfigurationError: in one line that names the run by its settings.
     """
-    composer = Composer() if composer is None else composer
     runs = []
     for index, overrides in enumerate(each):
         parsed = read_overrides(overrides)
@@ -191,14 +189,12 @@ def _label(settings: Mapping[str, str]) -> str:
     return printable(text, LONGEST_REASON)
 
 
-def _refuse_equal(runs: Sequence[PlannedRun]) -> None:
-    seen: dict[tuple[int, ...], PlannedRun] = {}
+def equal_runs(
+    runs: Sequence[PlannedRun], what: Callable[[PlannedRun], Hashable]
+) -> Iterator[tuple[PlannedRun, PlannedRun]]:
+    """Pairs of runs, the earlier one first, of which `what` is equal."""
+    first: dict[Hashable, PlannedRun] = {}
     for run in runs:
-        # One composer made them, so equal groups are one object.
-        groups = tuple(map(id, vars(run.composition.configuration).values()))
-        other = seen.setdefault(groups, run)
+        other = first.setdefault(what(run), run)
         if other is not run:
-            raise ConfigurationError(
-                f"runs {other.index} and {run.index} are equal: {other.label} and "
-                f"{run.label} give the same configuration"
-            )
+            yield other, run

@@ -3,38 +3,37 @@
 import os
 import re
 import shlex
-from collections.abc import Callable, Sequence
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from stixel_cli.config.compose import Composer, Composition
-from stixel_cli.config.folders import PRESETS
+from stixel_cli.config.compose import Composer
+from stixel_cli.config.folders import OF_THE_MACHINE, PRESETS, of_the_machine
+from stixel_cli.config.override_checks import check_overrides, read_overrides
 from stixel_cli.config.own_options import with_own_values
-from stixel_cli.engine.plan import probe, undeclared_reads
-from stixel_cli.engine.store import open_store
-from stixel_cli.experiment.run import CAMERA, OBJECTS, TRACKS, trust_stored_run
+from stixel_cli.config.texts import override_text
+from stixel_cli.engine.plan import undeclared_reads
+from stixel_cli.errors import ConfigurationError, UserError
+from stixel_cli.experiment.run import trust_stored_run
 from stixel_cli.experiment.run_names import joined_name
-from stixel_cli.experiment.stages import RESULTS
+from stixel_cli.results.differences import first_changed_stage
 from stixel_cli.results.folder import check_results, new_folder
-from stixel_cli.results.provenance import provenance
+from stixel_cli.results.lineage import lineage_of, provenance, read_lineage
+from stixel_cli.results.reader import flat_settings, read_config
+from stixel_cli.results.result import RunResult
 from stixel_cli.sweeps.design import Design
 from stixel_cli.sweeps.folder import PLAN, SweepFolder, SweepRequest
-from stixel_cli.sweeps.graphs import SweepPlan, check_axes, plan_runs, plan_sweep
+from stixel_cli.sweeps.graphs import SweepPlan, check_computable, planned_sweep
 from stixel_cli.sweeps.results import SweepResult
-from stixel_cli.sweeps.resume import (
-    on_this_machine,
-    outdated_runs,
-    resume_command,
-)
 from stixel_cli.sweeps.run import run_sweep
-from stixel_cli.sweeps.runs import (
-    PlannedRun,
-    compose_runs,
-    design_runs,
-    shuffled_runs,
-)
+from stixel_cli.sweeps.runs import PlannedRun, compose_runs, design_runs
+
+MOST_REASONS = 3
+_OTHER_SETTINGS = "other settings"
+_UNKNOWN = "no usable lineage in its folder"
 
 
 def new_sweep(
@@ -129,9 +128,7 @@ def resumed_sweep(
     """
     folder = SweepFolder(path)
     request = folder.request()
-    texts = on_this_machine(request.runs, overrides)
-    composer = Composer(request.working_directory, trusted=False)
-    runs = compose_runs(texts, request.keys, composer)
+    runs = stored_runs(request, overrides)
     for one in runs:
         trust_stored_run(replace(one.result(), folder=path), trust_code)
     plan = planned_sweep(runs, request.shuffle, request.pictures, request.nodes)
@@ -142,7 +139,7 @@ def resumed_sweep(
         note(outdated)
     missing = frozenset(plan.missing)
     if not all(one.is_done_by(finished.get(one.index), missing) for one in plan.runs):
-        command, revision = resume_command(path, overrides), origin["git"]["revision"]
+        command, revision = folder.resume_command(overrides), origin["git"]["revision"]
         entry = {"time": origin["created"], "command": command, "revision": revision}
         before = request.notes.get("resumed")
         resumed = [*(before if isinstance(before, list) else ()), entry]
@@ -150,38 +147,8 @@ def resumed_sweep(
     return run_sweep(plan, replace(request, notes=origin), folder, visible, label, finished)
 
 
-def planned_sweep(
-    runs: Sequence[PlannedRun], shuffle: int | None, pictures: bool, nodes: Sequence[str] = ()
-) -> SweepPlan:
-    """The plan of runs in the order of execution, with notes on their axes.
-
-    Raises:
-        UserError: if no stage reads an axis, or the cache cannot be read.
-    """
-    planned = plan_runs(runs, pictures, nodes)
-    notes = check_axes(planned)
-    store = open_store(runs[0].composition.configuration.cache)
-    return plan_sweep(shuffled_runs(planned, shuffle), store, notes)
-
-
-def planned_run(composition: Composition, pictures: bool = True) -> SweepPlan:
-    """The plan of one run with all that its folder has; UserError as above."""
-    nodes = (*RESULTS, OBJECTS, TRACKS, *((CAMERA,) if pictures else ()))
-    planned = plan_runs([PlannedRun(0, {}, composition)], pictures, nodes)
-    return plan_sweep(planned, open_store(composition.configuration.cache))
-
-
-def check_computable(plan: SweepPlan) -> None:
-    """Raise UserError for an unusable cache or scheduler, before a folder is created."""
-    configuration = plan.runs[0].composition.configuration
-    probe(len(plan.missing), open_store(configuration.cache), configuration.executor)
-
-
 def _requested(
-    design: Design,
-    command: str,
-    pictures: bool = False,
-    nodes: Sequence[str] = (),
+    design: Design, command: str, pictures: bool = False, nodes: Sequence[str] = ()
 ) -> tuple[SweepPlan, SweepRequest]:
     """The plan and the request of a design."""
     runs = design_runs(design)
@@ -201,3 +168,82 @@ def _requested(
 def _origin(command: str) -> dict[str, Any]:
     now = datetime.now(UTC).isoformat(timespec="seconds")
     return {"command": command, "created": now, **provenance()}
+
+
+def stored_runs(request: SweepRequest, overrides: Sequence[str] = ()) -> list[PlannedRun]:
+    """The runs of a folder's request, with executor and cache replaced by `overrides`.
+
+    Nothing of these groups is kept: somebody else may have written the folder, and a cache holds
+    pickles, a scheduler's address a computer.
+
+    Raises:
+        ConfigurationError: in one line, for an override of any other group, or of several values,
+            or for an invalid run.
+    """
+    parsed, given = read_overrides(overrides), []
+    for override in parsed:
+        if not of_the_machine(override.key):
+            raise ConfigurationError(
+                f"{override.shown}: --resume keeps the settings in the folder: only keys of "
+                f"{' and '.join(OF_THE_MACHINE)}, which do not affect results, can be changed"
+            )
+        if override.sweep is not None:
+            raise ConfigurationError(f"{override.shown}: --resume: one value is needed")
+        text, folder = override.text, override.value
+        if override.key == "cache.folder" and isinstance(folder, str) and folder:
+            # Paths of the runs refer to the sweep's working directory, this one to today's.
+            text = override_text("cache.folder", os.path.abspath(os.path.expanduser(folder)))
+        given.append(text)
+    check_overrides(parsed)
+    texts = [(*(text for text in run if not of_the_machine(text)), *given) for run in request.runs]
+    return compose_runs(texts, request.keys, Composer(request.working_directory, trusted=False))
+
+
+def outdated_runs(
+    folder: SweepFolder, planned: Sequence[PlannedRun], finished: Mapping[int, RunResult]
+) -> str | None:
+    """One line that counts the finished runs that are out of date, with causes; None if none is."""
+    there = [one for one in planned if one.index in finished]
+    reasons = Counter(
+        _reason(folder, one) for one in there if not one.is_done_by(finished[one.index])
+    )
+    if not reasons:
+        return None
+    count, shown = reasons.total(), [reason for reason, _ in reasons.most_common(MOST_REASONS)]
+    shown += ["…"] if len(reasons) > MOST_REASONS else []
+    return (
+        f"{count} of {len(finished)} finished runs {'is' if count == 1 else 'are'} out of date and "
+        f"will be recomputed ({'; '.join(shown)})"
+    )
+
+
+def _reason(folder: SweepFolder, one: PlannedRun) -> str:
+    """The first stage of a run whose key changed, and the cause."""
+    path = folder.run(one.index)
+    try:
+        before = read_lineage(path)
+        if before is None:
+            return _UNKNOWN
+        after = lineage_of(one.graph, one.graph.ancestors(one.targets), None)
+        found = first_changed_stage(before, after, one.graph, _OTHER_SETTINGS)
+        if found is None:
+            return "other results are required"
+        causes = [_settings(folder, one) if c == _OTHER_SETTINGS else c for c in found.causes]
+    except UserError:
+        return _UNKNOWN
+    if found.stage not in before.stages:
+        return f"{found.stage} is new"
+    more = f" and {len(causes) - 1} more" if len(causes) > 1 else ""
+    return f"{found.stage}: {causes[0] if causes else 'its inputs changed'}{more}"
+
+
+def _settings(folder: SweepFolder, one: PlannedRun) -> str:
+    """The first setting that differs from the run's stored configuration."""
+    before = flat_settings(read_config(folder.run(one.index)))
+    after = flat_settings(one.composition.resolved)
+    other = [
+        f"{key} {before.get(key, 'none')} → {after.get(key, 'none')}"
+        for key in dict.fromkeys((*before, *after))
+        if before.get(key) != after.get(key) and key.partition(".")[0] not in OF_THE_MACHINE
+    ]
+    return other[0] if other else _OTHER_SETTINGS

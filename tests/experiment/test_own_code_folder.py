@@ -11,7 +11,7 @@ from run_cli import run_json
 from stixel_cli import compose
 from stixel_cli.cli.app import main
 from stixel_cli.own_code import all_values
-from stixel_cli.results import provenance
+from stixel_cli.results import lineage
 
 
 @pytest.fixture
@@ -161,7 +161,7 @@ def test_the_repository_of_a_module_is_stored_with_its_changes(own, words, monke
     file.write_text(text)
     git("apply", "changes.diff")
     assert (own.folder / f"{own.helper}.py").read_text() == "OFFSET = 9.0\n"
-    monkeypatch.setattr(provenance, "LARGEST_DIFFERENCE", 10)
+    monkeypatch.setattr(lineage, "LARGEST_DIFFERENCE", 10)
     text = (folder_of(own, "c", *words) / "code" / "mine.diff").read_text()
     assert "are left out" in text and "OFFSET" not in text
 

@@ -14,7 +14,7 @@ from stixel_cli.engine.code import CodeIndex
 from stixel_cli.engine.keys import GIVEN
 from stixel_cli.experiment.stages import pictured_frames, pipeline_stages, scan_count
 from stixel_cli.experiment.table.images import REPLAYED
-from stixel_cli.experiment.table.table import TABLE, draws
+from stixel_cli.experiment.table.table import PICTURES, TABLE
 from stixel_cli.experiment.table.tracks import OWN
 from stixel_cli.results.pictures import Pictures
 from stixel_cli.tracking.gp_ekf import GpEkfParameters
@@ -45,7 +45,7 @@ def stages_of(measurement, *words):
 
 def test_past_the_images_only_start_scores_and_pictures_see_the_truth():
     for stage in stages_of("stixels").values():
-        if stage.name not in MAY_SEE_TRUTH and not draws(stage):
+        if stage.name not in MAY_SEE_TRUTH and stage.name not in PICTURES:
             assert TRUTH.isdisjoint(stage.inputs.values()), stage.name
 
 
@@ -61,7 +61,7 @@ def test_the_track_sees_no_truth_and_does_not_depend_on_pictures(measurement):
     stages = stages_of(measurement)
     assert stages["track"].inputs == {"scans": "scans", "initial": "start"}
     for stage in stages.values():
-        assert not any(draws(stages[source]) for source in stage.inputs.values())
+        assert not any(source in PICTURES for source in stage.inputs.values())
 
 
 @pytest.mark.parametrize("measurement", group_options()["measurement"])
@@ -221,7 +221,7 @@ def test_every_kind_of_measurement_has_dropout_and_clutter_after_its_own_stages(
 
 def test_the_stages_that_draw_are_marked():
     stages = stages_of("stixels")
-    drawing = {name for name, stage in stages.items() if draws(stage)}
+    drawing = {name for name in stages if name in PICTURES}
     assert drawing == {"camera_pictures", "track_pictures", "run_pictures"}
     for stage in map(stages.get, drawing):
         function = resolve_name(stage.function)

@@ -79,7 +79,7 @@ def test_the_same_bytes_on_any_number_of_workers(results, capsys, tmp_path, monk
 def test_of_two_in_one_second_both_are_written(results, capsys, monkeypatch):
     def taken_meanwhile(folder, *arguments):
         if not folder.name.endswith("-2"):
-            folder.mkdir()
+            folder.mkdir(parents=True)
         write_folder(folder, *arguments)
 
     write_folder = run.write_folder

@@ -2,10 +2,14 @@
 
 import pytest
 
-from stixel_cli.experiment.run_names import LONGEST_NAME, differences, joined_name, run_name
+from stixel_cli.experiment.run_names import LONGEST_NAME, differences, joined_name
 from stixel_cli.results.folder import check_plain_name
 
 DEFAULT = {"road_user": "car", "path": "turn", "rig": "default", "tracker": "gp_ekf"}
+
+
+def run_name(*given):
+    return joined_name(differences(*given))
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from stixel_cli.cli.app import main
-from stixel_cli.export.export import tum_text
+from stixel_cli.export.export import tum_rows
 
 RUN = ("path=depart", "path.duration=0.4", "ego=turning", "rig.width=200", "rig.height=120")
 RUN += ("pictures.frames=[]", "executor=threads", "road=estimated")
@@ -170,8 +170,8 @@ def test_scans_without_images_have_no_stixels(results, tmp_path, capsys):
 
 
 def test_a_time_without_a_pose_has_no_row():
-    text = tum_text(np.array([0.0, 0.1]), np.array([[1.0, 2.0, 0.0], [np.nan] * 3]))
-    assert text == "0 1 2 0 0 0 0 1\n"
+    rows = tum_rows(np.array([0.0, 0.1]), np.array([[1.0, 2.0, 0.0], [np.nan] * 3]))
+    assert rows.tolist() == [[0, 1, 2, 0, 0, 0, 0, 1]]
 
 
 def test_what_cannot_be_exported_is_refused_in_one_line(rendered, tmp_path, capsys):

@@ -173,7 +173,7 @@ VERDICTS = {
 
 @pytest.mark.parametrize(("verdict", "ends"), VERDICTS.items())
 def test_verdicts(verdict, ends):
-    sides = [Statistic({}, "", 5, 0.0, 0.1, *one) for one in ends]
+    sides = [Statistic("", 5, 0.0, 0.1, *one) for one in ends]
     assert Finding("RQ2", "", "car", "iou_mean", *sides).verdict == verdict
 
 

@@ -10,13 +10,13 @@ from stixel_cli.sweeps.results import summary_files, summary_records
 
 def test_the_share_of_lost_runs_has_an_interval_also_where_none_is_lost():
     lost = [0] * 9 + [1]
-    (row,) = summarise([{"a": "1"}] * 10, [{"track_lost": one} for one in lost])
+    (row,) = summarise(("a", {"track_lost": one}) for one in lost)["a"].values()
     assert (row.metric, row.n, row.mean) == ("track_loss_rate", 10, 0.1)
     expected = binomtest(1, 10).proportion_ci(method="wilson")
     assert (row.low, row.high) == pytest.approx((expected.low, expected.high), abs=1e-9)
-    never = statistic({}, "track_loss_rate", [0, 0, 0, 0])
+    never = statistic("track_loss_rate", [0, 0, 0, 0])
     assert never.low == 0.0 and 0.3 < never.high < 0.6
-    assert statistic({}, "track_loss_rate", [None]).mean is None
+    assert statistic("track_loss_rate", [None]).mean is None
 
 
 def test_bounds_of_a_mean_nees_agree_with_pyrecest():
@@ -26,11 +26,11 @@ def test_bounds_of_a_mean_nees_agree_with_pyrecest():
 
     for name, degrees in (("nees_position_mean", 2), ("nees_orientation_mean", 1)):
         for n in (1, 2, 25):
-            found = consistent_bounds(statistic({}, name, [1.0] * n))
+            found = consistent_bounds(statistic(name, [1.0] * n))
             expected = np.divide(nees_confidence_bounds(degrees, n_samples=n), degrees)
             np.testing.assert_allclose(found, expected, rtol=1e-9)
-    assert consistent_bounds(statistic({}, "iou_mean", [1.0, 2.0])) == (None, None)
-    assert consistent_bounds(statistic({}, "nees_position_mean", [None])) == (None, None)
+    assert consistent_bounds(statistic("iou_mean", [1.0, 2.0])) == (None, None)
+    assert consistent_bounds(statistic("nees_position_mean", [None])) == (None, None)
 
 
 def test_summaries_have_the_bounds_and_leave_out_metrics_without_a_value():
@@ -38,7 +38,7 @@ def test_summaries_have_the_bounds_and_leave_out_metrics_without_a_value():
         {"nees_position_mean": value, "success": 0.5, "time_to_loss_s": None}
         for value in (1.0, 2.0)
     ]
-    rows = summarise([{"a": "1"}] * 2, runs)
+    rows = summarise(((("a", "1"),), run) for run in runs)
     records = {record["metric"]: record for record in summary_records(rows)}
     assert records["nees_position_mean"]["consistent_high"] == pytest.approx(2.786, abs=1e-3)
     assert records["success"]["consistent_high"] is None

@@ -27,19 +27,19 @@ def test_error_bars_do_not_overlap():
 
 
 def test_intervals_are_clipped_in_figures_but_not_in_tables():
-    iou = statistic({}, "iou_mean", [0.2, 0.95])
+    iou = statistic("iou_mean", [0.2, 0.95])
     assert iou.low < 0.0
     assert iou.high > 1.0
     assert drawn_interval(iou) == (0.0, 1.0)
-    error = statistic({}, "centre_rmse_m", [0.1, 2.0])
+    error = statistic("centre_rmse_m", [0.1, 2.0])
     assert drawn_interval(error) == (0.0, error.high)
-    other = statistic({}, "gain_db", [-3.0, 4.0])
+    other = statistic("gain_db", [-3.0, 4.0])
     assert drawn_interval(other) == (other.low, other.high)
-    assert drawn_interval(statistic({}, "iou_mean", [0.5])) == (0.5, 0.5)
+    assert drawn_interval(statistic("iou_mean", [0.5])) == (0.5, 0.5)
 
 
 def test_drawn_means_and_intervals():
-    rows = [statistic({}, "iou_mean", values) for values in ([0.2, 0.95], [0.5, 0.5], [None])]
+    rows = [statistic("iou_mean", values) for values in ([0.2, 0.95], [0.5, 0.5], [None])]
     with style.drawing():
         axes = style.new_figure(3.0, 2.0).add_subplot()
         assert draw_line(axes, [0.1, 1.1, 2.1], rows, "#000000", "a", True)
@@ -63,9 +63,9 @@ def test_the_caption_names_every_change_of_the_drawing():
 
 def test_means_over_other_axes_are_not_drawn_for_incomplete_settings():
     settings = [{"a": str(i), "b": str(i % 2)} for i in range(2 * MOST_LINES + 2)]
-    metrics = [{"iou_mean": 0.5}] * len(settings)
-    assert set(axis_figures(settings, metrics, [["a"], ["b"]])) == {"a.png", "b.png"}
-    assert set(axis_figures(settings, metrics, [["a"], ["b"]], 1)) == {"a.png"}
+    runs = [(setting, {"iou_mean": 0.5}) for setting in settings]
+    assert set(axis_figures(runs, [["a"], ["b"]])) == {"a.png", "b.png"}
+    assert set(axis_figures(runs, [["a"], ["b"]], 1)) == {"a.png"}
 
 
 def test_geometric_steps_have_a_log_axis():

@@ -5,7 +5,7 @@ from runs_of import sweep_runs
 from stixel_cli.engine.errors import StageFailure
 from stixel_cli.engine.parameters import duration
 from stixel_cli.sweeps.graphs import plan_runs
-from stixel_cli.sweeps.progress import SweepProgress
+from stixel_cli.sweeps.run import SweepProgress
 
 
 def test_runs_and_nodes_are_counted(capsys):

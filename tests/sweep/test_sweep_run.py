@@ -138,13 +138,13 @@ def test_the_statistics_are_those_of_the_seeds(sweeps):
 
 
 def test_statistics_of_few_values():
-    assert statistic({}, "iou_mean", [None, None]).mean is None
-    one = statistic({}, "iou_mean", [0.5, None])
+    assert statistic("iou_mean", [None, None]).mean is None
+    one = statistic("iou_mean", [0.5, None])
     assert (one.n, one.mean, one.std, one.low) == (1, 0.5, None, None)
-    same = statistic({}, "iou_mean", [0.5, 0.5])
+    same = statistic("iou_mean", [0.5, 0.5])
     assert (same.std, same.low, same.high) == (0.0, 0.5, 0.5)
     # Known by hand: 1, 2, 3, 4 has mean 2.5, s = 1.29099, t(3) = 3.18245.
-    four = statistic({}, "x", [4, 1, 3, 2])
+    four = statistic("x", [4, 1, 3, 2])
     assert four.high - four.mean == pytest.approx(3.182446305284263 * 1.2909944487358056 / 2)
 
 

@@ -4,14 +4,15 @@ A definition names the function, the settings that each of its arguments takes, 
 runs over the frames. Each node of `pipelines/*.yaml` names its stage and its inputs.
 """
 
-from stixel_cli.engine.graph import Graph
-from stixel_cli.engine.keys import Stage
 from stixel_cli.experiment.table import images, tracks
 from stixel_cli.experiment.table.definition import Definition
 from stixel_cli.experiment.table.images import REPLAYED
 from stixel_cli.experiment.table.tracks import OWN
 
 TABLE = images.STAGES | tracks.STAGES
+
+PICTURES = tuple(name for name, stage in TABLE.items() if stage.pictures)
+"""The stages that draw; their nodes have the same names."""
 
 
 def readers(name: str) -> list[str]:
@@ -24,22 +25,5 @@ def readers(name: str) -> list[str]:
             f"{path}.".startswith(f"{name}.") or name.startswith(f"{path}.") for path in paths
         )
 
-    found = [
-        stage for table in (TABLE, OWN, REPLAYED) for stage, its in table.items() if reads(its)
-    ]
-    return list(dict.fromkeys(found))
-
-
-_DRAWING = {f for stage in TABLE.values() if stage.pictures for f in stage.functions.values()}
-
-
-def draws(stage: Stage) -> bool:
-    """Whether the result of a stage is a `Pictures`."""
-    return stage.function in _DRAWING
-
-
-def picture_stages(graph: Graph) -> list[str]:
-    """Names of the stages of a graph that draw."""
-    return [
-        name for name in graph.stages if any(draws(node.stage) for node in graph.of_stage(name))
-    ]
+    rows = [row for table in (TABLE, OWN, REPLAYED) for row in table.items()]
+    return list(dict.fromkeys(name for name, stage in rows if reads(stage)))
