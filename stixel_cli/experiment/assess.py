@@ -1,5 +1,6 @@
 """Assess the stixels of one pair, and estimate the disparity error of a recording's rig."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -60,16 +61,11 @@ def assess(composition: Composition, progress: Progress | None = None) -> Assess
         }
         values |= _against_truth(first, recording, configuration)
     records = {record["name"]: record for record in done.stage_records()}
+    times = {name: records[name]["seconds"] for name in STAGES}
     return Assessment(
         values=values,
-        pictures={
-            name.rpartition("/")[2].removesuffix(".png"): data
-            for name, data in first["camera_pictures"].files.items()
-        },
-        seconds={
-            name: records[name]["seconds"] if records[name]["status"] == "computed" else None
-            for name in STAGES
-        },
+        pictures={Path(name).stem: d for name, d in first["camera_pictures"].files.items()},
+        seconds={n: s if records[n]["status"] == "computed" else None for n, s in times.items()},
     )
 
 
@@ -117,11 +113,9 @@ def _against_truth(first: dict[str, Any], recording: Recording, configuration) -
 def _sizes(errors: np.ndarray, prefix: str = "", ending: str = "") -> dict[str, float | None]:
     """Median size, and share beyond 1 px, of errors (n,) px; None without an error."""
     size = np.abs(errors)
-    some = len(size) > 0
-    return {
-        f"{prefix}median_px{ending}": float(np.median(size)) if some else None,
-        f"{prefix}beyond_1px_share{ending}": float(np.mean(size > 1.0)) if some else None,
-    }
+    median, beyond = (np.median(size), np.mean(size > 1.0)) if len(size) else (None, None)
+    found = {f"{prefix}median_px{ending}": median, f"{prefix}beyond_1px_share{ending}": beyond}
+    return {name: None if value is None else float(value) for name, value in found.items()}
 
 
 def _aligned(errors: AreaErrors, alignment: Alignment, rig: Rig) -> dict[str, Any]:

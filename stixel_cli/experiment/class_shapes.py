@@ -118,7 +118,7 @@ def entry(size: ClassSize, shape: ClassShape, seen: Mapping[str, VisibleShape]) 
         "radius_stds": shape.outline_stds,
         **{sensor: vars(values) for sensor, values in seen.items()},
     }
-    return {name: _plain(value) for name, value in lengths.items()}
+    return _plain(lengths)
 
 
 def _plain(value: Any) -> Any:

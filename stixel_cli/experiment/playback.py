@@ -34,16 +34,13 @@ def folders_page(
         StageFailure: if a stage fails.
     """
     check_one_scene(stored, labels)
-    runs = [
-        replace(
-            run_experiment(one.composition, progress, pictures=False, camera=True),
-            label=name,
-            manifest=one.manifest,
-            folder=one.folder,
-        )
-        for one, name in zip(stored, _legend(stored, labels), strict=True)
-    ]
-    for label, run in zip(labels[1:], runs[1:], strict=True):
+    trackers = [one.choice("tracker") for one in stored]
+    distinct = len(stored) > 1 and len(set(trackers)) == len(trackers)
+    runs = []
+    for one, name in zip(stored, trackers if distinct else labels, strict=True):
+        run = run_experiment(one.composition, progress, pictures=False, camera=True)
+        runs.append(replace(run, label=name, manifest=one.manifest, folder=one.folder))
+    for label, run in zip(labels, runs, strict=True):
         if not _same_scene(runs[0], run):
             raise UserError(
                 f"the runs must share one scene: the paths in {labels[0]} and {label} differ, "
@@ -87,10 +84,3 @@ def _same_scene(one: RunResult, other: RunResult) -> bool:
         np.array_equal(getattr(one.scenario, name), getattr(other.scenario, name), equal_nan=True)
         for name in names
     )
-
-
-def _legend(stored: Sequence[RunResult], labels: Sequence[str]) -> list[str]:
-    """Name of each run: its tracker if the trackers all differ, else its folder."""
-    trackers = [one.choice("tracker") for one in stored]
-    alike = len(stored) == 1 or len(set(trackers)) < len(trackers)
-    return list(labels) if alike else trackers

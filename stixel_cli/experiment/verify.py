@@ -34,8 +34,7 @@ class Verification:
     """The comparison of a folder with a new run of its configuration.
 
     Attributes:
-        files: the different ones, in the order of the data.
-        compared: number of compared files.
+        files: the different ones, in the order of the data, of the number `compared`.
         by_key: the first stage whose keys differ; None if all are equal, or if the folder has no
             lineage.
         by_value: the first stage whose result differs; None if all are equal.
@@ -127,9 +126,8 @@ def _first_by_digest(
                 continue
             try:
                 # Equal values may be stored in other bytes: the values themselves decide.
-                what = first_difference(
-                    old_store.load(before.keys[i]), new_store.load(stage.keys[i])
-                )
+                old_value, new_value = old_store.load(before.keys[i]), new_store.load(stage.keys[i])
+                what = first_difference(old_value, new_value)
             except CacheError:
                 if not guess:
                     continue

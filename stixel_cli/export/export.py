@@ -1,5 +1,6 @@
 """The formats of exports; CSV tables with a table of their columns, trajectories for evo."""
 
+import csv
 import os
 from collections.abc import Callable
 from pathlib import Path
@@ -13,6 +14,7 @@ from stixel_cli.experiment.stages import pipeline_stages
 from stixel_cli.export.kitti_folder import export_kitti
 from stixel_cli.export.rerun_log import export_rerun
 from stixel_cli.export.stixel_files import export_stx1
+from stixel_cli.results.ego_frame import STATE
 from stixel_cli.results.folder import csv_text, whole_folder
 from stixel_cli.results.result import RunResult
 from stixel_cli.scene.classes import ROAD_USER_CLASSES
@@ -26,12 +28,10 @@ COLUMNS: dict[str, tuple[str, str]] = {
     "x_rate": ("m/s", "derivative of x"),
     "y_rate": ("m/s", "derivative of y"),
     "heading_rate": ("rad/s", "derivative of heading"),
-    "std_x": ("m", "standard deviation of x"),
-    "std_y": ("m", "standard deviation of y"),
-    "std_heading": ("rad", "standard deviation of heading"),
-    "std_x_rate": ("m/s", "standard deviation of x_rate"),
-    "std_y_rate": ("m/s", "standard deviation of y_rate"),
-    "std_heading_rate": ("rad/s", "standard deviation of heading_rate"),
+    **{
+        f"std_{name}": (unit, f"standard deviation of {name}")
+        for name, unit in zip(STATE, ("m", "m", "rad", "m/s", "m/s", "rad/s"), strict=True)
+    },
     "var_xx": ("m²", "variance of x"),
     "var_xy": ("m²", "covariance of x and y"),
     "var_yy": ("m²", "variance of y"),
@@ -53,16 +53,15 @@ COLUMNS: dict[str, tuple[str, str]] = {
 
 def export_csv(stored: RunResult, folder: Path, progress: Progress | None = None) -> None:
     """Write scans, track, truth, contours and ego poses as CSV, and `columns.csv` about them."""
-    import pandas
-
     run = run_experiment(stored.composition, progress, pictures=False, camera=False)
     tables = exported_tables(run)
-    rows = [(table, name, *COLUMNS[name]) for table, columns in tables.items() for name in columns]
+    rows = [("table", "column", "unit", "meaning")]
+    rows += [(table, name, *COLUMNS[name]) for table, names in tables.items() for name in names]
     with whole_folder(folder) as partial:
         for table, columns in tables.items():
             (partial / f"{table}.csv").write_text(csv_text(columns), encoding="utf-8")
-        columns_table = pandas.DataFrame(rows, columns=["table", "column", "unit", "meaning"])
-        columns_table.to_csv(partial / "columns.csv", index=False)
+        with open(partial / "columns.csv", "w", encoding="utf-8", newline="") as file:
+            csv.writer(file, lineterminator="\n").writerows(rows)
 
 
 def exported_tables(run: RunResult) -> dict[str, dict[str, np.ndarray]]:

@@ -4,6 +4,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from stixel_cli.config.compose import compose
 from stixel_cli.config.texts import override_text
@@ -66,11 +67,7 @@ def export_kitti(stored: RunResult, folder: Path, progress: Progress | None = No
 
 
 def write_disparities(folder: Path, disparities: Iterable[Disparities]) -> None:
-    """Write the disparities of all frames as KITTI stores them: uint16, 256 per px, 0 is invalid.
-
-    Raises:
-        OSError: if a file cannot be written.
-    """
+    """Write the disparities of all frames as KITTI does: uint16, 256 per px, 0 is invalid."""
     folder.mkdir(parents=True)
     for chunk in disparities:
         for i in range(len(chunk)):
@@ -102,9 +99,6 @@ def write_clip(
         rig: of the images.
         label: type of the target's label.
         target_height: m.
-
-    Raises:
-        OSError: if a file cannot be written.
     """
     for chunk in pairs:
         for camera, images in (("image_02", chunk.left), ("image_03", chunk.right)):
@@ -126,15 +120,10 @@ def calibration_text(rig: Rig) -> str:
     """The rows P0 … P3: the left camera is that of the labels' frame."""
     rows = []
     for name, shift in (("P0", 0.0), ("P1", rig.baseline), ("P2", 0.0), ("P3", rig.baseline)):
-        matrix = np.array(
-            [
-                [rig.focal, 0.0, rig.u0, -rig.focal * shift],
-                [0.0, rig.focal_v, rig.v0, 0.0],
-                [0.0, 0.0, 1.0, 0.0],
-            ]
-        )
-        rows.append(f"{name}: {_numbers(matrix)}")
-    return "\n".join(rows) + "\n"
+        of_u = [rig.focal, 0.0, rig.u0, -rig.focal * shift]
+        of_v = [0.0, rig.focal_v, rig.v0, 0.0]
+        rows.append(f"{name}: {_numbers([of_u, of_v, [0.0, 0.0, 1.0, 0.0]])}\n")
+    return "".join(rows)
 
 
 def poses_text(ego_poses_world: np.ndarray, rig: Rig) -> str:
@@ -160,7 +149,7 @@ def labels_text(scenario: Scenario, rig: Rig, label: str, target_height: float) 
         yaw = ego[2] - STRAIGHT_AHEAD - pose[2]
         box, cut = _image_box(camera, ground, pose[2], (length, width, target_height), rig)
         alpha = yaw - np.arctan2(place[0], place[2])
-        values = _numbers(np.array([alpha, *box, target_height, width, length, *place, yaw]))
+        values = _numbers([alpha, *box, target_height, width, length, *place, yaw])
         rows.append(f"{k} 0 {label} {int(cut)} 0 {values}")
     return "\n".join(rows) + "\n"
 
@@ -180,6 +169,6 @@ def _image_box(camera, ground, heading, sizes, rig: Rig) -> tuple[np.ndarray, bo
     return inside, bool((inside[[0, 2]] != box[[0, 2]]).any())
 
 
-def _numbers(values: np.ndarray) -> str:
+def _numbers(values: ArrayLike) -> str:
     """Numbers with all their digits."""
     return " ".join(repr(float(value)) for value in np.ravel(values))

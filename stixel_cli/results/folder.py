@@ -131,10 +131,12 @@ def write_whole_folder(folder: Path, files: Mapping[str, Content], replace: bool
             file = partial / name
             if "/" in name:
                 file.parent.mkdir(parents=True, exist_ok=True)
-            if callable(content):
-                content(file)
+            if isinstance(content, str):
+                file.write_text(content, encoding="utf-8")
+            elif isinstance(content, bytes):
+                file.write_bytes(content)
             else:
-                file.write_bytes(content.encode() if isinstance(content, str) else content)
+                content(file)
 
 
 def write_folder(folder: Path, run: RunResult, page: str) -> None:

@@ -8,7 +8,7 @@ import os
 import platform
 import re
 import subprocess
-from collections.abc import Iterable, Mapping, MutableMapping
+from collections.abc import Container, Iterable, Mapping, MutableMapping
 from dataclasses import dataclass, field
 from hashlib import sha256
 from pathlib import Path
@@ -79,7 +79,8 @@ class Lineage:
         stages: by name.
         code: module -> digest, by name, of all code that the stages reach; None if unknown: in a
             folder of an older version, or for a run that was moved out of its sweep.
-        sources: module -> file and digest of its bytes, of the user's modules; of a new run only.
+        sources: of the user's modules, module -> file and SHA-256 of its bytes when the run was
+            planned; of a new run only.
     """
 
     stages: Mapping[str, StageLineage]
@@ -89,26 +90,25 @@ class Lineage:
 
 def lineage_of(
     graph: Graph,
-    keys: Iterable[str],
+    keys: Container[str],
     store: Store | None,
     known: MutableMapping[str, str] | None = None,
 ) -> Lineage:
-    """The lineage of the nodes `keys` of a graph; all of them are computed or in `store`.
+    """The lineage of the nodes `keys` of an experiment's graph, which are all computed.
 
     Args:
-        graph: of one experiment.
+        graph: of the experiment.
         keys: of its nodes.
-        store: None to leave out the digests of stored results.
+        store: that has their results; None to leave out the digests of these.
         known: digests by key, so that shared nodes are looked up once.
 
     Raises:
         CacheError: the store cannot be read.
     """
-    wanted = set(keys)
     known = {} if known is None else known
     stages, code, sources = {}, {}, {}
     for name in graph.stages:
-        nodes = [node for node in graph.of_stage(name) if node.key in wanted]
+        nodes = [node for node in graph.of_stage(name) if node.key in keys]
         if not nodes:
             continue
         content, reached = nodes[0].identity.content, nodes[0].identity.code
@@ -187,15 +187,6 @@ def read_lineage(folder: Path) -> Lineage | None:
     return Lineage(stages, dict(code) if known else None)
 
 
-def read_code_name(folder: Path) -> str | None:
-    """The name of the code file that the lineage of a sweep's run refers to; None if missing."""
-    try:
-        name = read_json(folder / FILE).get("code")
-    except UserError:
-        return None
-    return name if isinstance(name, str) else None
-
-
 def provenance() -> dict[str, Any]:
     """Entries of a manifest: revision, package versions and machine of this process."""
     machine = {
@@ -246,11 +237,7 @@ def git(folder: Path, *arguments: str) -> str | None:
 
 
 def stored_sources(sources: Mapping[str, tuple[Path, str]]) -> dict[str, bytes]:
-    """Contents to store in a result folder, by path below its folder of code.
-
-    Args:
-        sources: module -> its file, and the SHA-256 of its bytes when it was planned.
-    """
+    """Contents for a result folder's folder of code, by path; `sources` as in `Lineage`."""
     found = {}
     for module, (path, planned) in sources.items():
         content = path.read_bytes() if path.is_file() else b""

@@ -3,7 +3,7 @@
 import itertools
 import math
 from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from stixel_cli.config import messages
@@ -132,8 +132,8 @@ def refuse_equal(overrides: Sequence[Override]) -> None:
         seen.add(mark)
 
 
-def joined(one: Design, other: Design, where: str) -> Design:
-    """Both designs combined, the axes of `one` first; `where` names the file of `one`.
+def joined(one: Design, other: Design) -> Design:
+    """The designs of a file and of a command line combined, the axes of the file first.
 
     Raises:
         ConfigurationError: if they share a key.
@@ -142,17 +142,11 @@ def joined(one: Design, other: Design, where: str) -> Design:
     twice = sorted(mine & theirs)
     if twice:
         raise ConfigurationError(
-            f"{twice[0]}: is given twice, in {where} and on the command line: give it once"
+            f"{twice[0]}: is given twice, in {one.file} and on the command line: give it once"
         )
-    axes = (*one.axes, *other.axes)
     # Seeds vary fastest, so that the first finished runs complete one setting.
-    last = [axis for axis in axes if axis.keys == (SEED,)]
-    return Design(
-        (*one.fixed, *other.fixed),
-        (*(axis for axis in axes if axis not in last), *last),
-        (*one.left_out, *other.left_out),
-        one.file or other.file,
-    )
+    axes = sorted((*one.axes, *other.axes), key=lambda axis: axis.keys == (SEED,))
+    return replace(one, fixed=(*one.fixed, *other.fixed), axes=tuple(axes))
 
 
 def check_size(design: Design, one_is_enough: bool = False) -> None:

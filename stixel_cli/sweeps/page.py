@@ -67,8 +67,7 @@ def sweep_page(folder: Path, page: Path, command: Sequence[str]) -> str:
 
 def _settings_table(result: SweepResult, shown: Sequence[str]) -> dict[str, Any]:
     """One row for each complete setting: its values, n, and each metric with its interval."""
-    keys, columns = list(result.runs[0].setting), list(map(over_runs, shown))
-    rows = []
+    keys, columns, rows = list(result.runs[0].setting), list(map(over_runs, shown)), []
     for setting, of in result.statistics.items():
         cells = [(value, value) for _, value in setting]
         cells.append((str(max(one.n for one in of.values())),) * 2)

@@ -4,6 +4,7 @@ import json
 import shlex
 import traceback
 from collections.abc import Mapping
+from contextlib import suppress
 from functools import lru_cache
 from typing import Any
 
@@ -11,7 +12,9 @@ from stixel_cli.config.folders import PRESETS
 from stixel_cli.engine.execute import Execution
 from stixel_cli.engine.keys import digest
 from stixel_cli.engine.store import Store
+from stixel_cli.errors import UserError
 from stixel_cli.evaluation.scores import Scores
+from stixel_cli.files import read_json
 from stixel_cli.results import lineage
 from stixel_cli.results.folder import Content, arrays_content
 from stixel_cli.results.reader import json_text, yaml_text
@@ -94,12 +97,7 @@ class RunLineages:
         self._written: set[str] = set()
 
     def text(self, planned: PlannedRun) -> str:
-        """The lineage file of a complete run; writes its code file into the sweep's folder.
-
-        Raises:
-            UserError: if the folder cannot be written.
-            CacheError: if the store cannot be read.
-        """
+        """The lineage file of a complete run; writes its code file into the sweep's folder."""
         keys = planned.graph.ancestors(planned.targets)
         found = lineage.lineage_of(planned.graph, keys, self._store, self._digests)
         text = lineage.compact_json(found.code)
@@ -117,6 +115,9 @@ def remove_unused_code(folder: SweepFolder) -> None:
     files = list((folder.path / lineage.CODE_FOLDER).glob("*.json"))
     if len(files) < 2:
         return
-    used = {lineage.read_code_name(run) for run in (folder.path / RUNS).glob("[0-9]*")}
+    used = set()
+    for run in (folder.path / RUNS).glob("[0-9]*"):
+        with suppress(UserError):
+            used.add(str(read_json(run / lineage.FILE).get("code")))
     unused = [one for one in files if one.stem not in used]
     folder.remove(f"{lineage.CODE_FOLDER}/{n}" for one in unused for n in (one.name, one.stem))

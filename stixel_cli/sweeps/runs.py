@@ -43,11 +43,6 @@ class PlannedRun:
         return self.composition.overrides
 
     @property
-    def seed(self) -> int:
-        """Its seed."""
-        return self.composition.configuration.seed
-
-    @property
     def setting(self) -> dict[str, str]:
         """The settings without the seed: runs of equal settings are repetitions."""
         return {key: value for key, value in self.settings.items() if key != SEED}
@@ -55,7 +50,7 @@ class PlannedRun:
     @property
     def label(self) -> str:
         """`key=value …` of the settings."""
-        return _label(self.settings)
+        return setting_label(self.settings)
 
     @property
     def scores(self) -> str:
@@ -82,7 +77,7 @@ class PlannedRun:
         return {
             "overrides": list(self.overrides),
             "choices": self.composition.choices,
-            "seed": self.seed,
+            "seed": self.composition.configuration.seed,
             "swept": self.setting,
         }
 
@@ -118,17 +113,16 @@ def sweep_design(
         ConfigurationError: for an invalid override, a key in both, or code that is not trusted.
     """
     shuffled = shuffle_seed is not None
-    design = design_from_line(overrides, shuffled)
+    design, words = Design((), ()), [*overrides]
     if file is not None:
-        path = find_file(file)
-        design = joined(read_design(path, shuffled, trust_code), design, str(path))
-    else:
-        design = joined(Design((), ()), design, "")
+        design = read_design(find_file(file), shuffled, trust_code)
+        words += ["--from", file]
+    if shuffle_seed is not None:
+        words += ["--shuffle", str(shuffle_seed)]
+    design = joined(design, design_from_line(overrides, shuffled))
     check_overrides(design.overrides)
     check_size(design, one_is_enough)
-    options = [] if file is None else ["--from", file]
-    options += [] if shuffle_seed is None else ["--shuffle", str(shuffle_seed)]
-    return replace(design, shuffle=shuffle_seed, words=(*overrides, *options))
+    return replace(design, shuffle=shuffle_seed, words=tuple(words))
 
 
 def design_runs(design: Design, imports: bool = True) -> list[PlannedRun]:
@@ -171,7 +165,8 @@ def compose_runs(
         except ConfigurationError as fault:
             if not settings:
                 raise
-            raise ConfigurationError(f"{fault} (run {index}: {_label(settings)})") from None
+            named = setting_label(settings)
+            raise ConfigurationError(f"{fault} (run {index}: {named})") from None
         runs.append(PlannedRun(index, settings, composition))
     return runs
 
@@ -184,9 +179,9 @@ def shuffled_runs(runs: Sequence[Any], seed: int | None) -> list[Any]:
     return runs
 
 
-def _label(settings: Mapping[str, str]) -> str:
-    text = " ".join(f"{key}={value}" for key, value in settings.items())
-    return printable(text, LONGEST_REASON)
+def setting_label(settings: Mapping[str, str]) -> str:
+    """`key=value …`, printable."""
+    return printable(" ".join(f"{k}={v}" for k, v in settings.items()), LONGEST_REASON)
 
 
 def equal_runs(

@@ -62,7 +62,7 @@ def test_ls_shows_what_differs_and_the_swept_values(tmp_path, capsys):
 
 
 def make_sweep(folder, axes, runs):
-    request = SweepRequest(axes, runs, None, False, (), "", {})
+    request = SweepRequest("", None, False, (), axes, runs, {})
     SweepFolder(folder).create(request)
 
 

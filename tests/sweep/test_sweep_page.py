@@ -24,7 +24,7 @@ def made(tmp_path_factory):
     runs = tuple((f"tracker.sigma_q={v}", f"seed={s}") for v in VALUES for s in SEEDS)
     axes = (("tracker.sigma_q",), ("seed",))
     notes = {"command": "stixel sweep tracker.sigma_q=0.1,0.4,1.6", "created": "2026"}
-    folder.create(SweepRequest(axes, runs, None, False, (), str(root), notes))
+    folder.create(SweepRequest(str(root), None, False, (), axes, runs, notes))
     for index in range(len(runs)):
         metrics = {"track_lost": 0.0, "nis_mean": 0.5 + index, "iou_mean": 0.9 - 0.1 * index}
         make_folder(folder.run(index), index, metrics=metrics)

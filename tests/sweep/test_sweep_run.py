@@ -246,15 +246,18 @@ def test_from_python_nothing_is_written(sweeps, tmp_path):
 
 
 def test_figures_of_text_values_numbers_and_many_lines():
-    settings, metrics = [], []
-    for i in range(12):
-        for user in ("car", "cyclist"):
-            settings.append({"tracker.sigma_q": str(i), "road_user": user})
-            metrics.append({"iou_mean": 0.1 * i, "centre_rmse_m": None})
-    drawn = figures.axis_figures(settings, metrics, [["tracker.sigma_q"], ["road_user"], ["seed"]])
+    runs = [
+        (
+            {"tracker.sigma_q": str(i), "road_user": user},
+            {"iou_mean": 0.1 * i, "centre_rmse_m": None},
+        )
+        for i in range(12)
+        for user in ("car", "cyclist")
+    ]
+    drawn = figures.axis_figures(runs, [["tracker.sigma_q"], ["road_user"], ["seed"]])
     assert list(drawn) == ["tracker.sigma_q.png", "road_user.png"]
-    assert drawn == figures.axis_figures(settings, metrics, [["tracker.sigma_q"], ["road_user"]])
-    together = figures.axis_figures(settings, metrics, [["tracker.sigma_q", "road_user"]])
+    assert drawn == figures.axis_figures(runs, [["tracker.sigma_q"], ["road_user"]])
+    together = figures.axis_figures(runs, [["tracker.sigma_q", "road_user"]])
     assert list(together) == ["tracker.sigma_q+road_user.png"]
 
 
