@@ -141,10 +141,7 @@ def calibrate(
 ) -> DisparityFit:
     """The offset and slope of the disparities in a recording.
 
-    Args:
-        composition: of the recording.
-        method: a name of `METHODS`; None for the first whose files the recording has.
-        progress: reports the progress.
+    `method` is a name of `METHODS`; None for the first whose files the recording has.
 
     Raises:
         UserError: if the composition has no recording, or nothing to compare with.
@@ -164,11 +161,7 @@ def calibrate(
 
 
 def chosen_method(recording: Recording, folder: str, method: str | None) -> str:
-    """The name of the method to use.
-
-    Raises:
-        UserError: if it is unknown, or the recording lacks its files.
-    """
+    """The name of the method; UserError if it is unknown, or the recording lacks its files."""
     if method is not None and method not in METHODS:
         raise UserError(f"--from: {method!r} is not known: must be one of {', '.join(METHODS)}")
     lacking = []

@@ -30,8 +30,7 @@ def folders_page(
         progress: reports the progress of each run.
 
     Raises:
-        UserError: if the runs are not of one scene, or one cannot be run.
-        StageFailure: if a stage fails.
+        UserError: if the runs are not of one scene; and the errors of `computed_stages`.
     """
     check_one_scene(stored, labels)
     trackers = [one.choice("tracker") for one in stored]

@@ -112,11 +112,9 @@ def record_run(
     if rerun_of is None:
         command = ["stixel", "run", *composition.overrides, *PRESETS.option]
         stem = joined_name(differences(composition.choices, composition.overrides))
-        origin = {}
     else:
         command = ["stixel", "rerun", str(rerun_of)]
         stem = f"{rerun_of.resolve().name.lstrip('.')[:100]}-rerun"
-        origin = {"rerun_of": str(rerun_of)}
     manifest = {
         "command": shlex.join(command),
         "overrides": list(composition.overrides),
@@ -126,7 +124,7 @@ def record_run(
         "seconds": round(time.perf_counter() - started, 3),
         "workers": composition.configuration.executor.workers,
         **provenance(),
-        **origin,
+        **({} if rerun_of is None else {"rerun_of": str(rerun_of)}),
         **correction_note(composition.configuration),
         "star_convex": run.scenario.star_convex,
         "stages": run.stages,
@@ -144,22 +142,15 @@ def record_run(
 
 def correction_note(configuration: Configuration) -> dict[str, str]:
     """The manifest's entry on the corrected disparity error; empty without one."""
-    rig, source = configuration.rig, configuration.source
-    if rig.disparity_offset == 0.0 and rig.disparity_slope == 0.0:
+    offset, slope = configuration.rig.disparity_offset, configuration.rig.disparity_slope
+    if offset == slope == 0.0:
         return {}
-    origin = getattr(source, "correction", None) or "set by hand"
-    return {
-        "correction": f"{rig.disparity_offset:+.3f} px {rig.disparity_slope:+.6f} px per column; "
-        f"{origin}"
-    }
+    origin = getattr(configuration.source, "correction", None) or "set by hand"
+    return {"correction": f"{offset:+.3f} px {slope:+.6f} px per column; {origin}"}
 
 
 def trust_stored_run(run: RunResult, trusted: bool) -> None:
-    """Check that a run read from a folder may be computed: it may name the user's own functions.
-
-    Raises:
-        UserError: unless they are `trusted`, or if their parameters are not valid.
-    """
+    """Refuse a stored run of user-defined code, unless `trusted`, or of wrong parameters."""
     functions = functions_of(run.settings)
     if not trusted:
         refuse_code(run.folder, functions.values())

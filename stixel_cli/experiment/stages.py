@@ -46,9 +46,7 @@ Pipeline = Mapping[str, dict[str, str] | None]
 def pipeline_stages(composition: Composition) -> list[Stage]:
     """The stages of one experiment, wired by the pipeline of its kind of measurement.
 
-    Raises:
-        UserError: if the pipeline's file is missing or names an unknown stage, or if a file of the
-            recording is missing or not valid.
+    UserError if the pipeline names an unknown stage, or a file is missing or not valid.
     """
     configuration, recording = composition.configuration, composition.recording
     rendered = configuration.source.kind == "rendered"
@@ -89,11 +87,7 @@ def _with_tracks(pipeline: Pipeline) -> Pipeline:
 
 
 def scan_count(composition: Composition) -> int:
-    """Number K of scans: of the file, or duration / sample time, rounded, and at least one.
-
-    Raises:
-        UserError: if the file of the scans is missing or not valid.
-    """
+    """Number K of scans: of the file, or duration / sample time, rounded, and at least one."""
     configuration = composition.configuration
     if isinstance(configuration.measurement, FileParameters):
         return len(composition.files.open(configuration.measurement))

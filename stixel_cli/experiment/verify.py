@@ -72,8 +72,7 @@ def verify_run(
         progress: reports the progress.
 
     Raises:
-        UserError: if a file of the folder is not valid, or the run is not possible.
-        StageFailure: if a stage fails.
+        UserError: if a file of the folder is not valid; and the errors of `computed_stages`.
     """
     # Before the run, which may take long.
     paths = {name: stored.folder / f"{name}.npz" for name in COMPARED}
@@ -145,10 +144,9 @@ def _changes(stored: RunResult, now: Mapping[str, Any]) -> Iterator[str]:
         for key in dict.fromkeys((*old, *now[name])):
             if old.get(key) != now[name].get(key):
                 yield f"{key} {old.get(key, 'missing')} → {now[name].get(key, 'missing')}"
-    git = stored.entry("git")
-    old, new = git.get("revision"), now["git"]["revision"]
-    if old != new:
-        yield f"git revision {str(old)[:12]} → {str(new)[:12]}"
-    if git.get("dirty") or now["git"]["dirty"]:
-        when = [w for w, d in (("then", git.get("dirty")), ("now", now["git"]["dirty"])) if d]
-        yield f"git: uncommitted changes {' and '.join(when)}"
+    then, today = stored.entry("git"), now["git"]
+    if then.get("revision") != today["revision"]:
+        yield f"git revision {str(then.get('revision'))[:12]} → {str(today['revision'])[:12]}"
+    dirty = [when for when, git in (("then", then), ("now", today)) if git.get("dirty")]
+    if dirty:
+        yield f"git: uncommitted changes {' and '.join(dirty)}"

@@ -155,11 +155,7 @@ class ModuleDifference:
 def code_differences(
     one: Path, other: Path, labels: tuple[str, str], store_folder: Path
 ) -> list[ModuleDifference]:
-    """The modules of two runs whose code differs, by name; `labels` are the runs' names.
-
-    Raises:
-        UserError: if a file of a folder is not valid.
-    """
+    """The modules of two runs, named by `labels`, whose code differs; UserError for bad files."""
     codes = []
     for folder, label in zip((one, other), labels, strict=True):
         lineage = read_lineage(folder)

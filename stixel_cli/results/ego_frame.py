@@ -102,11 +102,7 @@ def read_ego_tables(folder: Path | str) -> dict[str, dict[str, np.ndarray]]:
 
 
 def _columns(file: Path, names) -> dict[str, np.ndarray]:
-    """The columns of a table, all that the file has, of equal length.
-
-    Raises:
-        UserError: if one of `names` is missing, or the lengths differ.
-    """
+    """The columns of a table; UserError if one of `names` is missing, or their lengths differ."""
     columns = read_arrays(file)
     for name in names:
         if name not in columns:

@@ -121,11 +121,7 @@ def whole_folder(folder: Path, replace: bool = False) -> Iterator[Path]:
 
 
 def write_whole_folder(folder: Path, files: Mapping[str, Content], replace: bool = False) -> None:
-    """Write a folder of files by path below it: it appears complete, or not at all.
-
-    Raises:
-        FolderTaken, UserError: as `whole_folder` does.
-    """
+    """Write files, by path below the folder, as `whole_folder` does, which has the errors."""
     with whole_folder(folder, replace) as partial:
         for name, content in files.items():
             file = partial / name
@@ -140,12 +136,7 @@ def write_whole_folder(folder: Path, files: Mapping[str, Content], replace: bool
 
 
 def write_folder(folder: Path, run: RunResult, page: str) -> None:
-    """Write the result folder of a computed run, with its complete manifest and playback page.
-
-    Raises:
-        FolderTaken: if a folder of that name exists by now.
-        UserError: if it cannot be written (disk full, no permission).
-    """
+    """Write the whole folder of a computed run, with complete manifest and playback page."""
     sources = lineage.stored_sources(run.lineage.sources)
     files = {
         "config.yaml": yaml_text(dict(run.settings)),

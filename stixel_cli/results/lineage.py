@@ -160,12 +160,9 @@ def compact_json(tree: Any) -> str:
 
 
 def read_lineage(folder: Path) -> Lineage | None:
-    """Read the lineage of a result folder; None if it is missing, as in older folders.
+    """The lineage of a result folder; None if it is missing, as in older folders.
 
-    The code part of a sweep's run is in the sweep's folder.
-
-    Raises:
-        UserError: if the file is not valid.
+    The code part of a sweep's run is in the sweep's folder. UserError if a file is not valid.
     """
     file = folder / FILE
     if not file.exists():

@@ -56,11 +56,7 @@ def read_metrics(folder: Path) -> dict[str, float | int | None]:
 
 
 def read_config(folder: Path) -> dict[str, Any]:
-    """The configuration in a folder's `config.yaml`, in plain types, not validated.
-
-    Raises:
-        UserError: if the file is missing, is not YAML, or is not a configuration.
-    """
+    """Content of a folder's `config.yaml`, not validated; UserError if it is no configuration."""
     file = folder / "config.yaml"
     content = read_yaml(file)
     if not isinstance(content, dict) or not all(isinstance(key, str) for key in content):
@@ -92,8 +88,7 @@ def flat_settings(content: dict[str, Any], prefix: str = "") -> dict[str, str]:
 def read_series(file: Path) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     """The times (K,), s, of a file of scores, and the `SERIES` that it has, each (K,).
 
-    Raises:
-        UserError: if it is missing or not valid, or the shapes of its arrays differ.
+    UserError if it is missing or not valid, or the shapes of its arrays differ.
     """
     arrays = read_arrays(file)
     if "t" not in arrays:
@@ -117,10 +112,9 @@ def read_png(file: Path) -> bytes:
 
 
 def find_folders(root: Path) -> list[Path]:
-    """The folders of runs and sweeps below `root`; those of a sweep's runs are not searched.
+    """The folders of runs and sweeps below `root`, without the runs of sweeps.
 
-    Raises:
-        UserError: if the folder does not exist or cannot be read.
+    UserError if the folder does not exist or cannot be read.
     """
     if not root.is_dir():
         raise UserError(f"{printable_path(root)}: no such folder")

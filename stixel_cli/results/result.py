@@ -234,9 +234,6 @@ def read_scored_run(folder: Path) -> RunResult:
     """Read a result folder as `read_run` does, with the scores and the picture of the path.
 
     Errors over time that the folder lacks are NaN.
-
-    Raises:
-        UserError: if it is not a result folder, or a file is missing or not valid.
     """
     run = read_run(folder)
     times, series = read_series(folder / "scores.npz")
@@ -251,10 +248,7 @@ def list_runs(root: Path) -> list[RunResult]:
     """The runs and sweeps below `root`, oldest first, with manifest and metrics.
 
     A sweep is one entry without its runs: only the time in its manifest is set. So is `failure` of
-    a run that is not readable.
-
-    Raises:
-        UserError: if the folder does not exist or cannot be read.
+    a run that is not readable. UserError if the folder does not exist or cannot be read.
     """
     listed = []
     for folder in find_folders(root):

@@ -133,11 +133,7 @@ def refuse_equal(overrides: Sequence[Override]) -> None:
 
 
 def joined(one: Design, other: Design) -> Design:
-    """The designs of a file and of a command line combined, the axes of the file first.
-
-    Raises:
-        ConfigurationError: if they share a key.
-    """
+    """The design of a file and that of a command line; ConfigurationError if they share a key."""
     mine, theirs = ({*design.keys, *(o.key for o in design.fixed)} for design in (one, other))
     twice = sorted(mine & theirs)
     if twice:
@@ -150,11 +146,7 @@ def joined(one: Design, other: Design) -> Design:
 
 
 def check_size(design: Design, one_is_enough: bool = False) -> None:
-    """Refuse a design of too many runs, or of a single one unless `one_is_enough`.
-
-    Raises:
-        ConfigurationError: in one line.
-    """
+    """Refuse a design of too many runs, or of a single one unless `one_is_enough`."""
     if not design.axes and not one_is_enough:
         raise ConfigurationError(
             "nothing to sweep: give a key several values, such as seed=0,1,2 or "

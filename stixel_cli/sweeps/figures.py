@@ -32,7 +32,6 @@ DRAWN = (*SHOWN[:4], "nees_position_mean", "nis_mean", *SHOWN[4:])
 MOST_LINES = 8
 """Combinations of the other axes with a line each; beyond this number their runs are pooled."""
 
-_DODGED = 0.25
 _LONGEST_LABEL = 28
 _LONGEST_NAME = 100
 _LEGEND_WIDTH = 150
@@ -174,8 +173,7 @@ def dodges(places: Sequence[float], lines: int) -> list[float]:
 
     All lines together take a quarter of the least distance between two places.
     """
-    least = min((b - a for a, b in itertools.pairwise(sorted(places))), default=1.0)
-    width = _DODGED * least
+    width = 0.25 * min((b - a for a, b in itertools.pairwise(sorted(places))), default=1.0)
     return [width * ((line + 0.5) / lines - 0.5) for line in range(lines)]
 
 

@@ -24,11 +24,7 @@ ENTRIES = ("fixed", "axes", "zipped", "seeds", "leave_out")
 
 
 def find_file(name: str) -> Path:
-    """The file of a path, or of the bare name of a file shipped in `pipelines/studies`.
-
-    Raises:
-        ConfigurationError: if neither exists.
-    """
+    """The file of a path, or of a name in `pipelines/studies`; ConfigurationError without one."""
     path = Path(name)
     if path.is_file() or (path.suffix == ".yaml" and path.exists()):
         return path
@@ -47,11 +43,7 @@ def is_study(path: Path) -> bool:
 
 
 def read_design(path: Path, shuffled: bool, trusted: bool) -> Design:
-    """The design in a file; it may name code only if it is shipped, or `trusted`.
-
-    Raises:
-        ConfigurationError: in one line that names the file and the entry.
-    """
+    """The design in a file; UserError if it is wrong, or names code unless shipped or `trusted`."""
     content = read_mapping(path, ENTRIES)
     try:
         if "sweeps" in content:
@@ -67,11 +59,7 @@ def read_design(path: Path, shuffled: bool, trusted: bool) -> Design:
 
 
 def design_of(content: Mapping[Any, Any], shuffled: bool) -> Design:
-    """The design of a file's entries.
-
-    Raises:
-        ConfigurationError: in one line that names the entry.
-    """
+    """The design of a file's entries; ConfigurationError in one line that names the entry."""
     refuse_unknown(content, ENTRIES)
     given = _entry(content, "fixed", {}).items()
     fixed = tuple(parse(override_text(key, value)) for key, value in given)
@@ -103,11 +91,7 @@ def design_of(content: Mapping[Any, Any], shuffled: bool) -> Design:
 
 
 def read_mapping(path: Path, entries: Sequence[str]) -> dict[str, Any]:
-    """The content of a YAML file with some of `entries`, in plain types.
-
-    Raises:
-        UserError: in one line that names the file.
-    """
+    """The content of a YAML file with some of `entries`; UserError, which names it, for faults."""
     from omegaconf import OmegaConf
     from omegaconf.errors import OmegaConfBaseException
     from yaml import YAMLError

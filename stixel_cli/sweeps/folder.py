@@ -77,20 +77,11 @@ class SweepFolder:
         self.path = path
 
     def create(self, request: SweepRequest) -> None:
-        """Create the folder with its `sweep.yaml`.
-
-        Raises:
-            FolderTaken: if a folder of this name exists.
-            UserError: if it cannot be written.
-        """
+        """Create the folder with its `sweep.yaml`, with the errors of `whole_folder`."""
         write_whole_folder(self.path, {PLAN: request.text})
 
     def request(self) -> SweepRequest:
-        """The content of `sweep.yaml`.
-
-        Raises:
-            UserError: if this is not the folder of a sweep.
-        """
+        """The content of `sweep.yaml`; UserError if this is not the folder of a sweep."""
         from pydantic import TypeAdapter
 
         file = self.path / PLAN

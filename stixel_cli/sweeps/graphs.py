@@ -70,10 +70,7 @@ def plan_runs(
     """The graphs of the runs; common parts are built once.
 
     Each run requires its scores; with `pictures` also its pictures; and the results of those
-    `nodes` that its pipeline has.
-
-    Raises:
-        UserError: if the pipeline's file is wrong, or an input file cannot be read.
+    `nodes` that its pipeline has. UserError if a pipeline or an input file is wrong.
     """
     builder = GraphBuilder(open_store(runs[0].composition.configuration.cache).folder)
     planned = []
@@ -87,11 +84,7 @@ def plan_runs(
 
 
 def plan_sweep(runs: Sequence[PlannedRun], store: Store, notes: Sequence[str] = ()) -> SweepPlan:
-    """The nodes of the runs that `store` lacks. It looks entries up without reading them.
-
-    Raises:
-        CacheError: if the store cannot be read.
-    """
+    """The nodes that `store` lacks; entries are not read. CacheError if the store is damaged."""
     graph = merge(run.graph for run in runs)
     targets = list(dict.fromkeys(target for run in runs for target in run.targets))
     found = plan(graph, targets, store, verify=False)
@@ -109,9 +102,6 @@ def check_axes(planned: Sequence[PlannedRun]) -> list[str]:
     """Refuse an axis that no stage reads; return notes on axes that the stages of some runs ignore.
 
     Runs whose results have the same keys give the same results, whatever their settings are.
-
-    Raises:
-        ConfigurationError: in one line that names the axis.
     """
     notes = []
     keys = list(planned[0].settings)
@@ -155,8 +145,7 @@ def planned_sweep(
 ) -> SweepPlan:
     """The plan of runs in the order of execution, with notes on their axes.
 
-    Raises:
-        UserError: if no stage reads an axis, or the cache cannot be read.
+    UserError if no stage reads an axis, or a file or the cache cannot be read.
     """
     planned = plan_runs(runs, pictures, nodes)
     store = open_store(runs[0].composition.configuration.cache)

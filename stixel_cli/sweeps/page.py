@@ -26,15 +26,10 @@ from stixel_cli.sweeps.results import SweepResult, heading
 
 
 def sweep_page(folder: Path, page: Path, command: Sequence[str]) -> str:
-    """The page of the sweep in `folder`.
+    """The page of the sweep in `folder`; UserError if that is no sweep, or no run of it is done.
 
-    Args:
-        folder: of a sweep; runs that it lacks are counted, and their settings have no statistics.
-        page: file that will have the page: links to runs are relative to it.
-        command: command line that writes it.
-
-    Raises:
-        UserError: if it is not the folder of a sweep, or none of its runs is done.
+    The runs that it lacks are counted, and their settings have no statistics. `page` is the file
+    that will have the page: links are relative to it. `command` is the command line that writes it.
     """
     request = SweepFolder(folder).request()
     runs = SweepFolder(folder).runs(request)

@@ -126,12 +126,9 @@ def sweep_design(
 
 
 def design_runs(design: Design, imports: bool = True) -> list[PlannedRun]:
-    """The validated runs of a design, in the order of its axes.
+    """The runs of a design, in the order of its axes; ConfigurationError for the first fault.
 
     `imports` allows the import of the user's own functions, to check their parameters.
-
-    Raises:
-        ConfigurationError: in one line, for the first invalid run.
     """
     each = [(*design.fixed, *changes) for changes in design.combinations()]
     if not each:
@@ -152,8 +149,7 @@ def compose_runs(
 ) -> list[PlannedRun]:
     """The runs of the overrides of each, of one value each; `keys` differ between them.
 
-    Raises:
-        ConfigurationError: in one line that names the run by its settings.
+    ConfigurationError in one line that names the first invalid run by its settings.
     """
     runs = []
     for index, overrides in enumerate(each):

@@ -57,8 +57,7 @@ def new_sweep(
         advice: note files that the user's code may read without declaring them, too.
 
     Raises:
-        UserError: in one line; for invalid runs before anything is computed.
-        SweepInterrupted: by Ctrl-C.
+        UserError, SweepInterrupted: as `run_sweep` does; for invalid runs before any computation.
     """
     if results is not None:
         check_results(results, name)
@@ -86,17 +85,10 @@ def designed_sweep(
     visible: bool = False,
     label: str = "",
 ) -> SweepResult:
-    """Run the sweep of a design in a new folder.
+    """Run the sweep of a design in the new folder `path`, as `new_sweep` does.
 
-    Args:
-        design: of its runs.
-        path: the folder to create.
-        command: the command line to record.
-        nodes: of the pipelines; their results are required in addition to the scores.
-        visible: show progress on stderr, with the prefix `label`.
-
-    Raises:
-        UserError, SweepInterrupted: as `new_sweep` does.
+    `command` is the command line to record; `nodes` are required in addition to the scores, see
+    `SweepRequest`; `label` is the prefix of the progress on stderr.
     """
     plan, request = _requested(design, command, nodes=nodes)
     check_computable(plan)
@@ -123,8 +115,7 @@ def resumed_sweep(
         note: called with the number of finished runs that are out of date, and why.
 
     Raises:
-        UserError: in one line, if the folder is not of a sweep or cannot be resumed.
-        SweepInterrupted: by Ctrl-C.
+        UserError, SweepInterrupted: as `run_sweep` does; if the folder is not of a sweep.
     """
     folder = SweepFolder(path)
     request = folder.request()
@@ -177,8 +168,7 @@ def stored_runs(request: SweepRequest, overrides: Sequence[str] = ()) -> list[Pl
     pickles, a scheduler's address a computer.
 
     Raises:
-        ConfigurationError: in one line, for an override of any other group, or of several values,
-            or for an invalid run.
+        ConfigurationError: for an override of other groups or of several values, or a wrong run.
     """
     parsed, given = read_overrides(overrides), []
     for override in parsed:

@@ -44,10 +44,7 @@ class Definition:
     watched: str = ""
 
 
-FROM_LABELS = {
-    "rig": "rig",
-    "tables": "recording.tables",
-}
+FROM_LABELS = {"rig": "rig", "tables": "recording.tables"}
 """The `reads` of stages that move the labels of a recording into the world."""
 
 
