@@ -35,7 +35,7 @@ BUDGET = {
     "report": 2661,
     "results": 1449,
     # A mesh in other units and along another axis.
-    "scene": 3485,
+    "scene": 3489,
     # Conditions of the rig, the matchers, the path, the pictures and the prior, from config/.
     "stereo": 482,
     "stixels": 2037,
@@ -45,7 +45,7 @@ BUDGET = {
     "sweeps": 2133,
     # `contour`: the bank of forms for what it did not learn from, the search at the first scan;
     # a start from slow and sparse scans.
-    "tracking": 5022,
+    "tracking": 5062,
     # Statistics of points, the fit of their noise and the tables of stages, of the studies before.
     "validation": 1538,
 }

@@ -14,6 +14,7 @@ class ClassRow:
         kitti_types: types of KITTI's labels that are of this class; exported labels have the first.
         stx1_type: type of pyStixel-lib's segmentation.
         speed: root mean square speed, m/s.
+        reverse_speed: it drives or walks backwards no faster, m/s.
         argoverse_category: of Argoverse's labels; None without one: its BICYCLIST is only the
             rider, and the BICYCLE has a label of its own.
     """
@@ -21,13 +22,16 @@ class ClassRow:
     kitti_types: tuple[str, ...]
     stx1_type: str
     speed: float
+    reverse_speed: float
     argoverse_category: str | None = None
 
 
 CLASS_ROWS: dict[RoadUserClass, ClassRow] = {
-    "car": ClassRow(("Car", "Van"), "TYPE_CAR", 12.0, "REGULAR_VEHICLE"),
-    "cyclist": ClassRow(("Cyclist",), "TYPE_BICYCLIST", 5.0),
-    "pedestrian": ClassRow(("Pedestrian", "Person_sitting"), "TYPE_PEDESTRIAN", 1.2, "PEDESTRIAN"),
+    "car": ClassRow(("Car", "Van"), "TYPE_CAR", 12.0, 1.5, "REGULAR_VEHICLE"),
+    "cyclist": ClassRow(("Cyclist",), "TYPE_BICYCLIST", 5.0, 0.3),
+    "pedestrian": ClassRow(
+        ("Pedestrian", "Person_sitting"), "TYPE_PEDESTRIAN", 1.2, 0.3, "PEDESTRIAN"
+    ),
 }
 
 ROAD_USER_CLASSES: tuple[RoadUserClass, ...] = get_args(RoadUserClass)

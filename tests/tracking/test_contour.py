@@ -118,6 +118,25 @@ def test_contour_considers_an_error_that_all_scans_share():
     assert np.abs(good.means[:, :2] - poses[:, :2]).max() < 0.2
 
 
+def test_an_error_that_is_only_possible_widens_the_covariance_and_moves_nothing():
+    poses = np.column_stack([np.full(30, 1.0), 24.0 + 0.2 * np.arange(30), np.full(30, np.pi / 2)])
+    scans = scans_seen(poses, noise=0.05)
+    exact, possible = (
+        track(
+            scans,
+            start_at(poses, (0.0, 0.0, 0.0)),
+            PRIORS["car"],
+            dataclasses.replace(STIXELS, possible_bias_std=std),
+        )
+        for std in (0.0, 0.12)
+    )
+    np.testing.assert_array_equal(possible.means, exact.means)
+    added = possible.covariances[:, :2, :2] - exact.covariances[:, :2, :2]
+    assert np.linalg.eigvalsh(added).min() > -1e-12
+    # The range alone: at 27 m the error is 0.9 m, and the sides hardly see it.
+    assert 0.6 < np.sqrt(added[-1, 1, 1]) < 1.2 and np.sqrt(added[-1, 0, 0]) < 0.2
+
+
 def test_contour_trusts_edges_less_where_they_are_uncertain():
     poses = np.column_stack([np.zeros(20), np.full(20, 20.0), np.full(20, np.pi / 2)])
     points, covariances = seen(poses, noise=0.03)

@@ -288,7 +288,7 @@ def test_uneven_points_hardly_show_the_ends_and_a_single_one_does_not():
     _, sight, tracker = forms_of("car", PRIOR, FILE)["class"]
     assert sampling_inset(uneven, sight)[1] > 10.0 * sampling_inset(even, sight)[1]
     state = np.concatenate([[0.0, 22.0, 0.0, 0.0, 0.0, 0.0, 0.0], np.zeros(NODES)])
-    prior = state, 0.1 * np.eye(len(state)), np.zeros(len(state))
+    prior = state, 0.1 * np.eye(len(state)), np.zeros((len(state), 2))
     one, two = [[0.0, 21.0]], [[0.0, 21.0], [0.2, 21.0]]
     degrees = [update(*prior, rays_at(points), sight, tracker)[4] for points in (one, two)]
     assert degrees == [1, 4]

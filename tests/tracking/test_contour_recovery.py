@@ -153,3 +153,47 @@ def test_the_box_has_room_for_the_limbs():
     residual = Residual(shape)
     without = np.concatenate([state, np.zeros((1, NODES))], axis=1)
     assert box_sizes(without, shape, residual) == pytest.approx(box_sizes(state, shape))
+
+
+def facing(poses, heading_error):
+    """A start whose heading is wrong by `heading_error` rad, and whose velocity is right."""
+    initial = start_at(poses, (0.1, 0.1, heading_error))
+    return dataclasses.replace(initial, covariance=np.diag([0.04, 0.04, 0.01, 4.0, 4.0, 0.01]))
+
+
+@pytest.mark.parametrize(
+    ("speed", "opposite"), [(4.0, True), (4.0, False), (-1.0, False), (0.0, False)]
+)
+def test_a_heading_against_a_fast_motion_is_turned_and_no_other(speed, opposite):
+    poses = turning(30, abs(speed), 0.1)
+    if speed < 0:
+        poses = poses[::-1].copy()
+    scans = scans_seen(CAR_SHAPE.outline, poses, noise=0.02)
+    result = track(scans, facing(poses, np.pi if opposite else 0.0), KNOWN, TRACKER)
+    errors = np.abs(wrap_angle(result.means[:, 2] - poses[:, 2]))
+    assert errors[15:].max() < 0.2
+    assert (errors[0] > 3.0) == opposite
+
+
+@pytest.mark.parametrize("nodes", [0, NODES])
+def test_turned_twice_is_the_state_itself(nodes):
+    random = np.random.default_rng(0)
+    root = random.normal(size=(7 + nodes, 7 + nodes))
+    state = random.normal(size=7 + nodes), root @ root.T, random.normal(size=(7 + nodes, 2))
+    once = contour_recovery.turned(*state)
+    again = contour_recovery.turned(*once)
+    assert once[0][3] == -state[0][3] and once[1][0, 3] == -state[1][0, 3]
+    again[0][2] = wrap_angle(again[0][2])
+    state[0][2] = wrap_angle(state[0][2])
+    for value, expected in zip(again, state, strict=True):
+        np.testing.assert_allclose(value, expected)
+
+
+def test_a_turned_outline_is_the_same_outline_seen_from_its_rear():
+    residual = Residual(CAR_SHAPE)
+    mean = np.zeros(7 + NODES)
+    mean[7] = 0.2
+    turned, *_ = contour_recovery.turned(mean, np.eye(7 + NODES), np.zeros((7 + NODES, 2)))
+    front = residual.outline(mean)[:, 0].max() - residual.outline(np.zeros(7 + NODES))[:, 0].max()
+    rear = residual.outline(turned)[:, 0].min() - residual.outline(np.zeros(7 + NODES))[:, 0].min()
+    assert front == pytest.approx(0.2, abs=0.02) and rear == pytest.approx(-0.2, abs=0.02)

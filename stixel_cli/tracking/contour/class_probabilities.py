@@ -21,7 +21,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from stixel_cli.geometry.pose import rotation
-from stixel_cli.scene.classes import CLASS_ROWS
+from stixel_cli.scene.classes import CLASS_ROWS, ClassRow
 from stixel_cli.tracking.contour.class_size import ClassSize
 from stixel_cli.tracking.track import InitialState
 
@@ -50,8 +50,9 @@ the best.
 """
 
 
-SPEED_OF_FILE = 12.0
-"""Of a class that the user's file gives, m/s; no other class is compared with it."""
+def class_row(road_user: str) -> ClassRow:
+    """The row of a class; that of a car for one that the user's file gives."""
+    return CLASS_ROWS.get(road_user, CLASS_ROWS["car"])
 
 
 def log_likelihood(stated: float, nis: float, degrees: int) -> float:
@@ -79,8 +80,7 @@ def log_weight(
         road_user: the class.
     """
     # After a gap of years a variance may be below zero by rounding.
-    speed_std = CLASS_ROWS[road_user].speed if road_user in CLASS_ROWS else SPEED_OF_FILE
-    variance = speed_std**2 + max(speed_variance, 0.0)
+    variance = class_row(road_user).speed ** 2 + max(speed_variance, 0.0)
     weight = sum_of_log_likelihoods / CORRELATED_SCANS
     weight -= 0.5 * (size_deviation**2 + speed**2 / variance + np.log(variance))
     return weight if np.isfinite(weight) else -1e9

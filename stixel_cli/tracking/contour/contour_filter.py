@@ -19,7 +19,9 @@ its standard deviation accounts for that.
 A real sensor's ranges also have an error b that does not change from scan to scan, such as that of
 a rig's calibration. The scans do not show b, so it is not estimated but considered: the filter has
 b's covariance with the state, and its estimate does not become more certain than b allows
-(Schmidt 1966; Jazwinski 1970, *Stochastic Processes and Filtering Theory*, 8.4).
+(Schmidt 1966; Jazwinski 1970, *Stochastic Processes and Filtering Theory*, 8.4). That takes weight
+from the ranges. Where such an error is only possible, as on images of a rig that is thought to be
+calibrated, the gain leaves it out, and the stated covariance has what it would do to the estimate.
 
 The first and the last ray that meet the target give two more measurements, the silhouette: how far
 inside the limits of the visible shape they pass. Ranges hardly measure the place across the rays.
@@ -37,11 +39,16 @@ import numpy as np
 
 from stixel_cli.geometry.pose import rotation
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.tracking.contour.class_probabilities import log_weight
+from stixel_cli.tracking.contour.class_probabilities import class_row, log_weight
 from stixel_cli.tracking.contour.class_shape import ClassShape
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
 from stixel_cli.tracking.contour.contour_rays import Rays, Sight, associate
-from stixel_cli.tracking.contour.contour_recovery import RECENT, detect_again, is_inconsistent
+from stixel_cli.tracking.contour.contour_recovery import (
+    RECENT,
+    detect_again,
+    is_inconsistent,
+    turned,
+)
 from stixel_cli.tracking.contour.contour_report import box_sizes, contours_of, reported
 from stixel_cli.tracking.contour.contour_update import SEEN, update
 from stixel_cli.tracking.contour.hypothesis import Hypothesis
@@ -82,7 +89,7 @@ class ClassFilter:
         self._shape, self.sight = shape, sight
         self._of_class = np.log(np.array([prior.length, prior.width]) / self._shape.size)
         mean, covariance = start(initial, prior, shape, tracker, NODES if sight.residual else 0)
-        self._hypotheses = [Hypothesis.unseen((mean, covariance, np.zeros(len(mean))))]
+        self._hypotheses = [Hypothesis.unseen((mean, covariance, np.zeros((len(mean), 2))))]
         self._age = 0
         count = len(scans)
         self._means = np.tile(mean, (count, 1))
@@ -109,8 +116,14 @@ class ClassFilter:
             elif self._age >= CONFIRMED:
                 steps = [best]
             best = self._record(k, steps)
+        mean, covariance, of_errors = best.state
+        # After a gap of years a variance may be below zero by rounding.
+        fastest = mean[3] + 2.0 * np.sqrt(max(covariance[3, 3], 0.0))
+        if fastest < -class_row(self._road_user).reverse_speed:
+            best = replace(best, state=turned(*best.state))
+            steps, (mean, covariance, of_errors) = [best], best.state
         self._hypotheses = steps
-        mean, covariance, _ = best.state
+        covariance = covariance + np.outer(of_errors[:, 1], of_errors[:, 1])
         self._means[k], self._covariances[k] = mean, covariance
         self._used[k] = best.indices + self._scans.rows(k).start
         stds = [self._tracker.length_std, self._tracker.width_std]
@@ -134,11 +147,11 @@ class ClassFilter:
 
     def _advanced(self, one: Hypothesis, interval: float, rays: Rays) -> Hypothesis:
         """The hypothesis an `interval` in s later, updated with the points that it associates."""
-        mean, covariance, of_bias = one.state
-        of_bias = transition(mean, interval) @ of_bias
+        mean, covariance, of_errors = one.state
+        of_errors = transition(mean, interval) @ of_errors
         mean, covariance = predict(mean, covariance, interval, self._tracker)
         mean, covariance = self._size_recalled(mean, covariance, interval)
-        predicted = mean, covariance, of_bias
+        predicted = mean, covariance, of_errors
         indices = associate(
             rays, mean[SEEN], covariance[np.ix_(SEEN, SEEN)], self.sight, self._tracker
         )

@@ -30,6 +30,8 @@ class ContourParameters:
         bias_std: standard deviation, m at a range of 10 m, of an error of the sensor that all
             ranges of a recording share; it grows with the square of the range, as that of a
             disparity does.
+        possible_bias_std: standard deviation, m at 10 m, of such an error of stixels that is only
+            possible: it widens the covariance and moves no estimate.
         offset_std: standard deviation, m, of the shape across the rays: where a ray grazes the
             shape it makes the range uncertain.
         silhouette_factor: factor on the standard deviation of the silhouette.
@@ -51,6 +53,7 @@ class ContourParameters:
     noise_factor: Annotated[float, Gt(0), Le(100)]
     shape_factor: Annotated[float, Ge(0.1), Le(100)]
     bias_std: Annotated[float, Ge(0), Le(10)]
+    possible_bias_std: Annotated[float, Ge(0), Le(10)]
     offset_std: Annotated[float, Ge(0), Le(10)]
     silhouette_factor: Annotated[float, Ge(0.1), Le(100)]
     silhouette_std: Annotated[float, Ge(0), Le(10)]

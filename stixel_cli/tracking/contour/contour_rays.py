@@ -219,11 +219,13 @@ def sampling_inset(rays: Rays, sight: Sight) -> tuple[float, float]:
     return 0.5 * gap, spread / 12.0 + (np.sqrt(spread) - gap) ** 2
 
 
-def range_biases(rays: Rays, sight: Sight, tracker: ContourParameters) -> np.ndarray:
-    """Standard deviations (n,) m of the error of the ranges that all scans share.
+def range_errors(rays: Rays, sight: Sight, tracker: ContourParameters) -> np.ndarray:
+    """Standard deviations (2, n) m of errors of the ranges that all scans share.
 
-    That of a disparity grows with the squared range; where the visible shape was not learned,
-    there is one that does not grow, too.
+    First one that is considered, then one that is possible. That of a disparity grows with the
+    squared range; where the visible shape was not learned, there is one that does not grow, too.
     """
-    growing = tracker.bias_std * (rays.ranges / 10.0) ** 2
-    return np.hypot(growing, SHARED_STD) if sight.residual else growing
+    growth = (rays.ranges / 10.0) ** 2
+    stated, constant = tracker.bias_std * growth, SHARED_STD if sight.residual else 0.0
+    possible = tracker.possible_bias_std if tracker.seen_by == "stixels" else 0.0
+    return np.stack([np.hypot(stated, constant), possible * growth])

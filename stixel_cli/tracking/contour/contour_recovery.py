@@ -7,7 +7,8 @@ far below its degrees of freedom on a target that is tracked, and near them or a
 not. Then the update is done again with all points of the target's cluster, with a wide prior, from
 several headings and places; the most likely result is taken. Where the NIS is small, nothing
 changes. At the first scan, and at the first after a gap, this is done in any case, with the prior
-as it is: the start or the prediction may be wrong by more than a local update can mend.
+as it is: the start or the prediction may be wrong by more than a local update can mend. A state
+that goes backwards faster than its class does is turned round.
 """
 
 import numpy as np
@@ -17,6 +18,7 @@ from stixel_cli.measurements.clusters import distances
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
 from stixel_cli.tracking.contour.contour_rays import Rays, Sight
 from stixel_cli.tracking.contour.contour_update import Posterior, update
+from stixel_cli.tracking.contour.residual import NODES
 
 RECENT, INCONSISTENT = 3, 0.7
 """A track is inconsistent if the mean NIS / degrees of freedom of so many scans is above this."""
@@ -46,7 +48,7 @@ def is_inconsistent(nis: np.ndarray, degrees: np.ndarray) -> bool:
 def detect_again(
     mean: np.ndarray,
     covariance: np.ndarray,
-    of_bias: np.ndarray,
+    of_errors: np.ndarray,
     rays: Rays,
     indices: np.ndarray,
     sight: Sight,
@@ -55,7 +57,7 @@ def detect_again(
 ) -> tuple[np.ndarray, Posterior]:
     """The points of the target (m,) and the posterior of a prediction that is inconsistent.
 
-    `mean` (d,), `covariance` (d, d) and `of_bias` (d,) are the prediction, `indices` (n,) > 0 its
+    `mean` (d,), `covariance` (d, d) and `of_errors` (d, 2) are the prediction, `indices` (n,) its
     points. `widen`: whether the prediction may be wrong by more than its covariance.
     """
     points = rays.sensor[:2] + rays.ranges[:, None] * rays.directions
@@ -77,8 +79,23 @@ def detect_again(
         begin[2] += turn
         # After a gap of years the innovation's covariance is singular.
         with np.errstate(invalid="ignore"):
-            results.append(update(mean, wide, of_bias, taken, sight, tracker, begin))
+            results.append(update(mean, wide, of_errors, taken, sight, tracker, begin))
     return indices, max(results, key=lambda result: np.nan_to_num(result[-1], nan=-np.inf))
+
+
+def turned(
+    mean: np.ndarray, covariance: np.ndarray, of_errors: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The state of a target that faces the other way and moves as before.
+
+    No road user goes backwards fast: its front was taken for its rear.
+    """
+    order, signs = np.arange(len(mean)), np.ones(len(mean))
+    order[7:], signs[3] = 7 + np.roll(np.arange(NODES), NODES // 2)[: len(mean) - 7], -1.0
+    mean = (signs * mean)[order]
+    mean[2] += np.pi
+    covariance = (signs[:, None] * covariance * signs)[np.ix_(order, order)]
+    return mean, covariance, (signs[:, None] * of_errors)[order]
 
 
 def cluster_of(

@@ -10,7 +10,7 @@ from stixel_cli.tracking.contour.contour_parameters import ContourParameters
 from stixel_cli.tracking.contour.contour_rays import (
     Rays,
     Sight,
-    range_biases,
+    range_errors,
     sampling_inset,
 )
 from stixel_cli.tracking.contour.ray_table import expected
@@ -39,13 +39,13 @@ CONVERGED = 2e-3
 """The iteration ends when no state moves by more than this."""
 
 Posterior = tuple[np.ndarray, np.ndarray, np.ndarray, float, int, float]
-"""Mean, covariance, `of_bias`, NIS, its degrees of freedom, log likelihood."""
+"""Mean, covariance, `of_errors`, NIS, its degrees of freedom, log likelihood."""
 
 
 def update(
     mean: np.ndarray,
     covariance: np.ndarray,
-    of_bias: np.ndarray,
+    of_errors: np.ndarray,
     rays: Rays,
     sight: Sight,
     tracker: ContourParameters,
@@ -53,10 +53,10 @@ def update(
 ) -> Posterior:
     """Posterior mean (d,) and covariance (d, d), of n > 0 rays; NIS and its degrees of freedom.
 
-    `of_bias` (d,), and the third result, is the state's covariance with the considered error over
-    the error's standard deviation. Last the log likelihood: of the innovation, with the weighted
-    noise, at the last iterate. The iteration begins at `first_iterate` (d,), by default at the
-    prior's `mean`.
+    `of_errors` (d, 2), and the third result, is the state's covariance with the two errors that
+    scans share over their standard deviations, see `range_errors`. Last the log likelihood: of the
+    innovation, with the weighted noise, at the last iterate. The iteration begins at
+    `first_iterate` (d,), by default at the prior's `mean`.
     """
     count = len(rays.ranges)
     first, last = int(np.argmin(rays.bearings)), int(np.argmax(rays.bearings))
@@ -68,11 +68,12 @@ def update(
     # A single ray does not show where an outline begins or ends.
     silhouettes &= ~np.array(rays.hidden) & (count > 1 or not sight.outline)
     rows = np.concatenate([np.ones(count, bool), silhouettes])
-    biases = np.concatenate([range_biases(rays, sight, tracker), [0.0, 0.0]])
+    biases, possible = np.pad(range_errors(rays, sight, tracker), ((0, 0), (0, 2)))
     # With the considered error, of variance 1, after the state.
     size = len(mean)
     joint = np.eye(size + 1)
-    joint[:size, :size], joint[:size, size], joint[size, :size] = covariance, of_bias, of_bias
+    joint[:size, :size] = covariance
+    joint[:size, size] = joint[size, :size] = of_errors[:, 0]
     posterior = joint
     iterate = mean if first_iterate is None else first_iterate
     for _ in range(tracker.iterations):
@@ -105,7 +106,7 @@ def update(
         weights = (freedom + 1.0) / (freedom + errors**2 / (variances + biases**2))
 
         noise = (variances / np.minimum(weights, 1.0))[rows]
-        matrix, errors = matrix[rows], errors[rows]
+        matrix, errors, pushes = matrix[rows], errors[rows], possible[rows]
         if sight.residual:
             passing = linear.misses > 0.0
             misses, miss_matrix = linear.misses[passing], np.zeros((passing.sum(), size + 1))
@@ -113,6 +114,7 @@ def update(
             miss_noise = _miss_noise(misses, rays.across_variances[passing], tracker)
             matrix, errors = np.vstack([matrix, miss_matrix]), np.concatenate([errors, -misses])
             noise = np.concatenate([noise, miss_noise])
+            pushes = np.concatenate([pushes, np.zeros(len(misses))])
         innovation = errors + matrix[:, :size] @ (iterate - mean)
         correction, posterior, nis, likelihood = condition(joint, matrix, noise, innovation)
         if sight.residual:
@@ -125,8 +127,11 @@ def update(
         if change < CONVERGED:
             break
     # The considered error is not estimated: its variance stays 1.
-    covariance, of_bias = posterior[:size, :size], posterior[:size, size]
-    return iterate, covariance, of_bias, nis, int(rows.sum()), likelihood
+    # The possible error moves the measurements, and the gain, which leaves it out, the state.
+    pushes = (pushes - matrix[:, :size] @ of_errors[:, 1]) / noise
+    of_possible = of_errors[:, 1] + posterior[:size] @ (matrix.T @ pushes)
+    of_errors = np.stack([posterior[:size, size], of_possible], axis=-1)
+    return iterate, posterior[:size, :size], of_errors, nis, int(rows.sum()), likelihood
 
 
 def _miss_noise(

@@ -8,7 +8,7 @@ from stixel_cli.tracking.contour.class_probabilities import log_likelihood
 from stixel_cli.tracking.contour.contour_update import Posterior
 
 State = tuple[np.ndarray, np.ndarray, np.ndarray]
-"""Mean (d,), covariance (d, d) and `of_bias` (d,), see `contour_update.py`."""
+"""Mean (d,), covariance (d, d) and `of_errors` (d, 2), see `contour_update.py`."""
 
 
 @dataclass(frozen=True)
