@@ -5,8 +5,8 @@ points of its lidars and labelled boxes. With your own copy of one sequence:
 
     python examples/pandaset_scans.py SEQUENCE                # lists the road users that move
     python examples/pandaset_scans.py SEQUENCE UUID FOLDER    # writes the tables of one
-    stixel run measurement=file measurement.path=FOLDER/scans.csv measurement.ego=FOLDER/ego.csv \
-        measurement.truth=FOLDER/truth.csv measurement.range_std=0.1 road_user=car tracker=contour
+    stixel run experiment=pandaset measurement.path=FOLDER/scans.csv \
+        measurement.ego=FOLDER/ego.csv measurement.truth=FOLDER/truth.csv
 
 A scan has the points of the rotating lidar within half a length + 3 m of the labelled centre, 0.35
 to 2.2 m above the lowest of them, and of each bearing of 0.2° the nearest. So neighbours are in it,

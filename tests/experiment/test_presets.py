@@ -15,7 +15,10 @@ PICTURED = {"rig", "renderer", "stereo", "road", "occupancy", "measurement", "me
 """Groups whose options show in the pictures of a scan; paths are drawn in a test of their own."""
 
 OWN_PRESETS = {"road_user", "pace", "prior", "source"}
-OF_FILES = {("measurement", "file"), ("path", "recorded"), ("experiment", "lidarrm")}
+OF_FILES = {
+    *(("measurement", "file"), ("path", "recorded")),
+    *(("experiment", "lidarrm"), ("experiment", "pandaset")),
+}
 """Presets that need files: `test_file_run.py`, tests/recordings, `test_robustness.py`."""
 
 PRESETS = [
