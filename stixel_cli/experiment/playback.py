@@ -24,10 +24,7 @@ def folders_page(
     Results that the cache lacks are computed; the page shows the new results. Where they differ
     from those of a folder, the page and the notes say so.
 
-    Args:
-        stored: the runs, see `experiment.run.read_stored_run`.
-        labels: names of the folders, all different.
-        progress: reports the progress of each run.
+    `labels` are the names of the folders, all different.
 
     Raises:
         UserError: if the runs are not of one scene; and the errors of `computed_stages`.

@@ -68,7 +68,7 @@ def verify_run(
         stored: the folder.
         store: for the new results; an empty one to compute all of them.
         old_store: may still have results of the old run, to measure how much they differ.
-        now: `git`, `versions` and `machine` of this moment, as in a manifest.
+        now: the `provenance` of this moment.
         progress: reports the progress.
 
     Raises:

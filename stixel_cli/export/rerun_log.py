@@ -66,14 +66,13 @@ def _log_camera(library: Any, recording: Any, chunk: CameraFrames, times: np.nda
         encoded = library.EncodedImage(contents=image, media_type="image/jpeg")
         recording.log("camera/image", encoded)
         rows = slice(int(chunk.offsets[i]), int(chunk.offsets[i + 1]))
-        low = np.stack([chunk.left[rows], chunk.top[rows]], axis=1)
-        size = np.stack([chunk.right[rows] - chunk.left[rows],
-                         chunk.base[rows] + 1 - chunk.top[rows]], axis=1)  # fmt: skip
+        low = np.column_stack([chunk.left[rows], chunk.top[rows]])
+        sizes = scale * (np.column_stack([chunk.right[rows], chunk.base[rows] + 1]) - low)
         colours = np.round(255.0 * depth_colours(chunk.depth[rows])).astype(np.uint8)
-        boxes = library.Boxes2D(
-            mins=scale * low, sizes=scale * size, colors=colours, radii=LINE_RADIUS
+        look = {"colors": colours, "radii": LINE_RADIUS}
+        recording.log(
+            "camera/image/stixels", library.Boxes2D(mins=scale * low, sizes=sizes, **look)
         )
-        recording.log("camera/image/stixels", boxes)
 
 
 def _log_outline(library, recording, name: str, outline: np.ndarray, colour) -> None:

@@ -86,19 +86,15 @@ def read_ego_tables(folder: Path | str) -> dict[str, dict[str, np.ndarray]]:
     ego = _columns(folder / "ego.npz", ("k", "t", "x", "y", "heading"))
     scans = _columns(folder / "scans.npz", ("k", "x", "y", "var_xx", "var_xy", "var_yy"))
     track = read_arrays(folder / "track.npz")
-    count = len(ego["k"])
-    k = scans["k"]
+    count, k = len(ego["k"]), scans["k"]
     if not np.all((k >= 0) & (k < count) & (k == np.floor(k))):
         raise UserError(f"{folder / 'scans.npz'}: k must be 0 to {count - 1}, as in ego.npz")
     for name, dimensions in (("times", 1), ("means", 2), ("covariances", 3)):
         shape = track[name].shape if name in track else ()
         if len(shape) != dimensions or shape[0] != count or min((6, *shape[1:])) < 6:
             raise UserError(f"{folder / 'track.npz'}: {name} is missing or has a wrong shape")
-    return {
-        "ego": ego,
-        "scans": scans_in_ego_frame(scans, ego),
-        "track": track_in_ego_frame(track, ego),
-    }
+    in_ego = {"scans": scans_in_ego_frame(scans, ego), "track": track_in_ego_frame(track, ego)}
+    return {"ego": ego, **in_ego}
 
 
 def _columns(file: Path, names) -> dict[str, np.ndarray]:

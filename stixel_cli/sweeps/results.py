@@ -38,11 +38,6 @@ class SweepResult:
     computed: int = 0
     cached: int = 0
 
-    @property
-    def keys(self) -> tuple[str, ...]:
-        """Those of its axes, including the seed if it is swept."""
-        return tuple(self.runs[0].planned.settings)
-
     @cached_property
     def by_setting(self) -> dict[Setting, list[RunResult]]:
         """The runs of each setting."""
