@@ -9,6 +9,7 @@ code/                  code digests to which the runs' lineage.json refer
 failed/0007/ …         config.yaml, failure.json, traceback.txt
 """
 
+import json
 import shlex
 import shutil
 from collections.abc import Iterable, Mapping
@@ -94,7 +95,9 @@ class SweepFolder:
         content = read_yaml(file)
         try:
             own = {name: content.pop(name) for name in _ENTRIES}
-            request = TypeAdapter(SweepRequest).validate_python({**own, "notes": content})
+            # Strict JSON accepts lists for tuples and converts nothing else.
+            text = json.dumps(own | {"notes": content})
+            request = TypeAdapter(SweepRequest).validate_json(text, strict=True)
             if not request.runs or any(map(of_the_machine, request.keys)):
                 raise ValueError("no runs, or an axis that affects no result")
         except (AttributeError, KeyError, TypeError, ValueError):
