@@ -13,6 +13,7 @@ from tracking_cases import CAR, scans_of
 
 from stixel_cli.config.compose import compose
 from stixel_cli.geometry.pose import rotation, world_from_target
+from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.classes import ROAD_USER_CLASSES
 from stixel_cli.tracking.contour.class_shape import class_shape
 from stixel_cli.tracking.contour.class_size import CLASS_SHAPES, class_size
@@ -210,6 +211,22 @@ def test_a_class_of_a_file_tracks_as_the_class_that_it_copies(tmp_path):
     of_file, ours = track(scans, start, own, FABRICATED), track(scans, start, PRIOR, fixed)
     np.testing.assert_array_equal(of_file.means, ours.means)
     assert of_file.class_replaced is None
+
+
+def test_points_on_the_whole_contour_are_those_of_its_far_sides_too():
+    poses, random = turning(40, 6.0, 0.3), np.random.default_rng(1000)
+    ring = shapely.Polygon(BOX).exterior
+    parts = []
+    for pose in poses:
+        places = [ring.interpolate(s).coords[0] for s in random.uniform(0.0, ring.length, 15)]
+        points = world_from_target(np.array(places), pose) + random.normal(0.0, 0.1, (15, 2))
+        parts.append((points, np.tile(0.01 * np.eye(2), (15, 1, 1))))
+    times = 0.1 * np.arange(len(poses))
+    scans = Scans.of_each(times, np.tile(SENSOR, (len(poses), 1)), parts)
+    contour = dataclasses.replace(FILE, sees="contour")
+    all_sides, near_sides = (track(scans, start_at(poses), STATED, one) for one in (contour, FILE))
+    assert overlap(all_sides, BOX, poses) > 0.85
+    assert overlap(all_sides, BOX, poses) > overlap(near_sides, BOX, poses) + 0.05
 
 
 def rays_at(points):

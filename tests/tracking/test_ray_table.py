@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from stixel_cli.geometry.pose import rotation, world_from_target
 from stixel_cli.measurements.rays import first_crossings, spread_rays
 from stixel_cli.tracking.contour.ray_table import (
+    behind,
     expected,
     first_depths,
     outline_table,
@@ -109,3 +110,20 @@ def test_a_point_at_the_sensor_has_no_range_and_changes_no_other():
     alone, _, _, _, _ = expected(state, sensor, directions[[0, 2]], 0, 1, *table)
     assert np.isnan([ranges[0, 1], misses[0, 1], stds[1]]).all()
     np.testing.assert_array_equal(ranges[0, [0, 2]], alone[0])
+
+
+def test_rays_leave_a_shape_where_rays_from_the_other_side_meet_it():
+    outline = np.array([[2.0, -0.5], [1.0, 0.8], [-1.5, 0.6], [-1.0, -0.9]])
+    states, sensor = np.array([[0.3, 20.0, 0.7, 0.1, -0.1]]), np.zeros(2)
+    directions = np.array([[np.sin(a), np.cos(a)] for a in np.linspace(-0.05, 0.07, 13)])
+    near = outline_table(outline)
+    ranges, insets, misses, *_ = expected(states, sensor, directions, 0, 12, *near.arrays())
+    leaving, *others = expected(states, sensor, directions, 0, 12, *behind(near).arrays())
+    for i, direction in enumerate(directions):
+        back = expected(states, 40.0 * direction, -direction[None], -1, -1, *near.arrays())[0]
+        assert leaving[0, i] == pytest.approx(40.0 - back[0, 0], abs=1e-6)
+    inside = misses[0] < 0.0
+    assert inside.sum() > 5
+    assert (leaving > ranges)[0, inside].all()
+    np.testing.assert_allclose(others[0], insets, atol=1e-9)
+    np.testing.assert_allclose(others[1], misses, atol=1e-9)

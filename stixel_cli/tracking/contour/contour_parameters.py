@@ -17,6 +17,8 @@ class ContourParameters:
             or on its box, whichever fits, with a residual.
         road_user: whether the class is `fixed` as the prior's, or `estimated`: replaced by one that
             the scans make 100 times as probable, if a size that you state fits that class.
+        sees: where on the target the points of a file are: where rays meet it first
+            (`first_surface`), or on its whole `contour`.
         acceleration: process noise of the speed, a white acceleration's root density, m/s^1.5.
         turn_acceleration: process noise of the turn rate, rad/s^1.5.
         slip: process noise of the position, m/s^0.5: motion that is not along the heading.
@@ -44,6 +46,7 @@ class ContourParameters:
 
     kind: Literal["contour"]
     seen_by: Literal["stixels", "fabricated", "lidar", "file", "own"]
+    sees: Literal["first_surface", "contour"]
     road_user: Literal["estimated", "fixed"]
     acceleration: Annotated[float, Ge(0), Le(100)]
     turn_acceleration: Annotated[float, Ge(0), Le(100)]

@@ -42,6 +42,8 @@ class Sight:
             ray fall at random.
         residual: how the outline may differ from the form; None where the visible shape was
             learned from such scans, see `forms.py`.
+        far: where rays leave the shape, if points may be there; None if they are where rays meet it
+            first.
     """
 
     table: RayTable
@@ -49,6 +51,7 @@ class Sight:
     std_factor: float
     outline: bool
     residual: Residual | None = None
+    far: RayTable | None = None
 
     @property
     def half(self) -> np.ndarray:
@@ -175,6 +178,11 @@ def associate(
     reach = np.hypot(*(sight.table.high - sight.table.low)[[0, len(sight.table.low) // 4]])
     turned = 0.25 * reach**2 * covariance[2, 2]
     errors = rays.ranges - ranges[0] - sight.bias_per_std * rays.stds
+    if sight.far:
+        far = expected(
+            pose_and_size[None], rays.sensor[:2], rays.directions, -1, -1, *sight.far.arrays()
+        )[0]
+        errors -= np.clip(errors, 0.0, far[0] - ranges[0])
     variance = rays.stds**2 + stds**2 + along + turned
     fits = np.abs(errors) < NEAR_RANGE + tracker.gate_std * np.sqrt(variance)
     meets = misses[0] < NEAR_ACROSS + tracker.gate_std * np.sqrt(across + turned)

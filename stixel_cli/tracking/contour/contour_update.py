@@ -85,6 +85,9 @@ def update(
             matrix[:, 7:size] = sight.residual.slopes(
                 iterate, rays.sensor[:2], rays.directions, predicted[:count], (first, last)
             )
+            if sight.far:
+                # The slopes are those of sides that face the sensor.
+                matrix[:count, 7:size] = 0.0
             predicted = predicted + matrix[:, 7:size] @ iterate[7:]
         errors = -predicted
         errors[:count] += rays.ranges - sight.bias_per_std * rays.stds
@@ -207,6 +210,10 @@ def linearise(
     ranges, insets, misses, range_stds, inset_stds = expected(
         moved, rays.sensor[:2], rays.directions, first, last, *sight.table.arrays()
     )
+    if sight.far:
+        far = expected(moved, rays.sensor[:2], rays.directions, -1, -1, *sight.far.arrays())[0]
+        nearer = np.abs(rays.ranges - far[0]) < np.abs(rays.ranges - ranges[0])
+        ranges = np.where(nearer, far, ranges)
     predicted = np.hstack([ranges, -insets])
     values = np.hstack([predicted, misses])
     slopes = np.zeros((5, values.shape[1]))

@@ -18,6 +18,7 @@ from stixel_cli.tracking.contour.contour_parameters import ContourParameters
 from stixel_cli.tracking.contour.contour_rays import LEARNED, Sight, sight_of
 from stixel_cli.tracking.contour.ray_table import (
     RayTable,
+    behind,
     even_aspects,
     first_depths,
     outline_table,
@@ -114,7 +115,8 @@ def _of_table(
 ) -> Sight:
     if tracker.seen_by not in LEARNED:
         table = with_uncertain_ends(table)
-    return replace(sight, table=table, residual=Residual(shape))
+    far = None if tracker.sees == "first_surface" else behind(table)
+    return replace(sight, table=table, residual=Residual(shape), far=far)
 
 
 def with_uncertain_ends(table: RayTable) -> RayTable:

@@ -132,6 +132,22 @@ def outline_table(outline: np.ndarray, size: tuple[int, int] = FINE) -> RayTable
     )
 
 
+def behind(table: RayTable) -> RayTable:
+    """The table of where the same rays leave the shape: as seen from the other side."""
+    half = len(table.low) // 2
+    turned = {name: np.roll(values, half, axis=0) for name, values in vars(table).items()}
+    return RayTable(
+        lowest=-turned["highest"],
+        highest=-turned["lowest"],
+        depths=-turned["depths"][:, ::-1],
+        stds=turned["stds"][:, ::-1],
+        low=-turned["high"],
+        high=-turned["low"],
+        low_stds=turned["high_stds"],
+        high_stds=turned["low_stds"],
+    )
+
+
 def expected(
     states: np.ndarray,
     sensor: np.ndarray,
