@@ -32,7 +32,7 @@ BUDGET = {
     # Images of a rig out of calibration.
     "rendering": 2368,
     # The layer that studies share: runs, scans, cost, templates, numbered blocks, files.
-    "report": 2661,
+    "report": 2593,
     "results": 1445,
     # A mesh in other units and along another axis.
     "scene": 3489,
@@ -40,7 +40,7 @@ BUDGET = {
     "stereo": 482,
     "stixels": 2037,
     # A study of the trackers away from home.
-    "studies": 5115,
+    "studies": 4963,
     # The plan of one run, from experiment/ and cli/.
     "sweeps": 2131,
     # `contour`: the bank of forms for what it did not learn from, the search at the first scan;

@@ -98,9 +98,8 @@ class Findings:
     """A filled template.
 
     Attributes:
-        opening: blocks before the first heading, in order. A page shows those up to the first
-            figure as the answer, and the rest below it.
-        sections: of the report, in order.
+        opening: blocks before the first heading. A page shows those up to the first figure as the
+            answer, and the rest below it.
         files: path in the study's folder to content of further files.
     """
 

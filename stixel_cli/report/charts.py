@@ -51,14 +51,10 @@ def chart(
     """The panels in rows of `columns`, with one legend of every label below them.
 
     Args:
-        name: of the figure.
         panels: from the left to the right and down.
-        columns: of panels.
-        row: height of a row, in.
-        width: of the figure, in.
+        row, width: height of a row and width of the figure, in.
         legend: most labels next to each other.
-        settings: of Matplotlib.
-        shared: `sharex`, `sharey` of Matplotlib's subplots.
+        settings, shared: of Matplotlib; `sharex`, `sharey` of its subplots.
     """
     rows = -(-len(panels) // columns)
     with style.drawing({"axes.grid": True, "axes.labelsize": 8.5, **(settings or {})}):
@@ -133,16 +129,14 @@ def over_time(
     times: np.ndarray,
     values: np.ndarray,
     ratio: bool = False,
-    highest: float | None = None,
     band: bool = True,
     **look: Any,
 ) -> None:
     """Mean of values (n, K) of n runs at each time (K,), without NaN.
 
-    `look` has the line's colour, label and style as Matplotlib's arguments.
-
-    The band is the 95 % interval (Student's t), cut at 0 and `highest`, if all runs have a value at
-    every time. A ratio has none, and no value that is not positive: its axis is logarithmic.
+    `look` has Matplotlib's arguments of the line. The band is the 95 % interval (Student's t), cut
+    at 0, if all runs have a value at every time. A ratio has none, and no value that is not
+    positive: its axis is logarithmic.
     """
     known = np.isfinite(values)
     n, total = known.sum(axis=0), np.where(known, values, 0.0).sum(axis=0)
@@ -153,9 +147,8 @@ def over_time(
     runs = len(values)
     if band and not ratio and runs > 1 and (n == runs).all():
         half = student_t(runs - 1) * values.std(axis=0, ddof=1) / math.sqrt(runs)
-        high = np.minimum(mean + half, np.inf if highest is None else highest)
         low = np.maximum(mean - half, 0.0)
-        axes.fill_between(times, low, high, color=look["color"], alpha=0.2, linewidth=0.0)
+        axes.fill_between(times, low, mean + half, color=look["color"], alpha=0.2, linewidth=0.0)
 
 
 def series_values(name: str, series: Series, values: np.ndarray) -> np.ndarray:

@@ -3,6 +3,7 @@
 import os
 import shlex
 from collections.abc import Sequence
+from itertools import chain, count
 from pathlib import Path
 from typing import Any
 
@@ -41,20 +42,18 @@ def run_labels(folders: Sequence[Path]) -> list[str]:
 
 def default_page(folders: Sequence[Path], what: str = "report") -> Path:
     """An unused file next to the first folder, named by `what` and the folders' names."""
-    names = [folder.resolve().name for folder in folders]
-    stem = f"{what}-" + "-".join(names)
+    first, *others = (folder.resolve().name for folder in folders)
+    stem = "-".join([what, first, *others])
     if len(stem) > _LONGEST_NAME:
-        stem = f"{what}-{names[0]}"[:_LONGEST_NAME] + f"-and-{len(names) - 1}-more"
+        stem = f"{what}-{first}"[:_LONGEST_NAME] + f"-and-{len(others)}-more"
     parent = folders[0].parent if folders[0].name not in ("", "..") else folders[0].resolve().parent
     return unused_page(parent / f"{stem}.html")
 
 
 def unused_page(page: Path) -> Path:
     """The file, or one with a number at the end of its name if it exists."""
-    found, number = page, 2
-    while found.exists():
-        found, number = page.with_name(f"{page.stem}-{number}.html"), number + 1
-    return found
+    numbered = (page.with_name(f"{page.stem}-{number}.html") for number in count(2))
+    return next(file for file in chain([page], numbered) if not file.exists())
 
 
 def page_html(runs: Sequence[RunResult], command: Sequence[str], page: Path) -> str:
@@ -105,10 +104,10 @@ def write_page(page: Path, html: str) -> None:
 
 def _link(folder: Path, page: Path) -> str | None:
     """Path of a run's own page, relative to the folder of `page`; None if it has none."""
-    own = folder / PAGE
-    if not own.exists():
+    if not (folder / PAGE).exists():
         return None
-    return os.path.relpath(own.resolve(), page.resolve().parent).replace(os.sep, "/")
+    link = os.path.relpath((folder / PAGE).resolve(), page.resolve().parent)
+    return link.replace(os.sep, "/")
 
 
 def metric_rows(runs: Sequence[RunResult]) -> list[dict[str, Any]]:
@@ -140,14 +139,14 @@ def _provenance(runs: Sequence[RunResult]) -> list[tuple[str, list[str]]]:
     """(name, value of each run): command, revision, versions and machine."""
     tables: list[dict[str, Any]] = []
     for run in runs:
-        given, git = run.manifest, run.entry("git")
-        revision = None if git.get("revision") is None else str(git["revision"])[:12]
+        git = run.entry("git")
+        revision = git.get("revision") and str(git["revision"])[:12]
         changes = " with uncommitted changes" if git.get("dirty") else ""
         tables.append(
             {
                 "folder": run.folder,
-                **{name: given.get(name) for name in ("command", "seed", "created")},
-                "run time (s)": given.get("seconds"),
+                **{name: run.manifest.get(name) for name in ("command", "seed", "created")},
+                "run time (s)": run.manifest.get("seconds"),
                 "git revision": revision and revision + changes,
                 **run.entry("versions"),
                 **{f"machine, {name}": value for name, value in run.entry("machine").items()},

@@ -98,7 +98,7 @@ def _totals(runs: Sequence[RunResult]) -> pd.Series:
         else math.nan
         for run in runs
     ]
-    scan = ["road_user", "path", "seed"]
+    scan = list(tables.PAIR)
     frame = run_frame(runs)[scan].assign(total=np.array(totals, np.float64)).dropna()
     # Trackers of one scan count once.
     return frame.drop_duplicates(scan, keep="last").set_index(scan)["total"]
@@ -124,17 +124,9 @@ def cost_table(cost: Mapping[str, Any], kinds: Mapping[str, pd.DataFrame]) -> Ta
         for i, name in enumerate(("one core", "two cores at least")):
             rows[f"images to track, {tracker}, {name}"] = [one[i] for one in cores]
     sample_time = first["run"].iloc[0].configuration.path.sample_time
-    return Table.of(
-        "cost",
-        (
-            {
-                "stage": stage,
-                **dict(zip(kinds, seconds, strict=True)),
-                **{
-                    f"{kind} / T": None if one is None else one / sample_time
-                    for kind, one in zip(kinds, seconds, strict=True)
-                },
-            }
-            for stage, seconds in rows.items()
-        ),
-    )
+    found = []
+    for stage, seconds in rows.items():
+        of_kind = dict(zip(kinds, seconds, strict=True))
+        shares = {f"{k} / T": None if s is None else s / sample_time for k, s in of_kind.items()}
+        found.append({"stage": stage, **of_kind, **shares})
+    return Table.of("cost", found)

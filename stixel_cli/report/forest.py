@@ -32,8 +32,8 @@ class Row:
         series: what is compared; one colour each.
         metric, unit: of the value; rows of one metric are a panel.
         value: with its 95 % interval: `mean`, `low`, `high`, None where unknown.
-        tested: whether a test covers it.
-        significant: whether the test, corrected for multiplicity, shows a difference.
+        tested, significant: whether a test covers it, and, corrected for multiplicity, shows a
+            difference.
         more_is_better: whether a positive difference is an improvement; the axis is then reversed.
     """
 
@@ -56,15 +56,10 @@ def difference_row(
 
 
 def forest(name: str, rows: Sequence[Row], left: str = "", right: str = "") -> Figure | None:
-    """The plot; None without a value.
+    """The plot of rows in any order; None without a value.
 
-    The lines at zero of all panels are one line. A filled mark is a tested value, and a star a
-    significant one.
-
-    Args:
-        name: of the figure.
-        rows: in order; those of one metric need not be next to each other.
-        left, right: meaning of the two sides of zero.
+    The lines at zero of all panels are one line, whose sides mean `left` and `right`. A filled mark
+    is a tested value, and a star a significant one.
     """
     known = [row for row in rows if row.value.mean is not None]
     if not known:
@@ -73,7 +68,10 @@ def forest(name: str, rows: Sequence[Row], left: str = "", right: str = "") -> F
     for row in known:
         panels.setdefault(row.metric, []).append(row)
     series = list(dict.fromkeys(row.series for row in known))
-    scales = {metric: _greatest(own) for metric, own in panels.items()}
+    scales = {
+        metric: max(abs(end) for row in own for end in _extent(row)) or 1.0
+        for metric, own in panels.items()
+    }
     ends = [_side(row) * end / scales[row.metric] for row in known for end in (*_extent(row), 0.0)]
     low, high = min(ends) - _MARGIN, max(ends) + _MARGIN
     heights = [_ROW * len(own) + _PANEL for own in panels.values()]
@@ -111,17 +109,10 @@ def _panel(
         low, value, high = row.value.low, row.value.mean, row.value.high
         if low is not None and high is not None:
             axes.plot([low, high], [place, place], color=colour, linewidth=1.6)
-        axes.plot(
-            value,
-            place,
-            "o",
-            color=colour,
-            markerfacecolor=colour if row.tested else "#ffffff",
-            markersize=5.0,
-        )
-        text = _numbers(row)
+        mark = {"markerfacecolor": colour if row.tested else "#ffffff", "markersize": 5.0}
+        axes.plot(value, place, "o", color=colour, **mark)
         where = axes.get_yaxis_transform()
-        axes.text(1.03, place, text, transform=where, va="center", fontsize=_TEXT)
+        axes.text(1.03, place, _numbers(row), transform=where, va="center", fontsize=_TEXT)
     axes.set_yticks(range(len(rows)), _labels(rows, series))
     axes.tick_params("y", length=0.0, labelsize=_TEXT)
     axes.tick_params("x", labelsize=_TEXT)
@@ -157,7 +148,3 @@ def _side(row: Row) -> float:
 def _extent(row: Row) -> tuple[float, ...]:
     ends = (row.value.mean, row.value.low, row.value.high)
     return tuple(end for end in ends if end is not None)
-
-
-def _greatest(rows: Sequence[Row]) -> float:
-    return max((abs(end) for row in rows for end in _extent(row)), default=0.0) or 1.0

@@ -134,12 +134,10 @@ def number(value: float | int | None, places: int | None = None, sign: bool = Fa
     """A number with the given decimals, by default three significant digits; a dash for None."""
     if value is None or not math.isfinite(value):
         return NO_VALUE
-    if places is None:
-        if isinstance(value, int):
-            places = 0
-        else:
-            size = abs(value)
-            places = 2 if size == 0.0 else min(4, max(0, 2 - math.floor(math.log10(size))))
+    if places is None and isinstance(value, int):
+        places = 0
+    elif places is None:
+        places = min(4, max(0, 2 - math.floor(math.log10(abs(value))))) if value else 2
     shown = f"{value:+.{places}f}" if sign else f"{value:.{places}f}"
     if not any(digit in shown for digit in "123456789"):
         shown = shown.lstrip("+-")

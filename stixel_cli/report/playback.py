@@ -51,27 +51,25 @@ def playback_html(
     notes: Sequence[str] = (),
     folders: Sequence[str] = (),
 ) -> str:
-    """The page of one or more computed runs of one scene.
-
-    The same runs give the same bytes.
+    """The page of one or more computed runs of one scene; the same runs give the same bytes.
 
     Args:
         runs: their `label` is their name in the legend.
-        title: of the page.
         notes: lines below the title.
         folders: name of each run's folder; empty to show no folders.
     """
-    folder = resources.files(__package__).joinpath("templates")
+
+    def text(name: str) -> str:
+        return (resources.files(__package__) / "templates" / name).read_text("utf-8")
+
     parts = {
         "title": html.escape(title),
-        "style": folder.joinpath("playback.css").read_text("utf-8"),
+        "style": text("playback.css"),
         "data": json_in_html(playback_data(runs, title, notes, folders)),
-        "script": "\n".join(
-            folder.joinpath(f"playback_{name}.js").read_text("utf-8") for name in SCRIPTS
-        ),
+        "script": "\n".join(text(f"playback_{name}.js") for name in SCRIPTS),
     }
     # Split the template once, so that inserted text is never searched for marks.
-    pieces = folder.joinpath("playback.html").read_text("utf-8").split("⟦")
+    pieces = text("playback.html").split("⟦")
     page = [pieces[0]]
     for piece in pieces[1:]:
         name, _, rest = piece.partition("⟧")
@@ -103,13 +101,11 @@ def playback_data(
     played = []
     for i, run in enumerate(runs):
         facts = [("folder", folders[i])] if folders else []
-        played.append(
-            _run(run, [*facts, *facts_of(run)])
-            | {
-                "scan": _place(scans, _scan(run.scans)),
-                "camera": _place(cameras, _camera(run.camera)) if run.camera else None,
-            }
-        )
+        shared = {
+            "scan": _place(scans, _scan(run.scans)),
+            "camera": _place(cameras, _camera(run.camera)) if run.camera else None,
+        }
+        played.append(_run(run, [*facts, *facts_of(run)]) | shared)
     scenario = runs[0].scenario
     with_truth = bool(scenario.known.any())
     return {
@@ -161,9 +157,7 @@ def _run(run: RunResult, facts: Sequence[tuple[str, str]]) -> dict[str, Any]:
     return {
         "label": run.label,
         "facts": [list(fact) for fact in facts],
-        "fieldOfView": (
-            None if field_of_view is None else [round(bearing, 6) for bearing in field_of_view]
-        ),
+        "fieldOfView": field_of_view and [round(bearing, 6) for bearing in field_of_view],
         "rig": {
             "focal": rig.focal,
             "focalV": rig.focal_v,
@@ -201,24 +195,16 @@ def _run(run: RunResult, facts: Sequence[tuple[str, str]]) -> dict[str, Any]:
 
 def _boxes(objects: Sequence[Objects]) -> list[list[int]] | None:
     """left, right, top, base (px) of the objects of each frame, in one list; None without any."""
-    if not objects:
-        return None
-    return [
-        one.boxes[one.rows(i)].ravel().tolist()
-        for one in objects
-        for i in range(len(one.offsets) - 1)
-    ]
+    frames = ((one, i) for one in objects for i in range(len(one.offsets) - 1))
+    return [one.boxes[one.rows(i)].ravel().tolist() for one, i in frames] if objects else None
 
 
 def _scan(scans: Scans) -> dict[str, Any]:
-    with_ellipses = len(scans.points_world) <= MOST_ELLIPSES
-    rows = [scans.rows(k) for k in range(len(scans))]
-    return {
-        "points": [millimetres(scans.points_world[these].ravel()) or [] for these in rows],
-        "ellipses": (
-            [ellipses(scans.covariances_world[these]) for these in rows] if with_ellipses else None
-        ),
-    }
+    rows, shown = [scans.rows(k) for k in range(len(scans))], None
+    if len(scans.points_world) <= MOST_ELLIPSES:
+        shown = [ellipses(scans.covariances_world[these]) for these in rows]
+    points = [millimetres(scans.points_world[these].ravel()) or [] for these in rows]
+    return {"points": points, "ellipses": shown}
 
 
 def _camera(chunks: tuple[CameraFrames, ...]) -> dict[str, Any]:

@@ -34,19 +34,13 @@ FACTS = ("road_user", "path", "ego", "measurement", "tracker")
 
 def facts_of(run: RunResult) -> list[tuple[str, str]]:
     """(name, value) pairs that describe the run."""
-    measurement = run.settings["measurement"]
+    measurement, seed = run.settings["measurement"], ("seed", str(run.settings["seed"]))
     if measurement.get("kind") == "file":
         facts = [(group, run.choice(group)) for group in ("prior", "start", "tracker")]
-        return [
-            ("scans", Path(measurement["path"]).name),
-            *facts,
-            ("seed", str(run.settings["seed"])),
-        ]
-    facts = [(group, run.choice(group)) for group in FACTS]
+        return [("scans", Path(measurement["path"]).name), *facts, seed]
     mesh = run.settings["road_user"].get("mesh")
-    if mesh is not None:
-        facts.append(("mesh", Path(mesh).name))
-    return [*facts, ("seed", str(run.settings["seed"]))]
+    own = [] if mesh is None else [("mesh", Path(mesh).name)]
+    return [*((group, run.choice(group)) for group in FACTS), *own, seed]
 
 
 def origin_of(manifest: Mapping[str, Any], folder: Path | None) -> dict[str, Any] | None:
@@ -63,21 +57,20 @@ def origin_of(manifest: Mapping[str, Any], folder: Path | None) -> dict[str, Any
         f"revision {revision}{' with uncommitted changes' if git.get('dirty') else ''}",
         str(manifest.get("created", "")),
     ]
-    files = (["figures", "figures/"], ["metrics", "metrics.json"], ["configuration", "config.yaml"])
-    links = [] if folder is not None else list(files)
+    links = [["figures", "figures/"], ["metrics", "metrics.json"], ["configuration", "config.yaml"]]
     return {
         "command": str(manifest["command"]),
         "made": [one for one in made if one],
-        "links": links,
+        "links": links if folder is None else [],
     }
 
 
 def summary_of(metrics: dict[str, float | int | None]) -> list[list[str]]:
     """[name, value with its unit] of the `SUMMARY`'s metrics that have a value."""
     rows = []
-    for name in (name for name in SUMMARY if metrics.get(name) is not None):
-        value = f"{shown_value(name, metrics[name])} {metric(name).shown_unit}".strip()
-        rows.append([metric(name).short_label, value.replace(" °", "°")])
+    for row in (metric(name) for name in SUMMARY if metrics.get(name) is not None):
+        value = f"{shown_value(row.name, metrics[row.name])} {row.shown_unit}".strip()
+        rows.append([row.short_label, value.replace(" °", "°")])
     return rows
 
 

@@ -114,16 +114,14 @@ def near_points(run: RunResult) -> tuple[np.ndarray, np.ndarray]:
 
 def gate_shares(runs: Iterable[RunResult]) -> tuple[float | None, float | None]:
     """Share of the target's points that a tracker did not use, and of others in those it used."""
-    near = lost = used = others = 0
+    near = used = both = 0
     for run in runs:
         is_near = contour_distances(run.load("scans"), run.load("scenario")) < NEAR
         used_points = run.load("track").used_points
-        own = np.count_nonzero(is_near[used_points])
         near += np.count_nonzero(is_near)
-        lost += np.count_nonzero(is_near) - own
         used += len(used_points)
-        others += len(used_points) - own
-    return (lost / near if near else None), (others / used if used else None)
+        both += np.count_nonzero(is_near[used_points])
+    return ((near - both) / near if near else None), ((used - both) / used if used else None)
 
 
 def scan_rows(runs: pd.DataFrame, keys: Sequence[str]) -> Iterator[dict[str, Cell]]:
@@ -131,16 +129,14 @@ def scan_rows(runs: pd.DataFrame, keys: Sequence[str]) -> Iterator[dict[str, Cel
     for values, own in tables.groups(runs, keys):
         near = [near_points(run) for run in own["run"]]
         counts, away = [n for n, _ in near], [d for _, d in near if len(d)]
-        rms = over_seeds(float(np.sqrt(np.mean(np.square(d)))) for d in away)
+        empty = over_seeds((n == 0).mean() for n in counts)
+        mean = over_seeds(d.mean() for d in away)
+        rms = over_seeds(np.sqrt(np.mean(np.square(d))) for d in away)
         yield {
             **dict(zip(keys, values, strict=True)),
-            **tables.spread("points on the target", over_seeds(float(n.mean()) for n in counts)),
-            "share of scans without points on the target": over_seeds(
-                float((n == 0).mean()) for n in counts
-            ).mean,
-            **tables.spread(
-                "mean distance from the contour (m)", over_seeds(float(d.mean()) for d in away)
-            ),
+            **tables.spread("points on the target", over_seeds(n.mean() for n in counts)),
+            "share of scans without points on the target": empty.mean,
+            **tables.spread("mean distance from the contour (m)", mean),
             **tables.spread("RMS distance (m)", rms),
         }
 
@@ -155,49 +151,47 @@ def over_time(name: str, scans: pd.DataFrame, measurements: Sequence[str]) -> di
 
     The first tracker has solid lines and bands, each further one its own dashes and no band.
     """
-    return {error: _over_time(name, error, scans, measurements) for error in SCAN_ERRORS}
+    trackers = tables.names(scans, "tracker")
 
+    def plot(error: str) -> Figure:
+        ratio = SCAN_ERRORS[error].better == "one"
 
-def _over_time(name: str, error: str, scans: pd.DataFrame, measurements: Sequence[str]) -> Figure:
-    trackers, ratio = tables.names(scans, "tracker"), SCAN_ERRORS[error].better == "one"
+        def draw(axes) -> None:
+            for (measurement, tracker), own in tables.groups(scans, ["measurement", "tracker"]):
+                first = tracker == trackers[0]
+                draw_over_time(
+                    axes,
+                    own["t"].unique(),
+                    own.pivot(index="seed", columns="k", values=error).to_numpy(),
+                    ratio,
+                    band=first,
+                    color=colour(measurement, measurements),
+                    label=measurement if first else "",
+                    linestyle=DASHES[trackers.index(tracker) % len(DASHES)],
+                    linewidth=1.4 if first else 1.0,
+                )
+            for dash, tracker in zip(DASHES, trackers if trackers[1:] else (), strict=False):
+                axes.plot([], [], dash, color=style.UNUSED, label=tracker)
+            if error == "nees":
+                count = 2 * len(tables.names(scans, "seed"))
+                low, high = (float(bound) / count for bound in chi_square_bounds(count))
+                axes.axhspan(low, high, color=style.CONSISTENT, zorder=0)
 
-    def draw(axes) -> None:
-        for (measurement, tracker), own in tables.groups(scans, ["measurement", "tracker"]):
-            first = tracker == trackers[0]
-            draw_over_time(
-                axes,
-                own["t"].unique(),
-                own.pivot(index="seed", columns="k", values=error).to_numpy(),
-                ratio,
-                band=first,
-                color=colour(measurement, measurements),
-                label=measurement if first else "",
-                linestyle=DASHES[trackers.index(tracker) % len(DASHES)],
-                linewidth=1.4 if first else 1.0,
-            )
-        for dash, tracker in zip(
-            DASHES, trackers[: len(trackers) * (len(trackers) > 1)], strict=False
-        ):
-            axes.plot([], [], dash, color=style.UNUSED, label=tracker)
-        if error == "nees":
-            count = 2 * len(tables.names(scans, "seed"))
-            low, high = (float(bound) / count for bound in chi_square_bounds(count))
-            axes.axhspan(low, high, color=style.CONSISTENT, zorder=0)
+        limits = (0.0, 1.0) if error == "iou" else (None, None)
+        panel = Panel(draw, x="t (s)", y=AXIS_LABELS[error], ratio=ratio, limits=limits)
+        return chart(f"{name}_{error}", [panel], row=2.7)
 
-    limits = (0.0, 1.0) if error == "iou" else (None, None)
-    panel = Panel(draw, x="t (s)", y=AXIS_LABELS[error], ratio=ratio, limits=limits)
-    return chart(f"{name}_{error}", [panel], row=2.7)
+    return {error: plot(error) for error in SCAN_ERRORS}
 
 
 def stage_pictures(name: str, run: RunResult) -> list[tuple[int, Picture]]:
     """Frame and sheet of every frame that the stage `camera_pictures` of a run drew."""
-    frames = sorted(
-        (frame, files)
-        for pictures in run.load("camera_pictures")
-        for frame, files in by_frame(pictures.files).items()
-    )
     rig = run.configuration.rig
     return [
         (frame, Picture(f"{name}_{frame:04d}", "", contact_sheet(files, rig), "image/webp"))
-        for frame, files in frames
+        for frame, files in sorted(
+            frame_files
+            for pictures in run.load("camera_pictures")
+            for frame_files in by_frame(pictures.files).items()
+        )
     ]

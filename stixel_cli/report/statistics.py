@@ -99,7 +99,7 @@ def statistic(metric: str, values: Iterable[float | int | None]) -> Statistic:
     return Statistic(metric, n, mean, std, mean - half, mean + half)
 
 
-def excludes_zero(one: "Estimate | Statistic | Paired") -> bool:
+def excludes_zero(one: Estimate | Statistic) -> bool:
     """Whether the interval is known and excludes 0."""
     return one.low is not None and not one.low <= 0.0 <= one.high
 
@@ -173,21 +173,16 @@ def chi_square_bounds(degrees: np.ndarray | int) -> tuple[np.ndarray, np.ndarray
 
 
 @dataclass(frozen=True)
-class Paired:
-    """Differences of n pairs.
+class Paired(Estimate):
+    """The mean of the differences of n pairs; its interval is that of `mean_interval`.
 
     Attributes:
-        mean: of the differences; None without a pair.
-        low, high: 95 % interval of the mean, or None; see `mean_interval`.
         p: of Wilcoxon's signed rank test, two-sided; None below two pairs.
         effect: matched-pairs rank-biserial correlation, -1 to 1: (R+ - R-) / (R+ + R-), R the sum
             of the ranks of |difference|; None where all are 0.
     """
 
-    n: int
-    mean: float | None = None
-    low: float | None = None
-    high: float | None = None
+    n: int = 0
     p: float | None = None
     effect: float | None = None
 
@@ -196,10 +191,10 @@ def paired(differences: np.ndarray, strata: Sequence[str]) -> Paired:
     """Statistics of the differences (n,) of pairs in `strata` (paths)."""
     n = len(differences)
     if n == 0:
-        return Paired(0)
+        return Paired()
     low, high = mean_interval(differences, strata) or (None, None)
     p = wilcoxon(differences) if n > 1 else None
-    return Paired(n, float(differences.mean()), low, high, p, rank_biserial(differences))
+    return Paired(float(differences.mean()), low, high, n, p, rank_biserial(differences))
 
 
 def mean_interval(values: np.ndarray, strata: Sequence[str]) -> tuple[float, float] | None:

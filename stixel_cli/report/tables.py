@@ -99,7 +99,7 @@ def plain_label(row: Metric) -> str:
 
 def axis_label(row: Metric) -> str:
     """The plain label with its unit, if it has one."""
-    return f"{plain_label(row)} ({row.unit})" if row.unit else plain_label(row)
+    return plain_label(row) + (f" ({row.unit})" if row.unit else "")
 
 
 def ends(label: str, one) -> dict[str, Cell]:
@@ -129,8 +129,6 @@ def rows_by(
     """One row for each combination of `keys`: number of units, and metrics over the units.
 
     Args:
-        runs: the frame.
-        keys: columns that name the rows.
         metrics: columns with a number, or a mapping from them to labels.
         cells: `ends`, `spread` or `mean_cell`.
         across: a column; each metric then has a column for each of its values.
@@ -160,8 +158,7 @@ def csv_text(columns: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> str:
 
 def table_csv(table: Table) -> str:
     """The table with all digits; missing values are empty."""
-    rows = (dict(zip(table.columns, row, strict=True)) for row in table.rows)
-    return csv_text(table.columns, rows)
+    return csv_text(table.columns, (dict(zip(table.columns, r, strict=True)) for r in table.rows))
 
 
 def shown_table(table: Table) -> tuple[list[str], list[list[str]], list[bool]]:

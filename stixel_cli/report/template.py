@@ -101,8 +101,7 @@ def _findings(text: str, shown: Sequence[Block], files: Mapping[str, str | bytes
     opening: list[Block] = []
     # Level, title, folding and blocks of the open sections; the first has the whole report.
     opened: list[tuple[int, str, bool, list[Block]]] = [(0, "", False, [])]
-    tokens = _MARKDOWN.parse(text)
-    for token, content in pairwise(tokens):
+    for token, content in pairwise(_MARKDOWN.parse(text)):
         title, is_folded = content.content, content.content.endswith(_FOLDED)
         if token.type == "heading_open":
             level = int(token.tag[1:])

@@ -3,13 +3,13 @@
 import math
 import os
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from stixel_cli.config.folders import shipped_folder
 from stixel_cli.engine.errors import MissingEntry
-from stixel_cli.engine.graph import Graph
 from stixel_cli.engine.store import Store
 from stixel_cli.errors import MissingData, UserError
 from stixel_cli.evaluation.scores import SERIES, Scores
@@ -34,6 +34,13 @@ def data_folder(contents: str, needed: str = "") -> Path:
     if not named or not folder.is_dir():
         raise MissingData(f"{DATA}: must name a folder that has {contents}, got {named!r}")
     return folder.absolute()
+
+
+def shipped_meshes(name: str) -> list[dict[str, list]]:
+    """Axes: the meshes in a folder of the shipped studies, each in the folder of its road user."""
+    files = sorted((shipped_folder("pipelines") / "studies" / name).glob("*/*.obj"))
+    users = [file.parent.name for file in files]
+    return [{"road_user": users, "road_user.mesh": list(map(str, files))}]
 
 
 @dataclass(frozen=True)
@@ -88,32 +95,24 @@ def with_stages(
     Raises:
         UserError: if a run's folder cannot be read.
     """
-    runs = [
-        replace(
+
+    def with_results(run: RunResult) -> RunResult:
+        def load(step: str) -> Any:
+            nodes = run.planned.graph.of_stage(step)
+            values = [store.load(node.key) for node in nodes]
+            return values[0] if nodes[0].stage.pattern == "once" else values
+
+        file = SweepFolder(result.folder).run(run.index) / "scores.npz"
+        times, series = read_series(file)
+        missing = [name for name in SERIES if name not in series]
+        if missing:
+            raise UserError(f"{file}: {missing[0]} is missing")
+        return replace(
             run,
-            scores=_scores(run, result.folder),
+            scores=Scores(times=times, **series, metrics=dict(run.metrics)),
             cpu_seconds=seconds.by_stage([run]),
-            load=_loader(run.planned.graph, store),
+            load=load,
             variant=entry.variant_of(run.setting),
         )
-        for run in result.runs
-    ]
-    return replace(result, runs=tuple(runs))
 
-
-def _scores(run: RunResult, sweep: Path) -> Scores:
-    file = SweepFolder(sweep).run(run.index) / "scores.npz"
-    times, series = read_series(file)
-    missing = [name for name in SERIES if name not in series]
-    if missing:
-        raise UserError(f"{file}: {missing[0]} is missing")
-    return Scores(times=times, **series, metrics=dict(run.metrics))
-
-
-def _loader(graph: Graph, store: Store) -> Callable[[str], Any]:
-    def load(step: str) -> Any:
-        nodes = graph.of_stage(step)
-        values = [store.load(node.key) for node in nodes]
-        return values[0] if nodes[0].stage.pattern == "once" else values
-
-    return load
+    return replace(result, runs=tuple(map(with_results, result.runs)))

@@ -23,7 +23,6 @@ class SweepEntry:
     """A sweep of the file.
 
     Attributes:
-        name: of the sweep.
         content: entries as in a sweep's file.
         steps: stages whose results the report reads in addition to the scores.
         derive: name of the module's function that returns further axes, from the data of the

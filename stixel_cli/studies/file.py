@@ -6,7 +6,7 @@ next to the study's own (`report.py`), or the dotted name of an installed module
 """
 
 import traceback
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
 from importlib.util import module_from_spec, spec_from_file_location
@@ -37,13 +37,10 @@ class StudyFile:
     """The content of a study's file.
 
     Attributes:
-        path: of the file.
-        title, question: of the report.
+        title, question, template: of the report.
         template_name, module_name: as in the file.
-        template: of the report.
         module: its function `report` returns a `Material` from `StudyData`; its functions that
             `derive` and `axes_of` name return further axes.
-        sweeps: in the order of the file.
     """
 
     path: Path
@@ -153,7 +150,10 @@ def read_study(path: Path, trusted: bool = False) -> StudyFile:
         if "sweeps" not in content and not set(content) - set(SWEEP_ENTRIES):
             raise ConfigurationError(f"is a sweep, not a study: stixel sweep --from {_shown(path)}")
         refuse_unknown(content, ENTRIES)
-        texts = [_text(content, name) for name in ENTRIES[:4]]
+        for name in ENTRIES[:4]:
+            if not isinstance(content.get(name), str) or not content[name].strip():
+                raise ConfigurationError(f"{name}: is required and must be a string")
+        texts = [" ".join(content[name].split()) for name in ENTRIES[:4]]
         sweeps = content.get("sweeps")
         if not isinstance(sweeps, dict) or not sweeps:
             raise ConfigurationError("sweeps: must be names, each with a sweep's entries")
@@ -174,13 +174,6 @@ def read_study(path: Path, trusted: bool = False) -> StudyFile:
         text = str(fault)
         raise ConfigurationError(text if where in text else f"{where}: {text}") from None
     return study
-
-
-def _text(content: Mapping[str, Any], name: str) -> str:
-    value = content.get(name)
-    if not isinstance(value, str) or not value.strip():
-        raise ConfigurationError(f"{name}: is required and must be a string")
-    return " ".join(value.split())
 
 
 def _template(folder: Path, name: str) -> jinja2.Template:

@@ -9,6 +9,7 @@ tables/ figures/   tables as CSV, Markdown and LaTeX, figures as SVG, once all r
 
 import json
 import shutil
+from collections import Counter
 from collections.abc import Collection, Mapping
 from datetime import UTC, datetime
 from itertools import takewhile
@@ -119,19 +120,21 @@ def files_of(findings: Findings, taken: Collection[str] = ()) -> dict[str, str |
     Raises:
         UserError: if two files have one name, or a name is not a path inside the folder.
     """
-    named: list[tuple[str, str | bytes]] = []
-    for table in findings.blocks(Table):
-        for suffix, text in (("csv", table_csv), ("md", table_markdown), ("tex", table_latex)):
-            named.append((f"tables/{table.name}.{suffix}", text(table)))
-    named += [(f"figures/{figure.name}.svg", figure.svg) for figure in findings.blocks(Figure)]
-    named.append((DATA, json.dumps(report_data(findings), indent=1, ensure_ascii=False) + "\n"))
-    named += findings.files.items()
+    forms = {"csv": table_csv, "md": table_markdown, "tex": table_latex}
+    named = [
+        *(
+            (f"tables/{table.name}.{suffix}", text(table))
+            for table in findings.blocks(Table)
+            for suffix, text in forms.items()
+        ),
+        *((f"figures/{figure.name}.svg", figure.svg) for figure in findings.blocks(Figure)),
+        (DATA, json.dumps(report_data(findings), indent=1, ensure_ascii=False) + "\n"),
+        *findings.files.items(),
+    ]
     files = dict(named)
-    if len(files) < len(named):
-        names = [name for name, _ in named]
-        twice = next(name for name in names if names.count(name) > 1)
-        raise UserError(f"report: two files have the name {twice}")
-    for name in files:
+    for name, count in Counter(name for name, _ in named).items():
+        if count > 1:
+            raise UserError(f"report: two files have the name {name}")
         path = PurePosixPath(name)
         if path.is_absolute() or ".." in path.parts or name in taken:
             raise UserError(f"report: {name!r} is not a valid file name in a study's folder")
@@ -159,11 +162,7 @@ def report_data(findings: Findings) -> dict[str, Any]:
 
 
 def differences(there: Mapping[str, Any], wanted: Mapping[str, Any], folder: str) -> list[str]:
-    """Differences between two requests of a study, as `KEY: VALUE in FOLDER, VALUE here`.
-
-    Args:
-        there: request of the existing `folder`, see `StudyPlan.request`.
-        wanted: request of the command.
+    """Differences of two `StudyPlan.request`, as `KEY: VALUE in FOLDER, VALUE here`.
 
     Raises:
         ValueError: if `there` is not a request.

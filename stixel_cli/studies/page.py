@@ -71,7 +71,7 @@ def _table(block: Table, number: int) -> dict[str, Any]:
     if sum(name.endswith(INTERVAL) for name in header) > _SIDE_BY_SIDE:
         header, *rows = [list(map(_stacked, row)) for row in (header, *rows)]
     # For each column its longest cell or header word, plus one.
-    widths = [[_width(row[i]) for row in rows] for i in range(len(header))]
+    widths = [[max(map(len, row[i].split("\n"))) for row in rows] for i in range(len(header))]
     least = [
         max(*map(len, name.split()), *(min(width, _SHORT) for width in column), 0)
         for name, column in zip(header, widths, strict=True)
@@ -102,10 +102,6 @@ def _stacked(cell: str) -> str:
     return cell.replace(" [", "\n[") if cell.endswith("]") else cell
 
 
-def _width(cell: str) -> int:
-    return max(map(len, cell.split("\n")))
-
-
 def _side_by_side(blocks: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """The blocks, with successive narrow figures in one block."""
     found: list[dict[str, Any]] = []
@@ -120,8 +116,8 @@ def _side_by_side(blocks: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 def _figure(block: Figure | Picture, number: int) -> dict[str, Any]:
-    content = {"kind": "figure", "number": number, "name": block.name, "caption": block.caption}
-    content["folded"] = block.folded
+    content = {"kind": "figure", "number": number}
+    content |= {key: getattr(block, key) for key in ("name", "caption", "folded")}
     if isinstance(block, Figure):
         return content | vars(drawing_for_page(block.svg.decode(), f"f{number}"))
     data = base64.b64encode(block.data).decode()
@@ -129,18 +125,13 @@ def _figure(block: Figure | Picture, number: int) -> dict[str, Any]:
     return content | {"kind": "picture", "source": source, "least": _LEAST_PICTURE}
 
 
-def inline(text: str) -> Markup:
-    """A paragraph of Markdown as HTML."""
-    return Markup(inline_html(text))
-
-
 def brief(caption: str) -> str:
     """The first clause of a caption, without its full stop."""
     return re.split(r"\.(?= [A-Z]|$)|; ", caption)[0]
 
 
-FILTERS = {"inline": inline, "brief": brief}
-"""What a template of the blocks uses."""
+FILTERS = {"inline": lambda text: Markup(inline_html(text)), "brief": brief}
+"""What a template of the blocks uses: Markdown as HTML, and the caption of what is folded."""
 
 
 @dataclass(frozen=True)
@@ -148,11 +139,9 @@ class SweepState:
     """Progress of a sweep.
 
     Attributes:
-        name: of the sweep.
         runs: their number; None if it depends on earlier sweeps.
         done: number of finished runs.
         faults: one line for each reason why others are missing.
-        folder: of the sweep.
     """
 
     name: str
@@ -180,10 +169,12 @@ def study_page(
     first run; `stage_cpu_seconds`, those of each stage's results, NaN if one is unknown.
     """
     numbered = Numbered()
-    opening = [] if findings is None else numbered.blocks(findings.opening, "")
-    figures = [i for i, block in enumerate(opening, 1) if block["kind"] in ("figure", "figures")]
-    split = figures[0] if figures else len(opening)
-    sections = [] if findings is None else numbered.sections(findings.sections, "")
+    opening, sections = [], []
+    if findings is not None:
+        opening = numbered.blocks(findings.opening, "")
+        sections = numbered.sections(findings.sections, "")
+    figures = (i for i, block in enumerate(opening, 1) if block["kind"] in ("figure", "figures"))
+    split = next(figures, len(opening))
     seconds = origin["stage_cpu_seconds"]
     return page_template(__package__, "study", FILTERS).render(
         title=plan.study.title,

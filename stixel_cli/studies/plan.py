@@ -47,7 +47,9 @@ class StudyPlan:
 
         A command finds its folder again, and commands with different results have different ones.
         """
-        texts = sorted(_values_text(parse(t)) for t in self.overrides if not of_the_machine(t))
+        overrides = [parse(text) for text in self.overrides if not of_the_machine(text)]
+        # `seed=range(0,2)` is named like `seed=0,1`.
+        texts = sorted(f"{o.key}={','.join(v.value_text for v in o.singles())}" for o in overrides)
         name = "-".join((self.study.name, *texts))
         plain = _NOT_PLAIN.sub("-", name)[:_LONGEST_NAME]
         # Other overrides could give the same shortened name.
@@ -76,11 +78,6 @@ class StudyPlan:
                 for one in self.sweeps
             },
         }
-
-
-def _values_text(override: Override) -> str:
-    """An override with its values written out: `seed=range(0,2)` becomes `seed=0,1`."""
-    return f"{override.key}={','.join(one.value_text for one in override.singles())}"
 
 
 def plan_study(study: StudyFile, overrides: Sequence[str]) -> StudyPlan:
@@ -148,9 +145,8 @@ def overridden(
     Sweeps whose names are in `derived` keep the options that they fix: their further axes depend on
     them. A key whose fixed values distinguish the sweeps is refused.
 
-    Returns:
-        the designs, and a line for each override that is left out of some sweeps, with the sweeps'
-        `names` and the first reason.
+    Also returns a line for each override that is left out of some sweeps, with their `names` and
+    the first reason.
 
     Raises:
         ConfigurationError: for an override that is not valid, or that fits no sweep.
@@ -164,16 +160,15 @@ def overridden(
     for override in parsed:
         values = override.singles()
         refuse_equal(values)
-        _refuse_distinguishing(
-            override.key,
-            {n: design for n, design in zip(names, designs, strict=True) if n not in derived},
-        )
+        underived = {n: own for n, own in zip(names, designs, strict=True) if n not in derived}
+        _refuse_distinguishing(override.key, underived)
         given = messages.printable(override.text, 100)
         faults: dict[str, ConfigurationError] = {}
         for i, design in enumerate(designs):
             try:
-                if names[i] in derived:
-                    _refuse_option(design, override.key)
+                own = next((one for one in design.fixed if one.key == override.key), None)
+                if own and names[i] in derived and own.key in group_options():
+                    raise ConfigurationError(f"{own.key}: its axes are made for {own.text}")
                 changed = _changed(design, override.key, values)
                 for run in _first_runs(changed):
                     composer.compose((*changed.fixed, *run))
@@ -210,7 +205,13 @@ def _changed(design: Design, key: str, values: Sequence[Override]) -> Design:
     else:
         rest = (*rest, *values)
     changed = Design(rest, axes)
-    return replace(changed, left_out=tuple(_left_out(design.left_out, changed.swept)))
+    # The entries that still match a run.
+    left_out = (
+        entry
+        for entry in design.left_out
+        if all(has(changed.swept, name, value) for name, value in entry.items())
+    )
+    return replace(changed, left_out=tuple(left_out))
 
 
 def _axis(axis: Axis, key: str, values: Sequence[Override]) -> Axis:
@@ -227,13 +228,6 @@ def _axis(axis: Axis, key: str, values: Sequence[Override]) -> Axis:
     return Axis(axis.keys, tuple(steps))
 
 
-def _left_out(entries: Sequence[Any], swept: Sequence[Override]) -> Iterator[Any]:
-    """The entries that still match a run."""
-    for entry in entries:
-        if all(has(swept, key, value) for key, value in entry.items()):
-            yield entry
-
-
 def _refuse_distinguishing(key: str, sweeps: Mapping[str, Design]) -> None:
     """Refuse a key that distinguishes the sweeps: their names would then be wrong."""
     fixed = {
@@ -244,10 +238,3 @@ def _refuse_distinguishing(key: str, sweeps: Mapping[str, Design]) -> None:
         raise ConfigurationError(
             f"{key}: its values distinguish the study's sweeps ({values}): leave it out"
         )
-
-
-def _refuse_option(design: Design, key: str) -> None:
-    """Refuse an override of a group that a design fixes and its derived axes depend on."""
-    own = next((one for one in design.fixed if one.key == key), None)
-    if own is not None and key in group_options():
-        raise ConfigurationError(f"{key}: its axes are made for {own.text}")

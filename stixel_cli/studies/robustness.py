@@ -1,18 +1,18 @@
 """The reports of `stixel study robustness` and `robustness_real`: a table for each departure."""
 
+import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from stixel_cli.config.folders import shipped_folder
 from stixel_cli.errors import MissingData
 from stixel_cli.report import tables
 from stixel_cli.report.blocks import Material, Table
 from stixel_cli.report.run_frame import run_frame
 from stixel_cli.results.result import RunResult
-from stixel_cli.studies.data import DATA, StudyData, data_folder
+from stixel_cli.studies.data import DATA, StudyData, data_folder, shipped_meshes
 
 SETS = "pandaset, lidarrm and kitti_tracking"
 """What the data folder of `robustness_real` has."""
@@ -44,49 +44,38 @@ KEYS = {
 
 
 def shapes() -> list[dict[str, list]]:
-    """Axes: plain shapes, in a folder for the class whose prior the tracker has."""
-    files = sorted((shipped_folder("pipelines") / "studies" / "shapes").glob("*/*.obj"))
-    users = [file.parent.name for file in files]
-    return [{"road_user": users, "road_user.mesh": list(map(str, files))}]
+    """Axes: plain shapes, for the class whose prior the tracker has."""
+    return shipped_meshes("shapes")
 
 
 def pandaset() -> list[dict[str, list]]:
     """Axes: the tables of each target, whose folder's name begins with its class."""
-    folders = _folders("pandaset")
-    users = [folder.name.partition("-")[0] for folder in folders]
-    return [{"road_user": users, **_tables(folders, "path", "ego", "truth")}]
+    axis = _tables("pandaset", path="scans", ego="ego", truth="truth")
+    folders = (Path(file).parent.name for file in axis["measurement.path"])
+    return [{"road_user": [name.partition("-")[0] for name in folders], **axis}]
 
 
 def lidarrm() -> list[dict[str, list]]:
     """Axes: the tables of each run; its sensor stays at the origin."""
-    return [_tables(_folders("lidarrm"), "path", "truth")]
+    return [_tables("lidarrm", path="scans", truth="truth")]
 
 
 def clip() -> list[dict[str, list]]:
     """Axes: the cars of the clip, with all frames that have their label."""
-    sequence = {
-        "source.folder": [str(data_folder(SETS) / "kitti_tracking")],
-        "source.sequence": [CLIP],
-    }
-    return [
-        {key: values * len(CARS) for key, values in sequence.items()}
-        | {"source.target": list(CARS)}
-    ]
+    folder = str(data_folder(SETS) / "kitti_tracking")
+    axis = {"source.folder": [folder] * len(CARS), "source.sequence": [CLIP] * len(CARS)}
+    return [axis | {"source.target": list(CARS)}]
 
 
-def _folders(name: str) -> list[Path]:
+def _tables(name: str, **files: str) -> dict[str, list]:
+    """Axis of the tables in each folder of a set: key of the measurement to the table's name."""
     folder = data_folder(SETS) / name
     found = sorted(file.parent for file in folder.glob("*/scans.csv"))
     if not found:
         raise MissingData(f"{DATA}: {folder} has no folder with scans.csv")
-    return found
-
-
-def _tables(folders: list[Path], *keys: str) -> dict[str, list]:
-    names = {"path": "scans", "ego": "ego", "truth": "truth"}
     return {
-        f"measurement.{key}": [str(folder / f"{names[key]}.csv") for folder in folders]
-        for key in keys
+        f"measurement.{key}": [str(one / f"{table}.csv") for one in found]
+        for key, table in files.items()
     }
 
 
@@ -105,7 +94,7 @@ def _named(runs: pd.DataFrame) -> pd.DataFrame:
     """The runs with the columns of `KEYS` that their sweep has."""
     new = {
         "shape": ("road_user.mesh", lambda path: f"{Path(path).stem}, {Path(path).parent.name}"),
-        "gap": ("measurement.dropout", _length),
+        "gap": ("measurement.dropout", lambda ends: f"{-np.subtract(*json.loads(ends)):g} s"),
         "error": ("sensor.disparity_error", lambda pixels: f"{float(pixels):+g} px"),
         "target": ("source.target", str),
     }
@@ -120,11 +109,6 @@ def _named(runs: pd.DataFrame) -> pd.DataFrame:
         }
     )
     return runs.assign(found_again=runs["run"].map(_found_again)) if "gap" in runs else runs
-
-
-def _length(dropout: str) -> str:
-    first, last = dropout.strip("[]").split(",")
-    return f"{float(last) - float(first):g} s"
 
 
 def _found_again(run: RunResult) -> float:

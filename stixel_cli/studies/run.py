@@ -4,7 +4,7 @@ import os
 import shlex
 import shutil
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, fields
 from datetime import UTC, datetime
@@ -61,16 +61,15 @@ def run_study(
     """Run the missing runs of a study, and write its report; progress is on stderr.
 
     Args:
-        plan: of the study.
         folder: of the study; resumed if it exists and has the same plan.
         command: the command line that does this.
         fresh: start over and remove the folder's content.
-        tell: called with notes on overrides and axes before the first run, and before a sweep
-            with the number of finished runs that are out of date, and the reason.
+        tell: called with notes before the first run, and with the runs that are out of date before
+            their sweep.
 
     Raises:
-        UserError: in one line; before notes and files if the cache, the scheduler or the folder
-            is unusable. Computed results stay.
+        UserError: before notes and files if the cache, the scheduler or the folder is unusable.
+            Computed results stay.
         SweepInterrupted: by Ctrl-C, after the report is written.
     """
     run = _Run(plan, StudyFolder(folder), command, tell)
@@ -78,10 +77,8 @@ def run_study(
         if one.plan is not None:
             check_computable(one.plan)
     run.folder.begin(plan, command, fresh)
-    for note in (
-        *plan.notes,
-        *(f"{p.sweep.name}: {note}" for p in plan.sweeps if p.plan for note in p.plan.notes),
-    ):
+    of_sweeps = (f"{p.sweep.name}: {note}" for p in plan.sweeps if p.plan for note in p.plan.notes)
+    for note in (*plan.notes, *of_sweeps):
         tell(note)
     try:
         for one in plan.sweeps:
@@ -199,8 +196,12 @@ class _Run:
         if (path / "sweep.yaml").exists():
             request = SweepFolder(path).request()
             texts = [run.overrides for run in design_runs(design)]
-            same = _results(request.runs) == _results(texts)
-            if same and request.nodes == one.sweep.steps:
+            # Equal but for overrides of the machine.
+            there, wanted = (
+                [[text for text in overrides if not of_the_machine(text)] for overrides in runs]
+                for runs in (request.runs, texts)
+            )
+            if there == wanted and request.nodes == one.sweep.steps:
                 return resumed_sweep(
                     path,
                     visible=True,
@@ -217,16 +218,13 @@ class _Run:
         return designed_sweep(design, path, command, one.sweep.steps, True, label)
 
     def _state(self, one: PlannedSweep) -> SweepState:
-        name = one.sweep.name
-        folder = self.folder.sweep(name)
-        count = len(one.plan.runs) if one.plan is not None else None
+        name, folder = one.sweep.name, self.folder.sweep(one.sweep.name)
         result = self.results.get(name)
         if result is None:
+            count = None if one.plan is None else len(one.plan.runs)
             done = len(list(folder.glob("runs/[0-9]*")))
-            why = "interrupted" if done else "not started"
-            if count is None and not done:
-                why = "its axes depend on the sweeps before"
-            return SweepState(name, count, done, (why,), folder)
+            why = "not started" if count is not None else "its axes depend on the sweeps before"
+            return SweepState(name, count, done, ("interrupted" if done else why,), folder)
         failed = [run for run in result.runs if run.failure is not None]
         faults = [
             f"{run.label}: {messages.printable(' '.join(str(run.failure).split()), 300)}"
@@ -236,11 +234,6 @@ class _Run:
         if len(failed) > _MOST_FAILURES:
             faults.append(f"and {len(failed) - _MOST_FAILURES} more, see runs.csv")
         return SweepState(name, len(result.runs), result.count("done"), tuple(faults), folder)
-
-
-def _results(runs: Sequence[Sequence[str]]) -> list[list[str]]:
-    """Overrides of runs, without those of the machine."""
-    return [[text for text in overrides if not of_the_machine(text)] for overrides in runs]
 
 
 def _filled(study: StudyFile, data: StudyData) -> Findings:

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from stixel_cli.config.folders import shipped_folder
 from stixel_cli.evaluation.evaluate import contour_errors
 from stixel_cli.evaluation.metric_table import metric, over_runs
 from stixel_cli.evaluation.verdict import misfits_class
@@ -17,7 +16,7 @@ from stixel_cli.report.forest import difference_row, forest
 from stixel_cli.report.metrics import MINUS
 from stixel_cli.report.run_frame import run_frame
 from stixel_cli.results.result import RunResult
-from stixel_cli.studies.data import StudyData
+from stixel_cli.studies.data import StudyData, shipped_meshes
 
 TRACKER = "contour"
 MEASURES = (
@@ -40,17 +39,17 @@ NEAR = 30.0
 
 
 def held_out() -> list[dict[str, list]]:
-    """Axes: the shipped meshes that no class was learned from, in a folder for each road user."""
-    files = sorted((shipped_folder("pipelines") / "studies" / "meshes").glob("*/*.obj"))
-    users = [file.parent.name for file in files]
-    return [{"road_user": users, "road_user.mesh": list(map(str, files))}]
+    """Axes: the shipped meshes that no class was learned from."""
+    return shipped_meshes("meshes")
 
 
 def report(data: StudyData) -> Material:
     """Values and tables of the template."""
     frames = {name: run_frame(sweep.runs) for name, sweep in data.sweeps.items()}
     effects = {name: _effects(name, frames.pop(name)) for name in OWN_TABLES}
-    frames["long_range"] = _within(frames["long_range"])
+    far = frames["long_range"]
+    near = pd.DataFrame([_errors_within(run) for run in far["run"]], index=far.index)
+    frames["long_range"] = far.assign(**near)
     peers = frames["peers"]
     frames["peers"] = peers.assign(tracker="PyRecEst " + peers["tracker.name"])
     meshes = frames["held_out"]
@@ -60,6 +59,11 @@ def report(data: StudyData) -> Material:
     frames["fabricated"] = fabricated.assign(measurement="fabricated")
     simulated = frames["simulated"]
     users = tables.names(simulated, "road_user")
+    # One name for all paths but `APART`.
+    pooled = {
+        name: frame.assign(path=frame["path"].where(frame["path"] == APART, TOGETHER))
+        for name, frame in frames.items()
+    }
     keys = ("road_user", "measurement", "tracker", "path")
     return Material(
         {
@@ -70,8 +74,8 @@ def report(data: StudyData) -> Material:
             "apart": APART,
             "near": NEAR,
             "tables": {
-                name: Table.of(name, tables.rows_by(_pooled(frame), keys, MEASURES))
-                for name, frame in frames.items()
+                name: Table.of(name, tables.rows_by(frame, keys, MEASURES))
+                for name, frame in pooled.items()
             },
             "effects": effects,
             "by_path": Table.of(
@@ -84,11 +88,6 @@ def report(data: StudyData) -> Material:
 def _together(runs: pd.DataFrame) -> pd.DataFrame:
     """The runs on the paths that the means are over."""
     return runs[runs["path"] != APART] if (runs["path"] != APART).any() else runs
-
-
-def _pooled(runs: pd.DataFrame) -> pd.DataFrame:
-    """The runs with one name for all paths but `APART`."""
-    return runs.assign(path=runs["path"].where(runs["path"] == APART, TOGETHER))
 
 
 def _answer(user: str, runs: pd.DataFrame) -> dict[str, Any]:
@@ -151,32 +150,21 @@ def effect_rows(
     """One row for each road user and variant, with the reference minus the variant.
 
     Args:
-        runs: the frame, with the column `variant`.
         heading: of the variants.
         reference: road user to the variant with which the others are compared.
         measures: name of an effect, such as "gain", to the metrics with it; "" to those without.
     """
     for (user, variant), own in tables.groups(runs, ["road_user", "variant"]):
-        with_all = tables.chosen(runs, road_user=user, variant=reference(user))
+        whole = reference(user)
+        with_all = tables.chosen(runs, road_user=user, variant=whole)
         row = {"road user": user, heading: variant, "n": own["seed"].nunique()}
-        for effect, metrics in measures.items():
-            for one in metrics:
-                label = tables.label_of(one)
-                row |= tables.ends(label, tables.mean_over(own, one))
-                if effect:
-                    same = variant == reference(user)
-                    apart = None if same else tables.difference(with_all, own, one)
-                    row |= tables.ends(f"{effect}, {label}", apart)
+        for effect, name in ((kind, name) for kind, names in measures.items() for name in names):
+            label = tables.label_of(name)
+            row |= tables.ends(label, tables.mean_over(own, name))
+            if effect:
+                apart = None if variant == whole else tables.difference(with_all, own, name)
+                row |= tables.ends(f"{effect}, {label}", apart)
         yield row
-
-
-def _within(runs: pd.DataFrame) -> pd.DataFrame:
-    """The runs with the errors of the scans within `NEAR` only.
-
-    A lost track is one of all scans.
-    """
-    near = pd.DataFrame([_errors_within(run) for run in runs["run"]], index=runs.index)
-    return runs.assign(**near)
 
 
 def _errors_within(run: RunResult) -> dict[str, float]:

@@ -5,6 +5,7 @@ The unit is a motion: a hand-made path (mean over its seeds) or a real track.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -26,7 +27,6 @@ from stixel_cli.studies.motions.tracks import (
     every_track,
     some_tracks,
 )
-from stixel_cli.validation.point_errors import PointErrors
 from stixel_cli.validation.point_statistics import mean, std
 
 __all__ = ["every_track", "report", "some_tracks"]
@@ -89,10 +89,8 @@ class Finding:
         """Whether the intervals exclude 0 on the same side, on either, or on one only."""
         if self.hand.low is None or self.real.low is None:
             return TOO_FEW
-        sides = [
-            (one.low > 0.0) - (one.high < 0.0)  # -1, 0 or 1
-            for one in (self.hand, self.real)
-        ]
+        # -1, 0 or 1.
+        sides = [(one.low > 0.0) - (one.high < 0.0) for one in (self.hand, self.real)]
         if sides[0] * sides[1] < 0:
             return REVERSED
         if sides[0] == sides[1]:
@@ -143,19 +141,15 @@ def _frame(runs: Sequence[RunResult]) -> pd.DataFrame:
         scans = (pair for pair in run.setting.items() if not pair[0].startswith("tracker"))
         keys.append((*scans, run.seed))
         if keys[-1] not in known:
-            known[keys[-1]] = _point_values(run.load("point_errors"))
+            errors = run.load("point_errors")
+            covered = mean(errors.covered)
+            missed = None if covered is None else 1.0 - covered
+            known[keys[-1]] = (mean(errors.along), std(errors.disparities), missed)
     frame = run_frame(runs)
     # Each track has settings of its own, by which the names would distinguish measurements.
     frame = frame.assign(measurement=frame["measurement_kind"], tracker=frame["tracker_kind"])
     points = pd.DataFrame([known[key] for key in keys], frame.index, [*POINTS], dtype=float)
     return frame.join(points)
-
-
-def _point_values(errors: PointErrors) -> tuple[float | None, ...]:
-    """The measures `POINTS` of one run; None without a point or column of the target."""
-    covered = mean(errors.covered)
-    missed = None if covered is None else 1.0 - covered
-    return mean(errors.along), std(errors.disparities), missed
 
 
 def _answer(question: str, found: Sequence[Finding]) -> dict[str, Any]:
@@ -186,10 +180,7 @@ def _case_rows(runs: pd.DataFrame) -> Iterator[dict[str, Cell]]:
             "clip/track": row["motion"],
             **ranges[row["motion"]],
             **{key: row[key] for key in ("measurement", "tracker")},
-            **{
-                label: row[name] if np.isfinite(row[name]) else None
-                for name, label in LEVELS.items()
-            },
+            **{label: row[k] if np.isfinite(row[k]) else None for k, label in LEVELS.items()},
         }
 
 
@@ -208,33 +199,28 @@ def _range_and_speed(run: RunResult) -> dict[str, Cell]:
 
 def findings(hand: pd.DataFrame, real: pd.DataFrame) -> list[Finding]:
     """All differences; where one kind of run is missing, they have no motions."""
-    extended = [kind for kind in names(hand, "tracker_kind") if kind != BASELINE]
     found = []
-    for user in names(hand, "road_user"):
-        for tracker in extended:
-            for question, one, other, measures in (
-                ("RQ2", (STIXELS, tracker), (LIDAR, tracker), ERRORS),
-                ("RQ2", (FABRICATED, tracker), (LIDAR, tracker), ERRORS),
-                ("RQ2", (STIXELS, tracker), (STIXELS, BASELINE), ERRORS[2:]),
-                ("RQ2", (LIDAR, tracker), (LIDAR, BASELINE), ERRORS[2:]),
-                ("RQ3", (FABRICATED, tracker), (STIXELS, tracker), (*ERRORS, *POINTS)),
-            ):
-                what = " − ".join(_named(*side) for side in (one, other))
-                pairs = [
-                    [
-                        chosen(frame, road_user=user, measurement_kind=kind, tracker_kind=by)
-                        for kind, by in (one, other)
-                    ]
-                    for frame in (hand, real)
+    extended = [kind for kind in names(hand, "tracker_kind") if kind != BASELINE]
+    for user, tracker in product(names(hand, "road_user"), extended):
+        for question, one, other, measures in (
+            ("RQ2", (STIXELS, tracker), (LIDAR, tracker), ERRORS),
+            ("RQ2", (FABRICATED, tracker), (LIDAR, tracker), ERRORS),
+            ("RQ2", (STIXELS, tracker), (STIXELS, BASELINE), ERRORS[2:]),
+            ("RQ2", (LIDAR, tracker), (LIDAR, BASELINE), ERRORS[2:]),
+            ("RQ3", (FABRICATED, tracker), (STIXELS, tracker), (*ERRORS, *POINTS)),
+        ):
+            what = " − ".join(f"{kind} ({by})" for kind, by in (one, other))
+            pairs = [
+                [
+                    chosen(frame, road_user=user, measurement_kind=kind, tracker_kind=by)
+                    for kind, by in (one, other)
                 ]
-                for measure in measures:
-                    over = [difference(*p, measure, ("motion", "seed"), "motion") for p in pairs]
-                    found.append(Finding(question, what, user, measure, *over))
+                for frame in (hand, real)
+            ]
+            for measure in measures:
+                over = [difference(*p, measure, ("motion", "seed"), "motion") for p in pairs]
+                found.append(Finding(question, what, user, measure, *over))
     return found
-
-
-def _named(measurement: str, tracker: str) -> str:
-    return f"{'stixels' if measurement == STIXELS else measurement} ({tracker})"
 
 
 def label_of(measure: str) -> str:

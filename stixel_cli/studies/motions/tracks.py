@@ -9,7 +9,6 @@ import numpy as np
 from stixel_cli.errors import MissingData
 from stixel_cli.recordings.kitti_tables import read_labels, read_poses
 from stixel_cli.recordings.replay import LABELS, label_root, sequences
-from stixel_cli.recordings.types import Labels
 from stixel_cli.scene.classes import CLASS_OF_KITTI_TYPE
 from stixel_cli.studies.data import DATA, data_folder
 
@@ -32,14 +31,7 @@ MOST_SIMULATED = 10
 
 @dataclass(frozen=True)
 class RealTrack:
-    """One labelled track.
-
-    Attributes:
-        sequence: name of the clip.
-        target: track id.
-        kind: type of its label.
-        frames: from the first to the last frame that counts.
-    """
+    """One labelled track: clip, track id, type of its label, first to last frame that counts."""
 
     sequence: str
     target: int
@@ -61,18 +53,13 @@ def real_tracks(folder: Path) -> list[RealTrack]:
             continue
         count = len(read_poses(poses))
         for target, labels in read_labels(root / LABELS / f"{sequence}.txt").items():
-            frames = labels.frames[_counts(labels) & (labels.frames < count)]
+            away = np.hypot(labels.places[:, 0], labels.places[:, 2])
+            clear = (labels.truncated == 0) & (labels.occluded <= MOST_OCCLUDED)
+            frames = labels.frames[clear & (away <= FARTHEST) & (labels.frames < count)]
             if labels.kind in CLASS_OF_KITTI_TYPE and len(frames) >= LEAST_FRAMES:
                 span = range(int(frames[0]), int(frames[-1]) + 1)
                 found.append(RealTrack(sequence, target, labels.kind, span))
     return found
-
-
-def _counts(labels: Labels) -> np.ndarray:
-    """Whether the frame of each label counts, (n,)."""
-    away = np.hypot(labels.places[:, 0], labels.places[:, 2])
-    clear = (labels.truncated == 0) & (labels.occluded <= MOST_OCCLUDED)
-    return clear & (away <= FARTHEST)
 
 
 def simulated_subset(tracks: list[RealTrack]) -> list[RealTrack]:

@@ -97,21 +97,23 @@ class Errors:
 
     def by(self, name: Callable[[RunResult], str]) -> list["Errors"]:
         """Parts of the runs with the same `name`, in order of appearance."""
-        labels = {i: name(run) for i, run in self.runs.items()}
-        parts = []
-        for label in dict.fromkeys(labels.values()):
-            runs = {i: run for i, run in self.runs.items() if labels[i] == label}
-            tables = {key: rows[rows["run"].isin(list(runs))] for key, rows in self.tables.items()}
-            parts.append(Errors(runs, tables, label))
-        return parts
+        parts: dict[str, dict[int, RunResult]] = {}
+        for i, run in self.runs.items():
+            parts.setdefault(name(run), {})[i] = run
+        return [
+            Errors(
+                runs, {key: t[t["run"].isin(list(runs))] for key, t in self.tables.items()}, label
+            )
+            for label, runs in parts.items()
+        ]
 
     def between(self, low: float, high: float) -> "Errors":
         """The rows of a depth in [low, high) m: of a stixel its own, else the target's."""
-        tables = {
-            key: rows[(rows["depth"] >= low) & (rows["depth"] < high)]
+        inside = {
+            key: rows[rows["depth"].between(low, high, inclusive="left")]
             for key, rows in self.tables.items()
         }
-        return replace(self, tables=tables)
+        return replace(self, tables=inside)
 
     def rows(self, measure: Measure) -> pd.DataFrame:
         """The rows that a measure is about."""
@@ -225,16 +227,12 @@ def needed_disparity(rig: Rig) -> float:
     return rig.focal * rig.baseline * SW_STD / SW_DEPTH**2
 
 
-def seeds(lines: Iterable[Errors]) -> str:
-    """Number of seeds per pose."""
-    seeds = {len({run.seed for run in one.runs.values()}) for one in lines}
-    return f"{_numbers(seeds, 'seed')} per pose"
-
-
-def counts(lines: Iterable[Errors]) -> str:
+def counts(lines: Iterable[Errors], poses: bool = True) -> str:
     """Numbers of poses and seeds behind a line of a figure or table, for its caption."""
     lines = list(lines)
-    return f"{_numbers({one.poses() for one in lines}, 'pose')} per line, {seeds(lines)}"
+    seeds = _numbers({len({run.seed for run in one.runs.values()}) for one in lines}, "seed")
+    per_line = f"{_numbers({one.poses() for one in lines}, 'pose')} per line, " if poses else ""
+    return f"{per_line}{seeds} per pose"
 
 
 def _numbers(numbers: set[int], what: str) -> str:

@@ -4,14 +4,14 @@ Each stage is compared with its ideal result, from the records of `validation.st
 """
 
 from collections.abc import Mapping, Sequence
-from itertools import pairwise
+from itertools import pairwise, product
 from typing import Any
 
 from stixel_cli.pictures.style import DEPTH_TICKS
 from stixel_cli.report.blocks import Figure, Material
 from stixel_cli.report.forest import Row, forest
 from stixel_cli.report.scan_frame import stage_pictures
-from stixel_cli.report.statistics import DRAWS
+from stixel_cli.report.statistics import DRAWS, Estimate
 from stixel_cli.studies.data import StudyData
 from stixel_cli.studies.rq1 import errors as of
 from stixel_cli.studies.rq1.figures import chapter_figures
@@ -44,13 +44,19 @@ def report(data: StudyData) -> Material:
         {
             **answer_values(every, lines, _by_contrast(errors["contrast"])),
             **setup_values(data),
-            **_constants(every),
+            "of": of,
+            "draws": DRAWS,
+            "gross": GROSS,
+            "border": BORDER,
+            "square": SQUARE,
+            "depth_ticks": DEPTH_TICKS,
+            "configuration": next(iter(every.runs.values())).configuration,
             "summary": answer_table(every),
             "poses_in_a_range": max(
                 own.between(*ends).poses() for own in lines["users"] for ends in pairwise(of.EDGES)
             ),
             "counts": counts,
-            "seeds_per_pose": {name: of.seeds(own) for name, own in lines.items()},
+            "seeds_per_pose": {name: of.counts(own, poses=False) for name, own in lines.items()},
             "stixels_of": [(own.label, len(own.tables["stixels"])) for own in lines["users"]],
             "figures": chapter_figures(lines, every_frame, by_contrast),
             "tables": chapter_tables(lines, every_frame, by_contrast),
@@ -64,27 +70,6 @@ def report(data: StudyData) -> Material:
 def _by_contrast(own: of.Errors) -> list[of.Errors]:
     """The runs by contrast, the least first."""
     return sorted(own.by(of.contrast), key=lambda part: float(part.label))
-
-
-def _constants(every: of.Errors) -> dict[str, Any]:
-    """What the template says of settings and definitions."""
-    first = next(iter(every.runs.values())).configuration
-    return {
-        "edges": of.EDGES,
-        "round": of.ROUND,
-        "depth": of.SW_DEPTH,
-        "std": of.SW_STD,
-        "depth_ticks": DEPTH_TICKS,
-        "road": first.road,
-        "free_space": first.free_space,
-        "farthest": first.occupancy.farthest,
-        "sample_time": first.path.sample_time,
-        "draws": DRAWS,
-        "least": of.LEAST,
-        "gross": GROSS,
-        "border": BORDER,
-        "square": SQUARE,
-    }
 
 
 def _gallery(sweep: SweepResult) -> list[dict[str, Any]]:
@@ -123,12 +108,15 @@ def answer_values(
     matchers = {own.label: own for own in lines["matchers"]}
     both = {"SGM", "BM"} <= set(matchers)
     columns, missed = of.of_columns("px", root=True), of.of_columns("missed")
-    round_depth = {own.label: own.between(*of.ROUND) for own in users}
     rigs = [(own, own.between(*of.ROUND).estimate(of.RMS)) for own in lines["rigs"]]
+
+    def percent(own: of.Errors, measure: of.Measure) -> Estimate:
+        return own.estimate(measure).scaled(100.0)
+
     return {
         "leads": [
-            (label, own.estimate(of.RMS), own.estimate(of.BIAS))
-            for label, own in round_depth.items()
+            (user.label, own.estimate(of.RMS), own.estimate(of.BIAS))
+            for user, own in ((user, user.between(*of.ROUND)) for user in users)
         ],
         "forest": _forest(users),
         "near": _near(every.between(*of.ROUND)),
@@ -139,17 +127,15 @@ def answer_values(
         ],
         "matcher_lines": [(label, own.estimate(of.RMS_PX)) for label, own in matchers.items()],
         "bm_less_sgm": matchers["BM"].less(matchers["SGM"], of.RMS_PX) if both else None,
-        "grid_lines": [
-            (own.label, own.estimate(columns), own.estimate(missed).scaled(100.0)) for own in grids
-        ],
+        "grid_lines": [(own.label, own.estimate(columns), percent(own, missed)) for own in grids],
         "grid_differences": [(own.label, own.less(grids[0], columns)) for own in grids[1:]],
         "nees": _nees(every, users),
         "contrast_lines": [
             (
                 own.label,
                 own.estimate(of.PIXELS["RMS"]),
-                own.estimate(of.PIXELS["density"]).scaled(100.0),
-                own.estimate(of.UNCOVERED).scaled(100.0),
+                percent(own, of.PIXELS["density"]),
+                percent(own, of.UNCOVERED),
             )
             for own in (contrasts[0], contrasts[-1])
             if len(contrasts) > 1
@@ -177,22 +163,20 @@ def _near(own: of.Errors) -> dict[str, Any] | None:
     rms = own.estimate(of.RMS)
     if rms.mean is None:
         return None
+    if rms.low is None or rms.low <= of.SW_STD < rms.high:
+        verdict = "not clear"
+    else:
+        verdict = "yes" if rms.high <= of.SW_STD else "no"
+    square, slanted = own.estimate(of.rms("square")), own.estimate(of.rms("slanted"))
     return {
-        "verdict": "not clear"
-        if rms.low is None or rms.low <= of.SW_STD < rms.high
-        else "yes"
-        if rms.high <= of.SW_STD
-        else "no",
+        "verdict": verdict,
         "rms": rms,
         "gross_share": own.estimate(of.STIXEL_GROSS).mean,
         "bias": own.estimate(of.BIAS),
         "ratio": rms.scaled(1.0 / of.SW_STD),
         "rms_px": own.estimate(of.RMS_PX),
         "needed": of.needed_disparity(own.rig),
-        "own": {
-            "square": own.estimate(of.rms("square")),
-            "slanted or stepped": own.estimate(of.rms("slanted")),
-        },
+        "own": {"square": square, "slanted or stepped": slanted},
     }
 
 
@@ -201,18 +185,13 @@ def _nees(every: of.Errors, users: Sequence[of.Errors]) -> dict[str, Any] | None
     if nees.mean is None:
         return None
     by_range = []
-    for user in users:
-        for low, high in of.COARSE:
-            own = user.between(low, high)
-            if len(own.tables["every_stixel"]) >= of.LEAST and len(own.tables["stixels"]):
-                mean = own.estimate(of.NEES).mean
-                by_range.append((mean, f"{user.label}, {low:g}–{high:g} m"))
-    return {
-        "all": nees,
-        "verdict": "not shown to be wrong"
-        if nees.low is None or nees.low <= 1.0 <= nees.high
-        else "too small"
-        if nees.low > 1.0
-        else "too large",
-        "ends": (min(by_range), max(by_range)) if len(by_range) > 1 else None,
-    }
+    for user, (low, high) in product(users, of.COARSE):
+        own = user.between(low, high)
+        if len(own.tables["every_stixel"]) >= of.LEAST and len(own.tables["stixels"]):
+            by_range.append((own.estimate(of.NEES).mean, f"{user.label}, {low:g}–{high:g} m"))
+    if nees.low is None or nees.low <= 1.0 <= nees.high:
+        verdict = "not shown to be wrong"
+    else:
+        verdict = "too small" if nees.low > 1.0 else "too large"
+    ends = (min(by_range), max(by_range)) if len(by_range) > 1 else None
+    return {"all": nees, "verdict": verdict, "ends": ends}

@@ -1,6 +1,7 @@
 """RQ1: what it takes to set up a scene, and stixels of several widths, judged by the tracker."""
 
 import dataclasses
+import re
 import time
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any
@@ -90,17 +91,14 @@ def _seconds(data: StudyData) -> Iterator[dict[str, Cell]]:
         runs = data.sweeps[name].runs if name in data.sweeps else ()
         for setting in dict.fromkeys(map(label, runs)):
             seconds = seconds_a_frame(run for run in runs if label(run) == setting)
-            named = {STAGES[stage]: value for stage, value in seconds.items()}
-            yield {"sweep": name, "setting": setting, **named}
+            yield {"sweep": name, "setting": setting} | {STAGES[s]: v for s, v in seconds.items()}
 
 
 def _lines_of(study: str) -> int:
     """Lines of a shipped study's file without comments and empty lines; 0 if it is not shipped."""
     path = shipped_folder("pipelines") / "studies" / f"{study}.yaml"
-    if not path.is_file():
-        return 0
-    lines = (line.strip() for line in path.read_text(encoding="utf-8").splitlines())
-    return sum(1 for line in lines if line and not line.startswith("#"))
+    text = path.read_text(encoding="utf-8") if path.is_file() else ""
+    return len(re.findall(r"^ *[^ #\n]", text, re.MULTILINE))
 
 
 def width_values(sweep: SweepResult) -> dict[str, dict[str, Statistic]]:

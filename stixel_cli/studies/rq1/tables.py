@@ -1,6 +1,7 @@
 """RQ1: the tables of the chapters and of the answer."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import product
 
 import numpy as np
 
@@ -99,17 +100,15 @@ def chapter_tables(
 
 def _disparity(users: Sequence[of.Errors]) -> Iterator[dict[str, Cell]]:
     """Disparity on each road user, by zone and range."""
-    for user in users:
-        for zone in (of.INSIDE, of.AT_BORDER):
-            for low, high in of.COARSE:
-                own = user.between(low, high)
-                yield {
-                    "road user": user.label,
-                    "zone": ZONES[zone].rpartition(" ")[2],
-                    "range m": f"{low:g}–{high:g}",
-                    "poses": own.poses(of.of_pixels(zone)["density"]),
-                    **_pixel_cells(own, zone),
-                }
+    for user, zone, (low, high) in product(users, (of.INSIDE, of.AT_BORDER), of.COARSE):
+        own = user.between(low, high)
+        yield {
+            "road user": user.label,
+            "zone": ZONES[zone].rpartition(" ")[2],
+            "range m": f"{low:g}–{high:g}",
+            "poses": own.poses(of.of_pixels(zone)["density"]),
+            **_pixel_cells(own, zone),
+        }
 
 
 def _pixel_cells(own: of.Errors, zone: int) -> dict[str, Cell]:
@@ -139,18 +138,16 @@ def _matcher(own: of.Errors, every_frame: of.Errors) -> dict[str, Cell]:
 
 def _grids(grids: Sequence[of.Errors]) -> Iterator[dict[str, Cell]]:
     """Columns of the grids, of the target and all, before and after the path."""
-    for own in grids:
-        for where, all_ in (("of the target", False), ("all", True)):
-            for step in ("grid", "path"):
-                measures = {
-                    f"{value} %": of.of_columns(value, step, all_=all_)
-                    for value in ("missed", "below threshold", "false positive")
-                }
-                for unit in ("px", "m"):
-                    for name, root in (("bias", False), ("RMS", True)):
-                        measures[f"{name} {unit}"] = of.of_columns(unit, step, root, all_)
-                begin = {"grid": own.label, "columns": where, "step": step}
-                yield begin | cells(own, measures)
+    where = {"of the target": False, "all": True}
+    for own, (columns, all_), step in product(grids, where.items(), ("grid", "path")):
+        measures = {
+            f"{value} %": of.of_columns(value, step, all_=all_)
+            for value in ("missed", "below threshold", "false positive")
+        }
+        for unit in ("px", "m"):
+            measures[f"bias {unit}"] = of.of_columns(unit, step, False, all_)
+            measures[f"RMS {unit}"] = of.of_columns(unit, step, True, all_)
+        yield {"grid": own.label, "columns": columns, "step": step} | cells(own, measures)
 
 
 def _stixels(

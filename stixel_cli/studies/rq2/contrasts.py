@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import pandas as pd
 
@@ -60,24 +61,19 @@ def contrasts(runs: pd.DataFrame) -> list[Contrast]:
 
     The tests are of stixels against every lidar by every extended tracker, with Holm's correction.
     """
-    stixels = of_kind(runs, STIXELS)
+    stixels, lidars = of_kind(runs, STIXELS), of_kind(runs, LIDAR)
     others = [name for name in tables.names(runs, "measurement") if name not in stixels]
-    trackers = tables.names(runs, "tracker")
+    trackers, users = tables.names(runs, "tracker"), tables.names(runs, "road_user")
     extended = [name for name in trackers if not is_baseline(runs, name)] or trackers
     found = []
-    for tracker in trackers:
-        for one in stixels:
-            for other in others:
-                tested = tracker in extended and other in of_kind(runs, LIDAR)
-                for user in tables.names(runs, "road_user"):
-                    own = tables.chosen(runs, road_user=user, tracker=tracker)
-                    sides = [tables.chosen(own, measurement=side) for side in (one, other)]
-                    for name in ERRORS:
-                        values = tuple(tables.mean_over(side, name).mean for side in sides)
-                        apart = tables.difference(*sides, name)
-                        found.append(
-                            Contrast(user, tracker, one, other, name, values, apart, tested)
-                        )
+    for tracker, one, other, user in product(trackers, stixels, others, users):
+        own = tables.chosen(runs, road_user=user, tracker=tracker)
+        sides = [tables.chosen(own, measurement=side) for side in (one, other)]
+        tested = tracker in extended and other in lidars
+        for name in ERRORS:
+            values = tuple(tables.mean_over(side, name).mean for side in sides)
+            apart = tables.difference(*sides, name)
+            found.append(Contrast(user, tracker, one, other, name, values, apart, tested))
     p = holm({i: t_test(one.difference) for i, one in enumerate(found) if one.tested})
     return [replace(one, p=p.get(i)) for i, one in enumerate(found)]
 
@@ -125,27 +121,24 @@ def contrasts_forest(tested: Sequence[Contrast], users: Sequence[str]) -> Figure
 
 def lidar_rows(runs: pd.DataFrame, tested: Sequence[Contrast]) -> Iterator[dict[str, Cell]]:
     """Means on stixels and on each lidar, and the tested differences."""
-    for user in tables.names(runs, "road_user"):
-        for tracker in dict.fromkeys(one.tracker for one in tested):
-            own = [one for one in tested if (one.road_user, one.tracker) == (user, tracker)]
-            for name in (*ERRORS, *_UNTESTED):
-                label = metric(over_runs(name)).short_label
-                if name in ERRORS:
-                    label = tables.with_unit(ERRORS[name], "{}, {}")
-                row: dict[str, Cell] = {"road user": user, "tracker": tracker, "metric": label}
-                for one in own:
-                    apart = f"{one.one} {MINUS} {one.other}"
-                    if one.metric == name:
-                        row |= {one.one: one.values[0], one.other: one.values[1]}
-                        row |= tables.ends(apart, one.difference)
-                    elif name in _UNTESTED:
-                        same = tables.chosen(runs, road_user=user, tracker=tracker)
-                        row |= {
-                            side: tables.mean_over(tables.chosen(same, measurement=side), name).mean
-                            for side in (one.one, one.other)
-                        }
-                        row |= tables.ends(apart, None)
-                yield row
+    trackers = dict.fromkeys(one.tracker for one in tested)
+    for user, tracker in product(tables.names(runs, "road_user"), trackers):
+        same = tables.chosen(runs, road_user=user, tracker=tracker)
+        own = [one for one in tested if (one.road_user, one.tracker) == (user, tracker)]
+        begin: dict[str, Cell] = {"road user": user, "tracker": tracker}
+        for name, shown in ERRORS.items():
+            row = begin | {"metric": tables.with_unit(shown, "{}, {}")}
+            for one in (one for one in own if one.metric == name):
+                row |= {one.one: one.values[0], one.other: one.values[1]}
+                row |= tables.ends(f"{one.one} {MINUS} {one.other}", one.difference)
+            yield row
+        for name in _UNTESTED:
+            row = begin | {"metric": metric(over_runs(name)).short_label}
+            for one in own:
+                for side in (one.one, one.other):
+                    row[side] = tables.mean_over(tables.chosen(same, measurement=side), name).mean
+                row |= tables.ends(f"{one.one} {MINUS} {one.other}", None)
+            yield row
 
 
 def verdicts(found: Sequence[Contrast]) -> dict[str, str]:

@@ -97,12 +97,8 @@ def condition_values(
     counted = f"{most}" if least == most else f"{fewest} to {most}"
     user = capital(scans["road_user"].iloc[0])
     caption = f"{user}: errors and consistency by {condition.what}; n = {counted} seeds."
-    table = _condition_table(name, condition, found)
-    return {
-        "what": condition.what,
-        "figure": replace(figure, caption=caption),
-        "table": table,
-    }
+    figure, table = replace(figure, caption=caption), _condition_table(name, condition, found)
+    return {"what": condition.what, "figure": figure, "table": table}
 
 
 def _condition_table(name: str, condition: Condition, found: pd.DataFrame) -> Table:
@@ -230,14 +226,7 @@ def boxes(name: str, runs: pd.DataFrame, measurements: Sequence[str]) -> Figure:
 
 def _box(axes, values: Sequence[float], place: float, width: float, shade: str) -> None:
     line = {"color": shade, "linewidth": 1.2}
-    axes.boxplot(
-        [values],
-        positions=[place],
-        widths=[width],
-        manage_ticks=False,
-        boxprops=line,
-        whiskerprops=line,
-        capprops=line,
-        medianprops=line | {"linewidth": 2.2},
-        flierprops={"marker": ".", "markersize": 3.0, "markeredgecolor": shade},
-    )
+    flier = {"marker": ".", "markersize": 3.0, "markeredgecolor": shade}
+    looks = {f"{part}props": line for part in ("box", "whisker", "cap")}
+    looks |= {"medianprops": line | {"linewidth": 2.2}, "flierprops": flier}
+    axes.boxplot([values], positions=[place], widths=[width], manage_ticks=False, **looks)

@@ -5,6 +5,7 @@ they have. The question names kinds of measurement and tracker.
 """
 
 from collections.abc import Iterator, Sequence
+from itertools import product
 from typing import Any
 
 import pandas as pd
@@ -86,10 +87,10 @@ def report(data: StudyData) -> Material:
 def answer_values(runs: pd.DataFrame) -> dict[str, Any]:
     """What the template's answer is filled with.
 
-    `contrasts`: a mapping for each tracker and lidar, with its `effects` by road user, and the road
-    users and metrics of each verdict. `leads`: the same differences of `LEAD` for each tracker and
-    road user; `forest`: the plot of all tested differences. `baselines`: a mapping for each tracker
-    and baseline, with the `effects` on the IoU by road user, and the road users of each verdict.
+    `contrasts`: for each tracker and lidar its `effects` by road user, and the road users and
+    metrics of each verdict. `leads`: the same differences of `LEAD`; `forest`: the plot of all
+    tested ones. `baselines`: for each tracker and baseline the `effects` on the IoU by road user,
+    and the road users of each verdict.
     """
     every = contrasts(runs)
     tested = [one for one in every if one.tested]
@@ -145,13 +146,11 @@ def _leads(
 ) -> list[dict[str, Any]]:
     """`LEAD` of each road user and tracker: on stixels, on each lidar, and the difference."""
     found = []
-    for user in users:
-        for tracker in trackers:
-            key = (user, tracker, LEAD)
-            own = [one for one in tested if (one.road_user, one.tracker, one.metric) == key]
-            if own:
-                label = user if len(trackers) == 1 else f"{user}, {tracker}"
-                found.append({"label": label, "value": own[0].values[0], "lidars": own})
+    for key in product(users, trackers, [LEAD]):
+        own = [one for one in tested if (one.road_user, one.tracker, one.metric) == key]
+        if own:
+            label = key[0] if len(trackers) == 1 else f"{key[0]}, {key[1]}"
+            found.append({"label": label, "value": own[0].values[0], "lidars": own})
     return found
 
 
@@ -167,40 +166,37 @@ def _contrast(found: Sequence[Contrast]) -> dict[str, Any]:
 
 def _baseline(on_stixels: pd.DataFrame, tracker: str, baseline: str) -> dict[str, Any]:
     """The IoU of a tracker minus the baseline's, and the road users by what its intervals show."""
-    effects, found = {}, {}
+    effects: dict[str, Statistic] = {}
+    found: dict[str, list[str]] = {}
     for (user,), own in tables.groups(on_stixels, ["road_user"]):
         sides = (tables.chosen(own, tracker=one) for one in (tracker, baseline))
-        effects[user] = tables.difference(*sides, "iou_mean")
-        found.setdefault(_of_interval(effects[user]), []).append(f"the {user}")
+        iou = effects[user] = tables.difference(*sides, "iou_mean")
+        if iou.low is None:
+            verdict = "not comparable (no interval)"
+        elif excludes_zero(iou):
+            verdict = "better" if iou.low > 0.0 else "worse"
+        else:
+            verdict = "not shown to differ"
+        found.setdefault(verdict, []).append(f"the {user}")
     return {"tracker": tracker, "baseline": baseline, "effects": effects, "verdicts": found}
-
-
-def _of_interval(iou: Statistic) -> str:
-    """Verdict by the interval of the tracker's IoU minus the baseline's."""
-    if iou.low is None:
-        return "not comparable (no interval)"
-    if not excludes_zero(iou):
-        return "not shown to differ"
-    return "better" if iou.low > 0.0 else "worse"
 
 
 def _baseline_rows(
     on_stixels: pd.DataFrame, pairs: Sequence[tuple[str, str]]
 ) -> Iterator[dict[str, Cell]]:
-    for (user,), own in tables.groups(on_stixels, ["road_user"]):
-        for tracker, baseline in pairs:
-            sides = [tables.chosen(own, tracker=one) for one in (tracker, baseline)]
-            for name, row in ERRORS.items():
-                means = [tables.mean_over(side, name).mean for side in sides]
-                yield {
-                    "road user": user,
-                    "tracker": tracker,
-                    "baseline": baseline,
-                    "metric": tables.with_unit(row, "{}, {}"),
-                    "mean of the tracker": means[0],
-                    "mean of the baseline": means[1],
-                    **tables.ends("difference", tables.difference(*sides, name)),
-                }
+    by_user = tables.groups(on_stixels, ["road_user"])
+    for ((user,), own), pair, (name, row) in product(by_user, pairs, ERRORS.items()):
+        sides = [tables.chosen(own, tracker=one) for one in pair]
+        means = [tables.mean_over(side, name).mean for side in sides]
+        yield {
+            "road user": user,
+            "tracker": pair[0],
+            "baseline": pair[1],
+            "metric": tables.with_unit(row, "{}, {}"),
+            "mean of the tracker": means[0],
+            "mean of the baseline": means[1],
+            **tables.ends("difference", tables.difference(*sides, name)),
+        }
 
 
 def _chapter(
@@ -264,10 +260,7 @@ def _ranking(runs: pd.DataFrame) -> dict[str, list[tuple[str, float]]]:
         mean = tables.mean_over(own, "iou_mean").mean
         if mean is not None:
             found.setdefault(tracker, []).append((measurement, mean))
-    return {
-        tracker: sorted(values, key=lambda item: item[1], reverse=True)
-        for tracker, values in found.items()
-    }
+    return {name: sorted(own, key=lambda one: -one[1]) for name, own in found.items()}
 
 
 def _tracking_rows(runs: pd.DataFrame, scans: pd.DataFrame) -> Iterator[dict[str, Cell]]:
@@ -288,7 +281,5 @@ def _tracking_rows(runs: pd.DataFrame, scans: pd.DataFrame) -> Iterator[dict[str
 
 def _range(values: Sequence[float | None]) -> str:
     known = [value for value in values if value is not None]
-    if not known:
-        return "–"
-    low, high = number(min(known)), number(max(known))
-    return low if low == high else f"{low} to {high}"
+    ends = dict.fromkeys(number(end(known)) for end in (min, max)) if known else ["–"]
+    return " to ".join(ends)

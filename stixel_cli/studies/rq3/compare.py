@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 import pandas as pd
@@ -96,11 +97,9 @@ class Comparison:
 class Reach:
     """Limits of the tests of a family of comparisons.
 
-    Attributes:
-        pairs: largest number of pairs of runs of a comparison.
-        tests: number of tests that are corrected together.
-        least: smallest corrected p that a test can have.
-        needed: number of pairs with which one of these tests could be significant.
+    The largest number of pairs of runs of a comparison, the number of tests that are corrected
+    together, the smallest corrected p that a test can have, and the number of pairs that one of
+    these tests would need to be significant.
     """
 
     pairs: int
@@ -145,19 +144,16 @@ def compare(
     pairs.index.names = PAIR
     users, trackers = (sweeps[SIMULATED].index.unique(key) for key in ("road_user", "tracker"))
     found = []
-    for user in users:
-        for tracker in trackers:
-            own = pairs.query("road_user == @user and tracker == @tracker")
-            for name, measure in measures.items():
-                rows = own.xs(name, axis=1, level=1)[list(KINDS)].dropna()
-                paths = rows.index.get_level_values("path").tolist()
-                gap, rest = (
-                    (rows[kind] - rows[SIMULATED]).to_numpy() for kind in (FABRICATED, FITTED)
-                )
-                means = {kind: float(rows[kind].mean()) if len(rows) else None for kind in KINDS}
-                apart = {FABRICATED: paired(gap, paths), FITTED: paired(rest, paths)}
-                closed = gap_closed(gap, rest, paths, f"{user} {tracker} {name}")
-                found.append(Comparison(user, tracker, measure, means, apart, {}, closed))
+    for user, tracker in product(users, trackers):
+        own = pairs.query("road_user == @user and tracker == @tracker")
+        for name, measure in measures.items():
+            rows = own.xs(name, axis=1, level=1)[list(KINDS)].dropna()
+            paths = rows.index.get_level_values("path").tolist()
+            gap, rest = ((rows[kind] - rows[SIMULATED]).to_numpy() for kind in (FABRICATED, FITTED))
+            means = {kind: float(rows[kind].mean()) if len(rows) else None for kind in KINDS}
+            apart = {FABRICATED: paired(gap, paths), FITTED: paired(rest, paths)}
+            closed = gap_closed(gap, rest, paths, f"{user} {tracker} {name}")
+            found.append(Comparison(user, tracker, measure, means, apart, {}, closed))
     return _corrected(found)
 
 

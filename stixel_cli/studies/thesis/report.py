@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Iterator, Sequence
+from itertools import product
 from typing import Any
 
 import pandas as pd
@@ -146,12 +147,12 @@ def _answers(runs: pd.DataFrame) -> list[dict[str, Any]]:
 def _forest(runs: pd.DataFrame) -> Figure | None:
     """Simulated minus fabricated: the measures of each road user and kernel."""
     rows = []
-    for name in MEASURES:
-        for (user, kernel), own in tables.groups(runs, ["road_user", "tracker"]):
-            sides = (tables.chosen(own, measurement_kind=kind) for kind in (STIXELS, "fabricated"))
-            apart = tables.difference(*sides, name)
-            sides = f"simulated {MINUS} fabricated"
-            rows.append(difference_row(METRICS[name], sides, user, kernel, apart))
+    by_kernel = tables.groups(runs, ["road_user", "tracker"])
+    for name, ((user, kernel), own) in product(MEASURES, by_kernel):
+        sides = (tables.chosen(own, measurement_kind=kind) for kind in (STIXELS, "fabricated"))
+        apart = tables.difference(*sides, name)
+        label = f"simulated {MINUS} fabricated"
+        rows.append(difference_row(METRICS[name], label, user, kernel, apart))
     return forest("answer_forest", rows, "simulated better", "simulated worse")
 
 
