@@ -39,7 +39,7 @@ def test_a_study_computes_its_sweeps_and_writes_its_report(studies, toy):
     (data,) = toy.seen
     first, second = data.sweeps["first"], data.sweeps["second"]
     assert (data.name, data.title) == ("toy", "A <toy> & its title")
-    assert first.keys == ("road_user", "path", "seed")
+    assert tuple(first.runs[0].planned.settings) == ("road_user", "path", "seed")
     assert [(p.setting["road_user"], p.seed) for p in first.runs] == [
         ("car", 0),
         ("car", 1),
