@@ -77,7 +77,7 @@ def suggestion(word: str, candidates: Iterable[str], form: str = "{}") -> str:
 
 
 _RENAMED = {("measurement", "simulated"): "stixels"}
-_OTHER_KEYS = {"tracker.class": "tracker.road_user"}
+_OTHER_KEYS = {"tracker.class": "tracker.road_user", "measurement.sees": "tracker.sees"}
 """Names that a user may type to those of today."""
 
 

@@ -28,8 +28,6 @@ class FileParameters(Disturbance):
             the origin, and an absent k is an empty scan.
         truth: the target's true poses and size or contour; null: unknown, so no errors are scored.
         range_std: standard deviation of a point along each axis, m, if the file has no variances.
-        sees: where on the target the points are: where rays meet it first (`first_surface`, as of a
-            lidar or a radar), or on its whole `contour`. Only the tracker `contour` reads it.
         horizontal_fov: field of view in degrees, symmetric to the sensor's heading; null: unknown.
     """
 
@@ -39,7 +37,6 @@ class FileParameters(Disturbance):
     truth: str | None
     range_std: Annotated[float, Gt(0), Le(10)]
     horizontal_fov: Annotated[float, Gt(0), Le(360)] | None
-    sees: Literal["first_surface", "contour"]
 
     def check(self) -> None:
         """Raise ValueError for an empty file name."""

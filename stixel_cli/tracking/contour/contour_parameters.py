@@ -17,8 +17,8 @@ class ContourParameters:
             or on its box, whichever fits, with a residual.
         road_user: whether the class is `fixed` as the prior's, or `estimated`: replaced by one that
             the scans make 100 times as probable, if a size that you state fits that class.
-        sees: where on the target the points of a file are: where rays meet it first
-            (`first_surface`), or on its whole `contour`.
+        sees: where on the target the points of a file or of your own source are: where rays meet
+            it first (`first_surface`, as of a lidar or a radar), or on its whole `contour`.
         acceleration: process noise of the speed, a white acceleration's root density, m/s^1.5.
         turn_acceleration: process noise of the turn rate, rad/s^1.5.
         slip: process noise of the position, m/s^0.5: motion that is not along the heading.
