@@ -13,7 +13,7 @@ BUDGET = {
     "": 1037,
     "calibration": 646,
     # `explain` says if a folder has results of other code than the cached ones.
-    "cli": 2891,
+    "cli": 2857,
     "config": 2794,
     # A check that another process has not marked the new cache meanwhile.
     "engine": 4998,
@@ -52,7 +52,7 @@ BUDGET = {
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
 
 # The filters of PyRecEst: with the tracker they had more than 300 lines.
-MODULES = 312
+MODULES = 308
 """Modules of the package, without `__init__`."""
 
 

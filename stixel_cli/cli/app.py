@@ -1,4 +1,4 @@
-"""The command `stixel`: its commands, one file each. Heavy imports wait for a command's body."""
+"""The command `stixel`. Its commands are in the other files; heavy imports wait in their bodies."""
 
 import atexit
 import gc
@@ -12,27 +12,24 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from stixel_cli import __version__
-from stixel_cli.cli import cache
 from stixel_cli.cli.assess import assess
 from stixel_cli.cli.calibrate import calibrate
 from stixel_cli.cli.compare import compare
 from stixel_cli.cli.describe import describe
-from stixel_cli.cli.doctor import doctor
 from stixel_cli.cli.errors import Interrupted, guarded, settle_streams, usage_line
 from stixel_cli.cli.explain import explain
 from stixel_cli.cli.export import export
 from stixel_cli.cli.learn_shape import learn_shape
-from stixel_cli.cli.ls import ls
+from stixel_cli.cli.machine import app as cache
+from stixel_cli.cli.machine import doctor
 from stixel_cli.cli.plan import plan
-from stixel_cli.cli.play import play
-from stixel_cli.cli.report import report
-from stixel_cli.cli.rerun import rerun
+from stixel_cli.cli.report import play, report
+from stixel_cli.cli.rerun import rerun, verify
 from stixel_cli.cli.run import help_of_run, run
-from stixel_cli.cli.show import show
+from stixel_cli.cli.show import ls, show
 from stixel_cli.cli.study import study
 from stixel_cli.cli.sweep import sweep
 from stixel_cli.cli.terminal import escaping, say
-from stixel_cli.cli.verify import verify
 from stixel_cli.engine.limits import ENVIRONMENT
 from stixel_cli.errors import UserError
 
@@ -130,5 +127,5 @@ _COMMANDS = (
 )
 for _command in _COMMANDS:
     app.command()(_command)
-app.add_typer(cache.app, name="cache")
+app.add_typer(cache, name="cache")
 app.command()(doctor)

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
-from stixel_cli.cli.cache import local_store
+from stixel_cli.cli.machine import local_store
 from stixel_cli.cli.options import Folders, Json
 from stixel_cli.cli.terminal import print_json, print_table, say
 from stixel_cli.errors import UserError

@@ -1,13 +1,18 @@
-"""`stixel rerun`: repeat a run."""
+"""`stixel rerun` and `stixel verify`: repeat a run, and compare."""
 
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from stixel_cli.cli.options import Folder, Json, Results, TrustCode, Verbose, Workers
 from stixel_cli.cli.run import print_run, print_scores, stored_run, tell_changed_code
+from stixel_cli.cli.terminal import print_json, say
+from stixel_cli.errors import UserError
+
+if TYPE_CHECKING:
+    from stixel_cli.experiment.verify import Verification
 
 
 def rerun(
@@ -45,3 +50,94 @@ def rerun(
     )
     print_run(made, json)
     return 0
+
+
+class VerifyInterrupted(UserError):
+    """Ctrl-C while `stixel verify` computes outside the cache."""
+
+    exit_code = 130
+
+
+def verify(
+    folder: Folder,
+    cached: Annotated[
+        bool, typer.Option("--cached", help="Take unchanged results from the cache.")
+    ] = False,
+    workers: Workers = None,
+    trust_code: TrustCode = False,
+    json: Json = False,
+) -> int:
+    """Repeat a run and check that the results are identical.
+
+    All stages are computed again, outside the cache. If results differ, the command reports the
+    first stage that differs, by how much, and which version or function changed. The exit code is
+    0 if all results are identical, otherwise 1.
+
+    Example: stixel verify results/contour
+    """
+    import tempfile
+
+    from stixel_cli.engine.progress import make_progress
+    from stixel_cli.engine.store import Store, open_store
+    from stixel_cli.experiment.verify import verify_run
+    from stixel_cli.results.lineage import provenance
+
+    stored = stored_run(folder, workers, trust_code)
+    tell_changed_code(stored)
+    store = open_store(stored.composition.configuration.cache)
+    progress = make_progress()
+    if cached:
+        verification = verify_run(stored, store, store, provenance(), progress)
+    else:
+        try:
+            temporary = tempfile.TemporaryDirectory(prefix="stixel-verify-")
+        except OSError as error:
+            raise UserError(
+                f"cannot create a temporary folder for the results: {error.strerror}"
+            ) from error
+        try:
+            with temporary as scratch:
+                verification = verify_run(stored, Store(scratch), store, provenance(), progress)
+        except KeyboardInterrupt:
+            raise VerifyInterrupted(
+                "interrupted; the results are discarded (--cached keeps them)"
+            ) from None
+    if json:
+        print_json(_as_json(folder, verification))
+    else:
+        say(*_as_text(verification, stored.lineage is None))
+    return 0 if verification.identical else 1
+
+
+def _as_json(folder: Path, verification: "Verification") -> dict[str, Any]:
+    return {
+        "folder": str(folder),
+        "identical": verification.identical,
+        "files_compared": verification.compared,
+        "files": [vars(file) for file in verification.files],
+        "first_by_key": None if verification.by_key is None else vars(verification.by_key),
+        "first_by_value": None if verification.by_value is None else vars(verification.by_value),
+        "changes": list(verification.changes),
+        "stages": verification.stages,
+    }
+
+
+def _as_text(verification: "Verification", no_record: bool) -> list[str]:
+    computed = sum(stage["nodes_computed"] for stage in verification.stages)
+    nodes = sum(stage["nodes"] for stage in verification.stages)
+    again = f"{computed} of {nodes} nodes computed again"
+    if verification.identical:
+        lines = [f"identical: {verification.compared} files compared, {again}"]
+    else:
+        lines = [f"differs: {len(verification.files)} of {verification.compared} files, {again}"]
+        lines += [f"  {file.file}: {file.what}" for file in verification.files]
+    for kind, stage in (("key", verification.by_key), ("result", verification.by_value)):
+        if stage is not None:
+            lines.append(f"first stage with another {kind}: {stage.stage}: {stage.what}")
+            lines += [f"  {cause}" for cause in stage.causes]
+    if no_record:
+        lines.append("the keys of the stages are unknown: lineage.json is missing")
+    if verification.changes:
+        lines.append("since then:")
+        lines += [f"  {change}" for change in verification.changes]
+    return lines
