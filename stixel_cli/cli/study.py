@@ -2,8 +2,7 @@
 
 import shlex
 import sys
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -19,6 +18,7 @@ from stixel_cli.cli.options import (
     TrustCode,
     Workers,
     argument,
+    with_workers,
 )
 from stixel_cli.cli.plan import plan_content, print_plan
 from stixel_cli.cli.terminal import console, print_json, print_table, say
@@ -80,18 +80,35 @@ def study(
       stixel study rq2 road_user=car 'seed=range(0,3)' --name rq2-car
       stixel study all
     """
-    from stixel_cli.studies.file import ALL, shipped_studies
+    from stixel_cli.studies.file import ALL, find_study, read_study, shipped_studies
+    from stixel_cli.studies.folder import StudyFolder, study_folder
+    from stixel_cli.studies.plan import plan_study
+    from stixel_cli.studies.run import run_study
 
     chosen, *overrides = _checked(words or [], name)
-    overrides += [] if workers is None else [f"executor.workers={workers}"]
+    overrides = with_workers(overrides, workers)
     options = [] if name is None else ["--name", name]
     options += [] if results == Path("results") else ["--results", str(results)]
     options += ["--trust-code"] if trust_code else []
-    wanted = (overrides, options, results, name, dry_run, fresh, trust_code, json)
+
+    def plan(study: str) -> "StudyPlan":
+        return plan_study(read_study(find_study(study), trust_code), overrides)
+
+    def run(study: str, planned: "StudyPlan") -> tuple[dict[str, Any], int]:
+        """The answer in plain types, printed unless it is to be JSON, and the exit code."""
+        folder = study_folder(results, planned.folder_name if name is None else name)
+        if dry_run:
+            StudyFolder(folder).check(planned, fresh)
+            return _planned(planned, json), 0
+        command = shlex.join(["stixel", "study", study, *overrides, *options])
+        result = run_study(planned, folder, command, fresh, tell)
+        if not json:
+            _print(planned, result)
+        return _answer(planned, result), _tell_what_is_missing(result, command)
+
     if chosen == ALL:
-        return _run_all([_Command(each, *wanted) for each in shipped_studies()], json)
-    command = _Command(chosen, *wanted)
-    answer, code = command.run(command.plan())
+        return _run_all(shipped_studies(), plan, run, json)
+    answer, code = run(chosen, plan(chosen))
     if json:
         print_json(answer)
     return code
@@ -112,7 +129,12 @@ def _checked(words: Sequence[str], name: str | None) -> Sequence[str]:
     return words
 
 
-def _run_all(commands: "list[_Command]", json: bool) -> int:
+def _run_all(
+    studies: Sequence[str],
+    plan: "Callable[[str], StudyPlan]",
+    run: "Callable[[str, StudyPlan], tuple[dict[str, Any], int]]",
+    json: bool,
+) -> int:
     """Run one study after the other; one that fails stops no other."""
     from stixel_cli.sweeps.run import SweepInterrupted
 
@@ -123,81 +145,38 @@ def _run_all(commands: "list[_Command]", json: bool) -> int:
         answers[study] = {"study": study, "complete": False, "error": str(error)}
 
     # Report studies that cannot run before the first one runs for minutes.
-    for command in commands:
+    for study in studies:
         try:
-            plans[command] = command.plan()
+            plans[study] = plan(study)
         except UserError as error:
-            failed(command.study, error)
+            failed(study, error)
             codes += [] if isinstance(error, MissingData) else [error.exit_code]
-    for command, plan in plans.items():
+    for study, planned in plans.items():
         try:
-            answers[command.study], code = command.run(plan)
+            answers[study], code = run(study, planned)
         except SweepInterrupted:
             raise
         except UserError as error:
-            failed(command.study, error)
+            failed(study, error)
             code = error.exit_code
         codes.append(code)
     if json:
-        print_json({"studies": [answers[command.study] for command in commands]})
+        print_json({"studies": [answers[study] for study in studies]})
     return max(codes)
 
 
-@dataclass(eq=False)
-class _Command:
-    """One study as it was requested."""
-
-    study: str
-    overrides: Sequence[str]
-    options: Sequence[str]
-    results: Path
-    name: str | None
-    dry_run: bool
-    fresh: bool
-    trust_code: bool
-    json: bool
-
-    @property
-    def text(self) -> str:
-        """The command line."""
-        return shlex.join(["stixel", "study", self.study, *self.overrides, *self.options])
-
-    def plan(self) -> "StudyPlan":
-        """The study with its overrides.
-
-        Raises:
-            UserError: if the study cannot be run with them.
-        """
-        from stixel_cli.studies.file import find_study, read_study
-        from stixel_cli.studies.plan import plan_study
-
-        return plan_study(read_study(find_study(self.study), self.trust_code), self.overrides)
-
-    def run(self, plan: "StudyPlan") -> tuple[dict[str, Any], int]:
-        """Run the study, and print the result unless it is to be JSON.
-
-        Returns:
-            The result in plain types, and the exit code.
-        """
-        from stixel_cli.studies.folder import StudyFolder, study_folder
-        from stixel_cli.studies.run import run_study
-
-        folder = study_folder(self.results, plan.folder_name if self.name is None else self.name)
-        if self.dry_run:
-            StudyFolder(folder).check(plan, self.fresh)
-            return _planned(plan, self.json), 0
-        result = run_study(plan, folder, self.text, self.fresh, tell)
-        if not self.json:
-            _print(plan, result)
-        missing = [state for state in result.sweeps if not state.complete]
-        for state in missing:
-            for fault in state.faults:
-                tell(f"sweep {state.name}: {fault}")
-        if missing:
-            counts = (f"{state.name} {state.done} of {state.runs or '?'}" for state in missing)
-            tell(f"no statistics yet: runs are missing: {', '.join(counts)}; see {result.page}")
-            print(self.text, file=sys.stderr)  # noqa: T201
-        return _answer(plan, result), INCOMPLETE if missing else 0
+def _tell_what_is_missing(result: "StudyResult", command: str) -> int:
+    """Name the runs that are missing on stderr; returns the exit code."""
+    missing = [state for state in result.sweeps if not state.complete]
+    for state in missing:
+        for fault in state.faults:
+            tell(f"sweep {state.name}: {fault}")
+    if not missing:
+        return 0
+    counts = (f"{state.name} {state.done} of {state.runs or '?'}" for state in missing)
+    tell(f"no statistics yet: runs are missing: {', '.join(counts)}; see {result.page}")
+    print(command, file=sys.stderr)  # noqa: T201
+    return INCOMPLETE
 
 
 def _planned(plan: "StudyPlan", json: bool) -> dict[str, Any]:
