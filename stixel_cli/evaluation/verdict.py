@@ -79,12 +79,12 @@ def _class(metrics: Values) -> list[str]:
     known = {name: value for name, value in values.items() if value is not None}
     if not known:
         return []
-    *others, second, best = sorted(known, key=lambda one: known[one])
-    if metrics.get("class_replaced_share") is None and known[best] < LEAST_ODDS * known[second]:
-        ordered = (best, second, *reversed(others))
-        return [
-            f"Class: unknown ({', '.join(f'{one} {100.0 * known[one]:.0f} %' for one in ordered)})."
-        ]
+    ordered = sorted(known, key=lambda one: known[one], reverse=True)
+    best, *others = ordered
+    uncertain = any(known[best] < LEAST_ODDS * known[one] for one in others)
+    if uncertain and metrics.get("class_replaced_share") is None:
+        shown = ", ".join(f"{one} {100.0 * known[one]:.0f} %" for one in ordered)
+        return [f"Class: unknown ({shown})."]
     return [f"Class: {best}, {100.0 * known[best]:.0f} %."]
 
 

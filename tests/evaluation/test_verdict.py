@@ -91,6 +91,10 @@ def test_an_unknown_class_is_named_at_odds_of_100_and_a_replaced_one_at_once():
     assert verdict(GOOD | classes | replaced)[-1] == "Class: cyclist, 97 %."
 
 
+def test_a_class_without_others_is_named():
+    assert verdict(GOOD | {"car_probability": 0.9})[-1] == "Class: car, 90 %."
+
+
 def test_limits_are_those_of_the_table():
     for name in ("nees_position_mean", "nees_orientation_mean", "nis_mean", "band_coverage"):
         for limit, factor in zip(METRICS[name].expected, (0.99, 1.01), strict=True):

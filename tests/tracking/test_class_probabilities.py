@@ -85,6 +85,13 @@ def test_each_scan_reports_the_class_that_is_most_probable_so_far():
     assert probabilities["car"][3] == 0.0
 
 
+def test_a_class_that_the_size_excludes_has_probability_0():
+    probabilities = probabilities_of({name: WEIGHTS[name] for name in ("cyclist", "pedestrian")})
+    assert list(probabilities) == list(ROAD_USER_CLASSES)
+    np.testing.assert_array_equal(probabilities["car"], 0.0)
+    np.testing.assert_allclose(probabilities["cyclist"] + probabilities["pedestrian"], 1.0)
+
+
 def test_the_class_of_the_prior_is_reported_until_the_scans_contradict_it():
     nearly, beyond = 0.9 * CONTRADICTED, 1.1 * CONTRADICTED
     weights = {

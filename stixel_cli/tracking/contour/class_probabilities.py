@@ -21,7 +21,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from stixel_cli.geometry.pose import rotation
-from stixel_cli.scene.classes import CLASS_ROWS, ClassRow
+from stixel_cli.scene.classes import CLASS_ROWS, ROAD_USER_CLASSES, ClassRow
 from stixel_cli.tracking.contour.class_size import ClassSize
 from stixel_cli.tracking.track import InitialState
 
@@ -87,10 +87,11 @@ def log_weight(
 
 
 def probabilities_of(log_weights: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Class to probability (K,), given the scans up to k."""
+    """Class to probability (K,), given the scans up to k; 0 for a class without a weight."""
     weights = np.stack(list(log_weights.values()))
     odds = np.exp(weights - weights.max(axis=0))
-    return dict(zip(log_weights, odds / odds.sum(axis=0), strict=True))
+    excluded = dict.fromkeys(ROAD_USER_CLASSES, np.zeros(weights.shape[1]))
+    return excluded | dict(zip(log_weights, odds / odds.sum(axis=0), strict=True))
 
 
 def reported_classes(
