@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from stixel_cli.config.compose import compose
+from stixel_cli.errors import UserError
 from stixel_cli.experiment.run import run_experiment
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.classes import ROAD_USER_CLASSES
@@ -86,9 +87,12 @@ def learned_class(
 
 
 def _scenario(road_user: Overrides) -> Scenario:
-    """Ground truth of a road user; its motion does not matter."""
+    """Ground truth of a road user; its motion does not matter. UserError for a damaged mesh."""
     p = compose(road_user).configuration
-    return build_scenario(ego_motion(p.ego, 1.0, 0.5), p.road_user, p.path)
+    try:
+        return build_scenario(ego_motion(p.ego, 1.0, 0.5), p.road_user, p.path)
+    except ValueError as fault:
+        raise UserError(str(fault)) from None
 
 
 def _samples(road_users: Mapping[int, Overrides], sensor: str) -> list[tuple[Scenario, Scans]]:

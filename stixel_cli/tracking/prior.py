@@ -54,7 +54,9 @@ class PriorShape:
         return None if self.road_user in (*ROAD_USER_CLASSES, "unknown") else self.road_user
 
     def check(self, tracker: Any) -> None:
-        """Raise ValueError if the corners do not fit, or `tracker` needs a shape that is none."""
+        """Raise ValueError for wrong corners, an empty name, or a shape that `tracker` lacks."""
+        if self.outline == "":
+            raise ValueError("prior.outline: is empty: must be the name of a file, or null")
         scaled = getattr(tracker, "mean_function", "zero") != "zero"
         if self.shape == "none" and (scaled or tracker.kind in NEED_SHAPE):
             needs = "tracker.mean_function=class_radius" if scaled else f"tracker={tracker.kind}"

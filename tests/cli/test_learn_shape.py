@@ -45,6 +45,8 @@ def test_the_overrides_that_it_prints_use_the_class_of_the_meshes(tmp_path, monk
         (["a.obj", "--output", "x.json", "--road-user", "tram"], "road_user: unknown option"),
         (["a.obj", "--output", "x.json", "--forward", "z"], "road_user.mesh_forward: 'z'"),
         (["--output", "x.json"], "MESH"),
+        (["old.json", "--output", "x.json"], "road_user.mesh: Open3D finds no triangles"),
+        (["a.obj", "--output", "x.json", "--scale", "9"], "each side must be 0.1 to 30 m"),
     ],
 )
 def test_wrong_input_is_one_line_and_no_file(tmp_path, monkeypatch, capsys, arguments, fault):

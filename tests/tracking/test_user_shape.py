@@ -5,7 +5,7 @@ import pytest
 
 from stixel_cli.config.compose import compose
 from stixel_cli.errors import ConfigurationError, UserError
-from stixel_cli.tracking.contour.class_shape import class_shape
+from stixel_cli.tracking.contour.class_shape import class_shape, visible_shape
 from stixel_cli.tracking.contour.class_size import CLASS_SHAPES
 from stixel_cli.tracking.contour.user_shape import MOST_VERTICES, read_class, read_outline
 
@@ -59,6 +59,14 @@ def test_a_class_of_a_file_is_known_as_ours_are(tmp_path):
     np.testing.assert_array_equal(class_shape(str(file)).outline, class_shape("car").outline)
 
 
+def test_a_class_file_without_the_sensor_that_the_tracker_names_is_refused(tmp_path):
+    file = tmp_path / "van.json"
+    known = {name: value for name, value in CLASS_SHAPES["car"].items() if name != "lidar"}
+    file.write_text(json.dumps(known), encoding="utf-8")
+    with pytest.raises(ValueError, match="--sensor lidar"):
+        visible_shape(str(file), "lidar")
+
+
 LIDAR = CLASS_SHAPES["car"]["lidar"]
 
 
@@ -71,11 +79,11 @@ LIDAR = CLASS_SHAPES["car"]["lidar"]
         ({"size": [4520, 10]}, "size must be"),
         ({"size": 4520}, "size: must be 2 numbers"),
         ({"size_stds": [True, True]}, "size_stds"),
-        ({"sonar": LIDAR}, "sonar: is no entry"),
+        ({"sonar": LIDAR}, "sonar: not an entry"),
         ({"lidar": [1]}, "lidar: must map"),
         ({"lidar": LIDAR | {"insets": [1e9] * 48}}, "lidar.insets: must be 48 numbers"),
         ({"lidar": LIDAR | {"std_factor": [1]}}, "lidar.std_factor: must be a number"),
-        ({"lidar": LIDAR | {"std_factor": -1.0}}, "standard deviation"),
+        ({"lidar": LIDAR | {"std_factor": 0}}, "lidar: stds must be ≥ 0 and std_factor > 0"),
         ({"lidar": {}}, "lidar.depth_biases: must be 216 numbers"),
     ],
 )
@@ -109,6 +117,7 @@ def test_the_prior_names_the_files_in_full(tmp_path, monkeypatch):
         (["prior.outline=bike.csv"], "give prior.length=2.4 prior.width=0.7"),
         (["prior=unknown", "prior.outline=bike.csv"], "prior.outline: needs a class"),
         (["prior.outline=no.csv"], "no.csv is missing"),
+        (["prior.outline="], "prior.outline: is empty"),
     ],
 )
 def test_a_prior_with_a_wrong_file_is_refused(tmp_path, monkeypatch, overrides, fault):

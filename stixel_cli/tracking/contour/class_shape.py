@@ -71,7 +71,7 @@ def known_class(road_user: str) -> dict[str, Any]:
 
 
 def class_shape(road_user: str) -> ClassShape:
-    """The outlines of `road_user` from `class_shapes.json`."""
+    """The outlines of `road_user`, a class of ours or the path of a class file."""
     known = known_class(road_user)
     radii = _metres(known["radii"])
     angles = 2.0 * np.pi * np.arange(len(radii)) / len(radii)
@@ -83,8 +83,17 @@ def class_shape(road_user: str) -> ClassShape:
 
 
 def visible_shape(road_user: str, sensor: Literal["stixels", "lidar", "outline"]) -> VisibleShape:
-    """What stixels (`stixels`), a `lidar` or a sensor of the outline see of `road_user`."""
-    known = known_class(road_user)[sensor]
+    """What stixels (`stixels`), a `lidar` or a sensor of the outline see of `road_user`.
+
+    ValueError if the user's file of the class lacks this sensor.
+    """
+    sensors = known_class(road_user)
+    if sensor not in sensors:
+        raise ValueError(
+            f"prior.road_user: {road_user} has no visible shape for {sensor}, which "
+            f"tracker.seen_by needs: learn it, stixel learn-shape --sensor {sensor}"
+        )
+    known = sensors[sensor]
     return VisibleShape(
         depth_biases=_metres(known["depth_biases"]).reshape(NODES),
         bias_per_std=known["bias_per_std"],

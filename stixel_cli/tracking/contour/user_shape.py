@@ -73,14 +73,14 @@ def read_class(file: Path) -> dict[str, Any]:
             _check_entries(file, f"{sensor}.", known[sensor], COUNTS_OF_SENSOR, COUNTS_OF_SENSOR)
             stds = [*known[sensor]["depth_stds"], *known[sensor]["inset_stds"]]
             if min(stds) < 0 or known[sensor]["std_factor"] <= 0:
-                raise UserError(f"{file}: {sensor}: a standard deviation or its factor is below 0")
+                raise UserError(f"{file}: {sensor}: stds must be ≥ 0 and std_factor > 0")
     return known
 
 
 def _check_entries(file: Path, within: str, known: Any, counts: Any, allowed: Any) -> None:
     unknown = [name for name in known if name not in allowed]
     if unknown:
-        raise UserError(f"{file}: {within}{unknown[0][:40]}: is no entry of a class file")
+        raise UserError(f"{file}: {within}{unknown[0][:40]}: not an entry of a class file")
     for name, count in counts.items():
         values = known.get(name)
         numbers = values if isinstance(values, list) else [values]
