@@ -13,10 +13,10 @@ BUDGET = {
     "": 1037,
     "calibration": 646,
     # `explain` says if a folder has results of other code than the cached ones.
-    "cli": 2836,
+    "cli": 2811,
     "config": 2794,
     # A check that another process has not marked the new cache meanwhile.
-    "engine": 4998,
+    "engine": 4999,
     # The box of a track has room for the limbs; loss has one definition, with heading and class.
     "evaluation": 1606,
     # The names of runs, from config/.
@@ -52,7 +52,7 @@ BUDGET = {
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
 
 # The filters of PyRecEst: with the tracker they had more than 300 lines.
-MODULES = 308
+MODULES = 307
 """Modules of the package, without `__init__`."""
 
 

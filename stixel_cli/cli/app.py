@@ -17,12 +17,11 @@ from stixel_cli.cli.calibrate import calibrate
 from stixel_cli.cli.compare import compare
 from stixel_cli.cli.describe import describe
 from stixel_cli.cli.errors import Interrupted, guarded, settle_streams, usage_line
-from stixel_cli.cli.explain import explain
 from stixel_cli.cli.export import export
 from stixel_cli.cli.learn_shape import learn_shape
 from stixel_cli.cli.machine import app as cache
 from stixel_cli.cli.machine import doctor
-from stixel_cli.cli.plan import plan
+from stixel_cli.cli.plan import explain, plan
 from stixel_cli.cli.report import play, report
 from stixel_cli.cli.rerun import rerun, verify
 from stixel_cli.cli.run import help_of_run, run

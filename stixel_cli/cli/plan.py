@@ -1,9 +1,13 @@
-"""`stixel plan`: count the nodes that a run or a sweep would compute, and estimate the time."""
+"""`stixel plan` and `stixel explain`: what would be computed, how long it takes, and why."""
 
+import os
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from itertools import groupby
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
 
+from stixel_cli.cli.completion import complete_run_or_override
 from stixel_cli.cli.options import (
     ConfigDir,
     FromFile,
@@ -12,13 +16,20 @@ from stixel_cli.cli.options import (
     SweepOverrides,
     TrustCode,
     Workers,
+    argument,
     with_workers,
 )
 from stixel_cli.cli.terminal import counted, print_json, print_table, say
+from stixel_cli.errors import UserError, printable_path
 
 if TYPE_CHECKING:
+    from stixel_cli.engine.explain import Explanation
+    from stixel_cli.results.lineage import Lineage
     from stixel_cli.sweeps.design import Axis
     from stixel_cli.sweeps.graphs import SweepPlan
+
+MOST_LINES = 30
+"""Lines of a module's difference that are printed; --json gives all."""
 
 AS_RUN = (
     "this is what stixel run would compute, including pictures and page; "
@@ -48,18 +59,23 @@ def plan(
       stixel plan tracker.length_scale=0.5
       stixel plan tracker.length_scale=0.2,0.4,0.8 seed=0,1,2
     """
+    words = with_workers(overrides or [], workers)
+    print_plan(*_planned(words, file, trust_code, pictures), json)
+    return 0
+
+
+def _planned(
+    words: Sequence[str], file: str | None, trust_code: bool, pictures: bool = False
+) -> "tuple[SweepPlan, Sequence[Axis]]":
+    """The plan of a sweep, or of a run with its pictures, and the axes."""
     from stixel_cli.sweeps.graphs import planned_run, planned_sweep
     from stixel_cli.sweeps.runs import design_runs, sweep_design
 
-    words = with_workers(overrides or [], workers)
     design = sweep_design(words, file, one_is_enough=True, trust_code=trust_code)
     runs = design_runs(design)
     if design.axes:
-        planned = planned_sweep(runs, None, pictures)
-    else:
-        planned = replace(planned_run(runs[0].composition), notes=(AS_RUN,))
-    print_plan(planned, design.axes, json)
-    return 0
+        return planned_sweep(runs, None, pictures), design.axes
+    return replace(planned_run(runs[0].composition), notes=(AS_RUN,)), ()
 
 
 def print_plan(plan: "SweepPlan", axes: "Sequence[Axis]" = (), json: bool = False) -> None:
@@ -119,4 +135,127 @@ def plan_content(plan: "SweepPlan", axes: "Sequence[Axis]" = ()) -> dict[str, An
             vars(stage) | {"seconds": None if stage.seconds is None else round(stage.seconds, 2)}
             for stage in plan.stages
         ],
+    }
+
+
+def explain(
+    what: Annotated[
+        list[str] | None,
+        argument("A result folder, or overrides.", "FOLDER|OVERRIDES", complete_run_or_override),
+    ] = None,
+    file: FromFile = None,
+    trust_code: TrustCode = False,
+    json: Json = False,
+    config_dir: ConfigDir = None,
+) -> int:
+    """Explain why results would be recomputed.
+
+    For each missing node, the reason is one of: new, setting, function, version, evicted, input.
+    The nodes of a sweep (several values, a file, or a sweep's folder) are listed once, with the
+    runs that need them. Pictures are included as in `stixel plan`.
+
+    \b
+    Examples:
+      stixel explain tracker.length_scale=0.5
+      stixel explain tracker.length_scale=0.5,0.6 seed=0,1
+      stixel explain results/contour
+    """
+    from stixel_cli.engine.explain import by_stage
+    from stixel_cli.engine.explain import explain as explain_nodes
+    from stixel_cli.engine.store import open_store
+
+    plan, lineages = _asked(what or [], file, trust_code)
+    targets = list(dict.fromkeys(target for run in plan.runs for target in run.targets))
+    store = open_store(plan.runs[0].composition.configuration.cache)
+    keys, code = set(), {}
+    for lineage in filter(None, lineages):
+        keys |= {key for stage in lineage.stages.values() for key in stage.keys}
+        code |= lineage.code or {}
+    missing = explain_nodes(plan.graph, store, targets, (keys, code))
+    is_sweep = len(plan.runs) > 1
+    needed_by = _needed_by(plan, {node.key for node in missing}) if is_sweep else {}
+    if json:
+        print_json([_as_json(node, needed_by.get(node.key)) for node in missing])
+        return 0
+    shown: set[tuple[str, ...]] = set()
+    for group, text in by_stage(missing):
+        first, last = group[0].label, group[-1].label
+        labels = first if first == last else f"{first} … {last}"
+        labels += f", {len(group)} nodes" if len(group) > 1 else ""
+        runs = sorted({index for node in group for index in needed_by.get(node.key, ())})
+        where = f" ({shown_runs(runs, len(plan.runs))})" if is_sweep else ""
+        say(f"{labels}{where}: {text}")
+        for change in group[0].changes:
+            if change.difference and change.difference not in shown:
+                shown.add(change.difference)
+                # Without the two lines of its header.
+                lines = change.difference[2:]
+                more = len(lines) - MOST_LINES
+                lines = [*lines[:MOST_LINES], *([f"… {more} more lines"] if more > 0 else ())]
+                say(*(f"    {line}" for line in lines))
+    if not missing:
+        current = keys <= plan.graph.nodes.keys()
+        other = "" if current else "; the folder has results of other code or files"
+        say(f"nothing to recompute: all results are cached{other}")
+    return 0
+
+
+def _asked(
+    what: Sequence[str], file: str | None, trust_code: bool
+) -> "tuple[SweepPlan, Sequence[Lineage | None]]":
+    """The plan of the nodes to explain; the lineages of the runs in the folder to compare with."""
+    from stixel_cli.experiment.run import has_pictures, read_stored_run
+    from stixel_cli.results.lineage import read_lineage
+    from stixel_cli.results.reader import SWEEP_FILE
+    from stixel_cli.sweeps.folder import SweepFolder
+    from stixel_cli.sweeps.graphs import planned_run, planned_sweep
+    from stixel_cli.sweeps.whole import stored_runs
+
+    folders = [text for text in what if "=" not in text and os.path.isdir(text)]
+    if folders and len(what) > 1:
+        raise UserError(f"{folders[0]}: name either one result folder or overrides")
+    if folders and file is not None:
+        raise UserError(f"{folders[0]}: name either a result folder or --from FILE")
+    folder = Path(*folders)
+    if folders and (folder / SWEEP_FILE).exists():
+        request = SweepFolder(folder).request()
+        plan = planned_sweep(stored_runs(request), None, request.pictures, request.nodes)
+        return plan, [read_lineage(run) for run in folder.glob("runs/*")]
+    if folders:
+        stored = read_stored_run(folder)
+        return planned_run(stored.composition, has_pictures(stored)), [stored.lineage]
+    lost = [text for text in what if "=" not in text and os.sep in text]
+    if lost:
+        raise UserError(f"{printable_path(lost[0])}: no such folder")
+    return _planned(what, file, trust_code)[0], ()
+
+
+def _needed_by(plan: "SweepPlan", missing: set[str]) -> dict[str, list[int]]:
+    """Indices of the runs that need each missing node."""
+    needed: dict[str, list[int]] = {}
+    for run in plan.runs:
+        # The sources of a cached node are not needed, missing or not.
+        for key in run.graph.ancestors(missing.intersection(run.targets), missing):
+            needed.setdefault(key, []).append(run.index)
+    return needed
+
+
+def shown_runs(runs: Sequence[int], count: int) -> str:
+    """Indices in ascending order, as `runs 0-4, 7`; `all 8 runs` for all of them."""
+    if len(runs) == count:
+        return f"all {count} runs"
+    # Consecutive numbers differ from their positions by the same amount.
+    ranges = [list(part) for _, part in groupby(enumerate(runs), lambda at: at[1] - at[0])]
+    ends = [(part[0][1], part[-1][1]) for part in ranges]
+    shown = ", ".join(str(a) if a == b else f"{a}-{b}" for a, b in ends)
+    return f"run{'' if len(runs) == 1 else 's'} {shown}"
+
+
+def _as_json(node: "Explanation", runs: Sequence[int] | None) -> dict:
+    return {
+        "key": node.key,
+        "stage": node.stage,
+        "node": node.label,
+        **({} if runs is None else {"runs": sorted(runs)}),
+        "why": [vars(change) | {"text": str(change)} for change in node.changes],
     }

@@ -1,7 +1,7 @@
 """The graph of nodes, which are built from stages. Each node is one stored result."""
 
 import pickle
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
@@ -84,15 +84,16 @@ class Graph:
                 raise KeyError(f"no node or stage {target!r}")
         return list(ids)
 
-    def ancestors(self, targets: Sequence[str]) -> set[str]:
-        """Ids of the target nodes and of all nodes that they depend on."""
+    def ancestors(self, targets: Iterable[str], among: Container[str] | None = None) -> set[str]:
+        """Ids of the target nodes and of all nodes that they depend on, through those `among`."""
         found: set[str] = set()
         pending = list(targets)
         while pending:
             node = pending.pop()
             if node not in found:
                 found.add(node)
-                pending.extend(self.nodes[node].sources)
+                sources = self.nodes[node].sources
+                pending += [s for s in sources if among is None or s in among]
         return found
 
     def dependents(self, node: str, among: Iterable[str]) -> set[str]:

@@ -5,7 +5,7 @@ import json
 import pytest
 
 from stixel_cli.cli.app import main
-from stixel_cli.cli.explain import shown_runs
+from stixel_cli.cli.plan import shown_runs
 
 FEW = ("measurement=fabricated", "path.duration=0.3")
 
