@@ -262,7 +262,7 @@ def holm(p_values: Mapping[Any, float | None]) -> dict[Any, float]:
     return dict(zip(ordered, accumulate(steps, max), strict=True))
 
 
-def weights(strata: Sequence[str], name: str) -> np.ndarray:
+def bootstrap_weights(strata: Sequence[str], name: str) -> np.ndarray:
     """Weights (DRAWS, n) of the bootstrap's means of n pairs: each row sums to 1.
 
     From the m pairs of a stratum, m - 1 are drawn with replacement and weighted up to m (Rao & Wu
@@ -284,7 +284,7 @@ def weights(strata: Sequence[str], name: str) -> np.ndarray:
     return found / len(columns)
 
 
-def interval(values: np.ndarray) -> tuple[float, float]:
+def bootstrap_interval(values: np.ndarray) -> tuple[float, float]:
     """Percentiles of bootstrap values (n,) that enclose `CONFIDENCE` of them."""
     low, high = np.quantile(values, [0.5 - 0.5 * CONFIDENCE, 0.5 + 0.5 * CONFIDENCE])
     return float(low), float(high)

@@ -3,13 +3,13 @@ from scipy.stats import ttest_1samp, ttest_ind
 
 from stixel_cli.report.statistics import (
     SIGNIFICANT,
+    bootstrap_weights,
     holm,
     least_p,
     mean_interval,
     paired,
     pairs_needed,
     rank_biserial,
-    weights,
     wilcoxon,
 )
 from stixel_cli.studies.rq3.compare import gap_closed
@@ -77,16 +77,16 @@ def test_the_interval_covers_the_mean_with_two_seeds_a_path():
 
 
 def test_pairs_are_drawn_within_their_path():
-    rows = weights(["turn", "turn", "circle", "turn"], "x")
+    rows = bootstrap_weights(["turn", "turn", "circle", "turn"], "x")
     np.testing.assert_allclose(rows[:, 2], 0.25)
     np.testing.assert_allclose(rows[:, [0, 1, 3]].sum(axis=1), 0.75)
     assert set(np.unique(np.round(rows[:, 0], 6))) == {0.0, 0.375, 0.75}
-    np.testing.assert_array_equal(rows, weights(["turn", "turn", "circle", "turn"], "x"))
+    np.testing.assert_array_equal(rows, bootstrap_weights(["turn", "turn", "circle", "turn"], "x"))
 
 
 def test_the_bootstrap_s_variance_is_that_of_the_mean_within_paths():
     values = np.array([0.1, 0.5, 0.2, 0.9, 0.4, 5.0, 5.3, 4.6, 5.1, 4.9])
-    drawn = weights(["turn"] * 5 + ["circle"] * 5, "x") @ values
+    drawn = bootstrap_weights(["turn"] * 5 + ["circle"] * 5, "x") @ values
     expected = np.mean([values[:5].var(ddof=1), values[5:].var(ddof=1)]) / 10
     assert abs(drawn.var() / expected - 1.0) < 0.1
     assert abs(drawn.mean() - values.mean()) < 0.01

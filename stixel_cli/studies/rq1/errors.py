@@ -15,7 +15,7 @@ import pandas as pd
 
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.report.metrics import counted
-from stixel_cli.report.statistics import Estimate, interval, weights
+from stixel_cli.report.statistics import Estimate, bootstrap_interval, bootstrap_weights
 from stixel_cli.report.tables import chosen
 from stixel_cli.results.result import RunResult
 from stixel_cli.validation.stage_tables import stage_tables
@@ -185,12 +185,12 @@ def _estimate(
     least = -1.0 if exact else 1e-12 * max(1.0, abs(value))
     if len(drawn) == 0 or np.ptp(drawn) <= least:
         return Estimate(mean)
-    return Estimate(mean, *interval(drawn))
+    return Estimate(mean, *bootstrap_interval(drawn))
 
 
 @lru_cache(maxsize=16)
 def _weights(strata: tuple[int, ...]) -> np.ndarray:
-    return weights(strata, "poses")
+    return bootstrap_weights(strata, "poses")
 
 
 def road_user(run: RunResult) -> str:

@@ -16,13 +16,13 @@ from stixel_cli.report.statistics import (
     SIGNIFICANT,
     Estimate,
     Paired,
+    bootstrap_interval,
+    bootstrap_weights,
     holm,
-    interval,
     least_p,
     mean_interval,
     paired,
     pairs_needed,
-    weights,
 )
 from stixel_cli.report.tables import ends, groups
 
@@ -189,9 +189,9 @@ def gap_closed(gap: np.ndarray, rest: np.ndarray, strata: Sequence[str], name: s
     share = 1.0 - size(whole, rest) / size(whole, gap)
     if min(map(list(strata).count, strata)) < LEAST_DRAWN:
         return Estimate(float(share[0]))
-    drawn = weights(strata, name)
+    drawn = bootstrap_weights(strata, name)
     shares = 1.0 - size(drawn, rest) / np.maximum(size(drawn, gap), 1e-12)
-    return Estimate(float(share[0]), *interval(shares))
+    return Estimate(float(share[0]), *bootstrap_interval(shares))
 
 
 def difference_table(name: str, found: Sequence[Comparison]) -> Table:
