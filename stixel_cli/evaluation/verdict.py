@@ -10,7 +10,7 @@ SHOWN_UPPER_BOUND = 0.995
 """A greater upper bound of the IoU is not mentioned: it would be printed as 1."""
 
 LEAST_ODDS = 100.0
-"""An unknown class stays so until one is this many times as probable as any other."""
+"""An unknown class is named if it is this many times as probable as any other."""
 
 
 def verdict(metrics: Values) -> list[str]:
