@@ -137,6 +137,9 @@ def track(scans, initial, prior, number: int):
 
 def test_ctrl_c_names_the_command_that_resumes(sweeps, tmp_path):
     """A real process with workers, which the signal meets in the midst of its runs."""
+    # What the scores need besides the track. Otherwise, on a loaded machine, waiting runs may take
+    # both workers before it is computed, and no run is ever done.
+    sweeps.run(*FEW, "tracker=box", "seed=0,1", "--name", "before")
     mark = tmp_path / "waits"
     mark.touch()
     (tmp_path / "waits.py").write_text(WAITS.format(str(mark)))
