@@ -3,24 +3,14 @@
 import shlex
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from stixel_cli.cli.completion import complete_override
-from stixel_cli.cli.options import (
-    Json,
-    Workers,
-    argument,
-    new_file,
-    with_workers,
-    without_target,
-)
+from stixel_cli.cli.options import Json, Workers, argument, new_file, with_workers, without_target
 from stixel_cli.cli.terminal import print_json, print_table, say
 from stixel_cli.errors import UserError
-
-if TYPE_CHECKING:
-    from stixel_cli.report.assess import Assessment
 
 
 def assess(
@@ -69,7 +59,7 @@ def assess(
     from stixel_cli.config.compose import compose
     from stixel_cli.engine.progress import make_progress
     from stixel_cli.experiment.assess import assess as assessed
-    from stixel_cli.report.assess import page_html
+    from stixel_cli.report.assess import page_html, sentences, value_rows
     from stixel_cli.report.compare import unused_page, write_page
 
     named = {"--calib": calib, "--disparity": disparity, "--labels": labels}
@@ -84,16 +74,9 @@ def assess(
     for name, file in named.items():
         command += [] if file is None else [name, str(file)]
     write_page(page, page_html(assessment, shlex.join(command)))
-    _print(assessment)
-    say(page)
-    return 0
-
-
-def _print(assessment: "Assessment") -> None:
-    from stixel_cli.report.assess import sentences, value_rows
-
     print_table(("value", "", "unit"), value_rows(assessment), right=(1,))
-    say("", *sentences(assessment))
+    say("", *sentences(assessment), page)
+    return 0
 
 
 def _pair(arguments: Sequence[str], named: Mapping[str, Path | None]) -> list[str]:

@@ -1,8 +1,7 @@
 """`stixel compare`: print the settings and metrics that differ between runs."""
 
-from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -10,6 +9,11 @@ from stixel_cli.cli.machine import local_store
 from stixel_cli.cli.options import Folders, Json
 from stixel_cli.cli.terminal import print_json, print_table, say
 from stixel_cli.errors import UserError
+
+CHANCE = (
+    "One run per column: a difference may be due to chance. NEES, NIS: the best is nearest to 1 "
+    "(0.5 and 2 are equally near); farther from 1 there is no best"
+)
 
 
 def compare(
@@ -53,8 +57,14 @@ def compare(
     else:
         say("the settings are the same")
     say("")
-    rows = [row for row in metric_rows(runs) if row["name"] in differing]
-    _print_metrics(labels, rows)
+    rows = [
+        (", ".join(filter(None, (row["label"], row["unit"]))), *map(_cell, row["cells"]))
+        for row in metric_rows(runs)
+        if row["name"] in differing
+    ]
+    if rows:
+        print_table(("metric (* is the best)", *labels), rows, right=range(1, 1 + len(labels)))
+    say(CHANCE if rows else "the metrics are the same")
     if code:
         say("")
         for module in changed:
@@ -63,21 +73,6 @@ def compare(
         if not changed:
             say("the code is the same")
     return 0
-
-
-def _print_metrics(labels: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> None:
-    if not rows:
-        say("the metrics are the same")
-        return
-    cells = [
-        (", ".join(filter(None, (row["label"], row["unit"]))), *map(_cell, row["cells"]))
-        for row in rows
-    ]
-    print_table(("metric (* is the best)", *labels), cells, right=range(1, 1 + len(labels)))
-    say(
-        "One run per column: a difference may be due to chance. NEES, NIS: the best is nearest "
-        "to 1 (0.5 and 2 are equally near); farther from 1 there is no best"
-    )
 
 
 def _cell(cell: tuple[str, bool]) -> str:

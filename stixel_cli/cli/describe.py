@@ -34,7 +34,7 @@ def describe(
 
     Example: stixel describe tracker.sigma_f
     """
-    from stixel_cli.config.descriptions import parameters_of_own
+    from stixel_cli.config.descriptions import meaning_of_option, parameters_of_own
     from stixel_cli.config.keys import known_keys
     from stixel_cli.config.messages import unknown_key, unknown_option
     from stixel_cli.config.own_options import check_option
@@ -53,7 +53,8 @@ def describe(
     elif "=" in name:
         if option not in group_options()[group]:
             raise ConfigurationError(unknown_option(group, option))
-        _print_option(group, option)
+        say(f"{group}={option}: {meaning_of_option(group, option)}", "")
+        _print_keys(group, option)
     else:
         _print_group(group)
     return 0
@@ -86,13 +87,6 @@ def _print_group(group: str) -> None:
     print_table(("option (default first)", "meaning"), options, width=WIDTH)
     say("")
     _print_keys(group, default_option(group))
-
-
-def _print_option(group: str, option: str) -> None:
-    from stixel_cli.config.descriptions import meaning_of_option
-
-    say(f"{group}={option}: {meaning_of_option(group, option)}", "")
-    _print_keys(group, option)
 
 
 def _print_keys(group: str, option: str) -> None:

@@ -30,8 +30,8 @@ class Interrupted(UserError):
 
     exit_code = 130
 
-    def __str__(self) -> str:
-        return "interrupted; what was computed is kept: repeat the command to resume"
+    def __init__(self, what: str = "what was computed is kept: repeat the command to resume"):
+        super().__init__(f"interrupted; {what}")
 
 
 def guarded(command: Callable[[], int]) -> int:

@@ -2,7 +2,6 @@
 
 import sys
 import time
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -70,7 +69,9 @@ def ls(json: Json = False) -> int:
     damaged: list[MissingEntry] = []
     listed = entries(store, damaged.append)
     if damaged:
-        tell(_damage(damaged))
+        are = "1 entry is" if len(damaged) == 1 else f"{len(damaged)} entries are"
+        aside = " and set aside" if all(entry.set_aside for entry in damaged) else ""
+        tell(f"{are} damaged or of an older version{aside}; recomputed when needed")
     stages: dict[str, dict[str, Any]] = {}
     for entry in listed:
         row = stages.setdefault(entry.stage, {"entries": 0, "size": 0, "last_use": 0.0})
@@ -135,12 +136,6 @@ def gc(
     done = collect(store, size, age, dry_run)
     _print_collection(store, done, "would be removed" if dry_run else "removed", json)
     return 0
-
-
-def _damage(damaged: "Sequence[MissingEntry]") -> str:
-    count = "1 entry is" if len(damaged) == 1 else f"{len(damaged)} entries are"
-    aside = " and set aside" if all(entry.set_aside for entry in damaged) else ""
-    return f"{count} damaged or of an older version{aside}; recomputed when needed"
 
 
 @app.command()

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from stixel_cli.cli.errors import Interrupted
 from stixel_cli.cli.options import Folder, Json, Results, TrustCode, Verbose, Workers
 from stixel_cli.cli.run import print_run, print_scores, stored_run, tell_changed_code
 from stixel_cli.cli.terminal import print_json, say
@@ -52,12 +53,6 @@ def rerun(
     return 0
 
 
-class VerifyInterrupted(UserError):
-    """Ctrl-C while `stixel verify` computes outside the cache."""
-
-    exit_code = 130
-
-
 def verify(
     folder: Folder,
     cached: Annotated[
@@ -99,9 +94,7 @@ def verify(
             with temporary as scratch:
                 verification = verify_run(stored, Store(scratch), store, provenance(), progress)
         except KeyboardInterrupt:
-            raise VerifyInterrupted(
-                "interrupted; the results are discarded (--cached keeps them)"
-            ) from None
+            raise Interrupted("the results are discarded (--cached keeps them)") from None
     if json:
         print_json(_as_json(folder, verification))
     else:

@@ -99,43 +99,38 @@ def help_of_run() -> str:
     names = [f"{group}={'|'.join(points)}" for group, points in installed.items() if points]
     many = [f"  {name}={'|'.join(these)}" for name, these in groups.items() if len(these) > 1]
     single = ", ".join(name for name, these in groups.items() if len(these) == 1)
-    return "\n".join(
-        [
-            "Run one experiment.",
-            "",
-            "It renders the scene, measures the road user, tracks it, scores the track and draws "
-            "pictures. Stages whose results are in the cache are not computed again.",
-            "",
-            "\b",
-            "Groups and their options:",
-            *many,
-            *textwrap.wrap(
-                f"with one option each: {single}",
-                76,
-                initial_indent="  ",
-                subsequent_indent="    ",
-            ),
-            "",
-            "\b",
-            "Your own (tutorial 4):",
-            "  tracker=MODULE:FUNCTION measurement=MODULE:FUNCTION metrics=[MODULE:FUNCTION,…]",
-            *(f"  of installed packages: {text}" for text in names),
-            "",
-            "\b",
-            "Keys of the chosen options, for example:",
-            "  rig.width rig.horizontal_fov rig.baseline path.speed path.duration",
-            "  tracker.basis_points tracker.length_scale tracker.sigma_f seed",
-            "  (stixel describe KEY explains one, stixel run --dry-run prints all of them)",
-            "",
-            "\b",
-            "Examples:",
-            "  stixel run",
-            "  stixel run road_user=pedestrian path=crossing",
-            "  stixel run measurement=fabricated tracker.length_scale=0.6 seed=3",
-            "  stixel run rig=kitti stereo=bm --name kitti-bm",
-            "  stixel run path=waypoints 'path.points=[[0,12],[3,15],[0,20]]' --workers 2",
-        ]
+    one_option = textwrap.wrap(
+        f"with one option each: {single}", 76, initial_indent="  ", subsequent_indent="    "
     )
+    groups_text = "\n".join([*many, *one_option])
+    user = "  tracker=MODULE:FUNCTION measurement=MODULE:FUNCTION metrics=[MODULE:FUNCTION,…]"
+    user_text = "\n".join([user, *(f"  of installed packages: {text}" for text in names)])
+    return f"""Run one experiment.
+
+It renders the scene, measures the road user, tracks it, scores the track and draws pictures.
+Stages whose results are in the cache are not computed again.
+
+\b
+Groups and their options:
+{groups_text}
+
+\b
+Your own (tutorial 4):
+{user_text}
+
+\b
+Keys of the chosen options, for example:
+  rig.width rig.horizontal_fov rig.baseline path.speed path.duration
+  tracker.basis_points tracker.length_scale tracker.sigma_f seed
+  (stixel describe KEY explains one, stixel run --dry-run prints all of them)
+
+\b
+Examples:
+  stixel run
+  stixel run road_user=pedestrian path=crossing
+  stixel run measurement=fabricated tracker.length_scale=0.6 seed=3
+  stixel run rig=kitti stereo=bm --name kitti-bm
+  stixel run path=waypoints 'path.points=[[0,12],[3,15],[0,20]]' --workers 2"""
 
 
 def stored_run(folder: Path, workers: int | None, trust_code: bool) -> "RunResult":

@@ -130,31 +130,25 @@ def _print_statistics(result: "SweepResult") -> None:
     from stixel_cli.sweeps.results import heading
 
     by_setting = result.statistics
-    shown = [over_runs(name) for name in SHOWN]
-    names = [name for name in shown if any(name in row for row in by_setting.values())]
-    # The interval of a share of runs is not symmetric: it is in the summary only.
-    spread = any(
-        one.low is not None
-        for row in by_setting.values()
-        for name, one in row.items()
-        if name != LOSS_RATE
-    )
-    keys = list(result.runs[0].setting)
-    header = [*keys, "n", *(heading(name) for name in names)]
-    rows = []
+    names = [over_runs(name) for name in SHOWN]
+    names = [name for name in names if any(name in row for row in by_setting.values())]
+    keys, rows, spread = list(result.runs[0].setting), [], False
     for setting, row in list(by_setting.items())[: 2 * _MOST_SHOWN]:
         cells = []
         for name in names:
-            statistic = row[name]
-            plain = statistic.low is None or name == LOSS_RATE
-            half = "" if plain else f" ± {format_value(statistic.mean - statistic.low)}"
-            cells.append(f"{format_value(statistic.mean)}{half}")
+            mean, low = row[name].mean, row[name].low
+            # The interval of a share of runs is not symmetric: it is in the summary only.
+            has_half = low is not None and name != LOSS_RATE
+            spread = spread or has_half
+            half = f" ± {format_value(mean - low)}" if has_half else ""
+            cells.append(f"{format_value(mean)}{half}")
         n = max((row[name].n for name in names), default=0)
         rows.append((*(value for _, value in setting), str(n), *cells))
+    header = [*keys, "n", *map(heading, names)]
     print_table(header, rows, right=range(len(keys), len(header)))
-    more = len(by_setting) - 2 * _MOST_SHOWN
     interval = "Mean over n seeds ± half the 95 % interval (Student's t)"
     interval = interval if spread else "One seed per setting: no interval"
+    more = len(by_setting) - 2 * _MOST_SHOWN
     others = f" {more} more settings and" if more > 0 else ""
     say(f"{interval};{others} all metrics: summary.csv, .md, .tex")
 
@@ -174,13 +168,13 @@ def _tell_what_is_missing(result: "SweepResult") -> None:
             lines.append(f"{len(runs) - _MOST_SHOWN} more runs {status}, see runs.csv")
     lacking = len(result.runs) - result.count("done")
     last = f"{lacking} of {len(result.runs)} runs are missing"
+    where = ""
     if result.statistics:
-        named = "; ".join(map(incomplete_label, result.incomplete[:_MOST_SHOWN]))
+        where = f" for {counted(len(result.incomplete), 'setting')}"
+        last += f": {'; '.join(map(incomplete_label, result.incomplete[:_MOST_SHOWN]))}"
         more = len(result.incomplete) - _MOST_SHOWN
-        named += f"; and {more} more" if more > 0 else ""
-        last = f"for {counted(len(result.incomplete), 'setting')}: {last}: {named}"
-    last = f"no statistics yet {last}" if result.statistics else f"no statistics yet: {last}"
-    for line in (*lines, last):
+        last += f"; and {more} more" if more > 0 else ""
+    for line in (*lines, f"no statistics yet{where}: {last}"):
         tell(line)
     command = SweepFolder(result.folder).resume_command(result.runs[0].overrides)
     print(command, file=sys.stderr)  # noqa: T201
