@@ -35,7 +35,7 @@ from stixel_cli.config.own_options import (
     refuse_code,
     user_sections,
 )
-from stixel_cli.config.schema import Configuration, adapter
+from stixel_cli.config.schema import Configuration, adapter, check
 from stixel_cli.config.texts import split_override
 from stixel_cli.config.user_files import UserFiles
 from stixel_cli.config.values import with_values
@@ -227,8 +227,6 @@ def from_resolved(resolved: Mapping[str, Any]) -> Configuration:
 
 def _validate(plain: dict[str, Any], typed: Iterable[str]) -> Configuration:
     from pydantic import ValidationError
-
-    from stixel_cli.config.checks import check
 
     try:
         for group in GIVEN:

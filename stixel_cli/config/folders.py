@@ -204,9 +204,9 @@ def option_content(group: str, option: str) -> dict[str, Any]:
     return _content(option_file(group, option))
 
 
-def recorded_values() -> dict[str, Any]:
-    """The content of `conf/recorded.yaml`; not to be changed."""
-    return _content(shipped_folder("conf") / "recorded.yaml")
+def values_beside_groups(name: str) -> dict[str, Any]:
+    """The content of a file of `conf/` that is no option, `config` or `recorded`; as above."""
+    return _content(shipped_folder("conf") / f"{name}.yaml")
 
 
 @remembered
@@ -266,12 +266,7 @@ def options_default_first(group: str) -> list[str]:
 
 def configured_option(group: str) -> str | None:
     """The option of a group in `config.yaml`; `${road_user}` for one that follows another group."""
-    return chosen_options(top_values()).get(group)
-
-
-def top_values() -> dict[str, Any]:
-    """The content of `conf/config.yaml`; not to be changed."""
-    return _content(shipped_folder("conf") / "config.yaml")
+    return chosen_options(values_beside_groups("config")).get(group)
 
 
 def option_values(group: str, option: str) -> dict[str, Any]:

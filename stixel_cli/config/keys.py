@@ -26,7 +26,7 @@ from stixel_cli.config.folders import (
     innermost_group,
     option_values,
     options_default_first,
-    top_values,
+    values_beside_groups,
 )
 from stixel_cli.config.schema import Configuration
 from stixel_cli.config.texts import value_text
@@ -98,7 +98,7 @@ class Key:
         """
         group = innermost_group(self.name)
         if not group:
-            top = top_values()
+            top = values_beside_groups("config")
             return {"": _typed(top[self.name])} if self.name in top else {}
         default = self.schema.__dataclass_fields__[self.field].default
         name = self.name[len(group) + 1 :]

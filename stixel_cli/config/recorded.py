@@ -15,7 +15,7 @@ from pydantic import Field, TypeAdapter, ValidationError
 
 from stixel_cli.config import messages
 from stixel_cli.config.choice import set_by_experiment
-from stixel_cli.config.folders import EXPERIMENT, absolute, outermost_group, recorded_values
+from stixel_cli.config.folders import EXPERIMENT, absolute, outermost_group, values_beside_groups
 from stixel_cli.config.user_files import UserFiles
 from stixel_cli.errors import ConfigurationError
 from stixel_cli.recordings.find import guess_layout
@@ -127,7 +127,7 @@ def _suitable_settings(
 
     Those of an experiment's file count as set; they do not replace the options that suit.
     """
-    suitable = recorded_values()[group]
+    suitable = values_beside_groups("recorded")[group]
     options = dict(suitable["options"])
     if group == "source" and not recording.label:
         options["start"] = "scans"
