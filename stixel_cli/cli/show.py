@@ -195,6 +195,8 @@ def _read_rows(file: Path) -> list[dict[str, str]]:
 
 
 def _provenance(run: "RunResult") -> list[tuple[str, str]]:
+    from stixel_cli.results.lineage import shown_revision
+
     manifest = run.manifest
     rows = [
         (name, str(manifest[name]))
@@ -203,10 +205,8 @@ def _provenance(run: "RunResult") -> list[tuple[str, str]]:
     ]
     choices = " ".join(f"{group}={option}" for group, option in run.choices.items())
     rows.append(("choices", choices))
-    git = run.entry("git")
-    if git.get("revision") is not None:
-        changes = " with uncommitted changes" if git.get("dirty") else ""
-        rows.append(("git", f"{str(git['revision'])[:12]}{changes}"))
+    revision = shown_revision(run.entry("git"))
+    rows += [] if revision is None else [("git", revision)]
     for name in ("versions", "machine"):
         rows.append((name, ", ".join(f"{k} {v}" for k, v in run.entry(name).items())))
     return rows

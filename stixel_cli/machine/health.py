@@ -15,7 +15,7 @@ from stixel_cli.engine.entries import entries, set_aside
 from stixel_cli.engine.errors import CacheError, MissingEntry
 from stixel_cli.engine.parameters import show_size
 from stixel_cli.engine.store import Store
-from stixel_cli.results.lineage import git_state, package_versions
+from stixel_cli.results.lineage import git_state, package_versions, shown_revision
 
 RENDERER_TIMEOUT = 60.0
 """Time limit of a renderer, s; the first start on a machine compiles kernels."""
@@ -116,12 +116,10 @@ def _renderer(
 
 def _software() -> list[Check]:
     versions = package_versions()
-    git = git_state()
-    revision = "no checkout" if git["revision"] is None else git["revision"][:12]
-    changed = " with uncommitted changes" if git["dirty"] else ""
+    revision = shown_revision(git_state()) or "no checkout"
     supported = (3, 11) <= sys.version_info[:2] <= (3, 12)
     return [
-        Check("stixel", "ok", f"{versions.get('stixel', 'not installed')} ({revision}{changed})"),
+        Check("stixel", "ok", f"{versions.get('stixel', 'not installed')} ({revision})"),
         Check(
             "Python",
             "ok" if supported else "fails",

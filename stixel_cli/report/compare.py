@@ -21,6 +21,7 @@ from stixel_cli.report.metrics import NO_VALUE, best, shown_difference, shown_va
 from stixel_cli.report.page import Drawing, drawing_for_page, page_template, picture_for_page
 from stixel_cli.results.differences import by_group, differing_settings, warnings
 from stixel_cli.results.folder import PAGE
+from stixel_cli.results.lineage import shown_revision
 from stixel_cli.results.result import RunResult
 
 _LONGEST_NAME = 150
@@ -139,15 +140,12 @@ def _provenance(runs: Sequence[RunResult]) -> list[tuple[str, list[str]]]:
     """(name, value of each run): command, revision, versions and machine."""
     tables: list[dict[str, Any]] = []
     for run in runs:
-        git = run.entry("git")
-        revision = git.get("revision") and str(git["revision"])[:12]
-        changes = " with uncommitted changes" if git.get("dirty") else ""
         tables.append(
             {
                 "folder": run.folder,
                 **{name: run.manifest.get(name) for name in ("command", "seed", "created")},
                 "run time (s)": run.manifest.get("seconds"),
-                "git revision": revision and revision + changes,
+                "git revision": shown_revision(run.entry("git")),
                 **run.entry("versions"),
                 **{f"machine, {name}": value for name, value in run.entry("machine").items()},
             }

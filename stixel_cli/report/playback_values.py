@@ -14,6 +14,7 @@ from stixel_cli.evaluation.metric_table import metric
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.pictures.consistency import ellipse_axes
 from stixel_cli.report.metrics import shown_value
+from stixel_cli.results.lineage import shown_revision
 from stixel_cli.results.result import RunResult
 
 SUMMARY = (
@@ -50,11 +51,10 @@ def origin_of(manifest: Mapping[str, Any], folder: Path | None) -> dict[str, Any
     """
     if "command" not in manifest:
         return None
-    git, versions = manifest.get("git") or {}, manifest.get("versions") or {}
-    revision = str(git.get("revision") or "unknown")[:12]
+    versions = manifest.get("versions") or {}
     made = [
         f"stixel {versions.get('stixel', 'unknown')}",
-        f"revision {revision}{' with uncommitted changes' if git.get('dirty') else ''}",
+        f"revision {shown_revision(manifest.get('git') or {}) or 'unknown'}",
         str(manifest.get("created", "")),
     ]
     links = [["figures", "figures/"], ["metrics", "metrics.json"], ["configuration", "config.yaml"]]

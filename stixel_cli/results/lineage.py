@@ -217,6 +217,12 @@ def git_state() -> dict[str, Any]:
     return {"revision": found[1] if found else None, "dirty": changes}
 
 
+def shown_revision(git: Mapping[str, Any]) -> str | None:
+    """The state of a checkout as pages show it; None without a revision."""
+    changes = " with uncommitted changes" if git.get("dirty") else ""
+    return f"{str(git['revision'])[:12]}{changes}" if git.get("revision") else None
+
+
 def git(folder: Path, *arguments: str) -> str | None:
     """What git prints about a folder; None if it fails or is not installed."""
     try:

@@ -16,7 +16,7 @@ from stixel_cli.report.metrics import format_value
 from stixel_cli.report.page import drawing_for_page, page_template
 from stixel_cli.report.tables import INTERVAL, shown_table
 from stixel_cli.report.template import inline_html
-from stixel_cli.results.lineage import provenance
+from stixel_cli.results.lineage import provenance, shown_revision
 from stixel_cli.studies.plan import StudyPlan
 
 _NARROW = 700
@@ -223,8 +223,6 @@ def _sweep(name: str, request: Mapping[str, Any], seeds: Sequence[int]) -> dict[
 
 
 def _provenance(content: Mapping[str, Any]) -> list[tuple[str, str]]:
-    git = content.get("git") or {}
-    revision = str(git.get("revision"))[:12] if git.get("revision") else "–"
-    rows = [("git revision", revision + (" with changes" if git.get("dirty") else ""))]
+    rows = [("git revision", shown_revision(content.get("git") or {}) or "–")]
     rows += [(f"machine, {name}", str(v)) for name, v in (content.get("machine") or {}).items()]
     return rows + [(name, str(v)) for name, v in (content.get("versions") or {}).items()]
