@@ -3,11 +3,7 @@
 From Python: `from stixel_cli import compose, plot, run, sweep`, see `stixel_cli.api`.
 """
 
-import time
-
-__version__ = "0.1.0"
-FIRST_IMPORT = time.time()
-"""When this process imported the package; whatever it has of it was read from the disk later."""
+from stixel_cli.version import __version__
 
 __all__ = ["__version__", "compose", "plot", "run", "sweep"]
 

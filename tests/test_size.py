@@ -10,7 +10,7 @@ PACKAGE = Path(stixel_cli.__file__).parent
 
 BUDGET = {
     # The reader of Feather files stands beside that of all other foreign files.
-    "": 1037,
+    "": 1040,
     "calibration": 646,
     # `explain` says if a folder has results of other code than the cached ones.
     "cli": 2760,
@@ -52,7 +52,7 @@ BUDGET = {
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
 
 # The filters of PyRecEst: with the tracker they had more than 300 lines.
-MODULES = 306
+MODULES = 307
 """Modules of the package, without `__init__`."""
 
 

@@ -67,3 +67,16 @@ def test_no_folder_imports_one_above_it():
 def test_every_folder_has_its_place():
     folders = {path.parent.relative_to(PACKAGE).parts[0] for path in PACKAGE.glob("*/**/*.py")}
     assert folders == {*ORDER, "engine"}
+
+
+def test_no_module_imports_the_face_of_the_package():
+    # `stixel_cli/__init__.py` hands on names of `api.py`: from below that would be an arrow up.
+    faces = [
+        path.relative_to(PACKAGE).as_posix()
+        for path in PACKAGE.rglob("*.py")
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.ImportFrom)
+        and node.module == "stixel_cli"
+        and any(not (PACKAGE / f"{alias.name}.py").exists() for alias in node.names)
+    ]
+    assert faces == []

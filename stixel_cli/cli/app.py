@@ -11,7 +11,6 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from stixel_cli import __version__
 from stixel_cli.cli.assess import assess
 from stixel_cli.cli.calibrate import calibrate
 from stixel_cli.cli.compare import compare
@@ -31,6 +30,7 @@ from stixel_cli.cli.sweep import sweep
 from stixel_cli.cli.terminal import escaping, say
 from stixel_cli.engine.limits import ENVIRONMENT
 from stixel_cli.errors import UserError
+from stixel_cli.version import __version__
 
 
 class _Commands(TyperGroup):

@@ -134,7 +134,7 @@ def _write_log(text: str) -> Path:
 
     import platformdirs
 
-    from stixel_cli import __version__
+    from stixel_cli.version import __version__
 
     folder = platformdirs.user_log_path("stixel", appauthor=False, ensure_exists=True)
     log = folder / f"crash-{time.strftime('%Y%m%d-%H%M%S')}-{os.getpid()}.log"

@@ -28,10 +28,10 @@ from pathlib import Path
 from types import CodeType
 from typing import Any
 
-from stixel_cli import FIRST_IMPORT
 from stixel_cli.engine.code import Code, CodeIndex, same_files, search_also
 from stixel_cli.engine.errors import CodeChanged
 from stixel_cli.engine.source_files import UNUSED
+from stixel_cli.version import FIRST_IMPORT
 
 _started = FIRST_IMPORT
 _lock = threading.Lock()

@@ -7,7 +7,6 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
-from stixel_cli import __version__
 from stixel_cli.config.compose import Composition, compose, from_resolved
 from stixel_cli.config.folders import OF_THE_MACHINE, PRESETS
 from stixel_cli.config.own_options import check_parameters, functions_of, refuse_code
@@ -25,6 +24,7 @@ from stixel_cli.results.folder import check_results, new_folder, write_folder
 from stixel_cli.results.lineage import lineage_of, provenance, read_lineage
 from stixel_cli.results.result import RunResult, read_run
 from stixel_cli.scene.scenario import Scenario
+from stixel_cli.version import __version__
 
 GREATEST_ANGLE = 20.0
 """Degrees between a target's heading and its motion, above which a truth contradicts itself."""
