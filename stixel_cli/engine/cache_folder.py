@@ -16,6 +16,7 @@ import time
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from hashlib import file_digest
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -71,7 +72,7 @@ def read_file(path: Path, greatest: int = NOTES_LIMIT) -> bytes:
     return path.read_bytes()
 
 
-def _check_regular(path: Path, greatest: int) -> None:
+def _check_regular(path: Path, greatest: float) -> None:
     found = path.stat()
     if not stat.S_ISREG(found.st_mode):
         raise NotARegularFile("not a regular file")
@@ -79,7 +80,7 @@ def _check_regular(path: Path, greatest: int) -> None:
         raise NotARegularFile(f"larger than {greatest} bytes")
 
 
-def digest_of_file(path: Path, greatest: int) -> tuple[int, str]:
+def digest_of_file(path: Path, greatest: float = inf) -> tuple[int, str]:
     """Size and SHA-256 of a regular file that is not read into memory; errors as `read_file`."""
     _check_regular(path, greatest)
     with path.open("rb") as file:

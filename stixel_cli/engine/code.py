@@ -20,8 +20,9 @@ import importlib
 import sys
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import cache
 from hashlib import sha256
-from importlib.machinery import EXTENSION_SUFFIXES, ModuleSpec, PathFinder
+from importlib.machinery import EXTENSION_SUFFIXES, PathFinder
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -124,7 +125,7 @@ class CodeIndex:
     def __init__(self, store_folder: Path | None = None):
         if store_folder is not None:
             load_digests(store_folder)
-        self._walks: dict[tuple[Path, ...], _Walk] = {}
+        self._walk = cache(_Walk)
 
     def code(self, roots: Iterable[str], folders: tuple[Path, ...] = ()) -> Code:
         """Find the code that the modules `roots` reach, including themselves.
@@ -134,9 +135,7 @@ class CodeIndex:
         Raises:
             LookupError: a root is not a module, or a module is not valid Python.
         """
-        if folders not in self._walks:
-            self._walks[folders] = _Walk(folders)
-        return self._walks[folders].code(tuple(sorted(set(roots))))
+        return self._walk(folders).code(tuple(sorted(set(roots))))
 
 
 class _Walk:
@@ -144,16 +143,11 @@ class _Walk:
 
     def __init__(self, own: tuple[Path, ...]):
         self._own = own
-        self._folders: dict[str, tuple[Path, ...]] = {}
-        self._modules: dict[str, _Module | None] = {}
-        self._codes: dict[tuple[str, ...], Code] = {}
+        self.code = cache(self._code)
+        self._search = cache(self._folders)
+        self._find = cache(self._read)
 
-    def code(self, roots: tuple[str, ...]) -> Code:
-        if roots not in self._codes:
-            self._codes[roots] = self._walk(roots)
-        return self._codes[roots]
-
-    def _walk(self, roots: tuple[str, ...]) -> Code:
+    def _code(self, roots: tuple[str, ...]) -> Code:
         first_party = {OWN_PACKAGE, *(root.partition(".")[0] for root in roots)}
         for root in roots:
             if self._find(root) is None:
@@ -199,15 +193,22 @@ class _Walk:
         found = {one: self._find(one) for one in above if parts[0] != OWN_PACKAGE}
         return [one for one, module in found.items() if module is not None and not module.is_empty]
 
-    def _search(self, top: str) -> tuple[Path, ...]:
+    def _folders(self, top: str) -> tuple[Path, ...]:
         """The folders that contain the top-level module; the import path comes first."""
-        if top not in self._folders:
-            own = any((f / f"{top}.py").is_file() or (f / top).is_dir() for f in self._own)
-            # Not as `find_spec`, which may answer with a module of the same name that is imported.
-            path = [*(p for p in sys.path if p not in _added), *map(str, self._own)]
-            spec = PathFinder.find_spec(top, path) if own else None
-            self._folders[top] = _search_folders(top) if spec is None else _folders_of(spec)
-        return self._folders[top]
+        own = any((f / f"{top}.py").is_file() or (f / top).is_dir() for f in self._own)
+        # Not as `find_spec`, which may answer with a module of the same name that is imported.
+        path = [*(p for p in sys.path if p not in _added), *map(str, self._own)]
+        spec = PathFinder.find_spec(top, path) if own else None
+        if spec is None:
+            try:
+                spec = find_spec(top)
+            except (ImportError, ValueError):
+                return ()
+        if spec is None:
+            return ()
+        if spec.submodule_search_locations:
+            return tuple(Path(folder).parent for folder in spec.submodule_search_locations)
+        return (Path(spec.origin).parent,) if spec.origin and spec.has_location else ()
 
     def _reached(self, target: str, attribute: str | None) -> Iterator[str]:
         """Modules that an import of `attribute` from `target` binds; None for `import target`."""
@@ -233,11 +234,6 @@ class _Walk:
                 parts = path.relative_to(folder).with_suffix("").parts
                 yield ".".join((name, *(parts[:-1] if parts[-1] == "__init__" else parts)))
 
-    def _find(self, name: str) -> _Module | None:
-        if name not in self._modules:
-            self._modules[name] = self._read(name)
-        return self._modules[name]
-
     def _read(self, name: str) -> _Module | None:
         top, *parts = name.split(".")
         for folder in self._search(top):
@@ -253,21 +249,6 @@ class _Walk:
                 # A namespace package: it has submodules and no code of its own.
                 return _Module(name, base, True, "", "", True)
         return None
-
-
-def _search_folders(top: str) -> tuple[Path, ...]:
-    """The folders that contain the top-level module or package."""
-    try:
-        spec = find_spec(top)
-    except (ImportError, ValueError):
-        return ()
-    return () if spec is None else _folders_of(spec)
-
-
-def _folders_of(spec: ModuleSpec) -> tuple[Path, ...]:
-    if spec.submodule_search_locations:
-        return tuple(Path(folder).parent for folder in spec.submodule_search_locations)
-    return (Path(spec.origin).parent,) if spec.origin and spec.has_location else ()
 
 
 def _module(name: str, path: Path, is_package: bool) -> _Module:

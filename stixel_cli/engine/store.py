@@ -28,11 +28,7 @@ from stixel_cli.engine.cache_folder import (
     unwritable,
 )
 from stixel_cli.engine.errors import CacheError, MissingEntry
-from stixel_cli.engine.parameters import (
-    CacheParameters,
-    default_cache_folder,
-    parse_size,
-)
+from stixel_cli.engine.parameters import CacheParameters, default_cache_folder, parse_size
 
 VALUE = "value.joblib"
 META = "meta.json"
@@ -135,19 +131,16 @@ class Store:
         try:
             make_folder(self.folder, "tmp")
             partial.mkdir()
-            with (partial / VALUE).open("wb") as file:
-                writer = _HashingWriter(file)
-                joblib.dump(value, writer)
-            size = writer.tell()
-            meta = {**notes, "key": key, "size": size, "digest": writer.digest()}
+            joblib.dump(value, partial / VALUE)
+            size, digest = digest_of_file(partial / VALUE)
+            meta = {**notes, "key": key, "size": size, "digest": digest}
             (partial / META).write_bytes(_notes_content(meta))
             self._put_in_place(partial, self.entry(key))
         except OSError as error:
-            shutil.rmtree(partial, ignore_errors=True)
             raise unwritable(self.folder, error) from error
-        except BaseException:
+        finally:
+            # It is in its place by now, or of no use.
             shutil.rmtree(partial, ignore_errors=True)
-            raise
         return size
 
     @contextmanager
@@ -234,7 +227,6 @@ class Store:
         except OSError:
             if self.has(entry.name):
                 # Another process stored the same result first.
-                shutil.rmtree(partial, ignore_errors=True)
                 return
             # A damaged entry, or one that was removed in part.
             self._set_aside(entry.name, "it is incomplete")
@@ -242,8 +234,8 @@ class Store:
 
 
 def _move(partial: Path, entry: Path) -> None:
+    entry.parent.mkdir(parents=True, exist_ok=True)
     try:
-        entry.parent.mkdir(parents=True, exist_ok=True)
         partial.rename(entry)
     except FileNotFoundError:
         # A cleanup removed the empty folder in between.
@@ -275,26 +267,3 @@ def _notes_fault(content: bytes, key: str) -> str | None:
     if f'\n "key": "{key}",'.encode() not in rest:
         return "it belongs to another key"
     return None
-
-
-class _HashingWriter:
-    """Write to a binary file and hash the content."""
-
-    def __init__(self, file: io.BufferedWriter):
-        self._file = file
-        self._hash = sha256()
-        self._size = 0
-
-    def write(self, content: bytes | memoryview) -> int:
-        self._hash.update(content)
-        self._size += memoryview(content).nbytes
-        return self._file.write(content)
-
-    def tell(self) -> int:
-        return self._size
-
-    def flush(self) -> None:
-        self._file.flush()
-
-    def digest(self) -> str:
-        return self._hash.hexdigest()

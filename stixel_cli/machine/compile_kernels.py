@@ -28,7 +28,7 @@ from stixel_cli.tracking.contour.ray_table import expected, outline_table
 TINY = ("rig.width=96", "rig.height=64", "stereo.disparities=16", "path.duration=0.2")
 TINY += ("pictures.frames=[0]",)
 
-OPTIONS = ("road=estimated", "occupancy=cartesian")
+OPTIONS = ("renderer=raycast", "road=estimated", "occupancy=cartesian")
 """They call the kernels of the default options too."""
 
 

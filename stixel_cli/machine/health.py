@@ -3,7 +3,6 @@
 import os
 import platform
 import shutil
-import signal
 import subprocess
 import sys
 from collections.abc import Callable
@@ -23,7 +22,8 @@ RENDERER_TIMEOUT = 60.0
 LEAST_FREE = 10**9
 """Free bytes that the cache needs: a few experiments of a hundred frames."""
 
-RAYCAST_PROBE = (sys.executable, "-c", f"import {__name__} as health; health.render_one_picture()")
+_RENDER = "from stixel_cli.machine import compile_kernels; compile_kernels.call_rendering_kernels()"
+RAYCAST_PROBE = (sys.executable, "-c", _RENDER)
 
 
 @dataclass(frozen=True)
@@ -64,41 +64,22 @@ def probe_raycast(
     timeout: float = RENDERER_TIMEOUT, command: tuple[str, ...] = RAYCAST_PROBE
 ) -> str | None:
     """Why ray casting does not work here, in one line; None if it renders a picture in time."""
-    child = subprocess.Popen(
-        command,
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.PIPE,
-        text=True,
-        errors="replace",
-        start_new_session=True,
-    )
     try:
-        _, errors = child.communicate(timeout=timeout)
+        child = subprocess.run(
+            command,
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            text=True,
+            errors="replace",
+            start_new_session=True,
+            timeout=timeout,
+        )
     except subprocess.TimeoutExpired:
         return f"no picture within {timeout:g} s"
-    finally:
-        if child.poll() is None:
-            os.killpg(child.pid, signal.SIGKILL)
-            child.communicate()
     if child.returncode == 0:
         return None
-    lines = [line.strip() for line in errors.splitlines() if line.strip()]
+    lines = [line.strip() for line in child.stderr.splitlines() if line.strip()]
     return lines[-1] if lines else f"its process ended with exit code {child.returncode}"
-
-
-def render_one_picture() -> None:
-    """Render one frame of 64 × 64 pixels by ray casting. Run by a child process: it may crash."""
-    from stixel_cli.config.compose import compose
-    from stixel_cli.rendering.raycast import render
-    from stixel_cli.scene.ego import ego_motion
-    from stixel_cli.scene.path import build_scenario
-
-    small = ("rig.width=64", "rig.height=64", "stereo.disparities=16", "path.duration=0.2")
-    what = compose((*small, "pictures.frames=[0]", "renderer=raycast")).configuration
-    ego = ego_motion(what.ego, what.path.duration, what.path.sample_time)
-    scenario = build_scenario(ego, what.road_user, what.path)
-    render(scenario, what.road_user, what.world, what.rig, what.renderer, range(1))
 
 
 def _probe_filament() -> str | None:
@@ -120,11 +101,9 @@ def _software() -> list[Check]:
     supported = (3, 11) <= sys.version_info[:2] <= (3, 12)
     return [
         Check("stixel", "ok", f"{versions.get('stixel', 'not installed')} ({revision})"),
-        Check(
-            "Python",
-            "ok" if supported else "fails",
-            versions["python"] + ("" if supported else ": Python 3.11 or 3.12 is required"),
-        ),
+        Check("Python", "ok", versions["python"])
+        if supported
+        else Check("Python", "fails", f"{versions['python']}: Python 3.11 or 3.12 is required"),
         Check("system", "ok", f"{platform.system()} {platform.release()} {platform.machine()}"),
         *(
             Check(name, "ok", version)
@@ -173,14 +152,13 @@ def _cache(store: Store) -> list[Check]:
 
 def _cache_entries(store: Store, damaged: int) -> Check:
     """Whether results are known to be damaged; their values are not read, which may take long."""
-    aside = set_aside(store)
-    # `aside` includes the damaged results just found, if they could be set aside.
-    if not (damaged or aside):
-        return Check("cache entries", "ok", "no damaged results known")
-    if not aside:
+    # With the damaged results just found, if they could be set aside.
+    if aside := set_aside(store):
+        text = f"{aside} damaged results set aside; they are recomputed when needed"
+    elif damaged:
         text = f"{damaged} damaged results cannot be set aside"
     else:
-        text = f"{aside} damaged results set aside; they are recomputed when needed"
+        return Check("cache entries", "ok", "no damaged results known")
     return Check("cache entries", "limited", f"{text}; stixel cache verify checks all")
 
 

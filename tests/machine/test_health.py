@@ -1,7 +1,7 @@
 import shutil
 
 from stixel_cli.config import folders
-from stixel_cli.machine import health
+from stixel_cli.machine import compile_kernels
 
 
 def test_the_probe_casts_rays_even_if_another_renderer_is_the_default(tmp_path, monkeypatch):
@@ -10,4 +10,5 @@ def test_the_probe_casts_rays_even_if_another_renderer_is_the_default(tmp_path, 
     assert "renderer: raycast" in chosen
     (conf / "config.yaml").write_text(chosen.replace("renderer: raycast", "renderer: filament"))
     monkeypatch.setattr(folders, "shipped_folder", tmp_path.joinpath)
-    health.render_one_picture()
+    compile_kernels._configuration.cache_clear()
+    compile_kernels.call_rendering_kernels()
