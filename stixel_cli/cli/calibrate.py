@@ -19,11 +19,7 @@ if TYPE_CHECKING:
 def calibrate(
     overrides: Annotated[
         list[str],
-        argument(
-            "The recording, as for run: source.folder=DIR …",
-            "OVERRIDE",
-            complete_override,
-        ),
+        argument("The recording, as for run: source.folder=DIR …", "OVERRIDE", complete_override),
     ],
     method: Annotated[
         str | None,

@@ -18,11 +18,7 @@ def argument(help: str, metavar: str, complete: Callable[[str], Any]) -> Any:
 
 
 def new_file(output: Path | None) -> Path | None:
-    """`output`, unless the file exists.
-
-    Raises:
-        UserError: in one line.
-    """
+    """`output`; UserError if the file exists."""
     if output is not None and output.exists():
         raise UserError(f"--output: {output} exists and is not overwritten; name another file")
     return output

@@ -21,11 +21,7 @@ from stixel_cli.cli.options import (
     with_workers,
 )
 from stixel_cli.cli.terminal import console, print_json, print_table, say
-from stixel_cli.config.folders import (
-    ENTRY_POINTS,
-    group_options,
-    installed_functions,
-)
+from stixel_cli.config.folders import ENTRY_POINTS, group_options, installed_functions
 from stixel_cli.errors import UserError
 
 if TYPE_CHECKING:
@@ -136,8 +132,7 @@ Examples:
 def stored_run(folder: Path, workers: int | None, trust_code: bool) -> "RunResult":
     """The run of a result folder, to be computed with the executor and cache of this machine.
 
-    Raises:
-        UserError: if the folder cannot be read, or names user-defined code that is not trusted.
+    UserError if the folder cannot be read, or names user-defined code that is not trusted.
     """
     from stixel_cli.experiment.run import read_stored_run, trust_stored_run
 

@@ -80,19 +80,11 @@ class Composition:
 
     @property
     def recording(self) -> "Recording | None":
-        """The recording or the replayed motion, opened once; None without one.
-
-        Raises:
-            UserError: if a file is missing or not valid.
-        """
+        """The recording or the replayed motion, opened once; as `UserFiles.recording`."""
         return self.files.recording(self.configuration)
 
     def value(self, name: str) -> Any:
-        """The chosen option of a group, or the value of a key in its own type.
-
-        Raises:
-            KeyError: no such group or key.
-        """
+        """The chosen option of a group, or the value of a key in its own type; else KeyError."""
         if name in self.choices:
             return self.choices[name]
         value: Any = self.resolved
@@ -159,9 +151,13 @@ class Composer:
                 resolved[group] = resolved[group] | values
                 code = replace(getattr(configuration, group), parameters=values)
                 configuration = replace(configuration, **{group: code})
+        parts = {
+            # Keyed by the text, because 0.0 and -0.0 are equal and give different cache keys.
+            name: self._parts.setdefault((name, repr(value)), getattr(configuration, name))
+            for name, value in resolved.items()
+        }
         texts = tuple(override.text for override in parsed)
-        shared = self._shared(configuration, resolved)
-        return Composition(shared, choices, texts, resolved, self._files)
+        return Composition(Configuration(**parts), choices, texts, resolved, self._files)
 
     def _resolved(self, settings: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, str]]:
         """The resolved configuration in plain types and the option of each group."""
@@ -182,14 +178,6 @@ class Composer:
         from stixel_cli.config.recorded import with_recording
 
         return with_recording(typed, self._resolved, self._files, self._working_directory)
-
-    def _shared(self, configuration: Configuration, resolved: dict[str, Any]) -> Configuration:
-        parts = {
-            # Keyed by the text, because 0.0 and -0.0 are equal and give different cache keys.
-            name: self._parts.setdefault((name, repr(value)), getattr(configuration, name))
-            for name, value in resolved.items()
-        }
-        return Configuration(**parts)
 
 
 def _metric_functions(metrics: Any) -> Any:
@@ -215,11 +203,7 @@ def name_files_in_full(resolved: dict[str, Any], working_directory: str = "") ->
 
 
 def from_resolved(resolved: Mapping[str, Any]) -> Configuration:
-    """Validate `resolved`, the content of a stored `config.yaml`.
-
-    Raises:
-        ConfigurationError: in one line, if it does not fit the schema or cannot be run.
-    """
+    """Validate the content of a stored `config.yaml`; ConfigurationError if it cannot be run."""
     if not isinstance(resolved, Mapping):
         raise ConfigurationError(f"{messages.show(resolved)}: is not a configuration")
     return _validate(dict(resolved), ())

@@ -29,11 +29,7 @@ _NO_SCHEMA = {
 
 
 def describe_key(name: str) -> list[keys.Key]:
-    """The variants of a key, that of the default option first.
-
-    Raises:
-        KeyError: no such key.
-    """
+    """The variants of a key, that of the default option first; KeyError for another name."""
     group = innermost_group(name)
     first = f"{group}={default_option(group)}" if group else ""
     # A recording's path is not an option: it has no values.
@@ -80,8 +76,7 @@ def meaning_of_option(group: str, option: str) -> str:
 def parameters_of_own(group: str, option: str) -> list[tuple[str, str, str, str]]:
     """Key, default, range and meaning of each parameter of a user's function.
 
-    Raises:
-        ConfigurationError: in one line, if its module cannot be imported.
+    ConfigurationError if its module cannot be imported.
     """
     function, given = imported_option(group, option), GIVEN[group]
     schema = parameters_type(function, given)

@@ -4,12 +4,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any
 
 from stixel_cli.config import messages
-from stixel_cli.config.folders import (
-    default_option,
-    group_options,
-    innermost_group,
-    outer_options,
-)
+from stixel_cli.config.folders import default_option, group_options, innermost_group, outer_options
 from stixel_cli.config.keys import known_keys
 from stixel_cli.config.overrides import Override, parse
 from stixel_cli.config.own_options import RESERVED, check_option, user_function
@@ -23,11 +18,7 @@ WITHOUT_EFFECT = {
 
 
 def read_overrides(overrides: Sequence[str | Override]) -> list[Override]:
-    """The overrides, parsed where they are texts; no two of one key.
-
-    Raises:
-        ConfigurationError: for the first invalid override.
-    """
+    """The overrides, parsed where they are texts; ConfigurationError if two are of one key."""
     parsed: dict[str, Override] = {}
     for given in overrides:
         override = given if isinstance(given, Override) else parse(given)

@@ -99,11 +99,7 @@ class Override:
 
 @lru_cache(maxsize=8192)
 def parse(text: str) -> Override:
-    """The override of a text, by Hydra's grammar.
-
-    Raises:
-        ConfigurationError: if the text is not an override of a key or a group.
-    """
+    """The override of a text, by Hydra's grammar; ConfigurationError if the text is none."""
     plain = _PLAIN.fullmatch(text)
     if plain is not None:
         number = plain["number"]

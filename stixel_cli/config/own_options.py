@@ -122,8 +122,7 @@ def code_of_presets(resolved: Mapping[str, Any], typed: Iterable[str]) -> list[s
 def find_folders(resolved: Mapping[str, Any], working_directory: str) -> list[str]:
     """The folders of the user's modules, those of `code_folders` first; nothing is imported.
 
-    Raises:
-        ConfigurationError: if a module is missing, or has the name of another one.
+    ConfigurationError if a module is missing, or has the name of another one.
     """
     given = resolved["code_folders"]
     if not isinstance(given, list):

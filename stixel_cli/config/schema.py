@@ -166,11 +166,7 @@ def adapter() -> TypeAdapter:
 
 
 def check(configuration: Configuration) -> None:
-    """Refuse a configuration whose keys are valid one by one but contradict each other.
-
-    Raises:
-        ConfigurationError: in one line that names the key.
-    """
+    """Raise ConfigurationError if keys that are valid one by one contradict each other."""
     try:
         _check_source(configuration)
         for field in dataclasses.fields(configuration):
