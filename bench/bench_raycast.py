@@ -16,16 +16,15 @@ from small import sized
 
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.rendering.camera_rays import rig_cameras
+from stixel_cli.rendering.parameters import RaycastParameters
 from stixel_cli.rendering.placement import numbered_objects, world_from_target_3d
 from stixel_cli.rendering.raycast import StaticScene, Target, render_frame
-from stixel_cli.rendering.raycast_parameters import RaycastParameters
 from stixel_cli.rendering.supersampling import sample_offsets
 from stixel_cli.rendering.surfaces import srgb_from_linear
 from stixel_cli.rendering.tracing import Body, Shot, light_of, nearest, sunlit
+from stixel_cli.scene.parameters import RoadUser, World
 from stixel_cli.scene.road_user import road_user_meshes
-from stixel_cli.scene.road_user_parameters import RoadUser
 from stixel_cli.scene.scenario import Scenario
-from stixel_cli.scene.world_parameters import World
 
 CONF = Path(__file__).parents[1] / "conf"
 CHUNK = 10

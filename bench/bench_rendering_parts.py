@@ -23,16 +23,15 @@ from stixel_cli.rendering import tracing
 from stixel_cli.rendering.camera_rays import rig_cameras
 from stixel_cli.rendering.edges import edge_pixels
 from stixel_cli.rendering.frames import DEPTH_STEP
+from stixel_cli.rendering.parameters import RaycastParameters
 from stixel_cli.rendering.placement import numbered_objects, world_from_target_3d
 from stixel_cli.rendering.raycast import StaticScene, Target, render_frame
-from stixel_cli.rendering.raycast_parameters import RaycastParameters
 from stixel_cli.rendering.sensor_noise import LUMA, grey_levels, normal_quantiles
 from stixel_cli.rendering.supersampling import Centres, sample_offsets, supersampled
 from stixel_cli.rendering.surfaces import srgb_from_linear
 from stixel_cli.rendering.tracing import Body, Shot
+from stixel_cli.scene.parameters import RoadUser, World
 from stixel_cli.scene.road_user import road_user_meshes
-from stixel_cli.scene.road_user_parameters import RoadUser
-from stixel_cli.scene.world_parameters import World
 
 
 def cpu(who: int = resource.RUSAGE_SELF) -> float:

@@ -28,20 +28,19 @@ from stixel_cli.measurements.stixels import StixelsParameters
 from stixel_cli.own_code import OwnCode
 from stixel_cli.parameters import parameters
 from stixel_cli.recordings.parameters import Source
-from stixel_cli.rendering.filament_parameters import FilamentParameters
-from stixel_cli.rendering.raycast_parameters import RaycastParameters
+from stixel_cli.rendering.parameters import FilamentParameters, RaycastParameters
 from stixel_cli.rendering.sensor_noise import Sensor
 from stixel_cli.results.pictures import PicturesParameters
 from stixel_cli.scene.classes import ROAD_USER_CLASSES
 from stixel_cli.scene.ego import Ego
+from stixel_cli.scene.parameters import RoadUser, World
 from stixel_cli.scene.path_parameters import Path
-from stixel_cli.scene.road_user_parameters import RoadUser
-from stixel_cli.scene.world_parameters import World
 from stixel_cli.stereo.bm import BmParameters
 from stixel_cli.stereo.sgm import SgmParameters
-from stixel_cli.stixels.extraction_parameters import ExtractionParameters, HeightParameters
-from stixel_cli.stixels.free_space_parameters import (
+from stixel_cli.stixels.parameters import (
+    ExtractionParameters,
     FreeSpaceParameters,
+    HeightParameters,
     OccupancyParameters,
     RoadParameters,
 )

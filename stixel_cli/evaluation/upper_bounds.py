@@ -9,8 +9,8 @@ from stixel_cli.evaluation.contour_errors import areas, overlaps
 from stixel_cli.evaluation.scan_errors import UpperBounds
 from stixel_cli.scene.contours import outline
 from stixel_cli.scene.mesh import corners
+from stixel_cli.scene.parameters import RoadUser
 from stixel_cli.scene.road_user import road_user_meshes
-from stixel_cli.scene.road_user_parameters import RoadUser
 from stixel_cli.scene.scenario import Scenario
 
 RAYS = 720

@@ -20,10 +20,9 @@ from stixel_cli.rendering.placement import (
 )
 from stixel_cli.rendering.surfaces import RayTree
 from stixel_cli.scene.mesh import Mesh, corners
+from stixel_cli.scene.parameters import RoadUser, World
 from stixel_cli.scene.road_user import road_user_meshes
-from stixel_cli.scene.road_user_parameters import RoadUser
 from stixel_cli.scene.scenario import Scenario
-from stixel_cli.scene.world_parameters import World
 
 
 def cast_lidar(

@@ -16,8 +16,8 @@ from stixel_cli.recordings.kitti_tables import read_calibration, read_poses
 from stixel_cli.recordings.parameters import chosen_frames
 from stixel_cli.recordings.tables import labels_of
 from stixel_cli.recordings.types import Recording, Tables
+from stixel_cli.scene.parameters import RoadUser
 from stixel_cli.scene.path_parameters import ReplayedPath
-from stixel_cli.scene.road_user_parameters import RoadUser
 from stixel_cli.scene.scenario import EgoMotion, Scenario
 
 if TYPE_CHECKING:

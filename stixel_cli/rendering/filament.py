@@ -12,9 +12,9 @@ import numpy as np
 from stixel_cli.errors import UserError
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.rendering.camera_rays import Camera, rig_cameras
-from stixel_cli.rendering.filament_parameters import FilamentParameters
 from stixel_cli.rendering.filament_process import REASON, main
 from stixel_cli.rendering.frames import TARGET_ID, RenderedFrames
+from stixel_cli.rendering.parameters import FilamentParameters
 from stixel_cli.rendering.placement import (
     SUN_COLOUR,
     motion_of,
@@ -23,10 +23,9 @@ from stixel_cli.rendering.placement import (
     world_from_target_3d,
 )
 from stixel_cli.scene.mesh import Mesh
+from stixel_cli.scene.parameters import RoadUser, World
 from stixel_cli.scene.road_user import road_user_meshes
-from stixel_cli.scene.road_user_parameters import RoadUser
 from stixel_cli.scene.scenario import Scenario
-from stixel_cli.scene.world_parameters import World
 
 COMMAND = (sys.executable, "-m", main.__module__)
 """The child process; the folder that it works in, or `--probe`, follows."""

@@ -5,10 +5,10 @@ import numpy as np
 from stixel_cli.geometry.pose import rotation
 from stixel_cli.rendering.frames import BACKGROUND_ID, ROAD_ID
 from stixel_cli.scene.mesh import Mesh
+from stixel_cli.scene.parameters import Light, World
 from stixel_cli.scene.roadside import roadside_objects
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.scene.world import world_objects
-from stixel_cli.scene.world_parameters import Light, World
 
 SUN_COLOUR = np.array([1.0, 0.96, 0.88])
 """Linear red, green and blue of the sun's light."""

@@ -9,22 +9,21 @@ import numpy as np
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.rendering.camera_rays import rig_cameras
 from stixel_cli.rendering.frames import TARGET_ID, RenderedFrames
+from stixel_cli.rendering.parameters import RaycastParameters
 from stixel_cli.rendering.placement import (
     Motion,
     motion_of,
     numbered_objects,
     world_from_target_3d,
 )
-from stixel_cli.rendering.raycast_parameters import RaycastParameters
 from stixel_cli.rendering.surfaces import Surfaces, build_surfaces, with_other_vertices
 from stixel_cli.rendering.tracing import Body, Shot
 from stixel_cli.rendering.views import StaticView, static_view, view_with_target
 from stixel_cli.scene.mesh import Mesh, bounding_box
 from stixel_cli.scene.open3d_import import import_open3d_bindings
+from stixel_cli.scene.parameters import RoadUser, World
 from stixel_cli.scene.road_user import road_user_meshes
-from stixel_cli.scene.road_user_parameters import RoadUser
 from stixel_cli.scene.scenario import Scenario
-from stixel_cli.scene.world_parameters import World
 
 # Half a second, here and not with the first picture: a worker that waits for the scenario imports
 # this module.

@@ -16,7 +16,7 @@ from stixel_cli.rendering import shading
 from stixel_cli.rendering.camera_rays import Camera
 from stixel_cli.rendering.placement import SUN_COLOUR, sun_direction
 from stixel_cli.rendering.surfaces import Surfaces
-from stixel_cli.scene.world_parameters import Light
+from stixel_cli.scene.parameters import Light
 
 SKY_COLOUR = np.array([0.86, 0.94, 1.10])
 GROUND_COLOUR = np.array([0.36, 0.35, 0.33])

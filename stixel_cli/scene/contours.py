@@ -8,8 +8,8 @@ import numpy as np
 import shapely
 
 from stixel_cli.scene.mesh import Mesh, Part, corners
+from stixel_cli.scene.parameters import RoadUser
 from stixel_cli.scene.road_user import limb_poses, moving_parts, road_user_meshes
-from stixel_cli.scene.road_user_parameters import RoadUser
 from stixel_cli.scene.scenario import EgoMotion, Scenario
 
 SIMPLIFIED_BY = 1e-3

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stixel_cli.scene.contours import moving_target
+from stixel_cli.scene.parameters import RoadUser
 from stixel_cli.scene.path_parameters import (
     Approach,
     Circle,
@@ -21,7 +22,6 @@ from stixel_cli.scene.path_parameters import (
     Turn,
     Waypoints,
 )
-from stixel_cli.scene.road_user_parameters import RoadUser
 from stixel_cli.scene.scenario import EgoMotion, Scenario
 
 if TYPE_CHECKING:  # see `waypoint_spline`

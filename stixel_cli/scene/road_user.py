@@ -13,9 +13,9 @@ from stixel_cli.scene.car_shape import HATCHBACK, drawn_car
 from stixel_cli.scene.cyclist import STANDARD as STANDARD_CYCLIST
 from stixel_cli.scene.cyclist import cyclist, drawn_cyclist, pedalling
 from stixel_cli.scene.mesh import Mesh, fitted, grounded
+from stixel_cli.scene.parameters import RoadUser
 from stixel_cli.scene.pedestrian import STANDARD as STANDARD_PEDESTRIAN
 from stixel_cli.scene.pedestrian import drawn_pedestrian, pedestrian, walking
-from stixel_cli.scene.road_user_parameters import RoadUser
 from stixel_cli.scene.shapes import Surface, joined
 
 LIMB_POSES = 32

@@ -14,10 +14,10 @@ from stixel_cli.scene import background
 from stixel_cli.scene.background import flat
 from stixel_cli.scene.car import car
 from stixel_cli.scene.mesh import Mesh, bounding_box, fitted, moved
+from stixel_cli.scene.parameters import World
 from stixel_cli.scene.shapes import box, part
 from stixel_cli.scene.textures import asphalt, facade, leaves, mottled, roof_tiles
 from stixel_cli.scene.world import WALLS, WorldObject
-from stixel_cli.scene.world_parameters import World
 
 BEHIND, AHEAD = 30.0, 90.0
 """The roadside reaches as far before the start and beyond the end of the ego car's way, m."""

@@ -15,9 +15,9 @@ from stixel_cli.scene import background
 from stixel_cli.scene.background import ground
 from stixel_cli.scene.car import car
 from stixel_cli.scene.mesh import Mesh, fitted, moved
+from stixel_cli.scene.parameters import World
 from stixel_cli.scene.shapes import box, part
 from stixel_cli.scene.textures import facade, leaves, mottled, roof_tiles
-from stixel_cli.scene.world_parameters import World
 
 HOUSES = (
     # x0, y0, x1, y1, height of the walls, ridge

@@ -4,12 +4,12 @@ import numpy as np
 
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.stereo.disparities import Disparities
-from stixel_cli.stixels.free_space_parameters import (
+from stixel_cli.stixels.occupancy import accumulate, layout
+from stixel_cli.stixels.parameters import (
     CartesianOccupancy,
     OccupancyParameters,
     RoadParameters,
 )
-from stixel_cli.stixels.occupancy import accumulate, layout
 from stixel_cli.stixels.types import FreeSpace, OccupancyGrid
 
 

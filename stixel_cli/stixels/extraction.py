@@ -6,9 +6,9 @@ import numpy as np
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.rendering.frames import StereoPairs
 from stixel_cli.stereo.disparities import SUBPIXELS, Disparities
-from stixel_cli.stixels.extraction_parameters import ExtractionParameters, HeightParameters
 from stixel_cli.stixels.grouping import group_columns
 from stixel_cli.stixels.height import depth_windows, top_rows
+from stixel_cli.stixels.parameters import ExtractionParameters, HeightParameters
 from stixel_cli.stixels.refinement import aligned
 from stixel_cli.stixels.road import base_rows, pitch_and_height, pitch_factors
 from stixel_cli.stixels.types import SAME_OBJECT, FreeSpace, Stixels

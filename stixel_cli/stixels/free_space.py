@@ -7,13 +7,13 @@ from stixel_cli.geometry.pose import ego_from_world, world_from_ego
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.scene.scenario import EgoMotion
 from stixel_cli.stereo.disparities import Disparities
-from stixel_cli.stixels.free_space_parameters import (
+from stixel_cli.stixels.nearest_obstacle import nearest_obstacle
+from stixel_cli.stixels.occupancy import layout
+from stixel_cli.stixels.parameters import (
     FreeSpaceParameters,
     OccupancyParameters,
     RoadParameters,
 )
-from stixel_cli.stixels.nearest_obstacle import nearest_obstacle
-from stixel_cli.stixels.occupancy import layout
 from stixel_cli.stixels.road import base_rows, find_road, pitch_factors
 from stixel_cli.stixels.types import FreeSpace
 from stixel_cli.stixels.unknown import unknown_rows

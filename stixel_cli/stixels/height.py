@@ -8,7 +8,7 @@ from numba import njit
 
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.stereo.disparities import SUBPIXELS
-from stixel_cli.stixels.extraction_parameters import HeightParameters
+from stixel_cli.stixels.parameters import HeightParameters
 from stixel_cli.stixels.road import pitch_factors
 
 

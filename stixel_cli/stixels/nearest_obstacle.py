@@ -8,12 +8,12 @@ first. The depths of the rows need not be even.
 import numpy as np
 from numba import njit
 
-from stixel_cli.stixels.free_space_parameters import (
+from stixel_cli.stixels.occupancy import BINS_PER_PIXEL, Layout, accumulate, to_polar
+from stixel_cli.stixels.parameters import (
     CartesianOccupancy,
     FreeSpaceParameters,
     RoadParameters,
 )
-from stixel_cli.stixels.occupancy import BINS_PER_PIXEL, Layout, accumulate, to_polar
 
 
 def nearest_obstacle(

@@ -16,7 +16,7 @@ from scipy.special import ndtr
 
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.stereo.disparities import SUBPIXELS
-from stixel_cli.stixels.free_space_parameters import (
+from stixel_cli.stixels.parameters import (
     CartesianOccupancy,
     ColumnDisparityOccupancy,
     OccupancyParameters,

@@ -14,7 +14,7 @@ from numba import njit
 
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.stereo.disparities import SUBPIXELS
-from stixel_cli.stixels.free_space_parameters import EstimatedRoad, RoadParameters
+from stixel_cli.stixels.parameters import EstimatedRoad, RoadParameters
 
 STEPS = 41
 """The estimate tries this many pitches, and this many heights."""

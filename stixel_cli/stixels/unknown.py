@@ -4,8 +4,8 @@ import numpy as np
 from numba import njit
 
 from stixel_cli.stereo.disparities import SUBPIXELS
-from stixel_cli.stixels.free_space_parameters import FreeSpaceParameters, RoadParameters
 from stixel_cli.stixels.occupancy import Layout
+from stixel_cli.stixels.parameters import FreeSpaceParameters, RoadParameters
 from stixel_cli.stixels.road import pitch_and_height
 
 LEAST_ROWS = 10

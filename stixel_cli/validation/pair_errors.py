@@ -7,7 +7,7 @@ import numpy as np
 from stixel_cli.calibration.label_errors import column_rays, label_face
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.recordings.types import Labels
-from stixel_cli.stixels.free_space_parameters import FreeSpaceParameters, RoadParameters
+from stixel_cli.stixels.parameters import FreeSpaceParameters, RoadParameters
 from stixel_cli.stixels.road import find_road, pitch_and_height
 from stixel_cli.stixels.types import FreeSpace, Stixels
 from stixel_cli.validation.stage_truth import nearest_rows

@@ -95,8 +95,8 @@ def test_a_stage_reaches_neither_another_stage_nor_the_engine(function):
     assert not [module for module in reached(function) if module.startswith(above)]
 
 
-def test_an_options_function_is_in_the_module_of_its_parameters():
-    # The parameters of Filament are in `filament_parameters.py`.
+def test_an_options_function_is_in_the_module_of_its_kind():
+    # The parameters of Filament are in `rendering/parameters.py`.
     assert TABLE["render"].functions["filament"] == "stixel_cli.rendering.filament:render"
     assert TABLE["match"].functions["bm"] == "stixel_cli.stereo.bm:match"
     assert TABLE["track"].functions["point"] == "stixel_cli.tracking.baselines.point:track"

@@ -20,10 +20,10 @@ from stixel_cli.measurements.scanner import LidarReturns, Scanner
 from stixel_cli.measurements.scans import FieldOfView
 from stixel_cli.scene.mesh import Mesh, corners
 from stixel_cli.scene.open3d_import import import_open3d_bindings
+from stixel_cli.scene.parameters import World
 from stixel_cli.scene.road_user import road_user_meshes
 from stixel_cli.scene.scenario import EgoMotion, Scenario
 from stixel_cli.scene.shapes import box, part
-from stixel_cli.scene.world_parameters import World
 
 AHEAD = 0.5 * np.pi
 FIELD = (-np.radians(30.0), np.radians(30.0))

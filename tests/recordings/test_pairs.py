@@ -16,7 +16,7 @@ from stixel_cli.recordings.find import find_recording, guess_layout
 from stixel_cli.recordings.image_files import read_disparity
 from stixel_cli.recordings.kitti_tables import read_labels
 from stixel_cli.recordings.parameters import KittiPair
-from stixel_cli.stixels.free_space_parameters import FreeSpaceParameters, RigRoad
+from stixel_cli.stixels.parameters import FreeSpaceParameters, RigRoad
 from stixel_cli.stixels.types import FreeSpace, Stixels
 from stixel_cli.validation.pair_errors import area_errors, called_free, road_plane, true_obstacles
 

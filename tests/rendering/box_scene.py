@@ -4,10 +4,10 @@ import numpy as np
 
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.rendering.frames import BACKGROUND_ID, ROAD_ID
-from stixel_cli.rendering.raycast_parameters import RaycastParameters
+from stixel_cli.rendering.parameters import RaycastParameters
 from stixel_cli.scene.mesh import Mesh, Part
+from stixel_cli.scene.parameters import Light
 from stixel_cli.scene.scenario import Scenario
-from stixel_cli.scene.world_parameters import Light
 
 RIG = Rig(
     width=128,

@@ -15,7 +15,6 @@ from stixel_cli.rendering.filament import (
     probe_filament,
     rendered,
 )
-from stixel_cli.rendering.filament_parameters import FilamentParameters
 from stixel_cli.rendering.filament_process import (
     ID_STEPS,
     encoded,
@@ -24,6 +23,7 @@ from stixel_cli.rendering.filament_process import (
     main,
 )
 from stixel_cli.rendering.frames import SKY_ID, TARGET_ID
+from stixel_cli.rendering.parameters import FilamentParameters
 from stixel_cli.rendering.raycast import StaticScene, Target, render_frame
 from stixel_cli.rendering.surfaces import linear_from_srgb
 

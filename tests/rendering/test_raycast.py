@@ -24,8 +24,8 @@ from stixel_cli.rendering.surfaces import (
 )
 from stixel_cli.rendering.tracing import Body, Shot
 from stixel_cli.scene.mesh import Mesh, scaled
+from stixel_cli.scene.parameters import World
 from stixel_cli.scene.world import WorldObject
-from stixel_cli.scene.world_parameters import World
 
 POSE = np.array([0.0, 0.0, box_scene.AHEAD])
 

@@ -14,9 +14,8 @@ from stixel_cli.rendering.supersampling import Centres, rasterised, sample_offse
 from stixel_cli.rendering.surfaces import build_surfaces
 from stixel_cli.rendering.tracing import Body, Shot
 from stixel_cli.scene.mesh import Mesh, Part
+from stixel_cli.scene.parameters import RoadUser, World
 from stixel_cli.scene.road_user import road_user_meshes
-from stixel_cli.scene.road_user_parameters import RoadUser
-from stixel_cli.scene.world_parameters import World
 
 POSE = np.array([0.0, 0.0, AHEAD])
 

@@ -9,9 +9,8 @@ from pydantic import Field, TypeAdapter
 
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.scene.ego import Ego
+from stixel_cli.scene.parameters import RoadUser, World
 from stixel_cli.scene.path_parameters import Path
-from stixel_cli.scene.road_user_parameters import RoadUser
-from stixel_cli.scene.world_parameters import World
 
 CONF = FilePath(__file__).parents[2] / "conf"
 

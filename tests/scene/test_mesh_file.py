@@ -16,8 +16,8 @@ from stixel_cli.scene import mesh_file, open3d_import
 from stixel_cli.scene.contours import ground_contour
 from stixel_cli.scene.mesh import bounding_box
 from stixel_cli.scene.mesh_file import load_mesh, referred_files
+from stixel_cli.scene.parameters import RoadUser
 from stixel_cli.scene.road_user import road_user_meshes
-from stixel_cli.scene.road_user_parameters import RoadUser
 
 WEDGE = """{header}v 1 1 3
 v 3 1 3

@@ -6,8 +6,8 @@ import pytest
 import scene_presets
 
 from stixel_cli.scene.mesh import bounding_box, corners
+from stixel_cli.scene.parameters import RoadUser
 from stixel_cli.scene.road_user import road_user_meshes
-from stixel_cli.scene.road_user_parameters import RoadUser
 
 
 def parameters(kind="car", **changes):

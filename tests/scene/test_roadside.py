@@ -4,9 +4,9 @@ import shapely
 
 from stixel_cli.rendering.placement import motion_of, numbered_objects
 from stixel_cli.scene.mesh import bounding_box, corners
+from stixel_cli.scene.parameters import World
 from stixel_cli.scene.roadside import ROAD, VIEW, roadside_objects
 from stixel_cli.scene.scenario import Scenario
-from stixel_cli.scene.world_parameters import World
 
 WORLD = World("roadside", 1, 1.0)
 

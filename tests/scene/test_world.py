@@ -7,9 +7,9 @@ from stixel_cli.geometry.pose import world_from_target
 from stixel_cli.scene.background import KERB, MARK, PAVEMENTS
 from stixel_cli.scene.ego import ego_motion
 from stixel_cli.scene.mesh import bounding_box, corners
+from stixel_cli.scene.parameters import World
 from stixel_cli.scene.path import path_poses
 from stixel_cli.scene.world import world_objects
-from stixel_cli.scene.world_parameters import World
 
 
 @pytest.fixture(scope="module")

@@ -7,12 +7,13 @@ from constants import with_constants
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.images import ImageStack
 from stixel_cli.stereo.disparities import Disparities
-from stixel_cli.stixels.extraction_parameters import ExtractionParameters, HeightParameters
-from stixel_cli.stixels.free_space_parameters import (
+from stixel_cli.stixels.parameters import (
     CartesianOccupancy,
     ColumnDisparityOccupancy,
     EstimatedRoad,
+    ExtractionParameters,
     FreeSpaceParameters,
+    HeightParameters,
     PolarOccupancy,
     RigRoad,
 )

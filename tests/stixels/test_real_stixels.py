@@ -22,10 +22,11 @@ from stixel_cli.scene.scenario import EgoMotion
 from stixel_cli.stereo import sgm
 from stixel_cli.stereo.disparities import INVALID, SUBPIXELS, Disparities
 from stixel_cli.stixels.extraction import extract_stixels
-from stixel_cli.stixels.extraction_parameters import ExtractionParameters, HeightParameters
 from stixel_cli.stixels.free_space import find_free_space
-from stixel_cli.stixels.free_space_parameters import (
+from stixel_cli.stixels.parameters import (
+    ExtractionParameters,
     FreeSpaceParameters,
+    HeightParameters,
     OccupancyParameters,
     RoadParameters,
 )

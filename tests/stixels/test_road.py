@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from projection import project, unproject
 
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.stixels.free_space_parameters import RigRoad
+from stixel_cli.stixels.parameters import RigRoad
 from stixel_cli.stixels.road import (
     base_rows,
     find_road,

@@ -15,8 +15,8 @@ from stixel_cli.config.compose import compose
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.pictures.camera import LEFT, TOP
 from stixel_cli.pictures.stage_sheet import PANELS, TITLE, by_frame, contact_sheet
+from stixel_cli.scene.parameters import RoadUser
 from stixel_cli.scene.road_user import road_user_meshes
-from stixel_cli.scene.road_user_parameters import RoadUser
 from stixel_cli.studies.file import find_study, read_study
 from stixel_cli.studies.rq1.errors import matcher, needed_disparity, road_user
 from stixel_cli.studies.rq1.setup import seconds_a_frame, timed_building, values_of

@@ -5,7 +5,7 @@ import numpy as np
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.rendering.frames import BACKGROUND_ID, ROAD_ID, SKY_ID, TARGET_ID, RenderedFrames
 from stixel_cli.stereo.disparities import Disparities
-from stixel_cli.stixels.free_space_parameters import FreeSpaceParameters, PolarOccupancy, RigRoad
+from stixel_cli.stixels.parameters import FreeSpaceParameters, PolarOccupancy, RigRoad
 from stixel_cli.stixels.road import base_rows, road_line
 from stixel_cli.stixels.types import FreeSpace, Stixels
 from stixel_cli.validation.stage_errors import stage_errors

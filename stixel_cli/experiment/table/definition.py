@@ -56,12 +56,13 @@ def only(function: str) -> dict[str, str]:
 def by_kind(options: Any, name: str) -> dict[str, str]:
     """The function `name` of each option of a union, by kind.
 
-    It is in the module of the option's parameters, or in `NAME.py` for `NAME_parameters.py`.
+    It is in `KIND.py`, in the folder of the option's parameters.
     """
-    return {
-        kind_of(option): f"{option.__module__.removesuffix('_parameters')}:{name}"
-        for option in get_args(options)
-    }
+    functions = {}
+    for option in get_args(options):
+        folder, kind = option.__module__.rpartition(".")[0], kind_of(option)
+        functions[kind] = f"{folder}.{kind}:{name}"
+    return functions
 
 
 def same(*names: str) -> dict[str, str]:
