@@ -51,3 +51,8 @@ def printable(text: str, longest: int = 60) -> str:
 def printable_path(path: object) -> str:
     """A path or file name for a message, on one line and not too long."""
     return printable(str(path), 200)
+
+
+def counted(count: int, noun: str) -> str:
+    """A number with its noun, whose plural must be regular: `1 run`, `2 runs`."""
+    return f"{count} {noun}{'' if count == 1 else 's'}"

@@ -19,8 +19,8 @@ from stixel_cli.cli.options import (
     argument,
     with_workers,
 )
-from stixel_cli.cli.terminal import counted, print_json, print_table, say
-from stixel_cli.errors import UserError, printable_path
+from stixel_cli.cli.terminal import print_json, print_table, say
+from stixel_cli.errors import UserError, counted, printable_path
 
 if TYPE_CHECKING:
     from stixel_cli.engine.explain import Explanation

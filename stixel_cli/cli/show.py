@@ -9,8 +9,8 @@ import typer
 from stixel_cli.cli.completion import complete_folder
 from stixel_cli.cli.errors import tell
 from stixel_cli.cli.options import Json, RunOrSweep
-from stixel_cli.cli.terminal import counted, print_json, print_table, say
-from stixel_cli.errors import UserError
+from stixel_cli.cli.terminal import print_json, print_table, say
+from stixel_cli.errors import UserError, counted
 
 if TYPE_CHECKING:
     from stixel_cli.results.result import RunResult

@@ -23,8 +23,8 @@ from stixel_cli.cli.options import (
     with_workers,
 )
 from stixel_cli.cli.plan import print_plan
-from stixel_cli.cli.terminal import counted, print_json, print_table, say
-from stixel_cli.errors import UserError
+from stixel_cli.cli.terminal import print_json, print_table, say
+from stixel_cli.errors import UserError, counted
 
 if TYPE_CHECKING:
     from stixel_cli.sweeps.results import SweepResult

@@ -92,8 +92,3 @@ def print_table(
         table.add_row(*(Text(escaped(cell)) for cell in row))
     printer = console(None if sys.stdout.isatty() else width)
     printer.print(table, soft_wrap=False)
-
-
-def counted(count: int, noun: str) -> str:
-    """`1 run`, `2 runs`."""
-    return f"{count} {noun}{'' if count == 1 else 's'}"

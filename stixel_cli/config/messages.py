@@ -8,7 +8,7 @@ from typing import Any
 from stixel_cli.config import keys
 from stixel_cli.config.annotations import choices, describe
 from stixel_cli.config.folders import group_options, innermost_group, options_of_kind
-from stixel_cli.errors import printable
+from stixel_cli.errors import counted, printable
 
 _OUT_OF_RANGE = {
     *("greater_than", "greater_than_equal", "less_than", "less_than_equal"),
@@ -211,8 +211,7 @@ def describe_faults(
     given, names = tuple(typed), [keys.locate(fault["loc"])[0] for fault in faults]
     first = next((i for i, name in enumerate(names) if name.startswith(given)), 0)
     text, others = _describe_fault(faults[first], plain), len(set(names)) - 1
-    more = "1 more fault" if others == 1 else f"{others} more faults"
-    return f"{text} (and {more})" if others > 0 else text
+    return f"{text} (and {counted(others, 'more fault')})" if others > 0 else text
 
 
 def first_line(fault: Any) -> str:

@@ -181,11 +181,6 @@ def percent(share: float | None, places: int = 0) -> str:
     return quantity(None if share is None else 100.0 * share, "%", places)
 
 
-def counted(count: int, what: str) -> str:
-    """A number with its noun, whose plural must be regular."""
-    return f"{count} {what}" if count == 1 else f"{count} {what}s"
-
-
 def capital(text: str) -> str:
     """The text with a capital letter."""
     return text[:1].upper() + text[1:]

@@ -16,7 +16,7 @@ import jinja2
 from jinja2.sandbox import SandboxedEnvironment
 from markdown_it import MarkdownIt
 
-from stixel_cli.errors import ConfigurationError, UserError, printable
+from stixel_cli.errors import ConfigurationError, UserError, counted, printable
 from stixel_cli.report import metrics
 from stixel_cli.report.blocks import (
     Block,
@@ -44,7 +44,7 @@ FILTERS: dict[str, Callable] = {
     "number": metrics.number,
     "quantity": metrics.quantity,
     "percent": metrics.percent,
-    "counted": metrics.counted,
+    "counted": counted,
     "interval": _interval,
     "listed": listed,
     "capital": metrics.capital,

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
-from stixel_cli.errors import UserError
+from stixel_cli.errors import UserError, counted
 from stixel_cli.evaluation.metric_table import over_runs
 from stixel_cli.evaluation.scores import SERIES
 from stixel_cli.pictures import style
 from stixel_cli.report import charts
 from stixel_cli.report.charts import series_values
-from stixel_cli.report.metrics import counted, shown_value
+from stixel_cli.report.metrics import shown_value
 from stixel_cli.report.page import Drawing, drawing_for_page, page_template
 from stixel_cli.results.folder import PAGE
 from stixel_cli.results.reader import read_series

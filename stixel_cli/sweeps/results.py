@@ -7,8 +7,9 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from stixel_cli.errors import counted
 from stixel_cli.evaluation.metric_table import metric
-from stixel_cli.report.metrics import NO_VALUE, counted, shown_value
+from stixel_cli.report.metrics import NO_VALUE, shown_value
 from stixel_cli.report.statistics import Statistic, consistent_bounds, summarise
 from stixel_cli.report.tables import csv_text, latex_table, markdown_table
 from stixel_cli.results.result import DONE, RunResult

@@ -6,10 +6,10 @@ import pytest
 import study_toy
 
 from stixel_cli.cli.app import main
-from stixel_cli.errors import UserError
+from stixel_cli.errors import UserError, counted
 from stixel_cli.pictures import style
 from stixel_cli.report.blocks import Findings, Section, Table
-from stixel_cli.report.metrics import counted, decimals, number, percent, quantity
+from stixel_cli.report.metrics import decimals, number, percent, quantity
 from stixel_cli.report.page import drawing_for_page, smallest_text, svg_for_page
 from stixel_cli.report.statistics import over_seeds
 from stixel_cli.report.tables import (

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from stixel_cli.errors import counted
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.report.metrics import counted
 from stixel_cli.report.statistics import Estimate, bootstrap_interval, bootstrap_weights
 from stixel_cli.report.tables import chosen
 from stixel_cli.results.result import RunResult
