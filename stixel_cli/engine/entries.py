@@ -49,10 +49,11 @@ def entry_folders(store: Store) -> list[Entry]:
         for entry in _folders(Path(prefix)):
             if not _KEY.fullmatch(entry.name):
                 continue
-            with suppress(OSError):
+            # `verify_all` reports a file that is missing.
+            with suppress(OSError), os.scandir(entry.path) as inside:
+                sizes = [f.stat().st_size for f in inside if f.is_file(follow_symlinks=False)]
                 last_use = entry.stat().st_mtime
-                size = _size(entry.path)
-                found.append(Entry(entry.name, Path(entry.path), size, last_use))
+                found.append(Entry(entry.name, Path(entry.path), sum(sizes), last_use))
     return sorted(found, key=lambda one: (one.last_use, one.key))
 
 
@@ -136,12 +137,6 @@ def stored_notes(store: Store, stages: Container[str]) -> Iterator[dict[str, Any
         if stage in stages and counts[stage] <= COMPARED:
             with suppress(MissingEntry):
                 yield store.meta(one.key)
-
-
-def _size(folder: str) -> int:
-    """Bytes of the files of an entry; `verify_all` reports one that is missing."""
-    with os.scandir(folder) as inside:
-        return sum(one.stat().st_size for one in inside if one.is_file(follow_symlinks=False))
 
 
 def _folders(folder: Path) -> list[os.DirEntry]:

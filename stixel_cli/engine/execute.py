@@ -57,15 +57,14 @@ class Execution:
         for name, nodes in self.graph.stages.items():
             keys = [key for key in nodes if key in self.status]
             states = [self.status[key] for key in keys]
+            seconds = [self.seconds.get(key, 0.0) for key in keys]
             if keys:
                 records.append(
                     {
                         "name": name,
                         "key": keys[0] if len(keys) == 1 else digest(keys),
                         "status": min(states, key=STATUSES.index),
-                        "seconds": round(
-                            sum(round(self.seconds.get(key, 0.0), 4) for key in keys), 4
-                        ),
+                        "seconds": round(sum(round(one, 4) for one in seconds), 4),
                         "nodes": len(keys),
                         "nodes_computed": states.count("computed"),
                     }

@@ -51,11 +51,8 @@ def show_size(size: int) -> str:
     while value >= 999.5 and len(units) > 1:
         value /= 1000.0
         units.pop(0)
-    return (
-        f"{value:.0f} {units[0]}"
-        if value >= 99.95 or units[0] == "B"
-        else (f"{value:.1f} {units[0]}")
-    )
+    digits = 0 if value >= 99.95 or units[0] == "B" else 1
+    return f"{value:.{digits}f} {units[0]}"
 
 
 def duration(seconds: float) -> str:

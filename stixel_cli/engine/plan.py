@@ -87,13 +87,8 @@ class Durations:
 
     def estimate(self, nodes: Iterable[Node]) -> float | None:
         """Seconds for `nodes`, one after the other; None if a stage was never measured."""
-        total = 0.0
-        for node in nodes:
-            seconds = self._seconds.get(node.stage.function)
-            if seconds is None:
-                return None
-            total += seconds
-        return total
+        seconds = [self._seconds.get(node.stage.function) for node in nodes]
+        return None if None in seconds else sum(seconds)
 
     def by_stage(self, nodes: Iterable[Node]) -> dict[str, float]:
         """Seconds per node by the stage's name, without stages that were never measured."""
@@ -102,6 +97,8 @@ class Durations:
 
     def learn(self, graph: Graph, seconds: Mapping[str, float]) -> None:
         """Update the estimates with measured seconds, by key: half old value, half new mean."""
+        if not seconds:
+            return
         by_function: dict[str, list[float]] = {}
         for key, value in seconds.items():
             by_function.setdefault(graph.nodes[key].stage.function, []).append(value)
@@ -109,8 +106,6 @@ class Durations:
             mean = sum(values) / len(values)
             old = self._seconds.get(function, mean)
             self._seconds[function] = round(0.5 * (old + mean), 4)
-        if not seconds:
-            return
         # Only an estimate: it may fail to be written, or be overwritten by another process.
         with suppress(OSError):
             write_whole(self._path, json.dumps(self._seconds, indent=1, sort_keys=True))

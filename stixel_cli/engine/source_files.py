@@ -235,13 +235,11 @@ def keep_sources(store_folder: Path, files: Iterable[tuple[str, Path]]) -> None:
 
 def kept_source(store_folder: Path, digest: str) -> list[str] | None:
     """Lines of the source of a module with this digest; None if the store has no copy of it."""
-    if len(digest) != DIGITS or not set(digest) <= set("0123456789abcdef"):
-        # A digest of a result folder names a file of the store.
-        return None
-    try:
-        return read_file(store_folder / SOURCES / f"{digest}.py").decode().splitlines()
-    except (OSError, ValueError):
-        return None
+    # A digest of a result folder names a file of the store.
+    with suppress(OSError, ValueError):
+        if re.fullmatch(r"[0-9a-f]{32}", digest):
+            return read_file(store_folder / SOURCES / f"{digest}.py").decode().splitlines()
+    return None
 
 
 def source_difference(store_folder: Path, before: str, now: Path) -> tuple[str, ...]:
@@ -250,13 +248,11 @@ def source_difference(store_folder: Path, before: str, now: Path) -> tuple[str, 
     `before` is the digest of the old module. Without a copy of the old source there are no lines.
     """
     old = kept_source(store_folder, before)
-    if old is None:
-        return ()
-    try:
-        new = now.read_text("utf-8").splitlines()
-    except (OSError, ValueError):
-        return ()
-    return tuple(difflib.unified_diff(old, new, "before", "now", lineterm="", n=1))
+    with suppress(OSError, ValueError):
+        if old is not None:
+            new = now.read_text("utf-8").splitlines()
+            return tuple(difflib.unified_diff(old, new, "before", "now", lineterm="", n=1))
+    return ()
 
 
 def remove_sources(store_folder: Path, everything: bool) -> None:
