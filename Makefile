@@ -29,7 +29,7 @@ setup: .venv/kernels
 
 # Numba's kernels, compiled where they have changed. Without this, the first run compiles them.
 .venv/kernels: .venv/installed $(shell grep -rl --include='*.py' 'import njit' stixel_cli)
-	$(BIN)/python -m stixel_cli.machine.compile_kernels
+	$(BIN)/python -m stixel_cli.machine.kernels
 	@touch $@
 
 run: setup

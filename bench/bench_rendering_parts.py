@@ -198,7 +198,7 @@ def test_edges(benchmark, scene):
 def test_compilation(benchmark, tmp_path):
     """Of all kernels, with an empty cache, in one process."""
     environment = os.environ | sized({"NUMBA_CACHE_DIR": str(tmp_path)}, {})
-    command = [sys.executable, "-m", "stixel_cli.machine.compile_kernels"]
+    command = [sys.executable, "-m", "stixel_cli.machine.kernels"]
     compare(
         benchmark,
         "compilation of all kernels, from the cache and without",

@@ -16,7 +16,7 @@ BUDGET = {
     "cli": 2742,
     "config": 2738,
     # A check that another process has not marked the new cache meanwhile.
-    "engine": 4930,
+    "engine": 4922,
     # The box of a track has room for the limbs; loss has one definition, with heading and class.
     "evaluation": 1606,
     # The names of runs, from config/.
@@ -24,7 +24,7 @@ BUDGET = {
     "export": 530,
     # Camera poses on the plane, poses of labels, rotations of quaternions: from recordings.
     "geometry": 223,
-    "machine": 308,
+    "machine": 315,
     "measurements": 1686,
     # The sheet of a frame's stages, of the studies before.
     "pictures": 1370,
@@ -52,7 +52,7 @@ BUDGET = {
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
 
 # The filters of PyRecEst: with the tracker they had more than 300 lines.
-MODULES = 304
+MODULES = 303
 """Modules of the package, without `__init__`."""
 
 

@@ -148,10 +148,17 @@ def _foreign(folder: Path) -> Path | None:
         elif not any(re.fullmatch(name, path.name) for name in _MADE):
             return path
         else:
-            for inside in path.iterdir():
-                if not made_here(inside):
-                    return inside
+            for name in path.iterdir():
+                if not made_here(name):
+                    return name
     return None
+
+
+def inside(folder: Path) -> list[Path]:
+    """What is in the folder, in order; empty if it is missing or cannot be read."""
+    with suppress(OSError):
+        return sorted(folder.iterdir())
+    return []
 
 
 def file_lock(path: Path) -> "FileLock":
@@ -239,11 +246,9 @@ def leased_keys(folder: Path) -> set[str]:
     Requires `collector_lock`.
     """
     keys: set[str] = set()
-    try:
-        paths = sorted((folder / LEASES).glob("*.keys"))
-    except OSError:
-        return keys
-    for path in paths:
+    for path in inside(folder / LEASES):
+        if path.suffix != ".keys":
+            continue
         lock = file_lock(path.with_suffix(".lock"))
         try:
             lock.acquire(timeout=0)

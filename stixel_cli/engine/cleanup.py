@@ -20,6 +20,7 @@ from filelock import Timeout
 from stixel_cli.engine.cache_folder import (
     collector_lock,
     file_lock,
+    inside,
     leased_keys,
     made_here,
     read_file,
@@ -149,7 +150,7 @@ def collect(
         kept = len(found) - len(removed)
         if not dry_run:
             # Empty folders of the keys' first digits. `Store.save` creates them.
-            for folder in _inside(store.folder):
+            for folder in inside(store.folder):
                 if re.fullmatch("[0-9a-f]{2}", folder.name):
                     with suppress(OSError):
                         folder.rmdir()
@@ -168,7 +169,7 @@ def evicted(store: Store) -> dict[str, tuple[str, float]]:
             with suppress(ValueError, TypeError, RecursionError):
                 key, reason, when = json.loads(line)
                 found.append((float(when), str(key), str(reason)))
-    for path in _inside(store.folder / "quarantine"):
+    for path in inside(store.folder / "quarantine"):
         key, when = _aside_since(path)
         found.append((when, key, "damaged"))
     # The last reason counts: a damaged result may have been recomputed and then removed.
@@ -200,14 +201,14 @@ def _remove_entry(store: Store, one: Entry) -> bool:
 
 def _orphans(store: Store, dry_run: bool) -> Iterator[Removed]:
     """Remove what killed processes left behind: partial entries and lock files."""
-    for path in _inside(store.folder / "tmp"):
+    for path in inside(store.folder / "tmp"):
         if made_here(path) and _is_orphan(path):
             size = _remove(path, dry_run)
             if size is not None:
                 yield Removed(path.name, "", size, "orphan")
     if dry_run:
         return
-    for path in _inside(store.folder / "locks"):
+    for path in inside(store.folder / "locks"):
         if made_here(path):
             lock = file_lock(path)
             with suppress(OSError, Timeout):
@@ -222,7 +223,7 @@ def _set_aside(
     store: Store, older_than: float | None, max_size: int | None, dry_run: bool
 ) -> Iterator[tuple[Removed, float]]:
     """Remove damaged entries, each with the time since when it is set aside."""
-    for path in filter(made_here, _inside(store.folder / "quarantine")):
+    for path in filter(made_here, inside(store.folder / "quarantine")):
         with suppress(OSError):
             age = time.time() - path.stat().st_mtime
             if max_size is None and (older_than is None or age <= older_than):
@@ -246,13 +247,6 @@ def _is_orphan(path: Path) -> bool:
     except (OSError, OverflowError) as error:
         return isinstance(error, ProcessLookupError)
     return False
-
-
-def _inside(folder: Path) -> list[Path]:
-    try:
-        return sorted(folder.iterdir())
-    except OSError:
-        return []
 
 
 def _remove(path: Path, dry_run: bool) -> int | None:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from stixel_cli.engine.cache_folder import made_here, read_file
+from stixel_cli.engine.cache_folder import inside, made_here, read_file
 from stixel_cli.engine.errors import CacheError, MissingEntry
 from stixel_cli.engine.store import META, Store
 
@@ -50,8 +50,8 @@ def entry_folders(store: Store) -> list[Entry]:
             if not _KEY.fullmatch(entry.name):
                 continue
             # `verify_all` reports a file that is missing.
-            with suppress(OSError), os.scandir(entry.path) as inside:
-                sizes = [f.stat().st_size for f in inside if f.is_file(follow_symlinks=False)]
+            with suppress(OSError), os.scandir(entry.path) as files:
+                sizes = [f.stat().st_size for f in files if f.is_file(follow_symlinks=False)]
                 last_use = entry.stat().st_mtime
                 found.append(Entry(entry.name, Path(entry.path), sum(sizes), last_use))
     return sorted(found, key=lambda one: (one.last_use, one.key))
@@ -118,10 +118,7 @@ def verify_all(
 
 def set_aside(store: Store) -> int:
     """Number of damaged entries that were set aside and not removed yet."""
-    try:
-        return sum(map(made_here, (store.folder / "quarantine").iterdir()))
-    except OSError:
-        return 0
+    return sum(map(made_here, inside(store.folder / "quarantine")))
 
 
 def stored_notes(store: Store, stages: Container[str]) -> Iterator[dict[str, Any]]:
@@ -141,8 +138,8 @@ def stored_notes(store: Store, stages: Container[str]) -> Iterator[dict[str, Any
 
 def _folders(folder: Path) -> list[os.DirEntry]:
     try:
-        with os.scandir(folder) as inside:
-            return [one for one in inside if one.is_dir(follow_symlinks=False)]
+        with os.scandir(folder) as found:
+            return [one for one in found if one.is_dir(follow_symlinks=False)]
     except (FileNotFoundError, NotADirectoryError):
         return []
     except OSError as error:

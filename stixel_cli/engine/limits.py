@@ -14,7 +14,7 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -155,24 +155,20 @@ class TimeLimit:
         return TimeLimitExceeded(f"exceeded its time limit of {self.seconds:g} s and was ended")
 
 
-@contextmanager
-def limited(limit: TimeLimit | None) -> Iterator[None]:
-    """Enforce `limit` inside the `with` block.
+def limited(limit: TimeLimit | None) -> AbstractContextManager[None]:
+    """A context that enforces `limit`.
 
     Raises:
         TimeLimitExceeded: the block took too long in the calling process; or, at once, the node
             took too long in another worker (Dask retries the tasks of a lost worker).
     """
     if limit is None:
-        yield
-    elif limit.mark is None:
-        with _interrupted(limit):
-            yield
-    else:
-        if mark_text(limit) is not None:
-            raise limit.error
-        with _killed(limit, limit.mark):
-            yield
+        return nullcontext()
+    if limit.mark is None:
+        return _interrupted(limit)
+    if mark_text(limit) is not None:
+        raise limit.error
+    return _killed(limit, limit.mark)
 
 
 def can_interrupt() -> bool:

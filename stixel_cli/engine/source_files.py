@@ -19,7 +19,7 @@ from functools import cache
 from hashlib import file_digest, sha256
 from pathlib import Path
 
-from stixel_cli.engine.cache_folder import made_here, make_folder, read_file
+from stixel_cli.engine.cache_folder import inside, made_here, make_folder, read_file
 from stixel_cli.engine.errors import InvalidCode
 from stixel_cli.errors import UserError
 from stixel_cli.files import opened, write_whole
@@ -258,7 +258,7 @@ def source_difference(store_folder: Path, before: str, now: Path) -> tuple[str, 
 def remove_sources(store_folder: Path, everything: bool) -> None:
     """Remove all copies and digests, or those that were not used for `UNUSED` seconds."""
     with suppress(OSError):
-        for path in filter(made_here, (store_folder / SOURCES).iterdir()):
+        for path in filter(made_here, inside(store_folder / SOURCES)):
             with suppress(OSError):
                 if everything or time.time() - path.stat().st_mtime > UNUSED:
                     path.unlink()

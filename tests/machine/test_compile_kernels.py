@@ -8,7 +8,7 @@ import importlib
 from pathlib import Path
 import stixel_cli
 from stixel_cli import compose
-from stixel_cli.machine.compile_kernels import CALLS, TINY
+from stixel_cli.machine.kernels import CALLS, TINY
 from stixel_cli.method import follow_road_user
 
 folder = Path(stixel_cli.__file__).parent

@@ -1,7 +1,7 @@
 import shutil
 
 from stixel_cli.config import folders
-from stixel_cli.machine import compile_kernels
+from stixel_cli.machine import kernels
 
 
 def test_the_probe_casts_rays_even_if_another_renderer_is_the_default(tmp_path, monkeypatch):
@@ -10,5 +10,5 @@ def test_the_probe_casts_rays_even_if_another_renderer_is_the_default(tmp_path, 
     assert "renderer: raycast" in chosen
     (conf / "config.yaml").write_text(chosen.replace("renderer: raycast", "renderer: filament"))
     monkeypatch.setattr(folders, "shipped_folder", tmp_path.joinpath)
-    compile_kernels._configuration.cache_clear()
-    compile_kernels.call_rendering_kernels()
+    kernels._configuration.cache_clear()
+    kernels.call_rendering_kernels()
