@@ -186,7 +186,6 @@ class Lease:
     def __init__(self, folder: Path, keys: Iterable[str] = ()):
         self._folder = folder
         self._keys = keys
-        self._path: Path | None = None
         self._lock: FileLock | None = None
 
     def __enter__(self) -> "Lease":
@@ -208,14 +207,14 @@ class Lease:
                 lock = file_lock(path.with_suffix(".lock"))
                 lock.acquire(timeout=0)
             self.end()
-            self._path, self._lock = path, lock
+            self._lock = lock
 
     def end(self) -> None:
         """End the lease."""
         if self._lock is not None:
-            _drop(self._path)
+            _drop(Path(self._lock.lock_file))
             self._lock.release()
-            self._path = self._lock = None
+            self._lock = None
 
 
 @contextmanager

@@ -109,11 +109,10 @@ def explain(
         CacheError: the store cannot be read.
     """
     wanted = list(graph.nodes) if targets is None else targets
-    missing = plan(graph, wanted, store, verify=False).missing
-    if not missing:
+    nodes = [graph.nodes[key] for key in plan(graph, wanted, store, verify=False).missing]
+    if not nodes:
         return []
     memory = _Memory(store, set(graph.stages), before)
-    nodes = [graph.nodes[key] for key in missing]
     return [
         Explanation(n.key, n.stage.name, n.label, tuple(dict.fromkeys(_changes(graph, n, memory))))
         for n in nodes
