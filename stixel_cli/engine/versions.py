@@ -93,13 +93,10 @@ def check_versions(notes: Mapping[str, Any]) -> None:
 
     Workers on another machine may have other versions.
     """
-    here = {"python": python_version()} | {
-        name: installed_version(name) for name in notes["versions"]
-    }
-    planned = {"python": notes["python"], **notes["versions"]}
-    for name, planned_version in planned.items():
-        if here[name] != planned_version:
+    for name, planned in {"python": notes["python"], **notes["versions"]}.items():
+        here = python_version() if name == "python" else installed_version(name)
+        if here != planned:
             raise CodeChanged(
-                f"worker on {socket.gethostname()}: has {name} {here[name]}, but this run was "
-                f"planned with {planned_version}"
+                f"worker on {socket.gethostname()}: has {name} {here}, but this run was "
+                f"planned with {planned}"
             )
