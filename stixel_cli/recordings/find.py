@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from stixel_cli.errors import UserError
-from stixel_cli.recordings import argoverse, kitti, plain_folder, virtual_kitti
+from stixel_cli.recordings import argoverse, kitti, plain_folder
 from stixel_cli.recordings.parameters import Source
 from stixel_cli.recordings.types import Recording
 
@@ -11,7 +11,7 @@ LAYOUTS = {
     "kitti_tracking": (kitti.is_tracking, kitti.find_tracking),
     "kitti_odometry": (kitti.is_odometry, kitti.find_odometry),
     "kitti_pair": (kitti.is_pair, kitti.find_pair),
-    "virtual_kitti": (virtual_kitti.is_layout, virtual_kitti.find_recording),
+    "virtual_kitti": (kitti.is_virtual, kitti.find_virtual),
     "argoverse": (argoverse.is_layout, argoverse.find_recording),
     "folder": (plain_folder.is_layout, plain_folder.find_recording),
     "pair": (lambda folder: False, plain_folder.find_named_pair),  # no folder has it

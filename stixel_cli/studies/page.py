@@ -28,7 +28,7 @@ _LONG = 27
 _SHORT = 30
 """Columns of up to this many characters have no line breaks."""
 _LEAST_PICTURE = 600
-"""px: the least width of a picture, whose text has this size then (`pictures.stage_sheet`)."""
+"""px: the least width of a picture, whose text has this size then (`report.scan_frame`)."""
 _SIDE_BY_SIDE = 2
 """With more columns of intervals, the intervals are below their values."""
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stixel_cli.config.folders import recorded_values
+from stixel_cli.config.folders import values_beside_groups
 from stixel_cli.recordings.kitti_tables import read_labels
 from stixel_cli.scene.classes import CLASS_OF_KITTI_TYPE
 
@@ -27,7 +27,7 @@ def test_the_sizes_of_cars_are_those_of_the_labels():
     )
     mean, std = sizes.mean(axis=0), sizes.std(axis=0)
     print(f"\n{len(sizes)} cars and vans: {mean} m, relative standard deviations {std / mean}")
-    values = [one["set"] for one in recorded_values()["source"]["values"]]
+    values = [one["set"] for one in values_beside_groups("recorded")["source"]["values"]]
     (assumed,) = (one for one in values if "prior.length" in one)
     found = dict(zip(assumed, [*mean, *(std / mean)], strict=True))
     assert found == pytest.approx(assumed, abs=5e-3)

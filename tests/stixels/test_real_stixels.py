@@ -11,7 +11,7 @@ import pytest
 import yaml
 from pydantic import TypeAdapter
 
-from stixel_cli.config.folders import recorded_values
+from stixel_cli.config.folders import values_beside_groups
 from stixel_cli.config.schema import StereoParameters
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.images import ImageStack
@@ -42,7 +42,7 @@ def shipped(schema, option):
     # As `stixel run` sets them for recordings.
     suitable = {
         key.removeprefix(f"{group}."): value
-        for one in recorded_values()["source"]["values"]
+        for one in values_beside_groups("recorded")["source"]["values"]
         for key, value in one["set"].items()
         if key.startswith(f"{group}.") and key.removeprefix(f"{group}.") in values
     }

@@ -13,8 +13,8 @@ from PIL import Image
 
 from stixel_cli.config.compose import compose
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.pictures.camera import LEFT, TOP
-from stixel_cli.pictures.stage_sheet import PANELS, TITLE, by_frame, contact_sheet
+from stixel_cli.pictures.camera import LEFT, PANELS, TOP
+from stixel_cli.report.scan_frame import SHEET_TITLE, by_frame, contact_sheet
 from stixel_cli.scene.parameters import RoadUser
 from stixel_cli.scene.road_user import road_user_meshes
 from stixel_cli.studies.file import find_study, read_study
@@ -178,16 +178,17 @@ def test_a_contact_sheet_has_two_columns_at_one_scale():
         image.save(buffer, "png")
         return buffer.getvalue()
 
-    colours = dict(zip(PANELS, ("red", "blue", "green", "red", "blue", "green"), strict=True))
-    sheet = contact_sheet({name: png(colour) for name, colour in colours.items()}, rig)
+    colours = ("red", "blue", "green", "red", "blue", "green")
+    pictures = {panel.name: png(c) for panel, c in zip(PANELS, colours, strict=True)}
+    sheet = contact_sheet(pictures, rig)
     image = Image.open(io.BytesIO(sheet)).convert("RGB")
-    step = TITLE + 12 + 267
+    step = SHEET_TITLE + 12 + 267
     assert image.size == (1080, 3 * step)
     assert np.allclose(image.getpixel((270, 150)), (255, 0, 0), atol=12)
     assert np.allclose(image.getpixel((820, 150)), (0, 0, 255), atol=12)
     assert np.allclose(image.getpixel((270, step + 150)), (0, 128, 0), atol=12)
     # The title is between the pictures: dark letters on white.
-    title = np.asarray(image)[step : step + TITLE, :200]
+    title = np.asarray(image)[step : step + SHEET_TITLE, :200]
     assert title.min() < 60 and title.max() == 255
     files = {"k0003/left.png": b"a", "k0003/height.png": b"b", "k0017/left.png": b"c"}
     assert by_frame(files) == {3: {"left": b"a", "height": b"b"}, 17: {"left": b"c"}}

@@ -14,8 +14,8 @@ from stixel_cli.measurements.fabricated import FabricatedParameters, fabricate_s
 from stixel_cli.measurements.noise import ConstantNoise, FittedNoise
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.studies.rq3.report import preset
-from stixel_cli.validation.noise_fit import fit_noise
 from stixel_cli.validation.point_errors import point_errors
+from stixel_cli.validation.point_statistics import fit_noise
 
 RIG = Rig(640, 480, 60.0, None, None, None, 0.3, 1.5, 0.0, None)
 BOX = np.array([[2.25, -0.9], [2.25, 0.9], [-2.25, 0.9], [-2.25, -0.9]])

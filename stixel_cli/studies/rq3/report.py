@@ -40,8 +40,7 @@ from stixel_cli.studies.rq3.points import (
     runs_of,
 )
 from stixel_cli.sweeps.results import SweepResult
-from stixel_cli.validation.noise_fit import fit_noise
-from stixel_cli.validation.point_statistics import neighbour_columns
+from stixel_cli.validation.point_statistics import fit_noise, neighbour_columns
 
 _LED_BY = (
     "bias along the ray",
