@@ -21,7 +21,6 @@ from stixel_cli.engine.store import open_store
 from stixel_cli.experiment.stages import experiment_graph
 from stixel_cli.geometry.pose import target_from_world
 from stixel_cli.measurements.clusters import cluster, distances
-from stixel_cli.measurements.gates import candidates
 from stixel_cli.recordings.tables import read_labels
 from stixel_cli.rendering.frames import TARGET_ID
 from stixel_cli.stixels.types import Stixels
@@ -68,7 +67,7 @@ def results(words: list[str], *names: str) -> tuple:
 
 def frames_of(configuration, chunks: list[Stixels], truth) -> Iterator[Frame]:
     for number, chunk in enumerate(chunks):
-        inside = candidates(chunk, configuration.measurement.gates)
+        inside = chunk.inside(configuration.measurement.gates)
         for i in range(len(chunk.offsets) - 1):
             rows = np.arange(*chunk.offsets[i : i + 2])[inside[chunk.rows(i)]]
             yield chunk.points_ego[rows], chunk.covariances_ego[rows], truth(number, i, rows)

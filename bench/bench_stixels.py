@@ -24,7 +24,7 @@ from stixel_cli.images import ImageStack
 from stixel_cli.rendering.frames import StereoPairs
 from stixel_cli.stereo import bm, sgm
 from stixel_cli.stixels.extraction import stixels_of_frame
-from stixel_cli.stixels.free_space import expected_depth, obstacle_base
+from stixel_cli.stixels.free_space import expected_depth, obstacle_base, unknown_rows
 from stixel_cli.stixels.height import top_rows
 from stixel_cli.stixels.nearest_obstacle import cell_costs, cheapest_path, nearest_obstacle
 from stixel_cli.stixels.occupancy import column_histograms, fill, layout
@@ -36,7 +36,6 @@ from stixel_cli.stixels.parameters import (
     RoadParameters,
 )
 from stixel_cli.stixels.road import find_road, obstacle_limits, road_line
-from stixel_cli.stixels.unknown import unknown_rows
 
 ROOT = Path(__file__).parents[1]
 COUNT = sized(128, 32)

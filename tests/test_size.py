@@ -24,8 +24,8 @@ BUDGET = {
     "export": 530,
     # Camera poses on the plane, poses of labels, rotations of quaternions: from recordings.
     "geometry": 223,
-    "machine": 315,
-    "measurements": 1686,
+    "machine": 314,
+    "measurements": 1666,
     # The sheet of a frame's stages, of the studies before.
     "pictures": 1312,
     "recordings": 2160,
@@ -38,7 +38,7 @@ BUDGET = {
     "scene": 3482,
     # Conditions of the rig, the matchers, the path, the pictures and the prior, from config/.
     "stereo": 482,
-    "stixels": 2024,
+    "stixels": 2030,
     # A study of the trackers away from home.
     "studies": 4960,
     # The plan of one run, from experiment/ and cli/.
@@ -52,7 +52,7 @@ BUDGET = {
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
 
 # The filters of PyRecEst: with the tracker they had more than 300 lines.
-MODULES = 300
+MODULES = 298
 """Modules of the package, without `__init__`."""
 
 

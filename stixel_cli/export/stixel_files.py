@@ -13,7 +13,7 @@ from stixel_cli.engine.progress import Progress
 from stixel_cli.errors import UserError
 from stixel_cli.experiment.stages import computed_stages
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.measurements.gates import Gates, candidates
+from stixel_cli.measurements.disturbance_parameters import Gates
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.results.folder import whole_folder
 from stixel_cli.results.result import RunResult
@@ -65,7 +65,7 @@ def used_stixels(stixels: Stixels, gates: Gates, scans: Scans, used: np.ndarray)
     A scan has the candidates of its frame, and clutter after them; a dropout empties it.
     """
     found = np.zeros(len(stixels.left), dtype=bool)
-    inside = candidates(stixels, gates)
+    inside = stixels.inside(gates)
     for i in range(len(stixels.offsets) - 1):
         own = np.flatnonzero(inside[stixels.rows(i)]) + stixels.offsets[i]
         points = np.arange(*scans.offsets[stixels.first + i :][:2])[: len(own)]

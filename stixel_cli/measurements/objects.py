@@ -3,7 +3,7 @@
 import numpy as np
 
 from stixel_cli.measurements.clusters import cluster
-from stixel_cli.measurements.gates import Gates, candidates
+from stixel_cli.measurements.disturbance_parameters import Gates
 from stixel_cli.stixels.types import Objects, Stixels
 
 
@@ -13,7 +13,7 @@ def find_objects(stixels: Stixels, gates: Gates, frames: range) -> Objects:
     DBSCAN (Ester, Kriegel, Sander, Xu 1996) with `distances`, radius 1. `stixels` contains exactly
     `frames`. HDBSCAN, which needs no radius, is compared in `bench/bench_objects.py`.
     """
-    inside = candidates(stixels, gates)
+    inside = stixels.inside(gates)
     of_stixels = np.full(len(inside), -1, dtype=np.int32)
     offsets, boxes, corners, counts = [0], [], [], []
     for i in range(len(frames)):

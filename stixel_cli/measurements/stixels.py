@@ -8,7 +8,6 @@ import numpy as np
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD, rotate_covariances, world_from_ego
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.measurements.disturbance_parameters import Gated
-from stixel_cli.measurements.gates import candidates
 from stixel_cli.measurements.scans import FieldOfView, Scans
 from stixel_cli.parameters import parameters
 from stixel_cli.scene.scenario import EgoMotion
@@ -40,7 +39,7 @@ def gather_scans(
     for chunk in stixels:
         if chunk.first != len(scans):
             raise ValueError(f"stixels of frame {len(scans)} expected, got {chunk.first}")
-        inside = candidates(chunk, measurement.gates)
+        inside = chunk.inside(measurement.gates)
         for i in range(len(chunk.offsets) - 1):
             if len(scans) == len(ego_motion.times):
                 raise ValueError(f"more stixels than the {len(scans)} frames of the ego motion")

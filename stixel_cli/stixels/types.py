@@ -69,6 +69,21 @@ class Stixels:
         """The rows of the `index`-th frame here."""
         return slice(int(self.offsets[index]), int(self.offsets[index + 1]))
 
+    def inside(self, gates: tuple[float, float, float, float]) -> np.ndarray:
+        """Which stixels (S,) are candidates: finite, and inside the gates.
+
+        `gates` are the least and greatest height above the road, and range, m.
+        """
+        height_min, height_max, range_min, range_max = gates
+        ranges = np.hypot(self.points_ego[:, 0], self.points_ego[:, 1])
+        return (
+            (self.height >= height_min)
+            & (self.height <= height_max)
+            & (ranges >= range_min)
+            & (ranges <= range_max)
+            & np.isfinite(self.covariances_ego).all(axis=(1, 2))
+        )
+
 
 @dataclass(frozen=True)
 class OccupancyGrid:

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from stixel_cli.scene.scenario import EgoMotion
-from stixel_cli.stixels.free_space import find_free_space
+from stixel_cli.stixels.free_space import LEAST_ROWS, _find_unknown, find_free_space
 from stixel_cli.stixels.road import base_rows, road_line
-from stixel_cli.stixels.unknown import LEAST_ROWS, _find_unknown
 
 
 @pytest.fixture
