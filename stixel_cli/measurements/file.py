@@ -14,7 +14,7 @@ from stixel_cli.errors import UserError
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD
 from stixel_cli.measurements.disturbance_parameters import Disturbance
 from stixel_cli.measurements.scans import FieldOfView, Scans
-from stixel_cli.measurements.tables import read_table, row_name, scan_indices
+from stixel_cli.measurements.tables import indices, read_table, refuse_rows
 from stixel_cli.parameters import parameters
 
 
@@ -72,7 +72,7 @@ def read_scans(
     """
     file = Path(path)
     table = read_table(file, ("k", "t", "x", "y"), (VARIANCES,))
-    k = scan_indices(file, table["k"])
+    k = indices(file, "k", table["k"])
     if ego is None:
         times = _times(file, k, table["t"])
         poses = np.tile([0.0, 0.0, STRAIGHT_AHEAD], (len(times), 1))
@@ -116,7 +116,7 @@ def _times(file: Path, k: np.ndarray, t: np.ndarray) -> np.ndarray:
 
 def _read_ego(file: Path) -> tuple[np.ndarray, np.ndarray]:
     table = read_table(file, ("k", "t", "x", "y", "heading"))
-    k = scan_indices(file, table["k"])
+    k = indices(file, "k", table["k"])
     if len(k) == 0:
         raise UserError(f"{file}: has no rows, so there are no scans")
     order = np.argsort(k, kind="stable")
@@ -128,25 +128,19 @@ def _read_ego(file: Path) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _check_times(file: Path, ego: Path, k: np.ndarray, t: np.ndarray, times: np.ndarray) -> None:
-    late = np.flatnonzero(k >= len(times))
-    if len(late):
-        raise UserError(
-            f"{file}: {row_name(file, int(late[0]))}: k = {k[late[0]]}, but {ego} ends at "
-            f"k = {len(times) - 1}"
-        )
+    last = len(times) - 1
+    refuse_rows(file, k > last, lambda i: f"k = {k[i]}, but {ego} ends at k = {last}")
     _check_one_time(file, k, t, times[k], SAME_TIME)
 
 
 def _check_one_time(
     file: Path, k: np.ndarray, t: np.ndarray, expected: np.ndarray, tolerance: float
 ) -> None:
-    wrong = np.flatnonzero(np.abs(t - expected) > tolerance)
-    if len(wrong):
-        i = int(wrong[0])
-        raise UserError(
-            f"{file}: {row_name(file, i)}: t = {t[i]:.6g} s, but scan k = {k[i]} is at "
-            f"{expected[i]:.6g} s"
-        )
+    refuse_rows(
+        file,
+        np.abs(t - expected) > tolerance,
+        lambda i: f"t = {t[i]:.6g} s, but scan k = {k[i]} is at {expected[i]:.6g} s",
+    )
 
 
 def _check_increasing(file: Path, k: np.ndarray, times: np.ndarray) -> None:
@@ -164,10 +158,12 @@ def _covariances(file: Path, table: dict[str, np.ndarray], range_std: float) -> 
         return np.tile(range_std**2 * np.eye(2), (len(table["k"]), 1, 1))
     xx, xy, yy = (table[name] for name in VARIANCES)
     # A point measured exactly across the ray has a determinant of zero, up to rounding.
-    wrong = np.flatnonzero((xx < 0) | (yy < 0) | (xx * yy - xy**2 < -1e-9 * xx * yy))
-    if len(wrong):
-        raise UserError(
-            f"{file}: {row_name(file, int(wrong[0]))}: var_xx, var_xy, var_yy must be a "
-            "covariance: no negative variance, and var_xy² at most var_xx var_yy"
-        )
+    refuse_rows(
+        file,
+        (xx < 0) | (yy < 0) | (xx * yy - xy**2 < -1e-9 * xx * yy),
+        lambda _: (
+            "var_xx, var_xy, var_yy must be a covariance: no negative variance, and var_xy² at "
+            "most var_xx var_yy"
+        ),
+    )
     return np.stack([xx, xy, xy, yy], axis=1).reshape(-1, 2, 2)

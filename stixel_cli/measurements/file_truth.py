@@ -15,7 +15,7 @@ import shapely
 from stixel_cli.errors import UserError
 from stixel_cli.geometry.pose import rectangle
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.measurements.tables import read_table, row_name, scan_indices
+from stixel_cli.measurements.tables import indices, read_table, refuse_rows
 from stixel_cli.scene.scenario import Scenario
 
 RATES = ("x_rate", "y_rate", "heading_rate")
@@ -85,11 +85,8 @@ def angle_to_motion(scenario: Scenario) -> float:
 
 
 def _known_scans(file: Path, column: np.ndarray, count: int) -> np.ndarray:
-    k = scan_indices(file, column)
-    late = np.flatnonzero(k >= count)
-    if len(late):
-        place = row_name(file, int(late[0]))
-        raise UserError(f"{file}: {place}: k = {k[late[0]]}, but the last scan is {count - 1}")
+    k = indices(file, "k", column)
+    refuse_rows(file, k >= count, lambda i: f"k = {k[i]}, but the last scan is {count - 1}")
     if len(np.unique(k)) < len(k):
         raise UserError(f"{file}: k must be in one row only; give one target")
     if len(k) == 0:
@@ -134,11 +131,4 @@ def _limb_poses(file: Path, table: dict[str, np.ndarray], count: int) -> np.ndar
         return np.zeros(len(table["k"]), np.int64)
     if LIMBS[0] not in table:
         raise UserError(f"{file}: the column limb_pose is missing: contour has {count} poses")
-    poses = table[LIMBS[0]]
-    wrong = np.flatnonzero((poses != np.floor(poses)) | (poses < 0) | (poses >= count))
-    if len(wrong):
-        raise UserError(
-            f"{file}: {row_name(file, int(wrong[0]))}: limb_pose must be a whole number from 0 to "
-            f"{count - 1}, got {poses[wrong[0]]:g}"
-        )
-    return poses.astype(np.int64)
+    return indices(file, LIMBS[0], table[LIMBS[0]], count)

@@ -2,7 +2,7 @@
 
 import csv
 import io
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -47,21 +47,25 @@ def read_table(
     return table
 
 
-def scan_indices(file: Path, k: np.ndarray) -> np.ndarray:
-    """The column k as int64; UserError unless all are whole numbers from 0 to `MOST_SCANS` - 1."""
-    wrong = np.flatnonzero((k != np.floor(k)) | (k < 0) | (k >= MOST_SCANS))
-    if len(wrong):
-        place = row_name(file, int(wrong[0]))
-        raise UserError(
-            f"{file}: {place}: k must be a whole number from 0 to {MOST_SCANS - 1}, "
-            f"got {k[wrong[0]]:g}"
-        )
-    return k.astype(np.int64)
+def indices(file: Path, name: str, column: np.ndarray, count: int = MOST_SCANS) -> np.ndarray:
+    """The column `name` as int64; UserError unless all are whole numbers from 0 to `count` - 1."""
+    refuse_rows(
+        file,
+        (column != np.floor(column)) | (column < 0) | (column >= count),
+        lambda i: f"{name} must be a whole number from 0 to {count - 1}, got {column[i]:g}",
+    )
+    return column.astype(np.int64)
 
 
-def row_name(file: Path, row: int) -> str:
-    """The place of a row, counted from 0: its line in a CSV, its index in arrays."""
-    return f"line {row + 2}" if file.suffix.lower() == ".csv" else f"row {row}"
+def refuse_rows(file: Path, wrong: np.ndarray, problem: Callable[[int], str]) -> None:
+    """Raise UserError with the place and the `problem` of the first row that is `wrong` (n,) bool.
+
+    The place is a line of a CSV, else an index in arrays.
+    """
+    if wrong.any():
+        row = int(np.argmax(wrong))
+        place = f"line {row + 2}" if file.suffix.lower() == ".csv" else f"row {row}"
+        raise UserError(f"{file}: {place}: {problem(row)}")
 
 
 def _from_csv(file: Path, names: Sequence[str]) -> dict[str, np.ndarray]:
@@ -122,11 +126,9 @@ def _from_arrays(file: Path, names: Sequence[str], other: str) -> dict[str, np.n
 
 
 def _checked(file: Path, name: str, values: np.ndarray) -> np.ndarray:
-    wrong = np.flatnonzero(~(np.abs(values) <= FARTHEST))
-    if len(wrong):
-        place = row_name(file, int(wrong[0]))
-        raise UserError(
-            f"{file}: {place}: {name}: {values[wrong[0]]:g} must be a finite number, at most "
-            f"{FARTHEST:g}"
-        )
+    refuse_rows(
+        file,
+        ~(np.abs(values) <= FARTHEST),
+        lambda i: f"{name}: {values[i]:g} must be a finite number, at most {FARTHEST:g}",
+    )
     return values
