@@ -218,12 +218,13 @@ def _check_prior(configuration: Configuration) -> None:
             )
         from stixel_cli.tracking.contour.user_shape import read_class
 
-        known, kind = read_class(FilePath(prior.class_file)), configuration.measurement.kind
+        known = read_class(FilePath(prior.class_file))
+        kind = getattr(configuration.tracker, "seen_by", None)
         sensor = kind if kind in ("stixels", "lidar") else "outline"
-        if sensor not in known:
+        if kind is not None and sensor not in known:
             raise ValueError(
-                f"prior.road_user: {prior.class_file} has no visible shape for measurement={kind}: "
-                f"learn it, stixel learn-shape --sensor {sensor}"
+                f"prior.road_user: {prior.class_file} has no visible shape for "
+                f"tracker.seen_by={kind}: learn it, stixel learn-shape --sensor {sensor}"
             )
         _check_size("road_user", [0.001 * one for one in known["size"]], prior)
     if prior.outline is not None:

@@ -121,8 +121,10 @@ def set_aside(store: Store) -> int:
     return sum(map(made_here, inside(store.folder / "quarantine")))
 
 
-def stored_notes(store: Store, stages: Container[str]) -> Iterator[dict[str, Any]]:
-    """Yield the notes of the entries of `stages`, most recently used first.
+def stored_notes(
+    store: Store, stages: Container[str], keys: Container[str]
+) -> Iterator[dict[str, Any]]:
+    """Yield the notes of `keys` and of the last entries of `stages`, most recently used first.
 
     Raises:
         CacheError: the store cannot be read.
@@ -131,7 +133,7 @@ def stored_notes(store: Store, stages: Container[str]) -> Iterator[dict[str, Any
     for one in reversed(entry_folders(store)):
         stage, _ = stage_and_label(one.path)
         counts[stage] = counts.get(stage, 0) + 1
-        if stage in stages and counts[stage] <= COMPARED:
+        if one.key in keys or (stage in stages and counts[stage] <= COMPARED):
             with suppress(MissingEntry):
                 yield store.meta(one.key)
 

@@ -134,7 +134,7 @@ class _Memory:
         self.keys, self.modules = before
         self.by_key: dict[str, dict[str, Any]] = {}
         self.by_stage: dict[str, list[dict[str, Any]]] = {}
-        for notes in stored_notes(store, stages):
+        for notes in stored_notes(store, stages, self.keys):
             self.by_key[notes["key"]] = notes
             self.by_stage.setdefault(notes["stage"], []).append(notes)
         self.evicted = evicted(store)

@@ -4,6 +4,7 @@ import pytest
 
 from stixel_cli.cli.app import main
 from stixel_cli.config.compose import compose
+from stixel_cli.errors import ConfigurationError
 from stixel_cli.tracking.contour.class_shape import class_shape
 from stixel_cli.tracking.contour.user_shape import read_class
 
@@ -30,6 +31,10 @@ def test_the_overrides_that_it_prints_use_the_class_of_the_meshes(tmp_path, monk
     p = compose(["measurement=fabricated", "tracker=contour", *overrides]).configuration.prior
     assert (p.length, p.width, p.length_std, p.width_std) == (4.5, 1.8, 0.11, 0.11)
     assert {*read_class(tmp_path / "vans.json")} & {"lidar", "outline", "stixels"} == {"outline"}
+    with pytest.raises(ConfigurationError, match=r"tracker\.seen_by=lidar: learn it"):
+        compose(["measurement=lidar", "tracker=contour", *overrides])
+    # Others see no visible shape.
+    assert compose(["measurement=lidar", "tracker=gp_ekf", *overrides])
     # A rectangle's corner is far beyond that of a drawn car, whose front is round.
     corner = class_shape(p.class_file).outline[22]
     assert corner[0] > 2.15 and corner[1] > 0.85

@@ -213,3 +213,16 @@ def test_nodes_of_a_stage_with_equal_reasons_are_one_group(project, reasons):
         (3, "gain.factor changed from 2.0 to 2.5"),
         (3, "input changed: double"),
     ]
+
+
+def test_the_folders_own_results_are_compared_however_many_others_there_are(project, monkeypatch):
+    first = project.graph()
+    project.run()
+    project.run(project.graph(factor=2.4))
+    monkeypatch.setattr("stixel_cli.engine.entries.COMPARED", 1)
+    keys = {node.key for node in first.nodes.values()}
+    (change,) = {
+        one.text
+        for one in explain(project.graph(factor=2.5), project.store, ["double"], (keys, {}))
+    }
+    assert change == "gain.factor changed from 2.0 to 2.5"
