@@ -199,11 +199,7 @@ def contour_errors(track: Track, scenario: Scenario) -> dict[str, np.ndarray]:
     corners = np.array([low, [high[0], low[1]], high, [low[0], high[1]]])
     iou_box = overlaps(areas(estimated_boxes), areas(corners[None]))
     length, width = (sides - (high - low)).T
-    errors: dict[str, Any] = {
-        "iou_box": iou_box,
-        "length": length,
-        "width": width,
-    }
+    errors: dict[str, Any] = {"iou_box": iou_box, "length": length, "width": width}
     if scenario.only_box or not len(scans):
         names = ("iou", "iou_hull", "gaussian_wasserstein", "hausdorff", "contour_distance")
         missing = (*names, "seen_contour", "band_coverage")

@@ -9,6 +9,7 @@ import numpy as np
 import shapely
 
 from stixel_cli.errors import UserError
+from stixel_cli.evaluation.scan_errors import finite_mean
 from stixel_cli.measurements.noise import FittedNoise
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.scenario import Scenario
@@ -35,28 +36,22 @@ def point_statistics(errors: PointErrors, focal: float, lag: float) -> dict[str,
         focal: focal length, px.
         lag: columns.
     """
-    shift, reach = mean(0.5 * (errors.reach_right - errors.reach_left)), mean(errors.true_ranges)
+    shift = finite_mean(0.5 * (errors.reach_right - errors.reach_left))
+    reach = finite_mean(errors.true_ranges)
     return {
-        "bias_along": mean(errors.along),
-        "bias_disparity": mean(errors.disparities),
+        "bias_along": finite_mean(errors.along),
+        "bias_disparity": finite_mean(errors.disparities),
         "std": std(errors.along),
         "std_disparity": std(errors.disparities),
         "bias_across": None if shift is None or reach is None else shift * reach / focal,
         "neighbours": correlogram([errors], [lag])[0],
         "scans": _scan_correlation(errors),
-        "reach": mean(np.concatenate([errors.reach_left, errors.reach_right])),
-        "beside": mean(errors.inside < 0.0),
-        "missed": mean(1.0 - errors.covered),
+        "reach": finite_mean(np.concatenate([errors.reach_left, errors.reach_right])),
+        "beside": finite_mean(errors.inside < 0.0),
+        "missed": finite_mean(1.0 - errors.covered),
         "points": len(errors.scans) / len(errors.times),
-        "clutter": mean(errors.clutter),
+        "clutter": finite_mean(errors.clutter),
     }
-
-
-def mean(values: np.ndarray) -> float | None:
-    """Mean of the finite values; None without any."""
-    values = 1.0 * values
-    values = values[np.isfinite(values)]
-    return float(values.mean()) if len(values) else None
 
 
 def std(values: np.ndarray) -> float | None:
@@ -136,7 +131,6 @@ def fit_noise(runs: Sequence[PointErrors]) -> FittedNoise:
     Raises:
         UserError: if the runs have too few points between the ends of the silhouette.
     """
-    spacings = [run.spacing for run in runs if np.isfinite(run.spacing)]
     outermost = np.concatenate([_outermost(run) for run in runs])
     scans, first = [], 0
     for run in runs:
@@ -148,12 +142,12 @@ def fit_noise(runs: Sequence[PointErrors]) -> FittedNoise:
         for name in ("columns", "along", "range_sensitivities", "inside")
     )
     core = (inside > 0.0) & ~outermost
-    if not spacings or np.count_nonzero(core) < _FEWEST:
+    if np.count_nonzero(core) < _FEWEST:
         raise UserError(
             f"{np.count_nonzero(core)} points of the target in the training runs are too few to "
             f"fit the noise, it takes {_FEWEST}"
         )
-    width = max(1, round(float(np.median(spacings))))
+    width = max(1, round(neighbour_columns(runs)))
 
     # Divided by the range sensitivity (m/px), i.e. in px, errors are about as large at all ranges.
     range_bias = float(np.average(along[core], weights=sensitivity[core] ** -2.0))

@@ -23,6 +23,11 @@ from stixel_cli.tracking.contour.ray_table import REACH, first_depths, widths
 RADII = 360
 """Even angles at which the mean outline is given: a wheel's width is seen under 3 degrees."""
 
+_ANGLES = 2.0 * np.pi * np.arange(RADII) / RADII
+_ALONG = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)], axis=-1)
+_ACROSS = np.stack([-np.sin(_ANGLES), np.cos(_ANGLES)], axis=-1)
+"""Unit vectors (360, 2) along and across the rays at these angles."""
+
 NEAR_OFFSET, NEAR_DEPTH = 0.3, 1.0
 """A point within this of the outline, m, across and along its ray, is taken as the target's."""
 
@@ -54,10 +59,10 @@ def class_shape_of(scenarios: Sequence[Scenario]) -> ClassShape:
     """
     size = _boxes(scenarios).mean(axis=0)
     radii, stds = mean_radii(_of_size(scenarios, size))
-    outline = radii[:, None] * _unit(_angles())
+    outline = radii[:, None] * _ALONG
     extents = np.ptp(outline, axis=0)
-    radii = _radii(outline * (1.0 + TOWARDS_BOX * (size / extents - 1.0)), _angles())
-    return ClassShape(outline=radii[:, None] * _unit(_angles()), outline_stds=stds, size=size)
+    radii = _radii(outline * (1.0 + TOWARDS_BOX * (size / extents - 1.0)))
+    return ClassShape(outline=radii[:, None] * _ALONG, outline_stds=stds, size=size)
 
 
 def visible_outline_of(scenarios: Sequence[Scenario], shape: ClassShape) -> VisibleShape:
@@ -100,7 +105,7 @@ def visible_shape_of(samples: Sequence[tuple[Scenario, Scans]], shape: ClassShap
 
 def mean_radii(outlines: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     """Mean radii (360,) m of outlines (M, 2) m, and their standard deviations (360,) m."""
-    radii = np.stack([_radii(outline, _angles()) for outline in outlines])
+    radii = np.stack([_radii(outline) for outline in outlines])
     return radii.mean(axis=0), radii.std(axis=0)
 
 
@@ -118,19 +123,10 @@ def _of_size(scenarios: Sequence[Scenario], size: np.ndarray) -> list[np.ndarray
     ]
 
 
-def _angles() -> np.ndarray:
-    return 2.0 * np.pi * np.arange(RADII) / RADII
-
-
-def _unit(angles: np.ndarray) -> np.ndarray:
-    return np.stack([np.cos(angles), np.sin(angles)], axis=-1)
-
-
-def _radii(outline: np.ndarray, angles: np.ndarray) -> np.ndarray:
-    """Radius (n,) m at which rays from the centre leave a polygon for the last time."""
+def _radii(outline: np.ndarray) -> np.ndarray:
+    """Radius (360,) m at which rays from the centre leave a polygon for the last time."""
     following = np.roll(outline, -1, axis=0)
-    along = np.stack([np.cos(angles), np.sin(angles)], axis=-1)[:, None, :]
-    across = np.stack([-np.sin(angles), np.cos(angles)], axis=-1)[:, None, :]
+    along, across = _ALONG[:, None, :], _ACROSS[:, None, :]
     here, there = (outline * across).sum(-1), (following * across).sum(-1)
     ahead, next_ahead = (outline * along).sum(-1), (following * along).sum(-1)
     with np.errstate(divide="ignore", invalid="ignore"):

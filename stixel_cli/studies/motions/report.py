@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 
 from stixel_cli.evaluation.metric_table import METRICS
+from stixel_cli.evaluation.scan_errors import finite_mean
 from stixel_cli.report.blocks import Cell, Figure, Material, Table
 from stixel_cli.report.forest import difference_row, forest
 from stixel_cli.report.run_frame import BASELINE, LIDAR, STIXELS, run_frame
@@ -27,7 +28,7 @@ from stixel_cli.studies.motions.tracks import (
     every_track,
     some_tracks,
 )
-from stixel_cli.validation.point_statistics import mean, std
+from stixel_cli.validation.point_statistics import std
 
 __all__ = ["every_track", "report", "some_tracks"]
 
@@ -142,9 +143,9 @@ def _frame(runs: Sequence[RunResult]) -> pd.DataFrame:
         keys.append((*scans, run.seed))
         if keys[-1] not in known:
             errors = run.load("point_errors")
-            covered = mean(errors.covered)
+            covered = finite_mean(errors.covered)
             missed = None if covered is None else 1.0 - covered
-            known[keys[-1]] = (mean(errors.along), std(errors.disparities), missed)
+            known[keys[-1]] = (finite_mean(errors.along), std(errors.disparities), missed)
     frame = run_frame(runs)
     # Each track has settings of its own, by which the names would distinguish measurements.
     frame = frame.assign(measurement=frame["measurement_kind"], tracker=frame["tracker_kind"])
