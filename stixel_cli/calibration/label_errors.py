@@ -53,10 +53,7 @@ class LabelErrors:
 
 
 def label_errors(
-    stixels: Iterable[Stixels],
-    files: tuple[Path, ...],
-    rig: Rig,
-    tables: Tables,
+    stixels: Iterable[Stixels], files: tuple[Path, ...], rig: Rig, tables: Tables
 ) -> LabelErrors:
     """Errors at all labelled cars in the frames of `stixels`.
 

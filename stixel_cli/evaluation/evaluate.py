@@ -25,12 +25,7 @@ from stixel_cli.evaluation.contour_errors import (
     seen_points,
 )
 from stixel_cli.evaluation.metric_table import METRICS, OF_CLASSES, OF_SIZE
-from stixel_cli.evaluation.scan_errors import (
-    LOW_OVERLAP,
-    NO_UPPER_BOUNDS,
-    ScanErrors,
-    UpperBounds,
-)
+from stixel_cli.evaluation.scan_errors import LOW_OVERLAP, NO_UPPER_BOUNDS, ScanErrors, UpperBounds
 from stixel_cli.evaluation.scores import LabelScores, Scores
 from stixel_cli.geometry.pose import wrap_angle
 from stixel_cli.measurements.scans import Scans

@@ -170,10 +170,7 @@ def _in_camera(
 
 
 def _seen(
-    place: np.ndarray,
-    yaw: float,
-    size: np.ndarray,
-    calibration: Calibration,
+    place: np.ndarray, yaw: float, size: np.ndarray, calibration: Calibration
 ) -> tuple[np.ndarray, bool] | None:
     """The box (4,) px of a label in the image, and whether it is cut; None if it is not seen."""
     height, width, length = size

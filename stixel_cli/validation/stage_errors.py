@@ -14,11 +14,7 @@ from stixel_cli.rendering.frames import ROAD_ID, SKY_ID, TARGET_ID, RenderedFram
 from stixel_cli.stereo.disparities import Disparities
 from stixel_cli.stixels.nearest_obstacle import nearest_obstacle
 from stixel_cli.stixels.occupancy import Layout, layout
-from stixel_cli.stixels.parameters import (
-    FreeSpaceParameters,
-    OccupancyParameters,
-    RoadParameters,
-)
+from stixel_cli.stixels.parameters import FreeSpaceParameters, OccupancyParameters, RoadParameters
 from stixel_cli.stixels.types import FreeSpace, Stixels
 from stixel_cli.validation.stage_stixels import StixelErrors, stixel_errors
 from stixel_cli.validation.stage_truth import FrameTruth, frame_truth

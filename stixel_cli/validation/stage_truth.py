@@ -10,11 +10,7 @@ import numpy as np
 
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.rendering.frames import ROAD_ID, SKY_ID, TARGET_ID
-from stixel_cli.stixels.parameters import (
-    FreeSpaceParameters,
-    OccupancyParameters,
-    RoadParameters,
-)
+from stixel_cli.stixels.parameters import FreeSpaceParameters, OccupancyParameters, RoadParameters
 
 
 @dataclass(frozen=True)
