@@ -30,12 +30,12 @@ BUDGET = {
     "pictures": 1312,
     "recordings": 2157,
     # Images of a rig out of calibration.
-    "rendering": 2360,
+    "rendering": 2352,
     # The layer that studies share: runs, scans, cost, templates, numbered blocks, files.
     "report": 2635,
     "results": 1451,
     # A mesh in other units and along another axis.
-    "scene": 3482,
+    "scene": 3470,
     # Conditions of the rig, the matchers, the path, the pictures and the prior, from config/.
     "stereo": 482,
     "stixels": 2030,

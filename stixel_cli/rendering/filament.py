@@ -50,14 +50,6 @@ def render(
 
     Depth is Filament's own depth image, ids are its own rendering in flat colours.
 
-    Args:
-        scenario: poses of the ego car and the target.
-        road_user: the target.
-        world: road and background.
-        rig: the cameras.
-        renderer: light, timeouts and attempts.
-        frames: consecutive frame indices.
-
     Raises:
         RendererUnavailable: if the child hung or died `renderer.attempts` times.
     """

@@ -1,4 +1,4 @@
-"""The surroundings of a town square: ground, houses, trees, lamp posts, signs, hedges, bollards.
+"""The surroundings: ground, houses, trees, lamp posts, signs, hedges, bollards, parked cars, woods.
 
 A function makes one object in the world's axes, standing on z = 0. Textures are (h, w, 3) uint8
 RGB.
@@ -9,9 +9,44 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stixel_cli.scene.mesh import Mesh, Part
-from stixel_cli.scene.shapes import box, ellipsoid, lathe, loft, part, tube
-from stixel_cli.scene.textures import asphalt, mottled, paving
+from stixel_cli.scene.car import car
+from stixel_cli.scene.mesh import Mesh, Part, fitted, moved
+from stixel_cli.scene.shapes import box, ellipsoid, lathe, loft, part, quads_to_triangles, tube
+from stixel_cli.scene.textures import (
+    Colour,
+    asphalt,
+    facade,
+    leaves,
+    mottled,
+    paving,
+    roof_tiles,
+)
+
+WALLS = (
+    # colour, and whether it is of bricks
+    ((214, 190, 140), False),
+    ((168, 92, 74), True),
+    ((206, 202, 192), False),
+    ((150, 168, 176), False),
+    ((190, 146, 116), True),
+)
+
+
+class Materials:
+    """Textures of houses, trees and posts that both worlds have, for a `seed` and a `contrast`."""
+
+    def __init__(self, seed: int, contrast: float):
+        depth = 0.08 + 0.20 * contrast
+        self.fronts = [
+            facade(f"front {seed} {i}", colour, 2 + i % 2, 3, brick, contrast)
+            for i, (colour, brick) in enumerate(WALLS)
+        ]
+        self.roof = roof_tiles("roof red", (150, 78, 58), contrast)
+        self.bark = mottled("bark", (92, 76, 60), 0.10 + 0.3 * contrast, coarsest=3.0)
+        self.leaves = leaves("leaves", (86, 112, 52), contrast)
+        self.metal = mottled("post", (106, 112, 112), depth, coarsest=3.0)
+        self.glass = mottled("lamp glass", (226, 222, 204), 0.08)
+        self.woods = leaves("woods", (74, 96, 56), contrast)
 
 
 def house(
@@ -33,19 +68,16 @@ def house(
     """
     (x0, y0), (x1, y1) = low, high
     ring = [(x0, y0), (x1, y0), (x1, y1), (x0, y1)]
-    vertices, triangles, uvs = [], [], []
+    vertices, uvs = [], []
     for i in range(4):
         (xa, ya), (xb, yb) = ring[i], ring[(i + 1) % 4]
         repeats = max(1.0, np.round(np.hypot(xb - xa, yb - ya) / 8.0))
-        base = len(vertices)
         vertices += [(xa, ya, 0.0), (xb, yb, 0.0), (xb, yb, height), (xa, ya, height)]
-        triangles += [(base, base + 1, base + 2), (base, base + 2, base + 3)]
         lower_left, lower_right = (0.0, 1.0), (repeats, 1.0)
         upper_right, upper_left = (repeats, 0.0), (0.0, 0.0)
         uvs += [(lower_left, lower_right, upper_right), (lower_left, upper_right, upper_left)]
-    walls = Part(
-        np.array(vertices), np.array(triangles, dtype=np.int32), np.array(uvs), front, "walls"
-    )
+    triangles = quads_to_triangles(np.arange(len(vertices)))
+    walls = Part(np.array(vertices), triangles, np.array(uvs), front, "walls")
     return Mesh((walls, part("roof", [_gable(low, high, height, ridge)], roof, 4.0),
                  part("chimney", [_chimney(low, high, height)], front, 6.0)))  # fmt: skip
 
@@ -151,6 +183,17 @@ def bollard(place: ArrayLike, metal: np.ndarray) -> Mesh:
     return Mesh((part("bollard", [shaft, knob], metal, 0.5),))
 
 
+def parked_car(place: ArrayLike, heading: float, colour: Colour, contrast: float) -> Mesh:
+    """A car of one size at `place` (2,) m, `heading` rad; its paint has less than `contrast`."""
+    (mesh,) = fitted([car(colour, 0.7 * contrast)], 4.3, 1.75, 1.48)
+    return moved(mesh, np.array([*place, 0.0]), heading)
+
+
+def woods(x0: float, y0: float, x1: float, y1: float, foliage: np.ndarray) -> Mesh:
+    """A row of trees, far away, over a rectangle, m."""
+    return Mesh((part("woods", [box((x0, y0, 0.0), (x1, y1, 9.0))], foliage, 9.0),))
+
+
 REACH = 150.0
 """The asphalt reaches as far as this from the origin, m."""
 
@@ -201,13 +244,12 @@ def flat(
     tile: float,
 ) -> Part:
     """Level rectangles (x0, y0, x1, y1) m, seen from above, `tile` m a repetition."""
-    vertices, triangles = [], []
-    for x0, y0, x1, y1 in rectangles:
-        base = len(vertices)
-        vertices += [(x0, y0, height), (x1, y0, height), (x1, y1, height), (x0, y1, height)]
-        triangles += [(base, base + 1, base + 2), (base, base + 2, base + 3)]
-    vertices = np.array(vertices, dtype=np.float64)
-    triangles = np.array(triangles, dtype=np.int32)
+    quads = [
+        [(x0, y0, height), (x1, y0, height), (x1, y1, height), (x0, y1, height)]
+        for x0, y0, x1, y1 in rectangles
+    ]
+    vertices = np.array(quads, dtype=np.float64).reshape(-1, 3)
+    triangles = quads_to_triangles(np.arange(len(vertices)))
     uvs = vertices[triangles][:, :, :2] / tile
     return Part(vertices, triangles, uvs, texture, name)
 

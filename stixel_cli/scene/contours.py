@@ -25,11 +25,6 @@ def seen_from_above(parts: list[Part]) -> shapely.Geometry:
     return shapely.union_all(shapely.polygons(flat[_doubled_areas(flat) > 1e-10]))
 
 
-def ground_contour(mesh: Mesh) -> np.ndarray:
-    """Outline (M, 2) m of the ground projection of `mesh`, in its own frame; see `outline`."""
-    return outline(corners(mesh))
-
-
 def outline(triangles: np.ndarray) -> np.ndarray:
     """Outline (M, 2) m of the ground projection of `triangles` (T, 3, 3) m.
 
@@ -100,16 +95,16 @@ def moving_target(
 
 
 def road_user_contours(road_user: RoadUser) -> np.ndarray:
-    """The outlines (L, M, 2) m of `road_user_meshes`, as `ground_contour` states them.
+    """The outlines (L, M, 2) m of `road_user_meshes`, as `outline` states them.
 
     All have the same number of vertices: edges are halved where a contour has fewer.
 
     Raises:
-        ValueError: as `road_user_meshes` and `ground_contour` do.
+        ValueError: as `road_user_meshes` and `outline` do.
     """
     meshes = road_user_meshes(road_user)
     if len(meshes) == 1:
-        return ground_contour(meshes[0])[None]
+        return outline(corners(meshes[0]))[None]
     # What does not move is projected once.
     moving = moving_parts(road_user)
     rest = seen_from_above([p for p in meshes[0].parts if p.name not in moving])

@@ -11,13 +11,11 @@ import shapely
 
 from stixel_cli.randomness import generator
 from stixel_cli.scene import background
-from stixel_cli.scene.background import flat
-from stixel_cli.scene.car import car
-from stixel_cli.scene.mesh import Mesh, bounding_box, fitted, moved
+from stixel_cli.scene.background import Materials, flat
+from stixel_cli.scene.mesh import Mesh, bounding_box, moved
 from stixel_cli.scene.parameters import World
-from stixel_cli.scene.shapes import box, part
-from stixel_cli.scene.textures import asphalt, facade, leaves, mottled, roof_tiles
-from stixel_cli.scene.world import WALLS, WorldObject
+from stixel_cli.scene.textures import asphalt
+from stixel_cli.scene.world import WorldObject
 
 BEHIND, AHEAD = 30.0, 90.0
 """The roadside reaches as far before the start and beyond the end of the ego car's way, m."""
@@ -47,14 +45,14 @@ def roadside_objects(
         ego_poses_world: (K, 3) x m, y m, heading rad.
         targets_world: (K, 2) m, the target's centre.
     """
-    draws = generator(world.seed, "roadside")
+    draws, materials = generator(world.seed, "roadside"), Materials(world.seed, world.contrast)
     way = _way(ego_poses_world)
     pairs = np.stack([ego_poses_world[:, :2], targets_world], axis=1)
     free = shapely.union_all(
         [shapely.LineString(way).buffer(ROAD), *shapely.buffer(shapely.linestrings(pairs), VIEW)]
     )
     made: list[tuple[str, Mesh]] = []
-    for name, mesh in _along(way, world, draws):
+    for name, mesh in _along(way, world.contrast, materials, draws):
         vertices = np.concatenate([one.vertices for one in mesh.parts])
         footprint = shapely.convex_hull(shapely.multipoints(vertices[:, :2]))
         if not footprint.intersects(free):
@@ -62,7 +60,7 @@ def roadside_objects(
             free = free.union(footprint)
     places = np.concatenate([way, *pairs])
     low, high = places.min(axis=0) - MARGIN, places.max(axis=0) + MARGIN
-    made += [("woods", mesh) for mesh in _woods(low + 6.0, high - 6.0, world.contrast)]
+    made += [("woods", mesh) for mesh in _woods(low + 6.0, high - 6.0, materials)]
     made.sort(key=lambda named: float(np.hypot(*bounding_box(named[1])[:, :2].mean(axis=0))))
     ground = flat("asphalt", [(*low, *high)], 0.0, asphalt(world.contrast), 7.3)
     return (
@@ -81,74 +79,58 @@ def _way(poses: np.ndarray) -> np.ndarray:
     return np.array([poses[0, :2] - BEHIND * first, *kept, kept[-1] + AHEAD * last])
 
 
-def _along(way: np.ndarray, world: World, draws: np.random.Generator) -> Iterator[tuple[str, Mesh]]:
+def _along(
+    way: np.ndarray, contrast: float, materials: Materials, draws: np.random.Generator
+) -> Iterator[tuple[str, Mesh]]:
     """Objects on both sides of the way, where they would be if nothing had to be left free."""
     line = shapely.LineString(way)
     spacing = max(SPACING, line.length / MOST_SLOTS)
-    makers = _Makers(world, draws)
     for at in np.arange(0.5 * spacing, line.length, spacing):
         here, further = (line.interpolate(s) for s in (at, at + 1.0))
         direction = np.arctan2(further.y - here.y, further.x - here.x)
         # In an object's own frame, y points away from the road.
         for turn in (direction, direction + np.pi):
-            for name, mesh in makers.slot():
+            for name, mesh in _slot(contrast, materials, draws):
                 yield name, moved(mesh, np.array([here.x, here.y, 0.0]), turn)
 
 
-class _Makers:
-    """Draws the objects of a slot; its frame is x along the road, y away from it, m."""
-
-    def __init__(self, world: World, draws: np.random.Generator):
-        contrast, self._draws, self._contrast = world.contrast, draws, world.contrast
-        depth = 0.08 + 0.20 * contrast
-        self._fronts = [
-            facade(f"front {world.seed} {i}", colour, 2 + i % 2, 3, brick, contrast)
-            for i, (colour, brick) in enumerate(WALLS)
-        ]
-        self._roof = roof_tiles("roof red", (150, 78, 58), contrast)
-        self._bark = mottled("bark", (92, 76, 60), 0.10 + 0.3 * contrast, coarsest=3.0)
-        self._leaves = leaves("leaves", (86, 112, 52), contrast)
-        self._metal = mottled("post", (106, 112, 112), depth, coarsest=3.0)
-        self._glass = mottled("lamp glass", (226, 222, 204), 0.08)
-
-    def slot(self) -> Iterator[tuple[str, Mesh]]:
-        """Something tall at the back, something low in front of it."""
-        draws = self._draws
-        if draws.uniform() < 0.6:
-            half, near = 0.5 * draws.uniform(8.0, 12.0), draws.uniform(12.0, 16.0)
-            front = self._fronts[draws.integers(len(self._fronts))]
-            height = draws.uniform(6.5, 9.0)
-            low, high = (-half, near), (half, near + 9.0)
-            yield "house", background.house(low, high, height, front, self._roof, "x")
-        else:
-            place = (draws.uniform(-3.0, 3.0), draws.uniform(11.0, 16.0))
-            height = draws.uniform(5.5, 8.0)
-            yield "tree", background.tree(draws, place, height, self._bark, self._leaves)
-        place = (draws.uniform(-4.0, 4.0), draws.uniform(6.8, 8.5))
-        kind = draws.integers(4)
-        if kind == 0:
-            paint = PAINTS[draws.integers(len(PAINTS))]
-            (mesh,) = fitted([car(paint, 0.7 * self._contrast)], 4.3, 1.75, 1.48)
-            yield "parked car", moved(mesh, np.array([*place, 0.0]))
-        elif kind == 1:
-            reach = (0.0, -1.2)
-            yield "lamp post", background.lamp_post(place, 6.2, reach, self._metal, self._glass)
-        elif kind == 2:
-            x, y = place
-            low, high = (x - 3.0, y, 0.0), (x + 3.0, y + 0.9, draws.uniform(0.9, 1.4))
-            yield "hedge", background.hedge(low, high, self._leaves)
-        else:
-            yield "bollard", background.bollard(place, self._metal)
+def _slot(
+    contrast: float, materials: Materials, draws: np.random.Generator
+) -> Iterator[tuple[str, Mesh]]:
+    """Something tall at the back, something low in front; x along the road, y away from it, m."""
+    if draws.uniform() < 0.6:
+        half, near = 0.5 * draws.uniform(8.0, 12.0), draws.uniform(12.0, 16.0)
+        front = materials.fronts[draws.integers(len(materials.fronts))]
+        height = draws.uniform(6.5, 9.0)
+        low, high = (-half, near), (half, near + 9.0)
+        yield "house", background.house(low, high, height, front, materials.roof, "x")
+    else:
+        place = (draws.uniform(-3.0, 3.0), draws.uniform(11.0, 16.0))
+        height = draws.uniform(5.5, 8.0)
+        yield "tree", background.tree(draws, place, height, materials.bark, materials.leaves)
+    place = (draws.uniform(-4.0, 4.0), draws.uniform(6.8, 8.5))
+    kind = draws.integers(4)
+    if kind == 0:
+        paint = PAINTS[draws.integers(len(PAINTS))]
+        yield "parked car", background.parked_car(place, 0.0, paint, contrast)
+    elif kind == 1:
+        post = background.lamp_post(place, 6.2, (0.0, -1.2), materials.metal, materials.glass)
+        yield "lamp post", post
+    elif kind == 2:
+        x, y = place
+        low, high = (x - 3.0, y, 0.0), (x + 3.0, y + 0.9, draws.uniform(0.9, 1.4))
+        yield "hedge", background.hedge(low, high, materials.leaves)
+    else:
+        yield "bollard", background.bollard(place, materials.metal)
 
 
-def _woods(low: np.ndarray, high: np.ndarray, contrast: float) -> Iterator[Mesh]:
+def _woods(low: np.ndarray, high: np.ndarray, materials: Materials) -> Iterator[Mesh]:
     """Four rows of trees on the border of a rectangle."""
-    far = leaves("woods", (74, 96, 56), contrast)
     (x0, y0), (x1, y1) = low, high
-    for a, b, c, d in (
+    for rectangle in (
         (x0, y1 - 9.0, x1, y1),
         (x0, y0, x1, y0 + 9.0),
         (x0, y0, x0 + 9.0, y1),
         (x1 - 9.0, y0, x1, y1),
     ):
-        yield Mesh((part("woods", [box((a, b, 0.0), (c, d, 9.0))], far, 9.0),))
+        yield background.woods(*rectangle, materials.woods)

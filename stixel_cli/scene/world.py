@@ -12,12 +12,10 @@ import numpy as np
 
 from stixel_cli.randomness import generator
 from stixel_cli.scene import background
-from stixel_cli.scene.background import ground
-from stixel_cli.scene.car import car
-from stixel_cli.scene.mesh import Mesh, fitted, moved
+from stixel_cli.scene.background import Materials, ground
+from stixel_cli.scene.mesh import Mesh
 from stixel_cli.scene.parameters import World
-from stixel_cli.scene.shapes import box, part
-from stixel_cli.scene.textures import facade, leaves, mottled, roof_tiles
+from stixel_cli.scene.textures import leaves, mottled, roof_tiles
 
 HOUSES = (
     # x0, y0, x1, y1, height of the walls, ridge
@@ -85,14 +83,6 @@ WOODS = (
     (140, -140, 149, 140),
 )
 
-WALLS = (
-    ((214, 190, 140), False),
-    ((168, 92, 74), True),
-    ((206, 202, 192), False),
-    ((150, 168, 176), False),
-    ((190, 146, 116), True),
-)
-
 
 @dataclass(frozen=True)
 class WorldObject:
@@ -114,12 +104,11 @@ def world_objects(world: World) -> tuple[WorldObject, ...]:
 
     The background's order is the order of its ids. The same `world` gives the same bytes.
     """
-    draws = generator(world.seed, "world")
+    draws, materials = generator(world.seed, "world"), Materials(world.seed, world.contrast)
     made = [
-        *_houses(world, draws),
-        *_green(world, draws),
-        *_furniture(world),
-        *_parked_cars(world),
+        *_houses(world.contrast, materials, draws),
+        *_green(world.contrast, materials, draws),
+        *_furniture(world.contrast, materials),
     ]
     made.sort(key=lambda named: _distance(named[1]))
     return (
@@ -133,56 +122,36 @@ def _distance(mesh: Mesh) -> float:
     return float(np.min(np.hypot(points[:, 0], points[:, 1])))
 
 
-def _houses(world: World, draws: np.random.Generator):
-    contrast = world.contrast
-    fronts = [
-        facade(f"front {world.seed} {i}", colour, 2 + i % 2, 3, brick, contrast)
-        for i, (colour, brick) in enumerate(WALLS)
-    ]
-    roofs = [
-        roof_tiles("roof red", (150, 78, 58), contrast),
-        roof_tiles("roof grey", (92, 92, 98), contrast),
-    ]
-    order = draws.permutation(len(WALLS))
+def _houses(contrast: float, materials: Materials, draws: np.random.Generator):
+    fronts = materials.fronts
+    roofs = [materials.roof, roof_tiles("roof grey", (92, 92, 98), contrast)]
+    order = draws.permutation(len(fronts))
     for i, (x0, y0, x1, y1, height, ridge) in enumerate(HOUSES):
-        front = fronts[order[i % len(WALLS)]]
+        front = fronts[order[i % len(fronts)]]
         roof = roofs[draws.integers(2)]
         yield "house", background.house((x0, y0), (x1, y1), height, front, roof, ridge)
     yield "church", background.tower((-4.5, 102.0), (4.5, 111.0), 22.0, fronts[2], roofs[1])
 
 
-def _green(world: World, draws: np.random.Generator):
-    contrast = world.contrast
-    bark = mottled("bark", (92, 76, 60), 0.10 + 0.3 * contrast, coarsest=3.0)
-    greens = [
-        leaves("leaves", (86, 112, 52), contrast),
-        leaves("dark leaves", (62, 92, 46), contrast),
-    ]
+def _green(contrast: float, materials: Materials, draws: np.random.Generator):
+    greens = [materials.leaves, leaves("dark leaves", (62, 92, 46), contrast)]
     for i, place in enumerate(TREES):
         height = draws.uniform(5.5, 8.0)
-        yield "tree", background.tree(draws, place, height, bark, greens[i % 2])
-    far = leaves("woods", (74, 96, 56), contrast)
-    for x0, y0, x1, y1 in WOODS:
-        yield "woods", Mesh((part("woods", [box((x0, y0, 0.0), (x1, y1, 9.0))], far, 9.0),))
+        yield "tree", background.tree(draws, place, height, materials.bark, greens[i % 2])
+    for rectangle in WOODS:
+        yield "woods", background.woods(*rectangle, materials.woods)
     clipped = leaves("hedge", (66, 98, 50), contrast)
     for x0, y0, x1, y1, height in HEDGES:
         yield "hedge", background.hedge((x0, y0, 0.0), (x1, y1, height), clipped)
 
 
-def _furniture(world: World):
-    depth = 0.08 + 0.20 * world.contrast
-    metal = mottled("post", (106, 112, 112), depth, coarsest=3.0)
-    glass = mottled("lamp glass", (226, 222, 204), 0.08)
-    plate = mottled("sign", (44, 92, 168), depth)
-    for x, y, reach_x, reach_y in LAMPS:
-        yield "lamp post", background.lamp_post((x, y), 6.2, (reach_x, reach_y), metal, glass)
+def _furniture(contrast: float, materials: Materials):
+    metal, plate = materials.metal, mottled("sign", (44, 92, 168), 0.08 + 0.20 * contrast)
+    for x, y, *reach in LAMPS:
+        yield "lamp post", background.lamp_post((x, y), 6.2, reach, metal, materials.glass)
     for place in BOLLARDS:
         yield "bollard", background.bollard(place, metal)
     for place in SIGNS:
         yield "sign", background.sign(place, metal, plate)
-
-
-def _parked_cars(world: World):
     for x, y, heading, colour in PARKED:
-        (mesh,) = fitted([car(colour, 0.7 * world.contrast)], 4.3, 1.75, 1.48)
-        yield "parked car", moved(mesh, np.array([x, y, 0.0]), np.radians(heading))
+        yield "parked car", background.parked_car((x, y), np.radians(heading), colour, contrast)

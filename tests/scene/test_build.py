@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.ndimage import binary_fill_holes
 
-from stixel_cli.scene.contours import ground_contour
+from stixel_cli.scene.contours import outline
 from stixel_cli.scene.ego import ego_motion
 from stixel_cli.scene.mesh import Mesh, Part, corners
 from stixel_cli.scene.path import build_scenario
@@ -89,7 +89,7 @@ def rasterised(mesh, step):
     ],
 )
 def test_contour_equals_the_silhouette_from_above(meshes, kind, step, least_area, most_area):
-    contour = ground_contour(meshes[kind])
+    contour = outline(corners(meshes[kind]))
     xs, ys, truth = rasterised(meshes[kind], step)
     found = shapely.contains_xy(shapely.Polygon(contour), *np.meshgrid(xs, ys, indexing="ij"))
     assert (truth & found).sum() > 0.99 * (truth | found).sum()
@@ -98,7 +98,7 @@ def test_contour_equals_the_silhouette_from_above(meshes, kind, step, least_area
 
 @pytest.mark.parametrize("kind", scene_presets.ROAD_USERS)
 def test_contour_is_one_simple_polygon_with_few_points(meshes, kind):
-    contour = ground_contour(meshes[kind])
+    contour = outline(corners(meshes[kind]))
     polygon = shapely.Polygon(contour)
     assert polygon.is_valid and polygon.exterior.is_ccw
     assert 20 < len(contour) < 400
@@ -112,13 +112,13 @@ def test_contour_is_one_simple_polygon_with_few_points(meshes, kind):
 
 @pytest.mark.parametrize(("kind", "share"), [("car", 0.98), ("cyclist", 0.8), ("pedestrian", 0.8)])
 def test_contour_keeps_concave_parts(meshes, kind, share):
-    polygon = shapely.Polygon(ground_contour(meshes[kind]))
+    polygon = shapely.Polygon(outline(corners(meshes[kind])))
     assert polygon.area < share * polygon.convex_hull.area
 
 
 def test_contour_includes_the_mirrors(meshes):
     """The car is widest at its mirrors alone: half a metre behind them it is narrower."""
-    polygon = shapely.Polygon(ground_contour(meshes["car"]))
+    polygon = shapely.Polygon(outline(corners(meshes["car"])))
     left = polygon.bounds[3]
     outermost = shapely.box(-9, left - 0.03, 9, 9).intersection(polygon)
     assert outermost.bounds[2] - outermost.bounds[0] < 0.2
@@ -127,9 +127,9 @@ def test_contour_includes_the_mirrors(meshes):
 def test_contour_fills_holes_and_joins_separate_parts():
     frame = [((-1, -1, 0), (1, -0.8, 1)), ((-1, 0.8, 0), (1, 1, 1)),
              ((-1, -1, 0), (-0.8, 1, 1)), ((0.8, -1, 0), (1, 1, 1))]  # fmt: skip
-    assert shapely.Polygon(ground_contour(boxes(*frame))).area == pytest.approx(4.0)
+    assert shapely.Polygon(outline(corners(boxes(*frame)))).area == pytest.approx(4.0)
     apart = boxes(((-1, -0.5, 0), (-0.01, 0.5, 1)), ((0.01, -0.5, 0), (1, 0.5, 1)))
-    polygon = shapely.Polygon(ground_contour(apart))
+    polygon = shapely.Polygon(outline(corners(apart)))
     assert polygon.is_valid
     assert polygon.area == pytest.approx(2.0, abs=0.03)
 
@@ -138,7 +138,7 @@ def test_contour_rejects_a_mesh_without_ground_projection():
     upright = np.array([[0.0, 0, 0], [1, 0, 0], [1, 0, 1]])
     wall = Part(upright, np.array([[0, 1, 2]], np.int32), np.zeros((1, 3, 2)), GREY, "wall")
     with pytest.raises(ValueError, match="no area"):
-        ground_contour(Mesh((wall,)))
+        outline(corners(Mesh((wall,))))
 
 
 def test_star_convexity_of_known_shapes():
@@ -163,7 +163,7 @@ def test_star_convexity_agrees_with_lines_of_sight(radii):
 
 @pytest.mark.parametrize("kind", scene_presets.ROAD_USERS)
 def test_star_convexity_of_road_users_agrees_with_visibility(meshes, kind):
-    contour = ground_contour(meshes[kind])
+    contour = outline(corners(meshes[kind]))
     shape = shapely.Polygon(contour).buffer(1e-9)
     middles = 0.5 * (contour + np.roll(contour, -1, axis=0))
     seen = all(shape.covers(shapely.LineString([(0, 0), point])) for point in [*contour, *middles])

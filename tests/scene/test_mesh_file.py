@@ -13,8 +13,8 @@ from stixel_cli.config.compose import compose
 from stixel_cli.engine.graph import build_graph
 from stixel_cli.experiment.stages import pipeline_stages, scan_count
 from stixel_cli.scene import mesh_file, open3d_import
-from stixel_cli.scene.contours import ground_contour
-from stixel_cli.scene.mesh import bounding_box
+from stixel_cli.scene.contours import outline
+from stixel_cli.scene.mesh import bounding_box, corners
 from stixel_cli.scene.mesh_file import load_mesh, referred_files
 from stixel_cli.scene.parameters import RoadUser
 from stixel_cli.scene.road_user import road_user_meshes
@@ -44,7 +44,7 @@ def test_user_mesh_is_placed_on_the_ground_and_keeps_its_size(tmp_path):
     path.write_text(wedge())
     mesh = road_user_meshes(RoadUser("car", 4.5, 1.8, 1.5, 0.6, None, str(path), 1.0, "x"))[0]
     np.testing.assert_allclose(bounding_box(mesh), [[-1, -0.5, 0], [1, 0.5, 1]], atol=1e-9)
-    contour = ground_contour(mesh)
+    contour = outline(corners(mesh))
     assert {tuple(point) for point in np.round(contour, 3)} == {(-1, -0.5), (1, -0.5), (-1, 0.5)}
 
 
@@ -137,7 +137,7 @@ def test_user_mesh_in_millimetres_and_turned(tmp_path, forward, corner):
     path.write_text(wedge())
     user = RoadUser("car", 4.5, 1.8, 1.5, 0.6, None, str(path), 2.0, forward)
     mesh = road_user_meshes(user)[0]
-    contour = {tuple(point) for point in np.round(ground_contour(mesh), 3)}
+    contour = {tuple(point) for point in np.round(outline(corners(mesh)), 3)}
     x, y = (2.0 * side for side in corner)
     assert contour == {(x, y), (-x, y), (x, -y)}
 
