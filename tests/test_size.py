@@ -27,7 +27,7 @@ BUDGET = {
     "machine": 314,
     "measurements": 1654,
     # The sheet of a frame's stages, of the studies before.
-    "pictures": 1312,
+    "pictures": 1307,
     "recordings": 2157,
     # Images of a rig out of calibration.
     "rendering": 2352,

@@ -36,12 +36,16 @@ class Panel:
 
 
 PANELS = (
-    Panel("left", "Left image", panels.draw_left),
-    Panel("disparity", "Disparity", panels.draw_disparity, "disparity", ("invalid",)),
+    Panel("left", "Left image", panels.image("left")),
+    Panel("disparity", "Disparity", panels.image("disparity"), "disparity", ("invalid",)),
     Panel("occupancy", "Occupancy grid", panels.draw_occupancy, "likelihood", ("limit",)),
-    Panel("free_space", "Free space", panels.draw_free_space, None, ("free", "unknown")),
+    Panel("free_space", "Free space", panels.image("free_space"), None, ("free", "unknown")),
     Panel(
-        "height", "Free space and height", panels.draw_height, None, ("free", "unknown", "obstacle")
+        "height",
+        "Free space and height",
+        panels.image("height"),
+        None,
+        ("free", "unknown", "obstacle"),
     ),
     Panel("stixels", "Stixels", panels.draw_stixels, "depth"),
 )

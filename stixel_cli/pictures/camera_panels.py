@@ -3,6 +3,7 @@
 Every panel takes the axes and a `FrameView`; pixels are at whole (u, v), v down.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -74,6 +75,11 @@ class FrameView:
         return int(np.clip(np.ceil(horizon), 0, self.rig.height))
 
     @property
+    def left_image(self) -> np.ndarray:
+        """The left view as it is rendered, before the sensor's noise, (H, W, 3) uint8."""
+        return self.rendered.left[self.k - self.rendered.first]
+
+    @property
     def grey_image(self) -> np.ndarray:
         """The camera's image, (H, W, 3) uint8."""
         return np.repeat(self.pairs.left[self.k - self.pairs.first][..., None], 3, axis=2)
@@ -82,7 +88,7 @@ class FrameView:
 
     @cached_property
     def disparity_image(self) -> np.ndarray:
-        """The disparity's colours, (H, W, 3) uint8."""
+        """Disparity in the colour of the depth that it means, grey where none, (H, W, 3) uint8."""
         raw = self.disparities.raw(self.k - self.disparities.first)
         highest = int(raw.max(initial=0))
         with np.errstate(divide="ignore"):
@@ -119,14 +125,9 @@ class FrameView:
         return image
 
 
-def draw_left(axes: Axes, view: FrameView) -> None:
-    """The left view as it is rendered, before the sensor's noise."""
-    _draw_image(axes, view.rendered.left[view.k - view.rendered.first])
-
-
-def draw_disparity(axes: Axes, view: FrameView) -> None:
-    """Disparity, coloured by the depth that it means; grey where there is none."""
-    _draw_image(axes, view.disparity_image)
+def image(name: str) -> Callable[[Axes, FrameView], None]:
+    """A function that draws one of the images of a view: `height` is its `height_image`."""
+    return lambda axes, view: _draw_image(axes, getattr(view, f"{name}_image"))
 
 
 def draw_occupancy(axes: Axes, view: FrameView) -> None:
@@ -152,16 +153,6 @@ def draw_occupancy(axes: Axes, view: FrameView) -> None:
     else:
         axes.plot(across, limit, color=style.FREE, linewidth=1.8)
     _label_depths(axes, grid.depths)
-
-
-def draw_free_space(axes: Axes, view: FrameView) -> None:
-    """Free space, green, over the camera's image."""
-    _draw_image(axes, view.free_space_image)
-
-
-def draw_height(axes: Axes, view: FrameView) -> None:
-    """Free space, green, and the obstacles' height, red, over the camera's image."""
-    _draw_image(axes, view.height_image)
 
 
 def draw_stixels(axes: Axes, view: FrameView) -> None:
