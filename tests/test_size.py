@@ -25,17 +25,17 @@ BUDGET = {
     # Camera poses on the plane, poses of labels, rotations of quaternions: from recordings.
     "geometry": 223,
     "machine": 314,
-    "measurements": 1654,
+    "measurements": 1648,
     # The sheet of a frame's stages, of the studies before.
     "pictures": 1307,
     "recordings": 2157,
     # Images of a rig out of calibration.
-    "rendering": 2352,
+    "rendering": 2340,
     # The layer that studies share: runs, scans, cost, templates, numbered blocks, files.
     "report": 2635,
     "results": 1451,
     # A mesh in other units and along another axis.
-    "scene": 3470,
+    "scene": 3468,
     # Conditions of the rig, the matchers, the path, the pictures and the prior, from config/.
     "stereo": 482,
     "stixels": 2030,

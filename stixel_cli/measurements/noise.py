@@ -110,13 +110,7 @@ def measure(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Rays (n,) that give a point, the ranges (n,) m that they should measure, and those they do.
 
-    Args:
-        noise: its parameters.
-        hit: (m,) rays that meet the contour, ascending.
-        ranges: (m,) m, where they do.
-        rays: all of them.
-        rig: the stereo rig.
-        random: of this scan.
+    `hit` (m,) are the rays that meet the contour, ascending, at `ranges` (m,) m.
     """
     if noise.kind == "fitted":
         return _measure_blocks(noise, hit, ranges, rays, rig, random)

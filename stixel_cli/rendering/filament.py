@@ -73,17 +73,14 @@ def describe_scene(
     for each pose of the limbs.
     """
     arrays: dict[str, np.ndarray] = {}
-    textures: list[np.ndarray] = []
+    numbers: dict[int, int] = {}  # of textures, by identity
     texture_of, ids, limb_poses = [], [], []
     used = np.unique(scenario.limb_poses[frames.start : frames.stop])
     moving = [(TARGET_ID, targets[pose], pose) for pose in used]
     for identity, mesh, limb_pose in [*((*one, -1) for one in objects), *moving]:
         for part in mesh.parts:
-            number = next((n for n, image in enumerate(textures) if image is part.texture), None)
-            if number is None:
-                number = len(textures)
-                textures.append(part.texture)
-                arrays[f"texture_{number}"] = part.texture
+            number = numbers.setdefault(id(part.texture), len(numbers))
+            arrays[f"texture_{number}"] = part.texture
             arrays[f"corners_{len(ids)}"] = part.vertices[part.triangles]
             arrays[f"uvs_{len(ids)}"] = part.uvs
             texture_of.append(number)
@@ -134,7 +131,9 @@ def rendered(
                         _stop(child)
                         child, failures = None, failures + 1
                         if failures == renderer.attempts:
-                            raise RendererUnavailable(_unavailable(problem, failures))
+                            raise RendererUnavailable(
+                                f"{problem} ({failures} attempts); renderer=raycast needs no driver"
+                            )
                 with np.load(result, allow_pickle=False) as file:
                     frame = file["left"], file["right"], file["depth"], file["ids"]
                 # An empty file stays: a restarted child must not render the frame again.
@@ -191,10 +190,6 @@ def _death(child: subprocess.Popen, folder: Path) -> str:
     code = child.returncode
     end = f"signal {-code}" if code < 0 else f"exit code {code}"
     return f"filament's process died with {end}" + (f": {lines[-1]}" if lines else "")
-
-
-def _unavailable(problem: str, failures: int) -> str:
-    return f"{problem} ({failures} attempts); renderer=raycast needs no driver"
 
 
 def _stop(child: subprocess.Popen) -> None:

@@ -44,13 +44,7 @@ def add_sensor_noise(
     """Grey images (H, W) uint8 of `frames` with the sensors' noise.
 
     Each camera's noise at each k is drawn only from (seed, stage and camera, k), so the images do
-    not depend on how frames are gathered into chunks.
-
-    Args:
-        rendered: noise-free pictures, including all of `frames`.
-        sensor: noise and gain.
-        frames: indices k.
-        seed: of the run.
+    not depend on how frames are gathered into chunks. `rendered` has all of `frames`.
     """
     left, right = [], []
     for k in frames:

@@ -86,20 +86,19 @@ def build_surfaces(objects: Iterable[tuple[int, Mesh]]) -> Surfaces:
         ValueError: as `build_textures` does.
     """
     objects = list(objects)
-    texture, ids, images = [], [], []
+    texture, ids, images = [], [], {}
+    numbers: dict[int, int] = {}  # of textures, by identity
     for object_id, mesh in objects:
         for part in mesh.parts:
-            number = next((n for n, image in enumerate(images) if image is part.texture), None)
-            if number is None:
-                number = len(images)
-                images.append(part.texture)
+            number = numbers.setdefault(id(part.texture), len(numbers))
+            images[number] = part.texture
             texture.append(np.full(len(part.triangles), number, dtype=np.int32))
             ids.append(np.full(len(part.triangles), object_id, dtype=np.uint8))
     return Surfaces(
         **_geometry([mesh for _, mesh in objects]),
         texture=np.concatenate(texture),
         object_ids=np.concatenate(ids),
-        textures=build_textures(images),
+        textures=build_textures(images.values()),
     )
 
 

@@ -76,8 +76,6 @@ def moving_target(
     """Ground truth of `road_user` at the ego motion's K times.
 
     Args:
-        ego_motion: of the ego car.
-        road_user: the target.
         poses_world, rates_world: (K, 3) its poses (x m, y m, heading rad) and their derivatives.
         travelled: (K,) m, which moves the limbs.
 
