@@ -35,7 +35,7 @@ BUDGET = {
     "report": 2635,
     "results": 1451,
     # A mesh in other units and along another axis.
-    "scene": 3468,
+    "scene": 3458,
     # Conditions of the rig, the matchers, the path, the pictures and the prior, from config/.
     "stereo": 482,
     "stixels": 2030,

@@ -148,33 +148,23 @@ def lathe(profile: ArrayLike, centre: ArrayLike, sides: int = 28) -> Surface:
 
     `profile` (n, 2) m is (y, radius), from one side to the other.
     """
-    profile = np.asarray(profile, dtype=np.float64)
-    angles = 2.0 * np.pi * np.arange(sides) / sides
-    rings = np.stack(
-        [
-            profile[:, 1:] * np.cos(angles),
-            np.broadcast_to(profile[:, :1], (len(profile), sides)),
-            profile[:, 1:] * np.sin(angles),
-        ],
-        axis=-1,
-    )
-    return loft(np.asarray(centre) + rings)
+    return loft(np.asarray(centre) + _turned_profile(profile, sides))
 
 
 def hoop(profile: ArrayLike, centre: ArrayLike, sides: int) -> Surface:
     """A ring about the y axis through `centre` (3,) m: a lathe whose `profile` is closed."""
-    profile = np.asarray(profile, dtype=np.float64)
-    angles = 2.0 * np.pi * np.arange(sides) / sides
-    rings = np.stack(
-        [
-            np.cos(angles)[:, None] * profile[:, 1],
-            np.broadcast_to(profile[:, 0], (sides, len(profile))),
-            np.sin(angles)[:, None] * profile[:, 1],
-        ],
-        axis=-1,
-    )
-    quads = ring_quads(sides + 1, len(profile)) % (sides * len(profile))
+    rings = _turned_profile(profile, sides).swapaxes(0, 1)
+    points = rings.shape[1]
+    quads = ring_quads(sides + 1, points) % (sides * points)
     return outward(np.asarray(centre) + rings.reshape(-1, 3), quads_to_triangles(quads))
+
+
+def _turned_profile(profile: ArrayLike, sides: int) -> np.ndarray:
+    """Points (n, sides, 3) m: a circle about the y axis for each (y, radius) of `profile`."""
+    y, radius = np.asarray(profile, dtype=np.float64).T[:, :, None]
+    angles = 2.0 * np.pi * np.arange(sides) / sides
+    across = np.broadcast_to(y, (len(y), sides))
+    return np.stack([radius * np.cos(angles), across, radius * np.sin(angles)], axis=-1)
 
 
 def torus(
