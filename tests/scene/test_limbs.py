@@ -8,9 +8,9 @@ import scene_presets
 import shapely
 
 from stixel_cli.geometry.pose import target_from_world
-from stixel_cli.scene.contours import ground_contour, road_user_contours
+from stixel_cli.scene.contours import outline, road_user_contours
 from stixel_cli.scene.ego import ego_motion
-from stixel_cli.scene.mesh import bounding_box
+from stixel_cli.scene.mesh import bounding_box, corners
 from stixel_cli.scene.path import build_scenario
 from stixel_cli.scene.road_user import LIMB_POSES, limb_poses, moving_parts, road_user_meshes
 from stixel_cli.scene.shapes import knee
@@ -27,12 +27,12 @@ def scenario_of(kind, path="approach", **changes):
 @pytest.mark.parametrize("kind", WALKERS)
 @pytest.mark.parametrize("shape_seed", [None, 1000])
 def test_outline_of_each_pose_is_that_of_its_mesh(kind, shape_seed):
-    """`ground_contour` projects all triangles of one mesh; both simplify by 1 mm."""
+    """`outline` projects all triangles of one mesh; both simplify by 1 mm."""
     road_user = replace(scene_presets.road_user(kind), shape_seed=shape_seed)
     contours, meshes = road_user_contours(road_user), road_user_meshes(road_user)
     assert len(contours) == len(meshes) == LIMB_POSES
     for pose in (3, 21):
-        expected = shapely.Polygon(ground_contour(meshes[pose]))
+        expected = shapely.Polygon(outline(corners(meshes[pose])))
         found = shapely.Polygon(contours[pose])
         assert found.is_valid and found.exterior.is_ccw
         assert shapely.hausdorff_distance(found, expected) < 2.5e-3

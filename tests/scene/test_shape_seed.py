@@ -11,7 +11,7 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stixel_cli.scene.contours import ground_contour
+from stixel_cli.scene.contours import outline
 from stixel_cli.scene.mesh import bounding_box, corners
 from stixel_cli.scene.road_user import road_user_meshes
 
@@ -59,7 +59,7 @@ def test_same_seed_same_bytes_and_other_seeds_other_contours(kind):
     first = corners(drawn(kind, 1000)[0]).tobytes()
     _built_in.cache_clear()
     assert corners(drawn(kind, 1000)[0]).tobytes() == first
-    one, other = (shapely.Polygon(ground_contour(drawn(kind, seed)[0])) for seed in (1000, 1001))
+    one, other = (shapely.Polygon(outline(corners(drawn(kind, seed)[0]))) for seed in (1000, 1001))
     assert one.intersection(other).area / one.union(other).area < 0.97
 
 
