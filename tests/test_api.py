@@ -17,10 +17,10 @@ from stixel_cli.errors import ConfigurationError, UserError
 FABRICATED = ["measurement=fabricated", "path.duration=0.5", "pictures.frames=[0]"]
 
 
-def test_the_package_imports_nothing():
+def test_the_package_imports_its_version_only():
     program = (
         "import sys; before = set(sys.modules); import stixel_cli; "
-        "sys.exit(sorted(set(sys.modules) - before - {'stixel_cli'}) or 0)"
+        "sys.exit(sorted(set(sys.modules) - before - {'stixel_cli', 'stixel_cli.version'}) or 0)"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
