@@ -41,8 +41,7 @@ def track(
     nothing.
     """
     filters = {}
-    own = [] if prior.class_file is None else [prior.class_file]
-    for road_user in (*ROAD_USER_CLASSES, *own):
+    for road_user in ROAD_USER_CLASSES if prior.class_file is None else (prior.class_file,):
         if may_be(road_user, prior, tracker.road_user):
             start, of_class, parameters = _of_class(road_user, initial, prior, tracker)
             for form, seen in forms_of(road_user, prior, parameters).items():
@@ -79,7 +78,7 @@ def may_be(road_user: str, prior: PriorShape, choice: str) -> bool:
     """
     if prior.road_user in ("unknown", road_user):
         return True
-    if choice == "fixed" or prior.class_file is not None:
+    if choice == "fixed":
         return False
     stated, size = np.array([prior.length, prior.width]), class_size(road_user)
     if np.allclose(stated, class_size(prior.road_user).mean, rtol=5e-3):

@@ -109,7 +109,7 @@ def update(
         weights = (freedom + 1.0) / (freedom + errors**2 / (variances + biases**2))
 
         noise = (variances / np.minimum(weights, 1.0))[rows]
-        matrix, errors, pushes = matrix[rows], errors[rows], possible[rows]
+        matrix, errors, sensitivity = matrix[rows], errors[rows], possible[rows]
         if sight.residual:
             passing = linear.misses > 0.0
             misses, miss_matrix = linear.misses[passing], np.zeros((passing.sum(), size + 1))
@@ -117,7 +117,7 @@ def update(
             miss_noise = _miss_noise(misses, rays.across_variances[passing], tracker)
             matrix, errors = np.vstack([matrix, miss_matrix]), np.concatenate([errors, -misses])
             noise = np.concatenate([noise, miss_noise])
-            pushes = np.concatenate([pushes, np.zeros(len(misses))])
+            sensitivity = np.concatenate([sensitivity, np.zeros(len(misses))])
         innovation = errors + matrix[:, :size] @ (iterate - mean)
         correction, posterior, nis, likelihood = condition(joint, matrix, noise, innovation)
         if sight.residual:
@@ -130,9 +130,10 @@ def update(
         if change < CONVERGED:
             break
     # The considered error is not estimated: its variance stays 1.
-    # The possible error moves the measurements, and the gain, which leaves it out, the state.
-    pushes = (pushes - matrix[:, :size] @ of_errors[:, 1]) / noise
-    of_possible = of_errors[:, 1] + posterior[:size] @ (matrix.T @ pushes)
+    # The possible error moves the measurements by its sensitivity; the gain, which leaves it out,
+    # moves the state by the part of it that the prediction does not have yet.
+    innovations = sensitivity - matrix[:, :size] @ of_errors[:, 1]
+    of_possible = of_errors[:, 1] + posterior[:size] @ (matrix.T @ (innovations / noise))
     of_errors = np.stack([posterior[:size, size], of_possible], axis=-1)
     return iterate, posterior[:size, :size], of_errors, nis, int(rows.sum()), likelihood
 

@@ -5,7 +5,8 @@ drawn classes. Points of another sensor, or rays on a target whose size the user
 different. Then there is a bank of two forms, the class's outline and the rectangle of its box,
 weighted by likelihood; each may deviate a little along its outline (`residual.py`); and the ends of
 the target are uncertain by what the rays graze. Fabricated rays cut any outline that the user
-gives: for them the two forms stand beside the learned shape.
+gives: for them the two forms stand beside the learned shape. An outline that the user states is one
+more form, for every sensor.
 """
 
 from dataclasses import replace
@@ -38,7 +39,6 @@ GREATEST_SLOPE = 2.0
 
 SILHOUETTE_FACTOR, OFFSET_STD = 4.0, 0.08
 """In the place of smaller values of `silhouette_factor` and `offset_std`: real edges are round."""
-
 
 LEAST_RADIUS = 0.02
 """Of an outline whose centre is outside of it, m."""

@@ -24,8 +24,12 @@ RADII = 360
 
 COUNTS = {"size": 2, "size_stds": 2, "radii": RADII, "radius_stds": RADII}
 COUNTS_OF_SENSOR = {
-    **{"depth_biases": 216, "depth_stds": 216, "insets": 48, "inset_stds": 48},
-    **{"bias_per_std": None, "std_factor": None},
+    "depth_biases": 216,
+    "depth_stds": 216,
+    "insets": 48,
+    "inset_stds": 48,
+    "bias_per_std": None,
+    "std_factor": None,
 }
 """Numbers of each entry of a class file, see `class_shape.py`; None: a single one."""
 
