@@ -216,12 +216,12 @@ def _asked(
         raise UserError(f"{folders[0]}: name either one result folder or overrides")
     if folders and file is not None:
         raise UserError(f"{folders[0]}: name either a result folder or --from FILE")
-    folder = Path(*folders)
-    if folders and (folder / SWEEP_FILE).exists():
+    folder = Path(folders[0]) if folders else None
+    if folder and (folder / SWEEP_FILE).exists():
         request = SweepFolder(folder).request()
         plan = planned_sweep(stored_runs(request), None, request.pictures, request.nodes)
         return plan, [read_lineage(run) for run in folder.glob("runs/*")]
-    if folders:
+    if folder:
         stored = read_stored_run(folder)
         return planned_run(stored.composition, has_pictures(stored)), [stored.lineage]
     lost = [text for text in what if "=" not in text and os.sep in text]
