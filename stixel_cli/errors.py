@@ -17,6 +17,10 @@ class ConfigurationError(UserError):
     """An invalid configuration: the text names the key, the fault and the valid values."""
 
 
+class ArgumentError(UserError, ValueError):
+    """A wrong argument of a function of the Python interface: the text begins with its name."""
+
+
 class BelongsElsewhere(ConfigurationError):
     """A key or group that exists only with other options than the chosen ones."""
 

@@ -10,25 +10,25 @@ PACKAGE = Path(stixel_cli.__file__).parent
 
 BUDGET = {
     # The reader of Feather files stands beside that of all other foreign files.
-    "": 1045,
+    "": 1443,
     "calibration": 643,
     # `explain` says if a folder has results of other code than the cached ones.
     "cli": 2742,
-    "config": 2739,
+    "config": 2789,
     # A check that another process has not marked the new cache meanwhile.
     "engine": 4917,
     # The box of a track has room for the limbs; loss has one definition, with heading and class.
     "evaluation": 1597,
     # The names of runs, from config/.
     "experiment": 1466,
-    "export": 530,
+    "export": 548,
     # Camera poses on the plane, poses of labels, rotations of quaternions: from recordings.
     "geometry": 223,
     "machine": 314,
     "measurements": 1648,
     # The sheet of a frame's stages, of the studies before.
     "pictures": 1307,
-    "recordings": 2157,
+    "recordings": 2179,
     # Images of a rig out of calibration.
     "rendering": 2340,
     # The layer that studies share: runs, scans, cost, templates, numbered blocks, files.
@@ -52,7 +52,7 @@ BUDGET = {
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
 
 # The filters of PyRecEst: with the tracker they had more than 300 lines.
-MODULES = 298
+MODULES = 302
 """Modules of the package, without `__init__`."""
 
 

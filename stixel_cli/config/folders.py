@@ -209,6 +209,19 @@ def values_beside_groups(name: str) -> dict[str, Any]:
     return _content(shipped_folder("conf") / f"{name}.yaml")
 
 
+def values_that_suit(suitable: Mapping[str, Any], facts: Mapping[str, Any]) -> dict[str, Any]:
+    """Values by key for real data, of a section of `conf/recorded.yaml`.
+
+    `facts` has the option of each group; None, or nothing, for a group that the user does not set.
+    """
+    return {
+        key: value
+        for entry in suitable["values"]
+        if all(facts.get(name) in options for name, options in entry.get("when", {}).items())
+        for key, value in entry["set"].items()
+    }
+
+
 @remembered
 def _content(path: Path) -> dict[str, Any]:
     content = read_yaml(path)

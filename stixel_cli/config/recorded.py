@@ -15,7 +15,13 @@ from pydantic import Field, TypeAdapter, ValidationError
 
 from stixel_cli.config import messages
 from stixel_cli.config.choice import set_by_experiment
-from stixel_cli.config.folders import EXPERIMENT, absolute, outermost_group, values_beside_groups
+from stixel_cli.config.folders import (
+    EXPERIMENT,
+    absolute,
+    outermost_group,
+    values_beside_groups,
+    values_that_suit,
+)
 from stixel_cli.config.user_files import UserFiles
 from stixel_cli.errors import ConfigurationError
 from stixel_cli.recordings.find import guess_layout
@@ -163,10 +169,7 @@ def _values(
             f"start: {chosen['start']} needs a label (source.target); else choose start=scans"
         )
     facts = {**chosen, "source": recording.layout, "auto": recording.auto}
-    values: dict[str, Any] = {}
-    for entry in suitable["values"]:
-        if all(facts.get(name) in options for name, options in entry.get("when", {}).items()):
-            values |= entry["set"]
+    values = values_that_suit(suitable, facts)
     if chosen["start"] == "scans" and recording.label:
         values["start.bearing"] = [round(bearing, 3) for bearing in recording.first_bearings]
     if chosen.get("tracker") == "contour":
@@ -209,28 +212,9 @@ def _completed(
     if group == "source":
         path = {"kind": "source", "duration": duration, "sample_time": given.sample_time}
         resolved["path"], choices["path"] = path, "source"
-        rig = {k: v for k, v in _rig(recording).items() if f"rig.{k}" not in typed}
+        given_rig = recording.calibration.rig_values(recording.width, recording.height)
+        rig = {k: v for k, v in given_rig.items() if f"rig.{k}" not in typed}
         resolved["rig"] = resolved["rig"] | rig
         if "rig" not in typed:
             choices["rig"] = "source"
     return replace(given, **changes)
-
-
-def _rig(recording: Recording) -> dict[str, Any]:
-    """The values of the group `rig` that the calibration and the images give."""
-    calibration = recording.calibration
-    square = math.isclose(calibration.focal_length, calibration.focal_length_v, rel_tol=1e-6)
-    angle = 2.0 * math.degrees(math.atan(recording.height / (2.0 * calibration.focal_length_v)))
-    height = calibration.camera_height
-    return {
-        "width": recording.width,
-        "height": recording.height,
-        "horizontal_fov": None,
-        "focal_length": calibration.focal_length,
-        "principal_u": calibration.principal_u,
-        "principal_v": calibration.principal_v,
-        "baseline": calibration.baseline,
-        "vertical_fov": None if square else angle,
-        "pitch": 0.0,
-        **({} if height is None else {"camera_height": height}),
-    }

@@ -1,43 +1,25 @@
-"""Export the stixels of a run as `.stx1`, the protobuf of pyStixel-lib, one file per frame.
-
-https://github.com/MarcelVSHNS/pyStixel-lib
-"""
+"""Export the stixels of a run as `.stx1`, one file per frame."""
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from scipy.special import erf
 
 from stixel_cli.engine.progress import Progress
-from stixel_cli.errors import UserError
 from stixel_cli.experiment.stages import computed_stages
-from stixel_cli.geometry.rig import Rig
+from stixel_cli.export.stx1 import stixel_world, stx1_library
 from stixel_cli.measurements.disturbance_parameters import Gates
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.results.folder import whole_folder
 from stixel_cli.results.result import RunResult
-from stixel_cli.scene.classes import CLASS_ROWS
 from stixel_cli.stixels.types import Stixels
-
-TARGET, OTHER = 0, -1
-"""Clusters: stixels of the target, and all others, which the format calls noise."""
-
-CLOSE = 1.0
-"""A stixel's confidence: the probability that its disparity is within this of the truth, px."""
 
 
 def export_stx1(stored: RunResult, folder: Path, progress: Progress | None = None) -> None:
     """Write the stixels of each frame with its left image and the calibration as `000000.stx1`.
 
-    Fields of a stixel: u, its left column; vT, its top row; vB, the row below its base; d, depth
-    along the optical axis, m; label, that of the road user if the track was updated with the
-    stixel; width, px; confidence, see `CLOSE`; idx, its number in the frame; cluster, see `TARGET`.
+    The label of a stixel is that of the road user if the track was updated with the stixel.
     """
-    try:
-        import stixel as library
-    except ImportError:
-        raise UserError("--format: stx1 needs pyStixel-lib: pip install 'stixel[stx1]'") from None
+    library = stx1_library("--format")
     configuration = stored.composition.configuration
     rig, kind = configuration.rig, configuration.road_user.kind
     images = "add_sensor_noise" if configuration.source.kind == "rendered" else "pairs"
@@ -71,53 +53,3 @@ def used_stixels(stixels: Stixels, gates: Gates, scans: Scans, used: np.ndarray)
         points = np.arange(*scans.offsets[stixels.first + i :][:2])[: len(own)]
         found[own[: len(points)]] = np.isin(points, used)
     return found
-
-
-def stixel_world(
-    library: Any, stixels: Stixels, index: int, of_target: np.ndarray, rig: Rig, kind: str
-) -> Any:
-    """The `StixelWorld` of one frame, without its image.
-
-    Args:
-        library: pyStixel-lib.
-        stixels: a chunk of frames, and `index` of the frame in it.
-        of_target: (S,) bool, the stixels that the track used.
-        rig: of the images.
-        kind: class of the target.
-    """
-    world = library.StixelWorld()
-    label = library.Segmentation.Type.Value(CLASS_ROWS[kind].stx1_type)
-    rows = stixels.rows(index)
-    depths = optical_depths(stixels, rig)
-    std = np.sqrt(stixels.disparity_variance)
-    confidences = erf(CLOSE / (np.sqrt(2.0) * np.maximum(std, 1e-9)))
-    for number, row in enumerate(range(rows.start, rows.stop)):
-        world.stixel.add(
-            u=int(stixels.left[row]),
-            vT=int(stixels.top[row]),
-            vB=int(stixels.base[row]) + 1,
-            d=float(depths[row]),
-            label=label if of_target[row] else 0,
-            width=int(stixels.right[row] - stixels.left[row]),
-            confidence=float(confidences[row]),
-            idx=number,
-            cluster=TARGET if of_target[row] else OTHER,
-        )
-    camera = world.context.calibration
-    camera.K.extend([rig.focal, 0.0, rig.u0, 0.0, rig.focal_v, rig.v0, 0.0, 0.0, 1.0])
-    camera.T.extend(np.eye(4).ravel().tolist())
-    camera.R.extend(np.eye(4).ravel().tolist())
-    camera.D.extend([0.0] * 5)
-    camera.DistortionModel = library.CameraInfo.MODEL_PLUMB_BOB
-    camera.reference = "Self"
-    camera.width, camera.height, camera.channels = rig.width, rig.height, 1
-    world.context.clusters = TARGET if of_target[rows].any() else OTHER
-    return world
-
-
-def optical_depths(stixels: Stixels, rig: Rig) -> np.ndarray:
-    """Depth (S,) m along the optical axis of the middle of each stixel, as the format states it."""
-    slope = (0.5 * (stixels.top + stixels.base) - rig.v0) / rig.focal_v
-    # Of a point at depth 1 along the optical axis, the depth along the level frame's z axis.
-    level = rig.level_from_camera[2, 1] * slope + rig.level_from_camera[2, 2]
-    return stixels.depth / level

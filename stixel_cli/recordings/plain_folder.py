@@ -41,11 +41,7 @@ def find_recording(source: PlainFolder) -> Recording:
 
 def find_named_pair(source: Pair) -> Recording:
     """The recording of a pair whose files are named."""
-    file = Path(source.calibration)
-    if file.suffix in (".yaml", ".yml"):
-        calibration = read_rig(file)
-    else:
-        calibration = read_calibration(file, *PAIRS)
+    calibration = read_named_calibration(Path(source.calibration))
     return recording_of_pair(
         source.kind,
         (Path(source.folder), Path(source.right)),
@@ -53,6 +49,13 @@ def find_named_pair(source: Pair) -> Recording:
         None if source.labels is None else Path(source.labels),
         None if source.disparity is None else Path(source.disparity),
     )
+
+
+def read_named_calibration(file: Path) -> Calibration:
+    """The calibration in a `rig.yaml`, or in a file of KITTI; UserError if it is not valid."""
+    if file.suffix in (".yaml", ".yml"):
+        return read_rig(file)
+    return read_calibration(file, *PAIRS)
 
 
 def read_rig(file: Path) -> Calibration:

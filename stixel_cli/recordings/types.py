@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -32,6 +33,24 @@ class Calibration:
     camera_height: float | None
     left_camera: tuple[float, float, float] = (0.0, 0.0, 0.0)
     rectification: "Rectification | None" = None
+
+    def rig_values(self, width: int, height: int) -> dict[str, Any]:
+        """The values of a `Rig`, by name, that this and images of `width` × `height` px give."""
+        square = math.isclose(self.focal_length, self.focal_length_v, rel_tol=1e-6)
+        angle = 2.0 * math.degrees(math.atan(height / (2.0 * self.focal_length_v)))
+        camera_height = {} if self.camera_height is None else {"camera_height": self.camera_height}
+        return {
+            "width": width,
+            "height": height,
+            "horizontal_fov": None,
+            "focal_length": self.focal_length,
+            "principal_u": self.principal_u,
+            "principal_v": self.principal_v,
+            "baseline": self.baseline,
+            "vertical_fov": None if square else angle,
+            "pitch": 0.0,
+            **camera_height,
+        }
 
 
 @dataclass(frozen=True)

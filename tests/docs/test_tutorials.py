@@ -12,7 +12,7 @@ PAGES = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
 
 
 def test_they_are_in_order():
-    assert [page.name[:2] for page in PAGES] == ["1_", "2_", "3_", "4_", "5_", "6_"]
+    assert [page.name[:2] for page in PAGES] == ["1_", "2_", "3_", "4_", "5_", "6_", "7_"]
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)

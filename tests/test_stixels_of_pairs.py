@@ -1,0 +1,228 @@
+"""Stixels of your own images in one call: those of `stixel run`, and clear errors."""
+
+import dataclasses
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from stixel_cli import compose, stixels_from_disparity, stixels_from_pair
+from stixel_cli.cli.app import main
+from stixel_cli.config.real_images import real_image_parameters
+from stixel_cli.errors import ArgumentError, UserError
+from stixel_cli.experiment.stages import computed_stages
+
+RUN = ("path=depart", "path.duration=0.3", "ego=turning", "rig.width=240", "rig.height=160")
+RUN += ("pictures.frames=[]", "executor=threads")
+NUMBERS = {"focal_length": 200.0, "baseline": 0.4, "camera_height": 1.5}
+
+
+@pytest.fixture(scope="module")
+def clip(tmp_path_factory, shared_cache):
+    """Folder of a rendered clip of three pairs, written by `stixel export`."""
+    folder = tmp_path_factory.mktemp("rendered")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("STIXEL_CACHE", str(shared_cache))
+        assert main(["run", *RUN, "--results", str(folder), "--name", "run"]) == 0
+        export = ["export", str(folder / "run"), "--format", "kitti", "--output"]
+        assert main([*export, str(folder / "clip")]) == 0
+    return folder / "clip"
+
+
+def files_of(clip, k=0):
+    return *(clip / f"image_0{side}/0000/00000{k}.png" for side in (2, 3)), clip / "calib/0000.txt"
+
+
+@pytest.fixture(scope="module")
+def pair(clip):
+    left, right, calibration = files_of(clip)
+    return cv2.imread(str(left))[..., ::-1], cv2.imread(str(right))[..., ::-1], calibration
+
+
+def composed(left, right, calibration):
+    files = (f"source.folder={left}", f"source.right={right}", f"source.calibration={calibration}")
+    return compose(
+        ["source=pair", *files, "road_user=car", "start.range=[1,80]", "executor=threads"]
+    )
+
+
+def results_of_run(composition, *names):
+    """The results of these stages, one chunk of each."""
+    with computed_stages(composition, list(names)) as (_, load):
+        return [load(name)[0] for name in names]
+
+
+def assert_same(ours, theirs):
+    for field in dataclasses.fields(theirs):
+        one, other = getattr(ours, field.name), getattr(theirs, field.name)
+        assert np.asarray(one).tobytes() == np.asarray(other).tobytes(), field.name
+        assert np.asarray(one).dtype == np.asarray(other).dtype, field.name
+
+
+def test_the_parameters_are_those_that_compose_gives(clip):
+    configuration = composed(*files_of(clip)).configuration
+    ours = real_image_parameters()
+    for field in dataclasses.fields(ours):
+        assert getattr(ours, field.name) == getattr(configuration, field.name), field.name
+
+
+def test_a_rendered_pair_has_the_stixels_of_stixel_run(clip, pair):
+    found = stixels_from_pair(*pair)
+    free_space, stixels = results_of_run(composed(*files_of(clip)), "free_space", "stixels")
+    assert len(found) > 20
+    assert_same(found.stixels, stixels)
+    assert_same(found.free_space, free_space)
+
+
+def test_a_real_pair_has_the_stixels_of_stixel_run():
+    folder = Path(os.environ.get("STIXEL_DATA", "../shared/data")) / "kitti_object"
+    if not folder.is_dir():
+        pytest.skip(f"no real pair: STIXEL_DATA names no folder with kitti_object ({folder})")
+    left, right, calibration = (folder / name for name in ("left.png", "right.png", "calib.txt"))
+    images = [cv2.imread(str(file))[..., ::-1] for file in (left, right)]
+    free_space, stixels = results_of_run(
+        composed(left, right, calibration), "free_space", "stixels"
+    )
+    found = stixels_from_pair(*images, calibration)
+    assert_same(found.stixels, stixels)
+    assert_same(found.free_space, free_space)
+
+
+def test_a_disparity_has_the_stixels_of_its_images(clip, pair):
+    left, right, calibration = pair
+    (disparities,) = results_of_run(composed(*files_of(clip)), "match")
+    disparity = disparities.pixels(0)
+    found = stixels_from_disparity(disparity, calibration, images=(left, right))
+    assert_same(found.stixels, stixels_from_pair(*pair).stixels)
+    # Rounded to 1/16 px; beyond those that are searched, unknown.
+    moved = np.where(np.isnan(disparity), 10_000.0, disparity + 0.03)
+    alone = stixels_from_disparity(moved, calibration)
+    assert_same(alone.free_space, found.free_space)
+    assert alone.image is None and not np.array_equal(alone.depth, found.depth)
+
+
+def test_the_frame_before_holds_the_free_space(clip, pair):
+    first = stixels_from_pair(*pair)
+    left, right = (cv2.imread(str(file)) for file in files_of(clip, 2)[:2])
+    alone = stixels_from_pair(left, right, pair[2])
+    after = stixels_from_pair(left, right, pair[2], previous=first)
+    assert not np.array_equal(alone.free_space.disparity, after.free_space.disparity, True)
+
+
+def test_sixteen_bits_are_scaled_by_the_greatest_value(pair):
+    left, right, calibration = (pair[0][..., 1], pair[1][..., 1], pair[2])
+    wide = [np.where(image == image.max(), 255, image) for image in (left, right)]
+    expected = stixels_from_pair(*wide, calibration)
+    found = stixels_from_pair(*(16 * image.astype(np.uint16) for image in wide), calibration)
+    assert_same(found.stixels, expected.stixels)
+
+
+def test_a_rig_is_numbers_or_a_file_or_a_rig(pair, tmp_path):
+    left, right, _ = pair
+    expected = stixels_from_pair(*pair)
+    rig = expected.rig
+    numbers = {"focal_length": rig.focal, "principal_u": rig.u0, "principal_v": rig.v0}
+    numbers |= {"baseline": rig.baseline, "camera_height": np.float64(rig.camera_height)}
+    file = tmp_path / "rig.yaml"
+    file.write_text("".join(f"{name}: {float(value)!r}\n" for name, value in numbers.items()))
+    for same in (numbers, file, str(file), rig):
+        assert_same(stixels_from_pair(left, right, same).stixels, expected.stixels)
+    file.write_text(file.read_text().replace("camera_height", "# camera_height"))
+    with pytest.raises(ArgumentError, match=r"^rig: .*rig\.yaml: camera_height is missing"):
+        stixels_from_pair(left, right, file)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"left": np.zeros((160, 240))}, "left: must be uint8 or uint16, got float64"),
+        ({"left": np.zeros(9, np.uint8)}, "left: must be .*, got \\(9,\\)"),
+        ({"right": np.zeros((160, 241), np.uint8)}, "right: must have the size of the left"),
+        ({"rig": {"focal_length": 200.0}}, "rig.baseline: "),
+        ({"rig": NUMBERS | {"baseline": -0.4}}, "rig.baseline: .*, got -0.4"),
+        ({"rig": NUMBERS | {"baseline": None}}, "rig.baseline: "),
+        ({"rig": NUMBERS | {"fov": 3}}, "rig.fov: "),
+        ({"rig": NUMBERS | {"horizontal_fov": 60.0}}, "rig.focal_length: set either"),
+        ({"rig": NUMBERS | {"principal_u": 400.0}}, "rig.principal_u: must be 0 to 239"),
+        ({"rig": NUMBERS | {"width": 640}}, "rig: is of 640 × 160 px, but left has 240 × 160 px"),
+        ({"rig": NUMBERS | {"baseline": 5}}, "stereo.nearest: "),
+        ({"rig": "no.yaml"}, "rig: .*no.yaml is missing"),
+        ({"rig": 3}, "rig: must be numbers, a file or a Rig, got int"),
+    ],
+)
+def test_a_wrong_argument_is_named(change, message):
+    arguments = dict.fromkeys(("left", "right"), np.zeros((160, 240), np.uint8)) | {"rig": NUMBERS}
+    with pytest.raises(ValueError, match=f"^{message}") as error:
+        stixels_from_pair(**arguments | change)
+    assert isinstance(error.value, UserError) and "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("disparity", "images", "message"),
+    [
+        (np.zeros((160, 240), int), None, "disparity: must be a float array"),
+        (np.full((160, 240), -1.0), None, "disparity: must be >= 0 px, .* got -1"),
+        (np.zeros((160, 240)), (np.zeros((160, 240), np.uint8),), "images: .*, got 1"),
+        (np.zeros((160, 240)), [np.zeros((80, 240), np.uint8)] * 2, "images: \\(80, 240\\) px"),
+    ],
+)
+def test_a_wrong_disparity_is_named(disparity, images, message):
+    with pytest.raises(ArgumentError, match=f"^{message}"):
+        stixels_from_disparity(disparity, NUMBERS, images=images)
+
+
+def test_an_image_without_texture_has_no_stixels():
+    found = stixels_from_pair(*np.zeros((2, 160, 240), np.uint8), NUMBERS)
+    assert len(found) == 0 and found.unknown.all()
+    assert len(found.to_frame()) == len(found.to_scan().points_world) == 0
+    assert found.draw().shape == (160, 240, 3) and "0 stixels" in repr(found)
+
+
+def test_the_result_is_arrays_a_table_a_scan_a_file_and_a_picture(pair):
+    found = stixels_from_pair(*pair)
+    n = len(found)
+    assert found.columns.shape == found.rows.shape == found.points.shape == (n, 2)
+    assert found.depth.shape == found.variance.shape == found.height.shape == (n,)
+    np.testing.assert_array_equal(found.points[:, 1], found.depth)
+    table = found.to_frame()
+    np.testing.assert_array_equal(table[["left", "right"]], found.columns)
+    np.testing.assert_array_equal(table["var_yy"], found.variance)
+    scan = found.to_scan(pose=np.array([5.0, 0.0, np.pi / 2]), time=2.0)
+    inside = found.stixels.inside(real_image_parameters().measurement.gates)
+    np.testing.assert_allclose(scan.points_world, found.points[inside] + [5.0, 0.0])
+    assert scan.times.tolist() == [2.0]
+    grey = cv2.cvtColor(pair[0], cv2.COLOR_RGB2GRAY)
+    picture = found.draw()
+    changed = (picture != grey[..., None]).any(axis=(0, 2))
+    covered = np.zeros(240, bool)
+    for left, right in found.columns:
+        covered[left:right] = True
+    np.testing.assert_array_equal(changed, covered)
+    assert found._repr_png_().startswith(b"\x89PNG") and f"<{n} stixels" in repr(found)
+
+
+def test_a_stx1_file_has_every_stixel(pair):
+    library = pytest.importorskip("stixel")
+    found = stixels_from_pair(*pair)
+    world = library.StixelWorld.FromString(found.to_stx1())
+    assert [one.u for one in world.stixel] == found.columns[:, 0].tolist()
+    assert world.context.calibration.width == 240 and world.image
+
+
+def test_neither_import_nor_call_needs_hydra_open3d_or_the_engine():
+    program = f"""
+import sys, numpy as np
+from stixel_cli import stixels_from_pair
+heavy = {{"numba", "cv2", "scipy", "pandas", "pydantic", "matplotlib", "sklearn"}}
+assert not heavy & set(sys.modules), heavy & set(sys.modules)
+image = np.random.default_rng(0).integers(0, 255, (160, 240), dtype=np.uint8)
+stixels_from_pair(image, image, {NUMBERS}).to_scan()
+foreign = [m for m in ("hydra", "omegaconf", "open3d", "stixel_cli.engine") if m in sys.modules]
+sys.exit(foreign or 0)
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
