@@ -18,17 +18,20 @@ setup: .venv/kernels
 
 .venv/installed: pyproject.toml constraints.txt
 	$(CHECK_PYTHON)
+	@echo "make: installing the packages into .venv; this takes a minute"
 	$(PYTHON) -m venv .venv
 	$(INSTALL) '.[peers]'
 	@touch $@
 
 # The tests' packages, of which a run needs none.
 .venv/installed-for-tests: .venv/installed
+	@echo "make: installing the packages of the tests"
 	$(INSTALL) '.[test]'
 	@touch $@
 
 # Numba's kernels, compiled where they have changed. Without this, the first run compiles them.
 .venv/kernels: .venv/installed $(shell grep -rl --include='*.py' 'import njit' stixel_cli)
+	@echo "make: compiling the kernels; this takes up to a minute"
 	$(BIN)/python -m stixel_cli.machine.kernels
 	@touch $@
 

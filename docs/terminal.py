@@ -99,7 +99,7 @@ def picture(commands: list[str]) -> str:
 def seconds(svg: str) -> str:
     """The seconds that the run in a picture took, as its last lines state them."""
     words = "".join(ElementTree.fromstring(svg).itertext()).replace("\xa0", " ")
-    return re.search(r"([\d.]+) s\s", words.partition("computed:")[2]).group(1)
+    return re.search(r"([\d.]+) s\W", words.partition("computed")[2]).group(1)
 
 
 def main(names: list[str]) -> None:

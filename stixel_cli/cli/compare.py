@@ -7,7 +7,7 @@ import typer
 
 from stixel_cli.cli.machine import local_store
 from stixel_cli.cli.options import Folders, Json
-from stixel_cli.cli.terminal import print_json, print_table, say
+from stixel_cli.cli.terminal import print_json, print_table, say, say_wrapped
 from stixel_cli.errors import UserError
 
 CHANCE = (
@@ -36,6 +36,7 @@ def compare(
     from stixel_cli.results.result import read_scored_run
 
     labels = run_labels(folders)
+    from_third = range(len(labels), 2, -1)
     runs = [read_scored_run(folder) for folder in folders]
     settings, _ = differing_settings(runs)
     names = dict.fromkeys(name for run in runs for name in run.metrics)
@@ -53,7 +54,8 @@ def compare(
         print_json(answer)
         return 0
     if settings:
-        print_table(("setting", *labels), [(key, *values) for key, values in settings])
+        rows = [(key, *values) for key, values in settings]
+        print_table(("setting", *labels), rows, leave_out=from_third)
     else:
         say("the settings are the same")
     say("")
@@ -63,8 +65,9 @@ def compare(
         if row["name"] in differing
     ]
     if rows:
-        print_table(("metric (* is the best)", *labels), rows, right=range(1, 1 + len(labels)))
-    say(CHANCE if rows else "the metrics are the same")
+        header, right = ("metric (* is the best)", *labels), range(1, 1 + len(labels))
+        print_table(header, rows, right, leave_out=from_third)
+    say_wrapped(CHANCE if rows else "the metrics are the same")
     if code:
         say("")
         for module in changed:

@@ -13,9 +13,6 @@ from stixel_cli.errors import ConfigurationError
 if TYPE_CHECKING:
     from stixel_cli.config.keys import Key
 
-WIDTH = 100
-"""Characters of a line where stdout is not a terminal."""
-
 
 def describe(
     name: Annotated[
@@ -49,7 +46,7 @@ def describe(
         _print_key(group)
     elif "=" in name and check_option(group, option):
         columns = (f"key of {name}", "default", "range", "meaning")
-        print_table(columns, parameters_of_own(group, option), width=WIDTH)
+        print_table(columns, parameters_of_own(group, option))
     elif "=" in name:
         if option not in group_options()[group]:
             raise ConfigurationError(unknown_option(group, option))
@@ -66,10 +63,10 @@ def _print_groups() -> None:
     rows = [
         (name, " ".join(options_default_first(name)), meaning_of_group(name)) for name in groups()
     ]
-    print_table(("group", "options (default first)", "meaning"), rows, width=WIDTH)
+    print_table(("group", "options (default first)", "meaning"), rows)
     say("")
     tops = [(key.name, key.default, key.meaning) for key in settings_of_top()]
-    print_table(("key", "default", "meaning"), tops, width=WIDTH)
+    print_table(("key", "default", "meaning"), tops)
     say("", "stixel describe GROUP, GROUP=OPTION or KEY explains one of them.")
 
 
@@ -78,13 +75,13 @@ def _print_group(group: str) -> None:
     from stixel_cli.experiment.table.table import readers
 
     rows = [("read by", _listed(readers(group.replace("/", "."))))]
-    print_table((group, meaning_of_group(group)), rows, width=WIDTH)
+    print_table((group, meaning_of_group(group)), rows)
     say("")
     options = [
         (f"{group}={option}", meaning_of_option(group, option))
         for option in options_default_first(group)
     ]
-    print_table(("option (default first)", "meaning"), options, width=WIDTH)
+    print_table(("option (default first)", "meaning"), options)
     say("")
     _print_keys(group, default_option(group))
 
@@ -96,7 +93,7 @@ def _print_keys(group: str, option: str) -> None:
         (key.name, key.values.get(option, ""), key.meaning) for key in keys_of_option(group, option)
     ]
     if rows:
-        print_table((f"key of {group}={option}", "value", "meaning"), rows, width=WIDTH)
+        print_table((f"key of {group}={option}", "value", "meaning"), rows)
     else:
         say(f"{group}={option} has no keys of its own.")
 
@@ -111,7 +108,7 @@ def _print_key(name: str) -> None:
         rows = [("unit", key.unit), ("range", key.range), ("default", _values(key))]
         rows.append(("belongs to", " ".join(key.belongs_to)))
         rows.append(("read by", _listed([*readers(name), *key.followers])))
-        print_table((name, key.meaning), [row for row in rows if row[1]], width=WIDTH)
+        print_table((name, key.meaning), [row for row in rows if row[1]])
 
 
 def _values(key: "Key") -> str:

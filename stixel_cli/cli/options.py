@@ -76,7 +76,8 @@ Workers = Annotated[
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON only.")]
 Verbose = Annotated[
-    bool, typer.Option("--verbose", "-v", help="Print all scores, not only the main ones.")
+    bool,
+    typer.Option("--verbose", "-v", help="Print all scores, and the names of computed stages."),
 ]
 DryRun = Annotated[
     bool, typer.Option("--dry-run", help="Print what would be computed; compute nothing.")

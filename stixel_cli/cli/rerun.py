@@ -49,7 +49,7 @@ def rerun(
         on_scores=None if json else partial(print_scores, verbose),
         rerun_of=folder,
     )
-    print_run(made, json)
+    print_run(made, json, verbose)
     return 0
 
 

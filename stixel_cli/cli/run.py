@@ -20,7 +20,7 @@ from stixel_cli.cli.options import (
     Workers,
     with_workers,
 )
-from stixel_cli.cli.terminal import console, print_json, print_table, say
+from stixel_cli.cli.terminal import print_json, print_table, say, say_wrapped
 from stixel_cli.config.folders import ENTRY_POINTS, group_options, installed_functions
 from stixel_cli.errors import UserError
 
@@ -66,7 +66,7 @@ def run(
         progress=make_progress(uncompiled(), advice=not json),
         on_scores=None if json else partial(print_scores, verbose),
     )
-    print_run(made, json)
+    print_run(made, json, verbose)
     return 0
 
 
@@ -150,8 +150,11 @@ def tell_changed_code(stored: "RunResult") -> None:
         tell(f"{name}: is not as in {stored.folder / CODE_FOLDER}: today's is used")
 
 
-def print_run(made: "RunResult", json: bool) -> None:
-    """Print the folder of a run whose scores are printed; with `json` the scores too."""
+def print_run(made: "RunResult", json: bool, verbose: bool) -> None:
+    """Print the time and the folder of a run whose scores are printed; with `json` the scores too.
+
+    With `verbose` the names of the computed stages are printed as well.
+    """
     if json:
         from stixel_cli.evaluation.verdict import verdict
 
@@ -163,8 +166,9 @@ def print_run(made: "RunResult", json: bool) -> None:
     if "correction" in made.manifest:
         say(f"disparity error corrected: {made.manifest['correction']}")
     computed = [stage["name"] for stage in made.stages if stage["status"] == "computed"]
-    stages = ", ".join(computed) or "nothing, all was cached"
-    say(f"computed: {stages}; {made.manifest['seconds']:.1f} s")
+    seconds = f"{made.manifest['seconds']:.1f} s"
+    stages = ", ".join(computed) if verbose else f"{len(computed)} of {len(made.stages)} stages"
+    say_wrapped(f"computed in {seconds}: {stages}" if computed else f"all cached: {seconds}")
     say(made.folder)
 
 
@@ -176,9 +180,8 @@ def print_scores(verbose: bool, _: "Scenario", scores: "Scores") -> None:
     from stixel_cli.evaluation.verdict import verdict
     from stixel_cli.report.metrics import LABEL_COLUMNS, label_rows, main_metrics, score_rows
 
-    printer = console()
     for sentence in verdict(scores.metrics):
-        printer.print(sentence, style=_colour(sentence))
+        say_wrapped(sentence, _colour(sentence))
     shown = scores.metrics if verbose else main_metrics(scores.metrics)
     say("")
     print_table(("score", "value", "unit"), score_rows(shown), right=(1,))

@@ -1,5 +1,6 @@
 """`stixel ls` and `stixel show`: list runs and sweeps, print the record of one."""
 
+import re
 from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -21,8 +22,6 @@ MOST_AXES = 5
 SHOWN = ("centre_rmse_m", "iou_mean", "iou_box_mean")
 
 MOST_SECTIONS = 4
-WIDTH = 100
-"""Characters of a line where stdout is not a terminal: some values are long lists."""
 
 
 def ls(
@@ -57,7 +56,7 @@ def ls(
     rows = map(metric, SHOWN)
     shown = [f"{row.short_label}, {row.shown_unit}".rstrip(", ") for row in rows]
     columns = ["folder", "created", "choices", "seed", *shown]
-    print_table(columns, map(_row, runs), right=(3, 4, 5, 6))
+    print_table(columns, map(_row, runs), right=(3, 4, 5, 6), leave_out=(1, 6, 3, 4, 5))
     return 0
 
 
@@ -119,8 +118,10 @@ def _row(run: "RunResult") -> list[str]:
 
     seed = "" if run.seed is None else str(run.seed)
     shown = [shown_value(n, run.metrics[n]) if n in run.metrics else "" for n in SHOWN]
-    created = str(run.manifest.get("created", ""))[:19].replace("T", " ")
-    return [str(run.folder), created, _differences(run), seed, *shown]
+    created = str(run.manifest.get("created", ""))[:16].replace("T", " ")
+    # A line of the table may break at the spaces.
+    choices = re.sub(r",(?=\S)", ", ", _differences(run))
+    return [str(run.folder), created, choices, seed, *shown]
 
 
 def show(folder: RunOrSweep, json: Json = False) -> int:
@@ -142,9 +143,9 @@ def show(folder: RunOrSweep, json: Json = False) -> int:
         answer = {"folder": str(folder), "settings": settings, "metrics": metrics}
         print_json(answer | {"verdict": verdict(metrics), "manifest": manifest})
         return 0
-    print_table(("run", str(folder)), _provenance(run), width=WIDTH)
+    print_table(("run", str(folder)), _provenance(run))
     say("", *verdict(metrics), "")
-    print_table(("score", "value", "unit"), score_rows(metrics), right=(1,), width=WIDTH)
+    print_table(("score", "value", "unit"), score_rows(metrics), right=(1,))
     say("")
     print_table(("stage", "status", "nodes", "seconds", "key"), _stages(manifest), right=(2, 3))
     return 0
@@ -159,13 +160,12 @@ def _show_sweep(folder: Path, json: bool) -> int:
     with_status = _read_rows(folder / TABLE)
     statuses = Counter(row.get("status") or "missing" for row in with_status)
     if json:
-        answer = {"folder": str(folder), "notes": dict(notes), "runs": with_status}
-        print_json(answer)
+        print_json({"folder": str(folder), "notes": dict(notes), "runs": with_status})
         return 0
     runs = ", ".join(f"{count} {status}" for status, count in statuses.items())
     rows = [("runs", runs or "not started")]
     rows += [(name, str(notes[name])) for name in ("command", "created") if name in notes]
-    print_table(("sweep", str(folder)), rows, width=WIDTH)
+    print_table(("sweep", str(folder)), rows)
     summary = folder / "summary.md"
     if summary.exists():
         _, *sections = read_text(summary).split("\n## ")
@@ -173,7 +173,8 @@ def _show_sweep(folder: Path, json: bool) -> int:
             title, _, table = section.partition("\n")
             say("", title)
             lines = [line.strip("| ").split(" | ") for line in table.splitlines() if line]
-            print_table(lines[0] if lines else (), lines[2:])
+            if lines:
+                print_table(lines[0], lines[2:])
         if len(sections) > MOST_SECTIONS:
             say("", f"{len(sections) - MOST_SECTIONS} more metrics: {summary}")
     return 0

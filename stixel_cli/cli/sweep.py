@@ -23,7 +23,7 @@ from stixel_cli.cli.options import (
     with_workers,
 )
 from stixel_cli.cli.plan import print_plan
-from stixel_cli.cli.terminal import print_json, print_table, say
+from stixel_cli.cli.terminal import print_json, print_table, say, say_wrapped
 from stixel_cli.errors import UserError, counted
 
 if TYPE_CHECKING:
@@ -145,12 +145,13 @@ def _print_statistics(result: "SweepResult") -> None:
         n = max((row[name].n for name in names), default=0)
         rows.append((*(value for _, value in setting), str(n), *cells))
     header = [*keys, "n", *map(heading, names)]
-    print_table(header, rows, right=range(len(keys), len(header)))
+    numbers = range(len(keys), len(header))
+    print_table(header, rows, right=numbers, leave_out=numbers[:1:-1])
     interval = "Mean over n seeds ± half the 95 % interval (Student's t)"
     interval = interval if spread else "One seed per setting: no interval"
     more = len(by_setting) - 2 * _MOST_SHOWN
     others = f" {more} more settings and" if more > 0 else ""
-    say(f"{interval};{others} all metrics: summary.csv, .md, .tex")
+    say_wrapped(f"{interval};{others} all metrics: summary.csv, .md, .tex")
 
 
 def _tell_what_is_missing(result: "SweepResult") -> None:

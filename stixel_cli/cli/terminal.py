@@ -1,7 +1,9 @@
 """Text, tables and JSON on the terminal, where no foreign text may move the cursor."""
 
 import json
+import shutil
 import sys
+import textwrap
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
@@ -10,9 +12,13 @@ from stixel_cli.errors import escaped
 
 if TYPE_CHECKING:
     from rich.console import Console
+    from rich.text import Text
 
-LONGEST_LINE = 400
-"""Characters of a line where stdout is not a terminal."""
+NARROW = 16
+"""Characters to which the text of a column is wrapped before a column is left out."""
+
+GAP = 3
+"""Characters between two columns."""
 
 
 class _Escaping:
@@ -54,9 +60,21 @@ def console(width: int | None = None) -> "Console":
     return Escaping(highlight=False, soft_wrap=width is None, width=width)
 
 
+def screen_width() -> int:
+    """Characters of a line: of the terminal, else of the variable COLUMNS, else 80."""
+    return shutil.get_terminal_size().columns
+
+
 def say(*lines: object) -> None:
     """Print lines verbatim on stdout."""
     sys.stdout.write("".join(f"{line}\n" for line in lines))
+
+
+def say_wrapped(text: str, style: str = "") -> None:
+    """Print a text on stdout, wrapped at its spaces; a longer word, like a path, stays whole."""
+    lines = textwrap.wrap(text, screen_width(), break_long_words=False, break_on_hyphens=False)
+    for line in lines:
+        console().print(line, style=style, markup=False)
 
 
 def print_json(value: Any) -> None:
@@ -68,27 +86,52 @@ def print_table(
     columns: Sequence[str],
     rows: Iterable[Sequence[str]],
     right: Collection[int] = (),
-    width: int = LONGEST_LINE,
+    leave_out: Sequence[int] = (),
 ) -> None:
-    """Print a table.
+    """Print a table that is no wider than the screen, if its words allow that.
 
-    Cells are printed verbatim: brackets are not markup.
+    Lines break at spaces only, so that a path or a number stays whole. Cells are printed verbatim:
+    brackets are not markup.
 
     Args:
         columns: the header.
         rows: one cell per column.
         right: indices of the right-aligned columns.
-        width: characters of a line where stdout is not a terminal; longer lines are wrapped.
+        leave_out: indices of columns whose cells are not wrapped. If the screen is too narrow, they
+            are left out in this order, and a line names them.
     """
     from rich import box
     from rich.table import Table
     from rich.text import Text
 
+    header, *cells = [[Text(escaped(cell)) for cell in row] for row in (columns, *rows)]
+    widths, least = [], []
+    for i, name in enumerate(header):
+        column = [row[i] for row in cells]
+        longest_word = max(_longest_word(cell) for cell in (name, *column))
+        widths.append(max(cell.cell_len for cell in (name, *column)))
+        widest = max((cell.cell_len for cell in column), default=0)
+        least.append(max(longest_word, widest if i in leave_out else min(widest, NARROW)))
+    shown, screen = list(range(len(columns))), screen_width()
+    for i in leave_out:
+        if _line_width(least, shown) > screen:
+            shown.remove(i)
+    while _line_width(widths, shown) > screen and any(widths[i] > least[i] for i in shown):
+        widths[max(shown, key=lambda i: widths[i] - least[i])] -= 1
     table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False)
-    for i, column in enumerate(columns):
-        side = "right" if i in right else "left"
-        table.add_column(Text(escaped(column)), justify=side, overflow="fold")
-    for row in rows:
-        table.add_row(*(Text(escaped(cell)) for cell in row))
-    printer = console(None if sys.stdout.isatty() else width)
-    printer.print(table, soft_wrap=False)
+    for i in shown:
+        table.add_column(header[i], justify="right" if i in right else "left", width=widths[i])
+    for row in cells:
+        table.add_row(*(row[i] for i in shown))
+    console(_line_width(widths, shown)).print(table, soft_wrap=False)
+    missing = [name for i, name in enumerate(columns) if i not in shown]
+    if missing:
+        say_wrapped(f"Not shown on a screen of {screen} columns: {'; '.join(missing)}")
+
+
+def _longest_word(text: "Text") -> int:
+    return max((word.cell_len for word in text.split(" ")), default=0)
+
+
+def _line_width(widths: Sequence[int], shown: Sequence[int]) -> int:
+    return sum(widths[i] for i in shown) + GAP * (len(shown) - 1)

@@ -22,6 +22,9 @@ PATIENCE = 1.0
 LINE_INTERVAL = 5.0
 """Seconds between two lines."""
 
+BAR_WIDTH = 20
+"""Characters of the bar on a terminal."""
+
 REPEAT_INTERVAL = 60.0
 """Seconds between two equal lines."""
 
@@ -64,12 +67,16 @@ class Bar(Lines):
 
     def __init__(self):
         self._bar: Any = None
+        self._began: float | None = None
 
     def show(self, share: float, text: str) -> None:
         """Show or update the bar."""
         if self._bar is None:
             self._bar = _rich_bar()
             self._bar.start()
+            # A bar that is shown again counts on.
+            (task,) = self._bar.tasks
+            task.start_time = self._began = self._began or task.start_time
         self._bar.update(self._bar.task_ids[0], completed=share, description=escaped(text))
 
     def note(self, text: str) -> bool:
@@ -89,11 +96,18 @@ class Bar(Lines):
 def _rich_bar() -> Any:
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
+    from rich.table import Column
 
-    columns = BarColumn(), TaskProgressColumn(), TimeElapsedColumn()
-    stderr = Console(file=getattr(sys.stderr, "rich_proxied_file", sys.stderr))
+    # Only the text is cut where the terminal is narrow.
+    whole, rest = Column(no_wrap=True), Column(no_wrap=True, overflow="ellipsis", ratio=1)
     bar = Progress(
-        *columns, TextColumn("{task.description}", markup=False), console=stderr, transient=True
+        BarColumn(BAR_WIDTH, table_column=whole),
+        TaskProgressColumn(table_column=whole),
+        TimeElapsedColumn(table_column=whole),
+        TextColumn("{task.description}", markup=False, table_column=rest),
+        console=Console(file=getattr(sys.stderr, "rich_proxied_file", sys.stderr)),
+        transient=True,
+        expand=True,
     )
     bar.add_task("", total=1.0)
     return bar
@@ -166,6 +180,7 @@ class Progress:
         self.began = time.monotonic()
         self.known: Mapping[str, float] = {}
         self.workers = 1
+        self._share = 0.0
 
     def expect(self, known: Mapping[str, float], workers: int) -> None:
         """Set the seconds that a node of each stage took before, and the number of workers."""
@@ -236,44 +251,44 @@ class Progress:
 
     @property
     def share(self) -> float:
-        """Share of the work that is done, 0 … 1: of frames, summed over the stages."""
-        done = sum(max(self.frames_done[name], count) for name, count in self.done.items())
-        total = sum(max(self.frames_total[name], count) for name, count in self.total.items())
-        return min(1.0, done / total) if total else 1.0
+        """Share of the work that is done, 0 … 1: of the nodes' seconds; it never falls.
+
+        While the seconds of no node are known, it is the share of the nodes.
+        """
+        spent, left = self.seconds.total(), self._work_left()
+        if left is None:
+            spent, left = self.all_done, self.all_total - self.all_done
+        self._share = max(self._share, spent / (spent + left) if spent + left > 0.0 else 1.0)
+        return self._share
+
+    def _work_left(self) -> float | None:
+        """Estimated seconds of all nodes that are not done; None if no time is known.
+
+        A stage whose nodes were never measured takes as long as an average node.
+        """
+        times = {**self.known, **{n: self.seconds[n] / done for n, done in self.done.items()}}
+        left = {name: count - self.done[name] for name, count in self.total.items()}
+        if not times and any(left.values()):
+            return None
+        average = sum(times.values()) / max(1, len(times))
+        return sum(count * times.get(name, average) for name, count in left.items())
 
     def seconds_left(self) -> float | None:
-        """Estimated seconds left; None if nothing is known about a stage.
-
-        As soon as any frame was measured in this execution, a frame of a stage without any measured
-        time counts as an average one, and a stage that does not run over frames as nothing.
-        """
-        frames = self.frames_done.total()
-        spent = sum(self.seconds[name] for name in self.done if self.frames_done[name])
-        total = 0.0
-        for name, count in self.total.items():
-            done = self.done[name]
-            if count <= done:
-                continue
-            each = self.seconds[name] / done if done else self.known.get(name)
-            if each is not None:
-                total += (count - done) * each
-            elif not frames:
-                return None
-            else:
-                total += self.frames_total[name] * spent / frames
-        return total / self.workers
+        """Estimated seconds until the workers are done; None if no time is known."""
+        left = self._work_left()
+        return None if left is None else left / self.workers
 
     @property
     def text_left(self) -> str:
-        """`; about 40 s left`; empty if that is unknown or all nodes are done."""
+        """`about 40 s left; `; empty if that is unknown or all nodes are done."""
         left = self.seconds_left() if self.all_done < self.all_total else None
-        return "" if left is None else f"; about {duration(left)} left"
+        return "" if left is None else f"about {duration(left)} left; "
 
     @property
     def text(self) -> str:
-        """What is running, and the time left, in one line."""
+        """The time left, and what is running, in one line."""
         running = ", ".join(map(self._stage_text, dict.fromkeys(self.running.values())))
-        return (running + self.text_left).removeprefix("; ")
+        return (self.text_left + running).removesuffix("; ")
 
     def _stage_text(self, name: str) -> str:
         """`match 20/100 frames`; only the name of a stage that does not run over frames."""

@@ -145,16 +145,16 @@ class SweepProgress(Progress):
 
     @property
     def text(self) -> str:
-        """All counts in one line."""
+        """The time left and all counts in one line; of nodes first, which grow steadily."""
         failed = f", {self.runs_failed} failed" if self.runs_failed else ""
+        nodes_failed = f", {self.failures} failed" if self.failures else ""
         text = (
-            f"{self._label}{self.runs_done}/{self.runs_total} runs{failed}; "
-            f"nodes: {self.all_done}/{self.all_total} done, {self.cached} cached, "
-            f"{len(self.running)} running" + (f", {self.failures} failed" if self.failures else "")
+            f"{self._label}{self.text_left}{self.all_done}/{self.all_total} nodes{nodes_failed}; "
+            f"{self.runs_done}/{self.runs_total} runs{failed}; {self.cached} nodes cached"
         )
         if self.compiling:
             text += f"; {', '.join(sorted(self.compiling))}: compiling (first run only)"
-        return text + self.text_left
+        return text
 
     def _done(self, target: str) -> None:
         for run in self._waiting_for.get(target, ()):

@@ -50,11 +50,11 @@ def test_lines(project, clock, capsys):
     captured = capsys.readouterr()
     assert captured.out == ""
     assert captured.err.splitlines() == [
-        "stixel: [4 %] double 0/10 frames",
-        "stixel: [38 %] double 8/10 frames; about 12 s left",
-        "stixel: [62 %] running 4/10 frames; about 8 s left",
-        "stixel: [88 %] gather; about 2 s left",
-        "stixel: [96 %] grid 1/2 frames; about 3 s left",
+        "stixel: [10 %] about 27 s left; double 0/10 frames",
+        "stixel: [30 %] about 21 s left; double 8/10 frames",
+        "stixel: [50 %] about 15 s left; running 4/10 frames",
+        "stixel: [70 %] about 9 s left; gather",
+        "stixel: [90 %] about 3 s left; grid 1/2 frames",
         "stixel: recomputed",
     ]
 
@@ -80,11 +80,14 @@ def test_the_time_left(project, clock, capsys):
     lines.finished(nodes[0], 20.0)
     assert lines.seconds_left() == 110.0, "by what was seen, where there is some"
     said = capsys.readouterr().err
-    assert said == f"stixel: [0 %] double 0/{FRAMES} frames; about 2 min left\n"
+    assert said == f"stixel: [0 %] about 2 min left; double 0/{FRAMES} frames\n"
     lines.expect({}, 2)
-    frames = nodes[0].stop
-    left = 2 * 20.0 + 20.0 / frames * FRAMES
-    assert lines.seconds_left() == pytest.approx(0.5 * left), "unknown: as an average frame"
+    assert lines.seconds_left() == 0.5 * (2 * 20.0 + 3 * 20.0), "unknown: as an average node"
+    lines.finished(nodes[3], 5.0)
+    assert lines.share == 25.0 / (25.0 + 2 * 20.0 + 2 * 5.0)
+    lines.expect({"running": 60.0}, 2)
+    lines.extend(nodes[:3])
+    assert lines.share == 25.0 / 75.0, "it never falls"
     unknown = Progress()
     unknown.begin(nodes, cached=0)
     assert unknown.seconds_left() is None
@@ -127,7 +130,7 @@ def test_a_bar_on_a_terminal(project, clock, capsys):
         assert isinstance(bar.display, Bar)
         bar.expect({stage: 60.0 for stage in project.graph().stages}, 1)
         feed(bar, project, clock, 2.0)
-    assert "grid 1/2 frames; about 2 s left" in terminal.getvalue()
+    assert "about 2 s left; grid 1/2 frames" in terminal.getvalue()
     assert "%" in terminal.getvalue() and "recomputed" in terminal.getvalue()
     assert capsys.readouterr().out == ""
 
@@ -175,8 +178,9 @@ def test_a_stage_that_compiles_says_so(project, clock):
     assert progress.text == "double: compiling (first run only)"
     progress.finished(first, 2.0)
     assert progress.text == "about 2 s left"
+    assert progress.share == 0.5
     progress.started(second)
-    assert progress.text.startswith("double ") and "compiling" not in progress.text
+    assert "; double " in progress.text and "compiling" not in progress.text
 
 
 def test_the_note_on_a_crashed_worker():

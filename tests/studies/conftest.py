@@ -37,7 +37,7 @@ class Studies:
     @property
     def messages(self):
         """The lines on stderr, without those of the progress on a slow machine."""
-        return [line for line in self.error.splitlines() if "; nodes: " not in line]
+        return [line for line in self.error.splitlines() if " nodes cached" not in line]
 
     def refused(self, *arguments):
         """The one line of a refused command; nothing is written."""

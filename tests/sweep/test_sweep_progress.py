@@ -19,7 +19,7 @@ def test_runs_and_nodes_are_counted(capsys):
     progress.begin([*tracks, *scores[:2]], cached=7)
     # The scores of the third are there: it waits for nothing.
     assert complete == [waiting[2]]
-    assert progress.text == "3/5 runs; nodes: 0/5 done, 7 cached, 0 running"
+    assert progress.text == "about 10 s left; 0/5 nodes; 3/5 runs; 7 nodes cached"
     progress.started(tracks[0])
     progress.finished(tracks[0], 2.0)
     progress.started(scores[0])
@@ -28,7 +28,7 @@ def test_runs_and_nodes_are_counted(capsys):
     progress.failed(tracks[1], StageFailure("track", "track", ValueError("a\nb"), ""), [scores[1]])
     assert progress.runs_failed == 1
     assert progress.text == (
-        "4/5 runs, 1 failed; nodes: 2/3 done, 7 cached, 0 running, 1 failed; about 1 s left"
+        "about 1 s left; 2/3 nodes, 1 failed; 4/5 runs, 1 failed; 7 nodes cached"
     )
     assert capsys.readouterr().err == "stixel: failed: track: ValueError: a b\n"
     progress.close()
