@@ -35,11 +35,11 @@ def numbered_objects(world: World, motion: Motion = ()) -> list[tuple[int, Mesh]
         ValueError: if there are more objects than ids.
     """
     numbered, count = [], 0
-    if world.kind == "roadside":
+    if world.kind == "street":
+        objects = world_objects(world)
+    else:
         poses = np.array(motion)
         objects = roadside_objects(world, poses[:, :3], poses[:, 3:])
-    else:
-        objects = world_objects(world)
     for item in objects:
         if item.kind == "road":
             numbered.append((ROAD_ID, item.mesh))

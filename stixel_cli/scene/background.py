@@ -1,4 +1,4 @@
-"""The surroundings: ground, houses, trees, lamp posts, signs, hedges, bollards, parked cars, woods.
+"""The surroundings: ground, houses, trees, lamp posts, signs, hedges, fences, parked cars, woods …
 
 A function makes one object in the world's axes, standing on z = 0. Textures are (h, w, 3) uint8
 RGB.
@@ -173,6 +173,16 @@ def sign(place: ArrayLike, metal: np.ndarray, plate: np.ndarray) -> Mesh:
 def hedge(low: ArrayLike, high: ArrayLike, foliage: np.ndarray) -> Mesh:
     """A clipped hedge that fills the box `low` … `high`, (3,) m."""
     return Mesh((part("hedge", [box(low, high)], foliage, 2.0),))
+
+
+def fence(start: ArrayLike, end: float, height: float, wood: np.ndarray) -> Mesh:
+    """Pickets of `height` m on two rails along x, from `start` (2,) m to x = `end`."""
+    x0, y = start
+    pickets = [
+        box((x, y, 0.05), (x + 0.09, y + 0.02, height)) for x in np.arange(x0, end - 0.09, 0.15)
+    ]
+    rails = [box((x0, y + 0.02, z), (end, y + 0.06, z + 0.09)) for z in (0.3, height - 0.3)]
+    return Mesh((part("fence", [*pickets, *rails], wood, 1.0),))
 
 
 def bollard(place: ArrayLike, metal: np.ndarray) -> Mesh:

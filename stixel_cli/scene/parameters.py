@@ -63,12 +63,13 @@ class World:
     Attributes:
         kind: `street` leads off a town square, with houses, trees, poles and parked cars;
             `roadside` has such objects along the ego car's way, and leaves the way and the view of
-            the target free.
+            the target free; `fenced` is the same with fences and hedges along the way, whose ends
+            and gaps a stereo camera may take for moving objects.
         seed: of the layout and its textures (not the run's seed).
         contrast: how strong the textures of road and background are, 0 (plain) … 1.
     """
 
-    kind: Literal["street", "roadside"]
+    kind: Literal["street", "roadside", "fenced"]
     seed: Annotated[int, Ge(0), Le(1_000_000)]
     contrast: Annotated[float, Ge(0), Le(1)]
 

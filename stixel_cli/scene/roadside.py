@@ -1,6 +1,8 @@
-"""The layout of the `roadside` world: houses, trees, lamp posts, parked cars along the ego's way.
+"""The layouts of the worlds along the ego's way: houses and trees, and lower things before them.
 
-It leaves free the ego car's way and, at every time, the view from the ego car to the target. So
+In `roadside` these are lamp posts, parked cars, hedges and bollards; in `fenced` fences and hedges.
+
+They leave free the ego car's way and, at every time, the view from the ego car to the target. So
 any motion fits, over any length. World frame: x right, y forward, z up, m.
 """
 
@@ -52,7 +54,7 @@ def roadside_objects(
         [shapely.LineString(way).buffer(ROAD), *shapely.buffer(shapely.linestrings(pairs), VIEW)]
     )
     made: list[tuple[str, Mesh]] = []
-    for name, mesh in _along(way, world.contrast, materials, draws):
+    for name, mesh in _along(way, world, materials, draws):
         vertices = np.concatenate([one.vertices for one in mesh.parts])
         footprint = shapely.convex_hull(shapely.multipoints(vertices[:, :2]))
         if not footprint.intersects(free):
@@ -80,7 +82,7 @@ def _way(poses: np.ndarray) -> np.ndarray:
 
 
 def _along(
-    way: np.ndarray, contrast: float, materials: Materials, draws: np.random.Generator
+    way: np.ndarray, world: World, materials: Materials, draws: np.random.Generator
 ) -> Iterator[tuple[str, Mesh]]:
     """Objects on both sides of the way, where they would be if nothing had to be left free."""
     line = shapely.LineString(way)
@@ -90,12 +92,12 @@ def _along(
         direction = np.arctan2(further.y - here.y, further.x - here.x)
         # In an object's own frame, y points away from the road.
         for turn in (direction, direction + np.pi):
-            for name, mesh in _slot(contrast, materials, draws):
+            for name, mesh in _slot(world, materials, draws):
                 yield name, moved(mesh, np.array([here.x, here.y, 0.0]), turn)
 
 
 def _slot(
-    contrast: float, materials: Materials, draws: np.random.Generator
+    world: World, materials: Materials, draws: np.random.Generator
 ) -> Iterator[tuple[str, Mesh]]:
     """Something tall at the back, something low in front; x along the road, y away from it, m."""
     if draws.uniform() < 0.6:
@@ -108,11 +110,14 @@ def _slot(
         place = (draws.uniform(-3.0, 3.0), draws.uniform(11.0, 16.0))
         height = draws.uniform(5.5, 8.0)
         yield "tree", background.tree(draws, place, height, materials.bark, materials.leaves)
+    if world.kind == "fenced":
+        yield _fence_or_hedge(materials, draws)
+        return
     place = (draws.uniform(-4.0, 4.0), draws.uniform(6.8, 8.5))
     kind = draws.integers(4)
     if kind == 0:
         paint = PAINTS[draws.integers(len(PAINTS))]
-        yield "parked car", background.parked_car(place, 0.0, paint, contrast)
+        yield "parked car", background.parked_car(place, 0.0, paint, world.contrast)
     elif kind == 1:
         post = background.lamp_post(place, 6.2, (0.0, -1.2), materials.metal, materials.glass)
         yield "lamp post", post
@@ -122,6 +127,15 @@ def _slot(
         yield "hedge", background.hedge(low, high, materials.leaves)
     else:
         yield "bollard", background.bollard(place, materials.metal)
+
+
+def _fence_or_hedge(materials: Materials, draws: np.random.Generator) -> tuple[str, Mesh]:
+    """Along the road, 5 to 12 m long."""
+    half, near = 0.5 * draws.uniform(5.0, 12.0), draws.uniform(5.8, 7.0)
+    low, high = (-half, near, 0.0), (half, near + 0.7, draws.uniform(0.9, 1.6))
+    if draws.uniform() < 0.5:
+        return "hedge", background.hedge(low, high, materials.leaves)
+    return "fence", background.fence(low[:2], high[0], high[2], materials.bark)
 
 
 def _woods(low: np.ndarray, high: np.ndarray, materials: Materials) -> Iterator[Mesh]:

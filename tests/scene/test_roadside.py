@@ -71,6 +71,19 @@ def test_a_long_drive_has_an_id_for_every_object_and_a_standing_car_has_a_world(
         assert motion_of(World("street", 1, 1.0), scenario) == ()
 
 
+def test_a_fenced_way_has_fences_and_hedges_beside_it_and_is_free():
+    ego, targets = driven(150.0)
+    found = roadside_objects(World("fenced", 1, 1.0), ego, targets)
+    low = [item for item in found if item.name in ("fence", "hedge")]
+    assert {item.name for item in low} == {"fence", "hedge"} and len(low) > 10
+    assert not {"parked car", "lamp post", "bollard"} & {item.name for item in found}
+    way = shapely.LineString(ego[:, :2])
+    for item in low:
+        hull = shapely.convex_hull(shapely.MultiPoint(corners(item.mesh).reshape(-1, 3)[:, :2]))
+        assert hull.distance(way) > 0.99 * ROAD
+        assert np.ptp(bounding_box(item.mesh)[:, 2]) < 1.7
+
+
 def test_the_same_motion_gives_the_same_world_and_another_seed_another(objects):
     def content(found):
         return [(item.name, corners(item.mesh).tobytes()) for item in found]

@@ -13,7 +13,7 @@ STAGES: dict[str, Definition] = {
         only("tracking.start_scans:start_from_scans"), "once", same("start", "prior")
     ),
     "find_tracks": Definition(
-        only("tracking.several.clusters:find_tracks"),
+        only("tracking.several.find:find_tracks"),
         "once",
         {"prior": "prior", "std": "start.std"},
     ),

@@ -13,12 +13,7 @@ from stixel_cli.geometry.pose import STRAIGHT_AHEAD, ego_from_world, rotate_cova
 from stixel_cli.measurements.clusters import cluster
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.tracking.centre import predict, update
-from stixel_cli.tracking.contour.class_size import possible_sizes
-from stixel_cli.tracking.followed import Followed, line, state_of
-from stixel_cli.tracking.motion import intervals, transition
-from stixel_cli.tracking.prior import PriorShape
-from stixel_cli.tracking.several.found import LEAST_SCANS, FoundTrack, least_speed
-from stixel_cli.tracking.track import InitialState
+from stixel_cli.tracking.motion import intervals
 
 GATE = 9.21
 """Squared distance of a cluster to a prediction: 99 % of a chi-square with two degrees."""
@@ -42,16 +37,6 @@ ACCELERATION = 3.0
 """Process noise, m/s^1.5."""
 
 
-CERTAIN = 12.0
-"""A road user's speed is so many times the speed's standard error."""
-
-LARGEST = 1.6
-"""Its clusters are at most this many times the class's diagonal long."""
-
-USED = 1.0
-"""Its initial state comes from so many of its first seconds."""
-
-
 @dataclass
 class OpenTrack:
     """A cluster over time, while it is followed.
@@ -72,44 +57,6 @@ class OpenTrack:
     missed: int = 0
     begun: bool = False
     ended: bool = False
-
-
-def find_tracks(scans: Scans, prior: PriorShape, std: tuple[float, ...]) -> tuple[FoundTrack, ...]:
-    """The road users of the class that move, in the order of their first scans.
-
-    Args:
-        scans: of any sensor.
-        prior: of the class.
-        std: (6,) of the initial states, see `followed.state_of`.
-    """
-    sizes = possible_sizes(prior)
-    longest = LARGEST * float(np.hypot(*sizes.T).max())
-    return tuple(
-        _found(scans, one, sizes, std) for one in follow(scans, longest) if moves(scans, one)
-    )
-
-
-def moves(scans: Scans, one: OpenTrack) -> bool:
-    """Whether a track moves like a road user and not like the errors of a static object."""
-    if len(one.scans) < LEAST_SCANS:
-        return False
-    times, poses = scans.times[one.scans], scans.sensor_poses_world[one.scans, :2]
-    places = np.array([scans.points_world[rows].mean(axis=0) for rows in one.rows])
-    _, velocity, error = line(times, places)
-    _, of_sensor, _ = line(times, poses)
-    least = max(least_speed(float(np.hypot(*of_sensor))), CERTAIN * error)
-    return float(np.hypot(*velocity)) >= least
-
-
-def _found(scans: Scans, one: OpenTrack, sizes: np.ndarray, std: tuple[float, ...]) -> FoundTrack:
-    indices = np.array(one.scans)
-    count = int(np.sum(scans.times[indices] <= scans.times[indices[0]] + USED + 1e-9))
-    points = tuple(scans.points_world[rows] for rows in one.rows[:count])
-    of_run = state_of(scans, Followed(tuple(one.scans[:count]), points), sizes, std, "scans")
-    ahead = scans.times[indices[0]] - intervals(scans.times)[indices[0]]
-    step = transition(ahead - (scans.times[0] - intervals(scans.times)[0]))
-    initial = InitialState(step @ of_run.mean, step @ of_run.covariance @ step.T)
-    return FoundTrack(indices, tuple(one.rows), initial, of_run)
 
 
 def clusters_of(scans: Scans, k: int, longest: float) -> list[np.ndarray]:

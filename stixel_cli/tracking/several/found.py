@@ -26,12 +26,14 @@ class FoundTrack:
     Attributes:
         scans: (n,) int64, the scans that have the cluster, ascending.
         rows: for each of them the rows (n_k,) of the scans' arrays; no other track has them.
+        confirmed: the scan up to which it was followed until it was clear that it moves.
         initial: the state one sample before the first of these scans.
         initial_of_run: the state one sample before the first scan of the run.
     """
 
     scans: np.ndarray
     rows: tuple[np.ndarray, ...]
+    confirmed: int
     initial: InitialState
     initial_of_run: InitialState
 
