@@ -83,12 +83,14 @@ def run(
             composition = _moved(composition, workers, cache, machine)
     else:
         composition = compose(_texts(experiment, last_wins), machine)
-    return record_run(
-        composition,
-        results=None if results is None else Path(results),
-        name=name,
-        progress=make_progress(uncompiled(), advice=True) if _visible() else Progress(),
-    )
+    results = None if results is None else Path(results)
+    progress = make_progress(uncompiled(), advice=True) if _visible() else Progress()
+    made = record_run(composition, results, name, progress)
+    if results is not None:
+        from stixel_cli.sweeps.index import update_index
+
+        update_index(results)
+    return made
 
 
 def sweep(
@@ -123,6 +125,7 @@ def sweep(
     Raises:
         UserError: for errors that the user can correct, before anything is computed.
     """
+    from stixel_cli.sweeps.index import update_index
     from stixel_cli.sweeps.runs import sweep_design
     from stixel_cli.sweeps.whole import new_sweep
 
@@ -130,7 +133,10 @@ def sweep(
     file = None if file is None else str(file)
     design = sweep_design(texts, file, shuffle, trust_code=trust_code)
     results = None if results is None else Path(results)
-    return new_sweep(design, results, name, pictures, visible=_visible())
+    result = new_sweep(design, results, name, pictures, visible=_visible())
+    if results is not None:
+        update_index(results)
+    return result
 
 
 def plot(result: RunResult) -> "Figure":

@@ -38,6 +38,7 @@ def rerun(
     from stixel_cli.engine.progress import make_progress
     from stixel_cli.experiment.run import record_run
     from stixel_cli.machine.kernels import uncompiled
+    from stixel_cli.sweeps.index import update_index
 
     stored = stored_run(folder, workers, trust_code)
     tell_changed_code(stored)
@@ -50,6 +51,7 @@ def rerun(
         rerun_of=folder,
     )
     print_run(made, json, verbose)
+    update_index(results)
     return 0
 
 

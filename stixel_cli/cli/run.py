@@ -53,6 +53,7 @@ def run(
     from stixel_cli.experiment.run import record_run
     from stixel_cli.machine.kernels import uncompiled
     from stixel_cli.results.folder import check_name
+    from stixel_cli.sweeps.index import update_index
 
     composition = compose(with_workers(overrides or [], workers))
     if dry_run:
@@ -67,6 +68,7 @@ def run(
         on_scores=None if json else partial(print_scores, verbose),
     )
     print_run(made, json, verbose)
+    update_index(results)
     return 0
 
 
@@ -170,6 +172,7 @@ def print_run(made: "RunResult", json: bool, verbose: bool) -> None:
     stages = ", ".join(computed) if verbose else f"{len(computed)} of {len(made.stages)} stages"
     say_wrapped(f"computed in {seconds}: {stages}" if computed else f"all cached: {seconds}")
     say(made.folder)
+    sys.stdout.flush()
 
 
 def print_scores(verbose: bool, _: "Scenario", scores: "Scores") -> None:

@@ -11,15 +11,10 @@ from stixel_cli.cli.completion import complete_folder
 from stixel_cli.cli.errors import tell
 from stixel_cli.cli.options import Json, RunOrSweep
 from stixel_cli.cli.terminal import print_json, print_table, say
-from stixel_cli.errors import UserError, counted
+from stixel_cli.errors import UserError
 
 if TYPE_CHECKING:
     from stixel_cli.results.result import RunResult
-
-MOST_AXES = 5
-"""Axes of a sweep in its line."""
-
-SHOWN = ("centre_rmse_m", "iou_mean", "iou_box_mean")
 
 MOST_SECTIONS = 4
 
@@ -42,6 +37,7 @@ def ls(
     """
     from stixel_cli.evaluation.metric_table import metric
     from stixel_cli.results.result import list_runs
+    from stixel_cli.sweeps.index import SHOWN
 
     runs = list_runs(folder)
     if json:
@@ -61,9 +57,11 @@ def ls(
 
 
 def _json(run: "RunResult") -> dict[str, Any]:
+    from stixel_cli.sweeps.index import is_sweep
+
     return {
         "path": str(run.folder),
-        "kind": "sweep" if _is_sweep(run) else "run",
+        "kind": "sweep" if is_sweep(run) else "run",
         "created": str(run.manifest.get("created", "")),
         "choices": _differences(run),
         "overrides": run.overrides,
@@ -74,47 +72,19 @@ def _json(run: "RunResult") -> dict[str, Any]:
     }
 
 
-def _is_sweep(run: "RunResult") -> bool:
-    return run.failure is None and not (run.folder / "manifest.json").exists()
-
-
 def _differences(run: "RunResult") -> str:
-    from stixel_cli.experiment.run_names import differences, short_setting
-
-    if _is_sweep(run):
-        return _swept(run.folder)
-    if run.setting:
-        return " ".join(short_setting(key, value) for key, value in run.setting.items())
-    # The seed has a column of its own.
-    others = [text for text in run.overrides if not text.startswith("seed=")]
-    return " ".join(differences(run.choices, others))
-
-
-def _swept(folder: Path) -> str:
-    """`tracker=gp_ekf,contour seed=0..9, 20 runs`."""
-    from stixel_cli.config.texts import split_override
-    from stixel_cli.experiment.run_names import swept_setting
-    from stixel_cli.sweeps.folder import SweepFolder
+    from stixel_cli.sweeps.index import differing
 
     try:
-        request = SweepFolder(folder).request()
+        return differing(run)
     except UserError as fault:
         tell(str(fault))
         return "a sweep"
-    given = [dict(map(split_override, overrides)) for overrides in request.runs]
-    axes = [
-        swept_setting(keys, list(dict.fromkeys(run[keys[0]] for run in given)))
-        for keys in request.axes
-        if keys
-    ]
-    if len(axes) > MOST_AXES:
-        axes = [*axes[:MOST_AXES], f"and {len(axes) - MOST_AXES} more"]
-    runs = counted(len(request.runs), "run")
-    return ", ".join([" ".join(axes), runs] if axes else [runs])
 
 
 def _row(run: "RunResult") -> list[str]:
     from stixel_cli.report.metrics import shown_value
+    from stixel_cli.sweeps.index import SHOWN
 
     seed = "" if run.seed is None else str(run.seed)
     shown = [shown_value(n, run.metrics[n]) if n in run.metrics else "" for n in SHOWN]
@@ -154,10 +124,10 @@ def show(folder: RunOrSweep, json: Json = False) -> int:
 def _show_sweep(folder: Path, json: bool) -> int:
     """Print the request of a sweep, the status of its runs, and its statistics."""
     from stixel_cli.files import read_text
-    from stixel_cli.sweeps.folder import TABLE, SweepFolder
+    from stixel_cli.sweeps.folder import SweepFolder
 
     notes = SweepFolder(folder).request().notes
-    with_status = _read_rows(folder / TABLE)
+    with_status = SweepFolder(folder).rows()
     statuses = Counter(row.get("status") or "missing" for row in with_status)
     if json:
         print_json({"folder": str(folder), "notes": dict(notes), "runs": with_status})
@@ -178,21 +148,6 @@ def _show_sweep(folder: Path, json: bool) -> int:
         if len(sections) > MOST_SECTIONS:
             say("", f"{len(sections) - MOST_SECTIONS} more metrics: {summary}")
     return 0
-
-
-def _read_rows(file: Path) -> list[dict[str, str]]:
-    import csv
-
-    from stixel_cli.files import read_text
-
-    if not file.exists():
-        return []
-    lines = read_text(file).splitlines()
-    try:
-        rows = [dict(row) for row in csv.DictReader(lines, restkey="", restval="", strict=True)]
-    except csv.Error as error:
-        raise UserError(f"{file}: not a table: {error}") from None
-    return rows
 
 
 def _provenance(run: "RunResult") -> list[tuple[str, str]]:

@@ -84,6 +84,7 @@ def study(
     from stixel_cli.studies.folder import StudyFolder, study_folder
     from stixel_cli.studies.plan import plan_study
     from stixel_cli.studies.run import run_study
+    from stixel_cli.sweeps.index import update_index
 
     chosen, *overrides = _checked(words or [], name)
     overrides = with_workers(overrides, workers)
@@ -104,6 +105,7 @@ def study(
         result = run_study(planned, folder, command, fresh, tell)
         if not json:
             _print(planned, result)
+        update_index(results)
         return _answer(planned, result), _tell_what_is_missing(result, command)
 
     if chosen == ALL:

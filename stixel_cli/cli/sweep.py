@@ -72,6 +72,7 @@ def sweep(
     """
     from stixel_cli.results.folder import check_name
     from stixel_cli.sweeps.graphs import planned_sweep
+    from stixel_cli.sweeps.index import update_index
     from stixel_cli.sweeps.runs import design_runs, sweep_design
     from stixel_cli.sweeps.whole import new_sweep, resumed_sweep
 
@@ -93,6 +94,7 @@ def sweep(
         design = sweep_design(words, file, shuffle, trust_code=trust_code)
         result = new_sweep(design, results, name, pictures, True, tell, advice=not json)
     _report(result, json, time.perf_counter() - started)
+    update_index(result.folder.absolute().parent)
     return 0 if result.complete else INCOMPLETE
 
 

@@ -5,11 +5,8 @@ a page, so this module imports neither Matplotlib nor OpenCV.
 """
 
 import base64
-import html
-import json
 from collections.abc import Sequence
 from dataclasses import asdict
-from importlib import resources
 from typing import Any
 
 import numpy as np
@@ -31,6 +28,7 @@ from stixel_cli.report.playback_values import (
     rounded_poses,
     summary_of,
 )
+from stixel_cli.report.static_page import filled_page, template_text
 from stixel_cli.results.pictures import CameraFrames
 from stixel_cli.results.result import RunResult
 from stixel_cli.stixels.types import Objects
@@ -59,30 +57,13 @@ def playback_html(
         folders: name of each run's folder; empty to show no folders.
     """
 
-    def text(name: str) -> str:
-        return (resources.files(__package__) / "templates" / name).read_text("utf-8")
-
+    scripts = (template_text(__package__, f"playback_{name}.js") for name in SCRIPTS)
     parts = {
-        "title": html.escape(title),
-        "style": text("playback.css"),
-        "data": json_in_html(playback_data(runs, title, notes, folders)),
-        "script": "\n".join(text(f"playback_{name}.js") for name in SCRIPTS),
+        "style": template_text(__package__, "playback.css"),
+        "script": "\n".join(scripts),
     }
-    # Split the template once, so that inserted text is never searched for marks.
-    pieces = text("playback.html").split("⟦")
-    page = [pieces[0]]
-    for piece in pieces[1:]:
-        name, _, rest = piece.partition("⟧")
-        page += [parts[name], rest]
-    return "".join(page)
-
-
-def json_in_html(value: Any) -> str:
-    """JSON for a script element: in ASCII, without `<`, `>` and `&`; NaN is refused."""
-    text = json.dumps(value, allow_nan=False, separators=(",", ":"))
-    for character in "<>&":
-        text = text.replace(character, f"\\u{ord(character):04x}")
-    return text
+    data = playback_data(runs, title, notes, folders)
+    return filled_page(__package__, "playback.html", title, data, parts)
 
 
 def playback_data(

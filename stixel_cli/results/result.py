@@ -250,18 +250,19 @@ def list_runs(root: Path) -> list[RunResult]:
     A sweep is one entry without its runs: only the time in its manifest is set. So is `failure` of
     a run that is not readable. UserError if the folder does not exist or cannot be read.
     """
-    listed = []
-    for folder in find_folders(root):
-        run = RunResult(folder=folder)
-        try:
-            if os.path.lexists(folder / "manifest.json"):
-                run = replace(run, manifest=read_manifest(folder), metrics=read_metrics(folder))
-            else:
-                modified = datetime.fromtimestamp((folder / SWEEP_FILE).stat().st_mtime, UTC)
-                run = replace(run, manifest={"created": modified.isoformat(timespec="seconds")})
-        except UserError as fault:
-            run = replace(run, failure=fault)
-        except OSError:
-            run = replace(run, manifest={"created": ""})
-        listed.append(run)
-    return sorted(listed, key=lambda run: (str(run.manifest.get("created", "")), run.folder))
+    runs = map(listed_run, find_folders(root))
+    return sorted(runs, key=lambda run: (str(run.manifest.get("created", "")), run.folder))
+
+
+def listed_run(folder: Path) -> RunResult:
+    """One entry of `list_runs`."""
+    run = RunResult(folder=folder)
+    try:
+        if os.path.lexists(folder / "manifest.json"):
+            return replace(run, manifest=read_manifest(folder), metrics=read_metrics(folder))
+        modified = datetime.fromtimestamp((folder / SWEEP_FILE).stat().st_mtime, UTC)
+        return replace(run, manifest={"created": modified.isoformat(timespec="seconds")})
+    except UserError as fault:
+        return replace(run, failure=fault)
+    except OSError:
+        return replace(run, manifest={"created": ""})

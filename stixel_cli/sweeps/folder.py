@@ -9,6 +9,7 @@ code/                  code digests to which the runs' lineage.json refer
 failed/0007/ …         config.yaml, failure.json, traceback.txt
 """
 
+import csv
 import json
 import shlex
 import shutil
@@ -21,7 +22,7 @@ from typing import Any
 from stixel_cli.config.folders import PRESETS, of_the_machine
 from stixel_cli.config.texts import split_override
 from stixel_cli.errors import UserError, printable_path
-from stixel_cli.files import read_yaml, write_whole, written
+from stixel_cli.files import read_text, read_yaml, write_whole, written
 from stixel_cli.results.folder import Content, write_whole_folder
 from stixel_cli.results.reader import read_manifest, read_metrics, yaml_text
 from stixel_cli.results.result import MISSING, RunResult
@@ -132,6 +133,15 @@ class SweepFolder:
             except UserError:
                 runs.append(replace(run, status=MISSING))
         return runs
+
+    def rows(self) -> list[dict[str, str]]:
+        """The rows of the table of runs, as written; empty before it is written."""
+        file = self.path / TABLE
+        lines = read_text(file).splitlines() if file.exists() else []
+        try:
+            return [dict(r) for r in csv.DictReader(lines, restkey="", restval="", strict=True)]
+        except csv.Error as error:
+            raise UserError(f"{file}: not a table: {error}") from None
 
     def finished(self, count: int) -> dict[int, RunResult]:
         """The complete ones of `count` runs by index, with manifest and metrics."""

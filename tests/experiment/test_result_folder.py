@@ -26,6 +26,7 @@ def results(tmp_path):
 def test_the_folder_holds_what_the_readme_lists(results, capsys):
     folder = results / "mine"
     run_json(capsys, results, *FEW, "--name", "mine")
+    assert '"./mine/index.html"' in (results / "index.html").read_text(encoding="utf-8")
     assert {path.name for path in folder.iterdir()} == {
         "lineage.json",
         "config.yaml",
@@ -150,7 +151,8 @@ def test_a_disk_that_is_full_leaves_no_half_folder(
     assert main(["run", *FABRICATED, "--results", str(results), "--name", "new"]) == 2
     error = capsys.readouterr().err
     assert f"stixel: {results}/new: cannot be written: {said}\n" in error
-    assert os.listdir(results) == ["there"]
+    beside_runs = {"index.html", ".index.lock"}
+    assert {*os.listdir(results)} - beside_runs == {"there"}
 
 
 def test_results_that_are_read_only_are_refused_before_anything_runs(

@@ -73,6 +73,7 @@ def test_the_folder(sweeps):
     swept = sweeps.run(*FEW, "tracker.sigma_f=0.1,0.3", "seed=0,1,2", "--name", "mine")
     folder = sweeps.results / "mine"
     assert swept["folder"] == str(folder)
+    assert "6 of 6 runs done" in (sweeps.results / "index.html").read_text(encoding="utf-8")
     assert {path.name for path in folder.iterdir()} == {
         "sweep.yaml",
         "runs.csv",
