@@ -14,7 +14,7 @@ BUDGET = {
     "calibration": 643,
     # `explain` says if a folder has results of other code than the cached ones.
     "cli": 2755,
-    "config": 2789,
+    "config": 2790,
     # A check that another process has not marked the new cache meanwhile.
     "engine": 4932,
     # The box of a track has room for the limbs; loss has one definition, with heading and class.
@@ -52,7 +52,7 @@ BUDGET = {
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
 
 # The filters of PyRecEst: with the tracker they had more than 300 lines.
-MODULES = 304
+MODULES = 306
 """Modules of the package, without `__init__`."""
 
 

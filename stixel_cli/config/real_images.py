@@ -37,7 +37,8 @@ class ImageParameters:
 def real_image_parameters() -> ImageParameters:
     """The values of `conf/`, with what `conf/recorded.yaml` sets for real images.
 
-    `compose(["source=pair", …])` has the same (`tests/test_stixels_of_pairs.py`); a run may change them.
+    `compose(["source=pair", …])` has the same (`tests/test_stixels_of_pairs.py`); a run may change
+    them.
     """
     suitable = values_beside_groups("recorded")["source"]
     options = suitable["options"]
