@@ -18,7 +18,7 @@ BUDGET = {
     # A check that another process has not marked the new cache meanwhile.
     "engine": 4932,
     # The box of a track has room for the limbs; loss has one definition, with heading and class.
-    "evaluation": 1597,
+    "evaluation": 1618,
     # The names of runs, from config/.
     "experiment": 1466,
     "export": 548,
@@ -32,8 +32,8 @@ BUDGET = {
     # Images of a rig out of calibration.
     "rendering": 2340,
     # The layer that studies share: runs, scans, cost, templates, numbered blocks, files.
-    "report": 2651,
-    "results": 1452,
+    "report": 2673,
+    "results": 1457,
     # A mesh in other units and along another axis.
     "scene": 3483,
     # Conditions of the rig, the matchers, the path, the pictures and the prior, from config/.
@@ -45,14 +45,14 @@ BUDGET = {
     "sweeps": 2308,
     # `contour`: the bank of forms for what it did not learn from, the search at the first scan;
     # a start from slow and sparse scans.
-    "tracking": 5265,
+    "tracking": 5438,
     # Statistics of points, the fit of their noise and the tables of stages, of the studies before.
     "validation": 1517,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
 
 # The filters of PyRecEst: with the tracker they had more than 300 lines.
-MODULES = 306
+MODULES = 307
 """Modules of the package, without `__init__`."""
 
 

@@ -181,13 +181,13 @@ def print_scores(verbose: bool, _: "Scenario", scores: "Scores") -> None:
     That is the verdict and a table: of the main metrics, or of all if `verbose`.
     """
     from stixel_cli.evaluation.verdict import verdict
-    from stixel_cli.report.metrics import LABEL_COLUMNS, label_rows, main_metrics, score_rows
+    from stixel_cli.report.metrics import LABEL_COLUMNS, label_rows, main_metrics, score_table
 
     for sentence in verdict(scores.metrics):
         say_wrapped(sentence, _colour(sentence))
     shown = scores.metrics if verbose else main_metrics(scores.metrics)
     say("")
-    print_table(("score", "value", "unit"), score_rows(shown), right=(1,))
+    print_table(*score_table(shown))
     say("")
     labels = label_rows(scores.labels)
     if labels:

@@ -100,7 +100,7 @@ def show(folder: RunOrSweep, json: Json = False) -> int:
     Example: stixel show results/contour
     """
     from stixel_cli.evaluation.verdict import verdict
-    from stixel_cli.report.metrics import score_rows
+    from stixel_cli.report.metrics import score_table
     from stixel_cli.results.reader import SWEEP_FILE, flat_settings
     from stixel_cli.results.result import read_run
 
@@ -115,7 +115,7 @@ def show(folder: RunOrSweep, json: Json = False) -> int:
         return 0
     print_table(("run", str(folder)), _provenance(run))
     say("", *verdict(metrics), "")
-    print_table(("score", "value", "unit"), score_rows(metrics), right=(1,))
+    print_table(*score_table(metrics))
     say("")
     print_table(("stage", "status", "nodes", "seconds", "key"), _stages(manifest), right=(2, 3))
     return 0

@@ -24,7 +24,7 @@ from stixel_cli.evaluation.contour_errors import (
     overlaps,
     seen_points,
 )
-from stixel_cli.evaluation.metric_table import METRICS, OF_CLASSES, OF_SIZE
+from stixel_cli.evaluation.metric_table import METRICS, OF_CLASSES, OF_ESTIMATES, OF_SIZE, SMOOTHED
 from stixel_cli.evaluation.scan_errors import LOW_OVERLAP, NO_UPPER_BOUNDS, ScanErrors, UpperBounds
 from stixel_cli.evaluation.scores import LabelScores, Scores
 from stixel_cli.geometry.pose import wrap_angle
@@ -65,7 +65,8 @@ def evaluate(
     `upper_bounds` are the greatest values that the overlaps can have, `road_user` is the true
     class, None if it is unknown, `labels` are the scores of the tracks of moving objects. Where
     the truth is unknown, errors over time are NaN and metrics leave them out. Without any truth
-    there are only the metrics of scans and track.
+    there are only the metrics of scans and track. The metrics of a smoothed track have names of
+    their own; all else is of the filtered one.
 
     Raises:
         ValueError: as `validate` does.
@@ -98,6 +99,11 @@ def evaluate(
     metrics = {name: row.of_run(errors) for name, row in rows.items()}
     if not counted.any():
         metrics = {name: value for name, value in metrics.items() if value is not None}
+    if track.smoothed is not None:
+        later = evaluate(track.smoothed, scenario, scans, upper_bounds, road_user).metrics
+        metrics |= {SMOOTHED + name: later[name] for name in OF_ESTIMATES if name in later}
+        lag = track.smoothed.lag
+        metrics[f"{SMOOTHED}lag"] = len(scans) - 1 if lag is None else lag
     return Scores(
         times=np.array(scenario.times, dtype=np.float64),
         centre_error=over_time["centre"],

@@ -4,7 +4,7 @@ Tables, figures and pages read label, unit, bounds and the better direction from
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -210,6 +210,17 @@ OF_CLASSES = (*PROBABILITIES.values(), "class_error", "class_replaced_share")
 METRICS = {metric.name: metric for metric in _TABLE}
 """Name to row, in the order in which tables show them."""
 
+SMOOTHED = "smoothed_"
+"""Begins the names of a smoothed track's metrics; one is its `lag`, the number of later scans."""
+
+OF_ESTIMATES = (
+    *("track_lost", "centre_rmse_m", "centre_mean_m", "orientation_rmse_deg", "speed_error_m_s"),
+    *("yaw_rate_error_deg_s", "iou_mean", "iou_hull_mean", "iou_box_mean", "length_error_m"),
+    *("width_error_m", "contour_distance_m", "band_coverage"),
+    *("nees_position_mean", "nees_orientation_mean"),
+)
+"""The metrics that a smoothed track has."""
+
 LOSS_RATE = "track_loss_rate"
 """The share of runs that lost the track: the mean over runs of `track_lost`."""
 
@@ -250,6 +261,10 @@ def metric(name: str) -> Metric:
     """
     if name in _KNOWN:
         return _KNOWN[name]
+    if name.startswith(SMOOTHED):
+        row = metric(name.removeprefix(SMOOTHED))
+        labels = {field: f"{getattr(row, field)}, smoothed" for field in ("label", "short_label")}
+        return replace(row, name=name, **labels, over_runs="")
     suffix = next((s for s in _SUFFIXES if name.endswith(s)), "")
     words = name.removesuffix(suffix).replace("_", " ")
     unit = _SUFFIXES.get(suffix, "")

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterable, Mapping
 
-from stixel_cli.evaluation.metric_table import METRICS, NO_VALUE, Better, metric
+from stixel_cli.evaluation.metric_table import METRICS, NO_VALUE, SMOOTHED, Better, metric
 from stixel_cli.evaluation.scores import LabelScores
 from stixel_cli.results.reader import listed
 
@@ -82,9 +82,13 @@ def _rank(value: float, direction: Better) -> float:
 
 
 def main_metrics(metrics: Mapping[str, float | int | None]) -> dict[str, float | int | None]:
-    """Those of `MAIN` that exist, in that order, and those of the user's own functions."""
-    own = [name for name in metrics if name not in METRICS]
-    return {name: metrics[name] for name in (*MAIN, *own) if name in metrics}
+    """Those of `MAIN` that exist, in that order, and those of the user's own functions.
+
+    Then those of the smoothed track.
+    """
+    smoothed = [SMOOTHED + name for name in ("lag", *MAIN)]
+    own = [name for name in metrics if name not in METRICS and not name.startswith(SMOOTHED)]
+    return {name: metrics[name] for name in (*MAIN, *own, *smoothed) if name in metrics}
 
 
 LABEL_COLUMNS = (
@@ -110,12 +114,28 @@ def label_rows(labels: LabelScores | None) -> list[tuple[str, ...]]:
     ]
 
 
-def score_rows(metrics: Mapping[str, float | int | None]) -> list[tuple[str, str, str]]:
-    """Name, value and unit of the metrics that have a value, in their order."""
-    return [
-        (metric(name).label, shown_value(name, value), metric(name).shown_unit)
-        for name, value in with_value(metrics).items()
-    ]
+def smoothed_label(metrics: Mapping[str, float | int | None]) -> str:
+    """`smoothed, lag 5`: what the metrics of the smoothed track are called; "" without one."""
+    lag = metrics.get(f"{SMOOTHED}lag")
+    return "" if lag is None else f"smoothed, lag {lag}"
+
+
+def score_table(
+    metrics: Mapping[str, float | int | None],
+) -> tuple[tuple[str, ...], list[tuple[str, ...]], tuple[int, ...]]:
+    """Columns, rows and right-aligned columns of the metrics with a value: name, value, unit.
+
+    The values of a smoothed track are beside those of the filtered one.
+    """
+    shown = {name: shown_value(name, value) for name, value in with_value(metrics).items()}
+    smoothed = smoothed_label(metrics)
+    rows = []
+    for name in (name for name in shown if not name.startswith(SMOOTHED)):
+        beside = [shown.get(SMOOTHED + name, "")] if smoothed else []
+        rows.append((metric(name).label, shown[name], *beside, metric(name).shown_unit))
+    if smoothed:
+        return ("score", "filtered", smoothed, "unit"), rows, (1, 2)
+    return ("score", "value", "unit"), rows, (1,)
 
 
 SPREAD = "±"

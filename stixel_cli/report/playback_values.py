@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from stixel_cli.evaluation.metric_table import metric
+from stixel_cli.evaluation.metric_table import SMOOTHED, metric
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.pictures.consistency import ellipse_axes
-from stixel_cli.report.metrics import shown_value
+from stixel_cli.report.metrics import shown_value, smoothed_label
 from stixel_cli.results.lineage import shown_revision
 from stixel_cli.results.result import RunResult
 
@@ -66,10 +66,12 @@ def origin_of(manifest: Mapping[str, Any], folder: Path | None) -> dict[str, Any
 
 
 def summary_of(metrics: dict[str, float | int | None]) -> list[list[str]]:
-    """[name, value with its unit] of the `SUMMARY`'s metrics that have a value."""
-    rows = []
+    """[name, value with its unit, smoothed value] of the `SUMMARY`'s metrics that have a value."""
+    rows, smoothed = [], smoothed_label(metrics)
     for row in (metric(name) for name in SUMMARY if metrics.get(name) is not None):
         value = f"{shown_value(row.name, metrics[row.name])} {row.shown_unit}".strip()
+        if SMOOTHED + row.name in metrics:
+            value += f" ({smoothed}: {shown_value(row.name, metrics[SMOOTHED + row.name])})"
         rows.append([row.short_label, value.replace(" °", "°")])
     return rows
 

@@ -157,6 +157,7 @@ class RunResult:
     def tables(self) -> dict[str, dict[str, np.ndarray]]:
         """Columns of `scans` (one row per point); `track`, `scores`, `ego`, `truth` (per scan).
 
+        `smoothed` has those of the smoothed track, if there is one.
         `ego` has the poses of the ego car, `truth` those of the target; a run without truth has no
         `truth`. `objects` has one row per object of a recording, `tracks` one per
         road user and scan, `labels` one per label of their class. All are in the world frame.
@@ -175,6 +176,8 @@ class RunResult:
             "scores": tables.score_columns(scores),
             "ego": pose_columns(times, ego_poses),
         }
+        if self.track.smoothed is not None:
+            found["smoothed"] = tables.track_columns(self.track.smoothed)
         if scenario.known.any():
             found["truth"] = tables.truth_columns(scenario)
         if self.objects:
@@ -191,6 +194,8 @@ class RunResult:
         from stixel_cli.results.tables import track_arrays, truth_arrays
 
         found = self.tables | {"track": track_arrays(self.track)}
+        if "smoothed" in found:
+            found["smoothed"] = track_arrays(self.track.smoothed)
         return found | ({"truth": truth_arrays(self.scenario)} if "truth" in found else {})
 
     @property

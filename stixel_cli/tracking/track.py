@@ -46,6 +46,10 @@ class Track:
         class_replaced: (K,) bool, whether another class than the prior's is reported; None if the
             prior's is unknown, or reported at all scans.
         uses_scans: whether the tracker is one that uses points at all.
+        lag: number of later scans that the estimates use, None for all of the run; 0: they are
+            those of a filter.
+        smoothed: beside a filter's track, that whose estimates also use later scans, see
+            `smoothing.py`; its points, NIS and classes are the filter's. None without.
     """
 
     times: np.ndarray
@@ -63,6 +67,8 @@ class Track:
     class_probabilities: dict[str, np.ndarray] | None = None
     class_replaced: np.ndarray | None = None
     uses_scans: bool = True
+    lag: int | None = 0
+    smoothed: "Track | None" = None
 
     @classmethod
     def of_scans(

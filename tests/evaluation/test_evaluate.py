@@ -10,6 +10,7 @@ from stixel_cli.evaluation.evaluate import (
     normalised_errors,
     orientation_errors,
 )
+from stixel_cli.evaluation.metric_table import OF_ESTIMATES
 from stixel_cli.evaluation.scan_errors import UpperBounds
 from stixel_cli.geometry.pose import world_from_target
 from stixel_cli.measurements.scans import Scans
@@ -239,6 +240,20 @@ def test_classes_are_compared_with_the_road_user_and_the_prior():
         metrics = evaluate(own, SCENARIO, SCANS, UPPER_BOUNDS, road_user).metrics
         assert [metrics[name] for name in names] == pytest.approx(expected)
     assert not set(names) & set(evaluate(track_with(SHIFTS), SCENARIO, SCANS).metrics)
+
+
+def test_a_smoothed_track_has_metrics_of_its_own_and_changes_no_other():
+    filtered, later = track_with(SHIFTS), track_with(0.5 * SHIFTS)
+    both = dataclasses.replace(filtered, smoothed=dataclasses.replace(later, lag=3))
+    found, plain, of_later = (
+        evaluate(track, SCENARIO, SCANS, UPPER_BOUNDS) for track in (both, filtered, later)
+    )
+    own = {f"smoothed_{name}": of_later.metrics[name] for name in OF_ESTIMATES}
+    assert found.metrics == plain.metrics | own | {"smoothed_lag": 3}
+    assert found.metrics["smoothed_centre_mean_m"] < found.metrics["centre_mean_m"]
+    np.testing.assert_array_equal(found.centre_error, plain.centre_error)
+    whole = dataclasses.replace(filtered, smoothed=dataclasses.replace(later, lag=None))
+    assert evaluate(whole, SCENARIO, SCANS).metrics["smoothed_lag"] == COUNT - 1
 
 
 def test_evaluate_rejects_scans_of_other_times():

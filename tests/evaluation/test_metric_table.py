@@ -4,7 +4,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from stixel_cli.evaluation.metric_table import METRICS, metric, over_runs
+from stixel_cli.evaluation.metric_table import METRICS, OF_ESTIMATES, metric, over_runs
 from stixel_cli.evaluation.scan_errors import ScanErrors
 
 UNITS = {"_deg_s": "°/s", "_m_s": "m/s", "_m": "m", "_deg": "°", "_s": "s"}
@@ -37,6 +37,13 @@ def test_a_metric_of_errors_that_are_not_finite_has_no_value():
 def test_unknown_metric_has_a_label_from_its_name():
     row = metric("new_thing_m")
     assert (row.label, row.unit, row.better, row.bounds) == ("new thing", "m", None, (None, None))
+
+
+def test_a_metric_of_the_smoothed_track_is_shown_as_that_of_the_filter_and_named_so():
+    row, filtered = metric("smoothed_success"), METRICS["success"]
+    assert row.label == f"{filtered.label}, smoothed" and row.name == "smoothed_success"
+    assert (row.percent, row.better, row.unit) == (True, "more", filtered.unit)
+    assert OF_ESTIMATES and set(OF_ESTIMATES) <= METRICS.keys()
 
 
 def test_a_lost_track_is_a_rate_over_runs():

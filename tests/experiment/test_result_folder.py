@@ -23,6 +23,25 @@ def results(tmp_path):
     return tmp_path / "results"
 
 
+def test_a_smoothed_track_is_next_to_that_of_the_filter(results, capsys):
+    for lag in (0, 2):
+        overrides = (*FABRICATED, "tracker=point", f"tracker.lag={lag}")
+        run_json(capsys, results, *overrides, "--name", f"lag{lag}")
+    plain, both = results / "lag0", results / "lag2"
+    assert {path.name for path in both.iterdir()} - {path.name for path in plain.iterdir()} == {
+        *("smoothed.csv", "smoothed.npz")
+    }
+    for name in ("track.csv", "track.npz", "scores.npz"):
+        assert (plain / name).read_bytes() == (both / name).read_bytes()
+    filtered, smoothed = (np.load(both / name) for name in ("track.npz", "smoothed.npz"))
+    assert set(filtered) == set(smoothed)
+    assert not np.allclose(filtered["means"][:-2], smoothed["means"][:-2])
+    main(["show", str(both)])
+    assert "smoothed, lag 2" in capsys.readouterr().out
+    main(["compare", str(plain), str(both)])
+    assert "IoU of the outline, mean, smoothed" in capsys.readouterr().out
+
+
 def test_the_folder_holds_what_the_readme_lists(results, capsys):
     folder = results / "mine"
     run_json(capsys, results, *FEW, "--name", "mine")

@@ -10,6 +10,7 @@ from result_folders import CONFIG, make_folder
 
 from stixel_cli.errors import UserError
 from stixel_cli.evaluation.metric_table import METRICS, metric
+from stixel_cli.evaluation.verdict import verdict
 from stixel_cli.pictures import style
 from stixel_cli.report.compare import (
     default_page,
@@ -23,9 +24,10 @@ from stixel_cli.report.metrics import (
     best,
     format_value,
     main_metrics,
-    score_rows,
+    score_table,
     shown_difference,
 )
+from stixel_cli.report.playback_values import summary_of
 from stixel_cli.results.result import read_scored_run
 
 
@@ -291,5 +293,20 @@ def test_the_main_metrics_are_of_the_table_and_in_order():
 
 
 def test_the_rows_of_scores_are_name_value_and_unit():
-    rows = score_rows({"centre_rmse_m": 0.1234, "nis_mean": None, "success": 0.4556})
+    columns, rows, right = score_table(
+        {"centre_rmse_m": 0.1234, "nis_mean": None, "success": 0.4556}
+    )
+    assert columns == ("score", "value", "unit") and right == (1,)
     assert [row[1:] for row in rows] == [("0.123", "m"), ("45.6", "%")]
+
+
+def test_smoothed_scores_are_beside_those_of_the_filter_and_named_so():
+    metrics = {"iou_mean": 0.7, "nis_mean": 1.0, "smoothed_iou_mean": 0.8, "smoothed_lag": 5}
+    columns, rows, right = score_table(metrics)
+    assert columns == ("score", "filtered", "smoothed, lag 5", "unit") and right == (1, 2)
+    assert [row[1:] for row in rows] == [("0.700", "0.800", ""), ("1.000", "", "")]
+    assert list(main_metrics({**metrics, "smoothed_width_error_m": 0.1, "my_lag_m": 2.0})) == [
+        *("iou_mean", "nis_mean", "my_lag_m", "smoothed_lag", "smoothed_iou_mean")
+    ]
+    assert summary_of(metrics)[0] == ["mean IoU", "0.700 (smoothed, lag 5: 0.800)"]
+    assert verdict(metrics) == verdict({"iou_mean": 0.7, "nis_mean": 1.0})

@@ -22,6 +22,7 @@ TRACKER = PointParameters(
     centroid_offset=0.6,
     gate_probability=None,
     least_speed=0.5,
+    lag=0,
 )
 NOISE = TRACKER.sigma_q, TRACKER.least_speed
 

@@ -13,6 +13,8 @@ c the configuration's `centroid_offset`. The shared error is no white noise: it 
 the same side is seen, so no such filter can be consistent.
 """
 
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
@@ -22,8 +24,9 @@ from stixel_cli.measurements.scans import Scans
 from stixel_cli.parameters import parameters
 from stixel_cli.tracking.association import associate
 from stixel_cli.tracking.centre import GREATEST_VARIANCE, MOVING, predict, six_states, update
-from stixel_cli.tracking.motion import intervals
+from stixel_cli.tracking.motion import intervals, transition
 from stixel_cli.tracking.prior import PriorShape, prior_radii
+from stixel_cli.tracking.smoothing import Step, smooth
 from stixel_cli.tracking.track import InitialState, Track, contour_directions
 
 
@@ -38,6 +41,8 @@ class PointParameters:
             centroid of the visible side, in radii of the circle.
         gate_probability: chi-square probability of the association's gate; null takes every point.
         least_speed: below this speed, m/s, the heading is kept as it was.
+        lag: number of later scans that the smoothed track uses beside the filtered one; 0: there is
+            no smoothed track; null: all of the run.
     """
 
     kind: Literal["point"]
@@ -46,6 +51,7 @@ class PointParameters:
     centroid_offset: Annotated[float, Ge(0), Le(10)]
     gate_probability: Annotated[float, Gt(0), Lt(1)] | None
     least_speed: Annotated[float, Gt(0), Le(100)]
+    lag: Annotated[int, Ge(0)] | None
     contour_points: ClassVar[int] = 120
     """Number M of points of the contour that is reported: no estimate depends on it."""
 
@@ -74,17 +80,16 @@ def track(
     The heading is the velocity's direction, see `six_states`. The centroid has two coordinates, so
     the NIS has two degrees of freedom.
     """
-    radius, std = class_circle(prior)
+    circle = class_circle(prior)
     mean, covariance = initial.mean[MOVING], initial.covariance[np.ix_(MOVING, MOVING)]
-    lone = 0.25 * radius**2 + tracker.measurement_std**2
-    heading = (float(initial.mean[2]), min(float(initial.covariance[2, 2]), GREATEST_VARIANCE))
+    lone = 0.25 * circle[0] ** 2 + tracker.measurement_std**2
 
-    count = len(scans)
-    means, covariances = np.empty((count, 6)), np.empty((count, 6, 6))
     used: list[np.ndarray] = []
-    nis = np.full(count, np.nan)
+    steps: list[Step] = []
+    nis = np.full(len(scans), np.nan)
     for k, interval in enumerate(intervals(scans.times)):
-        mean, covariance = predict(mean, covariance, interval, tracker.sigma_q)
+        predicted = predict(mean, covariance, interval, tracker.sigma_q)
+        mean, covariance = predicted
         rows = scans.rows(k)
         points = scans.points_world[rows]
         indices = associate(
@@ -92,17 +97,50 @@ def track(
         )
         used.append(indices + rows.start)
         if len(indices):
-            variance = (tracker.centroid_offset * radius) ** 2 + lone / len(indices)
+            variance = (tracker.centroid_offset * circle[0]) ** 2 + lone / len(indices)
             innovation = points[indices].mean(axis=0) - mean[:2]
             mean, covariance, nis[k] = update(mean, covariance, innovation, variance * np.eye(2))
-        means[k], covariances[k] = six_states(
-            mean, covariance, heading, interval, tracker.sigma_q, tracker.least_speed
-        )
-        heading = (means[k, 2], covariances[k, 2, 2])
+        before, matrix = steps[-1] if steps else None, transition(interval)
+        steps.append(Step(mean, covariance, *predicted, before, matrix[np.ix_(MOVING, MOVING)]))
 
-    _, directions = contour_directions(means[:, 2], tracker.contour_points)
+    degrees = np.array([2 if len(rows) else 0 for rows in used], dtype=np.int64)
+
+    def reported(means: Sequence[np.ndarray], covariances: Sequence[np.ndarray]) -> Track:
+        states = _six_states(means, covariances, scans.times, initial, tracker)
+        contours = _circles(*states, circle, tracker.contour_points)
+        return Track.of_scans(scans.times, states, contours, used, nis, degrees)
+
+    filtered = reported([step.mean for step in steps], [step.covariance for step in steps])
+    if tracker.lag == 0:
+        return filtered
+    smoothed = replace(reported(*smooth(steps, tracker.lag)), lag=tracker.lag)
+    return replace(filtered, smoothed=smoothed)
+
+
+def _six_states(
+    means: Sequence[np.ndarray],
+    covariances: Sequence[np.ndarray],
+    times: np.ndarray,
+    initial: InitialState,
+    tracker: PointParameters,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Means (K, 6) and covariances (K, 6, 6) of K estimates of place and velocity."""
+    states, spreads = np.empty((len(means), 6)), np.empty((len(means), 6, 6))
+    heading = (float(initial.mean[2]), min(float(initial.covariance[2, 2]), GREATEST_VARIANCE))
+    for k, interval in enumerate(intervals(times)):
+        states[k], spreads[k] = six_states(
+            means[k], covariances[k], heading, interval, tracker.sigma_q, tracker.least_speed
+        )
+        heading = (states[k, 2], spreads[k, 2, 2])
+    return states, spreads
+
+
+def _circles(
+    means: np.ndarray, covariances: np.ndarray, circle: tuple[float, float], points: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The circle at K states: contours, directions and standard deviations, see `Track`."""
+    radius, std = circle
+    _, directions = contour_directions(means[:, 2], points)
     # A circle that is shifted by d is farther away by pᵀ d in the direction p.
     shift = np.einsum("kmi,kij,kmj->km", directions, covariances[:, :2, :2], directions)
-    contours = means[:, None, :2] + radius * directions, directions, np.sqrt(std**2 + shift)
-    degrees = np.array([2 if len(rows) else 0 for rows in used], dtype=np.int64)
-    return Track.of_scans(scans.times, (means, covariances), contours, used, nis, degrees)
+    return means[:, None, :2] + radius * directions, directions, np.sqrt(std**2 + shift)

@@ -1,6 +1,7 @@
 """The tracker `contour`: one filter per class (`contour_filter.py`), and which one is reported."""
 
-from dataclasses import fields, replace
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -66,7 +67,8 @@ def track(
             if one.log_weights[k] >= best - RULED_OUT
             or (one.sight.residual and road_user == prior.road_user)
         }
-    return _reported(filters, None if prior.road_user == "unknown" else prior.road_user)
+    class_of_prior = None if prior.road_user == "unknown" else prior.road_user
+    return _reported(filters, class_of_prior, tracker.lag)
 
 
 def may_be(road_user: str, prior: PriorShape, choice: str) -> bool:
@@ -105,7 +107,9 @@ def _of_class(
     )
 
 
-def _reported(filters: dict[tuple[str, str], ClassFilter], class_of_prior: str | None) -> Track:
+def _reported(
+    filters: dict[tuple[str, str], ClassFilter], class_of_prior: str | None, lag: int | None
+) -> Track:
     """The track that is, at each scan, that of the class and the form that are reported there."""
     keys, names = list(filters), list(dict.fromkeys(road_user for road_user, _ in filters))
     of_class = np.array([names.index(road_user) for road_user, _ in keys])
@@ -126,30 +130,26 @@ def _reported(filters: dict[tuple[str, str], ClassFilter], class_of_prior: str |
     if known and len(set(chosen_keys)) == 1:
         return filters[keys[chosen_keys[0]]].track()
     tracks = {i: filters[keys[i]].track() for i in np.unique(chosen_keys)}
-    chosen = [tracks[i] for i in chosen_keys]
+    probabilities, replaced = (None, None) if known else (probabilities_of(log_weights), replaced)
+    classes = {"class_probabilities": probabilities, "class_replaced": replaced}
+    filtered = replace(_joined([tracks[i] for i in chosen_keys]), **classes)
+    if lag == 0:
+        return filtered
+    # What is smoothed at k is of the class that is reported after the scans up to k + lag.
+    last = len(chosen_keys) - 1
+    then = np.minimum(np.arange(last + 1) + (last if lag is None else lag), last)
+    smoothed = _joined([tracks[i].smoothed for i in chosen_keys[then]])
+    return replace(filtered, smoothed=replace(smoothed, **classes))
+
+
+def _joined(tracks: Sequence[Track]) -> Track:
+    """The track that has at each scan k what the k-th of `tracks` has there."""
     values = {
-        field.name: np.stack([getattr(one, field.name)[k] for k, one in enumerate(chosen)])
-        for field in fields(Track)
-        if field.name not in SHARED
+        name: np.stack([getattr(one, name)[k] for k, one in enumerate(tracks)])
+        for name, value in vars(tracks[0]).items()
+        if isinstance(value, np.ndarray) and not name.startswith("used_")
     }
     offsets, rows = used_rows(
-        [one.used_points[slice(*one.used_offsets[k : k + 2])] for k, one in enumerate(chosen)]
+        [one.used_points[slice(*one.used_offsets[k : k + 2])] for k, one in enumerate(tracks)]
     )
-    return replace(
-        chosen[0],
-        **values,
-        used_offsets=offsets,
-        used_points=rows,
-        class_probabilities=None if known else probabilities_of(log_weights),
-        class_replaced=None if known else replaced,
-    )
-
-
-SHARED = (
-    "used_offsets",
-    "used_points",
-    "class_probabilities",
-    "class_replaced",
-    "uses_scans",
-)
-"""Fields of a track without one row for each scan."""
+    return replace(tracks[0], **values, used_offsets=offsets, used_points=rows)

@@ -54,6 +54,7 @@ from stixel_cli.tracking.contour.contour_update import SEEN, update
 from stixel_cli.tracking.contour.hypothesis import Hypothesis
 from stixel_cli.tracking.contour.residual import NODES, RESIDUAL_STD
 from stixel_cli.tracking.prior import PriorShape
+from stixel_cli.tracking.smoothing import smooth
 from stixel_cli.tracking.track import InitialState, Track
 
 SIZE_TIME = 10.0
@@ -98,6 +99,7 @@ class ClassFilter:
         self._nis, self._degrees = np.full(count, np.nan), np.zeros(count, np.int64)
         self.size_deviations = np.zeros(count)
         self.log_weights = np.full(count, -np.inf)
+        self._reported: list[Hypothesis] = []
 
     def step(self, k: int, interval: float, rays: Rays, recovers: bool) -> None:
         """Scan `k`, an `interval` in s after the one before, with the `rays` of all its points.
@@ -120,9 +122,10 @@ class ClassFilter:
         # After a gap of years a variance may be below zero by rounding.
         fastest = mean[3] + 2.0 * np.sqrt(max(covariance[3, 3], 0.0))
         if fastest < -class_row(self._road_user).reverse_speed:
-            best = replace(best, state=turned(*best.state))
+            best = replace(best, state=turned(*best.state), transition=None)
             steps, (mean, covariance, of_errors) = [best], best.state
         self._hypotheses = steps
+        self._reported.append(best)
         covariance = covariance + np.outer(of_errors[:, 1], of_errors[:, 1])
         self._means[k], self._covariances[k] = mean, covariance
         self._used[k] = best.indices + self._scans.rows(k).start
@@ -148,30 +151,35 @@ class ClassFilter:
     def _advanced(self, one: Hypothesis, interval: float, rays: Rays) -> Hypothesis:
         """The hypothesis an `interval` in s later, updated with the points that it associates."""
         mean, covariance, of_errors = one.state
-        of_errors = transition(mean, interval) @ of_errors
+        matrix = transition(mean, interval)
+        of_errors = matrix @ of_errors
         mean, covariance = predict(mean, covariance, interval, self._tracker)
-        mean, covariance = self._size_recalled(mean, covariance, interval)
+        mean, covariance, keep = self._size_recalled(mean, covariance, interval)
         predicted = mean, covariance, of_errors
         indices = associate(
             rays, mean[SEEN], covariance[np.ix_(SEEN, SEEN)], self.sight, self._tracker
         )
-        if not len(indices):
-            return Hypothesis.unseen(predicted, one.log_likelihood)
-        taken = rays.subset(indices, self.sight)
-        posterior = update(*predicted, taken, self.sight, self._tracker)
-        return Hypothesis.updated(predicted, one.log_likelihood, indices, posterior)
+        advanced = Hypothesis.unseen(predicted, one.log_likelihood)
+        if len(indices):
+            taken = rays.subset(indices, self.sight)
+            posterior = update(*predicted, taken, self.sight, self._tracker)
+            advanced = Hypothesis.updated(predicted, one.log_likelihood, indices, posterior)
+        return replace(advanced, before=one, transition=keep[:, None] * matrix)
 
     def _detected(self, one: Hypothesis, rays: Rays, widen: bool) -> Hypothesis:
         """The hypothesis with the most likely place of its target, see `detect_again`."""
         indices, posterior = detect_again(
             *one.predicted, rays, one.indices, self.sight, self._tracker, widen
         )
-        return Hypothesis.updated(one.predicted, one.log_likelihood_before, indices, posterior)
+        found = Hypothesis.updated(one.predicted, one.log_likelihood_before, indices, posterior)
+        return replace(found, before=one.before)
 
     def _size_recalled(
         self, mean: np.ndarray, covariance: np.ndarray, interval: float
-    ) -> tuple[np.ndarray, np.ndarray]:
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Mean and covariance with a size that goes back to the prior's, as an AR(1) process.
+
+        Also the share (d,) that is kept of each state.
 
         The errors of a shape have the same sign in all scans: without this, the size follows them
         and becomes certain. Of a car that is followed, only the rear is seen; its roundness then
@@ -183,7 +191,7 @@ class ClassFilter:
         mean[5:7] = self._of_class + keep[5:7] * (mean[5:7] - self._of_class)
         stds = np.array([self._tracker.length_std, self._tracker.width_std])
         covariance[[5, 6], [5, 6]] += (1.0 - keep[5:7] ** 2) * stds**2
-        return mean, covariance
+        return mean, covariance, keep
 
     def track(self) -> Track:
         """The posteriors of all scans; a scan without a step has the state of the start.
@@ -193,23 +201,32 @@ class ClassFilter:
         silhouette that is used. `contour_std` is that of the reported contour along the ray from
         the estimated centre: pose, size and shape together.
         """
-        tracker = self._tracker
+        filtered = self._track(self._means, self._covariances)
+        if self._tracker.lag == 0:
+            return filtered
+        steps = [one.step for one in self._reported]
+        estimates, covariances = smooth(steps, self._tracker.lag, heading=2)
+        of_errors, count = estimates[..., 1:], len(estimates)
+        covariances += of_errors @ of_errors.transpose(0, 2, 1)
+        # A class that was ruled out has no later steps.
+        means = np.concatenate([estimates[..., 0], self._means[count:]])
+        covariances = np.concatenate([covariances, self._covariances[count:]])
+        smoothed = replace(self._track(means, covariances), lag=self._tracker.lag)
+        return replace(filtered, smoothed=smoothed)
+
+    def _track(self, means: np.ndarray, covariances: np.ndarray) -> Track:
+        """The track with the estimates `means` (K, d) and `covariances` (K, d, d)."""
+        residual, points = self.sight.residual, self._tracker.contour_points
         return replace(
             Track.of_scans(
                 self._scans.times,
-                reported(self._means, self._covariances, tracker.slip, self.sight.residual),
-                contours_of(
-                    self._means,
-                    self._covariances,
-                    self._shape,
-                    tracker.contour_points,
-                    self.sight.residual,
-                ),
+                reported(means, covariances, self._tracker.slip, residual),
+                contours_of(means, covariances, self._shape, points, residual),
                 self._used,
                 self._nis,
                 self._degrees,
             ),
-            box_sizes=box_sizes(self._means, self._shape, self.sight.residual),
+            box_sizes=box_sizes(means, self._shape, residual),
             size_deviations=self.size_deviations,
         )
 

@@ -42,6 +42,8 @@ class ContourParameters:
         degrees_of_freedom: of the Student distribution of an error.
         iterations: most iterations of the update.
         gate_std: width of the association's gate in standard deviations.
+        lag: number of later scans that the smoothed track uses beside the filtered one; 0: there is
+            no smoothed track; null: all of the run.
     """
 
     kind: Literal["contour"]
@@ -63,5 +65,6 @@ class ContourParameters:
     degrees_of_freedom: Annotated[float, Gt(0), Le(1000)]
     iterations: Annotated[int, Ge(1), Le(50)]
     gate_std: Annotated[float, Gt(0), Le(20)]
+    lag: Annotated[int, Ge(0)] | None
     contour_points: ClassVar[int] = 240
     """Number M of points of the contour that is reported: no estimate depends on it."""

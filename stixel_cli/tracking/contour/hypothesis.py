@@ -1,11 +1,13 @@
 """Where a target of the tracker `contour` may be: one hypothesis, or two after a new detection."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from stixel_cli.tracking.contour.class_probabilities import log_likelihood
 from stixel_cli.tracking.contour.contour_update import Posterior
+from stixel_cli.tracking.smoothing import Step
 
 State = tuple[np.ndarray, np.ndarray, np.ndarray]
 """Mean (d,), covariance (d, d) and `of_errors` (d, 2), see `contour_update.py`."""
@@ -22,6 +24,8 @@ class Hypothesis:
         log_likelihood_before: of all before this one.
         indices: of the scan's points that were used.
         nis, degrees: of the scan; NaN and 0 without points.
+        before: the hypothesis that was predicted; None before the first scan.
+        transition: (d, d) Jacobian of that prediction; None where the filter began anew.
     """
 
     state: State
@@ -31,11 +35,25 @@ class Hypothesis:
     indices: np.ndarray
     nis: float = np.nan
     degrees: int = 0
+    before: "Hypothesis | None" = None
+    transition: np.ndarray | None = None
 
     @classmethod
     def unseen(cls, state: State, log_likelihood: float = 0.0) -> "Hypothesis":
         """The hypothesis of a `state` at a scan without points."""
         return cls(state, state, log_likelihood, log_likelihood, np.zeros(0, np.int64))
+
+    @cached_property
+    def step(self) -> Step:
+        """What smoothing needs of this scan.
+
+        What the two shared errors move goes through the filter as the mean does: no scan shows it.
+        """
+        states = []
+        for mean, covariance, of_errors in (self.state, self.predicted):
+            states.append(np.column_stack([mean, of_errors]))
+            states.append(covariance - np.outer(of_errors[:, 0], of_errors[:, 0]))
+        return Step(*states, self.before and self.before.step, self.transition)
 
     @classmethod
     def updated(

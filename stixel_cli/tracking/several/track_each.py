@@ -28,7 +28,9 @@ def track_each(
         own, rows = own_scans(scans, one)
         result = track(scans=own, initial=one.initial, **settings)
         used = rows[result.used_points]
-        tracks.append(ObjectTrack(int(one.scans[0]), replace(result, used_points=used)))
+        # Only the filtered track is compared with labels.
+        result = replace(result, used_points=used, smoothed=None)
+        tracks.append(ObjectTrack(int(one.scans[0]), result))
     return tuple(tracks)
 
 

@@ -1,0 +1,257 @@
+"""Smoothed tracks: against the joint posterior of a linear case, and what they may know."""
+
+import dataclasses
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from seen_targets import scans_seen, start_at, turning
+from tracking_cases import CAR, START, scans_of, seen_car
+
+from stixel_cli.config.compose import compose
+from stixel_cli.measurements.scans import Scans
+from stixel_cli.tracking.baselines import point
+from stixel_cli.tracking.centre import MOVING
+from stixel_cli.tracking.contour import contour, contour_filter, contour_recovery
+from stixel_cli.tracking.contour.class_shape import class_shape
+from stixel_cli.tracking.motion import process_noise, transition
+from stixel_cli.tracking.smoothing import Step, smooth
+
+COUNT, SIZE = 12, 3
+LAGS = (1, 3, COUNT - 1, COUNT + 5, None)
+TRACKERS = {
+    name: dataclasses.replace(compose([f"tracker={name}"]).configuration.tracker, lag=4)
+    for name in ("point", "contour")
+}
+CONTOUR = dataclasses.replace(TRACKERS["contour"], seen_by="fabricated")
+KNOWN = dataclasses.replace(CAR, length=4.52, width=1.83)
+POSES = turning(20, 4.0, 0.3)
+
+
+def random_model(seed):
+    """Transitions, noises, measurement matrices and noises, and measurements of a linear case."""
+    random = np.random.default_rng(seed)
+    square = random.standard_normal((COUNT, SIZE, SIZE))
+    return {
+        "transitions": np.eye(SIZE) + 0.2 * random.standard_normal((COUNT, SIZE, SIZE)),
+        "noises": 0.1 * square @ square.transpose(0, 2, 1),
+        "matrices": random.standard_normal((COUNT, 2, SIZE)),
+        "variances": random.uniform(0.1, 1.0, (COUNT, 2)),
+        "measured": random.standard_normal((COUNT, 2)),
+    }
+
+
+def filtered(model):
+    """The steps of a Kalman filter that starts at zero with a covariance of one."""
+    mean, covariance, steps = np.zeros(SIZE), np.eye(SIZE), [None]
+    for matrix, noise, row, variances, measured in zip(*model.values(), strict=True):
+        predicted = matrix @ mean, matrix @ covariance @ matrix.T + noise
+        mean, covariance = predicted
+        gain = covariance @ row.T @ np.linalg.inv(row @ covariance @ row.T + np.diag(variances))
+        mean = mean + gain @ (measured - row @ mean)
+        covariance = covariance - gain @ row @ covariance
+        steps.append(Step(mean, covariance, *predicted, steps[-1], matrix))
+    return steps[1:]
+
+
+def joint_posterior(model, scans):
+    """Means and covariances of all states given the first `scans`: one dense Gaussian.
+
+    The states are a linear function of the first one and of all process noises.
+    """
+    blocks = np.zeros((COUNT, SIZE, COUNT + 1, SIZE))
+    for k, matrix in enumerate(model["transitions"]):
+        before = blocks[k - 1] if k else np.eye(SIZE, (COUNT + 1) * SIZE).reshape(SIZE, -1, SIZE)
+        blocks[k] = np.einsum("ij,jkl->ikl", matrix, before)
+        blocks[k, :, k + 1] = np.eye(SIZE)
+    states = blocks.reshape(COUNT * SIZE, -1)
+    prior = np.zeros((len(states[0]), len(states[0])))
+    for k, noise in enumerate([np.eye(SIZE), *model["noises"]]):
+        prior[k * SIZE :][:SIZE, k * SIZE :][:, :SIZE] = noise
+    covariance = states @ prior @ states.T
+    rows = np.zeros((2 * scans, COUNT * SIZE))
+    for k in range(scans):
+        rows[2 * k : 2 * k + 2, k * SIZE : (k + 1) * SIZE] = model["matrices"][k]
+    spread = rows @ covariance @ rows.T + np.diag(model["variances"][:scans].ravel())
+    gain = np.linalg.solve(spread, rows @ covariance).T
+    means = gain @ model["measured"][:scans].ravel()
+    posterior = (covariance - gain @ rows @ covariance).reshape(COUNT, SIZE, COUNT, SIZE)
+    return means.reshape(COUNT, SIZE), np.stack([posterior[k, :, k] for k in range(COUNT)])
+
+
+@pytest.mark.parametrize("lag", LAGS)
+@pytest.mark.parametrize("seed", range(3))
+def test_smoothed_is_the_joint_posterior_of_the_scans_up_to_the_lag(seed, lag):
+    model = random_model(seed)
+    means, covariances = smooth(filtered(model), lag)
+    for k in range(COUNT):
+        known = COUNT if lag is None else min(k + lag + 1, COUNT)
+        expected_means, expected_covariances = joint_posterior(model, known)
+        np.testing.assert_allclose(means[k], expected_means[k], atol=1e-9)
+        np.testing.assert_allclose(covariances[k], expected_covariances[k], atol=1e-9)
+
+
+def test_without_a_lag_it_is_the_filter():
+    steps = filtered(random_model(0))
+    means, covariances = smooth(steps, 0)
+    assert means.tobytes() == np.stack([step.mean for step in steps]).tobytes()
+    assert covariances.tobytes() == np.stack([step.covariance for step in steps]).tobytes()
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_each_further_scan_takes_from_the_covariance(seed):
+    steps = filtered(random_model(seed))
+    spreads = [smooth(steps, lag)[1] for lag in (0, 1, 2, 5, None)]
+    for before, after in pairwise(spreads):
+        assert np.linalg.eigvalsh(before - after).min() > -1e-12
+    assert np.linalg.eigvalsh(spreads[-1]).min() > 0.0
+    np.testing.assert_array_equal(spreads[-1][-1], steps[-1].covariance)
+
+
+def test_nothing_goes_back_across_a_restart():
+    steps = filtered(random_model(0))
+    after = dataclasses.replace(steps[6], transition=None)
+    broken = [*steps[:6], after]
+    for step in steps[7:]:
+        broken.append(dataclasses.replace(step, before=broken[-1]))
+    means, covariances = smooth(broken, None)
+    first_means, first_covariances = smooth(steps[:6], None)
+    np.testing.assert_allclose(means[:6], first_means, atol=1e-12)
+    np.testing.assert_allclose(covariances[:6], first_covariances, atol=1e-12)
+    np.testing.assert_array_equal(means[6:], smooth(steps, None)[0][6:])
+
+
+def test_an_estimate_follows_from_the_step_that_is_reported_later():
+    """Of two hypotheses, the past of the one that holds is taken, not what was reported then."""
+    held, other = filtered(random_model(0)), filtered(random_model(1))
+    mixed = [*other[:4], *held[4:]]
+    means, _ = smooth(mixed, 2)
+    np.testing.assert_array_equal(means[2:], smooth(held, 2)[0][2:])
+    np.testing.assert_array_equal(means[:2], smooth(other, 2)[0][:2])
+
+
+def test_a_full_turn_of_the_heading_changes_no_estimate():
+    steps = filtered(random_model(0))
+    turn = 2.0 * np.pi * np.eye(SIZE)[1]
+    turned = [*steps[:6]]
+    for step in steps[6:]:
+        turned.append(dataclasses.replace(step, mean=step.mean + turn, before=turned[-1]))
+        if len(turned) > 7:
+            predicted = step.predicted_mean + turn
+            turned[-1] = dataclasses.replace(turned[-1], predicted_mean=predicted)
+    means, expected = smooth(turned, None, heading=1)[0], smooth(steps, None)[0]
+    np.testing.assert_allclose(means[:6], expected[:6], atol=1e-9)
+    np.testing.assert_allclose(means[6:], expected[6:] + turn, atol=1e-9)
+
+
+def tracks(name, count=None, **options):
+    """The track of the first `count` scans of a car that turns."""
+    if name == "point":
+        tracker = dataclasses.replace(TRACKERS[name], **options)
+        return point.track(scans_of(seen_car(20, 30)[:count]), START, CAR, tracker)
+    scans = scans_seen(class_shape("car").outline, POSES[:count], noise=0.03)
+    tracker = dataclasses.replace(CONTOUR, **options)
+    return contour.track(scans, start_at(POSES), KNOWN, tracker)
+
+
+@pytest.mark.parametrize("name", TRACKERS)
+def test_the_filtered_track_does_not_depend_on_the_lag(name):
+    plain, both = tracks(name, lag=0), tracks(name)
+    assert plain.smoothed is None and plain.lag == 0
+    assert both.lag == 0 and both.smoothed.lag == 4 and both.smoothed.smoothed is None
+    for field in ("means", "covariances", "contours_world", "contour_std", "used_points"):
+        assert getattr(plain, field).tobytes() == getattr(both, field).tobytes()
+    np.testing.assert_allclose(both.smoothed.means[-1], both.means[-1], atol=1e-9)
+    assert not np.allclose(both.smoothed.means[5], both.means[5], atol=1e-4)
+
+
+@pytest.mark.parametrize("name", TRACKERS)
+def test_a_smoothed_estimate_knows_no_scan_beyond_its_lag(name):
+    whole = tracks(name).smoothed
+    for k in (3, 9):
+        known = tracks(name, count=k + 5).smoothed
+        np.testing.assert_allclose(known.means[k], whole.means[k], atol=1e-12)
+        np.testing.assert_allclose(known.covariances[k], whole.covariances[k], atol=1e-12)
+        np.testing.assert_allclose(known.contours_world[k], whole.contours_world[k], atol=1e-12)
+
+
+def test_the_smoothed_point_is_the_joint_posterior():
+    tracker = dataclasses.replace(TRACKERS["point"], gate_probability=None, lag=None)
+    seen = seen_car(COUNT, 30)
+    found = point.track(scans_of(seen), START, CAR, tracker).smoothed
+    radius, _ = point.class_circle(CAR)
+    lone = (0.25 * radius**2 + tracker.measurement_std**2) / 30
+    chosen = np.ix_(MOVING, MOVING)
+    matrix, noise = transition(0.1)[chosen], process_noise(0.1, tracker.sigma_q, 0.0)[chosen]
+    # The joint information of all states, from the start on, and of all scans.
+    information, pull = np.zeros((4 * COUNT + 4, 4 * COUNT + 4)), np.zeros(4 * COUNT + 4)
+    information[:4, :4] = np.linalg.inv(START.covariance[chosen])
+    pull[:4] = information[:4, :4] @ START.mean[MOVING]
+    for k in range(COUNT):
+        row = np.zeros((4, 4 * COUNT + 4))
+        row[:, 4 * k : 4 * k + 4], row[:, 4 * k + 4 : 4 * k + 8] = -matrix, np.eye(4)
+        information += row.T @ np.linalg.inv(noise) @ row
+        place = slice(4 * k + 4, 4 * k + 6)
+        variance = (tracker.centroid_offset * radius) ** 2 + lone
+        information[place, place] += np.eye(2) / variance
+        pull[place] += seen[k].mean(axis=0) / variance
+    expected = np.linalg.solve(information, pull).reshape(-1, 4)[1:]
+    np.testing.assert_allclose(found.means[:, MOVING], expected, atol=1e-6)
+
+
+def test_smoothing_brings_the_contour_nearer():
+    track = tracks("contour", lag=5)
+    for columns in (slice(0, 2), slice(2, 3)):
+        filtered, smoothed = (
+            np.sqrt(np.mean((one.means[:, columns] - POSES[:, columns]) ** 2))
+            for one in (track, track.smoothed)
+        )
+        assert smoothed < 0.9 * filtered
+
+
+def test_a_possible_error_moves_no_smoothed_estimate_but_stays_in_its_covariance():
+    """It is shared by all scans, so later ones do not take it away."""
+    plain, possible = (
+        tracks("contour", seen_by="stixels", possible_bias_std=std) for std in (0.0, 0.12)
+    )
+    np.testing.assert_array_equal(possible.smoothed.means, plain.smoothed.means)
+    of_filter, of_smoother = (
+        with_error.covariances[:, :2, :2] - without.covariances[:, :2, :2]
+        for with_error, without in ((possible, plain), (possible.smoothed, plain.smoothed))
+    )
+    assert np.linalg.eigvalsh(of_smoother).min() > -1e-12
+    kept = np.trace(of_smoother, axis1=1, axis2=2) / np.trace(of_filter, axis1=1, axis2=2)
+    assert np.all(kept[5:] > 0.8)
+
+
+def test_a_target_that_was_looked_for_again_is_not_smoothed_across(monkeypatch):
+    plain = tracks("contour", lag=None)
+    detect_again = contour_recovery.detect_again
+
+    def likelier(*arguments):
+        indices, (*state, likelihood) = detect_again(*arguments)
+        return indices, (*state, likelihood + 50.0)
+
+    monkeypatch.setattr(contour_filter, "is_inconsistent", lambda nis, degrees: len(nis) == 10)
+    monkeypatch.setattr(contour_filter, "detect_again", likelier)
+    again = tracks("contour", lag=None)
+    before = tracks("contour", lag=None, count=9)
+    np.testing.assert_allclose(again.smoothed.means[:9], before.smoothed.means, atol=1e-9)
+    assert not np.allclose(plain.smoothed.means[:9], before.smoothed.means, atol=1e-6)
+
+
+def test_a_ruled_out_class_leaves_a_smoothed_track():
+    """Every class ends at another scan; the smoothed one is of the class that is reported later."""
+    scans = scans_seen(class_shape("car").outline, POSES, noise=0.03)
+    prior = dataclasses.replace(KNOWN, road_user="unknown")
+    track = contour.track(scans, start_at(POSES), prior, CONTOUR)
+    known = contour.track(scans, start_at(POSES), KNOWN, CONTOUR)
+    assert track.class_probabilities["car"][-1] > 0.99
+    np.testing.assert_allclose(track.smoothed.means[6:], known.smoothed.means[6:], atol=1e-6)
+
+
+def test_one_scan_has_a_smoothed_track():
+    scans = scans_of(seen_car(1, 30))
+    assert isinstance(scans, Scans)
+    found = point.track(scans, START, CAR, dataclasses.replace(TRACKERS["point"], lag=None))
+    np.testing.assert_array_equal(found.smoothed.means, found.means)
