@@ -13,7 +13,7 @@ BUDGET = {
     "": 1449,
     "calibration": 643,
     # `explain` says if a folder has results of other code than the cached ones.
-    "cli": 2755,
+    "cli": 2769,
     "config": 2790,
     # A check that another process has not marked the new cache meanwhile.
     "engine": 4932,
@@ -32,7 +32,7 @@ BUDGET = {
     # Images of a rig out of calibration.
     "rendering": 2340,
     # The layer that studies share: runs, scans, cost, templates, numbered blocks, files.
-    "report": 2673,
+    "report": 2797,
     "results": 1457,
     # A mesh in other units and along another axis.
     "scene": 3483,
@@ -40,9 +40,9 @@ BUDGET = {
     "stereo": 482,
     "stixels": 2030,
     # A study of the trackers away from home.
-    "studies": 4961,
+    "studies": 4963,
     # The plan of one run, from experiment/ and cli/.
-    "sweeps": 2308,
+    "sweeps": 2483,
     # `contour`: the bank of forms for what it did not learn from, the search at the first scan;
     # a start from slow and sparse scans.
     "tracking": 5438,
@@ -52,7 +52,7 @@ BUDGET = {
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
 
 # The filters of PyRecEst: with the tracker they had more than 300 lines.
-MODULES = 307
+MODULES = 309
 """Modules of the package, without `__init__`."""
 
 

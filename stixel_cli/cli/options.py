@@ -90,6 +90,13 @@ FromFile = Annotated[
         help="YAML file of axes, seeds and excluded runs, or the name of one in pipelines/studies.",
     ),
 ]
+Over = Annotated[
+    str | None,
+    typer.Option(
+        metavar="KEYS",
+        help="Swept keys that means and intervals are over, such as seed,path (default: seed).",
+    ),
+]
 Pictures = Annotated[bool, typer.Option("--pictures", help="Draw the pictures of every run.")]
 
 ConfigDir = Annotated[

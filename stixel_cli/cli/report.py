@@ -1,19 +1,22 @@
 """`stixel report` and `stixel play`: write a page that compares runs, or plays them back."""
 
 from stixel_cli.cli.errors import tell
-from stixel_cli.cli.options import Folders, Output, TrustCode, Workers
+from stixel_cli.cli.options import Folders, Output, Over, TrustCode, Workers
 from stixel_cli.cli.run import stored_run
 from stixel_cli.cli.terminal import say
 from stixel_cli.errors import UserError
 
 
-def report(folders: Folders, output: Output = None) -> int:
+def report(folders: Folders, output: Output = None, over: Over = None) -> int:
     """Compare two or more runs, or show one sweep by its own folder, on one page.
 
     A comparison shows verdicts, metrics, errors over time and the settings that differ. A sweep's
-    page has a sortable table of its settings, a figure for each axis, and errors over time.
+    page ranks its settings, and has a figure for each axis, and errors over time.
 
-    Example: stixel report results/simulated results/fabricated
+    \b
+    Examples:
+      stixel report results/simulated results/fabricated
+      stixel report results/my_sweep --over seed,path
     """
     from stixel_cli.results.folder import PAGE
     from stixel_cli.results.reader import SWEEP_FILE, check_folder
@@ -25,16 +28,20 @@ def report(folders: Folders, output: Output = None) -> int:
             f"report compares two or more runs, or shows one sweep; the page of one run is "
             f"{folders[0] / PAGE}"
         )
+    if over is not None and not is_sweep:
+        raise UserError("--over: is for one sweep; these are runs")
     from stixel_cli.report.compare import default_page, page_html, write_page
 
     page = default_page(folders) if output is None else output
     command = ["stixel", "report", *map(str, folders)]
     if output is not None:
         command += ["--output", str(output)]
+    if over is not None:
+        command += ["--over", over]
     if is_sweep:
         from stixel_cli.sweeps.page import sweep_page
 
-        text = sweep_page(folders[0], page, command)
+        text = sweep_page(folders[0], page, command, over or "")
     else:
         from stixel_cli.results.result import read_scored_run
 

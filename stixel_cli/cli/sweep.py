@@ -15,6 +15,7 @@ from stixel_cli.cli.options import (
     FromFile,
     Json,
     Name,
+    Over,
     Pictures,
     Results,
     SweepOverrides,
@@ -52,6 +53,7 @@ def sweep(
             autocompletion=complete_folder,
         ),
     ] = None,
+    over: Over = None,
     pictures: Pictures = False,
     dry_run: DryRun = False,
     trust_code: TrustCode = False,
@@ -71,6 +73,7 @@ def sweep(
       stixel sweep --resume results/sweep-20260101-120000
     """
     from stixel_cli.results.folder import check_name
+    from stixel_cli.sweeps.design import SEED
     from stixel_cli.sweeps.graphs import planned_sweep
     from stixel_cli.sweeps.index import update_index
     from stixel_cli.sweeps.runs import design_runs, sweep_design
@@ -80,18 +83,18 @@ def sweep(
     words = with_workers(overrides or [], workers)
     if resume is not None:
         given = {"--from": file, "--name": name, "--shuffle": shuffle}
-        given |= {"--pictures": pictures or None, "--dry-run": dry_run or None}
+        given |= {"--over": over, "--pictures": pictures or None, "--dry-run": dry_run or None}
         for option in (option for option, value in given.items() if value is not None):
             raise UserError(f"--resume continues the sweep of that folder: leave out {option}")
         result = resumed_sweep(resume, words, trust_code, visible=True, note=tell)
     elif dry_run:
         check_name(results, name)
-        design = sweep_design(words, file, shuffle, trust_code=trust_code)
+        design = sweep_design(words, file, shuffle, trust_code=trust_code, over=over or SEED)
         plan = planned_sweep(design_runs(design, imports=False), shuffle, pictures)
         print_plan(plan, design.axes, json)
         return 0
     else:
-        design = sweep_design(words, file, shuffle, trust_code=trust_code)
+        design = sweep_design(words, file, shuffle, trust_code=trust_code, over=over or SEED)
         result = new_sweep(design, results, name, pictures, True, tell, advice=not json)
     _report(result, json, time.perf_counter() - started)
     update_index(result.folder.absolute().parent)
@@ -107,7 +110,7 @@ def _report(result: "SweepResult", json: bool, seconds: float) -> None:
             "complete": result.complete,
             "nodes": {"computed": result.computed, "cached": result.cached},
             "runs": result.records,
-            "summary": summary_records(result.statistics),
+            "summary": summary_records(result),
             "incomplete": result.incomplete,
         }
         print_json(answer)
@@ -126,31 +129,28 @@ def _report(result: "SweepResult", json: bool, seconds: float) -> None:
 
 def _print_statistics(result: "SweepResult") -> None:
     """Print the main metrics of the first settings; all of them are in the summary."""
-    from stixel_cli.evaluation.metric_table import LOSS_RATE, over_runs
-    from stixel_cli.report.metrics import format_value
+    from stixel_cli.evaluation.metric_table import over_runs
+    from stixel_cli.report.metrics import with_interval
     from stixel_cli.sweeps.figures import SHOWN
     from stixel_cli.sweeps.results import heading
 
     by_setting = result.statistics
     names = [over_runs(name) for name in SHOWN]
     names = [name for name in names if any(name in row for row in by_setting.values())]
-    keys, rows, spread = list(result.runs[0].setting), [], False
+    keys, rows = list(dict(next(iter(by_setting)))), []
     for setting, row in list(by_setting.items())[: 2 * _MOST_SHOWN]:
         cells = []
         for name in names:
-            mean, low = row[name].mean, row[name].low
-            # The interval of a share of runs is not symmetric: it is in the summary only.
-            has_half = low is not None and name != LOSS_RATE
-            spread = spread or has_half
-            half = f" ± {format_value(mean - low)}" if has_half else ""
-            cells.append(f"{format_value(mean)}{half}")
+            one = row[name]
+            cells.append(with_interval(one.mean, one.low, one.high))
         n = max((row[name].n for name in names), default=0)
         rows.append((*(value for _, value in setting), str(n), *cells))
     header = [*keys, "n", *map(heading, names)]
     numbers = range(len(keys), len(header))
     print_table(header, rows, right=numbers, leave_out=numbers[:1:-1])
-    interval = "Mean over n seeds ± half the 95 % interval (Student's t)"
-    interval = interval if spread else "One seed per setting: no interval"
+    known = any(row[name].low is not None for row in by_setting.values() for name in names)
+    interval = f"Mean over n {result.units} "
+    interval += "[95 % interval]" if known else "(no interval below n = 4)"
     more = len(by_setting) - 2 * _MOST_SHOWN
     others = f" {more} more settings and" if more > 0 else ""
     say_wrapped(f"{interval};{others} all metrics: summary.csv, .md, .tex")

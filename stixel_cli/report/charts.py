@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from stixel_cli.evaluation.scores import Series
 from stixel_cli.pictures import style
 from stixel_cli.report.blocks import Figure
-from stixel_cli.report.statistics import student_t
+from stixel_cli.report.intervals import LEAST_FREEDOM, Bounds, between_bounds, student_t
 
 WIDTH = 5.2
 """in: about that of a phone's page, on which the text is then as large as it was drawn."""
@@ -124,19 +124,31 @@ def line(
         axes.fill_between(places, low, high, color=colour, alpha=0.15, linewidth=0.0)
 
 
+def line_style(i: int) -> str:
+    """Line style of the i-th line: style and colour are unique among the first 32 lines."""
+    return DASHES[(i + i // len(style.RUNS)) % len(DASHES)]
+
+
+def line_look(i: int) -> dict[str, Any]:
+    """Colour, line style and mark of the i-th line: it is known without its colour, too."""
+    marker = MARKERS[i % len(MARKERS)]
+    return {"color": style.RUNS[i % len(style.RUNS)], "linestyle": line_style(i), "marker": marker}
+
+
 def over_time(
     axes: Axes,
     times: np.ndarray,
     values: np.ndarray,
     ratio: bool = False,
+    bounds: Bounds = (0.0, None),
     band: bool = True,
     **look: Any,
 ) -> None:
     """Mean of values (n, K) of n runs at each time (K,), without NaN.
 
-    `look` has Matplotlib's arguments of the line. The band is the 95 % interval (Student's t), cut
-    at 0, if all runs have a value at every time. A ratio has none, and no value that is not
-    positive: its axis is logarithmic.
+    `look` has Matplotlib's arguments of the line. The band is the 95 % interval between `bounds`,
+    if all runs have a value at every time; too few runs for an interval are thin lines. A ratio
+    has neither, and no value that is not positive: its axis is logarithmic.
     """
     known = np.isfinite(values)
     n, total = known.sum(axis=0), np.where(known, values, 0.0).sum(axis=0)
@@ -145,10 +157,14 @@ def over_time(
         mean = np.where(mean > 0.0, mean, np.nan)
     axes.plot(times, mean, **look)
     runs = len(values)
-    if band and not ratio and runs > 1 and (n == runs).all():
+    if not band or ratio or runs == 1:
+        return
+    if runs <= LEAST_FREEDOM:
+        axes.plot(times, values.T, **look | {"label": "", "marker": "", "linewidth": 0.5})
+    elif (n == runs).all():
         half = student_t(runs - 1) * values.std(axis=0, ddof=1) / math.sqrt(runs)
-        low = np.maximum(mean - half, 0.0)
-        axes.fill_between(times, low, mean + half, color=look["color"], alpha=0.2, linewidth=0.0)
+        ends = between_bounds(mean, half, bounds)
+        axes.fill_between(times, *ends, color=look["color"], alpha=0.2, linewidth=0.0)
 
 
 def series_values(name: str, series: Series, values: np.ndarray) -> np.ndarray:

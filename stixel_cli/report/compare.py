@@ -16,7 +16,7 @@ from stixel_cli.evaluation.scan_errors import LOW_OVERLAP
 from stixel_cli.evaluation.scores import SERIES
 from stixel_cli.evaluation.verdict import verdict
 from stixel_cli.pictures import style
-from stixel_cli.report.charts import DASHES, Panel, chart, over_time
+from stixel_cli.report.charts import Panel, chart, line_style, over_time
 from stixel_cli.report.metrics import NO_VALUE, best, shown_difference, shown_value
 from stixel_cli.report.page import Drawing, drawing_for_page, page_template, picture_for_page
 from stixel_cli.results.differences import by_group, differing_settings, warnings
@@ -154,11 +154,6 @@ def _provenance(runs: Sequence[RunResult]) -> list[tuple[str, list[str]]]:
     in_order = sorted(names, key=lambda name: name.startswith("machine"))
     values = {name: [table.get(name) for table in tables] for name in in_order}
     return [(n, [NO_VALUE if v is None else str(v) for v in row]) for n, row in values.items()]
-
-
-def line_style(i: int) -> str:
-    """Line style of the i-th run: style and colour are unique among the first 32 runs."""
-    return DASHES[(i + i // len(style.RUNS)) % len(DASHES)]
 
 
 def error_curves(runs: Sequence[RunResult]) -> list[tuple[str, Drawing]]:

@@ -22,7 +22,8 @@ from stixel_cli.report import tables
 from stixel_cli.report.blocks import Cell, Figure, Picture, Table
 from stixel_cli.report.charts import DASHES, Panel, chart
 from stixel_cli.report.charts import over_time as draw_over_time
-from stixel_cli.report.statistics import chi_square_bounds, over_seeds
+from stixel_cli.report.intervals import chi_square_bounds
+from stixel_cli.report.statistics import over_seeds
 from stixel_cli.results.result import RunResult
 from stixel_cli.validation.point_statistics import contour_distances
 
@@ -167,6 +168,7 @@ def over_time(name: str, scans: pd.DataFrame, measurements: Sequence[str]) -> di
 
     def plot(error: str) -> Figure:
         ratio = SCAN_ERRORS[error].better == "one"
+        limits = (0.0, 1.0) if error == "iou" else (None, None)
 
         def draw(axes) -> None:
             for (measurement, tracker), own in tables.groups(scans, ["measurement", "tracker"]):
@@ -176,6 +178,7 @@ def over_time(name: str, scans: pd.DataFrame, measurements: Sequence[str]) -> di
                     own["t"].unique(),
                     own.pivot(index="seed", columns="k", values=error).to_numpy(),
                     ratio,
+                    limits if error == "iou" else (0.0, None),
                     band=first,
                     color=colour(measurement, measurements),
                     label=measurement if first else "",
@@ -189,7 +192,6 @@ def over_time(name: str, scans: pd.DataFrame, measurements: Sequence[str]) -> di
                 low, high = (float(bound) / count for bound in chi_square_bounds(count))
                 axes.axhspan(low, high, color=style.CONSISTENT, zorder=0)
 
-        limits = (0.0, 1.0) if error == "iou" else (None, None)
         panel = Panel(draw, x="t (s)", y=AXIS_LABELS[error], ratio=ratio, limits=limits)
         return chart(f"{name}_{error}", [panel], row=2.7)
 

@@ -8,9 +8,9 @@ SciPy is imported where it is used: a command that needs no statistics starts wi
 """
 
 import math
+from collections import defaultdict
 from collections.abc import Hashable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from functools import cache
+from dataclasses import dataclass, field
 from itertools import accumulate, count
 from typing import Any
 
@@ -18,12 +18,16 @@ import numpy as np
 
 from stixel_cli.evaluation.metric_table import LOSS_RATE, over_runs
 from stixel_cli.evaluation.metric_table import metric as metric_row
-from stixel_cli.randomness import generator
+from stixel_cli.report.intervals import (
+    CONFIDENCE,
+    chi_square_bounds,
+    combined_interval,
+    crossed_parts,
+    stratified_parts,
+    wilson_interval,
+)
 
-CONFIDENCE = 0.95
 SIGNIFICANT = 0.05
-DRAWS = 4000
-"""Draws of a bootstrap."""
 LEAST_DRAWN = 3
 """Least number of pairs of a path for a bootstrap."""
 
@@ -42,17 +46,24 @@ class Estimate:
         return Estimate(*(None if one is None else factor * one for one in values))
 
 
+Unit = tuple[Hashable, ...]
+"""What is drawn anew in a repetition: the level of each drawn axis, such as (seed,)."""
+Repetition = tuple[Hashable, Unit, Mapping[str, float | int | None]]
+"""The setting, the unit and the metrics of a run."""
+
+
 @dataclass(frozen=True)
 class Statistic:
-    """A metric of one setting over its seeds.
+    """A metric of one setting over its units.
 
     Attributes:
         metric: its name.
-        n: number of seeds with a value; where an estimate is not finite there may be no value.
+        n: number of units, such as seeds, with a value; an estimate may have none.
         mean: None if n is 0.
-        std: standard deviation, n - 1 in the denominator; None if n < 2.
-        low, high: ends of the 95 % interval of the mean, Student's t with n - 1 degrees of
-            freedom, None if n < 2; of a share of runs Wilson's.
+        std: standard deviation of the units, n - 1 in the denominator; None if n < 2.
+        low, high: ends of the 95 % interval of the mean, see `intervals.combined_interval`; of a
+            share of runs Wilson's. None of fewer than four values.
+        values: of the units.
     """
 
     metric: str
@@ -61,58 +72,62 @@ class Statistic:
     std: float | None = None
     low: float | None = None
     high: float | None = None
+    values: tuple[float, ...] = field(default=(), repr=False)
 
 
-def summarise(
-    runs: Iterable[tuple[Hashable, Mapping[str, float | int | None]]],
-) -> dict[Any, dict[str, Statistic]]:
-    """The statistics by setting and metric of runs, each given as its setting and its metrics.
-
-    Runs of equal settings are repetitions.
-    """
-    groups: dict[Any, list[Mapping[str, float | int | None]]] = {}
-    for setting, metrics in runs:
-        groups.setdefault(setting, []).append(metrics)
-    names = list(dict.fromkeys(n for group in groups.values() for run in group for n in run))
+def summarise(runs: Iterable[Repetition]) -> dict[Any, dict[str, Statistic]]:
+    """The statistics by setting and metric; runs of equal settings are repetitions."""
+    groups: dict[Any, list[tuple[Unit, Mapping[str, float | int | None]]]] = {}
+    for setting, unit, metrics in runs:
+        groups.setdefault(setting, []).append((unit, metrics))
+    known = dict.fromkeys(n for group in groups.values() for _, run in group for n in run)
     return {
         setting: {
-            over_runs(name): statistic(over_runs(name), [run.get(name) for run in group])
-            for name in names
+            over_runs(name): statistic(
+                over_runs(name), [run.get(name) for _, run in group], [unit for unit, _ in group]
+            )
+            for name in known
         }
         for setting, group in groups.items()
     }
 
 
-def statistic(metric: str, values: Iterable[float | int | None]) -> Statistic:
-    """The statistic of one metric's values, without those that are None."""
-    # Sorted, so that the order of the seeds does not change the last bit.
-    known = np.sort(np.array([value for value in values if value is not None], dtype=np.float64))
-    n = len(known)
+def statistic(
+    metric: str,
+    values: Iterable[float | int | None],
+    units: Iterable[Unit] | None = None,
+    confidence: float = CONFIDENCE,
+) -> Statistic:
+    """The statistic of one metric's values over their units; None: each value is a unit.
+
+    The values of a unit are averaged first; a unit with a missing value is left out. `metric` is
+    "" for differences, which do not have its bounds.
+    """
+    values = [math.nan if value is None else float(value) for value in values]
+    if units is None:
+        values = sorted(value for value in values if math.isfinite(value))
+        units = ((i,) for i in range(len(values)))
+    groups: dict[Unit, list[float]] = defaultdict(list)
+    for unit, value in zip(units, values, strict=True):
+        groups[unit].append(value)
+    # Sorted, so that the order of the runs does not change the last bit.
+    means = {unit: float(np.mean(sorted(groups[unit]))) for unit in sorted(groups)}
+    known = {unit: mean for unit, mean in means.items() if math.isfinite(mean)}
+    n, own = len(known), np.array([*known.values()])
     if n == 0:
         return Statistic(metric, 0)
-    mean, std = float(known.mean()), float(known.std(ddof=1)) if n > 1 else None
+    mean, std = float(own.mean()), float(own.std(ddof=1)) if n > 1 else None
     if metric == LOSS_RATE:
-        return Statistic(metric, n, mean, std, *wilson_interval(mean, n))
-    if std is None:
-        return Statistic(metric, n, mean)
-    half = student_t(n - 1) * std / math.sqrt(n)
-    return Statistic(metric, n, mean, std, mean - half, mean + half)
+        ends = wilson_interval(mean, sum(len(groups[unit]) for unit in known))
+    else:
+        parts = crossed_parts(own, np.array([*known]))
+        ends = combined_interval(mean, parts, metric_row(metric).bounds, confidence)
+    return Statistic(metric, n, mean, std, *ends, tuple(known.values()))
 
 
 def excludes_zero(one: Estimate | Statistic) -> bool:
     """Whether the interval is known and excludes 0."""
     return one.low is not None and not one.low <= 0.0 <= one.high
-
-
-def wilson_interval(share: float, n: int) -> tuple[float, float]:
-    """The 95 % interval of a share of n independent trials (Wilson 1927)."""
-    from scipy.special import ndtri
-
-    z = float(ndtri(0.5 + CONFIDENCE / 2))
-    middle = (share + z**2 / (2 * n)) / (1 + z**2 / n)
-    half = z / (1 + z**2 / n) * math.sqrt(share * (1 - share) / n + (z / (2 * n)) ** 2)
-    # Without rounding, the interval contains the share: for 0 of n its low end is 0.
-    return min(share, max(0.0, middle - half)), max(share, min(1.0, middle + half))
 
 
 def consistent_bounds(one: Statistic) -> tuple[float, float] | tuple[None, None]:
@@ -129,17 +144,9 @@ def consistent_bounds(one: Statistic) -> tuple[float, float] | tuple[None, None]
     return float(low / (one.n * degrees)), float(high / (one.n * degrees))
 
 
-@cache
-def student_t(degrees_of_freedom: float) -> float:
-    """The 97.5 % quantile of Student's t distribution."""
-    from scipy.special import stdtrit
-
-    return float(stdtrit(degrees_of_freedom, 0.5 + CONFIDENCE / 2))
-
-
 def over_seeds(values: Iterable[float | int | None]) -> Statistic:
     """n, mean, standard deviation and 95 % interval (Student's t) of the finite values."""
-    return statistic("", (v for v in values if v is not None and math.isfinite(v)))
+    return statistic("", values)
 
 
 def t_test(difference: Statistic) -> float | None:
@@ -164,17 +171,9 @@ def least_effect(seeds: int, tests: int) -> float:
     return -float(stdtrit(seeds - 1, 0.5 * SIGNIFICANT / tests)) / math.sqrt(seeds)
 
 
-def chi_square_bounds(degrees: np.ndarray | int) -> tuple[np.ndarray, np.ndarray]:
-    """Bounds of the central 95 % of chi-square, each with the shape of `degrees`."""
-    from scipy.special import gammaincinv
-
-    half = 0.5 * np.asarray(degrees, np.float64)
-    return 2.0 * gammaincinv(half, 0.025), 2.0 * gammaincinv(half, 0.975)
-
-
 @dataclass(frozen=True)
 class Paired(Estimate):
-    """The mean of the differences of n pairs; its interval is that of `mean_interval`.
+    """The mean of the differences of n pairs; the paths are fixed strata.
 
     Attributes:
         p: of Wilcoxon's signed rank test, two-sided; None below two pairs.
@@ -192,37 +191,10 @@ def paired(differences: np.ndarray, strata: Sequence[str]) -> Paired:
     n = len(differences)
     if n == 0:
         return Paired()
-    low, high = mean_interval(differences, strata) or (None, None)
+    mean = float(differences.mean())
+    ends = combined_interval(mean, stratified_parts(differences, strata))
     p = wilcoxon(differences) if n > 1 else None
-    return Paired(float(differences.mean()), low, high, n, p, rank_biserial(differences))
-
-
-def mean_interval(values: np.ndarray, strata: Sequence[str]) -> tuple[float, float] | None:
-    """95 % interval of the mean of values (n,) in fixed `strata` (paths), see `combined_interval`.
-
-    A bootstrap's would be too short: that of two seeds covers the mean in half of all cases. None
-    if there is no value, or a stratum has only one: its variance is unknown.
-    """
-    columns = np.array(strata)
-    members = [values[columns == stratum] for stratum in sorted(set(strata))]
-    if not members or min(map(len, members)) < 2:
-        return None
-    parts = [(len(own) * own.var(ddof=1) / len(values) ** 2, len(own) - 1) for own in members]
-    return combined_interval(float(values.mean()), parts)
-
-
-def combined_interval(mean: float, parts: Sequence[tuple[float, int]]) -> tuple[float, float]:
-    """95 % interval (Student's t) of a mean whose variance is the sum of independent parts.
-
-    Each part is a variance with its degrees of freedom; the sum's are Satterthwaite's (1946). For
-    the difference of two means it is Welch's (1947) interval.
-    """
-    variance = sum(part for part, _ in parts)
-    if variance == 0.0:
-        return mean, mean
-    freedom = 1.0 / sum((part / variance) ** 2 / degrees for part, degrees in parts)
-    half = student_t(freedom) * math.sqrt(variance)
-    return mean - half, mean + half
+    return Paired(mean, *ends, n, p, rank_biserial(differences))
 
 
 def wilcoxon(differences: np.ndarray) -> float:
@@ -260,31 +232,3 @@ def holm(p_values: Mapping[Any, float | None]) -> dict[Any, float]:
     ordered = sorted(known, key=known.get)
     steps = (min(1.0, (len(ordered) - i) * known[name]) for i, name in enumerate(ordered))
     return dict(zip(ordered, accumulate(steps, max), strict=True))
-
-
-def bootstrap_weights(strata: Sequence[str], name: str) -> np.ndarray:
-    """Weights (DRAWS, n) of the bootstrap's means of n pairs: each row sums to 1.
-
-    From the m pairs of a stratum, m - 1 are drawn with replacement and weighted up to m (Rao & Wu
-    1988, *Resampling inference with complex survey data*). With m draws, the mean's variance would
-    be (m - 1) / m of the true one: with 5 seeds per path, intervals would be a tenth too short. The
-    only pair of a stratum is always drawn.
-    """
-    random = generator(0, f"bootstrap {name}")
-    columns = np.array(strata)
-    found = np.zeros((DRAWS, len(columns)))
-    for stratum in sorted(set(strata)):
-        members = np.flatnonzero(columns == stratum)
-        m = len(members)
-        if m == 1:
-            found[:, members] = 1.0
-            continue
-        drawn = random.multinomial(m - 1, np.full(m, 1.0 / m), DRAWS)
-        found[:, members] = drawn * (m / (m - 1.0))
-    return found / len(columns)
-
-
-def bootstrap_interval(values: np.ndarray) -> tuple[float, float]:
-    """Percentiles of bootstrap values (n,) that enclose `CONFIDENCE` of them."""
-    low, high = np.quantile(values, [0.5 - 0.5 * CONFIDENCE, 0.5 + 0.5 * CONFIDENCE])
-    return float(low), float(high)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from stixel_cli.evaluation.metric_table import Metric, metric, over_runs
 from stixel_cli.report.blocks import Cell, Table
 from stixel_cli.report.metrics import SPREAD, number, with_interval, with_std
-from stixel_cli.report.statistics import Statistic, over_seeds
+from stixel_cli.report.statistics import Statistic, statistic
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -66,7 +66,7 @@ def mean_over(runs: "pd.DataFrame", name: str, unit: str = "seed") -> Statistic:
 
     `unit` is another column than the seed over which the statistic is.
     """
-    return over_seeds(runs.groupby(unit)[name].agg(lambda values: values.mean(skipna=False)))
+    return statistic(over_runs(name), runs[name], zip(runs[unit]))
 
 
 def difference(
@@ -79,7 +79,7 @@ def difference(
     """A metric of `one` minus that of `other`: the mean of each seed over the pairs of runs."""
     pair = list(pair)
     pairs = one[[*pair, name]].merge(other[[*pair, name]], on=pair).dropna()
-    return over_seeds((pairs[f"{name}_x"] - pairs[f"{name}_y"]).groupby(pairs[unit]).mean())
+    return statistic("", pairs[f"{name}_x"] - pairs[f"{name}_y"], zip(pairs[unit]))
 
 
 def with_unit(row: Metric, form: str = "{} ({})") -> str:

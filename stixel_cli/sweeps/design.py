@@ -44,6 +44,7 @@ class Design:
         file: that names them; "" if there is no file.
         shuffle: seed of the order of execution; None for the order of the axes.
         words: of the command line that gives this design, without `stixel sweep`.
+        over: keys of the axes that means are over.
     """
 
     fixed: tuple[Override, ...]
@@ -52,6 +53,7 @@ class Design:
     file: str = ""
     shuffle: int | None = None
     words: tuple[str, ...] = ()
+    over: tuple[str, ...] = (SEED,)
 
     @property
     def leave_out(self) -> str:

@@ -2,8 +2,9 @@
 
 import itertools
 import math
-from collections.abc import Collection, Mapping, Sequence
-from typing import Literal
+import textwrap
+from collections.abc import Collection, Sequence
+from typing import Any, Literal
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,13 +12,11 @@ from matplotlib.figure import Figure
 
 from stixel_cli.evaluation.metric_table import metric, over_runs
 from stixel_cli.pictures import style
-from stixel_cli.report.charts import legend_handles
-from stixel_cli.report.statistics import Statistic, statistic, summarise
-from stixel_cli.sweeps.design import SEED
+from stixel_cli.report.charts import legend_handles, line_look
+from stixel_cli.report.intervals import LEAST_FREEDOM
+from stixel_cli.report.statistics import Repetition, Statistic, statistic, summarise
+from stixel_cli.sweeps.over import Setting
 from stixel_cli.sweeps.results import heading
-
-Run = tuple[Mapping[str, str], Mapping[str, float | int | None]]
-"""The setting of a run, without the seed, and its metrics."""
 
 SHOWN = (
     "centre_rmse_m",
@@ -30,8 +29,13 @@ SHOWN = (
 DRAWN = (*SHOWN[:4], "nees_position_mean", "nis_mean", *SHOWN[4:])
 """Metrics of a figure."""
 MOST_LINES = 8
-"""Combinations of the other axes with a line each; beyond this number their runs are pooled."""
+"""Most lines that have colours, marks and names of their own."""
 
+FLATTENED = 8.0
+"""A value of so many times the median would flatten the others on a linear axis."""
+
+_TEXT_LINE = 0.16
+"""in: height of a line of text."""
 _LONGEST_LABEL = 28
 _LONGEST_NAME = 100
 _LEGEND_WIDTH = 150
@@ -39,28 +43,31 @@ _LEGEND_WIDTH = 150
 
 
 def axis_figures(
-    runs: Sequence[Run],
+    runs: Sequence[Repetition],
     axes: Sequence[Sequence[str]],
     left_out: int = 0,
     kind: Literal["png", "svg"] = "png",
+    units: str = "seeds",
 ) -> dict[str, bytes]:
-    """Images of a kind by file name, one for each axis except the seed's.
+    """Images of a kind by file name, one for each axis that is not averaged over.
 
-    An axis whose runs are pooled over the other axes has no figure if settings are incomplete: its
-    means would not be over the same settings.
+    Above `MOST_LINES` combinations of the other axes the lines are thin, and their mean is added,
+    unless settings are incomplete: it would not be over the same settings.
 
-    `axes` has the keys of each axis; `left_out` is the number of incomplete settings, which are not
-    in `runs`.
+    Args:
+        runs: of complete settings.
+        axes: the keys of each axis.
+        left_out: number of incomplete settings.
+        kind: of the images.
+        units: what the means of a setting are over, in words.
     """
     figures = {}
     for keys in axes:
-        keys = [key for key in keys if key != SEED]
-        others = list(dict.fromkeys(_label(setting, keys) for setting, _ in runs))
-        if keys and (len(others) <= MOST_LINES or not left_out):
-            lines = others if len(others) <= MOST_LINES else []
+        keys = [key for key in keys if any(key in dict(setting) for setting, _, _ in runs)]
+        if keys:
             write = style.png if kind == "png" else style.svg
             with style.drawing():
-                figure = write(_figure(keys, runs, lines, left_out))
+                figure = write(_figure(keys, runs, left_out, units))
             figures[f"{_joined(keys, '+').replace('/', '.')}.{kind}"] = figure
     return figures
 
@@ -71,16 +78,11 @@ def _joined(keys: Sequence[str], sign: str = " + ") -> str:
     return text if len(text) <= _LONGEST_NAME else f"{keys[0]} + {len(keys) - 1} more"
 
 
-def _figure(
-    keys: Sequence[str], runs: Sequence[Run], others: Sequence[str], left_out: int
-) -> Figure:
-    """A figure over `keys` with a line for each label in `others`; one line if that is empty."""
-    known = {name for _, metrics in runs for name in metrics}
+def _figure(keys: Sequence[str], runs: Sequence[Repetition], left_out: int, units: str) -> Figure:
+    """A figure over `keys` with a line for each combination of the other axes."""
+    known = {name for _, _, metrics in runs for name in metrics}
     names = [name for name in DRAWN if name in known] or sorted(known)[:4]
-    found = summarise(
-        ((tuple(map(setting.get, keys)), _label(setting, keys) if others else ""), metrics)
-        for setting, metrics in runs
-    )
+    found, looks = _lines(keys, runs, left_out)
     values = list(dict.fromkeys(value for value, _ in found))
     numbers = _numbers(values)
     if numbers is not None:
@@ -90,32 +92,49 @@ def _figure(
     log = numbers is not None and is_geometric(numbers)
     if log:
         places = [math.log(place) for place in places]
-    steps = dodges(places, max(1, len(others)))
-    clipped, counts = False, set()
-    figure = style.new_figure(9.0, 2.9 * math.ceil(len(names) / 2), layout="constrained")
+    steps = dodges(places, len(looks)) if len(looks) <= MOST_LINES else [0.0] * len(looks)
+    ticks = [_wrapped(" ".join(value), _LONGEST_LABEL) for value in values]
+    legend = [_wrapped(look["label"], _LEGEND_WIDTH) for look in looks.values() if "label" in look]
+    columns = max(1, _LEGEND_WIDTH // (8 + max(map(len, legend), default=0)))
+    lines = sum(1 + label.count("\n") for label in legend) / columns
+    row = 2.9 + _TEXT_LINE * max(label.count("\n") for label in ticks)
+    height = row * math.ceil(len(names) / 2) + _TEXT_LINE * lines
+    figure = style.new_figure(9.0, height, layout="constrained")
     for number, name in enumerate(map(over_runs, names)):
         axes = figure.add_subplot(math.ceil(len(names) / 2), 2, number + 1)
-        for line, other in enumerate(others or [""]):
+        for (other, look), step in zip(looks.items(), steps, strict=True):
             rows = [found.get((v, other), {}).get(name, statistic(name, [])) for v in values]
-            counts |= {row.n for row in rows}
-            shifted = [place + steps[line] for place in places]
-            if log:
-                shifted = [math.exp(place) for place in shifted]
-            joined = numbers is not None
-            clipped |= draw_line(axes, shifted, rows, style.RUNS[line], other, joined)
+            at = [math.exp(p + step) if log else p + step for p in places]
+            draw_line(axes, at, rows, joined=numbers is not None, **look)
         axes.set_title(heading(name))
         axes.set_xlabel(_joined(keys))
         axes.grid(True, axis="y")
         scale_values(axes, name)
-        _mark_values(axes, [_shortened(" ".join(v)) for v in values], numbers, log)
+        _mark_values(axes, ticks, numbers, log)
     # A line may be missing where a metric has no value.
-    legend = legend_handles(figure.axes)
-    if len(legend) > 1:
-        columns = max(1, _LEGEND_WIDTH // (8 + max(map(len, legend))))
-        figure.legend(legend.values(), legend, loc="outside lower center", ncols=columns)
-    text = caption(not others, len(others), clipped, left_out, counts)
-    figure.suptitle(text, fontsize=9.0, x=0.01, ha="left")
+    handles = legend_handles(figure.axes)
+    if handles:
+        labels = [_wrapped(label, _LEGEND_WIDTH) for label in handles]
+        figure.legend(handles.values(), labels, loc="outside lower center", ncols=columns)
+    counts = {row.n for by_metric in found.values() for row in by_metric.values()} - {0}
+    figure.suptitle(caption(units, len(looks), left_out, counts), fontsize=9.0, x=0.01, ha="left")
     return figure
+
+
+def _lines(
+    keys: Sequence[str], runs: Sequence[Repetition], left_out: int
+) -> tuple[dict[tuple, dict[str, Statistic]], dict[str, dict[str, Any]]]:
+    """Statistics by value of `keys` and line, and the look of each line by its name."""
+    each = [(tuple(map(dict(s).get, keys)), _label(s, keys), *rest) for s, *rest in runs]
+    found = summarise(((value, other), *rest) for value, other, *rest in each)
+    others = list(dict.fromkeys(other for _, other in found))
+    if len(others) <= MOST_LINES:
+        return found, {other: line_look(i) | {"label": other} for i, other in enumerate(others)}
+    looks = {key: {"color": style.UNUSED, "linewidth": 0.5, "marker": ""} for key in others}
+    if not left_out:
+        found |= summarise(((value, ""), *rest) for value, _, *rest in each)
+        looks |= {"": line_look(0) | {"label": "mean of all lines"}}
+    return found, looks
 
 
 def _mark_values(
@@ -141,28 +160,36 @@ def is_geometric(places: Sequence[float]) -> bool:
 
 
 def scale_values(axes: Axes, name: str) -> None:
-    """Scale the axis of a metric's values: logarithmic round 1, or with room above only zeros."""
+    """Scale the axis of a metric's values: logarithmic round 1, or with room above only zeros.
+
+    Logarithmic also where one bad row would flatten all others.
+    """
+    heights = np.concatenate([np.asarray(line.get_ydata(), float) for line in axes.lines] or [[]])
+    heights = heights[np.isfinite(heights)]
     if metric(name).better == "one":
         axes.set_yscale("log")
         axes.axhline(1.0, color=style.UNUSED, linewidth=0.8, linestyle="--")
         low, high = axes.get_ylim()
         axes.set_ylim(min(low, 0.5), max(high, 2.0))
         style.log_axis(axes)
+    elif metric(name).bounds == (0.0, None) and len(heights) and heights.min() > 0.0:
+        if heights.max() > FLATTENED * np.median(heights):
+            style.log_axis(axes)
     elif axes.dataLim.y0 == axes.dataLim.y1 == 0.0:
         # Matplotlib's own limits would be ±0.055.
         axes.set_ylim(0.0, 1.0)
 
 
-def caption(
-    together: bool, lines: int, clipped: bool, left_out: int, counts: Collection[int]
-) -> str:
-    """What a figure shows, and how it was made readable; `counts` are the n of its means."""
-    least, most = min(counts, default=0), max(counts, default=0)
+def caption(units: str, lines: int, left_out: int, counts: Collection[int]) -> str:
+    """What a figure shows; `counts` are the n of its means over `units`."""
+    least, most = min(counts, default=1), max(counts, default=1)
     n = f"{most}" if least == most else f"{least} to {most}"
-    what = f"mean over n = {n} " + ("runs (seeds and all other axes)" if together else "seeds")
-    what += ", with the 95 % interval (Student's t)" if most > 1 else ", no interval"
-    notes = ["lines shifted sideways"] if lines > 1 else []
-    notes += ["intervals clipped to possible values"] if clipped else []
+    what = f"mean over n = {n} {units}" if most > 1 else f"one run of each setting ({units}: 1)"
+    notes = ["bars: 95 % intervals"] if most > LEAST_FREEDOM else []
+    notes += ["ticks: the runs"] if any(1 < n <= LEAST_FREEDOM for n in counts) else []
+    many = lines > MOST_LINES
+    notes += ["thin lines: combinations of the other axes"] if many else []
+    notes += ["lines shifted sideways"] if lines > 1 and not many else []
     settings = "setting" if left_out == 1 else "settings"
     notes += [f"without {left_out} incomplete {settings}"] if left_out else []
     return "; ".join([what, *notes])
@@ -178,51 +205,28 @@ def dodges(places: Sequence[float], lines: int) -> list[float]:
 
 
 def draw_line(
-    axes: Axes,
-    places: Sequence[float],
-    rows: Sequence[Statistic],
-    colour: str,
-    label: str,
-    joined: bool,
-) -> bool:
-    """Draw means and intervals at places, `joined` by a line; return whether one was clipped."""
+    axes: Axes, places: Sequence[float], rows: Sequence[Statistic], joined: bool, **look: Any
+) -> None:
+    """Draw means at places, `joined` by a line, with intervals; without one, the units' values."""
     known = [(x, row) for x, row in zip(places, rows, strict=True) if row.mean is not None]
-    if not known:
-        return False
-    mean = np.array([row.mean for _, row in known])
-    low, high = np.transpose([drawn_interval(row) for _, row in known])
-    errors = np.stack([mean - low, high - mean])
-    axes.errorbar(
-        [x for x, _ in known],
-        mean,
-        yerr=errors if errors.any() else None,
-        marker="o",
-        markersize=3.5,
-        capsize=2.5,
-        linewidth=1.2 if joined else 0.0,
-        elinewidth=1.0,
-        color=colour,
-        label=_shortened(label, 3 * _LONGEST_LABEL),
-    )
-    shown = zip((row for _, row in known), low, high, strict=True)
-    return any(row.low is not None and [row.low, row.high] != ends for row, *ends in shown)
+    for x, row in known:
+        if not look["marker"]:
+            continue
+        if row.low is not None:
+            axes.plot([x, x], [row.low, row.high], color=look["color"], linewidth=1.0)
+        elif row.n > 1:
+            axes.plot([x] * row.n, row.values, "_", color=look["color"], markersize=6.0)
+    line = {"markersize": 3.5, "linewidth": 1.2} | look | ({} if joined else {"linestyle": ""})
+    axes.plot([x for x, _ in known], [row.mean for _, row in known], **line)
 
 
-def drawn_interval(row: Statistic) -> tuple[float, float]:
-    """The drawn ends of the interval, clipped to the metric's bounds."""
-    if row.low is None:
-        return row.mean, row.mean
-    least, most = metric(row.metric).bounds
-    low = row.low if least is None else max(least, row.low)
-    if metric(row.metric).better == "one":
-        # The axis is logarithmic.
-        low = max(low, 0.1 * row.mean)
-    return low, row.high if most is None else min(most, row.high)
-
-
-def _label(setting: Mapping[str, str], keys: Sequence[str]) -> str:
+def _label(setting: Setting, keys: Sequence[str]) -> str:
     """`key=value …` of a setting without `keys`."""
-    return " ".join(f"{k}={v}" for k, v in setting.items() if k not in keys)
+    return " ".join(f"{k}={v}" for k, v in setting if k not in keys)
+
+
+def _wrapped(text: str, width: int) -> str:
+    return "\n".join(textwrap.wrap(text, width))
 
 
 def _numbers(values: Sequence[tuple[str, ...]]) -> list[float] | None:
@@ -232,7 +236,3 @@ def _numbers(values: Sequence[tuple[str, ...]]) -> list[float] | None:
     except ValueError:
         return None
     return numbers if all(map(math.isfinite, numbers)) else None
-
-
-def _shortened(text: str, longest: int = _LONGEST_LABEL) -> str:
-    return text if len(text) <= longest else text[: longest - 1] + "…"

@@ -46,6 +46,7 @@ class SweepRequest:
         axes: the keys of each axis.
         runs: overrides of each run, in the order of their indices.
         notes: command, time, revision, versions, machine; and `resumed`, the times of each resume.
+        over: keys of the axes that means are over; older folders have none.
     """
 
     working_directory: str
@@ -55,6 +56,7 @@ class SweepRequest:
     axes: tuple[tuple[str, ...], ...]
     runs: tuple[tuple[str, ...], ...]
     notes: dict[str, Any]
+    over: tuple[str, ...] = (SEED,)
 
     @property
     def keys(self) -> list[str]:
@@ -95,7 +97,8 @@ class SweepFolder:
             )
         content = read_yaml(file)
         try:
-            own = {name: content.pop(name) for name in _ENTRIES}
+            own = {name: content.pop(name) for name in _ENTRIES if name != "over"}
+            own["over"] = content.pop("over", [SEED])
             # Strict JSON accepts lists for tuples and converts nothing else.
             text = json.dumps(own | {"notes": content})
             request = TypeAdapter(SweepRequest).validate_json(text, strict=True)

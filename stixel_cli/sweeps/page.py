@@ -22,10 +22,11 @@ from stixel_cli.results.reader import read_series
 from stixel_cli.results.result import DONE, RunResult
 from stixel_cli.sweeps.figures import DRAWN, MOST_LINES, axis_figures
 from stixel_cli.sweeps.folder import SweepFolder
+from stixel_cli.sweeps.over import over_axes
 from stixel_cli.sweeps.results import SweepResult, heading
 
 
-def sweep_page(folder: Path, page: Path, command: Sequence[str]) -> str:
+def sweep_page(folder: Path, page: Path, command: Sequence[str], over: str = "") -> str:
     """The page of the sweep in `folder`; UserError if that is no sweep, or no run of it is done.
 
     The runs that it lacks are counted, and their settings have no statistics. `page` is the file
@@ -33,7 +34,8 @@ def sweep_page(folder: Path, page: Path, command: Sequence[str]) -> str:
     """
     request = SweepFolder(folder).request()
     runs = SweepFolder(folder).runs(request)
-    result = SweepResult(folder, tuple(runs))
+    axes = over_axes(over or request.over, request.axes)
+    result = SweepResult(folder, tuple(runs), axes=request.axes, over=axes)
     done = result.count(DONE)
     if not done:
         raise UserError(f"{folder}: no run is done; resume with: stixel sweep --resume {folder}")
@@ -42,8 +44,7 @@ def sweep_page(folder: Path, page: Path, command: Sequence[str]) -> str:
     incomplete = len(result.incomplete)
     settings = counted(len(result.by_setting), "setting")
     settings += f", {incomplete} incomplete: no statistics yet" if incomplete else ""
-    pairs = [(run.setting, run.metrics) for run in result.complete_runs]
-    axes = axis_figures(pairs, request.axes, incomplete, "svg")
+    axes = axis_figures(result.repetitions, request.axes, incomplete, "svg")
     return page_template(__package__, "sweep").render(
         title=folder.resolve().name,
         counts=f"{done} of {len(runs)} runs done; {settings}",
@@ -62,7 +63,8 @@ def sweep_page(folder: Path, page: Path, command: Sequence[str]) -> str:
 
 def _settings_table(result: SweepResult, shown: Sequence[str]) -> dict[str, Any]:
     """One row for each complete setting: its values, n, and each metric with its interval."""
-    keys, columns, rows = list(result.runs[0].setting), list(map(over_runs, shown)), []
+    columns, rows = list(map(over_runs, shown)), []
+    keys = list(dict(next(iter(result.by_setting))))
     for setting, of in result.statistics.items():
         cells = [(value, value) for _, value in setting]
         cells.append((str(max(one.n for one in of.values())),) * 2)
@@ -156,7 +158,8 @@ def _over_time(name: str, lines: Mapping[tuple, tuple]) -> bytes:
         for colour, label, (times, errors) in drawn:
             values = series_values(name, series, errors[name])
             look = {"color": colour, "label": label if len(lines) > 1 else ""}
-            charts.over_time(axes, times, values, series.ratio, series.bounds[1], **look)
+            bounds = (0.0, series.bounds[1])
+            charts.over_time(axes, times, values, series.ratio, bounds, **look)
 
     # Of a size that is legible on a telephone without scrolling.
     texts = ("axes.label", "xtick.label", "ytick.label", "legend.font", "axes.title")

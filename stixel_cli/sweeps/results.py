@@ -2,25 +2,32 @@
 
 import shlex
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stixel_cli.errors import counted
-from stixel_cli.evaluation.metric_table import metric
+from stixel_cli.evaluation.metric_table import metric, over_runs
 from stixel_cli.report.metrics import NO_VALUE, shown_value
-from stixel_cli.report.statistics import Statistic, consistent_bounds, summarise
+from stixel_cli.report.statistics import Repetition, Statistic, consistent_bounds, summarise
 from stixel_cli.report.tables import csv_text, latex_table, markdown_table
+from stixel_cli.results.reader import listed
 from stixel_cli.results.result import DONE, RunResult
 from stixel_cli.sweeps.folder import SUMMARIES
+from stixel_cli.sweeps.over import (
+    OVER_SEEDS,
+    Axes,
+    Setting,
+    behind_best,
+    marks,
+    over_axes,
+    setting_of,
+    unit_of,
+)
 
 if TYPE_CHECKING:
     import pandas
-
-
-Setting = tuple[tuple[str, str], ...]
-"""The keys that differ between runs, without the seed, with their values as typed."""
 
 
 @dataclass(frozen=True)
@@ -32,19 +39,23 @@ class SweepResult:
         runs: one entry for each run, in the order of their indices.
         computed: number of nodes that this call computed.
         cached: number of needed nodes that were in the store before.
+        axes: the keys of each axis.
+        over: the axes that means are over, see `sweeps.over`.
     """
 
     folder: Path | None
     runs: tuple[RunResult, ...]
     computed: int = 0
     cached: int = 0
+    axes: Axes = ()
+    over: Axes = OVER_SEEDS
 
     @cached_property
     def by_setting(self) -> dict[Setting, list[RunResult]]:
         """The runs of each setting."""
         found: dict[Setting, list[RunResult]] = {}
         for run in self.runs:
-            found.setdefault(tuple(run.setting.items()), []).append(run)
+            found.setdefault(setting_of(run, self.over), []).append(run)
         return found
 
     @cached_property
@@ -58,15 +69,38 @@ class SweepResult:
         return found
 
     @cached_property
-    def complete_runs(self) -> list[RunResult]:
-        """The runs of the other settings: with missing seeds, statistics would be biased."""
-        complete = (r for r in self.by_setting.values() if all(run.status == DONE for run in r))
-        return [run for runs in complete for run in runs]
+    def complete_settings(self) -> dict[Setting, list[RunResult]]:
+        """The runs of the other settings: with missing runs, statistics would be biased."""
+        every = self.by_setting.items()
+        return {s: runs for s, runs in every if all(run.status == DONE for run in runs)}
+
+    @property
+    def repetitions(self) -> list[Repetition]:
+        """The runs of complete settings."""
+        return [
+            (setting, unit_of(run, self.over), run.metrics)
+            for setting, runs in self.complete_settings.items()
+            for run in runs
+        ]
 
     @cached_property
     def statistics(self) -> dict[Setting, dict[str, Statistic]]:
-        """Statistics over the seeds of each complete setting, by metric."""
-        return summarise((tuple(run.setting.items()), run.metrics) for run in self.complete_runs)
+        """Statistics over the axes `over` of each complete setting, by metric."""
+        return summarise(self.repetitions)
+
+    @cached_property
+    def behind(self) -> dict[str, dict[Setting, Statistic]]:
+        """Metric to each complete setting's difference from the best one, see `behind_best`."""
+        complete = self.complete_settings
+        known = dict.fromkeys(n for runs in complete.values() for r in runs for n in r.metrics)
+        return {over_runs(name): behind_best(name, complete, self.over) for name in known}
+
+    @property
+    def units(self) -> str:
+        """What a mean is over, in words: "seeds", or the keys."""
+        if self.over == OVER_SEEDS:
+            return "seeds"
+        return f"combinations of {listed([key for axis in self.over for key in axis])}"
 
     @property
     def rows(self) -> list[dict[str, Any]]:
@@ -108,11 +142,18 @@ class SweepResult:
         """What a notebook shows: the table of the runs."""
         return self.frame()._repr_html_()
 
-    def frame(self) -> "pandas.DataFrame":
-        """The records as a table: one row per run, with its settings, status and metrics."""
+    def frame(self, over: str | Sequence[str] = ()) -> "pandas.DataFrame":
+        """The records as a table: one row per run, with its settings, status and metrics.
+
+        With `over`, such as "seed,path": one row per setting and metric, with its mean over these
+        axes, its interval, and the paired difference from the best setting, see `summary_records`.
+        """
         import pandas
 
-        return pandas.DataFrame(self.records)
+        if not over:
+            return pandas.DataFrame(self.records)
+        chosen = replace(self, over=over_axes(over, self.axes))
+        return pandas.DataFrame(summary_records(chosen))
 
     @property
     def complete(self) -> bool:
@@ -131,16 +172,17 @@ def incomplete_label(one: Mapping[str, Any]) -> str:
 
 
 _EXPLANATION = (
-    "One row per setting: n seeds with a value, their mean, standard deviation, and the 95 % "
-    "interval of the mean (Student's t; for a share of runs Wilson's; its ends can be beyond the "
-    "possible values). The column 'consistent' of a NEES is the 95 % interval of its mean for a "
-    "consistent filter (χ²; each run counts as one scan, because the errors of its scans are "
-    "alike). Settings have the same seeds: to compare two settings, take the differences seed by "
-    "seed, from runs.csv."
+    "One row per setting: n {units} with a value, their mean, standard deviation, and the 95 % "
+    "interval of the mean (Student's t on a scale on which all values are possible; for a share of "
+    "runs Wilson's; none below n = 4). The column 'minus the best' is the mean of the paired "
+    "differences from the best setting; its intervals hold together (Bonferroni). 'best' is a "
+    "setting that all others are behind, 'tied' those that are not shown to be behind. The column "
+    "'consistent' of a NEES is the 95 % interval of its mean for a consistent filter (χ²; each run "
+    "counts as one scan, because the errors of its scans are alike)."
 )
 
 
-def summary_records(statistics: Mapping[Setting, Mapping[str, Statistic]]) -> list[dict[str, Any]]:
+def summary_records(result: SweepResult) -> list[dict[str, Any]]:
     """One record for each setting and metric, as in `summary.csv`."""
     ends = ("consistent_low", "consistent_high")
     return [
@@ -153,28 +195,31 @@ def summary_records(statistics: Mapping[Setting, Mapping[str, Statistic]]) -> li
             "std": one.std,
             "interval_low": one.low,
             "interval_high": one.high,
+            "minus_best": behind.mean,
+            "minus_best_low": behind.low,
+            "minus_best_high": behind.high,
+            "mark": marks(result.behind[name]).get(setting, ""),
             **dict(zip(ends, consistent_bounds(one), strict=True)),
         }
-        for setting, by_metric in statistics.items()
+        for setting, by_metric in result.statistics.items()
         for name, one in by_metric.items()
+        for behind in [result.behind[name].get(setting, Statistic("", 0))]
     ]
 
 
-def summary_files(
-    statistics: Mapping[Setting, Mapping[str, Statistic]],
-    incomplete: Sequence[Mapping[str, Any]],
-    title: str,
-) -> dict[str, str]:
+def summary_files(result: SweepResult, title: str) -> dict[str, str]:
     """The summaries of a sweep by file name; `title` is its command line.
 
     The CSV file has one row for each setting and metric, and one for each incomplete setting; the
     others have one table for each metric. LaTeX needs no package for them.
     """
-    records = [record | {"status": "complete"} for record in summary_records(statistics)]
+    statistics, incomplete = result.statistics, result.incomplete
+    records = [record | {"status": "complete"} for record in summary_records(result)]
     columns = list(records[0]) if records else []
     records += [one["setting"] | {"n": one["done"], "status": "incomplete"} for one in incomplete]
-    markdown = [f"# {title}", "", _EXPLANATION, ""]
-    latex = [f"% {' '.join(title.split())}", f"% {_EXPLANATION}"]
+    explanation = _EXPLANATION.format(units=result.units)
+    markdown = [f"# {title}", "", explanation, ""]
+    latex = [f"% {' '.join(title.split())}", f"% {explanation}"]
     if incomplete:
         refusal = f"No statistics yet of {counted(len(incomplete), 'incomplete setting')}:"
         labels = list(map(incomplete_label, incomplete))
@@ -182,9 +227,8 @@ def summary_files(
         latex += [f"% {refusal}", *(f"%   {' '.join(label.split())}" for label in labels)]
     known = (name for found in statistics.values() for name, one in found.items() if one.n > 0)
     for name in dict.fromkeys(known):
-        rows = {setting: found[name] for setting, found in statistics.items()}
-        header, *body = _cells(name, rows, incomplete)
-        numeric = [place >= len(next(iter(rows))) for place in range(len(header))]
+        header, *body = _cells(name, result)
+        numeric = [place >= len(next(iter(statistics))) for place in range(len(header))]
         markdown += [f"## {heading(name)}", "", *markdown_table(header, body, numeric), ""]
         latex += latex_table(heading(name), numeric, header, body)
     texts = (csv_text(columns, records), "\n".join(markdown), "\n".join(latex))
@@ -197,19 +241,27 @@ def heading(name: str) -> str:
     return f"{shown.label} ({shown.shown_unit})" if shown.shown_unit else shown.label
 
 
-def _cells(
-    name: str, rows: Mapping[Setting, Statistic], incomplete: Sequence[Mapping[str, Any]]
-) -> list[list[str]]:
+def _cells(name: str, result: SweepResult) -> list[list[str]]:
     bounded = metric(name).degrees_of_freedom is not None
+    behind, rows = result.behind[name], result.statistics
+    marked = marks(behind)
     header = [*dict(next(iter(rows))), "n", "mean", "standard deviation", "95 % interval"]
+    header += ["minus the best", "95 % interval", "mark"] * bool(behind)
     cells = [header + ["consistent"] * bounded]
-    for setting, row in rows.items():
-        numbers = [shown_value(name, value) for value in (row.mean, row.std)]
-        for low, high in [(row.low, row.high), *([consistent_bounds(row)] if bounded else [])]:
-            span = f"{shown_value(name, low)} … {shown_value(name, high)}"
-            numbers.append(NO_VALUE if low is None else span)
-        cells.append([*dict(setting).values(), str(row.n), *numbers])
-    for one in incomplete:
+    for setting, row in ((setting, found[name]) for setting, found in rows.items()):
+        shown = [shown_value(name, value) for value in (row.mean, row.std)]
+        shown.append(_span(name, row.low, row.high))
+        if behind:
+            apart = behind.get(setting, Statistic("", 0))
+            shown += [shown_value(name, apart.mean), _span(name, apart.low, apart.high)]
+            shown.append(marked.get(setting, ""))
+        shown += [_span(name, *consistent_bounds(row))] * bounded
+        cells.append([*dict(setting).values(), str(row.n), *shown])
+    for one in result.incomplete:
         rest = [NO_VALUE] * (len(cells[0]) - len(one["setting"]) - 2)
         cells.append([*one["setting"].values(), str(one["done"]), "incomplete", *rest])
     return cells
+
+
+def _span(name: str, low: float | None, high: float | None) -> str:
+    return NO_VALUE if low is None else f"{shown_value(name, low)} … {shown_value(name, high)}"

@@ -21,6 +21,7 @@ from stixel_cli.results.result import FAILED, MISSING, SKIPPED, RunResult
 from stixel_cli.sweeps.folder import FAILED as FAILED_RUNS
 from stixel_cli.sweeps.folder import FIGURES, SUMMARIES, TABLE, SweepFolder, SweepRequest
 from stixel_cli.sweeps.graphs import SweepPlan
+from stixel_cli.sweeps.over import over_axes
 from stixel_cli.sweeps.results import SweepResult, summary_files
 from stixel_cli.sweeps.run_files import RunLineages, failure_files, remove_unused_code, run_files
 from stixel_cli.sweeps.runs import PlannedRun
@@ -54,7 +55,7 @@ def run_sweep(
         SweepInterrupted: by Ctrl-C; the tables in the folder show which runs are done.
         UserError: if the cache or the folder cannot be written, or there are no workers.
     """
-    sweep = _Sweep(plan, folder, dict(request.notes))
+    sweep = _Sweep(plan, folder, request)
     typed = plan.runs[0].overrides
     resume = "" if folder is None else f"; resume with: {folder.resume_command(typed)}"
     try:
@@ -75,7 +76,7 @@ def run_sweep(
     result = sweep.write_tables()
     if folder is not None:
         if result.statistics:
-            sweep.write_figures(result, request.axes)
+            sweep.write_figures(result)
         remove_unused_code(folder)
     return result
 
@@ -169,10 +170,11 @@ class SweepProgress(Progress):
 class _Sweep:
     """The state of one sweep."""
 
-    def __init__(self, plan: SweepPlan, folder: SweepFolder | None, notes: dict[str, Any]):
-        self.plan = plan
+    def __init__(self, plan: SweepPlan, folder: SweepFolder | None, request: SweepRequest):
+        self.plan, self.request = plan, request
         self.store = open_store(plan.runs[0].composition.configuration.cache)
         self.folder = folder
+        notes = dict(request.notes)
         self.title = str(notes.pop("command"))
         self.notes = {"sweep": self.title, **notes}
         self.runs: dict[int, RunResult] = {}
@@ -258,18 +260,19 @@ class _Sweep:
         in_order = sorted(self.plan.runs, key=lambda planned: planned.index)
         runs = tuple(self.runs.get(one.index) or one.result(status=MISSING) for one in in_order)
         folder = None if self.folder is None else self.folder.path
-        result = SweepResult(folder, runs, self.computed, len(self.cached))
+        axes = self.request.axes
+        over = over_axes(self.request.over, axes)
+        result = SweepResult(folder, runs, self.computed, len(self.cached), axes, over)
         if self.folder is not None:
             columns = dict.fromkeys(name for row in result.rows for name in row)
             self.folder.write({TABLE: csv_text(list(columns), result.rows)})
             if result.statistics:
-                files = summary_files(result.statistics, result.incomplete, self.title)
-                self.folder.write(files)
+                self.folder.write(summary_files(result, self.title))
         return result
 
-    def write_figures(self, result: SweepResult, axes: Sequence[Sequence[str]]) -> None:
+    def write_figures(self, result: SweepResult) -> None:
         """Draw the figures of complete settings, unless they are in the store."""
-        runs = [(run.setting, run.metrics) for run in result.complete_runs]
+        runs, axes = result.repetitions, result.axes
         left_out = len(result.incomplete)
 
         def draw() -> dict[str, bytes]:
@@ -277,8 +280,8 @@ class _Sweep:
 
             return axis_figures(runs, axes, left_out)
 
-        pairs = [[list(one.items()) for one in run] for run in runs]
-        content = [pairs, list(map(list, axes)), left_out]
+        plain = [[list(one), list(unit), list(metrics.items())] for one, unit, metrics in runs]
+        content = [plain, list(map(list, axes)), left_out]
         code = ["stixel_cli.sweeps.figures"]
         figures = remembered(self.store, "sweep_figures", code, content, draw)
         self.folder.write({f"{FIGURES}/{name}": image for name, image in figures.items()})

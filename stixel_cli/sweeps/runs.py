@@ -14,6 +14,7 @@ from stixel_cli.experiment.table.table import PICTURES
 from stixel_cli.results.result import RunResult
 from stixel_cli.sweeps.design import SEED, Design, check_size, design_from_line, joined
 from stixel_cli.sweeps.file import find_file, read_design
+from stixel_cli.sweeps.over import over_axes
 
 if TYPE_CHECKING:
     from stixel_cli.engine.graph import Graph
@@ -99,6 +100,7 @@ def sweep_design(
     shuffle_seed: int | None = None,
     one_is_enough: bool = False,
     trust_code: bool = False,
+    over: str = SEED,
 ) -> Design:
     """The design of a command line and a file.
 
@@ -108,9 +110,11 @@ def sweep_design(
         shuffle_seed: of the order of execution; None for the order of the axes.
         one_is_enough: accept a design of a single run.
         trust_code: accept user-defined code that the file names.
+        over: keys of the axes that means are over, separated by commas.
 
     Raises:
-        ConfigurationError: for an invalid override, a key in both, or code that is not trusted.
+        ConfigurationError: for an invalid override, a key in both, code that is not trusted, or
+            means over an axis that is not swept.
     """
     shuffled = shuffle_seed is not None
     design, words = Design((), ()), [*overrides]
@@ -122,7 +126,10 @@ def sweep_design(
     design = joined(design, design_from_line(overrides, shuffled))
     check_overrides(design.overrides)
     check_size(design, one_is_enough)
-    return replace(design, shuffle=shuffle_seed, words=tuple(words))
+    if over != SEED:
+        words += ["--over", over]
+    keys = tuple(key for axis in over_axes(over, [a.keys for a in design.axes]) for key in axis)
+    return replace(design, shuffle=shuffle_seed, words=tuple(words), over=keys)
 
 
 def design_runs(design: Design, imports: bool = True) -> list[PlannedRun]:

@@ -152,6 +152,7 @@ def _requested(
         nodes=tuple(nodes),
         working_directory=os.getcwd(),
         notes=_origin(command),
+        over=design.over,
     )
     return plan, request
 

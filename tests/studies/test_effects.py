@@ -14,9 +14,13 @@ def run(user, prior, seed, iou, lost=0.0):
 FRAME = pd.DataFrame(
     [
         run("car", "cyclist", 0, 0.5, lost=1.0),
-        run("car", "cyclist", 1, 0.7),
+        run("car", "cyclist", 1, 0.7, lost=1.0),
+        run("car", "cyclist", 2, 0.5),
+        run("car", "cyclist", 3, 0.7),
         run("car", "car", 0, 0.8),
         run("car", "car", 1, 0.9),
+        run("car", "car", 2, 0.8),
+        run("car", "car", 3, 0.9),
         run("cyclist", "car", 0, 0.6),
     ]
 )
@@ -30,7 +34,7 @@ def rows():
 
 def test_an_effect_is_the_reference_minus_the_variant_of_the_same_runs(rows):
     wrong, right, _ = rows
-    assert (wrong["road user"], wrong["prior"], wrong["n"]) == ("car", "cyclist", 2)
+    assert (wrong["road user"], wrong["prior"], wrong["n"]) == ("car", "cyclist", 4)
     assert wrong["mean IoU"] == pytest.approx(0.6)
     assert wrong["loss, mean IoU"] == pytest.approx(0.25)
     assert wrong["low loss, mean IoU"] < 0.25 < wrong["high loss, mean IoU"]

@@ -23,13 +23,14 @@ from stixel_cli.validation.point_statistics import contour_distances
 
 
 def test_differences_are_paired_by_seed():
-    one = [run(seed, centre=1.0 + seed + offset) for seed, offset in ((0, 0.1), (1, 0.2), (2, 0.3))]
-    other = [run(seed, "lidar", centre=1.0 + seed) for seed in (0, 1, 2, 3)]
+    offsets = (0.1, 0.2, 0.3, 0.2)
+    one = [run(seed, centre=1.0 + seed + offset) for seed, offset in enumerate(offsets)]
+    other = [run(seed, "lidar", centre=1.0 + seed) for seed in range(5)]
     found = difference(pd.DataFrame(one), pd.DataFrame(other), "centre_rmse_m")
     # Between seeds the errors differ by 1, between pairs by a tenth of that.
-    assert found.n == 3 and found.mean == pytest.approx(0.2)
-    assert found.std == pytest.approx(0.1)
-    assert found.low == pytest.approx(0.2 - 4.302653 * 0.1 / np.sqrt(3), abs=1e-6)
+    assert found.n == 4 and found.mean == pytest.approx(0.2)
+    assert found.std == pytest.approx(0.1 * np.sqrt(2 / 3))
+    assert found.low == pytest.approx(0.2 - 3.182446 * found.std / np.sqrt(4), abs=1e-6)
     one, without = pd.DataFrame(one[:1]), pd.DataFrame([run(centre=np.nan)])
     assert difference(one, without, "centre_rmse_m").n == 0
 

@@ -1,12 +1,11 @@
 import numpy as np
 from scipy.stats import ttest_1samp, ttest_ind
 
+from stixel_cli.report.intervals import bootstrap_weights, combined_interval, stratified_parts
 from stixel_cli.report.statistics import (
     SIGNIFICANT,
-    bootstrap_weights,
     holm,
     least_p,
-    mean_interval,
     paired,
     pairs_needed,
     rank_biserial,
@@ -52,6 +51,10 @@ def test_the_least_p_is_that_of_differences_of_one_sign():
         assert enough < SIGNIFICANT <= few
 
 
+def mean_interval(values, strata):
+    return combined_interval(values.mean(), stratified_parts(values, strata))
+
+
 def test_the_interval_of_a_mean_agrees_with_student_and_welch():
     random = np.random.default_rng(5)
     one, other = random.normal(1.0, 0.2, 5), random.normal(7.0, 2.0, 5)
@@ -62,8 +65,10 @@ def test_the_interval_of_a_mean_agrees_with_student_and_welch():
     both = mean_interval(np.concatenate([one, other]), ["turn"] * 5 + ["circle"] * 5)
     np.testing.assert_allclose(both, [0.5 * ends.low, 0.5 * ends.high])
     # Of one seed in a path nobody knows how another would differ.
-    assert mean_interval(one[:3], ["turn", "turn", "circle"]) is None
-    assert mean_interval(one[:0], []) is None
+    assert mean_interval(one, ["turn"] * 4 + ["circle"]) == (None, None)
+    # Three values, or two in each of two paths, are too few.
+    assert mean_interval(one[:3], ["turn"] * 3) == (None, None)
+    assert mean_interval(one[:4], ["turn", "circle"] * 2) == (None, None)
     assert mean_interval(np.ones(4), ["turn"] * 4) == (1.0, 1.0)
 
 
@@ -71,9 +76,9 @@ def test_the_interval_covers_the_mean_with_two_seeds_a_path():
     random = np.random.default_rng(4)
     covered = 0
     for _ in range(400):
-        low, high = mean_interval(random.normal(0.0, 1.0, 2), ["turn"] * 2)
+        low, high = mean_interval(random.normal(0.0, 1.0, 6), ["turn", "circle", "approach"] * 2)
         covered += low <= 0.0 <= high
-    assert 0.92 * 400 <= covered <= 0.98 * 400
+    assert 0.92 * 400 <= covered <= 0.99 * 400
 
 
 def test_pairs_are_drawn_within_their_path():
@@ -117,11 +122,12 @@ def test_the_closed_fraction_of_a_gap():
     assert half.low < half.mean == 0.5 < half.high
     assert gap_closed(gap, 2.0 * gap, path, "x").mean == -1.0
     # Too much on one path and too little on the other is 0 in the mean, and closes nothing.
-    two = ["turn", "turn", "circle", "circle"]
-    signs = np.array([1.0, 1.0, -1.0, -1.0])
-    np.testing.assert_allclose(gap_closed(np.ones(4), signs, two, "x").mean, 0.0)
+    two = ["turn"] * 3 + ["circle"] * 3
+    signs = np.repeat([1.0, -1.0], 3)
+    np.testing.assert_allclose(gap_closed(np.ones(6), signs, two, "x").mean, 0.0)
     # What may not be there cannot be closed.
     assert gap_closed(np.array([1.0, -1.0, 0.9, -0.9]), gap, path, "x").mean is None
     assert gap_closed(gap[:1], gap[:1], path[:1], "x").mean is None
-    few = gap_closed(gap[[0, 3]], 0.5 * gap[[0, 3]], path[:2], "x")
+    paths = ["turn", "circle", "approach"] * 2
+    few = gap_closed(np.tile(gap[:1], 6), np.tile(0.5 * gap[:1], 6), paths, "x")
     assert (few.mean, few.low, few.high) == (0.5, None, None)

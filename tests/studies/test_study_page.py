@@ -207,10 +207,10 @@ def test_rows_of_a_table_may_lack_columns_of_others():
 
 
 def test_statistics_over_seeds():
-    one = over_seeds([1.0, None, 3.0])
-    assert (one.n, one.mean) == (2, 2.0)
-    # Student's t with one degree of freedom: 12.706 sigma / sqrt(2), sigma = sqrt(2).
-    assert one.high - one.mean == pytest.approx(12.7062, abs=1e-4)
+    one = over_seeds([1.0, None, 3.0, 1.0, 3.0])
+    assert (one.n, one.mean) == (4, 2.0)
+    # Student's t with three degrees of freedom: 3.1824 sigma / 2, sigma² = 4 / 3.
+    assert one.high - one.mean == pytest.approx(3.1824 / 3**0.5, abs=1e-4)
     assert over_seeds([None]).mean is None
 
 

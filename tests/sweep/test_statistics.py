@@ -2,15 +2,17 @@
 
 import numpy as np
 import pytest
+from runs_of import run_of
 from scipy.stats import binomtest
 
-from stixel_cli.report.statistics import consistent_bounds, statistic, summarise, wilson_interval
-from stixel_cli.sweeps.results import summary_files, summary_records
+from stixel_cli.report.intervals import wilson_interval
+from stixel_cli.report.statistics import consistent_bounds, statistic, summarise
+from stixel_cli.sweeps.results import SweepResult, summary_files, summary_records
 
 
 def test_the_share_of_lost_runs_has_an_interval_also_where_none_is_lost():
     lost = [0] * 9 + [1]
-    (row,) = summarise(("a", {"track_lost": one}) for one in lost)["a"].values()
+    (row,) = summarise(("a", (i,), {"track_lost": one}) for i, one in enumerate(lost))["a"].values()
     assert (row.metric, row.n, row.mean) == ("track_loss_rate", 10, 0.1)
     expected = binomtest(1, 10).proportion_ci(method="wilson")
     assert (row.low, row.high) == pytest.approx((expected.low, expected.high), abs=1e-9)
@@ -38,19 +40,19 @@ def test_summaries_have_the_bounds_and_leave_out_metrics_without_a_value():
         {"nees_position_mean": value, "success": 0.5, "time_to_loss_s": None}
         for value in (1.0, 2.0)
     ]
-    rows = summarise(((("a", "1"),), run) for run in runs)
-    records = {record["metric"]: record for record in summary_records(rows)}
+    result = SweepResult(None, tuple(run_of({"a": "1"}, i, run) for i, run in enumerate(runs)))
+    records = {record["metric"]: record for record in summary_records(result)}
     assert records["nees_position_mean"]["consistent_high"] == pytest.approx(2.786, abs=1e-3)
     assert records["success"]["consistent_high"] is None
     # A file of values has the share, a table the per cent.
     assert (records["success"]["mean"], records["success"]["unit"]) == (0.5, "")
-    tables = summary_files(rows, [], "a sweep")
+    tables = summary_files(result, "a sweep")
     for name in ("summary.md", "summary.tex"):
         assert "0.121" in tables[name] and "2.786" in tables[name]
         assert "50.0" in tables[name] and "time to track loss" not in tables[name]
 
 
-@pytest.mark.parametrize("n", range(1, 40))
+@pytest.mark.parametrize("n", range(4, 40))
 def test_the_interval_of_a_share_contains_it(n):
     for count in range(n + 1):
         low, high = wilson_interval(count / n, n)

@@ -1,16 +1,18 @@
 """Figures of a sweep: lines side by side, intervals within bounds, incomplete settings."""
 
+import numpy as np
 import pytest
 
 from stixel_cli.pictures import style
+from stixel_cli.report.charts import line_look
 from stixel_cli.report.statistics import statistic
 from stixel_cli.sweeps.figures import (
     MOST_LINES,
+    _lines,
     axis_figures,
     caption,
     dodges,
     draw_line,
-    drawn_interval,
     is_geometric,
     scale_values,
 )
@@ -26,46 +28,52 @@ def test_error_bars_do_not_overlap():
     assert len({0.0, *dodges([5.0], 2)}) == 3
 
 
-def test_intervals_are_clipped_in_figures_but_not_in_tables():
-    iou = statistic("iou_mean", [0.2, 0.95])
-    assert iou.low < 0.0
-    assert iou.high > 1.0
-    assert drawn_interval(iou) == (0.0, 1.0)
-    error = statistic("centre_rmse_m", [0.1, 2.0])
-    assert drawn_interval(error) == (0.0, error.high)
-    other = statistic("gain_db", [-3.0, 4.0])
-    assert drawn_interval(other) == (other.low, other.high)
-    assert drawn_interval(statistic("iou_mean", [0.5])) == (0.5, 0.5)
+def drawn(rows, **look):
+    with style.drawing():
+        axes = style.new_figure(3.0, 2.0).add_subplot()
+        draw_line(axes, [0.1 + i for i in range(len(rows))], rows, True, **line_look(0) | look)
+    return [np.transpose(line.get_data()) for line in axes.lines]
 
 
 def test_drawn_means_and_intervals():
-    rows = [statistic("iou_mean", values) for values in ([0.2, 0.95], [0.5, 0.5], [None])]
-    with style.drawing():
-        axes = style.new_figure(3.0, 2.0).add_subplot()
-        assert draw_line(axes, [0.1, 1.1, 2.1], rows, "#000000", "a", True)
-        (bars,) = axes.collections
-        low, high = bars.get_segments()[0][:, 1]
-        assert (low, high) == pytest.approx((0.0, 1.0))
-        assert bars.get_segments()[0][0, 0] == pytest.approx(0.1)
-        assert not draw_line(axes, [0.0], rows[1:2], "#000000", "a", True)
+    known = statistic("iou_mean", [0.2, 0.95, 0.5, 0.6])
+    interval, line = drawn([known, statistic("iou_mean", [None])])
+    np.testing.assert_allclose(interval, [[0.1, known.low], [0.1, known.high]])
+    np.testing.assert_allclose(line, [[0.1, 0.5625]])
 
 
-def test_the_caption_names_every_change_of_the_drawing():
-    text = caption(False, 1, False, 0, {2})
-    assert text == "mean over n = 2 seeds, with the 95 % interval (Student's t)"
-    assert caption(False, 1, False, 0, {1}) == "mean over n = 1 seeds, no interval"
-    text = caption(False, 3, True, 2, {4, 5})
-    assert "n = 4 to 5 seeds" in text
-    assert "shifted" in text
-    assert "intervals clipped" in text
+def test_below_four_the_runs_are_drawn():
+    runs, _ = drawn([statistic("iou_mean", [0.2, 0.95])])
+    np.testing.assert_allclose(runs, [[0.1, 0.2], [0.1, 0.95]])
+    assert len(drawn([statistic("iou_mean", [0.5])])) == 1
+    assert len(drawn([statistic("iou_mean", [0.5, 0.6])], marker="")) == 1
+
+
+def test_the_caption_says_what_is_drawn():
+    assert caption("seeds", 1, 0, {5}) == "mean over n = 5 seeds; bars: 95 % intervals"
+    assert caption("seeds", 1, 0, {2}) == "mean over n = 2 seeds; ticks: the runs"
+    assert caption("seeds", 1, 0, {1}) == "one run of each setting (seeds: 1)"
+    text = caption("seeds", 3, 2, {4, 5})
+    assert "n = 4 to 5 seeds" in text and "shifted" in text
     assert "without 2 incomplete settings" in text
 
 
-def test_means_over_other_axes_are_not_drawn_for_incomplete_settings():
-    settings = [{"a": str(i), "b": str(i % 2)} for i in range(2 * MOST_LINES + 2)]
-    runs = [(setting, {"iou_mean": 0.5}) for setting in settings]
-    assert set(axis_figures(runs, [["a"], ["b"]])) == {"a.png", "b.png"}
-    assert set(axis_figures(runs, [["a"], ["b"]], 1)) == {"a.png"}
+def test_many_combinations_are_thin_lines_with_their_mean():
+    many = [(("a", str(i)), ("b", str(i % 2))) for i in range(2 * MOST_LINES + 2)]
+    runs = [(setting, ("0",), {"iou_mean": 0.5}) for setting in many]
+    found, looks = _lines(["b"], runs, 0)
+    assert len(looks) == len(many) + 1
+    assert found[("0",), ""]["iou_mean"].n == 1
+    # The mean over incomplete settings would not be over the same ones.
+    assert len(_lines(["b"], runs, 1)[1]) == len(many)
+    assert set(axis_figures(runs, [["a"], ["b"], ["seed"]])) == {"a.png", "b.png"}
+
+
+def test_no_two_lines_look_alike():
+    looks = [tuple(line_look(i).values()) for i in range(32)]
+    assert len(set(looks)) == 32
+    # Without colour, too, the first eight differ.
+    assert len({look[1:] for look in looks[:8]}) == 8
 
 
 def test_geometric_steps_have_a_log_axis():
@@ -80,15 +88,16 @@ def test_geometric_steps_have_a_log_axis():
         ("low_overlap_share", [0.0, 0.0], (0.0, 1.0)),
         ("nees_position_mean", [0.9, 1.1], (0.5, 2.0)),
         ("nis_mean", [0.02, 30.0], None),
+        ("centre_rmse_m", [0.1, 0.12, 0.1, 9.0], None),
     ],
 )
 def test_the_axis_of_values_fits_the_metric(name, values, limits):
     with style.drawing():
         axes = style.new_figure(3.0, 2.0).add_subplot()
-        axes.plot([0, 1], values)
+        axes.plot(range(len(values)), values)
         scale_values(axes, name)
         low, high = axes.get_ylim()
     if limits is None:
-        assert axes.get_yscale() == "log" and low < 0.02 and high > 30.0
+        assert axes.get_yscale() == "log" and low < min(values) and high > max(values)
     else:
         assert (low, high) == pytest.approx(limits)

@@ -13,7 +13,8 @@ import yaml
 from stixel_cli import sweep
 from stixel_cli.cli.app import main
 from stixel_cli.config.compose import compose, from_resolved
-from stixel_cli.evaluation.metric_table import LOSS_RATE
+from stixel_cli.evaluation.metric_table import LOSS_RATE, metric
+from stixel_cli.report.intervals import between_bounds
 from stixel_cli.report.statistics import statistic
 from stixel_cli.results.result import read_scored_run
 from stixel_cli.sweeps import figures
@@ -108,7 +109,7 @@ def test_the_folder(sweeps):
 
 
 def test_the_statistics_are_those_of_the_seeds(sweeps):
-    swept = sweeps.run(*FEW, "tracker.sigma_f=0.1,0.3", "seed=0,1,2", "--name", "mine")
+    swept = sweeps.run(*FEW, "tracker.sigma_f=0.1,0.3", "seed=range(0,4)", "--name", "mine")
     with (sweeps.results / "mine" / "summary.csv").open() as file:
         rows = list(csv.DictReader(file))
     metrics = json.loads((sweeps.results / "mine/runs/0000/metrics.json").read_text())
@@ -120,16 +121,17 @@ def test_the_statistics_are_those_of_the_seeds(sweeps):
             for run in sweeps.rows("mine")
             if run["tracker.sigma_f"] == row["tracker.sigma_f"]
         ]
-        assert int(row["n"]) == len(values) == 3
+        assert int(row["n"]) == len(values) == 4
         mean, std = np.mean(values), np.std(values, ddof=1)
         assert float(row["mean"]) == pytest.approx(mean)
         assert float(row["std"]) == pytest.approx(std, abs=1e-12)
-        half = 4.302652729911275 * std / math.sqrt(3)  # t of 2 degrees of freedom
-        assert float(row["interval_low"]) == pytest.approx(mean - half)
-        assert float(row["interval_high"]) == pytest.approx(mean + half)
+        half = 3.182446305284263 * std / math.sqrt(4)  # t of 3 degrees of freedom
+        low, high = between_bounds(mean, half, metric(row["metric"]).bounds)
+        assert float(row["interval_low"]) == pytest.approx(low)
+        assert float(row["interval_high"]) == pytest.approx(high)
     markdown = (sweeps.results / "mine" / "summary.md").read_text()
     assert "## centre error, RMSE (m)" in markdown
-    assert re.search(r"^\| 0\.1 \| 3 \| [\d.]+ \| [\d.]+ \| [\d.]+ … [\d.]+ \|$", markdown, re.M)
+    assert re.search(r"^\| 0\.1 \| 4 \| [\d.]+ \| [\d.]+ \| [\d.]+ … [\d.]+ \|", markdown, re.M)
     latex = (sweeps.results / "mine" / "summary.tex").read_text()
     assert latex.count(r"\begin{tabular}") == latex.count(r"\end{tabular}")
     # A metric without a value has no table.
@@ -142,7 +144,7 @@ def test_statistics_of_few_values():
     assert statistic("iou_mean", [None, None]).mean is None
     one = statistic("iou_mean", [0.5, None])
     assert (one.n, one.mean, one.std, one.low) == (1, 0.5, None, None)
-    same = statistic("iou_mean", [0.5, 0.5])
+    same = statistic("iou_mean", [0.5] * 4)
     assert (same.std, same.low, same.high) == (0.0, 0.5, 0.5)
     # Known by hand: 1, 2, 3, 4 has mean 2.5, s = 1.29099, t(3) = 3.18245.
     four = statistic("x", [4, 1, 3, 2])
@@ -206,15 +208,13 @@ def test_the_printed_summary(sweeps, capsys):
     said = capsys.readouterr().out
     assert "4 of 4 runs done" in said
     assert said.splitlines()[-1] == str(sweeps.results / "mine")
-    assert "Mean over n seeds" in said
-    assert main(["sweep", *FEW, "tracker.sigma_q=1,2", "--results", str(sweeps.results)]) == 0
-    assert "One seed per setting: no interval; all metrics: summary.csv" in capsys.readouterr().out
+    assert "Mean over n seeds (no interval below n = 4); all metrics: summary.csv" in said
 
 
 @pytest.mark.parametrize("columns", ["40", "80"])
 def test_tables_are_not_cut_without_a_terminal(sweeps, capsys, monkeypatch, columns):
     monkeypatch.setenv("COLUMNS", columns)
-    line = [*FEW, "tracker.sigma_f=0.05,0.15", "start.position=0.1,0.2", "seed=0,1"]
+    line = [*FEW, "tracker.sigma_f=0.05,0.15", "start.position=0.1,0.2", "seed=range(0,4)"]
     assert main(["plan", *line]) == 0
     assert main(["sweep", *line, "--results", str(sweeps.results)]) == 0
     said = capsys.readouterr().out
@@ -223,7 +223,7 @@ def test_tables_are_not_cut_without_a_terminal(sweeps, capsys, monkeypatch, colu
     assert len(heads) == 1
     assert "start.position" in heads[0]
     assert "orientation error, RMSE (°)" in heads[0]
-    assert sum(row.count("±") == 5 for row in said.splitlines()) == 4
+    assert sum(row.count("[") == 6 for row in said.splitlines()) == 4
 
 
 def test_json_has_the_full_folder_and_show_fits_the_terminal(sweeps, tmp_path, capsys, monkeypatch):
@@ -249,7 +249,8 @@ def test_from_python_nothing_is_written(sweeps, tmp_path):
 def test_figures_of_text_values_numbers_and_many_lines():
     runs = [
         (
-            {"tracker.sigma_q": str(i), "road_user": user},
+            (("tracker.sigma_q", str(i)), ("road_user", user)),
+            ("0",),
             {"iou_mean": 0.1 * i, "centre_rmse_m": None},
         )
         for i in range(12)

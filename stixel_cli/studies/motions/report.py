@@ -15,8 +15,9 @@ from stixel_cli.evaluation.metric_table import METRICS
 from stixel_cli.evaluation.scan_errors import finite_mean
 from stixel_cli.report.blocks import Cell, Figure, Material, Table
 from stixel_cli.report.forest import difference_row, forest
+from stixel_cli.report.intervals import combined_interval
 from stixel_cli.report.run_frame import BASELINE, LIDAR, STIXELS, run_frame
-from stixel_cli.report.statistics import Estimate, Statistic, combined_interval, excludes_zero
+from stixel_cli.report.statistics import Estimate, Statistic, excludes_zero
 from stixel_cli.report.tables import chosen, difference, ends, names, rows_by, with_unit
 from stixel_cli.results.reader import listed
 from stixel_cli.results.result import RunResult

@@ -15,7 +15,8 @@ import pandas as pd
 
 from stixel_cli.errors import counted
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.report.statistics import Estimate, bootstrap_interval, bootstrap_weights
+from stixel_cli.report.intervals import bootstrap_interval, bootstrap_weights
+from stixel_cli.report.statistics import Estimate
 from stixel_cli.report.tables import chosen
 from stixel_cli.results.result import RunResult
 from stixel_cli.validation.stage_tables import stage_tables

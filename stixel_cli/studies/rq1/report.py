@@ -10,8 +10,9 @@ from typing import Any
 from stixel_cli.pictures.style import DEPTH_TICKS
 from stixel_cli.report.blocks import Figure, Material
 from stixel_cli.report.forest import Row, forest
+from stixel_cli.report.intervals import DRAWS
 from stixel_cli.report.scan_frame import stage_pictures
-from stixel_cli.report.statistics import DRAWS, Estimate
+from stixel_cli.report.statistics import Estimate
 from stixel_cli.studies.data import StudyData
 from stixel_cli.studies.rq1 import errors as of
 from stixel_cli.studies.rq1.figures import chapter_figures

@@ -10,17 +10,16 @@ import pandas as pd
 from stixel_cli.evaluation.metric_table import METRICS
 from stixel_cli.report.blocks import Cell, Figure, Table
 from stixel_cli.report.forest import Row, forest
+from stixel_cli.report.intervals import bootstrap_interval, bootstrap_weights
 from stixel_cli.report.metrics import MINUS
 from stixel_cli.report.statistics import (
     LEAST_DRAWN,
     SIGNIFICANT,
     Estimate,
     Paired,
-    bootstrap_interval,
-    bootstrap_weights,
+    excludes_zero,
     holm,
     least_p,
-    mean_interval,
     paired,
     pairs_needed,
 )
@@ -176,8 +175,7 @@ def gap_closed(gap: np.ndarray, rest: np.ndarray, strata: Sequence[str], name: s
     interval contains 0. The fraction's own interval is a bootstrap's, and None if a stratum has
     fewer than `LEAST_DRAWN` pairs; `name` is the label of the random numbers.
     """
-    bounds = mean_interval(gap, strata)
-    if bounds is None or bounds[0] <= 0.0 <= bounds[1]:
+    if not excludes_zero(paired(gap, strata)):
         return Estimate()
     columns = np.array(strata)
     of_stratum = (columns[:, None] == np.unique(columns)).astype(np.float64)

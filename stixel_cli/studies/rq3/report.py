@@ -10,8 +10,9 @@ import pandas as pd
 from stixel_cli.measurements.noise import ConstantNoise, FittedNoise, StereoNoise
 from stixel_cli.report.blocks import Material, Table
 from stixel_cli.report.cost import SHARED, cost_of, cost_table
+from stixel_cli.report.intervals import DRAWS
 from stixel_cli.report.metrics import listed_by_user, quantity
-from stixel_cli.report.statistics import DRAWS, SIGNIFICANT, Paired, excludes_zero
+from stixel_cli.report.statistics import SIGNIFICANT, Paired, excludes_zero
 from stixel_cli.report.tables import chosen, names
 from stixel_cli.results.reader import listed
 from stixel_cli.results.result import RunResult
