@@ -131,8 +131,8 @@ def _print_statistics(result: "SweepResult") -> None:
     """Print the main metrics of the first settings; all of them are in the summary."""
     from stixel_cli.evaluation.metric_table import over_runs
     from stixel_cli.report.metrics import with_interval
+    from stixel_cli.report.tables import label_of
     from stixel_cli.sweeps.figures import SHOWN
-    from stixel_cli.sweeps.results import heading
 
     by_setting = result.statistics
     names = [over_runs(name) for name in SHOWN]
@@ -145,7 +145,7 @@ def _print_statistics(result: "SweepResult") -> None:
             cells.append(with_interval(one.mean, one.low, one.high))
         n = max((row[name].n for name in names), default=0)
         rows.append((*(value for _, value in setting), str(n), *cells))
-    header = [*keys, "n", *map(heading, names)]
+    header = [*keys, "n", *map(label_of, names)]
     numbers = range(len(keys), len(header))
     print_table(header, rows, right=numbers, leave_out=numbers[:1:-1])
     known = any(row[name].low is not None for row in by_setting.values() for name in names)

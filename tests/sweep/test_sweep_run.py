@@ -211,19 +211,18 @@ def test_the_printed_summary(sweeps, capsys):
     assert "Mean over n seeds (no interval below n = 4); all metrics: summary.csv" in said
 
 
-@pytest.mark.parametrize("columns", ["40", "80"])
-def test_tables_are_not_cut_without_a_terminal(sweeps, capsys, monkeypatch, columns):
+@pytest.mark.parametrize(("columns", "shown"), [("80", 2), ("200", 6)])
+def test_the_table_of_the_settings_fits_the_screen(sweeps, capsys, monkeypatch, columns, shown):
     monkeypatch.setenv("COLUMNS", columns)
     line = [*FEW, "tracker.sigma_f=0.05,0.15", "start.position=0.1,0.2", "seed=range(0,4)"]
     assert main(["plan", *line]) == 0
     assert main(["sweep", *line, "--results", str(sweeps.results)]) == 0
     said = capsys.readouterr().out
     assert "…" not in said
-    heads = [row for row in said.splitlines() if "tracker.sigma_f" in row and "RMSE" in row]
-    assert len(heads) == 1
-    assert "start.position" in heads[0]
-    assert "orientation error, RMSE (°)" in heads[0]
-    assert sum(row.count("[") == 6 for row in said.splitlines()) == 4
+    table = said[said.index("tracker.sigma_f   start") : said.index("Mean over")]
+    assert "centre RMSE (m)" in table and table.count("[") == 4 * shown
+    assert max(map(len, table.splitlines())) <= int(columns)
+    assert ("Not shown on a screen of 80 columns: mean IoU" in said) == (columns == "80")
 
 
 def test_json_has_the_full_folder_and_show_fits_the_terminal(sweeps, tmp_path, capsys, monkeypatch):
