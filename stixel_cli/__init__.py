@@ -9,6 +9,7 @@ from stixel_cli.version import __version__
 _MODULES = {
     "stixel_cli.api": ("compose", "plot", "run", "sweep"),
     "stixel_cli.pairs": ("stixels_from_disparity", "stixels_from_pair"),
+    "stixel_cli.stream": ("StixelStream",),
 }
 __all__ = ["__version__", *sorted(name for names in _MODULES.values() for name in names)]
 

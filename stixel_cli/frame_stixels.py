@@ -24,9 +24,15 @@ class FrameStixels:
 
     Attributes:
         rig: of the images, W × H px.
-        stixels: all fields, as the stage `stixels` of a run has them, of one frame.
-        free_space: of the same frame.
+        stixels: of this frame, as the stage `stixels` of a run has them, with further arrays.
+        free_space: of this frame; the unknown part of a column begins at its `unknown_row`.
         image: (H, W) uint8, the left image; None without images.
+        columns: (n, 2) int32 px, the first column and the one after the last.
+        rows: (n, 2) int32 px, top and base, both inclusive.
+        depth: (n,) m along the road, straight ahead of the left camera; and variance: its, (n,) m².
+        height: (n,) m, of the top above the road.
+        points: (n, 2) m on the ground, to the right of the left camera and ahead of it.
+        unknown: (W,) bool, columns of which a part is unknown: it may hide an obstacle.
     """
 
     rig: Rig
@@ -34,46 +40,20 @@ class FrameStixels:
     free_space: FreeSpace
     image: np.ndarray | None = None
 
+    def __post_init__(self) -> None:
+        own = self.stixels
+        vars(self).update(
+            columns=np.stack([own.left, own.right], axis=1),
+            rows=np.stack([own.top, own.base], axis=1),
+            depth=own.depth,
+            variance=own.covariances_ego[:, 1, 1],
+            height=own.height,
+            points=own.points_ego,
+            unknown=self.free_space.unknown_row[0] >= 0,
+        )
+
     def __len__(self) -> int:
         return len(self.stixels.left)
-
-    @property
-    def columns(self) -> np.ndarray:
-        """First column and the column after the last (n, 2) int32, px."""
-        return np.stack([self.stixels.left, self.stixels.right], axis=1)
-
-    @property
-    def rows(self) -> np.ndarray:
-        """Top and base row (n, 2) int32, px, both inclusive."""
-        return np.stack([self.stixels.top, self.stixels.base], axis=1)
-
-    @property
-    def depth(self) -> np.ndarray:
-        """Depth (n,) m along the road, straight ahead of the left camera."""
-        return self.stixels.depth
-
-    @property
-    def variance(self) -> np.ndarray:
-        """Variance (n,) m² of the depth."""
-        return self.stixels.covariances_ego[:, 1, 1]
-
-    @property
-    def height(self) -> np.ndarray:
-        """Height (n,) m of the top above the road."""
-        return self.stixels.height
-
-    @property
-    def points(self) -> np.ndarray:
-        """Points (n, 2) m on the ground: to the right of the left camera, and ahead of it."""
-        return self.stixels.points_ego
-
-    @property
-    def unknown(self) -> np.ndarray:
-        """Which columns (W,) bool have a part of which nothing is known: it may hide an obstacle.
-
-        The part begins at `free_space.unknown_row`.
-        """
-        return self.free_space.unknown_row[0] >= 0
 
     def to_frame(self) -> "pandas.DataFrame":
         """A table with one row per stixel; `stixel assess --stixels` reads it as CSV.
@@ -84,28 +64,23 @@ class FrameStixels:
         """
         import pandas
 
-        stixels = self.stixels
         names = ("left", "right", "top", "base", "disparity", "depth", "height")
-        points, covariances = stixels.points_ego, stixels.covariances_ego
-        return pandas.DataFrame(
-            {name: getattr(stixels, name) for name in names}
-            | {"x": points[:, 0], "y": points[:, 1], "var_xx": covariances[:, 0, 0]}
-            | {"var_xy": covariances[:, 0, 1], "var_yy": covariances[:, 1, 1]}
-        )
+        table = pandas.DataFrame({name: getattr(self.stixels, name) for name in names})
+        table[["x", "y"]] = self.points
+        flat = self.stixels.covariances_ego.reshape(-1, 4)
+        table[["var_xx", "var_xy", "var_yy"]] = flat[:, [0, 1, 3]]
+        return table
 
-    def to_scan(self, pose: np.ndarray | None = None, time: float = 0.0) -> "Scans":
+    def to_scan(self, pose: np.ndarray = (0.0, 0.0, STRAIGHT_AHEAD), time: float = 0.0) -> "Scans":
         """One scan for a tracker: the ground points inside the gates of height and range.
 
-        Args:
-            pose: (3,) x m, y m, heading rad of the camera in the world; None for (0, 0, pi/2).
-            time: s.
+        `pose` (3,) is that of the camera in the world: x m, y m, heading rad. `time` is in s.
         """
         from stixel_cli.config.real_images import real_image_parameters
         from stixel_cli.measurements.stixels import gather_scans
         from stixel_cli.scene.scenario import EgoMotion
 
-        pose = np.array([0.0, 0.0, STRAIGHT_AHEAD]) if pose is None else np.asarray(pose)
-        motion = EgoMotion(np.array([time]), pose[None])
+        motion = EgoMotion(np.array([time]), np.array([pose], dtype=np.float64))
         return gather_scans([self.stixels], motion, real_image_parameters().measurement, self.rig)
 
     def to_stx1(self) -> bytes:
@@ -124,10 +99,9 @@ class FrameStixels:
         return world.SerializeToString()
 
     def draw(self, image: np.ndarray | None = None) -> np.ndarray:
-        """A picture (H, W, 3) uint8 RGB: the stixels, coloured by their depth, over the image.
+        """A picture (H, W, 3) uint8 RGB: the stixels over the image, near yellow, far violet.
 
-        `image` is (H, W) or (H, W, 3) uint8, by default the left image, or black without one. Near
-        stixels are yellow, far ones violet.
+        `image` is (H, W) or (H, W, 3) uint8, by default the left image, or black without one.
         """
         from stixel_cli.pictures.style import depth_colours
 
@@ -135,19 +109,18 @@ class FrameStixels:
         if image is None:
             image = np.zeros((self.rig.height, self.rig.width), dtype=np.uint8)
         picture = image.copy() if image.ndim == 3 else np.repeat(image[..., None], 3, axis=2)
+        colours = 255.0 * depth_colours(self.depth)
         for colour, (left, right), (top, base) in zip(
-            255.0 * depth_colours(self.depth), self.columns, self.rows, strict=True
+            colours, self.columns, self.rows, strict=True
         ):
             area = picture[top : base + 1, left:right]
             area[...] = np.rint(OPACITY * colour + (1.0 - OPACITY) * area)
         return picture
 
     def __repr__(self) -> str:
-        spans = f", {self.depth.min():.1f} to {self.depth.max():.1f} m" if len(self) else ""
-        return (
-            f"<{len(self)} stixels{spans}; {int(self.unknown.sum())} of {self.rig.width} columns "
-            "with an unknown part>"
-        )
+        span = f", {self.depth.min():.1f} to {self.depth.max():.1f} m" if len(self) else ""
+        unknown = f"{self.unknown.sum()} of {self.rig.width} columns with an unknown part"
+        return f"<{len(self)} stixels{span}; {unknown}>"
 
     def _repr_png_(self) -> bytes:
         from stixel_cli.images import encode_png

@@ -1,7 +1,7 @@
 """Stixels of your own images or disparities in one call: `stixels_from_pair`.
 
-The parameters are those of `stixel run source=pair …`: the road is estimated. NumPy is all that an
-import of this module needs; Hydra, Open3D and the engine are never imported.
+The parameters are those of `stixel run source=pair …`: the road is estimated. To import this takes
+NumPy only; Hydra, Open3D and the engine are never imported.
 """
 
 import json
@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, replace
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -31,10 +31,8 @@ FRAME = range(1, 2)
 
 PARKED = np.array([[0.0, 0.0, STRAIGHT_AHEAD]] * 2)
 
-ABSENT = dict.fromkeys(
-    ("horizontal_fov", "focal_length", "principal_u", "principal_v", "vertical_fov")
-) | {"pitch": 0.0}
-"""What numbers of a rig may leave out."""
+LEFT_OUT = ("horizontal_fov", "focal_length", "principal_u", "principal_v", "vertical_fov")
+"""Fields of a rig that numbers may leave out, as well as the pitch."""
 
 
 def stixels_from_pair(
@@ -45,9 +43,8 @@ def stixels_from_pair(
     Args:
         left, right: (H, W) grey or (H, W, 3) RGB images, uint8, or uint16, which is scaled by the
             greatest value of the image. Colour becomes luma (ITU-R BT.601).
-        rig: the cameras. As numbers, the mapping has `focal_length` (px), `baseline` and
-            `camera_height` (m), and as needed the other fields of `geometry.rig.Rig`, except for
-            the size, which is that of the images.
+        rig: the cameras. Numbers are `focal_length` (px), `baseline` and `camera_height` (m), and
+            as needed the other fields of `geometry.rig.Rig`; the size is that of the images.
         previous: stixels of the frame before, if the car is parked: the free space changes little
             from frame to frame. `StixelStream` does this for a car that drives.
 
@@ -55,7 +52,7 @@ def stixels_from_pair(
         ArgumentError: a ValueError, for an argument that is not valid; it names the argument.
     """
     pair = grey_pair(left, right)
-    rig = rig_of(rig, pair[0].shape, "left")
+    rig = rig_of(rig, pair[0].shape)
     return stixels_of(matched(pair, rig), pair, rig, previous)
 
 
@@ -70,8 +67,8 @@ def stixels_from_disparity(
 
     Args:
         disparity: (H, W) float, px of the left image, without the error that `rig` states; NaN
-            where it is unknown. It is rounded to 1/16 px. Disparities of depths below 2 m
-            (`stereo.nearest` in `conf/recorded.yaml`) count as unknown.
+            where it is unknown. It is rounded to 1/16 px. Disparities of depths below
+            `stereo.nearest`, 2 m, count as unknown.
         rig, previous: as in `stixels_from_pair`.
         images: the left and the right image, which refine the disparity of each stixel; without
             them it is not refined.
@@ -85,28 +82,20 @@ def stixels_from_disparity(
 
     disparity = np.asarray(disparity)
     if disparity.ndim != 2 or not np.issubdtype(disparity.dtype, np.floating):
-        raise ArgumentError(
-            f"disparity: must be a float array (H, W), got {disparity.dtype} {disparity.shape}"
-        )
+        got = f"{disparity.dtype} {disparity.shape}"
+        raise ArgumentError(f"disparity: must be a float array (H, W), got {got}")
     if (disparity < 0.0).any():
-        raise ArgumentError(
-            f"disparity: must be >= 0 px, or NaN where it is unknown, got {np.nanmin(disparity):g}"
-        )
-    rig = rig_of(rig, disparity.shape, "disparity")
-    pair = None
-    if images is not None:
-        if len(images) != 2:
-            raise ArgumentError(f"images: must be the left and the right image, got {len(images)}")
-        pair = grey_pair(*images)
-        if pair[0].shape != disparity.shape:
-            raise ArgumentError(
-                f"images: {pair[0].shape} px, but the disparity has {disparity.shape} px"
-            )
+        least = np.nanmin(disparity)
+        raise ArgumentError(f"disparity: must be >= 0 px, or NaN where unknown, got {least:g}")
+    rig = rig_of(rig, disparity.shape)
+    pair = None if images is None else grey_pair(*images)
+    if pair is not None and pair[0].shape != disparity.shape:
+        raise ArgumentError(f"images: must be {disparity.shape} px, got {pair[0].shape}")
     count = disparity_count(real_image_parameters().stereo, rig)
     scaled = np.rint(SUBPIXELS * np.nan_to_num(disparity.astype(np.float64), nan=-1.0))
     known = (scaled >= 0) & (scaled < SUBPIXELS * count)
     raw = np.where(known, scaled, INVALID).astype(np.int16)
-    return stixels_of(Disparities.from_raw(FRAME.start, count, [raw]), pair, rig, previous)
+    return stixels_of(Disparities.in_memory(FRAME.start, count, [raw]), pair, rig, previous)
 
 
 def matched(pair: tuple[np.ndarray, np.ndarray], rig: Rig) -> "Disparities":
@@ -136,37 +125,30 @@ def stixels_of(
     from stixel_cli.stixels.extraction import extract_stixels
     from stixel_cli.stixels.free_space import find_free_space
 
-    p = real_image_parameters()
+    p, motion = real_image_parameters(), EgoMotion(np.arange(2.0), poses)
+    before = None if previous is None else previous.free_space
     free_space = find_free_space(
-        disparities,
-        EgoMotion(np.arange(2.0), poses),
-        rig,
-        p.road,
-        p.occupancy,
-        p.free_space,
-        FRAME,
-        None if previous is None else previous.free_space,
+        disparities, motion, rig, p.road, p.occupancy, p.free_space, FRAME, before
     )
-    pairs, extraction = None, replace(p.extraction, refinement=0.0)
+    pairs, extraction, image = None, replace(p.extraction, refinement=0.0), None
     if pair is not None:
         pairs, extraction = StereoPairs(FRAME.start, *((i,) for i in pair)), p.extraction
+        image = pair[0]
     stixels = extract_stixels(disparities, free_space, pairs, rig, p.height, extraction, FRAME)
-    image = None if pair is None else pair[0]
     return FrameStixels(rig, replace(stixels, first=0), replace(free_space, first=0), image)
 
 
-def grey_pair(left: np.ndarray, right: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def grey_pair(*images: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Both images as grey values (H, W) uint8; ArgumentError if they are not a pair."""
-    pair = grey("left", left), grey("right", right)
-    if pair[0].shape != pair[1].shape:
-        raise ArgumentError(
-            f"right: must have the size of the left image, {pair[0].shape}, got {pair[1].shape}"
-        )
-    return pair
+    if len(images) != 2:
+        raise ArgumentError(f"images: must be the left and the right image, got {len(images)}")
+    left, right = (_grey(*named) for named in zip(("left", "right"), images, strict=True))
+    if left.shape != right.shape:
+        raise ArgumentError(f"right: must be {left.shape} px, as left, got {right.shape}")
+    return left, right
 
 
-def grey(name: str, image: np.ndarray) -> np.ndarray:
-    """An image as grey values (H, W) uint8; `name` is the argument's, for messages."""
+def _grey(name: str, image: np.ndarray) -> np.ndarray:
     import cv2
 
     image = np.asarray(image)
@@ -180,48 +162,35 @@ def grey(name: str, image: np.ndarray) -> np.ndarray:
     return image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
 
 
-def rig_of(rig: RigLike, shape: tuple[int, int], image: str) -> Rig:
-    """The rig of images of `shape` (H, W); ArgumentError if it is not valid, or of another size.
-
-    `image` is the argument with that shape, for messages.
-    """
+def rig_of(rig: RigLike, shape: tuple[int, int]) -> Rig:
+    """The rig of images of `shape` (H, W); ArgumentError if it is not valid, or of another size."""
     from pydantic import ValidationError
 
     from stixel_cli.config.real_images import real_image_parameters
     from stixel_cli.recordings.plain_folder import read_named_calibration
 
-    height, width = shape
-    if isinstance(rig, Rig):
-        values: dict[str, Any] = asdict(rig)
-    elif isinstance(rig, Path | str):
-        try:
-            values = read_named_calibration(Path(rig)).rig_values(width, height)
-        except UserError as fault:
-            raise ArgumentError(f"rig: {fault}") from None
-        if "camera_height" not in values:
-            raise ArgumentError(f"rig: {rig}: camera_height is missing: add it, m above the road")
-    elif isinstance(rig, Mapping):
-        values = ABSENT | {"width": width, "height": height} | dict(rig)
-    else:
-        raise ArgumentError(f"rig: must be numbers, a file or a Rig, got {type(rig).__name__}")
-    if (values["width"], values["height"]) != (width, height):
-        raise ArgumentError(
-            f"rig: is of {values['width']} × {values['height']} px, but {image} has "
-            f"{width} × {height} px"
-        )
+    size = {"width": shape[1], "height": shape[0]}
     try:
-        # As JSON, because strict validation of Python values takes only finished objects.
+        if isinstance(rig, Path | str):
+            given = read_named_calibration(Path(rig)).rig_values(**size)
+        else:
+            given = asdict(rig) if isinstance(rig, Rig) else dict(rig)
+        values = dict.fromkeys(LEFT_OUT) | {"pitch": 0.0} | size | given
         plain = {k: v.item() if isinstance(v, np.generic) else v for k, v in values.items()}
+        if not size.items() <= plain.items():
+            is_of, has = (f"{one['width']} × {one['height']} px" for one in (plain, size))
+            raise ValueError(f"is of {is_of}, but the image has {has}")
+        # As JSON, because strict validation of Python values takes only finished objects.
         valid = rig_validator().validate_json(json.dumps(plain))
         valid.check()
         real_image_parameters().stereo.check(valid)
     except ValidationError as error:
         fault = error.errors()[0]
         got = "" if fault["type"] == "missing" else f", got {fault['input']!r}"
-        name = ".".join(map(str, ("rig", *fault["loc"])))
-        raise ArgumentError(f"{name}: {fault['msg']}{got}") from None
-    except (TypeError, ValueError) as fault:
-        raise ArgumentError(str(fault)) from None
+        name = "".join(f"{part}: " for part in fault["loc"])
+        raise ArgumentError(f"rig: {name}{fault['msg']}{got}") from None
+    except (TypeError, ValueError, UserError) as fault:
+        raise ArgumentError(f"rig: {fault}".replace("rig: rig.", "rig: ")) from None
     return valid
 
 

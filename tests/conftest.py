@@ -7,6 +7,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import pytest
 from browser import open_page as open_page
+from rendered_clip import clip as clip
 
 from stixel_cli.engine.cache_folder import make_folder
 

@@ -10,11 +10,11 @@ PACKAGE = Path(stixel_cli.__file__).parent
 
 BUDGET = {
     # The reader of Feather files stands beside that of all other foreign files.
-    "": 1449,
+    "": 1584,
     "calibration": 643,
     # `explain` says if a folder has results of other code than the cached ones.
     "cli": 2769,
-    "config": 2790,
+    "config": 2788,
     # A check that another process has not marked the new cache meanwhile.
     "engine": 4932,
     # The box of a track has room for the limbs; loss has one definition, with heading and class.
@@ -30,14 +30,14 @@ BUDGET = {
     "pictures": 1307,
     "recordings": 2179,
     # Images of a rig out of calibration.
-    "rendering": 2340,
+    "rendering": 2341,
     # The layer that studies share: runs, scans, cost, templates, numbered blocks, files.
     "report": 2797,
     "results": 1457,
     # A mesh in other units and along another axis.
     "scene": 3483,
     # Conditions of the rig, the matchers, the path, the pictures and the prior, from config/.
-    "stereo": 482,
+    "stereo": 490,
     "stixels": 2030,
     # A study of the trackers away from home.
     "studies": 4963,
@@ -45,14 +45,14 @@ BUDGET = {
     "sweeps": 2483,
     # `contour`: the bank of forms for what it did not learn from, the search at the first scan;
     # a start from slow and sparse scans.
-    "tracking": 5438,
+    "tracking": 5449,
     # Statistics of points, the fit of their noise and the tables of stages, of the studies before.
     "validation": 1517,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
 
 # The filters of PyRecEst: with the tracker they had more than 300 lines.
-MODULES = 309
+MODULES = 310
 """Modules of the package, without `__init__`."""
 
 

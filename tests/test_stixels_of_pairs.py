@@ -1,6 +1,5 @@
 """Stixels of your own images in one call: those of `stixel run`, and clear errors."""
 
-import dataclasses
 import os
 import subprocess
 import sys
@@ -9,28 +8,13 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from rendered_clip import assert_same, results_of_run
 
 from stixel_cli import compose, stixels_from_disparity, stixels_from_pair
-from stixel_cli.cli.app import main
 from stixel_cli.config.real_images import real_image_parameters
 from stixel_cli.errors import ArgumentError, UserError
-from stixel_cli.experiment.stages import computed_stages
 
-RUN = ("path=depart", "path.duration=0.3", "ego=turning", "rig.width=240", "rig.height=160")
-RUN += ("pictures.frames=[]", "executor=threads")
 NUMBERS = {"focal_length": 200.0, "baseline": 0.4, "camera_height": 1.5}
-
-
-@pytest.fixture(scope="module")
-def clip(tmp_path_factory, shared_cache):
-    """Folder of a rendered clip of three pairs, written by `stixel export`."""
-    folder = tmp_path_factory.mktemp("rendered")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("STIXEL_CACHE", str(shared_cache))
-        assert main(["run", *RUN, "--results", str(folder), "--name", "run"]) == 0
-        export = ["export", str(folder / "run"), "--format", "kitti", "--output"]
-        assert main([*export, str(folder / "clip")]) == 0
-    return folder / "clip"
 
 
 def files_of(clip, k=0):
@@ -50,24 +34,10 @@ def composed(left, right, calibration):
     )
 
 
-def results_of_run(composition, *names):
-    """The results of these stages, one chunk of each."""
-    with computed_stages(composition, list(names)) as (_, load):
-        return [load(name)[0] for name in names]
-
-
-def assert_same(ours, theirs):
-    for field in dataclasses.fields(theirs):
-        one, other = getattr(ours, field.name), getattr(theirs, field.name)
-        assert np.asarray(one).tobytes() == np.asarray(other).tobytes(), field.name
-        assert np.asarray(one).dtype == np.asarray(other).dtype, field.name
-
-
 def test_the_parameters_are_those_that_compose_gives(clip):
     configuration = composed(*files_of(clip)).configuration
-    ours = real_image_parameters()
-    for field in dataclasses.fields(ours):
-        assert getattr(ours, field.name) == getattr(configuration, field.name), field.name
+    for group, parameters in vars(real_image_parameters()).items():
+        assert parameters == getattr(configuration, group), group
 
 
 def test_a_rendered_pair_has_the_stixels_of_stixel_run(clip, pair):
@@ -132,7 +102,7 @@ def test_a_rig_is_numbers_or_a_file_or_a_rig(pair, tmp_path):
     for same in (numbers, file, str(file), rig):
         assert_same(stixels_from_pair(left, right, same).stixels, expected.stixels)
     file.write_text(file.read_text().replace("camera_height", "# camera_height"))
-    with pytest.raises(ArgumentError, match=r"^rig: .*rig\.yaml: camera_height is missing"):
+    with pytest.raises(ArgumentError, match=r"^rig: camera_height: "):
         stixels_from_pair(left, right, file)
 
 
@@ -141,17 +111,20 @@ def test_a_rig_is_numbers_or_a_file_or_a_rig(pair, tmp_path):
     [
         ({"left": np.zeros((160, 240))}, "left: must be uint8 or uint16, got float64"),
         ({"left": np.zeros(9, np.uint8)}, "left: must be .*, got \\(9,\\)"),
-        ({"right": np.zeros((160, 241), np.uint8)}, "right: must have the size of the left"),
-        ({"rig": {"focal_length": 200.0}}, "rig.baseline: "),
-        ({"rig": NUMBERS | {"baseline": -0.4}}, "rig.baseline: .*, got -0.4"),
-        ({"rig": NUMBERS | {"baseline": None}}, "rig.baseline: "),
-        ({"rig": NUMBERS | {"fov": 3}}, "rig.fov: "),
-        ({"rig": NUMBERS | {"horizontal_fov": 60.0}}, "rig.focal_length: set either"),
-        ({"rig": NUMBERS | {"principal_u": 400.0}}, "rig.principal_u: must be 0 to 239"),
-        ({"rig": NUMBERS | {"width": 640}}, "rig: is of 640 × 160 px, but left has 240 × 160 px"),
-        ({"rig": NUMBERS | {"baseline": 5}}, "stereo.nearest: "),
+        (
+            {"right": np.zeros((160, 241), np.uint8)},
+            "right: must be \\(160, 240\\) px, as left, got",
+        ),
+        ({"rig": {"focal_length": 200.0}}, "rig: baseline: "),
+        ({"rig": NUMBERS | {"baseline": -0.4}}, "rig: baseline: .*, got -0.4"),
+        ({"rig": NUMBERS | {"baseline": None}}, "rig: baseline: "),
+        ({"rig": NUMBERS | {"fov": 3}}, "rig: fov: "),
+        ({"rig": NUMBERS | {"horizontal_fov": 60.0}}, "rig: focal_length: set either"),
+        ({"rig": NUMBERS | {"principal_u": 400.0}}, "rig: principal_u: must be 0 to 239"),
+        ({"rig": NUMBERS | {"width": 640}}, "rig: is of 640 × 160 px, but the image has 240 × 160"),
+        ({"rig": NUMBERS | {"baseline": 5}}, "rig: stereo.nearest: "),
         ({"rig": "no.yaml"}, "rig: .*no.yaml is missing"),
-        ({"rig": 3}, "rig: must be numbers, a file or a Rig, got int"),
+        ({"rig": 3}, "rig: "),
     ],
 )
 def test_a_wrong_argument_is_named(change, message):
@@ -167,7 +140,11 @@ def test_a_wrong_argument_is_named(change, message):
         (np.zeros((160, 240), int), None, "disparity: must be a float array"),
         (np.full((160, 240), -1.0), None, "disparity: must be >= 0 px, .* got -1"),
         (np.zeros((160, 240)), (np.zeros((160, 240), np.uint8),), "images: .*, got 1"),
-        (np.zeros((160, 240)), [np.zeros((80, 240), np.uint8)] * 2, "images: \\(80, 240\\) px"),
+        (
+            np.zeros((160, 240)),
+            [np.zeros((80, 240), np.uint8)] * 2,
+            "images: must be .*, got \\(80, 240\\)",
+        ),
     ],
 )
 def test_a_wrong_disparity_is_named(disparity, images, message):

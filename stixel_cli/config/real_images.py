@@ -1,7 +1,7 @@
 """The parameters from real images to scans, as `source=pair` composes them, without Hydra."""
 
-from dataclasses import dataclass, fields
 from functools import cache
+from types import SimpleNamespace
 
 from stixel_cli.config.folders import (
     configured_option,
@@ -19,36 +19,34 @@ from stixel_cli.stixels.parameters import (
     PolarOccupancy,
 )
 
-
-@dataclass(frozen=True)
-class ImageParameters:
-    """The parameters of the stages from images to scans, each by the name of its group."""
-
-    stereo: SgmParameters
-    road: EstimatedRoad
-    occupancy: PolarOccupancy
-    free_space: FreeSpaceParameters
-    height: HeightParameters
-    extraction: ExtractionParameters
-    measurement: StixelsParameters
+SCHEMAS = {
+    "stereo": SgmParameters,
+    "road": EstimatedRoad,
+    "occupancy": PolarOccupancy,
+    "free_space": FreeSpaceParameters,
+    "height": HeightParameters,
+    "extraction": ExtractionParameters,
+    "measurement": StixelsParameters,
+}
+"""By group. Where `conf/` chooses another option by default, its schema belongs here."""
 
 
 @cache
-def real_image_parameters() -> ImageParameters:
-    """The values of `conf/`, with what `conf/recorded.yaml` sets for real images.
+def real_image_parameters() -> SimpleNamespace:
+    """The parameters of each of these groups, by name.
 
-    `compose(["source=pair", …])` has the same (`tests/test_stixels_of_pairs.py`); a run may change
-    them.
+    They are the values of `conf/`, with what `conf/recorded.yaml` sets for real images; a test
+    compares them with those of `compose(["source=pair", …])`.
     """
     suitable = values_beside_groups("recorded")["source"]
     options = suitable["options"]
     suiting = values_that_suit(suitable, options | {"source": "pair", "auto": False})
-    sections = {}
-    for field in fields(ImageParameters):
-        group = field.name
-        values = option_values(group, options.get(group) or configured_option(group))
-        for key, value in suiting.items():
-            if key.startswith(f"{group}."):
-                values[key.removeprefix(f"{group}.")] = value
-        sections[group] = field.type(**values)
-    return ImageParameters(**sections)
+    sections = {
+        group: option_values(group, options.get(group) or configured_option(group))
+        for group in SCHEMAS
+    }
+    for key, value in suiting.items():
+        group, _, name = key.partition(".")
+        if group in sections:
+            sections[group][name] = value
+    return SimpleNamespace(**{group: SCHEMAS[group](**v) for group, v in sections.items()})

@@ -67,7 +67,8 @@ class StereoPairs:
 
     Attributes:
         first: index k of the first frame.
-        left, right: grey images with the sensor's noise, (H, W) uint8.
+        left, right: grey images with the sensor's noise, (H, W) uint8; a tuple of arrays in place
+            of a stack where nothing is stored.
     """
 
     first: int

@@ -26,12 +26,17 @@ class Disparities:
 
     first: int
     count: int
-    stored: ImageStack
+    stored: ImageStack | tuple[np.ndarray, ...]
 
     @classmethod
     def from_raw(cls, first: int, count: int, raw: Iterable[np.ndarray]) -> "Disparities":
         """From raw disparities (H, W) int16: 1/16 px, `INVALID` without a match."""
         return cls(first, count, ImageStack.from_images((r + 1).astype(np.uint16) for r in raw))
+
+    @classmethod
+    def in_memory(cls, first: int, count: int, raw: Iterable[np.ndarray]) -> "Disparities":
+        """As `from_raw`, without compression: for results that are not stored."""
+        return cls(first, count, tuple((r + 1).astype(np.uint16) for r in raw))
 
     def __len__(self) -> int:
         return len(self.stored)

@@ -8,6 +8,7 @@ import numpy as np
 from annotated_types import Ge, Gt, Le, MultipleOf
 
 from stixel_cli.geometry.rig import Rig
+from stixel_cli.images import ImageStack
 from stixel_cli.parameters import parameters
 from stixel_cli.rendering.frames import StereoPairs
 from stixel_cli.stereo.disparities import INVALID, SUBPIXELS, Disparities
@@ -112,7 +113,7 @@ def match_pairs(
         full = create(minimum, at_full_size)
         half = create(*halved_range(minimum, count, BLOCK))
     raw = []
-    with _one_thread():
+    with one_thread():
         for k in frames:
             left, right = pairs.left[k - pairs.first], pairs.right[k - pairs.first]
             found = _find(full, left, right, stereo, checked=half is None)
@@ -124,7 +125,9 @@ def match_pairs(
             columns = np.arange(border.shape[1], dtype=np.int32)
             border[border > columns * SUBPIXELS] = INVALID
             raw.append(corrected(found, errors, greatest) if errors.any() else found)
-    return Disparities.from_raw(frames.start, greatest, raw)
+    # Images in memory are those of a single call, whose disparities nobody stores.
+    make = Disparities.from_raw if isinstance(pairs.left, ImageStack) else Disparities.in_memory
+    return make(frames.start, greatest, raw)
 
 
 def _find(
@@ -206,7 +209,7 @@ def cancel_errors(raw: np.ndarray, moved: np.ndarray) -> np.ndarray:
 
 
 @contextmanager
-def _one_thread():
+def one_thread():
     """OpenCV on one thread: workers give the parallelism, the bytes must not depend on it."""
     import cv2
 

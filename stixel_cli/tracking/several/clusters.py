@@ -48,6 +48,7 @@ class OpenTrack:
         missed: scans in a row without the cluster.
         begun: whether it has passed M of N.
         ended: whether it gets no more clusters.
+        number: of the road user, where tracks are numbered.
     """
 
     scans: list[int]
@@ -57,6 +58,7 @@ class OpenTrack:
     missed: int = 0
     begun: bool = False
     ended: bool = False
+    number: int | None = None
 
 
 def clusters_of(scans: Scans, k: int, longest: float) -> list[np.ndarray]:
@@ -73,36 +75,46 @@ def follow(scans: Scans, longest: float) -> list[OpenTrack]:
     """All tracks of clusters at most `longest` m long, in the order of their first scans."""
     tracks: list[OpenTrack] = []
     for k, interval in enumerate(intervals(scans.times)):
-        clusters = clusters_of(scans, k, longest)
-        places = [scans.points_world[rows].mean(axis=0) for rows in clusters]
-        noise = [
-            PLACE**2 * np.eye(2) + scans.covariances_world[rows].mean(axis=0) / len(rows)
-            for rows in clusters
-        ]
-        alive = [one for one in tracks if not one.ended]
-        for one in alive:
-            one.mean, one.covariance = predict(one.mean, one.covariance, interval, ACCELERATION)
-        pairs = assign([(one.mean, one.covariance) for one in alive], places, noise)
-        for i, one in enumerate(alive):
-            j = pairs.get(i)
-            if j is None:
-                _miss(one, k)
-            else:
-                innovation = places[j] - one.mean[:2]
-                one.mean, one.covariance, _ = update(one.mean, one.covariance, innovation, noise[j])
-                one.scans.append(k)
-                one.rows.append(clusters[j])
-                recent = sum(scan > k - WINDOW for scan in one.scans)
-                one.begun |= recent >= BEGIN
-                one.missed = 0
-        taken = set(pairs.values())
-        for j, rows in enumerate(clusters):
-            if j not in taken:
-                covariance = np.diag([0.0, 0.0, SPEED**2, SPEED**2])
-                covariance[:2, :2] = noise[j]
-                mean = np.array([*places[j], 0.0, 0.0])
-                tracks.append(OpenTrack([k], [rows], mean, covariance))
+        follow_scan(tracks, scans, k, interval, longest)
     return [one for one in tracks if one.begun]
+
+
+def follow_scan(
+    tracks: list[OpenTrack], scans: Scans, k: int, interval: float, longest: float
+) -> None:
+    """Change `tracks` by scan k, an `interval` in s after the one before; add those that it begins.
+
+    Clusters are at most `longest` m long.
+    """
+    clusters = clusters_of(scans, k, longest)
+    places = [scans.points_world[rows].mean(axis=0) for rows in clusters]
+    noise = [
+        PLACE**2 * np.eye(2) + scans.covariances_world[rows].mean(axis=0) / len(rows)
+        for rows in clusters
+    ]
+    alive = [one for one in tracks if not one.ended]
+    for one in alive:
+        one.mean, one.covariance = predict(one.mean, one.covariance, interval, ACCELERATION)
+    pairs = assign([(one.mean, one.covariance) for one in alive], places, noise)
+    for i, one in enumerate(alive):
+        j = pairs.get(i)
+        if j is None:
+            _miss(one, k)
+        else:
+            innovation = places[j] - one.mean[:2]
+            one.mean, one.covariance, _ = update(one.mean, one.covariance, innovation, noise[j])
+            one.scans.append(k)
+            one.rows.append(clusters[j])
+            recent = sum(scan > k - WINDOW for scan in one.scans)
+            one.begun |= recent >= BEGIN
+            one.missed = 0
+    taken = set(pairs.values())
+    for j, rows in enumerate(clusters):
+        if j not in taken:
+            covariance = np.diag([0.0, 0.0, SPEED**2, SPEED**2])
+            covariance[:2, :2] = noise[j]
+            mean = np.array([*places[j], 0.0, 0.0])
+            tracks.append(OpenTrack([k], [rows], mean, covariance))
 
 
 def assign(
@@ -124,13 +136,12 @@ def assign(
     from scipy.optimize import linear_sum_assignment
 
     costs = np.zeros((len(states), len(places)))
-    for i, (mean, covariance) in enumerate(states):
-        for j, place in enumerate(places):
-            spread = covariance[:2, :2] + noise[j]
-            away = place - mean[:2]
-            squared = float(away @ np.linalg.solve(spread, away))
-            if squared <= GATE:
-                costs[i, j] = squared + float(np.log(np.linalg.det(spread))) - PAIR
+    for row, (mean, covariance) in zip(costs, states, strict=True):
+        spread = covariance[:2, :2] + np.array(noise)
+        away = np.array(places) - mean[:2]
+        squared = np.sum(away * np.linalg.solve(spread, away[..., None])[..., 0], axis=1)
+        near = squared <= GATE
+        row[near] = squared[near] + np.log(np.linalg.det(spread[near])) - PAIR
     found = zip(*linear_sum_assignment(costs), strict=True)
     return {int(i): int(j) for i, j in found if costs[i, j] < 0.0}
 

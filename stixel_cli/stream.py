@@ -1,0 +1,192 @@
+"""Stixels, objects and moving objects of image pairs that come one after the other."""
+
+from collections import deque
+from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from itertools import count
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from stixel_cli.errors import ArgumentError
+from stixel_cli.frame_stixels import FrameStixels
+from stixel_cli.geometry.pose import STRAIGHT_AHEAD, planar_poses
+from stixel_cli.pairs import RigLike, grey_pair, matched, rig_of, stixels_of
+
+if TYPE_CHECKING:
+    from stixel_cli.measurements.scans import Scans
+    from stixel_cli.stixels.types import Objects
+    from stixel_cli.tracking.several.clusters import OpenTrack
+
+HISTORY = 20
+"""Whether an object moves is seen from the last scans, so many."""
+
+
+@dataclass(frozen=True)
+class MovingObject:
+    """An object that moves like a road user.
+
+    Attributes:
+        number: the same in all frames.
+        mean: (4,) place and velocity in the world, m and m/s; and covariance: its, (4, 4).
+        points: (n, 2) m, its points in the world; none where it is not seen.
+    """
+
+    number: int
+    mean: np.ndarray
+    covariance: np.ndarray
+    points: np.ndarray
+
+
+@dataclass(frozen=True)
+class StreamFrame:
+    """What `StixelStream` knows after one pair; the world is the ground plane of the first one.
+
+    Attributes:
+        k: number of the pair, from 0.
+        stixels: of the pair.
+        objects: clusters of the stixels.
+        scan: one scan, the points of the stixels in the world.
+        tracks: the objects that move.
+    """
+
+    k: int
+    stixels: FrameStixels
+    objects: "Objects"
+    scan: "Scans"
+    tracks: tuple[MovingObject, ...]
+
+
+class StixelStream:
+    """Takes image pairs in order, and keeps the free space and the tracks from pair to pair.
+
+    The stixels are those of `stixel run` on the same clip; the tracks are the clusters that
+    `source.target=auto` follows, as far as they are known at each pair. `rig` is as in
+    `stixels_from_pair`; `sample_time` is from pair to pair, s.
+    """
+
+    def __init__(self, rig: RigLike, sample_time: float = 0.1):
+        self._rig, self._sample_time = rig, sample_time
+        self._stixels: FrameStixels | None = None
+        self._camera: np.ndarray | None = None
+        self._poses = np.zeros((0, 3))
+        self._scans: deque[Scans] = deque()
+        self._tracks: list[OpenTrack] = []
+        self._numbers = count()
+
+    def step(
+        self, left: np.ndarray, right: np.ndarray, pose: np.ndarray | None = None
+    ) -> StreamFrame:
+        """The stixels, objects and tracks after one more pair.
+
+        Args:
+            left, right: as in `stixels_from_pair`.
+            pose: of the car: (3,) x m, y m, heading rad on the ground, or (3, 4), the left camera's
+                pose as in KITTI's `poses.txt`. Without poses the car counts as parked.
+
+        Raises:
+            ArgumentError: as `stixels_from_pair`.
+        """
+        return self._advance(*self._matched(left, right), pose)
+
+    def steps(
+        self, pairs: Iterable[Sequence[np.ndarray]], threads: int = 2
+    ) -> Iterator[StreamFrame]:
+        """`step` for each of `pairs`, (left, right) or (left, right, pose).
+
+        Each of the `threads` matches a pair ahead, so `pairs` may also be read from a camera.
+        """
+        from stixel_cli.stereo.matching import one_thread
+
+        waiting: deque = deque()
+        with one_thread(), ThreadPoolExecutor(threads) as pool:
+            for left, right, *pose in pairs:
+                waiting.append((pool.submit(self._matched, left, right), pose))
+                if len(waiting) > threads:
+                    ahead, pose = waiting.popleft()
+                    yield self._advance(*ahead.result(), *(pose or [None]))
+            for ahead, pose in waiting:
+                yield self._advance(*ahead.result(), *(pose or [None]))
+
+    def _matched(self, left: np.ndarray, right: np.ndarray) -> tuple:
+        pair = grey_pair(left, right)
+        self._rig = rig_of(self._rig, pair[0].shape)
+        return pair, matched(pair, self._rig)
+
+    def _advance(self, pair: tuple, disparities, pose: np.ndarray | None) -> StreamFrame:
+        from stixel_cli.config.real_images import real_image_parameters
+        from stixel_cli.measurements.objects import find_objects
+
+        k = len(self._poses)
+        self._poses = np.vstack([self._poses, self._planar(pose)])
+        last_two = self._poses[[max(k - 1, 0), k]]
+        self._stixels = stixels_of(disparities, pair, self._rig, self._stixels, last_two)
+        scan = self._stixels.to_scan(self._poses[k], k * self._sample_time)
+        moving = self._followed(scan, k)
+        gates = real_image_parameters().measurement.gates
+        objects = find_objects(self._stixels.stixels, gates, range(1))
+        return StreamFrame(k, self._stixels, objects, scan, moving)
+
+    def _followed(self, scan: "Scans", k: int) -> tuple[MovingObject, ...]:
+        """The objects that move, after scan `k`."""
+        from stixel_cli.measurements.scans import Scans
+        from stixel_cli.tracking.contour.class_size import SIZES
+        from stixel_cli.tracking.several.clusters import follow_scan
+        from stixel_cli.tracking.several.find import LARGEST, are_one
+        from stixel_cli.tracking.several.places_left import confirmed
+
+        if len(self._scans) == HISTORY:
+            dropped = len(self._scans.popleft().points_world)
+            for one in self._tracks:
+                late = [i for i, its_k in enumerate(one.scans) if its_k > k - HISTORY]
+                one.rows = [one.rows[i] - dropped for i in late]
+                one.scans = [one.scans[i] for i in late]
+        self._scans.append(scan)
+        # Scans of the whole way; those before the last ones are empty.
+        counts = [0] * (k + 2 - len(self._scans)) + [len(s.points_world) for s in self._scans]
+        scans = Scans(
+            self._sample_time * np.arange(k + 1),
+            self._poses,
+            np.cumsum(counts, dtype=np.int64),
+            np.concatenate([one.points_world for one in self._scans]),
+            np.concatenate([one.covariances_world for one in self._scans]),
+            scan.field_of_view,
+        )
+        length = float(np.hypot(*SIZES.T).max())
+        follow_scan(self._tracks, scans, k, self._sample_time, LARGEST * length)
+        self._tracks = [one for one in self._tracks if not one.ended]
+        numbered = [one for one in self._tracks if one.number is not None]
+        for one in self._tracks:
+            if one.begun and one.number is None and confirmed(scans, one, length) is not None:
+                same = (other.number for other in numbered if are_one(scans, other, one, SIZES))
+                one.number = next(same, None)
+                if one.number is None:
+                    one.number = next(self._numbers)
+                numbered.append(one)
+        own = {one.number: one for one in reversed(numbered)}
+        return tuple(
+            MovingObject(
+                number,
+                one.mean,
+                one.covariance,
+                scans.points_world[one.rows[-1] if one.scans[-1] == k else []],
+            )
+            for number, one in sorted(own.items())
+        )
+
+    def _planar(self, pose: np.ndarray | None) -> np.ndarray:
+        """The pose (3,) in the world: that of the pair before where none is given."""
+        before = self._poses[-1] if len(self._poses) else np.array([0.0, 0.0, STRAIGHT_AHEAD])
+        if pose is None:
+            return before
+        pose = np.asarray(pose, dtype=np.float64)
+        if pose.shape not in ((3,), (3, 4)) or not np.isfinite(pose).all():
+            raise ArgumentError(f"pose: must be finite, (3,) or (3, 4), got {pose.shape}")
+        if pose.ndim == 1:
+            return pose
+        self._camera = pose if self._camera is None else self._camera
+        way = np.stack([self._camera, pose])
+        planar = planar_poses(way, self._rig.level_from_camera)[1]
+        planar[2] = np.unwrap([before[2], planar[2]])[1]
+        return planar

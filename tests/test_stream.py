@@ -1,0 +1,99 @@
+"""Image pairs one after the other: the stixels of `stixel run`, and the tracks of its clusters."""
+
+import numpy as np
+import pytest
+from rendered_clip import assert_same, results_of_run
+
+from stixel_cli import StixelStream, compose
+from stixel_cli.errors import ArgumentError
+from stixel_cli.pairs import FRAME
+from stixel_cli.recordings.image_files import read_grey
+from stixel_cli.stereo.disparities import Disparities
+from stixel_cli.stream import HISTORY
+from stixel_cli.tracking.several.found import LEAST_SCANS
+
+
+@pytest.fixture
+def pairs(clip):
+    """The images of three frames, each with the pose of the camera."""
+    poses = np.loadtxt(clip / "ego_poses/0000.txt").reshape(-1, 3, 4)
+    return [
+        (*(read_grey(clip / f"image_0{side}/0000/00000{k}.png") for side in (2, 3)), poses[k])
+        for k in range(3)
+    ]
+
+
+def test_a_rendered_clip_has_the_stixels_of_stixel_run(clip, pairs):
+    of_clip = ["source=kitti_tracking", f"source.folder={clip}", "source.sequence=0000"]
+    run = compose([*of_clip, "road_user=car", "start.range=[1,80]", "executor=threads"])
+    free_space, stixels, scans = results_of_run(run, "free_space", "stixels", "scans")
+    stream = StixelStream(clip / "calib/0000.txt")
+    for k, pair in enumerate(pairs):
+        frame = stream.step(*pair)
+        found, rows = frame.stixels, stixels.rows(k)
+        assert frame.k == k and len(found) == rows.stop - rows.start > 20
+        np.testing.assert_array_equal(found.free_space.disparity[0], free_space.disparity[k])
+        for name in ("left", "right", "top", "base", "disparity", "points_ego", "covariances_ego"):
+            ours, theirs = getattr(found.stixels, name), getattr(stixels, name)[rows]
+            assert ours.tobytes() == theirs.tobytes(), name
+        np.testing.assert_allclose(
+            frame.scan.points_world, scans.points_world[scans.rows(k)], atol=1e-9
+        )
+        assert frame.objects.counts.sum() <= len(found)
+
+
+def test_pairs_that_are_matched_ahead_give_the_same(clip, pairs):
+    calibration = clip / "calib/0000.txt"
+    one, ahead = StixelStream(calibration), StixelStream(calibration)
+    for expected, frame in zip(
+        [one.step(*pair) for pair in pairs], ahead.steps(iter(pairs)), strict=True
+    ):
+        assert_same(frame.stixels.stixels, expected.stixels.stixels)
+    parked = list(StixelStream(calibration).steps(pair[:2] for pair in pairs))
+    by_poses = [StixelStream(calibration).step(*pairs[0][:2], [0.0, 0.0, np.pi / 2])]
+    assert_same(parked[0].stixels.stixels, by_poses[0].stixels.stixels)
+    # The free space of the frame before is moved by the car's motion.
+    assert_differs(parked[2], frame)
+
+
+def assert_differs(one, other):
+    ours, theirs = one.stixels.free_space.disparity, other.stixels.free_space.disparity
+    assert not np.array_equal(ours, theirs, equal_nan=True)
+
+
+def disparities_of_a_wall(rig, distance):
+    """Raw ones of the road, the far sky, and a wall 1.6 m wide at this `distance`, m."""
+    v = np.arange(rig.height)[:, None] + np.zeros((1, rig.width))
+    raw = np.maximum(16.0 * rig.baseline / rig.camera_height * (v - rig.v0), 8.0)
+    d = rig.disparity_from_depth(distance)
+    columns = np.abs(np.arange(rig.width) - rig.u0) < 0.8 * rig.focal / distance
+    rows = slice(int(rig.v0), int(rig.v0 + rig.camera_height * d / rig.baseline))
+    raw[rows, columns] = 16.0 * d
+    return np.rint(raw).astype(np.int16)
+
+
+def test_a_wall_that_drives_away_gets_a_track_and_one_that_stands_does_not(monkeypatch):
+    rig = {"focal_length": 300.0, "baseline": 0.5, "camera_height": 1.5}
+    images = np.zeros((2, 240, 320), np.uint8)
+    for speed, expected in ((0.0, 0), (8.0, 1)):
+        stream = StixelStream(rig)
+        for k in range(HISTORY + 5):
+
+            def match(pair, rig, place=8.0 + 0.1 * speed * k):
+                raw = disparities_of_a_wall(rig, place)
+                return Disparities.in_memory(FRAME.start, 160, [raw])
+
+            monkeypatch.setattr("stixel_cli.stream.matched", match)
+            frame = stream.step(*images)
+            assert len(frame.tracks) == (expected if k >= LEAST_SCANS - 1 else 0)
+    (one,) = frame.tracks
+    assert one.number == 0 and len(one.points) > 5
+    np.testing.assert_allclose(one.mean, [0.0, 8.0 + 0.8 * k, 0.0, speed], atol=0.5)
+    np.testing.assert_allclose(one.points[:, 1], 8.0 + 0.8 * k, atol=0.5)
+
+
+@pytest.mark.parametrize("pose", [[1.0, 2.0], np.eye(4), [0.0, np.nan, 0.0]])
+def test_a_wrong_pose_is_named(pose):
+    stream = StixelStream({"focal_length": 200.0, "baseline": 0.4, "camera_height": 1.5})
+    with pytest.raises(ArgumentError, match=r"^pose: "):
+        stream.step(*np.zeros((2, 160, 240), np.uint8), pose)
