@@ -42,6 +42,7 @@ TRACKER = GpEkfParameters(
     measurement_covariance="isotropic",
     measurement_std=STD,
     gate_probability=0.99,
+    lag=0,
 )
 START = InitialState(
     np.array([7.5, 12.0, 0.1, 5.0, 0.5, 0.2]), np.diag([0.1, 0.1, 0.01, 0.25, 0.25, 0.01])

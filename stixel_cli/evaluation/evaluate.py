@@ -101,9 +101,8 @@ def evaluate(
         metrics = {name: value for name, value in metrics.items() if value is not None}
     if track.smoothed is not None:
         later = evaluate(track.smoothed, scenario, scans, upper_bounds, road_user).metrics
-        metrics |= {SMOOTHED + name: later[name] for name in OF_ESTIMATES if name in later}
-        lag = track.smoothed.lag
-        metrics[f"{SMOOTHED}lag"] = len(scans) - 1 if lag is None else lag
+        later["lag"] = len(times) - 1 if track.smoothed.lag is None else track.smoothed.lag
+        metrics |= {SMOOTHED + n: later[n] for n in (*OF_ESTIMATES, "lag") if n in later}
     return Scores(
         times=np.array(scenario.times, dtype=np.float64),
         centre_error=over_time["centre"],

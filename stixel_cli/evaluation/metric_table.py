@@ -216,8 +216,7 @@ SMOOTHED = "smoothed_"
 OF_ESTIMATES = (
     *("track_lost", "centre_rmse_m", "centre_mean_m", "orientation_rmse_deg", "speed_error_m_s"),
     *("yaw_rate_error_deg_s", "iou_mean", "iou_hull_mean", "iou_box_mean", "length_error_m"),
-    *("width_error_m", "contour_distance_m", "band_coverage"),
-    *("nees_position_mean", "nees_orientation_mean"),
+    *("width_error_m", "band_coverage", "nees_position_mean", "nees_orientation_mean"),
 )
 """The metrics that a smoothed track has."""
 

@@ -82,12 +82,9 @@ def _rank(value: float, direction: Better) -> float:
 
 
 def main_metrics(metrics: Mapping[str, float | int | None]) -> dict[str, float | int | None]:
-    """Those of `MAIN` that exist, in that order, and those of the user's own functions.
-
-    Then those of the smoothed track.
-    """
-    smoothed = [SMOOTHED + name for name in ("lag", *MAIN)]
+    """Those of `MAIN` that exist, in that order, the user's own, those of the smoothed track."""
     own = [name for name in metrics if name not in METRICS and not name.startswith(SMOOTHED)]
+    smoothed = [SMOOTHED + name for name in ("lag", *MAIN)]
     return {name: metrics[name] for name in (*MAIN, *own, *smoothed) if name in metrics}
 
 

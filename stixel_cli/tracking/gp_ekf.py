@@ -5,6 +5,7 @@ State: x, y, heading, their rates, then the radii at the basis angles; world fra
 `gp_ekf_update.py` has the update.
 """
 
+from dataclasses import replace
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
@@ -16,8 +17,9 @@ from stixel_cli.parameters import parameters
 from stixel_cli.tracking.association import associate, contour_moments
 from stixel_cli.tracking.gp_ekf_update import SEEN, fill_pose_columns, update
 from stixel_cli.tracking.kernel import ContourProcess, contour_process
-from stixel_cli.tracking.motion import intervals, predict, process_noise
+from stixel_cli.tracking.motion import intervals, predict, process_noise, transition
 from stixel_cli.tracking.prior import PriorShape, mean_radius, prior_radii
+from stixel_cli.tracking.smoothing import Step, smooth
 from stixel_cli.tracking.track import InitialState, Track, contour_directions
 
 
@@ -40,6 +42,7 @@ class GpEkfParameters:
             `projected`: that of the radial innovation alone, from the scan's points; see `project`.
         measurement_std: standard deviation of the isotropic R along each axis, m.
         gate_probability: chi-square probability of the association's gate; null takes every point.
+        lag: later scans that a second, smoothed track uses; 0: there is none; null: all of the run.
     """
 
     kind: Literal["gp_ekf"]
@@ -55,6 +58,7 @@ class GpEkfParameters:
     measurement_covariance: Literal["isotropic", "points", "projected"]
     measurement_std: Annotated[float, Ge(1e-6), Le(10)]
     gate_probability: Annotated[float, Gt(0), Lt(1)] | None
+    lag: Annotated[int, Ge(0)] | None
     contour_points: ClassVar[int] = 120
     """Number M of points of the contour that is reported: no estimate depends on it."""
 
@@ -90,6 +94,7 @@ def track(
     count = len(scans)
     means, covariances = np.empty((count, size)), np.empty((count, size, size))
     used: list[np.ndarray] = []
+    filtered: list[Step] = []
     nis = np.full(count, np.nan)
     isotropic = None
     if tracker.measurement_covariance == "isotropic":
@@ -100,7 +105,7 @@ def track(
         for interval in set(steps)
     }
     for k, interval in enumerate(steps):
-        mean, covariance = predict(
+        mean, covariance = predicted = predict(
             mean,
             covariance,
             interval,
@@ -121,9 +126,21 @@ def track(
                 mean, covariance, points[indices], chosen, process, projected
             )
         means[k], covariances[k] = mean, covariance
+        if tracker.lag != 0:
+            matrix = np.exp(-tracker.forgetting_rate * interval) * np.eye(size)
+            matrix[: 2 * SEEN, : 2 * SEEN] = transition(interval)
+            last = filtered[-1] if filtered else None
+            filtered.append(Step(mean, covariance, *predicted, last, matrix))
 
-    contours = contours_of(means, covariances, process, tracker.contour_points)
-    return Track.of_scans(scans.times, (means, covariances), contours, used, nis)
+    def reported(means: np.ndarray, covariances: np.ndarray) -> Track:
+        contours = contours_of(means, covariances, process, tracker.contour_points)
+        return Track.of_scans(scans.times, (means, covariances), contours, used, nis)
+
+    track = reported(means, covariances)
+    if tracker.lag == 0:
+        return track
+    smoothed = reported(*smooth(filtered, tracker.lag, heading=2))
+    return replace(track, smoothed=replace(smoothed, lag=tracker.lag))
 
 
 def contours_of(

@@ -1,13 +1,10 @@
-"""Fixed-lag smoothing: estimates that also use some later scans. No such estimate is causal.
+"""Fixed-lag smoothing: estimates that also use some later scans. They are not causal.
 
-The backward pass of Rauch, Tung & Striebel 1965 (*Maximum likelihood estimates of linear dynamic
-systems*; Särkkä & Svensson 2023, *Bayesian Filtering and Smoothing*, 12.2 and 13.2 for the extended
-one): from the estimate m, P of a scan, its prediction m⁻, P⁻ at the next one and the smoothed
-estimate mˢ, Pˢ there,
+The backward pass of Rauch, Tung & Striebel 1965 (Särkkä & Svensson 2023, *Bayesian Filtering and
+Smoothing*, 12.2, 13.2). With the estimate m, P of a scan, its prediction m⁻, P⁻ of the next one and
+the smoothed estimate mˢ, Pˢ there,
 
     G = P Fᵀ (P⁻)⁻¹      m + G (mˢ - m⁻)      P + G (Pˢ - P⁻) Gᵀ
-
-It begins at the scan that is `lag` later, or at the last one.
 """
 
 from collections.abc import Sequence
@@ -64,11 +61,8 @@ def smooth(
     """
     last = len(steps) - 1
     lag = last if lag is None else min(lag, last)
-    estimates = []
-    for k in range(lag, last):
-        estimates.append(_backward(steps[k], lag, heading)[0])
-    estimates += _backward(steps[last], lag, heading)
-    means, covariances = zip(*estimates, strict=True)
+    estimates = [_backward(step, lag, heading)[0] for step in steps[lag:last]]
+    means, covariances = zip(*estimates, *_backward(steps[last], lag, heading), strict=True)
     return np.stack(means), np.stack(covariances)
 
 
@@ -77,11 +71,10 @@ def _backward(step: Step, lag: int, heading: int | None) -> list[tuple[np.ndarra
     mean, covariance = step.mean, step.covariance
     estimates = [(mean, covariance)]
     for _ in range(lag):
-        change = mean - step.predicted_mean
+        change, excess = mean - step.predicted_mean, covariance - step.predicted_covariance
         if heading is not None:
             change[heading] = wrap_angle(change[heading])
-        gain, excess = step.gain, covariance - step.predicted_covariance
-        step = step.before
+        gain, step = step.gain, step.before
         mean = step.mean + gain @ change
         covariance = step.covariance + gain @ excess @ gain.T
         covariance = 0.5 * (covariance + covariance.T)

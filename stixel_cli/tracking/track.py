@@ -46,10 +46,9 @@ class Track:
         class_replaced: (K,) bool, whether another class than the prior's is reported; None if the
             prior's is unknown, or reported at all scans.
         uses_scans: whether the tracker is one that uses points at all.
-        lag: number of later scans that the estimates use, None for all of the run; 0: they are
-            those of a filter.
-        smoothed: beside a filter's track, that whose estimates also use later scans, see
-            `smoothing.py`; its points, NIS and classes are the filter's. None without.
+        lag: number of later scans that the estimates use, 0 for a filter, None for all of the run.
+        smoothed: the track whose estimates also use later scans, see `smoothing.py`, beside that of
+            a filter, whose points, NIS and classes it has; None without.
     """
 
     times: np.ndarray

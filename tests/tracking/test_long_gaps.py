@@ -17,12 +17,16 @@ OUTLINE = np.array([[2.1, 0.85], [-2.1, 0.85], [-2.1, -0.85], [2.1, -0.85]])
 POSES = turning(8, 2.0, 0.1, (-3.0, 12.0))
 
 
-@pytest.mark.parametrize("name", [kind_of(one) for one in get_args(Tracker)])
+TRACKERS = [kind_of(one) for one in get_args(Tracker)]
+SMOOTHED = [f"{name} tracker.lag=null" for name in ("contour", "gp_ekf", "point")]
+
+
+@pytest.mark.parametrize("name", TRACKERS + SMOOTHED)
 @pytest.mark.parametrize("gap", [1e4, 1e6, 2.0 * FARTHEST])
 def test_a_long_gap(name, gap):
     if name == "pyrecest":
         pytest.importorskip("pyrecest")
-    configuration = compose([f"tracker={name}"]).configuration
+    configuration = compose(f"tracker={name}".split()).configuration
     module = import_module(type(configuration.tracker).__module__.removesuffix("_parameters"))
     scans = scans_seen(OUTLINE, POSES, noise=0.03)
     late = np.where(np.arange(8) < 5, scans.times - FARTHEST, scans.times - FARTHEST + gap)
@@ -42,6 +46,8 @@ def test_a_long_gap(name, gap):
         assert name == "pyrecest" and "failed at scan" in str(error)
     else:
         check_finite(track)
+        assert (track.smoothed is not None) == (name in SMOOTHED)
+        check_finite(track.smoothed or track)
 
 
 @pytest.mark.parametrize("time", [1e9, np.nan, -np.inf])

@@ -105,6 +105,7 @@ def test_whole_track_matches_the_reference(case):
         measurement_covariance="isotropic",
         measurement_std=float(case["sigma_meas"]),
         gate_probability=None,
+        lag=0,
     )
     point = PriorShape(
         length=1e-12,

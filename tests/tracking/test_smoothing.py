@@ -10,6 +10,7 @@ from tracking_cases import CAR, START, scans_of, seen_car
 
 from stixel_cli.config.compose import compose
 from stixel_cli.measurements.scans import Scans
+from stixel_cli.tracking import gp_ekf
 from stixel_cli.tracking.baselines import point
 from stixel_cli.tracking.centre import MOVING
 from stixel_cli.tracking.contour import contour, contour_filter, contour_recovery
@@ -21,7 +22,7 @@ COUNT, SIZE = 12, 3
 LAGS = (1, 3, COUNT - 1, COUNT + 5, None)
 TRACKERS = {
     name: dataclasses.replace(compose([f"tracker={name}"]).configuration.tracker, lag=4)
-    for name in ("point", "contour")
+    for name in ("point", "contour", "gp_ekf")
 }
 CONTOUR = dataclasses.replace(TRACKERS["contour"], seen_by="fabricated")
 KNOWN = dataclasses.replace(CAR, length=4.52, width=1.83)
@@ -146,9 +147,10 @@ def test_a_full_turn_of_the_heading_changes_no_estimate():
 
 def tracks(name, count=None, **options):
     """The track of the first `count` scans of a car that turns."""
-    if name == "point":
+    if name != "contour":
+        function = point.track if name == "point" else gp_ekf.track
         tracker = dataclasses.replace(TRACKERS[name], **options)
-        return point.track(scans_of(seen_car(20, 30)[:count]), START, CAR, tracker)
+        return function(scans_of(seen_car(20, 30)[:count]), START, CAR, tracker)
     scans = scans_seen(class_shape("car").outline, POSES[:count], noise=0.03)
     tracker = dataclasses.replace(CONTOUR, **options)
     return contour.track(scans, start_at(POSES), KNOWN, tracker)
@@ -173,6 +175,17 @@ def test_a_smoothed_estimate_knows_no_scan_beyond_its_lag(name):
         np.testing.assert_allclose(known.means[k], whole.means[k], atol=1e-12)
         np.testing.assert_allclose(known.covariances[k], whole.covariances[k], atol=1e-12)
         np.testing.assert_allclose(known.contours_world[k], whole.contours_world[k], atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["point", "gp_ekf"])
+def test_later_scans_take_from_the_covariance_of_a_track(name):
+    track = tracks(name, lag=None)
+    reduced = track.covariances[:, :6, :6] - track.smoothed.covariances[:, :6, :6]
+    assert np.linalg.eigvalsh(reduced[:, :2, :2]).min() > -1e-9
+    assert np.trace(reduced[:-1], axis1=1, axis2=2).min() > 0.0
+    if name == "gp_ekf":
+        spreads = track.covariances[:, 6:, 6:] - track.smoothed.covariances[:, 6:, 6:]
+        assert np.linalg.eigvalsh(spreads).min() > -1e-6
 
 
 def test_the_smoothed_point_is_the_joint_posterior():

@@ -40,6 +40,7 @@ TRACKER = GpEkfParameters(
     measurement_covariance="isotropic",
     measurement_std=0.1,
     gate_probability=0.99,
+    lag=0,
 )
 
 FIELD = FieldOfView(-0.52, 0.52)

@@ -41,8 +41,7 @@ class PointParameters:
             centroid of the visible side, in radii of the circle.
         gate_probability: chi-square probability of the association's gate; null takes every point.
         least_speed: below this speed, m/s, the heading is kept as it was.
-        lag: number of later scans that the smoothed track uses beside the filtered one; 0: there is
-            no smoothed track; null: all of the run.
+        lag: later scans that a second, smoothed track uses; 0: there is none; null: all of the run.
     """
 
     kind: Literal["point"]
@@ -80,16 +79,15 @@ def track(
     The heading is the velocity's direction, see `six_states`. The centroid has two coordinates, so
     the NIS has two degrees of freedom.
     """
-    circle = class_circle(prior)
+    radius, std = class_circle(prior)
     mean, covariance = initial.mean[MOVING], initial.covariance[np.ix_(MOVING, MOVING)]
-    lone = 0.25 * circle[0] ** 2 + tracker.measurement_std**2
+    lone = 0.25 * radius**2 + tracker.measurement_std**2
 
     used: list[np.ndarray] = []
     steps: list[Step] = []
     nis = np.full(len(scans), np.nan)
     for k, interval in enumerate(intervals(scans.times)):
-        predicted = predict(mean, covariance, interval, tracker.sigma_q)
-        mean, covariance = predicted
+        mean, covariance = predicted = predict(mean, covariance, interval, tracker.sigma_q)
         rows = scans.rows(k)
         points = scans.points_world[rows]
         indices = associate(
@@ -97,50 +95,30 @@ def track(
         )
         used.append(indices + rows.start)
         if len(indices):
-            variance = (tracker.centroid_offset * circle[0]) ** 2 + lone / len(indices)
+            variance = (tracker.centroid_offset * radius) ** 2 + lone / len(indices)
             innovation = points[indices].mean(axis=0) - mean[:2]
             mean, covariance, nis[k] = update(mean, covariance, innovation, variance * np.eye(2))
-        before, matrix = steps[-1] if steps else None, transition(interval)
-        steps.append(Step(mean, covariance, *predicted, before, matrix[np.ix_(MOVING, MOVING)]))
+        matrix = transition(interval)[np.ix_(MOVING, MOVING)]
+        steps.append(Step(mean, covariance, *predicted, steps[-1] if steps else None, matrix))
 
     degrees = np.array([2 if len(rows) else 0 for rows in used], dtype=np.int64)
 
     def reported(means: Sequence[np.ndarray], covariances: Sequence[np.ndarray]) -> Track:
-        states = _six_states(means, covariances, scans.times, initial, tracker)
-        contours = _circles(*states, circle, tracker.contour_points)
-        return Track.of_scans(scans.times, states, contours, used, nis, degrees)
+        """The track of K estimates of place and velocity, with the circle as its contour."""
+        states, spreads = np.empty((len(scans), 6)), np.empty((len(scans), 6, 6))
+        heading = (float(initial.mean[2]), min(float(initial.covariance[2, 2]), GREATEST_VARIANCE))
+        motion = tracker.sigma_q, tracker.least_speed
+        for k, interval in enumerate(intervals(scans.times)):
+            states[k], spreads[k] = six_states(means[k], covariances[k], heading, interval, *motion)
+            heading = (states[k, 2], spreads[k, 2, 2])
+        _, directions = contour_directions(states[:, 2], tracker.contour_points)
+        # A circle that is shifted by d is farther away by pᵀ d in the direction p.
+        shift = np.einsum("kmi,kij,kmj->km", directions, spreads[:, :2, :2], directions)
+        contours = states[:, None, :2] + radius * directions, directions, np.sqrt(std**2 + shift)
+        return Track.of_scans(scans.times, (states, spreads), contours, used, nis, degrees)
 
     filtered = reported([step.mean for step in steps], [step.covariance for step in steps])
     if tracker.lag == 0:
         return filtered
-    smoothed = replace(reported(*smooth(steps, tracker.lag)), lag=tracker.lag)
-    return replace(filtered, smoothed=smoothed)
-
-
-def _six_states(
-    means: Sequence[np.ndarray],
-    covariances: Sequence[np.ndarray],
-    times: np.ndarray,
-    initial: InitialState,
-    tracker: PointParameters,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Means (K, 6) and covariances (K, 6, 6) of K estimates of place and velocity."""
-    states, spreads = np.empty((len(means), 6)), np.empty((len(means), 6, 6))
-    heading = (float(initial.mean[2]), min(float(initial.covariance[2, 2]), GREATEST_VARIANCE))
-    for k, interval in enumerate(intervals(times)):
-        states[k], spreads[k] = six_states(
-            means[k], covariances[k], heading, interval, tracker.sigma_q, tracker.least_speed
-        )
-        heading = (states[k, 2], spreads[k, 2, 2])
-    return states, spreads
-
-
-def _circles(
-    means: np.ndarray, covariances: np.ndarray, circle: tuple[float, float], points: int
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The circle at K states: contours, directions and standard deviations, see `Track`."""
-    radius, std = circle
-    _, directions = contour_directions(means[:, 2], points)
-    # A circle that is shifted by d is farther away by pᵀ d in the direction p.
-    shift = np.einsum("kmi,kij,kmj->km", directions, covariances[:, :2, :2], directions)
-    return means[:, None, :2] + radius * directions, directions, np.sqrt(std**2 + shift)
+    smoothed = reported(*smooth(steps, tracker.lag))
+    return replace(filtered, smoothed=replace(smoothed, lag=tracker.lag))

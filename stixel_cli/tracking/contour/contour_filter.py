@@ -179,11 +179,9 @@ class ClassFilter:
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Mean and covariance with a size that goes back to the prior's, as an AR(1) process.
 
-        Also the share (d,) that is kept of each state.
-
-        The errors of a shape have the same sign in all scans: without this, the size follows them
-        and becomes certain. Of a car that is followed, only the rear is seen; its roundness then
-        counted as a measurement of the length.
+        Also the share (d,) that is kept of each state. The errors of a shape have the same sign in
+        all scans: without this, the size follows them and becomes certain. Of a car that is
+        followed, only the rear is seen; its roundness then counted as a measurement of the length.
         """
         keep = np.ones(len(mean))
         keep[5:7] = np.exp(-interval / SIZE_TIME)

@@ -42,8 +42,7 @@ class ContourParameters:
         degrees_of_freedom: of the Student distribution of an error.
         iterations: most iterations of the update.
         gate_std: width of the association's gate in standard deviations.
-        lag: number of later scans that the smoothed track uses beside the filtered one; 0: there is
-            no smoothed track; null: all of the run.
+        lag: later scans that a second, smoothed track uses; 0: there is none; null: all of the run.
     """
 
     kind: Literal["contour"]
