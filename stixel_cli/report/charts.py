@@ -65,7 +65,9 @@ def chart(
             axes.patch.set_visible(False)
             panel.draw(axes)
             axes.set(title=panel.title, xlabel=panel.x, ylabel=panel.y)
-            axes.set_ylim(*panel.limits)
+            # Even without a limit, this would end the automatic choice, which a log axis needs.
+            if panel.limits != (None, None):
+                axes.set_ylim(*panel.limits)
             if panel.ratio:
                 axes.axhline(1.0, color=style.UNUSED, linewidth=0.8, linestyle="--")
                 style.log_axis(axes)

@@ -116,7 +116,8 @@ def _figure(keys: Sequence[str], runs: Sequence[Repetition], left_out: int, unit
     if handles:
         labels = [_wrapped(label, _LEGEND_WIDTH) for label in handles]
         figure.legend(handles.values(), labels, loc="outside lower center", ncols=columns)
-    counts = {row.n for by_metric in found.values() for row in by_metric.values()} - {0}
+    shown = [over_runs(name) for name in names]
+    counts = {row[name].n for row in found.values() for name in shown if name in row} - {0}
     figure.suptitle(caption(units, len(looks), left_out, counts), fontsize=9.0, x=0.01, ha="left")
     return figure
 
@@ -159,22 +160,28 @@ def is_geometric(places: Sequence[float]) -> bool:
     return max(ratios) <= 1.3 * min(ratios) and min(ratios) > 1.4
 
 
+def is_flattened(name: str, values: np.ndarray) -> bool:
+    """Whether an error's greatest value would flatten the others on a linear axis."""
+    values = values[np.isfinite(values)]
+    if metric(name).bounds != (0.0, None) or len(values) == 0 or values.min() <= 0.0:
+        return False
+    return bool(values.max() > FLATTENED * np.median(values))
+
+
 def scale_values(axes: Axes, name: str) -> None:
     """Scale the axis of a metric's values: logarithmic round 1, or with room above only zeros.
 
     Logarithmic also where one bad row would flatten all others.
     """
     heights = np.concatenate([np.asarray(line.get_ydata(), float) for line in axes.lines] or [[]])
-    heights = heights[np.isfinite(heights)]
     if metric(name).better == "one":
         axes.set_yscale("log")
         axes.axhline(1.0, color=style.UNUSED, linewidth=0.8, linestyle="--")
         low, high = axes.get_ylim()
         axes.set_ylim(min(low, 0.5), max(high, 2.0))
         style.log_axis(axes)
-    elif metric(name).bounds == (0.0, None) and len(heights) and heights.min() > 0.0:
-        if heights.max() > FLATTENED * np.median(heights):
-            style.log_axis(axes)
+    elif is_flattened(name, heights):
+        style.log_axis(axes)
     elif axes.dataLim.y0 == axes.dataLim.y1 == 0.0:
         # Matplotlib's own limits would be ±0.055.
         axes.set_ylim(0.0, 1.0)

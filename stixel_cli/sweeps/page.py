@@ -1,5 +1,6 @@
 """A page for a sweep: sortable tables, a figure for each axis, errors over time, links to runs."""
 
+import math
 import os
 import shlex
 from collections.abc import Mapping, Sequence
@@ -12,17 +13,19 @@ from matplotlib.axes import Axes
 from stixel_cli.errors import UserError, counted
 from stixel_cli.evaluation.metric_table import over_runs
 from stixel_cli.evaluation.scores import SERIES
-from stixel_cli.pictures import style
 from stixel_cli.report import charts
 from stixel_cli.report.charts import series_values
 from stixel_cli.report.metrics import shown_value
 from stixel_cli.report.page import Drawing, drawing_for_page, page_template
+from stixel_cli.report.statistics import Statistic, Unit
 from stixel_cli.results.folder import PAGE
 from stixel_cli.results.reader import read_series
 from stixel_cli.results.result import DONE, RunResult
-from stixel_cli.sweeps.figures import DRAWN, MOST_LINES, axis_figures
+from stixel_cli.sweeps.figures import DRAWN, FLATTENED, MOST_LINES, axis_figures
 from stixel_cli.sweeps.folder import SweepFolder
-from stixel_cli.sweeps.over import over_axes
+from stixel_cli.sweeps.over import Axes as OverAxes
+from stixel_cli.sweeps.over import Setting, marks, over_axes, unit_of
+from stixel_cli.sweeps.ranking import MARKS, answer, label_of, ranked, ranking_figure
 from stixel_cli.sweeps.results import SweepResult, heading
 
 
@@ -31,6 +34,7 @@ def sweep_page(folder: Path, page: Path, command: Sequence[str], over: str = "")
 
     The runs that it lacks are counted, and their settings have no statistics. `page` is the file
     that will have the page: links are relative to it. `command` is the command line that writes it.
+    `over` has the keys that means are over; "" for those of the sweep.
     """
     request = SweepFolder(folder).request()
     runs = SweepFolder(folder).runs(request)
@@ -44,45 +48,62 @@ def sweep_page(folder: Path, page: Path, command: Sequence[str], over: str = "")
     incomplete = len(result.incomplete)
     settings = counted(len(result.by_setting), "setting")
     settings += f", {incomplete} incomplete: no statistics yet" if incomplete else ""
-    axes = axis_figures(result.repetitions, request.axes, incomplete, "svg")
+    drawn = axis_figures(result.repetitions, request.axes, incomplete, "svg", result.units)
     return page_template(__package__, "sweep").render(
         title=folder.resolve().name,
-        counts=f"{done} of {len(runs)} runs done; {settings}",
+        counts=f"{done} of {len(runs)} runs done; {settings}; means over {result.units}",
+        rankings=_rankings(result, [over_runs(name) for name in shown]),
         tables=[_settings_table(result, shown), _runs_table(result, shown, page.resolve().parent)],
         axes=[
             (stem, drawing_for_page(data.decode(), f"a{i}"))
-            for i, (stem, data) in enumerate(axes.items())
+            for i, (stem, data) in enumerate(drawn.items())
         ],
         over_time=over_time(result),
-        most_lines=MOST_LINES,
-        settings=len(result.by_setting) - incomplete,
         request=request.notes,
         command=shlex.join(command),
     )
+
+
+def _rankings(result: SweepResult, names: Sequence[str]) -> list[tuple[str, str, Drawing]]:
+    """Heading, sentence and figure of each metric with a value."""
+    known = [name for name in names if ranked(result, name)]
+    return [
+        (
+            heading(name),
+            answer(result, name),
+            drawing_for_page(ranking_figure(result, name).decode(), f"r{i}"),
+        )
+        for i, name in enumerate(known)
+    ]
 
 
 def _settings_table(result: SweepResult, shown: Sequence[str]) -> dict[str, Any]:
     """One row for each complete setting: its values, n, and each metric with its interval."""
     columns, rows = list(map(over_runs, shown)), []
     keys = list(dict(next(iter(result.by_setting))))
+    marked = {name: marks(result.behind.get(name, {})) for name in columns}
+    # A mark of every setting says nothing.
+    marked = {name: of if len(of) < len(result.statistics) else {} for name, of in marked.items()}
     for setting, of in result.statistics.items():
         cells = [(value, value) for _, value in setting]
         cells.append((str(max(one.n for one in of.values())),) * 2)
         for name in columns:
-            one = of.get(name)
-            mean = None if one is None else one.mean
-            text = shown_value(name, mean)
-            if mean is not None and one.low is not None:
+            one = of.get(name, Statistic(name, 0))
+            text = MARKS[marked[name].get(setting, "")] + shown_value(name, one.mean)
+            if one.low is not None:
                 text += f"\n[{shown_value(name, one.low)}, {shown_value(name, one.high)}]"
-            cells.append((text, _sorted_by(mean)))
+            elif one.n > 1:
+                ends = (shown_value(name, end(one.values)) for end in (min, max))
+                text += f"\n{' … '.join(ends)}"
+            cells.append((text, _sorted_by(one.mean)))
         rows.append((cells, ""))
     count = len(next(iter(result.statistics.values()), {}))
     return {
         "id": "settings",
         "title": "Settings",
-        "note": "Means over the seeds with 95 % intervals (Student's t; of a share of runs "
-        "Wilson's), not corrected for multiplicity. A click on a column's name sorts. "
-        f"All {count} metrics are in summary.csv.",
+        "note": f"Means over {result.units}; in brackets 95 % intervals, or, below n = 4, from the "
+        "least to the greatest value. ★: all other settings are behind; ≈: not shown to be behind. "
+        f"A click on a column's name sorts. All {count} metrics are in summary.csv.",
         "header": [*keys, "n", *map(heading, columns)],
         "text": len(keys),
         "rows": rows,
@@ -119,13 +140,12 @@ def _runs_table(result: SweepResult, shown: Sequence[str], parent: Path) -> dict
 
 
 def over_time(result: SweepResult) -> list[tuple[str, Drawing]]:
-    """(title, drawing) for each error over time: a line for each of the first complete settings.
+    """(title, drawing) for each error over time, with a line for each complete setting.
 
-    A line is the mean over the seeds, and its band the 95 % interval at each time. A setting whose
+    A line is the mean over the units, and its band the 95 % interval at each time. A setting whose
     runs have different times is left out, as are runs without errors over time.
     """
-    settings = list(result.statistics)[:MOST_LINES]
-    read = {setting: _stacked(result.by_setting[setting]) for setting in settings}
+    read = {s: _stacked(runs, result.over) for s, runs in result.complete_settings.items()}
     drawn = []
     for name, series in SERIES.items():
         known = {key: found for key, found in read.items() if found and name in found[1]}
@@ -135,8 +155,10 @@ def over_time(result: SweepResult) -> list[tuple[str, Drawing]]:
     return drawn
 
 
-def _stacked(runs: Sequence[RunResult]) -> tuple[np.ndarray, dict[str, np.ndarray]] | None:
-    """Times (K,) and each error (n, K) of the runs of one setting; None if they do not match."""
+def _stacked(
+    runs: Sequence[RunResult], over: OverAxes
+) -> tuple[np.ndarray, dict[str, np.ndarray]] | None:
+    """Times (K,) and each error (units, K) of one setting; None if its runs do not match."""
     try:
         found = [read_series(run.folder / "scores.npz") for run in runs]
     except UserError:
@@ -144,28 +166,43 @@ def _stacked(runs: Sequence[RunResult]) -> tuple[np.ndarray, dict[str, np.ndarra
     times = found[0][0]
     if any(not np.array_equal(times, other) for other, _ in found):
         return None
-    names = set.intersection(*(set(series) for _, series in found))
-    stacked = {name: np.stack([series[name] for _, series in found]) for name in names}
+    units: dict[Unit, list[Mapping[str, np.ndarray]]] = {}
+    for run, (_, series) in zip(runs, found, strict=True):
+        units.setdefault(unit_of(run, over), []).append(series)
+    stacked = {
+        name: np.stack([np.mean([one[name] for one in own], axis=0) for own in units.values()])
+        for name in set.intersection(*(set(series) for _, series in found))
+    }
     return times, {name: values for name, values in stacked.items() if np.isfinite(values).any()}
 
 
-def _over_time(name: str, lines: Mapping[tuple, tuple]) -> bytes:
-    series = SERIES[name]
-    labels = [" ".join(value for _, value in key)[:40] or "all" for key in lines]
+def _over_time(name: str, lines: Mapping[Setting, tuple]) -> bytes:
+    """Panels of at most `MOST_LINES` settings each, with one legend."""
+    series, labels = SERIES[name], [label_of(setting) for setting in lines]
+    values = [series_values(name, series, errors[name]) for _, errors in lines.values()]
+    times = [times for times, _ in lines.values()]
+    highest = [np.nanquantile(one, 0.95) for one in values]
+    cut = not series.ratio and max(highest) > FLATTENED * np.median(highest) > 0.0
+    limits = (0.0, FLATTENED * float(np.median(highest))) if cut else (None, None)
 
-    def draw(axes: Axes) -> None:
-        drawn = zip(style.RUNS, labels, lines.values(), strict=False)
-        for colour, label, (times, errors) in drawn:
-            values = series_values(name, series, errors[name])
-            look = {"color": colour, "label": label if len(lines) > 1 else ""}
-            bounds = (0.0, series.bounds[1])
-            charts.over_time(axes, times, values, series.ratio, bounds, **look)
+    def panel(first: int) -> charts.Panel:
+        def draw(axes: Axes) -> None:
+            for i in range(first, min(first + MOST_LINES, len(values))):
+                look = charts.line_look(i) | {"label": labels[i] if len(labels) > 1 else ""}
+                look |= {"markevery": 0.25, "markersize": 3.5}
+                bounds = (0.0, series.bounds[1])
+                charts.over_time(axes, times[i], values[i], series.ratio, bounds, **look)
+
+        title = "axis cut" if cut else ""
+        label = series.label + (f" ({series.unit})" if series.unit else "")
+        return charts.Panel(draw, title, "t (s)", label, series.ratio, limits)
 
     # Of a size that is legible on a telephone without scrolling.
     texts = ("axes.label", "xtick.label", "ytick.label", "legend.font", "axes.title")
     settings = {f"{text}size": 10.0 for text in texts}
-    keys = " ".join(key for key, _ in next(iter(lines)))[:60] if len(lines) > 1 else ""
-    title = series.label + (f" ({series.unit})" if series.unit else "")
-    panel = charts.Panel(draw, keys, "t (s)", title, series.ratio)
-    columns = max(1, min(4, 56 // max(6, *map(len, labels))))
-    return charts.chart("", [panel], row=2.45, width=5.0, legend=columns, settings=settings).svg
+    panels = [panel(first) for first in range(0, len(values), MOST_LINES)]
+    columns = max(1, 64 // (7 + max(map(len, labels))))
+    rows = math.ceil(len(labels) / columns)
+    row = 2.45 + 0.18 * rows / len(panels)
+    found = charts.chart("", panels, row=row, width=5.0, legend=columns, settings=settings)
+    return found.svg

@@ -273,15 +273,15 @@ class _Sweep:
     def write_figures(self, result: SweepResult) -> None:
         """Draw the figures of complete settings, unless they are in the store."""
         runs, axes = result.repetitions, result.axes
-        left_out = len(result.incomplete)
+        left_out, units = len(result.incomplete), result.units
 
         def draw() -> dict[str, bytes]:
             from stixel_cli.sweeps.figures import axis_figures
 
-            return axis_figures(runs, axes, left_out)
+            return axis_figures(runs, axes, left_out, units=units)
 
         plain = [[list(one), list(unit), list(metrics.items())] for one, unit, metrics in runs]
-        content = [plain, list(map(list, axes)), left_out]
+        content = [plain, list(map(list, axes)), left_out, units]
         code = ["stixel_cli.sweeps.figures"]
         figures = remembered(self.store, "sweep_figures", code, content, draw)
         self.folder.write({f"{FIGURES}/{name}": image for name, image in figures.items()})
