@@ -14,7 +14,7 @@ BUDGET = {
     "calibration": 643,
     # `explain` says if a folder has results of other code than the cached ones.
     "cli": 2769,
-    "config": 2788,
+    "config": 2792,
     # A check that another process has not marked the new cache meanwhile.
     "engine": 4932,
     # The box of a track has room for the limbs; loss has one definition, with heading and class.
@@ -40,19 +40,19 @@ BUDGET = {
     "stereo": 490,
     "stixels": 2030,
     # A study of the trackers away from home.
-    "studies": 4963,
+    "studies": 4964,
     # The plan of one run, from experiment/ and cli/.
     "sweeps": 2635,
     # `contour`: the bank of forms for what it did not learn from, the search at the first scan;
     # a start from slow and sparse scans.
-    "tracking": 5433,
+    "tracking": 5904,
     # Statistics of points, the fit of their noise and the tables of stages, of the studies before.
     "validation": 1517,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
 
 # The filters of PyRecEst: with the tracker they had more than 300 lines.
-MODULES = 311
+MODULES = 315
 """Modules of the package, without `__init__`."""
 
 

@@ -45,6 +45,8 @@ from stixel_cli.stixels.parameters import (
     RoadParameters,
 )
 from stixel_cli.tracking.baselines.box import BoxParameters
+from stixel_cli.tracking.baselines.gm_mem_ekf import GmMemEkfParameters
+from stixel_cli.tracking.baselines.lidar_random_matrix import LidarRandomMatrixParameters
 from stixel_cli.tracking.baselines.point import PointParameters
 from stixel_cli.tracking.baselines.pyrecest_parameters import PyRecEstParameters
 from stixel_cli.tracking.baselines.random_matrix import RandomMatrixParameters
@@ -62,7 +64,9 @@ Start = TruthStart | ScansStart
 Tracker = (
     BoxParameters
     | ContourParameters
+    | GmMemEkfParameters
     | GpEkfParameters
+    | LidarRandomMatrixParameters
     | PointParameters
     | PyRecEstParameters
     | RandomMatrixParameters

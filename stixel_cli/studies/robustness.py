@@ -38,6 +38,7 @@ KEYS = {
     "miscalibrated": ("road_user", "path", "error", "tracker"),
     "pandaset": ("target", "tracker"),
     "lidarrm": ("scans", "tracker"),
+    "lidarrm_peers": ("scans", "tracker"),
     "clip": ("target", "tracker"),
 }
 """Sweep to the columns that name the rows of its table."""

@@ -195,7 +195,7 @@ def test_it_stays_open_to_overrides(override, key, value):
 )
 def test_values_of_keys_that_another_option_lacks_are_left_out(option, group, other):
     outer = ["measurement=fabricated"] if group == "measurement/noise" else []
-    if other in ("point", "rectangle", "random_matrix", "pyrecest"):
+    if group == "tracker" and other not in ("box", "contour", "gp_ekf", "gp_ekf_thesis", "no_data"):
         outer = ["prior.shape=ellipse"]  # refused without one: test_checks.py
     composition = compose([f"experiment={option}", *outer, f"{group}={other}"])
     assert composition.choices[group] == other

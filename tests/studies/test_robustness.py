@@ -87,7 +87,7 @@ def recordings(tmp_path, monkeypatch):
 
 def test_recordings_are_those_of_the_users_data(studies, recordings, tmp_path):
     def change(name, sweep):
-        sweep |= {"axes": FEW, "seeds": [0]}
+        sweep |= {"axes": sweep["axes"] if name == "lidarrm_peers" else FEW, "seeds": [0]}
         return name != "clip"
 
     answer = studies.run(tiny(tmp_path, "robustness_real", change))
@@ -96,6 +96,8 @@ def test_recordings_are_those_of_the_users_data(studies, recordings, tmp_path):
     assert targets == ["car-a", "car-a", "pedestrian-b", "pedestrian-b", *["mean of the cars"] * 2]
     (row, _) = table(answer["folder"], "lidarrm")
     assert (row["scans"], row["tracker"], row["n"]) == ("default", "contour", "1")
+    peers = [row["tracker"] for row in table(answer["folder"], "lidarrm_peers")]
+    assert peers == ["lidar_random_matrix", "li_random_matrix", "gm_mem_ekf"]
 
 
 def test_without_data_one_line_names_the_variable(studies, monkeypatch):

@@ -11,7 +11,8 @@ from tracking_cases import CAR, START, scans_of, seen_car
 
 from stixel_cli.config.compose import compose
 from stixel_cli.geometry.pose import rotation
-from stixel_cli.tracking.baselines.random_matrix import contours_of, track, update_extension
+from stixel_cli.tracking.baselines.extension import update_extension
+from stixel_cli.tracking.baselines.random_matrix import contours_of, track
 from stixel_cli.tracking.centre import MOVING, predict
 from stixel_cli.tracking.motion import intervals
 from stixel_cli.tracking.track import InitialState
@@ -200,14 +201,13 @@ def test_update_of_the_extension_is_covariant_and_positive(seed):
     root = random.standard_normal((3, 2, 2))
     extension, covariance, noise = root @ np.swapaxes(root, 1, 2) + 0.1 * np.eye(2)
     offsets, turn = random.standard_normal((5, 2)), rotation(random.uniform(-3, 3))
-    plain = update_extension(extension, 7.0, covariance, offsets, noise, 0.25)
+    innovation = random.standard_normal(2)
+    plain = update_extension(extension, 7.0, (innovation, covariance), (offsets, noise))
     turned = update_extension(
         turn @ extension @ turn.T,
         7.0,
-        turn @ covariance @ turn.T,
-        offsets @ turn.T,
-        turn @ noise @ turn.T,
-        0.25,
+        (turn @ innovation, turn @ covariance @ turn.T),
+        (offsets @ turn.T, turn @ noise @ turn.T),
     )
     np.testing.assert_allclose(turned, turn @ plain @ turn.T, atol=1e-9)
     assert np.linalg.eigvalsh(plain).min() > 0.0

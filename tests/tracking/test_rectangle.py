@@ -3,7 +3,6 @@ import dataclasses
 import numpy as np
 import pytest
 import shapely
-from constants import with_constants
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from seen_targets import SENSOR, moved, scans_seen, seen, start_at, turning
@@ -12,7 +11,8 @@ from tracking_cases import CAR, START, scans_of
 from stixel_cli.config.compose import compose
 from stixel_cli.geometry.pose import rotation, target_from_world, wrap_angle
 from stixel_cli.measurements.scans import FieldOfView
-from stixel_cli.tracking.baselines.rectangle import contours_of, track, update
+from stixel_cli.tracking.baselines.rectangle import track, update
+from stixel_cli.tracking.baselines.rectangle_contour import contours_of
 from stixel_cli.tracking.baselines.rectangle_sides import (
     CORNERS,
     joined,
@@ -224,8 +224,7 @@ def test_stated_deviation_is_that_along_rays_to_first_order(seed):
     root = 0.02 * random.standard_normal((8, 8))
     covariance = root @ root.T
     sharp = dataclasses.replace(CAR, corner_radius=0.0)
-    quiet = with_constants(dataclasses.replace(TRACKER, side_std=1e-6), contour_points=24)
-    _, directions, std = contours_of(mean[None], covariance[None], sharp, quiet)
+    _, directions, std = contours_of(mean[None], covariance[None], sharp, 24)
 
     def ranges(state):
         ring = shapely.LinearRing(0.5 * CORNERS * state[6:] @ rotation(state[2]).T + state[:2])

@@ -29,6 +29,7 @@ from stixel_cli.geometry.pose import rotation
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.parameters import parameters
 from stixel_cli.tracking.association import associate
+from stixel_cli.tracking.baselines.extension import update_extension
 from stixel_cli.tracking.centre import GREATEST_VARIANCE, MOVING, predict, six_states, update
 from stixel_cli.tracking.motion import intervals
 from stixel_cli.tracking.prior import PriorShape, prior_radii
@@ -97,11 +98,16 @@ def track(
         used.append(indices + rows.start)
         if len(indices):
             points, noise = points[indices], noises[indices].mean(axis=0)
-            own = covariance[:2, :2], points - mean[:2], noise
             centroid, scattered = points.mean(axis=0), tracker.scatter * extension + noise
-            noise = scattered / len(points)
+            offsets, noise = points - mean[:2], scattered / len(points)
+            innovation = offsets.mean(axis=0)
+            extension = update_extension(
+                extension,
+                weight,
+                (innovation, covariance[:2, :2] + noise),
+                (offsets - innovation, scattered),
+            )
             mean, covariance, nis[k] = update(mean, covariance, centroid - mean[:2], noise)
-            extension = update_extension(extension, weight, *own, tracker.scatter)
             weight += len(points)
         means[k], covariances[k] = six_states(
             mean, covariance, heading, interval, tracker.sigma_q, tracker.least_speed
@@ -112,34 +118,6 @@ def track(
     contours = contours_of(means, covariances, extensions, weights, prior, tracker.contour_points)
     degrees = np.array([2 if len(rows) else 0 for rows in used], dtype=np.int64)
     return Track.of_scans(scans.times, (means, covariances), contours, used, nis, degrees)
-
-
-def update_extension(
-    extension: np.ndarray,
-    weight: float,
-    covariance: np.ndarray,
-    offsets: np.ndarray,
-    noise: np.ndarray,
-    scatter: float,
-) -> np.ndarray:
-    """X⁺ (2, 2) m² from n points, `offsets` (n, 2) m from the predicted centre.
-
-    `extension` X and `weight` alpha are the predicted ones, `covariance` (2, 2) m² is that of the
-    predicted centre, `noise` R (2, 2) m² that of a point, `scatter` is z.
-    """
-    count, innovation = len(offsets), offsets.mean(axis=0)
-    expected = scatter * extension + noise
-    moved = _whitening(extension, covariance + expected / count) @ innovation
-    spread = (offsets - innovation) @ _whitening(extension, expected).T
-    return (weight * extension + np.outer(moved, moved) + spread.T @ spread) / (weight + count)
-
-
-def _whitening(extension: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-    """X^½ C^-½ (2, 2) with symmetric roots of the `extension` X and the `covariance` C."""
-    roots, axes = np.linalg.eigh(np.stack([extension, covariance]))
-    powers = np.sqrt(roots) ** np.array([[1.0], [-1.0]])
-    first, second = (axes * powers[:, None, :]) @ np.swapaxes(axes, 1, 2)
-    return first @ second
 
 
 def contours_of(

@@ -29,17 +29,11 @@ from stixel_cli.geometry.pose import rotation
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.parameters import parameters
 from stixel_cli.tracking.association import associate
-from stixel_cli.tracking.baselines.rectangle_sides import (
-    NORMALS,
-    Rows,
-    joined,
-    measure,
-    radii_of,
-    slip_row,
-)
+from stixel_cli.tracking.baselines.rectangle_contour import contours_of
+from stixel_cli.tracking.baselines.rectangle_sides import Rows, joined, measure, slip_row
 from stixel_cli.tracking.motion import intervals, process_noise, transition
-from stixel_cli.tracking.prior import PriorShape, fullness_of, prior_radii
-from stixel_cli.tracking.track import InitialState, Track, contour_directions
+from stixel_cli.tracking.prior import PriorShape, fullness_of
+from stixel_cli.tracking.track import InitialState, Track
 
 
 @parameters
@@ -123,7 +117,7 @@ def track(
         used.append(indices + rows.start)
         means[k], covariances[k] = mean, covariance
 
-    contours = contours_of(means, covariances, prior, tracker)
+    contours = contours_of(means, covariances, prior, tracker.contour_points, tracker.side_std)
     return Track.of_scans(scans.times, (means, covariances), contours, used, nis, degrees)
 
 
@@ -173,32 +167,3 @@ def update(
     updated = mean + (posterior @ vector)[:8]
     updated[6:] = np.maximum(updated[6:], LEAST_SIZE)
     return updated, posterior[:8, :8], float(nis)
-
-
-def contours_of(
-    means: np.ndarray, covariances: np.ndarray, prior: PriorShape, tracker: RectangleParameters
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Contours (K, M, 2) m, directions (K, M, 2) and std (K, M) m of K rectangles; see `Track`.
-
-    With b the angle from a side's normal n to the direction p, a ray from the estimated centre
-    meets the side at r = h / cos b, and a change of the state moves this by
-    (n dx^c + dh - r sin b dpsi) / cos b. The sides' error adds to that, and the distance of the
-    class's shape from a rectangle of its size.
-    """
-    angles, directions = contour_directions(means[:, 2], tracker.contour_points)
-    body = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
-    contours, std = np.empty_like(directions), np.empty(directions.shape[:2])
-    class_radii = prior_radii(prior, angles)
-    of_class, _ = radii_of(body, np.array([prior.length, prior.width]))
-    for k, (mean, covariance) in enumerate(zip(means, covariances, strict=True)):
-        radii, sides = radii_of(body, mean[6:])
-        normals = NORMALS[sides]
-        cosine = np.einsum("mi,mi->m", normals, body)
-        rows = np.zeros((len(body), 8))
-        rows[:, :2] = normals @ rotation(mean[2]).T
-        rows[:, 2] = -radii * (normals[:, 0] * body[:, 1] - normals[:, 1] * body[:, 0])
-        rows[np.arange(len(body)), 6 + sides // 2] = 0.5
-        moved = np.einsum("mi,ij,mj->m", rows, covariance, rows) + tracker.side_std**2
-        std[k] = np.sqrt(np.maximum(moved, 0.0) / cosine**2 + (of_class - class_radii) ** 2)
-        contours[k] = mean[:2] + radii[:, None] * directions[k]
-    return contours, directions, std

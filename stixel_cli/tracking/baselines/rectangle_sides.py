@@ -126,10 +126,3 @@ def _ends(
         variances[i] = gap**2 / 12.0 + outwards @ noises[last[i]] @ outwards + corner_std**2
     kept = uncut(bearings[last], np.hypot(*offsets[last].T), field_of_view)
     return Rows(innovations[kept], matrix[kept], variances[kept])
-
-
-def radii_of(body: np.ndarray, size: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Where rays from the centre along `body` (M, 2) meet a rectangle: radii (M,) m, sides (M,)."""
-    with np.errstate(divide="ignore"):
-        reach = 0.5 * size[[0, 0, 1, 1]] / np.maximum(body @ NORMALS.T, 0.0)
-    return reach.min(axis=1), reach.argmin(axis=1)

@@ -1,0 +1,248 @@
+"""A Kalman filter on a rectangle whose visible sides are a mixture of Gaussians: GM-MEM-EKF*.
+
+K. Thormann, S. Yang, M. Baum 2021, *Kalman filter based extended object tracking with a Gaussian
+mixture spatial distribution model*, IEEE Intelligent Vehicles Symposium Workshops; on the MEM-EKF*
+of S. Yang, M. Baum 2019, *Tracking the orientation and axes lengths of an elliptical extended
+object*, IEEE Transactions on Signal Processing 67(18).
+
+The state is x, y and their rates, and the shape: the angle of the first axis and the half sizes
+along both axes, m, with S = R(angle) diag(half sizes). A point of side j is
+
+    y = x^c + S h + e,    h ~ N(h_j, C_j),    e ~ N(0, R):
+
+h_j is the side's middle and C_j spreads the points evenly along it, in half sizes. The innovation
+v = y - x^c - S h_j corrects x^c. Its covariance C is P + S C_j Sᵀ + R and a term of the shape's
+covariance. The squares v_x², v_y², v_x v_y correct the shape: their mean is C, and their covariance
+that of a Gaussian's moments. Each side that the sensor sees gives a posterior; a Gaussian with the
+mean and the covariance of their mixture replaces them. The points are used one by one.
+"""
+
+from typing import Annotated, ClassVar, Literal, NamedTuple
+
+import numpy as np
+from annotated_types import Ge, Gt, Le, Lt
+
+from stixel_cli.geometry.pose import rotation, wrap_angle
+from stixel_cli.measurements.scans import Scans
+from stixel_cli.parameters import parameters
+from stixel_cli.randomness import generator
+from stixel_cli.tracking import centre
+from stixel_cli.tracking.association import associate
+from stixel_cli.tracking.baselines.rectangle_contour import QUARTER, contours_of, forward_axis
+from stixel_cli.tracking.centre import GREATEST_VARIANCE, MOVING
+from stixel_cli.tracking.motion import intervals
+from stixel_cli.tracking.prior import PriorShape
+from stixel_cli.tracking.track import InitialState, Track
+
+
+@parameters
+class GmMemEkfParameters:
+    """GM-MEM-EKF*: the sides that the sensor sees are components of a Gaussian mixture.
+
+    Attributes:
+        sigma_q: process noise of the position, a white acceleration's root density, m/s^1.5.
+        heading_noise: root density of the angle's random walk, rad/s^0.5.
+        size_noise: that of each half size, m/s^0.5.
+        gate_probability: chi-square probability of the association's gate; null takes every point.
+    """
+
+    kind: Literal["gm_mem_ekf"]
+    sigma_q: Annotated[float, Ge(0), Le(100)]
+    heading_noise: Annotated[float, Ge(0), Le(100)]
+    size_noise: Annotated[float, Ge(0), Le(100)]
+    gate_probability: Annotated[float, Gt(0), Lt(1)] | None
+    contour_points: ClassVar[int] = 240
+    """Number M of points of the contour that is reported: no estimate depends on it."""
+
+
+MIDDLES = 0.99 * np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
+"""h_j (4, 2) of the front, left, rear and right side, in half sizes; points are a little inside."""
+
+VARIANCES = np.array([[1e-4, 1.0], [1.0, 1e-4]] * 2) / 3.0
+"""Diagonals (4, 2) of C_j: points are even along the side, and across within 0.01 half sizes."""
+
+FACING, ASIDE = np.pi / 8.0, 3.0 * np.pi / 8.0
+"""Angles to the sensor's direction, rad: nearer a side counts fully, then with `ASIDE_WEIGHT`, then
+not at all."""
+
+ASIDE_WEIGHT = 0.8
+
+LEAST_HALF = 0.1
+"""Least half size, m."""
+
+
+class Estimate(NamedTuple):
+    """Gaussians of the kinematic state and of the shape.
+
+    Attributes:
+        state, covariance: (4,) and (4, 4) of x, y and their rates, m and m/s, world frame.
+        shape, shape_covariance: (3,) and (3, 3) of the first axis's angle in rad and the half
+            sizes in m.
+    """
+
+    state: np.ndarray
+    covariance: np.ndarray
+    shape: np.ndarray
+    shape_covariance: np.ndarray
+
+
+def track(
+    scans: Scans, initial: InitialState, prior: PriorShape, tracker: GmMemEkfParameters
+) -> Track:
+    """Track one target through `scans`: predict, associate, update at every scan, the first too.
+
+    The shape starts with the heading and the class's size. The points of a scan are used in a
+    random order, which is the same in every run: in the order of their bearings they would turn the
+    rectangle. The reported states are x, y, heading, their rates, length and width; the heading is
+    the direction along the sides that is nearest to the velocity's. The NIS is the sum of the
+    points', with two degrees of freedom each, of the most probable side.
+    """
+    size = 0.5 * np.array([prior.length, prior.width])
+    variances = (size * [prior.length_std, prior.width_std]) ** 2
+    estimate = Estimate(
+        initial.mean[MOVING],
+        initial.covariance[np.ix_(MOVING, MOVING)],
+        np.array([initial.mean[2], *size]),
+        np.diag([min(initial.covariance[2, 2], GREATEST_VARIANCE), *variances]),
+    )
+    noise_densities = np.array([tracker.heading_noise, *[tracker.size_noise] * 2]) ** 2
+
+    count = len(scans)
+    means, covariances = np.empty((count, 8)), np.empty((count, 8, 8))
+    heading = float(initial.mean[2])
+    used: list[np.ndarray] = []
+    nis = np.full(count, np.nan)
+    for k, interval in enumerate(intervals(scans.times)):
+        estimate = Estimate(
+            *centre.predict(estimate.state, estimate.covariance, interval, tracker.sigma_q),
+            estimate.shape,
+            estimate.shape_covariance + interval * np.diag(noise_densities),
+        )
+        rows = scans.rows(k)
+        points, noises = scans.points_world[rows], scans.covariances_world[rows]
+        turn = rotation(estimate.shape[0])
+        area = turn @ np.diag(estimate.shape[1:] ** 2 / 3.0) @ turn.T
+        indices = associate(
+            points,
+            estimate.state[:2],
+            estimate.covariance[:2, :2] + area + noises,
+            tracker.gate_probability,
+        )
+        used.append(indices + rows.start)
+        if len(indices):
+            weights = side_weights(estimate, scans.sensor_poses_world[k, :2])
+            nis[k] = 0.0
+            for i in generator(0, "gm_mem_ekf", k).permutation(indices):
+                estimate, distance = update(estimate, points[i], noises[i], weights)
+                nis[k] += distance
+        means[k], covariances[k] = _eight_states(estimate, heading, tracker.heading_noise)
+        heading = means[k, 2]
+
+    contours = contours_of(means, covariances, prior, tracker.contour_points)
+    degrees = np.array([2 * len(rows) for rows in used], dtype=np.int64)
+    return Track.of_scans(scans.times, (means, covariances), contours, used, nis, degrees)
+
+
+def side_weights(estimate: Estimate, sensor: np.ndarray) -> np.ndarray:
+    """Weights (4,) of the sides, with the sum 1, for a `sensor` at (2,) m in the world.
+
+    The angle between the side's direction and the sensor's decides, both in half sizes.
+    """
+    angle, *half = estimate.shape
+    x, y = rotation(angle).T @ (sensor - estimate.state[:2]) / half
+    away = np.abs(wrap_angle(np.arctan2(y, x) - QUARTER * np.arange(4)))
+    weights = np.where(away <= FACING, 1.0, np.where(away <= ASIDE, ASIDE_WEIGHT, 0.0))
+    return weights / weights.sum()
+
+
+def update(
+    estimate: Estimate, point: np.ndarray, noise: np.ndarray, weights: np.ndarray
+) -> tuple[Estimate, float]:
+    """Posterior with one `point` (2,) m of covariance `noise` (2, 2) m², and the NIS.
+
+    `weights` (4,) are those of the sides.
+    """
+    sides = np.flatnonzero(weights)
+    posteriors = [_of_side(estimate, point, noise, side) for side in sides]
+    logarithms = np.log(weights[sides]) + [one[1] for one in posteriors]
+    shares = np.exp(logarithms - logarithms.max())
+    shares /= shares.sum()
+    parts = [np.stack(part) for part in zip(*(one[0] for one in posteriors), strict=True)]
+    kinematic, shape = _merged(shares, *parts[:2]), _merged(shares, *parts[2:])
+    shape[0][1:] = np.maximum(shape[0][1:], LEAST_HALF)
+    return Estimate(*kinematic, *shape), posteriors[int(shares.argmax())][2]
+
+
+def _of_side(
+    estimate: Estimate, point: np.ndarray, noise: np.ndarray, side: int
+) -> tuple[Estimate, float, float]:
+    """Posterior if the `point` is of this `side`, its log likelihood and its NIS."""
+    state, covariance, shape, shape_covariance = estimate
+    (cosine, sine), (length, width) = (np.cos(shape[0]), np.sin(shape[0])), shape[1:]
+    matrix = np.array([[cosine * length, -sine * width], [sine * length, cosine * width]])
+    # Derivatives of S's elements by the shape, (2, 2, 3).
+    slopes = np.array(
+        [
+            [[-sine * length, cosine, 0.0], [-cosine * width, 0.0, -sine]],
+            [[cosine * length, sine, 0.0], [-sine * width, 0.0, cosine]],
+        ]
+    )
+    middle, variances = MIDDLES[side], VARIANCES[side]
+    of_shape = np.einsum(
+        "h,ahp,pq,bhq->ab", variances + middle**2, slopes, shape_covariance, slopes
+    )
+    noise = (matrix * variances) @ matrix.T + of_shape + noise
+    spread = covariance[:2, :2] + noise
+    innovation = point - state[:2] - matrix @ middle
+    *kinematic, distance = centre.update(state, covariance, innovation, noise)
+
+    # The squares of the innovation: their mean and covariance, and their slope by the shape.
+    (xx, xy), (_, yy) = spread
+    x, y = innovation
+    squares = np.array([x * x - xx, y * y - yy, x * y - xy])
+    moments = np.array(
+        [
+            [2.0 * xx * xx, 2.0 * xy * xy, 2.0 * xx * xy],
+            [2.0 * xy * xy, 2.0 * yy * yy, 2.0 * yy * xy],
+            [2.0 * xx * xy, 2.0 * yy * xy, xx * yy + xy * xy],
+        ]
+    )
+    products = np.einsum("ah,h,bhp->abp", matrix, variances, slopes)
+    jacobian = np.stack(
+        [2.0 * products[0, 0], 2.0 * products[1, 1], products[0, 1] + products[1, 0]]
+    )
+    shape_gain = np.linalg.solve(moments, jacobian @ shape_covariance).T
+    posterior = Estimate(
+        *kinematic,
+        shape + shape_gain @ squares,
+        shape_covariance - shape_gain @ jacobian @ shape_covariance,
+    )
+    return posterior, -0.5 * (distance + float(np.log(np.linalg.det(spread)))), distance
+
+
+def _merged(
+    shares: np.ndarray, means: np.ndarray, covariances: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Mean and covariance of a mixture of Gaussians, stacked, with these `shares`."""
+    mean = shares @ means
+    away = means - mean
+    whole = np.einsum("j,jab->ab", shares, covariances + away[:, :, None] * away[:, None, :])
+    return mean, 0.5 * (whole + whole.T)
+
+
+def _eight_states(
+    estimate: Estimate, heading: float, heading_noise: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Mean (8,) and covariance (8, 8) of the track; `heading` is the one before."""
+    mean, covariance = np.zeros(8), np.zeros((8, 8))
+    forwards, swapped = forward_axis(estimate.shape[0], estimate.state[2:], heading)
+    order = np.array([0, 2, 1]) if swapped else np.array([0, 1, 2])
+    factors = np.array([1.0, 2.0, 2.0])
+    mean[MOVING], mean[[2, 6, 7]] = estimate.state, factors * estimate.shape[order]
+    mean[2] = forwards
+    shape = np.outer(factors, factors) * estimate.shape_covariance[np.ix_(order, order)]
+    covariance[np.ix_(MOVING, MOVING)] = estimate.covariance
+    covariance[np.ix_([2, 6, 7], [2, 6, 7])] = shape
+    covariance[2, 2] = min(covariance[2, 2], GREATEST_VARIANCE)
+    covariance[5, 5] = min(heading_noise**2, GREATEST_VARIANCE)
+    return mean, covariance

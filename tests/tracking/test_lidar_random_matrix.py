@@ -1,0 +1,161 @@
+import dataclasses
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.linalg import sqrtm
+from seen_targets import moved, scans_seen, start_at, turning
+from tracking_cases import CAR, START, scans_of
+
+from stixel_cli.config.compose import compose
+from stixel_cli.geometry.pose import rectangle, rotation
+from stixel_cli.tracking.baselines.lidar_random_matrix import measured_centre, track
+from stixel_cli.tracking.centre import MOVING, predict
+from stixel_cli.tracking.motion import intervals
+
+TRACKERS = {
+    name: compose([f"tracker={name}"]).configuration.tracker
+    for name in ("lidar_random_matrix", "li_random_matrix")
+}
+ENDS = TRACKERS["lidar_random_matrix"]
+EMPTY = np.zeros((0, 2))
+SENSOR = np.zeros(2)
+
+
+def two_sides(turn, place, count=15):
+    """Points on the two sides that a sensor at the origin sees, and the rectangle's centre."""
+    near, left, right = [-2.0, -1.0], [-2.0, 1.0], [2.0, -1.0]
+    shares = np.linspace(0.0, 1.0, count)[:, None]
+    body = np.concatenate([left + shares * np.subtract(near, left),
+                           near + shares[1:] * np.subtract(right, near)])  # fmt: skip
+    return body @ rotation(turn).T + place
+
+
+def test_of_two_sides_the_ends_are_opposite_corners():
+    points, place = two_sides(0.9, [2.0, 9.0]), np.array([2.0, 9.0])
+    random = np.random.default_rng(0).permutation(len(points))
+    np.testing.assert_allclose(measured_centre(points[random], SENSOR, "ends"), place, atol=1e-12)
+
+
+def test_points_on_both_sides_of_the_backward_direction_are_in_order():
+    """Bearings jump from π to -π behind the sensor."""
+    points = two_sides(0.9, [2.0, 9.0]) @ rotation(np.pi / 2 + 0.2).T
+    place = rotation(np.pi / 2 + 0.2) @ [2.0, 9.0]
+    assert np.ptp(np.arctan2(points[:, 1], points[:, 0])) > 6.0
+    np.testing.assert_allclose(measured_centre(points, SENSOR, "ends"), place, atol=1e-12)
+
+
+@pytest.mark.parametrize("how", ["ends", "midpoints"])
+def test_the_centre_is_behind_the_visible_sides(how):
+    points = two_sides(0.9, [2.0, 9.0])
+    centre, mean = measured_centre(points, SENSOR, how), points.mean(axis=0)
+    assert np.hypot(*centre) > np.hypot(*mean) + 0.3
+    np.testing.assert_allclose(centre, [2.0, 9.0], atol=0.7)
+
+
+def test_midpoints_by_hand():
+    """Eight points, symmetric about the y axis: the line is the axis, cut at the ends' depths."""
+    x = np.array([1.0, 0.75, 0.5, 0.25])
+    half = np.stack([x, 8.0 + x], axis=1)
+    points = np.concatenate([half, half * [-1.0, 1.0]])
+    # The line across the ray (1, 9) through (1, 9) is x + 9 y = 82: it meets the axis at 82 / 9.
+    np.testing.assert_allclose(measured_centre(points, SENSOR, "midpoints"), [0.0, 82.0 / 9.0])
+    few = points[[0, 1, 2, 4, 5, 6]]
+    np.testing.assert_allclose(measured_centre(few, SENSOR, "midpoints"), few.mean(axis=0))
+
+
+def paper(scans, initial, prior, tracker):
+    """x, P and X after each scan by the authors' equations, with the scale matrix V and v."""
+    x, p = initial.mean[MOVING], initial.covariance[np.ix_(MOVING, MOVING)]
+    h, turn = np.eye(2, 4), rotation(initial.mean[2])
+    v = tracker.prior_weight + 6.0
+    scale = (v - 3.0) * turn @ np.diag([prior.length**2, prior.width**2]) @ turn.T / 4.0
+    for k, interval in enumerate(intervals(scans.times)):
+        x, p = predict(x, p, interval, tracker.sigma_q)
+        before, v = v, 6.0 + np.exp(-interval / tracker.forgetting_time) * (v - 6.0)
+        scale = (v - 3.0) / (before - 3.0) * scale
+        y = scans.points_world[scans.rows(k)]
+        if len(y):
+            r = scans.covariances_world[scans.rows(k)].mean(axis=0)
+            centre = measured_centre(y, scans.sensor_poses_world[k, :2], tracker.centre)
+            big_x = scale / (v - 6.0)
+            big_y = tracker.scatter * big_x + r
+            s = h @ p @ h.T + big_y / len(y)
+            gain, e = p @ h.T @ np.linalg.inv(s), centre - h @ x
+            root = np.real(sqrtm(big_x))
+            n_root = root @ np.linalg.inv(np.real(sqrtm(s)))
+            y_root = root @ np.linalg.inv(np.real(sqrtm(big_y)))
+            scatter = (y - centre).T @ (y - centre)
+            x, p = x + gain @ e, p - gain @ s @ gain.T
+            scale = scale + n_root @ np.outer(e, e) @ n_root.T + y_root @ scatter @ y_root.T
+            v = v + len(y)
+        yield x, p, scale / (v - 3.0)
+
+
+@pytest.mark.parametrize("name", TRACKERS)
+def test_track_is_that_of_the_authors_equations(name):
+    tracker = dataclasses.replace(TRACKERS[name], gate_probability=None)
+    poses = turning(25, 4.0, 0.3)
+    scans, initial = scans_seen(rectangle(4.2, 1.7), poses, noise=0.05), start_at(poses)
+    points = [scans.points_world[scans.rows(k)] for k in range(25)]
+    points[4], points[9] = EMPTY, points[9][:1]
+    scans = scans_of(points)
+    result = track(scans, initial, CAR, tracker)
+    for k, (x, p, extension) in enumerate(paper(scans, initial, CAR, tracker)):
+        np.testing.assert_allclose(result.means[k, MOVING], x, rtol=1e-8, atol=1e-8)
+        spread = result.covariances[k][np.ix_(MOVING, MOVING)]
+        np.testing.assert_allclose(spread, p, rtol=1e-7, atol=1e-11)
+        turn = rotation(result.means[k, 2])
+        reported = turn @ np.diag(result.means[k, 6:] ** 2 / 4.0) @ turn.T
+        np.testing.assert_allclose(reported, extension, rtol=1e-6, atol=1e-9)
+    assert np.isnan(result.nis[4]) and np.isfinite(result.nis[9])
+
+
+def test_the_extension_of_two_sides_converges_to_the_rectangle():
+    """Even points on both sides, at rest: size and heading are the rectangle's."""
+    points = [two_sides(0.9, [2.0, 9.0], count) for count in [40] * 40]
+    start = dataclasses.replace(START, mean=np.array([2.0, 9.0, 0.9, 0.0, 0.0, 0.0]))
+    quick = dataclasses.replace(ENDS, prior_weight=14.0, forgetting_time=1.0)
+    result = track(scans_of(points), start, CAR, quick)
+    np.testing.assert_allclose(result.means[-1, :2], [2.0, 9.0], atol=0.02)
+    assert result.means[-1, 2] == pytest.approx(0.9, abs=0.05)
+    np.testing.assert_allclose(result.means[-1, 6:], [4.0, 2.0], rtol=0.1)
+
+
+@pytest.mark.parametrize("name", TRACKERS)
+@pytest.mark.parametrize(("angle", "shift"), [(0.9, (20.0, -7.0)), (-2.0, (3.0, 40.0))])
+def test_track_is_invariant_to_rigid_motions_of_the_world(name, angle, shift):
+    poses = turning(20, 4.0, 0.3)
+    scans, initial = scans_seen(rectangle(4.2, 1.7), poses, noise=0.05), start_at(poses)
+    plain = track(scans, initial, CAR, TRACKERS[name])
+    other = track(*moved(scans, initial, angle, shift), CAR, TRACKERS[name])
+    turn = rotation(angle)
+    np.testing.assert_array_equal(other.used_points, plain.used_points)
+    np.testing.assert_allclose(other.means[:, :2], plain.means[:, :2] @ turn.T + shift, atol=1e-7)
+    np.testing.assert_allclose(other.means[:, 2], plain.means[:, 2] + angle, atol=1e-7)
+    np.testing.assert_allclose(
+        other.contours_world, plain.contours_world @ turn.T + shift, atol=1e-6
+    )
+    np.testing.assert_allclose(other.contour_std, plain.contour_std, atol=1e-6)
+
+
+def test_without_points_it_predicts_and_knows_less_and_less():
+    far = np.array([[60.0, 60.0], [-40.0, 2.0]])
+    clutter = track(scans_of([far, EMPTY, far[:1]]), START, CAR, ENDS)
+    empty = track(scans_of([EMPTY] * 3), START, CAR, ENDS)
+    np.testing.assert_array_equal(clutter.means, empty.means)
+    np.testing.assert_allclose(empty.means[:, 6:], [[CAR.length, CAR.width]] * 3)
+    assert np.all(np.diff(empty.contour_std, axis=0) > 0.0)
+
+
+@settings(derandomize=True, deadline=None, max_examples=20)
+@given(seed=st.integers(0, 2**31))
+def test_covariances_are_symmetric_and_positive(seed):
+    random = np.random.default_rng(seed)
+    points = [START.mean[:2] + random.normal(0.0, 1.5, (n, 2)) for n in random.integers(0, 14, 12)]
+    for tracker in TRACKERS.values():
+        result = track(scans_of(points), START, CAR, tracker)
+        np.testing.assert_allclose(result.covariances, np.swapaxes(result.covariances, 1, 2))
+        assert np.linalg.eigvalsh(result.covariances).min() >= -1e-12
+        assert (result.means[:, 6:] > 0.0).all()
