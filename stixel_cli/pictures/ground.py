@@ -14,6 +14,9 @@ from matplotlib.typing import ColorType
 from stixel_cli.pictures import style
 from stixel_cli.pictures.consistency import ellipse_axes
 
+BAND_REACH = 4
+"""Points of a contour to both sides that give the direction of its band."""
+
 
 def draw_contour(axes: Axes, contour_world: np.ndarray, colour: str, **options) -> None:
     """The outline of a polygon (M, 2) m; nothing if it is not finite."""
@@ -29,20 +32,32 @@ def draw_band(
     directions: np.ndarray,
     std: np.ndarray,
 ) -> None:
-    """The ring of ± 2 `std` (M,) along `directions` (M, 2) round a contour (M, 2).
+    """The ring of ± 2 standard deviations across a contour (M, 2).
 
-    Its inner edge stops at the centre (2,): a radius is not negative.
+    `std` (M,) is along `directions` (M, 2) from the centre (2,): a normal that is askew to them has
+    the smaller share of it. The ring's own direction is that of a longer piece of the contour, so
+    that a mirror does not spread it. The inner edge is not beyond the centre.
     """
     if not (np.isfinite(contour_world).all() and np.isfinite(std).all()):
         return
     radii = np.linalg.norm(contour_world - centre_world, axis=1)
-    inner = contour_world - np.minimum(2.0 * std, radii)[:, None] * directions
-    outer = contour_world + 2.0 * std[:, None] * directions
-    ring = np.concatenate([outer, outer[:1], inner[::-1], inner[-1:]])
-    codes = np.full(len(ring), Path.LINETO, dtype=np.uint8)
-    codes[[0, len(outer) + 1]] = Path.MOVETO
+    reach = 2.0 * std * np.maximum(np.sum(_normals(contour_world, 1) * directions, axis=1), 0.2)
+    across = _normals(contour_world, BAND_REACH)
+    inner = contour_world - np.minimum(reach, radii)[:, None] * across
+    outer = contour_world + reach[:, None] * across
+    # One area per edge: where the normals of a corner cross, nothing is left out.
+    parts = [outer, np.roll(outer, -1, axis=0), np.roll(inner, -1, axis=0), inner, outer]
+    codes = [Path.MOVETO, *[Path.LINETO] * 3, Path.CLOSEPOLY] * len(outer)
+    ring = Path(np.stack(parts, axis=1).reshape(-1, 2), codes)
     look = {"facecolor": style.ESTIMATE, "alpha": 0.2, "linewidth": 0, "zorder": 2.0}
-    _add(axes, PathPatch(Path(ring, codes), **look))
+    _add(axes, PathPatch(ring, **look))
+
+
+def _normals(contour: np.ndarray, reach: int) -> np.ndarray:
+    """Outward unit normals (M, 2) of a contour, over `reach` points to both sides."""
+    pieces = np.roll(contour, -reach, axis=0) - np.roll(contour, reach, axis=0)
+    lengths = np.maximum(np.linalg.norm(pieces, axis=1), 1e-9)
+    return np.stack([pieces[:, 1], -pieces[:, 0]], axis=1) / lengths[:, None]
 
 
 def _add(axes: Axes, patch: Patch) -> None:

@@ -21,6 +21,7 @@ from stixel_cli.report.playback_values import (
     FARTHEST,
     ellipses,
     facts_of,
+    headline_of,
     millimetres,
     noise_of,
     numbers,
@@ -86,6 +87,7 @@ def playback_data(
             "scan": _place(scans, _scan(run.scans)),
             "camera": _place(cameras, _camera(run.camera)) if run.camera else None,
         }
+        shared["headline"] = headline_of(run) if len(runs) == 1 else []
         played.append(_run(run, [*facts, *facts_of(run)]) | shared)
     scenario = runs[0].scenario
     with_truth = bool(scenario.known.any())
@@ -151,7 +153,7 @@ def _run(run: RunResult, facts: Sequence[tuple[str, str]]) -> dict[str, Any]:
         "badges": badges(scores.metrics),
         "origin": origin_of(run.manifest, run.folder),
         "summary": summary_of(scores.metrics),
-        "verdict": " ".join(verdict(scores.metrics)),
+        "verdict": verdict(scores.metrics),
         "labels": [list(LABEL_COLUMNS), *map(list, label_rows(scores.labels))],
         "poses": rounded_poses(track.means),
         "centre": ellipses(track.covariances[:, :2, :2]),

@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from stixel_cli.evaluation.metric_table import SMOOTHED, metric
+from stixel_cli.evaluation.metric_table import SMOOTHED, Metric, metric
+from stixel_cli.geometry.pose import wrap_angle
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.pictures.consistency import ellipse_axes
 from stixel_cli.report.metrics import shown_value, smoothed_label
@@ -69,11 +70,59 @@ def summary_of(metrics: dict[str, float | int | None]) -> list[list[str]]:
     """[name, value with its unit, smoothed value] of the `SUMMARY`'s metrics that have a value."""
     rows, smoothed = [], smoothed_label(metrics)
     for row in (metric(name) for name in SUMMARY if metrics.get(name) is not None):
-        value = f"{shown_value(row.name, metrics[row.name])} {row.shown_unit}".strip()
+        value = _with_unit(row, metrics[row.name])
         if SMOOTHED + row.name in metrics:
             value += f" ({smoothed}: {shown_value(row.name, metrics[SMOOTHED + row.name])})"
-        rows.append([row.short_label, value.replace(" °", "°")])
+        rows.append([row.short_label, value])
     return rows
+
+
+def headline_of(run: RunResult) -> list[list[str | bool | None]]:
+    """[name, value, whether it is good (None: unknown), reference] of the main numbers of a run.
+
+    The reference is that of the same scans: the IoU of the baseline, the mean of the used points
+    for the centre, its direction of motion for the orientation; 1 for NEES.
+    """
+    metrics = run.metrics
+    iou = "iou_mean" if metrics.get("iou_mean") is not None else "iou_box_mean"
+    centre, orientation = _of_points(run)
+    references = {
+        iou: (metrics.get("iou_baseline"), "baseline"),
+        "centre_rmse_m": (centre, "mean of its points"),
+        "orientation_rmse_deg": (orientation, "motion of its points"),
+        "nees_position_mean": (1.0, "consistent"),
+    }
+    rows: list[list[str | bool | None]] = []
+    for name, (reference, words) in references.items():
+        row, value, is_good = metric(name), metrics.get(name), None
+        if value is None:
+            continue
+        low, high = row.expected
+        if high is not None:
+            is_good = low <= value <= high
+        elif reference is not None:
+            is_good = (value > reference) == (row.better == "more")
+        beside = "" if reference is None else f"{words}: {_with_unit(row, reference)}"
+        rows.append([row.short_label, _with_unit(row, value), is_good, beside])
+    return rows
+
+
+def _of_points(run: RunResult) -> tuple[float | None, float | None]:
+    """RMSE of the mean of the used points, m, and of its direction over a second, °."""
+    scans, track, truth = run.scans, run.track, run.scenario.target_poses_world
+    used = [track.used_points[slice(*ends)] for ends in pairwise(track.used_offsets)]
+    nothing = np.full(2, np.nan)
+    means = np.array([scans.points_world[u].mean(0) if len(u) else nothing for u in used])
+    half = max(1, int(np.searchsorted(track.times - track.times[0], 0.5)))
+    ways = means[2 * half :] - means[: -2 * half]
+    turns = wrap_angle(np.arctan2(ways[:, 1], ways[:, 0]) - truth[half:-half, 2])
+    errors = (np.linalg.norm(means - truth[:, :2], axis=1), np.degrees(turns))
+    squares = (error[np.isfinite(error)] ** 2 for error in errors)
+    return tuple(float(np.sqrt(square.mean())) if len(square) else None for square in squares)
+
+
+def _with_unit(row: Metric, value: float | int) -> str:
+    return f"{shown_value(row.name, value)} {row.shown_unit}".strip().replace(" °", "°")
 
 
 FARTHEST = 1e7  # m; the page omits farther points

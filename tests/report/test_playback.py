@@ -6,6 +6,7 @@ import re
 from dataclasses import replace
 from html.parser import HTMLParser
 from importlib import resources
+from itertools import pairwise
 
 import cv2
 import numpy as np
@@ -48,6 +49,21 @@ def test_page_contains_the_run_to_the_millimetre():
     assert played["errors"]["nis"][5] is None
     assert np.allclose(played["errors"]["iou"], run.scores.iou, atol=1e-4)
     assert data["times"] == pytest.approx(run.scenario.times)
+
+
+def test_main_numbers_are_beside_those_of_the_points():
+    run = make_run()
+    metrics = {"iou_mean": 0.5, "iou_baseline": 0.25, "centre_rmse_m": 99.0}
+    metrics |= {"nees_position_mean": 2.0, "orientation_rmse_deg": None}
+    (played,) = playback_data([replace(run, metrics=metrics)], "a run")["runs"]
+    iou, centre, nees = played["headline"]
+    assert iou == ["mean IoU", "0.500", True, "baseline: 0.250"]
+    assert nees == ["mean NEES / 2", "2.000", True, "consistent: 1.000"]
+    used, offsets = run.track.used_points, run.track.used_offsets
+    means = [run.scans.points_world[used[a:b]].mean(axis=0) for a, b in pairwise(offsets) if b > a]
+    true = run.scenario.target_poses_world[np.diff(offsets) > 0, :2]
+    rmse = np.sqrt(np.mean(np.sum((np.array(means) - true) ** 2, axis=1)))
+    assert centre[2:] == [False, f"mean of its points: {rmse:.3f} m"]
 
 
 def test_ellipse_matches_its_covariance():

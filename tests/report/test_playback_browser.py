@@ -140,6 +140,13 @@ def test_the_stixels_of_the_target_are_outlined_and_the_rest_dimmed(open_page, t
     assert [outline[:, 0].min(), outline[:, 0].max()] == [column - 0.5, column + 1.5]
     assert outline[:, 1].min() == chunk.top[rows][:2].min() - 0.5
     assert "2 on the target, outlined" in page.locator("#camera-caption").inner_text()
+    # The zoom keeps the edge of the image at the edge of its frame.
+    zoom, lens = page.get_by_role("button", name="Zoom to the target"), page.locator("#lens")
+    zoom.click()
+    x, y, scale = map(float, re.findall(r"(-?[\d.]+)[%)]", lens.get_attribute("style")))
+    assert scale > 1.5 and 100 - 100 * scale <= x <= 0 and 100 - 100 * scale <= y <= 0
+    zoom.click()
+    assert "scale" not in lens.get_attribute("style")
     assert opened.problems == []
     page.close()
 
@@ -168,6 +175,31 @@ def test_cursor_of_the_error_charts_can_be_dragged(one):
     page.mouse.move(box["x"] + box["width"], middle, steps=2)
     page.mouse.up()
     assert frame(page) == LAST
+
+
+def test_a_chart_shows_the_values_under_the_pointer_and_jumps_there(one):
+    page = one.page
+    before, plot = frame(page), page.locator(".plot").first
+    box = plot.bounding_box()
+    page.mouse.move(box["x"] + box["width"] - 9, box["y"] + box["height"] / 2)
+    value = page.locator(".chart .value").first
+    assert frame(page) == before
+    hovered = plot.locator(".hovered").inner_html()
+    page.mouse.down()
+    page.mouse.up()
+    assert frame(page) == LAST
+    assert hovered.endswith(f"s: {value.inner_text()}")
+    page.mouse.move(0, 0)
+    assert plot.locator(".hovered").count() == 0
+
+
+def test_the_image_takes_the_whole_width(one):
+    page = one.page
+    width = page.locator("#camera").bounding_box()["width"]
+    page.get_by_role("button", name="Wide").click()
+    assert page.locator("#camera").bounding_box()["width"] > 1.5 * width
+    page.get_by_role("button", name="Wide").click()
+    assert page.locator("#camera").bounding_box()["width"] == width
 
 
 def test_map_zooms_moves_and_shows_the_whole_scene(one):

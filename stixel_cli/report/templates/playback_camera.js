@@ -132,9 +132,33 @@ function drawCamera() {
   overlay.append(objectOutlines, targetOutline);
   objectOutlines.setAttribute("d", run.boxes ? boxOutlines(run.boxes[k]) : "");
   targetOutline.setAttribute("d", outlineOf(onTarget));
+  zoomImage(shots, onTarget, area, ego, rig);
   find("camera-caption").textContent = `${count} stixel${count === 1 ? "" : "s"}, coloured by depth; ${onTarget.length} on the target, outlined` +
     (shots.every > 1 ? `; image of k = ${shots.frames[i]}: this page shows every ${ordinal(shots.every)} image` : "");
 }
+
+// Show the whole image, or the target over half of it: its stixels, or else its place on the road.
+let isZoomed = false;
+function zoomImage(shots, onTarget, area, ego, rig) {
+  const seen = area && ego ? inCamera(area, ego, rig).filter((corner) => corner[2] >= NEAREST) : [];
+  const places = onTarget.length ? onTarget.flatMap(([left, right, top, base]) => [[left, top], [right, base]])
+    : seen.map(([x, y, z]) => [rig.u0 + rig.focal * x / z, rig.v0 + rig.focalV * y / z]);
+  find("lens").style.transform = "";
+  if (!isZoomed || !places.length) return;
+  const { width, height } = shots, ends = (axis, side) => Math[side](...places.map((place) => place[axis]));
+  const [left, right, top, base] = [ends(0, "min"), ends(0, "max"), ends(1, "min"), ends(1, "max")];
+  const scale = Math.min(8, Math.max(1, Math.min(width / (right - left + 1) / 2, height / (base - top + 1) / 2)));
+  // The image fills its frame at any zoom.
+  const shift = (middle, size) => Math.min(0, Math.max(1 - scale, 0.5 - scale * middle / size)) * 100;
+  find("lens").style.transform = `translate(${shift((left + right) / 2, width)}%, ${shift((top + base) / 2, height)}%) scale(${scale})`;
+}
+
+find("image-zoom").addEventListener("click", () => {
+  isZoomed = !isZoomed;
+  find("image-zoom").setAttribute("aria-pressed", isZoomed);
+  imageShown = null;
+  drawCamera();
+});
 
 function ordinal(n) {
   return n % 100 > 10 && n % 100 < 14 ? `${n}th` : `${n}${["th", "st", "nd", "rd"][n % 10] || "th"}`;
@@ -147,6 +171,13 @@ DEPTH_TICKS.forEach((depth, i) => {
   const sign = i === 0 ? "≤ " : i === DEPTH_TICKS.length - 1 ? "≥ " : "";
   html("span", { textContent: `${sign}${depth} m` }, find("depth-scale")).style.left = `${100 * share}%`;
 });
+// Images of a road scene are wide, and get the whole width.
+function setWide(isWide) {
+  document.querySelector("main").classList.toggle("wide", isWide);
+  find("image-wide").setAttribute("aria-pressed", isWide);
+}
+setWide(data.cameras.some(({ width, height }) => width > 2 * height));
+find("image-wide").addEventListener("click", () => setWide(find("image-wide").getAttribute("aria-pressed") === "false"));
 document.querySelector("main").classList.toggle("blind", data.cameras.length === 0);
 if (!data.cameras.length) {
   find("no-camera").className = "note";

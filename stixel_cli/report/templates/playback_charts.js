@@ -35,19 +35,20 @@ const charts = CHARTS.map((chart) => {
   });
   const plot = svg("svg", { class: "plot", role: "img", "aria-label": `${chart.short_label} over time` }, card);
   const made = { ...chart, values, plot };
-  const seek = (event) => {
+  const scanAt = (event) => {
     const share = (event.offsetX - made.left) / (made.right - made.left);
-    const time = times[0] + DURATION * Math.min(1, Math.max(0, share));
-    show(nearest(time));
+    return nearest(times[0] + DURATION * Math.min(1, Math.max(0, share)));
   };
   plot.addEventListener("pointerdown", (event) => {
     pause();
     plot.setPointerCapture(event.pointerId);
-    seek(event);
+    show(scanAt(event));
   });
   plot.addEventListener("pointermove", (event) => {
-    if (plot.hasPointerCapture(event.pointerId)) seek(event);
+    if (plot.hasPointerCapture(event.pointerId)) show(scanAt(event));
+    drawHover(made, scanAt(event));
   });
+  plot.addEventListener("pointerleave", () => drawHover(made, null));
   new ResizeObserver(() => { drawChart(made); drawCursor(made); }).observe(plot);
   return made;
 });
@@ -168,14 +169,25 @@ function bandOverTime(chart, bounds) {
   return text;
 }
 
+function valueText(chart, run, k) {
+  const value = run.errors[chart.name][k];
+  const total = chart.name === "points" ? ` of ${counts(run)[k]}` : "";
+  const small = chart.ratio && Math.abs(value) < 1 && value;
+  return (small ? shownSmall(value) : shown(value, chart.digits, chart.unit === "m" ? " m" : chart.unit)) + total;
+}
+
+// The time and the values under the pointer; nothing for k = null.
+function drawHover(chart, k) {
+  for (const old of chart.plot.querySelectorAll(".hover, .hovered")) old.remove();
+  if (k === null || !chart.x) return;
+  const x = chart.x(times[k]), isRight = x > (chart.left + chart.right) / 2;
+  svg("line", { class: "hover", x1: x, x2: x, y1: chart.top, y2: chart.bottom }, chart.plot);
+  svg("text", { class: "hovered", x: isRight ? x - 6 : x + 6, y: chart.top + 9, "text-anchor": isRight ? "end" : "start" }, chart.plot)
+    .textContent = `${times[k].toFixed(2)} s: ${runs.map((run) => valueText(chart, run, k)).join(" · ")}`;
+}
+
 function drawCursor(chart) {
-  runs.forEach((run, r) => {
-    const value = run.errors[chart.name][frame];
-    const total = chart.name === "points" ? ` of ${counts(run)[frame]}` : "";
-    const small = chart.ratio && Math.abs(value) < 1 && value;
-    chart.values[r].textContent =
-      (small ? shownSmall(value) : shown(value, chart.digits, chart.unit === "m" ? " m" : chart.unit)) + total;
-  });
+  runs.forEach((run, r) => { chart.values[r].textContent = valueText(chart, run, frame); });
   if (!chart.cursor) return;
   const x = chart.x(times[frame]);
   chart.cursor.setAttribute("x1", x);

@@ -20,17 +20,16 @@ function describe() {
     }
   };
   if (runs.length > 1) facts(html("div", { className: "run" }, find("runs")), runs[0].facts.filter(inAll));
-  runs.forEach((run, r) => {
+  if (runs.length === 1) describeOne(runs[0], facts);
+  else runs.forEach((run, r) => {
     const line = html("div", { className: "run" }, find("runs"));
-    if (runs.length > 1) {
-      const name = html("span", { className: "name" }, line);
-      swatch(name, lineSwatch(colourOf(r), dashOf(r)));
-      name.append(run.label);
-    }
+    const name = html("span", { className: "name" }, line);
+    swatch(name, lineSwatch(colourOf(r), dashOf(r)));
+    name.append(run.label);
     const shownAbove = ([name, value]) => inAll([name, value]) || name === "folder" && value === run.label;
-    facts(line, runs.length === 1 ? run.facts : run.facts.filter((fact) => !shownAbove(fact)));
-    facts(line, runs.length === 1 ? run.summary : run.summary.slice(0, 3));
-    html("span", { textContent: run.verdict }, line);
+    facts(line, run.facts.filter((fact) => !shownAbove(fact)));
+    facts(line, run.summary.slice(0, 3));
+    html("span", { textContent: run.verdict.join(" ") }, line);
     describeLabels(run.labels);
     html("option", { value: r, textContent: run.label }, find("source"));
   });
@@ -69,6 +68,26 @@ function describe() {
   }
 }
 
+// The header of one run: its verdict, its main numbers beside their references, and the rest folded.
+function describeOne(run, facts) {
+  const [first, ...others] = run.verdict;
+  html("p", { className: "verdict", textContent: first }, find("runs"));
+  if (others.length) html("p", { className: "note", textContent: others.join(" ") }, find("runs"));
+  const tiles = html("div", { className: "tiles" }, find("runs"));
+  for (const [name, value, isGood, reference] of run.headline) {
+    const tile = html("div", { className: `tile ${isGood === null ? "" : isGood ? "good" : "bad"}` }, tiles);
+    html("span", { textContent: name }, tile);
+    html("strong", { textContent: value }, tile);
+    if (isGood !== null) html("span", { className: "mark", textContent: isGood ? "✓" : "✗" }, tile);
+    html("span", { textContent: reference }, tile);
+  }
+  describeLabels(run.labels);
+  const part = html("details", { className: "folded" }, find("runs"));
+  html("summary", { textContent: "Settings and other scores" }, part);
+  facts(html("div", { className: "run" }, part), run.facts);
+  facts(html("div", { className: "run" }, part), run.summary);
+}
+
 // The scores of the tracks of moving objects, one row per label.
 function describeLabels([columns, ...rows]) {
   if (!rows.length) return;
@@ -93,7 +112,6 @@ function describeOrigin() {
     if (runs.length > 1) html("strong", { textContent: `${run.label}: ` }, line);
     html("code", { textContent: origin.command }, line);
     html("p", { textContent: origin.made.join(" · ") }, part);
-    html("p", { textContent: run.summary.map(([name, value]) => `${name} ${value}`).join(" · ") }, part);
     const links = html("p", {}, part);
     for (const [name, place] of origin.links) html("a", { href: place, textContent: name }, links);
   });

@@ -34,7 +34,6 @@ const estimates = runs.map((run, r) => {
 const tracks = svg("path", { id: "tracks", class: "line" }, find("estimates"));
 const truthTrail = svg("path", { id: "truth-trail", class: "trail truth" }, find("trails"));
 svg("path", { class: "path truth", d: polyline(data.target, LAST) }, find("whole-paths"));
-find("bands").style.fillRule = "evenodd";
 
 function base() {
   if (view.mode === "follow") {

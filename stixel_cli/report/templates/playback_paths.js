@@ -75,19 +75,30 @@ function placed(contour, pose) {
   return flat;
 }
 
-// The band of ± 2 standard deviations of the radius; the inner radius is at least 0.
+// The band of ± 2 standard deviations across the outline, as one area per edge. `std` is along the rays
+// from the centre: a normal that is askew to its ray has the smaller share of it. The band's own
+// direction is that of a longer piece of the outline, so that a mirror does not spread it.
 function band(contour, std, pose) {
   if (!contour || !std || !pose) return "";
-  const outer = [], inner = [];
-  for (let i = 0; i < std.length; i++) {
-    const x = contour[2 * i] - pose[0], y = contour[2 * i + 1] - pose[1];
-    const radius = Math.hypot(x, y) || 1e-9;
-    const out = 1 + 2 * std[i] / radius, within = Math.max(0, 1 - 2 * std[i] / radius);
-    outer.push(pose[0] + out * x, pose[1] + out * y);
-    inner.push(pose[0] + within * x, pose[1] + within * y);
+  const count = std.length, at = (i) => contour.slice(2 * ((i + count) % count)).slice(0, 2);
+  const normal = (i, reach) => {
+    const [from, to] = [at(i - reach), at(i + reach)], x = to[1] - from[1], y = from[0] - to[0];
+    const length = Math.hypot(x, y) || 1e-9;
+    return [x / length, y / length];
+  };
+  const edges = [];
+  for (let i = 0; i < count; i++) {
+    const [x, y] = at(i), ray = [x - pose[0], y - pose[1]], radius = Math.hypot(...ray) || 1e-9;
+    const [nearX, nearY] = normal(i, 1), [acrossX, acrossY] = normal(i, BAND_REACH);
+    const out = 2 * std[i] * Math.max((nearX * ray[0] + nearY * ray[1]) / radius, 0.2), inside = Math.min(out, radius);
+    edges.push([x + out * acrossX, y + out * acrossY, x - inside * acrossX, y - inside * acrossY]);
   }
-  return polygon(outer) + polygon(inner);
+  return edges.map(([x, y, innerX, innerY], i) => {
+    const next = edges[(i + 1) % count];
+    return polygon([x, y, next[0], next[1], next[2], next[3], innerX, innerY]);
+  }).join("");
 }
+const BAND_REACH = 4;  // points of the outline, as in pictures/ground.py
 
 function ellipse(x, y, major, minor, angle) {
   if (major === null || minor === null || angle === null) return "";
