@@ -1,0 +1,45 @@
+"""The peers' scores on the scans of their publication, where these are at hand."""
+
+import json
+import os
+import runpy
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).parents[2]
+EXAMPLE = runpy.run_path(str(ROOT / "examples" / "lidarrm_scores.py"))
+
+
+def test_orders_of_points_and_later_scans(tmp_path):
+    rows = "0,0,5,9\n0,0,6,9\n0,0,7,9\n1,1,5,9\n1,1,6,9\n"
+    (tmp_path / "scans.csv").write_text("k,t,x,y\n" + rows)
+    scans = EXAMPLE["read_scans"](str(tmp_path / "scans.csv"), None, 0.1)
+    assert EXAMPLE["shuffled"](scans, 0) is scans
+    other = [EXAMPLE["shuffled"](scans, order).points_world[:, 0] for order in range(1, 6)]
+    assert all(sorted(x[:3]) == [5, 6, 7] and sorted(x[3:]) == [5, 6] for x in other)
+    assert any(list(x[:3]) != [5, 6, 7] for x in other)
+    later = EXAMPLE["without_first"](scans)
+    assert len(later) == 1 and later.offsets.tolist() == [0, 2]
+    np.testing.assert_array_equal(later.points_world, [[5, 9], [6, 9]])
+
+
+@pytest.mark.parametrize(
+    ("tracker", "tolerance"),
+    # The order of the points alone changes the last one's score by .04.
+    [("lidar_random_matrix", 0.01), ("li_random_matrix", 0.01), ("gm_mem_ekf", 0.05)],
+)
+@pytest.mark.parametrize("scans", ["default", "sparse"])
+def test_a_peer_has_its_published_score(tracker, tolerance, scans):
+    folder = Path(os.environ.get("STIXEL_DATA", ROOT / "../shared/data")) / "lidarrm"
+    runs = sorted(one.parent for one in folder.glob(f"{scans}-*/scans.csv"))
+    if not runs:
+        pytest.skip(
+            f"no scans of the publication: STIXEL_DATA names no folder with lidarrm ({folder})"
+        )
+    rows = json.loads((folder / "rows.json").read_text(encoding="utf-8"))
+    name = EXAMPLE["TRACKERS"][tracker]
+    published = np.concatenate([rows[run.name][name] for run in runs]).mean()
+    found, _ = EXAMPLE["score"](runs, EXAMPLE["settings_of"](tracker), True, 0)
+    assert found == pytest.approx(published, abs=tolerance)
