@@ -32,7 +32,7 @@ BUDGET = {
     # Images of a rig out of calibration.
     "rendering": 2341,
     # The layer that studies share: runs, scans, cost, templates, numbered blocks, files.
-    "report": 2847,
+    "report": 2886,
     "results": 1457,
     # A mesh in other units and along another axis.
     "scene": 3483,

@@ -19,6 +19,7 @@ from stixel_cli.pictures import style
 from stixel_cli.report.charts import Panel, chart, line_style, over_time
 from stixel_cli.report.metrics import NO_VALUE, best, shown_difference, shown_value
 from stixel_cli.report.page import Drawing, drawing_for_page, page_template, picture_for_page
+from stixel_cli.report.playback_values import SUMMARY
 from stixel_cli.results.differences import by_group, differing_settings, warnings
 from stixel_cli.results.folder import PAGE
 from stixel_cli.results.lineage import shown_revision
@@ -68,16 +69,22 @@ def page_html(runs: Sequence[RunResult], command: Sequence[str], page: Path) -> 
     labels = run_labels([run.folder for run in runs])
     differing, same = differing_settings(runs)
     pngs = [run.pictures.get("path.png") for run in runs]
+    cautions = warnings(runs)
+    rows = metric_rows(runs, mark_best=not cautions)
+    # Metrics of another version, or of the user, may have none of these names.
+    main = [row for row in rows if row["name"] in SUMMARY] or rows[: len(SUMMARY)]
     return page_template(__package__, "report").render(
         labels=labels,
         styles=[line_style(i) for i in range(len(runs))],
         colours=len(style.RUNS),
         links=[_link(run.folder, page) for run in runs],
-        warnings=warnings(runs),
+        headline=[] if cautions else headline(runs, labels),
+        warnings=cautions,
         differing=by_group(differing),
         same=same,
         verdicts=[verdict(run.metrics) for run in runs],
-        metrics=metric_rows(runs),
+        main_metrics=main,
+        other_metrics=[row for row in rows if row not in main],
         low_overlap=LOW_OVERLAP,
         curves=error_curves(runs),
         pictures=[png and picture_for_page(png) for png in pngs],
@@ -111,11 +118,40 @@ def _link(folder: Path, page: Path) -> str | None:
     return link.replace(os.sep, "/")
 
 
-def metric_rows(runs: Sequence[RunResult]) -> list[dict[str, Any]]:
+FRACTIONS = ("half", "a third", "a quarter", "a fifth", "a sixth", "a seventh", "an eighth")
+"""A half and smaller parts, in words."""
+
+
+def headline(runs: Sequence[RunResult], labels: Sequence[str]) -> list[str]:
+    """A sentence on each run but the first: how its IoU and its centre error differ."""
+    lines, first = [], runs[0].metrics
+    for run, label in zip(runs[1:], labels[1:], strict=True):
+        parts = []
+        for name, text in (("iou_mean", "IoU"), ("iou_box_mean", "IoU of the box")):
+            one, other = first.get(name), run.metrics.get(name)
+            if one is not None and other is not None:
+                parts.append(f"{text} {shown_difference(name, other, one)}")
+                break
+        one, other = first.get("centre_rmse_m"), run.metrics.get("centre_rmse_m")
+        if one and other is not None:
+            parts.append(f"centre error {_share(other / one)}")
+        lines += [f"{label}, compared with {labels[0]}: {', '.join(parts)}."] if parts else []
+    return lines
+
+
+def _share(ratio: float) -> str:
+    """`a fifth` for 0.2, `2.5 times` for 2.5; near 1 the change in per cent."""
+    if 0.6 <= ratio <= 1.7:
+        return f"{100.0 * (ratio - 1.0):+.0f} %".replace("-", "\u2212")
+    part = round(1.0 / ratio) if ratio > 0.0 else 0
+    return FRACTIONS[part - 2] if 2 <= part < len(FRACTIONS) + 2 else f"{ratio:.2g} times"
+
+
+def metric_rows(runs: Sequence[RunResult], mark_best: bool = True) -> list[dict[str, Any]]:
     """One row per metric that has a value: name, label, unit, and what each run has.
 
-    `cells`: value as text, and whether it is the best; `differences`: of each run but the first
-    from the first, as text.
+    `cells`: value as text, and whether it is the best, which no value is without `mark_best`;
+    `differences`: of each run but the first from the first, as text.
     """
     # In the order of a run's own metrics, also where an earlier run has no value.
     names = dict.fromkeys(name for run in runs for name in run.metrics)
@@ -126,7 +162,7 @@ def metric_rows(runs: Sequence[RunResult]) -> list[dict[str, Any]]:
             "label": metric(name).label,
             "unit": metric(name).shown_unit,
             "cells": [
-                (shown_value(name, value), is_best)
+                (shown_value(name, value), is_best and mark_best)
                 for value, is_best in zip(values, best(name, values), strict=True)
             ],
             "differences": [shown_difference(name, v, values[0]) for v in values[1:]],
@@ -159,7 +195,10 @@ def _provenance(runs: Sequence[RunResult]) -> list[tuple[str, list[str]]]:
 def error_curves(runs: Sequence[RunResult]) -> list[tuple[str, Drawing]]:
     """(title, drawing) of each error that a run has; the i-th run has colour `var(--run-i)`."""
     drawn = []
-    for name, series in SERIES.items():
+    # The page shows the first two at once.
+    for name, series in sorted(
+        SERIES.items(), key=lambda one: one[0] not in ("iou", "centre_error")
+    ):
         if any(np.isfinite(getattr(run.scores, name)).any() for run in runs):
             title = series.label + (" (consistent: 1)" if series.ratio else "")
             drawn.append((title, drawing_for_page(_curve_svg(name, title, runs), f"c{len(drawn)}")))

@@ -67,9 +67,10 @@ def test_page_shows_differing_settings(folders):
 
 def test_the_verdicts_and_metrics_come_before_the_settings(folders):
     page = make_page(folders)
+    assert 'class="verdicts"' in page.partition("<h2>")[0]
     titles = re.findall("<h2>([^<]+)</h2>", page)
     assert titles == [
-        *("Verdicts", "Metrics", "Errors over time", "Paths and shapes"),
+        *("Metrics", "Errors over time", "Paths and shapes"),
         *("Settings that differ", "Provenance"),
     ]
 
@@ -102,6 +103,31 @@ def test_a_page_warns_of_other_durations_scenes_and_seeds(tmp_path):
         "The seeds differ",
     ]
     assert "(3.9 s, 0.9 s)" in found[0] and "(path)" in found[1]
+    # Metrics of other scans have neither a best value nor a headline.
+    assert 'class="best"' not in page and 'class="headline"' not in page
+
+
+def test_the_page_begins_with_the_differences_and_folds_most_metrics(tmp_path):
+    first = {"iou_mean": 0.5, "centre_rmse_m": 1.0, "hausdorff_m": 2.0}
+    made = [make_folder(tmp_path / "first", 1, metrics=first)]
+    expected = {
+        (0.6, 0.21): "IoU +0.100, centre error a fifth",
+        (0.4, 0.5): "IoU −0.100, centre error half",
+        (0.5, 0.9): "IoU 0.000, centre error −10 %",
+        (0.5, 2.5): "IoU 0.000, centre error 2.5 times",
+        (0.5, 0.01): "IoU 0.000, centre error 0.01 times",
+        (0.5, None): "IoU 0.000",
+    }
+    for number, (iou, centre) in enumerate(expected):
+        metrics = {"iou_mean": iou, "centre_rmse_m": centre}
+        made.append(make_folder(tmp_path / f"r{number}", 1, metrics=metrics))
+    page = make_page(made)
+    found = re.findall('class="headline">([^<]+)<', page)
+    assert found == [
+        f"r{number}, compared with first: {text}." for number, text in enumerate(expected.values())
+    ]
+    shown, _, folded = page.partition("other metrics</summary>")
+    assert "centre error, RMSE" in shown and "Hausdorff" not in shown and "Hausdorff" in folded
 
 
 def test_a_page_links_to_the_pages_of_its_runs(folders):
