@@ -15,9 +15,9 @@ width: its eigenvectors are along the sides, its eigenvalues their squares. Two 
   centre is the middle of both cuts.
 - The scatter about this centre of points that are even on two sides is z X with z = 2/3.
 
-X is the mean of an inverse Wishart density with alpha + 3 degrees of freedom above the least, the
-update takes (alpha + 3) X / alpha in its place, as the authors do. Over an interval T, X stays and
-alpha becomes alpha e^(-T / tau).
+With V the scale matrix of the inverse Wishart density, its mean is V / alpha, which the update
+takes; the estimate X that is reported and predicted is V / (alpha + 3), as the authors have it.
+Over an interval T, X stays and alpha becomes alpha e^(-T / tau).
 """
 
 from typing import Annotated, ClassVar, Literal
