@@ -1,6 +1,8 @@
 """Assess the stixels of one pair, and estimate the disparity error of a recording's rig."""
 
+from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -10,14 +12,16 @@ from stixel_cli.calibration.label_errors import fit_label_errors
 from stixel_cli.calibration.motion_errors import fit_motion_error
 from stixel_cli.calibration.truth_alignment import Alignment, fit_truth_error
 from stixel_cli.config.compose import Composition
+from stixel_cli.engine.parameters import ThreadsExecutor
 from stixel_cli.engine.progress import Progress
+from stixel_cli.engine.store import Store
 from stixel_cli.errors import UserError
 from stixel_cli.experiment.stages import computed_stages
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.recordings.image_files import read_disparity
 from stixel_cli.recordings.tables import read_labels
 from stixel_cli.recordings.types import Recording
-from stixel_cli.report.assess import LABELS, Assessment
+from stixel_cli.report.assess import ERROR_MAP, LABELS, Assessment, error_map
 from stixel_cli.scene.classes import CLASS_OF_KITTI_TYPE
 from stixel_cli.stixels.types import Stixels
 from stixel_cli.validation.pair_errors import (
@@ -33,6 +37,7 @@ NEAR = 6.0
 
 STAGES = ("pairs", "match", "free_space", "stixels")
 """Whose times are reported: from the files to the stixels."""
+IN_THIS_PROCESS = ThreadsExecutor("threads", 1)
 
 
 def assess(composition: Composition, progress: Progress | None = None) -> Assessment:
@@ -49,7 +54,7 @@ def assess(composition: Composition, progress: Progress | None = None) -> Assess
             "assess needs a recording or two images; rendered runs are scored by stixel run"
         )
     wanted = ["camera_pictures", *(["truth_alignment"] if recording.true_disparities else [])]
-    with computed_stages(composition, wanted, progress) as (done, load):
+    with computed_stages(composition, wanted, progress) as (_, load):
         first = {name: load(name)[0] for name in (*STAGES, *wanted)}
         covered = _covered(first["stixels"], configuration.rig.width)
         free_space = first["free_space"]
@@ -59,14 +64,29 @@ def assess(composition: Composition, progress: Progress | None = None) -> Assess
             "unknown_share": float((free_space.unknown_row[0] >= 0).mean()),
             "disparity_share": float((first["match"].raw(0) >= 0).mean()),
         }
-        values |= _against_truth(first, recording, configuration)
-    records = {record["name"]: record for record in done.stage_records()}
-    times = {name: records[name]["seconds"] for name in STAGES}
-    return Assessment(
-        values=values,
-        pictures={Path(name).stem: d for name, d in first["camera_pictures"].files.items()},
-        seconds={n: s if records[n]["status"] == "computed" else None for n, s in times.items()},
-    )
+        truth = None
+        if recording.true_disparities:
+            truth = read_disparity(recording.true_disparities[0])
+        values |= _against_truth(first, truth, recording, configuration)
+    pictures = {Path(name).stem: d for name, d in first["camera_pictures"].files.items()}
+    if truth is not None:
+        errors = area_errors(first["stixels"], 0, truth, configuration.rig)
+        pixel_errors = first["match"].pixels(0) - truth
+        image = first["pairs"].left[0]
+        pictures[ERROR_MAP] = error_map(image, pixel_errors, first["stixels"], errors)
+    return Assessment(values=values, pictures=pictures, seconds=_seconds(composition))
+
+
+def _seconds(composition: Composition) -> dict[str, float]:
+    """Seconds of each stage the second time in this process: without loading or compiling code."""
+    executor = replace(composition.configuration, executor=IN_THIS_PROCESS)
+    composition = replace(composition, configuration=executor)
+    for _ in range(2):
+        with TemporaryDirectory() as folder:
+            empty = Store(Path(folder, "cache"))
+            with computed_stages(composition, STAGES, store=empty) as (done, _):
+                records = {record["name"]: record["seconds"] for record in done.stage_records()}
+    return {name: records[name] for name in STAGES}
 
 
 def _covered(stixels: Stixels, width: int) -> np.ndarray:
@@ -77,12 +97,13 @@ def _covered(stixels: Stixels, width: int) -> np.ndarray:
     return covered
 
 
-def _against_truth(first: dict[str, Any], recording: Recording, configuration) -> dict[str, Any]:
+def _against_truth(
+    first: dict[str, Any], truth: np.ndarray | None, recording: Recording, configuration
+) -> dict[str, Any]:
     rig, stixels, free_space = configuration.rig, first["stixels"], first["free_space"]
     values: dict[str, Any] = {}
     obstacles = np.full(rig.width, np.nan)
-    if recording.true_disparities:
-        truth = read_disparity(recording.true_disparities[0])
+    if truth is not None:
         errors = area_errors(stixels, 0, truth, rig)
         obstacles = true_obstacles(truth, rig, configuration.road, configuration.free_space)
         seen = np.isfinite(obstacles)

@@ -4,15 +4,26 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+from matplotlib.collections import PolyCollection
+from matplotlib.colors import Normalize
+
+from stixel_cli.pictures import style
 from stixel_cli.report.metrics import NO_VALUE
 from stixel_cli.report.page import page_template, picture_for_page
+from stixel_cli.stixels.types import Stixels
+from stixel_cli.validation.pair_errors import AreaErrors
 
+ERROR_MAP = "errors"
 PICTURES = (
+    (ERROR_MAP, "Errors of stixels (above) and of matched pixels (below); uncoloured: no truth"),
     ("stixels", "Stixels, coloured by their depth"),
     ("height", "Free space (green), unknown (violet) and obstacles (red)"),
     ("disparity", "Disparity, coloured by the depth that it means"),
 )
 """Name and caption of the pictures."""
+MOST_ERROR = 3.0
+"""px: greater errors have the same colour."""
 
 
 @dataclass(frozen=True)
@@ -22,12 +33,12 @@ class Assessment:
     Attributes:
         values: by name; a value is None where its truth is missing. Their meaning is in `LABELS`.
         pictures: PNG by name.
-        seconds: time by stage; None for a stage whose result was in the cache.
+        seconds: time by stage, without loading or compiling code.
     """
 
     values: Mapping[str, Any]
     pictures: Mapping[str, bytes]
-    seconds: Mapping[str, float | None]
+    seconds: Mapping[str, float]
 
 
 LABELS = {
@@ -59,13 +70,46 @@ def page_html(found: Assessment, command: str) -> str:
     return page_template(__package__, "assess").render(
         sentences=sentences(found),
         rows=value_rows(found),
-        pictures=[(caption, picture_for_page(found.pictures[name])) for name, caption in PICTURES],
-        seconds=[
-            (stage, "cached" if time is None else f"{1000.0 * time:.0f} ms")
-            for stage, time in found.seconds.items()
+        pictures=[
+            (caption, picture_for_page(found.pictures[name]))
+            for name, caption in PICTURES
+            if name in found.pictures
         ],
+        seconds=[(stage, f"{1000.0 * time:.0f} ms") for stage, time in found.seconds.items()],
         command=command,
     )
+
+
+def error_map(
+    image: np.ndarray, pixel_errors: np.ndarray, stixels: Stixels, errors: AreaErrors
+) -> bytes:
+    """PNG of the first frame's stixels, and of its pixels, in the colours of their errors.
+
+    Blue is too far, red too near. Stixels without enough true disparities are outlines.
+
+    Args:
+        image: (H, W) uint8, of the left camera.
+        pixel_errors: (H, W) px, of the matched disparities; NaN where unknown.
+        stixels, errors: the stixels, and their errors.
+    """
+    height, width = image.shape
+    sides = np.stack([stixels.left, stixels.right, stixels.right, stixels.left], axis=1)
+    ends = np.stack([stixels.top, stixels.top, stixels.base + 1, stixels.base + 1], axis=1)
+    corners = np.stack([sides, ends], axis=2)[stixels.rows(0)] - 0.5
+    scale = {"cmap": "coolwarm", "norm": Normalize(-MOST_ERROR, MOST_ERROR)}
+    with style.drawing():
+        figure = style.new_figure(12.0, 24.0 * height / width + 1.0, layout="constrained")
+        upper, lower = figure.subplots(2)
+        for axes in (upper, lower):
+            axes.imshow(image, cmap="gray", vmin=0, vmax=255)
+            axes.set_axis_off()
+        upper.add_collection(PolyCollection(corners, facecolors="none", edgecolors="#ffffff80"))
+        known = corners[errors.stixels]
+        upper.add_collection(PolyCollection(known, array=errors.errors, edgecolors="face", **scale))
+        drawn = lower.imshow(pixel_errors, interpolation="nearest", **scale)
+        below = {"orientation": "horizontal", "extend": "both", "aspect": 60, "fraction": 0.05}
+        figure.colorbar(drawn, ax=(upper, lower), label="found minus true disparity (px)", **below)
+        return style.png(figure)
 
 
 def value_rows(found: Assessment) -> list[tuple[str, str, str]]:
@@ -95,12 +139,16 @@ def sentences(found: Assessment) -> list[str]:
         return shown(name, values[name])
 
     lines = []
-    if values["square_median_px"] is not None:
+    if values["median_px"] is not None:
+        square = (
+            f" On square surfaces these are {text('square_beyond_1px_share')} % and "
+            f"{text('square_median_px')} px ({text('square_compared')} stixels)."
+        )
         lines.append(
-            f"On square surfaces the median error is {text('square_median_px')} px, and "
-            f"{text('square_beyond_1px_share')} % of the errors are beyond 1 px "
-            f"({text('square_compared')} stixels; {text('obstacle_covered_share')} % of the "
-            "columns with a true obstacle have a stixel)."
+            f"Of {text('stixels_compared')} stixels with a true disparity, "
+            f"{text('beyond_1px_share')} % are off by more than 1 px, and the median error is "
+            f"{text('median_px')} px.{square if values['square_compared'] else ''} "
+            f"{text('obstacle_covered_share')} % of the columns with a true obstacle have a stixel."
         )
     if values["square_median_px_aligned"] is not None:
         lines.append(

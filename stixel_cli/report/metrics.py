@@ -207,5 +207,6 @@ def listed_by_user(found: Iterable[tuple[str, str]]) -> str:
     """Road users with what is found of each: "the car (centre and IoU) and the cyclist (IoU)"."""
     by_user: dict[str, list[str]] = {}
     for user, label in found:
-        by_user.setdefault(user, []).append(label)
-    return listed([f"the {user} ({listed(labels)})" for user, labels in by_user.items()])
+        by_user.setdefault(user, []).extend([label] if label else [])
+    shown = ((user, f" ({listed(labels)})" if labels else "") for user, labels in by_user.items())
+    return listed([f"the {user}{labels}" for user, labels in shown])

@@ -26,6 +26,8 @@ from stixel_cli.report.intervals import (
     stratified_parts,
     wilson_interval,
 )
+from stixel_cli.report.metrics import listed_by_user
+from stixel_cli.results.reader import listed
 
 SIGNIFICANT = 0.05
 LEAST_DRAWN = 3
@@ -128,6 +130,32 @@ def statistic(
 def excludes_zero(one: Estimate | Statistic) -> bool:
     """Whether the interval is known and excludes 0."""
     return one.low is not None and not one.low <= 0.0 <= one.high
+
+
+def in_words(
+    found: Iterable[tuple[str, str, Estimate | Statistic]], unit: str = "", more: str = "greater"
+) -> str:
+    """Differences (road user, what it is compared with, difference) as the end of a sentence.
+
+    "0.037 to 0.051 m greater for the car and not shown to differ for the cyclist": where the
+    interval excludes 0, and by how much. `more` is the word for a positive difference.
+    """
+    shown: dict[str, list[tuple[str, str, float]]] = {more: [], "smaller": []}
+    rest = []
+    for user, other, one in found:
+        if excludes_zero(one):
+            shown[more if one.mean > 0.0 else "smaller"].append((user, other, abs(one.mean)))
+        else:
+            rest.append((user, other))
+    parts = []
+    for word, own in shown.items():
+        if own:
+            ends = dict.fromkeys(f"{end(size for *_, size in own):.2g}" for end in (min, max))
+            users = listed_by_user((user, other) for user, other, _ in own)
+            parts.append(f"{' to '.join(ends)}{unit and f' {unit}'} {word} for {users}")
+    if rest:
+        parts.append(f"not shown to differ for {listed_by_user(rest)}")
+    return listed(parts)
 
 
 def consistent_bounds(one: Statistic) -> tuple[float, float] | tuple[None, None]:

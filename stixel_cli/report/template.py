@@ -28,6 +28,7 @@ from stixel_cli.report.blocks import (
     Section,
     Table,
 )
+from stixel_cli.report.statistics import in_words
 from stixel_cli.results.reader import listed
 
 _MARK = "\x02"
@@ -46,6 +47,7 @@ FILTERS: dict[str, Callable] = {
     "percent": metrics.percent,
     "counted": counted,
     "interval": _interval,
+    "in_words": in_words,
     "listed": listed,
     "capital": metrics.capital,
 }

@@ -83,9 +83,14 @@ def _tables(name: str, **files: str) -> dict[str, list]:
 def report(data: StudyData) -> Material:
     """Values and tables of the template."""
     frames = {name: _named(run_frame(sweep.runs)) for name, sweep in data.sweeps.items()}
+    answers = {name: _answer(frame) for name, frame in frames.items()}
+    best: dict[str, list[str]] = {}
+    for name, found in answers.items():
+        best.setdefault(max(found, key=lambda one: found[one]["iou_box_mean"]), []).append(name)
     return Material(
         {
-            "answers": {name: _answer(frame) for name, frame in frames.items()},
+            "best": best,
+            "answers": answers,
             "tables": {name: _table(name, frame) for name, frame in frames.items()},
         }
     )

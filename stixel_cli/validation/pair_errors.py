@@ -33,12 +33,12 @@ class AreaErrors:
     """Stixels against the truth in their areas, one row per stixel with enough of it.
 
     Attributes:
-        columns: (n,) px, middles.
+        stixels: (n,) their indices.
         errors: (n,) px, found disparity minus the median of the true ones.
         spreads: (n,) px, of the true disparities, from 10 % to 90 %.
     """
 
-    columns: np.ndarray
+    stixels: np.ndarray
     errors: np.ndarray
     spreads: np.ndarray
 
@@ -67,9 +67,9 @@ def area_errors(stixels: Stixels, index: int, truth: np.ndarray, rig: Rig) -> Ar
         lower = known[len(known) // 2 :].any(axis=1)
         if len(values) >= LEAST_PIXELS and lower.mean() >= LEAST_ROWS:
             spread = np.subtract(*np.percentile(values, [90, 10]))
-            middle = 0.5 * (stixels.left[s] + stixels.right[s] - 1)
-            rows.append((middle, stixels.disparity[s] - np.median(values), spread))
-    return AreaErrors(*np.array(rows).reshape(-1, 3).T)
+            rows.append((s, stixels.disparity[s] - np.median(values), spread))
+    indices, errors, spreads = np.array(rows).reshape(-1, 3).T
+    return AreaErrors(indices.astype(int), errors, spreads)
 
 
 def true_obstacles(

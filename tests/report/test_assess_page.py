@@ -1,7 +1,14 @@
 """The page of `stixel assess`."""
 
+import io
+
+import numpy as np
+from PIL import Image
+
 from stixel_cli.pictures import style
-from stixel_cli.report.assess import LABELS, PICTURES, Assessment, page_html, sentences
+from stixel_cli.report.assess import LABELS, PICTURES, Assessment, error_map, page_html, sentences
+from stixel_cli.stixels.types import Stixels
+from stixel_cli.validation.pair_errors import AreaErrors
 
 
 def found(**values):
@@ -16,6 +23,45 @@ def found(**values):
 def test_without_a_near_obstacle_no_column_is_counted():
     assert sentences(found(near_columns=0, near_called_free=0))[0].startswith("No true obstacle")
     assert sentences(found(near_columns=5, near_called_free=0))[0].startswith("0 of 5 columns")
+
+
+def test_all_stixels_come_before_those_on_square_surfaces():
+    known = {"median_px": 0.69, "beyond_1px_share": 0.408, "stixels_compared": 355}
+    square = {"square_median_px": 0.15, "square_beyond_1px_share": 0.046, "square_compared": 65}
+    first = sentences(found(**known, **square, obstacle_covered_share=0.9))[0]
+    assert first.startswith(
+        "Of 355 stixels with a true disparity, 40.8 % are off by more than 1 px"
+    )
+    assert "On square surfaces these are 4.6 % and 0.15 px (65 stixels)." in first
+    assert "square" not in sentences(found(**known, square_compared=0))[0]
+
+
+def test_the_error_map_colours_a_stixel_by_its_error():
+    zero, one = np.zeros(2), np.array([2, 12])
+    stixels = Stixels(
+        first=0,
+        offsets=np.array([0, 2]),
+        left=one,
+        right=one + 6,
+        top=np.array([2, 2]),
+        base=np.array([12, 12]),
+        disparity=zero,
+        disparity_variance=zero,
+        depth=zero,
+        height=zero,
+        points_ego=np.zeros((2, 2)),
+        covariances_ego=np.zeros((2, 2, 2)),
+    )
+    errors = AreaErrors(np.array([1]), np.array([2.5]), np.zeros(1))
+    image = np.full((16, 24), 100, dtype=np.uint8)
+    png = error_map(image, np.full((16, 24), np.nan), stixels, errors)
+    red, green, _ = np.asarray(Image.open(io.BytesIO(png)).convert("RGB"), int).reshape(-1, 3).T
+    # The stixel that is 2.5 px too near is red, far beyond the end of the colour bar.
+    assert np.mean((red > 150) & (green < 80)) > 0.05
+    none = AreaErrors(np.zeros(0, int), np.zeros(0), np.zeros(0))
+    png = error_map(image, np.full((16, 24), np.nan), stixels, none)
+    red, green, _ = np.asarray(Image.open(io.BytesIO(png)).convert("RGB"), int).reshape(-1, 3).T
+    assert np.mean((red > 150) & (green < 80)) < 0.02
 
 
 def test_pictures_are_not_shown_smaller_than_their_text_is_legible():

@@ -34,7 +34,7 @@ def answer(runs):
 
 
 def test_the_answer_has_every_tracker_and_measurement():
-    seeds = range(3)
+    seeds = range(4)
     runs = [run(seed, "stixels", centre=0.5 + 0.01 * seed) for seed in seeds]
     runs += [run(seed, "lidar_9", centre=0.2) for seed in seeds]
     runs += [run(seed, "stixels", "point", centre=1.5) for seed in seeds]
@@ -46,7 +46,7 @@ def test_the_answer_has_every_tracker_and_measurement():
     header, rows, _ = shown_table(tables["answer_lidar"])
     assert header[3:] == ["stixels", "lidar_9", "stixels − lidar_9 [95 %]"]
     assert rows[0] == [
-        "car", "gp_ekf", "centre RMSE, m", "0.510", "0.200", "0.310 [0.285, 0.335]"
+        "car", "gp_ekf", "centre RMSE, m", "0.515", "0.200", "0.315 [0.294, 0.336]"
     ]  # fmt: skip
     # NEES, like every mean, of both measurements, and without a test.
     assert rows[7][2:] == ["mean NEES / 2", "1.00", "1.00", "–"]
@@ -55,30 +55,35 @@ def test_the_answer_has_every_tracker_and_measurement():
     ]
     # A tracker that came later is answered for, the baseline is not.
     assert "show no difference between stixels and the lidar_9 for the new_one." in text
-    # One sentence for each class comes first, then all effects with their intervals.
-    few, lead, _, first = answer(runs)[:4]
-    assert few.startswith("With 3 seeds a test is hardly significant: a mean difference must")
+    # The answer in words comes first, then the values of each class, the caveat, all effects.
+    first, lead, _, few, effects = answer(runs)[:5]
+    assert first == (
+        "With gp_ekf, the centre RMSE on stixels, against lidar, is 0.32 m greater for the car "
+        "(4 seeds). With new_one, the centre RMSE on stixels, against lidar, is not shown to "
+        "differ for the car (4 seeds)."
+    )
+    assert few.startswith("With 4 seeds a test is hardly significant: a mean difference must")
     assert lead == (
-        "Car, gp_ekf: centre RMSE 0.51\u202fm on stixels; 0.20\u202fm on the lidar_9, "
-        "difference +0.310\u202fm [0.285, 0.335]."
+        "Car, gp_ekf: centre RMSE 0.52\u202fm on stixels; 0.20\u202fm on the lidar_9, "
+        "difference +0.315\u202fm [0.294, 0.336]."
     )
-    assert first.startswith(
-        "Gp_ekf: mean difference, stixels minus lidar_9 [95 %]. Car: centre RMSE +0.310\u202fm "
-        "[0.285, 0.335]"
+    assert effects.startswith(
+        "Gp_ekf: mean difference, stixels minus lidar_9 [95 %]. Car: centre RMSE +0.315\u202fm "
+        "[0.294, 0.336]"
     )
-    assert "no p below 0.250 at n = 3" in text
+    assert "no p below 0.125 at n = 4" in text
     assert "The point is" not in text
     _, rows, _ = shown_table(tables["answer_baseline"])
-    assert rows[0][:6] == ["car", "gp_ekf", "point", "centre RMSE, m", "0.510", "1.50"]
-    assert rows[0][6].startswith("−0.990 [")
+    assert rows[0][:6] == ["car", "gp_ekf", "point", "centre RMSE, m", "0.515", "1.50"]
+    assert rows[0][6].startswith("−0.985 [")
     assert {row[1] for row in rows} == {"gp_ekf", "new_one"}
-    assert "6 paired t-tests over n = 3 seeds" in text
+    assert "6 paired t-tests over n = 4 seeds" in text
     no_stixels = [one for one in runs if one["measurement_kind"] == "lidar"]
     assert "has no answer" in answer(no_stixels)[0]
     assert answer_values(pd.DataFrame(no_stixels))["tables"] == {}
     _, rows, _ = shown_table(tables["trackers"])
     assert [row[:3] for row in rows] == [
-        *(["car", name, "3"] for name in ("gp_ekf", "point", "new_one"))
+        *(["car", name, "4"] for name in ("gp_ekf", "point", "new_one"))
     ]
     assert "position NEES / 2 of the gp_ekf on stixels is 1.00 for the car" in text
 
@@ -86,7 +91,7 @@ def test_the_answer_has_every_tracker_and_measurement():
 def test_a_tracker_below_the_baseline_is_reported():
     runs = []
     for user, shift in {"car": -0.5, "cyclist": 0.5, "pedestrian": 0.0}.items():
-        for seed in range(3):
+        for seed in range(4):
             change = shift + 0.01 * seed * (1.0 if shift else (-1.0) ** seed)
             own = {"road_user": user, "seed": seed}
             runs.append(run(measurement="stixels", centre=1.0 + change, **own))
@@ -96,7 +101,7 @@ def test_a_tracker_below_the_baseline_is_reported():
     assert (
         "better for the car; worse for the cyclist; not shown to differ for the pedestrian." in text
     )
-    assert "[95 %, not corrected for multiplicity]: car +0.049 [" in text
+    assert "[95 %, not corrected for multiplicity]: car +0.048 [" in text
 
 
 def test_one_seed_allows_no_test():
@@ -105,8 +110,9 @@ def test_one_seed_allows_no_test():
         run(0, "lidar", centre=0.2),
     ]
     runs += [run(0, "stixels", "point", centre=0.6)]
-    few, lead, effects, _, *rest = answer(runs)
-    assert few.startswith("With one seed there is no test and no interval")
+    first, lead, few, effects, _, *rest = answer(runs)
+    assert first.endswith("is not shown to differ for the car (1 seed).")
+    assert few == "With fewer than four seeds there is no interval."
     assert lead.endswith("0.20\u202fm on the lidar, difference +0.300\u202fm.")
     assert "centre RMSE +0.300\u202fm, orientation" in effects
     text = " ".join(rest)

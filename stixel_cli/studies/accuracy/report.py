@@ -15,6 +15,7 @@ from stixel_cli.report.blocks import Cell, Figure, Material, Table
 from stixel_cli.report.forest import difference_row, forest
 from stixel_cli.report.metrics import MINUS
 from stixel_cli.report.run_frame import run_frame
+from stixel_cli.report.statistics import Statistic
 from stixel_cli.results.result import RunResult
 from stixel_cli.studies.data import StudyData, shipped_meshes
 
@@ -68,6 +69,7 @@ def report(data: StudyData) -> Material:
     return Material(
         {
             "users": users,
+            "headlines": _headlines(_together(simulated)),
             "answers": [_answer(user, tables.chosen(simulated, road_user=user)) for user in users],
             "forest": _forest(_together(simulated)),
             "seeds": sorted(tables.names(simulated, "seed")),
@@ -102,6 +104,20 @@ def _answer(user: str, runs: pd.DataFrame) -> dict[str, Any]:
     lead = {tracker: found.pop(tracker) for tracker in [TRACKER] if tracker in found}
     iou = "iou_mean" if user == "car" else "iou_box_mean"
     return {"user": user, "iou": iou, "leads": lead, "others": found}
+
+
+def _headlines(runs: pd.DataFrame) -> dict[str, list[tuple[str, str, Statistic]]]:
+    """Each other tracker to the first of `COMPARED`, `TRACKER` minus the other."""
+    return {
+        other: [
+            (user, "", tables.difference(tables.chosen(own, tracker=TRACKER), theirs, COMPARED[0]))
+            for (user,), own in tables.groups(runs, ["road_user"])
+            for theirs in [tables.chosen(own, tracker=other)]
+            if len(theirs)
+        ]
+        for other in tables.names(runs, "tracker")
+        if other != TRACKER
+    }
 
 
 def _forest(runs: pd.DataFrame) -> Figure | None:

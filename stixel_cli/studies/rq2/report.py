@@ -88,9 +88,9 @@ def answer_values(runs: pd.DataFrame) -> dict[str, Any]:
     """What the template's answer is filled with.
 
     `contrasts`: for each tracker and lidar its `effects` by road user, and the road users and
-    metrics of each verdict. `leads`: the same differences of `LEAD`; `forest`: the plot of all
-    tested ones. `baselines`: for each tracker and baseline the `effects` on the IoU by road user,
-    and the road users of each verdict.
+    metrics of each verdict. `headlines`: for each tracker the differences of `LEAD`, `leads`
+    by road user, with the means; `forest`: the plot of all tested ones. `baselines`: for each
+    tracker and baseline the `effects` on the IoU by road user, and the users of each verdict.
     """
     every = contrasts(runs)
     tested = [one for one in every if one.tested]
@@ -112,6 +112,14 @@ def answer_values(runs: pd.DataFrame) -> dict[str, Any]:
         shown.append(Table.of("trackers", rows))
     return {
         "answered": bool(tested),
+        "headlines": {
+            tracker: [
+                (one.road_user, one.other if len(of_kind(runs, LIDAR)) > 1 else "", one.difference)
+                for one in tested
+                if (one.tracker, one.metric) == (tracker, LEAD)
+            ]
+            for tracker in trackers
+        },
         "leads": _leads(tested, trackers, users),
         "lead": ERRORS[LEAD],
         "forest": contrasts_forest(tested, users),

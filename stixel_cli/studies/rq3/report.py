@@ -151,10 +151,11 @@ def report(data: StudyData) -> Material:
 def answer_values(points: Sequence[Comparison], tracks: Sequence[Comparison]) -> dict[str, Any]:
     """What the template's answer says of the two families of comparisons.
 
-    `leads`: the comparisons of `LEAD`; `forest`: the plot of the trackers' differences. `effects`:
-    owner (points or a tracker) to road user to label, unit and paired difference. `few`: the
-    families without any possibly significant test. `points_test`, `tracker_tests`: results of the
-    other families' tests. `closed`: fraction of the gaps that the fitted noise closes.
+    `leads`: the comparisons of `LEAD`, `headlines`: their differences by tracker; `forest`: the
+    plot of the trackers' differences. `effects`: owner (points or a tracker) to road user to label,
+    unit and paired difference. `few`: the families without any possibly significant test.
+    `points_test`, `tracker_tests`: results of the other families' tests. `closed`: fraction of the
+    gaps that the fitted noise closes.
     """
     families = {"points": points, "trackers": tracks}
     reaches = {name: reach_of(found) for name, found in families.items()}
@@ -170,6 +171,14 @@ def answer_values(points: Sequence[Comparison], tracks: Sequence[Comparison]) ->
     tracker_tests = {tracker: _verdict(own) for tracker, own in by_tracker.items()}
     return {
         "leads": [one for one in tracks if one.measure.label == LEAD],
+        "headlines": {
+            tracker: [
+                (one.road_user, "", one.apart[FABRICATED])
+                for one in own
+                if one.measure.label == LEAD
+            ]
+            for tracker, own in by_tracker.items()
+        },
         "forest": comparisons_forest("answer_forest", led, (FABRICATED,)),
         "effects": {
             "points": _effects(points, _LED_BY),
