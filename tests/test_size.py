@@ -20,7 +20,7 @@ BUDGET = {
     # The box of a track has room for the limbs; loss has one definition, with heading and class.
     "evaluation": 1616,
     # The names of runs, from config/.
-    "experiment": 1487,
+    "experiment": 1466,
     "export": 548,
     # Camera poses on the plane, poses of labels, rotations of quaternions: from recordings.
     "geometry": 223,
@@ -32,11 +32,7 @@ BUDGET = {
     # Images of a rig out of calibration.
     "rendering": 2341,
     # The layer that studies share: runs, scans, cost, templates, numbered blocks, files.
-<<<<<<< HEAD
-    "report": 2917,
-=======
-    "report": 2875,
->>>>>>> c0fa985 (assess begins with the errors of all stixels and maps them over the image; its times contain no compilation)
+    "report": 2886,
     "results": 1457,
     # A mesh in other units and along another axis.
     "scene": 3483,
@@ -44,11 +40,7 @@ BUDGET = {
     "stereo": 490,
     "stixels": 2030,
     # A study of the trackers away from home.
-<<<<<<< HEAD
-    "studies": 5002,
-=======
-    "studies": 5001,
->>>>>>> c0fa985 (assess begins with the errors of all stixels and maps them over the image; its times contain no compilation)
+    "studies": 4964,
     # The plan of one run, from experiment/ and cli/.
     "sweeps": 2635,
     # `contour`: the bank of forms for what it did not learn from, the search at the first scan;
