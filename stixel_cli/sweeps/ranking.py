@@ -34,32 +34,27 @@ def ranked(result: SweepResult, name: str) -> list[Setting]:
 
 
 def answer(result: SweepResult, name: str) -> str:
-    """Which setting is best by a metric, and by how much, in one sentence."""
-    order, behind, row = ranked(result, name), result.behind[name], metric(name)
-    if not order:
-        return f"No setting has a value of the {row.short_label}."
+    """Which setting is best by a metric, or which are not shown to be behind, in one sentence."""
+    order, row, marked = ranked(result, name), metric(name), marks(result.behind[name])
 
     def value(setting: Setting) -> str:
         one = result.statistics[setting][name]
-        shown = with_interval(one.mean, one.low, one.high, row.unit)
-        return f"{label_of(setting)} ({shown})"
+        return f"{label_of(setting)} ({with_interval(one.mean, one.low, one.high, row.unit)})"
 
-    begin, marked = capital(row.short_label), marks(behind)
-    if len(order) < 2 or not marked:
-        last = f" to {value(order[-1])}" if order[1:] else ""
-        few = "" if marked or len(order) < 2 else ": too few runs to tell which setting is best"
-        return f"{begin}: {value(order[0])}{last}{few}."
+    begin, first = capital(row.short_label), value(order[0])
+    if not marked:
+        few = "; no difference is shown" if order[1:] and row.better in ("less", "more") else ""
+        return f"{begin}: {listed([first, *map(value, order[1:][-1:])])}{few}."
     if len(marked) == 1:
-        next_ = behind[order[1]]
+        next_ = result.behind[name][order[1]]
         apart = with_interval(next_.mean, next_.low, next_.high, row.unit, sign=True)
-        return f"{begin}: {value(order[0])} is the best; {value(order[1])} is next, {apart}."
+        return f"{begin}: {first} is the best; {value(order[1])} is next, {apart}."
     tied = [value(setting) for setting in order if setting in marked]
     more = [f"{len(tied) - MOST_NAMED} more"] if len(tied) > MOST_NAMED else []
-    others = counted(len(order) - len(tied), "setting")
-    return (
-        f"{begin}: no difference is shown between {listed(tied[:MOST_NAMED] + more)}; "
-        f"{others} {'is' if others.startswith('1 ') else 'are'} worse."
+    others = (
+        f"; {counted(len(order) - len(tied), 'other setting')} behind" if order[len(tied) :] else ""
     )
+    return f"{begin}: no difference is shown between {listed(tied[:MOST_NAMED] + more)}{others}."
 
 
 def ranking_figure(result: SweepResult, name: str) -> bytes:
