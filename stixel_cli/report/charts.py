@@ -98,13 +98,17 @@ def line(
     axes: Axes,
     places: Iterable[float],
     found: Iterable,
-    colour: str,
-    label: str,
+    color: str,
+    label: str = "",
     bars: bool = False,
     band: bool = True,
     **options,
 ) -> None:
-    """Means (statistics, None where unknown) at places, with their intervals as bars or a band."""
+    """Means (statistics, None where unknown) at places, with their intervals as bars or a band.
+
+    Where there is no interval, the values are drawn as ticks, unless the line has no marks.
+    """
+    options = {"label": label, "marker": "o", "markersize": 2.5} | options
     known = [
         (x, one)
         for x, one in zip(places, found, strict=True)
@@ -112,18 +116,17 @@ def line(
     ]
     if not known:
         return
-    places, mean = [x for x, _ in known], np.array([one.mean for _, one in known])
-    low = np.array([one.mean if one.low is None else one.low for _, one in known])
-    high = np.array([one.mean if one.high is None else one.high for _, one in known])
-    options = {"color": colour, "label": label, "marker": "o", "markersize": 2.5} | options
-    if bars:
-        # An axis of a ratio is logarithmic and has no 0.
-        below = np.where(mean > 0.0, np.minimum(mean - low, 0.9 * mean), mean - low)
-        axes.errorbar(places, mean, yerr=[below, high - mean], elinewidth=1.0, **options)
-        return
-    axes.plot(places, mean, **options)
-    if band:
-        axes.fill_between(places, low, high, color=colour, alpha=0.15, linewidth=0.0)
+    for x, one in known if options["marker"] else ():
+        values = getattr(one, "values", ())
+        if one.low is None and len(values) > 1:
+            axes.plot([x] * len(values), values, "_", color=color, markersize=6.0)
+        elif one.low is not None and bars:
+            axes.plot([x, x], [one.low, one.high], color=color, linewidth=1.0)
+    axes.plot([x for x, _ in known], [one.mean for _, one in known], color=color, **options)
+    if band and not bars:
+        ends = [(one.mean,) * 2 if one.low is None else (one.low, one.high) for _, one in known]
+        low, high = np.transpose(ends)
+        axes.fill_between([x for x, _ in known], low, high, color=color, alpha=0.15, linewidth=0.0)
 
 
 def line_style(i: int) -> str:

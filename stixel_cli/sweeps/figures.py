@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from stixel_cli.evaluation.metric_table import metric, over_runs
 from stixel_cli.pictures import style
-from stixel_cli.report.charts import legend_handles, line_look
+from stixel_cli.report.charts import legend_handles, line, line_look
 from stixel_cli.report.intervals import LEAST_FREEDOM
 from stixel_cli.report.statistics import Repetition, Statistic, statistic, summarise
 from stixel_cli.sweeps.over import Setting
@@ -105,7 +105,9 @@ def _figure(keys: Sequence[str], runs: Sequence[Repetition], left_out: int, unit
         for (other, look), step in zip(looks.items(), steps, strict=True):
             rows = [found.get((v, other), {}).get(name, statistic(name, [])) for v in values]
             at = [math.exp(p + step) if log else p + step for p in places]
-            draw_line(axes, at, rows, joined=numbers is not None, **look)
+            if numbers is None:
+                look = look | {"linestyle": ""}
+            line(axes, at, rows, bars=True, **look)
         axes.set_title(heading(name))
         axes.set_xlabel(_joined(keys))
         axes.grid(True, axis="y")
@@ -130,7 +132,10 @@ def _lines(
     found = summarise(((value, other), *rest) for value, other, *rest in each)
     others = list(dict.fromkeys(other for _, other in found))
     if len(others) <= MOST_LINES:
-        return found, {other: line_look(i) | {"label": other} for i, other in enumerate(others)}
+        looks = [line_look(i) | {"markersize": 3.5, "linewidth": 1.2} for i in range(len(others))]
+        return found, {
+            other: look | {"label": other} for other, look in zip(others, looks, strict=True)
+        }
     looks = {key: {"color": style.UNUSED, "linewidth": 0.5, "marker": ""} for key in others}
     if not left_out:
         found |= summarise(((value, ""), *rest) for value, _, *rest in each)
@@ -209,22 +214,6 @@ def dodges(places: Sequence[float], lines: int) -> list[float]:
     """
     width = 0.25 * min((b - a for a, b in itertools.pairwise(sorted(places))), default=1.0)
     return [width * ((line + 0.5) / lines - 0.5) for line in range(lines)]
-
-
-def draw_line(
-    axes: Axes, places: Sequence[float], rows: Sequence[Statistic], joined: bool, **look: Any
-) -> None:
-    """Draw means at places, `joined` by a line, with intervals; without one, the units' values."""
-    known = [(x, row) for x, row in zip(places, rows, strict=True) if row.mean is not None]
-    for x, row in known:
-        if not look["marker"]:
-            continue
-        if row.low is not None:
-            axes.plot([x, x], [row.low, row.high], color=look["color"], linewidth=1.0)
-        elif row.n > 1:
-            axes.plot([x] * row.n, row.values, "_", color=look["color"], markersize=6.0)
-    line = {"markersize": 3.5, "linewidth": 1.2} | look | ({} if joined else {"linestyle": ""})
-    axes.plot([x for x, _ in known], [row.mean for _, row in known], **line)
 
 
 def _label(setting: Setting, keys: Sequence[str]) -> str:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from stixel_cli.pictures import style
-from stixel_cli.report.charts import line_look
+from stixel_cli.report.charts import line, line_look
 from stixel_cli.report.statistics import statistic
 from stixel_cli.sweeps.figures import (
     MOST_LINES,
@@ -12,7 +12,6 @@ from stixel_cli.sweeps.figures import (
     axis_figures,
     caption,
     dodges,
-    draw_line,
     is_geometric,
     scale_values,
 )
@@ -31,7 +30,7 @@ def test_error_bars_do_not_overlap():
 def drawn(rows, **look):
     with style.drawing():
         axes = style.new_figure(3.0, 2.0).add_subplot()
-        draw_line(axes, [0.1 + i for i in range(len(rows))], rows, True, **line_look(0) | look)
+        line(axes, [0.1 + i for i in range(len(rows))], rows, bars=True, **line_look(0) | look)
     return [np.transpose(line.get_data()) for line in axes.lines]
 
 

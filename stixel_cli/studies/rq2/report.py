@@ -24,7 +24,7 @@ from stixel_cli.report.scan_frame import (
     upper_bounds_table,
     within_bounds,
 )
-from stixel_cli.report.statistics import Statistic, excludes_zero, least_effect, least_p
+from stixel_cli.report.statistics import Statistic, least_effect, least_p
 from stixel_cli.studies.data import StudyData
 from stixel_cli.studies.rq2.contrasts import (
     ERRORS,
@@ -90,7 +90,7 @@ def answer_values(runs: pd.DataFrame) -> dict[str, Any]:
     `contrasts`: for each tracker and lidar its `effects` by road user, and the road users and
     metrics of each verdict. `headlines`: for each tracker the differences of `LEAD`, `leads`
     by road user, with the means; `forest`: the plot of all tested ones. `baselines`: for each
-    tracker and baseline the `effects` on the IoU by road user, and the users of each verdict.
+    tracker and baseline the `effects` on the IoU.
     """
     every = contrasts(runs)
     tested = [one for one in every if one.tested]
@@ -173,20 +173,12 @@ def _contrast(found: Sequence[Contrast]) -> dict[str, Any]:
 
 
 def _baseline(on_stixels: pd.DataFrame, tracker: str, baseline: str) -> dict[str, Any]:
-    """The IoU of a tracker minus the baseline's, and the road users by what its intervals show."""
-    effects: dict[str, Statistic] = {}
-    found: dict[str, list[str]] = {}
+    """The IoU of a tracker minus the baseline's, by road user."""
+    effects = []
     for (user,), own in tables.groups(on_stixels, ["road_user"]):
         sides = (tables.chosen(own, tracker=one) for one in (tracker, baseline))
-        iou = effects[user] = tables.difference(*sides, "iou_mean")
-        if iou.low is None:
-            verdict = "not comparable (no interval)"
-        elif excludes_zero(iou):
-            verdict = "better" if iou.low > 0.0 else "worse"
-        else:
-            verdict = "not shown to differ"
-        found.setdefault(verdict, []).append(f"the {user}")
-    return {"tracker": tracker, "baseline": baseline, "effects": effects, "verdicts": found}
+        effects.append((user, "", tables.difference(*sides, "iou_mean")))
+    return {"tracker": tracker, "baseline": baseline, "effects": effects}
 
 
 def _baseline_rows(
