@@ -6,7 +6,7 @@ State: x, y, heading, their rates, then the radii at the basis angles; world fra
 """
 
 from dataclasses import replace
-from typing import Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 import numpy as np
 from annotated_types import Ge, Gt, Le, Lt
@@ -17,10 +17,19 @@ from stixel_cli.parameters import parameters
 from stixel_cli.tracking.association import associate, contour_moments
 from stixel_cli.tracking.gp_ekf_update import SEEN, fill_pose_columns, update
 from stixel_cli.tracking.kernel import ContourProcess, contour_process
-from stixel_cli.tracking.motion import intervals, predict, process_noise, transition
+from stixel_cli.tracking.motion import (
+    intervals,
+    predict,
+    process_noise,
+    tied_to_velocity,
+    transition,
+)
 from stixel_cli.tracking.prior import PriorShape, mean_radius, prior_radii
 from stixel_cli.tracking.smoothing import Step, smooth
 from stixel_cli.tracking.track import InitialState, Track, contour_directions
+
+if TYPE_CHECKING:
+    from stixel_cli.tracking.one_side import OneSide
 
 
 @parameters
@@ -38,6 +47,11 @@ class GpEkfParameters:
         jitter: variance, m², added to K's diagonal where K is inverted, and nowhere else.
         sigma_q: process noise of the position, a white acceleration's root density, m/s^1.5.
         sigma_q_psi: process noise of the heading, rad/s^1.5.
+        slip: standard deviation of the velocity across the heading, m/s, which is zero; null: any
+            velocity, thesis (62).
+        seen_by: kind of measurement, which sees one side of the target among neighbours: the radii
+            start as the outline of the class, points of `stixels` and of a `lidar` are moved onto
+            it, see `one_side.py`. null: the points are on the contour, all round it, as in [GP].
         measurement_covariance: R of a point is `isotropic`, or taken from the scan's `points`, or
             `projected`: that of the radial innovation alone, from the scan's points; see `project`.
         measurement_std: standard deviation of the isotropic R along each axis, m.
@@ -55,6 +69,8 @@ class GpEkfParameters:
     jitter: Annotated[float, Gt(0), Le(1)]
     sigma_q: Annotated[float, Ge(0), Le(100)]
     sigma_q_psi: Annotated[float, Ge(0), Le(100)]
+    slip: Annotated[float, Gt(0), Le(10)] | None
+    seen_by: Literal["stixels", "fabricated", "lidar", "file", "own"] | None
     measurement_covariance: Literal["isotropic", "points", "projected"]
     measurement_std: Annotated[float, Ge(1e-6), Le(10)]
     gate_probability: Annotated[float, Gt(0), Lt(1)] | None
@@ -77,6 +93,8 @@ def track(
     point (its tangential component is zero by construction), so the NIS of a scan with n points
     has n degrees of freedom.
     """
+    from scipy.linalg import block_diag
+
     process = contour_process(
         tracker.basis_points,
         tracker.length_scale,
@@ -85,20 +103,15 @@ def track(
         tracker.jitter,
         mean_radius(prior) if tracker.mean_function == "class_radius" else 0.0,
     )
-    size = 2 * SEEN + tracker.basis_points
-    mean = np.concatenate([initial.mean, prior_radii(prior, process.basis_angles)])
-    covariance = np.zeros((size, size))
-    covariance[: 2 * SEEN, : 2 * SEEN] = initial.covariance
-    covariance[2 * SEEN :, 2 * SEEN :] = process.covariance
-
-    count = len(scans)
+    side = None if tracker.seen_by is None else _one_side(prior, tracker.seen_by, process)
+    radii = prior_radii(prior, process.basis_angles) if side is None else side.radii
+    mean = np.concatenate([initial.mean, radii])
+    covariance = block_diag(initial.covariance, process.covariance)
+    count, size = len(scans), len(mean)
     means, covariances = np.empty((count, size)), np.empty((count, size, size))
     used: list[np.ndarray] = []
     filtered: list[Step] = []
     nis = np.full(count, np.nan)
-    isotropic = None
-    if tracker.measurement_covariance == "isotropic":
-        isotropic = tracker.measurement_std**2 * np.eye(2)
     steps = intervals(scans.times)
     process_noises = {
         interval: process_noise(interval, tracker.sigma_q, tracker.sigma_q_psi)
@@ -114,21 +127,16 @@ def track(
             process.covariance,
             process.mean_radius,
         )
-        rows = scans.rows(k)
-        points = scans.points_world[rows]
-        noises = scans.covariances_world[rows] if isotropic is None else isotropic
-        indices = _associated(points, noises, mean, covariance, process, tracker)
-        used.append(indices + rows.start)
-        if len(indices):
-            chosen = noises if noises.ndim == 2 else noises[indices]
-            projected = tracker.measurement_covariance == "projected"
-            mean, covariance, nis[k] = update(
-                mean, covariance, points[indices], chosen, process, projected
-            )
+        if tracker.slip is not None:
+            mean, covariance = tied_to_velocity(mean, covariance, tracker.slip)
+        mean, covariance, indices, nis[k] = _updated(
+            (mean, covariance), scans, k, process, side, tracker
+        )
+        used.append(indices + scans.offsets[k])
         means[k], covariances[k] = mean, covariance
         if tracker.lag != 0:
-            matrix = np.exp(-tracker.forgetting_rate * interval) * np.eye(size)
-            matrix[: 2 * SEEN, : 2 * SEEN] = transition(interval)
+            kept = np.exp(-tracker.forgetting_rate * interval) * np.eye(tracker.basis_points)
+            matrix = block_diag(transition(interval), kept)
             last = filtered[-1] if filtered else None
             filtered.append(Step(mean, covariance, *predicted, last, matrix))
 
@@ -141,6 +149,42 @@ def track(
         return track
     smoothed = reported(*smooth(filtered, tracker.lag, heading=2))
     return replace(track, smoothed=replace(smoothed, lag=tracker.lag))
+
+
+def _updated(
+    predicted: tuple[np.ndarray, np.ndarray],
+    scans: Scans,
+    k: int,
+    process: ContourProcess,
+    side: "OneSide | None",
+    tracker: GpEkfParameters,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+    """Mean and covariance after scan k, the indices (m,) of its points that were used, the NIS."""
+    mean, covariance = predicted
+    rows = scans.rows(k)
+    points, noises = scans.points_world[rows], scans.covariances_world[rows]
+    if side is not None:
+        rays = side.rays(points, noises, scans.sensor_poses_world[k], mean[:SEEN])
+        points = rays.points_world
+    if tracker.measurement_covariance == "isotropic":
+        noises = tracker.measurement_std**2 * np.eye(2)
+    indices = _associated(points, noises, mean, covariance, process, tracker)
+    if side is not None and len(indices):
+        indices = side.target(rays, indices, mean, covariance)
+        mean = side.near_side(rays, indices, mean, covariance, tracker.measurement_std)
+    if not len(indices):
+        return mean, covariance, indices, np.nan
+    noises = noises if noises.ndim == 2 else noises[indices]
+    projected = tracker.measurement_covariance == "projected"
+    mean, covariance, nis = update(mean, covariance, points[indices], noises, process, projected)
+    return mean, covariance, indices, nis
+
+
+def _one_side(prior: PriorShape, seen_by: str, process: ContourProcess) -> "OneSide":
+    # Numba takes half a second to import, and every command imports this module.
+    from stixel_cli.tracking.one_side import OneSide
+
+    return OneSide(prior, seen_by, process)
 
 
 def contours_of(

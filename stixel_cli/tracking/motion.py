@@ -37,6 +37,23 @@ def process_noise(interval: float, sigma_q: float, sigma_q_psi: float) -> np.nda
     return noise
 
 
+def tied_to_velocity(
+    mean: np.ndarray, covariance: np.ndarray, slip: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Mean (d,) and covariance (d, d) of a target that slides sideways by 0 ± `slip` m/s.
+
+    A road user moves along its heading: the velocity across it is measured as zero, which turns
+    heading and velocity towards each other.
+    """
+    cosine, sine = np.cos(mean[2]), np.sin(mean[2])
+    across = cosine * mean[4] - sine * mean[3]
+    row = np.zeros(len(mean))
+    row[2:5] = -cosine * mean[3] - sine * mean[4], -sine, cosine
+    spread = covariance @ row
+    gain = spread / (row @ spread + slip**2)
+    return mean - gain * across, covariance - np.outer(gain, spread)
+
+
 def predict(
     mean: np.ndarray,
     covariance: np.ndarray,

@@ -102,6 +102,8 @@ def test_whole_track_matches_the_reference(case):
         jitter=float(case["jitter"]),
         sigma_q=float(case["sigma_q"]),
         sigma_q_psi=float(case["sigma_q_psi"]),
+        slip=None,
+        seen_by=None,
         measurement_covariance="isotropic",
         measurement_std=float(case["sigma_meas"]),
         gate_probability=None,

@@ -89,6 +89,11 @@ class Rays:
         """Unit vectors (n, 2) to the left of the rays."""
         return np.stack([-self.directions[:, 1], self.directions[:, 0]], axis=-1)
 
+    @property
+    def points_world(self) -> np.ndarray:
+        """The points (n, 2) m."""
+        return self.sensor[:2] + self.ranges[:, None] * self.directions
+
     def subset(self, indices: np.ndarray, sight: Sight) -> "Rays":
         """The rays at `indices`; where the shape was learned, no end counts as hidden."""
         return Rays(

@@ -1,0 +1,126 @@
+"""`gp_ekf` of a sensor that sees one side: near side, neighbours, outline of the class, heading."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from seen_targets import moved, scans_seen, start_at, turning
+
+from stixel_cli.config.compose import compose
+from stixel_cli.geometry.pose import rotation
+from stixel_cli.measurements.scans import Scans
+from stixel_cli.tracking.contour.class_shape import class_shape
+from stixel_cli.tracking.gp_ekf import track
+from stixel_cli.tracking.gp_ekf_update import linearise
+from stixel_cli.tracking.kernel import contour_process
+from stixel_cli.tracking.motion import tied_to_velocity
+from stixel_cli.tracking.one_side import OneSide
+
+CAR = np.array([[2.2, 0.9], [-2.2, 0.9], [-2.2, -0.9], [2.2, -0.9]])
+POSES = turning(40, 4.0, 0.1, (-6.0, 12.0))
+
+
+def configured(*overrides):
+    return compose(["tracker=gp_ekf", "measurement=fabricated", *overrides]).configuration
+
+
+def followed(scans, *overrides):
+    configuration = configured(*overrides)
+    return track(scans, start_at(POSES), configuration.prior, configuration.tracker)
+
+
+def centre_errors(followed_track):
+    return np.hypot(*(followed_track.means[:, :2] - POSES[:, :2]).T)
+
+
+def beside(scans, shift):
+    """The scans with the points of a neighbour: those of the target, moved by `shift` (2,) m."""
+    rows = [scans.rows(k) for k in range(len(scans))]
+    points = [np.vstack([scans.points_world[r], scans.points_world[r] + shift]) for r in rows]
+    covariances = [np.concatenate([scans.covariances_world[r]] * 2) for r in rows]
+    return Scans.of_each(
+        scans.times, scans.sensor_poses_world, list(zip(points, covariances, strict=True))
+    )
+
+
+def test_a_neighbour_behind_a_car_is_left_out():
+    scans = scans_seen(CAR, POSES, noise=0.03)
+    errors = {
+        seen_by: centre_errors(followed(beside(scans, [0.3, 2.6]), f"tracker.seen_by={seen_by}"))
+        for seen_by in ("fabricated", "null")
+    }
+    alone = centre_errors(followed(scans))
+    assert errors["fabricated"].max() < alone.max() + 0.1
+    assert errors["null"].max() > 2.0 * errors["fabricated"].max()
+
+
+def test_a_contour_before_its_points_moves_behind_them():
+    configuration = configured("road_user=cyclist")
+    process = contour_process(50, np.pi / 8, 0.1, 0.05, 1e-6)
+    side = OneSide(configuration.prior, "fabricated", process)
+    mean = np.concatenate([[0.0, 10.0, 0.0, 3.0, 0.0, 0.0], side.radii])
+    covariance = np.diag(np.concatenate([[0.1, 0.1], np.full(54, 1e-4)]))
+    # A row of points on the far side of the predicted contour.
+    far = np.stack([np.linspace(-0.3, 0.3, 9), np.full(9, 10.3)], axis=-1)
+    rays = side.rays(far, np.tile(0.01 * np.eye(2), (9, 1, 1)), np.zeros(3), mean[:3])
+    placed = side.near_side(rays, np.arange(9), mean, covariance, 0.05)
+    assert np.abs(linearise(far, mean, process).residuals).max() < 0.2
+    assert placed[1] > 10.4 and placed[0] == pytest.approx(0.0, abs=0.05)
+    assert placed[2:] == pytest.approx(mean[2:])
+
+
+@pytest.mark.parametrize("road_user", ["car", "cyclist", "pedestrian"])
+def test_the_radii_start_as_the_outline_of_the_class(road_user):
+    prior = configured(f"road_user={road_user}").prior
+    process = contour_process(50, np.pi / 8, 0.1, 0.05, 1e-6)
+    shape = class_shape(road_user)
+    corners = OneSide(prior, "stixels", process).radii[:, None] * process.basis_directions
+    expected = shape.outline * np.array([prior.length, prior.width]) / shape.size
+    nearest = np.hypot(*(corners[:, None] - expected[None]).transpose(2, 0, 1)).min(axis=1)
+    assert nearest.max() < 0.06
+
+
+def test_an_unknown_class_has_the_prior_s_shape_and_its_own_points():
+    prior = replace(configured().prior, road_user="unknown")
+    process = contour_process(50, np.pi / 8, 0.1, 0.05, 1e-6)
+    side = OneSide(prior, "stixels", process)
+    points = np.array([[0.5, 9.0], [-0.5, 9.1]])
+    rays = side.rays(points, np.tile(0.01 * np.eye(2), (2, 1, 1)), np.zeros(3), np.zeros(3))
+    assert rays.points_world == pytest.approx(points)
+
+
+@pytest.mark.parametrize(("angle", "shift"), [(0.0, 30.0), (2.1, 0.0), (-1.3, -7.0)])
+def test_no_frame_of_the_world_matters(angle, shift):
+    scans = scans_seen(CAR, POSES[:6], noise=0.03)
+    configuration = configured()
+    start = start_at(POSES[:6])
+    turn = rotation(angle)
+    elsewhere, there = moved(scans, start, angle, np.array([shift, -shift]))
+    before = track(scans, start, configuration.prior, configuration.tracker)
+    after = track(elsewhere, there, configuration.prior, configuration.tracker)
+    expected = before.means[:, :2] @ turn.T + [shift, -shift]
+    assert after.means[:, :2] == pytest.approx(expected, abs=1e-6)
+
+
+@given(
+    heading=st.floats(-3.0, 3.0),
+    speed=st.floats(0.0, 20.0),
+    direction=st.floats(-3.0, 3.0),
+    slip=st.floats(0.01, 10.0),
+)
+def test_heading_and_velocity_are_drawn_together(heading, speed, direction, slip):
+    mean = np.array([0, 0, heading, speed * np.cos(direction), speed * np.sin(direction), 0.0])
+    covariance = np.diag([0.1, 0.1, 0.05, 0.5, 0.5, 0.1])
+    after, spread = tied_to_velocity(mean, covariance, slip)
+
+    def across(state):
+        # At the heading of the linearisation, and so is its derivative.
+        cosine, sine = np.cos(heading), np.sin(heading)
+        forward = cosine * mean[3] + sine * mean[4]
+        return cosine * state[4] - sine * state[3] - forward * (state[2] - heading)
+
+    assert abs(across(after)) <= abs(across(mean)) + 1e-12
+    assert np.linalg.eigvalsh(covariance - spread).min() > -1e-9
+    assert np.linalg.eigvalsh(spread).min() > -1e-9
