@@ -20,19 +20,19 @@ BUDGET = {
     # The box of a track has room for the limbs; loss has one definition, with heading and class.
     "evaluation": 1616,
     # The names of runs, from config/.
-    "experiment": 1487,
+    "experiment": 1489,
     "export": 548,
     # Camera poses on the plane, poses of labels, rotations of quaternions: from recordings.
     "geometry": 223,
     "machine": 314,
     "measurements": 1648,
     # The sheet of a frame's stages, of the studies before.
-    "pictures": 1322,
+    "pictures": 1389,
     "recordings": 2179,
     # Images of a rig out of calibration.
     "rendering": 2341,
     # The layer that studies share: runs, scans, cost, templates, numbered blocks, files.
-    "report": 2968,
+    "report": 2941,
     "results": 1457,
     # A mesh in other units and along another axis.
     "scene": 3483,
@@ -52,7 +52,7 @@ BUDGET = {
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
 
 # The filters of PyRecEst: with the tracker they had more than 300 lines.
-MODULES = 316
+MODULES = 317
 """Modules of the package, without `__init__`."""
 
 

@@ -30,7 +30,9 @@ def differences(choices: Mapping[str, str], overrides: Sequence[str]) -> list[st
     Returns:
         For example `car`, `turn`, `fabricated`, `rig=kitti`, `sigma_f=0.5`.
     """
-    parts = [str(choices[group]) for group in ALWAYS if group in choices]
+    # The path of scans from a file is in the file.
+    named = ALWAYS[:1] if choices.get("measurement") == "file" else ALWAYS
+    parts = [str(choices[group]) for group in named if group in choices]
     for text in overrides:
         key, value = split_override(text)
         group = innermost_group(key)

@@ -1,5 +1,7 @@
 """The scene from above at one time: scan, truth and estimate."""
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -9,6 +11,7 @@ from matplotlib.patches import Patch, Rectangle
 from stixel_cli.geometry.pose import world_from_ego, wrap_angle
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.pictures import ground, style
+from stixel_cli.pictures.tracker_noise import tracker_noise
 from stixel_cli.results.pictures import Pictures
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.stixels.types import Objects
@@ -21,6 +24,7 @@ def track_pictures(
     track: Track,
     scenario: Scenario,
     field_of_view: tuple[float, float] | None,
+    tracker: Any,
     frame: int,
     objects: Objects | None = None,
     tracks: tuple[ObjectTrack, ...] = (),
@@ -28,11 +32,13 @@ def track_pictures(
     """The bird's eye view of scan `frame`: all that is seen, and the target enlarged.
 
     Gives `k0033/birds_eye.png`: the ego car and its field of view, the scan with ellipses of one
-    standard deviation (points which the tracker used apart from the others), the true contour, the
+    standard deviation (of the noise R that the `tracker`, its parameters, uses at the points which
+    it used; of that which the scan states at the others), the true contour, the
     estimated one with its band of ± 2 standard deviations of the radius, both headings. Where the
     truth is unknown, only the estimate is drawn. `field_of_view` is in rad, None if unknown. With
     `objects`, the rectangles round their points are drawn; with `tracks`, those of moving objects.
     """
+    _, noise, _ = tracker_noise(tracker, scans)
     with style.drawing({"axes.grid": True}):
         figure = style.new_figure(10.4, 5.7)
         wide = figure.add_axes((0.055, 0.17, 0.4, 0.76))
@@ -40,7 +46,7 @@ def track_pictures(
         for axes, linewidth in ((wide, 1.1), (near, 1.6)):
             axes.set(xlabel="x in the world (m)", ylabel="y in the world (m)")
             _draw_target(axes, track, scenario, frame, linewidth)
-            _draw_scan(axes, scans, track, frame)
+            _draw_scan(axes, scans, noise, track, frame)
             _draw_tracks(axes, tracks, frame)
             if objects is not None:
                 _draw_objects(axes, objects, scenario.ego_poses_world[frame], frame)
@@ -112,13 +118,16 @@ def _draw_centre(axes: Axes, track: Track, k: int) -> None:
         ground.draw_ellipses(axes, means, covariances, 2.0, style.ESTIMATE, **look)
 
 
-def _draw_scan(axes: Axes, scans: Scans, track: Track, k: int) -> None:
+def _draw_scan(axes: Axes, scans: Scans, noise: np.ndarray, track: Track, k: int) -> None:
     rows = scans.rows(k)
     used = np.zeros(len(scans.points_world), dtype=bool)
     used[track.used_points[track.used_offsets[k] : track.used_offsets[k + 1]]] = True
-    for chosen, colour in ((~used[rows], style.UNUSED), (used[rows], style.USED)):
-        points, covariances = scans.points_world[rows], scans.covariances_world[rows]
-        ground.draw_points(axes, points[chosen], covariances[chosen], colour)
+    points, covariances = scans.points_world[rows], scans.covariances_world[rows]
+    for chosen, shown, colour in (
+        (~used[rows], covariances, style.UNUSED),
+        (used[rows], noise[rows], style.USED),
+    ):
+        ground.draw_points(axes, points[chosen], shown[chosen], colour)
 
 
 def _draw_surroundings(
@@ -180,8 +189,8 @@ def _legend(figure: Figure, with_truth: bool, with_view: bool, with_objects: boo
         Line2D([], [], color=style.ESTIMATE, label="estimate: contour, heading, path"),
         Patch(color=style.ESTIMATE, alpha=0.2, linewidth=0, label="± 2σ of the contour"),
         Line2D([], [], color=style.ESTIMATE, lw=1.0, ls="--", label="2σ of the centre"),
-        Line2D([], [], color=style.USED, **dot, markersize=4, label="point used, with 1σ"),
-        Line2D([], [], color=style.UNUSED, **dot, markersize=4, label="point not used, with 1σ"),
+        Line2D([], [], color=style.USED, **dot, markersize=4, label="point used, tracker's R (1σ)"),
+        Line2D([], [], color=style.UNUSED, **dot, markersize=4, label="point not used, scan's 1σ"),
         Line2D([], [], color=style.EGO, linestyle="none", marker="^", label="ego car's sensor"),
         Patch(color=style.FIELD_OF_VIEW, alpha=0.25, linewidth=0, label="field of view"),
     ]

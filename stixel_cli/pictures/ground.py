@@ -35,20 +35,26 @@ def draw_band(
     """The ring of ± 2 standard deviations across a contour (M, 2).
 
     `std` (M,) is along `directions` (M, 2) from the centre (2,): a normal that is askew to them has
-    the smaller share of it. The ring's own direction is that of a longer piece of the contour, so
-    that a mirror does not spread it. The inner edge is not beyond the centre.
+    the smaller share of it. The ring's width and direction are those of a longer piece of the
+    contour, so that a mirror does not spread it. The inner edge is not beyond the centre.
     """
     if not (np.isfinite(contour_world).all() and np.isfinite(std).all()):
         return
     radii = np.linalg.norm(contour_world - centre_world, axis=1)
     reach = 2.0 * std * np.maximum(np.sum(_normals(contour_world, 1) * directions, axis=1), 0.2)
+    beside = range(-BAND_REACH, BAND_REACH + 1)
+    reach = np.median([np.roll(reach, shift) for shift in beside], axis=0)
     across = _normals(contour_world, BAND_REACH)
     inner = contour_world - np.minimum(reach, radii)[:, None] * across
     outer = contour_world + reach[:, None] * across
-    # One area per edge: where the normals of a corner cross, nothing is left out.
+    # One area per edge, all of one orientation: where they overlap, nothing is left out.
     parts = [outer, np.roll(outer, -1, axis=0), np.roll(inner, -1, axis=0), inner, outer]
+    quads = np.stack(parts, axis=1)
+    x, y = quads[..., 0], quads[..., 1]
+    turned = np.sum(x[:, :-1] * y[:, 1:] - x[:, 1:] * y[:, :-1], axis=1) < 0.0
+    quads[turned] = quads[turned, ::-1]
     codes = [Path.MOVETO, *[Path.LINETO] * 3, Path.CLOSEPOLY] * len(outer)
-    ring = Path(np.stack(parts, axis=1).reshape(-1, 2), codes)
+    ring = Path(quads.reshape(-1, 2), codes)
     look = {"facecolor": style.ESTIMATE, "alpha": 0.2, "linewidth": 0, "zorder": 2.0}
     _add(axes, PathPatch(ring, **look))
 

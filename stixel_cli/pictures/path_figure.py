@@ -1,5 +1,7 @@
 """The whole run from above: the path, and contours at several times."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -16,7 +18,7 @@ CONTOURS = 8
 """At most this many contours are drawn along the path, besides the last one."""
 
 LEGEND, LEFT, BOTTOM, TOP, STRIP_TITLE = 1.95, 0.65, 0.6, 0.4, 0.35  # margins, in
-CELL = (3.0, 3.2)
+CELL = (2.2, 2.4)
 """Room for one contour in its own frame, in multiples of the target's greatest radius."""
 HALO = withStroke(linewidth=2.5, foreground="white")
 """Keeps a label readable where it meets a line."""
@@ -59,7 +61,8 @@ def path_figure(
         ground.draw_contour(axes, contour, style.ESTIMATE, linewidth=1.2)
         band = (track.means[k, :2], contour, track.contour_directions[k], track.contour_std[k])
         ground.draw_band(axes, *band)
-    _label_times(axes, track.times, poses, chosen, 1.25 * size)
+    shown = [contours.get(k, track.contours_world[k]) for k in chosen]
+    _label_times(axes, track.times, poses, chosen, shown)
     axes.set(xlabel="x in the world (m)", ylabel="y in the world (m)")
     axes.set_title(f"Path of the target, {track.times[-1] - track.times[0]:.1f} s")
     _legend(figure, axes, bool(known.any()), field_of_view is not None)
@@ -115,18 +118,20 @@ def _axes_for(points: np.ndarray, margin: float, cells: float) -> tuple[Figure, 
     return figure, axes, strip
 
 
-def _label_times(axes: Axes, times, poses, chosen, distance: float) -> None:
+def _label_times(axes: Axes, times, poses, chosen, contours: Sequence[np.ndarray]) -> None:
     """Times next to the contours, inside the axes: on the path's outer side if it is free."""
     middle = poses[:, :2].mean(axis=0)
     height = np.diff(axes.get_ylim()).item()
-    distance = distance + 0.03 * height
     room = np.array([0.08, 0.035]) * height  # of a label
     low, high = np.transpose([axes.get_xlim(), axes.get_ylim()])
     low, high = low + 0.5 * room, high - 0.5 * room
     places: list[np.ndarray] = []
-    for k in chosen:
+    for k, contour in zip(chosen, contours, strict=True):
         heading = poses[k, 2]
         side = np.array([-np.sin(heading), np.cos(heading)])
+        half_width = np.nan_to_num(np.abs((contour - poses[k, :2]) @ side)).max()
+        # Half of the label is on the way, across it or along it.
+        distance = half_width + 0.015 * height + 0.5 * np.abs(side) @ room
         outwards = side @ (poses[k, :2] - middle)
         # On a straight path both sides are alike: the right one, or the upper one.
         toward = np.sign(outwards) if abs(outwards) > 0.05 * distance else np.sign(side.sum())
@@ -141,11 +146,11 @@ def _label_times(axes: Axes, times, poses, chosen, distance: float) -> None:
 
 
 def _room(track: Track, poses: np.ndarray, chosen, size: float) -> float:
-    """Greatest radius (m) to be drawn at `chosen`, the bands included; at most twice `size`."""
+    """Greatest radius (m) to be drawn at `chosen`, with its band; at most a quarter over `size`."""
     frames = list(chosen)
     away = np.linalg.norm(track.contours_world[frames] - poses[frames, None, :2], axis=2)
     reach = away + 2.0 * track.contour_std[frames]
-    return float(np.clip(np.nanmax(reach, initial=size), size, 2.0 * size))
+    return float(np.clip(np.nanmax(reach, initial=size), size, 1.25 * size))
 
 
 def _draw_strip(

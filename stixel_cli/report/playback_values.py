@@ -12,8 +12,8 @@ import numpy as np
 
 from stixel_cli.evaluation.metric_table import SMOOTHED, Metric, metric
 from stixel_cli.geometry.pose import wrap_angle
-from stixel_cli.measurements.scans import Scans
 from stixel_cli.pictures.consistency import ellipse_axes
+from stixel_cli.pictures.tracker_noise import tracker_noise
 from stixel_cli.report.metrics import shown_value, smoothed_label
 from stixel_cli.results.lineage import shown_revision
 from stixel_cli.results.result import RunResult
@@ -170,41 +170,14 @@ def noise_of(run: RunResult) -> dict[str, Any]:
     `ellipses`, for each scan the 1σ ellipses of its used points in their order, None if they are
     those of the scan.
     """
-    tracker = run.composition.configuration.tracker
-    kind, covariances = getattr(tracker, "kind", ""), None
-    text = "the covariance that the scan states"
-    if kind in ("point", "box") or (
-        kind == "gp_ekf" and tracker.measurement_covariance == "isotropic"
-    ):
-        std = tracker.measurement_std
-        text = f"R = ({std:.3g} m)² for each of them"
+    text, covariances, std = tracker_noise(run.composition.configuration.tracker, run.scans)
+    if std is not None:
         return {"text": text, "std": round(1000.0 * std), "ellipses": None}
-    if kind == "gp_ekf" and tracker.measurement_covariance == "projected":
-        text = "R from the scan, projected on the normal of the contour"
-    elif kind in ("pyrecest", "random_matrix", "rectangle"):
-        std = tracker.measurement_std
-        covariances = run.scans.covariances_world + std**2 * np.eye(2)
-        text = f"R = the scan's + ({std:.3g} m)²"
-    elif kind == "contour":
-        covariances = _stretched(run.scans, tracker.noise_factor, tracker.offset_std)
-        text = f"R along the ray = ({tracker.noise_factor:g} σ)², and the shape's error"
     rows, shown = run.track.used_points, None
-    if covariances is not None and len(rows) > MOST_ELLIPSES:
+    is_own = covariances is not run.scans.covariances_world
+    if is_own and len(rows) > MOST_ELLIPSES:
         text += "; too many points to show it"
-    elif covariances is not None:
+    elif is_own:
         scans = pairwise(run.track.used_offsets)
         shown = [ellipses(covariances[rows[start:stop]]) for start, stop in scans]
     return {"text": text, "std": None, "ellipses": shown}
-
-
-def _stretched(scans: Scans, factor: float, across_std: float) -> np.ndarray:
-    """Covariances (P, 2, 2) m² with `factor` on the std along the ray, and more std across it."""
-    k = np.repeat(np.arange(len(scans)), np.diff(scans.offsets))
-    rays = scans.points_world - scans.sensor_poses_world[k, :2]
-    rays /= np.maximum(np.linalg.norm(rays, axis=1), 1e-9)[:, None]
-    along = np.einsum("pi,pij,pj->p", rays, scans.covariances_world, rays)
-    across = np.trace(scans.covariances_world, axis1=1, axis2=2) - along
-    normal = np.stack([-rays[:, 1], rays[:, 0]], axis=1)
-    return (factor**2 * along)[:, None, None] * rays[:, :, None] * rays[:, None, :] + (
-        across + across_std**2
-    )[:, None, None] * normal[:, :, None] * normal[:, None, :]

@@ -38,6 +38,12 @@ def test_road_user_and_path_are_always_in_it():
     assert run_name(choices, ["road_user=cyclist", "path=crossing"]) == "cyclist-crossing"
 
 
+def test_scans_of_a_file_have_no_path_in_their_name():
+    choices = DEFAULT | {"measurement": "file"}
+    overrides = ["measurement=file", "measurement.path=a/scans.csv"]
+    assert run_name(choices, overrides) == "car-file-path=scans.csv"
+
+
 def test_a_long_list_is_cut():
     overrides = ["path=waypoints", f"path.points={[[0, k] for k in range(99)]}"]
     name = run_name(DEFAULT | {"path": "waypoints"}, overrides)

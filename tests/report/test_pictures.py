@@ -14,8 +14,9 @@ from report_nouns import (
     make_track,
 )
 
+from stixel_cli.config.compose import compose
 from stixel_cli.images import decode_png
-from stixel_cli.pictures import camera_panels
+from stixel_cli.pictures import camera_panels, ground, style
 from stixel_cli.pictures.birds_eye import track_pictures
 from stixel_cli.pictures.camera import camera_pictures
 from stixel_cli.pictures.over_time import run_pictures
@@ -34,6 +35,9 @@ def run():
     scans = make_scans(scenario, rng)
     track = make_track(scenario, scans, rng)
     return {"scans": scans, "track": track, "scenario": scenario, "field_of_view": VIEW}
+
+
+TRACKER = compose().configuration.tracker
 
 
 def make_camera_inputs(rig, kind="polar"):
@@ -129,21 +133,31 @@ def test_camera_pictures_accept_empty_results():
     check_pngs(camera_pictures(**inputs).files)
 
 
+def test_used_points_have_the_ellipses_of_the_tracker_s_noise(run, monkeypatch):
+    drawn = {}
+    monkeypatch.setattr(
+        ground, "draw_points", lambda axes, points, noise, colour: drawn.update({colour: noise})
+    )
+    track_pictures(**run, tracker=TRACKER, frame=4)
+    assert np.allclose(drawn[style.USED], TRACKER.measurement_std**2 * np.eye(2))
+    assert not np.allclose(drawn[style.UNUSED][:, 0, 0], TRACKER.measurement_std**2)
+
+
 def test_birds_eye_picture_is_drawn(run):
-    pictures = track_pictures(**run, frame=4)
+    pictures = track_pictures(**run, tracker=TRACKER, frame=4)
     assert set(pictures.files) == {"k0004/birds_eye.png"}
     check_pngs(pictures.files)
 
 
 def test_birds_eye_accepts_an_empty_scan_and_a_non_finite_track(run):
     assert len(run["scans"].points_world[run["scans"].rows(5)]) == 0
-    check_pngs(track_pictures(**run, frame=5).files)
+    check_pngs(track_pictures(**run, tracker=TRACKER, frame=5).files)
     not_finite = replace(
         run["track"],
         means=np.full_like(run["track"].means, np.nan),
         contours_world=np.full_like(run["track"].contours_world, np.nan),
     )
-    check_pngs(track_pictures(**run | {"track": not_finite}, frame=4).files)
+    check_pngs(track_pictures(**run | {"track": not_finite}, tracker=TRACKER, frame=4).files)
 
 
 def test_run_pictures_are_png_and_svg(run):
@@ -177,7 +191,7 @@ def test_pictures_have_repeatable_bytes(run, monkeypatch, tmp_path):
     def draw():
         return (
             run_pictures(**run, scores=scores).files
-            | track_pictures(**run, frame=4).files
+            | track_pictures(**run, tracker=TRACKER, frame=4).files
             | camera_pictures(**camera).files
         )
 

@@ -85,7 +85,7 @@ STAGES: dict[str, Definition] = {
     "track_pictures": Definition(
         only("pictures.birds_eye:track_pictures"),
         "pick",
-        same("field_of_view"),
+        same("field_of_view", "tracker"),
         pictures=True,
     ),
     "run_pictures": Definition(

@@ -179,7 +179,9 @@ function setWide(isWide) {
 setWide(data.cameras.some(({ width, height }) => width > 2 * height));
 find("image-wide").addEventListener("click", () => setWide(find("image-wide").getAttribute("aria-pressed") === "false"));
 document.querySelector("main").classList.toggle("blind", data.cameras.length === 0);
-if (!data.cameras.length) {
+// A run from a file has no measurement by a sensor of stixel: nothing is said of cameras.
+const isOfSensor = runs.some((run) => run.facts.some(([name]) => name === "measurement"));
+if (!data.cameras.length && isOfSensor) {
   find("no-camera").className = "note";
   find("notes").append(find("no-camera"));
 }

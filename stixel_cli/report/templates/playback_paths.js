@@ -76,29 +76,36 @@ function placed(contour, pose) {
 }
 
 // The band of ± 2 standard deviations across the outline, as one area per edge. `std` is along the rays
-// from the centre: a normal that is askew to its ray has the smaller share of it. The band's own
-// direction is that of a longer piece of the outline, so that a mirror does not spread it.
+// from the centre: a normal that is askew to its ray has the smaller share of it. Width and direction are
+// those of a longer piece of the outline, so that a mirror does not spread it.
+const BAND_REACH = 4;  // points of the outline to both sides, as in pictures/ground.py
 function band(contour, std, pose) {
   if (!contour || !std || !pose) return "";
-  const count = std.length, at = (i) => contour.slice(2 * ((i + count) % count)).slice(0, 2);
+  const count = std.length, wrapped = (i) => (i + count) % count;
+  const at = (i) => contour.slice(2 * wrapped(i), 2 * wrapped(i) + 2);
   const normal = (i, reach) => {
     const [from, to] = [at(i - reach), at(i + reach)], x = to[1] - from[1], y = from[0] - to[0];
     const length = Math.hypot(x, y) || 1e-9;
     return [x / length, y / length];
   };
-  const edges = [];
-  for (let i = 0; i < count; i++) {
-    const [x, y] = at(i), ray = [x - pose[0], y - pose[1]], radius = Math.hypot(...ray) || 1e-9;
-    const [nearX, nearY] = normal(i, 1), [acrossX, acrossY] = normal(i, BAND_REACH);
-    const out = 2 * std[i] * Math.max((nearX * ray[0] + nearY * ray[1]) / radius, 0.2), inside = Math.min(out, radius);
-    edges.push([x + out * acrossX, y + out * acrossY, x - inside * acrossX, y - inside * acrossY]);
-  }
-  return edges.map(([x, y, innerX, innerY], i) => {
-    const next = edges[(i + 1) % count];
-    return polygon([x, y, next[0], next[1], next[2], next[3], innerX, innerY]);
+  const rays = std.map((_, i) => [at(i)[0] - pose[0], at(i)[1] - pose[1]]);
+  const widths = std.map((value, i) => {
+    const [x, y] = normal(i, 1), radius = Math.hypot(...rays[i]) || 1e-9;
+    return 2 * value * Math.max((x * rays[i][0] + y * rays[i][1]) / radius, 0.2);
+  });
+  const edges = std.map((_, i) => {
+    const beside = Array.from({ length: 2 * BAND_REACH + 1 }, (_, j) => widths[wrapped(i + j - BAND_REACH)]);
+    const out = beside.sort((a, b) => a - b)[BAND_REACH], inside = Math.min(out, Math.hypot(...rays[i]));
+    const [[x, y], [acrossX, acrossY]] = [at(i), normal(i, BAND_REACH)];
+    return [[x + out * acrossX, y + out * acrossY], [x - inside * acrossX, y - inside * acrossY]];
+  });
+  return edges.map(([outer, inner], i) => {
+    const [nextOuter, nextInner] = edges[wrapped(i + 1)], corners = [outer, nextOuter, nextInner, inner];
+    const area = corners.reduce((sum, [x, y], j) => sum + x * corners[(j + 1) % 4][1] - y * corners[(j + 1) % 4][0], 0);
+    // All have one orientation: where they overlap, nothing is left out.
+    return polygon((area < 0 ? corners.reverse() : corners).flat());
   }).join("");
 }
-const BAND_REACH = 4;  // points of the outline, as in pictures/ground.py
 
 function ellipse(x, y, major, minor, angle) {
   if (major === null || minor === null || angle === null) return "";
