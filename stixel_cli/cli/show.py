@@ -57,11 +57,9 @@ def ls(
 
 
 def _json(run: "RunResult") -> dict[str, Any]:
-    from stixel_cli.sweeps.index import is_sweep
-
     return {
         "path": str(run.folder),
-        "kind": "sweep" if is_sweep(run) else "run",
+        "kind": "sweep" if run.is_sweep else "run",
         "created": str(run.manifest.get("created", "")),
         "choices": _differences(run),
         "overrides": run.overrides,

@@ -29,7 +29,7 @@ from stixel_cli.report.playback_values import (
     rounded_poses,
     summary_of,
 )
-from stixel_cli.report.static_page import filled_page, template_text
+from stixel_cli.report.static_page import filled_page
 from stixel_cli.results.pictures import CameraFrames
 from stixel_cli.results.result import RunResult
 from stixel_cli.stixels.types import Objects
@@ -57,14 +57,10 @@ def playback_html(
         notes: lines below the title.
         folders: name of each run's folder; empty to show no folders.
     """
-
-    scripts = (template_text(__package__, f"playback_{name}.js") for name in SCRIPTS)
-    parts = {
-        "style": template_text(__package__, "playback.css"),
-        "script": "\n".join(scripts),
-    }
+    scripts = [f"playback_{name}.js" for name in SCRIPTS]
     data = playback_data(runs, title, notes, folders)
-    return filled_page(__package__, "playback.html", title, data, parts)
+    style = ["playback.css"]
+    return filled_page(__package__, "playback.html", title, data, style=style, script=scripts)
 
 
 def playback_data(

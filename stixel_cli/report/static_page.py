@@ -2,29 +2,28 @@
 
 import html
 import json
-from collections.abc import Mapping
+from collections.abc import Sequence
 from importlib import resources
 from typing import Any
 
 
-def filled_page(package: str, name: str, title: str, data: Any, parts: Mapping[str, str]) -> str:
+def filled_page(package: str, name: str, title: str, data: Any, **files: Sequence[str]) -> str:
     """The file `templates/NAME` of a package, with a text in place of each mark such as ⟦title⟧.
 
-    `data` becomes JSON; `parts` has the texts of other marks, which are inserted as they are.
+    `data` becomes JSON; `files` are other marks with the files in the same folder that they mean.
     """
-    parts = {"title": html.escape(title), "data": json_in_html(data), **parts}
+
+    def text(name: str) -> str:
+        return (resources.files(package) / "templates" / name).read_text("utf-8")
+
+    parts = {mark: "\n".join(map(text, names)) for mark, names in files.items()}
+    parts |= {"title": html.escape(title), "data": json_in_html(data)}
     # Split the template once, so that inserted text is never searched for marks.
-    first, *pieces = template_text(package, name).split("⟦")
-    page = [first]
+    page, *pieces = text(name).split("⟦")
     for piece in pieces:
         mark, _, rest = piece.partition("⟧")
-        page += [parts[mark], rest]
-    return "".join(page)
-
-
-def template_text(package: str, name: str) -> str:
-    """The text of the file `templates/NAME` of a package."""
-    return (resources.files(package) / "templates" / name).read_text("utf-8")
+        page += parts[mark] + rest
+    return page
 
 
 def json_in_html(value: Any) -> str:

@@ -117,6 +117,11 @@ class RunResult:
         return seed if isinstance(seed, int) else None
 
     @property
+    def is_sweep(self) -> bool:
+        """Whether this entry of `list_runs` is a sweep."""
+        return self.failure is None and not (self.folder / "manifest.json").exists()
+
+    @property
     def setting(self) -> dict[str, str]:
         """Keys that differ between the runs of its sweep, without the seed, to values as typed."""
         return {str(key): str(value) for key, value in self.entry("swept").items()}

@@ -62,7 +62,7 @@ def update_index(root: Path) -> None:
             "rows": rows,
         }
         title = f"Runs in {root.resolve().name}"
-        write_whole(page, filled_page(__package__, PAGE, title, data, {}))
+        write_whole(page, filled_page(__package__, PAGE, title, data))
 
 
 def _known_rows(page: Path) -> dict[str, dict[str, Any]]:
@@ -103,12 +103,12 @@ def _content(run: RunResult) -> dict[str, Any]:
     """What the page shows of a run or sweep; raises any error for a folder of foreign content."""
     if run.failure is not None:
         raise run.failure
-    if is_sweep(run):
+    if run.is_sweep:
         metrics, text = _sweep_content(SweepFolder(run.folder))
     else:
         metrics, text = run.metrics, verdict(run.metrics)[0]
     return {
-        "kind": "sweep" if is_sweep(run) else "run",
+        "kind": "sweep" if run.is_sweep else "run",
         "created": str(run.manifest.get("created", "")),
         "settings": differing(run),
         "seed": run.seed,
@@ -122,9 +122,8 @@ def _sweep_content(folder: SweepFolder) -> tuple[dict[str, float], str]:
     """Means over the runs of a sweep that are done, and their number, IoU and losses in words."""
     rows = folder.rows()
     done = [row for row in rows if row.get("status") == DONE]
-    values = {
-        name: [float(r[name]) for r in done if r.get(name)] for name in (*SHOWN, "track_lost")
-    }
+    names = (*SHOWN, "track_lost")
+    values = {name: [float(row[name]) for row in done if row.get(name)] for name in names}
     text = f"{len(done)} of {counted(len(rows), 'run')} done"
     iou, lost = values["iou_mean"], values["track_lost"]
     text += f", IoU {min(iou):.2f} to {max(iou):.2f}" if iou else ""
@@ -132,17 +131,12 @@ def _sweep_content(folder: SweepFolder) -> tuple[dict[str, float], str]:
     return {name: sum(v) / len(v) for name, v in values.items() if v}, f"{text}."
 
 
-def is_sweep(run: RunResult) -> bool:
-    """Whether an entry of `list_runs` is a sweep."""
-    return run.failure is None and not (run.folder / "manifest.json").exists()
-
-
 def differing(run: RunResult) -> str:
     """What differs from the default in a run of `list_runs`, or between the runs of a sweep.
 
     UserError if the sweep cannot be read.
     """
-    if is_sweep(run):
+    if run.is_sweep:
         return _swept(run.folder)
     if run.setting:
         return " ".join(short_setting(key, value) for key, value in run.setting.items())

@@ -71,7 +71,8 @@ function describe() {
 // The header of one run: its verdict, its main numbers beside their references, and the rest folded.
 function describeOne(run, facts) {
   const [first, ...others] = run.verdict;
-  html("p", { className: "verdict", textContent: first }, find("runs"));
+  // A verdict that begins with its word has that word's colour.
+  html("p", { className: `verdict ${first.split(/\W/)[0].toLowerCase()}`, textContent: first }, find("runs"));
   if (others.length) html("p", { className: "note", textContent: others.join(" ") }, find("runs"));
   const tiles = html("div", { className: "tiles" }, find("runs"));
   for (const [name, value, isGood, reference] of run.headline) {
