@@ -1,6 +1,18 @@
-"""What pictures and pages draw of a covariance: ellipses, and bounds of a consistent filter."""
+"""What pictures and pages draw of a track: its size, ellipses, bounds of a consistent filter."""
 
 import numpy as np
+
+from stixel_cli.scene.scenario import Scenario
+from stixel_cli.tracking.track import Track
+
+
+def target_radius(track: Track, scenario: Scenario) -> float:
+    """Greatest radius of the true contour, m; without one, the median of the estimated ones."""
+    if scenario.known.any():
+        return scenario.radius_target
+    radii = np.linalg.norm(track.contours_world - track.means[:, None, :2], axis=2).max(axis=1)
+    finite = radii[np.isfinite(radii)]
+    return float(np.clip(np.median(finite), 0.1, 30.0)) if len(finite) else 1.0
 
 
 def ellipse_axes(covariances: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -11,6 +11,7 @@ from matplotlib.patheffects import withStroke
 
 from stixel_cli.geometry.pose import target_from_world
 from stixel_cli.pictures import ground, style
+from stixel_cli.pictures.consistency import target_radius
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.tracking.track import Track
 
@@ -38,7 +39,7 @@ def path_figure(
     """
     known, ego = scenario.known, scenario.ego_poses_world
     poses = _reference_poses(track, scenario)
-    size = _size(track, scenario)
+    size = target_radius(track, scenario)
     chosen = spaced_frames(poses[:, :2], size)
     contours = {k: scenario.contour_world(k) for k in chosen if known[k]}
     certain = np.concatenate([ego[:, :2], poses[:, :2], *contours.values()])
@@ -74,15 +75,6 @@ def _reference_poses(track: Track, scenario: Scenario) -> np.ndarray:
     """The true poses (K, 3); where one is unknown, the estimate; the ego's where both are."""
     poses = np.where(scenario.known[:, None], scenario.target_poses_world, track.means[:, :3])
     return np.where(np.isfinite(poses).all(axis=1)[:, None], poses, scenario.ego_poses_world)
-
-
-def _size(track: Track, scenario: Scenario) -> float:
-    """Greatest radius of the true contour, m; without one, the median of the estimated ones."""
-    if scenario.known.any():
-        return scenario.radius_target
-    radii = np.linalg.norm(track.contours_world - track.means[:, None, :2], axis=2).max(axis=1)
-    finite = radii[np.isfinite(radii)]
-    return float(np.clip(np.median(finite), 0.1, 30.0)) if len(finite) else 1.0
 
 
 def spaced_frames(positions_world: np.ndarray, size: float) -> tuple[int, ...]:

@@ -196,9 +196,8 @@ def error_curves(runs: Sequence[RunResult]) -> list[tuple[str, Drawing]]:
     """(title, drawing) of each error that a run has; the i-th run has colour `var(--run-i)`."""
     drawn = []
     # The page shows the first two at once.
-    for name, series in sorted(
-        SERIES.items(), key=lambda one: one[0] not in ("iou", "centre_error")
-    ):
+    for name in sorted(SERIES, key=lambda name: name not in ("iou", "centre_error")):
+        series = SERIES[name]
         if any(np.isfinite(getattr(run.scores, name)).any() for run in runs):
             title = series.label + (" (consistent: 1)" if series.ratio else "")
             drawn.append((title, drawing_for_page(_curve_svg(name, title, runs), f"c{len(drawn)}")))

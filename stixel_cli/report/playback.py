@@ -15,10 +15,9 @@ from stixel_cli.evaluation.scan_errors import LOW_OVERLAP
 from stixel_cli.evaluation.scores import SERIES
 from stixel_cli.evaluation.verdict import badges, verdict
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.pictures.consistency import normalised_chi_square_bounds
+from stixel_cli.pictures.consistency import normalised_chi_square_bounds, target_radius
 from stixel_cli.report.metrics import LABEL_COLUMNS, label_rows
 from stixel_cli.report.playback_values import (
-    FARTHEST,
     ellipses,
     facts_of,
     headline_of,
@@ -96,7 +95,7 @@ def playback_data(
         "contours": [millimetres(contour.ravel()) for contour in scenario.contours_target],
         "limbPoses": scenario.limb_poses.tolist(),
         "known": with_truth,
-        "extent": _extent(runs),
+        "extent": round(1000.0 * target_radius(runs[0].track, scenario)),
         "lowOverlap": LOW_OVERLAP,
         "series": [
             asdict(series) | {"name": name}
@@ -109,19 +108,6 @@ def playback_data(
         "scans": scans,
         "cameras": cameras,
     }
-
-
-def _extent(runs: Sequence[RunResult]) -> int:
-    """Greatest radius of the true contour, mm; without one, the median of the estimated ones."""
-    scenario = runs[0].scenario
-    if scenario.known.any():
-        radii = np.array([scenario.radius_target])
-    else:
-        track = runs[0].track
-        away = track.contours_world - track.means[:, None, :2]
-        radii = np.linalg.norm(away, axis=2).max(axis=1)
-        radii = radii[radii < FARTHEST]
-    return max(100, round(1000.0 * float(np.median(radii)))) if len(radii) else 1000
 
 
 def _run(run: RunResult, facts: Sequence[tuple[str, str]]) -> dict[str, Any]:
