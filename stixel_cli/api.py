@@ -18,6 +18,7 @@ from stixel_cli.errors import UserError
 from stixel_cli.experiment.run import record_run
 from stixel_cli.machine.kernels import uncompiled
 from stixel_cli.results.result import RunResult
+from stixel_cli.sweeps.index import update_index
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -86,10 +87,7 @@ def run(
     results = None if results is None else Path(results)
     progress = make_progress(uncompiled(), advice=True) if _visible() else Progress()
     made = record_run(composition, results, name, progress)
-    if results is not None:
-        from stixel_cli.sweeps.index import update_index
-
-        update_index(results)
+    update_index(results)
     return made
 
 
@@ -125,7 +123,6 @@ def sweep(
     Raises:
         UserError: for errors that the user can correct, before anything is computed.
     """
-    from stixel_cli.sweeps.index import update_index
     from stixel_cli.sweeps.runs import sweep_design
     from stixel_cli.sweeps.whole import new_sweep
 
@@ -134,8 +131,7 @@ def sweep(
     design = sweep_design(texts, file, shuffle, trust_code=trust_code)
     results = None if results is None else Path(results)
     result = new_sweep(design, results, name, pictures, visible=_visible())
-    if results is not None:
-        update_index(results)
+    update_index(results)
     return result
 
 

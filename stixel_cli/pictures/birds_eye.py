@@ -11,6 +11,7 @@ from matplotlib.patches import Patch, Rectangle
 from stixel_cli.geometry.pose import world_from_ego, wrap_angle
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.pictures import ground, style
+from stixel_cli.pictures.consistency import target_radius
 from stixel_cli.pictures.tracker_noise import tracker_noise
 from stixel_cli.results.pictures import Pictures
 from stixel_cli.scene.scenario import Scenario
@@ -90,14 +91,6 @@ def _outline(track: Track, scenario: Scenario, k: int) -> np.ndarray:
     return contour if finite else np.zeros((1, 2)) + scenario.ego_poses_world[k, :2]
 
 
-def _radius(track: Track, scenario: Scenario, k: int) -> float:
-    """Greatest radius of the true target, m; of the estimated one where the truth is unknown."""
-    if scenario.known[k]:
-        return scenario.radius_target
-    contour = _outline(track, scenario, k)
-    return max(0.1, float(np.linalg.norm(contour - contour.mean(axis=0), axis=1).max()))
-
-
 def _draw_target(axes: Axes, track: Track, scenario: Scenario, k: int, linewidth: float) -> None:
     contour = track.contours_world[k]
     mean = track.means[k]
@@ -105,7 +98,7 @@ def _draw_target(axes: Axes, track: Track, scenario: Scenario, k: int, linewidth
         ground.draw_contour(axes, scenario.contour_world(k), style.TRUTH, linewidth=linewidth)
     ground.draw_band(axes, mean[:2], contour, track.contour_directions[k], track.contour_std[k])
     ground.draw_contour(axes, contour, style.ESTIMATE, linewidth=linewidth)
-    reach = 0.75 * _radius(track, scenario, k)
+    reach = 0.75 * target_radius(track, scenario)
     ground.draw_heading(axes, scenario.target_poses_world[k], reach, style.TRUTH)
     ground.draw_heading(axes, mean[:3], reach, style.ESTIMATE)
 
@@ -161,7 +154,7 @@ def _enlarge(axes: Axes, scans: Scans, track: Track, scenario: Scenario, k: int)
     used = track.used_points[track.used_offsets[k] : track.used_offsets[k + 1]]
     contour = _outline(track, scenario, k)
     also = np.concatenate([track.contours_world[k], scans.points_world[used]])
-    room = 0.3 * _radius(track, scenario, k)
+    room = 0.3 * target_radius(track, scenario)
     ground.fit(axes, np.concatenate([contour, ground.near(also, contour)]), room)
 
 

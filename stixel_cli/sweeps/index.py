@@ -40,12 +40,14 @@ PATIENCE = 10.0
 _DATA = '<script type="application/json" id="runs">'
 
 
-def update_index(root: Path) -> None:
-    """Write the page of all runs and sweeps below `root`, if that is possible.
+def update_index(root: Path | None) -> None:
+    """Write the page of all runs and sweeps below `root`, if that is possible; None: no page.
 
     Only new and changed folders are read: the old page has the rows of the others. A foreign
     `index.html` is kept. A folder that cannot be read becomes a row that says so.
     """
+    if root is None:
+        return
     page = root / PAGE
     # A page that cannot be written must not fail the run that is on the disk by now.
     with suppress(OSError, UserError), file_lock(root / ".index.lock").acquire(timeout=PATIENCE):
