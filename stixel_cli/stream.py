@@ -132,9 +132,7 @@ class StixelStream:
         """The objects that move, after scan `k`."""
         from stixel_cli.measurements.scans import Scans
         from stixel_cli.tracking.contour.class_size import SIZES
-        from stixel_cli.tracking.several.clusters import follow_scan
-        from stixel_cli.tracking.several.find import LARGEST, are_one
-        from stixel_cli.tracking.several.places_left import confirmed
+        from stixel_cli.tracking.several.clusters import LARGEST, are_one, confirmed, follow_scan
 
         if len(self._scans) == HISTORY:
             dropped = len(self._scans.popleft().points_world)

@@ -26,7 +26,7 @@ from stixel_cli.evaluation.contour_errors import (
 )
 from stixel_cli.evaluation.metric_table import METRICS, OF_CLASSES, OF_ESTIMATES, OF_SIZE, SMOOTHED
 from stixel_cli.evaluation.scan_errors import LOW_OVERLAP, NO_UPPER_BOUNDS, ScanErrors, UpperBounds
-from stixel_cli.evaluation.scores import LabelScores, Scores
+from stixel_cli.evaluation.scores import Scores
 from stixel_cli.geometry.pose import wrap_angle
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.classes import ROAD_USER_CLASSES
@@ -58,15 +58,13 @@ def evaluate(
     scans: Scans,
     upper_bounds: UpperBounds = NO_UPPER_BOUNDS,
     road_user: str | None = None,
-    labels: LabelScores | None = None,
 ) -> Scores:
     """Errors over time and their summary; see `Scores` for units.
 
     `upper_bounds` are the greatest values that the overlaps can have, `road_user` is the true
-    class, None if it is unknown, `labels` are the scores of the tracks of moving objects. Where
-    the truth is unknown, errors over time are NaN and metrics leave them out. Without any truth
-    there are only the metrics of scans and track. The metrics of a smoothed track have names of
-    their own; all else is of the filtered one.
+    class, None if it is unknown. Where the truth is unknown, errors over time are NaN and metrics
+    leave them out. Without any truth there are only the metrics of scans and track. The metrics of
+    a smoothed track have names of their own; all else is of the filtered one.
 
     Raises:
         ValueError: as `validate` does.
@@ -75,8 +73,7 @@ def evaluate(
     of_classes = class_errors(track, road_user)
     replaced_wrongly = (of_classes["class_replaced"] == 1.0) & (of_classes["class_wrong"] == 1.0)
     over_time = errors_over_time(track, scenario, replaced_wrongly)
-    times, degrees = scenario.times - scenario.times[0], track.nis_degrees_of_freedom
-    nis = np.divide(track.nis, degrees, out=np.full(len(degrees), np.nan), where=degrees > 0)
+    times, nis = scenario.times - scenario.times[0], track.normalised_nis
     counted = scenario.known if scenario.scored is None else scenario.known & scenario.scored
     errors = ScanErrors(
         times=times[counted],
@@ -111,8 +108,7 @@ def evaluate(
         iou_box=over_time["iou_box"],
         nees_position=over_time["nees_position"],
         nis=nis,
-        metrics=metrics | ({} if labels is None else labels.metrics),
-        labels=labels,
+        metrics=metrics,
     )
 
 

@@ -10,7 +10,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from stixel_cli.evaluation.contour_errors import boxes, intersections_over_unions
-from stixel_cli.evaluation.scores import LabelScore, LabelScores
+from stixel_cli.evaluation.scan_errors import finite_mean
+from stixel_cli.evaluation.scores import LabelScore, Scores
+from stixel_cli.geometry.pose import target_from_world
+from stixel_cli.measurements.scans import Scans
 from stixel_cli.recordings.types import LabelTruth
 from stixel_cli.tracking.followed import line
 from stixel_cli.tracking.several.found import LEAST_SCANS, ObjectTrack, least_speed
@@ -22,30 +25,70 @@ NEVER = 1e3
 LEAST_REACH = 1.0
 """A track may be this far, m, from the label of a short road user."""
 
+BESIDE = 0.5
+"""A point this near to the label's box, m, is one of the label."""
+
 FALSE = 0.5
 """A track is false if it matches labels in less than this share of its scans."""
 
 
 def score_tracks(
-    tracks: tuple[ObjectTrack, ...], truths: tuple[LabelTruth, ...], road_user: str
-) -> LabelScores | None:
-    """The scores of all tracks; None without labels.
+    tracks: tuple[ObjectTrack, ...], truths: tuple[LabelTruth, ...], scans: Scans, road_user: str
+) -> Scores:
+    """The scores of all tracks: their NIS, and those against the labels, if there are any.
 
     Args:
         tracks: of one recording.
         truths: all its labels, of any class.
+        scans: of the run.
         road_user: the class whose labels are scored.
     """
-    if not truths:
-        return None
-    matches = _matches(tracks, truths)
+    points, missing = np.diff(scans.offsets), np.full(len(scans), np.nan)
+    of_tracks = np.full((len(tracks), len(scans)), np.nan)
+    for row, one in zip(of_tracks, tracks, strict=True):
+        row[one.first : one.first + len(one.track.times)] = one.track.normalised_nis
+    nis = np.ma.masked_invalid(of_tracks).mean(axis=0).filled(np.nan)
+    metrics = {
+        "nis_mean": finite_mean(nis),
+        "scans": len(scans),
+        "empty_scans": int(np.sum(points == 0)),
+        "points_per_scan_mean": float(points.mean()),
+        "tracks_found": len(tracks),
+    }
+    matches = _matches(tracks, truths) if truths else None
     labels = tuple(
-        _score(one, matches[i], tracks)
+        _score(one, matches[i], tracks, scans)
         for i, one in enumerate(truths)
         if one.road_user == road_user
     )
-    shares = [np.sum(matches == j) / len(one.track.times) for j, one in enumerate(tracks)]
-    return LabelScores(labels, len(tracks), int(np.sum(np.array(shares) < FALSE)))
+    if truths:
+        shares = [np.sum(matches == j) / len(one.track.times) for j, one in enumerate(tracks)]
+        metrics |= _sums(labels) | {"tracks_false": int(np.sum(np.array(shares) < FALSE))}
+    none = dict.fromkeys(("centre_error", "orientation_error", "iou", "iou_box"), missing)
+    return Scores(
+        times=scans.times, **none, nees_position=missing, nis=nis, metrics=metrics, labels=labels
+    )
+
+
+def _sums(labels: Sequence[LabelScore]) -> dict[str, float | int | None]:
+    """Sums over the expected labels, by the names of `metric_table.OF_LABELS`."""
+    expected = [one for one in labels if one.expected]
+    tracked = [one for one in expected if one.tracked_frames]
+    frames = [one.tracked_frames for one in tracked]
+
+    def over_frames(name: str) -> float:
+        return np.average([getattr(one, name) for one in tracked], weights=frames).item()
+
+    found = [one.found_scans for one in tracked]
+    return {
+        "labels_expected": len(expected),
+        "labels_tracked": len(tracked),
+        "labels_found_scans_mean": float(np.mean(found)) if tracked else None,
+        "labels_tracked_share": sum(frames) / sum(o.frames for o in expected) if expected else None,
+        "labels_iou_box_mean": over_frames("iou_box") if tracked else None,
+        "labels_centre_mean_m": over_frames("centre_m") if tracked else None,
+        "label_switches": sum(one.switches for one in expected),
+    }
 
 
 def _matches(tracks: Sequence[ObjectTrack], truths: Sequence[LabelTruth]) -> np.ndarray:
@@ -71,7 +114,9 @@ def _matches(tracks: Sequence[ObjectTrack], truths: Sequence[LabelTruth]) -> np.
     return found
 
 
-def _score(truth: LabelTruth, matched: np.ndarray, tracks: Sequence[ObjectTrack]) -> LabelScore:
+def _score(
+    truth: LabelTruth, matched: np.ndarray, tracks: Sequence[ObjectTrack], scans: Scans
+) -> LabelScore:
     """The score of a label whose tracks are `matched` (K,)."""
     scenario = truth.scenario
     counted = np.flatnonzero(scenario.known & scenario.scored)
@@ -97,12 +142,26 @@ def _score(truth: LabelTruth, matched: np.ndarray, tracks: Sequence[ObjectTrack]
         expected=int(moves and len(counted) >= LEAST_SCANS),
         frames=len(counted),
         tracked_frames=len(at),
-        found_s=float(scenario.times[at[0]] - scenario.times[counted[0]]) if len(at) else np.nan,
+        found_scans=_scans_until_found(truth, scans, tracks[matched[at[0]]]) if len(at) else np.nan,
         tracks=len(np.unique(in_order)),
         switches=int(np.sum(np.diff(in_order) != 0)),
         iou_box=_mean(iou),
         centre_m=_mean(_apart(means, poses[at])),
     )
+
+
+def _scans_until_found(truth: LabelTruth, scans: Scans, found: ObjectTrack) -> float:
+    """Number of scans from the first with a point of the label to that which confirmed its track.
+
+    NaN if no scan has such a point.
+    """
+    low, high = truth.scenario.box_target
+    for k in np.flatnonzero(truth.scenario.known):
+        pose = truth.scenario.target_poses_world[k]
+        points = target_from_world(scans.points_world[scans.rows(k)], pose)
+        if np.any(np.all((points >= low - BESIDE) & (points <= high + BESIDE), axis=1)):
+            return max(found.confirmed - int(k), 0) + 1
+    return np.nan
 
 
 def _box(track: Track, row: int) -> np.ndarray:

@@ -228,6 +228,8 @@ _OF_LABELS = (
     Metric("labels_expected", "labels of the class that move", "moving labels", *_COUNT),
     Metric("labels_tracked", "labels of the class that move and are tracked", "tracked labels",
            "", "more", (0.0, None)),
+    Metric("labels_found_scans_mean", "scans until these are found, mean", "scans until found",
+           "", "less", (0.0, None)),
     Metric("labels_tracked_share", "frames of these labels with a track, share",
            "tracked frames of labels", *_OVERLAP),
     Metric("labels_iou_box_mean", "IoU of the box with the labels, mean", "mean IoU, labels",

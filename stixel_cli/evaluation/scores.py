@@ -16,7 +16,8 @@ class LabelScore:
         expected: 1 if a track is expected: it moves, and is in as many frames as a track needs.
         frames: number of these frames.
         tracked_frames: those of them with a track.
-        found_s: time from the first of these frames to the first with a track, s; NaN without one.
+        found_scans: number of scans from the first that has a point of the label to the one that
+            confirmed its first track; NaN without one.
         tracks: number of different tracks that match the label in any frame.
         switches: changes from one of them to another.
         iou_box: mean intersection over union of the boxes, in the tracked frames; NaN without one.
@@ -29,51 +30,11 @@ class LabelScore:
     expected: int
     frames: int
     tracked_frames: int
-    found_s: float
+    found_scans: float
     tracks: int
     switches: int
     iou_box: float
     centre_m: float
-
-
-@dataclass(frozen=True)
-class LabelScores:
-    """The labels of the class, in the order of the files, and the tracks.
-
-    Attributes:
-        labels: one score per label of the class.
-        tracks: number of tracks.
-        false_tracks: those that match no label in more than half of their scans. Labels of other
-            classes and hidden ones count as labels here.
-    """
-
-    labels: tuple[LabelScore, ...]
-    tracks: int
-    false_tracks: int
-
-    @property
-    def metrics(self) -> dict[str, float | int | None]:
-        """Sums over the expected labels, by the names of `metric_table.OF_LABELS`."""
-        expected = [one for one in self.labels if one.expected]
-        tracked = [one for one in expected if one.tracked_frames]
-        frames = sum(one.tracked_frames for one in tracked)
-
-        def over_frames(name: str) -> float | None:
-            values = sum(getattr(one, name) * one.tracked_frames for one in tracked)
-            return values / frames if frames else None
-
-        return {
-            "labels_expected": len(expected),
-            "labels_tracked": len(tracked),
-            "labels_tracked_share": (
-                frames / sum(one.frames for one in expected) if expected else None
-            ),
-            "labels_iou_box_mean": over_frames("iou_box"),
-            "labels_centre_mean_m": over_frames("centre_m"),
-            "label_switches": sum(one.switches for one in expected),
-            "tracks_found": self.tracks,
-            "tracks_false": self.false_tracks,
-        }
 
 
 @dataclass(frozen=True)
@@ -88,9 +49,10 @@ class Scores:
             only the true box is known.
         iou_box: (K,) the same of the boxes, each along its own heading.
         nees_position: (K,) position NEES divided by 2: 1 is consistent.
-        nis: (K,) NIS divided by its degrees of freedom: 1 is consistent; NaN for an empty scan.
+        nis: (K,) NIS divided by its degrees of freedom: 1 is consistent; NaN for an empty scan. Of
+            several tracks their mean.
         metrics: name to value; None if the metric has no value.
-        labels: of the tracks of moving objects, against the labels; None without.
+        labels: of the labels of the class, with several tracks.
     """
 
     times: np.ndarray
@@ -101,7 +63,7 @@ class Scores:
     nees_position: np.ndarray
     nis: np.ndarray
     metrics: dict[str, float | int | None]
-    labels: LabelScores | None = None
+    labels: tuple[LabelScore, ...] = ()
 
 
 @dataclass(frozen=True)

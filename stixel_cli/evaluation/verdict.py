@@ -98,7 +98,9 @@ def _diverged(time: float | int | None) -> str:
 
 def _of_labels(metrics: Values) -> str:
     """How many of the labels that move are tracked, and how many tracks have no label."""
-    expected, found = metrics["labels_expected"], metrics["tracks_found"]
+    expected, found = metrics.get("labels_expected"), metrics["tracks_found"]
+    if expected is None:
+        return f"{found} moving objects are tracked; there are no labels to compare them with."
     of_labels = f"{metrics['labels_tracked']} of {expected} labels that move are tracked"
     iou, centre = metrics.get("labels_iou_box_mean"), metrics.get("labels_centre_mean_m")
     if iou is not None and centre is not None:

@@ -32,8 +32,8 @@ GREATEST_ANGLE = 20.0
 CAMERA = "camera_frames"
 """The stage that prepares the camera's images for the playback page."""
 
-OBJECTS, TRACKS = "objects", "tracks"
-"""Stages of a recording: the objects in its frames; the tracks of moving objects."""
+OBJECTS, TRACKS, LABEL_TRUTHS = "objects", "tracks", "label_truths"
+"""Stages of a recording: objects in its frames; tracks of moving objects, and their labels."""
 
 
 def run_experiment(
@@ -55,11 +55,11 @@ def run_experiment(
     wanted += [CAMERA] if (pictures if camera is None else camera) else []
     store = open_store(composition.configuration.cache) if store is None else store
     with computed_stages(composition, wanted, progress, on_scores, store) as (done, load):
-        results = {name: load(name)[0] for name in RESULTS}
+        results = {name: next(iter(load(name)), None) for name in RESULTS}
         if progress is not None and progress.advice:
             _note_headings(composition, results["scenario"], progress)
         drawn = [one for name in PICTURES for one in load(name)]
-        frames, objects, tracks = map(load, (CAMERA, OBJECTS, TRACKS))
+        frames, objects, tracks, truths = map(load, (CAMERA, OBJECTS, TRACKS, LABEL_TRUTHS))
         lineage = lineage_of(done.graph, done.status, store)
     return RunResult(
         settings=composition.resolved,
@@ -71,6 +71,7 @@ def run_experiment(
         camera=tuple(frames),
         objects=tuple(objects),
         tracks=next(iter(tracks), ()),
+        truths=next(iter(truths), ()),
         lineage=lineage,
     )
 

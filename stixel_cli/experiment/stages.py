@@ -33,7 +33,7 @@ from stixel_cli.scene.path_parameters import ReplayedPath
 from stixel_cli.scene.scenario import Scenario
 
 RESULTS = ("scenario", "scans", "track", "scores")
-"""Stages that every pipeline has; their results are those of the experiment."""
+"""Stages whose results are those of the experiment; every pipeline but one has a single track."""
 
 CHUNK_SIZE = 10
 """Frames per chunk: few enough to keep two workers busy, enough to share a background."""
@@ -51,10 +51,12 @@ def pipeline_stages(composition: Composition) -> list[Stage]:
     configuration, recording = composition.configuration, composition.recording
     rendered = configuration.source.kind == "rendered"
     kind = configuration.measurement.kind if rendered else "recording"
+    if recording is not None and recording.auto:
+        kind = "moving_objects"
+        if configuration.metrics:
+            raise UserError("metrics: score one track; with source.target=auto there are several")
     path = shipped_folder("pipelines") / f"{kind}.yaml"
     pipeline = _read(path)
-    if recording is not None and recording.auto:
-        pipeline = _with_tracks(pipeline)
     if is_disturbed(configuration.measurement):
         pipeline = _with_disturbance(pipeline)
     return [_stage(composition, path, name, wiring or {}) for name, wiring in pipeline.items()]
@@ -64,26 +66,6 @@ def _with_disturbance(pipeline: Pipeline) -> Pipeline:
     """The pipeline with `disturb_scans` between the sensor's scans and all that use them."""
     clean = {("clean_scans" if name == "scans" else name): own for name, own in pipeline.items()}
     return clean | {"scans": {"stage": "disturb_scans", "scans": "clean_scans"}}
-
-
-def _with_tracks(pipeline: Pipeline) -> Pipeline:
-    """The pipeline with the tracks of moving objects, and their scores.
-
-    The run's own track starts at one of them.
-    """
-    found = {
-        "found_tracks": {"stage": "find_tracks", "scans": "scans"},
-        "start": {"stage": "found_start", "found": "found_tracks"},
-        "tracks": {"stage": "track_each", "found": "found_tracks", "scans": "scans"},
-    }
-    # As they are read after tracking, labels do not change a track.
-    scored = {
-        "label_truths": {"stage": "label_truths", "ego_motion": "ego_motion"},
-        "label_scores": {"stage": "label_scores", "tracks": "tracks", "truths": "label_truths"},
-        "scores": {**pipeline["scores"], "labels": "label_scores"},
-    }
-    drawn = {"track_pictures": {**pipeline["track_pictures"], "tracks": "tracks"}}
-    return {**pipeline, **found, **scored, **drawn}
 
 
 def scan_count(composition: Composition) -> int:

@@ -16,7 +16,8 @@ from stixel_cli.results.differences import StageDifference, first_changed_stage,
 from stixel_cli.results.lineage import Lineage
 from stixel_cli.results.result import RunResult
 
-COMPARED = {"ego": "scenario", "truth": "scenario"} | {n: n for n in ("scans", "track", "scores")}
+COMPARED = {"ego": "scenario", "truth": "scenario"}
+COMPARED |= {name: name for name in ("scans", "track", "tracks", "scores")}
 """NPZ files that are compared, and the stage of each."""
 
 

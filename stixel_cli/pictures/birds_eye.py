@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 
-from stixel_cli.geometry.pose import world_from_ego, wrap_angle
+from stixel_cli.geometry.pose import wrap_angle
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.pictures import ground, style
 from stixel_cli.pictures.consistency import target_radius
@@ -16,7 +16,6 @@ from stixel_cli.pictures.tracker_noise import tracker_noise
 from stixel_cli.results.pictures import Pictures
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.stixels.types import Objects
-from stixel_cli.tracking.several.found import ObjectTrack
 from stixel_cli.tracking.track import Track
 
 
@@ -28,7 +27,6 @@ def track_pictures(
     tracker: Any,
     frame: int,
     objects: Objects | None = None,
-    tracks: tuple[ObjectTrack, ...] = (),
 ) -> Pictures:
     """The bird's eye view of scan `frame`: all that is seen, and the target enlarged.
 
@@ -37,7 +35,7 @@ def track_pictures(
     it used; of that which the scan states at the others), the true contour, the
     estimated one with its band of ± 2 standard deviations of the radius, both headings. Where the
     truth is unknown, only the estimate is drawn. `field_of_view` is in rad, None if unknown. With
-    `objects`, the rectangles round their points are drawn; with `tracks`, those of moving objects.
+    `objects`, the rectangles round their points are drawn.
     """
     _, noise, _ = tracker_noise(tracker, scans)
     with style.drawing({"axes.grid": True}):
@@ -48,9 +46,8 @@ def track_pictures(
             axes.set(xlabel="x in the world (m)", ylabel="y in the world (m)")
             _draw_target(axes, track, scenario, frame, linewidth)
             _draw_scan(axes, scans, noise, track, frame)
-            _draw_tracks(axes, tracks, frame)
             if objects is not None:
-                _draw_objects(axes, objects, scenario.ego_poses_world[frame], frame)
+                ground.draw_objects(axes, objects, scenario.ego_poses_world[frame], frame)
         _draw_centre(near, track, frame)
         _draw_surroundings(wide, scans, track, scenario, field_of_view, frame)
         _enlarge(near, scans, track, scenario, frame)
@@ -59,27 +56,6 @@ def track_pictures(
         near.set_title(_std(track, scenario, frame))
         _legend(figure, bool(scenario.known.any()), field_of_view is not None, objects is not None)
         return Pictures({f"k{frame:04d}/birds_eye.png": style.png(figure)})
-
-
-def _draw_objects(axes: Axes, objects: Objects, ego_pose_world: np.ndarray, k: int) -> None:
-    """The rectangles of the objects and their numbers, as in `objects.csv`."""
-    for number, corners in enumerate(objects.corners_ego[objects.rows(k - objects.first)]):
-        corners_world = world_from_ego(corners, ego_pose_world)
-        ground.draw_contour(axes, corners_world, style.OBJECT, linewidth=1.0)
-        place = corners_world[corners_world[:, 1].argmax()]
-        axes.text(*place, str(number), color=style.OBJECT, size=7, clip_on=True)
-
-
-def _draw_tracks(axes: Axes, tracks: tuple[ObjectTrack, ...], k: int) -> None:
-    """Contour, path and number of each track that has scan k."""
-    for number, one in enumerate(tracks):
-        i = k - one.first
-        if 0 <= i < len(one.track.times) and np.isfinite(one.track.means[i]).all():
-            colour = style.RUNS[number % len(style.RUNS)]
-            ground.draw_contour(axes, one.track.contours_world[i], colour, linewidth=0.9)
-            axes.plot(*one.track.means[: i + 1, :2].T, color=colour, linewidth=0.9)
-            place = one.track.means[i, :2]
-            axes.text(*place, f"   track {number}", color=colour, size=7, clip_on=True)
 
 
 def _outline(track: Track, scenario: Scenario, k: int) -> np.ndarray:

@@ -11,8 +11,10 @@ from matplotlib.patches import Patch, PathPatch, Polygon
 from matplotlib.path import Path
 from matplotlib.typing import ColorType
 
+from stixel_cli.geometry.pose import world_from_ego
 from stixel_cli.pictures import style
 from stixel_cli.pictures.consistency import ellipse_axes
+from stixel_cli.stixels.types import Objects
 
 BAND_REACH = 4
 """Points of a contour to both sides that give the direction of its band."""
@@ -116,6 +118,15 @@ def draw_heading(axes: Axes, pose_world: np.ndarray, length: float, colour: str)
     look = {"arrowstyle": head, "color": colour, "linewidth": 1.3, "shrinkA": 0, "shrinkB": 0}
     axes.annotate("", tip, (x, y), arrowprops=look, zorder=4.5, annotation_clip=False)
     axes.plot(x, y, "o", color=colour, markersize=3.5, zorder=4.5)
+
+
+def draw_objects(axes: Axes, objects: Objects, ego_pose_world: np.ndarray, k: int) -> None:
+    """The rectangles of the objects and their numbers, as in `objects.csv`."""
+    for number, corners in enumerate(objects.corners_ego[objects.rows(k - objects.first)]):
+        corners_world = world_from_ego(corners, ego_pose_world)
+        draw_contour(axes, corners_world, style.OBJECT, linewidth=1.0)
+        place = corners_world[corners_world[:, 1].argmax()]
+        axes.text(*place, str(number), color=style.OBJECT, size=7, clip_on=True)
 
 
 def draw_field_of_view(axes: Axes, pose_world: np.ndarray, bearings: tuple[float, float]) -> None:

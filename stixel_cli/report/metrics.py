@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable, Mapping
 
 from stixel_cli.evaluation.metric_table import METRICS, NO_VALUE, SMOOTHED, Better, metric
-from stixel_cli.evaluation.scores import LabelScores
+from stixel_cli.evaluation.scores import LabelScore
 from stixel_cli.results.reader import listed
 
 _FAR = math.log(2.0)
@@ -89,12 +89,12 @@ def main_metrics(metrics: Mapping[str, float | int | None]) -> dict[str, float |
 
 
 LABEL_COLUMNS = (
-    *("label", "range (m)", "speed (m/s)", "tracked frames", "found after (s)", "box IoU"),
+    *("label", "range (m)", "speed (m/s)", "tracked frames", "found after (scans)", "box IoU"),
     *("centre error (m)", "tracks", "switches"),
 )
 
 
-def label_rows(labels: LabelScores | None) -> list[tuple[str, ...]]:
+def label_rows(labels: Iterable[LabelScore]) -> list[tuple[str, ...]]:
     """Cells of `LABEL_COLUMNS` for each label that moves or is tracked."""
     return [
         (
@@ -102,11 +102,11 @@ def label_rows(labels: LabelScores | None) -> list[tuple[str, ...]]:
             f"{one.range_m:.1f}",
             f"{one.speed_m_s:.1f}",
             f"{one.tracked_frames} of {one.frames}",
-            *(format_value(value) for value in (one.found_s, one.iou_box, one.centre_m)),
+            *(format_value(value) for value in (one.found_scans, one.iou_box, one.centre_m)),
             str(one.tracks),
             str(one.switches),
         )
-        for one in (() if labels is None else labels.labels)
+        for one in labels
         if one.expected or one.tracked_frames
     ]
 

@@ -7,13 +7,14 @@ a page, so this module imports neither Matplotlib nor OpenCV.
 import base64
 from collections.abc import Sequence
 from dataclasses import asdict
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from stixel_cli.evaluation.scan_errors import LOW_OVERLAP
 from stixel_cli.evaluation.scores import SERIES
-from stixel_cli.evaluation.verdict import badges, verdict
+from stixel_cli.evaluation.verdict import LEAST_ODDS, badges, verdict
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.pictures.consistency import normalised_chi_square_bounds, target_radius
 from stixel_cli.report.metrics import LABEL_COLUMNS, label_rows
@@ -32,6 +33,7 @@ from stixel_cli.report.static_page import filled_page
 from stixel_cli.results.pictures import CameraFrames
 from stixel_cli.results.result import RunResult
 from stixel_cli.stixels.types import Objects
+from stixel_cli.tracking.track import Track
 
 IMAGE_BUDGET = 4_200_000
 """Characters of encoded images on a page. Longer runs show every 2nd, 3rd, … frame."""
@@ -84,7 +86,7 @@ def playback_data(
         }
         shared["headline"] = headline_of(run) if len(runs) == 1 else []
         played.append(_run(run, [*facts, *facts_of(run)]) | shared)
-    scenario = runs[0].scenario
+    scenario, first = runs[0].scenario, runs[0].track or runs[0].tracks[0].track
     with_truth = bool(scenario.known.any())
     return {
         "title": title,
@@ -95,8 +97,13 @@ def playback_data(
         "contours": [millimetres(contour.ravel()) for contour in scenario.contours_target],
         "limbPoses": scenario.limb_poses.tolist(),
         "known": with_truth,
-        "extent": round(1000.0 * target_radius(runs[0].track, scenario)),
+        "truths": [
+            {"name": one.name, "boxes": [millimetres(b.ravel()) for b in one.scenario.boxes_world]}
+            for one in runs[0].truths
+        ],
+        "extent": round(1000.0 * target_radius(first, scenario)),
         "lowOverlap": LOW_OVERLAP,
+        "leastOdds": LEAST_ODDS,
         "series": [
             asdict(series) | {"name": name}
             for name, series in SERIES.items()
@@ -111,15 +118,21 @@ def playback_data(
 
 
 def _run(run: RunResult, facts: Sequence[tuple[str, str]]) -> dict[str, Any]:
-    track, scores = run.track, run.scores
+    scores = run.scores
     configuration = run.composition.configuration
     field_of_view, rig = configuration.field_of_view, configuration.rig
-    used = [
-        track.used_points[track.used_offsets[k] : track.used_offsets[k + 1]] - run.scans.offsets[k]
-        for k in range(len(track.times))
+    several = [
+        {
+            "first": one.first,
+            "nis": numbers(one.track.normalised_nis, 4),
+            "classes": {c: float(p[-1]) for c, p in (one.track.class_probabilities or {}).items()},
+            **_track(one.track, run.scans, one.first),
+        }
+        for one in run.tracks
     ]
-    low, high = normalised_chi_square_bounds(track.nis_degrees_of_freedom)
     return {
+        **({} if run.track is None else _track(run.track, run.scans)),
+        "noise": noise_of(run),
         "label": run.label,
         "facts": [list(fact) for fact in facts],
         "fieldOfView": field_of_view and [round(bearing, 6) for bearing in field_of_view],
@@ -131,30 +144,34 @@ def _run(run: RunResult, facts: Sequence[tuple[str, str]]) -> dict[str, Any]:
             "height": rig.camera_height,
             "pitch": rig.pitch_radians,
         },
-        "noise": noise_of(run),
         "badges": badges(scores.metrics),
         "origin": origin_of(run.manifest, run.folder),
         "summary": summary_of(scores.metrics),
         "verdict": verdict(scores.metrics),
         "labels": [list(LABEL_COLUMNS), *map(list, label_rows(scores.labels))],
+        "errors": {
+            name: numbers(series.factor * getattr(scores, name), 4)
+            for name, series in SERIES.items()
+        },
+        "boxes": _boxes(run.objects),
+        "tracks": several,
+    }
+
+
+def _track(track: Track, scans: Scans, first: int = 0) -> dict[str, Any]:
+    """What the page shows of a track from scan `first` on."""
+    used = [
+        track.used_points[start:stop] - scans.offsets[first + i]
+        for i, (start, stop) in enumerate(pairwise(track.used_offsets))
+    ]
+    low, high = normalised_chi_square_bounds(track.nis_degrees_of_freedom)
+    return {
         "poses": rounded_poses(track.means),
         "centre": ellipses(track.covariances[:, :2, :2]),
         "contours": [millimetres(c.ravel()) for c in track.contours_world],
         "std": [millimetres(row) for row in track.contour_std],
         "used": [rows.tolist() for rows in used],
-        "errors": {
-            name: numbers(series.factor * getattr(scores, name), 4)
-            for name, series in SERIES.items()
-        },
         "nisBounds": [numbers(low, 3), numbers(high, 3)],
-        "boxes": _boxes(run.objects),
-        "tracks": [
-            {
-                "first": one.first,
-                "contours": [millimetres(c.ravel()) for c in one.track.contours_world],
-            }
-            for one in run.tracks
-        ],
     }
 
 

@@ -173,6 +173,8 @@ def noise_of(run: RunResult) -> dict[str, Any]:
     text, covariances, std = tracker_noise(run.composition.configuration.tracker, run.scans)
     if std is not None:
         return {"text": text, "std": round(1000.0 * std), "ellipses": None}
+    if run.track is None:
+        return {"text": text, "std": None, "ellipses": None}
     rows, shown = run.track.used_points, None
     is_own = covariances is not run.scans.covariances_world
     if is_own and len(rows) > MOST_ELLIPSES:

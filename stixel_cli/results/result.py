@@ -24,6 +24,7 @@ from stixel_cli.results.reader import (
 
 if TYPE_CHECKING:
     from stixel_cli.measurements.scans import Scans
+    from stixel_cli.recordings.types import LabelTruth
     from stixel_cli.results.lineage import Lineage
     from stixel_cli.results.pictures import CameraFrames
     from stixel_cli.scene.scenario import Scenario
@@ -54,7 +55,8 @@ class RunResult:
         pictures: path below `figures/` to the file's bytes.
         camera: chunks of the camera's frames, in order; empty for a run without images.
         objects: chunks of the clusters of stixels, in order; empty unless images are recorded.
-        tracks: those of moving objects, with `source.target=auto`.
+        tracks: those of moving objects, with `source.target=auto`, which has no `track`.
+        truths: those of all labels of the recording, with `source.target=auto`.
         lineage: keys, settings and versions of each stage; None in a folder of an older version.
         label: name of the run in a legend; in a sweep `key=value …`.
         status: `done`, `failed`, `skipped` or `missing`.
@@ -80,6 +82,7 @@ class RunResult:
     camera: "tuple[CameraFrames, ...]" = ()
     objects: "tuple[Objects, ...]" = ()
     tracks: "tuple[ObjectTrack, ...]" = ()
+    truths: "tuple[LabelTruth, ...]" = ()
     lineage: "Lineage | None" = None
     label: str = ""
     status: str = DONE
@@ -177,20 +180,21 @@ class RunResult:
         times, ego_poses = scenario.times, scenario.ego_poses_world
         found = {
             "scans": tables.scan_columns(self.scans),
-            "track": tables.track_columns(self.track),
             "scores": tables.score_columns(scores),
             "ego": pose_columns(times, ego_poses),
         }
-        if self.track.smoothed is not None:
-            found["smoothed"] = tables.track_columns(self.track.smoothed)
+        if self.track is not None:
+            found["track"] = tables.track_columns(self.track)
+            if self.track.smoothed is not None:
+                found["smoothed"] = tables.track_columns(self.track.smoothed)
         if scenario.known.any():
             found["truth"] = tables.truth_columns(scenario)
         if self.objects:
             found["objects"] = tables.object_columns(self.objects, times, ego_poses)
         if self.tracks:
             found["tracks"] = tables.tracks_columns(self.tracks)
-        if scores.labels and scores.labels.labels:
-            found["labels"] = tables.label_columns(scores.labels.labels)
+        if scores.labels:
+            found["labels"] = tables.label_columns(scores.labels)
         return found
 
     @property
@@ -198,7 +202,9 @@ class RunResult:
         """The arrays of the NPZ files: the `tables`, but of track and truth everything."""
         from stixel_cli.results.tables import track_arrays, truth_arrays
 
-        found = self.tables | {"track": track_arrays(self.track)}
+        found = self.tables
+        if self.track is not None:
+            found["track"] = track_arrays(self.track)
         if "smoothed" in found:
             found["smoothed"] = track_arrays(self.track.smoothed)
         return found | ({"truth": truth_arrays(self.scenario)} if "truth" in found else {})
@@ -212,10 +218,10 @@ class RunResult:
         from stixel_cli.results.ego_frame import scans_in_ego_frame, track_in_ego_frame
 
         tables = self.tables
-        return {
-            "scans": scans_in_ego_frame(tables["scans"], tables["ego"]),
-            "track": track_in_ego_frame(vars(self.track), tables["ego"]),
-        }
+        found = {"scans": scans_in_ego_frame(tables["scans"], tables["ego"])}
+        if self.track is not None:
+            found["track"] = track_in_ego_frame(vars(self.track), tables["ego"])
+        return found
 
     def choice(self, group: str) -> str:
         """The chosen option of a group, or its `kind` if the option is not known."""

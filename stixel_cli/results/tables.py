@@ -45,13 +45,14 @@ def track_columns(track: Track) -> dict[str, np.ndarray]:
 def tracks_columns(tracks: Sequence[ObjectTrack]) -> dict[str, np.ndarray]:
     """The tracks as one table: `track`, its number from 0, and the columns of `track_columns`.
 
-    k is that of the run.
+    k is that of the run; `confirmed` is 0 before the scan that confirmed the track, then 1.
     """
     import pandas
 
     tables = [pandas.DataFrame(track_columns(one.track)) for one in tracks]
     for number, (one, table) in enumerate(zip(tracks, tables, strict=True)):
         table["k"] += one.first
+        table["confirmed"] = (table["k"] >= one.confirmed).astype(int)
         table.insert(0, "track", number)
     # A track of the prior's class has no probabilities: NaN.
     return {name: column.to_numpy() for name, column in pandas.concat(tables).items()}

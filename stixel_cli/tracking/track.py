@@ -69,6 +69,12 @@ class Track:
     lag: int | None = 0
     smoothed: "Track | None" = None
 
+    @property
+    def normalised_nis(self) -> np.ndarray:
+        """NIS divided by its degrees of freedom (K,): 1 is consistent; NaN without a point."""
+        degrees = self.nis_degrees_of_freedom
+        return np.divide(self.nis, degrees, out=np.full(len(degrees), np.nan), where=degrees > 0)
+
     @classmethod
     def of_scans(
         cls,

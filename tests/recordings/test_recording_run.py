@@ -359,7 +359,7 @@ def test_all_that_moves_is_tracked(long_clip, tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "cache"))
     given = auto(long_clip, "pictures.frames=[4]")
     answer = run(capsys, tmp_path, *given, "--name", "auto")
-    assert answer["metrics"]["scored_scans"] == 0 and "iou_mean" not in answer["metrics"]
+    assert answer["metrics"]["scans"] == 8 and "iou_mean" not in answer["metrics"]
     truth = small_scenario(8).target_poses_world
     with np.load(tmp_path / "auto" / "tracks.npz") as tracks:
         # The far wall stands still.
@@ -377,12 +377,18 @@ def test_all_that_moves_is_tracked(long_clip, tmp_path, monkeypatch, capsys):
     )
     assert metrics["labels_iou_box_mean"] > 0.4 and metrics["labels_centre_mean_m"] < 1.2
     assert answer["verdict"][0].startswith("1 of 1 labels that move are tracked")
+    # Seven scans make its motion certain.
+    assert metrics["labels_found_scans_mean"] == 7.0
     label, *cells = (tmp_path / "auto" / "labels.csv").read_text().splitlines()[1].split(",")
     assert label == '"0"' and cells[2:5] == ["1", "8", "8"]
     assert "Labels that move" in (tmp_path / "auto" / "index.html").read_text()
-    # The run's own track starts at the same road user.
-    with np.load(tmp_path / "auto" / "track.npz") as track:
-        np.testing.assert_allclose(track["means"][-1, :2], truth[-1, :2], atol=1.2)
+    # There is no track beside them. The truth of every label is on the page.
+    files = {path.name for path in (tmp_path / "auto").rglob("*.*")}
+    assert "birds_eye.png" in files and not files & {"track.csv", "track.npz", "path.png"}
+    assert '"truths":[{"name":"0","boxes":[[' in (tmp_path / "auto" / "index.html").read_text()
+    assert main(["verify", str(tmp_path / "auto")]) == 0
+    assert main(["export", str(tmp_path / "auto"), "--format", "csv"]) == 2
+    assert "has no track to export" in capsys.readouterr().err
 
 
 def test_auto_needs_a_class_and_no_label(clip):
@@ -393,11 +399,13 @@ def test_auto_needs_a_class_and_no_label(clip):
         compose(auto(clip, "start=default"))
     stages = {one.name: one for one in pipeline_stages(compose(auto(clip)))}
     assert stages["scenario"].files == ()
-    assert stages["scores"].inputs["labels"] == "label_scores"
-    assert stages["start"].inputs == {"found": "found_tracks"}
+    assert set(stages["scores"].inputs) == {"tracks", "truths", "scans"}
+    assert not {"start", "track"} & set(stages)
+    with pytest.raises(UserError, match="metrics: score one track"):
+        pipeline_stages(compose(auto(clip, "metrics=[json:dumps]")))
     # The key of the tracks has the code of the tracker.
     assert "stixel_cli.tracking.baselines.box" in stages["tracks"].modules
-    for name in ("found_tracks", "start", "tracks", "label_truths", "label_scores"):
+    for name in ("found_tracks", "tracks", "label_truths", "scores"):
         stage = stages[name]
         given = {*stage.inputs, *stage.settings, *(("files",) if stage.gives_files else ())}
         assert given == set(inspect.signature(resolve_name(stage.function)).parameters)

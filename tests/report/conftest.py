@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import pytest
-from playback_runs import SCANS, make_run, with_objects
+from playback_runs import SCANS, make_run, with_objects, with_several_tracks
 
 from stixel_cli.report.playback import playback_html
 
@@ -19,6 +19,7 @@ def pages(tmp_path_factory):
         ("two", [gp, point]),
         ("blind", [blind]),
         ("objects", [with_objects(gp)]),
+        ("several", [with_several_tracks(gp)]),
         ("unlike", [gp, fewer]),
     ):
         (folder / f"{name}.html").write_text(playback_html(runs, name), encoding="utf-8")

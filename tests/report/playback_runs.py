@@ -15,11 +15,17 @@ from report_nouns import (
 
 from stixel_cli.config.compose import compose
 from stixel_cli.pictures.camera_frames import camera_frames
+from stixel_cli.recordings.types import LabelTruth
 from stixel_cli.results.result import RunResult
 from stixel_cli.stixels.types import Objects
 from stixel_cli.tracking.several.found import ObjectTrack
 
 SCANS = 12
+OVER_SCANS = (
+    *("times", "means", "covariances", "contours_world", "contour_directions", "contour_std"),
+    *("nis", "nis_degrees_of_freedom"),
+)
+"""The arrays of a track with a row a scan."""
 
 
 def make_run(label="run", seed=0, with_camera=True, corners=60):
@@ -52,7 +58,7 @@ def make_run(label="run", seed=0, with_camera=True, corners=60):
 
 
 def with_objects(run):
-    """The run with one object at scan 0, two at each other one, and a track of scans 3 to 5."""
+    """The run with one object at scan 0, two at each other one."""
     counts = [1] + [2] * (SCANS - 1)
     boxes = np.array([[4 + k, 20 + k, 10, 30] for k in range(sum(counts))], dtype=np.int32)
     objects = Objects(
@@ -63,8 +69,32 @@ def with_objects(run):
         counts=np.full(len(boxes), 4),
         of_stixels=np.zeros(0, np.int32),
     )
-    track = ObjectTrack(3, replace(run.track, contours_world=run.track.contours_world[:3] + 5.0))
-    return replace(run, objects=(objects,), tracks=(track,))
+    return replace(run, objects=(objects,))
+
+
+def with_several_tracks(run):
+    """The run with two tracks, of scans 3 to 5 and of all scans, and a label, and no single track.
+
+    The class of the second is certain.
+    """
+    whole, label = run.track, LabelTruth("7", "car", run.scenario)
+    short = replace(
+        whole,
+        **{name: getattr(whole, name)[3:6] for name in OVER_SCANS},
+        used_offsets=whole.used_offsets[3:7] - whole.used_offsets[3],
+        used_points=whole.used_points[slice(*whole.used_offsets[[3, 6]])],
+    )
+    probabilities = {"car": np.full(SCANS, 0.995), "cyclist": np.full(SCANS, 0.005)}
+    tracks = (
+        ObjectTrack(3, 5, short),
+        ObjectTrack(0, 6, replace(whole, class_probabilities=probabilities)),
+    )
+    without = replace(
+        run.scenario,
+        target_poses_world=np.full((SCANS, 3), np.nan),
+        target_rates_world=np.full((SCANS, 3), np.nan),
+    )
+    return replace(run, track=None, tracks=tracks, truths=(label,), scenario=without)
 
 
 @cache

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from playback_runs import make_run, with_objects
 from report_nouns import (
     make_camera_nouns,
     make_ego_motion,
@@ -19,9 +20,12 @@ from stixel_cli.images import decode_png
 from stixel_cli.pictures import camera_panels, ground, style
 from stixel_cli.pictures.birds_eye import track_pictures
 from stixel_cli.pictures.camera import camera_pictures
+from stixel_cli.pictures.moving_objects import moving_pictures
 from stixel_cli.pictures.over_time import run_pictures
 from stixel_cli.pictures.path_figure import path_figure, spaced_frames
+from stixel_cli.recordings.types import LabelTruth
 from stixel_cli.stixels.types import OccupancyGrid
+from stixel_cli.tracking.several.found import ObjectTrack
 
 VIEW = make_rig().field_of_view
 
@@ -158,6 +162,27 @@ def test_birds_eye_accepts_an_empty_scan_and_a_non_finite_track(run):
         contours_world=np.full_like(run["track"].contours_world, np.nan),
     )
     check_pngs(track_pictures(**run | {"track": not_finite}, tracker=TRACKER, frame=4).files)
+
+
+def test_several_tracks_and_labels_are_drawn_from_above(run):
+    scans, track, truth = run["scans"], run["track"], LabelTruth("7", "car", run["scenario"])
+    objects = with_objects(make_run()).objects[0]
+    drawn = {}
+    for name, tracks, truths in (
+        ("both", (ObjectTrack(0, 5, track),), (truth,)),
+        ("label", (), (truth,)),
+        ("neither", (), ()),
+    ):
+        pictures = moving_pictures(scans, tracks, truths, objects, VIEW, 4).files
+        assert set(pictures) == {"k0004/birds_eye.png"}
+        check_pngs(pictures)
+        drawn[name] = pictures["k0004/birds_eye.png"]
+    assert len(set(drawn.values())) == 3
+    # A track that ends before the scan is not drawn in it.
+    later = (ObjectTrack(5, 9, track),)
+    assert moving_pictures(scans, later, (), objects, VIEW, 4).files == {
+        "k0004/birds_eye.png": drawn["neither"]
+    }
 
 
 def test_run_pictures_are_png_and_svg(run):

@@ -11,7 +11,7 @@ from itertools import pairwise
 import cv2
 import numpy as np
 import pytest
-from playback_runs import SCANS, make_run, with_objects
+from playback_runs import SCANS, make_run, with_objects, with_several_tracks
 from report_nouns import make_camera_nouns, make_rig
 from scipy.stats import chi2
 
@@ -134,13 +134,27 @@ def test_objects_of_a_recording_are_on_the_page():
     assert plain["boxes"] is None
     assert played["boxes"][:2] == [[4, 20, 10, 30], [5, 21, 10, 30, 6, 22, 10, 30]]
     assert len(played["boxes"]) == SCANS
-    assert plain["tracks"] == []
-    (track,) = played["tracks"]
-    contours = make_run().track.contours_world[:3] + 5.0
-    assert track["first"] == 3
+    assert plain["tracks"] == [] == data["truths"]
+
+
+def test_several_tracks_are_on_the_page_with_the_labels_and_without_a_track_of_the_run():
+    run = with_several_tracks(make_run())
+    data = playback_data([run], "several")
+    (played,) = data["runs"]
+    assert "poses" not in played and data["extent"] > 1000
+    short, whole = played["tracks"]
+    assert (short["first"], whole["first"]) == (3, 0)
+    contours = make_run().track.contours_world[3:6]
     np.testing.assert_allclose(
-        1e-3 * np.reshape(track["contours"], contours.shape), contours, atol=1e-3
+        1e-3 * np.reshape(short["contours"], contours.shape), contours, atol=1e-3
     )
+    # Its points are numbered in its scans.
+    assert short["used"] == whole["used"][3:6]
+    assert (short["classes"], whole["classes"]) == ({}, {"car": 0.995, "cyclist": 0.005})
+    (label,) = data["truths"]
+    box = make_run().scenario.boxes_world[4]
+    assert label["name"] == "7"
+    np.testing.assert_allclose(1e-3 * np.reshape(label["boxes"][4], (4, 2)), box, atol=1e-3)
 
 
 def test_long_run_shows_every_nth_image(monkeypatch):

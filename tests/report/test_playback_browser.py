@@ -321,9 +321,27 @@ def test_objects_of_a_recording_are_outlined(open_page, pages):
     assert outlines.get_attribute("d") == "M3.5 9.5H19.5V30.5H3.5Z"
     to(opened.page, 1)
     assert outlines.get_attribute("d") == "M4.5 9.5H20.5V30.5H4.5ZM5.5 9.5H21.5V30.5H5.5Z"
-    for k, shown in ((2, False), (3, True), (5, True), (6, False)):
-        to(opened.page, k)
-        assert bool(opened.page.locator("#tracks").get_attribute("d")) == shown
     assert "object: stixels near each other" in opened.page.locator("#legend").inner_text()
     assert opened.problems == []
     opened.page.close()
+
+
+def test_each_of_several_tracks_has_its_colour_and_its_number_and_labels_are_drawn(
+    open_page, pages
+):
+    opened = open_page(pages / "several.html")
+    page = opened.page
+    for k, shown in ((2, False), (3, True), (5, True), (6, False)):
+        to(page, k)
+        assert bool(page.locator("#estimate-0").get_attribute("d")) == shown
+        assert page.locator("#estimate-1").get_attribute("d")
+        assert page.locator("#label-boxes").get_attribute("d")
+        names = page.locator("#labels text").all_text_contents()
+        assert ("track 0" in names) == shown and {"track 1", "label 7"} <= set(names)
+    colours = {page.locator(f"#estimate-{n}").evaluate("e => e.style.stroke") for n in (0, 1)}
+    assert len(colours) == 2
+    legend = page.locator("#legend").inner_text()
+    for text in ("track 0, class unknown", "track 1, class car", "label of the recording"):
+        assert text in legend
+    assert page.locator("#source-choice").is_hidden() and opened.problems == []
+    page.close()

@@ -42,7 +42,8 @@ def test_a_track_without_probabilities_has_none_in_the_table_of_all(track, repla
     car = np.array([0.5, 0.7, 0.9])
     both = [track, track]
     both[replaced] = replace(track, class_probabilities={"car": car})
-    found = tracks_columns([ObjectTrack(0, both[0]), ObjectTrack(5, both[1])])
+    found = tracks_columns([ObjectTrack(0, 1, both[0]), ObjectTrack(5, 9, both[1])])
     np.testing.assert_array_equal(found["k"], [0, 1, 2, 5, 6, 7])
     np.testing.assert_array_equal(found["car_probability"][found["track"] == replaced], car)
     assert np.isnan(found["car_probability"][found["track"] != replaced]).all()
+    np.testing.assert_array_equal(found["confirmed"], [0, 1, 1, 0, 0, 0])

@@ -9,10 +9,8 @@ from scans_of_clusters import CONFIGURATION, LONGEST, PRIOR, STD, WALL, car, sca
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD
 from stixel_cli.measurements.scans import FieldOfView
 from stixel_cli.tracking.motion import transition
-from stixel_cli.tracking.several.clusters import BEGIN, END, assign, follow
-from stixel_cli.tracking.several.find import find_tracks
+from stixel_cli.tracking.several.clusters import BEGIN, END, assign, find_tracks, follow
 from stixel_cli.tracking.several.found import LEAST_SCANS
-from stixel_cli.tracking.several.start_found import start_from_found
 from stixel_cli.tracking.several.track_each import own_scans, track_each
 
 
@@ -88,12 +86,8 @@ def test_what_stands_still_and_what_is_seen_shortly_is_no_road_user():
     assert find_tracks(seen_in(range(LEAST_SCANS - 1), 12), PRIOR, STD) == ()
     (one,) = find_tracks(seen_in(range(4, 4 + LEAST_SCANS), 12), PRIOR, STD)
     assert one.scans.tolist() == list(range(4, 4 + LEAST_SCANS))
-    # The state before the first scan of the run is on the same line.
-    moved = transition(0.4) @ one.initial_of_run.mean
-    np.testing.assert_allclose(moved, one.initial.mean)
-    assert start_from_found((one,)) is one.initial_of_run
     with pytest.raises(ValueError, match=r"source\.target: auto finds no cluster"):
-        start_from_found(())
+        track_each((), seen_in(range(4), 12), "", {})
 
 
 @pytest.mark.parametrize(("error", "count"), [(0.04, 0), (0.2, 1)])
@@ -123,6 +117,7 @@ def test_the_tracker_gets_the_points_of_its_own_road_user():
         (found[0], later), scans, "stixel_cli.tracking.baselines.box:track", settings
     )
     assert [one.first for one in tracks] == [0, 2]
+    assert [one.confirmed for one in tracks] == [found[0].confirmed, found[1].confirmed]
     assert [len(one.track.times) for one in tracks] == [12, 9]
     assert set(tracks[1].track.used_points) <= set(rows)
     for one, velocity in zip(tracks, (6.0, -8.0), strict=True):

@@ -8,9 +8,8 @@ from scans_of_clusters import LONGEST, PRIOR, STD, car, scans_of
 
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD
 from stixel_cli.measurements.scans import FieldOfView
-from stixel_cli.tracking.several import places_left
-from stixel_cli.tracking.several.clusters import follow
-from stixel_cli.tracking.several.find import find_tracks
+from stixel_cli.tracking.several import clusters
+from stixel_cli.tracking.several.clusters import confirmed, find_tracks, follow
 from stixel_cli.tracking.several.found import LEAST_SCANS
 from stixel_cli.tracking.several.places_left import free_and_occupied
 
@@ -62,8 +61,8 @@ def test_a_fast_cluster_moves_if_the_places_that_it_left_are_free(counts, number
     scans = driving([car((0.0, 14.0), (0.0, SPEED), k) for k in range(COUNT)])
     (one,) = follow(scans, LONGEST)
     given = iter(counts + [(0, 0)] * COUNT)
-    monkeypatch.setattr(places_left, "free_and_occupied", lambda *_: next(given))
-    assert places_left.confirmed(scans, one, 4.0) == number
+    monkeypatch.setattr(clusters, "free_and_occupied", lambda *_: next(given))
+    assert confirmed(scans, one, 4.0) == number
 
 
 def test_a_followed_car_with_the_speed_of_the_ego_is_a_track():

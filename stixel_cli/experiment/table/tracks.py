@@ -13,11 +13,10 @@ STAGES: dict[str, Definition] = {
         only("tracking.start_scans:start_from_scans"), "once", same("start", "prior")
     ),
     "find_tracks": Definition(
-        only("tracking.several.find:find_tracks"),
+        only("tracking.several.clusters:find_tracks"),
         "once",
         {"prior": "prior", "std": "start.std"},
     ),
-    "found_start": Definition(only("tracking.several.start_found:start_from_found"), "once"),
     "track": Definition(
         by_kind(Tracker, "track"),
         "once",
@@ -86,6 +85,12 @@ STAGES: dict[str, Definition] = {
         only("pictures.birds_eye:track_pictures"),
         "pick",
         same("field_of_view", "tracker"),
+        pictures=True,
+    ),
+    "moving_pictures": Definition(
+        only("pictures.moving_objects:moving_pictures"),
+        "pick",
+        same("field_of_view"),
         pictures=True,
     ),
     "run_pictures": Definition(

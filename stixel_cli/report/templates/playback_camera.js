@@ -115,15 +115,16 @@ function drawCamera() {
   const overlay = find("stixels"), flat = shots.stixels[i], count = flat.length / 5;
   const k = shots.frames[i], ego = data.ego[k], area = outline(k), rig = run.rig;
   for (const one of [overlay, find("footprints")]) one.setAttribute("viewBox", `-0.5 -0.5 ${shots.width} ${shots.height}`);
-  for (const one of [halo, trueFoot]) one.setAttribute("d", data.target[k] ? onRoad(area, ego, rig) : "");
+  for (const one of [halo, trueFoot]) one.setAttribute("d", (data.target[k] ? onRoad(area, ego, rig) : "") +
+    data.truths.map((label) => onRoad(label.boxes[k], ego, rig)).join(""));
   runs.forEach((other, r) => feet[r].setAttribute("d", onRoad(other.contours[k], ego, rig)));
-  const onTarget = [];
+  const onTarget = [], areas = severalTracks ? runs.map((one) => one.contours[k]) : [area];
   while (rectangles.length < count) rectangles.push(svg("rect", {}, overlay));
   rectangles.forEach((rectangle, j) => {
     rectangle.style.display = j < count ? "" : "none";
     if (j >= count) return;
     const [left, right, top, bottom, depth] = flat.slice(5 * j, 5 * j + 5);
-    const colour = depthColour(depth / 100), on = isOnTarget(area, ego, rig, left, right, depth / 100);
+    const colour = depthColour(depth / 100), on = areas.some((one) => isOnTarget(one, ego, rig, left, right, depth / 100));
     if (on) onTarget.push([left, right, top, bottom]);
     const place = { x: left - 0.5, y: top - 0.5, width: right - left, height: bottom - top + 1,
       fill: `rgb(${colour})`, "fill-opacity": on ? 0.5 : 0.14 };

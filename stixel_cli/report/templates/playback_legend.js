@@ -13,18 +13,19 @@ function lineSwatch(colour, dash = "", width = 2.5) {
 
 function describe() {
   for (const note of data.notes) html("p", { className: "note", textContent: note }, find("notes"));
-  const inAll = ([name, value]) => runs.every((run) => run.facts.some((f) => f[0] === name && f[1] === value));
+  const whole = severalTracks ? data.runs : runs;
+  const inAll = ([name, value]) => whole.every((run) => run.facts.some((f) => f[0] === name && f[1] === value));
   const facts = (line, pairs) => {
     for (const [name, value] of pairs) {
       html("strong", { textContent: value }, html("span", { textContent: `${name} ` }, line));
     }
   };
-  if (runs.length > 1) facts(html("div", { className: "run" }, find("runs")), runs[0].facts.filter(inAll));
-  if (runs.length === 1) describeOne(runs[0], facts);
-  else runs.forEach((run, r) => {
+  if (whole.length > 1) facts(html("div", { className: "run" }, find("runs")), runs[0].facts.filter(inAll));
+  if (whole.length === 1) describeOne(whole[0], facts);
+  else whole.forEach((run, r) => {
     const line = html("div", { className: "run" }, find("runs"));
     const name = html("span", { className: "name" }, line);
-    swatch(name, lineSwatch(colourOf(r), dashOf(r)));
+    if (!severalTracks) swatch(name, lineSwatch(colourOf(r), dashOf(r)));
     name.append(run.label);
     const shownAbove = ([name, value]) => inAll([name, value]) || name === "folder" && value === run.label;
     facts(line, run.facts.filter((fact) => !shownAbove(fact)));
@@ -33,7 +34,7 @@ function describe() {
     describeLabels(run.labels);
     html("option", { value: r, textContent: run.label }, find("source"));
   });
-  find("source-choice").hidden = runs.length === 1;
+  find("source-choice").hidden = whole.length === 1;
   const area = (colour, opacity) => (picture) => {
     const place = svg("rect", { x: 0, y: 0, width: 32, height: 12, rx: 2 }, picture);
     Object.assign(place.style, { fill: colour, fillOpacity: opacity });
@@ -45,7 +46,7 @@ function describe() {
   };
   const entries = data.known ? [[lineSwatch("var(--truth)"), "truth: contour, heading, path"]] : [];
   runs.forEach((run, r) => entries.push(
-    [lineSwatch(colourOf(r), dashOf(r)), runs.length === 1 ? "estimate: contour, heading, path" : run.label]));
+    [lineSwatch(colourOf(r), dashOf(r)), runs.length === 1 && !severalTracks ? "estimate: contour, heading, path" : run.label]));
   entries.push(
     [area(runs.length === 1 ? "var(--estimate)" : "var(--faint)", 0.25), "± 2σ of the contour"],
     [lineSwatch(runs.length === 1 ? "var(--estimate)" : "var(--faint)", "4 3", 1.5), "2σ ellipse of the centre"],
@@ -55,10 +56,10 @@ function describe() {
     ...(runs.some((run) => run.fieldOfView) ? [[area("var(--field-of-view)", 0.35), "field of view"]] : []),
     [area("var(--consistent)", 1), "NEES, NIS: 95 % interval of a consistent filter"],
     ...(data.known ? [[lineSwatch("var(--unused)", "4 3", 1.5), `low overlap: IoU < ${data.lowOverlap}`]] : []),
-    [lineSwatch("var(--unused)", "", 3), runs.length === 1 ? "points in the scan" : "points in the scan of the chosen run"]);
+    [lineSwatch("var(--unused)", "", 3), runs.length === 1 || severalTracks ? "points in the scan" : "points in the scan of the chosen run"]);
   if (data.cameras.length) entries.push(
     [(picture) => { svg("rect", { x: 11, y: 1, width: 10, height: 10, class: "outlined" }, picture); }, "stixel on the target"]);
-  if (runs.some((run) => run.tracks.length)) entries.push([lineSwatch("#56b4e9"), "tracks of moving objects"]);
+  if (data.truths.length) entries.push([lineSwatch("var(--truth)"), "label of the recording"]);
   if (runs.some((run) => run.boxes)) entries.push(
     [(picture) => { svg("rect", { x: 6, y: 1, width: 20, height: 10, class: "object" }, picture); }, "object: stixels near each other"]);
   for (const [draw, text] of entries) {
@@ -105,12 +106,12 @@ function describeLabels([columns, ...rows]) {
 
 // Where the page comes from: command, revision, key numbers, and links to the files of the run.
 function describeOrigin() {
-  runs.forEach((run) => {
+  data.runs.forEach((run) => {
     const { origin } = run;
     if (!origin) return;
     const part = html("div", { className: "origin" }, find("origin"));
     const line = html("p", {}, part);
-    if (runs.length > 1) html("strong", { textContent: `${run.label}: ` }, line);
+    if (data.runs.length > 1) html("strong", { textContent: `${run.label}: ` }, line);
     html("code", { textContent: origin.command }, line);
     html("p", { textContent: origin.made.join(" · ") }, part);
     const links = html("p", {}, part);

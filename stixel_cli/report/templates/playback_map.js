@@ -3,8 +3,8 @@ const map = find("map");
 const extent = data.extent / 1e3;
 const view = { mode: "follow", zoom: 1, x: 0, y: 0, width: 1, height: 1 };
 
-// The true pose; the first run's estimate where the truth is unknown.
-const reference = (k) => data.target[k] || runs[0].poses[k];
+// The true pose; the first estimate where the truth is unknown, or else the ego car's pose.
+const reference = (k) => data.target[k] || runs.map((run) => run.poses[k]).find(Boolean) || data.ego[k];
 
 const box = (() => {
   const points = data.ego.concat(times.map((_, k) => reference(k))).filter(Boolean);
@@ -31,7 +31,7 @@ const estimates = runs.map((run, r) => {
     far: svg("text", { id: id("far") }, find("outside")),
   };
 });
-const tracks = svg("path", { id: "tracks", class: "line" }, find("estimates"));
+const labelBoxes = svg("path", { id: "label-boxes", class: "truth line" }, find("estimates"));
 const truthTrail = svg("path", { id: "truth-trail", class: "trail truth" }, find("trails"));
 svg("path", { class: "path truth", d: polyline(data.target, LAST) }, find("whole-paths"));
 
@@ -76,9 +76,20 @@ function drawMap() {
       ? ellipse(pose[0] / 1e3, pose[1] / 1e3, 2 * major, 2 * minor, angle / 1e3) : "");
     arrow(parts.heading, parts.head, pose, 0.75 * extent, scale);
   });
-  tracks.setAttribute("d", run.tracks.map((one) => polygon(one.contours[k - one.first])).join(""));
-  drawScan(scan, run.used[k], k, run.noise);
+  labelBoxes.setAttribute("d", data.truths.map((one) => polygon(one.boxes[k])).join(""));
+  if (severalTracks) drawNames(k, toX, toY, scale);
+  drawScan(scan, severalTracks ? runs.flatMap((one) => one.used[k]) : run.used[k], k, run.noise);
   drawOutside(x, y, scale);
+}
+
+// The number of each track, and the name of each label, beside it.
+function drawNames(k, toX, toY, scale) {
+  const name = (x, y, text, colour) => {
+    const [u, v] = [toX + x / 1e3 * scale + 8, toY - y / 1e3 * scale - 8];
+    if (u > 0 && u < view.width && v > 0 && v < view.height) label(u, v, "start", text).style.fill = colour;
+  };
+  for (const one of data.truths) if (one.boxes[k]) name(...one.boxes[k].slice(4, 6), `label ${one.name}`, "var(--truth)");
+  runs.forEach((run, r) => { if (run.poses[k]) name(...run.poses[k].slice(0, 2), run.name, colourOf(r)); });
 }
 
 // For each estimate outside the map: a mark at the edge, and its distance from the target.
@@ -127,7 +138,9 @@ function drawGrid(x, y, scale) {
 }
 
 function label(x, y, anchor, text) {
-  svg("text", { x, y, "text-anchor": anchor }, find("labels")).textContent = text;
+  const element = svg("text", { x, y, "text-anchor": anchor }, find("labels"));
+  element.textContent = text;
+  return element;
 }
 
 function drawEgo(ego, fieldOfView, scale, viewX, viewY) {

@@ -1,7 +1,7 @@
 // The data of the page, and SVG paths on the ground in metres.
 // report/playback.py joins the files playback_*.js into one function, in the order of SCRIPTS.
 const data = JSON.parse(document.getElementById("data").textContent);
-const { times, runs } = data;
+const { times } = data;
 const LAST = times.length - 1;
 const DEPTH_TICKS = [2, 5, 10, 20, 50, 100];
 // Reversed viridis in 16 even steps of log(depth), as in pictures/style.py.
@@ -13,7 +13,26 @@ const DASHES = ["", "8 4", "2 3", "9 3 2 3"];
 
 const find = (id) => document.getElementById(id);
 const colourOf = (run) => runs.length === 1 ? "var(--estimate)" : `var(--run-${run % RUN_COLOURS})`;
-const dashOf = (run) => DASHES[run % DASHES.length];
+const dashOf = (run) => DASHES[(run + Math.floor(run / RUN_COLOURS)) % DASHES.length];
+
+// A run with several tracks is shown as a run for each of them.
+const severalTracks = !data.runs[0].poses;
+const runs = data.runs.flatMap((run) => run.poses ? [run] : run.tracks.map((track, number) => {
+  const over = (values, missing = null) => times.map((_, k) => values[k - track.first] ?? missing);
+  const ordered = Object.entries(track.classes).sort((a, b) => b[1] - a[1]);
+  const certain = ordered.length && ordered.slice(1).every(([, p]) => ordered[0][1] >= data.leastOdds * p);
+  const nothing = Object.fromEntries(Object.keys(run.errors).map((name) => [name, times.map(() => null)]));
+  return {
+    ...run, badges: {},
+    label: `${data.runs.length > 1 ? `${run.label}: ` : ""}track ${number}, class ${certain ? ordered[0][0] : "unknown"}`,
+    name: `track ${number}`,
+    poses: over(track.poses), contours: over(track.contours), std: over(track.std),
+    used: over(track.used, []),
+    centre: times.flatMap((_, k) => [0, 1, 2].map((i) => track.centre[3 * (k - track.first) + i] ?? null)),
+    errors: { ...nothing, nis: over(track.nis) },
+    nisBounds: track.nisBounds.map((bounds) => over(bounds)),
+  };
+}));
 
 function svg(name, attributes = {}, parent = null) {
   const element = document.createElementNS("http://www.w3.org/2000/svg", name);

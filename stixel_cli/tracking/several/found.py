@@ -28,14 +28,12 @@ class FoundTrack:
         rows: for each of them the rows (n_k,) of the scans' arrays; no other track has them.
         confirmed: the scan up to which it was followed until it was clear that it moves.
         initial: the state one sample before the first of these scans.
-        initial_of_run: the state one sample before the first scan of the run.
     """
 
     scans: np.ndarray
     rows: tuple[np.ndarray, ...]
     confirmed: int
     initial: InitialState
-    initial_of_run: InitialState
 
 
 @dataclass(frozen=True)
@@ -44,8 +42,10 @@ class ObjectTrack:
 
     Attributes:
         first: the first of its scans.
-        track: from that scan to its last. `used_points` are rows of all scans' arrays.
+        confirmed: as in `FoundTrack`.
+        track: from the first scan to its last. `used_points` are rows of all scans' arrays.
     """
 
     first: int
+    confirmed: int
     track: Track

@@ -1,4 +1,4 @@
-"""Whether a cluster moves: it is fast, and the places that it left are free.
+"""The places that a cluster has left: free if it moves, occupied if it is a part of a structure.
 
 A fence at a grazing angle has a cluster that slides along it: at the edge of the view, in a gap
 between nearer things, or where stereo sees enough of it. Its speed tells nothing, since a car that
@@ -10,18 +10,6 @@ import numpy as np
 from stixel_cli.geometry.pose import wrap_angle
 from stixel_cli.measurements.clusters import GAP
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.tracking.followed import line
-from stixel_cli.tracking.several.clusters import BEGIN, WINDOW, OpenTrack
-from stixel_cli.tracking.several.found import LEAST_SCANS, least_speed
-
-CERTAIN = 12.0
-"""A road user's speed is so many times the speed's standard error."""
-
-RECENT = 20
-"""Speed and places left are those of so many of the last scans that have the cluster."""
-
-FREE = 4.0
-"""Of the places that a road user has left, so many times as many are free as are occupied."""
 
 AWAY = 1.0
 """A cluster has left a place that is so far from all its points, m."""
@@ -32,37 +20,6 @@ ACROSS = 0.5
 SHADOW = 1.0
 """Behind an object so far from its points, across the rays, m, points at its edges have a depth
 between that of the object and that of the background."""
-
-
-def confirmed(scans: Scans, one: OpenTrack, length: float) -> int | None:
-    """The first scan up to which a track moves like a road user.
-
-    It is fast enough, and the places that it left are free in `BEGIN` of the last `WINDOW` scans.
-    None for a track that may be a static object, with the errors of the sensor's motion, or a part
-    of one. `length` is the class's diagonal, m.
-    """
-    recent = [slice(max(0, n - RECENT), n) for n in range(len(one.scans) + 1)]
-    numbers = range(LEAST_SCANS - 1, len(one.scans))
-    fast = [n for n in numbers if _is_fast(scans, one, recent[n + 1])]
-    counts = np.zeros((len(one.scans), 2), dtype=np.int64)
-    for n in range(1, fast[-1] + 1 if fast else 0):
-        before = np.concatenate(one.rows[recent[n]])
-        counts[n] = free_and_occupied(scans, one.scans[n], one.rows[n], before, length)
-        free, occupied = counts.sum(axis=0)
-        scans_with_free = np.sum(counts[max(0, n + 1 - WINDOW) : n + 1, 0] > 0)
-        if n in fast and scans_with_free >= BEGIN and free > FREE * occupied:
-            return one.scans[n]
-    return None
-
-
-def _is_fast(scans: Scans, one: OpenTrack, chosen: slice) -> bool:
-    """Whether a track in the chosen scans is faster than a static object with errors."""
-    times, poses = scans.times[one.scans[chosen]], scans.sensor_poses_world[one.scans[chosen], :2]
-    places = np.array([scans.points_world[rows].mean(axis=0) for rows in one.rows[chosen]])
-    _, velocity, error = line(times, places)
-    _, of_sensor, _ = line(times, poses)
-    least = max(least_speed(float(np.hypot(*of_sensor))), CERTAIN * error)
-    return float(np.hypot(*velocity)) >= least
 
 
 def free_and_occupied(

@@ -21,7 +21,15 @@ def track_each(
         scans: all points.
         function: "module:function" of the tracker.
         settings: what the tracker gets besides scans and initial state.
+
+    Raises:
+        ValueError: if no road user is found.
     """
+    if not found:
+        raise ValueError(
+            "source.target: auto finds no cluster of the class's size that moves: name a labelled "
+            "target, or leave it out and give start.bearing=[LO,HI] (degrees)"
+        )
     track = resolve_name(function)
     tracks = []
     for one in found:
@@ -30,7 +38,7 @@ def track_each(
         used = rows[result.used_points]
         # Only the filtered track is compared with labels.
         result = replace(result, used_points=used, smoothed=None)
-        tracks.append(ObjectTrack(int(one.scans[0]), result))
+        tracks.append(ObjectTrack(int(one.scans[0]), one.confirmed, result))
     return tuple(tracks)
 
 
