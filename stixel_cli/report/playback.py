@@ -84,7 +84,7 @@ def playback_data(
             "scan": _place(scans, _scan(run.scans)),
             "camera": _place(cameras, _camera(run.camera)) if run.camera else None,
         }
-        shared["headline"] = headline_of(run) if len(runs) == 1 else []
+        shared["headline"] = headline_of(run) if len(runs) == 1 and run.track else []
         played.append(_run(run, [*facts, *facts_of(run)]) | shared)
     scenario, first = runs[0].scenario, runs[0].track or runs[0].tracks[0].track
     with_truth = bool(scenario.known.any())
