@@ -143,7 +143,8 @@ def test_the_stixels_of_the_target_are_outlined_and_the_rest_dimmed(open_page, t
     # The zoom keeps the edge of the image at the edge of its frame.
     zoom, lens = page.get_by_role("button", name="Zoom to the target"), page.locator("#lens")
     zoom.click()
-    x, y, scale = map(float, re.findall(r"(-?[\d.]+)[%)]", lens.get_attribute("style")))
+    transform = lens.get_attribute("style").partition("transform")[2]
+    x, y, scale = map(float, re.findall(r"(-?[\d.]+)[%)]", transform))
     assert scale > 1.5 and 100 - 100 * scale <= x <= 0 and 100 - 100 * scale <= y <= 0
     zoom.click()
     assert "scale" not in lens.get_attribute("style")

@@ -144,13 +144,14 @@ function zoomImage(shots, onTarget, area, ego, rig) {
   const seen = area && ego ? inCamera(area, ego, rig).filter((corner) => corner[2] >= NEAREST) : [];
   const places = onTarget.length ? onTarget.flatMap(([left, right, top, base]) => [[left, top], [right, base]])
     : seen.map(([x, y, z]) => [rig.u0 + rig.focal * x / z, rig.v0 + rig.focalV * y / z]);
-  find("lens").style.transform = "";
+  find("lens").style.cssText = "";
   if (!isZoomed || !places.length) return;
   const { width, height } = shots, ends = (axis, side) => Math[side](...places.map((place) => place[axis]));
   const [left, right, top, base] = [ends(0, "min"), ends(0, "max"), ends(1, "min"), ends(1, "max")];
   const scale = Math.min(8, Math.max(1, Math.min(width / (right - left + 1) / 2, height / (base - top + 1) / 2)));
   // The image fills its frame at any zoom.
   const shift = (middle, size) => Math.min(0, Math.max(1 - scale, 0.5 - scale * middle / size)) * 100;
+  find("lens").style.setProperty("--zoom", scale);  // lines keep their width
   find("lens").style.transform = `translate(${shift((left + right) / 2, width)}%, ${shift((top + base) / 2, height)}%) scale(${scale})`;
 }
 
