@@ -32,7 +32,7 @@ BUDGET = {
     # Images of a rig out of calibration.
     "rendering": 2341,
     # The layer that studies share: runs, scans, cost, templates, numbered blocks, files.
-    "report": 2940,
+    "report": 3034,
     "results": 1469,
     # A mesh in other units and along another axis.
     "scene": 3483,
@@ -40,7 +40,7 @@ BUDGET = {
     "stereo": 490,
     "stixels": 2030,
     # A study of the trackers away from home.
-    "studies": 4994,
+    "studies": 4968,
     # The plan of one run, from experiment/ and cli/.
     "sweeps": 2615,
     # `contour`: the bank of forms for what it did not learn from, the search at the first scan;
@@ -52,7 +52,7 @@ BUDGET = {
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
 
 # The filters of PyRecEst: with the tracker they had more than 300 lines.
-MODULES = 316
+MODULES = 317
 """Modules of the package, without `__init__`."""
 
 

@@ -10,6 +10,7 @@ import pandas as pd
 from stixel_cli.errors import MissingData
 from stixel_cli.report import tables
 from stixel_cli.report.blocks import Material, Table
+from stixel_cli.report.example_scans import scenes
 from stixel_cli.report.run_frame import run_frame
 from stixel_cli.results.result import RunResult
 from stixel_cli.studies.data import DATA, StudyData, data_folder, shipped_meshes
@@ -90,6 +91,9 @@ def report(data: StudyData) -> Material:
     return Material(
         {
             "best": best,
+            "scenes": scenes(
+                {name.replace("_", " "): own["run"].iloc[0] for name, own in frames.items()}
+            ),
             "answers": answers,
             "tables": {name: _table(name, frame) for name, frame in frames.items()},
         }

@@ -111,6 +111,7 @@ def test_a_tiny_study_gives_a_complete_report(studies, tiny, tmp_path):
     assert {row["measurement"] for row in table(folder, "fabricated")} == {"fabricated"}
     assert {row["road user"] for row in table(folder, "fabricated")} == {"car", "pedestrian"}
     assert (folder / "figures" / "answer_forest.svg").exists()
+    assert (folder / "figures" / "scenes.svg").exists()
     near = table(folder, "long_range")
     assert all(row["mean IoU, hull"] != "" and row["mean IoU, box"] != "" for row in near)
     for name in ABLATIONS:

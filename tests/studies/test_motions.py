@@ -156,6 +156,7 @@ def test_a_tiny_study_gives_a_complete_report(studies, tiny, data, monkeypatch):
     assert {row["n, hand-made"] for row in overlaps} == {"2"}
     assert {row["n, real"] for row in overlaps} == {"1"}
     assert (folder / "figures" / "answer_forest.svg").exists()
+    assert (folder / "figures" / "scenes.svg").exists()
     cyclists = table(folder, "cyclists")
     assert {row["clip/track"] for row in cyclists} == {"0001/0"}
     assert len(cyclists) == 6 and {row["scans"] for row in cyclists} == {"6"}

@@ -12,6 +12,7 @@ from stixel_cli.evaluation.metric_table import metric, over_runs
 from stixel_cli.evaluation.verdict import misfits_class
 from stixel_cli.report import tables
 from stixel_cli.report.blocks import Cell, Figure, Material, Table
+from stixel_cli.report.example_scans import first_runs, scenes
 from stixel_cli.report.forest import difference_row, forest
 from stixel_cli.report.metrics import MINUS
 from stixel_cli.report.run_frame import run_frame
@@ -69,6 +70,7 @@ def report(data: StudyData) -> Material:
     return Material(
         {
             "users": users,
+            "scenes": scenes(first_runs(simulated, frames["fabricated"], frames["lidar"])),
             "headlines": _headlines(_together(simulated)),
             "answers": [_answer(user, tables.chosen(simulated, road_user=user)) for user in users],
             "forest": _forest(_together(simulated)),

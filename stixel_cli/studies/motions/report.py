@@ -14,6 +14,7 @@ import pandas as pd
 from stixel_cli.evaluation.metric_table import METRICS
 from stixel_cli.evaluation.scan_errors import finite_mean
 from stixel_cli.report.blocks import Cell, Figure, Material, Table
+from stixel_cli.report.example_scans import first_runs, scenes
 from stixel_cli.report.forest import difference_row, forest
 from stixel_cli.report.intervals import combined_interval
 from stixel_cli.report.run_frame import BASELINE, LIDAR, STIXELS, run_frame
@@ -119,6 +120,7 @@ def report(data: StudyData) -> Material:
                 for question in ("RQ2", "RQ3")
             ],
             "forest": findings_forest(found),
+            "scenes": scenes(first_runs(hand)),
             "counts": tracks["road_user"].value_counts(sort=False).to_dict(),
             "simulated": chosen(real, measurement_kind=STIXELS)["motion"].nunique(),
             "paths": names(hand, "motion"),

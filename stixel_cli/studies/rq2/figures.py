@@ -7,13 +7,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from stixel_cli.pictures import style
 from stixel_cli.report import tables
 from stixel_cli.report.blocks import Figure, Table
 from stixel_cli.report.charts import DASHES, WIDTH, Panel, chart, line
 from stixel_cli.report.metrics import capital
 from stixel_cli.report.scan_frame import AXIS_LABELS, ERROR_LABELS, SCAN_ERRORS, colour
-from stixel_cli.results.result import RunResult
 
 
 @dataclass(frozen=True)
@@ -158,41 +156,6 @@ def _condition_figure(
 
     panels = [panel(i, j) for i in range(len(SCAN_ERRORS)) for j in range(len(trackers))]
     return chart(name, panels, len(trackers), 1.15, legend=4, sharex=True)
-
-
-def example_scans(name: str, runs: pd.DataFrame) -> Figure:
-    """The middle scan of the first seed: one row per measurement, one column per path."""
-    rows, columns = tables.names(runs, "measurement"), tables.names(runs, "path")
-
-    def panel(measurement: str, path: str) -> Panel:
-        found = tables.chosen(runs, measurement=measurement, path=path).sort_values("seed")
-
-        def draw(axes) -> None:
-            axes.grid(False)
-            if len(found):
-                _scan(axes, found["run"].iloc[0])
-
-        return Panel(draw, title=f"{measurement},\n{path}")
-
-    panels = [panel(measurement, path) for measurement in rows for path in columns]
-    return chart(name, panels, len(columns), 2.0, settings={"axes.titlesize": 8.0})
-
-
-def _scan(axes, run: RunResult) -> None:
-    scenario, scans = run.load("scenario"), run.load("scans")
-    k = len(scans) // 2
-    pose = scenario.target_poses_world[k]
-    contour = scenario.contour_world(k)
-    points = scans.points_world[scans.rows(k)]
-    axes.plot(*np.vstack([contour, contour[:1]]).T, color=style.TRUTH, linewidth=1.0)
-    sensor = scans.sensor_poses_world[k, :2] - pose[:2]
-    reach = 0.75 * np.ptp(contour, axis=0).max() + 0.5
-    towards = pose[:2] + reach * sensor / np.hypot(*sensor)
-    axes.plot(*np.stack([pose[:2], towards]).T, color=style.UNUSED, linewidth=0.8, linestyle="--")
-    axes.plot(*points.T, ".", color=style.USED, markersize=3.5)
-    axes.set_aspect("equal")
-    axes.set_xlim(pose[0] - reach, pose[0] + reach)
-    axes.set_ylim(pose[1] - reach, pose[1] + reach)
 
 
 def boxes(name: str, runs: pd.DataFrame, measurements: Sequence[str]) -> Figure:

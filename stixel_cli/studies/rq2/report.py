@@ -12,6 +12,7 @@ import pandas as pd
 
 from stixel_cli.report import tables
 from stixel_cli.report.blocks import Cell, Material, Table
+from stixel_cli.report.example_scans import example_scans
 from stixel_cli.report.metrics import number
 from stixel_cli.report.run_frame import LIDAR, STIXELS, run_frame
 from stixel_cli.report.scan_frame import (
@@ -37,7 +38,7 @@ from stixel_cli.studies.rq2.contrasts import (
     of_kind,
     verdicts,
 )
-from stixel_cli.studies.rq2.figures import CONDITIONS, boxes, condition_values, example_scans
+from stixel_cli.studies.rq2.figures import CONDITIONS, boxes, condition_values
 
 LEAD = "centre_rmse_m"
 """The metric of the answer's first sentences."""

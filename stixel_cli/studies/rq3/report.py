@@ -10,6 +10,7 @@ import pandas as pd
 from stixel_cli.measurements.noise import ConstantNoise, FittedNoise, StereoNoise
 from stixel_cli.report.blocks import Material, Table
 from stixel_cli.report.cost import SHARED, cost_of, cost_table
+from stixel_cli.report.example_scans import scenes
 from stixel_cli.report.intervals import DRAWS
 from stixel_cli.report.metrics import listed_by_user, quantity
 from stixel_cli.report.statistics import SIGNIFICANT, Paired, excludes_zero
@@ -116,6 +117,7 @@ def report(data: StudyData) -> Material:
     training = runs_of(data.sweeps[TRAINING])
     noise_values, presets = _fitted(training, sorted(names(runs, "seed")))
     values = {
+        "scenes": scenes({kind: data.sweeps[kind].runs[0] for kind in sweeps}),
         **answer_values(points, tracks),
         "cost": cost,
         "seeds": len(names(runs, "seed")),
