@@ -1,5 +1,7 @@
-"""The same as the command line, from Python: `from stixel_cli import compose, plot, run, sweep`.
+"""The same as the command line: `from stixel_cli import compose, load, plot, run, sweep`.
 
+Settings are given as texts in Hydra's grammar, as mappings or as keywords, which may be mixed:
+`run("tracker=contour", {"path.duration": 2}, seed=3)`, see `config.texts.mapping_texts`.
 Calls leave no state in the process and may follow each other in any order. Errors that the user
 can correct are raised as `stixel_cli.errors.UserError`, in one line.
 """
@@ -8,59 +10,60 @@ import dataclasses
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from stixel_cli.config.compose import Composition, from_resolved
 from stixel_cli.config.compose import compose as compose_overrides
-from stixel_cli.config.texts import override_text, split_override
+from stixel_cli.config.texts import mapping_texts, override_text, split_override
 from stixel_cli.engine.progress import Progress, in_notebook, make_progress
 from stixel_cli.errors import UserError
-from stixel_cli.experiment.run import record_run
+from stixel_cli.evaluation.scores import Scores
+from stixel_cli.experiment.run import read_stored_run, record_run
 from stixel_cli.machine.kernels import uncompiled
+from stixel_cli.measurements.scans import Scans
+from stixel_cli.results.arrays import with_arrays
 from stixel_cli.results.result import RunResult
+from stixel_cli.scene.scenario import Scenario
 from stixel_cli.sweeps.index import update_index
+from stixel_cli.tracking.track import Track
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from stixel_cli.sweeps.run import SweepResult
 
 
-def _notebook_view(result: RunResult) -> str:
-    """HTML of a result: verdict, main metrics, and the picture from above."""
-    from stixel_cli.report.notebook import result_html
-
-    return result_html(result)
+Overrides = str | Mapping[str, Any] | Sequence[str]
+"""A text, a mapping of keys or groups to values, or a list of texts."""
 
 
-# Notebooks look for this method; results know no page, so it is attached where Python users enter.
-RunResult._repr_html_ = _notebook_view
-
-
-def compose(*overrides: Sequence[str] | str, last_wins: bool = False) -> Composition:
-    """The default configuration with overrides in Hydra's grammar, such as `rig=kitti`, `seed=3`.
+def compose(*overrides: Overrides, last_wins: bool = False, **settings: Any) -> Composition:
+    """The default configuration with overrides, such as `"rig=kitti"`, `{"seed": 3}`, `seed=3`.
 
     Args:
-        overrides: texts, and lists of texts.
+        overrides: texts in Hydra's grammar, lists of texts, and mappings.
         last_wins: of several overrides of one key, take the last; else they are refused.
+        settings: groups and keys without a dot as keywords.
 
     Raises:
         ConfigurationError: in one line, for any fault of the overrides.
     """
-    return compose_overrides(_texts(overrides, last_wins))
+    return compose_overrides(_texts((*overrides, settings), last_wins))
 
 
 def run(
-    *experiment: Sequence[str] | str | Composition,
+    *experiment: Overrides | Composition,
     results: Path | str | None = None,
     name: str | None = None,
     workers: int | None = None,
     cache: Path | str | None = None,
     last_wins: bool = False,
+    **settings: Any,
 ) -> RunResult:
     """Run one experiment; cached results are not computed again.
 
-    `run(BASE, "measurement=lidar", last_wins=True)` changes one setting of a list of overrides. A
+    `run(BASE, measurement="lidar", last_wins=True)` changes one setting of a list of overrides. A
     notebook and a terminal show the progress.
 
     Args:
@@ -69,7 +72,7 @@ def run(
         name: of the result folder; None for a name from choices and time.
         workers: None for the number in the configuration.
         cache: folder of the cache; None for the one in the configuration.
-        last_wins: as in `compose`.
+        last_wins, settings: as in `compose`.
 
     Raises:
         UserError: for errors that the user can correct.
@@ -77,13 +80,13 @@ def run(
     """
     machine = _of_this_machine(workers, cache)
     if any(isinstance(part, Composition) for part in experiment):
-        if len(experiment) > 1:
+        if len(experiment) > 1 or settings:
             raise UserError("run: give overrides, or one composition without overrides")
         (composition,) = experiment
         if machine:
             composition = _moved(composition, workers, cache, machine)
     else:
-        composition = compose(_texts(experiment, last_wins), machine)
+        composition = compose(_texts((*experiment, settings), last_wins), machine)
     results = None if results is None else Path(results)
     progress = make_progress(uncompiled(), advice=True) if _visible() else Progress()
     made = record_run(composition, results, name, progress)
@@ -92,7 +95,7 @@ def run(
 
 
 def sweep(
-    *overrides: Sequence[str] | str,
+    *overrides: Overrides,
     file: Path | str | None = None,
     results: Path | str | None = None,
     name: str | None = None,
@@ -102,6 +105,7 @@ def sweep(
     cache: Path | str | None = None,
     last_wins: bool = False,
     trust_code: bool = False,
+    **settings: Any,
 ) -> "SweepResult":
     """Run all combinations of several values; stages that runs share are computed once.
 
@@ -109,7 +113,8 @@ def sweep(
     others; see its `status`.
 
     Args:
-        overrides: as in `compose`, including several values, such as `seed=range(0,5)`.
+        overrides: as in `compose`, including several values: `"seed=range(0,5)"`, and of a mapping
+            or keyword a tuple or range, `tracker=("contour", "gp_ekf"), seed=range(5)`.
         file: with axes, seeds and excluded runs: a path, or the name of a shipped file.
         results: parent of the sweep's folder; None to write nothing.
         name: of that folder; None for a name from the file's name and the time.
@@ -117,7 +122,7 @@ def sweep(
         pictures: draw the pictures of every run.
         workers: None for the number in the configuration.
         cache: folder of the cache; None for the one in the configuration.
-        last_wins: as in `compose`.
+        last_wins, settings: as in `compose`.
         trust_code: run the user-defined code that the file names.
 
     Raises:
@@ -126,7 +131,7 @@ def sweep(
     from stixel_cli.sweeps.runs import sweep_design
     from stixel_cli.sweeps.whole import new_sweep
 
-    texts = [*_texts(overrides, last_wins), *_of_this_machine(workers, cache)]
+    texts = [*_texts((*overrides, settings), last_wins), *_of_this_machine(workers, cache)]
     file = None if file is None else str(file)
     design = sweep_design(texts, file, shuffle, trust_code=trust_code)
     results = None if results is None else Path(results)
@@ -135,23 +140,54 @@ def sweep(
     return result
 
 
-def plot(result: RunResult) -> "Figure":
+def load(folder: Path | str) -> RunResult:
+    """The run in a result folder, with scenario, scans, track and scores; nothing is computed.
+
+    What the folder lacks is in `results.arrays`. UserError as `stixel rerun` has it.
+    """
+    return with_arrays(read_stored_run(Path(folder)))
+
+
+def plot(result: RunResult, ax: "Axes | None" = None) -> "Figure":
     """The run from above: paths with contours at several times, and the contours enlarged.
 
-    Raises:
-        UserError: if the result has no track, because it was read from a folder.
+    `result.plot()` is the same. With `ax`, axes of your own, only the paths are drawn, there.
+    UserError if the result has no track, because it is of a sweep.
     """
     from stixel_cli.report.notebook import plot as plot_result
 
-    return plot_result(result)
+    return plot_result(result, ax)
 
 
-def _texts(given: Sequence[Sequence[str] | str], last_wins: bool) -> tuple[str, ...]:
+def _notebook_view(result: RunResult) -> str:
+    """HTML of a result: verdict, main metrics, and the picture from above."""
+    from stixel_cli.report.notebook import result_html
+
+    return result_html(result)
+
+
+def _shapes(value: Scans | Scenario | Scores | Track) -> str:
+    """The arrays of a value with their shapes, in one line."""
+    arrays = {name: getattr(array, "shape", None) for name, array in vars(value).items()}
+    shown = ", ".join(f"{name} {shape}" for name, shape in arrays.items() if shape is not None)
+    return f"<{type(value).__name__} {shown}>"
+
+
+# Results know neither pages nor notebooks, so this is attached where Python users enter.
+RunResult._repr_html_ = _notebook_view
+RunResult.plot = plot
+for _kind in (Scans, Scenario, Scores, Track):
+    _kind.__repr__ = _shapes
+
+
+def _texts(given: Sequence[Overrides], last_wins: bool) -> tuple[str, ...]:
     """The overrides in one tuple; of several of one key only the last if `last_wins`."""
+    texts: list[str] = []
     for part in given:
         if isinstance(part, Mapping):
-            raise UserError("overrides must be texts, such as 'tracker=contour', not a mapping")
-    texts = [text for part in given for text in ((part,) if isinstance(part, str) else part)]
+            texts += mapping_texts(part)
+        else:
+            texts += [part] if isinstance(part, str) else part
     if not last_wins:
         return tuple(texts)
     return tuple({split_override(text)[0]: text for text in texts}.values())

@@ -1,18 +1,23 @@
-"""`from stixel_cli import compose, plot, run, sweep`: as from a notebook."""
+"""`from stixel_cli import compose, load, plot, run, sweep`: as from a notebook."""
 
 import dataclasses
+import inspect
 import json
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 import stixel_cli
-from stixel_cli import compose, plot, run, sweep
+from stixel_cli import compose, load, plot, run, sweep
 from stixel_cli.config.compose import from_resolved
 from stixel_cli.errors import ConfigurationError, UserError
+from stixel_cli.results.result import RunResult
+from stixel_cli.sweeps.results import SweepResult
 
 FABRICATED = ["measurement=fabricated", "path.duration=0.5", "pictures.frames=[0]"]
 
@@ -26,7 +31,25 @@ def test_the_package_imports_its_version_only():
     assert done.returncode == 0, done.stderr
     with pytest.raises(AttributeError, match="no attribute 'walk'"):
         stixel_cli.walk  # noqa: B018
-    assert {"compose", "plot", "run", "sweep"} <= set(stixel_cli.__all__)
+    assert {"compose", "load", "plot", "run", "sweep"} <= set(stixel_cli.__all__)
+    assert dir(stixel_cli) == sorted(stixel_cli.__all__)
+    for name in stixel_cli.__all__:
+        assert getattr(stixel_cli, name)
+
+
+def test_the_public_functions_are_annotated():
+    """`py.typed` promises it to type checkers."""
+    assert (Path(stixel_cli.__file__).parent / "py.typed").exists()
+    shown = [getattr(stixel_cli, name) for name in stixel_cli.__all__ if name != "__version__"]
+    functions = [one for one in shown if not inspect.isclass(one)]
+    for kind in {*shown, RunResult, SweepResult} - {*functions}:
+        own = [one for name, one in vars(kind).items() if name.strip("_") == name]
+        functions += [one for one in own if inspect.isfunction(one)]
+    for function in functions:
+        signature = inspect.signature(function)
+        assert signature.return_annotation is not signature.empty, function
+        for name, parameter in signature.parameters.items():
+            assert name == "self" or parameter.annotation is not parameter.empty, function
 
 
 def test_run_gives_nouns_records_and_tables(tmp_path):
@@ -118,7 +141,10 @@ def test_a_sweep_gives_a_record_a_point(tmp_path):
 
 def test_a_result_is_short_in_a_terminal_and_a_picture_in_a_notebook():
     result = run(FABRICATED, "seed=1")
-    assert len(repr(result)) < 500
+    assert len(repr(result)) < 200
+    for nouns in (result.scenario, result.scans, result.track, result.scores, result.composition):
+        assert "\n" not in repr(nouns) and len(repr(nouns)) < 900
+    assert "points_world (" in repr(result.scans)
     assert "car turn fabricated gp_ekf seed 1: " in repr(result)
     html = result._repr_html_()
     assert "data:image/png;base64," in html and "IoU of the outline, mean" in html
@@ -144,9 +170,54 @@ def test_later_overrides_win_only_if_asked_for():
         run(composition, "seed=3")
 
 
-@pytest.mark.parametrize("given", [{"tracker": "contour"}, "tracker=contour seed=3"])
-def test_other_forms_of_overrides_are_named(given):
+def test_several_overrides_in_one_text_are_named():
     with pytest.raises(UserError) as told:
-        run(given)
-    assert "must be texts" in str(told.value) or "several overrides" in str(told.value)
+        run("tracker=contour seed=3")
+    assert "several overrides" in str(told.value)
     assert "\n" not in str(told.value) and "tracker=contour" in str(told.value)
+
+
+def test_overrides_are_texts_mappings_or_keywords():
+    texts = ("measurement=fabricated", "path.duration=0.5", "pictures.frames=[0]", "seed=3")
+    given = {"measurement": "fabricated", "path": {"duration": 0.5}, "pictures.frames": [0]}
+    assert compose(given, seed=3).overrides == texts == compose(*texts).overrides
+    assert compose(given, texts, seed=3, last_wins=True).overrides == texts
+    folder = Path("my cache").absolute()
+    assert compose(cache={"folder": folder}).configuration.cache.folder == str(folder)
+    with pytest.raises(ConfigurationError, match=r"seeed: .*did you mean seed"):
+        compose(seeed=3)
+    with pytest.raises(UserError, match="one composition"):
+        run(compose(given), seed=3)
+    swept = sweep(given, {"tracker.sigma_f": (0.1, 0.2)}, seed=range(2, 4))
+    assert [(r["tracker.sigma_f"], r["seed"]) for r in swept.records] == [
+        *((0.1, 2), (0.1, 3), (0.2, 2), (0.2, 3))
+    ]
+
+
+@pytest.mark.parametrize(
+    "settings", [("road_user=cyclist",), ("tracker=contour", "tracker.lag=2", "prior=unknown")]
+)
+def test_a_folder_is_loaded_as_the_run_that_wrote_it(tmp_path, settings):
+    fresh = run([*FABRICATED, *settings], results=tmp_path, name="mine")
+    stored = load(str(tmp_path / "mine"))
+    assert repr(stored) == repr(fresh)
+    for name, table in fresh.arrays.items():
+        assert table.keys() == stored.arrays[name].keys()
+        for column, values in table.items():
+            assert np.array_equal(values, stored.arrays[name][column], equal_nan=True), column
+    assert stored.configuration == fresh.configuration
+    assert np.array_equal(stored.scenario.contours_world, fresh.scenario.contours_world)
+    assert np.array_equal(stored.plot().axes[1].get_xlim(), fresh.plot().axes[1].get_xlim())
+    assert "data:image/png;base64," in stored._repr_html_()
+    (tmp_path / "mine" / "track.npz").unlink()
+    with pytest.raises(UserError, match=r"track\.npz"):
+        load(tmp_path / "mine")
+
+
+def test_a_run_is_drawn_into_axes():
+    result = run(FABRICATED)
+    figure = Figure()
+    left, right = figure.subplots(1, 2)
+    assert result.plot(ax=left) is figure
+    assert plot(result, ax=right) is figure
+    assert len(figure.axes) == 2 and len(left.lines) == len(right.lines) > 2

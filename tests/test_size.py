@@ -10,11 +10,11 @@ PACKAGE = Path(stixel_cli.__file__).parent
 
 BUDGET = {
     # The reader of Feather files stands beside that of all other foreign files.
-    "": 1578,
+    "": 1618,
     "calibration": 643,
     # `explain` says if a folder has results of other code than the cached ones.
     "cli": 2767,
-    "config": 2792,
+    "config": 2816,
     # A check that another process has not marked the new cache meanwhile.
     "engine": 4932,
     # The box of a track has room for the limbs; loss has one definition, with heading and class.
@@ -27,13 +27,13 @@ BUDGET = {
     "machine": 314,
     "measurements": 1648,
     # The sheet of a frame's stages, of the studies before.
-    "pictures": 1431,
+    "pictures": 1441,
     "recordings": 2179,
     # Images of a rig out of calibration.
     "rendering": 2341,
     # The layer that studies share: runs, scans, cost, templates, numbered blocks, files.
-    "report": 3034,
-    "results": 1469,
+    "report": 3028,
+    "results": 1539,
     # A mesh in other units and along another axis.
     "scene": 3483,
     # Conditions of the rig, the matchers, the path, the pictures and the prior, from config/.
@@ -52,7 +52,7 @@ BUDGET = {
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
 
 # The filters of PyRecEst: with the tracker they had more than 300 lines.
-MODULES = 317
+MODULES = 318
 """Modules of the package, without `__init__`."""
 
 

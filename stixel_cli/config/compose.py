@@ -73,6 +73,9 @@ class Composition:
     resolved: dict[str, Any]
     files: UserFiles = field(default_factory=UserFiles, compare=False, repr=False)
 
+    def __repr__(self) -> str:
+        return f"<Composition {' '.join(self.overrides) or 'of the defaults'}>"
+
     @property
     def keys(self) -> list[str]:
         """The keys and groups of the overrides."""

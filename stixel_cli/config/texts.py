@@ -1,6 +1,8 @@
 """The text of an override: split, and written; no schema and no parser is imported."""
 
 import re
+from collections.abc import Mapping
+from pathlib import PurePath
 from typing import Any
 
 _PLAIN_WORD = re.compile(r"[A-Za-z_/][A-Za-z0-9_./-]*|0[0-9]+")
@@ -18,9 +20,28 @@ def override_text(name: str, value: Any) -> str:
     return f"{name}={value_text(value)}"
 
 
+def mapping_texts(settings: Mapping[str, Any], within: str = "") -> list[str]:
+    """The overrides that a mapping of keys or groups to values stands for.
+
+    Values may be mappings again: {"path": {"duration": 1}} is "path.duration=1". A text is taken as
+    typed. A tuple and a range are several values of a sweep; a list is one value.
+    """
+    texts: list[str] = []
+    for name, value in settings.items():
+        if isinstance(value, Mapping):
+            texts += mapping_texts(value, f"{within}{name}.")
+        else:
+            values = value if isinstance(value, tuple | range) else (value,)
+            typed = (one if isinstance(one, str) else value_text(one) for one in values)
+            texts.append(f"{within}{name}={','.join(typed)}")
+    return texts
+
+
 def value_text(value: Any) -> str:
     """A plain value as one would type it."""
     match value:
+        case PurePath():
+            return value_text(str(value))
         case None:
             return "null"
         case bool():

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -29,13 +30,16 @@ SCALE = 0.5
 
 
 def path_figure(
-    track: Track, scenario: Scenario, field_of_view: tuple[float, float] | None
+    track: Track,
+    scenario: Scenario,
+    field_of_view: tuple[float, float] | None,
+    axes: Axes | None = None,
 ) -> Figure:
     """Paths with contours at several times in the world, and the same contours enlarged below.
 
     Below, contours are in the frame of the true target: heading to the right, next to each other.
     Where the truth is unknown, the estimate takes its place. `field_of_view` is in rad, None if
-    unknown.
+    unknown. With `axes`, only the paths are drawn, there.
     """
     known, ego = scenario.known, scenario.ego_poses_world
     poses = _reference_poses(track, scenario)
@@ -46,7 +50,9 @@ def path_figure(
     estimated = ground.near(track.contours_world[list(chosen)].reshape(-1, 2), certain)
     points = np.concatenate([certain, estimated])
 
-    figure, axes, strip = _axes_for(points, 0.8 * size + 1.0, len(chosen) + SCALE)
+    strip = None
+    if axes is None:
+        axes, strip = _axes_for(points, 0.8 * size + 1.0, len(chosen) + SCALE)
     ground.fit(axes, points, 0.8 * size + 1.0)
     for k in sorted({0, len(ego) - 1}) if np.ptp(ego, axis=0).any() else (0,):
         if field_of_view is not None:
@@ -66,9 +72,15 @@ def path_figure(
     _label_times(axes, track.times, poses, chosen, shown)
     axes.set(xlabel="x in the world (m)", ylabel="y in the world (m)")
     axes.set_title(f"Path of the target, {track.times[-1] - track.times[0]:.1f} s")
-    _legend(figure, axes, bool(known.any()), field_of_view is not None)
-    _draw_strip(strip, track, scenario, poses, chosen, _room(track, poses, chosen, size))
-    return figure
+    handles = _legend_handles(bool(known.any()), field_of_view is not None)
+    if strip is None:
+        axes.legend(handles=handles)
+    else:
+        box = axes.get_position()
+        beside = (box.x1 + 0.01, box.y1)
+        axes.figure.legend(handles=handles, loc="upper left", bbox_to_anchor=beside)
+        _draw_strip(strip, track, scenario, poses, chosen, _room(track, poses, chosen, size))
+    return axes.figure
 
 
 def _reference_poses(track: Track, scenario: Scenario) -> np.ndarray:
@@ -95,8 +107,8 @@ def spaced_frames(positions_world: np.ndarray, size: float) -> tuple[int, ...]:
     return (*kept, last) if last > 0 else (0,)
 
 
-def _axes_for(points: np.ndarray, margin: float, cells: float) -> tuple[Figure, Axes, Axes]:
-    """A figure with axes whose shape suits the points, a legend at the right, a strip below."""
+def _axes_for(points: np.ndarray, margin: float, cells: float) -> tuple[Axes, Axes]:
+    """Axes of a new figure whose shape suits the points, space at their right, a strip below."""
     extent = np.ptp(points, axis=0) + 2.0 * margin
     width, height = np.maximum(extent * 5.2 / max(extent), [3.6, 3.4])
     total_width = width + LEFT + LEGEND
@@ -107,7 +119,7 @@ def _axes_for(points: np.ndarray, margin: float, cells: float) -> tuple[Figure, 
     figure = style.new_figure(*size)
     axes = figure.add_axes((*([LEFT, below] / size), *([width, height] / size)))
     strip = figure.add_axes((*([0.2, 0.1] / size), *([strip_width, strip_height] / size)))
-    return figure, axes, strip
+    return axes, strip
 
 
 def _label_times(axes: Axes, times, poses, chosen, contours: Sequence[np.ndarray]) -> None:
@@ -181,7 +193,7 @@ def _draw_strip(
     axes.set_title(f"In the {whose} target's frame, heading to the right")
 
 
-def _legend(figure: Figure, axes: Axes, with_truth: bool, with_view: bool) -> None:
+def _legend_handles(with_truth: bool, with_view: bool) -> list[Artist]:
     handles = [
         Line2D([], [], color=style.TRUTH, label="truth"),
         Line2D([], [], color=style.ESTIMATE, label="estimate"),
@@ -190,6 +202,4 @@ def _legend(figure: Figure, axes: Axes, with_truth: bool, with_view: bool) -> No
         Patch(color=style.FIELD_OF_VIEW, alpha=0.25, linewidth=0, label="field of view"),
     ]
     handles = handles if with_view else handles[:-1]
-    handles = handles if with_truth else handles[1:]
-    box = axes.get_position()
-    figure.legend(handles=handles, loc="upper left", bbox_to_anchor=(box.x1 + 0.01, box.y1))
+    return handles if with_truth else handles[1:]

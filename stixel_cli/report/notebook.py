@@ -3,6 +3,7 @@
 import base64
 import html
 
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from stixel_cli.errors import UserError
@@ -17,20 +18,13 @@ PICTURE = "path.png"
 """The picture from above among those of a run."""
 
 
-def plot(result: RunResult) -> Figure:
-    """The run from above: paths with contours at several times, and the contours enlarged.
-
-    Args:
-        result: of `run`; one that was read from a folder has no track.
-
-    Raises:
-        UserError: if the result has no track.
-    """
+def plot(result: RunResult, ax: Axes | None = None) -> Figure:
+    """The run from above, as `stixel_cli.plot` draws it, which has the errors."""
     if result.track is None or result.scenario is None:
-        raise UserError("the result has no track: give a result of run(…)")
-    configuration = result.composition.configuration
+        raise UserError("the result has no track: give a result of run(…) or load(…)")
+    view = None if result.composition is None else result.configuration.field_of_view
     with style.drawing():
-        return path_figure(result.track, result.scenario, configuration.field_of_view)
+        return path_figure(result.track, result.scenario, view, ax)
 
 
 def result_html(result: RunResult) -> str:

@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -41,9 +41,10 @@ class RunResult:
     """One run with its results, computed in this process or read from a result folder.
 
     A run that was computed alone has everything. One that was read has what its reader names:
-    `read_run`, `read_scored_run`, `list_runs` or `experiment.run.read_stored_run`. One of a sweep
-    has `planned`, `composition`, `metrics`, `status` and `failure`; one of a sweep's folder has the
-    entries `run`, `seed` (as typed) and `swept` of its manifest instead of `planned`.
+    `read_run`, `read_scored_run`, `list_runs`, `results.arrays.with_arrays` or
+    `experiment.run.read_stored_run`. One of a sweep has `planned`, `composition`, `metrics`,
+    `status` and `failure`; one of a sweep's folder has the entries `run`, `seed` (as typed) and
+    `swept` of its manifest instead of `planned`.
 
     Attributes:
         settings: the configuration in plain types, as in `config.yaml`.
@@ -91,17 +92,17 @@ class RunResult:
     variant: str = ""
     cpu_seconds: Mapping[str, float] = field(default_factory=dict)
     load: Callable[[str], Any] | None = None
+    plot: ClassVar[Callable[..., Any]]
+    """Draws the run from above, `plot(ax=None)`: `stixel_cli.plot`, which sets it."""
 
     def __repr__(self) -> str:
-        """The choices, the seed, the verdict and the folder, in one line."""
+        """The choices, the seed, the first sentence of the verdict and the folder, in one line."""
         from stixel_cli.evaluation.verdict import verdict
 
         groups = ("road_user", "path", "measurement", "tracker")
         words = [self.choice(group) for group in groups if group in self.settings]
         words.append(f"seed {self.settings.get('seed')}")
-        return (
-            f"<RunResult {' '.join(words)}: {' '.join(verdict(self.metrics))} {self.folder or ''}>"
-        )
+        return f"<RunResult {' '.join(words)}: {verdict(self.metrics)[0]} {self.folder or ''}>"
 
     @property
     def configuration(self) -> Any:
