@@ -8,6 +8,7 @@ import pytest
 from result_folders import make_folder
 
 from stixel_cli.engine.cache_folder import file_lock
+from stixel_cli.results.result import listed_run
 from stixel_cli.sweeps import index
 from stixel_cli.sweeps.folder import TABLE, SweepFolder, SweepRequest
 from stixel_cli.sweeps.index import update_index
@@ -42,14 +43,18 @@ def root(tmp_path):
     make_run(tmp_path / "b, <i>", 0.25, "contour", "2026-01-02T00:00:00+00:00")
     make_sweep(tmp_path / "rq2/sweeps/main")
     (tmp_path / "rq2/report.html").write_text("a report")
-    for name, text in (("broken", '{"a":'), ("foreign", '{"choices": {"path": ["x"]}}')):
+    for name in ("broken", "foreign"):
         (tmp_path / name).mkdir()
-        (tmp_path / name / "manifest.json").write_text(text)
-    (tmp_path / "foreign/metrics.json").write_text('{"tracks_found": 3}')
+        (tmp_path / name / "manifest.json").write_text('{"a":')
     return tmp_path
 
 
-def test_each_folder_has_a_row(root):
+def test_each_folder_has_a_row(root, monkeypatch):
+    def listed(folder):
+        # Content that passes all checks, and which nobody has thought of.
+        return listed_run(folder) if folder.name != "foreign" else 1 / 0
+
+    monkeypatch.setattr(index, "listed_run", listed)
     update_index(root)
     rows, data = rows_of(root / "index.html")
     assert set(rows) == {"a", "b, <i>", "rq2/sweeps/main", "broken", "foreign"}
@@ -61,7 +66,7 @@ def test_each_folder_has_a_row(root):
     expected = "2 of 3 runs done, IoU 0.50 to 0.90, 1 lost."
     assert rows["rq2/sweeps/main"]["verdict"] == expected
     assert "not valid JSON" in rows["broken"]["fault"]
-    assert "not a valid result" in rows["foreign"]["fault"]
+    assert rows["foreign"]["fault"] == "not a valid result: ZeroDivisionError: division by zero"
     assert data["reports"] == {"rq2": "./rq2/report.html"}
 
 
