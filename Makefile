@@ -35,8 +35,13 @@ setup: .venv/kernels
 	$(BIN)/python -m stixel_cli.machine.kernels
 	@touch $@
 
+# Without ARGS, two more trackers on the same scans follow, from the cache.
 run: setup
 	$(BIN)/stixel run $(ARGS)
+ifeq ($(ARGS),)
+	$(BIN)/stixel sweep tracker=contour,gp_ekf,point
+endif
+	@echo "open results/index.html in a browser: it links to the page of each run"
 
 test: setup lint
 	$(BIN)/python -m pytest -n 2 --dist worksteal -p no:benchmark $(ARGS)

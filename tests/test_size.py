@@ -13,12 +13,12 @@ BUDGET = {
     "": 1618,
     "calibration": 643,
     # `explain` says if a folder has results of other code than the cached ones.
-    "cli": 2767,
+    "cli": 2780,
     "config": 2816,
     # A check that another process has not marked the new cache meanwhile.
     "engine": 4932,
     # The box of a track has room for the limbs; loss has one definition, with heading and class.
-    "evaluation": 1636,
+    "evaluation": 1751,
     # The names of runs, from config/.
     "experiment": 1478,
     "export": 548,
@@ -52,7 +52,7 @@ BUDGET = {
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
 
 # The filters of PyRecEst: with the tracker they had more than 300 lines.
-MODULES = 318
+MODULES = 319
 """Modules of the package, without `__init__`."""
 
 

@@ -197,7 +197,12 @@ def print_scores(verbose: bool, _: "Scenario", scores: "Scores") -> None:
 
 
 def _colour(sentence: str) -> str:
-    """Green for a track that was kept, red for one that was lost, yellow for what limits it."""
-    if sentence.startswith("Tracked"):
-        return "bold green"
-    return "bold red" if sentence.startswith(("Track lost", "The road user")) else "yellow"
+    """The style of a verdict's sentence, by the word that it begins with."""
+    start = sentence.partition(":")[0]
+    return {
+        "good": "bold green",
+        "fair": "bold yellow",
+        "poor": "bold red",
+        "lost": "bold red",
+        "uncertainty": "",
+    }.get(start, "yellow")

@@ -10,7 +10,7 @@ import typer
 from stixel_cli.cli.completion import complete_folder
 from stixel_cli.cli.errors import tell
 from stixel_cli.cli.options import Json, RunOrSweep
-from stixel_cli.cli.terminal import print_json, print_table, say
+from stixel_cli.cli.terminal import print_json, print_table, say, say_wrapped
 from stixel_cli.errors import UserError
 
 if TYPE_CHECKING:
@@ -112,7 +112,10 @@ def show(folder: RunOrSweep, json: Json = False) -> int:
         print_json(answer | {"verdict": verdict(metrics), "manifest": manifest})
         return 0
     print_table(("run", str(folder)), _provenance(run))
-    say("", *verdict(metrics), "")
+    say("")
+    for sentence in verdict(metrics):
+        say_wrapped(sentence)
+    say("")
     print_table(*score_table(metrics))
     say("")
     print_table(("stage", "status", "nodes", "seconds", "key"), _stages(manifest), right=(2, 3))

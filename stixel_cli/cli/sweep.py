@@ -130,7 +130,7 @@ def _report(result: "SweepResult", json: bool, seconds: float) -> None:
 def _print_statistics(result: "SweepResult") -> None:
     """Print the main metrics of the first settings; all of them are in the summary."""
     from stixel_cli.evaluation.metric_table import over_runs
-    from stixel_cli.report.metrics import with_interval
+    from stixel_cli.report.metrics import best, with_interval
     from stixel_cli.report.tables import label_of
     from stixel_cli.sweeps.figures import SHOWN
 
@@ -138,11 +138,15 @@ def _print_statistics(result: "SweepResult") -> None:
     names = [over_runs(name) for name in SHOWN]
     names = [name for name in names if any(name in row for row in by_setting.values())]
     keys, rows = list(dict(next(iter(by_setting)))), []
-    for setting, row in list(by_setting.items())[: 2 * _MOST_SHOWN]:
+    # Of single runs the best is marked. Means of more are ranked on the page, with intervals.
+    single = all(row[name].n == 1 for row in by_setting.values() for name in names)
+    marks = {n: best(n, [row[n].mean for row in by_setting.values()]) for n in names if single}
+    for i, (setting, row) in enumerate(list(by_setting.items())[: 2 * _MOST_SHOWN]):
         cells = []
         for name in names:
             one = row[name]
-            cells.append(with_interval(one.mean, one.low, one.high))
+            mark = " *" if marks.get(name) and marks[name][i] else "  " if single else ""
+            cells.append(f"{with_interval(one.mean, one.low, one.high)}{mark}")
         n = max((row[name].n for name in names), default=0)
         rows.append((*(value for _, value in setting), str(n), *cells))
     header = [*keys, "n", *map(label_of, names)]
@@ -151,6 +155,7 @@ def _print_statistics(result: "SweepResult") -> None:
     known = any(row[name].low is not None for row in by_setting.values() for name in names)
     interval = f"Mean over n {result.units} "
     interval += "[95 % interval]" if known else "(no interval below n = 4)"
+    interval = "One run per row; * is the best, which may be due to chance" if single else interval
     more = len(by_setting) - 2 * _MOST_SHOWN
     others = f" {more} more settings and" if more > 0 else ""
     say_wrapped(f"{interval};{others} all metrics: summary.csv, .md, .tex")

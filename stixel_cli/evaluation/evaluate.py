@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import shapely
 
+from stixel_cli.evaluation.baseline import baseline_overlaps
 from stixel_cli.evaluation.contour_errors import (
     COVERED,
     areas,
@@ -73,6 +74,7 @@ def evaluate(
     of_classes = class_errors(track, road_user)
     replaced_wrongly = (of_classes["class_replaced"] == 1.0) & (of_classes["class_wrong"] == 1.0)
     over_time = errors_over_time(track, scenario, replaced_wrongly)
+    over_time["iou_baseline"] = baseline_overlaps(scenario, scans)
     times, nis = scenario.times - scenario.times[0], track.normalised_nis
     counted = scenario.known if scenario.scored is None else scenario.known & scenario.scored
     errors = ScanErrors(
@@ -198,7 +200,8 @@ def contour_errors(track: Track, scenario: Scenario) -> dict[str, np.ndarray]:
     errors: dict[str, Any] = {"iou_box": iou_box, "length": length, "width": width}
     if scenario.only_box or not len(scans):
         names = ("iou", "iou_hull", "gaussian_wasserstein", "hausdorff", "contour_distance")
-        missing = (*names, "seen_contour", "band_coverage")
+        sides = ("seen_contour", "hidden_contour", "band_coverage", "hidden_band_coverage")
+        missing = (*names, *sides)
         return errors | {name: np.full(len(truth), np.nan) for name in missing}
     # The true outlines are made once for each pose of the limbs.
     outlines, true_outlines = areas(estimated), areas(contours)
@@ -217,16 +220,23 @@ def contour_errors(track: Track, scenario: Scenario) -> dict[str, np.ndarray]:
         track.contour_std[scans],
         points,
     )
-    hidden = np.ma.masked_array(to_estimated, ~seen)
+    covered = np.abs(differences) <= COVERED * std
     return errors | {
         "iou": overlaps(outlines, true_outlines[limbs]),
         "iou_hull": overlaps(hulls, true_hulls[limbs]),
         "gaussian_wasserstein": gaussian_wasserstein(estimated, true),
         "hausdorff": both.max(axis=1),
         "contour_distance": both.mean(axis=1),
-        "seen_contour": hidden.mean(axis=1).filled(np.nan),
-        "band_coverage": np.mean(np.abs(differences) <= COVERED * std, axis=1),
+        "seen_contour": _mean_where(seen, to_estimated),
+        "hidden_contour": _mean_where(~seen, to_estimated),
+        "band_coverage": covered.mean(axis=1),
+        "hidden_band_coverage": _mean_where(~seen, covered),
     }
+
+
+def _mean_where(chosen: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Means (n,) of the chosen values of each row of (n, S); NaN where none is chosen."""
+    return np.ma.masked_array(values, ~chosen).mean(axis=1).filled(np.nan)
 
 
 def off_target(

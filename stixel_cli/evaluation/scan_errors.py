@@ -67,8 +67,11 @@ class ScanErrors:
         gaussian_wasserstein: distance of the areas' means and covariances, m.
         hausdorff, contour_distance: greatest and mean distance of the outlines, both ways, m.
         seen_contour: mean distance of the true outline's points that the ego car sees from the
-            estimated outline, m; NaN if it sees no point.
-        band_coverage: share of the true outline's points in the estimated 95 % band.
+            estimated outline, m; NaN if it sees no point. hidden_contour: of those that it does
+            not see.
+        band_coverage, hidden_band_coverage: share of the true outline's points, and of those that
+            the ego car does not see, in the estimated 95 % band.
+        iou_baseline: see `baseline_overlaps`; NaN at a scan without points of the target.
         lost: whether the estimate is off the target; see `evaluate.off_target`.
         nees_position, nees_orientation: NEES divided by its dimension; NaN without a valid
             covariance.
@@ -103,7 +106,10 @@ class ScanErrors:
     hausdorff: np.ndarray
     contour_distance: np.ndarray
     seen_contour: np.ndarray
+    hidden_contour: np.ndarray
     band_coverage: np.ndarray
+    hidden_band_coverage: np.ndarray
+    iou_baseline: np.ndarray
     lost: np.ndarray
     nees_position: np.ndarray
     nees_orientation: np.ndarray

@@ -1,4 +1,8 @@
-"""What the metrics of a run mean, in words."""
+"""What the metrics of a run mean, in words.
+
+The word of a run has fixed limits; docs/theory.md has them, and the words of runs that were
+disturbed by a known amount.
+"""
 
 from collections.abc import Mapping
 
@@ -6,71 +10,141 @@ from stixel_cli.evaluation.metric_table import METRICS, OF_SIZE, PROBABILITIES
 
 Values = Mapping[str, float | int | None]
 
-SHOWN_UPPER_BOUND = 0.995
-"""A greater upper bound of the IoU is not mentioned: it would be printed as 1."""
+WORDS = ("lost", "poor", "fair", "good")
+"""The words of the verdict, the worst first."""
+
+LIMITS = {"fair": 0.25, "good": 0.7}
+"""Least share of the way from the baseline's IoU to the upper bound that a word stands for."""
+
+LEAST_WAY = 0.1
+"""The baseline is taken as this far, at least, below the upper bound."""
+
+FAR_SIDE = 0.1
+"""An error of the hidden side, m, above which it has a sentence of its own."""
 
 LEAST_ODDS = 100.0
 """An unknown class is named if it is this many times as probable as any other."""
 
 
-def verdict(metrics: Values) -> list[str]:
-    """Sentences on a run, the most important first; at least one.
+def word(metrics: Values) -> str | None:
+    """One of `WORDS`; None if there is no truth, or if the metrics are of an older version.
 
-    The limits are the column `expected` of the table of metrics. A metric that is missing or has no
-    value is not mentioned.
+    `lost` is a track that is lost at any time. The others compare the mean IoU of the outline, or
+    of the box where only that is known, with those of the baseline and of the upper bound.
+    """
+    if metrics.get("track_lost"):
+        return "lost"
+    (_, iou), bound = _overlap(metrics), _upper_bound(metrics)
+    baseline = metrics.get("iou_baseline")
+    if metrics.get("track_lost") is None or iou is None or baseline is None:
+        return None
+    way = (iou - baseline) / max(bound - baseline, LEAST_WAY)
+    return next((one for one in reversed(LIMITS) if way >= LIMITS[one]), "poor")
+
+
+def verdict(metrics: Values) -> list[str]:
+    """Sentences on a run, at least one.
+
+    The first begins with the run's `word` and says why it has it; the second, if any, says what to
+    try; `uncertainty: …` compares the stated uncertainty with the errors, by the limits in the
+    column `expected` of the table of metrics. A metric without a value is not mentioned, and a
+    cause is named only if a metric shows it. A warning of divergence comes before all.
     """
     if metrics.get("scans") and metrics.get("scans") == metrics.get("empty_scans"):
-        return ["The road user was never measured: every scan is empty."]
-    sentences: list[str] = []
-    lost_at = metrics.get("time_to_loss_s")
-    if lost_at is not None:
-        sentences.append(f"Track lost at {lost_at:.1f} s.")
-    for name, what, short in (
-        ("nees_position_mean", "", "position NEES/2"),
-        ("nees_orientation_mean", " in the orientation", "NEES"),
-    ):
-        value = metrics.get(name)
-        if _beyond(metrics, name):
-            sure = "Over" if value > 1.0 else "Under"
-            sentences.append(f"{sure}-confident{what}: {short} {_digits(value)}.")
-    if _beyond(metrics, "nis_mean"):
-        nis = metrics["nis_mean"]
-        size = "larger" if nis > 1.0 else "smaller"
-        text = f"Residuals are {size} than assumed (NIS {_digits(nis)})"
-        if nis < 1.0 and _beyond(metrics, "nees_position_mean", above=True):
-            text += " while the error is larger: the points share an error"
-        sentences.append(f"{text}.")
-    if _beyond(metrics, "band_coverage"):
-        share = metrics["band_coverage"]
-        sentences.append(f"The 95 % band covers only {100.0 * share:.0f} % of the true outline.")
-    if _beyond(metrics, "diverged"):
-        sentences.insert(0, _diverged(metrics.get("time_to_divergence_s")))
-    if _beyond(metrics, "class_error"):
-        sentences.append("The reported class is not that of the road user.")
-    if misfits_class(metrics):
-        sentences.append(
-            "The points do not fit the prior's class; the road user may be of another class."
-        )
+        return ["lost: the road user was never measured: every scan is empty."]
+    diverged = [_diverged(metrics.get("time_to_divergence_s"))] if metrics.get("diverged") else []
     if metrics.get("tracks_found") is not None:
-        return [_of_labels(metrics), *sentences]
+        return [*diverged, _of_labels(metrics), *_uncertainty(metrics)]
+    rest = [*_to_try(metrics), *_uncertainty(metrics), *_class(metrics)]
     if metrics.get("track_lost") is None:
         why = "the metrics are of an older version" if "iou_mean" in metrics else "no truth"
-        return [*(sentences or [f"No verdict: {why}."]), *_class(metrics)]
-    if lost_at is None:
-        place = int(_beyond(metrics, "diverged"))
-        calm = "" if sentences else "; the stated uncertainty is consistent with the errors"
-        sentences.insert(place, f"Tracked to the end{_accuracy(metrics)}{calm}.")
-    upper_bound = metrics.get("iou_star_convex_upper_bound")
-    if upper_bound is not None and upper_bound < SHOWN_UPPER_BOUND:
-        sentences.append(
-            f"The IoU of a star-convex contour has an upper bound of {upper_bound:.2f} here."
-        )
-    return [*sentences, *_class(metrics)]
+        return [*diverged, *(rest if diverged or rest else [f"No verdict: {why}."])]
+    begin = word(metrics)
+    why = ", ".join(filter(None, (_accuracy(metrics), _sides(metrics), _heading(metrics))))
+    if metrics.get("time_to_loss_s") is not None:
+        at = metrics["time_to_loss_s"]
+        why = f"off the target from {'the first scan' if at == 0.0 else f'{at:.1f} s'} on; {why}"
+    first = f"{begin}: {why}." if begin else f"{why[:1].upper()}{why[1:]}."
+    return [*diverged, first.replace("; .", "."), *rest]
 
 
 def misfits_class(metrics: Values) -> bool:
     """Whether the tracker shows that the points do not fit the prior's class."""
     return any(_beyond(metrics, name) for name in (*OF_SIZE, "class_replaced_share"))
+
+
+def _overlap(metrics: Values) -> tuple[str, float | None]:
+    """Name and value of the mean IoU: of the outline, or of the box where only that is known."""
+    if metrics.get("iou_mean") is not None:
+        return "IoU", metrics["iou_mean"]
+    return "IoU of the box", metrics.get("iou_box_mean")
+
+
+def _upper_bound(metrics: Values) -> float:
+    """The greatest IoU of a star-convex outline; 1 for a box, and where it is unknown."""
+    bound = metrics.get("iou_star_convex_upper_bound")
+    return 1.0 if bound is None or metrics.get("iou_mean") is None else bound
+
+
+def _accuracy(metrics: Values) -> str:
+    """`IoU 0.81 (baseline 0.35, upper bound 1.00), mean centre error 0.19 m`."""
+    (name, iou), baseline = _overlap(metrics), metrics.get("iou_baseline")
+    parts = [] if iou is None else [f"{name} {iou:.2f}"]
+    if parts and baseline is not None:
+        parts[0] += f" (baseline {baseline:.2f}, upper bound {_upper_bound(metrics):.2f})"
+    centre = metrics.get("centre_mean_m")
+    return ", ".join([*parts, *([] if centre is None else [f"mean centre error {centre:.2f} m"])])
+
+
+def _sides(metrics: Values) -> str:
+    """`near side 6 cm off, far side 25 cm off, of which the filter is too sure`."""
+    near, far = metrics.get("seen_contour_error_m"), metrics.get("hidden_contour_error_m")
+    if near is None or far is None:
+        return ""
+    sure = far > FAR_SIDE and _beyond(metrics, "hidden_band_coverage")
+    text = f"near side {100.0 * near:.0f} cm off, far side {100.0 * far:.0f} cm"
+    return f"{text}, of which the filter is too sure" if sure else text
+
+
+def _heading(metrics: Values) -> str:
+    """The error of the heading, if it matters."""
+    error = metrics.get("orientation_rmse_deg")
+    return "" if error is None or error < 10.0 else f"heading {error:.0f}° off"
+
+
+def _to_try(metrics: Values) -> list[str]:
+    """At most one sentence, of what the metrics of this run speak for."""
+    near, far = metrics.get("seen_contour_error_m"), metrics.get("hidden_contour_error_m")
+    if metrics.get("class_error"):
+        return ["The reported class is not that of the road user."]
+    if misfits_class(metrics):
+        return ["The points do not fit the prior's class: try prior=unknown."]
+    if metrics.get("time_to_loss_s") == 0.0:
+        return ["The start is off the target: try a smaller error (stixel describe start)."]
+    own_class = metrics.get("size_deviation") is not None
+    if near is not None and far is not None and far > max(FAR_SIDE, 2.0 * near) and not own_class:
+        return ["Try tracker=contour: it knows the far side from the class."]
+    return []
+
+
+def _uncertainty(metrics: Values) -> list[str]:
+    """One line on NEES, NIS and the band, with what is beyond the limits."""
+    parts = []
+    for name, label, more, less in (
+        ("nees_position_mean", "NEES/2 of the position", "over-confident", "under-confident"),
+        ("nees_orientation_mean", "NEES of the orientation", "over-confident", "under-confident"),
+        ("nis_mean", "NIS", "residuals larger than assumed", "residuals smaller than assumed"),
+    ):
+        value = metrics.get(name)
+        if value is not None:
+            found = f" ({more if value > 1.0 else less})" if _beyond(metrics, name) else ""
+            parts.append(f"{label} {_digits(value)}{found}")
+    coverage = metrics.get("band_coverage")
+    if coverage is not None:
+        narrow = " (too narrow)" if _beyond(metrics, "band_coverage") else ""
+        parts.append(f"95 % band covers {100.0 * coverage:.0f} %{narrow}")
+    consistent = "" if any("(" in part for part in parts) else "consistent; "
+    return [f"uncertainty: {consistent}{', '.join(parts)}."] if parts else []
 
 
 def _class(metrics: Values) -> list[str]:
@@ -108,18 +182,6 @@ def _of_labels(metrics: Values) -> str:
     return f"{of_labels}; {metrics['tracks_false']} of {found} tracks match no label."
 
 
-def _accuracy(metrics: Values) -> str:
-    """`: IoU 0.81, mean centre error 0.19 m`; the box's IoU where only the true box is known."""
-    parts = []
-    for name, text in (("iou_mean", "IoU {:.2f}"), ("iou_box_mean", "IoU of the box {:.2f}")):
-        if metrics.get(name) is not None:
-            parts = [text.format(metrics[name])]
-            break
-    centre = metrics.get("centre_mean_m")
-    parts += [] if centre is None else [f"mean centre error {centre:.2f} m"]
-    return f": {', '.join(parts)}" if parts else ""
-
-
 def badges(metrics: Values) -> dict[str, str]:
     """Short verdicts by field of `Scores`, of what the table of metrics does not expect."""
     found = {}
@@ -136,12 +198,12 @@ def badges(metrics: Values) -> dict[str, str]:
     return found
 
 
-def _beyond(metrics: Values, name: str, above: bool = False) -> bool:
-    """Whether a metric is beyond the limits of its row, or above the greater one."""
+def _beyond(metrics: Values, name: str) -> bool:
+    """Whether a metric is beyond the limits of its row."""
     value, (low, high) = metrics.get(name), METRICS[name].expected
     if value is None:
         return False
-    return (high is not None and value > high) or (not above and low is not None and value < low)
+    return (high is not None and value > high) or (low is not None and value < low)
 
 
 def _digits(value: float) -> str:

@@ -117,6 +117,7 @@ def test_summary_matches_a_calculation_by_hand():
         "points_used_mean": 7 / 5,
     }
     others = {"contour_distance_m", "seen_contour_error_m", "band_coverage"}
+    others |= {"hidden_contour_error_m", "hidden_band_coverage", "iou_baseline"}
     assert metrics.keys() == expected.keys() | others
     assert {n: metrics[n] for n in expected} == pytest.approx(expected, abs=1e-8)
 
@@ -146,6 +147,9 @@ def test_contour_errors_match_a_calculation_by_hand():
     to_smaller = np.hypot(0.5, np.maximum(np.abs(x) - 0.5, 0.0)).mean()
     seen = np.array([0.0, 0.1, 0.1, 0.5, to_smaller])
     assert metrics["seen_contour_error_m"] == pytest.approx(seen.mean(), abs=1e-9)
+    # Without noise in the pose, the hidden sides are as far away, but for one corner each.
+    assert metrics["hidden_contour_error_m"] == pytest.approx(seen.mean(), abs=0.02)
+    assert metrics["hidden_band_coverage"] == pytest.approx(metrics["band_coverage"], abs=0.03)
     # Along a ray at the angle a from a side's normal, the sides are 0.1 / cos a apart: within
     # 1.96 * 0.07 where cos a > 0.729, on |tan a| < 0.939 of a side from -1 to 1.
     shares = np.mean(np.abs(np.tile(np.linspace(-1, 1, 18, endpoint=False), 4)) < 0.939)
@@ -174,7 +178,7 @@ def test_where_only_the_box_is_known_the_outline_has_no_scores():
     outline = {
         *("iou_mean", "iou_second_half", "iou_final", "iou_hull_mean", "low_overlap_share"),
         *("gaussian_wasserstein_m", "hausdorff_m", "contour_distance_m", "seen_contour_error_m"),
-        "band_coverage",
+        *("band_coverage", "hidden_contour_error_m", "hidden_band_coverage"),
     }
     assert np.isnan(scores.iou).all()
     for name, value in scores.metrics.items():
@@ -352,3 +356,16 @@ def test_if_no_scan_counts_there_are_no_scores():
     for name in ("centre_rmse_m", "orientation_rmse_deg", "iou_mean", "low_overlap_share"):
         assert metrics.get(name) is None
     assert metrics["nis_mean"] == pytest.approx(5.5 / 4)
+
+
+def test_the_baseline_is_the_true_outline_at_the_mean_of_its_points():
+    # Points on the near side of a square of side 2; the third is of something else.
+    still = dataclasses.replace(SCENARIO, target_poses_world=np.tile([0.0, 10.0, 0.0], (COUNT, 1)))
+    points = np.tile([[-0.5, 9.0], [0.5, 9.0]], (4, 1))
+    points[6:] = [0.0, 9.0], [5.0, 9.0]
+    scans = dataclasses.replace(SCANS, points_world=points)
+    metrics = evaluate(track_with(SHIFTS), still, scans).metrics
+    # Moved by half a side, at each of the four scans with points.
+    assert metrics["iou_baseline"] == pytest.approx(1 / 3)
+    away = dataclasses.replace(SCANS, points_world=points + 9.0)
+    assert evaluate(track_with(SHIFTS), still, away).metrics["iou_baseline"] is None

@@ -61,7 +61,7 @@ def test_each_folder_has_a_row(root, monkeypatch):
     assert rows["a"]["page"] == "./a/index.html"
     assert rows["b, <i>"]["page"] == "./b%2C%20%3Ci%3E/"
     assert rows["a"]["metrics"][1] == [0.75, "0.750"]
-    assert rows["a"]["verdict"].startswith("Tracked to the end")
+    assert rows["a"]["verdict"].startswith("IoU 0.75")
     assert rows["rq2/sweeps/main"]["metrics"][1][0] == pytest.approx(0.7)
     expected = "2 of 3 runs done, IoU 0.50 to 0.90, 1 lost."
     assert rows["rq2/sweeps/main"]["verdict"] == expected
