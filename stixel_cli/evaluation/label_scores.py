@@ -79,11 +79,10 @@ def _sums(labels: Sequence[LabelScore]) -> dict[str, float | int | None]:
     def over_frames(name: str) -> float:
         return np.average([getattr(one, name) for one in tracked], weights=frames).item()
 
-    found = [one.found_scans for one in tracked]
     return {
         "labels_expected": len(expected),
         "labels_tracked": len(tracked),
-        "labels_found_scans_mean": float(np.mean(found)) if tracked else None,
+        "labels_found_scans_mean": finite_mean(np.array([one.found_scans for one in tracked])),
         "labels_tracked_share": sum(frames) / sum(o.frames for o in expected) if expected else None,
         "labels_iou_box_mean": over_frames("iou_box") if tracked else None,
         "labels_centre_mean_m": over_frames("centre_m") if tracked else None,

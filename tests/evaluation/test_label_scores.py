@@ -100,6 +100,7 @@ def test_the_assignment_is_global_and_ends_at_half_the_length():
     assert (scores.metrics["tracks_found"], scores.metrics["tracks_false"]) == (3, 1)
     # Without a point of the label nothing is known of the time until it is found.
     assert np.isnan([one.found_scans for one in scores.labels]).all()
+    assert scores.metrics["labels_found_scans_mean"] is None
 
 
 def test_only_what_moves_is_expected_and_other_classes_are_not_false_tracks():
