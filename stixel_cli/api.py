@@ -1,7 +1,8 @@
 """The same as the command line: `from stixel_cli import compose, load, plot, run, sweep`.
 
 Settings are given as texts in Hydra's grammar, as mappings or as keywords, which may be mixed:
-`run("tracker=contour", {"path.duration": 2}, seed=3)`, see `config.texts.mapping_texts`.
+`run("tracker=contour", {"path.duration": 2}, seed=3)`, see `config.texts.mapping_texts`. A function
+of a module, a script or a notebook is a tracker of your own: `run(tracker=function)`.
 Calls leave no state in the process and may follow each other in any order. Errors that the user
 can correct are raised as `stixel_cli.errors.UserError`, in one line.
 """
@@ -154,9 +155,13 @@ def plot(result: RunResult, ax: "Axes | None" = None) -> "Figure":
     `result.plot()` is the same. With `ax`, axes of your own, only the paths are drawn, there.
     UserError if the result has no track, because it is of a sweep.
     """
-    from stixel_cli.report.notebook import plot as plot_result
+    from stixel_cli.pictures import style
+    from stixel_cli.pictures.path_figure import path_figure
 
-    return plot_result(result, ax)
+    if result.track is None or result.scenario is None:
+        raise UserError("the result has no track: give a result of run(…) or load(…)")
+    with style.drawing():
+        return path_figure(result.track, result.scenario, result.configuration.field_of_view, ax)
 
 
 def _notebook_view(result: RunResult) -> str:

@@ -15,9 +15,11 @@ from matplotlib.figure import Figure
 import stixel_cli
 from stixel_cli import compose, load, plot, run, sweep
 from stixel_cli.config.compose import from_resolved
+from stixel_cli.config.texts import mapping_texts
 from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.results.result import RunResult
 from stixel_cli.sweeps.results import SweepResult
+from stixel_cli.tracking.baselines import point
 
 FABRICATED = ["measurement=fabricated", "path.duration=0.5", "pictures.frames=[0]"]
 
@@ -221,3 +223,81 @@ def test_a_run_is_drawn_into_axes():
     assert result.plot(ax=left) is figure
     assert plot(result, ax=right) is figure
     assert len(figure.axes) == 2 and len(left.lines) == len(right.lines) > 2
+
+
+SCRIPT = """
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from stixel_cli import run, sweep
+from stixel_cli.config.cell_functions import function_name
+from stixel_cli.errors import ConfigurationError
+from stixel_cli.tracking.track import Track
+
+HALF = 0.5 * math.pi
+scans = object()  # also an argument of `still`, which must not look for it here
+
+
+def corners(size):
+    return size * np.array([[math.cos(HALF * i), math.sin(HALF * i)] for i in range(4)])
+
+
+@dataclass(frozen=True)
+class Size:
+    size: float = 1.0
+
+
+def still(scans, initial, prior, tracker: Size):
+    count = len(scans)
+    directions = np.tile(corners(1.0), (count, 1, 1))
+    return Track.of_scans(
+        scans.times,
+        (np.tile(initial.mean, (count, 1)), np.tile(np.eye(6), (count, 1, 1))),
+        (initial.mean[:2] + tracker.size * directions, directions, np.ones((count, 4))),
+        [np.zeros(0, int)] * count,
+        np.full(count, np.nan),
+    )
+
+
+def unusable():
+    return scans
+
+
+if __name__ == "__main__":
+    base = {"measurement": "fabricated", "path.duration": 0.3, "pictures.frames": []}
+    result = run(base, {"tracker.size": 2.0}, tracker=still, results="results", name="still")
+    print(np.ptp(result.track.contours_world[0, :, 0]))
+    swept = sweep(base, tracker=(still, "point"))
+    print([record["tracker"].partition("_")[0] for record in swept.records])
+    for wrong in (lambda scans: None, unusable):
+        try:
+            function_name(wrong)
+        except ConfigurationError as fault:
+            print(fault)
+"""
+
+
+def test_a_tracker_may_be_a_function_of_a_script_or_notebook(tmp_path):
+    (tmp_path / "script.py").write_text(SCRIPT, encoding="utf-8")
+    environment = os.environ | {"STIXEL_CACHE": str(tmp_path / "cache")}
+    done = subprocess.run(
+        [sys.executable, "script.py"], cwd=tmp_path, env=environment, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    size, trackers, lambda_fault, object_fault = done.stdout.splitlines()
+    assert float(size) == pytest.approx(4.0)
+    assert trackers == "['still', 'point']"
+    assert lambda_fault.startswith("<lambda>: must be a function with a name")
+    assert object_fault.startswith("scans: is a object")
+    (source,) = (tmp_path / "results/still/code").glob("still_*.py")
+    assert "def corners" in source.read_text() and "unusable" not in source.read_text()
+    assert {path.name for path in (tmp_path / "cache/cells").glob("still_*.py")} == {source.name}
+
+
+def test_a_function_of_a_module_is_named():
+    assert mapping_texts({"tracker": point.track}) == [
+        "tracker=stixel_cli.tracking.baselines.point:track"
+    ]
+    assert mapping_texts({"metrics": [point.track]})[0].startswith("metrics=[stixel_cli.")

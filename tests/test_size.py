@@ -10,13 +10,13 @@ PACKAGE = Path(stixel_cli.__file__).parent
 
 BUDGET = {
     # The reader of Feather files stands beside that of all other foreign files.
-    "": 1618,
+    "": 1623,
     "calibration": 643,
     # `explain` says if a folder has results of other code than the cached ones.
     "cli": 2780,
-    "config": 2816,
+    "config": 2892,
     # A check that another process has not marked the new cache meanwhile.
-    "engine": 4932,
+    "engine": 4936,
     # The box of a track has room for the limbs; loss has one definition, with heading and class.
     "evaluation": 1750,
     # The names of runs, from config/.
@@ -32,7 +32,7 @@ BUDGET = {
     # Images of a rig out of calibration.
     "rendering": 2341,
     # The layer that studies share: runs, scans, cost, templates, numbered blocks, files.
-    "report": 3028,
+    "report": 3013,
     "results": 1539,
     # A mesh in other units and along another axis.
     "scene": 3483,
@@ -52,7 +52,7 @@ BUDGET = {
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
 
 # The filters of PyRecEst: with the tracker they had more than 300 lines.
-MODULES = 319
+MODULES = 320
 """Modules of the package, without `__init__`."""
 
 

@@ -18,6 +18,8 @@ from stixel_cli.config.folders import absolute, group_options, installed_functio
 from stixel_cli.config.messages import show
 from stixel_cli.config.schema import Configuration
 from stixel_cli.config.texts import override_text, split_override
+from stixel_cli.engine.cache_folder import CELLS
+from stixel_cli.engine.parameters import default_cache_folder
 from stixel_cli.engine.versions import providers
 from stixel_cli.errors import ConfigurationError, printable, printable_path
 from stixel_cli.own_code import OwnCode, all_values, check_name, parameters_type
@@ -128,7 +130,7 @@ def find_folders(resolved: Mapping[str, Any], working_directory: str) -> list[st
     if not isinstance(given, list):
         return given  # The validation of the whole configuration reports it.
     folders = [absolute(str(folder), working_directory) for folder in given]
-    places = [*folders, absolute("", working_directory)]
+    places = [*folders, str(default_cache_folder() / CELLS), absolute("", working_directory)]
     for key, name in functions_of(resolved).items():
         try:
             check_name(name)

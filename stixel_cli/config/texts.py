@@ -24,7 +24,8 @@ def mapping_texts(settings: Mapping[str, Any], within: str = "") -> list[str]:
     """The overrides that a mapping of keys or groups to values stands for.
 
     Values may be mappings again: {"path": {"duration": 1}} is "path.duration=1". A text is taken as
-    typed. A tuple and a range are several values of a sweep; a list is one value.
+    typed. A tuple and a range are several values of a sweep; a list is one value. A function is an
+    option of the user's own, also one of a notebook, see `cell_functions`.
     """
     texts: list[str] = []
     for name, value in settings.items():
@@ -42,6 +43,10 @@ def value_text(value: Any) -> str:
     match value:
         case PurePath():
             return value_text(str(value))
+        case _ if callable(value):
+            from stixel_cli.config.cell_functions import function_name
+
+            return function_name(value)
         case None:
             return "null"
         case bool():

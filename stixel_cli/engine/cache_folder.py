@@ -37,8 +37,12 @@ NOTES_LIMIT = 64 * 2**20
 _KEY = r"[0-9a-f]{64}"
 _PARTIAL = r"partial-\d+"
 """End of the name that `write_whole` gives to an unfinished file."""
+CELLS = "cells"
+"""Folder of the modules that are written from a notebook's functions."""
+
 _MADE = {
     r"[0-9a-f]{2}": _KEY,
+    CELLS: rf"\w+_[0-9a-f]{{8}}\.py|__pycache__|\.\w+_[0-9a-f]{{8}}\.py\.{_PARTIAL}",
     "configurations": rf"{_KEY}\.json|\.{_KEY}\.json\.{_PARTIAL}",
     "leases": r".+-\d+-[0-9a-f]+\.(keys|lock)",
     "locks": rf"{_KEY}\.lock",

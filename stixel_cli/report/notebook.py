@@ -3,28 +3,13 @@
 import base64
 import html
 
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-
-from stixel_cli.errors import UserError
 from stixel_cli.evaluation.metric_table import metric
 from stixel_cli.evaluation.verdict import verdict
-from stixel_cli.pictures import style
-from stixel_cli.pictures.path_figure import path_figure
 from stixel_cli.report.metrics import main_metrics, shown_value, with_value
 from stixel_cli.results.result import RunResult
 
 PICTURE = "path.png"
 """The picture from above among those of a run."""
-
-
-def plot(result: RunResult, ax: Axes | None = None) -> Figure:
-    """The run from above, as `stixel_cli.plot` draws it, which has the errors."""
-    if result.track is None or result.scenario is None:
-        raise UserError("the result has no track: give a result of run(…) or load(…)")
-    view = None if result.composition is None else result.configuration.field_of_view
-    with style.drawing():
-        return path_figure(result.track, result.scenario, view, ax)
 
 
 def result_html(result: RunResult) -> str:
