@@ -150,7 +150,7 @@ def test_a_result_is_short_in_a_terminal_and_a_picture_in_a_notebook():
     assert "car turn fabricated gp_ekf seed 1: " in repr(result)
     html = result._repr_html_()
     assert "data:image/png;base64," in html and "IoU of the outline, mean" in html
-    assert "Tracked" in html or "lost" in html
+    assert "IoU 0." in html and "uncertainty: " in html
     assert "<img" not in dataclasses.replace(result, pictures={})._repr_html_()
 
 

@@ -58,7 +58,7 @@ def verdict(metrics: Values) -> list[str]:
     rest = [*_to_try(metrics), *_uncertainty(metrics), *_class(metrics)]
     if metrics.get("track_lost") is None:
         why = "the metrics are of an older version" if "iou_mean" in metrics else "no truth"
-        return [*diverged, *(rest if diverged or rest else [f"No verdict: {why}."])]
+        return [*(diverged or [f"No verdict: {why}."]), *rest]
     begin = word(metrics)
     why = ", ".join(filter(None, (_accuracy(metrics), _sides(metrics), _heading(metrics))))
     if metrics.get("time_to_loss_s") is not None:
