@@ -13,7 +13,7 @@ BUDGET = {
     "": 1623,
     "calibration": 643,
     # `explain` says if a folder has results of other code than the cached ones.
-    "cli": 2780,
+    "cli": 2816,
     "config": 2892,
     # A check that another process has not marked the new cache meanwhile.
     "engine": 4936,
@@ -52,7 +52,7 @@ BUDGET = {
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
 
 # The filters of PyRecEst: with the tracker they had more than 300 lines.
-MODULES = 320
+MODULES = 321
 """Modules of the package, without `__init__`."""
 
 

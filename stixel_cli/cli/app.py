@@ -20,6 +20,7 @@ from stixel_cli.cli.export import export
 from stixel_cli.cli.learn_shape import learn_shape
 from stixel_cli.cli.machine import app as cache
 from stixel_cli.cli.machine import doctor
+from stixel_cli.cli.new import new
 from stixel_cli.cli.plan import explain, plan
 from stixel_cli.cli.report import play, report
 from stixel_cli.cli.rerun import rerun, verify
@@ -122,7 +123,7 @@ def stixel(
 app.command(cls=_Run, short_help="Run one experiment.")(run)
 _COMMANDS = (
     *(sweep, study, describe, plan, explain, rerun, verify, ls, show, compare, report, play),
-    *(export, calibrate, assess, learn_shape),
+    *(export, calibrate, assess, learn_shape, new),
 )
 for _command in _COMMANDS:
     app.command()(_command)
