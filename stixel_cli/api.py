@@ -161,7 +161,12 @@ def plot(result: RunResult, ax: "Axes | None" = None) -> "Figure":
     if result.track is None or result.scenario is None:
         raise UserError("the result has no track: give a result of run(…) or load(…)")
     with style.drawing():
-        return path_figure(result.track, result.scenario, result.configuration.field_of_view, ax)
+        view = result.configuration.field_of_view
+        figure = path_figure(result.track, result.scenario, view, ax)
+    if ax is None:
+        # A notebook that has not imported pyplot shows a figure by this method.
+        figure._repr_png_ = lambda: style.png(figure)
+    return figure
 
 
 def _notebook_view(result: RunResult) -> str:
