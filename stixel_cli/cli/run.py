@@ -95,7 +95,14 @@ def help_of_run() -> str:
     except (OSError, UserError):
         groups, installed = {}, {}
     names = [f"{group}={'|'.join(points)}" for group, points in installed.items() if points]
-    many = [f"  {name}={'|'.join(these)}" for name, these in groups.items() if len(these) > 1]
+    many = [
+        line.replace("| ", "|")
+        for name, these in groups.items()
+        if len(these) > 1
+        for line in textwrap.wrap(
+            f"{name}={'| '.join(these)}", 90, initial_indent="  ", subsequent_indent="    "
+        )
+    ]
     single = ", ".join(name for name, these in groups.items() if len(these) == 1)
     one_option = textwrap.wrap(
         f"with one option each: {single}", 76, initial_indent="  ", subsequent_indent="    "
