@@ -219,7 +219,7 @@ def test_sigterm_ends_a_run_in_one_line(tmp_path):
         env=os.environ | {"STIXEL_CACHE": str(tmp_path / "cache")},
     ) as process:
         for line in process.stderr:
-            if "] track" in line:
+            if line.startswith("stixel: [") and " track" in line:
                 break
         process.terminate()
         out, err = process.communicate(timeout=600)
