@@ -43,7 +43,7 @@ def test_who_reads_a_key_by_reference(capsys):
 def test_of_several_variants_the_default_comes_first():
     first, *others = describe_key("tracker.sigma_q")
     assert "tracker=gp_ekf" in first.belongs_to and others
-    assert first.unit == "m/s^1.5" and first.default == "1.0"
+    assert first.unit == "m/s^1.5" and first.default == "1.5"
 
 
 def test_words(capsys):

@@ -31,10 +31,11 @@ def test_the_overrides_that_it_prints_use_the_class_of_the_meshes(tmp_path, monk
     p = compose(["measurement=fabricated", "tracker=contour", *overrides]).configuration.prior
     assert (p.length, p.width, p.length_std, p.width_std) == (4.5, 1.8, 0.11, 0.11)
     assert {*read_class(tmp_path / "vans.json")} & {"lidar", "outline", "stixels"} == {"outline"}
-    with pytest.raises(ConfigurationError, match=r"tracker\.seen_by=lidar: learn it"):
-        compose(["measurement=lidar", "tracker=contour", *overrides])
+    for tracker in ("contour", "gp_ekf"):
+        with pytest.raises(ConfigurationError, match=r"tracker\.seen_by=lidar: learn it"):
+            compose(["measurement=lidar", f"tracker={tracker}", *overrides])
     # Others see no visible shape.
-    assert compose(["measurement=lidar", "tracker=gp_ekf", *overrides])
+    assert compose(["measurement=lidar", "tracker=rectangle", *overrides])
     # A rectangle's corner is far beyond that of a drawn car, whose front is round.
     corner = class_shape(p.class_file).outline[22]
     assert corner[0] > 2.15 and corner[1] > 0.85

@@ -231,7 +231,9 @@ def test_only_the_first_line_of_a_group_has_a_band():
 
 def test_the_answer_begins_with_a_sentence_for_each_class():
     text = (resources.files(studies) / "templates/rq1.md.j2").read_text("utf-8")
-    template = template_of(text.partition("{% if near %}")[0], "rq1")
+    definitions, sentences = text.index("{% if near %}"), text.index("{% for label")
+    of_classes = text[:definitions] + text[sentences : text.index("{% if forest %}")]
+    template = template_of(of_classes, "rq1")
     values = {"near": True, "forest": None, "of": of}
     car = ("car", Estimate(0.42, 0.35, 0.5), Estimate(-0.1, -0.2, 0.0))
     leads = [car, ("cyclist", Estimate(), Estimate())]
