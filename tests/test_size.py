@@ -45,7 +45,7 @@ BUDGET = {
     "sweeps": 2615,
     # `contour`: the bank of forms for what it did not learn from, the search at the first scan;
     # a start from slow and sparse scans.
-    "tracking": 6108,
+    "tracking": 6116,
     # Statistics of points, the fit of their noise and the tables of stages, of the studies before.
     "validation": 1517,
 }

@@ -6,6 +6,7 @@ neighbours. A small contour can fit such points with its far side, or grow into 
 """
 
 from dataclasses import replace
+from statistics import median
 from typing import Literal
 
 import numpy as np
@@ -13,7 +14,7 @@ import numpy as np
 from stixel_cli.geometry.pose import rotation
 from stixel_cli.tracking.contour.class_shape import class_shape, visible_shape, visible_table
 from stixel_cli.tracking.contour.contour_rays import Rays, rays_of, segments
-from stixel_cli.tracking.contour.contour_update import condition
+from stixel_cli.tracking.contour.contour_update import correct
 from stixel_cli.tracking.contour.ray_table import expected, outline_table
 from stixel_cli.tracking.gp_ekf_update import SEEN, linearise
 from stixel_cli.tracking.kernel import ContourProcess
@@ -111,14 +112,13 @@ class OneSide:
         main = labels == np.bincount(labels, weights).argmax()
         slopes = model.radial_matrix[:, :SEEN]
         residuals = model.residuals
+        loose = LOOSE * covariance[:SEEN, :SEEN]
         for _ in range(2):
             # The noise of a Cauchy distribution, at the last residuals.
             noise = PLACING_STD**2 * (1.0 + (residuals[main] / TAIL) ** 2)
-            step, posterior, _, _ = condition(
-                LOOSE * covariance[:SEEN, :SEEN], slopes[main], noise, model.residuals[main]
-            )
+            step, posterior, _ = correct(loose, slopes[main], noise, model.residuals[main])
             residuals = model.residuals - slopes @ step
-        variances = np.einsum("ni,ij,nj->n", slopes, posterior, slopes)
+        variances = ((slopes @ posterior) * slopes).sum(axis=1)
         stds = np.sqrt(np.maximum(variances, 0.0))
         reach = np.where(main, REACH + stds, REACH_BESIDE)
         inside = (residuals < reach) & (residuals > -2.0 * reach)
@@ -152,7 +152,7 @@ class OneSide:
         along = directions @ contour.T
         across = np.abs(rays.normals[indices] @ contour.T)
         met = across < np.maximum(NEAREST_RAY, across.min(axis=1, keepdims=True) + 0.03)
-        behind = np.median(rays.ranges[indices] - np.where(met, along, np.inf).min(axis=1))
+        behind = median((rays.ranges[indices] - np.where(met, along, np.inf).min(axis=1)).tolist())
         direction = directions.mean(axis=0)
         direction /= np.hypot(*direction)
         spread = covariance[:, :2] @ direction
