@@ -16,7 +16,7 @@ BUDGET = {
     "cli": 2823,
     "config": 2892,
     # A check that another process has not marked the new cache meanwhile.
-    "engine": 4936,
+    "engine": 4940,
     # The box of a track has room for the limbs; loss has one definition, with heading and class.
     "evaluation": 1750,
     # The names of runs, from config/.
@@ -30,12 +30,12 @@ BUDGET = {
     "pictures": 1441,
     "recordings": 2179,
     # Images of a rig out of calibration.
-    "rendering": 2341,
+    "rendering": 2343,
     # The layer that studies share: runs, scans, cost, templates, numbered blocks, files.
     "report": 3013,
     "results": 1539,
     # A mesh in other units and along another axis.
-    "scene": 3483,
+    "scene": 3553,
     # Conditions of the rig, the matchers, the path, the pictures and the prior, from config/.
     "stereo": 490,
     "stixels": 2030,
@@ -52,7 +52,7 @@ BUDGET = {
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
 
 # The filters of PyRecEst: with the tracker they had more than 300 lines.
-MODULES = 321
+MODULES = 322
 """Modules of the package, without `__init__`."""
 
 

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import MISSING, dataclass, field, fields, is_dataclass
 from hashlib import sha256
 from pathlib import Path
 from typing import Any, Literal
@@ -90,8 +90,8 @@ class Stage:
 def canonical(value: Any) -> Any:
     """Encode a setting as a JSON tree with types and values, floats to the last bit.
 
-    Dataclasses carry the name of their type. 1, 1.0 and True differ, as do 0.0 and -0.0, and a list
-    and a tuple.
+    Dataclasses carry the name of their type. A field with its default value is left out: adding
+    such a field keeps the keys. 1, 1.0 and True differ, as do 0.0 and -0.0, and a list and a tuple.
 
     Raises:
         TypeError: a value of a type that has no canonical form.
@@ -105,7 +105,11 @@ def canonical(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return {type_name(value): [canonical(item) for item in value]}
     if is_dataclass(value) and not isinstance(value, type):
-        content = {one.name: canonical(getattr(value, one.name)) for one in fields(value)}
+        content = {}
+        for one in fields(value):
+            tree = canonical(getattr(value, one.name))
+            if one.default is MISSING or tree != canonical(one.default):
+                content[one.name] = tree
         return {type_name(value): content}
     if isinstance(value, Mapping) and all(isinstance(key, str) for key in value):
         return {"mapping": {key: canonical(value[key]) for key in sorted(value)}}

@@ -5,6 +5,7 @@ import numpy as np
 from stixel_cli.geometry.pose import rotation
 from stixel_cli.rendering.frames import BACKGROUND_ID, ROAD_ID
 from stixel_cli.scene.mesh import Mesh
+from stixel_cli.scene.occluder import occluder
 from stixel_cli.scene.parameters import Light, World
 from stixel_cli.scene.roadside import roadside_objects
 from stixel_cli.scene.scenario import Scenario
@@ -15,12 +16,12 @@ SUN_COLOUR = np.array([1.0, 0.96, 0.88])
 
 
 Motion = tuple[tuple[float, ...], ...]
-"""The motion that a world leaves free: x, y, heading of the ego car and x, y of the target."""
+"""The motion that a world depends on: x, y, heading of the ego car and x, y of the target."""
 
 
 def motion_of(world: World, scenario: Scenario) -> Motion:
-    """The motion that the objects of `world` leave free; () for a world that is always the same."""
-    if world.kind == "street":
+    """The motion that the objects of `world` depend on; () for a world that is always the same."""
+    if (world.kind, world.occluder) == ("street", "none"):
         return ()
     rows = np.concatenate([scenario.ego_poses_world, scenario.target_poses_world[:, :2]], axis=1)
     return tuple(map(tuple, rows.tolist()))
@@ -35,17 +36,18 @@ def numbered_objects(world: World, motion: Motion = ()) -> list[tuple[int, Mesh]
         ValueError: if there are more objects than ids.
     """
     numbered, count = [], 0
-    if world.kind == "street":
-        objects = world_objects(world)
-    else:
-        poses = np.array(motion)
-        objects = roadside_objects(world, poses[:, :3], poses[:, 3:])
+    poses = np.array(motion).reshape(-1, 5)
+    ways = poses[:, :3], poses[:, 3:]
+    objects = world_objects(world) if world.kind == "street" else roadside_objects(world, *ways)
     for item in objects:
         if item.kind == "road":
             numbered.append((ROAD_ID, item.mesh))
         else:
             numbered.append((BACKGROUND_ID + count, item.mesh))
             count += 1
+    if world.occluder != "none":
+        numbered.append((BACKGROUND_ID + count, occluder(world, *ways)))
+        count += 1
     if BACKGROUND_ID + count > 256:
         raise ValueError(f"world: {count} objects, but at most {256 - BACKGROUND_ID} have an id")
     return numbered

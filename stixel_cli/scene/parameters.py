@@ -67,11 +67,14 @@ class World:
             and gaps a stereo camera may take for moving objects.
         seed: of the layout and its textures (not the run's seed).
         contrast: how strong the textures of road and background are, 0 (plain) … 1.
+        occluder: what stands between the camera and the target and hides it for a part of the way;
+            `seed` draws its place and its size.
     """
 
     kind: Literal["street", "roadside", "fenced"]
     seed: Annotated[int, Ge(0), Le(1_000_000)]
     contrast: Annotated[float, Ge(0), Le(1)]
+    occluder: Literal["none", "parked_car", "post", "hedge"] = "none"
 
 
 @parameters
