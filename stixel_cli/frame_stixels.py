@@ -14,9 +14,6 @@ if TYPE_CHECKING:
 
     from stixel_cli.measurements.scans import Scans
 
-OPACITY = 0.65
-"""Of the stixels over the image, as in the pictures of a run."""
-
 
 @dataclass(frozen=True, repr=False, eq=False)
 class FrameStixels:
@@ -89,8 +86,9 @@ class FrameStixels:
         Raises:
             UserError: without pyStixel-lib, `pip install 'stixel[stx1]'`.
         """
-        from stixel_cli.export.stx1 import stixel_world, stx1_library
+        from stixel_cli.export.stx1 import stixel_world
         from stixel_cli.images import encode_png
+        from stixel_cli.measurements.stixel_file import stx1_library
 
         nothing = np.zeros(len(self), dtype=bool)
         world = stixel_world(stx1_library("to_stx1"), self.stixels, 0, nothing, self.rig, "car")
@@ -103,19 +101,13 @@ class FrameStixels:
 
         `image` is (H, W) or (H, W, 3) uint8, by default the left image, or black without one.
         """
+        from stixel_cli.pictures.painted import painted
         from stixel_cli.pictures.style import depth_colours
 
         image = self.image if image is None else image
         if image is None:
             image = np.zeros((self.rig.height, self.rig.width), dtype=np.uint8)
-        picture = image.copy() if image.ndim == 3 else np.repeat(image[..., None], 3, axis=2)
-        colours = 255.0 * depth_colours(self.depth)
-        for colour, (left, right), (top, base) in zip(
-            colours, self.columns, self.rows, strict=True
-        ):
-            area = picture[top : base + 1, left:right]
-            area[...] = np.rint(OPACITY * colour + (1.0 - OPACITY) * area)
-        return picture
+        return painted(image, self.stixels, depth_colours(self.depth))
 
     def __repr__(self) -> str:
         span = f", {self.depth.min():.1f} to {self.depth.max():.1f} m" if len(self) else ""

@@ -10,29 +10,29 @@ PACKAGE = Path(stixel_cli.__file__).parent
 
 BUDGET = {
     # The reader of Feather files stands beside that of all other foreign files.
-    "": 1628,
+    "": 1620,
     "calibration": 643,
     # `explain` says if a folder has results of other code than the cached ones.
-    "cli": 2823,
+    "cli": 2842,
     "config": 2892,
     # A check that another process has not marked the new cache meanwhile.
     "engine": 4940,
     # The box of a track has room for the limbs; loss has one definition, with heading and class.
     "evaluation": 1750,
     # The names of runs, from config/.
-    "experiment": 1478,
-    "export": 548,
+    "experiment": 1540,
+    "export": 537,
     # Camera poses on the plane, poses of labels, rotations of quaternions: from recordings.
     "geometry": 223,
     "machine": 314,
-    "measurements": 1648,
+    "measurements": 1781,
     # The sheet of a frame's stages, of the studies before.
-    "pictures": 1441,
-    "recordings": 2179,
+    "pictures": 1463,
+    "recordings": 2183,
     # Images of a rig out of calibration.
     "rendering": 2343,
     # The layer that studies share: runs, scans, cost, templates, numbered blocks, files.
-    "report": 3013,
+    "report": 3026,
     "results": 1539,
     # A mesh in other units and along another axis.
     "scene": 3553,
@@ -47,12 +47,12 @@ BUDGET = {
     # a start from slow and sparse scans.
     "tracking": 6116,
     # Statistics of points, the fit of their noise and the tables of stages, of the studies before.
-    "validation": 1517,
+    "validation": 1553,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
 
 # The filters of PyRecEst: with the tracker they had more than 300 lines.
-MODULES = 322
+MODULES = 324
 """Modules of the package, without `__init__`."""
 
 

@@ -15,14 +15,20 @@ from stixel_cli.errors import UserError
 
 def assess(
     arguments: Annotated[
-        list[str],
+        list[str] | None,
         argument(
             "The left and the right image, or a recording (source.folder=DIR …); "
             "then overrides as for run.",
             "LEFT RIGHT [OVERRIDE]",
             complete_override,
         ),
-    ],
+    ] = None,
+    stixels: Annotated[
+        Path | None,
+        typer.Option(
+            help="Stixels of another tool: .stx1, its CSV, or that of to_frame().", metavar="FILE"
+        ),
+    ] = None,
     calib: Annotated[
         Path | None,
         typer.Option(
@@ -45,7 +51,7 @@ def assess(
     workers: Workers = None,
     json: Json = False,
 ) -> int:
-    """Assess the stixels of one pair of images on one page.
+    """Assess the stixels of one pair of images, or those in a file, on one page.
 
     It shows the share of the columns that have stixels, their errors against true disparities, the
     offset between the images and the truth, missed obstacles and run times.
@@ -55,23 +61,36 @@ def assess(
       stixel assess left.png right.png --calib rig.yaml
       stixel assess left.png right.png --calib 000074.txt --disparity disp_occ/000074_10.png
       stixel assess source.folder=DIR source.sequence=000074
+      stixel assess left.png right.png --calib rig.yaml --disparity true.png --stixels other.stx1
+      stixel assess --stixels other.stx1
     """
     from stixel_cli.config.compose import compose
     from stixel_cli.engine.progress import make_progress
     from stixel_cli.experiment.assess import assess as assessed
+    from stixel_cli.experiment.assess import assess_stixels
+    from stixel_cli.measurements.stixel_file import read_stixels
     from stixel_cli.report.assess import page_html, sentences, value_rows
     from stixel_cli.report.compare import unused_page, write_page
 
+    arguments = arguments or []
     named = {"--calib": calib, "--disparity": disparity, "--labels": labels}
     given = [*_pair(arguments, named), *(text for text in arguments if "=" in text)]
-    given = [*without_target(given), "pictures.frames=[0]"]
-    assessment = assessed(compose(with_workers(given, workers)), make_progress())
+    if not given and stixels is None:
+        raise UserError("assess needs two images, LEFT and RIGHT, a recording, or --stixels FILE")
+    composition = None
+    if given:
+        given = [*without_target(given), "pictures.frames=[0]"]
+        composition = compose(with_workers(given, workers))
+    if stixels is None:
+        assessment = assessed(composition, make_progress())
+    else:
+        assessment = assess_stixels(read_stixels(stixels), composition, make_progress())
     if json:
         print_json({"values": dict(assessment.values), "seconds": dict(assessment.seconds)})
         return 0
     page = unused_page(Path("assess.html")) if output is None else output
     command = [word for word in ("stixel", "assess", *arguments) if word]
-    for name, file in named.items():
+    for name, file in (named | {"--stixels": stixels}).items():
         command += [] if file is None else [name, str(file)]
     write_page(page, page_html(assessment, shlex.join(command)))
     print_table(("value", "", "unit"), value_rows(assessment), right=(1,))

@@ -18,17 +18,24 @@ from stixel_cli.engine.store import Store
 from stixel_cli.errors import UserError
 from stixel_cli.experiment.stages import computed_stages
 from stixel_cli.geometry.rig import Rig
+from stixel_cli.images import encode_png
+from stixel_cli.measurements.stixel_file import StixelFile
+from stixel_cli.pictures import style
+from stixel_cli.pictures.painted import painted
 from stixel_cli.recordings.image_files import read_disparity
+from stixel_cli.recordings.stereo_images import read_left
 from stixel_cli.recordings.tables import read_labels
 from stixel_cli.recordings.types import Recording
 from stixel_cli.report.assess import ERROR_MAP, LABELS, Assessment, error_map
 from stixel_cli.scene.classes import CLASS_OF_KITTI_TYPE
-from stixel_cli.stixels.types import Stixels
+from stixel_cli.stixels.types import FreeSpace, Stixels
 from stixel_cli.validation.pair_errors import (
     AreaErrors,
     area_errors,
     called_free,
+    found_columns,
     label_obstacles,
+    nearest_disparity,
     true_obstacles,
 )
 
@@ -56,25 +63,25 @@ def assess(composition: Composition, progress: Progress | None = None) -> Assess
     wanted = ["camera_pictures", *(["truth_alignment"] if recording.true_disparities else [])]
     with computed_stages(composition, wanted, progress) as (_, load):
         first = {name: load(name)[0] for name in (*STAGES, *wanted)}
-        covered = _covered(first["stixels"], configuration.rig.width)
-        free_space = first["free_space"]
-        values = dict.fromkeys(LABELS) | {
-            "stixel_share": float(covered.mean()),
-            "free_share": float(np.isnan(free_space.disparity[0]).mean()),
-            "unknown_share": float((free_space.unknown_row[0] >= 0).mean()),
-            "disparity_share": float((first["match"].raw(0) >= 0).mean()),
-        }
-        truth = None
-        if recording.true_disparities:
-            truth = read_disparity(recording.true_disparities[0])
-        values |= _against_truth(first, truth, recording, configuration)
+    free_space, image = first["free_space"], first["pairs"].left[0]
+    alignment, truth = first.get("truth_alignment"), _truth_of(recording)
+    values = _against_truth(first["stixels"], free_space, truth, composition, alignment)
+    values |= {
+        "unknown_share": float((free_space.unknown_row[0] >= 0).mean()),
+        "disparity_share": float((first["match"].raw(0) >= 0).mean()),
+    }
     pictures = {Path(name).stem: d for name, d in first["camera_pictures"].files.items()}
     if truth is not None:
         errors = area_errors(first["stixels"], 0, truth, configuration.rig)
         pixel_errors = first["match"].pixels(0) - truth
-        image = first["pairs"].left[0]
         pictures[ERROR_MAP] = error_map(image, pixel_errors, first["stixels"], errors)
-    return Assessment(values=values, pictures=pictures, seconds=_seconds(composition))
+    return Assessment(dict.fromkeys(LABELS) | values, pictures, _seconds(composition))
+
+
+def _truth_of(recording: Recording) -> np.ndarray | None:
+    """True disparities (H, W) px of the first frame, NaN where unknown; None without them."""
+    files = recording.true_disparities
+    return read_disparity(files[0]) if files else None
 
 
 def _seconds(composition: Composition) -> dict[str, float]:
@@ -89,34 +96,89 @@ def _seconds(composition: Composition) -> dict[str, float]:
     return {name: records[name] for name in STAGES}
 
 
-def _covered(stixels: Stixels, width: int) -> np.ndarray:
-    """Columns (width,) of the first frame with a stixel."""
-    covered, rows = np.zeros(width, dtype=bool), stixels.rows(0)
-    for left, right in zip(stixels.left[rows], stixels.right[rows], strict=True):
-        covered[left:right] = True
-    return covered
+def assess_stixels(
+    file: StixelFile, composition: Composition | None = None, progress: Progress | None = None
+) -> Assessment:
+    """Assess stixels that anybody has made, with the truth of a recording if one is given.
+
+    `composition` is that of a recording whose first frame has the stixels.
+
+    Raises:
+        UserError: if the file is of an image of another size.
+        StageFailure: if the images cannot be aligned with their truth.
+    """
+    stixels, image = file.stixels, file.image
+    if composition is not None:
+        recording = composition.recording
+        rectification = recording.calibration.rectification
+        image = read_left(recording.left, 0, rectification).left[0]
+        sizes = file.image.shape[:2], image.shape[:2]
+        if sizes[0] != sizes[1] if file.has_size else (np.subtract(*sizes) > 0).any():
+            (height, width), (other_height, other_width) = sizes
+            raise UserError(
+                f"--stixels: reach over {width} × {height} px, but the images have "
+                f"{other_width} × {other_height} px"
+            )
+    picture = painted(image, stixels, style.depth_colours(stixels.depth))
+    pictures = {"stixels": encode_png(picture)}
+    if composition is None:
+        covered = nearest_disparity(replace(stixels, disparity=stixels.depth), 0, image.shape[1])
+        values = {
+            "stixels": len(stixels.left),
+            "stixel_share": float(np.isfinite(covered).mean()),
+        }
+        return Assessment(dict.fromkeys(LABELS) | values, pictures, {})
+    rig, disparity = composition.configuration.rig, stixels.disparity
+    of_depth = rig.disparity_from_depth(stixels.depth)
+    stixels = replace(stixels, disparity=np.where(np.isnan(disparity), of_depth, disparity))
+    nearest = nearest_disparity(stixels, 0, rig.width)[None]
+    nothing = np.full(nearest.shape, -1, dtype=np.int32)
+    free_space = FreeSpace(0, nearest.astype(np.float32), nothing, np.zeros((1, 2)))
+    alignment = None
+    if recording.true_disparities:
+        with computed_stages(composition, ["truth_alignment"], progress) as (_, load):
+            (alignment,) = load("truth_alignment")
+    truth = _truth_of(recording)
+    values = _against_truth(stixels, free_space, truth, composition, alignment)
+    if truth is not None:
+        pictures[ERROR_MAP] = error_map(image, None, stixels, area_errors(stixels, 0, truth, rig))
+    return Assessment(dict.fromkeys(LABELS) | values, pictures, {})
 
 
 def _against_truth(
-    first: dict[str, Any], truth: np.ndarray | None, recording: Recording, configuration
+    stixels: Stixels,
+    free_space: FreeSpace,
+    truth: np.ndarray | None,
+    composition: Composition,
+    alignment: Alignment | None,
 ) -> dict[str, Any]:
-    rig, stixels, free_space = configuration.rig, first["stixels"], first["free_space"]
-    values: dict[str, Any] = {}
+    """The values of the first frame."""
+    configuration, recording = composition.configuration, composition.recording
+    rig = configuration.rig
+    covered = np.isfinite(nearest_disparity(stixels, 0, rig.width))
+    values: dict[str, Any] = {
+        "stixels": int(stixels.offsets[1]),
+        "stixel_share": float(covered.mean()),
+        "free_share": float(np.isnan(free_space.disparity[0]).mean()),
+    }
     obstacles = np.full(rig.width, np.nan)
     if truth is not None:
         errors = area_errors(stixels, 0, truth, rig)
         obstacles = true_obstacles(truth, rig, configuration.road, configuration.free_space)
         seen = np.isfinite(obstacles)
-        covered = _covered(stixels, rig.width)
+        found = found_columns(stixels, 0, obstacles, rig)
         values |= {
             "obstacle_columns": int(seen.sum()),
             "obstacle_covered_share": float(covered[seen].mean()) if seen.any() else None,
+            "found_share": float(found[seen].mean()) if seen.any() else None,
             "compared_share": len(errors.errors) / max(int(stixels.offsets[1]), 1),
             "stixels_compared": len(errors.errors),
             **_sizes(errors.errors),
+            "outlier_share": float(errors.outliers.mean()) if len(errors.errors) else None,
+            "phantoms": int(np.sum(errors.outliers & (errors.errors > 0))),
             "square_compared": int(errors.square.sum()),
             **_sizes(errors.errors[errors.square], "square_"),
-            **_aligned(errors, first["truth_alignment"], rig),
+            **_aligned(errors, alignment, rig),
         }
     if recording.label_files:
         tracks = read_labels(recording.label_files, recording.tables)

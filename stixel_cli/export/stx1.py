@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from stixel_cli.errors import UserError
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.scene.classes import CLASS_ROWS
 from stixel_cli.stixels.types import Stixels
@@ -21,17 +20,6 @@ TARGET, OTHER = 0, -1
 
 CLOSE = 1.0
 """A stixel's confidence: the probability that its disparity is within this of the truth, px."""
-
-
-def stx1_library(asked_by: str) -> Any:
-    """pyStixel-lib; UserError without it, that names what needs it."""
-    try:
-        import stixel
-    except ImportError:
-        raise UserError(
-            f"{asked_by}: stx1 needs pyStixel-lib: pip install 'stixel[stx1]'"
-        ) from None
-    return stixel
 
 
 def stixel_world(

@@ -53,13 +53,18 @@ def read_grey(file: Path) -> np.ndarray:
     """
     import cv2
 
-    image = _decoded(file)
+    image = _decoded(file, read_bytes(file, GREATEST_IMAGE))
     return image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
 
 
 def read_rgb(file: Path) -> np.ndarray:
     """The RGB values (H, W, 3) uint8 of a PNG or JPEG file; errors as in `read_grey`."""
-    image = _decoded(file)
+    return decoded_rgb(file, read_bytes(file, GREATEST_IMAGE))
+
+
+def decoded_rgb(file: Path, data: bytes) -> np.ndarray:
+    """As `read_rgb`, of the `data` of an image that is in a file with other content, too."""
+    image = _decoded(file, data)
     return np.repeat(image[..., None], 3, axis=2) if image.ndim == 2 else image[..., ::-1].copy()
 
 
@@ -71,14 +76,13 @@ def read_disparity(file: Path) -> np.ndarray:
     Raises:
         UserError: if it is missing, damaged, or not a grey PNG of 16 bits.
     """
-    image = _decoded(file, of_disparities=True)
+    image = _decoded(file, read_bytes(file, GREATEST_IMAGE), of_disparities=True)
     return np.where(image > 0, image / np.float32(256.0), np.float32(np.nan))
 
 
-def _decoded(file: Path, of_disparities: bool = False) -> np.ndarray:
+def _decoded(file: Path, data: bytes, of_disparities: bool = False) -> np.ndarray:
     import cv2
 
-    data = read_bytes(file, GREATEST_IMAGE)
     width, height = _size(file, data, of_disparities)
     # libpng and libjpeg write own lines to stderr about a damaged file, so it is checked first.
     if data.startswith(PNG):

@@ -16,7 +16,7 @@ from stixel_cli.validation.pair_errors import AreaErrors
 
 ERROR_MAP = "errors"
 PICTURES = (
-    (ERROR_MAP, "Errors of stixels (above) and of matched pixels (below); uncoloured: no truth"),
+    (ERROR_MAP, "Errors of stixels (above) and, if known, of pixels (below); uncoloured: no truth"),
     ("stixels", "Stixels, coloured by their depth"),
     ("height", "Free space (green), unknown (violet) and obstacles (red)"),
     ("disparity", "Disparity, coloured by the depth that it means"),
@@ -42,16 +42,20 @@ class Assessment:
 
 
 LABELS = {
+    "stixels": ("stixels", ""),
     "stixel_share": ("columns with a stixel", "%"),
     "free_share": ("columns without an obstacle", "%"),
     "unknown_share": ("columns with an unknown part", "%"),
     "disparity_share": ("pixels with a disparity", "%"),
     "obstacle_columns": ("columns with a true obstacle", ""),
     "obstacle_covered_share": ("of them with a stixel", "%"),
+    "found_share": ("of them with a stixel that is no outlier", "%"),
     "compared_share": ("stixels with true disparities in their area", "%"),
     "stixels_compared": ("stixels compared", ""),
     "median_px": ("median size of the error", "px"),
     "beyond_1px_share": ("errors beyond 1 px", "%"),
+    "outlier_share": ("outliers: errors beyond 3 px and 5 %", "%"),
+    "phantoms": ("phantoms: outliers that are too near", ""),
     "square_compared": ("stixels compared, on square surfaces", ""),
     "square_median_px": ("median size of the error, on square surfaces", "px"),
     "square_beyond_1px_share": ("errors beyond 1 px, on square surfaces", "%"),
@@ -81,34 +85,40 @@ def page_html(found: Assessment, command: str) -> str:
 
 
 def error_map(
-    image: np.ndarray, pixel_errors: np.ndarray, stixels: Stixels, errors: AreaErrors
+    image: np.ndarray, pixel_errors: np.ndarray | None, stixels: Stixels, errors: AreaErrors
 ) -> bytes:
     """PNG of the first frame's stixels, and of its pixels, in the colours of their errors.
 
     Blue is too far, red too near. Stixels without enough true disparities are outlines.
 
     Args:
-        image: (H, W) uint8, of the left camera.
-        pixel_errors: (H, W) px, of the matched disparities; NaN where unknown.
+        image: (H, W) or (H, W, 3) uint8, of the left camera.
+        pixel_errors: (H, W) px, of the matched disparities; NaN where unknown. None without them:
+            then the map is that of the stixels only.
         stixels, errors: the stixels, and their errors.
     """
-    height, width = image.shape
+    height, width = image.shape[:2]
+    maps = 1 if pixel_errors is None else 2
     sides = np.stack([stixels.left, stixels.right, stixels.right, stixels.left], axis=1)
     ends = np.stack([stixels.top, stixels.top, stixels.base + 1, stixels.base + 1], axis=1)
     corners = np.stack([sides, ends], axis=2)[stixels.rows(0)] - 0.5
     scale = {"cmap": "coolwarm", "norm": Normalize(-MOST_ERROR, MOST_ERROR)}
     with style.drawing():
-        figure = style.new_figure(12.0, 24.0 * height / width + 1.0, layout="constrained")
-        upper, lower = figure.subplots(2)
-        for axes in (upper, lower):
+        size = (12.0, 12.0 * maps * height / width + 1.0)
+        figure = style.new_figure(*size, layout="constrained")
+        upper, *lower = figure.subplots(maps, squeeze=False).ravel()
+        for axes in (upper, *lower):
             axes.imshow(image, cmap="gray", vmin=0, vmax=255)
             axes.set_axis_off()
         upper.add_collection(PolyCollection(corners, facecolors="none", edgecolors="#ffffff80"))
         known = corners[errors.stixels]
-        upper.add_collection(PolyCollection(known, array=errors.errors, edgecolors="face", **scale))
-        drawn = lower.imshow(pixel_errors, interpolation="nearest", **scale)
+        drawn = upper.add_collection(
+            PolyCollection(known, array=errors.errors, edgecolors="face", **scale)
+        )
+        for axes in lower:
+            axes.imshow(pixel_errors, interpolation="nearest", **scale)
         below = {"orientation": "horizontal", "extend": "both", "aspect": 60, "fraction": 0.05}
-        figure.colorbar(drawn, ax=(upper, lower), label="found minus true disparity (px)", **below)
+        figure.colorbar(drawn, ax=(upper, *lower), label="found minus true disparity (px)", **below)
         return style.png(figure)
 
 
@@ -163,8 +173,11 @@ def sentences(found: Assessment) -> list[str]:
             f"{text('near_called_free')} of {text('near_columns')} columns with a true obstacle "
             "nearer than 6 m are called free."
         )
-    lines.append(
-        f"{text('stixel_share')} % of the columns have a stixel, {text('free_share')} % have no "
-        f"obstacle, {text('unknown_share')} % have an unknown part."
-    )
+    if values["stixels_compared"] is None:
+        lines.append("No errors are stated: the true disparities are missing (--disparity).")
+    shares = {"free_share": "have no obstacle", "unknown_share": "have an unknown part"}
+    known = [
+        f", {text(name)} % {says}" for name, says in shares.items() if values[name] is not None
+    ]
+    lines.append(f"{text('stixel_share')} % of the columns have a stixel{''.join(known)}.")
     return lines

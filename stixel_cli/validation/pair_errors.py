@@ -24,6 +24,9 @@ SQUARE = 0.5
 FOOT, TOP = 0.25, 2.0
 """Heights above the road between which stixels are compared, m."""
 
+OUTLIER_PX, OUTLIER_SHARE = 3.0, 0.05
+"""An outlier has a greater error, px and of the true disparity (Menze, Geiger 2015)."""
+
 ELSEWHERE = 1.5
 """An obstacle is called free where the column is found free this far behind it, m."""
 
@@ -36,16 +39,28 @@ class AreaErrors:
         stixels: (n,) their indices.
         errors: (n,) px, found disparity minus the median of the true ones.
         spreads: (n,) px, of the true disparities, from 10 % to 90 %.
+        truths: (n,) px, the median of the true ones.
     """
 
     stixels: np.ndarray
     errors: np.ndarray
     spreads: np.ndarray
+    truths: np.ndarray
 
     @property
     def square(self) -> np.ndarray:
         """Which stixels (n,) bool are on square surfaces."""
         return self.spreads < SQUARE
+
+    @property
+    def outliers(self) -> np.ndarray:
+        """Which stixels (n,) bool are outliers, see `is_outlier`."""
+        return is_outlier(self.errors, self.truths)
+
+
+def is_outlier(errors: np.ndarray, truths: np.ndarray) -> np.ndarray:
+    """Which `errors`, any shape, px, are outliers, given the true disparities, px."""
+    return np.abs(errors) > np.maximum(OUTLIER_PX, OUTLIER_SHARE * truths)
 
 
 def area_errors(stixels: Stixels, index: int, truth: np.ndarray, rig: Rig) -> AreaErrors:
@@ -67,9 +82,30 @@ def area_errors(stixels: Stixels, index: int, truth: np.ndarray, rig: Rig) -> Ar
         lower = known[len(known) // 2 :].any(axis=1)
         if len(values) >= LEAST_PIXELS and lower.mean() >= LEAST_ROWS:
             spread = np.subtract(*np.percentile(values, [90, 10]))
-            rows.append((s, stixels.disparity[s] - np.median(values), spread))
-    indices, errors, spreads = np.array(rows).reshape(-1, 3).T
-    return AreaErrors(indices.astype(int), errors, spreads)
+            true = np.median(values)
+            rows.append((s, stixels.disparity[s] - true, spread, true))
+    indices, *values = np.array(rows, dtype=np.float64).reshape(-1, 4).T
+    return AreaErrors(indices.astype(int), *values)
+
+
+def nearest_disparity(stixels: Stixels, index: int, width: int) -> np.ndarray:
+    """Disparity (W,) px of the nearest stixel in each column of a frame; NaN without one."""
+    nearest = np.full(width, np.nan)
+    for s in range(*stixels.rows(index).indices(len(stixels.left))):
+        columns = slice(stixels.left[s], stixels.right[s])
+        nearest[columns] = np.fmax(nearest[columns], stixels.disparity[s])
+    return nearest
+
+
+def found_columns(stixels: Stixels, index: int, obstacles: np.ndarray, rig: Rig) -> np.ndarray:
+    """Columns (W,) bool whose true obstacle, at a depth (W,) m, has a stixel that is no outlier."""
+    true, found = rig.disparity_from_depth(obstacles), np.zeros(rig.width, dtype=bool)
+    for s in range(*stixels.rows(index).indices(len(stixels.left))):
+        columns = slice(stixels.left[s], stixels.right[s])
+        # Without an obstacle, the difference is NaN.
+        difference = np.nan_to_num(stixels.disparity[s] - true[columns], nan=np.inf)
+        found[columns] |= ~is_outlier(difference, true[columns])
+    return found
 
 
 def true_obstacles(

@@ -1,24 +1,33 @@
 """Single pairs of images: their layouts, `stixel assess`, and errors against true disparities."""
 
 import json
-from dataclasses import replace
+from dataclasses import fields, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from made_street import poses_ahead, stereo_view, street_rig
 
-from stixel_cli import compose
+from stixel_cli import compose, stixels_from_pair
 from stixel_cli.cli.app import main
 from stixel_cli.errors import UserError
 from stixel_cli.export.kitti_folder import calibration_text
 from stixel_cli.images import encode_png
 from stixel_cli.recordings.find import find_recording, guess_layout
-from stixel_cli.recordings.image_files import read_disparity
+from stixel_cli.recordings.image_files import read_disparity, read_grey
 from stixel_cli.recordings.kitti_tables import read_labels
 from stixel_cli.recordings.parameters import KittiPair
 from stixel_cli.stixels.parameters import FreeSpaceParameters, RigRoad
 from stixel_cli.stixels.types import FreeSpace, Stixels
-from stixel_cli.validation.pair_errors import area_errors, called_free, road_plane, true_obstacles
+from stixel_cli.validation.pair_errors import (
+    area_errors,
+    called_free,
+    found_columns,
+    is_outlier,
+    nearest_disparity,
+    road_plane,
+    true_obstacles,
+)
 
 RIG = street_rig()
 OFFSET = 0.3
@@ -150,6 +159,36 @@ def test_assess_measures_errors_offset_and_obstacles(pair, tmp_path, monkeypatch
     assert fit["offset"] == pytest.approx(OFFSET, abs=0.05)
 
 
+def test_stixels_from_a_file_have_the_scores_of_ours(pair, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    left, right, truth = (
+        str(pair / name / "000007_10.png") for name in ("image_0", "image_1", "disp_occ")
+    )
+    calibration = str(pair / "calib" / "000007.txt")
+    found = stixels_from_pair(read_grey(Path(left)), read_grey(Path(right)), calibration)
+    found.to_frame().to_csv("ours.csv", index=False)
+    given = ["assess", left, right, "--calib", calibration, "--disparity", truth]
+    given += ["executor=threads", "--json"]
+    scores = []
+    for more in ([], ["--stixels", "ours.csv"]):
+        assert main([*given, *more]) == 0
+        scores.append(json.loads(capsys.readouterr().out)["values"])
+    ours, theirs = scores
+    assert theirs["stixels"] == len(found) and theirs["found_share"] > 0.9
+    # A file does not state what is unknown.
+    of_the_file = {name: value for name, value in theirs.items() if value is not None}
+    assert ours.keys() - of_the_file.keys() == {"unknown_share", "disparity_share"}
+    near = {name: ours.pop(name) - theirs.pop(name) for name in ("near_called_free", "free_share")}
+    assert near["near_called_free"] <= 0
+    assert {name: ours[name] for name in of_the_file if name in ours} == pytest.approx(
+        {name: value for name, value in of_the_file.items() if name in ours}
+    )
+    wide = found.to_frame().assign(right=RIG.width + 1)
+    wide.to_csv("wide.csv", index=False)
+    assert main([*given, "--stixels", "wide.csv"]) == 2
+    assert f"--stixels: reach over {RIG.width + 1} × " in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
@@ -193,6 +232,46 @@ def test_truth_behind_an_object_is_not_its_own():
     found = area_errors(stixel, 0, truth, RIG)
     assert found.stixels.tolist() == [0]
     assert found.errors[0] == pytest.approx(0.2) and not found.square[0]
+
+
+@pytest.mark.parametrize(
+    ("error", "truth", "outlier"),
+    [
+        (3.1, 10.0, True),
+        (-3.1, 10.0, True),
+        (2.9, 10.0, False),
+        (3.1, 80.0, False),
+        (4.1, 80.0, True),
+    ],
+)
+def test_an_outlier_is_beyond_both_limits(error, truth, outlier):
+    assert is_outlier(np.array([error]), np.array([truth])).tolist() == [outlier]
+
+
+def test_a_phantom_is_an_outlier_that_is_too_near():
+    truth = np.full((RIG.height, RIG.width), np.nan)
+    truth[60:93, 60:63] = 12.8
+    for disparity, outlier, phantom in ((13.0, 0, 0), (16.0, 1, 1), (9.0, 1, 0)):
+        found = area_errors(stixel_at(60, disparity, 60, 100), 0, truth, RIG)
+        assert found.truths.tolist() == [12.8] and found.stixels.tolist() == [0]
+        assert found.outliers.sum() == outlier
+        assert np.sum(found.outliers & (found.errors > 0)) == phantom
+
+
+def test_a_column_is_found_if_one_of_its_stixels_is_no_outlier():
+    obstacles = np.full(RIG.width, np.nan)
+    obstacles[60:64] = RIG.depth_from_disparity(20.0)
+    right, wrong = stixel_at(60, 19.0, 40, 90), stixel_at(60, 30.0, 40, 90)
+    for stixels, columns in ((right, [60, 61, 62]), (wrong, [])):
+        found = np.flatnonzero(found_columns(stixels, 0, obstacles, RIG))
+        assert found.tolist() == columns
+    both = Stixels(0, np.array([0, 2]), *(
+        np.concatenate([getattr(one, name) for one in (wrong, right)])
+        for name in [field.name for field in fields(Stixels)][2:]
+    ))  # fmt: skip
+    assert found_columns(both, 0, obstacles, RIG).sum() == 3
+    nearest = nearest_disparity(both, 0, RIG.width)
+    assert np.nanmax(nearest) == np.nanmin(nearest) == 30.0 and np.isfinite(nearest).sum() == 3
 
 
 def test_the_road_of_the_truth_may_roll():

@@ -1,0 +1,133 @@
+"""Stixels in files of other tools, and in our own tables."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from stixel_cli.errors import UserError
+from stixel_cli.files import read_bytes
+from stixel_cli.measurements.tables import read_table, refuse_rows
+from stixel_cli.recordings.image_files import GREATEST_SIDE, decoded_rgb
+from stixel_cli.stixels.types import Stixels
+
+OWN = ("left", "right", "top", "base", "disparity", "depth")
+FOREIGN = ("u", "vT", "vB", "d")
+
+FARTHEST = 10_000.0
+"""Greatest depth, m."""
+
+MOST = 100_000
+"""Stixels of a file."""
+
+
+@dataclass(frozen=True)
+class StixelFile:
+    """The stixels of one frame.
+
+    Attributes:
+        stixels: their columns, rows and depths; a disparity is NaN if the file has none.
+        image: (H, W, 3) uint8 RGB; black if the file has none.
+        has_size: whether the file states the image's size; else all stixels are inside of it.
+    """
+
+    stixels: Stixels
+    image: np.ndarray
+    has_size: bool
+
+
+def stx1_library(asked_by: str) -> Any:
+    """pyStixel-lib; UserError without it, that names what needs it."""
+    try:
+        import stixel
+    except ImportError:
+        raise UserError(
+            f"{asked_by}: stx1 needs pyStixel-lib: pip install 'stixel[stx1]'"
+        ) from None
+    return stixel
+
+
+def read_stixels(file: Path) -> StixelFile:
+    """The stixels in a `.stx1`, in the CSV of the same tools, or in a table of `to_frame`.
+
+    In the first two the row vB is the one below the stixel, and the depth is along the optical
+    axis. A CSV of theirs has no widths: they are the least distance of two columns.
+
+    Raises:
+        UserError: in one line, if the file is missing, too large, or not valid.
+    """
+    if file.suffix.lower() == ".stx1":
+        return _read_stx1(file)
+    columns = read_table(file, (), [OWN, FOREIGN])
+    if OWN[0] in columns:
+        return _stixel_file(file, columns)
+    if FOREIGN[0] not in columns:
+        needed = " or ".join(", ".join(names) for names in (OWN, FOREIGN))
+        raise UserError(f"{file}: must be .stx1, or have the columns {needed}")
+    steps = np.diff(np.unique(columns["u"]))
+    return _stixel_file(file, _as_own(columns, steps.min(initial=GREATEST_SIDE)))
+
+
+def _as_own(columns: Mapping[str, np.ndarray], width: np.ndarray | float) -> dict[str, np.ndarray]:
+    """The columns `FOREIGN` under the names of `OWN`."""
+    u, top, below, depth = (columns[name] for name in FOREIGN)
+    unknown = np.full(len(u), np.nan)
+    own = (u, u + width, top, below - 1.0, unknown, depth)
+    return dict(zip(OWN, own, strict=True))
+
+
+def _read_stx1(file: Path) -> StixelFile:
+    library: Any = stx1_library(str(file))
+    try:
+        world = library.StixelWorld.FromString(read_bytes(file))
+    except Exception as fault:
+        # protobuf's own error; only pyStixel-lib depends on it.
+        if type(fault).__name__ != "DecodeError":
+            raise
+        raise UserError(f"{file}: not a .stx1 file") from None
+    names = (*FOREIGN, "width")
+    values = [[getattr(one, name) for name in names] for one in world.stixel]
+    columns = dict(zip(names, np.array(values, dtype=np.float64).reshape(-1, 5).T, strict=True))
+    image = decoded_rgb(file, world.image) if world.image else None
+    return _stixel_file(file, _as_own(columns, columns["width"]), image)
+
+
+def _stixel_file(
+    file: Path, columns: Mapping[str, np.ndarray], image: np.ndarray | None = None
+) -> StixelFile:
+    """The checked stixels of a file, in ascending order of their columns."""
+    left, right, top, base, disparity, depth = (columns[name] for name in OWN)
+    if len(left) > MOST:
+        raise UserError(f"{file}: {len(left)} stixels, at most {MOST}")
+    height, width = (GREATEST_SIDE, GREATEST_SIDE) if image is None else image.shape[:2]
+    for wrong, problem in (
+        (
+            ~((left >= 0) & (left < right) & (right <= width)),
+            f"its columns are not in 0 to {width}",
+        ),
+        (~((top >= 0) & (top <= base) & (base < height)), f"its rows are not in 0 to {height}"),
+        (~((depth > 0) & (depth <= FARTHEST)), f"its depth is not in 0 to {FARTHEST:g} m"),
+        (disparity <= 0, "its disparity is not > 0 px"),
+    ):
+        refuse_rows(file, wrong, lambda row, problem=problem: problem)
+    order = np.argsort(left, kind="stable")
+    whole = [values[order].astype(np.int32) for values in (left, right, top, base)]
+    n = len(order)
+    unknown = np.full(n, np.nan)
+    stixels = Stixels(
+        0,
+        np.array([0, n]),
+        *whole,
+        disparity[order],
+        unknown,
+        depth[order],
+        unknown,
+        np.full((n, 2), np.nan),
+        np.full((n, 2, 2), np.nan),
+    )
+    if image is not None:
+        return StixelFile(stixels, image, True)
+    size = (whole[3].max(initial=0) + 1, whole[1].max(initial=1))
+    return StixelFile(stixels, np.zeros((*size, 3), dtype=np.uint8), False)
