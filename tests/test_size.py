@@ -13,18 +13,18 @@ BUDGET = {
     "": 1620,
     "calibration": 643,
     # `explain` says if a folder has results of other code than the cached ones.
-    "cli": 2842,
-    "config": 2892,
+    "cli": 2848,
+    "config": 2980,
     # A check that another process has not marked the new cache meanwhile.
     "engine": 4940,
     # The box of a track has room for the limbs; loss has one definition, with heading and class.
     "evaluation": 1750,
     # The names of runs, from config/.
-    "experiment": 1540,
+    "experiment": 1546,
     "export": 537,
     # Camera poses on the plane, poses of labels, rotations of quaternions: from recordings.
     "geometry": 223,
-    "machine": 314,
+    "machine": 325,
     "measurements": 1781,
     # The sheet of a frame's stages, of the studies before.
     "pictures": 1463,
@@ -52,7 +52,7 @@ BUDGET = {
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
 
 # The filters of PyRecEst: with the tracker they had more than 300 lines.
-MODULES = 324
+MODULES = 325
 """Modules of the package, without `__init__`."""
 
 

@@ -42,11 +42,13 @@ def doctor(json: Json = False) -> int:
     It checks versions, cores, threads, renderers, cache and disk. The exit code is 0 if the default
     experiment can run here, otherwise 1.
     """
+    from stixel_cli.engine.progress import make_display
     from stixel_cli.machine.health import examine
 
-    if not json:
-        tell("checking; each renderer draws a picture, which takes some seconds …")
-    checks = examine(local_store())
+    bar = make_display()
+    show = bar.show if sys.stderr.isatty() else lambda _, text: tell(f"{text} …")
+    checks = examine(local_store(), begins=(lambda *_: None) if json else show)
+    bar.close()
     failing = [check for check in checks if check.status == "fails"]
     if json:
         print_json({"ok": not failing, "checks": [vars(check) for check in checks]})

@@ -51,12 +51,14 @@ def ls(
         return 0
     rows = map(metric, SHOWN)
     shown = [f"{row.short_label}, {row.shown_unit}".rstrip(", ") for row in rows]
-    columns = ["folder", "created", "choices", "seed", *shown]
-    print_table(columns, map(_row, runs), right=(3, 4, 5, 6), leave_out=(1, 6, 3, 4, 5))
+    columns = ["folder", "created", "choices", "seed", "verdict", *shown]
+    print_table(columns, map(_row, runs), right=(3, 5, 6, 7), leave_out=(1, 7, 3, 5, 6))
     return 0
 
 
 def _json(run: "RunResult") -> dict[str, Any]:
+    from stixel_cli.evaluation.verdict import word
+
     return {
         "path": str(run.folder),
         "kind": "sweep" if run.is_sweep else "run",
@@ -65,6 +67,7 @@ def _json(run: "RunResult") -> dict[str, Any]:
         "overrides": run.overrides,
         "swept": run.setting,
         "seed": run.seed,
+        "verdict": word(run.metrics),
         "metrics": run.metrics,
         "fault": None if run.failure is None else str(run.failure),
     }
@@ -81,6 +84,7 @@ def _differences(run: "RunResult") -> str:
 
 
 def _row(run: "RunResult") -> list[str]:
+    from stixel_cli.evaluation.verdict import word
     from stixel_cli.report.metrics import shown_value
     from stixel_cli.sweeps.index import SHOWN
 
@@ -89,7 +93,7 @@ def _row(run: "RunResult") -> list[str]:
     created = str(run.manifest.get("created", ""))[:16].replace("T", " ")
     # A line of the table may break at the spaces.
     choices = re.sub(r",(?=\S)", ", ", _differences(run))
-    return [str(run.folder), created, choices, seed, *shown]
+    return [str(run.folder), created, choices, seed, word(run.metrics) or "", *shown]
 
 
 def show(folder: RunOrSweep, json: Json = False) -> int:

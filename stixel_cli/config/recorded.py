@@ -24,6 +24,7 @@ from stixel_cli.config.folders import (
 )
 from stixel_cli.config.user_files import UserFiles
 from stixel_cli.errors import ConfigurationError
+from stixel_cli.pairs import rig_of
 from stixel_cli.recordings.find import guess_layout
 from stixel_cli.recordings.parameters import Recorded, Source
 from stixel_cli.recordings.types import Recording
@@ -159,17 +160,14 @@ def _values(
 ) -> dict[str, Any]:
     """Values for recorded images, by key; `chosen` has options and values by name."""
     calibration = recording.calibration
-    if calibration.camera_height is None and not {"rig", "rig.camera_height"} & chosen.keys():
-        raise ConfigurationError(
-            "rig.camera_height: is required, because the recording does not state the height of "
-            "the cameras above the road, m"
-        )
     if chosen["start"] != "scans" and recording.label is None:
         raise ConfigurationError(
             f"start: {chosen['start']} needs a label (source.target); else choose start=scans"
         )
     facts = {**chosen, "source": recording.layout, "auto": recording.auto}
     values = values_that_suit(suitable, facts)
+    if calibration.camera_height is None and not {"rig", "rig.camera_height"} & chosen.keys():
+        values["rig.camera_height"] = _height_of_road(recording, chosen)
     if chosen["start"] == "scans" and recording.label:
         values["start.bearing"] = [round(bearing, 3) for bearing in recording.first_bearings]
     if chosen.get("tracker") == "contour":
@@ -180,6 +178,23 @@ def _values(
         edge = math.degrees(errors["edge"] / calibration.focal_length)
         values["tracker.silhouette_std"] = round(edge, 3)
     return values
+
+
+def _height_of_road(recording: Recording, chosen: Mapping[str, Any]) -> float:
+    """Height in m of the cameras above the road that the recording's images show."""
+    # OpenCV and Numba are imported for it.
+    from stixel_cli.config.road_pose import MIDDLE, road_pose
+
+    size = recording.width, recording.height
+    rig = recording.calibration.rig_values(*size) | {"camera_height": MIDDLE}
+    rig |= {k.removeprefix("rig."): v for k, v in chosen.items() if k.startswith("rig.")}
+    height, _ = road_pose(recording, rig_of(rig, size[::-1]))
+    if math.isnan(height):
+        raise ConfigurationError(
+            "rig.camera_height: is required, m above the road: neither the recording's files state "
+            "it, nor do its images show a road"
+        )
+    return round(height, 2)
 
 
 def _completed(

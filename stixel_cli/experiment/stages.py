@@ -197,6 +197,12 @@ def computed_stages(
     """
     configuration = composition.configuration
     store = open_store(configuration.cache) if store is None else store
+    if progress is not None and configuration.source.kind != "rendered":
+        # OpenCV and Numba are imported for it.
+        from stixel_cli.config.road_pose import contradiction
+
+        if text := contradiction(composition.recording, configuration):
+            progress.note(text)
     try:
         graph = experiment_graph(composition)
         wanted = [name for name in wanted if name in graph.stages]

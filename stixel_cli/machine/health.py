@@ -46,18 +46,29 @@ def examine(
     store: Store,
     raycast: Callable[[], str | None] | None = None,
     filament: Callable[[], str | None] | None = None,
+    begins: Callable[[float, str], object] = lambda share, text: None,
 ) -> list[Check]:
     """Run all checks; the renderers run in child processes with a time limit.
 
-    `raycast` and `filament` return why the renderer does not work, None if it works.
+    `raycast` and `filament` return why the renderer does not work, None if it works. Before each
+    part `begins` is called with the share that is done and what begins.
     """
-    return [
-        *_software(),
-        *_processors(),
-        _renderer("raycast", raycast or probe_raycast, "fails"),
-        _renderer("filament", filament or _probe_filament, "absent"),
-        *_cache(store),
-    ]
+    parts = {
+        "reads the versions": _software,
+        "counts cores": _processors,
+        "raycast draws a picture; the first time it compiles": lambda: [
+            _renderer("raycast", raycast or probe_raycast, "fails")
+        ],
+        "filament draws a picture": lambda: [
+            _renderer("filament", filament or _probe_filament, "absent")
+        ],
+        "lists the cache": lambda: _cache(store),
+    }
+    checks = []
+    for number, (text, part) in enumerate(parts.items()):
+        begins(number / len(parts), text)
+        checks += part()
+    return checks
 
 
 def probe_raycast(

@@ -51,7 +51,9 @@ def test_all_is_well(renderers, capsys, tmp_path, monkeypatch):
     assert {"numpy", "cache folder", "cache size", "disk free"} <= set(checks)
     assert not (tmp_path / "cache").exists()
     assert main(["doctor"]) == 0
-    assert "the default experiment can run here" in capsys.readouterr().out
+    said, told = capsys.readouterr()
+    assert "the default experiment can run here" in said
+    assert "raycast draws a picture" in told and "filament draws" in told
 
 
 def test_filament_may_be_absent_and_rays_may_not(renderers, capsys):

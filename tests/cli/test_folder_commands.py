@@ -39,13 +39,16 @@ def test_ls_lists_runs_oldest_first(results, capsys, monkeypatch):
     runs = [one for one in found if one["kind"] == "run"]
     assert [one["path"].rpartition("/")[2] for one in runs] == ["first", "third", "second"]
     assert [one["path"] for one in found if one["kind"] == "sweep"] == [str(sweep)]
-    assert runs[0]["metrics"]["centre_rmse_m"] == 0.25
+    assert runs[0]["metrics"]["centre_rmse_m"] == 0.25 and runs[0]["verdict"] is None
+    whole = json.loads((results / "first" / "metrics.json").read_text())
+    lost = json.dumps(whole | {"track_lost": 1})
+    (results / "first" / "metrics.json").write_text(lost)
     assert [one["path"] for one in answer(capsys, "ls", str(sweep))] == [f"{sweep}/runs/0000"]
     monkeypatch.setenv("COLUMNS", "400")
     assert main(["ls", str(results)]) == 0
     said = capsys.readouterr().out
     assert said.index("first") < said.index("second")
-    assert "0.250" in said
+    assert "0.250" in said and "lost" in said and "verdict" in said
     assert "a sweep" in said
 
 

@@ -146,15 +146,19 @@ def test_assess_measures_errors_offset_and_obstacles(pair, tmp_path, monkeypatch
     assert values["near_columns"] == pytest.approx(RIG.width - RIG.u0 - 0.4 * RIG.focal, abs=2)
     assert values["near_called_free"] == 0
     assert values["stixel_share"] > 0.9
-    assert main(given) == 0
-    said = capsys.readouterr().out
+    wrong, mends = "rig.camera_height=1.2", "set rig.camera_height=1."
+    assert main([*given, wrong]) == 0
+    said, noted = capsys.readouterr()
+    assert mends in noted
     page = (tmp_path / "assess.html").read_text()
     assert "0 of 5" in said and said.splitlines()[-1] == "assess.html"
     assert page.count("data:image/png") == 4 and "of the columns have a stixel" in page
     # The same truth calibrates the rig.
     found = [f"source.folder={pair}", "source.sequence=000007", "executor=threads"]
-    assert main(["calibrate", "--json", *found]) == 0
-    fit = json.loads(capsys.readouterr().out)
+    assert main(["calibrate", "--json", *found, wrong]) == 0
+    printed, noted = capsys.readouterr()
+    fit = json.loads(printed)
+    assert mends in noted
     assert fit["method"] == "ground truth" and fit["slope"] == 0.0
     assert fit["offset"] == pytest.approx(OFFSET, abs=0.05)
 

@@ -1,5 +1,6 @@
 """The readers of recordings: what they find, and one line for each wrong folder."""
 
+import re
 import shutil
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 from made_clip import LENGTH, WIDTH, make_clip, small_rig, small_scenario
 
 from stixel_cli.config.compose import compose
+from stixel_cli.config.road_pose import contradiction, road_pose
 from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.images import encode_png
 from stixel_cli.recordings.find import find_recording, guess_layout
@@ -306,7 +308,7 @@ def test_a_wrong_rig_is_refused(text, said, clip, tmp_path):
         find_recording(wrong)
 
 
-def test_what_a_plain_folder_does_not_state_is_required(clip, tmp_path):
+def test_what_a_plain_folder_does_not_state_is_required_or_seen(clip, tmp_path):
     plain_folder(clip, tmp_path)
     # As in docs/real-data.md, without its `source.sample_time`.
     words = [f"source.folder={tmp_path}", "road_user=car", "start.range=[5,15]"]
@@ -315,6 +317,19 @@ def test_what_a_plain_folder_does_not_state_is_required(clip, tmp_path):
     rig = tmp_path / "rig.yaml"
     rig.write_text(rig.read_text().replace("camera_height: 1.65\n", ""))
     words.append("source.sample_time=0.1")
+
+    def said(*more):
+        composition = compose([*words, *more])
+        return contradiction(composition.recording, composition.configuration)
+
+    assert compose(words).configuration.rig.camera_height == pytest.approx(1.65, rel=0.03)
+    assert re.search(r"height: not given.* 1\.6\d m; rig\.disparity_offset=0 ", said())
+    contradicts = said("rig.camera_height=1.2", "rig.pitch=6.0")
+    assert re.search(r"set rig\.camera_height=1\.6\d rig\.pitch=-?0\.\d \(now 1\.2 ", contradicts)
+    assert said("rig.camera_height=1.6") is None
+    for file in (tmp_path / "left").iterdir():
+        shutil.copy(file, tmp_path / "right")
+    road_pose.cache_clear()
     with pytest.raises(ConfigurationError, match=r"^rig\.camera_height: is required"):
         compose(words)
     assert compose([*words, "rig.camera_height=1.5"]).configuration.rig.camera_height == 1.5
