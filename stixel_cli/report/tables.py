@@ -161,17 +161,20 @@ def table_csv(table: Table) -> str:
     return csv_text(table.columns, (dict(zip(table.columns, r, strict=True)) for r in table.rows))
 
 
-def shown_table(table: Table) -> tuple[list[str], list[list[str]], list[bool]]:
-    """Header, cells as shown, and whether each column has numbers.
-
-    A value is in one cell with its standard deviation or the ends of its interval.
-    """
+def shown_columns(table: Table) -> list[list[int]]:
+    """Numbers of the columns in one shown cell: a value and its standard deviation or interval."""
     together: list[list[int]] = []
     for i, column in enumerate(table.columns):
         if together and column.startswith(("low ", "high ", f"{SPREAD} ")):
             together[-1].append(i)
         else:
             together.append([i])
+    return together
+
+
+def shown_table(table: Table) -> tuple[list[str], list[list[str]], list[bool]]:
+    """Header, cells as shown, and whether each column has numbers."""
+    together = shown_columns(table)
     suffixes = {1: "", 2: f" {SPREAD} sd", 3: INTERVAL}
     header = [table.columns[g[0]] + suffixes[len(g)] for g in together]
     rows = [[_cell([row[i] for i in group]) for group in together] for row in plain_rows(table)]
@@ -201,15 +204,13 @@ def plain_rows(table: Table) -> list[list[Cell]]:
     return [[c.item() if hasattr(c, "item") else c for c in row] for row in table.rows]
 
 
-def markdown_row(cells: Sequence[str]) -> str:
-    """A row of a table in Markdown."""
-    return "| " + " | ".join(cell.replace("|", r"\|") for cell in cells) + " |"
-
-
-def markdown_table(header: Sequence[str], rows: Iterable[Sequence[str]], numeric) -> list[str]:
+def markdown_table(
+    header: Sequence[str], rows: Sequence[Sequence[str]], numeric: Iterable[bool]
+) -> list[str]:
     """Lines of a table in Markdown; `numeric` columns are aligned right."""
-    rule = "|" + "".join(" ---: |" if right else " --- |" for right in numeric)
-    return [markdown_row(header), rule, *map(markdown_row, rows)]
+    lines = [" | ".join(cell.replace("|", r"\|") for cell in row) for row in (header, *rows)]
+    rule = " | ".join("---:" if right else "---" for right in numeric)
+    return [f"| {line} |" for line in (lines[0], rule, *lines[1:])]
 
 
 def table_markdown(table: Table) -> str:
@@ -217,28 +218,20 @@ def table_markdown(table: Table) -> str:
     return "\n".join([*markdown_table(*shown_table(table)), "", table.caption, ""])
 
 
-def latex_table(
-    caption: str, numeric: Sequence[bool], header: Sequence[str], rows: Iterable[Sequence[str]]
-) -> list[str]:
-    """Lines of a table in LaTeX, the last one empty; `numeric` columns are aligned right.
-
-    It needs no package, other than that of pandas.
-    """
+def table_latex(table: Table) -> str:
+    """The table in LaTeX, which needs no package; numbers are aligned right."""
+    header, rows, numeric = shown_table(table)
     lines = [" & ".join(map(_latex_text, row)) + r" \\" for row in (header, *rows)]
-    return [
-        r"\begin{table}",
-        rf"\caption{{{_latex_text(caption)}}}",
-        rf"\begin{{tabular}}{{{''.join('r' if right else 'l' for right in numeric)}}}",
-        *(r"\hline", lines[0], r"\hline", *lines[1:], r"\hline"),
-        *(r"\end{tabular}", r"\end{table}", ""),
-    ]
+    return "\n".join(
+        [
+            r"\begin{table}",
+            rf"\caption{{{_latex_text(table.caption)}}}",
+            rf"\begin{{tabular}}{{{''.join('r' if right else 'l' for right in numeric)}}}",
+            *(r"\hline", lines[0], r"\hline", *lines[1:], r"\hline"),
+            *(r"\end{tabular}", r"\end{table}", ""),
+        ]
+    )
 
 
 def _latex_text(text: str) -> str:
     return "".join(_LATEX.get(character, character) for character in text)
-
-
-def table_latex(table: Table) -> str:
-    """The table in LaTeX."""
-    header, rows, numeric = shown_table(table)
-    return "\n".join(latex_table(table.caption, numeric, header, rows))

@@ -11,26 +11,17 @@ import yaml
 from markupsafe import Markup
 
 from stixel_cli.config.texts import split_override
-from stixel_cli.report.blocks import Block, Figure, Findings, Paragraph, Picture, Section, Table
+from stixel_cli.report.blocks import Block, Figure, Findings, Picture, Section, Table
 from stixel_cli.report.metrics import format_value
-from stixel_cli.report.page import drawing_for_page, page_template
-from stixel_cli.report.tables import INTERVAL, shown_table
+from stixel_cli.report.page import drawing_for_page, page_template, table_for_page
 from stixel_cli.report.template import inline_html
 from stixel_cli.results.lineage import provenance, shown_revision
 from stixel_cli.studies.plan import StudyPlan
 
 _NARROW = 700
 """Figures up to this width, px, are placed side by side if the screen is wide enough."""
-_WIDEST = 125
-"""A table with more characters in a row is printed in landscape format."""
-_LONG = 27
-"""A table with more rows is printed in a small font, unless in landscape format."""
-_SHORT = 30
-"""Columns of up to this many characters have no line breaks."""
 _LEAST_PICTURE = 600
 """px: the least width of a picture, whose text has this size then (`report.scan_frame`)."""
-_SIDE_BY_SIDE = 2
-"""With more columns of intervals, the intervals are below their values."""
 
 
 class Numbered:
@@ -39,67 +30,31 @@ class Numbered:
     def __init__(self):
         self.figures = self.tables = 0
 
-    def sections(self, sections: Sequence[Section], before: str) -> list[dict[str, Any]]:
-        """The sections, with `before` in front of their numbers."""
-        return [self._section(section, f"{before}{i}") for i, section in enumerate(sections, 1)]
-
-    def _section(self, section: Section, number: str) -> dict[str, Any]:
-        content = {"number": number, "title": section.title, "folded": section.folded}
-        return content | {"kind": "section", "blocks": self.blocks(section.blocks, number)}
-
-    def blocks(self, content: Sequence[Block], number: str) -> list[dict[str, Any]]:
-        """The blocks of a section with this number, or of the answer."""
+    def blocks(self, content: Sequence[Block], number: str = "") -> list[dict[str, Any]]:
+        """The blocks of a section with this number, of the answer, or of the whole report."""
         blocks, inner = [], 0
         for block in content:
+            shown = {"kind": type(block).__name__.lower(), "folded": False, **vars(block)}
             match block:
                 case Section():
                     inner += 1
-                    blocks.append(self._section(block, f"{number}.{inner}"))
-                case Paragraph(text):
-                    blocks.append({"kind": "paragraph", "text": text, "folded": False})
+                    own = f"{number}.{inner}" if number else f"{inner}"
+                    shown |= {"number": own, "blocks": self.blocks(block.blocks, own)}
                 case Figure() | Picture():
                     self.figures += 1
-                    blocks.append(_figure(block, self.figures))
+                    shown |= {"number": self.figures} | _drawn(block, f"f{self.figures}")
                 case Table():
                     self.tables += 1
-                    blocks.append(_table(block, self.tables))
+                    shown |= {"number": self.tables} | table_for_page(block)
+            blocks.append(shown)
         return _side_by_side(blocks)
 
 
-def _table(block: Table, number: int) -> dict[str, Any]:
-    header, rows, numeric = shown_table(block)
-    if sum(name.endswith(INTERVAL) for name in header) > _SIDE_BY_SIDE:
-        header, *rows = [list(map(_stacked, row)) for row in (header, *rows)]
-    # For each column its longest cell or header word, plus one.
-    widths = [[max(map(len, row[i].split("\n"))) for row in rows] for i in range(len(header))]
-    least = [
-        max(*map(len, name.split()), *(min(width, _SHORT) for width in column), 0)
-        for name, column in zip(header, widths, strict=True)
-    ]
-    wide = sum(least) + len(least) > _WIDEST
-    # Numbers are aligned right, short texts have no line breaks.
-    classes = [
-        "number" if right else "short" if max(column, default=0) <= _SHORT else ""
-        for right, column in zip(numeric, widths, strict=True)
-    ]
-    return {
-        "kind": "table",
-        "number": number,
-        "name": block.name,
-        "caption": block.caption,
-        "header": header,
-        "rows": rows,
-        "numeric": numeric,
-        "wide": wide,
-        "long": len(rows) > _LONG and not wide,
-        "classes": classes,
-        "folded": block.folded,
-    }
-
-
-def _stacked(cell: str) -> str:
-    """The cell with its interval on a second line."""
-    return cell.replace(" [", "\n[") if cell.endswith("]") else cell
+def _drawn(block: Figure | Picture, name: str) -> dict[str, Any]:
+    if isinstance(block, Figure):
+        return vars(drawing_for_page(block.svg.decode(), name))
+    data = base64.b64encode(block.data).decode()
+    return {"source": f"data:{block.media_type};base64,{data}", "least": _LEAST_PICTURE}
 
 
 def _side_by_side(blocks: list[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -115,23 +70,18 @@ def _side_by_side(blocks: list[dict[str, Any]]) -> list[dict[str, Any]]:
     return found
 
 
-def _figure(block: Figure | Picture, number: int) -> dict[str, Any]:
-    content = {"kind": "figure", "number": number}
-    content |= {key: getattr(block, key) for key in ("name", "caption", "folded")}
-    if isinstance(block, Figure):
-        return content | vars(drawing_for_page(block.svg.decode(), f"f{number}"))
-    data = base64.b64encode(block.data).decode()
-    source = f"data:{block.media_type};base64,{data}"
-    return content | {"kind": "picture", "source": source, "least": _LEAST_PICTURE}
-
-
 def brief(caption: str) -> str:
     """The first clause of a caption, without its full stop."""
     return re.split(r"\.(?= [A-Z]|$)|; ", caption)[0]
 
 
-FILTERS = {"inline": lambda text: Markup(inline_html(text)), "brief": brief}
-"""What a template of the blocks uses: Markdown as HTML, and the caption of what is folded."""
+FILTERS = {
+    "inline": lambda text: Markup(inline_html(text)),
+    "brief": brief,
+    "value": lambda text: split_override(text)[1],
+    "number": format_value,
+}
+"""What the template uses: Markdown as HTML, the caption of what is folded, values of overrides."""
 
 
 @dataclass(frozen=True)
@@ -169,60 +119,23 @@ def study_page(
     first run; `stage_cpu_seconds`, those of each stage's results, NaN if one is unknown.
     """
     numbered = Numbered()
-    opening, sections = [], []
-    if findings is not None:
-        opening = numbered.blocks(findings.opening, "")
-        sections = numbered.sections(findings.sections, "")
+    opening = numbered.blocks(findings.opening if findings else ())
     figures = (i for i, block in enumerate(opening, 1) if block["kind"] in ("figure", "figures"))
     split = next(figures, len(opening))
     seconds = origin["stage_cpu_seconds"]
+    made = provenance()
     return page_template(__package__, "study", FILTERS).render(
-        title=plan.study.title,
-        question=plan.study.question,
-        answer=None if findings is None else opening[:split],
+        plan=plan,
+        answer=opening[:split] if findings else None,
         detail=opening[split:],
-        sections=sections,
+        sections=numbered.blocks(findings.sections if findings else ()),
         states=states,
         origin=origin,
-        plan=plan,
-        sweeps=[
-            _sweep(name, request, origin["seeds"].get(name, ()))
-            for name, request in plan.request()["sweeps"].items()
-        ],
-        stages=[(name, format_value(s)) for name, s in seconds.items()],
-        all_seconds=format_value(sum(seconds.values())),
-        provenance=_provenance(provenance()),
+        sweeps=plan.request()["sweeps"],
+        seconds=seconds | {"all": sum(seconds.values())},
+        revision=shown_revision(made["git"]) or "–",
+        made=made,
         configuration=yaml.safe_dump(
             dict(origin["configuration"]), sort_keys=False, allow_unicode=True
         ),
     )
-
-
-def _sweep(name: str, request: Mapping[str, Any], seeds: Sequence[int]) -> dict[str, Any]:
-    """The texts of a sweep's request."""
-    axes = []
-    for axis in request["axes"]:
-        count = len(axis["keys"])
-        # Overrides of a single step are shown with their keys.
-        values = [
-            " ".join([*(split_override(text)[1] for text in step[:count]), *step[count:]])
-            for step in axis["steps"]
-        ]
-        axes.append((" + ".join(axis["keys"]), ", ".join(values)))
-    return {
-        "name": name,
-        "fixed": " ".join(request["fixed"]),
-        "axes": axes,
-        "left_out": [
-            " ".join(f"{key}={value}" for key, value in entry.items())
-            for entry in request["leave_out"]
-        ],
-        "derive": request["derive"],
-        "seeds": ", ".join(map(str, seeds)),
-    }
-
-
-def _provenance(content: Mapping[str, Any]) -> list[tuple[str, str]]:
-    rows = [("git revision", shown_revision(content.get("git") or {}) or "–")]
-    rows += [(f"machine, {name}", str(v)) for name, v in (content.get("machine") or {}).items()]
-    return rows + [(name, str(v)) for name, v in (content.get("versions") or {}).items()]

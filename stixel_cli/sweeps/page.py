@@ -13,19 +13,19 @@ from matplotlib.axes import Axes
 from stixel_cli.errors import UserError, counted
 from stixel_cli.evaluation.metric_table import over_runs
 from stixel_cli.evaluation.scores import SERIES
-from stixel_cli.report import charts
+from stixel_cli.report import charts, tables
+from stixel_cli.report.blocks import Table
 from stixel_cli.report.charts import series_values
-from stixel_cli.report.metrics import shown_value
-from stixel_cli.report.page import Drawing, drawing_for_page, page_template
-from stixel_cli.report.statistics import Statistic, Unit
+from stixel_cli.report.page import Drawing, drawing_for_page, page_template, table_for_page
+from stixel_cli.report.statistics import Unit
 from stixel_cli.results.folder import PAGE
 from stixel_cli.results.reader import read_series
 from stixel_cli.results.result import DONE, RunResult
 from stixel_cli.sweeps.figures import DRAWN, FLATTENED, MOST_LINES, axis_figures
 from stixel_cli.sweeps.folder import SweepFolder
 from stixel_cli.sweeps.over import Axes as OverAxes
-from stixel_cli.sweeps.over import Setting, marks, over_axes, unit_of
-from stixel_cli.sweeps.ranking import MARKS, answer, label_of, ranked, ranking_figure
+from stixel_cli.sweeps.over import Setting, over_axes, unit_of
+from stixel_cli.sweeps.ranking import answer, label_of, ranked, ranking_figure
 from stixel_cli.sweeps.results import SweepResult, heading
 
 
@@ -53,7 +53,9 @@ def sweep_page(folder: Path, page: Path, command: Sequence[str], over: str = "")
         title=folder.resolve().name,
         counts=f"{done} of {len(runs)} runs done; {settings}; means over {result.units}",
         rankings=_rankings(result, [over_runs(name) for name in shown]),
-        tables=[_settings_table(result, shown), _runs_table(result, shown, page.resolve().parent)],
+        settings=_settings_table(result, shown),
+        runs=_runs_table(result, shown, page.resolve().parent),
+        units=result.units,
         axes=[
             (stem, drawing_for_page(data.decode(), f"a{i}"))
             for i, (stem, data) in enumerate(drawn.items())
@@ -79,64 +81,28 @@ def _rankings(result: SweepResult, names: Sequence[str]) -> list[tuple[str, str,
 
 def _settings_table(result: SweepResult, shown: Sequence[str]) -> dict[str, Any]:
     """One row for each complete setting: its values, n, and each metric with its interval."""
-    columns, rows = list(map(over_runs, shown)), []
-    keys = list(dict(next(iter(result.by_setting))))
-    marked = {name: marks(result.behind.get(name, {})) for name in columns}
-    # A mark of every setting says nothing.
-    marked = {name: of if len(of) < len(result.statistics) else {} for name, of in marked.items()}
+    rows = []
     for setting, of in result.statistics.items():
-        cells = [(value, value) for _, value in setting]
-        cells.append((str(max(one.n for one in of.values())),) * 2)
-        for name in columns:
-            one = of.get(name, Statistic(name, 0))
-            text = MARKS[marked[name].get(setting, "")] + shown_value(name, one.mean)
-            if one.low is not None:
-                text += f"\n[{shown_value(name, one.low)}, {shown_value(name, one.high)}]"
-            elif one.n > 1:
-                ends = (shown_value(name, end(one.values)) for end in (min, max))
-                text += f"\n{' … '.join(ends)}"
-            cells.append((text, _sorted_by(one.mean)))
-        rows.append((cells, ""))
-    count = len(next(iter(result.statistics.values()), {}))
-    return {
-        "id": "settings",
-        "title": "Settings",
-        "note": f"Means over {result.units}; in brackets 95 % intervals, or, below n = 4, from the "
-        "least to the greatest value. ★: all other settings are behind; ≈: not shown to be behind. "
-        f"A click on a column's name sorts. All {count} metrics are in summary.csv.",
-        "header": [*keys, "n", *map(heading, columns)],
-        "text": len(keys),
-        "rows": rows,
-        "open": True,
-    }
+        row = dict(setting) | {"n": max(one.n for one in of.values())}
+        for name in map(over_runs, shown):
+            row |= tables.ends(tables.label_of(name), of.get(name))
+        rows.append(row)
+    return table_for_page(Table.of("settings", rows))
 
 
-def _sorted_by(value: float | int | None) -> str:
-    return "" if value is None else repr(float(value))
-
-
-def _runs_table(result: SweepResult, shown: Sequence[str], parent: Path) -> dict[str, Any]:
-    """One row for each run, with a link to its page, or else to its folder."""
-    keys, rows = list(result.runs[0].setting), []
+def _runs_table(
+    result: SweepResult, shown: Sequence[str], parent: Path
+) -> tuple[dict[str, Any], list[str]]:
+    """One row for each run, and the links from `parent` to their pages, or else their folders."""
+    rows, links = [], []
     for run in result.runs:
-        seed = run.manifest["seed"]
-        cells = [(f"{run.index:04d}", str(run.index))]
-        cells += [(value, value) for value in run.setting.values()]
-        cells.append((seed or "–", seed))
-        values = [(name, run.metrics.get(name)) for name in shown]
-        cells += [(shown_value(name, value), _sorted_by(value)) for name, value in values]
+        values = {tables.label_of(name): run.metrics.get(name) for name in shown}
+        named = {"run": f"{run.index:04d}", **run.setting, "seed": run.manifest["seed"] or "–"}
+        rows.append(named | values)
         target = run.folder / PAGE if (run.folder / PAGE).exists() else run.folder
         link = "" if run.status != DONE else os.path.relpath(target.resolve(), parent)
-        rows.append((cells, link.replace(os.sep, "/")))
-    return {
-        "id": "runs",
-        "title": "Runs",
-        "note": "The number links to the run's page, or to its folder.",
-        "header": ["run", *keys, "seed", *map(heading, shown)],
-        "text": len(keys) + 2,
-        "rows": rows,
-        "open": False,
-    }
+        links.append(link.replace(os.sep, "/"))
+    return table_for_page(Table.of("runs", rows)), links
 
 
 def over_time(result: SweepResult) -> list[tuple[str, Drawing]]:

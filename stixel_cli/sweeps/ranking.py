@@ -10,6 +10,7 @@ from stixel_cli.evaluation.metric_table import metric
 from stixel_cli.pictures import style
 from stixel_cli.report.intervals import LEAST_FREEDOM
 from stixel_cli.report.metrics import capital, with_interval
+from stixel_cli.report.statistics import Statistic
 from stixel_cli.report.tables import with_unit
 from stixel_cli.results.reader import listed
 from stixel_cli.sweeps.figures import is_flattened
@@ -35,26 +36,26 @@ def ranked(result: SweepResult, name: str) -> list[Setting]:
 
 def answer(result: SweepResult, name: str) -> str:
     """Which setting is best by a metric, or which are not shown to be behind, in one sentence."""
-    order, row, marked = ranked(result, name), metric(name), marks(result.behind[name])
+    order, row, behind = ranked(result, name), metric(name), result.behind[name]
+    first = [setting for setting in order if setting in marks(behind)] or order
 
     def value(setting: Setting) -> str:
         one = result.statistics[setting][name]
-        return f"{label_of(setting)} ({with_interval(one.mean, one.low, one.high, row.unit)})"
+        return f"{label_of(setting)} ({_interval(one, row.unit)})"
 
-    begin, first = capital(row.short_label), value(order[0])
-    if not marked:
-        few = "; no difference is shown" if order[1:] and row.better in ("less", "more") else ""
-        return f"{begin}: {listed([first, *map(value, order[1:][-1:])])}{few}."
-    if len(marked) == 1:
-        next_ = result.behind[name][order[1]]
-        apart = with_interval(next_.mean, next_.low, next_.high, row.unit, sign=True)
-        return f"{begin}: {first} is the best; {value(order[1])} is next, {apart}."
-    tied = [value(setting) for setting in order if setting in marked]
-    more = [f"{len(tied) - MOST_NAMED} more"] if len(tied) > MOST_NAMED else []
-    others = (
-        f"; {counted(len(order) - len(tied), 'other setting')} behind" if order[len(tied) :] else ""
-    )
-    return f"{begin}: no difference is shown between {listed(tied[:MOST_NAMED] + more)}{others}."
+    shown = [value(setting) for setting in first[:MOST_NAMED]]
+    shown += [f"{len(first) - MOST_NAMED} more"] if len(first) > MOST_NAMED else []
+    text = f"{capital(row.short_label)}: {listed(shown)}"
+    if order[1:] and len(first) == 1:
+        apart = _interval(behind[order[1]], row.unit, sign=True)
+        return f"{text} is the best; {value(order[1])} is next, {apart}."
+    others = counted(len(order) - len(first), "other setting")
+    text += "; no difference is shown between them" if behind else ""
+    return f"{text}; {others} behind." if len(order) > len(first) else f"{text}."
+
+
+def _interval(one: Statistic, unit: str, sign: bool = False) -> str:
+    return with_interval(one.mean, one.low, one.high, unit, sign)
 
 
 def ranking_figure(result: SweepResult, name: str) -> bytes:

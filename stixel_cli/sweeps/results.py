@@ -1,7 +1,7 @@
 """The result of a sweep: its runs, statistics of the complete settings, and their tables."""
 
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 from stixel_cli.errors import counted
 from stixel_cli.evaluation.metric_table import metric, over_runs
-from stixel_cli.report.metrics import NO_VALUE, shown_value
+from stixel_cli.report.blocks import Cell, Table
 from stixel_cli.report.statistics import Repetition, Statistic, consistent_bounds, summarise
-from stixel_cli.report.tables import csv_text, latex_table, markdown_table
+from stixel_cli.report.tables import csv_text, ends, markdown_table, shown_table, table_latex
 from stixel_cli.results.reader import listed
 from stixel_cli.results.result import DONE, RunResult
 from stixel_cli.sweeps.folder import SUMMARIES
@@ -176,9 +176,9 @@ _EXPLANATION = (
     "interval of the mean (Student's t on a scale on which all values are possible; for a share of "
     "runs Wilson's; none below n = 4). The column 'minus the best' is the mean of the paired "
     "differences from the best setting; its intervals hold together (Bonferroni). 'best' is a "
-    "setting that all others are behind, 'tied' those that are not shown to be behind. The column "
-    "'consistent' of a NEES is the 95 % interval of its mean for a consistent filter (χ²; each run "
-    "counts as one scan, because the errors of its scans are alike)."
+    "setting that all others are behind, 'tied' those that are not shown to be behind. The columns "
+    "'consistent' of a NEES are the ends of the 95 % interval of its mean for a consistent filter "
+    "(χ²; each run counts as one scan, because the errors of its scans are alike)."
 )
 
 
@@ -227,10 +227,9 @@ def summary_files(result: SweepResult, title: str) -> dict[str, str]:
         latex += [f"% {refusal}", *(f"%   {' '.join(label.split())}" for label in labels)]
     known = (name for found in statistics.values() for name, one in found.items() if one.n > 0)
     for name in dict.fromkeys(known):
-        header, *body = _cells(name, result)
-        numeric = [place >= len(next(iter(statistics))) for place in range(len(header))]
-        markdown += [f"## {heading(name)}", "", *markdown_table(header, body, numeric), ""]
-        latex += latex_table(heading(name), numeric, header, body)
+        table = replace(Table.of(name, _cells(name, result)), caption=heading(name))
+        markdown += [f"## {table.caption}", "", *markdown_table(*shown_table(table)), ""]
+        latex.append(table_latex(table))
     texts = (csv_text(columns, records), "\n".join(markdown), "\n".join(latex))
     return dict(zip(SUMMARIES, texts, strict=True))
 
@@ -241,27 +240,16 @@ def heading(name: str) -> str:
     return f"{shown.label} ({shown.shown_unit})" if shown.shown_unit else shown.label
 
 
-def _cells(name: str, result: SweepResult) -> list[list[str]]:
-    bounded = metric(name).degrees_of_freedom is not None
-    behind, rows = result.behind[name], result.statistics
-    marked = marks(behind)
-    header = [*dict(next(iter(rows))), "n", "mean", "standard deviation", "95 % interval"]
-    header += ["minus the best", "95 % interval", "mark"] * bool(behind)
-    cells = [header + ["consistent"] * bounded]
-    for setting, row in ((setting, found[name]) for setting, found in rows.items()):
-        shown = [shown_value(name, value) for value in (row.mean, row.std)]
-        shown.append(_span(name, row.low, row.high))
+def _cells(name: str, result: SweepResult) -> Iterator[dict[str, Cell]]:
+    behind = result.behind[name]
+    marked, bounded = marks(behind), metric(name).degrees_of_freedom is not None
+    for setting, row in ((setting, found[name]) for setting, found in result.statistics.items()):
+        cells = dict(setting) | {"n": row.n} | ends("mean", row) | {"standard deviation": row.std}
         if behind:
-            apart = behind.get(setting, Statistic("", 0))
-            shown += [shown_value(name, apart.mean), _span(name, apart.low, apart.high)]
-            shown.append(marked.get(setting, ""))
-        shown += [_span(name, *consistent_bounds(row))] * bounded
-        cells.append([*dict(setting).values(), str(row.n), *shown])
+            cells |= ends("minus the best", behind.get(setting)) | {"mark": marked.get(setting, "")}
+        if bounded:
+            low, high = consistent_bounds(row)
+            cells |= {"consistent from": low, "consistent to": high}
+        yield cells
     for one in result.incomplete:
-        rest = [NO_VALUE] * (len(cells[0]) - len(one["setting"]) - 2)
-        cells.append([*one["setting"].values(), str(one["done"]), "incomplete", *rest])
-    return cells
-
-
-def _span(name: str, low: float | None, high: float | None) -> str:
-    return NO_VALUE if low is None else f"{shown_value(name, low)} … {shown_value(name, high)}"
+        yield one["setting"] | {"n": one["done"], "mean": "incomplete"}

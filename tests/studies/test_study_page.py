@@ -10,7 +10,7 @@ from stixel_cli.errors import UserError, counted
 from stixel_cli.pictures import style
 from stixel_cli.report.blocks import Findings, Section, Table
 from stixel_cli.report.metrics import decimals, number, percent, quantity
-from stixel_cli.report.page import drawing_for_page, smallest_text, svg_for_page
+from stixel_cli.report.page import drawing_for_page, smallest_text, svg_for_page, table_for_page
 from stixel_cli.report.statistics import over_seeds
 from stixel_cli.report.tables import (
     shown_table,
@@ -20,7 +20,7 @@ from stixel_cli.report.tables import (
 from stixel_cli.report.template import inline_html
 from stixel_cli.results.reader import listed
 from stixel_cli.studies.folder import files_of
-from stixel_cli.studies.page import Numbered, brief
+from stixel_cli.studies.page import brief
 
 
 @pytest.fixture(scope="module")
@@ -219,8 +219,8 @@ def test_large_tables_are_printed_in_landscape_or_small():
         table = Table(
             "t", "c", tuple(f"a {i}" for i in range(columns)), ((1.234,) * columns,) * rows
         )
-        (block,) = Numbered().sections([Section("s", (table,))], "")[0]["blocks"]
-        return block["wide"], block["long"]
+        shown = table_for_page(table)
+        return shown["wide"], shown["long"]
 
     assert printed(9, 20) == (False, False)
     assert printed(9, 64) == (False, True)
@@ -231,9 +231,9 @@ def test_large_tables_are_printed_in_landscape_or_small():
 def test_intervals_of_many_columns_are_below_their_values():
     def cells(columns: int) -> list[str]:
         names = tuple(f"{end}a{i}" for i in range(columns) for end in ("", "low ", "high "))
-        table = Table("t", "c", names, ((1.2, 1.1, 1.4) * columns,))
-        (block,) = Numbered().sections([Section("s", (table,))], "")[0]["blocks"]
-        return block["rows"][0]
+        (row,) = table_for_page(Table("t", "c", names, ((1.2, 1.1, 1.4) * columns,)))["rows"]
+        assert row[1] == [1.2] * columns
+        return row[0]
 
     assert cells(2) == ["1.20 [1.10, 1.40]"] * 2
     assert cells(3) == ["1.20\n[1.10, 1.40]"] * 3

@@ -44,12 +44,11 @@ def test_summaries_have_the_bounds_and_leave_out_metrics_without_a_value():
     records = {record["metric"]: record for record in summary_records(result)}
     assert records["nees_position_mean"]["consistent_high"] == pytest.approx(2.786, abs=1e-3)
     assert records["success"]["consistent_high"] is None
-    # A file of values has the share, a table the per cent.
     assert (records["success"]["mean"], records["success"]["unit"]) == (0.5, "")
     tables = summary_files(result, "a sweep")
     for name in ("summary.md", "summary.tex"):
-        assert "0.121" in tables[name] and "2.786" in tables[name]
-        assert "50.0" in tables[name] and "time to track loss" not in tables[name]
+        assert "0.121" in tables[name] and "2.79" in tables[name]
+        assert "0.500" in tables[name] and "time to track loss" not in tables[name]
 
 
 @pytest.mark.parametrize("n", range(4, 40))

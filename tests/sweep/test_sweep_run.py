@@ -131,7 +131,7 @@ def test_the_statistics_are_those_of_the_seeds(sweeps):
         assert float(row["interval_high"]) == pytest.approx(high)
     markdown = (sweeps.results / "mine" / "summary.md").read_text()
     assert "## centre error, RMSE (m)" in markdown
-    assert re.search(r"^\| 0\.1 \| 4 \| [\d.]+ \| [\d.]+ \| [\d.]+ … [\d.]+ \|", markdown, re.M)
+    assert re.search(r"^\| 0\.1 \| 4 \| [\d.]+ \[[\d.]+, [\d.]+\] \| [\d.]+ \|", markdown, re.M)
     latex = (sweeps.results / "mine" / "summary.tex").read_text()
     assert latex.count(r"\begin{tabular}") == latex.count(r"\end{tabular}")
     # A metric without a value has no table.
