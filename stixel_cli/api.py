@@ -170,10 +170,17 @@ def plot(result: RunResult, ax: "Axes | None" = None) -> "Figure":
 
 
 def _notebook_view(result: RunResult) -> str:
-    """HTML of a result: verdict, main metrics, and the picture from above."""
-    from stixel_cli.report.notebook import result_html
+    """HTML of a result: verdict, main metrics, and the picture from above, if it has one."""
+    from stixel_cli.evaluation.verdict import verdict
+    from stixel_cli.report import metrics
+    from stixel_cli.report.page import page_template, picture_for_page
 
-    return result_html(result)
+    picture = result.pictures.get("path.png")
+    return page_template("stixel_cli.report", "notebook.html").render(
+        verdict=verdict(result.metrics),
+        rows=metrics.score_table(metrics.main_metrics(result.metrics))[1],
+        picture=picture and picture_for_page(picture)["source"],
+    )
 
 
 def _shapes(value: Scans | Scenario | Scores | Track) -> str:

@@ -10,7 +10,7 @@ PACKAGE = Path(stixel_cli.__file__).parent
 
 BUDGET = {
     # The reader of Feather files stands beside that of all other foreign files.
-    "": 1620,
+    "": 1627,
     "calibration": 643,
     # `explain` says if a folder has results of other code than the cached ones.
     "cli": 2848,
@@ -32,8 +32,8 @@ BUDGET = {
     # Images of a rig out of calibration.
     "rendering": 2343,
     # The layer that studies share: runs, scans, cost, templates, numbered blocks, files.
-    "report": 3063,
-    "results": 1539,
+    "report": 2954,
+    "results": 1499,
     # A mesh in other units and along another axis.
     "scene": 3553,
     # Conditions of the rig, the matchers, the path, the pictures and the prior, from config/.
@@ -52,7 +52,7 @@ BUDGET = {
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
 
 # The filters of PyRecEst: with the tracker they had more than 300 lines.
-MODULES = 325
+MODULES = 324
 """Modules of the package, without `__init__`."""
 
 

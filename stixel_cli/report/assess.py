@@ -10,7 +10,7 @@ from matplotlib.colors import Normalize
 
 from stixel_cli.pictures import style
 from stixel_cli.report.metrics import NO_VALUE
-from stixel_cli.report.page import page_template, picture_for_page
+from stixel_cli.report.page import page_template, picture_for_page, sentences_of
 from stixel_cli.stixels.types import Stixels
 from stixel_cli.validation.pair_errors import AreaErrors
 
@@ -71,7 +71,7 @@ LABELS = {
 
 def page_html(found: Assessment, command: str) -> str:
     """The page of an assessment; `command` is the command line that writes it."""
-    return page_template(__package__, "assess").render(
+    return page_template(__package__, "assess.html").render(
         sentences=sentences(found),
         rows=value_rows(found),
         pictures=[
@@ -143,41 +143,5 @@ def shown(name: str, value: Any) -> str:
 
 def sentences(found: Assessment) -> list[str]:
     """The answers, the most important first."""
-    values = found.values
-
-    def text(name: str) -> str:
-        return shown(name, values[name])
-
-    lines = []
-    if values["median_px"] is not None:
-        square = (
-            f" On square surfaces these are {text('square_beyond_1px_share')} % and "
-            f"{text('square_median_px')} px ({text('square_compared')} stixels)."
-        )
-        lines.append(
-            f"Of {text('stixels_compared')} stixels with a true disparity, "
-            f"{text('beyond_1px_share')} % are off by more than 1 px, and the median error is "
-            f"{text('median_px')} px.{square if values['square_compared'] else ''} "
-            f"{text('obstacle_covered_share')} % of the columns with a true obstacle have a stixel."
-        )
-    if values["square_median_px_aligned"] is not None:
-        lines.append(
-            f"The images themselves are {text('offset_px')} px off the truth. Without this, the "
-            f"median is {text('square_median_px_aligned')} px, and "
-            f"{text('square_beyond_1px_share_aligned')} % are beyond 1 px."
-        )
-    if values["near_columns"] == 0:
-        lines.append("No true obstacle is nearer than 6 m.")
-    elif values["near_columns"] is not None:
-        lines.append(
-            f"{text('near_called_free')} of {text('near_columns')} columns with a true obstacle "
-            "nearer than 6 m are called free."
-        )
-    if values["stixels_compared"] is None:
-        lines.append("No errors are stated: the true disparities are missing (--disparity).")
-    shares = {"free_share": "have no obstacle", "unknown_share": "have an unknown part"}
-    known = [
-        f", {text(name)} % {says}" for name, says in shares.items() if values[name] is not None
-    ]
-    lines.append(f"{text('stixel_share')} % of the columns have a stixel{''.join(known)}.")
-    return lines
+    text = {name: shown(name, value) for name, value in found.values.items()}
+    return sentences_of(__package__, "assess", values=found.values, text=text)

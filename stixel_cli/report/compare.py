@@ -73,7 +73,7 @@ def page_html(runs: Sequence[RunResult], command: Sequence[str], page: Path) -> 
     rows = metric_rows(runs, mark_best=not cautions)
     # Metrics of another version, or of the user, may have none of these names.
     main = [row for row in rows if row["name"] in SUMMARY] or rows[: len(SUMMARY)]
-    return page_template(__package__, "report").render(
+    return page_template(__package__, "report.html").render(
         labels=labels,
         styles=[line_style(i) for i in range(len(runs))],
         colours=len(style.RUNS),

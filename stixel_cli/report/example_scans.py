@@ -1,6 +1,6 @@
 """Figures of single scans next to the target, and of the scene that the camera sees."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from functools import partial
 from typing import Any
@@ -17,25 +17,6 @@ from stixel_cli.report.blocks import Figure
 from stixel_cli.report.charts import Panel, chart
 from stixel_cli.results.result import RunResult
 from stixel_cli.scene.scenario import Scenario
-
-
-def example_scans(name: str, runs: pd.DataFrame) -> Figure:
-    """The middle scan of the first seed: one row per measurement, one column per path."""
-    rows, columns = tables.names(runs, "measurement"), tables.names(runs, "path")
-
-    def panel(measurement: str, path: str) -> Panel:
-        found = tables.chosen(runs, measurement=measurement, path=path).sort_values("seed")
-
-        def draw(axes) -> None:
-            axes.grid(False)
-            if len(found):
-                run = found["run"].iloc[0]
-                _scan(axes, run.load("scenario"), run.load("scans"))
-
-        return Panel(draw, title=f"{measurement},\n{path}")
-
-    panels = [panel(measurement, path) for measurement in rows for path in columns]
-    return chart(name, panels, len(columns), 2.0, settings={"axes.titlesize": 8.0})
 
 
 def first_runs(*frames: pd.DataFrame) -> dict[str, RunResult]:
@@ -62,8 +43,21 @@ def scenes(runs: Mapping[str, RunResult]) -> Figure | None:
         images = [one.left[k - one.first] for one in pairs if 0 <= k - one.first < len(one)]
         panels.append(Panel(partial(_scan, scenario=scenario, scans=scans), title))
         panels += [Panel(partial(_image, image=image), f"{title}: left image") for image in images]
-    settings = {"axes.titlesize": 8.0}
-    return chart("scenes", panels, 2, 2.0, settings=settings) if panels else None
+    return _chart("scenes", panels, 2) if panels else None
+
+
+def example_scans(name: str, runs: pd.DataFrame) -> Figure:
+    """The middle scan of the first seed: one row per measurement, one column per path."""
+    panels = [
+        Panel(partial(_scan, scenario=run.load("scenario"), scans=run.load("scans")), title)
+        for (measurement, path), own in tables.groups(runs, ["measurement", "path"])
+        for title, run in [(f"{measurement},\n{path}", own.sort_values("seed")["run"].iloc[0])]
+    ]
+    return _chart(name, panels, runs["path"].nunique())
+
+
+def _chart(name: str, panels: Sequence[Panel], columns: int) -> Figure:
+    return chart(name, panels, columns, 2.0, settings={"axes.titlesize": 8.0, "axes.grid": False})
 
 
 def _stored(run: RunResult, stage: str) -> Any:

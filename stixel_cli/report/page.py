@@ -136,15 +136,22 @@ def svg_for_page(text: str, name: str) -> tuple[str, float]:
 def page_template(
     package: str, name: str, filters: Mapping[str, Callable[..., Any]] | None = None
 ) -> jinja2.Template:
-    """`templates/NAME.html.j2` of a package; a name without a value is an error."""
+    """`templates/NAME.j2` of a package; a name without a value is an error."""
     places = [jinja2.PackageLoader(one) for one in (package, __package__)]
     environment = jinja2.Environment(
         loader=jinja2.ChoiceLoader(places),
-        autoescape=True,
+        autoescape=lambda name: name.endswith(".html.j2"),
         trim_blocks=True,
         lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
     )
     environment.filters |= filters or {}
     environment.globals["run_colours"] = style.RUNS
-    return environment.get_template(f"{name}.html.j2")
+    return environment.get_template(f"{name}.j2")
+
+
+def sentences_of(package: str, name: str, **values: Any) -> list[str]:
+    """The paragraphs of `templates/NAME.txt.j2` of a package, filled with values."""
+    paragraphs = page_template(package, f"{name}.txt").render(values).split("\n\n")
+    lines = (" ".join(paragraph.splitlines()).strip() for paragraph in paragraphs)
+    return [line for line in lines if line]

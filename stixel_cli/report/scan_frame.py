@@ -5,19 +5,15 @@ A frame of runs is that of `run_frame.run_frame`.
 
 import io
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
-import matplotlib
 import numpy as np
 import pandas as pd
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image
 
 from stixel_cli.evaluation.metric_table import METRICS
 from stixel_cli.geometry.pose import wrap_angle
-from stixel_cli.geometry.rig import Rig
 from stixel_cli.pictures import style
-from stixel_cli.pictures.camera import LEFT, PANELS, TOP
 from stixel_cli.report import tables
 from stixel_cli.report.blocks import Cell, Figure, Picture, Table
 from stixel_cli.report.charts import DASHES, Panel, chart
@@ -47,13 +43,6 @@ UPPER_BOUNDS = {
     "iou_box_heights_upper_bound": "box's IoU, gated heights",
 }
 """The metrics that bound the overlaps, with their labels."""
-
-SHEET_WIDTH = 1080
-"""px: of a sheet of the pictures of a frame."""
-SHEET_TITLE = 18
-"""px: size of its letters; they are 10 px where the page shows it with its least width."""
-SHEET_GAP = 6
-"""px: between its pictures."""
 
 
 def upper_bounds_table(name: str, runs: pd.DataFrame, keys: Sequence[str]) -> Table:
@@ -199,50 +188,14 @@ def over_time(name: str, scans: pd.DataFrame, measurements: Sequence[str]) -> di
 
 
 def stage_pictures(name: str, run: RunResult) -> list[tuple[int, Picture]]:
-    """Frame and sheet of every frame that the stage `camera_pictures` of a run drew."""
-    rig = run.configuration.rig
-    return [
-        (frame, Picture(f"{name}_{frame:04d}", "", contact_sheet(files, rig), "image/webp"))
-        for frame, files in sorted(
-            frame_files
-            for pictures in run.load("camera_pictures")
-            for frame_files in by_frame(pictures.files).items()
-        )
-    ]
-
-
-def by_frame(files: dict[str, bytes]) -> dict[int, dict[str, bytes]]:
-    """Pictures `k0033/left.png` by frame and name."""
-    found: dict[int, dict[str, bytes]] = {}
-    for path, data in files.items():
-        folder, _, name = path.partition("/")
-        found.setdefault(int(folder[1:]), {})[name.removesuffix(".png")] = data
-    return found
-
-
-def contact_sheet(pictures: dict[str, bytes], rig: Rig) -> bytes:
-    """The `PANELS` of a frame in two columns on white, `SHEET_WIDTH` px wide, at one scale: WebP.
-
-    Of each picture, the image itself is shown, with its title in letters for this size.
-
-    Args:
-        pictures: name to PNG, as the stage `camera_pictures` draws them.
-        rig: whose images they show.
-    """
-    width = SHEET_WIDTH // 2 - SHEET_GAP
-    height = round(width * rig.height / rig.width)
-    step = SHEET_TITLE + 2 * SHEET_GAP + height
-    sheet = Image.new("RGB", (SHEET_WIDTH, step * -(-len(PANELS) // 2)), "white")
-    draw = ImageDraw.Draw(sheet)
-    fonts = Path(matplotlib.get_data_path()) / "fonts/ttf/DejaVuSans.ttf"
-    font = ImageFont.truetype(fonts, SHEET_TITLE)
-    for i, panel in enumerate(PANELS):
-        image = Image.open(io.BytesIO(pictures[panel.name])).convert("RGB")
-        area = (LEFT, TOP, LEFT + rig.width, TOP + rig.height)
-        place = (i % 2 * (width + 2 * SHEET_GAP), i // 2 * step)
-        draw.text(place, panel.title, font=font, fill="black")
-        image = image.crop(area).resize((width, height), Image.LANCZOS)
-        sheet.paste(image, (place[0], place[1] + SHEET_TITLE + SHEET_GAP))
-    buffer = io.BytesIO()
-    sheet.save(buffer, "WEBP", quality=72, method=4)
-    return buffer.getvalue()
+    """Frame and picture of all panels, of every frame that the stage `camera_pictures` drew."""
+    drawn = {path: png for one in run.load("camera_pictures") for path, png in one.files.items()}
+    found = []
+    for path, png in drawn.items():
+        folder, _, file = path.partition("/")
+        if file == "camera.png":
+            frame, buffer = int(folder[1:]), io.BytesIO()
+            Image.open(io.BytesIO(png)).save(buffer, "WEBP", quality=72, method=4)
+            picture = Picture(f"{name}_{frame:04d}", "", buffer.getvalue(), "image/webp")
+            found.append((frame, picture))
+    return sorted(found, key=lambda pair: pair[0])

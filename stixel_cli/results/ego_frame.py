@@ -1,14 +1,10 @@
 """The tables of a run in the frame of the ego car (x right, y forward) at each time index."""
 
 from collections.abc import Mapping
-from pathlib import Path
 
 import numpy as np
 
-from stixel_cli.errors import UserError
-from stixel_cli.files import read_arrays
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD, rotation, wrap_angle
-from stixel_cli.results.reader import check_folder
 
 Table = Mapping[str, np.ndarray]
 
@@ -69,43 +65,6 @@ def track_in_ego_frame(track: Table, ego: Table) -> dict[str, np.ndarray]:
         means[:, xy] = (turn @ means[:, xy, None])[:, :, 0]
         covariances[:, xy, xy] = turn @ covariances[:, xy, xy] @ turn.swapaxes(1, 2)
     return {"k": np.arange(len(times)), "t": times, **state_columns(means, covariances)}
-
-
-def read_ego_tables(folder: Path | str) -> dict[str, dict[str, np.ndarray]]:
-    """The tables `ego`, `scans` and `track` of a result folder in the ego car's frame at each k.
-
-    `ego` is the car's own pose: x, y (m), heading (rad) in the world. The others are as
-    `scans_in_ego_frame` and `track_in_ego_frame` return them.
-
-    Raises:
-        UserError: if it is not a result folder, or a file is missing or not valid. Folders of older
-            versions have no `ego.npz`.
-    """
-    folder = Path(folder)
-    check_folder(folder)
-    ego = _columns(folder / "ego.npz", ("k", "t", "x", "y", "heading"))
-    scans = _columns(folder / "scans.npz", ("k", "x", "y", "var_xx", "var_xy", "var_yy"))
-    track = read_arrays(folder / "track.npz")
-    count, k = len(ego["k"]), scans["k"]
-    if not np.all((k >= 0) & (k < count) & (k == np.floor(k))):
-        raise UserError(f"{folder / 'scans.npz'}: k must be 0 to {count - 1}, as in ego.npz")
-    for name, dimensions in (("times", 1), ("means", 2), ("covariances", 3)):
-        shape = track[name].shape if name in track else ()
-        if len(shape) != dimensions or shape[0] != count or min((6, *shape[1:])) < 6:
-            raise UserError(f"{folder / 'track.npz'}: {name} is missing or has a wrong shape")
-    in_ego = {"scans": scans_in_ego_frame(scans, ego), "track": track_in_ego_frame(track, ego)}
-    return {"ego": ego, **in_ego}
-
-
-def _columns(file: Path, names) -> dict[str, np.ndarray]:
-    """The columns of a table; UserError if one of `names` is missing, or their lengths differ."""
-    columns = read_arrays(file)
-    for name in names:
-        if name not in columns:
-            raise UserError(f"{file}: the column {name} is missing")
-    if len({column.shape for column in columns.values()}) != 1 or columns["k"].ndim != 1:
-        raise UserError(f"{file}: its columns must have one dimension and equal lengths")
-    return columns
 
 
 def _turns(headings: np.ndarray) -> np.ndarray:

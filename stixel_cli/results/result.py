@@ -214,14 +214,15 @@ class RunResult:
     def ego_tables(self) -> dict[str, dict[str, np.ndarray]]:
         """The columns of `scans` and `track` in the ego car's frame at each time index.
 
-        `results.ego_frame.read_ego_tables` gives the same from a result folder.
+        `ego` has the car's own pose in the world: k, t (s), x, y (m), heading (rad).
         """
         from stixel_cli.results.ego_frame import scans_in_ego_frame, track_in_ego_frame
 
         tables = self.tables
-        found = {"scans": scans_in_ego_frame(tables["scans"], tables["ego"])}
+        ego = tables["ego"]
+        found = {"ego": ego, "scans": scans_in_ego_frame(tables["scans"], ego)}
         if self.track is not None:
-            found["track"] = track_in_ego_frame(vars(self.track), tables["ego"])
+            found["track"] = track_in_ego_frame(vars(self.track), ego)
         return found
 
     def choice(self, group: str) -> str:

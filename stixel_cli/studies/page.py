@@ -20,8 +20,8 @@ from stixel_cli.studies.plan import StudyPlan
 
 _NARROW = 700
 """Figures up to this width, px, are placed side by side if the screen is wide enough."""
-_LEAST_PICTURE = 600
-"""px: the least width of a picture, whose text has this size then (`report.scan_frame`)."""
+_LEAST_PICTURE = 1050
+"""px: the least width of a picture: then the text of that of all stages has 10 px."""
 
 
 class Numbered:
@@ -124,7 +124,7 @@ def study_page(
     split = next(figures, len(opening))
     seconds = origin["stage_cpu_seconds"]
     made = provenance()
-    return page_template(__package__, "study", FILTERS).render(
+    return page_template(__package__, "study.html", FILTERS).render(
         plan=plan,
         answer=opening[:split] if findings else None,
         detail=opening[split:],

@@ -49,7 +49,7 @@ def sweep_page(folder: Path, page: Path, command: Sequence[str], over: str = "")
     settings = counted(len(result.by_setting), "setting")
     settings += f", {incomplete} incomplete: no statistics yet" if incomplete else ""
     drawn = axis_figures(result.repetitions, request.axes, incomplete, "svg", result.units)
-    return page_template(__package__, "sweep").render(
+    return page_template(__package__, "sweep.html").render(
         title=folder.resolve().name,
         counts=f"{done} of {len(runs)} runs done; {settings}; means over {result.units}",
         rankings=_rankings(result, [over_runs(name) for name in shown]),

@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from stixel_cli import run
-from stixel_cli.errors import UserError
+from stixel_cli import load, run
 from stixel_cli.geometry.pose import ego_from_world, rotate_covariances
-from stixel_cli.results.ego_frame import read_ego_tables, track_in_ego_frame
+from stixel_cli.results.ego_frame import track_in_ego_frame
 
 RUN = ["measurement=fabricated", "ego=turning", "ego.yaw_rate=-20", "path.duration=0.5", "seed=1"]
 
@@ -56,7 +55,7 @@ def test_an_unknown_rate_leaves_the_place_known(result):
 
 
 def test_a_folder_gives_the_same(result):
-    tables = read_ego_tables(result.folder)
+    tables = load(result.folder).ego_tables
     for name, table in result.ego_tables.items():
         assert list(table) == list(tables[name])
         for column, values in table.items():
@@ -65,26 +64,3 @@ def test_a_folder_gives_the_same(result):
     np.testing.assert_array_equal([tables["ego"][c] for c in ("x", "y", "heading")], poses)
     rows = (result.folder / "ego.csv").read_text().splitlines()
     assert rows[0] == "k,t,x,y,heading" and len(rows) == 6
-
-
-@pytest.mark.parametrize(
-    ("file", "change", "named"),
-    [
-        ("ego.npz", lambda a: a.pop("heading"), "column heading"),
-        ("ego.npz", lambda a: a.update(x=a["x"][:2]), "equal lengths"),
-        ("scans.npz", lambda a: a.update(k=a["k"] + 90), "k must be 0 to 4"),
-        ("track.npz", lambda a: a.pop("means"), "means"),
-        ("track.npz", lambda a: a.update(covariances=a["covariances"][:, :3, :3]), "covariances"),
-    ],
-)
-def test_a_damaged_table_is_named(result, file, change, named, tmp_path):
-    import shutil
-
-    folder = tmp_path / "run"
-    shutil.copytree(result.folder, folder)
-    with np.load(folder / file) as arrays:
-        content = dict(arrays)
-    change(content)
-    np.savez_compressed(folder / file, **content)
-    with pytest.raises(UserError, match=f"{file}.*{named}"):
-        read_ego_tables(folder)

@@ -3,7 +3,6 @@
 import csv
 import io
 import re
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,8 +12,7 @@ from PIL import Image
 
 from stixel_cli.config.compose import compose
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.pictures.camera import LEFT, PANELS, TOP
-from stixel_cli.report.scan_frame import SHEET_TITLE, by_frame, contact_sheet
+from stixel_cli.report.scan_frame import stage_pictures
 from stixel_cli.scene.parameters import RoadUser
 from stixel_cli.scene.road_user import road_user_meshes
 from stixel_cli.studies.file import find_study, read_study
@@ -167,28 +165,15 @@ def test_cpu_seconds_per_frame_and_values_of_a_scene():
     assert built["triangles"] == sum(len(p.triangles) for p in road_user_meshes(user)[0].parts)
 
 
-def test_a_contact_sheet_has_two_columns_at_one_scale():
-    rig = replace(compose().configuration.rig, width=100, height=50)
-
+def test_a_picture_of_all_stages_is_that_of_its_frame():
     def png(colour):
-        """A picture as the stage draws it: the image inside margins."""
-        image = Image.new("RGB", (LEFT + 120, TOP + 90), "white")
-        image.paste(colour, (LEFT, TOP, LEFT + rig.width, TOP + rig.height))
         buffer = io.BytesIO()
-        image.save(buffer, "png")
+        Image.new("RGB", (40, 20), colour).save(buffer, "png")
         return buffer.getvalue()
 
-    colours = ("red", "blue", "green", "red", "blue", "green")
-    pictures = {panel.name: png(c) for panel, c in zip(PANELS, colours, strict=True)}
-    sheet = contact_sheet(pictures, rig)
-    image = Image.open(io.BytesIO(sheet)).convert("RGB")
-    step = SHEET_TITLE + 12 + 267
-    assert image.size == (1080, 3 * step)
-    assert np.allclose(image.getpixel((270, 150)), (255, 0, 0), atol=12)
-    assert np.allclose(image.getpixel((820, 150)), (0, 0, 255), atol=12)
-    assert np.allclose(image.getpixel((270, step + 150)), (0, 128, 0), atol=12)
-    # The title is between the pictures: dark letters on white.
-    title = np.asarray(image)[step : step + SHEET_TITLE, :200]
-    assert title.min() < 60 and title.max() == 255
-    files = {"k0003/left.png": b"a", "k0003/height.png": b"b", "k0017/left.png": b"c"}
-    assert by_frame(files) == {3: {"left": b"a", "height": b"b"}, 17: {"left": b"c"}}
+    files = {"k0017/camera.png": png("red"), "k0003/left.png": b"", "k0003/camera.png": png("blue")}
+    run = SimpleNamespace(load=lambda stage: [SimpleNamespace(files=files)])
+    (first, picture), (second, _) = stage_pictures("gallery", run)
+    assert (first, second, picture.name) == (3, 17, "gallery_0003")
+    pixel = Image.open(io.BytesIO(picture.data)).convert("RGB").getpixel((20, 10))
+    assert np.allclose(pixel, (0, 0, 255), atol=12)
