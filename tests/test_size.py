@@ -11,9 +11,11 @@ PACKAGE = Path(stixel_cli.__file__).parent
 BUDGET = {
     # The reader of Feather files stands beside that of all other foreign files.
     "": 1627,
+    # Sequences, packs, rows and the page of `stixel bench`.
+    "benchmark": 396,
     "calibration": 643,
     # `explain` says if a folder has results of other code than the cached ones.
-    "cli": 2848,
+    "cli": 2958,
     "config": 2980,
     # A check that another process has not marked the new cache meanwhile.
     "engine": 4940,
@@ -52,7 +54,7 @@ BUDGET = {
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
 
 # The filters of PyRecEst: with the tracker they had more than 300 lines.
-MODULES = 324
+MODULES = 328
 """Modules of the package, without `__init__`."""
 
 

@@ -12,6 +12,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from stixel_cli.cli.assess import assess
+from stixel_cli.cli.bench import app as bench
 from stixel_cli.cli.calibrate import calibrate
 from stixel_cli.cli.compare import compare
 from stixel_cli.cli.describe import describe
@@ -127,5 +128,6 @@ _COMMANDS = (
 )
 for _command in _COMMANDS:
     app.command()(_command)
+app.add_typer(bench, name="bench")
 app.add_typer(cache, name="cache")
 app.command()(doctor)

@@ -1,0 +1,45 @@
+"""A benchmark of a few fabricated scans: its definitions are a file, so others can be given."""
+
+import pytest
+import yaml
+
+from stixel_cli.benchmark import data, sequences
+from stixel_cli.cli.app import main
+
+DEFINITIONS = {
+    "version": "1.0",
+    "road_users": ["car", "cyclist"],
+    "sensors": {"fabricated": {"measurement": "fabricated", "path.duration": 1.2}},
+    "mini_seeds": [0, 1],
+    "parts": {
+        "frozen": {
+            "seeds": {"fabricated": [0, 1, 2]},
+            "cases": {"turn": {"path": "turn"}, "crossing": {"path": "crossing"}},
+        },
+        "hard": {
+            "seeds": {"fabricated": [0]},
+            "cases": {"size": {"path": "turn", "prior.length": {"car": 5.0, "cyclist": 1.9}}},
+        },
+    },
+}
+
+
+@pytest.fixture
+def small_bench(tmp_path, monkeypatch):
+    """The working directory, with small definitions in place of version 1.0."""
+    folder = tmp_path / "definitions"
+    folder.mkdir()
+    (folder / "sequences.yaml").write_text(yaml.safe_dump(DEFINITIONS), encoding="utf-8")
+    for module in (sequences, data):
+        monkeypatch.setattr(module, "bench_folder", lambda: folder)
+    sequences.definitions.cache_clear()
+    monkeypatch.chdir(tmp_path)
+    yield tmp_path
+    sequences.definitions.cache_clear()
+
+
+@pytest.fixture
+def rendered(small_bench):
+    """The folder of its mini set."""
+    assert main(["bench", "render", "--mini", "--output", "data"]) == 0
+    return small_bench / "data"
