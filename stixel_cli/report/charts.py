@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
-from stixel_cli.evaluation.scores import Series
 from stixel_cli.pictures import style
 from stixel_cli.report.blocks import Figure
 from stixel_cli.report.intervals import LEAST_FREEDOM, Bounds, between_bounds, student_t
@@ -170,9 +169,3 @@ def over_time(
         half = student_t(runs - 1) * values.std(axis=0, ddof=1) / math.sqrt(runs)
         ends = between_bounds(mean, half, bounds)
         axes.fill_between(times, *ends, color=look["color"], alpha=0.2, linewidth=0.0)
-
-
-def series_values(name: str, series: Series, values: np.ndarray) -> np.ndarray:
-    """An error over time in the unit of its row; of the orientation the absolute value."""
-    values = series.factor * values
-    return np.abs(values) if name == "orientation_error" else values

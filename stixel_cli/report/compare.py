@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
 
 from stixel_cli.errors import UserError
 from stixel_cli.evaluation.metric_table import metric
@@ -16,9 +15,10 @@ from stixel_cli.evaluation.scan_errors import LOW_OVERLAP
 from stixel_cli.evaluation.scores import SERIES
 from stixel_cli.evaluation.verdict import verdict
 from stixel_cli.pictures import style
-from stixel_cli.report.charts import Panel, chart, line_style, over_time
+from stixel_cli.report.charts import line_style
+from stixel_cli.report.error_curves import Errors, error_curves
 from stixel_cli.report.metrics import NO_VALUE, best, shown_difference, shown_value
-from stixel_cli.report.page import Drawing, drawing_for_page, page_template, picture_for_page
+from stixel_cli.report.page import page_template, picture_for_page
 from stixel_cli.report.playback_values import SUMMARY
 from stixel_cli.results.differences import by_group, differing_settings, warnings
 from stixel_cli.results.folder import PAGE
@@ -86,7 +86,7 @@ def page_html(runs: Sequence[RunResult], command: Sequence[str], page: Path) -> 
         main_metrics=main,
         other_metrics=[row for row in rows if row not in main],
         low_overlap=LOW_OVERLAP,
-        curves=error_curves(runs),
+        curves=error_curves(dict(zip(labels, map(_errors, runs), strict=True)), legend=False),
         pictures=[png and picture_for_page(png) for png in pngs],
         provenance=_provenance(runs),
         command=shlex.join(command),
@@ -192,33 +192,6 @@ def _provenance(runs: Sequence[RunResult]) -> list[tuple[str, list[str]]]:
     return [(n, [NO_VALUE if v is None else str(v) for v in row]) for n, row in values.items()]
 
 
-def error_curves(runs: Sequence[RunResult]) -> list[tuple[str, Drawing]]:
-    """(title, drawing) of each error that a run has; the i-th run has colour `var(--run-i)`."""
-    drawn = []
-    # The page shows the first two at once.
-    for name in sorted(SERIES, key=lambda name: name not in ("iou", "centre_error")):
-        series = SERIES[name]
-        if any(np.isfinite(getattr(run.scores, name)).any() for run in runs):
-            title = series.label + (" (consistent: 1)" if series.ratio else "")
-            drawn.append((title, drawing_for_page(_curve_svg(name, title, runs), f"c{len(drawn)}")))
-    return drawn
-
-
-def _curve_svg(name: str, title: str, runs: Sequence[RunResult]) -> str:
-    series = SERIES[name]
-    mark = LOW_OVERLAP if name == "iou" else None if series.ratio else series.consistent
-
-    def draw(axes: Axes) -> None:
-        if mark is not None:
-            axes.axhline(mark, color=style.TRUTH, linewidth=0.7, linestyle=(0, (4, 3)))
-        for i, run in enumerate(runs):
-            values = series.factor * getattr(run.scores, name)[None]
-            look = {"color": style.RUNS[i % len(style.RUNS)], "linestyle": line_style(i)}
-            over_time(axes, run.scores.times, values, series.ratio, linewidth=1.6, **look)
-        axes.margins(x=0.01)
-
-    limits = (None, None) if series.ratio else series.bounds
-    y = series.unit or series.short_label
-    panel = Panel(draw, title, "t (s)", y, series.ratio, limits)
-    settings = {f"{text}size": 10.0 for text in ("axes.label", "xtick.label", "ytick.label")}
-    return chart("", [panel], row=2.25, width=5.0, settings=settings).svg.decode()
+def _errors(run: RunResult) -> Errors:
+    scaled = {n: series.factor * getattr(run.scores, n)[None] for n, series in SERIES.items()}
+    return run.scores.times, {n: own for n, own in scaled.items() if np.isfinite(own).any()}

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from stixel_cli.evaluation.metric_table import metric, over_runs
 from stixel_cli.pictures import style
 from stixel_cli.report.charts import legend_handles, line, line_look
+from stixel_cli.report.error_curves import FLATTENED, MOST_LINES
 from stixel_cli.report.intervals import LEAST_FREEDOM
 from stixel_cli.report.statistics import Repetition, Statistic, statistic, summarise
 from stixel_cli.sweeps.over import Setting
@@ -28,11 +29,6 @@ SHOWN = (
 )
 DRAWN = (*SHOWN[:4], "nees_position_mean", "nis_mean", *SHOWN[4:])
 """Metrics of a figure."""
-MOST_LINES = 8
-"""Most lines that have colours, marks and names of their own."""
-
-FLATTENED = 8.0
-"""A value of so many times the median would flatten the others on a linear axis."""
 
 _TEXT_LINE = 0.16
 """in: height of a line of text."""

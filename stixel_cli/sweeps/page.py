@@ -1,6 +1,5 @@
 """A page for a sweep: sortable tables, a figure for each axis, errors over time, links to runs."""
 
-import math
 import os
 import shlex
 from collections.abc import Mapping, Sequence
@@ -8,23 +7,22 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
 
 from stixel_cli.errors import UserError, counted
 from stixel_cli.evaluation.metric_table import over_runs
 from stixel_cli.evaluation.scores import SERIES
-from stixel_cli.report import charts, tables
+from stixel_cli.report import tables
 from stixel_cli.report.blocks import Table
-from stixel_cli.report.charts import series_values
+from stixel_cli.report.error_curves import Errors, error_curves
 from stixel_cli.report.page import Drawing, drawing_for_page, page_template, table_for_page
 from stixel_cli.report.statistics import Unit
 from stixel_cli.results.folder import PAGE
 from stixel_cli.results.reader import read_series
 from stixel_cli.results.result import DONE, RunResult
-from stixel_cli.sweeps.figures import DRAWN, FLATTENED, MOST_LINES, axis_figures
+from stixel_cli.sweeps.figures import DRAWN, axis_figures
 from stixel_cli.sweeps.folder import SweepFolder
 from stixel_cli.sweeps.over import Axes as OverAxes
-from stixel_cli.sweeps.over import Setting, over_axes, unit_of
+from stixel_cli.sweeps.over import over_axes, unit_of
 from stixel_cli.sweeps.ranking import answer, label_of, ranked, ranking_figure
 from stixel_cli.sweeps.results import SweepResult, heading
 
@@ -108,23 +106,15 @@ def _runs_table(
 def over_time(result: SweepResult) -> list[tuple[str, Drawing]]:
     """(title, drawing) for each error over time, with a line for each complete setting.
 
-    A line is the mean over the units, and its band the 95 % interval at each time. A setting whose
-    runs have different times is left out, as are runs without errors over time.
+    A line is over the units. A setting whose runs have different times is left out, as are runs
+    without errors over time.
     """
-    read = {s: _stacked(runs, result.over) for s, runs in result.complete_settings.items()}
-    drawn = []
-    for name, series in SERIES.items():
-        known = {key: found for key, found in read.items() if found and name in found[1]}
-        if known:
-            svg = _over_time(name, known).decode()
-            drawn.append((series.label, drawing_for_page(svg, f"t{len(drawn)}")))
-    return drawn
+    read = {label_of(s): _stacked(r, result.over) for s, r in result.complete_settings.items()}
+    return error_curves({label: errors for label, errors in read.items() if errors})
 
 
-def _stacked(
-    runs: Sequence[RunResult], over: OverAxes
-) -> tuple[np.ndarray, dict[str, np.ndarray]] | None:
-    """Times (K,) and each error (units, K) of one setting; None if its runs do not match."""
+def _stacked(runs: Sequence[RunResult], over: OverAxes) -> Errors | None:
+    """The errors of the units of one setting; None if its runs do not match."""
     try:
         found = [read_series(run.folder / "scores.npz") for run in runs]
     except UserError:
@@ -135,40 +125,10 @@ def _stacked(
     units: dict[Unit, list[Mapping[str, np.ndarray]]] = {}
     for run, (_, series) in zip(runs, found, strict=True):
         units.setdefault(unit_of(run, over), []).append(series)
-    stacked = {
-        name: np.stack([np.mean([one[name] for one in own], axis=0) for own in units.values()])
-        for name in set.intersection(*(set(series) for _, series in found))
-    }
+    stacked = {}
+    for name in set.intersection(*(set(series) for _, series in found)):
+        values = [np.mean([one[name] for one in own], axis=0) for own in units.values()]
+        stacked[name] = SERIES[name].factor * np.stack(values)
+    if "orientation_error" in stacked:
+        stacked["orientation_error"] = np.abs(stacked["orientation_error"])
     return times, {name: values for name, values in stacked.items() if np.isfinite(values).any()}
-
-
-def _over_time(name: str, lines: Mapping[Setting, tuple]) -> bytes:
-    """Panels of at most `MOST_LINES` settings each, with one legend."""
-    series, labels = SERIES[name], [label_of(setting) for setting in lines]
-    values = [series_values(name, series, errors[name]) for _, errors in lines.values()]
-    times = [times for times, _ in lines.values()]
-    highest = [np.nanquantile(one, 0.95) for one in values]
-    cut = not series.ratio and max(highest) > FLATTENED * np.median(highest) > 0.0
-    limits = (0.0, FLATTENED * float(np.median(highest))) if cut else (None, None)
-
-    def panel(first: int) -> charts.Panel:
-        def draw(axes: Axes) -> None:
-            for i in range(first, min(first + MOST_LINES, len(values))):
-                look = charts.line_look(i) | {"label": labels[i] if len(labels) > 1 else ""}
-                look |= {"markevery": 0.25, "markersize": 3.5}
-                bounds = (0.0, series.bounds[1])
-                charts.over_time(axes, times[i], values[i], series.ratio, bounds, **look)
-
-        title = "axis cut" if cut else ""
-        label = series.label + (f" ({series.unit})" if series.unit else "")
-        return charts.Panel(draw, title, "t (s)", label, series.ratio, limits)
-
-    # Of a size that is legible on a telephone without scrolling.
-    texts = ("axes.label", "xtick.label", "ytick.label", "legend.font", "axes.title")
-    settings = {f"{text}size": 10.0 for text in texts}
-    panels = [panel(first) for first in range(0, len(values), MOST_LINES)]
-    columns = max(1, 64 // (7 + max(map(len, labels))))
-    rows = math.ceil(len(labels) / columns)
-    row = 2.45 + 0.18 * rows / len(panels)
-    found = charts.chart("", panels, row=row, width=5.0, legend=columns, settings=settings)
-    return found.svg
