@@ -1,12 +1,12 @@
 """RQ2: stixels minus another measurement in pairs, and which differences are significant."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
 import pandas as pd
 
-from stixel_cli.evaluation.metric_table import METRICS, metric, over_runs
+from stixel_cli.evaluation.metric_table import METRICS
 from stixel_cli.report import tables
 from stixel_cli.report.blocks import Cell, Figure, Table
 from stixel_cli.report.forest import difference_row, forest
@@ -16,11 +16,6 @@ from stixel_cli.report.statistics import SIGNIFICANT, Statistic, excludes_zero, 
 
 ERRORS = {name: METRICS[name] for name in ("centre_rmse_m", "orientation_rmse_deg", "iou_mean")}
 """The metrics that are tested."""
-_UNTESTED = (
-    *("iou_hull_mean", "iou_box_mean", "low_overlap_share", "track_lost"),
-    *("nees_position_mean", "nis_mean"),
-)
-"""Metrics that are listed without a test."""
 
 
 @dataclass(frozen=True)
@@ -117,28 +112,6 @@ def contrasts_forest(tested: Sequence[Contrast], users: Sequence[str]) -> Figure
         for one in sorted(tested, key=lambda one: users.index(one.road_user))
     ]
     return forest("answer_forest", rows, "stixels better", "stixels worse")
-
-
-def lidar_rows(runs: pd.DataFrame, tested: Sequence[Contrast]) -> Iterator[dict[str, Cell]]:
-    """Means on stixels and on each lidar, and the tested differences."""
-    trackers = dict.fromkeys(one.tracker for one in tested)
-    for user, tracker in product(tables.names(runs, "road_user"), trackers):
-        same = tables.chosen(runs, road_user=user, tracker=tracker)
-        own = [one for one in tested if (one.road_user, one.tracker) == (user, tracker)]
-        begin: dict[str, Cell] = {"road user": user, "tracker": tracker}
-        for name, shown in ERRORS.items():
-            row = begin | {"metric": tables.with_unit(shown, "{}, {}")}
-            for one in (one for one in own if one.metric == name):
-                row |= {one.one: one.values[0], one.other: one.values[1]}
-                row |= tables.ends(f"{one.one} {MINUS} {one.other}", one.difference)
-            yield row
-        for name in _UNTESTED:
-            row = begin | {"metric": metric(over_runs(name)).short_label}
-            for one in own:
-                for side in (one.one, one.other):
-                    row[side] = tables.mean_over(tables.chosen(same, measurement=side), name).mean
-                row |= tables.ends(f"{one.one} {MINUS} {one.other}", None)
-            yield row
 
 
 def verdicts(found: Sequence[Contrast]) -> dict[str, str]:

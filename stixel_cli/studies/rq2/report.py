@@ -34,7 +34,6 @@ from stixel_cli.studies.rq2.contrasts import (
     contrasts_forest,
     contrasts_table,
     is_baseline,
-    lidar_rows,
     of_kind,
     verdicts,
 )
@@ -47,6 +46,11 @@ _TRACKING = (
     *("low_overlap_share", "track_lost"),
 )
 """Metrics with a standard deviation in the tables of tracking."""
+_UNTESTED = (
+    *("iou_hull_mean", "iou_box_mean", "low_overlap_share", "track_lost"),
+    *("nees_position_mean", "nis_mean"),
+)
+"""Metrics that are listed without a test."""
 _SUMMARY = (
     *("iou_mean", "iou_box_mean", "centre_rmse_m", "orientation_rmse_deg"),
     *("nees_position_mean", "track_lost"),
@@ -105,7 +109,9 @@ def answer_values(runs: pd.DataFrame) -> dict[str, Any]:
         for other in tables.names(runs, "tracker")
         if other != tracker and is_baseline(runs, other)
     ]
-    shown = [Table.of("answer_lidar", lidar_rows(runs, tested))] if tested else []
+    by = ("road_user", "tracker", "measurement")
+    means = tables.rows_by(runs, by, (*ERRORS, *_UNTESTED), tables.mean_cell)
+    shown = [Table.of("answer_means", means)] if tested else []
     if tested and pairs:
         shown.append(Table.of("answer_baseline", _baseline_rows(on_stixels, pairs)))
     if len(on_stixels):
@@ -185,19 +191,13 @@ def _baseline(on_stixels: pd.DataFrame, tracker: str, baseline: str) -> dict[str
 def _baseline_rows(
     on_stixels: pd.DataFrame, pairs: Sequence[tuple[str, str]]
 ) -> Iterator[dict[str, Cell]]:
-    by_user = tables.groups(on_stixels, ["road_user"])
-    for ((user,), own), pair, (name, row) in product(by_user, pairs, ERRORS.items()):
+    """A tracker minus its baseline, by road user."""
+    for ((user,), own), pair in product(tables.groups(on_stixels, ["road_user"]), pairs):
         sides = [tables.chosen(own, tracker=one) for one in pair]
-        means = [tables.mean_over(side, name).mean for side in sides]
-        yield {
-            "road user": user,
-            "tracker": pair[0],
-            "baseline": pair[1],
-            "metric": tables.with_unit(row, "{}, {}"),
-            "mean of the tracker": means[0],
-            "mean of the baseline": means[1],
-            **tables.ends("difference", tables.difference(*sides, name)),
-        }
+        row: dict[str, Cell] = {"road user": user, "tracker": pair[0], "baseline": pair[1]}
+        for name, shown in ERRORS.items():
+            row |= tables.ends(tables.with_unit(shown), tables.difference(*sides, name))
+        yield row
 
 
 def _chapter(
