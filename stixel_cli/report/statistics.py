@@ -34,20 +34,6 @@ LEAST_DRAWN = 3
 """Least number of pairs of a path for a bootstrap."""
 
 
-@dataclass(frozen=True)
-class Estimate:
-    """A number with the ends of its 95 % interval; None where they are unknown."""
-
-    mean: float | None = None
-    low: float | None = None
-    high: float | None = None
-
-    def scaled(self, factor: float) -> "Estimate":
-        """In another unit."""
-        values = (self.mean, self.low, self.high)
-        return Estimate(*(None if one is None else factor * one for one in values))
-
-
 Unit = tuple[Hashable, ...]
 """What is drawn anew in a repetition: the level of each drawn axis, such as (seed,)."""
 Repetition = tuple[Hashable, Unit, Mapping[str, float | int | None]]
@@ -56,25 +42,30 @@ Repetition = tuple[Hashable, Unit, Mapping[str, float | int | None]]
 
 @dataclass(frozen=True)
 class Statistic:
-    """A metric of one setting over its units.
+    """A number with its 95 % interval, such as a metric of one setting over its units.
 
     Attributes:
-        metric: its name.
-        n: number of units, such as seeds, with a value; an estimate may have none.
-        mean: None if n is 0.
+        mean: None if it is unknown.
+        low, high: ends of the interval, see `intervals.combined_interval`; of a share of runs
+            Wilson's. None of fewer than four values.
+        n: number of units, such as seeds, with a value; 0 if there are no units.
         std: standard deviation of the units, n - 1 in the denominator; None if n < 2.
-        low, high: ends of the 95 % interval of the mean, see `intervals.combined_interval`; of a
-            share of runs Wilson's. None of fewer than four values.
+        metric: its name.
         values: of the units.
     """
 
-    metric: str
-    n: int
     mean: float | None = None
-    std: float | None = None
     low: float | None = None
     high: float | None = None
+    n: int = 0
+    std: float | None = None
+    metric: str = ""
     values: tuple[float, ...] = field(default=(), repr=False)
+
+    def scaled(self, factor: float) -> "Statistic":
+        """The number and its interval in another unit."""
+        values = (self.mean, self.low, self.high)
+        return Statistic(*(None if one is None else factor * one for one in values))
 
 
 def summarise(runs: Iterable[Repetition]) -> dict[Any, dict[str, Statistic]]:
@@ -117,23 +108,23 @@ def statistic(
     known = {unit: mean for unit, mean in means.items() if math.isfinite(mean)}
     n, own = len(known), np.array([*known.values()])
     if n == 0:
-        return Statistic(metric, 0)
+        return Statistic(metric=metric)
     mean, std = float(own.mean()), float(own.std(ddof=1)) if n > 1 else None
     if metric == LOSS_RATE:
         ends = wilson_interval(mean, sum(len(groups[unit]) for unit in known))
     else:
         parts = crossed_parts(own, np.array([*known]))
         ends = combined_interval(mean, parts, metric_row(metric).bounds, confidence)
-    return Statistic(metric, n, mean, std, *ends, tuple(known.values()))
+    return Statistic(mean, *ends, n, std, metric, tuple(known.values()))
 
 
-def excludes_zero(one: Estimate | Statistic) -> bool:
+def excludes_zero(one: Statistic) -> bool:
     """Whether the interval is known and excludes 0."""
     return one.low is not None and not one.low <= 0.0 <= one.high
 
 
 def in_words(
-    found: Iterable[tuple[str, str, Estimate | Statistic]], unit: str = "", more: str = "greater"
+    found: Iterable[tuple[str, str, Statistic]], unit: str = "", more: str = "greater"
 ) -> str:
     """Differences (road user, what it is compared with, difference) as the end of a sentence.
 
@@ -200,7 +191,7 @@ def least_effect(seeds: int, tests: int) -> float:
 
 
 @dataclass(frozen=True)
-class Paired(Estimate):
+class Paired(Statistic):
     """The mean of the differences of n pairs; the paths are fixed strata.
 
     Attributes:
@@ -209,7 +200,6 @@ class Paired(Estimate):
             of the ranks of |difference|; None where all are 0.
     """
 
-    n: int = 0
     p: float | None = None
     effect: float | None = None
 
@@ -222,7 +212,7 @@ def paired(differences: np.ndarray, strata: Sequence[str]) -> Paired:
     mean = float(differences.mean())
     ends = combined_interval(mean, stratified_parts(differences, strata))
     p = wilcoxon(differences) if n > 1 else None
-    return Paired(mean, *ends, n, p, rank_biserial(differences))
+    return Paired(mean, *ends, n, p=p, effect=rank_biserial(differences))
 
 
 def wilcoxon(differences: np.ndarray) -> float:

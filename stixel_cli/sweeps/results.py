@@ -203,7 +203,7 @@ def summary_records(result: SweepResult) -> list[dict[str, Any]]:
         }
         for setting, by_metric in result.statistics.items()
         for name, one in by_metric.items()
-        for behind in [result.behind[name].get(setting, Statistic("", 0))]
+        for behind in [result.behind[name].get(setting, Statistic())]
     ]
 
 

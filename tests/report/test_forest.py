@@ -8,7 +8,7 @@ from stixel_cli.report.statistics import Statistic
 
 
 def value(mean, low=None, high=None):
-    return Statistic("", 5, mean, None, low, high)
+    return Statistic(mean, low, high, 5)
 
 
 CAR = Row("car", "lidar", "centre RMSE", "m", value(0.1, 0.07, 0.13), True, True)

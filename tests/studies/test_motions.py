@@ -10,7 +10,7 @@ import yaml
 from scipy.stats import ttest_ind
 
 from stixel_cli.errors import MissingData
-from stixel_cli.report.statistics import Estimate, Statistic, excludes_zero, over_seeds
+from stixel_cli.report.statistics import Statistic, excludes_zero, over_seeds
 from stixel_cli.studies.data import data_folder
 from stixel_cli.studies.file import find_study, read_study
 from stixel_cli.studies.motions import tracks
@@ -174,7 +174,7 @@ VERDICTS = {
 
 @pytest.mark.parametrize(("verdict", "ends"), VERDICTS.items())
 def test_verdicts(verdict, ends):
-    sides = [Statistic("", 5, 0.0, 0.1, *one) for one in ends]
+    sides = [Statistic(0.0, *one, 5, 0.1) for one in ends]
     assert Finding("RQ2", "", "car", "iou_mean", *sides).verdict == verdict
 
 
@@ -217,7 +217,7 @@ def test_a_change_has_welchs_interval():
     np.testing.assert_allclose(ends, [expected.low, expected.high], rtol=1e-9)
     assert excludes_zero(found.change) == (expected.low > 0.0)
     one = Finding("RQ2", "", "car", "iou_mean", over_seeds(hand), over_seeds([1.0]))
-    assert one.change == Estimate() and not excludes_zero(one.change)
+    assert one.change == Statistic() and not excludes_zero(one.change)
 
 
 def test_the_shipped_study_has_the_eight_paths_and_a_shape_for_each_seed():

@@ -11,7 +11,7 @@ from stage_summaries import column_summary, coverage_summary
 from stixel_cli import studies
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.report.blocks import Material
-from stixel_cli.report.statistics import Estimate
+from stixel_cli.report.statistics import Statistic
 from stixel_cli.report.template import findings_of, template_of
 from stixel_cli.studies.rq1 import errors as of
 from stixel_cli.studies.rq1 import figures
@@ -51,7 +51,7 @@ def test_rows_without_values_do_not_count():
     assert errors(values[4:]).estimate(VALUE).mean is None
     # One pose of each road user.
     assert ends(errors(values[:2]).estimate(VALUE)) == (1.5, None, None)
-    assert errors(values).estimate(VALUE, least=7) == Estimate()
+    assert errors(values).estimate(VALUE, least=7) == Statistic()
 
 
 def test_a_difference_without_values_has_no_interval():
@@ -235,8 +235,8 @@ def test_the_answer_begins_with_a_sentence_for_each_class():
     of_classes = text[:definitions] + text[sentences : text.index("{% if forest %}")]
     template = template_of(of_classes, "rq1")
     values = {"near": True, "forest": None, "of": of}
-    car = ("car", Estimate(0.42, 0.35, 0.5), Estimate(-0.1, -0.2, 0.0))
-    leads = [car, ("cyclist", Estimate(), Estimate())]
+    car = ("car", Statistic(0.42, 0.35, 0.5), Statistic(-0.1, -0.2, 0.0))
+    leads = [car, ("cyclist", Statistic(), Statistic())]
     said = findings_of(template, Material(values | {"leads": leads}), "rq1").answer
     assert said[0] == (
         "Car: RMS depth error 0.420\u202fm [0.350, 0.500], bias −0.10\u202fm [−0.20, 0.00], "

@@ -18,7 +18,7 @@ from stixel_cli.report.example_scans import first_runs, scenes
 from stixel_cli.report.forest import difference_row, forest
 from stixel_cli.report.intervals import combined_interval
 from stixel_cli.report.run_frame import BASELINE, LIDAR, STIXELS, run_frame
-from stixel_cli.report.statistics import Estimate, Statistic, excludes_zero
+from stixel_cli.report.statistics import Statistic, excludes_zero
 from stixel_cli.report.tables import chosen, difference, ends, names, rows_by, with_unit
 from stixel_cli.results.reader import listed
 from stixel_cli.results.result import RunResult
@@ -79,13 +79,13 @@ class Finding:
         return f"{self.what}, {self.road_user}: {label_of(self.measure)}"
 
     @property
-    def change(self) -> Estimate:
+    def change(self) -> Statistic:
         """Real minus hand-made, with its 95 % interval (Welch 1947)."""
         if self.hand.std is None or self.real.std is None:
-            return Estimate()
+            return Statistic()
         mean = self.real.mean - self.hand.mean
         parts = [(one.std**2 / one.n, one.n - 1) for one in (self.hand, self.real)]
-        return Estimate(mean, *combined_interval(mean, parts))
+        return Statistic(mean, *combined_interval(mean, parts))
 
     @property
     def verdict(self) -> str:

@@ -16,7 +16,7 @@ import pandas as pd
 from stixel_cli.errors import counted
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.report.intervals import bootstrap_interval, bootstrap_weights
-from stixel_cli.report.statistics import Estimate
+from stixel_cli.report.statistics import Statistic
 from stixel_cli.report.tables import chosen
 from stixel_cli.results.result import RunResult
 from stixel_cli.validation.stage_tables import stage_tables
@@ -125,21 +125,21 @@ class Errors:
         rows = self.tables["frames"] if measure is None else self.rows(measure)
         return rows["pose"].nunique()
 
-    def estimate(self, measure: Measure, least: int = 1) -> Estimate:
+    def estimate(self, measure: Measure, least: int = 1) -> Statistic:
         """The measure with its interval; without value from fewer than `least` rows or pixels."""
         rows = self.rows(measure)
         if (rows["pixels"].sum() if "pixels" in rows else len(rows)) < max(1, least):
-            return Estimate()
+            return Statistic()
         return _estimate(*measure.sums(rows), measure.mean, exact=False)
 
-    def less(self, other: "Errors", measure: Measure) -> Estimate:
+    def less(self, other: "Errors", measure: Measure) -> Statistic:
         """The measure minus that of another setting, at the poses where both have values."""
         (ours, our_sums), (theirs, their_sums) = (
             measure.sums(one.rows(measure)) for one in (self, other)
         )
         both, i, j = np.intersect1d(ours, theirs, return_indices=True)
         if not len(both):
-            return Estimate()
+            return Statistic()
 
         def apart(sums: np.ndarray) -> np.ndarray:
             return measure.mean(sums[..., :2]) - measure.mean(sums[..., 2:])
@@ -170,7 +170,7 @@ def errors_of(runs: Iterable[RunResult], columns: str = "") -> Errors:
 
 def _estimate(
     poses: np.ndarray, sums: np.ndarray, of: Callable[[np.ndarray], np.ndarray], exact: bool
-) -> Estimate:
+) -> Statistic:
     """What `of` makes of the sums over all poses, with the interval of a bootstrap.
 
     Without interval if every road user has one pose, no draw is finite, or all draws are equal
@@ -180,13 +180,13 @@ def _estimate(
     mean = value if np.isfinite(value) else None
     users = poses // FRAMES_A_USER
     if len(users) - len(np.unique(users)) < 2:
-        return Estimate(mean)
+        return Statistic(mean)
     drawn = of(_weights(tuple(users.tolist())) @ sums * len(poses))
     drawn = drawn[np.isfinite(drawn)]
     least = -1.0 if exact else 1e-12 * max(1.0, abs(value))
     if len(drawn) == 0 or np.ptp(drawn) <= least:
-        return Estimate(mean)
-    return Estimate(mean, *bootstrap_interval(drawn))
+        return Statistic(mean)
+    return Statistic(mean, *bootstrap_interval(drawn))
 
 
 @lru_cache(maxsize=16)

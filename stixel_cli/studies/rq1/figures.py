@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from stixel_cli.pictures import style
 from stixel_cli.report.blocks import Figure
 from stixel_cli.report.charts import DASHES, MARKERS, Panel, chart, line
-from stixel_cli.report.statistics import Estimate
+from stixel_cli.report.statistics import Statistic
 from stixel_cli.studies.rq1 import errors as of
 from stixel_cli.validation.stage_errors import PHASES
 
@@ -170,11 +170,11 @@ def _locking(lines: Sequence[of.Errors]) -> Figure:
     return chart("locking", panels, len(panels), 2.05, settings=_SETTINGS, sharey=True)
 
 
-def phase_error(own: of.Errors, zone: int, i: int) -> Estimate:
+def phase_error(own: of.Errors, zone: int, i: int) -> Statistic:
     """Mean error of the disparities of a fractional part; no value from fewer than `LEAST`."""
     measure = of.phase(zone, i)
     enough = own.rows(measure)[measure.per].sum() >= of.LEAST
-    return own.estimate(measure) if enough else Estimate()
+    return own.estimate(measure) if enough else Statistic()
 
 
 def _normalised(lines: Sequence[of.Errors]) -> Figure:

@@ -12,7 +12,7 @@ from stixel_cli.report.blocks import Figure, Material
 from stixel_cli.report.forest import Row, forest
 from stixel_cli.report.intervals import DRAWS
 from stixel_cli.report.scan_frame import stage_pictures
-from stixel_cli.report.statistics import Estimate
+from stixel_cli.report.statistics import Statistic
 from stixel_cli.studies.data import StudyData
 from stixel_cli.studies.rq1 import errors as of
 from stixel_cli.studies.rq1.figures import chapter_figures
@@ -111,7 +111,7 @@ def answer_values(
     columns, missed = of.of_columns("px", root=True), of.of_columns("missed")
     rigs = [(own, own.between(*of.ROUND).estimate(of.RMS)) for own in lines["rigs"]]
 
-    def percent(own: of.Errors, measure: of.Measure) -> Estimate:
+    def percent(own: of.Errors, measure: of.Measure) -> Statistic:
         return own.estimate(measure).scaled(100.0)
 
     return {

@@ -54,7 +54,7 @@ _OF_CONTRAST = {
 
 
 def cells(own: of.Errors, measures: Mapping[str, of.Measure]) -> dict[str, Cell]:
-    """Estimates and ends by column; columns that end in % are in per cent."""
+    """Statistics and ends by column; columns that end in % are in per cent."""
     found: dict[str, Cell] = {}
     for name, measure in measures.items():
         found |= ends(name, own.estimate(measure).scaled(100.0 if name.endswith("%") else 1.0))

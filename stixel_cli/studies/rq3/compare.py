@@ -15,8 +15,8 @@ from stixel_cli.report.metrics import MINUS
 from stixel_cli.report.statistics import (
     LEAST_DRAWN,
     SIGNIFICANT,
-    Estimate,
     Paired,
+    Statistic,
     excludes_zero,
     holm,
     least_p,
@@ -85,7 +85,7 @@ class Comparison:
     means: Mapping[str, float | None]
     apart: Mapping[str, Paired]
     p: Mapping[str, float | None]
-    closed: Estimate
+    closed: Statistic
 
     def differs(self, sweep: str) -> bool:
         """Whether the corrected test distinguishes a sweep from the simulated one."""
@@ -166,7 +166,7 @@ def _corrected(found: Sequence[Comparison]) -> list[Comparison]:
     ]
 
 
-def gap_closed(gap: np.ndarray, rest: np.ndarray, strata: Sequence[str], name: str) -> Estimate:
+def gap_closed(gap: np.ndarray, rest: np.ndarray, strata: Sequence[str], name: str) -> Statistic:
     """Fraction of the gap (n,) that the correction closes; `rest` (n,) is the remaining gap.
 
     1 - sum over the strata of |sum of the rest| / the same of the gap. The sum is over
@@ -176,7 +176,7 @@ def gap_closed(gap: np.ndarray, rest: np.ndarray, strata: Sequence[str], name: s
     fewer than `LEAST_DRAWN` pairs; `name` is the label of the random numbers.
     """
     if not excludes_zero(paired(gap, strata)):
-        return Estimate()
+        return Statistic()
     columns = np.array(strata)
     of_stratum = (columns[:, None] == np.unique(columns)).astype(np.float64)
 
@@ -186,10 +186,10 @@ def gap_closed(gap: np.ndarray, rest: np.ndarray, strata: Sequence[str], name: s
     whole = np.full((1, len(gap)), 1.0 / len(gap))
     share = 1.0 - size(whole, rest) / size(whole, gap)
     if min(map(list(strata).count, strata)) < LEAST_DRAWN:
-        return Estimate(float(share[0]))
+        return Statistic(float(share[0]))
     drawn = bootstrap_weights(strata, name)
     shares = 1.0 - size(drawn, rest) / np.maximum(size(drawn, gap), 1e-12)
-    return Estimate(float(share[0]), *bootstrap_interval(shares))
+    return Statistic(float(share[0]), *bootstrap_interval(shares))
 
 
 def difference_table(name: str, found: Sequence[Comparison]) -> Table:
