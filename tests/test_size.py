@@ -34,7 +34,7 @@ BUDGET = {
     # Images of a rig out of calibration.
     "rendering": 2343,
     # The layer that studies share: runs, scans, cost, templates, numbered blocks, files.
-    "report": 2985,
+    "report": 2980,
     "results": 1499,
     # A mesh in other units and along another axis.
     "scene": 3553,
@@ -44,7 +44,7 @@ BUDGET = {
     # A study of the trackers away from home.
     "studies": 4854,
     # The plan of one run, from experiment/ and cli/.
-    "sweeps": 2526,
+    "sweeps": 2508,
     # `contour`: the bank of forms for what it did not learn from, the search at the first scan;
     # a start from slow and sparse scans.
     "tracking": 6116,

@@ -3,8 +3,10 @@
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from textwrap import fill
 from typing import Any
 
+import matplotlib.figure
 import numpy as np
 from matplotlib.axes import Axes
 
@@ -14,6 +16,8 @@ from stixel_cli.report.intervals import LEAST_FREEDOM, Bounds, between_bounds, s
 
 WIDTH = 5.2
 """in: about that of a phone's page, on which the text is then as large as it was drawn."""
+_LETTERS, _MARK, _LINE = 13.0, 7, 0.16
+"""Letters of a legend to an inch; the room of its marks, in letters; height of a line, in."""
 DASHES = ("-", "--", "-.", ":")
 MARKERS = ("o", "s", "^", "D", "v")
 
@@ -43,7 +47,8 @@ def chart(
     columns: int = 1,
     row: float = 2.2,
     width: float = WIDTH,
-    legend: int = 3,
+    title: str = "",
+    write: Callable[[matplotlib.figure.Figure], bytes] = style.svg,
     settings: Mapping | None = None,
     **shared: bool,
 ) -> Figure:
@@ -52,7 +57,8 @@ def chart(
     Args:
         panels: from the left to the right and down.
         row, width: height of a row and width of the figure, in.
-        legend: most labels next to each other.
+        title: above all panels.
+        write: gives the bytes of the figure.
         settings, shared: of Matplotlib; `sharex`, `sharey` of its subplots.
     """
     rows = -(-len(panels) // columns)
@@ -62,8 +68,8 @@ def chart(
         grid = figure.subplots(rows, columns, squeeze=False, **shared).ravel()
         for axes, panel in zip(grid, panels, strict=False):
             axes.patch.set_visible(False)
-            panel.draw(axes)
             axes.set(title=panel.title, xlabel=panel.x, ylabel=panel.y)
+            panel.draw(axes)
             # Even without a limit, this would end the automatic choice, which a log axis needs.
             if panel.limits != (None, None):
                 axes.set_ylim(*panel.limits)
@@ -72,25 +78,18 @@ def chart(
                 style.log_axis(axes)
         for axes in grid[len(panels) :]:
             axes.set_axis_off()
-        handles = legend_handles(grid)
+        found = (zip(*axes.get_legend_handles_labels(), strict=True) for axes in grid)
+        handles = {label: handle for one in found for handle, label in one}
         if handles:
-            longest = max(map(len, handles))
-            figure.legend(
-                handles.values(),
-                handles.keys(),
-                loc="outside lower center",
-                ncols=min(legend if longest < 22 else 1, len(handles)),
-            )
-        return Figure(name, "", style.svg(figure))
-
-
-def legend_handles(grid: Iterable[Axes]) -> dict[str, Any]:
-    """The handle of each label in several axes."""
-    return {
-        label: handle
-        for axes in grid
-        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)
-    }
+            labels = [fill(label, int(_LETTERS * width)) for label in handles]
+            beside = max(1, int(_LETTERS * width / (_MARK + max(map(len, labels)))))
+            lines = sum(1 + label.count("\n") for label in labels) / beside
+            figure.set_figheight(figure.get_figheight() + _LINE * (math.ceil(lines) - 1))
+            look = {"loc": "outside lower center", "ncols": min(beside, len(labels))}
+            figure.legend(handles.values(), labels, **look)
+        if title:
+            figure.suptitle(title, fontsize=9.0, x=0.01, ha="left")
+        return Figure(name, "", write(figure))
 
 
 def line(

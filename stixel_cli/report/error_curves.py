@@ -1,6 +1,5 @@
 """Errors over time of several runs or settings, as drawings of a page."""
 
-import math
 from collections.abc import Iterable, Mapping
 
 import numpy as np
@@ -32,7 +31,6 @@ def error_curves(lines: Mapping[str, Errors], legend: bool = True) -> list[tuple
     for label, look in looks.items():
         shown = {"label": label if len(lines) > 1 else "", "markevery": 0.25, "markersize": 3.5}
         look.update(shown if legend else {"marker": ""})
-    columns = max(1, 64 // (7 + max(map(len, lines), default=0)))
     drawn = []
     for error in sorted(SERIES, key=lambda error: error not in ("iou", "centre_error")):
         known = [(t, of[error], looks[label]) for label, (t, of) in lines.items() if error in of]
@@ -41,9 +39,7 @@ def error_curves(lines: Mapping[str, Errors], legend: bool = True) -> list[tuple
             panels = [_panel(error, part, _limits(error, known)) for part in parts]
             # Of a size that is legible on a telephone without scrolling.
             settings = {f"{text}size": 10.0 for text in _TEXTS}
-            row = 2.25 + 0.18 * legend * math.ceil(len(known) / columns) / len(panels)
-            size = {"row": row, "width": 5.0, "legend": columns}
-            svg = charts.chart("", panels, settings=settings, **size).svg.decode()
+            svg = charts.chart("", panels, row=2.25, width=5.0, settings=settings).svg.decode()
             drawn.append((SERIES[error].label, drawing_for_page(svg, f"t{len(drawn)}")))
     return drawn
 

@@ -3,7 +3,7 @@
 import itertools
 import math
 import textwrap
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import Any, Literal
 
 import numpy as np
@@ -12,10 +12,10 @@ from matplotlib.figure import Figure
 
 from stixel_cli.evaluation.metric_table import metric, over_runs
 from stixel_cli.pictures import style
-from stixel_cli.report.charts import legend_handles, line, line_look
+from stixel_cli.report.charts import Panel, chart, line, line_look
 from stixel_cli.report.error_curves import FLATTENED, MOST_LINES
 from stixel_cli.report.intervals import LEAST_FREEDOM
-from stixel_cli.report.statistics import Repetition, Statistic, statistic, summarise
+from stixel_cli.report.statistics import Repetition, Statistic, summarise
 from stixel_cli.sweeps.over import Setting
 from stixel_cli.sweeps.results import heading
 
@@ -34,8 +34,8 @@ _TEXT_LINE = 0.16
 """in: height of a line of text."""
 _LONGEST_LABEL = 28
 _LONGEST_NAME = 100
-_LEGEND_WIDTH = 150
-"""Characters that fit in a row of the legend."""
+_LINES = ({}, {"linestyle": ""})
+"""Looks of values that are numbers, and of others, which no line connects."""
 
 
 def axis_figures(
@@ -57,14 +57,13 @@ def axis_figures(
         kind: of the images.
         units: what the means of a setting are over, in words.
     """
+    write = style.png if kind == "png" else style.svg
     figures = {}
     for keys in axes:
         keys = [key for key in keys if any(key in dict(setting) for setting, _, _ in runs)]
         if keys:
-            write = style.png if kind == "png" else style.svg
-            with style.drawing():
-                figure = write(_figure(keys, runs, left_out, units))
-            figures[f"{_joined(keys, '+').replace('/', '.')}.{kind}"] = figure
+            name = _joined(keys, "+").replace("/", ".")
+            figures[f"{name}.{kind}"] = _figure(keys, runs, left_out, units, write)
     return figures
 
 
@@ -74,10 +73,16 @@ def _joined(keys: Sequence[str], sign: str = " + ") -> str:
     return text if len(text) <= _LONGEST_NAME else f"{keys[0]} + {len(keys) - 1} more"
 
 
-def _figure(keys: Sequence[str], runs: Sequence[Repetition], left_out: int, units: str) -> Figure:
+def _figure(
+    keys: Sequence[str],
+    runs: Sequence[Repetition],
+    left_out: int,
+    units: str,
+    write: Callable[[Figure], bytes],
+) -> bytes:
     """A figure over `keys` with a line for each combination of the other axes."""
     known = {name for _, _, metrics in runs for name in metrics}
-    names = [name for name in DRAWN if name in known] or sorted(known)[:4]
+    names = [over_runs(n) for n in ([n for n in DRAWN if n in known] or sorted(known)[:4])]
     found, looks = _lines(keys, runs, left_out)
     values = list(dict.fromkeys(value for value, _ in found))
     numbers = _numbers(values)
@@ -89,35 +94,30 @@ def _figure(keys: Sequence[str], runs: Sequence[Repetition], left_out: int, unit
     if log:
         places = [math.log(place) for place in places]
     steps = dodges(places, len(looks)) if len(looks) <= MOST_LINES else [0.0] * len(looks)
-    ticks = [_wrapped(" ".join(value), _LONGEST_LABEL) for value in values]
-    legend = [_wrapped(look["label"], _LEGEND_WIDTH) for look in looks.values() if "label" in look]
-    columns = max(1, _LEGEND_WIDTH // (8 + max(map(len, legend), default=0)))
-    lines = sum(1 + label.count("\n") for label in legend) / columns
-    row = 2.9 + _TEXT_LINE * max(label.count("\n") for label in ticks)
-    height = row * math.ceil(len(names) / 2) + _TEXT_LINE * lines
-    figure = style.new_figure(9.0, height, layout="constrained")
-    for number, name in enumerate(map(over_runs, names)):
-        axes = figure.add_subplot(math.ceil(len(names) / 2), 2, number + 1)
-        for (other, look), step in zip(looks.items(), steps, strict=True):
-            rows = [found.get((v, other), {}).get(name, statistic(name, [])) for v in values]
-            at = [math.exp(p + step) if log else p + step for p in places]
-            if numbers is None:
-                look = look | {"linestyle": ""}
-            line(axes, at, rows, bars=True, **look)
-        axes.set_title(heading(name))
-        axes.set_xlabel(_joined(keys))
-        axes.grid(True, axis="y")
-        scale_values(axes, name)
-        _mark_values(axes, ticks, numbers, log)
-    # A line may be missing where a metric has no value.
-    handles = legend_handles(figure.axes)
-    if handles:
-        labels = [_wrapped(label, _LEGEND_WIDTH) for label in handles]
-        figure.legend(handles.values(), labels, loc="outside lower center", ncols=columns)
-    shown = [over_runs(name) for name in names]
-    counts = {row[name].n for row in found.values() for name in shown if name in row} - {0}
-    figure.suptitle(caption(units, len(looks), left_out, counts), fontsize=9.0, x=0.01, ha="left")
-    return figure
+    ticks = [textwrap.fill(" ".join(value), _LONGEST_LABEL) for value in values]
+
+    def panel(name: str) -> Panel:
+        def draw(axes: Axes) -> None:
+            for (other, look), step in zip(looks.items(), steps, strict=True):
+                rows = [found.get((v, other), {}).get(name, Statistic()) for v in values]
+                at = [math.exp(p + step) if log else p + step for p in places]
+                line(axes, at, rows, bars=True, **look | _LINES[numbers is None])
+            scale_values(axes, name)
+            axes.grid(False, axis="x")
+            if log:
+                axes.set_xscale("log")
+                axes.minorticks_off()
+            if log or numbers is None:
+                axes.set_xticks(numbers or places, ticks)
+            if numbers is None and len(ticks) > 5:
+                axes.tick_params("x", labelrotation=30)
+
+        return Panel(draw, heading(name), _joined(keys))
+
+    counts = {row[name].n for row in found.values() for name in names if name in row} - {0}
+    title = caption(units, len(looks), left_out, counts)
+    row = 2.7 + _TEXT_LINE * max(label.count("\n") for label in ticks)
+    return chart("", list(map(panel, names)), 2, row, 9.0, title, write).svg
 
 
 def _lines(
@@ -137,20 +137,6 @@ def _lines(
         found |= summarise(((value, ""), *rest) for value, _, *rest in each)
         looks |= {"": line_look(0) | {"label": "mean of all lines"}}
     return found, looks
-
-
-def _mark_values(
-    axes: Axes, labels: Sequence[str], numbers: Sequence[float] | None, log: bool
-) -> None:
-    """Ticks of the swept values: at their `numbers`, if they are numbers."""
-    if log:
-        axes.set_xscale("log")
-        axes.minorticks_off()
-        axes.set_xticks(numbers, labels)
-    if numbers is None:
-        axes.set_xticks(range(len(labels)), labels)
-        if len(labels) > 5:
-            axes.tick_params("x", labelrotation=30)
 
 
 def is_geometric(places: Sequence[float]) -> bool:
@@ -215,10 +201,6 @@ def dodges(places: Sequence[float], lines: int) -> list[float]:
 def _label(setting: Setting, keys: Sequence[str]) -> str:
     """`key=value …` of a setting without `keys`."""
     return " ".join(f"{k}={v}" for k, v in setting if k not in keys)
-
-
-def _wrapped(text: str, width: int) -> str:
-    return "\n".join(textwrap.wrap(text, width))
 
 
 def _numbers(values: Sequence[tuple[str, ...]]) -> list[float] | None:

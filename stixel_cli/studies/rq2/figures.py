@@ -155,7 +155,7 @@ def _condition_figure(
         )
 
     panels = [panel(i, j) for i in range(len(SCAN_ERRORS)) for j in range(len(trackers))]
-    return chart(name, panels, len(trackers), 1.15, legend=4, sharex=True)
+    return chart(name, panels, len(trackers), 1.15, sharex=True)
 
 
 def boxes(name: str, runs: pd.DataFrame, measurements: Sequence[str]) -> Figure:
@@ -184,7 +184,7 @@ def boxes(name: str, runs: pd.DataFrame, measurements: Sequence[str]) -> Figure:
         limits = (None, None) if ratio else metric.bounds
         return Panel(draw, y=tables.with_unit(metric), ratio=ratio, limits=limits)
 
-    return chart(name, list(map(panel, SCAN_ERRORS.values())), 2, 1.45, 1.45 * WIDTH, legend=4)
+    return chart(name, list(map(panel, SCAN_ERRORS.values())), 2, 1.45, 1.45 * WIDTH)
 
 
 def _box(axes, values: Sequence[float], place: float, width: float, shade: str) -> None:
