@@ -64,7 +64,8 @@ def chart(
     rows = -(-len(panels) // columns)
     with style.drawing({"axes.grid": True, "axes.labelsize": 8.5, **(settings or {})}):
         figure = style.new_figure(width, 0.45 + row * rows, layout="constrained")
-        figure.patch.set_visible(False)
+        # The colour of the page is behind an SVG.
+        figure.patch.set_visible(write is not style.svg)
         grid = figure.subplots(rows, columns, squeeze=False, **shared).ravel()
         for axes, panel in zip(grid, panels, strict=False):
             axes.patch.set_visible(False)
