@@ -40,7 +40,7 @@ BUDGET = {
     "scene": 3553,
     # Conditions of the rig, the matchers, the path, the pictures and the prior, from config/.
     "stereo": 490,
-    "stixels": 2030,
+    "stixels": 2044,
     # A study of the trackers away from home.
     "studies": 4854,
     # The plan of one run, from experiment/ and cli/.

@@ -86,7 +86,8 @@ def stixels_of_frame(
         obstacle,
         window,
         tops,
-        foot_rows(obstacle, base_row, rig, extraction.least_height),
+        np.maximum(tops, rows_at_height(obstacle, base_row, rig, extraction.greatest_height)),
+        rows_at_height(obstacle, base_row, rig, extraction.least_height),
         base_row,
         scale,
         extraction.width,
@@ -106,15 +107,14 @@ def stixels_of_frame(
     return group_fields(areas, values, line, rig, extraction)
 
 
-def foot_rows(
-    obstacle: np.ndarray, base_row: np.ndarray, rig: Rig, least_height: float
+def rows_at_height(
+    obstacle: np.ndarray, base_row: np.ndarray, rig: Rig, height: float
 ) -> np.ndarray:
-    """Rows (W,) int32 that see the obstacles `least_height` m above the road; -1 where free.
+    """Rows (W,) int32 that see the obstacles `height` m above the road; -1 where free.
 
-    Where an obstacle meets the road a matcher blends the two, and the road there is behind it.
     A height h has f h / z = h d / B rows.
     """
-    rows = np.rint(least_height / rig.baseline * np.nan_to_num(obstacle)).astype(np.int32)
+    rows = np.rint(height / rig.baseline * np.nan_to_num(obstacle)).astype(np.int32)
     return np.where(base_row >= 0, np.maximum(base_row - rows, -1), -1).astype(np.int32)
 
 

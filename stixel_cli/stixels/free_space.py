@@ -22,7 +22,11 @@ LEAST_ROWS = 10
 """The share of fewer pixels means nothing."""
 
 GROUND = 2.0
-"""Surfaces within this many `road.least_height` of the road's plane are ground: verges, kerbs."""
+"""Surfaces up to so many `road.least_height` above the road's plane are ground: verges, kerbs; and
+those up to one below it."""
+
+EDGE = 8
+"""So many columns of a surface without texture get the disparity of the road beside it, px."""
 
 
 def find_free_space(
@@ -126,7 +130,7 @@ def unknown_rows(
     disparity do not, and neither do those of something above the road that is no obstacle, because
     too little of it has a disparity, or a wrong one: a dark car that mirrors the street. Rows count
     from the bottom of the image up to the column's obstacle, or to the road at
-    `grid.occupancy.farthest` m.
+    `grid.occupancy.farthest` m. `EDGE` columns on either side are unknown from the same row.
 
     Args:
         columns: (W, H) int16 raw disparities, column by column.
@@ -142,9 +146,9 @@ def unknown_rows(
     end = np.flatnonzero(far)[-1] + 1 if far.any() else 0
     _, height = pitch_and_height(line, rig)
     # As `obstacle_limits`: at height h, (1 - h / H) d is the road's disparity.
-    share = GROUND * road.least_height / height
+    share = road.least_height / height
     lowest = of_road / (1.0 + share) - road.disparity_margin
-    highest = of_road / max(1.0 - share, 1e-3) + road.disparity_margin
+    highest = of_road / max(1.0 - GROUND * share, 1e-3) + road.disparity_margin
     limits = [
         np.clip(SUBPIXELS * values, 0, np.iinfo(np.int16).max).astype(np.int32)
         for values in (np.floor(lowest), np.ceil(highest))
@@ -153,7 +157,9 @@ def unknown_rows(
     before = np.zeros(rig.height + 1, dtype=np.int32)
     density = free_space.least_density
     _find_unknown(rows, before, columns, base_row, extents, end, density, *limits)
-    return rows
+    beside = np.pad(rows, EDGE, constant_values=-1)
+    lowest_beside = np.lib.stride_tricks.sliding_window_view(beside, 2 * EDGE + 1).max(axis=1)
+    return np.where(lowest_beside > base_row, lowest_beside, -1)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

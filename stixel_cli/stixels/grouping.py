@@ -16,6 +16,7 @@ def group_columns(
     obstacle: np.ndarray,
     window: np.ndarray,
     tops: np.ndarray,
+    head: np.ndarray,
     foot: np.ndarray,
     base_row: np.ndarray,
     scale: np.ndarray,
@@ -31,15 +32,16 @@ def group_columns(
 
     A group of columns is a stixel if at least half of them have an obstacle. The columns of the
     group whose obstacle is within `window` of the median one's, in disparity, make it up: its
-    top is the median of theirs. The disparities within the window in their areas, from the top
-    down to `foot`, make a histogram. It is split: what is more than `front_margin` behind the
-    front face (`front_face`) is another surface. The disparity is the maximum of the rest.
+    top is the median of theirs. The disparities within the window in their areas, from `head`
+    (from the top where these are too few) down to `foot`, make a histogram. It is split: what is
+    more than `front_margin` behind the front face (`front_face`) is another surface. The disparity
+    is the maximum of the rest.
 
     Args:
         columns: (W, H) int16 raw disparities; pitch-compensated disparity is raw * scale[v] px.
         obstacle, window: (W,) float32 px; obstacle is NaN in free columns.
         tops, base_row: (W,) int32 rows of the obstacle, both inclusive.
-        foot: (W,) int32 lowest row whose pixels count, inclusive.
+        head, foot: (W,) int32 first and last row whose pixels count, inclusive.
         scale: (H,) float32.
         stixel_width: columns of a group.
         bins, bins_per_pixel: of the histogram.
@@ -66,7 +68,7 @@ def group_columns(
         columns,
         obstacle,
         window,
-        tops,
+        (head, tops),
         # With the type of `obstacle`, one kernel finds the median of both.
         tops.astype(np.float32),
         foot,
@@ -93,7 +95,7 @@ def _group_columns(
     columns,
     obstacle,
     window,
-    tops,
+    first_rows,
     top_values,
     foot,
     base_row,
@@ -117,36 +119,39 @@ def _group_columns(
         if kept == 0:
             continue
         centre, reach = obstacle[middle], window[middle]
-        least, most, first, last, rows = _vote(
-            columns, members, kept, tops, foot, scale, centre, reach, bins_per_pixel, histogram,
-            row_count, row_total,
-        )  # fmt: skip
-        of_row, sum_of_row = row_count[first : last + 1], row_total[first : last + 1]
-        pixels = 0
-        for v in range(first, last + 1):
-            pixels += row_count[v]
-        if pixels >= least_pixels:
-            extent = max(LEAST_ROWS, int(front_rows * centre + 0.5))
-            front = front_face(of_row, sum_of_row, kept, extent)
-            start = max(least, int(np.ceil((front - front_margin) * bins_per_pixel)))
-            votes = 0
-            for b in range(start, most + 1):
-                votes += histogram[b]
-            # So few pixels are no face: noise, or something small in front of it.
-            if 2 * votes < extent * kept:
-                start = least
-            peak = histogram_peak(histogram[start : most + 1], kernel)
-            areas[found, 0], areas[found, 1] = left, right
-            areas[found, 2] = tops[_median_column(top_values, members, kept)]
-            areas[found, 3] = base_row[middle]
-            values[found, 0] = (peak + start) / bins_per_pixel
-            values[found, 1] = rows / pixels
-            found += 1
-        for b in range(least, most + 1):
-            histogram[b] = 0
-        for v in range(first, last + 1):
-            row_count[v] = 0
-            row_total[v] = 0.0
+        for starts in first_rows:
+            least, most, first, last, rows = _vote(
+                columns, members, kept, starts, foot, scale, centre, reach, bins_per_pixel,
+                histogram, row_count, row_total,
+            )  # fmt: skip
+            of_row, sum_of_row = row_count[first : last + 1], row_total[first : last + 1]
+            pixels = 0
+            for v in range(first, last + 1):
+                pixels += row_count[v]
+            if pixels >= least_pixels:
+                extent = max(LEAST_ROWS, int(front_rows * centre + 0.5))
+                front = front_face(of_row, sum_of_row, kept, extent)
+                start = max(least, int(np.ceil((front - front_margin) * bins_per_pixel)))
+                votes = 0
+                for b in range(start, most + 1):
+                    votes += histogram[b]
+                # So few pixels are no face: noise, or something small in front of it.
+                if 2 * votes < extent * kept:
+                    start = least
+                peak = histogram_peak(histogram[start : most + 1], kernel)
+                areas[found, 0], areas[found, 1] = left, right
+                areas[found, 2] = top_values[_median_column(top_values, members, kept)]
+                areas[found, 3] = base_row[middle]
+                values[found, 0] = (peak + start) / bins_per_pixel
+                values[found, 1] = rows / pixels
+                found += 1
+            for b in range(least, most + 1):
+                histogram[b] = 0
+            for v in range(first, last + 1):
+                row_count[v] = 0
+                row_total[v] = 0.0
+            if pixels >= least_pixels:
+                break
     return found
 
 
@@ -227,7 +232,7 @@ def front_face(count, total, columns, extent):
 
 @njit(inline="always")
 def _vote(
-    columns, members, n, tops, foot, scale, centre, reach, bins_per_pixel, histogram, count, total
+    columns, members, n, starts, foot, scale, centre, reach, bins_per_pixel, histogram, count, total
 ):
     """Add up a stixel's disparities: of the first `n` columns in `members`.
 
@@ -241,7 +246,7 @@ def _vote(
     least, most, first, last, rows = bins, -1, len(count), -1, 0
     for i in range(n):
         u = members[i]
-        for v in range(tops[u], foot[u] + 1):
+        for v in range(starts[u], foot[u] + 1):
             raw = columns[u, v]
             if raw < 0:
                 continue

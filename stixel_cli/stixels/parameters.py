@@ -161,7 +161,7 @@ class FreeSpaceParameters:
     """Least number of pixels of the least obstacle in a column: fewer are a matcher's error."""
     cost_bound: ClassVar[float] = 1.5
     """Greatest cost of a cell, that of an empty one; the smallest obstacle costs 1."""
-    unknown_height: ClassVar[float] = 1.0
+    unknown_height: ClassVar[float] = 0.5
     """A place of the road is unknown if, from there up to this height, m, less than
     `least_density` of the pixels have a disparity."""
     least_density: ClassVar[float] = 0.5
@@ -216,6 +216,9 @@ class ExtractionParameters:
     least_height: ClassVar[float] = 0.25
     """Pixels lower above the road than this do not count, m: at the foot of an obstacle a matcher
     blends it with the road. It is that of `road`."""
+    greatest_height: ClassVar[float] = 2.0
+    """Pixels higher above the road than this count only where there are too few below, m: a tree
+    or a façade overhangs what stands on the road."""
     least_pixels: ClassVar[int] = 10
     """Fewer pixels of the obstacle's disparity make no stixel: they are a matcher's error."""
     front_height: ClassVar[float] = 0.5

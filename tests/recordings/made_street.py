@@ -33,7 +33,8 @@ def view(rig: Rig, pose: np.ndarray, boxes=()) -> tuple[np.ndarray, np.ndarray]:
     Args:
         rig: of the camera.
         pose: (3, 4) in the frame x right, y down, z ahead, with the road at y = camera height.
-        boxes: faces (x from, x to, z, height) m on the road, across it.
+        boxes: faces (x from, x to, z, height) m on the road, across it; a fifth value, True,
+            makes one without texture.
     """
     v, u = np.mgrid[: rig.height, : rig.width].astype(float)
     rays = np.stack([(u - rig.u0) / rig.focal, (v - rig.v0) / rig.focal_v, np.ones_like(u)], -1)
@@ -46,7 +47,7 @@ def view(rig: Rig, pose: np.ndarray, boxes=()) -> tuple[np.ndarray, np.ndarray]:
         (0, -HALF_WIDTH, 1, 2, None),
         (0, HALF_WIDTH, 1, 2, None),
         (2, END, 0, 1, None),
-        *((2, z, 0, 1, (low, high, top)) for low, high, z, top in boxes),
+        *((2, box[2], 0, 1, box) for box in boxes),
     ]
     for number, (axis, at, one, other, limits) in enumerate(planes):
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -55,9 +56,10 @@ def view(rig: Rig, pose: np.ndarray, boxes=()) -> tuple[np.ndarray, np.ndarray]:
         hit = origin + away[..., None] * rays
         seen = (away > 0.1) & (away < best)
         if limits is not None:
-            low, high, top = limits
+            low, high, _, top, *plain = limits
             seen &= (hit[..., 0] >= low) & (hit[..., 0] <= high)
             seen &= (hit[..., 1] <= rig.camera_height) & (hit[..., 1] >= rig.camera_height - top)
+            hit = 0.0 * hit if any(plain) else hit
         best = np.where(seen, away, best)
         pattern = np.stack([hit[..., one], hit[..., other]], -1) + 17.3 * number
         places = np.where(seen[..., None], pattern, places)

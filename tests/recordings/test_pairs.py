@@ -301,3 +301,18 @@ def test_an_obstacle_is_called_free_unless_it_is_found_or_its_place_is_unknown()
     free_space = FreeSpace(0, found, np.zeros((1, RIG.width), dtype=np.int32), road, unknown)
     columns = np.flatnonzero(called_free(free_space, 0, obstacles, RIG, 6.0))
     assert columns.tolist() == [11, 13]
+
+
+@pytest.mark.parametrize("depth", [2.5, 3.0, 4.0])
+def test_a_near_van_without_texture_is_unknown_and_not_free(depth):
+    """Its bonnet has no match of its own, and a tree is seen through the windows above it."""
+    van, tree = (-1.0, 0.9, depth, 1.1, True), (-0.5, 0.5, 15.0, 5.0)
+    random, images = np.random.default_rng(0), []
+    for image in stereo_view(RIG, poses_ahead(1, 0.0)[0], [van, tree])[:2]:
+        noisy = image + random.normal(0.0, 1.0, image.shape)
+        images.append(np.clip(np.rint(noisy), 0, 255).astype(np.uint8))
+    found = stixels_from_pair(*images, RIG)
+    x = depth * (np.arange(RIG.width) - RIG.u0) / RIG.focal
+    obstacles = np.where((x > van[0]) & (x < van[1]), depth, np.nan)
+    assert not called_free(found.free_space, 0, obstacles, RIG, 6.0).any()
+    assert found.unknown.mean() < 0.9

@@ -11,7 +11,7 @@ from stixel_cli.stixels.extraction import (
     BINS_PER_PIXEL,
     UNEVEN_REACH,
     extract_stixels,
-    foot_rows,
+    rows_at_height,
     smoothing_kernel,
     surroundings,
     unevenness,
@@ -113,7 +113,9 @@ def test_points_are_in_the_middle_of_their_columns(pipeline, rig, render, as_dis
     rig = replace(rig, pitch=pitch, principal_u=140.25)
     stixels = pipeline(as_disparities(render(rig, boxes=BOXES, wall=30.0)), rig)
     points = stixels.points_ego
-    down = (0.5 * (stixels.top + stixels.base) - rig.v0) / rig.focal
+    # Of a high wall only the lowest 2 m count.
+    first = np.maximum(stixels.top, stixels.base - 2.0 * stixels.disparity / rig.baseline)
+    down = (0.5 * (first + stixels.base) - rig.v0) / rig.focal
     # What has one depth along the road has another along the optical axis in every row.
     depth_camera = points[:, 1] / (rig.level_from_camera[2] @ [0.0 * down, down, 0.0 * down + 1.0])
     middles = [np.mean(range(a, b)) for a, b in zip(stixels.left, stixels.right, strict=True)]
@@ -217,13 +219,13 @@ def test_group_follows_its_median_column():
     window = np.full(5, 2.0, dtype=np.float32)
     tops = np.array([10, 10, 8, 9, 8], dtype=np.int32)
     base = np.array([34, 34, 29, 29, 29], dtype=np.int32)
-    areas, values = group_columns(columns, obstacle, window, tops, base, base, **GROUPING)
+    areas, values = group_columns(columns, obstacle, window, tops, tops, base, base, **GROUPING)
     assert areas.tolist() == [[0, 5, 8, 29]]
     assert values[0, 0] == pytest.approx(10.25, abs=1e-3)
     assert values[0, 1] == pytest.approx((22 * 18.5 + 21 * 19 + 22 * 18.5) / 65)
     base[1:4] = -1
     obstacle[1:4] = np.nan
-    few, _ = group_columns(columns, obstacle, window, base - 20, base, base, **GROUPING)
+    few, _ = group_columns(columns, obstacle, window, base - 20, base - 20, base, base, **GROUPING)
     assert len(few) == 0
 
 
@@ -240,8 +242,9 @@ def brute_front(pixels, columns, extent):
     return (max(full) if full else np.mean([d for d, _ in pixels])), face
 
 
-def brute_groups(columns, obstacle, window, tops, foot, base, grouping):
+def brute_groups(columns, obstacle, window, first_rows, foot, base, grouping):
     """The stixels one by one, straight from the definition: the rows of areas and of values."""
+    tops, head = first_rows
     found = []
     for left in range(0, len(columns), grouping["stixel_width"]):
         group = np.arange(left, min(left + grouping["stixel_width"], len(columns)))
@@ -251,13 +254,16 @@ def brute_groups(columns, obstacle, window, tops, foot, base, grouping):
         order = sorted(standing, key=lambda u: obstacle[u])
         middle = order[len(order) // 2]
         members = [u for u in standing if abs(obstacle[u] - obstacle[middle]) <= window[middle]]
-        pixels = [
-            (columns[u, v] * grouping["scale"][v], v)
-            for u in members
-            for v in range(tops[u], foot[u] + 1)
-            if columns[u, v] >= 0
-        ]
-        pixels = [(d, v) for d, v in pixels if abs(d - obstacle[middle]) < window[middle]]
+        for first in (head, tops):
+            pixels = [
+                (columns[u, v] * grouping["scale"][v], v)
+                for u in members
+                for v in range(first[u], foot[u] + 1)
+                if columns[u, v] >= 0
+            ]
+            pixels = [(d, v) for d, v in pixels if abs(d - obstacle[middle]) < window[middle]]
+            if len(pixels) >= grouping["least_pixels"]:
+                break
         if len(pixels) < grouping["least_pixels"]:
             continue
         front = brute_front(pixels, len(members), obstacle[middle] * grouping["front_rows"])
@@ -285,19 +291,20 @@ def test_groups_match_a_brute_force_search(seed, stixel_width, width):
     window = rng.uniform(0.5, 3.0, width).astype(np.float32)
     tops = rng.integers(0, 15, width).astype(np.int32)
     foot = rng.integers(10, 38, width).astype(np.int32)
+    head = (tops + rng.integers(0, 25, width)).astype(np.int32)
     base = (foot + 2).astype(np.int32)
     free = rng.random(width) < 0.3
     obstacle[free], tops[free], foot[free], base[free] = np.nan, -1, -1, -1
     grouping = {**GROUPING, "stixel_width": stixel_width}
-    areas, values = group_columns(columns, obstacle, window, tops, foot, base, **grouping)
-    expected = brute_groups(columns, obstacle, window, tops, foot, base, grouping)
+    areas, values = group_columns(columns, obstacle, window, tops, head, foot, base, **grouping)
+    expected = brute_groups(columns, obstacle, window, (tops, head), foot, base, grouping)
     assert areas.tolist() == [list(area) for area, _ in expected]
     np.testing.assert_allclose(values, np.reshape([v for _, v in expected], (-1, 2)), rtol=1e-6)
 
 
 @pytest.mark.parametrize("pitch", [0.0, 3.0])
 def test_foot_blended_with_the_road_is_ignored(rig, pitch):
-    """Rows of an upright obstacle that `foot_rows` leaves out are those below the height."""
+    """Rows of an upright obstacle that `rows_at_height` leaves out are those below the height."""
     rig = replace(rig, pitch=pitch)
     line = road_line(rig.pitch_radians, rig.camera_height, rig)
     depth = np.array([5.0, 9.0, 20.0])
@@ -305,10 +312,10 @@ def test_foot_blended_with_the_road_is_ignored(rig, pitch):
     base = np.rint(base_rows(obstacle, line, rig)).astype(np.int32)
     at_height = np.stack([0 * depth, np.full(3, rig.camera_height - 0.25), depth], axis=1)
     _, rows, _ = project(rig, at_height @ rig.level_from_camera).T
-    found = foot_rows(np.append(obstacle, np.nan), np.append(base, -1), rig, 0.25)
+    found = rows_at_height(np.append(obstacle, np.nan), np.append(base, -1), rig, 0.25)
     assert np.all(np.abs(found[:3] - rows) <= 1.5)
     assert found[3] == -1
-    assert np.array_equal(foot_rows(obstacle, base, rig, 0.0), base)
+    assert np.array_equal(rows_at_height(obstacle, base, rig, 0.0), base)
 
 
 def test_blended_foot_does_not_move_the_stixel(pipeline, rig, render, as_disparities):
@@ -336,7 +343,7 @@ def stepped(rows_near, rows_far, near=20.0, far=18.0, width=5):
     window = np.full(width, 4.0, dtype=np.float32)
     obstacle = np.full(width, near, dtype=np.float32)
     grouping = {**GROUPING, "scale": np.full(60, 1 / 16, dtype=np.float32)}
-    return columns, obstacle, window, tops, base, base, grouping
+    return columns, obstacle, window, tops, tops, base, base, grouping
 
 
 @pytest.mark.parametrize(("rows_near", "expected"), [(30, 20.0), (13, 20.0), (4, 18.67)])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from stixel_cli.scene.scenario import EgoMotion
-from stixel_cli.stixels.free_space import LEAST_ROWS, _find_unknown, find_free_space
+from stixel_cli.stixels.free_space import EDGE, LEAST_ROWS, _find_unknown, find_free_space
 from stixel_cli.stixels.road import base_rows, road_line
 
 
@@ -37,8 +37,8 @@ def test_object_without_disparity_is_unknown_and_not_free(find, render, rig, as_
     raw[base - 40 : base, 100:140] = -1
     found = find(as_disparities(raw))
     unknown = found.unknown_row[0] >= 0
-    assert np.array_equal(np.flatnonzero(unknown), np.arange(100, 140))
-    assert np.all(found.unknown_row[0, 100:140] == base - 1)
+    assert np.array_equal(np.flatnonzero(unknown), np.arange(100 - EDGE, 140 + EDGE))
+    assert np.all(found.unknown_row[0, unknown] == base - 1)
     # Nothing behind an obstacle is unknown: it is not free anyway.
     hidden = render(rig, boxes=[(0.0, 6.0, 12.0, 1.5)], wall=30.0)
     hidden[: base - 20, 100:140] = -1
@@ -55,7 +55,7 @@ def test_a_surface_that_is_neither_road_nor_obstacle_is_unknown(find, render, ri
     found = find(as_disparities(raw), obstacle_height=1.2)
     assert np.isnan(found.disparity[0, 105:135]).all() or (found.base_row[0, 105:135] < 110).all()
     assert np.all(found.unknown_row[0, 105:135] == 139)
-    assert np.all(found.unknown_row[0, :95] == -1)
+    assert np.all(found.unknown_row[0, : 100 - EDGE] == -1)
 
 
 def test_unknown_rows_match_a_brute_force_search():
