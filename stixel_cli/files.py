@@ -246,8 +246,8 @@ def check_plain(content: Any, file: Path) -> None:
             raise UserError(f"{file}: {str(name)[:60]}: {fault}")
 
 
-def read_arrays(file: Path) -> "dict[str, np.ndarray]":
-    """The numeric arrays of an `.npz` file, by name.
+def read_arrays(file: Path, texts: dict[str, str] | None = None) -> "dict[str, np.ndarray]":
+    """The numeric arrays of an `.npz` file, by name; members named in `texts` become its values.
 
     Raises:
         UserError: if it is missing, damaged or encrypted, if an array has anything except booleans
@@ -273,6 +273,9 @@ def read_arrays(file: Path) -> "dict[str, np.ndarray]":
                     if member.compress_type not in methods:
                         other = "is compressed by a method other than deflate"
                         raise UserError(f"{file}: {name} {other}")
+                for member in [one for one in members if texts and one.filename in texts]:
+                    texts[member.filename] = archive.read(member).decode()
+                    members.remove(member)
                 return {m.filename.removesuffix(".npy"): _read_array(archive, m) for m in members}
         except UserError:
             raise

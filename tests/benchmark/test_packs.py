@@ -1,0 +1,194 @@
+import json
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stixel_cli.benchmark.data import Data, npz
+from stixel_cli.benchmark.packs import COVARIANCE, schema
+from stixel_cli.benchmark.run import no_track, true_box
+from stixel_cli.benchmark.score import read_rows, row_text, sequence_scores
+from stixel_cli.benchmark.sequences import named, planned
+from stixel_cli.cli.app import main
+from stixel_cli.errors import UserError
+from stixel_cli.experiment.run import run_experiment
+
+NAME = "fabricated-car-turn-0"
+SCHEMA = Path(__file__).parents[2] / "pipelines" / "bench" / "pack.schema.json"
+
+
+@pytest.fixture
+def packed(rendered, capsys):
+    """The working directory with a pack of gp_ekf, `gp_ekf.zip`, and its folder."""
+    assert main(["bench", "run", "gp_ekf", "--data", "data"]) == 0, capsys.readouterr().err
+    return rendered.parent
+
+
+@pytest.fixture
+def refused(capsys):
+    """Runs a command that must be refused in one line, and returns that line."""
+
+    def run(*arguments):
+        capsys.readouterr()
+        assert main(["bench", *arguments, "--data", "data"]) == 2
+        error = capsys.readouterr().err
+        assert error.count("\n") == 1, error
+        return error
+
+    return run
+
+
+def arrays_of(packed, name=NAME):
+    with np.load(packed / "gp_ekf" / f"{name}.npz") as file:
+        return dict(file)
+
+
+def test_the_schema_beside_the_definitions_is_that_of_the_code():
+    assert json.loads(SCHEMA.read_text(encoding="utf-8")) == schema()
+
+
+def test_a_row_has_the_scores_of_stixel_run(packed):
+    assert main(["bench", "score", "gp_ekf.zip", "--data", "data", "--rows", "rows"]) == 0
+    (row,) = read_rows(packed / "rows")
+    (experiment,) = planned([named(NAME)], {"tracker": "gp_ekf"})
+    metrics = run_experiment(experiment.composition, pictures=False).metrics
+    at = row["sequences"].index(NAME)
+    for name in ("iou_mean", "iou_box_mean", "centre_rmse_m", "nees_position_mean", "success"):
+        # Points are rounded to 0.1 mm, contours to single precision.
+        assert row["scores"][name][at] == pytest.approx(metrics[name], rel=0.01), name
+    assert row["benchmark"] == Data(packed / "data").id and row["tier"] == "scored"
+
+
+def test_golden_scores_of_the_true_box_moved_along_the_heading(rendered):
+    data = Data(rendered)
+    truth, scans = data.truth(NAME), data.given(NAME).scans
+    track = true_box(truth)
+    along = np.array([np.cos(track["means"][:, 2]), np.sin(track["means"][:, 2])]).T
+    moved = {
+        **track,
+        "means": track["means"] + np.column_stack([0.5 * along, np.zeros(len(along))]),
+        "contours": track["contours"] + 0.5 * along[:, None],
+        "covariances": np.tile(0.25 * np.eye(3), (len(along), 1, 1)),
+    }
+    scores = sequence_scores(moved, truth, scans)
+    length = np.ptp(truth.box_target, axis=0)[0]
+    assert scores["iou_box_mean"] == pytest.approx((length - 0.5) / (length + 0.5), abs=1e-4)
+    assert scores["centre_rmse_m"] == pytest.approx(0.5)
+    assert scores["nees_position_mean"] == pytest.approx(0.5) and scores["in_nees_band"] == 1
+    assert (scores["track_lost"], scores["orientation_rmse_deg"], scores["missing_scans"]) == (
+        0,
+        0,
+        0,
+    )
+    # A contour that runs clockwise is the same contour.
+    turned = sequence_scores({**moved, "contours": moved["contours"][:, ::-1]}, truth, scans)
+    assert turned == scores
+    # A scan without an estimate has IoU 0.
+    missing = {name: np.array(values) for name, values in moved.items()}
+    for name in ("means", "covariances", "contours"):
+        missing[name][3] = np.nan
+    fewer = sequence_scores(missing, truth, scans)
+    assert fewer["missing_scans"] == 1
+    assert fewer["iou_box_mean"] == pytest.approx(scores["iou_box_mean"] * 11 / 12, abs=1e-5)
+    nothing = sequence_scores(no_track(12), truth, scans)
+    assert nothing["iou_mean"] < 1e-9 and nothing["track_lost"] == 1
+
+
+def test_a_table_gives_the_same_pack_as_arrays(packed):
+    with zipfile.ZipFile(packed / "gp_ekf.zip") as archive:
+        before = {name: archive.read(name) for name in archive.namelist()}
+    arrays = arrays_of(packed)
+    means, contours, std = arrays["means"], arrays["contours"], arrays["contour_std"]
+    upper = arrays["covariances"].reshape(-1, 9)[:, [0, 1, 2, 4, 5, 8]]
+    names = ["x", "y", "heading", *COVARIANCE]
+    names += [f"p{axis}{i}" for i in range(contours.shape[1]) for axis in "xy"]
+    names += [f"std{i}" for i in range(contours.shape[1])] + ["seconds"]
+    seconds = np.full((len(means), 1), arrays["seconds"] / len(means))
+    rows = np.hstack([means, upper, contours.reshape(len(means), -1), std, seconds])
+    file = packed / "gp_ekf" / f"{NAME}.npz"
+    file.unlink()
+    np.savetxt(file.with_suffix(".csv"), rows, "%.17g", ",", header=",".join(names), comments="")
+    assert main(["bench", "pack", "gp_ekf", "--data", "data"]) == 0
+    with zipfile.ZipFile(packed / "gp_ekf.zip") as archive:
+        for key in ("means", "contours", "contour_std"):
+            assert archive.read(f"{NAME}/{key}.npy") == before[f"{NAME}/{key}.npy"], key
+
+
+def damage_missing(packed):
+    (packed / "gp_ekf" / f"{NAME}.npz").unlink()
+
+
+def damage_truth(packed):
+    truth = (packed / "data" / NAME / "truth.npz").read_bytes()
+    (packed / "gp_ekf" / f"{NAME}.npz").write_bytes(truth)
+
+
+def damage_shape(packed):
+    arrays = arrays_of(packed)
+    (packed / "gp_ekf" / f"{NAME}.npz").write_bytes(npz(**{**arrays, "means": arrays["means"][:5]}))
+
+
+def damage_covariance(packed):
+    arrays = arrays_of(packed)
+    content = npz(**{**arrays, "covariances": -arrays["covariances"]})
+    (packed / "gp_ekf" / f"{NAME}.npz").write_bytes(content)
+
+
+def damage_tracker(packed):
+    file = packed / "gp_ekf" / "tracker.json"
+    file.write_text(json.dumps(json.loads(file.read_text()) | {"iou_mean": 0.99}))
+
+
+@pytest.mark.parametrize(
+    ("damage", "expected"),
+    [
+        (damage_missing, f"the sequence {NAME} is missing"),
+        (damage_truth, "a track has only means"),
+        (damage_shape, "means must have shape (12, 3)"),
+        (damage_covariance, "positive definite"),
+        (damage_tracker, "iou_mean"),
+    ],
+)
+def test_pack_refuses(packed, refused, damage, expected):
+    damage(packed)
+    assert expected in refused("pack", "gp_ekf")
+
+
+def changed_pack(packed, **members):
+    with zipfile.ZipFile(packed / "gp_ekf.zip") as archive:
+        content = {name: archive.read(name) for name in archive.namelist()}
+    with zipfile.ZipFile(packed / "gp_ekf.zip", "w") as archive:
+        for name, data in (content | members).items():
+            if data is not None:
+                archive.writestr(name, data)
+    return content
+
+
+def test_score_refuses_what_pack_would_not_have_made(packed, refused):
+    content = changed_pack(packed, **{f"{NAME}/means.npy": None})
+    assert "means is missing" in refused("score", "gp_ekf.zip")
+    manifest = json.loads(content["manifest.json"])
+    changed_pack(packed, **(content | {"manifest.json": json.dumps(manifest | {"iou_mean": 0.9})}))
+    assert "iou_mean" in refused("score", "gp_ekf.zip")
+    changed_pack(packed, **(content | {"manifest.json": json.dumps(manifest | {"benchmark": "0"})}))
+    assert "its tracks are of the data 0" in refused("score", "gp_ekf.zip")
+
+
+def test_score_refuses_the_truth_in_the_form_of_a_track(packed, refused):
+    data = Data(packed / "data")
+    for name in data.names:
+        (packed / "gp_ekf" / f"{name}.npz").write_bytes(npz(**true_box(data.truth(name))))
+    assert main(["bench", "pack", "gp_ekf", "--data", "data"]) == 0
+    assert "is the truth, not a track" in refused("score", "gp_ekf.zip")
+
+
+def test_an_edited_row_is_refused(packed):
+    assert main(["bench", "score", "gp_ekf.zip", "--data", "data", "--rows", "rows"]) == 0
+    (file,) = (packed / "rows").glob("*.json")
+    row = json.loads(file.read_text())
+    assert row_text(row) == file.read_text()
+    row["scores"]["iou_mean"][0] = 1.0
+    file.write_text(row_text(row))
+    with pytest.raises(UserError, match="was edited"):
+        read_rows(packed / "rows")
