@@ -10,12 +10,12 @@ PACKAGE = Path(stixel_cli.__file__).parent
 
 BUDGET = {
     # The reader of Feather files stands beside that of all other foreign files.
-    "": 1627,
+    "": 1630,
     # Sequences, packs, rows and the page of `stixel bench`.
-    "benchmark": 396,
+    "benchmark": 999,
     "calibration": 643,
     # `explain` says if a folder has results of other code than the cached ones.
-    "cli": 2958,
+    "cli": 3072,
     "config": 2980,
     # A check that another process has not marked the new cache meanwhile.
     "engine": 4940,
@@ -54,7 +54,7 @@ BUDGET = {
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
 
 # The filters of PyRecEst: with the tracker they had more than 300 lines.
-MODULES = 329
+MODULES = 332
 """Modules of the package, without `__init__`."""
 
 
