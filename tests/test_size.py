@@ -34,7 +34,7 @@ BUDGET = {
     # Images of a rig out of calibration.
     "rendering": 2343,
     # The layer that studies share: runs, scans, cost, templates, numbered blocks, files.
-    "report": 2981,
+    "report": 2938,
     "results": 1499,
     # A mesh in other units and along another axis.
     "scene": 3553,

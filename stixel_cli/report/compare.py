@@ -17,8 +17,8 @@ from stixel_cli.evaluation.verdict import verdict
 from stixel_cli.pictures import style
 from stixel_cli.report.charts import line_style
 from stixel_cli.report.error_curves import Errors, error_curves
-from stixel_cli.report.metrics import NO_VALUE, best, shown_difference, shown_value
-from stixel_cli.report.page import page_template, picture_for_page
+from stixel_cli.report.metrics import best, shown_difference, shown_value
+from stixel_cli.report.page import page_template, picture_for_page, sentences_of
 from stixel_cli.report.playback_values import SUMMARY
 from stixel_cli.results.differences import by_group, differing_settings, warnings
 from stixel_cli.results.folder import PAGE
@@ -70,6 +70,7 @@ def page_html(runs: Sequence[RunResult], command: Sequence[str], page: Path) -> 
     differing, same = differing_settings(runs)
     pngs = [run.pictures.get("path.png") for run in runs]
     cautions = warnings(runs)
+    shown = {"runs": runs, "labels": labels, "difference": shown_difference}
     rows = metric_rows(runs, mark_best=not cautions)
     # Metrics of another version, or of the user, may have none of these names.
     main = [row for row in rows if row["name"] in SUMMARY] or rows[: len(SUMMARY)]
@@ -78,7 +79,7 @@ def page_html(runs: Sequence[RunResult], command: Sequence[str], page: Path) -> 
         styles=[line_style(i) for i in range(len(runs))],
         colours=len(style.RUNS),
         links=[_link(run.folder, page) for run in runs],
-        headline=[] if cautions else headline(runs, labels),
+        headline=[] if cautions else sentences_of(__package__, "compare", **shown),
         warnings=cautions,
         differing=by_group(differing),
         same=same,
@@ -88,7 +89,12 @@ def page_html(runs: Sequence[RunResult], command: Sequence[str], page: Path) -> 
         low_overlap=LOW_OVERLAP,
         curves=error_curves(dict(zip(labels, map(_errors, runs), strict=True)), legend=False),
         pictures=[png and picture_for_page(png) for png in pngs],
-        provenance=_provenance(runs),
+        runs=runs,
+        revisions=[shown_revision(run.entry("git")) for run in runs],
+        entries={
+            kind: list(dict.fromkeys(name for run in runs for name in run.entry(kind)))
+            for kind in ("versions", "machine")
+        },
         command=shlex.join(command),
     )
 
@@ -118,35 +124,6 @@ def _link(folder: Path, page: Path) -> str | None:
     return link.replace(os.sep, "/")
 
 
-FRACTIONS = ("half", "a third", "a quarter", "a fifth", "a sixth", "a seventh", "an eighth")
-"""A half and smaller parts, in words."""
-
-
-def headline(runs: Sequence[RunResult], labels: Sequence[str]) -> list[str]:
-    """A sentence on each run but the first: how its IoU and its centre error differ."""
-    lines, first = [], runs[0].metrics
-    for run, label in zip(runs[1:], labels[1:], strict=True):
-        parts = []
-        for name, text in (("iou_mean", "IoU"), ("iou_box_mean", "IoU of the box")):
-            one, other = first.get(name), run.metrics.get(name)
-            if one is not None and other is not None:
-                parts.append(f"{text} {shown_difference(name, other, one)}")
-                break
-        one, other = first.get("centre_rmse_m"), run.metrics.get("centre_rmse_m")
-        if one and other is not None:
-            parts.append(f"centre error {_share(other / one)}")
-        lines += [f"{label}, compared with {labels[0]}: {', '.join(parts)}."] if parts else []
-    return lines
-
-
-def _share(ratio: float) -> str:
-    """`a fifth` for 0.2, `2.5 times` for 2.5; near 1 the change in per cent."""
-    if 0.6 <= ratio <= 1.7:
-        return f"{100.0 * (ratio - 1.0):+.0f} %".replace("-", "\u2212")
-    part = round(1.0 / ratio) if ratio > 0.0 else 0
-    return FRACTIONS[part - 2] if 2 <= part < len(FRACTIONS) + 2 else f"{ratio:.2g} times"
-
-
 def metric_rows(runs: Sequence[RunResult], mark_best: bool = True) -> list[dict[str, Any]]:
     """One row per metric that has a value: name, label, unit, and what each run has.
 
@@ -170,26 +147,6 @@ def metric_rows(runs: Sequence[RunResult], mark_best: bool = True) -> list[dict[
         for name, values in table.items()
         if any(value is not None for value in values)
     ]
-
-
-def _provenance(runs: Sequence[RunResult]) -> list[tuple[str, list[str]]]:
-    """(name, value of each run): command, revision, versions and machine."""
-    tables: list[dict[str, Any]] = []
-    for run in runs:
-        tables.append(
-            {
-                "folder": run.folder,
-                **{name: run.manifest.get(name) for name in ("command", "seed", "created")},
-                "run time (s)": run.manifest.get("seconds"),
-                "git revision": shown_revision(run.entry("git")),
-                **run.entry("versions"),
-                **{f"machine, {name}": value for name, value in run.entry("machine").items()},
-            }
-        )
-    names = dict.fromkeys(name for table in tables for name in table)
-    in_order = sorted(names, key=lambda name: name.startswith("machine"))
-    values = {name: [table.get(name) for table in tables] for name in in_order}
-    return [(n, [NO_VALUE if v is None else str(v) for v in row]) for n, row in values.items()]
 
 
 def _errors(run: RunResult) -> Errors:
