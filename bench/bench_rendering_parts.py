@@ -75,7 +75,7 @@ def scene():
 
 
 def test_import_of_open3d(benchmark):
-    """Next to `import open3d`."""
+    """Next to `import open3d`; and that of the stixels of one pair, which needs no Open3D."""
 
     def imports(statement: str):
         subprocess.run([sys.executable, "-c", statement], check=True)
@@ -88,6 +88,7 @@ def test_import_of_open3d(benchmark):
         resource.RUSAGE_CHILDREN,
         whole=lambda: imports(f"{module} import_open3d; import_open3d()"),
         bindings=lambda: imports(f"{module} import_open3d_bindings; import_open3d_bindings()"),
+        stixels_from_pair=lambda: imports("from stixel_cli import stixels_from_pair"),
     )
 
 

@@ -8,6 +8,7 @@ import json
 import os
 import time
 from dataclasses import replace
+from itertools import repeat
 from pathlib import Path
 
 import cv2
@@ -18,9 +19,11 @@ from pydantic import TypeAdapter
 from scipy.special import ndtr
 from small import sized
 
+from stixel_cli import StixelStream
 from stixel_cli.config.schema import StereoParameters
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.images import ImageStack
+from stixel_cli.images import ImageStack, encode_png
+from stixel_cli.recordings.image_files import read_grey
 from stixel_cli.rendering.frames import StereoPairs
 from stixel_cli.stereo import bm, sgm
 from stixel_cli.stixels.extraction import stixels_of_frame
@@ -288,6 +291,39 @@ def test_images_to_stixels_plain(benchmark, pairs, raw):
         return found
 
     benchmark.extra_info["accuracy"] = accuracy(benchmark.pedantic(frame, rounds=1))
+
+
+TRACK = f"PNG files to the track, {RIG.width} × {RIG.height} px, a pair on two cores"
+
+
+@pytest.mark.benchmark(group=TRACK)
+def test_files_to_track(benchmark, pairs, tmp_path):
+    """A stream of the same pair, a parked car: two threads match ahead."""
+    files = written(pairs, tmp_path)
+    frames = StixelStream(RIG).steps([read_grey(file) for file in one] for one in repeat(files))
+    benchmark.pedantic(next, args=(frames,), rounds=sized(40, 2), warmup_rounds=3)
+    frames.close()
+    benchmark.extra_info["accuracy"] = f"{1.0 / benchmark.stats.stats.mean:.1f} pairs a second"
+
+
+@pytest.mark.benchmark(group=TRACK)
+def test_files_to_track_plain(benchmark, pairs, raw, tmp_path):
+    """One thread, and no track."""
+    files = written(pairs, tmp_path)
+    road, occupancy, grid, _ = prepared(raw)
+
+    def frame():
+        plain(plain_match(*(read_grey(file) for file in files)), road, occupancy, grid)
+
+    benchmark.pedantic(frame, rounds=1)
+
+
+def written(pairs, folder):
+    """PNG files of the left and the right image."""
+    files = folder / "left.png", folder / "right.png"
+    for file, image in zip(files, (pairs.left[0], pairs.right[0]), strict=True):
+        file.write_bytes(encode_png(image))
+    return files
 
 
 def accuracy(raw):

@@ -21,6 +21,8 @@ SELECTED = (
     "bench_run.py",
     "bench_stixels.py::test_images_to_stixels",
     "bench_stixels.py::test_images_to_stixels_plain",
+    "bench_stixels.py::test_files_to_track",
+    "bench_stixels.py::test_files_to_track_plain",
     "bench_stixels.py::test_disparity_to_stixels",
     "bench_stixels.py::test_disparity_to_stixels_plain",
     "bench_raycast.py::test_first_pair",
