@@ -141,6 +141,7 @@ def test_disparity_to_stixels(benchmark, raw, pairs, road, occupancy):
 
 
 STEPS = ("histogram", "grid", "costs", "path", "unknown", "height", "stixels", "refined stixels")
+STEPS += ("refined stixels, many layers",)
 
 
 @pytest.mark.parametrize("step", STEPS)
@@ -169,6 +170,9 @@ def test_step(benchmark, raw, pairs, step):
         "unknown": lambda: unknown_rows(columns, base, line, road, grid, FREE_SPACE),
         "stixels": lambda: stixels_of_frame(*frame, replace(EXTRACTION, refinement=0.0)),
         "refined stixels": lambda: stixels_of_frame(*frame, EXTRACTION, images),
+        "refined stixels, many layers": lambda: stixels_of_frame(
+            *frame, replace(EXTRACTION, layers="many"), images
+        ),
     }
     benchmark(work[step])
 

@@ -49,6 +49,6 @@ def test_the_page_and_every_benchmark(script, tmp_path):
     assert (BENCH.parent / "docs" / "benchmark.md").read_text(encoding="utf-8") == page
 
 
-@pytest.mark.parametrize("name", ["bench_objects.py", "phase_table.py"])
+@pytest.mark.parametrize("name", ["bench_objects.py", "occluded_columns.py", "phase_table.py"])
 def test_a_script_that_prints_a_table(script, name):
     assert len(script(name).splitlines()) > 4

@@ -26,7 +26,7 @@ BUDGET = {
     "export": 537,
     # Camera poses on the plane, poses of labels, rotations of quaternions: from recordings.
     "geometry": 223,
-    "machine": 325,
+    "machine": 327,
     "measurements": 1781,
     # The sheet of a frame's stages, of the studies before.
     "pictures": 1463,
@@ -40,7 +40,7 @@ BUDGET = {
     "scene": 3553,
     # Conditions of the rig, the matchers, the path, the pictures and the prior, from config/.
     "stereo": 490,
-    "stixels": 2044,
+    "stixels": 2311,
     # A study of the trackers away from home.
     "studies": 4854,
     # The plan of one run, from experiment/ and cli/.
@@ -49,12 +49,12 @@ BUDGET = {
     # a start from slow and sparse scans.
     "tracking": 6116,
     # Statistics of points, the fit of their noise and the tables of stages, of the studies before.
-    "validation": 1553,
+    "validation": 1555,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
 
 # The filters of PyRecEst: with the tracker they had more than 300 lines.
-MODULES = 332
+MODULES = 333
 """Modules of the package, without `__init__`."""
 
 

@@ -8,6 +8,7 @@ disparity image. A run only asks for the names: what the kernels need is importe
 import gc
 import os
 import sys
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from time import perf_counter
@@ -101,7 +102,8 @@ def call_stixel_kernels() -> None:
     )
     views = random.integers(0, 256, (2, 2, p.rig.height, p.rig.width)).astype(np.uint8)
     pairs = StereoPairs(0, *(ImageStack.from_images(list(view)) for view in views))
-    extract_stixels(disparities, free_space, pairs, p.rig, p.height, p.extraction, frames)
+    extraction = replace(p.extraction, layers="many")
+    extract_stixels(disparities, free_space, pairs, p.rig, p.height, extraction, frames)
 
 
 def call_tracking_kernels() -> None:

@@ -29,8 +29,8 @@ def gather_scans(
 ) -> Scans:
     """Scans of the stixels inside the gates of height and range, in the world frame.
 
-    Free space is a gate already: a stixel is the nearest obstacle of its columns. `stixels` are
-    chunks in the order of their frames.
+    Free space is a gate already: a stixel is the nearest obstacle of its columns, or visible behind
+    that. `stixels` are chunks in the order of their frames.
 
     Raises:
         ValueError: unless the chunks have each frame of `ego_motion` once, in order.

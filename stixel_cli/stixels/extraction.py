@@ -8,6 +8,7 @@ from stixel_cli.rendering.frames import StereoPairs
 from stixel_cli.stereo.disparities import SUBPIXELS, Disparities
 from stixel_cli.stixels.grouping import group_columns
 from stixel_cli.stixels.height import depth_windows, top_rows
+from stixel_cli.stixels.layers import layers_behind
 from stixel_cli.stixels.parameters import ExtractionParameters, HeightParameters
 from stixel_cli.stixels.refinement import aligned
 from stixel_cli.stixels.road import base_rows, pitch_and_height, pitch_factors
@@ -69,7 +70,7 @@ def stixels_of_frame(
     extraction: ExtractionParameters,
     images: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> dict[str, np.ndarray]:
-    """Stixels of one frame: the fields of `Stixels` by name.
+    """Stixels of one frame, the fields of `Stixels` by name; of the same columns the nearest first.
 
     Args:
         columns: (W, H) int16 raw disparities, column by column.
@@ -79,15 +80,56 @@ def stixels_of_frame(
         images: left and right (H, W) uint8, read where `extraction.refinement` is not 0.
     """
     tops = top_rows(columns, obstacle, base_row, line, rig, height)
-    window = depth_windows(obstacle, rig, height.depth_margin)
     scale = pitch_factors(line, rig) / np.float32(SUBPIXELS)
-    areas, values = group_columns(
+    foot = rows_at_height(obstacle, base_row, rig, extraction.least_height)
+    layers = [(obstacle, tops, foot, base_row)]
+    if extraction.layers == "many":
+        margins = (height.depth_margin, extraction.least_height)
+        behind = layers_behind(
+            columns, obstacle, base_row, line, scale, count, rig, extraction.width, margins
+        )
+        layers += [(further, top, base, base) for further, top, base in behind]
+    found: list[dict[str, np.ndarray]] = []
+    for layer in layers:
+        areas, values = areas_of_layer(columns, layer, scale, count, rig, height, extraction)
+        if found:
+            # Only behind a stixel, so that the first one of a group's columns is the nearest.
+            behind_one = np.isin(areas[:, 0], found[0]["left"])
+            areas, values = areas[behind_one], values[behind_one]
+        if extraction.refinement > 0:
+            given = np.ascontiguousarray(values[:, 0])
+            refined = aligned(images, columns, areas, given, scale, rig.disparity_errors())
+            values[:, 0] += extraction.refinement * (refined - given)
+        areas[:, 2] = np.maximum(areas[:, 2] - height.hidden_rows, 0)
+        fields = group_fields(areas, values, line, rig, extraction)
+        if found:
+            # Its foot is hidden.
+            fields["base"] = np.minimum(fields["base"], areas[:, 3]).astype(np.int32)
+        found.append(fields)
+    if len(found) == 1:
+        return found[0]
+    order = np.argsort(np.concatenate([fields["left"] for fields in found]), kind="stable")
+    return {name: np.concatenate([fields[name] for fields in found])[order] for name in found[0]}
+
+
+def areas_of_layer(
+    columns: np.ndarray,
+    layer: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
+    scale: np.ndarray,
+    count: int,
+    rig: Rig,
+    height: HeightParameters,
+    extraction: ExtractionParameters,
+) -> tuple[np.ndarray, np.ndarray]:
+    """`group_columns` of a layer: its obstacles, top rows, foot rows and base rows, (W,) each."""
+    obstacle, tops, foot, base_row = layer
+    return group_columns(
         columns,
         obstacle,
-        window,
+        depth_windows(obstacle, rig, height.depth_margin),
         tops,
         np.maximum(tops, rows_at_height(obstacle, base_row, rig, extraction.greatest_height)),
-        rows_at_height(obstacle, base_row, rig, extraction.least_height),
+        foot,
         base_row,
         scale,
         extraction.width,
@@ -99,12 +141,6 @@ def stixels_of_frame(
         extraction.front_height / rig.baseline * rig.focal_v / rig.focal,
         extraction.front_margin,
     )
-    if extraction.refinement > 0:
-        given = np.ascontiguousarray(values[:, 0])
-        found = aligned(images, columns, areas, given, scale, rig.disparity_errors())
-        values[:, 0] += extraction.refinement * (found - given)
-    areas[:, 2] = np.maximum(areas[:, 2] - height.hidden_rows, 0)
-    return group_fields(areas, values, line, rig, extraction)
 
 
 def rows_at_height(

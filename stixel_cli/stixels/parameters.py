@@ -203,6 +203,7 @@ class ExtractionParameters:
             either side: at an object's edge a matcher blends it with what is behind, px.
         relief: standard deviation of a flat surface's depth, m. That of other surfaces is added:
             how uneven the depths around a stixel are, and half of the step to its neighbours.
+        layers: whether a column has only its nearest obstacle, or also what is visible behind it.
     """
 
     width: Annotated[int, Ge(1), Le(64)]
@@ -212,6 +213,7 @@ class ExtractionParameters:
     least_std: Annotated[float, Ge(0), Le(5)]
     edge_std: Annotated[float, Ge(0), Le(5)]
     relief: Annotated[float, Ge(0), Le(5)]
+    layers: Literal["one", "many"] = "one"
 
     least_height: ClassVar[float] = 0.25
     """Pixels lower above the road than this do not count, m: at the foot of an obstacle a matcher

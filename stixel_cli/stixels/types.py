@@ -40,6 +40,8 @@ class FreeSpace:
 class Stixels:
     """Stixels of n frames `first`, `first` + 1, …, concatenated; arrays have one row a stixel.
 
+    They are ordered by `left`; those of more than one layer in the same columns by depth.
+
     Attributes:
         first: index k of the first frame.
         offsets: (n + 1,) int64, the stixels of frame i are rows offsets[i]:offsets[i + 1].

@@ -100,14 +100,16 @@ def stixel_errors(
     rows = stixels.rows(index)
     found = np.full(rig.width, np.nan)
     owner = np.full(rig.width, -1)
-    for s in range(rows.start, rows.stop):
+    # What is behind the nearest obstacle comes after it, with the same columns.
+    nearest = rows.start + np.flatnonzero(np.diff(stixels.left[rows], prepend=-1))
+    for s in nearest:
         found[stixels.left[s] : stixels.right[s]] = stixels.disparity[s]
         owner[stixels.left[s] : stixels.right[s]] = s
     true = rig.disparity_from_depth(truth.nearest_depth)
     line = road_line(rig.pitch_radians, rig.camera_height, rig)
     records = [
         _errors_of(stixels, s, truth, line, rig)
-        for s in range(rows.start, rows.stop)
+        for s in nearest
         if 2 * truth.of_target[stixels.left[s] : stixels.right[s]].sum()
         >= stixels.right[s] - stixels.left[s]
     ]

@@ -86,6 +86,42 @@ def test_free_columns_have_no_stixel(pipeline, rig, render, as_disparities):
     assert len(stixels.depth) == pytest.approx(2.0 * rig.focal / 10.0 / 5, abs=2)
 
 
+@pytest.mark.parametrize("pitch", [0.0, 3.0])
+def test_with_many_layers_columns_have_what_is_visible_behind_the_nearest_obstacle(
+    pipeline, rig, render, as_disparities, extraction, pitch
+):
+    rig, many = replace(rig, pitch=pitch), replace(extraction, layers="many")
+    low, tall = (0.0, 8.0, 3.0, 0.8), (0.2, 16.0, 2.0, 1.8)
+    disparities = as_disparities(render(rig, boxes=[low, tall], wall=40.0))
+    one, both = pipeline(disparities, rig), pipeline(disparities, rig, many)
+    first = np.flatnonzero(np.diff(both.left, prepend=-1))
+    for name in ("left", "top", "base", "depth", "points_ego", "covariances_ego"):
+        assert getattr(both, name)[first].tobytes() == getattr(one, name).tobytes()
+    edges = columns_of(rig, tall)
+    inside = (both.left >= edges[0]) & (both.right - 1 <= edges[1])
+    nearest = np.isin(np.arange(len(both.left)), first)
+    behind = inside & ~nearest & (both.depth < 20.0)
+    assert behind.sum() == (inside & nearest).sum() >= 4
+    np.testing.assert_allclose(both.depth[behind], tall[1], rtol=0.005)
+    np.testing.assert_allclose(both.height[behind], tall[3], atol=0.1)
+    np.testing.assert_allclose(both.depth[inside & nearest], low[1], rtol=0.005)
+    # What is seen of it ends at the low box's upper edge, and beside it is the wall.
+    edge = both.top[inside & nearest].min()
+    assert np.all(np.abs(both.base[behind] - edge) <= 2)
+    beside = ~inside & ~nearest & (np.abs(both.points_ego[:, 0]) < 3.0)
+    np.testing.assert_allclose(both.depth[beside & (both.depth > 20)], 40.0, rtol=0.01)
+
+
+def test_a_surface_less_than_the_depth_margin_behind_is_no_layer_and_road_is_none(
+    pipeline, rig, render, as_disparities, extraction, height
+):
+    many = replace(extraction, layers="many")
+    for further in ([], [(0.0, 8.0 + 0.9 * height.depth_margin, 1.0, 1.8)]):
+        boxes = [(0.0, 8.0, 3.0, 0.8), *further]
+        stixels = pipeline(as_disparities(render(rig, boxes=boxes)), rig, many)
+        assert len(stixels.left) > 4 and np.all(np.diff(stixels.left) > 0)
+
+
 def test_covariances_follow_from_disparity_variance_surroundings_and_width(
     pipeline, rig, render, as_disparities
 ):
