@@ -1,22 +1,24 @@
-# Everything runs in .venv, which `make setup` builds from pinned versions (constraints.txt).
+# Everything runs in .venv, which `make setup` builds from pinned versions: constraints.txt for
+# Python 3.11 and 3.12, constraints-3.13.txt for later ones.
 
 # The first interpreter that starts and is a supported version; `make PYTHON=… setup` overrides.
-PYTHON ?= $(shell for p in python3.12 python3.11 python3 python; do \
-	$$p -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 12))' 2>/dev/null \
-	&& echo $$p && break; done)
+PYTHON ?= $(shell for p in python3.12 python3.11 python3.13 python3 python; do \
+	$$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo $$p && break; done)
+CONSTRAINTS := $(shell $(PYTHON) -c 'import sys; \
+	print("constraints.txt" if sys.version_info < (3, 13) else "constraints-3.13.txt")' 2>/dev/null)
 BIN := .venv/bin
 MINIMUM := .venv-minimum
-INSTALL := PIP_CONSTRAINT=constraints.txt PIP_DISABLE_PIP_VERSION_CHECK=1 \
+INSTALL := PIP_CONSTRAINT=$(CONSTRAINTS) PIP_DISABLE_PIP_VERSION_CHECK=1 \
 	$(BIN)/python -m pip install --quiet --editable
 CHECK_PYTHON := @test -n "$(PYTHON)" || \
-	{ echo "make: Python 3.11 or 3.12 is needed; name it with PYTHON=…" >&2; exit 2; }
+	{ echo "make: Python 3.11 or later is needed; name it with PYTHON=…" >&2; exit 2; }
 ARGS ?=
 
-.PHONY: setup run test lint bench minimum clean
+.PHONY: setup run test lint bench minimum dist clean
 
 setup: .venv/kernels
 
-.venv/installed: pyproject.toml constraints.txt
+.venv/installed: pyproject.toml $(CONSTRAINTS)
 	$(CHECK_PYTHON)
 	@echo "make: installing the packages into .venv; this takes a minute"
 	$(PYTHON) -m venv .venv
@@ -66,6 +68,13 @@ minimum:
 		measurement=fabricated path.duration=2
 	STIXEL_CACHE=$(MINIMUM)/cache $(MINIMUM)/bin/stixel run --results $(MINIMUM)/results \
 		path.duration=0.3 rig.width=160 rig.height=120 'pictures.frames=[1]'
+
+# The source archive, and the wheel built from it, in dist; checked for an index of packages.
+dist: setup
+	PIP_CONSTRAINT=$(CONSTRAINTS) $(BIN)/python -m pip install --quiet build twine
+	rm -rf dist
+	$(BIN)/python -m build
+	$(BIN)/python -m twine check --strict dist/*
 
 clean:
 	rm -rf .venv $(MINIMUM) build dist .pytest_cache .ruff_cache .hypothesis

@@ -62,8 +62,9 @@ def test_what_is_imported_is_declared_and_what_is_declared_is_imported():
     assert found | missing == declared()
 
 
-def test_every_dependency_has_a_lowest_version_that_the_pinned_one_is_not_below():
-    lines = (PYPROJECT.parent / "constraints.txt").read_text(encoding="utf-8").splitlines()
+@pytest.mark.parametrize("file", ["constraints.txt", "constraints-3.13.txt"])
+def test_every_dependency_has_a_lowest_version_that_the_pinned_one_is_not_below(file):
+    lines = (PYPROJECT.parent / file).read_text(encoding="utf-8").splitlines()
     pinned = dict(line.split("==") for line in lines if not line.startswith("#"))
     pinned = {plain(name): numbers(version) for name, version in pinned.items()}
     found = [line.split(";")[0].split("==") for line in minimum_versions(PYPROJECT.read_text())]

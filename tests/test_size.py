@@ -15,34 +15,34 @@ BUDGET = {
     "benchmark": 999,
     "calibration": 643,
     # `explain` says if a folder has results of other code than the cached ones.
-    "cli": 3068,
+    "cli": 3072,
     "config": 2980,
     # A check that another process has not marked the new cache meanwhile.
-    "engine": 4935,
+    "engine": 4941,
     # The box of a track has room for the limbs; loss has one definition, with heading and class.
     "evaluation": 1750,
     # The names of runs, from config/.
-    "experiment": 1543,
-    "export": 529,
+    "experiment": 1546,
+    "export": 537,
     # Camera poses on the plane, poses of labels, rotations of quaternions: from recordings.
     "geometry": 223,
-    "machine": 317,
+    "machine": 327,
     "measurements": 1781,
     # The sheet of a frame's stages, of the studies before.
-    "pictures": 1495,
+    "pictures": 1463,
     "recordings": 2183,
     # Images of a rig out of calibration.
-    "rendering": 2343,
+    "rendering": 2353,
     # The layer that studies share: runs, scans, cost, templates, numbered blocks, files.
-    "report": 2942,
-    "results": 1499,
+    "report": 2938,
+    "results": 1503,
     # A mesh in other units and along another axis.
-    "scene": 3555,
+    "scene": 3553,
     # Conditions of the rig, the matchers, the path, the pictures and the prior, from config/.
     "stereo": 490,
-    "stixels": 2314,
+    "stixels": 2311,
     # A study of the trackers away from home.
-    "studies": 4825,
+    "studies": 4854,
     # The plan of one run, from experiment/ and cli/.
     "sweeps": 2508,
     # `contour`: the bank of forms for what it did not learn from, the search at the first scan;
@@ -54,7 +54,7 @@ BUDGET = {
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
 
 # The filters of PyRecEst: with the tracker they had more than 300 lines.
-MODULES = 334
+MODULES = 333
 """Modules of the package, without `__init__`."""
 
 

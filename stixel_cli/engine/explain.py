@@ -185,19 +185,19 @@ def _distance(node: Node, notes: Mapping[str, Any]) -> tuple:
 
 def _identity_changes(node: Node, notes: Mapping[str, Any], memory: _Memory) -> list[Change]:
     """Changes in the stage itself."""
-    content, changes = node.identity.content, []
-    for path, before, after in differences(notes.get("settings"), content["settings"]):
-        # The path begins with the stage's argument, not with the configuration's key.
-        argument, dot, rest = path.partition(".")
-        key = f"{node.stage.keys.get(argument, argument)}{dot}{rest}"
-        changes.append(Change("setting", key, before, after))
+    content = node.identity.content
+    changes = [
+        Change("setting", _key(node, path), before, after)
+        for path, before, after in differences(notes.get("settings"), content["settings"])
+    ]
     if notes.get("function") != content["function"]:
         # What the other function reads or does not read follows from that.
         changes = [one for one in changes if one.before and one.after]
         changes.append(
             Change("setting", "its function", str(notes.get("function")), content["function"])
         )
-    elif notes.get("code") != content["code"]:
+    elif notes.get("code") != content["code"] and notes.get("python") == content["python"]:
+        # Another Python has another syntax tree, and so another digest, of the same code.
         changes += _code_changes(notes.get("modules", {}), node.identity.code, memory)
     if notes.get("seed") != content["seed"]:
         changes.append(Change("seed", "seed", plain(notes.get("seed")), plain(content["seed"])))
@@ -215,6 +215,12 @@ def _identity_changes(node: Node, notes: Mapping[str, Any], memory: _Memory) -> 
         for name, (old, new) in pairs.items()
         if old != new
     ]
+
+
+def _key(node: Node, path: str) -> str:
+    """Key in the configuration for a dotted path that begins with the stage's argument."""
+    argument, dot, rest = path.partition(".")
+    return f"{node.stage.keys.get(argument, argument)}{dot}{rest}"
 
 
 def _named(files: tuple[Path, ...]) -> str:

@@ -51,14 +51,24 @@ def examine(
     """Run all checks; the renderers run in child processes with a time limit.
 
     `raycast` and `filament` return why the renderer does not work, None if it works. Before each
-    slow part `begins` is called with the share that is done and what begins.
+    part `begins` is called with the share that is done and what begins.
     """
-    begins(0.0, "raycast draws a picture; the first time it compiles")
-    of_raycast = _renderer("raycast", raycast or probe_raycast, "fails")
-    begins(0.4, "filament draws a picture")
-    of_filament = _renderer("filament", filament or _probe_filament, "absent")
-    begins(0.8, "the cache is listed")
-    return [*_software(), *_processors(), of_raycast, of_filament, *_cache(store)]
+    parts = {
+        "reads the versions": _software,
+        "counts cores": _processors,
+        "raycast draws a picture; the first time it compiles": lambda: [
+            _renderer("raycast", raycast or probe_raycast, "fails")
+        ],
+        "filament draws a picture": lambda: [
+            _renderer("filament", filament or _probe_filament, "absent")
+        ],
+        "lists the cache": lambda: _cache(store),
+    }
+    checks = []
+    for number, (text, part) in enumerate(parts.items()):
+        begins(number / len(parts), text)
+        checks += part()
+    return checks
 
 
 def probe_raycast(
@@ -99,12 +109,12 @@ def _renderer(
 def _software() -> list[Check]:
     versions = package_versions()
     revision = shown_revision(git_state()) or "no checkout"
-    supported = (3, 11) <= sys.version_info[:2] <= (3, 12)
+    supported = sys.version_info >= (3, 11)
     return [
-        Check("stixel", "ok", f"{versions.get('stixel', 'not installed')} ({revision})"),
+        Check("stixel", "ok", f"{versions['stixel']} ({revision})"),
         Check("Python", "ok", versions["python"])
         if supported
-        else Check("Python", "fails", f"{versions['python']}: Python 3.11 or 3.12 is required"),
+        else Check("Python", "fails", f"{versions['python']}: Python 3.11 or later is required"),
         Check("system", "ok", f"{platform.system()} {platform.release()} {platform.machine()}"),
         *(
             Check(name, "ok", version)

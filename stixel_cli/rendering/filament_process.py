@@ -2,7 +2,7 @@
 
 DIR has `scene.npz`, written by `filament.py`; for each frame the child leaves `frame_<k>.npz`
 there, and `ready` as soon as it has rendered anything. With `--probe` it renders one small picture
-of nothing and ends. It protects its parent: without EGL, Filament aborts in C++ or
+of nothing and ends. It protects its parent: without a driver, Filament aborts in C++ or
 hangs. A known reason goes to stderr in one line that starts with `REASON`.
 """
 
@@ -183,15 +183,25 @@ def identities(image: np.ndarray) -> np.ndarray:
     return (digits @ np.array([ID_STEPS**2, ID_STEPS, 1])).astype(np.uint8)
 
 
+def missing_driver(version: str) -> str | None:
+    """Which driver Filament of this version of Open3D needs, if it is missing; in one line."""
+    with_egl = version.startswith("0.19.")
+    try:
+        ctypes.CDLL("libEGL.so.1" if with_egl else "libvulkan.so.1")
+    except OSError as problem:
+        needs = "EGL" if with_egl else "Vulkan (0.19, for Python 3.11 and 3.12, needs EGL)"
+        return f"Open3D {version} needs {needs}: {problem}"
+    return None
+
+
 def main(arguments: list[str]) -> int:
     """Render what `arguments` ([DIR] or ['--probe']) ask for; the process's exit code."""
-    try:
-        ctypes.CDLL("libEGL.so.1")
-    except OSError as problem:
-        print(f"{REASON}no EGL: {problem}", file=sys.stderr)  # noqa: T201
+    open3d = import_open3d()
+    if problem := missing_driver(open3d.__version__):
+        print(f"{REASON}{problem}", file=sys.stderr)  # noqa: T201
         return 3
     if arguments == ["--probe"]:
-        import_open3d().visualization.rendering.OffscreenRenderer(64, 64).render_to_image()
+        open3d.visualization.rendering.OffscreenRenderer(64, 64).render_to_image()
         return 0
     folder = Path(arguments[0])
     with np.load(folder / "scene.npz", allow_pickle=False) as file:

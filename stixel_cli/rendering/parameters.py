@@ -26,7 +26,7 @@ class RaycastParameters:
 
 @parameters
 class FilamentParameters:
-    """Open3D's rasteriser (OffscreenRenderer on Filament and EGL), in a child process.
+    """Open3D's rasteriser (OffscreenRenderer on Filament, with EGL or Vulkan), in a child process.
 
     Attributes:
         kind: `filament`.

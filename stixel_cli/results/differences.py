@@ -120,6 +120,9 @@ def _causes(
     if code is None:
         yield "unknown code changes: the folder does not record its code"
         return
+    if before.versions.get("python") != after.versions.get("python"):
+        # Another Python has another syntax tree, and so another digest, of the same code.
+        return
     changed = [
         f"{module} {'was edited' if module in code else 'is new'}"
         for module, digest in sorted(node.identity.code.modules.items())

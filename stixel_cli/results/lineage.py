@@ -23,10 +23,10 @@ from stixel_cli.engine.store import Store
 from stixel_cli.engine.versions import installed_version
 from stixel_cli.errors import UserError
 from stixel_cli.files import read_json
+from stixel_cli.version import __version__
 
 FILE = "lineage.json"
 PACKAGES = (
-    "stixel",
     "numpy",
     "scipy",
     "numba",
@@ -196,8 +196,9 @@ def provenance() -> dict[str, Any]:
 
 
 def package_versions() -> dict[str, str]:
-    """Versions of Python and of the installed packages that results depend on."""
-    versions = {"python": platform.python_version()}
+    """Versions of stixel, Python and the installed packages that results depend on."""
+    # An editable install keeps the version that the package had when it was installed.
+    versions = {"stixel": __version__, "python": platform.python_version()}
     installed = {package: installed_version(package) for package in PACKAGES}
     return versions | {name: version for name, version in installed.items() if version is not None}
 

@@ -17,9 +17,6 @@ from types import ModuleType
 
 import numpy as np
 
-BINDINGS = "open3d.cpu.pybind"
-"""Open3D's compiled part, under the name that Open3D itself gives it."""
-
 _lock = Lock()
 _loaded: list[ModuleType] = []
 
@@ -69,7 +66,9 @@ def _bindings_file() -> Path | None:
     if spec is None or spec.origin is None:
         return None
     package = Path(spec.origin).parent
-    found = [package / "cpu" / f"pybind{suffix}" for suffix in EXTENSION_SUFFIXES]
+    # Open3D 0.19 has it in the folder `cpu`, 0.20 next to its `__init__`.
+    folders = package / "cpu", package
+    found = [folder / f"pybind{suffix}" for folder in folders for suffix in EXTENSION_SUFFIXES]
     # The CUDA version chooses between two compiled parts, and only one may be loaded.
     return None if (package / "cuda").exists() else next((f for f in found if f.is_file()), None)
 
@@ -79,15 +78,16 @@ def _load(file: Path | None) -> list[ModuleType]:
     if file is None:
         return []
     _prepare()
-    spec = importlib.util.spec_from_file_location(BINDINGS, file)
+    # The name that Open3D itself gives it.
+    name = "open3d.cpu.pybind" if file.parent.name == "cpu" else "open3d.pybind"
+    spec = importlib.util.spec_from_file_location(name, file)
     try:
         bindings = importlib.util.module_from_spec(spec)
         spec.loader.exec_module(bindings)
     except ImportError:
         return []
-    # Python keeps the module's content. A later `import open3d` finds that, not this name, and so
-    # also sets the attribute `pybind` of `open3d.cpu`.
-    sys.modules.pop(BINDINGS, None)
+    # For a later `import open3d`: the compiled part can be initialised only once.
+    sys.modules[name] = bindings
     return [bindings]
 
 

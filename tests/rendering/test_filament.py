@@ -1,5 +1,6 @@
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -8,6 +9,7 @@ from box_scene import LIGHT, RAYCAST, RIG, objects, scenario, target_mesh
 from constants import with_constants
 
 from stixel_cli.errors import UserError
+from stixel_cli.rendering import filament_process
 from stixel_cli.rendering.filament import (
     COMMAND,
     RendererUnavailable,
@@ -151,10 +153,17 @@ def test_ids_survive_the_encoding_as_colours():
     assert np.allclose(encoded(np.array([0.0, 1.0])), [0.0, 1.0])
 
 
-def test_child_without_egl_reports_it_and_ends(monkeypatch, capsys):
+@pytest.mark.parametrize(
+    ("version", "needs"), [("0.19.0", "EGL: libEGL.so.1"), ("0.20.0", "Vulkan (0.19, ")]
+)
+def test_child_without_a_driver_names_the_version_that_needs_it(
+    version, needs, monkeypatch, capsys
+):
     def missing(name):
         raise OSError(f"{name}: cannot open shared object file")
 
     monkeypatch.setattr("ctypes.CDLL", missing)
+    library = SimpleNamespace(__version__=version)
+    monkeypatch.setattr(filament_process, "import_open3d", lambda: library)
     assert main(["--probe"]) == 3
-    assert capsys.readouterr().err.startswith("stixel: no EGL: libEGL.so.1")
+    assert capsys.readouterr().err.startswith(f"stixel: Open3D {version} needs {needs}")
