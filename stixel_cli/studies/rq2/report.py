@@ -25,7 +25,7 @@ from stixel_cli.report.scan_frame import (
     upper_bounds_table,
     within_bounds,
 )
-from stixel_cli.report.statistics import Statistic, least_effect, least_p
+from stixel_cli.report.statistics import least_effect, least_p
 from stixel_cli.studies.data import StudyData
 from stixel_cli.studies.rq2.contrasts import (
     ERRORS,
@@ -92,10 +92,10 @@ def report(data: StudyData) -> Material:
 def answer_values(runs: pd.DataFrame) -> dict[str, Any]:
     """What the template's answer is filled with.
 
-    `contrasts`: for each tracker and lidar its `effects` by road user, and the road users and
-    metrics of each verdict. `headlines`: for each tracker the differences of `LEAD`, `leads`
-    by road user, with the means; `forest`: the plot of all tested ones. `baselines`: for each
-    tracker and baseline the `effects` on the IoU.
+    `contrasts`: for each tracker and lidar the road users and metrics of each verdict.
+    `headlines`: for each tracker the differences of `LEAD`, `leads` by road user, with the means;
+    `forest`: the plot of all tested ones. `baselines`: for each tracker and baseline the `effects`
+    on the IoU.
     """
     every = contrasts(runs)
     tested = [one for one in every if one.tested]
@@ -170,13 +170,8 @@ def _leads(
 
 
 def _contrast(found: Sequence[Contrast]) -> dict[str, Any]:
-    """The differences of one tracker on stixels and on one lidar, and the verdicts."""
-    effects: dict[str, list[tuple[str, str, Statistic]]] = {}
-    for one in found:
-        row = ERRORS[one.metric]
-        effects.setdefault(one.road_user, []).append((row.short_label, row.unit, one.difference))
-    first = {"tracker": found[0].tracker, "stixels": found[0].one, "lidar": found[0].other}
-    return {**first, "effects": effects, **verdicts(found)}
+    """The verdicts on one tracker, on stixels and on one lidar."""
+    return {"tracker": found[0].tracker, "lidar": found[0].other, **verdicts(found)}
 
 
 def _baseline(on_stixels: pd.DataFrame, tracker: str, baseline: str) -> dict[str, Any]:
