@@ -198,7 +198,6 @@ def computed_stages(
     configuration = composition.configuration
     store = open_store(configuration.cache) if store is None else store
     if progress is not None and configuration.source.kind != "rendered":
-        # OpenCV and Numba are imported for it.
         from stixel_cli.config.road_pose import contradiction
 
         if text := contradiction(composition.recording, configuration):

@@ -79,7 +79,7 @@ def path_figure(
         box = axes.get_position()
         beside = (box.x1 + 0.01, box.y1)
         axes.figure.legend(handles=handles, loc="upper left", bbox_to_anchor=beside)
-        _draw_strip(strip, track, scenario, poses, chosen, _room(track, poses, chosen, size))
+        _draw_strip(strip, track, scenario, poses, chosen, size)
     return axes.figure
 
 
@@ -149,18 +149,15 @@ def _label_times(axes: Axes, times, poses, chosen, contours: Sequence[np.ndarray
         axes.text(*place, text, path_effects=[HALO], **label)
 
 
-def _room(track: Track, poses: np.ndarray, chosen, size: float) -> float:
-    """Greatest radius (m) to be drawn at `chosen`, with its band; at most a quarter over `size`."""
-    frames = list(chosen)
-    away = np.linalg.norm(track.contours_world[frames] - poses[frames, None, :2], axis=2)
-    reach = away + 2.0 * track.contour_std[frames]
-    return float(np.clip(np.nanmax(reach, initial=size), size, 1.25 * size))
-
-
 def _draw_strip(
     axes: Axes, track: Track, scenario: Scenario, poses: np.ndarray, chosen, size: float
 ) -> None:
     """The contours at `chosen` in the frame of the target at `poses` (K, 3), next to each other."""
+    # For the greatest radius with its band; at most a quarter over `size`.
+    frames = list(chosen)
+    away = np.linalg.norm(track.contours_world[frames] - poses[frames, None, :2], axis=2)
+    reach = away + 2.0 * track.contour_std[frames]
+    size = float(np.clip(np.nanmax(reach, initial=size), size, 1.25 * size))
     width, height = CELL[0] * size, CELL[1] * size
     for i, k in enumerate(chosen):
         pose, centre = poses[k], np.array([(i + 0.5) * width, 0.0])
