@@ -1,7 +1,7 @@
 """Packs: the tracks of one tracker on all sequences of a folder, in one zip.
 
-`manifest.json` describes the tracker; each sequence has the arrays of `ARRAYS`, as
-`NAME/ARRAY.npy`. A pack has no scores: they are computed from the tracks.
+`manifest.json` describes the tracker; each sequence has the arrays of a track, as `NAME/ARRAY.npy`.
+A pack has no scores: they are computed from the tracks.
 """
 
 import io
@@ -12,54 +12,26 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from annotated_types import Ge, MaxLen
+from annotated_types import MaxLen
 
-from stixel_cli.benchmark.data import Data, sha256
+from stixel_cli.benchmark.data import Data, sha256_of
 from stixel_cli.errors import UserError
-from stixel_cli.files import read_arrays, read_bytes, read_json, read_text, write_whole, written
+from stixel_cli.files import read_arrays, read_json, read_text, write_whole, written
 from stixel_cli.parameters import parameters
 
-TRACKER = "tracker.json"
-"""In a folder of tracks: the part of the manifest that its author writes, see `Tracker`."""
-PACK_MANIFEST = "manifest.json"
-ARRAYS = ("means", "covariances", "contours", "contour_std", "seconds")
+TRACKER, MANIFEST = "tracker.json", "manifest.json"
+"""Files: of a folder of tracks, what their author states; of a pack."""
 OPTIONAL = "contour_std"
+ARRAYS = ("means", "covariances", "contours", OPTIONAL, "seconds")
 MOST_CORNERS = 1000
-POSE = ("x", "y", "heading")
 COVARIANCE = ("var_xx", "var_xy", "var_xh", "var_yy", "var_yh", "var_hh")
 
 Text = Annotated[str, MaxLen(500)]
 
 
 @parameters
-class Machine:
-    """Where the tracks were computed.
-
-    Attributes:
-        name: of the processor, and the operating system.
-        processors: number.
-        reference_ms: time of `gp_ekf` there, milliseconds a scan.
-    """
-
-    name: Text
-    processors: Annotated[int, Ge(1)]
-    reference_ms: Annotated[float, Ge(0)]
-
-
-@parameters
 class Tracker:
-    """What the author of a tracker states.
-
-    Attributes:
-        name, version: of the tracker; together they name its row.
-        settings: of the tracker, in any form.
-        code: address of the code; "" if it is not public.
-        licence: of the code.
-        learnt_from: the data that anything of it was learnt or tuned on.
-        causal: whether the estimate of scan k uses no later scan.
-        per_class: whether its settings, beyond the prior, differ between classes.
-        start: `given`, that of `start.json`, or its `own`, from scans 0 to 9.
-    """
+    """`tracker.json`: what the author of a tracker states, see docs/benchmark-1.0.md."""
 
     name: Annotated[str, MaxLen(80)]
     version: Annotated[str, MaxLen(80)]
@@ -74,132 +46,103 @@ class Tracker:
 
 @parameters
 class Manifest:
-    """`manifest.json` of a pack; `benchmark` is the id of the sequences."""
+    """`manifest.json` of a pack; `reference_ms` is the time of `gp_ekf` on `machine`, a scan."""
 
     tracker: Tracker
-    benchmark: str
-    machine: Machine
+    benchmark: Text
+    machine: dict[str, Any]
+    reference_ms: float
 
 
-def schema() -> dict[str, Any]:
-    """The JSON Schema of `manifest.json`: `pipelines/bench/pack.schema.json`."""
-    from pydantic import TypeAdapter
-
-    return TypeAdapter(Manifest).json_schema()
-
-
-def validated(kind: Any, content: Mapping[str, Any], file: Path) -> Any:
-    """The content of `file` as a `Manifest` or `Tracker`; UserError in one line if it is not."""
+def validated(content: Mapping[str, Any], file: Path) -> dict[str, Any]:
+    """The content of a pack's manifest; UserError in one line if it is off the schema."""
     from pydantic import TypeAdapter, ValidationError
 
     try:
-        return TypeAdapter(kind).validate_json(json.dumps(content))
+        TypeAdapter(Manifest).validate_json(json.dumps(content))
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         where = ".".join(map(str, first["loc"])) or "content"
         raise UserError(f"{file}: {where}: {first['msg']} (pack.schema.json)") from None
+    return dict(content)
 
 
-def pack(folder: Path, data: Data, machine: Machine, output: Path) -> dict[str, int]:
-    """Write the pack of a folder of tracks; return the sequences with missing scans.
+def pack(folder: Path, data: Data, machine: Mapping[str, Any], output: Path) -> dict[str, int]:
+    """Write the pack of a folder of tracks; return the number of missing scans by sequence.
 
-    The folder has `tracker.json` and, for each sequence, `NAME.npz` or `NAME.csv`.
-
-    Raises:
-        UserError: in one line, if a sequence is missing or a file is not valid.
+    The folder has `tracker.json` and, for each sequence, `NAME.npz` or `NAME.csv`; `machine` has
+    the last two entries of the manifest. UserError for the first file that is missing or wrong.
     """
-    tracker = validated(Tracker, read_json(folder / TRACKER), folder / TRACKER)
+    tracker = read_json(folder / TRACKER)
+    manifest = validated({"tracker": tracker, "benchmark": data.id, **machine}, folder / TRACKER)
     members, missing = {}, {}
     for name in data.names:
-        file = folder / f"{name}.npz"
-        table = file.with_suffix(".csv")
+        file, table = folder / f"{name}.npz", folder / f"{name}.csv"
         if not file.exists() and not table.exists():
             raise UserError(f"{folder}: the sequence {name} is missing ({file.name} or .csv)")
         arrays = read_arrays(file) if file.exists() else read_csv(table)
-        arrays, missing[name] = checked(arrays, len(data.given(name).scans), file)
+        arrays = checked(arrays, len(data.read(name).scans), file)
+        missing[name] = int(np.isnan(arrays["means"][:, 0]).sum())
         members |= {f"{name}/{key}.npy": values for key, values in arrays.items()}
-    manifest = Manifest(tracker, data.id, machine)
-    content = json.dumps(as_plain(manifest), indent=1, sort_keys=True)
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
         # A ZipInfo has a constant time: equal tracks give equal packs.
-        archive.writestr(zipfile.ZipInfo(PACK_MANIFEST), content)
+        archive.writestr(zipfile.ZipInfo(MANIFEST), json.dumps(manifest, indent=1, sort_keys=True))
         for key, values in members.items():
             with archive.open(key, "w") as stream:
                 np.lib.format.write_array(stream, values, allow_pickle=False)
     with written(output.parent):
         write_whole(output, buffer.getvalue())
-    return {name: count for name, count in missing.items() if count}
+    return missing
 
 
-def as_plain(manifest: Manifest) -> dict[str, Any]:
-    """A manifest in plain types."""
-    return vars(manifest) | {key: vars(getattr(manifest, key)) for key in ("tracker", "machine")}
-
-
-def read_pack(file: Path, data: Data) -> tuple[Manifest, str, dict[str, dict[str, np.ndarray]]]:
+def read_pack(
+    file: Path, data: Data
+) -> tuple[dict[str, Any], str, dict[str, dict[str, np.ndarray]]]:
     """The manifest, the SHA-256 and the arrays of each sequence of a pack of unknown origin.
 
-    Raises:
-        UserError: in one line, if it is damaged, incomplete, off the schema, or of other data.
+    UserError if it is damaged, incomplete, off the schema, or of other data.
     """
-    arrays = read_arrays(file, texts := {PACK_MANIFEST: ""})
+    arrays = read_arrays(file, texts := {MANIFEST: ""})
     try:
-        content = json.loads(texts[PACK_MANIFEST])
+        manifest = validated(json.loads(texts[MANIFEST]), file)
     except ValueError:
-        raise UserError(f"{file}: {PACK_MANIFEST} is missing or not valid JSON") from None
-    manifest = validated(Manifest, content, file)
-    if manifest.benchmark != data.id:
-        raise UserError(
-            f"{file}: its tracks are of the data {manifest.benchmark[:12]}, but {data.folder} is "
-            f"{data.id[:12]}"
-        )
+        raise UserError(f"{file}: {MANIFEST} is missing or not valid JSON") from None
+    if (other := manifest["benchmark"][:12]) != data.id[:12]:
+        raise UserError(f"{file}: its tracks are of the data {other}, not of {data.id[:12]}")
     tracks: dict[str, dict[str, np.ndarray]] = {}
     for key, values in arrays.items():
         name, _, array = key.rpartition("/")
         tracks.setdefault(name, {})[array] = values
-    for name in {*data.names} ^ {*tracks}:
+    for name in sorted({*data.names} ^ {*tracks}):
         state = "is missing" if name in data.names else "is not one of the data"
         raise UserError(f"{file}: the sequence {name[:80]} {state}")
-    for name in tracks:
-        count = len(data.given(name).scans)
-        tracks[name], _ = checked(tracks[name], count, Path(f"{file}: {name}"))
-    return manifest, sha256(read_bytes(file, 2**30)), tracks
+    for name, track in tracks.items():
+        tracks[name] = checked(track, len(data.read(name).scans), Path(f"{file}: {name}"))
+    return manifest, sha256_of(file), tracks
 
 
-def checked(
-    arrays: Mapping[str, np.ndarray], count: int, file: Path
-) -> tuple[dict[str, np.ndarray], int]:
-    """The arrays of a track of `count` scans, in the types of a pack; the number of missing scans.
+def checked(arrays: Mapping[str, np.ndarray], count: int, file: Path) -> dict[str, np.ndarray]:
+    """The arrays of a track of `count` scans, in the types of a pack; UserError that names `file`.
 
     A scan with any number that is not finite is missing: all of its numbers become NaN.
-
-    Raises:
-        UserError: in one line that names `file` and the array.
     """
-    for name in arrays:
-        if name not in ARRAYS:
-            raise UserError(f"{file}: {name[:40]}: a track has only {', '.join(ARRAYS)}")
-    for name in ARRAYS:
-        if name not in arrays and name != OPTIONAL:
-            raise UserError(f"{file}: {name} is missing: a track has {', '.join(ARRAYS)}")
+    for name in sorted({*arrays} ^ {*ARRAYS} - {OPTIONAL} | {*arrays} - {*ARRAYS}):
+        fault = "is missing" if name in ARRAYS else "is unknown"
+        if name != OPTIONAL:
+            raise UserError(f"{file}: {name[:40]} {fault}: a track has {', '.join(ARRAYS)}")
     corners = arrays["contours"].shape[1] if arrays["contours"].ndim == 3 else 0
     if not 3 <= corners <= MOST_CORNERS:
         raise UserError(f"{file}: contours must have 3 to {MOST_CORNERS} corners (K, M, 2)")
-    shapes = {
-        "means": (count, 3),
-        "covariances": (count, 3, 3),
-        "contours": (count, corners, 2),
-        "contour_std": (count, corners),
-        "seconds": (),
-    }
+    shapes = ((count, 3), (count, 3, 3), (count, corners, 2), (count, corners), ())
     found = {}
-    for name, values in arrays.items():
-        values = values.reshape(()) if name == "seconds" and values.size == 1 else values
-        if values.shape != shapes[name]:
-            raise UserError(f"{file}: {name} must have shape {shapes[name]}, got {values.shape}")
-        short = name in ("contours", "contour_std")
-        found[name] = np.array(values, np.float32 if short else np.float64, order="C")
+    for name, shape in zip(ARRAYS, shapes, strict=True):
+        values = arrays.get(name)
+        if values is not None:
+            if values.shape != shape and not (shape == () and values.size == 1):
+                raise UserError(f"{file}: {name} must have shape {shape}, got {values.shape}")
+            kind = np.float32 if name in ("contours", OPTIONAL) else np.float64
+            found[name] = np.array(values, kind, order="C").reshape(shape)
     if not (np.isfinite(found["seconds"]) and found["seconds"] >= 0.0):
         raise UserError(f"{file}: seconds must be a number ≥ 0, those of the whole sequence")
     scans = [found[name] for name in found if name != "seconds"]
@@ -207,17 +150,15 @@ def checked(
     for values in scans:
         values[missing] = np.nan
     own = found["covariances"][~missing]
-    valid = np.allclose(own, own.transpose(0, 2, 1)) and (np.linalg.eigvalsh(own) > 0.0).all()
-    if not valid:
+    if not (np.allclose(own, own.mT) and (np.linalg.eigvalsh(own) > 0.0).all()):
         raise UserError(f"{file}: covariances must be symmetric and positive definite")
-    return found, int(missing.sum())
+    return found
 
 
 def read_csv(file: Path) -> dict[str, np.ndarray]:
-    """The arrays of a track in a table, one row a scan.
+    """The arrays of a track in a table, one row a scan; docs/benchmark-1.0.md has its columns.
 
-    Columns: x, y, heading; var_xx, var_xy, var_xh, var_yy, var_yh, var_hh; the contour's px0, py0,
-    px1, py1, …; optionally its std0, std1, …; seconds, of the scan. An empty cell is not a number.
+    An empty cell is not a number. UserError in one line if the table is not valid.
     """
     import pandas
 
@@ -225,15 +166,16 @@ def read_csv(file: Path) -> dict[str, np.ndarray]:
         table = pandas.read_csv(io.StringIO(read_text(file)), dtype=np.float64)
         corners = sum(name.startswith("px") for name in table)
         points = [f"p{axis}{i}" for i in range(corners) for axis in "xy"]
-        band = [f"std{i}" for i in range(corners)]
         unique = table[list(COVARIANCE)].to_numpy()
         arrays = {
-            "means": table[list(POSE)].to_numpy(),
+            "means": table[["x", "y", "heading"]].to_numpy(),
             "covariances": unique[:, [0, 1, 2, 1, 3, 4, 2, 4, 5]].reshape(-1, 3, 3),
             "contours": table[points].to_numpy().reshape(-1, corners, 2),
             "seconds": np.array(table["seconds"].sum()),
         }
-        return arrays | ({OPTIONAL: table[band].to_numpy()} if "std0" in table else {})
+        if "std0" in table:
+            arrays[OPTIONAL] = table[[f"std{i}" for i in range(corners)]].to_numpy()
+        return arrays
     except (KeyError, ValueError) as fault:
         reason = " ".join(str(fault).split())[:200]
         raise UserError(f"{file}: not a table of a track: {reason}") from None

@@ -1,17 +1,12 @@
 """Render sequences: with the cached graph of a sweep, so that it resumes and uses any workers."""
 
+import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from stixel_cli.benchmark.data import (
-    MANIFEST,
-    RENDERED,
-    manifest_text,
-    sequence_files,
-    write_sequence,
-)
+from stixel_cli.benchmark.data import MANIFEST, RENDERED, SequenceData, sha256
 from stixel_cli.benchmark.sequences import Sequence as Frozen
-from stixel_cli.benchmark.sequences import planned
+from stixel_cli.benchmark.sequences import definitions, planned
 from stixel_cli.engine.cache_folder import Lease
 from stixel_cli.engine.execute import execute
 from stixel_cli.engine.graph import merge
@@ -21,6 +16,7 @@ from stixel_cli.files import write_whole, written
 from stixel_cli.results.folder import json_text
 from stixel_cli.results.lineage import provenance
 from stixel_cli.sweeps.graphs import plan_runs
+from stixel_cli.version import __version__
 
 NODES = ("scenario", "scans", "start")
 BATCH = 6
@@ -29,40 +25,35 @@ BATCH = 6
 
 def render(
     chosen: Sequence[Frozen], folder: Path, workers: int | None, note: Callable[[str], None]
-) -> str:
-    """Write sequences and their manifest; return the text of the manifest.
+) -> None:
+    """Write sequences into a folder, and last their manifest; `note` gets a line for each batch.
 
-    What the cache has is not computed again. The manifest is written last: a folder without one is
-    not complete.
-
-    Args:
-        chosen: the sequences.
-        folder: to write to; files of the same sequences are replaced.
-        workers: number of processes; None for that of the configuration.
-        note: called with one line after each batch.
+    What the cache has is not computed again. The manifest's own SHA-256 is the id, so it has
+    nothing that differs between two renderings.
     """
-    further = {} if workers is None else {"executor.workers": workers}
-    runs = planned(chosen, further)
-    files: dict[str, str] = {}
+    runs = planned(chosen, {} if workers is None else {"executor.workers": workers})
+    digests: dict[str, str] = {}
     with written(folder):
         (folder / MANIFEST).unlink(missing_ok=True)
-    for first in range(0, len(chosen), BATCH):
-        batch = chosen[first : first + BATCH]
-        own = plan_runs(runs[first : first + BATCH], nodes=NODES)
-        configuration = own[0].composition.configuration
-        store, graph = open_store(configuration.cache), merge(run.graph for run in own)
-        targets = [key for run in own for key in run.graph.expand(NODES)]
-        with Lease(store.folder, targets):
-            execute(graph, targets, store, configuration.executor, make_progress())
-            for sequence, run in zip(batch, own, strict=True):
-                scenario, scans, start = map(store.load, run.graph.expand(NODES))
-                prior = run.composition.configuration.prior
-                content = sequence_files(scans, start, prior, scenario)
-                digests = write_sequence(folder / sequence.name, content)
-                files |= {f"{sequence.name}/{name}": one for name, one in digests.items()}
-        note(f"{first + len(batch)} of {len(chosen)} sequences")
-    text = manifest_text(files)
-    with written(folder):
+        for first in range(0, len(chosen), BATCH):
+            batch = slice(first, first + BATCH)
+            own = plan_runs(runs[batch], nodes=NODES)
+            configuration = own[0].composition.configuration
+            store, graph = open_store(configuration.cache), merge(run.graph for run in own)
+            targets = [key for run in own for key in run.graph.expand(NODES)]
+            with Lease(store.folder, targets):
+                execute(graph, targets, store, configuration.executor, make_progress())
+                for sequence, run in zip(chosen[batch], own, strict=True):
+                    truth, scans, start = map(store.load, run.graph.expand(NODES))
+                    prior = run.composition.configuration.prior
+                    for name, content in SequenceData(scans, start, prior, truth).files().items():
+                        write_whole(folder / sequence.name / name, content)
+                        digests[f"{sequence.name}/{name}"] = sha256(content)
+            note(f"{first + len(own)} of {len(chosen)} sequences")
+        content = {
+            "benchmark": definitions()["version"],
+            "generator": f"stixel {__version__}",
+            "files": dict(sorted(digests.items())),
+        }
         write_whole(folder / RENDERED, json_text(provenance()))
-        write_whole(folder / MANIFEST, text)
-    return text
+        write_whole(folder / MANIFEST, json.dumps(content, indent=1) + "\n")

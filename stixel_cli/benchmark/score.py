@@ -1,15 +1,16 @@
 """Score a pack: the errors of each sequence, by the metrics of `stixel run`, as a row."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from stixel_cli.benchmark.data import Data, sha256
-from stixel_cli.benchmark.packs import as_plain, read_pack
-from stixel_cli.benchmark.run import OWN_START_SCANS, true_box
+from stixel_cli.benchmark.data import Data, SequenceData, sha256
+from stixel_cli.benchmark.packs import read_pack
+from stixel_cli.benchmark.run import OWN_START_SCANS
 from stixel_cli.benchmark.sequences import fresh_set
 from stixel_cli.errors import UserError
 from stixel_cli.evaluation.evaluate import evaluate
@@ -18,7 +19,7 @@ from stixel_cli.files import read_json, write_whole, written
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.report.intervals import chi_square_bounds
 from stixel_cli.scene.scenario import Scenario
-from stixel_cli.tracking.track import Track, contour_directions, used_rows
+from stixel_cli.tracking.track import Track, contour_directions
 
 METRIC_VERSION = 1
 """Raised by every change of a score; rows of different versions are not compared."""
@@ -33,91 +34,80 @@ METRICS = (
 CONSISTENT, MISSING, TIME = "in_nees_band", "missing_scans", "ms_per_scan"
 """Further values of a sequence: whether its mean NEES is in the 95 % band of one scan, as the
 errors of its scans are alike; scans without an estimate; milliseconds a scan."""
-OF_BAND = ("band_coverage",)
-OF_IOU = ("iou_mean", "iou_box_mean")
-TIERS = ("scored", "rerun")
 FIXED, FRESH = "fixed", "fresh"
-
 NO_EXTENT = 1e-6
 """Radius of the contour of a missing scan, m."""
-
 LEAST_ERROR = 1e-3
 """m. A track that is never farther from the truth is the truth."""
 
 
-def scored_pack(file: Path, data: Data, tier: str, pack: str = "") -> dict[str, Any]:
-    """The row of a pack.
+def scored_pack(file: Path, data: Data, tier: str, drawn_by: str = "") -> dict[str, Any]:
+    """The row of a pack, of the tier `scored` or `rerun`; UserError if the pack is refused.
 
-    Args:
-        file: the pack.
-        data: the sequences of its tracks.
-        tier: `scored` or `rerun`.
-        pack: SHA-256 of the pack that drew the seeds of `data`: the row is `fresh`.
-
-    Raises:
-        UserError: in one line, if the pack is refused.
+    `drawn_by` is the SHA-256 of the pack that drew the seeds of `data`: then the row is `fresh`.
     """
-    if pack and {one.name for one in fresh_set(pack)} != {*data.names}:
+    if drawn_by and {one.name for one in fresh_set(drawn_by)} != {*data.names}:
         raise UserError(f"{data.folder}: its seeds are not those that this pack draws")
     manifest, digest, tracks = read_pack(file, data)
-    first = OWN_START_SCANS if manifest.tracker.start == "own" else 0
-    scores = {}
-    for name in data.names:
-        scores[name] = sequence_scores(
-            tracks[name], data.truth(name), data.given(name).scans, first
-        )
-        if scores[name]["centre_rmse_m"] < LEAST_ERROR:
+    first = OWN_START_SCANS if manifest["tracker"]["start"] == "own" else 0
+    scores = {name: sequence_scores(tracks[name], data.read(name), first) for name in data.names}
+    for name, one in scores.items():
+        if one["centre_rmse_m"] < LEAST_ERROR:
             raise UserError(f"{file}: {name}: is the truth, not a track")
-    own = {"tier": FRESH, "fresh_of": pack} if pack else {"tier": tier}
-    return row_of(data, as_plain(manifest), scores) | {"pack": digest} | own
+    own = {"tier": FRESH, "fresh_of": drawn_by} if drawn_by else {"tier": tier}
+    return _row(manifest, scores) | {"pack": digest} | own
 
 
-def row_of(
-    data: Data, manifest: Mapping[str, Any], scores: Mapping[str, Mapping[str, Any]]
-) -> dict[str, Any]:
+def _row(manifest: Mapping[str, Any], scores: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
     """A row without its tier: scores by column, each in the order of the sequences."""
-    columns = dict.fromkeys(name for one in scores.values() for name in one)
+    columns = next(iter(scores.values()))
     return {
+        **manifest,
         "metric_version": METRIC_VERSION,
-        "benchmark": data.id,
-        **{key: manifest[key] for key in ("tracker", "machine") if key in manifest},
         "sequences": list(scores),
-        "scores": {name: [one.get(name) for one in scores.values()] for name in columns},
+        "scores": {name: [one[name] for one in scores.values()] for name in columns},
     }
 
 
-def fixed_rows(data: Data) -> list[dict[str, Any]]:
+def fixed_rows(data: Data) -> Iterator[dict[str, Any]]:
     """The rows of the true box, and of the best contour that is star-convex about the centre."""
     box, star = {}, {}
     for name in data.names:
-        truth = data.truth(name)
-        found = sequence_scores(true_box(truth), truth, data.given(name).scans)
-        box[name] = {key: found[key] for key in OF_IOU}
-        bound = find_upper_bounds(truth, None, None).star_convex_upper_bound
+        given = data.read(name)
+        found = sequence_scores(true_box(given.truth), given)
+        box[name] = {key: found[key] for key in ("iou_mean", "iou_box_mean")}
+        bound = find_upper_bounds(given.truth, None, None).star_convex_upper_bound
         star[name] = {"iou_mean": _short(bound)}
-    names = {"true box": box, "best star-convex contour": star}
-    return [
-        row_of(data, {"tracker": {"name": name, "version": ""}}, scores) | {"tier": FIXED}
-        for name, scores in names.items()
-    ]
+    for name, scores in (("true box", box), ("best star-convex contour", star)):
+        about = {"tracker": {"name": name, "version": ""}, "benchmark": data.id, "tier": FIXED}
+        yield _row(about, scores)
+
+
+def true_box(truth: Scenario) -> dict[str, np.ndarray]:
+    """The arrays of a track that is the true box at the true pose."""
+    return {
+        "means": truth.target_poses_world,
+        "covariances": np.tile(1e-6 * np.eye(3), (len(truth.times), 1, 1)),
+        "contours": truth.boxes_world,
+        "seconds": np.zeros(()),
+    }
 
 
 def sequence_scores(
-    arrays: Mapping[str, np.ndarray], truth: Scenario, scans: Scans, first: int = 0
+    arrays: Mapping[str, np.ndarray], given: SequenceData, first: int = 0
 ) -> dict[str, Any]:
     """The scores of a track by name; scans before `first` do not count.
 
     A missing scan counts as a contour of no extent at the last pose: its IoU is 0.
     """
-    k = np.arange(len(truth.times))
-    scored = Scenario(**{**vars(truth), "scored": k >= first})
-    metrics = evaluate(_track(arrays, scans), scored, scans).metrics
+    k = np.arange(len(given.scans))
+    scored = replace(given.truth, scored=k >= first)
+    metrics = evaluate(_track(arrays, given.scans), scored, given.scans).metrics
     found = {name: _short(metrics[name]) for name in METRICS}
     if "contour_std" not in arrays:
-        found |= dict.fromkeys(OF_BAND)
-    low, high = chi_square_bounds(2)
-    nees = metrics["nees_position_mean"]
-    found[CONSISTENT] = int(nees is not None and low / 2 <= nees <= high / 2)
+        found["band_coverage"] = None
+    low, high = 0.5 * np.array(chi_square_bounds(2))
+    found[CONSISTENT] = int(low <= (metrics["nees_position_mean"] or np.inf) <= high)
     found[MISSING] = int(np.isnan(arrays["means"][first:, 0]).sum())
     found[TIME] = _short(1e3 * float(arrays["seconds"]) / len(k))
     return found
@@ -130,7 +120,7 @@ def _short(value: float | int | None) -> float | int | None:
 
 def _track(arrays: Mapping[str, np.ndarray], scans: Scans) -> Track:
     """The arrays of a pack as a track; rates and NIS, which it does not have, are not scored."""
-    means, covariances = np.array(arrays["means"]), np.array(arrays["covariances"])
+    means, poses = np.array(arrays["means"]), np.array(arrays["covariances"])
     contours = np.array(arrays["contours"], np.float64)
     std = np.array(arrays.get("contour_std", np.zeros(contours.shape[:2])), np.float64)
     count = len(means)
@@ -138,27 +128,21 @@ def _track(arrays: Mapping[str, np.ndarray], scans: Scans) -> Track:
     for k in np.flatnonzero(np.isnan(means[:, 0])):
         # Before the first estimate: where the sensor is.
         means[k] = means[k - 1] if k else scans.sensor_poses_world[0]
-        covariances[k] = covariances[k - 1] if k else np.eye(3)
+        poses[k] = poses[k - 1] if k else np.eye(3)
         contours[k], std[k] = means[k, :2] + NO_EXTENT * around, 0.0
-    turns = np.roll(contours, -1, axis=1)
-    clockwise = (contours[..., 0] * turns[..., 1] - contours[..., 1] * turns[..., 0]).sum(1) < 0.0
-    contours[clockwise], std[clockwise] = contours[clockwise, ::-1], std[clockwise, ::-1]
     arms = contours - means[:, None, :2]
+    ahead = np.roll(arms, -1, axis=1)
+    clockwise = (arms[..., 0] * ahead[..., 1] - arms[..., 1] * ahead[..., 0]).sum(axis=1) < 0.0
+    for values in (contours, arms, std):
+        values[clockwise] = values[clockwise, ::-1]
     lengths = np.linalg.norm(arms, axis=2, keepdims=True)
-    states = np.zeros((count, 6, 6))
-    states[:, :3, :3], states[:, 3:, 3:] = covariances, np.eye(3)
-    offsets, used = used_rows([np.zeros(0, np.int64)] * count)
-    return Track(
-        times=scans.times,
-        means=np.column_stack([means, np.zeros((count, 3))]),
-        covariances=states,
-        contours_world=contours,
-        contour_directions=np.divide(arms, lengths, out=np.zeros_like(arms), where=lengths > 0.0),
-        contour_std=std,
-        used_offsets=offsets,
-        used_points=used,
-        nis=np.full(count, np.nan),
-        nis_degrees_of_freedom=np.zeros(count, np.int64),
+    directions = np.divide(arms, lengths, out=np.zeros_like(arms), where=lengths > 0.0)
+    covariances = np.tile(np.eye(6), (count, 1, 1))
+    covariances[:, :3, :3] = poses
+    states = np.column_stack([means, np.zeros((count, 3))]), covariances
+    nothing = [np.zeros(0, np.int64)] * count
+    return Track.of_scans(
+        scans.times, states, (contours, directions, std), nothing, np.full(count, np.nan)
     )
 
 
@@ -169,11 +153,9 @@ def row_text(row: Mapping[str, Any]) -> str:
 
 def write_row(row: Mapping[str, Any], folder: Path) -> Path:
     """Write a row under the hash of its content; return its file. None is ever replaced."""
-    text = row_text(row)
-    file = folder / f"{sha256(text.encode())[:16]}.json"
+    file = folder / f"{sha256(row_text(row).encode())[:16]}.json"
     with written(folder):
-        if not file.exists():
-            write_whole(file, text)
+        write_whole(file, row_text(row))
     return file
 
 
@@ -181,8 +163,7 @@ def read_rows(folder: Path) -> list[dict[str, Any]]:
     """All rows of a folder; UserError in one line for one that was edited."""
     rows = []
     for file in sorted(folder.glob("*.json")):
-        row = read_json(file)
-        if sha256(row_text(row).encode())[:16] != file.stem:
+        rows.append(read_json(file))
+        if sha256(row_text(rows[-1]).encode())[:16] != file.stem:
             raise UserError(f"{file}: was edited: a row is named by the hash of its content")
-        rows.append(row | {"file": file.name})
     return rows

@@ -14,12 +14,11 @@ from stixel_cli.errors import UserError
 from stixel_cli.files import read_yaml
 from stixel_cli.sweeps.runs import PlannedRun, compose_runs
 
-FROZEN, HARD = "frozen", "hard"
-"""The parts of version 1.0; the first one is ranked."""
-
+FROZEN = "frozen"
+"""The part that is ranked."""
 FRESH_SEEDS = 10
-FIRST_FRESH_SEED, LAST_FRESH_SEED = 10_000, 10_000_000
-"""Nobody tunes on these: seeds to tune on are 1000 to 1999, those of the frozen part 0 to 9."""
+FIRST_FRESH_SEED, FRESH_SPAN = 10_000, 10_000_000
+"""Far from the seeds to tune on, 1000 to 1999, and from those of version 1.0."""
 
 
 @dataclass(frozen=True)
@@ -36,11 +35,6 @@ class Sequence:
     def name(self) -> str:
         """`SENSOR-ROAD_USER-CASE-SEED`."""
         return f"{self.sensor}-{self.road_user}-{self.case}-{self.seed}"
-
-    @property
-    def scene(self) -> tuple[str, str, int]:
-        """What sequences of several sensors share: the unit of all statistics."""
-        return self.road_user, self.case, self.seed
 
     @property
     def overrides(self) -> list[str]:
@@ -67,52 +61,42 @@ def definitions() -> dict[str, Any]:
     return read_yaml(bench_folder() / "sequences.yaml")
 
 
-def sequences(part: str, seeds: Iterable[int] | None = None) -> list[Sequence]:
-    """The sequences of a part, or of its sensors and cases with other `seeds`."""
-    content = definitions()["parts"][part]
-    seeds = None if seeds is None else list(seeds)
+def sequences(part: str, seeds: Iterable[int] = ()) -> list[Sequence]:
+    """The sequences of a part; with `seeds`, these of all its sensors and cases."""
+    content, seeds = definitions()["parts"][part], list(seeds)
     return [
         Sequence(part, sensor, road_user, case, seed)
         for road_user in definitions()["road_users"]
         for case in content["cases"]
         for sensor, own in content["seeds"].items()
-        for seed in (own if seeds is None else seeds)
+        for seed in seeds or own
     ]
 
 
-def whole_set() -> list[Sequence]:
-    """Version 1.0: both parts."""
-    return [*sequences(FROZEN), *sequences(HARD)]
-
-
-def mini_set() -> list[Sequence]:
-    """The part of it to develop on."""
-    return sequences(FROZEN, definitions()["mini_seeds"])
+def whole_set(mini: bool = False) -> list[Sequence]:
+    """Version 1.0: all parts; or the mini set, the part of it to develop on."""
+    if mini:
+        return sequences(FROZEN, definitions()["mini_seeds"])
+    return [one for part in definitions()["parts"] for one in sequences(part)]
 
 
 def fresh_set(pack: str) -> list[Sequence]:
     """Sequences on ten seeds that the SHA-256 of a pack draws, in hexadecimal: one case a seed."""
-    digests = (hashlib.sha256(f"{pack} {i}".encode()).digest() for i in range(FRESH_SEEDS))
-    span = LAST_FRESH_SEED - FIRST_FRESH_SEED
-    seeds = [FIRST_FRESH_SEED + int.from_bytes(one[:8], "big") % span for one in digests]
-    cases = list(definitions()["parts"][FROZEN]["cases"])
-    case_of = {seed: cases[i % len(cases)] for i, seed in enumerate(seeds)}
-    return [one for one in sequences(FROZEN, seeds) if case_of[one.seed] == one.case]
+    cases, found = list(definitions()["parts"][FROZEN]["cases"]), []
+    for i in range(FRESH_SEEDS):
+        number = int(hashlib.sha256(f"{pack} {i}".encode()).hexdigest()[:16], 16)
+        seed, case = FIRST_FRESH_SEED + number % FRESH_SPAN, cases[i % len(cases)]
+        found += [one for one in sequences(FROZEN, [seed]) if one.case == case]
+    return found
 
 
 def named(name: str) -> Sequence:
-    """The sequence of a name; UserError if its sensor, class, case or seed is unknown."""
-    words = name.split("-")
-    for part, content in definitions()["parts"].items():
-        match words:
-            case [sensor, road_user, case, seed] if (
-                sensor in content["seeds"]
-                and road_user in definitions()["road_users"]
-                and case in content["cases"]
-                and seed.isdecimal()
-                and len(seed) < 10
-            ):
-                return Sequence(part, sensor, road_user, case, int(seed))
+    """The sequence of a name, of any seed; UserError if its sensor, class or case is unknown."""
+    seed = name.rpartition("-")[2]
+    if seed.isdecimal() and len(seed) < 10:
+        every = (one for part in definitions()["parts"] for one in sequences(part, [int(seed)]))
+        for one in (one for one in every if one.name == name):
+            return one
     raise UserError(f"{name[:80]!r}: not the name of a sequence, such as stixels-car-turn-0")
 
 

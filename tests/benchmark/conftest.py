@@ -41,5 +41,5 @@ def small_bench(tmp_path, monkeypatch):
 @pytest.fixture
 def rendered(small_bench):
     """The folder of its mini set."""
-    assert main(["bench", "render", "--mini", "--output", "data"]) == 0
+    assert main(["bench", "render", "--mini", "--data", "data"]) == 0
     return small_bench / "data"

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from stixel_cli.benchmark.data import Data
-from stixel_cli.benchmark.sequences import fresh_set, mini_set, named, planned, whole_set
+from stixel_cli.benchmark.sequences import fresh_set, named, planned, whole_set
 from stixel_cli.cli.app import main
 from stixel_cli.errors import UserError
 
@@ -13,7 +13,7 @@ def test_version_1_0_has_450_sequences_which_their_names_give_back():
     sequences = whole_set()
     assert len(sequences) == len({one.name for one in sequences}) == 360 + 90
     assert [named(one.name) for one in sequences] == sequences
-    assert len(mini_set()) == 72
+    assert len(whole_set(mini=True)) == 72
     hard = [one for one in sequences if one.part == "hard" and one.seed == 0]
     assert len(planned([one for one in hard if one.road_user == "car"], {})) == 6
     with pytest.raises(UserError, match="not the name of a sequence"):
@@ -31,14 +31,15 @@ def test_a_second_rendering_has_the_same_id_and_a_tracker_gets_what_was_rendered
     rendered, tmp_path, monkeypatch, capsys
 ):
     capsys.readouterr()
-    assert main(["bench", "verify", "data"]) == 0
+    assert main(["bench", "verify", "--data", "data"]) == 0
     identity = capsys.readouterr().out.split()[-1]
     monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "other"))
-    assert main(["bench", "render", "--mini", "--output", "again", "--workers", "1"]) == 0
+    assert main(["bench", "render", "--mini", "--data", "again", "--workers", "1"]) == 0
     assert capsys.readouterr().out.split()[-1] == identity == Data(rendered).id
     data = Data(rendered)
     name = "fabricated-car-turn-1"
-    given, truth = data.given(name), data.truth(name)
+    given = data.read(name)
+    truth = given.truth
     assert len(given.scans) == 12 and given.scans.field_of_view.left > 0.0
     assert given.prior.length == 4.52 and truth.known.all()
     assert np.all(np.linalg.eigvalsh(given.scans.covariances_world) > 0.0)
@@ -49,7 +50,7 @@ def test_verify_names_a_file_that_was_changed_or_is_missing(rendered, capsys):
     (rendered / "fabricated-car-turn-0" / "start.json").write_text("{}")
     (rendered / "fabricated-car-turn-1" / "truth.npz").unlink()
     capsys.readouterr()
-    assert main(["bench", "verify", "data"]) == 1
+    assert main(["bench", "verify", "--data", "data"]) == 1
     out = capsys.readouterr().out
     assert "fabricated-car-turn-0/start.json: its SHA-256" in out
     assert "truth.npz is missing" in out
@@ -60,5 +61,5 @@ def test_a_manifest_cannot_name_other_files(rendered, path, capsys):
     manifest = rendered / "MANIFEST.json"
     content = json.loads(manifest.read_text())
     manifest.write_text(json.dumps(content | {"files": {path: "0"}}))
-    assert main(["bench", "verify", "data"]) == 1
-    assert "not a file of a sequence" in capsys.readouterr().out
+    assert main(["bench", "verify", "--data", "data"]) == 2
+    assert "not a file of a sequence" in capsys.readouterr().err

@@ -4,11 +4,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pydantic import TypeAdapter
 
 from stixel_cli.benchmark.data import Data, npz
-from stixel_cli.benchmark.packs import COVARIANCE, schema
-from stixel_cli.benchmark.run import no_track, true_box
-from stixel_cli.benchmark.score import read_rows, row_text, sequence_scores
+from stixel_cli.benchmark.packs import COVARIANCE, Manifest
+from stixel_cli.benchmark.run import no_track
+from stixel_cli.benchmark.score import read_rows, row_text, sequence_scores, true_box
 from stixel_cli.benchmark.sequences import named, planned
 from stixel_cli.cli.app import main
 from stixel_cli.errors import UserError
@@ -45,7 +46,7 @@ def arrays_of(packed, name=NAME):
 
 
 def test_the_schema_beside_the_definitions_is_that_of_the_code():
-    assert json.loads(SCHEMA.read_text(encoding="utf-8")) == schema()
+    assert json.loads(SCHEMA.read_text(encoding="utf-8")) == TypeAdapter(Manifest).json_schema()
 
 
 def test_a_row_has_the_scores_of_stixel_run(packed):
@@ -61,8 +62,8 @@ def test_a_row_has_the_scores_of_stixel_run(packed):
 
 
 def test_golden_scores_of_the_true_box_moved_along_the_heading(rendered):
-    data = Data(rendered)
-    truth, scans = data.truth(NAME), data.given(NAME).scans
+    given = Data(rendered).read(NAME)
+    truth = given.truth
     track = true_box(truth)
     along = np.array([np.cos(track["means"][:, 2]), np.sin(track["means"][:, 2])]).T
     moved = {
@@ -71,7 +72,7 @@ def test_golden_scores_of_the_true_box_moved_along_the_heading(rendered):
         "contours": track["contours"] + 0.5 * along[:, None],
         "covariances": np.tile(0.25 * np.eye(3), (len(along), 1, 1)),
     }
-    scores = sequence_scores(moved, truth, scans)
+    scores = sequence_scores(moved, given)
     length = np.ptp(truth.box_target, axis=0)[0]
     assert scores["iou_box_mean"] == pytest.approx((length - 0.5) / (length + 0.5), abs=1e-4)
     assert scores["centre_rmse_m"] == pytest.approx(0.5)
@@ -82,16 +83,16 @@ def test_golden_scores_of_the_true_box_moved_along_the_heading(rendered):
         0,
     )
     # A contour that runs clockwise is the same contour.
-    turned = sequence_scores({**moved, "contours": moved["contours"][:, ::-1]}, truth, scans)
+    turned = sequence_scores({**moved, "contours": moved["contours"][:, ::-1]}, given)
     assert turned == scores
     # A scan without an estimate has IoU 0.
     missing = {name: np.array(values) for name, values in moved.items()}
     for name in ("means", "covariances", "contours"):
         missing[name][3] = np.nan
-    fewer = sequence_scores(missing, truth, scans)
+    fewer = sequence_scores(missing, given)
     assert fewer["missing_scans"] == 1
     assert fewer["iou_box_mean"] == pytest.approx(scores["iou_box_mean"] * 11 / 12, abs=1e-5)
-    nothing = sequence_scores(no_track(12), truth, scans)
+    nothing = sequence_scores(no_track(12), given)
     assert nothing["iou_mean"] < 1e-9 and nothing["track_lost"] == 1
 
 
@@ -144,7 +145,7 @@ def damage_tracker(packed):
     ("damage", "expected"),
     [
         (damage_missing, f"the sequence {NAME} is missing"),
-        (damage_truth, "a track has only means"),
+        (damage_truth, "is unknown: a track has means"),
         (damage_shape, "means must have shape (12, 3)"),
         (damage_covariance, "positive definite"),
         (damage_tracker, "iou_mean"),
@@ -178,7 +179,7 @@ def test_score_refuses_what_pack_would_not_have_made(packed, refused):
 def test_score_refuses_the_truth_in_the_form_of_a_track(packed, refused):
     data = Data(packed / "data")
     for name in data.names:
-        (packed / "gp_ekf" / f"{name}.npz").write_bytes(npz(**true_box(data.truth(name))))
+        (packed / "gp_ekf" / f"{name}.npz").write_bytes(npz(**true_box(data.read(name).truth)))
     assert main(["bench", "pack", "gp_ekf", "--data", "data"]) == 0
     assert "is the truth, not a track" in refused("score", "gp_ekf.zip")
 

@@ -1,0 +1,142 @@
+"""The table of all rows, as a page, CSV and Markdown: means over scenes, intervals, ranks.
+
+A scene is a class, a case and a seed: its sequences of several sensors share road user, path and
+start, so its value is their mean. Cases of classes are strata.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from stixel_cli.benchmark import score
+from stixel_cli.benchmark.sequences import FROZEN, named
+from stixel_cli.report import intervals
+from stixel_cli.report.blocks import Cell, Table
+from stixel_cli.report.page import page_template, table_for_page
+from stixel_cli.report.statistics import Statistic
+from stixel_cli.report.tables import ends, label_of, table_csv, table_markdown
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+IOU, REFERENCE, ALL = "iou_mean", "gp_ekf", "all"
+SCENE = ["road_user", "case", "seed"]
+LABELS = {name: label_of(name) for name in score.METRICS} | {
+    score.CONSISTENT: "in the NEES band",
+    score.MISSING: "missing scans",
+    score.TIME: "ms a scan",
+}
+
+
+def score_frame(rows: Sequence[Mapping[str, Any]]) -> "pd.DataFrame":
+    """One line for each row and sequence of the frozen part, with all scores."""
+    import pandas as pd
+
+    frames = []
+    for i, row in enumerate(rows):
+        frame = pd.DataFrame([vars(named(name)) for name in row["sequences"]])
+        frames.append(frame.assign(row=i, **row["scores"])[frame["part"] == FROZEN])
+    return pd.concat(frames, ignore_index=True)
+
+
+def kind_of(row: Mapping[str, Any]) -> str:
+    """`ranked`, or what keeps a row out of the ranking."""
+    about = {"causal": True, "per_class": False, "start": "given"} | row["tracker"]
+    notes = {
+        "fixed": row["tier"] == score.FIXED,
+        "not causal": not about["causal"],
+        "per class": about["per_class"],
+        "own start": about["start"] == "own",
+    }
+    return ", ".join(name for name, holds in notes.items() if holds) or "ranked"
+
+
+def estimate(values: "pd.Series", bounds: tuple = (None, None)) -> Statistic:
+    """Mean and 95 % interval of values of scenes, whose index is `SCENE`; without those missing."""
+    known = values.dropna()
+    if known.empty:
+        return Statistic()
+    mean, parts = float(known.mean()), intervals.stratified_parts(known.to_numpy(), _strata(known))
+    return Statistic(mean, *intervals.combined_interval(mean, parts, bounds), len(known))
+
+
+def _strata(values: "pd.Series | pd.DataFrame") -> list[str]:
+    return [f"{road_user} {case}" for road_user, case, _ in values.index]
+
+
+def table_rows(rows: Sequence[Mapping[str, Any]]) -> Iterator[dict[str, Cell]]:
+    """The lines of the table: each row, over all sequences and each sensor and class."""
+    frame = score_frame(rows).assign(all=ALL)
+    kinds = [kind_of(row) for row in rows]
+    for sensors in ("all", "sensor"):
+        for classes in ("all", "road_user"):
+            for (sensor, road_user), own in frame.groupby([sensors, classes], sort=False):
+                means = own.groupby(["row", *SCENE]).mean(numeric_only=True)
+                ious = means[IOU].unstack("row")
+                ranks = _ranks(ious[[i for i in ious if kinds[i] == "ranked"]])
+                names = [i for i in ranks if rows[i]["tracker"]["name"] == REFERENCE]
+                for i in sorted(ious, key=lambda i: -ious[i].mean()):
+                    about, apart = rows[i]["tracker"], ious[i] - ious[(names or [i])[0]]
+                    line = {"tracker": about["name"], "version": about["version"][:14]}
+                    line |= {"tier": rows[i]["tier"], "kind": kinds[i]}
+                    line |= {"sensor": sensor, "class": road_user, "scenes": len(ious)}
+                    line |= ends(LABELS[IOU], estimate(ious[i], (0.0, 1.0)))
+                    line |= ends("rank", ranks.get(i))
+                    line |= ends(f"IoU minus {REFERENCE}", estimate(apart) if names else None)
+                    of_row = means.loc[i].mean()
+                    for name, label in list(LABELS.items())[1:]:
+                        value = of_row.get(name, np.nan)
+                        line[label] = None if np.isnan(value) else float(value)
+                    yield line
+
+
+def _ranks(ious: "pd.DataFrame") -> dict[int, Statistic]:
+    """The rank of each column of IoUs of scenes (n, rows), with its bootstrap interval."""
+    from scipy.stats import rankdata
+
+    if ious.empty:
+        return {}
+    weights = intervals.bootstrap_weights(_strata(ious), "bench")
+    drawn = rankdata(-(weights @ ious.to_numpy()), axis=1, method="min")
+    ranks = rankdata(-ious.mean().to_numpy(), method="min")
+    return {
+        row: Statistic(float(ranks[j]), *map(round, intervals.bootstrap_interval(drawn[:, j])))
+        for j, row in enumerate(ious)
+    }
+
+
+def fresh_gaps(rows: Sequence[Mapping[str, Any]]) -> Iterator[dict[str, Cell]]:
+    """Mean IoU on frozen minus that on fresh sequences, by tracker, with Welch's interval."""
+    packs = {row["pack"]: row for row in rows if "pack" in row}
+    for row in (row for row in rows if row.get("fresh_of") in packs):
+        pair = packs[row["fresh_of"]], row
+        sides = [score_frame([one]).groupby(SCENE)[IOU].mean() for one in pair]
+        means = [float(side.mean()) for side in sides]
+        parts = [(float(side.var()) / len(side), len(side) - 1) for side in sides]
+        gap = means[0] - means[1]
+        line = {"tracker": row["tracker"]["name"], "frozen": means[0], "fresh": means[1]}
+        interval = intervals.combined_interval(gap, parts)
+        yield line | ends("frozen - fresh", Statistic(gap, *interval))
+
+
+def bench_page(rows: Sequence[Mapping[str, Any]]) -> dict[str, str]:
+    """The content of `index.html`, and of `ID.csv` and `ID.md` for each set of sequences."""
+    rows = [row for row in rows if row["metric_version"] == score.METRIC_VERSION]
+    files, sets = {}, []
+    for identity in dict.fromkeys(row["benchmark"] for row in rows if row["tier"] != score.FRESH):
+        own = [row for row in rows if row["benchmark"] == identity]
+        lines, name = list(table_rows(own)), identity[:12]
+        whole = [line for line in lines if line["sensor"] == line["class"] == ALL]
+        files[f"{name}.csv"] = table_csv(Table.of(name, lines))
+        files[f"{name}.md"] = table_markdown(Table.of(name, whole))
+        points = [[line["tracker"], *(line[key] for key in DRAWN)] for line in whole]
+        sets.append((name, table_for_page(Table.of(name, lines)), points, own))
+    gaps = list(fresh_gaps(rows))
+    gaps = table_for_page(Table.of("fresh", gaps)) if gaps else None
+    page = page_template(__package__, "bench.html")
+    return files | {"index.html": page.render(sets=sets, gaps=gaps, drawn=DRAWN)}
+
+
+DRAWN = (LABELS[IOU], LABELS[score.TIME], LABELS[score.CONSISTENT])
+"""Columns of the figures: the first against each of the others."""
