@@ -12,10 +12,10 @@ BUDGET = {
     # The reader of Feather files stands beside that of all other foreign files.
     "": 1630,
     # Sequences, packs, rows and the page of `stixel bench`.
-    "benchmark": 999,
+    "benchmark": 951,
     "calibration": 643,
     # `explain` says if a folder has results of other code than the cached ones.
-    "cli": 3072,
+    "cli": 2995,
     "config": 2980,
     # A check that another process has not marked the new cache meanwhile.
     "engine": 4941,
@@ -54,7 +54,7 @@ BUDGET = {
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
 
 # The filters of PyRecEst: with the tracker they had more than 300 lines.
-MODULES = 333
+MODULES = 334
 """Modules of the package, without `__init__`."""
 
 
