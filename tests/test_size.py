@@ -18,29 +18,29 @@ BUDGET = {
     "cli": 2995,
     "config": 2980,
     # A check that another process has not marked the new cache meanwhile.
-    "engine": 4941,
+    "engine": 4936,
     # The box of a track has room for the limbs; loss has one definition, with heading and class.
     "evaluation": 1750,
     # The names of runs, from config/.
-    "experiment": 1545,
-    "export": 537,
+    "experiment": 1542,
+    "export": 529,
     # Camera poses on the plane, poses of labels, rotations of quaternions: from recordings.
     "geometry": 223,
-    "machine": 327,
+    "machine": 317,
     "measurements": 1781,
     # The sheet of a frame's stages, of the studies before.
-    "pictures": 1460,
+    "pictures": 1492,
     "recordings": 2183,
     # Images of a rig out of calibration.
     "rendering": 2353,
     # The layer that studies share: runs, scans, cost, templates, numbered blocks, files.
-    "report": 2938,
+    "report": 2942,
     "results": 1503,
     # A mesh in other units and along another axis.
     "scene": 3553,
     # Conditions of the rig, the matchers, the path, the pictures and the prior, from config/.
     "stereo": 490,
-    "stixels": 2311,
+    "stixels": 2314,
     # A study of the trackers away from home.
     "studies": 4849,
     # The plan of one run, from experiment/ and cli/.
@@ -54,7 +54,7 @@ BUDGET = {
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
 
 # The filters of PyRecEst: with the tracker they had more than 300 lines.
-MODULES = 334
+MODULES = 335
 """Modules of the package, without `__init__`."""
 
 

@@ -185,11 +185,12 @@ def _distance(node: Node, notes: Mapping[str, Any]) -> tuple:
 
 def _identity_changes(node: Node, notes: Mapping[str, Any], memory: _Memory) -> list[Change]:
     """Changes in the stage itself."""
-    content = node.identity.content
-    changes = [
-        Change("setting", _key(node, path), before, after)
-        for path, before, after in differences(notes.get("settings"), content["settings"])
-    ]
+    content, changes = node.identity.content, []
+    for path, before, after in differences(notes.get("settings"), content["settings"]):
+        # The path begins with the stage's argument, not with the configuration's key.
+        argument, dot, rest = path.partition(".")
+        key = f"{node.stage.keys.get(argument, argument)}{dot}{rest}"
+        changes.append(Change("setting", key, before, after))
     if notes.get("function") != content["function"]:
         # What the other function reads or does not read follows from that.
         changes = [one for one in changes if one.before and one.after]
@@ -215,12 +216,6 @@ def _identity_changes(node: Node, notes: Mapping[str, Any], memory: _Memory) -> 
         for name, (old, new) in pairs.items()
         if old != new
     ]
-
-
-def _key(node: Node, path: str) -> str:
-    """Key in the configuration for a dotted path that begins with the stage's argument."""
-    argument, dot, rest = path.partition(".")
-    return f"{node.stage.keys.get(argument, argument)}{dot}{rest}"
 
 
 def _named(files: tuple[Path, ...]) -> str:

@@ -58,14 +58,10 @@ def pipeline_stages(composition: Composition) -> list[Stage]:
     path = shipped_folder("pipelines") / f"{kind}.yaml"
     pipeline = _read(path)
     if is_disturbed(configuration.measurement):
-        pipeline = _with_disturbance(pipeline)
+        # `disturb_scans` comes between the sensor's scans and all that use them.
+        pipeline = {("clean_scans" if n == "scans" else n): own for n, own in pipeline.items()}
+        pipeline["scans"] = {"stage": "disturb_scans", "scans": "clean_scans"}
     return [_stage(composition, path, name, wiring or {}) for name, wiring in pipeline.items()]
-
-
-def _with_disturbance(pipeline: Pipeline) -> Pipeline:
-    """The pipeline with `disturb_scans` between the sensor's scans and all that use them."""
-    clean = {("clean_scans" if name == "scans" else name): own for name, own in pipeline.items()}
-    return clean | {"scans": {"stage": "disturb_scans", "scans": "clean_scans"}}
 
 
 def scan_count(composition: Composition) -> int:

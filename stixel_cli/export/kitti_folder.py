@@ -106,10 +106,13 @@ def write_clip(
             for i, data in enumerate(images.encoded):
                 number = f"{chunk.first + i:06d}.png"
                 (folder / camera / sequence / number).write_bytes(data)
+    # The left camera's poses, in the frame of the first.
+    poses = list(map(rig.world_from_camera, scenario.ego_poses_world))
+    first = np.linalg.inv(poses[0])
     texts = {
         "calib": calibration_text(rig),
         "label_02": labels_text(scenario, rig, label, target_height),
-        "ego_poses": poses_text(scenario.ego_poses_world, rig),
+        "ego_poses": "".join(f"{_numbers((first @ pose)[:3])}\n" for pose in poses),
     }
     for name, text in texts.items():
         (folder / name).mkdir(parents=True, exist_ok=True)
@@ -124,13 +127,6 @@ def calibration_text(rig: Rig) -> str:
         of_v = [0.0, rig.focal_v, rig.v0, 0.0]
         rows.append(f"{name}: {_numbers([of_u, of_v, [0.0, 0.0, 1.0, 0.0]])}\n")
     return "".join(rows)
-
-
-def poses_text(ego_poses_world: np.ndarray, rig: Rig) -> str:
-    """One row per pose (K, 3): the left camera's, 3 × 4, in the frame of the first."""
-    first = np.linalg.inv(rig.world_from_camera(ego_poses_world[0]))
-    poses = [first @ rig.world_from_camera(pose) for pose in ego_poses_world]
-    return "".join(f"{_numbers(pose[:3])}\n" for pose in poses)
 
 
 def labels_text(scenario: Scenario, rig: Rig, label: str, target_height: float) -> str:

@@ -59,7 +59,7 @@ def log_run(library: Any, recording: Any, run: RunResult) -> None:
 def _log_camera(library: Any, recording: Any, chunk: CameraFrames, times: np.ndarray) -> None:
     """The left images and the boxes of their stixels, px of the reduced image: near is yellow."""
     scale = min(1.0, WIDEST / chunk.width)
-    for i, image in enumerate(chunk.images):
+    for i, image in enumerate(chunk.images["grey"]):
         k = chunk.first + i
         recording.set_time("k", sequence=k)
         recording.set_time("t", duration=float(times[k]))

@@ -39,7 +39,11 @@ def stixel_world(
     world = library.StixelWorld()
     label = library.Segmentation.Type.Value(CLASS_ROWS[kind].stx1_type)
     rows = stixels.rows(index)
-    depths = optical_depths(stixels, rig)
+    # The format has depths along the optical axis, of the middle of each stixel. Of a point at
+    # depth 1 along it, `level` is the depth along the level frame's z axis.
+    slope = (0.5 * (stixels.top + stixels.base) - rig.v0) / rig.focal_v
+    level = rig.level_from_camera[2, 1] * slope + rig.level_from_camera[2, 2]
+    depths = stixels.depth / level
     std = np.sqrt(stixels.disparity_variance)
     confidences = erf(CLOSE / (np.sqrt(2.0) * np.maximum(std, 1e-9)))
     for number, row in enumerate(range(rows.start, rows.stop)):
@@ -64,11 +68,3 @@ def stixel_world(
     camera.width, camera.height, camera.channels = rig.width, rig.height, 1
     world.context.clusters = TARGET if of_target[rows].any() else OTHER
     return world
-
-
-def optical_depths(stixels: Stixels, rig: Rig) -> np.ndarray:
-    """Depth (S,) m along the optical axis of the middle of each stixel, as the format states it."""
-    slope = (0.5 * (stixels.top + stixels.base) - rig.v0) / rig.focal_v
-    # Of a point at depth 1 along the optical axis, the depth along the level frame's z axis.
-    level = rig.level_from_camera[2, 1] * slope + rig.level_from_camera[2, 2]
-    return stixels.depth / level

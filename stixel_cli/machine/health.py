@@ -51,24 +51,14 @@ def examine(
     """Run all checks; the renderers run in child processes with a time limit.
 
     `raycast` and `filament` return why the renderer does not work, None if it works. Before each
-    part `begins` is called with the share that is done and what begins.
+    slow part `begins` is called with the share that is done and what begins.
     """
-    parts = {
-        "reads the versions": _software,
-        "counts cores": _processors,
-        "raycast draws a picture; the first time it compiles": lambda: [
-            _renderer("raycast", raycast or probe_raycast, "fails")
-        ],
-        "filament draws a picture": lambda: [
-            _renderer("filament", filament or _probe_filament, "absent")
-        ],
-        "lists the cache": lambda: _cache(store),
-    }
-    checks = []
-    for number, (text, part) in enumerate(parts.items()):
-        begins(number / len(parts), text)
-        checks += part()
-    return checks
+    begins(0.0, "raycast draws a picture; the first time it compiles")
+    of_raycast = _renderer("raycast", raycast or probe_raycast, "fails")
+    begins(0.4, "filament draws a picture")
+    of_filament = _renderer("filament", filament or _probe_filament, "absent")
+    begins(0.8, "the cache is listed")
+    return [*_software(), *_processors(), of_raycast, of_filament, *_cache(store)]
 
 
 def probe_raycast(

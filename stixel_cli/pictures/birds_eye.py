@@ -51,7 +51,10 @@ def track_pictures(
         _draw_centre(near, track, frame)
         _draw_surroundings(wide, scans, track, scenario, field_of_view, frame)
         _enlarge(near, scans, track, scenario, frame)
-        _mark_enlarged(wide, near)
+        # Marked in the wide view.
+        (left, right), (bottom, top) = near.get_xlim(), near.get_ylim()
+        look = {"edgecolor": "#555555", "linewidth": 0.7, "linestyle": ":", "zorder": 6}
+        wide.add_patch(Rectangle((left, bottom), right - left, top - bottom, fill=False, **look))
         wide.set_title(style.title("Bird's eye view", frame, track.times[frame]))
         near.set_title(_std(track, scenario, frame))
         _legend(figure, bool(scenario.known.any()), field_of_view is not None, objects is not None)
@@ -132,12 +135,6 @@ def _enlarge(axes: Axes, scans: Scans, track: Track, scenario: Scenario, k: int)
     also = np.concatenate([track.contours_world[k], scans.points_world[used]])
     room = 0.3 * target_radius(track, scenario)
     ground.fit(axes, np.concatenate([contour, ground.near(also, contour)]), room)
-
-
-def _mark_enlarged(wide: Axes, near: Axes) -> None:
-    (left, right), (bottom, top) = near.get_xlim(), near.get_ylim()
-    look = {"edgecolor": "#555555", "linewidth": 0.7, "linestyle": ":", "zorder": 6}
-    wide.add_patch(Rectangle((left, bottom), right - left, top - bottom, fill=False, **look))
 
 
 def _std(track: Track, scenario: Scenario, k: int) -> str:

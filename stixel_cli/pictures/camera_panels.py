@@ -79,10 +79,32 @@ class FrameView:
         """The left view as it is rendered, before the sensor's noise, (H, W, 3) uint8."""
         return self.rendered.left[self.k - self.rendered.first]
 
-    @property
+    @cached_property
     def grey_image(self) -> np.ndarray:
         """The camera's image, (H, W, 3) uint8."""
         return np.repeat(self.pairs.left[self.k - self.pairs.first][..., None], 3, axis=2)
+
+    @property
+    def free_limit(self) -> tuple[np.ndarray, np.ndarray]:
+        """Place along `grid.laterals` and row of the grid where free space ends, (W,) each."""
+        depth = self.rig.depth_from_disparity(self.obstacle_disparity.astype(np.float64))
+        rows = np.interp(depth, self.grid.depths, np.arange(len(self.grid.depths)))
+        across = np.arange(len(depth), dtype=np.float64)
+        if self.grid.kind == "cartesian":
+            across = (across - self.rig.u0) * depth / self.rig.focal
+        return across, np.where(np.isfinite(depth), rows, np.nan)
+
+    @property
+    def grid_image(self) -> np.ndarray:
+        """The occupancy grid, near depths below, and the end of free space, (D, L, 3) uint8."""
+        image, (across, rows) = grid_colours(self.grid), self.free_limit
+        ends = np.isfinite(rows)
+        columns = np.interp(across[ends], self.grid.laterals, np.arange(image.shape[1]))
+        places = np.rint([rows[ends], columns]).astype(np.int64)
+        green = 255.0 * np.array(to_rgb(style.FREE))
+        for up in range(3):  # three rows, to be seen in a small image
+            image[np.maximum(places[0] - up, 0), places[1]] = green
+        return image[::-1]
 
     # Each of these is drawn twice: as a picture, and on the page of all.
 
@@ -133,25 +155,19 @@ def image(name: str) -> Callable[[Axes, FrameView], None]:
 def draw_occupancy(axes: Axes, view: FrameView) -> None:
     """Occupancy grid over column and depth, and the free space found in it."""
     grid, laterals = view.grid, view.grid.laterals
-    rows = np.arange(len(grid.depths))
     half = 0.5 * (laterals[1] - laterals[0])
-    scale = likelihood_scale(grid)
     axes.imshow(
-        scale.to_rgba(np.maximum(grid.values, scale.norm.vmin), bytes=True)[..., :3],
+        grid_colours(grid),
         origin="lower",
         aspect="auto",
         interpolation="nearest",
-        extent=(laterals[0] - half, laterals[-1] + half, -0.5, rows[-1] + 0.5),
+        extent=(laterals[0] - half, laterals[-1] + half, -0.5, len(grid.depths) - 0.5),
     )
-    depth = view.rig.depth_from_disparity(view.obstacle_disparity.astype(np.float64))
-    limit = np.where(np.isfinite(depth), np.interp(depth, grid.depths, rows), np.nan)
-    across = np.arange(len(depth), dtype=np.float64)
     if grid.kind == "cartesian":
         # Neighbouring columns may be far apart here: a line between them would mean nothing.
-        across = (across - view.rig.u0) * depth / view.rig.focal
-        axes.plot(across, limit, ".", color=style.FREE, markersize=2.5)
+        axes.plot(*view.free_limit, ".", color=style.FREE, markersize=2.5)
     else:
-        axes.plot(across, limit, color=style.FREE, linewidth=1.8)
+        axes.plot(*view.free_limit, color=style.FREE, linewidth=1.8)
     _label_depths(axes, grid.depths)
 
 
@@ -176,6 +192,12 @@ def draw_stixels(axes: Axes, view: FrameView) -> None:
         place, outline = (left - 0.5, top - 0.5), {"edgecolor": style.OBJECT, "linewidth": 1.2}
         axes.add_patch(Rectangle(place, right - left, base + 1 - top, fill=False, **outline))
         axes.text(*place, str(number), color=style.OBJECT, size=7, va="bottom", clip_on=True)
+
+
+def grid_colours(grid: OccupancyGrid) -> np.ndarray:
+    """The grid's likelihoods as colours (D, L, 3) uint8."""
+    scale = likelihood_scale(grid)
+    return scale.to_rgba(np.maximum(grid.values, scale.norm.vmin), bytes=True)[..., :3]
 
 
 def likelihood_scale(grid: OccupancyGrid) -> ScalarMappable:

@@ -42,7 +42,9 @@ def path_figure(
     unknown. With `axes`, only the paths are drawn, there.
     """
     known, ego = scenario.known, scenario.ego_poses_world
-    poses = _reference_poses(track, scenario)
+    # The estimate where the truth is unknown, and the ego's pose where both are.
+    poses = np.where(known[:, None], scenario.target_poses_world, track.means[:, :3])
+    poses = np.where(np.isfinite(poses).all(axis=1)[:, None], poses, ego)
     size = target_radius(track, scenario)
     chosen = spaced_frames(poses[:, :2], size)
     contours = {k: scenario.contour_world(k) for k in chosen if known[k]}
@@ -81,12 +83,6 @@ def path_figure(
         axes.figure.legend(handles=handles, loc="upper left", bbox_to_anchor=beside)
         _draw_strip(strip, track, scenario, poses, chosen, size)
     return axes.figure
-
-
-def _reference_poses(track: Track, scenario: Scenario) -> np.ndarray:
-    """The true poses (K, 3); where one is unknown, the estimate; the ego's where both are."""
-    poses = np.where(scenario.known[:, None], scenario.target_poses_world, track.means[:, :3])
-    return np.where(np.isfinite(poses).all(axis=1)[:, None], poses, scenario.ego_poses_world)
 
 
 def spaced_frames(positions_world: np.ndarray, size: float) -> tuple[int, ...]:

@@ -35,7 +35,7 @@ from stixel_cli.results.result import RunResult
 from stixel_cli.stixels.types import Objects
 from stixel_cli.tracking.track import Track
 
-IMAGE_BUDGET = 4_200_000
+IMAGE_BUDGET = 6_300_000
 """Characters of encoded images on a page. Longer runs show every 2nd, 3rd, … frame."""
 
 MOST_ELLIPSES = 60_000
@@ -191,8 +191,12 @@ def _scan(scans: Scans) -> dict[str, Any]:
 
 def _camera(chunks: tuple[CameraFrames, ...]) -> dict[str, Any]:
     """Images and stixels of every n-th frame, for the smallest n that keeps to the budget."""
-    where = [(chunk, i) for chunk in chunks for i in range(len(chunk.images))]
-    sizes = np.array([4 * -(-len(chunk.images[i]) // 3) for chunk, i in where])
+    where = [(chunk, i) for chunk in chunks for i in range(len(chunk.offsets) - 1)]
+    images = {
+        name: [base64.b64encode(one).decode("ascii") for c in chunks for one in c.images[name]]
+        for name in chunks[0].images
+    }
+    sizes = np.sum([list(map(len, texts)) for texts in images.values()], axis=0)
     every = 1
     while every < len(where) and sizes[::every].sum() > IMAGE_BUDGET:
         every += 1
@@ -202,7 +206,7 @@ def _camera(chunks: tuple[CameraFrames, ...]) -> dict[str, Any]:
         "height": chunks[0].height,
         "every": every,
         "frames": [chunk.first + i for chunk, i in shown],
-        "images": [base64.b64encode(chunk.images[i]).decode("ascii") for chunk, i in shown],
+        "images": {name: texts[::every] for name, texts in images.items()},
         "stixels": [_stixels(chunk, i) for chunk, i in shown],
     }
 

@@ -36,11 +36,10 @@ def make_run(label="run", seed=0, with_camera=True, corners=60):
     track = make_track(scenario, scans, np.random.default_rng(seed), corners)
     camera = ()
     if with_camera:
-        _, pairs, _, _, stixels = make_camera_nouns(make_rig(), rng, first=0, count=SCANS)
-        camera = (
-            camera_frames(pairs, stixels, range(0, 10)),
-            camera_frames(pairs, stixels, range(10, SCANS)),
-        )
+        rig = make_rig()
+        _, *nouns = make_camera_nouns(rig, rng, first=0, count=SCANS)
+        parts = (range(0, 10), range(10, SCANS))
+        camera = tuple(camera_frames(*nouns, rig, *composed_grid(), frames) for frames in parts)
     composition = composed("stixels" if with_camera else "fabricated")
     scores = make_scores(scenario, track)
     return RunResult(
@@ -100,3 +99,9 @@ def with_several_tracks(run):
 @cache
 def composed(measurement):
     return compose([f"measurement={measurement}"])
+
+
+def composed_grid():
+    """The parameters of the road and of the occupancy grid."""
+    configuration = composed("stixels").configuration
+    return configuration.road, configuration.occupancy

@@ -11,7 +11,7 @@ from itertools import pairwise
 import cv2
 import numpy as np
 import pytest
-from playback_runs import SCANS, make_run, with_objects, with_several_tracks
+from playback_runs import SCANS, composed_grid, make_run, with_objects, with_several_tracks
 from report_nouns import make_camera_nouns, make_rig
 from scipy.stats import chi2
 
@@ -161,27 +161,38 @@ def test_long_run_shows_every_nth_image(monkeypatch):
     run = make_run()
     camera = playback_data([run], "a")["cameras"][0]
     assert (camera["every"], camera["frames"]) == (1, list(range(SCANS)))
-    assert base64.b64decode(camera["images"][11]) == run.camera[1].images[1]
-    whole = sum(map(len, camera["images"]))
+    for name in ("grey", "disparity", "grid", "free_space"):
+        assert base64.b64decode(camera["images"][name][11]) == run.camera[1].images[name][1]
+    whole = sum(len(text) for texts in camera["images"].values() for text in texts)
     monkeypatch.setattr(playback, "IMAGE_BUDGET", whole // 3)
     monkeypatch.setattr(playback, "MOST_ELLIPSES", 10)
     data = playback_data([run], "a")
     camera = data["cameras"][0]
     assert camera["every"] >= 3
     assert camera["frames"] == list(range(0, SCANS, camera["every"]))
-    assert sum(map(len, camera["images"])) <= whole // 3
-    assert len(camera["stixels"]) == len(camera["images"])
+    assert sum(len(t) for texts in camera["images"].values() for t in texts) <= whole // 3
+    assert len(camera["stixels"]) == len(camera["images"]["free_space"])
     assert data["scans"][0]["ellipses"] is None
 
 
 def test_camera_frames_contain_small_images_and_stixels():
     rig = make_rig(640, 480)
-    _, pairs, _, _, stixels = make_camera_nouns(rig, np.random.default_rng(0), first=4, count=3)
-    frames = camera_frames(pairs, stixels, range(5, 7))
-    again = camera_frames(pairs, stixels, range(5, 7))
+    _, *nouns = make_camera_nouns(rig, np.random.default_rng(0), first=4, count=3)
+    pairs, _, _, stixels = nouns
+    frames = camera_frames(*nouns, rig, *composed_grid(), range(5, 7))
+    again = camera_frames(*nouns, rig, *composed_grid(), range(5, 7))
     assert frames.images == again.images
+    views = {
+        name: cv2.imdecode(np.frombuffer(files[0], np.uint8), cv2.IMREAD_COLOR).astype(int)
+        for name, files in frames.images.items()
+    }
+    # The box in the middle ends the free space; the sky is not tinted; the grid has its line.
+    green = {name: view[..., 1] - view[..., 2] for name, view in views.items()}
+    assert green["free_space"][-20:].mean() > 20.0 > 5.0 > abs(green["free_space"][:80].mean())
+    assert (green["grid"] > 30).any() and (views["grid"].sum(2) > 700).mean() > 0.3
+    assert np.ptp(views["disparity"], axis=2).mean() > 20.0
     assert (frames.first, frames.width, frames.height) == (5, 640, 480)
-    image = cv2.imdecode(np.frombuffer(frames.images[0], np.uint8), cv2.IMREAD_UNCHANGED)
+    image = cv2.imdecode(np.frombuffer(frames.images["grey"][0], np.uint8), cv2.IMREAD_GRAYSCALE)
     assert image.shape == (WIDEST * 480 // 640, WIDEST)
     small = cv2.resize(pairs.left[1], image.shape[::-1], interpolation=cv2.INTER_AREA)
     assert np.abs(image.astype(float) - small).mean() < 3.0

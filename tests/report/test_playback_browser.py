@@ -87,6 +87,11 @@ def test_camera_shows_image_and_stixels_of_the_frame(one):
     assert float(shown.first.get_attribute("x")) == camera.left[rows][0] - 0.5
     page.get_by_role("checkbox", name="Stixels").uncheck()
     assert not shown.first.is_visible()
+    for view in ("disparity", "occupancy grid", "free space"):
+        page.get_by_role("combobox", name="What is shown").select_option(view)
+        expect(page.locator("#image")).to_have_js_property("naturalWidth", 160)
+        assert view in page.locator("#camera-caption").inner_text()
+        assert page.locator("#footprints").is_visible() == (view != "occupancy grid")
 
 
 def test_the_footprints_are_projected_onto_the_road(one):

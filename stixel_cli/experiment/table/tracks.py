@@ -80,6 +80,7 @@ STAGES: dict[str, Definition] = {
     "camera_frames": Definition(
         only("pictures.camera_frames:camera_frames"),
         "map",
+        same("rig", "road", "occupancy"),
     ),
     "track_pictures": Definition(
         only("pictures.birds_eye:track_pictures"),

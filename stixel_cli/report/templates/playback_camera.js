@@ -93,11 +93,18 @@ function boxOutlines(flat) {
 const objectOutlines = svg("path", { id: "object-outlines" });
 const targetOutline = svg("path", { id: "target-outline" });
 let imageShown = null;
+// What is in place of the image, and what its colours mean.
+const VIEWS = {
+  grey: ["Image of the left camera", ""],
+  disparity: ["Disparity", "disparity, in the colour of the depth that it means; grey: none"],
+  grid: ["Occupancy grid", "occupancy grid over columns and depth, near below: dark is occupied, green the end of the free space"],
+  free_space: ["Free space", "free space green, unknown violet"],
+};
 function drawCamera() {
   const run = runs[source], shots = run.camera === null ? null : data.cameras[run.camera];
   find("image").hidden = find("depth-scale").hidden = shots === null;
   find("no-camera").hidden = shots !== null;
-  find("stixels-choice").hidden = shots === null;
+  find("view-choice").hidden = find("stixels-choice").hidden = shots === null;
   find("stixels").style.display = shots && find("stixels-shown").checked ? "" : "none";
   find("footprints").style.display = shots ? "" : "none";
   if (shots === null) {
@@ -107,11 +114,15 @@ function drawCamera() {
     imageShown = null;
     return;
   }
-  const i = Math.min(Math.floor(frame / shots.every), shots.frames.length - 1), name = `${run.camera}-${i}`;
+  const view = find("camera-view").value, [title, meaning] = VIEWS[view], isGrid = view === "grid";
+  const i = Math.min(Math.floor(frame / shots.every), shots.frames.length - 1), name = `${run.camera}-${i}-${view}`;
   if (imageShown === name) return;
   imageShown = name;
-  find("image").src = `data:image/jpeg;base64,${shots.images[i]}`;
-  find("image").alt = `Image of the left camera at k = ${shots.frames[i]}`;
+  find("image").src = `data:image/${view === "grey" ? "jpeg" : "webp"};base64,${shots.images[view][i]}`;
+  find("image").alt = `${title} at k = ${shots.frames[i]}`;
+  // The grid is no image of the camera: nothing lies over it.
+  find("image").style.aspectRatio = `${shots.width} / ${shots.height}`;
+  find("stixels").style.visibility = find("footprints").style.visibility = isGrid ? "hidden" : "";
   const overlay = find("stixels"), flat = shots.stixels[i], count = flat.length / 5;
   const k = shots.frames[i], ego = data.ego[k], area = outline(k), rig = run.rig;
   for (const one of [overlay, find("footprints")]) one.setAttribute("viewBox", `-0.5 -0.5 ${shots.width} ${shots.height}`);
@@ -134,7 +145,8 @@ function drawCamera() {
   objectOutlines.setAttribute("d", run.boxes ? boxOutlines(run.boxes[k]) : "");
   targetOutline.setAttribute("d", outlineOf(onTarget));
   zoomImage(shots, onTarget, area, ego, rig);
-  find("camera-caption").textContent = `${count} stixel${count === 1 ? "" : "s"}, coloured by depth; ${onTarget.length} on the target, outlined` +
+  const ofStixels = `${count} stixel${count === 1 ? "" : "s"}, coloured by depth; ${onTarget.length} on the target, outlined`;
+  find("camera-caption").textContent = (isGrid ? meaning : meaning ? `${meaning}; ${ofStixels}` : ofStixels) +
     (shots.every > 1 ? `; image of k = ${shots.frames[i]}: this page shows every ${ordinal(shots.every)} image` : "");
 }
 
@@ -145,7 +157,7 @@ function zoomImage(shots, onTarget, area, ego, rig) {
   const places = onTarget.length ? onTarget.flatMap(([left, right, top, base]) => [[left, top], [right, base]])
     : seen.map(([x, y, z]) => [rig.u0 + rig.focal * x / z, rig.v0 + rig.focalV * y / z]);
   find("lens").style.cssText = "";
-  if (!isZoomed || !places.length) return;
+  if (!isZoomed || !places.length || find("camera-view").value === "grid") return;
   const { width, height } = shots, ends = (axis, side) => Math[side](...places.map((place) => place[axis]));
   const [left, right, top, base] = [ends(0, "min"), ends(0, "max"), ends(1, "min"), ends(1, "max")];
   const scale = Math.min(8, Math.max(1, Math.min(width / (right - left + 1) / 2, height / (base - top + 1) / 2)));
@@ -188,6 +200,7 @@ if (!data.cameras.length && isOfSensor) {
   find("notes").append(find("no-camera"));
 }
 find("stixels-shown").addEventListener("change", drawCamera);
+find("camera-view").addEventListener("change", drawCamera);
 find("source").addEventListener("change", (event) => {
   source = Number(event.target.value);
   drawMap();
