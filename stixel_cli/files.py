@@ -273,7 +273,7 @@ def read_arrays(file: Path, texts: dict[str, str] | None = None) -> "dict[str, n
                     if member.compress_type not in methods:
                         other = "is compressed by a method other than deflate"
                         raise UserError(f"{file}: {name} {other}")
-                for member in [one for one in members if texts and one.filename in texts]:
+                for member in [one for one in members if one.filename in (texts or {})]:
                     texts[member.filename] = archive.read(member).decode()
                     members.remove(member)
                 return {m.filename.removesuffix(".npy"): _read_array(archive, m) for m in members}

@@ -1,21 +1,19 @@
 """The files of a sequence and the manifest of a folder of sequences: make, read and verify.
 
-A sequence has four files: `scans.npz`, `start.json`, `prior.json` and `truth.npz`. Their bytes
-depend on nothing but the sequence: numbers are rounded, so that the last bits of another processor
-or library do not count, and arrays are not compressed, as versions of zlib give other bytes.
+The bytes depend on the sequence alone: numbers are rounded, so that the last bits of another
+processor do not count, and arrays are not compressed, as versions of zlib give other bytes.
 """
 
 import hashlib
 import io
 import json
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from stixel_cli.benchmark.sequences import bench_folder, definitions
+from stixel_cli.benchmark.sequences import definitions
 from stixel_cli.errors import UserError
 from stixel_cli.evaluation.contour_errors import even_points, in_frames, seen_points
 from stixel_cli.files import GREATEST_ARRAYS, read_arrays, read_bytes, read_json
@@ -56,10 +54,7 @@ class SequenceData:
                 variances=scans.covariances_world[:, [0, 0, 1], [0, 1, 1]].astype(np.float32),
                 field_of_view=_rounded([view.right, view.left, view.baseline]),
             ),
-            "start.json": _json(
-                mean=_rounded(self.initial.mean).tolist(),
-                covariance=_rounded(self.initial.covariance).tolist(),
-            ),
+            "start.json": _json(**{k: _rounded(v).tolist() for k, v in vars(self.initial).items()}),
             "prior.json": _json(**vars(self.prior)),
             "truth.npz": npz(
                 poses=_rounded(truth.target_poses_world),
@@ -99,10 +94,7 @@ def sha256_of(file: Path) -> str:
 
 
 class Data:
-    """A folder of sequences: `files` (SHA-256 by path), the `names` of the sequences, the `id`.
-
-    Files are read with limits, and none is unpickled.
-    """
+    """A folder of sequences: `files` (SHA-256 by path), the `names` of the sequences, the `id`."""
 
     def __init__(self, folder: Path):
         """UserError unless the folder has a manifest of this version of the benchmark."""
@@ -120,14 +112,11 @@ class Data:
 
     def faults(self) -> list[str]:
         """One line for each file that is missing or has another SHA-256."""
-        found = []
-        for path, expected in self.files.items():
-            try:
-                if sha256_of(self.folder / path) != expected:
-                    found.append(f"{path}: its SHA-256 is not that of {MANIFEST}")
-            except UserError as fault:
-                found.append(str(fault))
-        return found
+        return [
+            f"{path}: is missing or damaged: its SHA-256 is not that of {MANIFEST}"
+            for path, expected in self.files.items()
+            if not (self.folder / path).exists() or sha256_of(self.folder / path) != expected
+        ]
 
     def read(self, name: str) -> SequenceData:
         """A sequence; UserError if a file is not valid."""
@@ -135,32 +124,17 @@ class Data:
         scans, truth = (read_arrays(folder / f"{file}.npz") for file in ("scans", "truth"))
         start, prior = (read_json(folder / f"{file}.json") for file in ("start", "prior"))
         try:
+            times, sensor = scans["times"], scans["sensor_poses"]
             xx, xy, yy = scans["variances"].astype(np.float64).T
+            covariances = np.stack([xx, xy, xy, yy], axis=1).reshape(-1, 2, 2)
+            offsets, points = scans["offsets"].astype(np.int64), scans["points"].astype(np.float64)
+            view = FieldOfView(*scans["field_of_view"].tolist())
+            contours, limbs = truth["contours"].astype(np.float64), truth["limb_poses"]
             return SequenceData(
-                Scans(
-                    times=scans["times"],
-                    sensor_poses_world=scans["sensor_poses"],
-                    offsets=scans["offsets"].astype(np.int64),
-                    points_world=scans["points"].astype(np.float64),
-                    covariances_world=np.stack([xx, xy, xy, yy], axis=1).reshape(-1, 2, 2),
-                    field_of_view=FieldOfView(*scans["field_of_view"].tolist()),
-                ),
-                InitialState(np.array(start["mean"]), np.array(start["covariance"])),
+                Scans(times, sensor, offsets, points, covariances, view),
+                InitialState(**{key: np.array(values) for key, values in start.items()}),
                 PriorShape(**prior),
-                Scenario(
-                    times=scans["times"],
-                    ego_poses_world=scans["sensor_poses"],
-                    target_poses_world=truth["poses"],
-                    target_rates_world=truth["rates"],
-                    contours_target=truth["contours"].astype(np.float64),
-                    limb_poses=truth["limb_poses"].astype(np.int64),
-                ),
+                Scenario(times, sensor, truth["poses"], truth["rates"], contours, limbs),
             )
         except (KeyError, TypeError, ValueError) as fault:
             raise UserError(f"{folder}: not a sequence: {fault}") from None
-
-
-def published() -> Mapping[str, str]:
-    """SHA-256 by path of the published mini set, `pipelines/bench/MANIFEST-mini.json`."""
-    file = bench_folder() / "MANIFEST-mini.json"
-    return read_json(file)["files"] if file.exists() else {}

@@ -1,7 +1,6 @@
 """Packs: the tracks of one tracker on all sequences of a folder, in one zip.
 
-`manifest.json` describes the tracker; each sequence has the arrays of a track, as `NAME/ARRAY.npy`.
-A pack has no scores: they are computed from the tracks.
+`manifest.json` describes the tracker; each sequence has the arrays of a track, `NAME/ARRAY.npy`.
 """
 
 import io
@@ -14,13 +13,13 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from annotated_types import MaxLen
 
-from stixel_cli.benchmark.data import Data, sha256_of
+from stixel_cli.benchmark.data import Data
 from stixel_cli.errors import UserError
 from stixel_cli.files import read_arrays, read_json, read_text, write_whole, written
 from stixel_cli.parameters import parameters
+from stixel_cli.results.folder import json_text
 
 TRACKER, MANIFEST = "tracker.json", "manifest.json"
-"""Files: of a folder of tracks, what their author states; of a pack."""
 OPTIONAL = "contour_std"
 ARRAYS = ("means", "covariances", "contours", OPTIONAL, "seconds")
 MOST_CORNERS = 1000
@@ -54,8 +53,8 @@ class Manifest:
     reference_ms: float
 
 
-def validated(content: Mapping[str, Any], file: Path) -> dict[str, Any]:
-    """The content of a pack's manifest; UserError in one line if it is off the schema."""
+def check(content: Any, file: Path) -> None:
+    """UserError in one line unless `content` is that of a pack's manifest, by its schema."""
     from pydantic import TypeAdapter, ValidationError
 
     try:
@@ -64,17 +63,16 @@ def validated(content: Mapping[str, Any], file: Path) -> dict[str, Any]:
         first = error.errors(include_url=False)[0]
         where = ".".join(map(str, first["loc"])) or "content"
         raise UserError(f"{file}: {where}: {first['msg']} (pack.schema.json)") from None
-    return dict(content)
 
 
 def pack(folder: Path, data: Data, machine: Mapping[str, Any], output: Path) -> dict[str, int]:
     """Write the pack of a folder of tracks; return the number of missing scans by sequence.
 
-    The folder has `tracker.json` and, for each sequence, `NAME.npz` or `NAME.csv`; `machine` has
-    the last two entries of the manifest. UserError for the first file that is missing or wrong.
+    It has `tracker.json` and, for each sequence, `NAME.npz` or `NAME.csv`; `machine` the last two
+    entries of the manifest. UserError for the first file that is missing or wrong.
     """
-    tracker = read_json(folder / TRACKER)
-    manifest = validated({"tracker": tracker, "benchmark": data.id, **machine}, folder / TRACKER)
+    manifest = {"tracker": read_json(folder / TRACKER), "benchmark": data.id, **machine}
+    check(manifest, folder / TRACKER)
     members, missing = {}, {}
     for name in data.names:
         file, table = folder / f"{name}.npz", folder / f"{name}.csv"
@@ -83,29 +81,24 @@ def pack(folder: Path, data: Data, machine: Mapping[str, Any], output: Path) -> 
         arrays = read_arrays(file) if file.exists() else read_csv(table)
         arrays = checked(arrays, len(data.read(name).scans), file)
         missing[name] = int(np.isnan(arrays["means"][:, 0]).sum())
-        members |= {f"{name}/{key}.npy": values for key, values in arrays.items()}
-    buffer = io.BytesIO()
-    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
+        members |= {f"{name}/{key}": values for key, values in arrays.items()}
+    np.savez_compressed(buffer := io.BytesIO(), **members)
+    with zipfile.ZipFile(buffer, "a") as archive:
         # A ZipInfo has a constant time: equal tracks give equal packs.
-        archive.writestr(zipfile.ZipInfo(MANIFEST), json.dumps(manifest, indent=1, sort_keys=True))
-        for key, values in members.items():
-            with archive.open(key, "w") as stream:
-                np.lib.format.write_array(stream, values, allow_pickle=False)
+        archive.writestr(zipfile.ZipInfo(MANIFEST), json_text(manifest))
     with written(output.parent):
         write_whole(output, buffer.getvalue())
-    return missing
+    return {name: count for name, count in missing.items() if count}
 
 
-def read_pack(
-    file: Path, data: Data
-) -> tuple[dict[str, Any], str, dict[str, dict[str, np.ndarray]]]:
-    """The manifest, the SHA-256 and the arrays of each sequence of a pack of unknown origin.
+def read_pack(file: Path, data: Data) -> tuple[dict[str, Any], dict[str, dict[str, np.ndarray]]]:
+    """The manifest and the arrays of each sequence of a pack of unknown origin.
 
     UserError if it is damaged, incomplete, off the schema, or of other data.
     """
     arrays = read_arrays(file, texts := {MANIFEST: ""})
     try:
-        manifest = validated(json.loads(texts[MANIFEST]), file)
+        check(manifest := json.loads(texts[MANIFEST]), file)
     except ValueError:
         raise UserError(f"{file}: {MANIFEST} is missing or not valid JSON") from None
     if (other := manifest["benchmark"][:12]) != data.id[:12]:
@@ -115,11 +108,10 @@ def read_pack(
         name, _, array = key.rpartition("/")
         tracks.setdefault(name, {})[array] = values
     for name in sorted({*data.names} ^ {*tracks}):
-        state = "is missing" if name in data.names else "is not one of the data"
-        raise UserError(f"{file}: the sequence {name[:80]} {state}")
+        raise UserError(f"{file}: the sequence {name[:80]} is missing, or not one of the data")
     for name, track in tracks.items():
         tracks[name] = checked(track, len(data.read(name).scans), Path(f"{file}: {name}"))
-    return manifest, sha256_of(file), tracks
+    return manifest, tracks
 
 
 def checked(arrays: Mapping[str, np.ndarray], count: int, file: Path) -> dict[str, np.ndarray]:
@@ -139,11 +131,11 @@ def checked(arrays: Mapping[str, np.ndarray], count: int, file: Path) -> dict[st
     for name, shape in zip(ARRAYS, shapes, strict=True):
         values = arrays.get(name)
         if values is not None:
-            if values.shape != shape and not (shape == () and values.size == 1):
+            if values.shape != shape and (shape, values.size) != ((), 1):
                 raise UserError(f"{file}: {name} must have shape {shape}, got {values.shape}")
             kind = np.float32 if name in ("contours", OPTIONAL) else np.float64
             found[name] = np.array(values, kind, order="C").reshape(shape)
-    if not (np.isfinite(found["seconds"]) and found["seconds"] >= 0.0):
+    if not 0.0 <= found["seconds"] < np.inf:
         raise UserError(f"{file}: seconds must be a number ≥ 0, those of the whole sequence")
     scans = [found[name] for name in found if name != "seconds"]
     missing = ~np.all([np.isfinite(v).reshape(count, -1).all(axis=1) for v in scans], axis=0)
@@ -164,18 +156,15 @@ def read_csv(file: Path) -> dict[str, np.ndarray]:
 
     try:
         table = pandas.read_csv(io.StringIO(read_text(file)), dtype=np.float64)
-        corners = sum(name.startswith("px") for name in table)
-        points = [f"p{axis}{i}" for i in range(corners) for axis in "xy"]
-        unique = table[list(COVARIANCE)].to_numpy()
-        arrays = {
+        corners = range(sum(name.startswith("px") for name in table))
+        points = table[[f"p{axis}{i}" for i in corners for axis in "xy"]].to_numpy()
+        unique = table[list(COVARIANCE)].to_numpy()[:, [0, 1, 2, 1, 3, 4, 2, 4, 5]]
+        band = {OPTIONAL: table[[f"std{i}" for i in corners]].to_numpy()} if "std0" in table else {}
+        return band | {
             "means": table[["x", "y", "heading"]].to_numpy(),
-            "covariances": unique[:, [0, 1, 2, 1, 3, 4, 2, 4, 5]].reshape(-1, 3, 3),
-            "contours": table[points].to_numpy().reshape(-1, corners, 2),
+            "covariances": unique.reshape(-1, 3, 3),
+            "contours": points.reshape(len(table), -1, 2),
             "seconds": np.array(table["seconds"].sum()),
         }
-        if "std0" in table:
-            arrays[OPTIONAL] = table[[f"std{i}" for i in range(corners)]].to_numpy()
-        return arrays
     except (KeyError, ValueError) as fault:
-        reason = " ".join(str(fault).split())[:200]
-        raise UserError(f"{file}: not a table of a track: {reason}") from None
+        raise UserError(f"{file}: not a table of a track: {str(fault)[:200]!r}") from None

@@ -5,9 +5,11 @@ start, so its value is their mean. Cases of classes are strata.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
+from scipy.stats import rankdata
 
 from stixel_cli.benchmark import score
 from stixel_cli.benchmark.sequences import FROZEN, named
@@ -17,22 +19,18 @@ from stixel_cli.report.page import page_template, table_for_page
 from stixel_cli.report.statistics import Statistic
 from stixel_cli.report.tables import ends, label_of, table_csv, table_markdown
 
-if TYPE_CHECKING:
-    import pandas as pd
-
 IOU, REFERENCE, ALL = "iou_mean", "gp_ekf", "all"
 SCENE = ["road_user", "case", "seed"]
-LABELS = {name: label_of(name) for name in score.METRICS} | {
-    score.CONSISTENT: "in the NEES band",
-    score.MISSING: "missing scans",
-    score.TIME: "ms a scan",
-}
+LABELS = {name: label_of(name) for name in score.METRICS}
+LABELS |= {score.CONSISTENT: "in the NEES band", score.MISSING: "missing scans"}
+LABELS |= {score.TIME: "ms a scan"}
+
+DRAWN = (LABELS[IOU], LABELS[score.TIME], LABELS[score.CONSISTENT])
+"""Columns of the figures: the first against each of the others."""
 
 
-def score_frame(rows: Sequence[Mapping[str, Any]]) -> "pd.DataFrame":
+def score_frame(rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
     """One line for each row and sequence of the frozen part, with all scores."""
-    import pandas as pd
-
     frames = []
     for i, row in enumerate(rows):
         frame = pd.DataFrame([vars(named(name)) for name in row["sequences"]])
@@ -42,27 +40,21 @@ def score_frame(rows: Sequence[Mapping[str, Any]]) -> "pd.DataFrame":
 
 def kind_of(row: Mapping[str, Any]) -> str:
     """`ranked`, or what keeps a row out of the ranking."""
-    about = {"causal": True, "per_class": False, "start": "given"} | row["tracker"]
-    notes = {
-        "fixed": row["tier"] == score.FIXED,
-        "not causal": not about["causal"],
-        "per class": about["per_class"],
-        "own start": about["start"] == "own",
-    }
-    return ", ".join(name for name, holds in notes.items() if holds) or "ranked"
+    if row["tier"] == score.FIXED:
+        return score.FIXED
+    about = row["tracker"]
+    notes = ["not causal"] * (not about["causal"]) + ["per class"] * about["per_class"]
+    return ", ".join(notes + ["own start"] * (about["start"] == "own")) or "ranked"
 
 
-def estimate(values: "pd.Series", bounds: tuple = (None, None)) -> Statistic:
+def estimate(values: pd.Series, bounds: tuple = (None, None)) -> Statistic:
     """Mean and 95 % interval of values of scenes, whose index is `SCENE`; without those missing."""
     known = values.dropna()
     if known.empty:
         return Statistic()
-    mean, parts = float(known.mean()), intervals.stratified_parts(known.to_numpy(), _strata(known))
+    mean, strata = float(known.mean()), [f"{user} {case}" for user, case, _ in known.index]
+    parts = intervals.stratified_parts(known.to_numpy(), strata)
     return Statistic(mean, *intervals.combined_interval(mean, parts, bounds), len(known))
-
-
-def _strata(values: "pd.Series | pd.DataFrame") -> list[str]:
-    return [f"{road_user} {case}" for road_user, case, _ in values.index]
 
 
 def table_rows(rows: Sequence[Mapping[str, Any]]) -> Iterator[dict[str, Cell]]:
@@ -91,13 +83,12 @@ def table_rows(rows: Sequence[Mapping[str, Any]]) -> Iterator[dict[str, Cell]]:
                     yield line
 
 
-def _ranks(ious: "pd.DataFrame") -> dict[int, Statistic]:
+def _ranks(ious: pd.DataFrame) -> dict[int, Statistic]:
     """The rank of each column of IoUs of scenes (n, rows), with its bootstrap interval."""
-    from scipy.stats import rankdata
-
     if ious.empty:
         return {}
-    weights = intervals.bootstrap_weights(_strata(ious), "bench")
+    strata = [f"{user} {case}" for user, case, _ in ious.index]
+    weights = intervals.bootstrap_weights(strata, "bench")
     drawn = rankdata(-(weights @ ious.to_numpy()), axis=1, method="min")
     ranks = rankdata(-ious.mean().to_numpy(), method="min")
     return {
@@ -110,14 +101,13 @@ def fresh_gaps(rows: Sequence[Mapping[str, Any]]) -> Iterator[dict[str, Cell]]:
     """Mean IoU on frozen minus that on fresh sequences, by tracker, with Welch's interval."""
     packs = {row["pack"]: row for row in rows if "pack" in row}
     for row in (row for row in rows if row.get("fresh_of") in packs):
-        pair = packs[row["fresh_of"]], row
-        sides = [score_frame([one]).groupby(SCENE)[IOU].mean() for one in pair]
-        means = [float(side.mean()) for side in sides]
+        both = score_frame([packs[row["fresh_of"]], row]).groupby(["row", *SCENE])[IOU].mean()
+        sides = both[0], both[1]
+        frozen, fresh = (float(side.mean()) for side in sides)
         parts = [(float(side.var()) / len(side), len(side) - 1) for side in sides]
-        gap = means[0] - means[1]
-        line = {"tracker": row["tracker"]["name"], "frozen": means[0], "fresh": means[1]}
-        interval = intervals.combined_interval(gap, parts)
-        yield line | ends("frozen - fresh", Statistic(gap, *interval))
+        gap = frozen - fresh, *intervals.combined_interval(frozen - fresh, parts)
+        line = {"tracker": row["tracker"]["name"], "frozen": frozen, "fresh": fresh}
+        yield line | ends("frozen - fresh", Statistic(*gap))
 
 
 def bench_page(rows: Sequence[Mapping[str, Any]]) -> dict[str, str]:
@@ -125,8 +115,8 @@ def bench_page(rows: Sequence[Mapping[str, Any]]) -> dict[str, str]:
     rows = [row for row in rows if row["metric_version"] == score.METRIC_VERSION]
     files, sets = {}, []
     for identity in dict.fromkeys(row["benchmark"] for row in rows if row["tier"] != score.FRESH):
-        own = [row for row in rows if row["benchmark"] == identity]
-        lines, name = list(table_rows(own)), identity[:12]
+        own, name = [row for row in rows if row["benchmark"] == identity], identity[:12]
+        lines = list(table_rows(own))
         whole = [line for line in lines if line["sensor"] == line["class"] == ALL]
         files[f"{name}.csv"] = table_csv(Table.of(name, lines))
         files[f"{name}.md"] = table_markdown(Table.of(name, whole))
@@ -136,7 +126,3 @@ def bench_page(rows: Sequence[Mapping[str, Any]]) -> dict[str, str]:
     gaps = table_for_page(Table.of("fresh", gaps)) if gaps else None
     page = page_template(__package__, "bench.html")
     return files | {"index.html": page.render(sets=sets, gaps=gaps, drawn=DRAWN)}
-
-
-DRAWN = (LABELS[IOU], LABELS[score.TIME], LABELS[score.CONSISTENT])
-"""Columns of the figures: the first against each of the others."""

@@ -1,12 +1,11 @@
 """Render sequences: with the cached graph of a sweep, so that it resumes and uses any workers."""
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 
 from stixel_cli.benchmark.data import MANIFEST, RENDERED, SequenceData, sha256
-from stixel_cli.benchmark.sequences import Sequence as Frozen
-from stixel_cli.benchmark.sequences import definitions, planned
+from stixel_cli.benchmark.sequences import Sequence, definitions, planned
 from stixel_cli.engine.cache_folder import Lease
 from stixel_cli.engine.execute import execute
 from stixel_cli.engine.graph import merge
@@ -24,7 +23,7 @@ BATCH = 6
 
 
 def render(
-    chosen: Sequence[Frozen], folder: Path, workers: int | None, note: Callable[[str], None]
+    chosen: list[Sequence], folder: Path, workers: int | None, note: Callable[[str], None]
 ) -> None:
     """Write sequences into a folder, and last their manifest; `note` gets a line for each batch.
 
@@ -50,10 +49,7 @@ def render(
                         write_whole(folder / sequence.name / name, content)
                         digests[f"{sequence.name}/{name}"] = sha256(content)
             note(f"{first + len(own)} of {len(chosen)} sequences")
-        content = {
-            "benchmark": definitions()["version"],
-            "generator": f"stixel {__version__}",
-            "files": dict(sorted(digests.items())),
-        }
+        content = {"benchmark": definitions()["version"], "generator": f"stixel {__version__}"}
+        content["files"] = dict(sorted(digests.items()))
         write_whole(folder / RENDERED, json_text(provenance()))
         write_whole(folder / MANIFEST, json.dumps(content, indent=1) + "\n")

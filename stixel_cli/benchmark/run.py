@@ -25,10 +25,8 @@ from stixel_cli.tracking.start_scans import start_from_scans
 from stixel_cli.tracking.track import Track
 from stixel_cli.version import __version__
 
-OWN_START_SCANS = 10
+OWN_START_SCANS, OWN_START = 10, ("start=scans", "start.duration=0.9")
 """With its own start, a tracker may use so many scans before the first that is scored."""
-OWN_START = ("start=scans", "start.duration=0.9")
-REFERENCE = {"tracker": "gp_ekf"}
 
 
 def run(
@@ -41,7 +39,7 @@ def run(
     """
     settings, words = tracker_settings(tracker, further), [tracker, *further]
     start, ending = ("own", ["own-start"]) if own else ("given", [])
-    folder = Path("-".join([*words, *ending]).replace(":", "-"))
+    folder = Path("-".join([*words, *ending]).replace(":", "-").replace("/", "-"))
     stages = track_stages(data.names, settings)
     # The first call compiles; a tracker that fails at once has a fault.
     first, _ = tracked(data.read(data.names[0]), stages[0])
@@ -62,13 +60,11 @@ def run(
 
 
 def tracker_settings(tracker: str, further: Iterable[str] = ()) -> dict[str, Any]:
-    """The settings that a name stands for: `contour`, `pyrecest:full_scgp`, `my_module:track`.
-
-    `further` are overrides of keys of the tracker.
-    """
+    """The settings that a name, such as `contour` or `pyrecest:full_scgp`, and overrides mean."""
     kind, _, name = tracker.partition(":")
-    known = kind == "pyrecest" and name in get_args(Name)
-    chosen = {"tracker": kind, "tracker.name": name} if known else {"tracker": tracker}
+    chosen = {"tracker": tracker}
+    if kind == "pyrecest" and name in get_args(Name):
+        chosen = {"tracker": kind, "tracker.name": name}
     for one in map(parse, further):
         if not one.key.startswith("tracker."):
             raise UserError(f"{one.key}: must be a key of tracker: all else is of the sequences")
@@ -103,13 +99,9 @@ def tracked(given: SequenceData, stage: Stage, start: str = "given") -> tuple[Tr
 def track_arrays(track: Track, seconds: float) -> dict[str, np.ndarray]:
     """The arrays of a pack: of the smoothed track, if there is one."""
     track = track.smoothed or track
-    return {
-        "means": track.means[:, :3],
-        "covariances": track.covariances[:, :3, :3],
-        "contours": track.contours_world,
-        "contour_std": track.contour_std,
-        "seconds": np.array(seconds),
-    }
+    states = {"means": track.means[:, :3], "covariances": track.covariances[:, :3, :3]}
+    contours = {"contours": track.contours_world, "contour_std": track.contour_std}
+    return states | contours | {"seconds": np.array(seconds)}
 
 
 def no_track(count: int) -> dict[str, np.ndarray]:
@@ -121,7 +113,6 @@ def no_track(count: int) -> dict[str, np.ndarray]:
 
 def this_machine(data: Data) -> dict[str, Any]:
     """This machine, and the time of the reference tracker on the first sequence of the data."""
-    given, (stage,) = data.read(data.names[0]), track_stages(data.names[:1], REFERENCE)
-    seconds = min(tracked(given, stage)[1] for _ in range(3))
-    reference = round(1e3 * seconds / len(given.scans), 4)
-    return {"machine": provenance()["machine"], "reference_ms": reference}
+    given, (stage,) = data.read(data.names[0]), track_stages(data.names[:1], {"tracker": "gp_ekf"})
+    reference = 1e3 * min(tracked(given, stage)[1] for _ in range(3)) / len(given.scans)
+    return {"machine": provenance()["machine"], "reference_ms": round(reference, 4)}

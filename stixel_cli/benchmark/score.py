@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from stixel_cli.benchmark.data import Data, SequenceData, sha256
+from stixel_cli.benchmark.data import Data, SequenceData, sha256, sha256_of
 from stixel_cli.benchmark.packs import read_pack
 from stixel_cli.benchmark.run import OWN_START_SCANS
 from stixel_cli.benchmark.sequences import fresh_set
@@ -23,22 +23,18 @@ from stixel_cli.tracking.track import Track, contour_directions
 
 METRIC_VERSION = 1
 """Raised by every change of a score; rows of different versions are not compared."""
-
 METRICS = (
-    *("iou_mean", "iou_box_mean", "gaussian_wasserstein_m", "centre_rmse_m"),
-    *("orientation_rmse_deg", "length_error_m", "width_error_m", "seen_contour_error_m"),
-    *("track_lost", "time_to_loss_s", "success", "precision", "nees_position_mean"),
-    "band_coverage",
+    *("iou_mean", "iou_box_mean", "gaussian_wasserstein_m", "centre_rmse_m", "length_error_m"),
+    *("width_error_m", "orientation_rmse_deg", "seen_contour_error_m", "track_lost", "success"),
+    *("precision", "time_to_loss_s", "nees_position_mean", "band_coverage"),
 )
 """Of `evaluation/metric_table.py`."""
 CONSISTENT, MISSING, TIME = "in_nees_band", "missing_scans", "ms_per_scan"
 """Further values of a sequence: whether its mean NEES is in the 95 % band of one scan, as the
 errors of its scans are alike; scans without an estimate; milliseconds a scan."""
 FIXED, FRESH = "fixed", "fresh"
-NO_EXTENT = 1e-6
-"""Radius of the contour of a missing scan, m."""
-LEAST_ERROR = 1e-3
-"""m. A track that is never farther from the truth is the truth."""
+NO_EXTENT, LEAST_ERROR = 1e-6, 1e-3
+"""m: radius of the contour of a missing scan; RMSE below which a track is the truth."""
 
 
 def scored_pack(file: Path, data: Data, tier: str, drawn_by: str = "") -> dict[str, Any]:
@@ -48,25 +44,21 @@ def scored_pack(file: Path, data: Data, tier: str, drawn_by: str = "") -> dict[s
     """
     if drawn_by and {one.name for one in fresh_set(drawn_by)} != {*data.names}:
         raise UserError(f"{data.folder}: its seeds are not those that this pack draws")
-    manifest, digest, tracks = read_pack(file, data)
+    manifest, tracks = read_pack(file, data)
     first = OWN_START_SCANS if manifest["tracker"]["start"] == "own" else 0
     scores = {name: sequence_scores(tracks[name], data.read(name), first) for name in data.names}
-    for name, one in scores.items():
-        if one["centre_rmse_m"] < LEAST_ERROR:
-            raise UserError(f"{file}: {name}: is the truth, not a track")
+    for name in (name for name, one in scores.items() if one["centre_rmse_m"] < LEAST_ERROR):
+        raise UserError(f"{file}: {name}: is the truth, not a track")
     own = {"tier": FRESH, "fresh_of": drawn_by} if drawn_by else {"tier": tier}
-    return _row(manifest, scores) | {"pack": digest} | own
+    return _row(manifest, scores) | {"pack": sha256_of(file)} | own
 
 
 def _row(manifest: Mapping[str, Any], scores: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
     """A row without its tier: scores by column, each in the order of the sequences."""
     columns = next(iter(scores.values()))
-    return {
-        **manifest,
-        "metric_version": METRIC_VERSION,
-        "sequences": list(scores),
-        "scores": {name: [one[name] for one in scores.values()] for name in columns},
-    }
+    values = {name: [one[name] for one in scores.values()] for name in columns}
+    own = {"metric_version": METRIC_VERSION, "sequences": list(scores), "scores": values}
+    return {**manifest, **own}
 
 
 def fixed_rows(data: Data) -> Iterator[dict[str, Any]]:
@@ -74,10 +66,9 @@ def fixed_rows(data: Data) -> Iterator[dict[str, Any]]:
     box, star = {}, {}
     for name in data.names:
         given = data.read(name)
-        found = sequence_scores(true_box(given.truth), given)
-        box[name] = {key: found[key] for key in ("iou_mean", "iou_box_mean")}
+        box[name] = {"iou_mean": sequence_scores(true_box(given.truth), given)["iou_mean"]}
         bound = find_upper_bounds(given.truth, None, None).star_convex_upper_bound
-        star[name] = {"iou_mean": _short(bound)}
+        star[name] = {"iou_mean": round(bound, 6)}
     for name, scores in (("true box", box), ("best star-convex contour", star)):
         about = {"tracker": {"name": name, "version": ""}, "benchmark": data.id, "tier": FIXED}
         yield _row(about, scores)
@@ -103,19 +94,15 @@ def sequence_scores(
     k = np.arange(len(given.scans))
     scored = replace(given.truth, scored=k >= first)
     metrics = evaluate(_track(arrays, given.scans), scored, given.scans).metrics
-    found = {name: _short(metrics[name]) for name in METRICS}
+    found = {name: metrics[name] for name in METRICS}
     if "contour_std" not in arrays:
         found["band_coverage"] = None
     low, high = 0.5 * np.array(chi_square_bounds(2))
     found[CONSISTENT] = int(low <= (metrics["nees_position_mean"] or np.inf) <= high)
     found[MISSING] = int(np.isnan(arrays["means"][first:, 0]).sum())
-    found[TIME] = _short(1e3 * float(arrays["seconds"]) / len(k))
-    return found
-
-
-def _short(value: float | int | None) -> float | int | None:
-    """Six digits: rows of one pack are equal on all machines."""
-    return float(f"{value:.6g}") if isinstance(value, float) else value
+    found[TIME] = 1e3 * float(arrays["seconds"]) / len(k)
+    # Six digits: rows of one pack are equal on all machines.
+    return {name: None if v is None else float(f"{v:.6g}") for name, v in found.items()}
 
 
 def _track(arrays: Mapping[str, np.ndarray], scans: Scans) -> Track:
@@ -146,24 +133,18 @@ def _track(arrays: Mapping[str, np.ndarray], scans: Scans) -> Track:
     )
 
 
-def row_text(row: Mapping[str, Any]) -> str:
-    """The content of the file of a row."""
-    return json.dumps(row, indent=1, sort_keys=True, allow_nan=False) + "\n"
-
-
 def write_row(row: Mapping[str, Any], folder: Path) -> Path:
-    """Write a row under the hash of its content; return its file. None is ever replaced."""
-    file = folder / f"{sha256(row_text(row).encode())[:16]}.json"
+    """Write a row under the hash of its content; return its file."""
+    text = json.dumps(row, sort_keys=True, allow_nan=False) + "\n"
+    file = folder / f"{sha256(text.encode())[:16]}.json"
     with written(folder):
-        write_whole(file, row_text(row))
+        write_whole(file, text)
     return file
 
 
 def read_rows(folder: Path) -> list[dict[str, Any]]:
     """All rows of a folder; UserError in one line for one that was edited."""
-    rows = []
-    for file in sorted(folder.glob("*.json")):
-        rows.append(read_json(file))
-        if sha256(row_text(rows[-1]).encode())[:16] != file.stem:
-            raise UserError(f"{file}: was edited: a row is named by the hash of its content")
-    return rows
+    files = sorted(folder.glob("*.json"))
+    for file in (file for file in files if sha256_of(file)[:16] != file.stem):
+        raise UserError(f"{file}: was edited: a row is named by the hash of its content")
+    return list(map(read_json, files))

@@ -11,13 +11,12 @@ from stixel_cli.config.compose import Composer
 from stixel_cli.config.folders import shipped_folder
 from stixel_cli.config.texts import override_text
 from stixel_cli.errors import UserError
-from stixel_cli.files import read_yaml
+from stixel_cli.files import read_json, read_yaml
 from stixel_cli.sweeps.runs import PlannedRun, compose_runs
 
 FROZEN = "frozen"
 """The part that is ranked."""
-FRESH_SEEDS = 10
-FIRST_FRESH_SEED, FRESH_SPAN = 10_000, 10_000_000
+FRESH_SEEDS, FIRST_FRESH_SEED, FRESH_SPAN = 10, 10_000, 10_000_000
 """Far from the seeds to tune on, 1000 to 1999, and from those of version 1.0."""
 
 
@@ -40,14 +39,10 @@ class Sequence:
     def overrides(self) -> list[str]:
         """Of `stixel run`; the seed of the shape is that of the sequence."""
         case = definitions()["parts"][self.part]["cases"][self.case]
-        settings = {
-            "road_user": self.road_user,
-            "seed": self.seed,
-            "road_user.shape_seed": self.seed,
-            **definitions()["sensors"][self.sensor],
-            **{k: v[self.road_user] if isinstance(v, dict) else v for k, v in case.items()},
-        }
-        return [override_text(key, value) for key, value in settings.items()]
+        own = {k: v[self.road_user] if isinstance(v, dict) else v for k, v in case.items()}
+        settings = {"road_user": self.road_user, "seed": self.seed}
+        settings |= {"road_user.shape_seed": self.seed, **definitions()["sensors"][self.sensor]}
+        return [override_text(key, value) for key, value in (settings | own).items()]
 
 
 def bench_folder() -> Path:
@@ -57,8 +52,14 @@ def bench_folder() -> Path:
 
 @cache
 def definitions() -> dict[str, Any]:
-    """The content of `pipelines/bench/sequences.yaml`."""
+    """The content of `sequences.yaml` there."""
     return read_yaml(bench_folder() / "sequences.yaml")
+
+
+def published() -> dict[str, str]:
+    """SHA-256 by path of the published mini set."""
+    file = bench_folder() / "MANIFEST-mini.json"
+    return read_json(file)["files"] if file.exists() else {}
 
 
 def sequences(part: str, seeds: Iterable[int] = ()) -> list[Sequence]:
@@ -85,8 +86,8 @@ def fresh_set(pack: str) -> list[Sequence]:
     cases, found = list(definitions()["parts"][FROZEN]["cases"]), []
     for i in range(FRESH_SEEDS):
         number = int(hashlib.sha256(f"{pack} {i}".encode()).hexdigest()[:16], 16)
-        seed, case = FIRST_FRESH_SEED + number % FRESH_SPAN, cases[i % len(cases)]
-        found += [one for one in sequences(FROZEN, [seed]) if one.case == case]
+        drawn = sequences(FROZEN, [FIRST_FRESH_SEED + number % FRESH_SPAN])
+        found += [one for one in drawn if one.case == cases[i % len(cases)]]
     return found
 
 

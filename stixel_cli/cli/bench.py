@@ -28,42 +28,34 @@ def render(
     folder: Folder = FOLDER,
     mini: Annotated[bool, typer.Option("--mini", help="Seeds 0 and 1 only.")] = False,
     fresh: Pack = None,
-    only: Annotated[list[str] | None, typer.Option(metavar="SEQUENCE")] = None,
+    only: Annotated[list[str] | None, typer.Option(help="A sequence, of any seed.")] = None,
     workers: Workers = None,
 ) -> int:
-    """Render the sequences; the same command resumes. Print their id.
-
-    --only names one sequence, of any seed, such as stixels-car-turn-1000, and may be repeated;
-    --fresh takes ten seeds that the SHA-256 of a pack draws.
-    """
-    from stixel_cli.benchmark import sequences
-    from stixel_cli.benchmark.data import Data, sha256_of
+    """Render the sequences, or those that a pack draws, and print their id; repeat it to resume."""
+    from stixel_cli.benchmark import data, sequences
     from stixel_cli.benchmark.render import render as write
 
     chosen = [sequences.named(name) for name in dict.fromkeys(only or ())]
     if fresh is not None:
-        chosen = sequences.fresh_set(sha256_of(fresh))
+        chosen = sequences.fresh_set(data.sha256_of(fresh))
     chosen = chosen or sequences.whole_set(mini)
     write(chosen, folder, workers, tell)
-    say(f"{folder}: {counted(len(chosen), 'sequence')}", Data(folder).id)
+    say(f"{folder}: {counted(len(chosen), 'sequence')}", data.Data(folder).id)
     return 0
 
 
 @app.command()
 def verify(folder: Folder = FOLDER) -> int:
     """Check sequences against their manifest and the published mini set."""
-    from stixel_cli.benchmark.data import Data, published
+    from stixel_cli.benchmark.data import Data
+    from stixel_cli.benchmark.sequences import published
 
-    data, expected = Data(folder), published()
-    faults = data.faults()
-    other = [path for path, one in data.files.items() if expected.get(path, one) != one]
-    say(*faults, *(f"{path}: differs from the published one" for path in other))
-    say(
-        f"{counted(len(data.files), 'file')}, {len(faults)} damaged; "
-        f"{len(expected.keys() & data.files.keys())} published, {len(other)} of them differ",
-        data.id,
-    )
-    return 1 if faults or other else 0
+    data, known = Data(folder), published()
+    other = [path for path, one in data.files.items() if known.get(path, one) != one]
+    faults = [*data.faults(), *(f"{path}: differs from the published one" for path in other)]
+    common = len(known.keys() & data.files.keys())
+    say(*faults, f"{counted(len(data.files), 'file')}, {common} published", data.id)
+    return 1 if faults else 0
 
 
 @app.command()
@@ -73,11 +65,7 @@ def run(
     folder: Folder = FOLDER,
     own_start: Annotated[bool, typer.Option("--own-start", help="From scans 0 to 9.")] = False,
 ) -> int:
-    """Run TRACKER, as in tracker=… or pyrecest:NAME, on all sequences, and pack its tracks.
-
-    Edit tracker.json beside the tracks, and run bench pack again, to state version, code, licence
-    and what the tracker was learnt from.
-    """
+    """Run TRACKER, as in tracker=… or pyrecest:NAME, on all sequences, and pack its tracks."""
     from stixel_cli.benchmark.data import Data
     from stixel_cli.benchmark.run import run as write
 
@@ -85,10 +73,7 @@ def run(
 
 
 @app.command()
-def pack(
-    tracks: Annotated[Path, typer.Argument(metavar="DIR", show_default=False)],
-    folder: Folder = FOLDER,
-) -> int:
+def pack(tracks: Annotated[Path, typer.Argument(metavar="DIR")], folder: Folder = FOLDER) -> int:
     """Pack a folder of tracks: tracker.json, and NAME.npz or NAME.csv for each sequence."""
     from stixel_cli.benchmark.data import Data
     from stixel_cli.benchmark.packs import pack as write
@@ -96,8 +81,7 @@ def pack(
 
     target, data = tracks.with_name(f"{tracks.name}.zip"), Data(folder)
     for name, count in write(tracks, data, this_machine(data), target).items():
-        if count:
-            tell(f"{name}: {counted(count, 'scan')} without an estimate: their IoU is 0")
+        tell(f"{name}: {counted(count, 'scan')} without an estimate: their IoU is 0")
     say(target)
     return 0
 
@@ -111,17 +95,13 @@ def score(
     fresh_of: Pack = None,
     fixed: Annotated[bool, typer.Option("--fixed", help="Also true box, best contour.")] = False,
 ) -> int:
-    """Score packs from their tracks, and write a row of each.
-
-    --fresh-of names the pack that drew the seeds of the sequences.
-    """
+    """Score packs from their tracks, and write a row of each; --fresh-of drew the seeds."""
     from stixel_cli.benchmark.data import Data, sha256_of
     from stixel_cli.benchmark.score import fixed_rows, scored_pack, write_row
 
     data, drawn_by = Data(folder), "" if fresh_of is None else sha256_of(fresh_of)
-    found = [
-        scored_pack(file, data, "rerun" if rerun else "scored", drawn_by) for file in packs or ()
-    ]
+    tier = "rerun" if rerun else "scored"
+    found = [scored_pack(file, data, tier, drawn_by) for file in packs or ()]
     for row in [*found, *(fixed_rows(data) if fixed else ())]:
         ious, file = row["scores"]["iou_mean"], write_row(row, rows)
         say(f"{row['tracker']['name']}: mean IoU {sum(ious) / len(ious):.4f}: {file}")

@@ -3,7 +3,7 @@
 import pytest
 import yaml
 
-from stixel_cli.benchmark import data, sequences
+from stixel_cli.benchmark import sequences
 from stixel_cli.cli.app import main
 
 DEFINITIONS = {
@@ -30,8 +30,7 @@ def small_bench(tmp_path, monkeypatch):
     folder = tmp_path / "definitions"
     folder.mkdir()
     (folder / "sequences.yaml").write_text(yaml.safe_dump(DEFINITIONS), encoding="utf-8")
-    for module in (sequences, data):
-        monkeypatch.setattr(module, "bench_folder", lambda: folder)
+    monkeypatch.setattr(sequences, "bench_folder", lambda: folder)
     sequences.definitions.cache_clear()
     monkeypatch.chdir(tmp_path)
     yield tmp_path

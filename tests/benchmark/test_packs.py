@@ -9,7 +9,7 @@ from pydantic import TypeAdapter
 from stixel_cli.benchmark.data import Data, npz
 from stixel_cli.benchmark.packs import COVARIANCE, Manifest
 from stixel_cli.benchmark.run import no_track
-from stixel_cli.benchmark.score import read_rows, row_text, sequence_scores, true_box
+from stixel_cli.benchmark.score import read_rows, sequence_scores, true_box
 from stixel_cli.benchmark.sequences import named, planned
 from stixel_cli.cli.app import main
 from stixel_cli.errors import UserError
@@ -188,8 +188,7 @@ def test_an_edited_row_is_refused(packed):
     assert main(["bench", "score", "gp_ekf.zip", "--data", "data", "--rows", "rows"]) == 0
     (file,) = (packed / "rows").glob("*.json")
     row = json.loads(file.read_text())
-    assert row_text(row) == file.read_text()
     row["scores"]["iou_mean"][0] = 1.0
-    file.write_text(row_text(row))
+    file.write_text(json.dumps(row, sort_keys=True) + "\n")
     with pytest.raises(UserError, match="was edited"):
         read_rows(packed / "rows")
