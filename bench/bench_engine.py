@@ -194,7 +194,7 @@ def test_plan_of_cached_nodes(benchmark, graph, tmp_path):
 @pytest.fixture(scope="module")
 def scores(tmp_path_factory):
     """The scores of a run: a few dataclasses with many small arrays."""
-    overrides = ["measurement=fabricated", *sized([], ["path.duration=1"])]
+    overrides = ["measurement=fabricated", *sized([], ["path.duration=1", "executor=threads"])]
     found = run(*overrides, cache=tmp_path_factory.mktemp("scores"))
     return found.scores
 

@@ -20,7 +20,7 @@ from stixel_cli.sweeps.whole import new_sweep
 
 RUNS, TRACKER_RUNS = sized((1000, 200), (10, 3))
 SETTINGS = f"tracker.sigma_q=range(0.1,{TRACKER_RUNS / 10 + 0.1:.1f},0.1)"
-FABRICATED = ["measurement=fabricated", *sized([], ["path.duration=1"])]
+FABRICATED = ["measurement=fabricated", *sized([], ["path.duration=1", "executor=threads"])]
 LINES = {
     "100 settings × 10 seeds, simulated": [
         f"tracker.sigma_q=range(1,{RUNS // 10 + 1})",

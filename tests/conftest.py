@@ -29,9 +29,25 @@ def shared_cache(tmp_path_factory):
     return cache
 
 
-@pytest.fixture(autouse=True)
-def _no_user_cache(shared_cache, monkeypatch):
-    monkeypatch.setenv("STIXEL_CACHE", str(shared_cache))
+@pytest.fixture(scope="session", autouse=True)
+def _no_user_cache(shared_cache):
+    """For fixtures of any scope, too."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("STIXEL_CACHE", str(shared_cache))
+        yield
+
+
+@pytest.fixture
+def no_pictures(monkeypatch, request):
+    """Runs and sweeps of this process draw nothing: drawing takes most of a short run's time.
+
+    For a whole module: `pytestmark = pytest.mark.usefixtures("no_pictures")`. A test of it with the
+    mark `drawn` draws.
+    """
+    if request.node.get_closest_marker("drawn"):
+        return
+    monkeypatch.setattr("stixel_cli.experiment.run.PICTURES", ())
+    monkeypatch.setattr("stixel_cli.sweeps.run._Sweep.write_figures", lambda *_: None)
 
 
 def pytest_collection_modifyitems(items):

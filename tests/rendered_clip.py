@@ -13,14 +13,12 @@ RUN += ("pictures.frames=[]", "executor=threads")
 
 
 @pytest.fixture(scope="session")
-def clip(tmp_path_factory, shared_cache):
+def clip(tmp_path_factory):
     """Folder of a rendered clip of three pairs, written by `stixel export`."""
     folder = tmp_path_factory.mktemp("rendered")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("STIXEL_CACHE", str(shared_cache))
-        assert main(["run", *RUN, "--results", str(folder), "--name", "run"]) == 0
-        export = ["export", str(folder / "run"), "--format", "kitti", "--output"]
-        assert main([*export, str(folder / "clip")]) == 0
+    assert main(["run", *RUN, "--results", str(folder), "--name", "run"]) == 0
+    export = ["export", str(folder / "run"), "--format", "kitti", "--output"]
+    assert main([*export, str(folder / "clip")]) == 0
     return folder / "clip"
 
 

@@ -12,7 +12,6 @@ from stixel_cli.errors import escaped
 
 if TYPE_CHECKING:
     from rich.console import Console
-    from rich.text import Text
 
 NARROW = 16
 """Characters to which the text of a column is wrapped before a column is left out."""
@@ -108,7 +107,8 @@ def print_table(
     widths, least = [], []
     for i, name in enumerate(header):
         column = [row[i] for row in cells]
-        longest_word = max(_longest_word(cell) for cell in (name, *column))
+        words = (word for cell in (name, *column) for word in cell.split(" "))
+        longest_word = max((word.cell_len for word in words), default=0)
         widths.append(max(cell.cell_len for cell in (name, *column)))
         widest = max((cell.cell_len for cell in column), default=0)
         least.append(max(longest_word, widest if i in leave_out else min(widest, NARROW)))
@@ -127,10 +127,6 @@ def print_table(
     missing = [name for i, name in enumerate(columns) if i not in shown]
     if missing:
         say_wrapped(f"Not shown on a screen of {screen} columns: {'; '.join(missing)}")
-
-
-def _longest_word(text: "Text") -> int:
-    return max((word.cell_len for word in text.split(" ")), default=0)
 
 
 def _line_width(widths: Sequence[int], shown: Sequence[int]) -> int:

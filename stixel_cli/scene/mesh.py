@@ -54,9 +54,7 @@ def corners(mesh: Mesh) -> np.ndarray:
 
 def scaled(mesh: Mesh, factors: np.ndarray) -> Mesh:
     """`mesh` with its coordinates multiplied by `factors` (3,), all positive."""
-    return Mesh(
-        tuple(replace(part, vertices=part.vertices * np.asarray(factors)) for part in mesh.parts)
-    )
+    return Mesh(tuple(replace(part, vertices=part.vertices * factors) for part in mesh.parts))
 
 
 def moved(mesh: Mesh, offset: np.ndarray, turn: float = 0.0) -> Mesh:
@@ -64,10 +62,7 @@ def moved(mesh: Mesh, offset: np.ndarray, turn: float = 0.0) -> Mesh:
     matrix = np.eye(3)
     matrix[:2, :2] = rotation(turn)
     return Mesh(
-        tuple(
-            replace(part, vertices=part.vertices @ matrix.T + np.asarray(offset))
-            for part in mesh.parts
-        )
+        tuple(replace(part, vertices=part.vertices @ matrix.T + offset) for part in mesh.parts)
     )
 
 

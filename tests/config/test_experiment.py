@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 from stixel_cli.config import folders
-from stixel_cli.config.choice import experiment_sources
+from stixel_cli.config.choice import experiment_sources, set_by_experiment
 from stixel_cli.config.compose import compose
 from stixel_cli.config.folders import EXPERIMENT, group_options, option_values, shipped_folder
 from stixel_cli.config.keys import known_keys
@@ -183,15 +183,18 @@ def test_it_stays_open_to_overrides(override, key, value):
     assert compose([override, "experiment=thesis"]).value(key) == value
 
 
-@pytest.mark.parametrize("option", [o for o in group_options()[EXPERIMENT] if o != "none"])
+EXPERIMENTS = [option for option in group_options()[EXPERIMENT] if option != "none"]
+
+
+def others_of(experiment):
+    """Group and option, for all options of each group in which the experiment sets anything."""
+    groups = {name.partition(".")[0] for name in set_by_experiment(experiment)}
+    return [(g, o) for g in group_options() if g in groups for o in group_options()[g]]
+
+
 @pytest.mark.parametrize(
-    ("group", "other"),
-    [
-        (g, o)
-        for g, options in group_options().items()
-        for o in options
-        if g not in (EXPERIMENT, "source") and (g, o) != ("path", "recorded")  # needs a folder
-    ],
+    ("option", "group", "other"),
+    [(experiment, *other) for experiment in EXPERIMENTS for other in others_of(experiment)],
 )
 def test_values_of_keys_that_another_option_lacks_are_left_out(option, group, other):
     outer = ["measurement=fabricated"] if group == "measurement/noise" else []
@@ -240,7 +243,7 @@ def test_a_fault_in_an_experiment_is_one_line(content, named, own_conf):
     assert "\n" not in str(fault.value)
 
 
-@pytest.mark.parametrize("option", [o for o in group_options()[EXPERIMENT] if o != "none"])
+@pytest.mark.parametrize("option", EXPERIMENTS)
 def test_every_choice_and_value_has_a_source(option):
     content, sources = file_of(option), experiment_sources(option)
     choices = [

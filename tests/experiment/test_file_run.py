@@ -13,6 +13,8 @@ from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.experiment.stages import experiment_graph, pictured_frames, scan_count
 from stixel_cli.results.result import read_scored_run
 
+pytestmark = pytest.mark.usefixtures("no_pictures")
+
 QUICK = ("executor=threads", "seed=1003")
 
 
@@ -67,6 +69,7 @@ def arrays(folder, name):
     ],
     ids=lambda words: words[0],
 )
+@pytest.mark.drawn
 def test_a_run_from_the_files_of_any_run_gives_the_same_tracks_and_scores(words, shared, capsys):
     name = words[0].partition("=")[2]
     user = [word for word in words if word.startswith("road_user")]
@@ -107,6 +110,7 @@ def test_the_truths_table_has_the_box_of_the_contour(made, shared, capsys):
     assert answer["metrics"]["iou_mean"] is None
 
 
+@pytest.mark.drawn
 def test_scans_without_rows_are_empty_and_the_track_holds(made, tmp_path, shared, capsys):
     rows = (made / "scans.csv").read_text().splitlines()
     gap = [row for row in rows if row.partition(",")[0] not in {"5", "6", "14"}]
@@ -118,6 +122,7 @@ def test_scans_without_rows_are_empty_and_the_track_holds(made, tmp_path, shared
     assert answer["metrics"]["centre_final_m"] < 0.5
 
 
+@pytest.mark.drawn
 def test_without_truth_scores_are_left_out_and_the_start_comes_from_the_scans(made, shared, capsys):
     words = from_files(made, None)
     answer = run_json(capsys, shared, *words, "pictures.frames=[1]", "--name", "blind")
@@ -160,6 +165,7 @@ def test_runs_with_and_without_truth_are_compared_and_played(made, shared, tmp_p
     assert "measurement.truth is" in capsys.readouterr().err
 
 
+@pytest.mark.drawn
 def test_a_truth_of_some_scans_scores_those_scans(made, tmp_path, shared, capsys):
     rows = (made / "truth.csv").read_text().splitlines()
     (tmp_path / "some.csv").write_text("\n".join([rows[0], *rows[5:9]]) + "\n")

@@ -14,6 +14,9 @@ IN_THIS_PROCESS = "executor=threads"
 PICTURED = {"rig", "renderer", "stereo", "road", "occupancy", "measurement", "measurement/noise"}
 """Groups whose options show in the pictures of a scan; paths are drawn in a test of their own."""
 
+DRAWN = PICTURED | {"pictures", "tracker", "start", "experiment"}
+"""Groups whose options show in any picture."""
+
 OWN_PRESETS = {"road_user", "pace", "prior", "source"}
 OF_FILES = {
     *(("measurement", "file"), ("path", "recorded")),
@@ -51,7 +54,9 @@ def check(answer: dict) -> None:
 
 
 @pytest.mark.parametrize(("group", "option"), PRESETS, ids=lambda value: value)
-def test_every_preset_runs(group, option, results, capsys):
+def test_every_preset_runs(group, option, results, capsys, request):
+    if group not in DRAWN:
+        request.getfixturevalue("no_pictures")
     if (group, option) == ("renderer", "filament"):
         reason = probe_filament(timeout=600)
         if reason is not None:
@@ -69,13 +74,14 @@ def test_every_preset_runs(group, option, results, capsys):
 @pytest.mark.parametrize("road_user", group_options()["road_user"])
 @pytest.mark.parametrize("path", [path for group, path in PRESETS if group == "path"])
 def test_every_road_user_runs_every_path_with_fabricated_measurements(
-    road_user, path, results, capsys
+    road_user, path, results, capsys, request
 ):
     choice = (f"road_user={road_user}", f"path={path}", "measurement=fabricated", IN_THIS_PROCESS)
     choice += few_seconds(path)
     # Drawing takes longer than the rest: one road user on each path.
-    pictures = f"pictures.frames=[{2 if road_user == 'car' else ''}]"
-    answer = run_json(capsys, results, *choice, "path.duration=0.5", pictures)
+    if road_user != "car":
+        request.getfixturevalue("no_pictures")
+    answer = run_json(capsys, results, *choice, "path.duration=0.5", "pictures.frames=[2]")
     check(answer)
     assert answer["metrics"]["points_per_scan_mean"] > 1
 

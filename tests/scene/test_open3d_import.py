@@ -1,7 +1,9 @@
 """In processes of their own: what is imported, and in which order, is the subject."""
 
+import os
 import subprocess
 import sys
+from importlib.machinery import EXTENSION_SUFFIXES
 
 import pytest
 
@@ -31,9 +33,13 @@ assert cast(open3d) == before
 """
 
 
-def run(script: str) -> None:
+def run(script: str, folder: str = "") -> None:
+    """Run a script; modules in `folder` come before the installed ones."""
     result = subprocess.run(
-        [sys.executable, "-W", "ignore", "-c", CAST + script], capture_output=True, text=True
+        [sys.executable, "-W", "ignore", "-c", CAST + script],
+        env=os.environ | {"PYTHONPATH": folder},
+        capture_output=True,
+        text=True,
     )
     assert result.returncode == 0, result.stderr
 
@@ -56,16 +62,21 @@ def test_where_open3d_is_imported_already_that_is_used():
     )
 
 
-@pytest.mark.parametrize(
-    "change",
-    [
-        "open3d_import._bindings_file = lambda: None",
-        "import pathlib; open3d_import._bindings_file = lambda: pathlib.Path('missing.so')",
-        "open3d_import.EXTENSION_SUFFIXES = ['.other']",
-    ],
-)
-def test_another_layout_of_the_package_gives_the_plain_import(change):
-    run(f"{change}\nbindings = import_open3d_bindings()\nimport open3d\nassert bindings is open3d")
+@pytest.mark.parametrize("layout", ["no bindings", "an unknown suffix", "CUDA", "damaged bindings"])
+def test_another_layout_of_the_package_gives_the_plain_import(layout, tmp_path):
+    """With a small package of that name: the installed one takes seconds to import."""
+    package = tmp_path / "open3d"
+    suffix = EXTENSION_SUFFIXES[0]
+    if layout != "no bindings":
+        (package / "cpu").mkdir(parents=True)
+        name = f"pybind{'.other' if layout == 'an unknown suffix' else suffix}"
+        (package / "cpu" / name).write_bytes(b"no library")
+    if layout == "CUDA":
+        (package / "cuda").mkdir()
+    package.mkdir(exist_ok=True)
+    (package / "__init__.py").touch()
+    same = "bindings = import_open3d_bindings()\nimport open3d\nassert bindings is open3d\n"
+    run(f"{same}assert open3d.__file__.startswith({str(tmp_path)!r})", str(tmp_path))
 
 
 def test_threads_that_ask_together_get_one_module():

@@ -7,6 +7,8 @@ import pytest
 from stixel_cli.cli.app import main
 from stixel_cli.cli.plan import shown_runs
 
+pytestmark = pytest.mark.usefixtures("no_pictures")
+
 FEW = ("measurement=fabricated", "path.duration=0.3")
 
 
@@ -55,6 +57,7 @@ def test_each_node_once_with_the_runs_that_need_it(sweeps, explained, capsys):
         ("sweep", ("path=choice(turn)",)),
     ],
 )
+@pytest.mark.drawn
 def test_plan_explain_dry_run_and_the_command_itself_agree(
     command, words, sweeps, explained, capsys
 ):

@@ -19,6 +19,8 @@ from stixel_cli.report.statistics import statistic
 from stixel_cli.results.result import read_scored_run
 from stixel_cli.sweeps import figures
 
+pytestmark = pytest.mark.usefixtures("no_pictures")
+
 FEW = ("measurement=fabricated", "path.duration=0.3")
 STATISTICS = ("summary.csv", "summary.md", "summary.tex")
 
@@ -70,6 +72,7 @@ class _Empty:
         return False
 
 
+@pytest.mark.drawn
 def test_the_folder(sweeps):
     swept = sweeps.run(*FEW, "tracker.sigma_f=0.1,0.3", "seed=0,1,2", "--name", "mine")
     folder = sweeps.results / "mine"
@@ -192,6 +195,7 @@ def test_dry_run_writes_nothing(sweeps, capsys):
     assert not sweeps.results.exists()
 
 
+@pytest.mark.drawn
 def test_pictures_only_on_request(sweeps):
     plain = sweeps.run(*FEW, "seed=0,1", "--name", "plain")
     assert not (sweeps.results / "plain" / "runs" / "0000" / "figures").exists()

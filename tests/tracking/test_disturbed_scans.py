@@ -58,6 +58,12 @@ def followed(user, scans, start):
     return evaluate(track(scans, initial, p.prior, p.tracker), scenario, scans).metrics
 
 
+@cache
+def undisturbed(user, start):
+    """The metrics of a track of the clean scans."""
+    return followed(user, clean(user)[2], start)
+
+
 def disturbed(user):
     """The scans with 1 s of dropout, clutter of 10 % of the points; every seventh scan is empty."""
     _, _, scans = clean(user)
@@ -78,7 +84,7 @@ def disturbed(user):
 def test_dropout_empty_scans_and_clutter_cost_little(user, start):
     scans = disturbed(user)
     assert (np.diff(scans.offsets) == 0).sum() >= 13
-    before = followed(user, clean(user)[2], start)
+    before = undisturbed(user, start)
     after = followed(user, scans, start)
     assert (before["track_lost"], after["track_lost"]) == (0, 0)
     # The outline of a cyclist is so thin that a few centimetres across it cost more.
@@ -86,6 +92,7 @@ def test_dropout_empty_scans_and_clutter_cost_little(user, start):
     assert after["iou_box_mean"] > before["iou_box_mean"] - 0.05
 
 
+@cache
 def of_prior(user, prior, sensor="fabricated"):
     """The track of a road user with the prior of another class, from the scans alone."""
     p = compose(
@@ -104,7 +111,7 @@ def test_an_unknown_class_is_found(user):
     assert result.class_probabilities[user][10:].min() > 0.9, "after one second"
     assert verdict(metrics)[-1].startswith(f"Class: {user}, ")
     assert not misfits_class(metrics)
-    assert metrics["iou_box_mean"] > followed(user, scans, "scans")["iou_box_mean"] - 0.05
+    assert metrics["iou_box_mean"] > undisturbed(user, "scans")["iou_box_mean"] - 0.05
 
 
 @pytest.mark.parametrize(
@@ -172,7 +179,7 @@ def test_classes_that_are_dropped_would_change_nothing(user, monkeypatch):
     dropped = [of_prior(user, prior) for prior in others]
     monkeypatch.setattr(contour, "RULED_OUT", np.inf)
     for prior, expected in zip(others, dropped, strict=True):
-        found = of_prior(user, prior)
+        found = of_prior.__wrapped__(user, prior)
         np.testing.assert_array_equal(found.means, expected.means)
         np.testing.assert_array_equal(found.class_replaced, expected.class_replaced)
         for name, values in found.class_probabilities.items():
@@ -191,7 +198,7 @@ def test_only_a_class_that_is_not_contradicted_looks_for_its_target_again(user, 
         step(one, k, *arguments, **keywords)
 
     monkeypatch.setattr(ClassFilter, "step", recorded)
-    of_prior(user, "unknown", "lidar")
+    of_prior.__wrapped__(user, "unknown", "lidar")
     assert len(filters) == len(USERS) and not all(recovers.values())
     weights = {name: one.log_weights for name, one in filters.items()}
     for (name, k), again in recovers.items():
