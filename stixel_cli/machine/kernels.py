@@ -23,8 +23,9 @@ PACKAGE = Path(__file__).resolve().parents[1]
 
 KERNELS = (
     *("rendering.edges", "rendering.rasteriser", "rendering.shading", "rendering.tracing"),
-    *("stixels.free_space", "stixels.grouping", "stixels.height", "stixels.nearest_obstacle"),
-    *("stixels.occupancy", "stixels.refinement", "stixels.road", "tracking.contour.ray_table"),
+    *("stixels.free_space", "stixels.grouping", "stixels.height", "stixels.layers"),
+    *("stixels.nearest_obstacle", "stixels.occupancy", "stixels.refinement", "stixels.road"),
+    "tracking.contour.ray_table",
 )
 """Modules of the package that import `njit`. A run need not read all files to know them."""
 
