@@ -42,7 +42,7 @@ BUDGET = {
     "stereo": 490,
     "stixels": 2314,
     # A study of the trackers away from home.
-    "studies": 4849,
+    "studies": 4820,
     # The plan of one run, from experiment/ and cli/.
     "sweeps": 2508,
     # `contour`: the bank of forms for what it did not learn from, the search at the first scan;

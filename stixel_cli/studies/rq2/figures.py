@@ -1,7 +1,7 @@
 """RQ2: figures of scans and runs, and errors by range, visible sides and number of points."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -10,7 +10,6 @@ import pandas as pd
 from stixel_cli.report import tables
 from stixel_cli.report.blocks import Figure, Table
 from stixel_cli.report.charts import DASHES, WIDTH, Panel, chart, line
-from stixel_cli.report.metrics import capital
 from stixel_cli.report.scan_frame import AXIS_LABELS, ERROR_LABELS, SCAN_ERRORS, colour
 
 
@@ -86,17 +85,17 @@ def binned(condition: Condition, scans: pd.DataFrame) -> pd.DataFrame:
 def condition_values(
     name: str, condition: Condition, scans: pd.DataFrame, measurements: Sequence[str]
 ) -> dict[str, Any]:
-    """The figure and the table of a condition, and what it is."""
+    """The figure and the table of a condition, what it is, and its number of seeds."""
     found = binned(condition, scans)
-    figure = _condition_figure(name, condition, found, scans, measurements)
     most, least = scans["seed"].nunique(), int(found["seeds"].min())
     # A single seed has no interval.
     fewest = f"{least} (without a bar)" if least == 1 else f"{least}"
-    counted = f"{most}" if least == most else f"{fewest} to {most}"
-    user = capital(scans["road_user"].iloc[0])
-    caption = f"{user}: errors and consistency by {condition.what}; n = {counted} seeds."
-    figure, table = replace(figure, caption=caption), _condition_table(name, condition, found)
-    return {"what": condition.what, "figure": figure, "table": table}
+    return {
+        "what": condition.what,
+        "seeds": f"{most}" if least == most else f"{fewest} to {most}",
+        "figure": _condition_figure(name, condition, found, scans, measurements),
+        "table": _condition_table(name, condition, found),
+    }
 
 
 def _condition_table(name: str, condition: Condition, found: pd.DataFrame) -> Table:

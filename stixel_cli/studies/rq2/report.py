@@ -13,7 +13,6 @@ import pandas as pd
 from stixel_cli.report import tables
 from stixel_cli.report.blocks import Cell, Material, Table
 from stixel_cli.report.example_scans import example_scans
-from stixel_cli.report.metrics import number
 from stixel_cli.report.run_frame import LIDAR, STIXELS, run_frame
 from stixel_cli.report.scan_frame import (
     ERROR_LABELS,
@@ -207,7 +206,6 @@ def _chapter(
             _scans(user, kind, own, tables.chosen(scans, measurement_kind=kind, **first))
             for (kind,), own in tables.groups(tables.chosen(runs, **first), ["measurement_kind"])
         ],
-        "ranking": _ranking(runs),
         "tracking": Table.of(f"{user}_tracking", _tracking_rows(runs, scans)),
         "upper_bounds": upper_bounds_table(f"{user}_upper_bounds", runs, ("measurement",)),
         "boxes": boxes(f"{user}_boxes", runs, measurements),
@@ -232,31 +230,11 @@ def _scans(user: str, kind: str, runs: pd.DataFrame, scans: pd.DataFrame) -> dic
         near, far = float(own["range"].min()), float(own["range"].max())
         key |= {"range from (m)": near, "range to (m)": far}
         rows.append(key | {"points per scan": tables.mean_over(own, "points").mean} | row)
-    measurements = []
-    for name in tables.names(runs, "measurement"):
-        own = [row for row in rows if row["measurement"] == name]
-        empty = [row["share of scans without points on the target"] for row in own]
-        texts = {
-            "points": _range([row["points on the target"] for row in own]),
-            "distance": _range([row["RMS distance (m)"] for row in own]),
-        }
-        measurements.append({"name": name, **texts, "empty": max(empty, default=0.0)})
     return {
         "title": _TITLES.get(kind, kind),
-        "measurements": measurements,
         "figure": example_scans(f"{user}_{kind}_examples", runs),
         "table": Table.of(f"{user}_{kind}_scans", rows),
     }
-
-
-def _ranking(runs: pd.DataFrame) -> dict[str, list[tuple[str, float]]]:
-    """Tracker to its measurements and mean IoU, the best first; trackers without one left out."""
-    found: dict[str, list[tuple[str, float]]] = {}
-    for (tracker, measurement), own in tables.groups(runs, ["tracker", "measurement"]):
-        mean = tables.mean_over(own, "iou_mean").mean
-        if mean is not None:
-            found.setdefault(tracker, []).append((measurement, mean))
-    return {name: sorted(own, key=lambda one: -one[1]) for name, own in found.items()}
 
 
 def _tracking_rows(runs: pd.DataFrame, scans: pd.DataFrame) -> Iterator[dict[str, Cell]]:
@@ -273,9 +251,3 @@ def _tracking_rows(runs: pd.DataFrame, scans: pd.DataFrame) -> Iterator[dict[str
             }
         unused, others = gate_shares(own["run"])
         yield row | {"target's points not used": unused, "others among the points used": others}
-
-
-def _range(values: Sequence[float | None]) -> str:
-    known = [value for value in values if value is not None]
-    ends = dict.fromkeys(number(end(known)) for end in (min, max)) if known else ["–"]
-    return " to ".join(ends)
