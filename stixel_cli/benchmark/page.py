@@ -19,7 +19,7 @@ from stixel_cli.report.page import page_template, table_for_page
 from stixel_cli.report.statistics import Statistic
 from stixel_cli.report.tables import ends, label_of, table_csv, table_markdown
 
-IOU, REFERENCE, ALL = "iou_mean", "gp_ekf", "all"
+IOU, REFERENCE, ALL = "iou_mean", "gp_ekf", ("all sensors", "all classes")
 SCENE = ["road_user", "case", "seed"]
 LABELS = {name: label_of(name) for name in score.METRICS}
 LABELS |= {score.CONSISTENT: "in the NEES band", score.MISSING: "missing scans"}
@@ -59,10 +59,10 @@ def estimate(values: pd.Series, bounds: tuple = (None, None)) -> Statistic:
 
 def table_rows(rows: Sequence[Mapping[str, Any]]) -> Iterator[dict[str, Cell]]:
     """The lines of the table: each row, over all sequences and each sensor and class."""
-    frame = score_frame(rows).assign(all=ALL)
+    frame = score_frame(rows).assign(**{name: name for name in ALL})
     kinds = [kind_of(row) for row in rows]
-    for sensors in ("all", "sensor"):
-        for classes in ("all", "road_user"):
+    for sensors in (ALL[0], "sensor"):
+        for classes in (ALL[1], "road_user"):
             for (sensor, road_user), own in frame.groupby([sensors, classes], sort=False):
                 means = own.groupby(["row", *SCENE]).mean(numeric_only=True)
                 ious = means[IOU].unstack("row")
@@ -117,7 +117,7 @@ def bench_page(rows: Sequence[Mapping[str, Any]]) -> dict[str, str]:
     for identity in dict.fromkeys(row["benchmark"] for row in rows if row["tier"] != score.FRESH):
         own, name = [row for row in rows if row["benchmark"] == identity], identity[:12]
         lines = list(table_rows(own))
-        whole = [line for line in lines if line["sensor"] == line["class"] == ALL]
+        whole = [line for line in lines if (line["sensor"], line["class"]) == ALL]
         files[f"{name}.csv"] = table_csv(Table.of(name, lines))
         files[f"{name}.md"] = table_markdown(Table.of(name, whole))
         points = [[line["tracker"], *(line[key] for key in DRAWN)] for line in whole]

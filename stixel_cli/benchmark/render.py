@@ -15,7 +15,6 @@ from stixel_cli.files import write_whole, written
 from stixel_cli.results.folder import json_text
 from stixel_cli.results.lineage import provenance
 from stixel_cli.sweeps.graphs import plan_runs
-from stixel_cli.version import __version__
 
 NODES = ("scenario", "scans", "start")
 BATCH = 6
@@ -49,7 +48,6 @@ def render(
                         write_whole(folder / sequence.name / name, content)
                         digests[f"{sequence.name}/{name}"] = sha256(content)
             note(f"{first + len(own)} of {len(chosen)} sequences")
-        content = {"benchmark": definitions()["version"], "generator": f"stixel {__version__}"}
-        content["files"] = dict(sorted(digests.items()))
+        content = {"benchmark": definitions()["version"], "files": dict(sorted(digests.items()))}
         write_whole(folder / RENDERED, json_text(provenance()))
         write_whole(folder / MANIFEST, json.dumps(content, indent=1) + "\n")
