@@ -34,7 +34,8 @@ def score_frame(rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
     frames = []
     for i, row in enumerate(rows):
         frame = pd.DataFrame([vars(named(name)) for name in row["sequences"]])
-        frames.append(frame.assign(row=i, **row["scores"])[frame["part"] == FROZEN])
+        values = {name: np.array(column, float) for name, column in row["scores"].items()}
+        frames.append(frame.assign(row=i, **values)[frame["part"] == FROZEN])
     return pd.concat(frames, ignore_index=True)
 
 

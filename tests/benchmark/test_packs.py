@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter
 
+from stixel_cli.benchmark import sequences
 from stixel_cli.benchmark.data import Data, npz
 from stixel_cli.benchmark.packs import COVARIANCE, Manifest
+from stixel_cli.benchmark.page import fresh_gaps
 from stixel_cli.benchmark.run import no_track
 from stixel_cli.benchmark.score import read_rows, sequence_scores, true_box
 from stixel_cli.benchmark.sequences import named, planned
@@ -192,3 +194,19 @@ def test_an_edited_row_is_refused(packed):
     file.write_text(json.dumps(row, sort_keys=True) + "\n")
     with pytest.raises(UserError, match="was edited"):
         read_rows(packed / "rows")
+
+
+def test_a_pack_draws_fresh_seeds_and_only_they_make_its_row_fresh(packed, refused, monkeypatch):
+    monkeypatch.setattr(sequences, "FRESH_SEEDS", 2)
+    assert "its seeds are not those" in refused("score", "gp_ekf.zip", "--fresh-of", "gp_ekf.zip")
+    assert main(["bench", "score", "gp_ekf.zip", "--data", "data", "--rows", "rows"]) == 0
+    assert main(["bench", "render", "--fresh", "gp_ekf.zip", "--data", "fresh"]) == 0
+    (packed / "there").mkdir()
+    monkeypatch.chdir(packed / "there")
+    assert main(["bench", "run", "gp_ekf", "--data", "../fresh"]) == 0
+    given = ["--data", "../fresh", "--fresh-of", "../gp_ekf.zip", "--rows", "../rows"]
+    assert main(["bench", "score", "gp_ekf.zip", *given]) == 0
+    rows = read_rows(packed / "rows")
+    assert sorted(row["tier"] for row in rows) == ["fresh", "scored"]
+    (gap,) = fresh_gaps(rows)
+    assert gap["frozen - fresh"] == pytest.approx(gap["frozen"] - gap["fresh"])

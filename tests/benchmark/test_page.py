@@ -12,6 +12,9 @@ NOISE = np.random.default_rng(0)
 def row(name, ious, tier="rerun", pack="", **about):
     tracker = {"name": name, "version": "1", "causal": True, "per_class": False, "start": "given"}
     scores = {"iou_mean": np.clip(ious, 0.0, 1.0).tolist(), "ms_per_scan": [1.0] * len(ious)}
+    # The only track that was lost.
+    lost = [2.0 if name == "gp_ekf" else None, *[None] * (len(ious) - 1)]
+    scores["time_to_loss_s"] = lost
     return {
         "tracker": tracker | about,
         "benchmark": "a" * 64,
@@ -48,6 +51,7 @@ def test_a_better_tracker_has_rank_1_and_equal_ones_share_their_ranks():
     np.testing.assert_allclose(better["IoU minus gp_ekf"], 0.1, atol=1e-9)
     assert better["high IoU minus gp_ekf"] - better["low IoU minus gp_ekf"] < 1e-9
     assert equal["low IoU minus gp_ekf"] < 0.0 < equal["high IoU minus gp_ekf"]
+    assert (reference["time to loss (s)"], equal["time to loss (s)"]) == (2.0, None)
     assert better["scenes"] == 24 and better["ms a scan"] == 1.0
 
 
