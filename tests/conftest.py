@@ -50,6 +50,12 @@ def no_pictures(monkeypatch, request):
     monkeypatch.setattr("stixel_cli.sweeps.run._Sweep.write_figures", lambda *_: None)
 
 
+@pytest.fixture
+def no_workers(monkeypatch):
+    """All work of `executor=local` counts as small, and so needs no processes that import all."""
+    monkeypatch.setattr("stixel_cli.engine.plan.Durations.estimate", lambda *_: 0.0)
+
+
 def pytest_collection_modifyitems(items):
     """The longest test first: at the end, the other worker would wait for it."""
     items.sort(key=lambda item: item.path.name != "test_bench.py")

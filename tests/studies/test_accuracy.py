@@ -16,8 +16,6 @@ from stixel_cli.scene.mesh_file import load_mesh
 from stixel_cli.studies.accuracy.report import ABLATIONS, OWN_TABLES, WRONG_CLASSES
 from stixel_cli.studies.file import find_study, read_study
 
-pytestmark = pytest.mark.usefixtures("no_pictures")
-
 SMALL = {
     "path.duration": 0.2,
     "path.start": [0.3, 9.0],

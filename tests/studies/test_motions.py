@@ -25,8 +25,6 @@ from stixel_cli.studies.motions.report import (
     findings_forest,
 )
 
-pytestmark = pytest.mark.usefixtures("no_pictures")
-
 SMALL = {"rig.width": 160, "rig.height": 96, "rig.focal_length": 150.0, "stereo.disparities": 48}
 SMALL |= {"stereo.nearest": 6.0, "occupancy.nearest": 3.0, "executor": "threads"}
 

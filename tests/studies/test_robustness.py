@@ -9,8 +9,6 @@ import yaml
 
 from stixel_cli.studies.file import find_study
 
-pytestmark = pytest.mark.usefixtures("no_pictures")
-
 SMALL = {
     "path.duration": 0.2,
     "path.start": [0.3, 9.0],

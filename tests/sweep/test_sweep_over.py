@@ -14,6 +14,8 @@ from stixel_cli.sweeps.folder import SweepFolder
 from stixel_cli.sweeps.over import marks, over_axes
 from stixel_cli.sweeps.results import SweepResult
 
+pytestmark = pytest.mark.usefixtures("no_workers")
+
 FEW = ("measurement=fabricated", "path.duration=0.3")
 AXES = (("tracker",), ("path",), ("road_user.shape_seed",), ("seed",))
 

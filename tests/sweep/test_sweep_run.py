@@ -19,7 +19,7 @@ from stixel_cli.report.statistics import statistic
 from stixel_cli.results.result import read_scored_run
 from stixel_cli.sweeps import figures
 
-pytestmark = pytest.mark.usefixtures("no_pictures")
+pytestmark = pytest.mark.usefixtures("no_pictures", "no_workers")
 
 FEW = ("measurement=fabricated", "path.duration=0.3")
 STATISTICS = ("summary.csv", "summary.md", "summary.tex")
