@@ -12,7 +12,7 @@ from stixel_cli.config.override_checks import check_overrides, read_overrides
 from stixel_cli.experiment.stages import pictured_frames, scan_count
 
 DOCS = Path(__file__).parents[2] / "docs"
-MOST_BYTES = 1_600_000
+MOST_BYTES = 1_800_000
 
 
 def load_script():
