@@ -30,8 +30,8 @@ METRICS = (
 )
 """Of `evaluation/metric_table.py`."""
 CONSISTENT, MISSING, TIME = "in_nees_band", "missing_scans", "ms_per_scan"
-"""Further values of a sequence: whether its mean NEES is in the 95 % band of one scan, as the
-errors of its scans are alike; scans without an estimate; milliseconds a scan."""
+"""Further values of a sequence: whether its mean NEES is in the 95 % band of one scan, because the
+errors of successive scans are correlated; scans without an estimate; milliseconds a scan."""
 FIXED, FRESH = "fixed", "fresh"
 NO_EXTENT, LEAST_ERROR = 1e-6, 1e-3
 """m: radius of the contour of a missing scan; RMSE below which a track is the truth."""
