@@ -104,14 +104,16 @@ def raw(pairs):
     return sgm.match(pairs, STEREO, RIG, range(1)).raw(0)
 
 
-def segment(raw, expected, road, occupancy, grid, images=None):
+def segment(raw, expected, road, occupancy, grid, images=None, layers="one"):
     """One frame from disparity to stixels, as the two stages do it."""
     columns = cv2.transpose(raw)
     line = find_road(columns, COUNT, RIG, road)
     obstacle = nearest_obstacle(columns, line, expected, road, grid, FREE_SPACE)
     base = obstacle_base(obstacle, line, RIG)
     columns = cv2.transpose(raw)
-    extraction = EXTRACTION if images is not None else replace(EXTRACTION, refinement=0.0)
+    extraction = replace(EXTRACTION, layers=layers)
+    if images is None:
+        extraction = replace(extraction, refinement=0.0)
     unknown_rows(columns, base, line, road, grid, FREE_SPACE)
     stixels = stixels_of_frame(
         columns, obstacle, base, line, COUNT, RIG, HEIGHT, extraction, images
@@ -138,6 +140,15 @@ def test_disparity_to_stixels(benchmark, raw, pairs, road, occupancy):
         segment, raw, expected, road, occupancy, grid, (pairs.left[0], pairs.right[0])
     )
     assert np.isfinite(obstacle).mean() > 0.3
+
+
+def test_disparity_to_stixels_of_many_layers(benchmark, raw, pairs):
+    benchmark.group = "disparity to stixels"
+    road, occupancy, grid, expected = prepared(raw)
+    images = pairs.left[0], pairs.right[0]
+    *_, stixels = benchmark(segment, raw, expected, road, occupancy, grid, images, "many")
+    *_, one = segment(raw, expected, road, occupancy, grid, images)
+    assert len(stixels["left"]) > len(one["left"])
 
 
 STEPS = ("histogram", "grid", "costs", "path", "unknown", "height", "stixels", "refined stixels")

@@ -24,6 +24,7 @@ SELECTED = (
     "bench_stixels.py::test_files_to_track",
     "bench_stixels.py::test_files_to_track_plain",
     "bench_stixels.py::test_disparity_to_stixels",
+    "bench_stixels.py::test_disparity_to_stixels_of_many_layers",
     "bench_stixels.py::test_disparity_to_stixels_plain",
     "bench_raycast.py::test_first_pair",
     "bench_raycast.py::test_plain_pair_with_four_rays_everywhere",
