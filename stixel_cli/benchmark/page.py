@@ -4,6 +4,7 @@ A scene is a class, a case and a seed: its sequences of several sensors share ro
 start, so its value is their mean. Cases of classes are strata.
 """
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -30,12 +31,12 @@ DRAWN = (LABELS[IOU], LABELS[score.TIME], LABELS[score.CONSISTENT])
 
 
 def score_frame(rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
-    """One line for each row and sequence of the frozen part, with all scores."""
+    """One line for each row and sequence, with all scores."""
     frames = []
     for i, row in enumerate(rows):
         frame = pd.DataFrame([vars(named(name)) for name in row["sequences"]])
         values = {name: np.array(column, float) for name, column in row["scores"].items()}
-        frames.append(frame.assign(row=i, **values)[frame["part"] == FROZEN])
+        frames.append(frame.assign(row=i, **values))
     return pd.concat(frames, ignore_index=True)
 
 
@@ -53,14 +54,19 @@ def estimate(values: pd.Series, bounds: tuple = (None, None)) -> Statistic:
     known = values.dropna()
     if known.empty:
         return Statistic()
-    mean, strata = float(known.mean()), [f"{user} {case}" for user, case, _ in known.index]
-    parts = intervals.stratified_parts(known.to_numpy(), strata)
+    mean, parts = float(known.mean()), intervals.stratified_parts(known.to_numpy(), strata(known))
     return Statistic(mean, *intervals.combined_interval(mean, parts, bounds), len(known))
 
 
-def table_rows(rows: Sequence[Mapping[str, Any]]) -> Iterator[dict[str, Cell]]:
-    """The lines of the table: each row, over all sequences and each sensor and class."""
-    frame = score_frame(rows).assign(**{name: name for name in ALL})
+def strata(scenes: pd.Series | pd.DataFrame) -> list[str]:
+    """The stratum of each scene: its class and case; one for all if any has a single scene."""
+    found = [f"{user} {case}" for user, case, _ in scenes.index]
+    return found if min(Counter(found).values()) > 1 else [""] * len(found)
+
+
+def table_rows(rows: Sequence[Mapping[str, Any]], frame: pd.DataFrame) -> Iterator[dict[str, Cell]]:
+    """The lines of the table: each row, over all sequences of a `frame`, each sensor and class."""
+    frame = frame.assign(**{name: name for name in ALL})
     kinds = [kind_of(row) for row in rows]
     for sensors in (ALL[0], "sensor"):
         for classes in (ALL[1], "road_user"):
@@ -88,12 +94,11 @@ def _ranks(ious: pd.DataFrame) -> dict[int, Statistic]:
     """The rank of each column of IoUs of scenes (n, rows), with its bootstrap interval."""
     if ious.empty:
         return {}
-    strata = [f"{user} {case}" for user, case, _ in ious.index]
-    weights = intervals.bootstrap_weights(strata, "bench")
+    weights = intervals.bootstrap_weights(strata(ious), "bench")
     drawn = rankdata(-(weights @ ious.to_numpy()), axis=1, method="min")
     ranks = rankdata(-ious.mean().to_numpy(), method="min")
     return {
-        row: Statistic(float(ranks[j]), *map(round, intervals.bootstrap_interval(drawn[:, j])))
+        row: Statistic(int(ranks[j]), *map(round, intervals.bootstrap_interval(drawn[:, j])))
         for j, row in enumerate(ious)
     }
 
@@ -116,13 +121,18 @@ def bench_page(rows: Sequence[Mapping[str, Any]]) -> dict[str, str]:
     rows = [row for row in rows if row["metric_version"] == score.METRIC_VERSION]
     files, sets = {}, []
     for identity in dict.fromkeys(row["benchmark"] for row in rows if row["tier"] != score.FRESH):
-        own, name = [row for row in rows if row["benchmark"] == identity], identity[:12]
-        lines = list(table_rows(own))
-        whole = [line for line in lines if (line["sensor"], line["class"]) == ALL]
-        files[f"{name}.csv"] = table_csv(Table.of(name, lines))
-        files[f"{name}.md"] = table_markdown(Table.of(name, whole))
-        points = [[line["tracker"], *(line[key] for key in DRAWN)] for line in whole]
-        sets.append((name, table_for_page(Table.of(name, lines)), points, own))
+        own = [row for row in rows if row["benchmark"] == identity]
+        listed = own
+        for part, frame in score_frame(own).groupby("part"):
+            name = identity[:12] + f"-{part}" * (part != FROZEN)
+            lines = list(table_rows(own, frame))
+            whole = [line for line in lines if (line["sensor"], line["class"]) == ALL]
+            files[f"{name}.csv"] = table_csv(Table.of(name, lines))
+            files[f"{name}.md"] = table_markdown(Table.of(name, whole))
+            points = [[line["tracker"], *(line[key] for key in DRAWN)] for line in whole]
+            count = frame.groupby(["sensor", *SCENE]).ngroups
+            sets.append((name, table_for_page(Table.of(name, lines)), points, listed, part, count))
+            listed = []
     gaps = list(fresh_gaps(rows))
     gaps = table_for_page(Table.of("fresh", gaps)) if gaps else None
     page = page_template(__package__, "bench.html")

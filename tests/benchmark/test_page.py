@@ -1,6 +1,6 @@
 import numpy as np
 
-from stixel_cli.benchmark.page import bench_page, table_rows
+from stixel_cli.benchmark.page import bench_page, score_frame, table_rows
 from stixel_cli.benchmark.score import METRIC_VERSION, write_row
 from stixel_cli.benchmark.sequences import whole_set
 from stixel_cli.cli.app import main
@@ -38,13 +38,14 @@ def rows():
 
 
 def test_a_better_tracker_has_rank_1_and_equal_ones_share_their_ranks():
-    lines = [line for line in table_rows(rows()) if line["class"] == "all classes"]
+    given = rows()
+    lines = [one for one in table_rows(given, score_frame(given)) if one["class"] == "all classes"]
     lines = [line for line in lines if line["sensor"] == "all sensors"]
     by_name = {line["tracker"]: line for line in lines}
     assert [line["tracker"] for line in lines][:2] == ["smoothed", "better"]
     assert by_name["smoothed"]["kind"] == "not causal" and by_name["smoothed"]["rank"] is None
     better, equal, reference = (by_name[name] for name in ("better", "equal", "gp_ekf"))
-    assert (better["rank"], better["low rank"], better["high rank"]) == (1.0, 1, 1)
+    assert (better["rank"], better["low rank"], better["high rank"]) == (1, 1, 1)
     assert (equal["low rank"], equal["high rank"]) == (2, 3)
     assert (reference["low rank"], reference["high rank"]) == (2, 3)
     # Paired: the scenes' own difference drops out.
@@ -60,6 +61,7 @@ def test_the_page_has_a_line_for_each_sensor_and_class_and_the_gap_to_fresh_seed
     files = bench_page([*rows(), fresh | {"benchmark": "b" * 64}])
     assert {*files} == {"index.html", f"{'a' * 12}.csv", f"{'a' * 12}.md"}
     assert len(files[f"{'a' * 12}.csv"].splitlines()) == 1 + 4 * 16
+    assert "1 [1, 1]" in files[f"{'a' * 12}.md"]
     page = files["index.html"]
     assert "frozen - fresh" in page and page.count("<details>") == 4
 

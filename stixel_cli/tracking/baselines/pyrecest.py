@@ -32,8 +32,10 @@ def track(
     """
     adapted = _adapted(initial, prior, tracker)
     size = np.diag([prior.length**2, prior.width**2]) / 12.0
-    added = tracker.measurement_std**2 * np.eye(2)
-    least = 3 if tracker.name == "factorised_giw" else 1
+    added, least = tracker.measurement_std**2 * np.eye(2), 1
+    if tracker.name == "factorised_giw":
+        # It takes the noise off the points' scatter, which errors that they share do not widen.
+        added, least = np.zeros((2, 2)), 3
     estimates, used = [], []
     try:
         for k, interval in enumerate(intervals(scans.times)):
