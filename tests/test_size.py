@@ -15,7 +15,7 @@ BUDGET = {
     "benchmark": 879,
     "calibration": 643,
     # `explain` says if a folder has results of other code than the cached ones.
-    "cli": 2971,
+    "cli": 2977,
     "config": 2980,
     # A check that another process has not marked the new cache meanwhile.
     "engine": 4936,
@@ -23,7 +23,7 @@ BUDGET = {
     "evaluation": 1750,
     # The names of runs, from config/.
     "experiment": 1542,
-    "export": 529,
+    "export": 652,
     # Camera poses on the plane, poses of labels, rotations of quaternions: from recordings.
     "geometry": 223,
     "machine": 318,
@@ -54,7 +54,7 @@ BUDGET = {
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
 
 # The filters of PyRecEst: with the tracker they had more than 300 lines.
-MODULES = 335
+MODULES = 336
 """Modules of the package, without `__init__`."""
 
 

@@ -11,7 +11,7 @@ from stixel_cli.cli.run import stored_run
 from stixel_cli.cli.terminal import say
 from stixel_cli.errors import UserError
 
-NAMES = "kitti|csv|tum|stx1|rerun"
+NAMES = "kitti|csv|tum|stx1|rerun|mlflow"
 """The formats, here because completion must not import them."""
 
 
@@ -23,7 +23,8 @@ def export(
             "--format",
             help="kitti: images, calibration, labels, poses, disparity as a clip of KITTI's "
             "tracking benchmark. csv: scans, track, truth, contours, and their columns. tum: "
-            "trajectories, as evo reads them. stx1: stixels for pyStixel-lib. rerun: run.rrd.",
+            "trajectories, as evo reads them. stx1: stixels for pyStixel-lib. rerun: run.rrd. "
+            "mlflow: settings, scores, pages, of a sweep too.",
             metavar=NAMES,
             autocompletion=lambda incomplete: [
                 name for name in NAMES.split("|") if name.startswith(incomplete)
@@ -40,24 +41,29 @@ def export(
     workers: Workers = None,
     trust_code: TrustCode = False,
 ) -> int:
-    """Write a run in the format of other tools.
+    """Write a run, or with mlflow a sweep, in the format of other tools.
 
-    Missing results are computed.
+    Missing results are computed, but for mlflow.
 
     \b
     Examples:
       stixel export results/contour --format kitti --output clip
       stixel export results/contour --format csv
+      stixel export results/my_sweep --format mlflow
     """
     from stixel_cli.engine.progress import make_progress
-    from stixel_cli.export.export import FORMATS
     from stixel_cli.export.export import export as write
+    from stixel_cli.export.mlflow_folder import export_mlflow
 
-    if format not in FORMATS:
-        raise UserError(f"--format: {format!r} is not known: must be one of {', '.join(FORMATS)}")
-    stored = stored_run(folder, workers, trust_code)
+    known = NAMES.split("|")
+    if format not in known:
+        raise UserError(f"--format: {format!r} is not known: must be one of {', '.join(known)}")
     target = Path(f"{folder.resolve().name}-{format}") if output is None else output
-    answer = write(stored, target.absolute(), format, make_progress())
+    if format == "mlflow":
+        export_mlflow(folder.resolve(), target.absolute())
+    else:
+        stored = stored_run(folder, workers, trust_code)
+        answer = write(stored, target.absolute(), format, make_progress())
     say(target)
     if format == "kitti":
         say(shlex.join(["stixel", "run", *answer]))

@@ -140,9 +140,14 @@ def export(
             or cannot be repeated, or the format's package is not installed.
         StageFailure: if a stage fails.
     """
-    if os.path.lexists(folder):
-        raise UserError(f"--output: {folder} exists; choose another folder")
+    refuse_existing(folder)
     stage, noun = NEEDED.get(format, ("track", "track"))
     if stage not in {one.name for one in pipeline_stages(stored.composition)}:
         raise UserError(f"{stored.folder}: has no {noun} to export")
     return FORMATS[format](stored, folder, progress)
+
+
+def refuse_existing(folder: Path) -> None:
+    """Raise UserError if a folder to write exists."""
+    if os.path.lexists(folder):
+        raise UserError(f"--output: {folder} exists; choose another folder")

@@ -1,0 +1,118 @@
+"""Export a run or a sweep, as stored, for mlflow: an offline folder, by mlflow's own client."""
+
+import os
+import shutil
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from stixel_cli.errors import UserError
+from stixel_cli.export.export import refuse_existing
+from stixel_cli.results.folder import PAGE, whole_folder
+from stixel_cli.results.reader import SWEEP_FILE, flat_settings, read_config
+from stixel_cli.results.result import DONE, RunResult, read_run
+from stixel_cli.sweeps.folder import SweepFolder
+from stixel_cli.sweeps.over import over_axes
+from stixel_cli.sweeps.results import SweepResult
+
+DATABASE = "mlflow.db"
+
+
+def export_mlflow(folder: Path, target: Path) -> None:
+    """Write `target` with mlflow's database and the artifacts; nothing is computed.
+
+    A run is a run of mlflow: its settings are the parameters, its scores the metrics, its page and
+    manifest the artifacts. A sweep is one, too, with its page and tables; below it are its complete
+    settings, whose metrics are the means, with `NAME/low` and `NAME/high`, the ends of the 95 %
+    interval, and `NAME/n`; below these, their runs.
+
+    UserError if `folder` is neither, `target` exists or cannot be written, or mlflow is missing.
+    """
+    # Before the import, which reads them: an offline export calls nobody, and says no more than us.
+    os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
+    os.environ.setdefault("MLFLOW_LOGGING_LEVEL", "WARNING")
+    try:
+        from mlflow.tracking import MlflowClient
+    except ImportError:
+        raise UserError("--format: mlflow needs mlflow: pip install 'stixel[mlflow]'") from None
+    is_sweep = (folder / SWEEP_FILE).exists()
+    run = None if is_sweep else read_run(folder)
+    sweep = _stored_sweep(folder) if is_sweep else None
+    refuse_existing(target)
+    with whole_folder(target) as partial:
+        client = MlflowClient(tracking_uri=f"sqlite:///{partial / DATABASE}")
+        artifacts = (target / "artifacts").as_uri()
+        experiment = client.create_experiment("stixel", artifact_location=artifacts)
+        log = _Log(client, experiment, partial / "artifacts")
+        if run is not None:
+            log.run(run, folder.name)
+        else:
+            _log_sweep(log, sweep)
+        # SQLite's file is closed before it moves.
+        client._tracking_client.store._dispose_engine()
+
+
+def _stored_sweep(folder: Path) -> SweepResult:
+    request = SweepFolder(folder).request()
+    runs = tuple(SweepFolder(folder).runs(request))
+    return SweepResult(folder, runs, axes=request.axes, over=over_axes(request.over, request.axes))
+
+
+class _Log:
+    """Runs of one experiment of mlflow; files are copied, since the folder moves at the end."""
+
+    def __init__(self, client: Any, experiment: str, artifacts: Path):
+        self.client, self.experiment, self.artifacts = client, experiment, artifacts
+
+    def one(
+        self,
+        name: str,
+        parameters: Mapping[str, str],
+        metrics: Mapping[str, float | int | None],
+        files: Mapping[str, Path],
+        parent: str | None = None,
+    ) -> str:
+        """Log a run of mlflow below that with the id `parent`; returns its id."""
+        from mlflow.entities import Metric, Param
+
+        tags = {"mlflow.parentRunId": parent} if parent else {}
+        made = self.client.create_run(self.experiment, run_name=name, tags=tags).info.run_id
+        known = [Metric(n, float(v), 0, 0) for n, v in metrics.items() if v is not None]
+        rows = [Param(key, value) for key, value in parameters.items()]
+        # As many as mlflow takes at once.
+        for first in range(0, max(len(rows), len(known)), 100):
+            part = slice(first, first + 100)
+            self.client.log_batch(made, metrics=known[part], params=rows[part])
+        for file, source in files.items():
+            if source.is_file():
+                copy = self.artifacts / made / "artifacts" / file
+                copy.parent.mkdir(parents=True, exist_ok=True)
+                shutil.copyfile(source, copy)
+        self.client.set_terminated(made)
+        return made
+
+    def run(self, run: RunResult, name: str, parent: str | None = None) -> None:
+        """Log a run of this program."""
+        files = {file: run.folder / file for file in (PAGE, "manifest.json", "config.yaml")}
+        self.one(name, flat_settings(read_config(run.folder)), run.metrics, files, parent)
+
+
+def _log_sweep(log: _Log, sweep: SweepResult) -> None:
+    files = {path.name: path for path in sorted(sweep.folder.iterdir()) if path.is_file()}
+    top = log.one(sweep.folder.name, {}, {}, files)
+    for setting, runs in sweep.by_setting.items():
+        bounds = {
+            f"{name}{end}": value
+            for name, one in sweep.statistics.get(setting, {}).items()
+            for end, value in {
+                "": one.mean,
+                "/low": one.low,
+                "/high": one.high,
+                "/n": one.n,
+            }.items()
+        }
+        label = " ".join(f"{key}={value}" for key, value in setting) or "the one setting"
+        parent = log.one(label, dict(setting), bounds, {}, top)
+        for run in runs:
+            if run.status == DONE:
+                log.run(run, f"run {run.index}", parent)

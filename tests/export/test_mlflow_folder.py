@@ -1,0 +1,64 @@
+"""`stixel export --format mlflow`: what mlflow's own client reads again."""
+
+import json
+
+import pytest
+from mlflow.tracking import MlflowClient
+
+from stixel_cli.cli.app import main
+
+# mlflow's models use a strategy of SQLAlchemy that is deprecated.
+pytestmark = pytest.mark.filterwarnings("ignore:The ``noload`` loader strategy")
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("results")
+    command = ["sweep", "measurement=fabricated", "path.duration=0.5", "tracker=point,gp_ekf"]
+    command += ["seed=range(0,4)", "executor=threads", "--name", "sweep", "--results", str(folder)]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("STIXEL_CACHE", str(tmp_path_factory.mktemp("cache")))
+        assert main(command) == 0
+    return folder
+
+
+def logged(folder):
+    client = MlflowClient(tracking_uri=f"sqlite:///{folder / 'mlflow.db'}")
+    (experiment,) = client.search_experiments(filter_string="name = 'stixel'")
+    runs = client.search_runs([experiment.experiment_id])
+    return {run.info.run_id: run for run in runs}
+
+
+def test_sweep(results, tmp_path, capsys):
+    out = tmp_path / "logs"
+    sweep = results / "sweep"
+    assert main(["export", str(sweep), "--format", "mlflow", "--output", str(out)]) == 0
+    runs = logged(out)
+    assert len(runs) == 1 + 2 + 8
+    parents = {name: run.data.tags.get("mlflow.parentRunId") for name, run in runs.items()}
+    (top,) = [name for name, parent in parents.items() if parent is None]
+    assert (out / "artifacts" / top / "artifacts/summary.csv").read_text() == (
+        sweep / "summary.csv"
+    ).read_text()
+    settings = {runs[n].info.run_name: runs[n] for n, parent in parents.items() if parent == top}
+    assert set(settings) == {"tracker=point", "tracker=gp_ekf"}
+    point = settings["tracker=point"]
+    metrics = point.data.metrics
+    assert metrics["iou_mean/low"] < metrics["iou_mean"] < metrics["iou_mean/high"]
+    below = [runs[n] for n, parent in parents.items() if parent == point.info.run_id]
+    assert {run.data.params["seed"] for run in below} == {"0", "1", "2", "3"}
+    of_runs = sorted(run.data.metrics["iou_mean"] for run in below)
+    assert metrics["iou_mean/n"] == 4
+    assert sum(of_runs) / 4 == pytest.approx(metrics["iou_mean"])
+
+
+def test_run_and_an_output_that_exists(results, tmp_path, capsys):
+    out, run = tmp_path / "logs", results / "sweep/runs/0000"
+    command = ["export", str(run), "--format", "mlflow", "--output", str(out)]
+    assert main(command) == 0
+    (one,) = logged(out).values()
+    stored = json.loads((run / "metrics.json").read_text())
+    assert one.data.metrics == {name: v for name, v in stored.items() if v is not None}
+    assert one.info.artifact_uri == (out / f"artifacts/{one.info.run_id}/artifacts").as_uri()
+    assert main(command) == 2
+    assert "exists; choose another folder" in capsys.readouterr().err
