@@ -176,5 +176,5 @@ def test_formats_of_export():
 
     (option,) = (p for p in get_command(app).commands["export"].params if p.name == "format")
     offered = [item.value for item in option.shell_complete(None, "")]
-    assert offered == list(FORMATS)
+    assert offered == [*FORMATS, "mlflow"]
     assert [item.value for item in option.shell_complete(None, "k")] == ["kitti"]
