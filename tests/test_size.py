@@ -15,7 +15,7 @@ BUDGET = {
     "benchmark": 879,
     "calibration": 643,
     # `explain` says if a folder has results of other code than the cached ones.
-    "cli": 2977,
+    "cli": 3009,
     "config": 2980,
     # A check that another process has not marked the new cache meanwhile.
     "engine": 4936,
@@ -54,7 +54,7 @@ BUDGET = {
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
 
 # The filters of PyRecEst: with the tracker they had more than 300 lines.
-MODULES = 336
+MODULES = 337
 """Modules of the package, without `__init__`."""
 
 

@@ -26,6 +26,7 @@ from stixel_cli.cli.plan import explain, plan
 from stixel_cli.cli.report import play, report
 from stixel_cli.cli.rerun import rerun, verify
 from stixel_cli.cli.run import help_of_run, run
+from stixel_cli.cli.schema import schema
 from stixel_cli.cli.show import ls, show
 from stixel_cli.cli.study import study
 from stixel_cli.cli.sweep import sweep
@@ -124,7 +125,7 @@ def stixel(
 app.command(cls=_Run, short_help="Run one experiment.")(run)
 _COMMANDS = (
     *(sweep, study, describe, plan, explain, rerun, verify, ls, show, compare, report, play),
-    *(export, calibrate, assess, learn_shape, new),
+    *(export, calibrate, assess, learn_shape, new, schema),
 )
 for _command in _COMMANDS:
     app.command()(_command)

@@ -64,7 +64,7 @@ def meaning_of_group(group: str) -> str:
 def meaning_of_option(group: str, option: str) -> str:
     """What an option is: the first sentence of its file's comment, or of its class."""
     lines = read_text(option_file(group, option)).splitlines()
-    lines = [line for line in lines if not line.startswith("# @package")]
+    lines = [line for line in lines if not line.startswith(("# @package", "# yaml-language"))]
     comment = [line[2:] for line in takewhile(lambda line: line.startswith("# "), lines)]
     text = " ".join(comment)
     if not comment:

@@ -1,0 +1,96 @@
+"""The JSON Schemas of `conf/` and `pipelines/`, and all files of these folders against them."""
+
+import json
+import re
+import runpy
+from pathlib import Path
+
+import pytest
+from jsonschema import Draft202012Validator
+from referencing import Registry
+from referencing.jsonschema import DRAFT202012
+from typer.testing import CliRunner
+
+from stixel_cli.cli.app import app
+from stixel_cli.files import read_yaml
+from stixel_cli.studies import file as study_file
+from stixel_cli.sweeps import file as sweep_file
+
+ROOT = Path(__file__).parents[2]
+SCRIPT = runpy.run_path(str(ROOT / "docs" / "schema.py"))
+FOLDER, schema_files = SCRIPT["FOLDER"], SCRIPT["schema_files"]
+SCHEMAS = {file.name: json.loads(file.read_text()) for file in FOLDER.glob("*.json")}
+REGISTRY = Registry().with_resources(
+    (name, DRAFT202012.create_resource(content)) for name, content in SCHEMAS.items()
+)
+FILES = [path for name in ("conf", "pipelines") for path in sorted((ROOT / name).rglob("*.yaml"))]
+
+
+def faults(name, content):
+    validator = Draft202012Validator({"$ref": name}, registry=REGISTRY)
+    return [f"{one.json_path}: {one.message}" for one in validator.iter_errors(content)]
+
+
+def named_schema(path):
+    """The file that the first line names for editors."""
+    line = path.read_text(encoding="utf-8").partition("\n")[0]
+    found = re.fullmatch(r"# yaml-language-server: \$schema=(\S+)", line)
+    return (path.parent / found[1]).resolve() if found else None
+
+
+def test_the_files_are_those_that_the_typed_schema_gives():
+    written = {name: (FOLDER / name).read_text(encoding="utf-8") for name in schema_files()}
+    assert written == schema_files(), "run: python docs/schema.py"
+    for content in SCHEMAS.values():
+        Draft202012Validator.check_schema(content)
+
+
+def test_every_file_names_its_schema_and_follows_it():
+    for path in FILES:
+        schema = named_schema(path)
+        assert schema in {file.resolve() for file in FOLDER.glob("*.json")}, path
+        if path.parent.parent.name == "conf":
+            assert schema.stem == path.parent.name
+        assert faults(schema.name, read_yaml(path) or {}) == [], path
+
+
+def test_entries_of_sweeps_and_studies_are_those_of_their_readers():
+    assert tuple(SCHEMAS["sweep.json"]["properties"]) == sweep_file.ENTRIES
+    assert tuple(SCHEMAS["study.json"]["properties"]) == study_file.ENTRIES
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("tracker.json", {"kind": "gp_ekf", "basis_point": 50}),
+        ("tracker.json", {"kind": "gp_ekf", "basis_points": "fifty"}),
+        ("tracker.json", {"kind": "point", "basis_points": 50}),
+        ("rig.json", {"width": -1}),
+        ("experiment.json", {"path": {"duration": "long"}}),
+        ("sweep.json", {"axes": {"tracker.sigma_f": [0.1, "wide"]}}),
+        ("sweep.json", {"axis": {}}),
+        ("study.json", {"title": "t", "question": "q", "template": "t", "module": "m"}),
+    ],
+)
+def test_a_fault_is_found(name, content):
+    assert faults(name, content)
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("tracker.json", {"defaults": ["gp_ekf", "_self_"], "basis_points": "${my.points}"}),
+        ("rig.json", {"width": "${oc.env:WIDTH}"}),
+        ("path.json", {"kind": "turn", "start": ["${pace.x}", 1.0]}),
+        ("sweep.json", {"axes": {"tracker": ["contour", "mine:track"], "seed": "range(0,3)"}}),
+    ],
+)
+def test_interpolations_and_options_of_ones_own_are_accepted(name, content):
+    assert faults(name, content) == []
+
+
+def test_the_command_writes_them(tmp_path):
+    result = CliRunner().invoke(app, ["schema", str(tmp_path / "new")])
+    assert result.exit_code == 0
+    written = {file.name: json.loads(file.read_text()) for file in (tmp_path / "new").iterdir()}
+    assert written == SCHEMAS
