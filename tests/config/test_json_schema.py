@@ -32,9 +32,9 @@ def faults(name, content):
 
 
 def named_schema(path):
-    """The file that the first line names for editors."""
-    line = path.read_text(encoding="utf-8").partition("\n")[0]
-    found = re.fullmatch(r"# yaml-language-server: \$schema=(\S+)", line)
+    """The file that the first line names for editors; Hydra wants `# @package` before it."""
+    text = path.read_text(encoding="utf-8")
+    found = re.match(r"(?:# @package.*\n)?# yaml-language-server: \$schema=(\S+)\n", text)
     return (path.parent / found[1]).resolve() if found else None
 
 
