@@ -55,6 +55,9 @@ def sweep(
     ] = None,
     over: Over = None,
     pictures: Pictures = False,
+    fail_fast: Annotated[
+        bool, typer.Option("--fail-fast", help="Stop at the first failed run.")
+    ] = False,
     dry_run: DryRun = False,
     trust_code: TrustCode = False,
     json: Json = False,
@@ -63,8 +66,9 @@ def sweep(
     """Run all combinations of several values.
 
     Each combination of values and seed is a run. Stages that runs share are computed once. A
-    failing run does not stop the others. The folder has a table with one row per run, statistics
-    over the seeds, and one figure per axis. The exit code is 1 if runs are missing at the end.
+    failing run does not stop the others, unless --fail-fast is given. The folder has a table with
+    one row per run, statistics over the seeds, and one figure per axis. The exit code is 1 if runs
+    are missing at the end.
 
     \b
     Examples:
@@ -86,7 +90,7 @@ def sweep(
         given |= {"--over": over, "--pictures": pictures or None, "--dry-run": dry_run or None}
         for option in (option for option, value in given.items() if value is not None):
             raise UserError(f"--resume continues the sweep of that folder: leave out {option}")
-        result = resumed_sweep(resume, words, trust_code, visible=True, note=tell)
+        result = resumed_sweep(resume, words, trust_code, True, note=tell, fail_fast=fail_fast)
     elif dry_run:
         check_name(results, name)
         design = sweep_design(words, file, shuffle, trust_code=trust_code, over=over or SEED)
@@ -95,7 +99,7 @@ def sweep(
         return 0
     else:
         design = sweep_design(words, file, shuffle, trust_code=trust_code, over=over or SEED)
-        result = new_sweep(design, results, name, pictures, True, tell, advice=not json)
+        result = new_sweep(design, results, name, pictures, True, tell, not json, fail_fast)
     _report(result, json, time.perf_counter() - started)
     update_index(result.folder.absolute().parent)
     return 0 if result.complete else INCOMPLETE

@@ -71,7 +71,10 @@ class StageFailure(Exception):
         cause: the exception.
         traceback_text: traceback in the worker.
         own_files: the user's own code that the stage runs.
+        key: of the node; "" before the scheduler has set it.
     """
+
+    key = ""
 
     def __init__(
         self,

@@ -286,7 +286,7 @@ class Run:
         node = self.graph.nodes[key]
         files = frozenset(map(str, node.identity.code.of_user.values() if node.stage.own else ()))
         failure = StageFailure(node.stage.name, node.label, error, traceback_text, files)
-        failure.__cause__ = error
+        failure.__cause__, failure.key = error, key
         if not self.keep_going:
             self._fatal = failure
             return

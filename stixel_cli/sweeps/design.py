@@ -12,6 +12,8 @@ from stixel_cli.config.overrides import MOST_VALUES, Override
 from stixel_cli.errors import ConfigurationError
 
 SEED = "seed"
+NOT_GIVEN = "–"
+"""Shown as the value of a key that a run of a union of grids leaves at its default."""
 
 
 @dataclass(frozen=True)
@@ -21,7 +23,7 @@ class Axis:
     Attributes:
         keys: one key, or several zipped keys.
         steps: for each value of the axis an override of each key, followed by any overrides that
-            only this step has.
+            only this step has. A step of a union of grids may lack keys: it leaves the default.
     """
 
     keys: tuple[str, ...]

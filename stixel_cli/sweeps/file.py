@@ -1,4 +1,4 @@
-"""A sweep from a file: YAML with `fixed`, `axes`, `zipped`, `seeds` and `leave_out`."""
+"""A sweep from a file: YAML with `fixed`, `axes`, `zipped`, `seeds`, `leave_out` and `grids`."""
 
 import re
 from collections import Counter
@@ -20,7 +20,8 @@ from stixel_cli.sweeps.design import SEED, Axis, Design, refuse_equal
 _MOST_ENTRIES = 50_000
 """Values of a file, aliases expanded: OmegaConf takes 5 s for these."""
 
-ENTRIES = ("fixed", "axes", "zipped", "seeds", "leave_out")
+GRID = ("fixed", "axes", "zipped", "leave_out")
+ENTRIES = ("fixed", "axes", "zipped", "seeds", "leave_out", "grids")
 
 
 def find_file(name: str) -> Path:
@@ -73,6 +74,8 @@ def design_of(content: Mapping[Any, Any], shuffled: bool) -> Design:
         if not isinstance(keys, dict) or len(keys) < 2:
             raise ConfigurationError(f"{where}: must map two keys or more to values")
         axes.append(_axis(where, keys, shuffled))
+    if content.get("grids") is not None:
+        axes.append(_union(_entry(content, "grids", []), shuffled))
     seeds = content.get("seeds")
     if isinstance(seeds, int) and not isinstance(seeds, bool):
         if not 1 <= seeds <= MOST_VALUES:
@@ -151,6 +154,31 @@ def _axis(where: str, keys: Mapping[str, Any], shuffled: bool) -> Axis:
             shown = " ".join(one.text for one in step)
             raise ConfigurationError(f"{where}: {shown} is given twice: two runs would be equal")
     return Axis(tuple(keys), steps)
+
+
+def _union(grids: Sequence[Any], shuffled: bool) -> Axis:
+    """The points of several grids as one axis: in order, those of two grids once."""
+    designs = []
+    for number, grid in enumerate(grids, start=1):
+        where = f"grids: entry {number}"
+        if not isinstance(grid, dict) or not grid:
+            raise ConfigurationError(f"{where}: must have some of {', '.join(GRID)}")
+        try:
+            refuse_unknown(grid, GRID)
+            designs.append(design_of(grid, shuffled))
+        except ConfigurationError as fault:
+            raise ConfigurationError(f"{where}: {fault}") from None
+        if SEED in (one.key for one in designs[-1].overrides):
+            raise ConfigurationError(f"{where}: write {SEED}s once, next to grids")
+    keys = list(dict.fromkeys(one.key for design in designs for one in design.overrides))
+    if not keys:
+        raise ConfigurationError("grids: must be a list of one grid or more")
+    points = (
+        tuple(sorted((*design.fixed, *changes), key=lambda one: keys.index(one.key)))
+        for design in designs
+        for changes in design.combinations()
+    )
+    return Axis(tuple(keys), tuple(dict.fromkeys(points)))
 
 
 def _values(where: str, key: Any, values: Any, shuffled: bool) -> list[Override]:

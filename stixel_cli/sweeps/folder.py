@@ -26,7 +26,7 @@ from stixel_cli.files import read_text, read_yaml, write_whole, written
 from stixel_cli.results.folder import Content, write_whole_folder
 from stixel_cli.results.reader import read_manifest, read_metrics, yaml_text
 from stixel_cli.results.result import MISSING, RunResult
-from stixel_cli.sweeps.design import SEED
+from stixel_cli.sweeps.design import NOT_GIVEN, SEED
 
 PLAN = "sweep.yaml"
 TABLE = "runs.csv"
@@ -108,8 +108,9 @@ class SweepFolder:
             raise UserError(f"{file}: not a valid {PLAN} of this version of stixel") from None
         for index, overrides in enumerate(request.runs):
             given = {split_override(text)[0] for text in overrides}
-            for key in (key for key in request.keys if key not in given):
-                raise UserError(f"{file}: run {index} has no value for {key[:60]}, an axis")
+            # A run of a union of grids may lack some of the keys, but not all.
+            for axis in (axis for axis in request.axes if given.isdisjoint(axis)):
+                raise UserError(f"{file}: run {index} has no value for {axis[0][:60]}, an axis")
         return request
 
     def resume_command(self, overrides: Iterable[str]) -> str:
@@ -128,7 +129,7 @@ class SweepFolder:
         runs = []
         for index, overrides in enumerate(request.runs):
             given = dict(map(split_override, overrides))
-            swept = {key: given[key] for key in request.keys}
+            swept = {key: given.get(key, NOT_GIVEN) for key in request.keys}
             manifest = {"run": index, "seed": swept.pop(SEED, ""), "swept": swept}
             run = RunResult(manifest=manifest, folder=self.run(index))
             try:

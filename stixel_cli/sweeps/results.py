@@ -14,6 +14,7 @@ from stixel_cli.report.statistics import Repetition, Statistic, consistent_bound
 from stixel_cli.report.tables import csv_text, ends, markdown_table, shown_table, table_latex
 from stixel_cli.results.reader import listed
 from stixel_cli.results.result import DONE, RunResult
+from stixel_cli.sweeps.design import NOT_GIVEN
 from stixel_cli.sweeps.folder import SUMMARIES
 from stixel_cli.sweeps.over import (
     OVER_SEEDS,
@@ -128,7 +129,7 @@ class SweepResult:
     def records(self) -> list[dict[str, Any]]:
         """The rows with values of keys that differ between runs in their own types."""
         return [
-            row | {key: run.composition.value(key) for key in run.setting}
+            row | {k: run.composition.value(k) for k, v in run.setting.items() if v != NOT_GIVEN}
             for row, run in zip(self.rows, self.runs, strict=True)
         ]
 

@@ -40,6 +40,7 @@ def run_sweep(
     visible: bool,
     label: str = "",
     finished: Mapping[int, RunResult] | None = None,
+    fail_fast: bool = False,
 ) -> SweepResult:
     """Compute the missing nodes of a sweep and write its results. A failing run stops no other.
 
@@ -50,6 +51,7 @@ def run_sweep(
         visible: show progress on stderr.
         label: prefix of the progress.
         finished: complete runs of the folder by index, which may be out of date.
+        fail_fast: start nothing after the first failure; the other runs are missing.
 
     Raises:
         SweepInterrupted: by Ctrl-C; the tables in the folder show which runs are done.
@@ -60,7 +62,7 @@ def run_sweep(
     resume = "" if folder is None else f"; resume with: {folder.resume_command(typed)}"
     try:
         sweep.take_finished(finished or {})
-        sweep.compute(visible, label)
+        sweep.compute(visible, label, fail_fast)
     except (KeyboardInterrupt, UserError) as error:
         # The runs in the folder count, even if its tables cannot be written. Figures would delay
         # Ctrl-C.
@@ -201,7 +203,7 @@ class _Sweep:
                 with suppress(MissingEntry):
                     self.take(planned, {})
 
-    def compute(self, visible: bool, label: str) -> None:
+    def compute(self, visible: bool, label: str, fail_fast: bool) -> None:
         """Compute the missing nodes of the other runs."""
         waiting = [planned for planned in self.plan.runs if planned.index not in self.runs]
         if not waiting:
@@ -212,14 +214,20 @@ class _Sweep:
         shown = {"display": make_display(), "uncompiled": uncompiled()} if visible else {}
         progress = SweepProgress(waiting, self.take, len(self.runs), label, self._prepare, **shown)
         progress.expect(Durations(self.store.folder).by_stage(firsts), executor.workers)
-        execution = execute(
-            graph,
-            list(dict.fromkeys(target for one in waiting for target in one.targets)),
-            self.store,
-            executor=executor,
-            progress=progress,
-            keep_going=True,
-        )
+        try:
+            execution = execute(
+                graph,
+                list(dict.fromkeys(target for one in waiting for target in one.targets)),
+                self.store,
+                executor=executor,
+                progress=progress,
+                keep_going=not fail_fast,
+            )
+        except StageFailure as failure:
+            self.computed = len(progress.node_seconds)
+            first = next(o for o in waiting if failure.key in o.graph.ancestors(o.targets))
+            self.note_failure(first, failure.key, failure)
+            return
         status = execution.status
         self.computed = sum(one == "computed" for one in status.values())
         self.cached -= status.keys()

@@ -12,7 +12,7 @@ from stixel_cli.config.overrides import Override
 from stixel_cli.errors import ConfigurationError
 from stixel_cli.experiment.table.table import PICTURES
 from stixel_cli.results.result import RunResult
-from stixel_cli.sweeps.design import SEED, Design, check_size, design_from_line, joined
+from stixel_cli.sweeps.design import NOT_GIVEN, SEED, Design, check_size, design_from_line, joined
 from stixel_cli.sweeps.file import find_file, read_design
 from stixel_cli.sweeps.over import over_axes
 
@@ -162,7 +162,7 @@ def compose_runs(
     for index, overrides in enumerate(each):
         parsed = read_overrides(overrides)
         values = {one.key: one.value_text for one in parsed}
-        settings = {key: values[key] for key in keys}
+        settings = {key: values.get(key, NOT_GIVEN) for key in keys}
         try:
             composition = composer.compose(parsed)
         except ConfigurationError as fault:

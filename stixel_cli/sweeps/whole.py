@@ -44,6 +44,7 @@ def new_sweep(
     visible: bool = False,
     note: Callable[[str], Any] = lambda text: None,
     advice: bool = True,
+    fail_fast: bool = False,
 ) -> SweepResult:
     """Run a sweep.
 
@@ -55,6 +56,7 @@ def new_sweep(
         visible: show progress on stderr.
         note: called with notes on the axes before anything runs.
         advice: note files that the user's code may read without declaring them, too.
+        fail_fast: see `run_sweep`.
 
     Raises:
         UserError, SweepInterrupted: as `run_sweep` does; for invalid runs before any computation.
@@ -68,13 +70,13 @@ def new_sweep(
     for text in [*plan.notes, *undeclared_reads(missing)]:
         note(text)
     if results is None:
-        return run_sweep(plan, request, None, visible)
+        return run_sweep(plan, request, None, visible, fail_fast=fail_fast)
     swept = [re.split("[./]", key)[-1] for key in design.keys]
     stem = Path(design.file).stem if design.file else joined_name(["sweep", *swept])
     check_computable(plan)
     now = datetime.now(UTC)
     folder = new_folder(results, name, stem, now, lambda path: SweepFolder(path).create(request))
-    return run_sweep(plan, request, SweepFolder(folder), visible)
+    return run_sweep(plan, request, SweepFolder(folder), visible, fail_fast=fail_fast)
 
 
 def designed_sweep(
@@ -104,6 +106,7 @@ def resumed_sweep(
     visible: bool = False,
     label: str = "",
     note: Callable[[str], Any] = lambda text: None,
+    fail_fast: bool = False,
 ) -> SweepResult:
     """Resume the sweep in a folder: run what is missing, has failed, or is out of date.
 
@@ -113,6 +116,7 @@ def resumed_sweep(
         trust_code: run the user's own functions that the folder names.
         visible: show progress on stderr, with the prefix `label`.
         note: called with the number of finished runs that are out of date, and why.
+        fail_fast: see `run_sweep`.
 
     Raises:
         UserError, SweepInterrupted: as `run_sweep` does; if the folder is not of a sweep.
@@ -135,7 +139,8 @@ def resumed_sweep(
         before = request.notes.get("resumed")
         resumed = [*(before if isinstance(before, list) else ()), entry]
         folder.write({PLAN: replace(request, notes={**request.notes, "resumed": resumed}).text})
-    return run_sweep(plan, replace(request, notes=origin), folder, visible, label, finished)
+    request = replace(request, notes=origin)
+    return run_sweep(plan, request, folder, visible, label, finished, fail_fast)
 
 
 def _requested(

@@ -227,3 +227,12 @@ def test_a_full_disk_leaves_no_empty_folder(sweeps, monkeypatch):
     assert said.endswith("mine: cannot be written: No space left on device\n")
     monkeypatch.undo()
     assert not (sweeps.results / "mine").exists()
+
+
+def test_fail_fast_stops_at_the_first_failed_run(sweeps, bad_mesh):
+    axes = (f"road_user.mesh={bad_mesh},null", "seed=0,1", "executor=threads", "--workers", 1)
+    swept = sweeps.run(*FEW, *axes, "--fail-fast", "--name", "mine", code=1)
+    assert [row["status"] for row in swept["runs"]] == ["failed"] + ["missing"] * 3
+    assert sweeps.error.splitlines()[-1].startswith("stixel sweep --resume")
+    bad_mesh.write_text(TETRAHEDRON, encoding="utf-8")
+    assert sweeps.run("--resume", sweeps.results / "mine", "--fail-fast")["complete"]

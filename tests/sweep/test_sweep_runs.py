@@ -192,6 +192,30 @@ def test_a_file_names_axes_seeds_zipped_axes_and_left_out_runs(tmp_path):
     assert all(p.composition.configuration.path.duration == 0.5 for p in runs)
 
 
+UNION = """
+fixed: {measurement: fabricated, path.duration: 0.3}
+grids:
+  - axes: {tracker: [gp_ekf], tracker.sigma_q: [1.0, 2.0]}
+  - axes: {tracker: [gp_ekf, point], tracker.sigma_q: [2.0]}
+    leave_out: [{tracker: point}]
+  - fixed: {tracker: point}
+seeds: 2
+"""
+
+
+def test_a_file_of_several_grids_is_their_union(sweeps, tmp_path):
+    file = tmp_path / "union.yaml"
+    file.write_text(UNION, encoding="utf-8")
+    swept = sweeps.run("--from", file, "--name", "mine")
+    named = [(run["tracker"], run.get("tracker.sigma_q"), run["seed"]) for run in swept["runs"]]
+    once = [("gp_ekf", 1.0), ("gp_ekf", 2.0), ("point", "–")]
+    assert named == [(*point, seed) for point in once for seed in (0, 1)]
+    assert len({row["tracker"] + row["tracker.sigma_q"] for row in swept["summary"]}) == 3
+    assert sweeps.run("--resume", sweeps.results / "mine")["nodes"]["computed"] == 0
+    file.write_text(UNION.replace("{tracker: point}\nseeds", "{seed: 1}\nseeds"), encoding="utf-8")
+    assert "grids: entry 3: write seeds once" in sweeps.refused("--from", file)
+
+
 def test_the_shipped_study_is_valid():
     assert len(sweep_runs([], file="prior_width")) == 3 * 3 * 3 * 5 - 3 * 5
 
