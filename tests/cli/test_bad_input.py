@@ -154,6 +154,10 @@ def test_one_line_says_it(text, capsys):
             "set either rig.focal_length or rig.horizontal_fov",
         ),
         (["rig.height=3", "rig.baseline=-1"], "(and 1 more fault)"),
+        (
+            ["tracker=contour", "tracker.sees=contour"],
+            "stixels has the surface that rays meet first",
+        ),
         (["pace.speed=3", "path=approach"], "pace.speed: unknown key; did you mean path.speed?"),
     ],
 )

@@ -67,3 +67,11 @@ class ContourParameters:
     lag: Annotated[int, Ge(0)] | None
     contour_points: ClassVar[int] = 240
     """Number M of points of the contour that is reported: no estimate depends on it."""
+
+    def check(self) -> None:
+        """Raise ValueError if `sees` would have no effect."""
+        if self.sees == "contour" and self.seen_by not in ("file", "own"):
+            raise ValueError(
+                f"tracker.sees: contour is for points of a file or of your own source; "
+                f"{self.seen_by} has the surface that rays meet first: leave tracker.sees out"
+            )
