@@ -44,7 +44,8 @@ def stixels_from_pair(
         left, right: (H, W) grey or (H, W, 3) RGB images, uint8, or uint16, which is scaled by the
             greatest value of the image. Colour becomes luma (ITU-R BT.601).
         rig: the cameras. Numbers are `focal_length` (px), `baseline` and `camera_height` (m), and
-            as needed the other fields of `geometry.rig.Rig`; the size is that of the images.
+            as needed the other fields of `geometry.rig.Rig`; the size is that of the images. A
+            height that is not given is that of the road in the images.
         previous: stixels of the frame before, if the car is parked: the free space changes little
             from frame to frame. `StixelStream` does this for a car that drives.
 
@@ -52,8 +53,8 @@ def stixels_from_pair(
         ArgumentError: a ValueError, for an argument that is not valid; it names the argument.
     """
     pair = grey_pair(left, right)
-    rig = rig_of(rig, pair[0].shape)
-    return stixels_of(matched(pair, rig), pair, rig, previous)
+    disparities = matched(pair, rig_of(rig, pair[0].shape, any_height=True))
+    return stixels_of(disparities, pair, rig_over_road(rig, pair[0].shape, disparities), previous)
 
 
 def stixels_from_disparity(
@@ -87,15 +88,16 @@ def stixels_from_disparity(
     if (disparity < 0.0).any():
         least = np.nanmin(disparity)
         raise ArgumentError(f"disparity: must be >= 0 px, or NaN where unknown, got {least:g}")
-    rig = rig_of(rig, disparity.shape)
+    matching = rig_of(rig, disparity.shape, any_height=True)
     pair = None if images is None else grey_pair(*images)
     if pair is not None and pair[0].shape != disparity.shape:
         raise ArgumentError(f"images: must be {disparity.shape} px, got {pair[0].shape}")
-    count = disparity_count(real_image_parameters().stereo, rig)
+    count = disparity_count(real_image_parameters().stereo, matching)
     scaled = np.rint(SUBPIXELS * np.nan_to_num(disparity.astype(np.float64), nan=-1.0))
     known = (scaled >= 0) & (scaled < SUBPIXELS * count)
     raw = np.where(known, scaled, INVALID).astype(np.int16)
-    return stixels_of(Disparities.in_memory(FRAME.start, count, [raw]), pair, rig, previous)
+    disparities = Disparities.in_memory(FRAME.start, count, [raw])
+    return stixels_of(disparities, pair, rig_over_road(rig, raw.shape, disparities), previous)
 
 
 def matched(pair: tuple[np.ndarray, np.ndarray], rig: Rig) -> "Disparities":
@@ -162,12 +164,34 @@ def _grey(name: str, image: np.ndarray) -> np.ndarray:
     return image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
 
 
-def rig_of(rig: RigLike, shape: tuple[int, int]) -> Rig:
-    """The rig of images of `shape` (H, W); ArgumentError if it is not valid, or of another size."""
+def rig_over_road(rig: RigLike, shape: tuple[int, int], disparities: "Disparities") -> Rig:
+    """As `rig_of`; a height that the rig does not state is that of the road in `disparities`."""
+    from stixel_cli.recordings.plain_folder import read_named_calibration
+    from stixel_cli.stixels.seen_road import seen_road
+
+    valid = rig_of(rig, shape, any_height=True)
+    if isinstance(rig, Path | str):
+        stated = read_named_calibration(Path(rig)).camera_height is not None
+    else:
+        stated = isinstance(rig, Rig) or "camera_height" in rig
+    if stated:
+        return valid
+    seen = seen_road(disparities, valid)
+    if seen is None:
+        raise ArgumentError("rig: camera_height: is not given, m, and the images show no road")
+    return replace(valid, camera_height=round(seen[1], 2))
+
+
+def rig_of(rig: RigLike, shape: tuple[int, int], any_height: bool = False) -> Rig:
+    """The rig of images of `shape` (H, W); with `any_height` it need not state its height.
+
+    ArgumentError if it is not valid, or of another size.
+    """
     from pydantic import ValidationError
 
     from stixel_cli.config.real_images import real_image_parameters
     from stixel_cli.recordings.plain_folder import read_named_calibration
+    from stixel_cli.stixels.seen_road import MIDDLE
 
     size = {"width": shape[1], "height": shape[0]}
     try:
@@ -175,7 +199,8 @@ def rig_of(rig: RigLike, shape: tuple[int, int]) -> Rig:
             given = read_named_calibration(Path(rig)).rig_values(**size)
         else:
             given = asdict(rig) if isinstance(rig, Rig) else dict(rig)
-        values = dict.fromkeys(LEFT_OUT) | {"pitch": 0.0} | size | given
+        height = {"camera_height": MIDDLE} if any_height else {}
+        values = dict.fromkeys(LEFT_OUT) | {"pitch": 0.0} | height | size | given
         plain = {k: v.item() if isinstance(v, np.generic) else v for k, v in values.items()}
         if not size.items() <= plain.items():
             is_of, has = (f"{one['width']} × {one['height']} px" for one in (plain, size))

@@ -12,7 +12,7 @@ import numpy as np
 from stixel_cli.errors import ArgumentError
 from stixel_cli.frame_stixels import FrameStixels
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD, planar_poses
-from stixel_cli.pairs import RigLike, grey_pair, matched, rig_of, stixels_of
+from stixel_cli.pairs import RigLike, grey_pair, matched, rig_of, rig_over_road, stixels_of
 
 if TYPE_CHECKING:
     from stixel_cli.measurements.scans import Scans
@@ -63,7 +63,8 @@ class StixelStream:
 
     The stixels are those of `stixel run` on the same clip; the tracks are the clusters that
     `source.target=auto` follows, as far as they are known at each pair. `rig` is as in
-    `stixels_from_pair`; `sample_time` is from pair to pair, s.
+    `stixels_from_pair`; a height that it does not state is that of the road in the first pair.
+    `sample_time` is from pair to pair, s.
     """
 
     def __init__(self, rig: RigLike, sample_time: float = 0.1):
@@ -111,14 +112,15 @@ class StixelStream:
 
     def _matched(self, left: np.ndarray, right: np.ndarray) -> tuple:
         pair = grey_pair(left, right)
-        self._rig = rig_of(self._rig, pair[0].shape)
-        return pair, matched(pair, self._rig)
+        return pair, matched(pair, rig_of(self._rig, pair[0].shape, any_height=True))
 
     def _advance(self, pair: tuple, disparities, pose: np.ndarray | None) -> StreamFrame:
         from stixel_cli.config.real_images import real_image_parameters
         from stixel_cli.measurements.objects import find_objects
 
         k = len(self._poses)
+        if k == 0:
+            self._rig = rig_over_road(self._rig, pair[0].shape, disparities)
         self._poses = np.vstack([self._poses, self._planar(pose)])
         last_two = self._poses[[max(k - 1, 0), k]]
         self._stixels = stixels_of(disparities, pair, self._rig, self._stixels, last_two)

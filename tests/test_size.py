@@ -10,13 +10,13 @@ PACKAGE = Path(stixel_cli.__file__).parent
 
 BUDGET = {
     # The reader of Feather files stands beside that of all other foreign files.
-    "": 1630,
+    "": 1657,
     # Sequences, packs, rows and the page of `stixel bench`.
     "benchmark": 879,
     "calibration": 643,
     # `explain` says if a folder has results of other code than the cached ones.
     "cli": 3013,
-    "config": 2980,
+    "config": 2961,
     # A check that another process has not marked the new cache meanwhile.
     "engine": 4939,
     # The box of a track has room for the limbs; loss has one definition, with heading and class.
@@ -40,21 +40,21 @@ BUDGET = {
     "scene": 3555,
     # Conditions of the rig, the matchers, the path, the pictures and the prior, from config/.
     "stereo": 490,
-    "stixels": 2314,
+    "stixels": 2351,
     # A study of the trackers away from home.
     "studies": 4820,
     # The plan of one run, from experiment/ and cli/.
     "sweeps": 2553,
     # `contour`: the bank of forms for what it did not learn from, the search at the first scan;
     # a start from slow and sparse scans.
-    "tracking": 6118,
+    "tracking": 6126,
     # Statistics of points, the fit of their noise and the tables of stages, of the studies before.
     "validation": 1555,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
 
 # The filters of PyRecEst: with the tracker they had more than 300 lines.
-MODULES = 337
+MODULES = 338
 """Modules of the package, without `__init__`."""
 
 

@@ -102,8 +102,15 @@ def test_a_rig_is_numbers_or_a_file_or_a_rig(pair, tmp_path):
     for same in (numbers, file, str(file), rig):
         assert_same(stixels_from_pair(left, right, same).stixels, expected.stixels)
     file.write_text(file.read_text().replace("camera_height", "# camera_height"))
-    with pytest.raises(ArgumentError, match=r"^rig: camera_height: "):
-        stixels_from_pair(left, right, file)
+    seen = stixels_from_pair(left, right, file).rig
+    # KITTI's height counts as stated; the clip was rendered with the default rig's.
+    assert rig.camera_height == 1.65
+    assert seen.camera_height == pytest.approx(1.2, abs=0.02)
+    del numbers["camera_height"]
+    assert stixels_from_pair(left, right, numbers).rig == seen
+    noise = np.random.default_rng(0).integers(0, 256, left.shape, dtype=np.uint8)
+    with pytest.raises(ArgumentError, match=r"^rig: camera_height: is not given.* no road$"):
+        stixels_from_pair(noise, noise[::-1].copy(), file)
 
 
 @pytest.mark.parametrize(

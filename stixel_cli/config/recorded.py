@@ -183,7 +183,8 @@ def _values(
 def _height_of_road(recording: Recording, chosen: Mapping[str, Any]) -> float:
     """Height in m of the cameras above the road that the recording's images show."""
     # OpenCV and Numba are imported for it.
-    from stixel_cli.config.road_pose import MIDDLE, road_pose
+    from stixel_cli.config.road_pose import road_pose
+    from stixel_cli.stixels.seen_road import MIDDLE
 
     size = recording.width, recording.height
     rig = recording.calibration.rig_values(*size) | {"camera_height": MIDDLE}

@@ -1,0 +1,37 @@
+"""The height and the pitch of cameras, from the road that one disparity image shows."""
+
+from typing import ClassVar
+
+import cv2
+import numpy as np
+
+from stixel_cli.geometry.rig import Rig
+from stixel_cli.stereo.disparities import SUBPIXELS, Disparities
+from stixel_cli.stixels.parameters import EstimatedRoad
+from stixel_cli.stixels.road import find_road, pitch_and_height
+
+MIDDLE = 1.7
+"""m, the middle of the heights that are searched: from 0.25 to 3.1 m."""
+
+LEAST_SHARE = 0.07
+"""Of the pixels, within 1 px of the road; noise and images upside down have up to 0.05."""
+
+
+class _AnyRoad(EstimatedRoad):
+    height_range: ClassVar[float] = 0.85
+
+
+def seen_road(disparities: Disparities, rig: Rig) -> tuple[float, float] | None:
+    """Pitch, rad, and height, m, of the cameras over the road in one image; None without a road.
+
+    They are searched far round those of the `rig`, `MIDDLE` and 0 for any. Of the road's disparity
+    a v + b, a gives the height and b the pitch: an offset of the disparities adds to b, too, so
+    they count as exact but for the error that the rig states.
+    """
+    road = _AnyRoad(kind="estimated", least_height=0.25, pitch_range=10.0)
+    raw = disparities.raw(0)
+    line = find_road(cv2.transpose(raw), disparities.count, rig, road)
+    of_road = (line[0] * np.arange(rig.height) + line[1])[:, None]
+    if np.mean((np.abs(raw / SUBPIXELS - of_road) < 1.0) & (of_road > 1.0)) > LEAST_SHARE:
+        return pitch_and_height(line, rig)
+    return None
