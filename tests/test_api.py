@@ -216,6 +216,12 @@ def test_a_folder_is_loaded_as_the_run_that_wrote_it(tmp_path, settings):
     (tmp_path / "mine" / "track.npz").unlink()
     with pytest.raises(UserError, match=r"track\.npz"):
         load(tmp_path / "mine")
+    with np.load(tmp_path / "mine" / "ego.npz") as ego:
+        tables = dict(ego)
+    for table, fault in (({"t": tables["t"]}, "has no array 'x'"), ({}, "has no array 't'")):
+        np.savez(tmp_path / "mine" / "ego.npz", **table)
+        with pytest.raises(UserError, match=rf"ego\.npz: {fault}"):
+            load(tmp_path / "mine")
 
 
 def test_a_run_is_drawn_into_axes():

@@ -52,12 +52,12 @@ def run(
     from stixel_cli.engine.progress import make_progress
     from stixel_cli.experiment.run import record_run
     from stixel_cli.machine.kernels import uncompiled
-    from stixel_cli.results.folder import check_name
+    from stixel_cli.results.folder import check_results
     from stixel_cli.sweeps.index import update_index
 
     composition = compose(with_workers(overrides or [], workers))
     if dry_run:
-        check_name(results, name)
+        check_results(results, name)
         _print_plan(composition, json)
         return 0
     made = record_run(

@@ -76,7 +76,7 @@ def sweep(
       stixel sweep road_user='glob(*)' path=turn,s_curve measurement=fabricated
       stixel sweep --resume results/sweep-20260101-120000
     """
-    from stixel_cli.results.folder import check_name
+    from stixel_cli.results.folder import check_results
     from stixel_cli.sweeps.design import SEED
     from stixel_cli.sweeps.graphs import planned_sweep
     from stixel_cli.sweeps.index import update_index
@@ -92,7 +92,7 @@ def sweep(
             raise UserError(f"--resume continues the sweep of that folder: leave out {option}")
         result = resumed_sweep(resume, words, trust_code, True, note=tell, fail_fast=fail_fast)
     elif dry_run:
-        check_name(results, name)
+        check_results(results, name)
         design = sweep_design(words, file, shuffle, trust_code=trust_code, over=over or SEED)
         plan = planned_sweep(design_runs(design, imports=False), shuffle, pictures)
         print_plan(plan, design.axes, json)

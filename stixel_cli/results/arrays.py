@@ -1,6 +1,9 @@
 """A stored run with its scenario, scans and track, from the NPZ files of its folder."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import fields, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -19,23 +22,39 @@ def with_arrays(run: RunResult) -> RunResult:
     The poses of the sensor are those of the ego car. Folders do not store `Scenario.scored`.
     UserError if a file is missing or not valid; folders of older versions have no `ego.npz`.
     """
-    files = {name: run.folder / f"{name}.npz" for name in ("ego", "scans", "track")}
-    ego, scans, track = map(read_arrays, files.values())
-    further = {name: run.folder / f"{name}.npz" for name in ("truth", "smoothed")}
-    further = {name: read_arrays(file) for name, file in further.items() if file.exists()}
     scored = read_scored_run(run.folder)
+    with _reading(run.folder / "ego.npz") as ego:
+        scenario = _scenario(ego, {})
+    if (run.folder / "truth.npz").exists():
+        with _reading(run.folder / "truth.npz") as truth:
+            scenario = _scenario(ego, truth)
+    with _reading(run.folder / "scans.npz") as table:
+        scans = _scans(ego, table)
+    smoothed = None
+    if (run.folder / "smoothed.npz").exists():
+        with _reading(run.folder / "smoothed.npz") as table:
+            smoothed = _track(table)
+    with _reading(run.folder / "track.npz") as table:
+        track = replace(_track(table), smoothed=smoothed)
+    return replace(
+        run,
+        scores=scored.scores,
+        pictures=scored.pictures,
+        scenario=scenario,
+        scans=scans,
+        track=track,
+    )
+
+
+@contextmanager
+def _reading(file: Path) -> Iterator[Table]:
+    """Context with the arrays of a file; UserError, which names it, if they are not of a run."""
     try:
-        smoothed = _track(further["smoothed"]) if "smoothed" in further else None
-        return replace(
-            run,
-            scores=scored.scores,
-            pictures=scored.pictures,
-            scenario=_scenario(ego, further.get("truth", {})),
-            scans=_scans(ego, scans),
-            track=replace(_track(track), smoothed=smoothed),
-        )
-    except (KeyError, IndexError, TypeError, ValueError) as fault:
-        raise UserError(f"{run.folder}: its NPZ files are not of a run: {fault}") from None
+        yield read_arrays(file)
+    except KeyError as missing:
+        raise UserError(f"{file}: has no array {missing}") from None
+    except (IndexError, TypeError, ValueError) as fault:
+        raise UserError(f"{file}: not of a run: {fault}") from None
 
 
 def _track(arrays: Table) -> Track:

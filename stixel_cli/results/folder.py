@@ -58,7 +58,10 @@ def check_results(results: Path, name: str | None) -> None:
 
     A folder `results` that did not exist before is removed again.
     """
-    check_name(results, name)
+    if name is not None:
+        check_plain_name(name)
+        if os.path.lexists(results / name):
+            raise UserError(f"--name: {results / name} exists; choose another --name")
     if os.path.isdir(results) and not os.access(results, os.W_OK | os.X_OK):
         raise UserError(f"--results: {results}: not writable; name another folder")
     missing = [path for path in (results, *results.parents) if not os.path.exists(path)]
@@ -71,14 +74,6 @@ def check_results(results: Path, name: str | None) -> None:
             # Another process may have put something into it.
             with suppress(OSError):
                 path.rmdir()
-
-
-def check_name(results: Path, name: str | None) -> None:
-    """Raise UserError if a given name is not a plain folder name, or exists."""
-    if name is not None:
-        check_plain_name(name)
-        if os.path.lexists(results / name):
-            raise UserError(f"--name: {results / name} exists; choose another --name")
 
 
 def check_plain_name(name: str) -> None:

@@ -136,11 +136,12 @@ def test_a_folder_that_cannot_be_written_is_refused(arguments, said, tmp_path, c
     (tmp_path / "results" / "link").symlink_to("nowhere")
     (tmp_path / "file").write_text("mine")
     monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "cache"))
-    assert main(["run", *FABRICATED, *arguments]) == 2
-    error = capsys.readouterr().err
+    for command in (["run"], ["run", "--dry-run"], ["sweep", "--dry-run", "seed=1,2"]):
+        assert main([*command, *FABRICATED, *arguments]) == 2
+        error = capsys.readouterr().err
+        assert said in error
+        assert error.count("\n") == 1
     assert sorted(os.listdir(tmp_path)) == ["file", "results"]
-    assert said in error
-    assert error.count("\n") == 1
     assert sorted(os.listdir(tmp_path / "results")) == ["link", "taken"]
     assert not os.listdir(tmp_path / "results" / "taken")
 

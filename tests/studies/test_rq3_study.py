@@ -93,7 +93,7 @@ def test_shipped_presets_name_their_origin():
         path = shipped_folder("conf") / "measurement" / "noise" / f"fitted_{user}.yaml"
         text = path.read_text("utf-8")
         assert "stixel study rq3" in text
-        assert user in text.splitlines()[0]
+        assert user in text.splitlines()[1]
 
 
 def test_several_noise_values_are_compared_with_simulated_runs(studies, study):

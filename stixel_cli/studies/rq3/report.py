@@ -213,7 +213,7 @@ def _verdict(found: Sequence[Comparison]) -> dict[str, str]:
     for one in found:
         leaning = "leaning" if excludes_zero(one.apart[FABRICATED]) else "alike"
         label = one.measure.label.removeprefix(DECADES).partition(" / ")[0]
-        label = label.removeprefix("mean ").removesuffix(" RMSE")
+        label = label.removeprefix("mean ").removesuffix(" RMSE").replace(", ", " of the ")
         sorts["shown" if one.differs(FABRICATED) else leaning].append((one.road_user, label))
     return {name: listed_by_user(own) for name, own in sorts.items()}
 
