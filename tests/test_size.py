@@ -35,7 +35,7 @@ BUDGET = {
     "rendering": 2353,
     # The layer that studies share: runs, scans, cost, templates, numbered blocks, files.
     "report": 2946,
-    "results": 1503,
+    "results": 1517,
     # A mesh in other units and along another axis.
     "scene": 3555,
     # Conditions of the rig, the matchers, the path, the pictures and the prior, from config/.
