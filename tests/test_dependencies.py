@@ -19,6 +19,7 @@ PROJECT = tomllib.loads((PACKAGE.parent / "pyproject.toml").read_text(encoding="
 EXTRAS = {
     "distributed": "distributed",
     "mlflow": "mlflow-skinny",
+    "optuna": "optuna",
     "pyarrow": "pyarrow",
     "pyrecest": "pyrecest",
     "rerun": "rerun-sdk",

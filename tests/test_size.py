@@ -15,7 +15,7 @@ BUDGET = {
     "benchmark": 879,
     "calibration": 643,
     # `explain` says if a folder has results of other code than the cached ones.
-    "cli": 3013,
+    "cli": 3114,
     "config": 2961,
     # A check that another process has not marked the new cache meanwhile.
     "engine": 4939,
@@ -44,7 +44,7 @@ BUDGET = {
     # A study of the trackers away from home.
     "studies": 4820,
     # The plan of one run, from experiment/ and cli/.
-    "sweeps": 2553,
+    "sweeps": 2952,
     # `contour`: the bank of forms for what it did not learn from, the search at the first scan;
     # a start from slow and sparse scans.
     "tracking": 6126,
@@ -54,7 +54,7 @@ BUDGET = {
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
 
 # The filters of PyRecEst: with the tracker they had more than 300 lines.
-MODULES = 338
+MODULES = 341
 """Modules of the package, without `__init__`."""
 
 

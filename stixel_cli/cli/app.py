@@ -31,6 +31,7 @@ from stixel_cli.cli.show import ls, show
 from stixel_cli.cli.study import study
 from stixel_cli.cli.sweep import sweep
 from stixel_cli.cli.terminal import escaping, say
+from stixel_cli.cli.tune import tune
 from stixel_cli.engine.limits import ENVIRONMENT
 from stixel_cli.errors import UserError
 from stixel_cli.version import __version__
@@ -124,7 +125,7 @@ def stixel(
 
 app.command(cls=_Run, short_help="Run one experiment.")(run)
 _COMMANDS = (
-    *(sweep, study, describe, plan, explain, rerun, verify, ls, show, compare, report, play),
+    *(sweep, tune, study, describe, plan, explain, rerun, verify, ls, show, compare, report, play),
     *(export, calibrate, assess, learn_shape, new, schema),
 )
 for _command in _COMMANDS:

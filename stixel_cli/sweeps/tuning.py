@@ -1,0 +1,253 @@
+"""Tune settings with Optuna: trials in batches, each the runs of one cached graph.
+
+Trials are averaged over seeds and shape seeds from 1000; the gain of one is that on those from 0.
+"""
+
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from importlib.util import find_spec
+from typing import Any
+
+import numpy as np
+
+from stixel_cli.config.compose import Composer
+from stixel_cli.config.folders import EXPERIMENT, group_options
+from stixel_cli.config.messages import suggestion
+from stixel_cli.config.override_checks import check_overrides, read_overrides
+from stixel_cli.config.overrides import Override, parse
+from stixel_cli.engine.store import open_store
+from stixel_cli.errors import ConfigurationError, UserError, printable
+from stixel_cli.evaluation.metric_table import METRICS, metric
+from stixel_cli.report.statistics import Statistic, excludes_zero, statistic
+from stixel_cli.results.result import DONE
+from stixel_cli.sweeps.design import SEED
+from stixel_cli.sweeps.folder import SweepRequest
+from stixel_cli.sweeps.graphs import plan_runs, plan_sweep, planned_sweep
+from stixel_cli.sweeps.run import run_sweep
+from stixel_cli.sweeps.runs import PlannedRun, compose_runs
+
+FIRST_SEED = 1000
+"""Of those to tune on: reports use the seeds below."""
+BATCH = 4
+"""Trials that are asked for together, whatever the number of workers."""
+LEAST_SEEDS = 4
+"""Seeds after which a clearly worse trial stops: an interval needs as many."""
+
+
+@dataclass
+class Trial:
+    """Values of the parameters, as texts, with what came of them.
+
+    Attributes:
+        values: (objectives, runs) so far, in the order of the runs.
+        state: "complete", "stopped" as clearly worse, or "failed: reason".
+    """
+
+    name: str
+    settings: dict[str, str] = field(default_factory=dict)
+    values: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
+    state: str = "complete"
+
+    @property
+    def means(self) -> np.ndarray:
+        """Mean of each objective over the runs so far."""
+        return self.values.mean(axis=1)
+
+
+class Tuning:
+    """A tuning, its `trials`, the `default` on the same seeds, and Optuna's `study`."""
+
+    def __init__(
+        self, overrides: Sequence[str], objectives: Sequence[str], over: Sequence[str], seeds: int
+    ):
+        """Read a command line.
+
+        Args:
+            overrides: fixed ones, the parameters (choices, ranges, intervals), and given axes.
+            objectives: names of one metric or two.
+            over: keys of the given axes to average over, such as path; seeds always are.
+            seeds: number of seeds from 1000, unless the overrides have the key `seed`, and from 0.
+
+        Raises:
+            ConfigurationError: for the first fault.
+        """
+        if find_spec("optuna") is None:
+            raise UserError("tune needs Optuna: pip install 'stixel[tune]'")
+        _check_objectives(objectives)
+        self.objectives, self.trials, self.default = objectives, list[Trial](), Trial("default")
+        self.sign = np.array([-1.0 if metric(n).better == "more" else 1.0 for n in objectives])
+        parsed = {one.key: one for one in read_overrides(overrides)}
+        for key in (key for key in over if key != SEED and key not in parsed):
+            raise ConfigurationError(f"--over: {printable(key)} is not swept")
+        if EXPERIMENT in parsed:
+            raise ConfigurationError(f"{EXPERIMENT}: the preset is one: give its options singly")
+        drawn = [parse(f"{SEED}={i}") for i in range(FIRST_SEED, FIRST_SEED + seeds)]
+        # Seeds vary slowest, so that the first runs of a trial are those of whole seeds.
+        axes = [parsed.pop(SEED).singles() if SEED in parsed else drawn]
+        averaged = [key for key in parsed if key in over or key.endswith(SEED)]
+        axes += [parsed.pop(key).singles() for key in averaged]
+        self.fixed = [one for one in parsed.values() if one.sweep is None]
+        tuned = [one for one in parsed.values() if one.sweep is not None]
+        check_overrides([*self.fixed, *itertools.chain(*axes)])
+        for one in itertools.chain(*axes):
+            if is_drawn(one) and one.value < FIRST_SEED:
+                raise ConfigurationError(f"{one.shown}: seeds to tune on are {FIRST_SEED} and more")
+        if not tuned:
+            raise ConfigurationError("nothing to tune: write KEY='interval(A,B)' or KEY=A,B,C")
+        fresh = [[parse(f"{SEED}={i}") for i in range(seeds)]]
+        fresh += [
+            [parse(f"{o.key}={o.value - FIRST_SEED}") if is_drawn(o) else o for o in axis]
+            for axis in axes[1:]
+        ]
+        self._levels = {False: [*itertools.product(*axes)], True: [*itertools.product(*fresh)]}
+        """For fresh seeds or not: the overrides of each run that no trial changes."""
+        self._first = LEAST_SEEDS * len(self._levels[False]) // len(axes[0])
+        self.parameters = {one.key: self._distribution(one, tuned) for one in tuned}
+
+    def _distribution(self, override: Override, tuned: Sequence[Override]) -> Any:
+        """Optuna's distribution of a parameter, whose ends give valid and different runs."""
+        from optuna.distributions import CategoricalDistribution, FloatDistribution, IntDistribution
+
+        key, sweep, of_group = override.key, override.sweep.value(), group_options()
+        if type(sweep).__name__ != "IntervalSweep":
+            ends = [one.value_text for one in override.singles()]
+            found = CategoricalDistribution(ends)
+        else:
+            options = [one.singles()[0] for one in tuned if one.key in of_group and one.key != key]
+            check_overrides([] if key in of_group else [parse(f"{key}=0")])
+            default = Composer().compose([*self.fixed, *options]).value(key)
+            if isinstance(default, bool | str | list):
+                raise ConfigurationError(f"{override.shown}: not a number: write {key}=A,B")
+            log, low, high = "log" in sweep.tags, sweep.start, sweep.end
+            if sweep.tags - {"log"} or not low < high or (log and low <= 0.0):
+                form = "interval(A,B) or tag(log,interval(A,B)) with A < B, for log with A > 0"
+                raise ConfigurationError(f"{override.shown}: must be {form}")
+            if isinstance(default, int):
+                found = IntDistribution(math.ceil(low), math.floor(high), log)
+            else:
+                found = FloatDistribution(low, high, log)
+            ends = [str(found.low), str(found.high)]
+        runs = [self._runs({key: end}, False, 1)[0] for end in ends]
+        if len(ends) > 1:
+            planned_sweep([replace(one, index=i) for i, one in enumerate(runs)], None, False)
+        return found
+
+    def _runs(self, settings: Mapping[str, str], fresh: bool, n: int | None) -> list[PlannedRun]:
+        """The first n runs of settings; all of them without n."""
+        shared = [*self.fixed, *(f"{key}={value}" for key, value in settings.items())]
+        each = [[*shared, *level] for level in self._levels[fresh][:n]]
+        return compose_runs(each, list(settings), Composer())
+
+    def search(self, trials: int) -> None:
+        """Run the default and a number of trials. UserError as of a sweep, or if all fail."""
+        import optuna
+
+        optuna.logging.set_verbosity(optuna.logging.ERROR)
+        directions = ["maximize" if sign < 0 else "minimize" for sign in self.sign]
+        sampler = optuna.samplers.TPESampler(seed=0)
+        self.study = optuna.create_study(directions=directions, sampler=sampler)
+        self._evaluate([self.default], False, None, "default")
+        for start in range(0, trials, BATCH):
+            numbers = range(start, min(start + BATCH, trials))
+            asked = [self.study.ask(self.parameters) for _ in numbers]
+            batch = [Trial(f"{o.number}", {k: f"{v}" for k, v in o.params.items()}) for o in asked]
+            label = f"trials {start} to {numbers[-1]} of {trials}"
+            self._evaluate(batch, False, self._first, label)
+            best = [self.default, *self.front()] if self.default.state == "complete" else []
+            for trial in (one for one in batch if one.state == "complete"):
+                if any(self._is_worse(trial, other) for other in best):
+                    trial.state = "stopped"
+            self._evaluate([o for o in batch if o.state == "complete"], False, None, label)
+            self.trials += batch
+            states = optuna.trial.TrialState
+            for one, trial in zip(asked, batch, strict=True):
+                if trial.state == "complete":
+                    self.study.tell(one, trial.means.tolist())
+                else:
+                    stopped = trial.state == "stopped"
+                    self.study.tell(one, state=states.PRUNED if stopped else states.FAIL)
+        if not self.front():
+            raise UserError(f"no trial is complete; the last is {self.trials[-1].state}")
+
+    def _evaluate(self, trials: Sequence[Trial], fresh: bool, n: int | None, label: str) -> None:
+        """Give trials the values of their first n runs, or the reason of their failure."""
+        runs, of = list[PlannedRun](), list[Trial]()
+        for trial in trials:
+            try:
+                own = self._runs(trial.settings, fresh, n)
+            except ConfigurationError as fault:
+                trial.state = f"failed: {fault}"
+                continue
+            of += [trial] * len(own)
+            runs += [replace(one, index=len(runs) + one.index) for one in own]
+        if not runs:
+            return
+        plan = plan_sweep(plan_runs(runs), open_store(runs[0].composition.configuration.cache))
+        request = SweepRequest("", None, False, (), (), (), {"command": ""})
+        results = run_sweep(plan, request, None, True, label).runs
+        for trial in (one for one in trials if one in of):
+            own = [run for run, owner in zip(results, of, strict=True) if owner is trial]
+            trial.values = np.array(
+                [[_value(n, run.metrics) for run in own] for n in self.objectives]
+            )
+            failed = [str(run.failure) for run in own if run.status != DONE]
+            if failed or not np.isfinite(trial.values).all():
+                reason = (*failed, "an objective has no value")[0]
+                trial.state = f"failed: {' '.join(reason.split())}"
+
+    def _is_worse(self, trial: Trial, other: Trial) -> bool:
+        """Whether a trial is clearly worse on its runs, by every objective."""
+        found = zip(self.differences(trial, other), self.sign, strict=True)
+        return all(excludes_zero(one) and one.mean * sign > 0.0 for one, sign in found)
+
+    def differences(self, trial: Trial, other: Trial, fresh: bool = False) -> list[Statistic]:
+        """Each objective of a trial minus that of another, over pairs of runs."""
+        n = trial.values.shape[1]
+        drawn = [[o.value_text for o in level if is_drawn(o)] for level in self._levels[fresh][:n]]
+        pairs = trial.values - other.values[:, :n]
+        return [statistic("", own, map(tuple, drawn)) for own in pairs]
+
+    def front(self) -> list[Trial]:
+        """The trials that no other is better than, the best of the first objective first."""
+        found = [self.trials[one.number] for one in self.study.best_trials]
+        return sorted(found, key=lambda one: tuple(self.sign * one.means))
+
+    def chosen(self) -> Trial:
+        """The trial of the front nearest to the best of each objective, in parts of its range."""
+        costs = np.array([self.sign * one.means for one in self.front()])
+        scaled = (costs - costs.min(axis=0)) / np.maximum(np.ptp(costs, axis=0), 1e-12)
+        return self.front()[int(np.argmin((scaled**2).sum(axis=1)))]
+
+    def on_fresh_seeds(self, trial: Trial) -> tuple[Trial, Trial]:
+        """The default and a trial on the fresh seeds; UserError if a run fails."""
+        both = Trial("default"), Trial(trial.name, trial.settings)
+        self._evaluate(both, True, None, "fresh seeds")
+        for one in (one for one in both if one.state != "complete"):
+            raise UserError(f"{one.name} on the fresh seeds {one.state}")
+        return both
+
+
+def is_drawn(one: Override) -> bool:
+    """Whether an override gives a seed or a shape seed a number."""
+    return one.key.endswith(SEED) and isinstance(one.value, int)
+
+
+def _check_objectives(names: Sequence[str]) -> None:
+    for name in names:
+        if name not in METRICS:
+            hint = suggestion(name, METRICS) or "; metrics are in metrics.json"
+            raise ConfigurationError(f"--objective: {printable(name)}: no such metric{hint}")
+        if metric(name).better is None:
+            raise ConfigurationError(f"--objective: {name}: no value of it is better")
+    if not 1 <= len(names) <= 2 or len({*names}) < len(names):
+        raise ConfigurationError("--objective: must be one metric, or two different ones")
+
+
+def _value(name: str, metrics: Mapping[str, Any]) -> float:
+    """A metric of a run; |log| of a ratio that should be 1; NaN without a value."""
+    value = metrics.get(name)
+    if metric(name).better == "one":
+        return abs(math.log(value)) if value else math.nan
+    return math.nan if value is None else float(value)

@@ -1,0 +1,104 @@
+"""`stixel tune`, by the real command."""
+
+import json
+from pathlib import Path
+
+import pytest
+import yaml
+
+from stixel_cli.cli.app import main
+from stixel_cli.sweeps import tuning
+from stixel_cli.sweeps.run import SweepInterrupted
+
+FEW = ["measurement=fabricated", "path.duration=0.3", "executor=threads"]
+TUNED = [
+    *FEW,
+    "tracker.sigma_q=tag(log,interval(0.1,10))",
+    "tracker.basis_points=interval(10,50)",
+    "tracker.measurement_std=0.1,5",
+    "path=turn,s_curve",
+    "road_user.shape_seed=${seed}",
+]
+OPTIONS = ["--over", "path", "--objective", "iou_mean,nees_position_mean"]
+OPTIONS += ["--seeds", "5", "--trials", "6"]
+
+
+@pytest.fixture
+def tune(tmp_path, capsys, monkeypatch):
+    monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "cache"))
+    monkeypatch.chdir(tmp_path)
+
+    def run(*words, code=0):
+        capsys.readouterr()
+        found = main(["tune", "--json", *words])
+        said = capsys.readouterr()
+        assert found == code, said.err
+        return json.loads(said.out) if code == 0 else said.err
+
+    return run
+
+
+def test_trials_depend_on_no_worker_and_an_interrupted_tuning_continues(
+    tune, tmp_path, monkeypatch, capsys
+):
+    one = tune(*TUNED, *OPTIONS, "--workers", "1", "--name", "one")
+    table = Path("results/one/trials.csv").read_text()
+    assert len(table.splitlines()) == 1 + 1 + 6
+    # A standard deviation of 5 m is clearly worse after four seeds.
+    assert ",stopped," in table and ",on the front," in table
+    gains = {row["objective"].split(",")[0]: row for row in one["gain"]}
+    assert [row["n"] for row in gains.values()] == [5, 5]
+    assert all(row["low tuned minus default"] is not None for row in gains.values())
+    page = Path("results/one/index.html").read_text()
+    assert page.count("History") >= 2 and "Front" in page and "Importance" in page
+
+    monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "other"))
+    run_sweep, calls = tuning.run_sweep, []
+
+    def interrupted(*given):
+        calls.append(given)
+        if len(calls) == 3:
+            raise SweepInterrupted("interrupted")
+        return run_sweep(*given)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(tuning, "run_sweep", interrupted)
+        said = tune(*TUNED, *OPTIONS, "--workers", "2", "--name", "two", code=130)
+    assert said.splitlines()[-1].endswith("stixel tune --resume results/two")
+    two = tune("--resume", "results/two")
+    assert (two["trial"], two["gain"]) == (one["trial"], one["gain"])
+    assert Path("results/two/trials.csv").read_text() == table
+
+    assert main(["run", "--json", "--config-dir", "results/two/preset", "experiment=tuned"]) == 0
+    run = json.loads(capsys.readouterr().out)
+    config = yaml.safe_load((Path(run["folder"]) / "config.yaml").read_text())
+    assert str(config["tracker"]["basis_points"]) == one["settings"]["tracker.basis_points"]
+    assert (config["path"]["duration"], config["seed"]) == (0.3, 0)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ([TUNED[3], "--objective", "iou"], "--objective: iou: no such metric"),
+        ([TUNED[3], "--objective", "scan_count"], "--objective: scan_count: no"),
+        ([TUNED[3], "--objective", "iou_mean,iou_mean"], "two different ones"),
+        ([TUNED[3], "--over", "path"], "--over: path is not swept"),
+        ([TUNED[3], "seed=999,1000"], "seed=999: seeds to tune on are 1000 and more"),
+        ([TUNED[3], "road_user.shape_seed=1,2"], "road_user.shape_seed=1: seeds"),
+        ([TUNED[3], "road_user.shape_seed=7"], "road_user.shape_seed=7: seeds"),
+        (["tracker.mean_function=interval(0,1)"], "not a number: write tracker.mean_function=A,B"),
+        (["tracker=interval(0,1)"], "tracker=interval(0,1): not a number: write tracker=A,B"),
+        (["tracker.sigma_q=tag(log,interval(0,1))"], "for log with A > 0"),
+        (["tracker.sigma_q=interval(-1,1)"], "tracker.sigma_q"),
+        (["tracker.sigmaq=interval(0,1)"], "tracker.sigmaq"),
+        (["sensor.read_noise=interval(0,1)"], "sensor.read_noise: no stage reads it"),
+        (["executor.workers=1,2"], "executor.workers: it does not affect results"),
+        (["experiment=thesis", TUNED[3]], "experiment: the preset is one"),
+        (["--resume", "results"], "results: not the folder of a tuning"),
+        ([], "nothing to tune"),
+    ],
+)
+def test_wrong_input_is_one_line(tune, words, said):
+    error = tune(*words, *(FEW if "--resume" not in words else ()), code=2)
+    assert said in error and error.count("\n") == 1
+    assert not Path("results").exists()
