@@ -74,7 +74,8 @@ def _trials(tuning: Tuning) -> Table:
         "trials",
         (
             {"trial": one.name, "state": "on the front" if one in front else one.state}
-            | {key: one.settings.get(key, "") for key in tuning.parameters}
+            | dict.fromkeys(tuning.parameters)
+            | {key: parse(f"{key}={value}").value for key, value in one.settings.items()}
             | dict(
                 zip(tuning.objectives, one.means.tolist() if one.values.size else (), strict=False)
             )

@@ -103,6 +103,9 @@ class Tuning:
         ]
         self._levels = {False: [*itertools.product(*axes)], True: [*itertools.product(*fresh)]}
         """For fresh seeds or not: the overrides of each run that no trial changes."""
+        # One shape has no variance.
+        several = [axis[0] for axis in axes[1:] if len(axis) > 1]
+        self._drawn = {SEED, *(one.key for one in several if is_drawn(one))}
         self._first = LEAST_SEEDS * len(self._levels[False]) // len(axes[0])
         self.parameters = {one.key: self._distribution(one, tuned) for one in tuned}
 
@@ -169,7 +172,8 @@ class Tuning:
                     stopped = trial.state == "stopped"
                     self.study.tell(one, state=states.PRUNED if stopped else states.FAIL)
         if not self.front():
-            raise UserError(f"no trial is complete; the last is {self.trials[-1].state}")
+            last = self.trials[-1].state
+            raise UserError(f"all trials failed or are worse than the default; the last {last}")
 
     def _evaluate(self, trials: Sequence[Trial], fresh: bool, n: int | None, label: str) -> None:
         """Give trials the values of their first n runs, or the reason of their failure."""
@@ -205,9 +209,9 @@ class Tuning:
     def differences(self, trial: Trial, other: Trial, fresh: bool = False) -> list[Statistic]:
         """Each objective of a trial minus that of another, over pairs of runs."""
         n = trial.values.shape[1]
-        drawn = [[o.value_text for o in level if is_drawn(o)] for level in self._levels[fresh][:n]]
-        pairs = trial.values - other.values[:, :n]
-        return [statistic("", own, map(tuple, drawn)) for own in pairs]
+        levels = self._levels[fresh][:n]
+        units = [tuple(o.value_text for o in level if o.key in self._drawn) for level in levels]
+        return [statistic("", own, units) for own in trial.values - other.values[:, :n]]
 
     def front(self) -> list[Trial]:
         """The trials that no other is better than, the best of the first objective first."""
