@@ -44,7 +44,7 @@ BUDGET = {
     # A study of the trackers away from home.
     "studies": 4820,
     # The plan of one run, from experiment/ and cli/.
-    "sweeps": 2952,
+    "sweeps": 2957,
     # `contour`: the bank of forms for what it did not learn from, the search at the first scan;
     # a start from slow and sparse scans.
     "tracking": 6126,
