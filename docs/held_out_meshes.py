@@ -1,7 +1,8 @@
 """Write the meshes of the studies that no class knows: python docs/held_out_meshes.py
 
 Those of `study accuracy` (`meshes`) are made of flat-sided blocks and of discs, not of the parts
-that the package draws road users from. Those of `study robustness` (`shapes`) are upright prisms.
+that the package draws road users from. Those of `study robustness` (`shapes`) and of the demo in
+`stixel bench` are upright prisms.
 x forward, y left, z up, m.
 """
 
@@ -10,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 FOLDER = Path(__file__).parents[1] / "pipelines" / "studies"
+ROUND = 2.0 * np.pi * np.arange(72) / 72
 
 
 Block = tuple[np.ndarray, np.ndarray]
@@ -118,6 +120,12 @@ MESHES = {
         upright((0.0, 0.55), RECTANGLE * [2.4, 0.12]),
         upright((0.5, 1.8), RECTANGLE * [0.5, 0.5] + [-0.35, 0.0]),
     ],
+    "../bench/demo/circle": [
+        upright((0.0, 1.5), 3.0 * np.stack([np.cos(ROUND), np.sin(ROUND)], axis=1))
+    ],
+    "../bench/demo/square": [upright((0.0, 1.5), RECTANGLE * [3.0, 3.0])],
+    # 5 m long, 4 m wide at its rear.
+    "../bench/demo/triangle": [upright((0.0, 1.5), np.array([(-2.5, -2), (2.5, 0), (-2.5, 2)]))],
 }
 """Path without its suffix to blocks; the folder above a mesh names its class."""
 

@@ -12,11 +12,11 @@ BUDGET = {
     # The reader of Feather files stands beside that of all other foreign files.
     "": 1657,
     # Sequences, packs, rows and the page of `stixel bench`.
-    "benchmark": 879,
+    "benchmark": 957,
     "calibration": 643,
     # `explain` says if a folder has results of other code than the cached ones.
-    "cli": 3114,
-    "config": 2961,
+    "cli": 3121,
+    "config": 2963,
     # A check that another process has not marked the new cache meanwhile.
     "engine": 4939,
     # The box of a track has room for the limbs; loss has one definition, with heading and class.
@@ -37,7 +37,7 @@ BUDGET = {
     "report": 2946,
     "results": 1517,
     # A mesh in other units and along another axis.
-    "scene": 3555,
+    "scene": 3559,
     # Conditions of the rig, the matchers, the path, the pictures and the prior, from config/.
     "stereo": 490,
     "stixels": 2351,
@@ -54,7 +54,7 @@ BUDGET = {
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
 
 # The filters of PyRecEst: with the tracker they had more than 300 lines.
-MODULES = 341
+MODULES = 342
 """Modules of the package, without `__init__`."""
 
 

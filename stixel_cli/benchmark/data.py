@@ -45,6 +45,7 @@ class SequenceData:
         contours = truth.contours_target
         sensors = in_frames(scans.sensor_poses_world[:, None, :2], truth.target_poses_world)[:, 0]
         seen = seen_points(even_points(contours), contours, truth.limb_poses, sensors)
+        counted = {} if truth.scored is None else {"scored": truth.scored}
         return {
             "scans.npz": npz(
                 times=_rounded(scans.times),
@@ -52,7 +53,7 @@ class SequenceData:
                 offsets=scans.offsets.astype(np.int32),
                 points=np.round(scans.points_world, DECIMALS).astype(np.float32),
                 variances=scans.covariances_world[:, [0, 0, 1], [0, 1, 1]].astype(np.float32),
-                field_of_view=_rounded([view.right, view.left, view.baseline]),
+                field_of_view=_rounded([view.right, view.left, view.baseline] if view else []),
             ),
             "start.json": _json(**{k: _rounded(v).tolist() for k, v in vars(self.initial).items()}),
             "prior.json": _json(**vars(self.prior)),
@@ -63,6 +64,7 @@ class SequenceData:
                 limb_poses=truth.limb_poses.astype(np.int32),
                 box=np.round(truth.box_target, DECIMALS),
                 seen=np.packbits(seen, axis=1),
+                **counted,
             ),
         }
 
@@ -128,13 +130,15 @@ class Data:
             xx, xy, yy = scans["variances"].astype(np.float64).T
             covariances = np.stack([xx, xy, xy, yy], axis=1).reshape(-1, 2, 2)
             offsets, points = scans["offsets"].astype(np.int64), scans["points"].astype(np.float64)
-            view = FieldOfView(*scans["field_of_view"].tolist())
+            borders = scans["field_of_view"].tolist()
+            view = FieldOfView(*borders) if borders else None
             contours, limbs = truth["contours"].astype(np.float64), truth["limb_poses"]
+            motion = times, sensor, truth["poses"], truth["rates"]
             return SequenceData(
                 Scans(times, sensor, offsets, points, covariances, view),
                 InitialState(**{key: np.array(values) for key, values in start.items()}),
                 PriorShape(**prior),
-                Scenario(times, sensor, truth["poses"], truth["rates"], contours, limbs),
+                Scenario(*motion, contours, limbs, scored=truth.get("scored")),
             )
         except (KeyError, TypeError, ValueError) as fault:
             raise UserError(f"{folder}: not a sequence: {fault}") from None

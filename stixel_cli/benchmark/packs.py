@@ -126,7 +126,8 @@ def checked(arrays: Mapping[str, np.ndarray], count: int, file: Path) -> dict[st
     corners = arrays["contours"].shape[1] if arrays["contours"].ndim == 3 else 0
     if not 3 <= corners <= MOST_CORNERS:
         raise UserError(f"{file}: contours must have 3 to {MOST_CORNERS} corners (K, M, 2)")
-    shapes = ((count, 3), (count, 3, 3), (count, corners, 2), (count, corners), ())
+    each = (count,) if arrays["seconds"].size > 1 else ()
+    shapes = ((count, 3), (count, 3, 3), (count, corners, 2), (count, corners), each)
     found = {}
     for name, shape in zip(ARRAYS, shapes, strict=True):
         values = arrays.get(name)
@@ -135,8 +136,8 @@ def checked(arrays: Mapping[str, np.ndarray], count: int, file: Path) -> dict[st
                 raise UserError(f"{file}: {name} must have shape {shape}, got {values.shape}")
             kind = np.float32 if name in ("contours", OPTIONAL) else np.float64
             found[name] = np.array(values, kind, order="C").reshape(shape)
-    if not 0.0 <= found["seconds"] < np.inf:
-        raise UserError(f"{file}: seconds must be a number ≥ 0, those of the whole sequence")
+    if not np.all((found["seconds"] >= 0.0) & (found["seconds"] < np.inf)):
+        raise UserError(f"{file}: seconds must be ≥ 0, of the whole sequence or of each scan")
     scans = [found[name] for name in found if name != "seconds"]
     missing = ~np.all([np.isfinite(v).reshape(count, -1).all(axis=1) for v in scans], axis=0)
     for values in scans:
@@ -164,7 +165,7 @@ def read_csv(file: Path) -> dict[str, np.ndarray]:
             "means": table[["x", "y", "heading"]].to_numpy(),
             "covariances": unique.reshape(-1, 3, 3),
             "contours": points.reshape(len(table), -1, 2),
-            "seconds": np.array(table["seconds"].sum()),
+            "seconds": table["seconds"].fillna(0.0).to_numpy(),
         }
     except (KeyError, ValueError) as fault:
         raise UserError(f"{file}: not a table of a track: {str(fault)[:200]!r}") from None

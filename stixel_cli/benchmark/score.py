@@ -11,7 +11,7 @@ import numpy as np
 from stixel_cli.benchmark.data import Data, SequenceData, sha256, sha256_of
 from stixel_cli.benchmark.packs import read_pack
 from stixel_cli.benchmark.run import OWN_START_SCANS
-from stixel_cli.benchmark.sequences import fresh_set
+from stixel_cli.benchmark.sequences import fresh_set, named
 from stixel_cli.errors import UserError
 from stixel_cli.evaluation.evaluate import evaluate
 from stixel_cli.evaluation.upper_bounds import find_upper_bounds
@@ -42,7 +42,9 @@ def scored_pack(file: Path, data: Data, tier: str, drawn_by: str = "") -> dict[s
 
     `drawn_by` is the SHA-256 of the pack that drew the seeds of `data`: then the row is `fresh`.
     """
-    if drawn_by and {one.name for one in fresh_set(drawn_by)} != {*data.names}:
+    sensors = {named(name).sensor for name in data.names}
+    drawn = {one.name for one in fresh_set(drawn_by) if one.sensor in sensors}
+    if drawn_by and drawn != {*data.names}:
         raise UserError(f"{data.folder}: its seeds are not those that this pack draws")
     manifest, tracks = read_pack(file, data)
     first = OWN_START_SCANS if manifest["tracker"]["start"] == "own" else 0
@@ -89,10 +91,13 @@ def sequence_scores(
 ) -> dict[str, Any]:
     """The scores of a track by name; scans before `first` do not count.
 
-    A missing scan counts as a contour of no extent at the last pose: its IoU is 0.
+    A missing or late scan counts as a contour of no extent at the last pose: its IoU is 0.
     """
     k = np.arange(len(given.scans))
-    scored = replace(given.truth, scored=k >= first)
+    late = late_scans(arrays["seconds"], given.truth.times)
+    arrays = {**arrays, "means": np.where(late[:, None], np.nan, arrays["means"])}
+    counted = True if given.truth.scored is None else given.truth.scored
+    scored = replace(given.truth, scored=(k >= first) & counted)
     # A contour whose points are at its centre has no directions.
     with np.errstate(invalid="ignore"):
         metrics = evaluate(_track(arrays, given.scans), scored, given.scans).metrics
@@ -102,9 +107,22 @@ def sequence_scores(
     low, high = 0.5 * np.array(chi_square_bounds(2))
     found[CONSISTENT] = int(low <= (metrics["nees_position_mean"] or np.inf) <= high)
     found[MISSING] = int(np.isnan(arrays["means"][first:, 0]).sum())
-    found[TIME] = 1e3 * float(arrays["seconds"]) / len(k)
+    found[TIME] = 1e3 * float(arrays["seconds"].sum()) / len(k)
     # Six digits: rows of one pack are equal on all machines.
     return {name: None if v is None else float(f"{v:.6g}") for name, v in found.items()}
+
+
+def late_scans(seconds: np.ndarray, times: np.ndarray) -> np.ndarray:
+    """Whether the estimate of each scan, (K,), comes after the next scan, at `times` (K,) s.
+
+    `seconds` are those of each scan (K,), or of all together (): then each takes as long.
+    """
+    taken = np.broadcast_to(seconds if seconds.ndim else seconds / len(times), times.shape)
+    late, finished = np.zeros(len(times), bool), -np.inf
+    for k, due in enumerate([*times[1:], 2.0 * times[-1] - times[-2]]):
+        finished = max(finished, times[k]) + taken[k]
+        late[k] = finished > due
+    return late
 
 
 def _track(arrays: Mapping[str, np.ndarray], scans: Scans) -> Track:

@@ -10,8 +10,9 @@ from typing import Any
 from stixel_cli.config.compose import Composer
 from stixel_cli.config.folders import shipped_folder
 from stixel_cli.config.texts import override_text
-from stixel_cli.errors import UserError
+from stixel_cli.errors import MissingData, UserError
 from stixel_cli.files import read_json, read_yaml
+from stixel_cli.studies.data import data_folder
 from stixel_cli.sweeps.runs import PlannedRun, compose_runs
 
 FROZEN = "frozen"
@@ -42,7 +43,24 @@ class Sequence:
         own = {k: v[self.road_user] if isinstance(v, dict) else v for k, v in case.items()}
         settings = {"road_user": self.road_user, "seed": self.seed}
         settings |= {"road_user.shape_seed": self.seed, **definitions()["sensors"][self.sensor]}
-        return [override_text(key, value) for key, value in (settings | own).items()]
+        given = {key: v for key, v in (settings | own).items() if v is not None}
+        return [override_text(key, self._filled(value)) for key, value in given.items()]
+
+    def _filled(self, value: Any) -> Any:
+        """A text of the definitions with its places filled in; * is the seed's place in it."""
+        if not isinstance(value, str) or "{" not in value:
+            return value
+        if value == "{seed}":
+            return self.seed
+        data = data_folder("the user's recordings") if "{data}" in value else ""
+        text = value.format(bench=bench_folder(), data=data, **vars(self))
+        before, star, after = text.partition("*")
+        if not star:
+            return text
+        found = sorted(Path(before).parent.glob(f"{Path(before).name}*{after}"))
+        if len(found) <= self.seed:
+            raise MissingData(f"{self.name}: {text}: has {len(found)} files")
+        return str(found[self.seed])
 
 
 def bench_folder() -> Path:
@@ -64,21 +82,23 @@ def published() -> dict[str, str]:
 
 def sequences(part: str, seeds: Iterable[int] = ()) -> list[Sequence]:
     """The sequences of a part; with `seeds`, these of all its sensors and cases."""
-    content, seeds = definitions()["parts"][part], list(seeds)
+    if part not in (parts := definitions()["parts"]):
+        raise UserError(f"{part[:80]!r}: is not a part: must be one of {', '.join(parts)}")
+    content, seeds = parts[part], list(seeds)
     return [
         Sequence(part, sensor, road_user, case, seed)
-        for road_user in definitions()["road_users"]
+        for road_user in content.get("road_users", definitions()["road_users"])
         for case in content["cases"]
         for sensor, own in content["seeds"].items()
-        for seed in seeds or own
+        for seed in seeds or (own[road_user] if isinstance(own, dict) else own)
     ]
 
 
 def whole_set(mini: bool = False) -> list[Sequence]:
-    """Version 1.0: all parts; or the mini set, the part of it to develop on."""
+    """Version 1.0: its parts; or the mini set, the part of it to develop on."""
     if mini:
         return sequences(FROZEN, definitions()["mini_seeds"])
-    return [one for part in definitions()["parts"] for one in sequences(part)]
+    return [one for part in definitions()["whole"] for one in sequences(part)]
 
 
 def fresh_set(pack: str) -> list[Sequence]:

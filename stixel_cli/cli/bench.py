@@ -8,7 +8,7 @@ import typer
 from stixel_cli.cli.errors import tell
 from stixel_cli.cli.options import Workers
 from stixel_cli.cli.terminal import say
-from stixel_cli.errors import counted
+from stixel_cli.errors import UserError, counted
 
 app = typer.Typer(rich_markup_mode=None, no_args_is_help=False)
 
@@ -27,7 +27,9 @@ def bench() -> None:
 def render(
     folder: Folder = FOLDER,
     mini: Annotated[bool, typer.Option("--mini", help="Seeds 0 and 1 only.")] = False,
+    part: Annotated[str, typer.Option(help="Another part, such as guest_demo.")] = "",
     fresh: Pack = None,
+    sensor: Annotated[str, typer.Option(help="Only its sequences.")] = "",
     only: Annotated[list[str] | None, typer.Option(help="A sequence, of any seed.")] = None,
     workers: Workers = None,
 ) -> int:
@@ -38,7 +40,12 @@ def render(
     chosen = [sequences.named(name) for name in dict.fromkeys(only or ())]
     if fresh is not None:
         chosen = sequences.fresh_set(data.sha256_of(fresh))
+    if part:
+        chosen = sequences.sequences(part)
     chosen = chosen or sequences.whole_set(mini)
+    chosen = [one for one in chosen if sensor in ("", one.sensor)]
+    if not chosen:
+        raise UserError(f"--sensor: {sensor[:80]!r}: must be a sensor of these sequences")
     write(chosen, folder, workers, tell)
     say(f"{folder}: {counted(len(chosen), 'sequence')}", data.Data(folder).id)
     return 0

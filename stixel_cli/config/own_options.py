@@ -145,6 +145,8 @@ def find_folders(resolved: Mapping[str, Any], working_directory: str) -> list[st
 def _folder_of(key: str, module: str, places: Sequence[str]) -> str | None:
     """The folder of a module; None if a distribution provides it."""
     top = module.partition(".")[0]
+    if top == __name__.partition(".")[0]:
+        return None  # Of this program, also in its own checkout.
     local = next((place for place in places if _exists(place, top)), None)
     # Not as `find_spec`, which may answer with a module of the same name that is imported.
     spec = PathFinder.find_spec(top, [p for p in sys.path if p not in places])

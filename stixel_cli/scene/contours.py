@@ -49,8 +49,12 @@ def outline(triangles: np.ndarray) -> np.ndarray:
 @lru_cache(maxsize=64)
 def _united(flat: bytes, grid: float | None = None) -> shapely.Geometry:
     """The union of triangles (T, 3, 2) m, given as bytes: it takes tenths of a second."""
-    triangles = np.frombuffer(flat).reshape(-1, 3, 2)
-    return shapely.union_all(shapely.polygons(triangles), grid_size=grid)
+    triangles = shapely.polygons(np.frombuffer(flat).reshape(-1, 3, 2))
+    try:
+        return shapely.union_all(triangles, grid_size=grid)
+    except shapely.GEOSException:
+        # Of a few shapes the exact union fails: corners next to an edge.
+        return shapely.union_all(triangles, grid_size=GRID)
 
 
 def polygon_of(shape: shapely.Geometry) -> np.ndarray:

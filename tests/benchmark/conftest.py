@@ -8,6 +8,7 @@ from stixel_cli.cli.app import main
 
 DEFINITIONS = {
     "version": "1.0",
+    "whole": ["frozen", "hard"],
     "road_users": ["car", "cyclist"],
     "sensors": {"fabricated": {"measurement": "fabricated", "path.duration": 1.2}},
     "mini_seeds": [0, 1],

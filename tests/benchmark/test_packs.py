@@ -11,7 +11,7 @@ from stixel_cli.benchmark.data import Data, npz
 from stixel_cli.benchmark.packs import COVARIANCE, Manifest
 from stixel_cli.benchmark.page import fresh_gaps
 from stixel_cli.benchmark.run import no_track
-from stixel_cli.benchmark.score import read_rows, sequence_scores, true_box
+from stixel_cli.benchmark.score import late_scans, read_rows, sequence_scores, true_box
 from stixel_cli.benchmark.sequences import named, planned
 from stixel_cli.cli.app import main
 from stixel_cli.errors import UserError
@@ -94,6 +94,12 @@ def test_golden_scores_of_the_true_box_moved_along_the_heading(rendered):
     fewer = sequence_scores(missing, given)
     assert fewer["missing_scans"] == 1
     assert fewer["iou_box_mean"] == pytest.approx(scores["iou_box_mean"] * 11 / 12, abs=1e-5)
+    # So has one whose estimate comes after the next scan; the one after it is in time again.
+    seconds = np.where(np.arange(12) == 3, 0.15, 0.01)
+    assert late_scans(seconds, truth.times).nonzero()[0].tolist() == [3]
+    late = sequence_scores({**moved, "seconds": seconds}, given)
+    assert late == fewer | {"ms_per_scan": late["ms_per_scan"]}
+    assert late_scans(np.array(1.3), truth.times).all()
     nothing = sequence_scores(no_track(12), given)
     assert nothing["iou_mean"] < 1e-9 and nothing["track_lost"] == 1
 

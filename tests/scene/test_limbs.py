@@ -25,9 +25,12 @@ def scenario_of(kind, path="approach", **changes):
 
 
 @pytest.mark.parametrize("kind", WALKERS)
-@pytest.mark.parametrize("shape_seed", [None, 1000])
+@pytest.mark.parametrize("shape_seed", [None, 1000, 8600102])
 def test_outline_of_each_pose_is_that_of_its_mesh(kind, shape_seed):
-    """`outline` projects all triangles of one mesh; both simplify by 1 mm."""
+    """`outline` projects all triangles of one mesh; both simplify by 1 mm.
+
+    Of the last shape, the exact union of a pedestrian's triangles fails.
+    """
     road_user = replace(scene_presets.road_user(kind), shape_seed=shape_seed)
     contours, meshes = road_user_contours(road_user), road_user_meshes(road_user)
     assert len(contours) == len(meshes) == LIMB_POSES
