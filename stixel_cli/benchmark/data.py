@@ -45,7 +45,6 @@ class SequenceData:
         contours = truth.contours_target
         sensors = in_frames(scans.sensor_poses_world[:, None, :2], truth.target_poses_world)[:, 0]
         seen = seen_points(even_points(contours), contours, truth.limb_poses, sensors)
-        counted = {} if truth.scored is None else {"scored": truth.scored}
         return {
             "scans.npz": npz(
                 times=_rounded(scans.times),
@@ -64,7 +63,7 @@ class SequenceData:
                 limb_poses=truth.limb_poses.astype(np.int32),
                 box=np.round(truth.box_target, DECIMALS),
                 seen=np.packbits(seen, axis=1),
-                **counted,
+                **({} if truth.scored is None else {"scored": truth.scored}),
             ),
         }
 

@@ -8,17 +8,14 @@ from stixel_cli.measurements.scans import Scans
 from stixel_cli.randomness import generator
 from stixel_cli.scene.scenario import Scenario
 
-SAMPLES = 720
-"""Points on the outline of which those of a scan are drawn."""
-
 
 def demo_scans(scenario: Scenario, seed: int, count: int, std: float, whole: bool) -> Scans:
-    """Scans of `count` points each, drawn from the outline, or only from the side that is seen.
+    """Scans of `count` of 720 points of the outline each, or only of the side that is seen.
 
     The error of a point is `std` m along each axis.
     """
     outlines, truth = scenario.contours_target, scenario.target_poses_world
-    points = even_points(outlines, SAMPLES)
+    points = even_points(outlines, 720)
     sensors = in_frames(scenario.ego_poses_world[:, None, :2], truth)[:, 0]
     seen = whole | seen_points(points, outlines, scenario.limb_poses, sensors)
     scans = []

@@ -109,14 +109,14 @@ def fresh_gaps(rows: Sequence[Mapping[str, Any]]) -> Iterator[dict[str, Cell]]:
     for row in (row for row in rows if row.get("fresh_of") in packs):
         both = score_frame([packs[row["fresh_of"]], row])
         sensors = both.loc[both["row"] == 1, "sensor"].unique()
-        both = both[(both["part"] == FROZEN) & both["sensor"].isin(sensors)]
-        both = both.groupby(["row", *SCENE])[IOU].mean()
+        same = (both["part"] == FROZEN) & both["sensor"].isin(sensors)
+        both = both[same].groupby(["row", *SCENE])[IOU].mean()
         sides = both[0], both[1]
         frozen, fresh = (float(side.mean()) for side in sides)
         parts = [(float(side.var()) / len(side), len(side) - 1) for side in sides]
         gap = frozen - fresh, *intervals.combined_interval(frozen - fresh, parts)
-        line = {"tracker": row["tracker"]["name"], "sensors": ", ".join(sensors)}
-        line |= {"frozen": frozen, "fresh": fresh}
+        line = {"tracker": row["tracker"]["name"], "frozen": frozen, "fresh": fresh}
+        line["sensors"] = ", ".join(sensors)
         yield line | ends("frozen - fresh", Statistic(*gap))
 
 
