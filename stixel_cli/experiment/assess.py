@@ -73,8 +73,7 @@ def assess(composition: Composition, progress: Progress | None = None) -> Assess
     pictures = {Path(name).stem: d for name, d in first["camera_pictures"].files.items()}
     if truth is not None:
         errors = area_errors(first["stixels"], 0, truth, configuration.rig)
-        pixel_errors = first["match"].pixels(0) - truth
-        pictures[ERROR_MAP] = error_map(image, pixel_errors, first["stixels"], errors)
+        pictures[ERROR_MAP] = error_map(image, first["stixels"], errors)
     return Assessment(dict.fromkeys(LABELS) | values, pictures, _seconds(composition))
 
 
@@ -141,7 +140,7 @@ def assess_stixels(
     truth = _truth_of(recording)
     values = _against_truth(stixels, free_space, truth, composition, alignment)
     if truth is not None:
-        pictures[ERROR_MAP] = error_map(image, None, stixels, area_errors(stixels, 0, truth, rig))
+        pictures[ERROR_MAP] = error_map(image, stixels, area_errors(stixels, 0, truth, rig))
     return Assessment(dict.fromkeys(LABELS) | values, pictures, {})
 
 

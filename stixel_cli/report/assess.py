@@ -16,7 +16,7 @@ from stixel_cli.validation.pair_errors import AreaErrors
 
 ERROR_MAP = "errors"
 PICTURES = (
-    (ERROR_MAP, "Errors of stixels (above) and, if known, of pixels (below); uncoloured: no truth"),
+    (ERROR_MAP, "Errors of stixels; outlines: no truth"),
     ("stixels", "Stixels, coloured by their depth"),
     ("height", "Free space (green), unknown (violet) and obstacles (red)"),
     ("disparity", "Disparity, coloured by the depth that it means"),
@@ -84,41 +84,32 @@ def page_html(found: Assessment, command: str) -> str:
     )
 
 
-def error_map(
-    image: np.ndarray, pixel_errors: np.ndarray | None, stixels: Stixels, errors: AreaErrors
-) -> bytes:
-    """PNG of the first frame's stixels, and of its pixels, in the colours of their errors.
+def error_map(image: np.ndarray, stixels: Stixels, errors: AreaErrors) -> bytes:
+    """PNG of the first frame's stixels in the colours of their errors.
 
     Blue is too far, red too near. Stixels without enough true disparities are outlines.
 
     Args:
         image: (H, W) or (H, W, 3) uint8, of the left camera.
-        pixel_errors: (H, W) px, of the matched disparities; NaN where unknown. None without them:
-            then the map is that of the stixels only.
         stixels, errors: the stixels, and their errors.
     """
     height, width = image.shape[:2]
-    maps = 1 if pixel_errors is None else 2
     sides = np.stack([stixels.left, stixels.right, stixels.right, stixels.left], axis=1)
     ends = np.stack([stixels.top, stixels.top, stixels.base + 1, stixels.base + 1], axis=1)
     corners = np.stack([sides, ends], axis=2)[stixels.rows(0)] - 0.5
     scale = {"cmap": "coolwarm", "norm": Normalize(-MOST_ERROR, MOST_ERROR)}
     with style.drawing():
-        size = (12.0, 12.0 * maps * height / width + 1.0)
-        figure = style.new_figure(*size, layout="constrained")
-        upper, *lower = figure.subplots(maps, squeeze=False).ravel()
-        for axes in (upper, *lower):
-            axes.imshow(image, cmap="gray", vmin=0, vmax=255)
-            axes.set_axis_off()
-        upper.add_collection(PolyCollection(corners, facecolors="none", edgecolors="#ffffff80"))
+        figure = style.new_figure(12.0, 12.0 * height / width + 1.0, layout="constrained")
+        axes = figure.subplots()
+        axes.imshow(image, cmap="gray", vmin=0, vmax=255)
+        axes.set_axis_off()
+        axes.add_collection(PolyCollection(corners, facecolors="none", edgecolors="#ffffff80"))
         known = corners[errors.stixels]
-        drawn = upper.add_collection(
+        drawn = axes.add_collection(
             PolyCollection(known, array=errors.errors, edgecolors="face", **scale)
         )
-        for axes in lower:
-            axes.imshow(pixel_errors, interpolation="nearest", **scale)
         below = {"orientation": "horizontal", "extend": "both", "aspect": 60, "fraction": 0.05}
-        figure.colorbar(drawn, ax=(upper, *lower), label="found minus true disparity (px)", **below)
+        figure.colorbar(drawn, ax=axes, label="found minus true disparity (px)", **below)
         return style.png(figure)
 
 

@@ -54,12 +54,12 @@ def test_the_error_map_colours_a_stixel_by_its_error():
     )
     errors = AreaErrors(np.array([1]), np.array([2.5]), np.zeros(1), np.array([10.0]))
     image = np.full((16, 24), 100, dtype=np.uint8)
-    png = error_map(image, np.full((16, 24), np.nan), stixels, errors)
+    png = error_map(image, stixels, errors)
     red, green, _ = np.asarray(Image.open(io.BytesIO(png)).convert("RGB"), int).reshape(-1, 3).T
     # The stixel that is 2.5 px too near is red, far beyond the end of the colour bar.
     assert np.mean((red > 150) & (green < 80)) > 0.05
     none = AreaErrors(np.zeros(0, int), *np.zeros((3, 0)))
-    png = error_map(image, np.full((16, 24), np.nan), stixels, none)
+    png = error_map(image, stixels, none)
     red, green, _ = np.asarray(Image.open(io.BytesIO(png)).convert("RGB"), int).reshape(-1, 3).T
     assert np.mean((red > 150) & (green < 80)) < 0.02
 
