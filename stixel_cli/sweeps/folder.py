@@ -109,7 +109,7 @@ class SweepFolder:
         for index, overrides in enumerate(request.runs):
             given = {split_override(text)[0] for text in overrides}
             # A run of a union of grids may lack some of the keys, but not all.
-            for axis in (axis for axis in request.axes if given.isdisjoint(axis)):
+            for axis in (axis for axis in request.axes if axis and given.isdisjoint(axis)):
                 raise UserError(f"{file}: run {index} has no value for {axis[0][:60]}, an axis")
         return request
 
