@@ -14,7 +14,7 @@ CHECK_PYTHON := @test -n "$(PYTHON)" || \
 	{ echo "make: Python 3.11 or later is needed; name it with PYTHON=…" >&2; exit 2; }
 ARGS ?=
 
-.PHONY: setup run test lint bench minimum dist clean
+.PHONY: setup run test lint bench docs minimum dist clean
 
 setup: .venv/kernels
 
@@ -54,6 +54,13 @@ lint: setup .venv/installed-for-tests
 
 bench: setup .venv/installed-for-tests
 	$(BIN)/python bench/write_page.py $(ARGS)
+
+# The site of the documentation, in build/site; a page that lacks a link or an entry is an error.
+docs: setup
+	$(INSTALL) '.[docs]'
+	$(BIN)/python -m sphinx -c docs/site -b html -q -W --keep-going -E . build/site
+	cp build/site/README.html build/site/index.html
+	@echo "open build/site/index.html in a browser"
 
 # The lowest declared version of every dependency, in a venv of its own: one fabricated and one
 # rendered run, computed anew.

@@ -12,9 +12,12 @@ REQUIREMENT = re.compile(r"(?P<name>[\w.-]+)>=(?P<lowest>[\w.]+)[^;]*(?P<marker>
 
 
 def minimum_versions(pyproject: str) -> list[str]:
-    """Lines `name==version`, with the requirement's marker, of all extras too; each name once."""
+    """Lines `name==version`, with the requirement's marker, of all extras too; each name once.
+
+    Those of the site are left out: no run imports them, and they want a newer markdown-it-py.
+    """
     project = tomllib.loads(pyproject)["project"]
-    extras = project["optional-dependencies"].values()
+    extras = [own for name, own in project["optional-dependencies"].items() if name != "docs"]
     lines = set()
     for text in sum(extras, project["dependencies"]):
         found = REQUIREMENT.fullmatch(text)
