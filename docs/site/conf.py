@@ -27,6 +27,7 @@ NAVIGATION = {
         "docs/security",
     ],
     "Results": [
+        "docs/paper",
         "docs/gallery",
         "docs/studies",
         "docs/accuracy",

@@ -23,6 +23,8 @@ TRACKER, MANIFEST = "tracker.json", "manifest.json"
 OPTIONAL = "contour_std"
 ARRAYS = ("means", "covariances", "contours", OPTIONAL, "seconds")
 MOST_CORNERS = 1000
+OWN_START_SCANS = 10
+"""With its own start, a tracker may use so many scans before the first that is scored."""
 COVARIANCE = ("var_xx", "var_xy", "var_xh", "var_yy", "var_yh", "var_hh")
 
 Text = Annotated[str, MaxLen(500)]
@@ -112,6 +114,11 @@ def read_pack(file: Path, data: Data) -> tuple[dict[str, Any], dict[str, dict[st
     for name, track in tracks.items():
         tracks[name] = checked(track, len(data.read(name).scans), Path(f"{file}: {name}"))
     return manifest, tracks
+
+
+def first_scored(manifest: Mapping[str, Any]) -> int:
+    """The first scan of each sequence that counts for the tracker of a pack."""
+    return OWN_START_SCANS if manifest["tracker"]["start"] == "own" else 0
 
 
 def checked(arrays: Mapping[str, np.ndarray], count: int, file: Path) -> dict[str, np.ndarray]:

@@ -5,7 +5,7 @@ start, so its value is their mean. Cases of classes are strata.
 """
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -120,8 +120,11 @@ def fresh_gaps(rows: Sequence[Mapping[str, Any]]) -> Iterator[dict[str, Cell]]:
         yield line | ends("frozen - fresh", Statistic(*gap))
 
 
-def bench_page(rows: Sequence[Mapping[str, Any]]) -> dict[str, str]:
-    """The content of `index.html`, and of `ID.csv` and `ID.md` for each set of sequences."""
+def bench_page(rows: Sequence[Mapping[str, Any]], played: Collection[str] = ()) -> dict[str, str]:
+    """The content of `index.html`, and of `ID.csv` and `ID.md` for each set of sequences.
+
+    `played` are the SHA-256 of the packs whose sequences have a playback page, `SEQUENCE.html`.
+    """
     rows = [row for row in rows if row["metric_version"] == score.METRIC_VERSION]
     files, sets = {}, []
     for identity in dict.fromkeys(row["benchmark"] for row in rows if row["tier"] != score.FRESH):
@@ -140,4 +143,4 @@ def bench_page(rows: Sequence[Mapping[str, Any]]) -> dict[str, str]:
     gaps = list(fresh_gaps(rows))
     gaps = table_for_page(Table.of("fresh", gaps)) if gaps else None
     page = page_template(__package__, "bench.html")
-    return files | {"index.html": page.render(sets=sets, gaps=gaps, drawn=DRAWN)}
+    return files | {"index.html": page.render(sets=sets, gaps=gaps, drawn=DRAWN, played=played)}

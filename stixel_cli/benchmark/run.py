@@ -25,8 +25,8 @@ from stixel_cli.tracking.start_scans import start_from_scans
 from stixel_cli.tracking.track import Track
 from stixel_cli.version import __version__
 
-OWN_START_SCANS, OWN_START = 10, ("start=scans", "start.duration=0.9")
-"""With its own start, a tracker may use so many scans before the first that is scored."""
+OWN_START = ("start=scans", "start.duration=0.9")
+"""The overrides of a start from the scans before the first that is scored."""
 
 
 def run(

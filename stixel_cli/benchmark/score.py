@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from stixel_cli.benchmark.data import Data, SequenceData, sha256, sha256_of
-from stixel_cli.benchmark.packs import read_pack
-from stixel_cli.benchmark.run import OWN_START_SCANS
+from stixel_cli.benchmark.packs import first_scored, read_pack
 from stixel_cli.benchmark.sequences import fresh_set, named
 from stixel_cli.errors import UserError
 from stixel_cli.evaluation.evaluate import evaluate
+from stixel_cli.evaluation.scores import Scores
 from stixel_cli.evaluation.upper_bounds import find_upper_bounds
 from stixel_cli.files import read_json, write_whole, written
 from stixel_cli.measurements.scans import Scans
@@ -47,7 +47,7 @@ def scored_pack(file: Path, data: Data, tier: str, drawn_by: str = "") -> dict[s
     if drawn_by and drawn != {*data.names}:
         raise UserError(f"{data.folder}: its seeds are not those that this pack draws")
     manifest, tracks = read_pack(file, data)
-    first = OWN_START_SCANS if manifest["tracker"]["start"] == "own" else 0
+    first = first_scored(manifest)
     scores = {name: sequence_scores(tracks[name], data.read(name), first) for name in data.names}
     for name in (name for name, one in scores.items() if one["centre_rmse_m"] < LEAST_ERROR):
         raise UserError(f"{file}: {name}: is the truth, not a track")
@@ -89,27 +89,35 @@ def true_box(truth: Scenario) -> dict[str, np.ndarray]:
 def sequence_scores(
     arrays: Mapping[str, np.ndarray], given: SequenceData, first: int = 0
 ) -> dict[str, Any]:
-    """The scores of a track by name; scans before `first` do not count.
-
-    A missing or late scan counts as a contour of no extent at the last pose: its IoU is 0.
-    """
-    k = np.arange(len(given.scans))
-    late = late_scans(arrays["seconds"], given.truth.times)
-    arrays = {**arrays, "means": np.where(late[:, None], np.nan, arrays["means"])}
-    counted = True if given.truth.scored is None else given.truth.scored
-    scored = replace(given.truth, scored=(k >= first) & counted)
-    # A contour whose points are at its centre has no directions.
-    with np.errstate(invalid="ignore"):
-        metrics = evaluate(_track(arrays, given.scans), scored, given.scans).metrics
+    """The scores of a track by name; scans before `first` do not count."""
+    track, scores, missing = scored_track(arrays, given, first)
+    metrics = scores.metrics
     found = {name: metrics[name] for name in METRICS}
     if "contour_std" not in arrays:
         found["band_coverage"] = None
     low, high = 0.5 * np.array(chi_square_bounds(2))
     found[CONSISTENT] = int(low <= (metrics["nees_position_mean"] or np.inf) <= high)
-    found[MISSING] = int(np.isnan(arrays["means"][first:, 0]).sum())
-    found[TIME] = 1e3 * float(arrays["seconds"].sum()) / len(k)
+    found[MISSING] = int(missing[first:].sum())
+    found[TIME] = 1e3 * float(arrays["seconds"].sum()) / len(track.times)
     # Six digits: rows of one pack are equal on all machines.
     return {name: None if v is None else float(f"{v:.6g}") for name, v in found.items()}
+
+
+def scored_track(
+    arrays: Mapping[str, np.ndarray], given: SequenceData, first: int = 0
+) -> tuple[Track, Scores, np.ndarray]:
+    """A track of a pack, its scores from scan `first` on, and which scans (K,) are missing.
+
+    A missing or late scan counts as a contour of no extent at the last pose: its IoU is 0.
+    """
+    late = late_scans(arrays["seconds"], given.truth.times)
+    means = np.where(late[:, None], np.nan, arrays["means"])
+    counted = True if given.truth.scored is None else given.truth.scored
+    scored = replace(given.truth, scored=(np.arange(len(given.scans)) >= first) & counted)
+    track = _track({**arrays, "means": means}, given.scans)
+    # A contour whose points are at its centre has no directions.
+    with np.errstate(invalid="ignore"):
+        return track, evaluate(track, scored, given.scans), np.isnan(means[:, 0])
 
 
 def late_scans(seconds: np.ndarray, times: np.ndarray) -> np.ndarray:
@@ -147,9 +155,10 @@ def _track(arrays: Mapping[str, np.ndarray], scans: Scans) -> Track:
     covariances = np.tile(np.eye(6), (count, 1, 1))
     covariances[:, :3, :3] = poses
     states = np.column_stack([means, np.zeros((count, 3))]), covariances
-    nothing = [np.zeros(0, np.int64)] * count
+    # Which points it used is not known, either.
+    every = [np.arange(*scans.offsets[k : k + 2]) for k in range(count)]
     return Track.of_scans(
-        scans.times, states, (contours, directions, std), nothing, np.full(count, np.nan)
+        scans.times, states, (contours, directions, std), every, np.full(count, np.nan)
     )
 
 

@@ -1,5 +1,6 @@
 """`stixel bench`: the benchmark of extended target trackers; docs/benchmark-1.0.md."""
 
+from itertools import chain
 from pathlib import Path
 from typing import Annotated
 
@@ -116,17 +117,30 @@ def score(
 
 
 @app.command()
-def page(rows: Rows = ROWS, output: Annotated[Path, typer.Option(metavar="DIR")] = SITE) -> int:
-    """Write the table of all rows, the shipped ones too, as a page, CSV and Markdown."""
+def page(
+    packs: Annotated[list[Path] | None, typer.Argument(metavar="PACK…")] = None,
+    folder: Folder = FOLDER,
+    rows: Rows = ROWS,
+    output: Annotated[Path, typer.Option(metavar="DIR")] = SITE,
+) -> int:
+    """Write the table of all rows, the shipped ones too, as a page, CSV and Markdown.
+
+    Each sequence of PACKs gets a page that plays back their tracks.
+    """
+    from stixel_cli.benchmark.data import Data, sha256_of
     from stixel_cli.benchmark.page import bench_page
+    from stixel_cli.benchmark.play import playback_pages
     from stixel_cli.benchmark.score import read_rows
     from stixel_cli.benchmark.sequences import bench_folder
     from stixel_cli.files import write_whole, written
 
     folders = dict.fromkeys([(bench_folder() / "rows").resolve(), rows.resolve()])
-    files = bench_page([row for folder in folders for row in read_rows(folder)])
+    files = bench_page(
+        [row for one in folders for row in read_rows(one)], [*map(sha256_of, packs or ())]
+    )
+    played = playback_pages(packs, Data(folder)) if packs else ()
     with written(output):
-        for name, content in files.items():
+        for name, content in chain(played, files.items()):
             write_whole(output / name, content)
     say(output / "index.html")
     return 0

@@ -63,6 +63,25 @@ def test_a_row_has_the_scores_of_stixel_run(packed):
     assert row["benchmark"] == Data(packed / "data").id and row["tier"] == "scored"
 
 
+def test_the_sequences_of_a_row_open_pages_that_play_back_its_pack(packed, refused):
+    arrays = arrays_of(packed)
+    arrays["means"][3] = np.nan
+    (packed / "gp_ekf" / f"{NAME}.npz").write_bytes(npz(**arrays))
+    assert main(["bench", "pack", "gp_ekf", "--data", "data"]) == 0
+    assert main(["bench", "score", "gp_ekf.zip", "--data", "data", "--rows", "rows"]) == 0
+    page = ["bench", "page", "gp_ekf.zip", "--data", "data", "--rows", "rows", "--output", "site"]
+    assert main(page) == 0
+    names = {f"{name}.html" for name in Data(packed / "data").names}
+    assert names < {file.name for file in (packed / "site").iterdir()}
+    index = (packed / "site" / "index.html").read_text(encoding="utf-8")
+    assert index.count(f'<a href="{NAME}.html">') == 1
+    played = (packed / "site" / f"{NAME}.html").read_text(encoding="utf-8")
+    assert "gp_ekf" in played and "NaN" not in played
+    (packed / "gp_ekf.zip").write_bytes(b"PK")
+    assert "gp_ekf.zip" in refused("page", "gp_ekf.zip", "--output", "other")
+    assert not (packed / "other").exists()
+
+
 def test_golden_scores_of_the_true_box_moved_along_the_heading(rendered):
     given = Data(rendered).read(NAME)
     truth = given.truth
