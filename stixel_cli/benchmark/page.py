@@ -74,15 +74,17 @@ def table_rows(rows: Sequence[Mapping[str, Any]], frame: pd.DataFrame) -> Iterat
                 means = own.groupby(["row", *SCENE]).mean(numeric_only=True)
                 ious = means[IOU].unstack("row")
                 ranks = _ranks(ious[[i for i in ious if kinds[i] == "ranked"]])
-                names = [i for i in ranks if rows[i]["tracker"]["name"] == REFERENCE]
+                named_so = [i for i in ranks if rows[i]["tracker"]["name"] == REFERENCE]
+                references = {rows[i]["benchmark"]: i for i in reversed(named_so)}
                 for i in sorted(ious, key=lambda i: -ious[i].mean()):
-                    about, apart = rows[i]["tracker"], ious[i] - ious[(names or [i])[0]]
+                    about, data = rows[i]["tracker"], rows[i]["benchmark"]
+                    apart = ious[i] - ious[references.get(data, (named_so or [i])[0])]
                     line = {"tracker": about["name"], "version": about["version"][:14]}
-                    line |= {"tier": rows[i]["tier"], "kind": kinds[i]}
+                    line |= {"tier": rows[i]["tier"], "kind": kinds[i], "data": data[:8]}
                     line |= {"sensor": sensor, "class": road_user, "scenes": len(ious)}
                     line |= ends(LABELS[IOU], estimate(ious[i], (0.0, 1.0)))
                     line |= ends("rank", ranks.get(i))
-                    line |= ends(f"IoU minus {REFERENCE}", estimate(apart) if names else None)
+                    line |= ends(f"IoU minus {REFERENCE}", estimate(apart) if named_so else None)
                     of_row = means.loc[i].mean()
                     for name, label in list(LABELS.items())[1:]:
                         value = of_row.get(name, np.nan)
@@ -127,9 +129,11 @@ def bench_page(rows: Sequence[Mapping[str, Any]], played: Collection[str] = ()) 
     """
     rows = [row for row in rows if row["metric_version"] == score.METRIC_VERSION]
     files, sets = {}, []
-    for identity in dict.fromkeys(row["benchmark"] for row in rows if row["tier"] != score.FRESH):
-        own = [row for row in rows if row["benchmark"] == identity]
-        listed = own
+    # Not by the id of the data: another processor renders the same sequences to other last bits.
+    ranked = [row for row in rows if row["tier"] != score.FRESH]
+    for names in dict.fromkeys(tuple(row["sequences"]) for row in ranked):
+        own = [row for row in ranked if tuple(row["sequences"]) == names]
+        listed, identity = own, own[0]["benchmark"]
         for part, frame in score_frame(own).groupby("part"):
             name = identity[:12] + f"-{part}" * (part != FROZEN)
             lines = list(table_rows(own, frame))

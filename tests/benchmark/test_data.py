@@ -56,6 +56,22 @@ def test_verify_names_a_file_that_was_changed_or_is_missing(rendered, capsys):
     assert "fabricated-car-turn-1/truth.npz: is missing" in out
 
 
+def test_verify_takes_other_scans_for_those_of_another_processor_but_no_other_truth(
+    rendered, capsys
+):
+    published = json.loads((rendered / "MANIFEST.json").read_text())
+    published["files"]["fabricated-car-turn-0/scans.npz"] = "0"
+    file = rendered.parent / "definitions" / "MANIFEST-mini.json"
+    file.write_text(json.dumps(published))
+    capsys.readouterr()
+    assert main(["bench", "verify", "--data", "data"]) == 0
+    assert "scans.npz of 1 sequence: last digits" in capsys.readouterr().err
+    published["files"]["fabricated-car-turn-0/truth.npz"] = "0"
+    file.write_text(json.dumps(published))
+    assert main(["bench", "verify", "--data", "data"]) == 1
+    assert "turn-0/truth.npz: differs from the published" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize("path", ["../../etc/passwd", "a/b", "x/scans.npz/../../y"])
 def test_a_manifest_cannot_name_other_files(rendered, path, capsys):
     manifest = rendered / "MANIFEST.json"

@@ -63,12 +63,13 @@ def test_a_row_has_the_scores_of_stixel_run(packed):
     assert row["benchmark"] == Data(packed / "data").id and row["tier"] == "scored"
 
 
-def test_the_sequences_of_a_row_open_pages_that_play_back_its_pack(packed, refused):
+def test_the_sequences_of_a_row_open_pages_that_play_back_its_pack(packed, refused, capsys):
     arrays = arrays_of(packed)
     arrays["means"][3] = np.nan
     (packed / "gp_ekf" / f"{NAME}.npz").write_bytes(npz(**arrays))
     assert main(["bench", "pack", "gp_ekf", "--data", "data"]) == 0
     assert main(["bench", "score", "gp_ekf.zip", "--data", "data", "--rows", "rows"]) == 0
+    assert "1 scan without an estimate before the next scan: IoU 0" in capsys.readouterr().err
     page = ["bench", "page", "gp_ekf.zip", "--data", "data", "--rows", "rows", "--output", "site"]
     assert main(page) == 0
     names = {f"{name}.html" for name in Data(packed / "data").names}

@@ -66,6 +66,16 @@ def test_the_page_has_a_line_for_each_sensor_and_class_and_the_gap_to_fresh_seed
     assert "frozen - fresh" in page and page.count("<details>") == 4
 
 
+def test_rows_of_another_processor_share_the_table_and_have_their_own_reference():
+    here = rows()[:2]
+    there = [one | {"benchmark": "b" * 64} for one in rows()[:2]]
+    lines = [one for one in table_rows([*here, *there], score_frame([*here, *there]))][:4]
+    assert {line["data"] for line in lines} == {"a" * 8, "b" * 8}
+    apart = {(one["tracker"], one["data"]): one["IoU minus gp_ekf"] for one in lines}
+    assert apart["gp_ekf", "a" * 8] == apart["gp_ekf", "b" * 8] == 0.0
+    assert {*bench_page([*here, *there])} == {"index.html", f"{'a' * 12}.csv", f"{'a' * 12}.md"}
+
+
 def test_bench_page_reads_the_rows_of_a_folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     write_row(rows()[0], tmp_path / "rows")
