@@ -41,7 +41,7 @@ def numbers(version):
 
 def declared():
     extras = PROJECT["optional-dependencies"]
-    named = [extra for name, extra in extras.items() if name not in ("docs", "test")]
+    named = [extra for name, extra in extras.items() if name not in ("coverage", "docs", "test")]
     optional = [text for extra in named for text in extra]
     needed = [*PROJECT["dependencies"], *optional]
     return {plain(re.match(r"[\w.-]+", text)[0]) for text in needed}
