@@ -49,6 +49,11 @@ def compose(*overrides: Overrides, last_wins: bool = False, **settings: Any) -> 
 
     Raises:
         ConfigurationError: in one line, for any fault of the overrides.
+
+    Example:
+        >>> composition = compose("rig=kitti", {"path.duration": 2}, seed=3)
+        >>> composition.configuration.rig.baseline, composition.value("path.duration")
+        (0.5327, 2)
     """
     return compose_overrides(_texts((*overrides, settings), last_wins))
 
@@ -78,6 +83,13 @@ def run(
     Raises:
         UserError: for errors that the user can correct.
         StageFailure: if a stage fails for another reason.
+
+    Example:
+        >>> result = run("measurement=fabricated", {"path.duration": 1}, tracker="point")
+        >>> result.track.means.shape, result.scans.points_world.shape[1]
+        ((10, 6), 2)
+        >>> 0.0 < result.metrics["iou_mean"] < 1.0
+        True
     """
     machine = _of_this_machine(workers, cache)
     if any(isinstance(part, Composition) for part in experiment):
@@ -128,6 +140,12 @@ def sweep(
 
     Raises:
         UserError: for errors that the user can correct, before anything is computed.
+
+    Example:
+        >>> base = {"measurement": "fabricated", "path.duration": 1}
+        >>> frame = sweep(base, tracker=("point", "box"), seed=range(2)).frame()
+        >>> frame.groupby("tracker")["iou_mean"].count().to_dict()
+        {'box': 2, 'point': 2}
     """
     from stixel_cli.sweeps.runs import sweep_design
     from stixel_cli.sweeps.whole import new_sweep
@@ -145,6 +163,14 @@ def load(folder: Path | str) -> RunResult:
     """The run in a result folder, with scenario, scans, track and scores; nothing is computed.
 
     What the folder lacks is in `results.arrays`. UserError as `stixel rerun` has it.
+
+    Example:
+        >>> from tempfile import TemporaryDirectory
+        >>> with TemporaryDirectory() as folder:
+        ...     made = run("measurement=fabricated path.duration=1".split(), results=folder)
+        ...     stored = load(made.folder)
+        >>> stored.metrics == made.metrics and stored.track.means.shape == made.track.means.shape
+        True
     """
     return with_arrays(read_stored_run(Path(folder)))
 
@@ -154,6 +180,11 @@ def plot(result: RunResult, ax: "Axes | None" = None) -> "Figure":
 
     `result.plot()` is the same. With `ax`, axes of your own, only the paths are drawn, there.
     UserError if the result has no track, because it is of a sweep.
+
+    Example:
+        >>> figure = plot(run("measurement=fabricated", {"path.duration": 1}, tracker="point"))
+        >>> len(figure.axes) > 1
+        True
     """
     from stixel_cli.pictures import style
     from stixel_cli.pictures.path_figure import path_figure

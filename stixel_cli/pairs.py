@@ -76,6 +76,15 @@ def stixels_from_disparity(
 
     Raises:
         ArgumentError: as in `stixels_from_pair`.
+
+    Example:
+        >>> rows = np.arange(200.0)[:, None] - 100.0  # px below the horizon
+        >>> road = np.where(rows > 0.0, rows * 0.5 / 1.5, 0.0) * np.ones(300)
+        >>> road[60:130, 100:140] = 10.0  # an upright face, 500 px · 0.5 m / 10 px = 25 m away
+        >>> rig = {"focal_length": 500.0, "baseline": 0.5, "camera_height": 1.5}
+        >>> table = stixels_from_disparity(road, rig).to_frame()
+        >>> round(float(table.query("100 <= left and right <= 140")["depth"].median()), 1)
+        25.0
     """
     from stixel_cli.config.real_images import real_image_parameters
     from stixel_cli.stereo.disparities import INVALID, SUBPIXELS, Disparities

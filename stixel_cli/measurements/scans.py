@@ -70,6 +70,14 @@ class Scans:
         """From `times` (K,) s, poses (K, 3), and points (n_k, 2) m and covariances (n_k, 2, 2) m².
 
         The last two are given for each scan, in order; all are in the world.
+
+        Example:
+            >>> points, covariances = np.array([[1.0, 9.0], [1.5, 9.0]]), 0.01 * np.eye(2)
+            >>> first = points, covariances[None].repeat(2, axis=0)
+            >>> empty = np.zeros((0, 2)), np.zeros((0, 2, 2))
+            >>> scans = Scans.of_each([0.0, 0.1], [[0.0, 0.0, np.pi / 2]] * 2, [first, empty])
+            >>> len(scans), scans.points_world[scans.rows(0)].shape, scans.rows(1)
+            (2, (2, 2), slice(2, 2, None))
         """
         return cls(
             times=np.array(times, dtype=np.float64),
