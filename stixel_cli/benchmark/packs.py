@@ -174,5 +174,7 @@ def read_csv(file: Path) -> dict[str, np.ndarray]:
             "contours": points.reshape(len(table), -1, 2),
             "seconds": table["seconds"].fillna(0.0).to_numpy(),
         }
-    except (KeyError, ValueError) as fault:
+    except KeyError as fault:
+        raise UserError(f"{file}: columns are missing: {str(fault)[:200]}") from None
+    except ValueError as fault:
         raise UserError(f"{file}: not a table of a track: {str(fault)[:200]!r}") from None
