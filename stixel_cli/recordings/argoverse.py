@@ -10,12 +10,18 @@ undistorted but not rectified.
 from bisect import bisect
 from pathlib import Path
 
+import numpy as np
+
 from stixel_cli.errors import UserError
+from stixel_cli.feather import read_columns
 from stixel_cli.recordings.argoverse_tables import CAMERAS, read_calibration
 from stixel_cli.recordings.assembly import assembled_recording, numbered_images
 from stixel_cli.recordings.parameters import Argoverse
 from stixel_cli.recordings.types import Recording, Tables
 
+ANNOTATIONS, CITY = "annotations.feather", "city_SE3_egovehicle.feather"
+SENSORS = "calibration/egovehicle_SE3_sensor.feather"
+TIME = "timestamp_ns"
 IMAGES = Path("sensors/cameras")
 NAMES = r"(\d{1,18})\.jpg"
 EXAMPLE = "315966070549927216.jpg"
@@ -37,10 +43,8 @@ def find_recording(source: Argoverse) -> Recording:
     root = Path(source.folder)
     folders = (root / IMAGES / name for name in CAMERAS)
     left, right = numbered_images(*folders, names=NAMES, example=EXAMPLE)
-    intrinsics, sensors = (
-        root / "calibration" / f"{name}.feather" for name in ("intrinsics", "egovehicle_SE3_sensor")
-    )
-    times, city = tuple(left), root / "city_SE3_egovehicle.feather"
+    intrinsics, sensors = root / "calibration/intrinsics.feather", root / SENSORS
+    times, city = tuple(left), root / CITY
     others = list(right)
     nearest = {k: _nearest(others, time) for k, time in enumerate(times)}
     pairs = {k: right[t] for k, t in nearest.items() if abs(t - times[k]) <= PAIRED}
@@ -51,17 +55,41 @@ def find_recording(source: Argoverse) -> Recording:
         read_calibration(intrinsics, sensors),
         (dict(enumerate(left.values())), pairs),
         poses=(city, sensors),
-        labels=(root / "annotations.feather", city, sensors, intrinsics),
+        labels=(root / ANNOTATIONS, city, sensors, intrinsics),
         tables=Tables("argoverse", times),
     )
+    check_steps(recording, source.sample_time, root, "source")
+    return recording
+
+
+def find_motion(root: Path) -> Recording:
+    """All labels of a log and the motion of its ego car, which need no images.
+
+    The frames are those of the labels. With the mounting of the cameras the camera is the rectified
+    left one, without it one at the origin of the ego car's frame.
+    """
+    annotations, sensors = root / ANNOTATIONS, root / SENSORS
+    poses = (root / CITY, *([sensors] if sensors.is_file() else []))
+    times = tuple(np.unique(read_columns(annotations, (TIME,))[TIME]).tolist())
+    return Recording(
+        layout="argoverse",
+        frames=range(len(times)),
+        tables=Tables("argoverse", times),
+        pose_files=poses,
+        label_files=(annotations, *poses),
+    )
+
+
+def check_steps(recording: Recording, sample_time: float, root: Path, group: str) -> None:
+    """Raise UserError unless successive frames of a log are `sample_time` s apart."""
+    times = recording.tables.times
     for k in recording.frames[1:]:
         step = 1e-9 * (times[k] - times[k - 1])
-        if abs(step - source.sample_time) > JITTER * source.sample_time:
+        if abs(step - sample_time) > JITTER * sample_time:
             raise UserError(
-                f"source.frames: frames {k - 1} and {k} of {root} are {step:.3f} s apart, but "
-                f"source.sample_time is {source.sample_time:g} s"
+                f"{group}.frames: frames {k - 1} and {k} of {root} are {step:.3f} s apart, but "
+                f"{group}.sample_time is {sample_time:g} s"
             )
-    return recording
 
 
 def _nearest(times: list[int], time: int) -> int:

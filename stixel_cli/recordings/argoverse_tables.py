@@ -4,6 +4,8 @@ Wilson et al. 2021, *Argoverse 2: next generation datasets for self-driving perc
 forecasting*. Frames: the city, the ego car (x ahead, y to the left, z up), a camera (x right, y
 down, z forward). Labels are at the times of the lidar, in the ego car's frame at that time, and
 images at other times: here a label moves on a straight line from one time to the next.
+
+A replayed motion (`replay`) needs no camera: it has the labels all round, at their own times.
 """
 
 from collections.abc import Iterator
@@ -23,6 +25,12 @@ CAMERAS = ("stereo_front_left", "stereo_front_right")
 
 KITTI_TYPES = {row.argoverse_category: row.kitti_types[0] for row in CLASS_ROWS.values()}
 """By category."""
+
+CYCLES = dict.fromkeys(("BICYCLE", "MOTORCYCLE"), "Cyclist")
+"""They move as a cyclist, but their boxes are without the rider: only a motion may have them."""
+
+LEVEL_CAMERA = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+"""Rotation of a camera that looks straight ahead, in the ego car's frame."""
 
 GREATEST_GAP = 250_000_000
 """Between two poses, or two labels of a track, ns: with more, there is no line between them."""
@@ -81,25 +89,35 @@ def read_calibration(intrinsics: Path, sensors: Path) -> Calibration:
     )
 
 
-def read_poses(city: Path, sensors: Path, times: tuple[int, ...]) -> np.ndarray:
+def read_poses(times: tuple[int, ...], city: Path, sensors: Path | None = None) -> np.ndarray:
     """Poses (n, 3, 4) of the rectified left camera in the city at `times`, m.
+
+    Without the cameras' mounting, `sensors`, of a camera at the origin of the ego car's frame (on
+    the road, below the middle of the rear axle) that looks straight ahead.
 
     Raises:
         UserError: if a file is not valid, or there is no pose round one of the times.
     """
     turns, places = _ego_poses(city, np.array(times, dtype=np.int64))
-    _, (place, _), aligned, _ = _mounting(sensors)
+    place, aligned = np.zeros(3), LEVEL_CAMERA
+    if sensors is not None:
+        _, (place, _), aligned, _ = _mounting(sensors)
     return np.concatenate([turns @ aligned, (turns @ place + places)[:, :, None]], axis=2)
 
 
 @remembered
 def read_labels(
-    annotations: Path, city: Path, sensors: Path, intrinsics: Path, times: tuple[int, ...]
+    times: tuple[int, ...],
+    annotations: Path,
+    city: Path,
+    sensors: Path | None = None,
+    intrinsics: Path | None = None,
 ) -> Tracks:
     """The labels of each target by its track_uuid, in the frames at `times` that show it.
 
     A label is truncated if a corner is outside of the image, and occluded if no point of the lidar
-    is inside, or a nearer label covers more than `HIDDEN` of its columns.
+    is inside, or a nearer label covers more than `HIDDEN` of its columns. Without `intrinsics` all
+    frames have it, without a box in an image, and `CYCLES` are cyclists.
 
     Raises:
         UserError: if a file is not valid.
@@ -107,25 +125,21 @@ def read_labels(
     numbers = ("timestamp_ns", "num_interior_pts", *SIZE, *TURN, *PLACE)
     table = read_columns(annotations, numbers, ("track_uuid", "category"))
     sizes = _stacked(table, SIZE)
-    if (sizes <= 0.0).any():
-        row = int(np.flatnonzero((sizes <= 0.0).any(axis=1))[0])
-        raise UserError(f"{annotations}: row {row + 1}: height, width and length must be > 0")
-    calibration = read_calibration(intrinsics, sensors)
+    calibration = None if intrinsics is None else read_calibration(intrinsics, sensors)
+    types = KITTI_TYPES if calibration else KITTI_TYPES | CYCLES
     stamps, at = np.unique(table["timestamp_ns"], return_inverse=True)
     ego_turns, ego_places = (values[at] for values in _ego_poses(city, stamps))
     turns = ego_turns @ _rotations(annotations, _stacked(table, TURN))
     places = np.einsum("nij,nj->ni", ego_turns, _stacked(table, PLACE)) + ego_places
     places -= 0.5 * sizes[:, :1] * turns[:, :, 2]
-    cameras = read_poses(city, sensors, times)
+    cameras = read_poses(times, city, sensors)
     rows, kinds = {}, {}
     for track in np.unique(table["track_uuid"]).tolist():
         of_track = np.flatnonzero(table["track_uuid"] == track)
         of_track = of_track[np.argsort(table["timestamp_ns"][of_track], kind="stable")]
         at_times = table["timestamp_ns"][of_track]
-        if (np.diff(at_times) == 0).any():
-            raise UserError(f"{annotations}: track {printable(track)} is labelled twice at a time")
         category = str(table["category"][of_track[0]])
-        kinds[track] = KITTI_TYPES.get(category, printable(category))
+        kinds[track] = types.get(category, printable(category))
         rows[track] = []
         for frame, i, share in _between(at_times, times):
             before, after = of_track[i], of_track[min(i + 1, len(of_track) - 1)]
@@ -137,7 +151,8 @@ def read_labels(
             if seen is not None:
                 box, truncated = seen
                 empty = table["num_interior_pts"][nearest] <= 0
-                flags = [float(truncated), float(empty), 0.0]
+                # KITTI's state 3: unknown.
+                flags = [float(truncated), 3.0 * empty, 0.0]
                 rows[track].append([frame, 0, *flags, *box, *sizes[nearest], *pose[0], pose[1]])
     _mark_hidden([label for labels in rows.values() for label in labels])
     return {
@@ -149,7 +164,7 @@ def _between(stamps: np.ndarray, times: tuple[int, ...]) -> Iterator[tuple[int, 
     """Frame, index i and share of the way from stamp i to i + 1, where that way is no gap.
 
     Args:
-        stamps: (n,) ns, increasing.
+        stamps: (n,) ns, not decreasing.
         times: of all frames, ns.
     """
     for frame, (i, time) in enumerate(
@@ -170,9 +185,11 @@ def _in_camera(
 
 
 def _seen(
-    place: np.ndarray, yaw: float, size: np.ndarray, calibration: Calibration
+    place: np.ndarray, yaw: float, size: np.ndarray, calibration: Calibration | None
 ) -> tuple[np.ndarray, bool] | None:
     """The box (4,) px of a label in the image, and whether it is cut; None if it is not seen."""
+    if calibration is None:
+        return np.zeros(4), False
     height, width, length = size
     along, across = rectangle(length, width).T
     x = place[0] + np.cos(yaw) * along + np.sin(yaw) * across

@@ -1,9 +1,12 @@
-"""The motion of `path=recorded`: a clip of KITTI's tracking benchmark without its images.
+"""The motion of `path=recorded`: KITTI's tracking benchmark or a log of Argoverse 2, no images.
 
-Below the folder, or below its `training/`, are `label_02/0005.txt`, `calib/0005.txt` and, beside
-those of the benchmark, `ego_poses/0005.txt`, as `kitti` describes them.
+Of KITTI, below the folder or its `training/`, are `label_02/0005.txt`, `calib/0005.txt` and, beside
+those of the benchmark, `ego_poses/0005.txt`, as `kitti` describes them. Of a log are
+`annotations.feather`, `city_SE3_egovehicle.feather` and, if the camera's place is wanted,
+`calibration/egovehicle_SE3_sensor.feather`, as `argoverse` describes them.
 """
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,10 +14,11 @@ import numpy as np
 
 from stixel_cli.errors import UserError
 from stixel_cli.geometry.pose import label_pose
+from stixel_cli.recordings import argoverse
 from stixel_cli.recordings.assembly import root_of
-from stixel_cli.recordings.kitti_tables import read_calibration, read_poses
+from stixel_cli.recordings.kitti_tables import read_calibration
 from stixel_cli.recordings.parameters import chosen_frames
-from stixel_cli.recordings.tables import labels_of
+from stixel_cli.recordings.tables import labels_of, read_poses
 from stixel_cli.recordings.types import Recording, Tables
 from stixel_cli.scene.parameters import RoadUser
 from stixel_cli.scene.path_parameters import ReplayedPath
@@ -26,7 +30,7 @@ if TYPE_CHECKING:
 LEAST_FRAMES = 5
 """Labelled frames of a track that the smoothing spline of a replayed motion needs."""
 
-LABELS = "label_02"
+LABELS, POSES = "label_02", "ego_poses"
 
 
 def find_replay(path: ReplayedPath) -> Recording:
@@ -35,26 +39,52 @@ def find_replay(path: ReplayedPath) -> Recording:
     Raises:
         UserError: if a file is missing or not valid, or the track has too few labels.
     """
-    root, name = label_root(Path(path.folder)), f"{int(path.sequence):04d}"
-    labels, poses = root / LABELS / f"{name}.txt", root / "ego_poses" / f"{name}.txt"
+    folder = Path(path.folder)
+    recording = find_motion(folder, path.sequence)
+    track = labels_of(recording.label_files, recording.tables, path.target, "path.target")
+    count = len(read_poses(recording.pose_files, recording.tables))
+    frames = _frames(path, track.frames[track.frames < count].tolist())
+    recording = replace(
+        recording,
+        frames=frames,
+        tables=replace(recording.tables, first=frames.start),
+        target=path.target,
+        label=track.kind,
+    )
+    if recording.tables.times:
+        argoverse.check_steps(recording, path.sample_time, folder, "path")
+    return recording
+
+
+def find_motion(folder: Path, sequence: str | None) -> Recording:
+    """All labels and ego poses of a log of Argoverse 2, or of the clip `sequence` of KITTI.
+
+    Its frames and its target are those of a user to choose.
+
+    Raises:
+        UserError: if a file is missing or not valid.
+    """
+    if (folder / argoverse.ANNOTATIONS).is_file():
+        if sequence is not None:
+            raise UserError(f"path.sequence: {folder} is one log of Argoverse 2: leave it out")
+        return argoverse.find_motion(folder)
+    root = label_root(folder)
+    if sequence is None:
+        raise UserError("path.sequence: is required with KITTI's labels, a number such as 0005")
+    name = f"{int(sequence):04d}"
+    labels, poses = root / LABELS / f"{name}.txt", root / POSES / f"{name}.txt"
     if not labels.is_file():
         known = ", ".join(sequences(root))
         raise UserError(f"path.sequence: {labels}: no such file; there are {known}")
     if not poses.is_file():
         raise UserError(f"path.sequence: {poses}: no such file; the ego car's motion is required")
-    track = labels_of((labels,), Tables(), path.target, "path.target")
-    known = track.frames[track.frames < len(read_poses(poses))]
-    frames = _frames(path, known.tolist())
     calibration = read_calibration(root / "calib" / f"{name}.txt", ("P2", "P3"))
     return Recording(
         layout="kitti_tracking",
-        frames=frames,
-        calibration=calibration,
-        tables=Tables(first=frames.start, left_camera=calibration.left_camera),
+        frames=range(0),
+        tables=Tables(left_camera=calibration.left_camera),
         pose_files=(poses,),
         label_files=(labels,),
-        target=path.target,
-        label=track.kind,
     )
 
 
@@ -69,12 +99,16 @@ def label_root(folder: Path) -> Path:
         return root
     if not folder.is_dir():
         raise UserError(f"path.folder: {folder}: no such folder")
-    raise UserError(f"path.folder: {folder}: has no folder {LABELS} with KITTI's labels")
+    raise UserError(
+        f"path.folder: {folder}: has neither a folder {LABELS} with KITTI's labels nor "
+        f"{argoverse.ANNOTATIONS} of Argoverse 2"
+    )
 
 
 def sequences(root: Path) -> list[str]:
-    """Names of the clips with labels below a `label_root`."""
-    return sorted(file.stem for file in (root / LABELS).glob("*.txt"))
+    """Names of the clips with labels and ego poses below a `label_root`."""
+    found = (file.stem for file in (root / LABELS).glob("*.txt"))
+    return sorted(name for name in found if (root / POSES / f"{name}.txt").is_file())
 
 
 def _frames(path: ReplayedPath, known: list[int]) -> range:
@@ -86,7 +120,7 @@ def _frames(path: ReplayedPath, known: list[int]) -> range:
     if chosen is None:
         chosen = range(known[0], known[-1] + 1) if known else range(0)
     inside = [frame for frame in known if frame in chosen]
-    track = f"track {path.target} of clip {path.sequence}"
+    track = f"track {path.target} of clip {path.sequence or Path(path.folder).name}"
     key = "target" if path.frames is None else "frames"
     if len(inside) < LEAST_FRAMES:
         raise UserError(
@@ -106,7 +140,7 @@ def replayed_scenario(
     files: tuple[Path, ...],
     road_user: RoadUser,
     tables: Tables,
-    target: int,
+    target: int | str,
     smoothing: float,
 ) -> Scenario:
     """Ground truth of `road_user` on the smoothed path of one labelled target.
@@ -120,7 +154,7 @@ def replayed_scenario(
         files: the file of the labels.
         road_user: the target in the scene, with its own size.
         tables: with the first frame, and the camera in the frame of the labels.
-        target: its track id.
+        target: its track id or track_uuid.
         smoothing: see `smoothing_spline`, s.
 
     Raises:

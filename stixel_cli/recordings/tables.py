@@ -22,12 +22,12 @@ def read_poses(files: tuple[Path, ...], tables: Tables) -> np.ndarray:
     Raises:
         UserError: if a file is missing or not valid.
     """
-    return READERS[tables.kind].read_poses(*files, *filter(None, [tables.times]))
+    return READERS[tables.kind].read_poses(*filter(None, [tables.times]), *files)
 
 
 def read_labels(files: tuple[Path, ...], tables: Tables) -> Tracks:
     """The labels of each target by its track id; errors as in `read_poses`."""
-    return READERS[tables.kind].read_labels(*files, *filter(None, [tables.times]))
+    return READERS[tables.kind].read_labels(*filter(None, [tables.times]), *files)
 
 
 def labels_of(

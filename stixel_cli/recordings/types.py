@@ -94,8 +94,8 @@ class Recording:
     Attributes:
         layout: the option of the group `source`.
         frames: numbers of the frames in the files, without gaps.
-        calibration: of the rig.
         tables: how the files of the ego poses and the labels are written.
+        calibration: of the rig; None if only its motion is replayed.
         left, right: one image file per frame; () if only its motion is replayed.
         width, height: of the rectified images, px.
         pose_files: files of the ego poses; () without.
@@ -109,8 +109,8 @@ class Recording:
 
     layout: str
     frames: range
-    calibration: Calibration
     tables: Tables
+    calibration: Calibration | None = None
     left: tuple[Path, ...] = ()
     right: tuple[Path, ...] = ()
     width: int = 0

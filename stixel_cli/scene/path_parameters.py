@@ -259,15 +259,16 @@ class RecordedPath:
 
 @parameters
 class ReplayedPath:
-    """The target and the ego car move as in a clip of KITTI's tracking benchmark, without images.
+    """The target and the ego car move as in a clip of KITTI tracking or a log of Argoverse 2.
 
-    Smoothing splines over time give the target's place and heading in the world. The poses of the
-    ego car are not smoothed.
+    Images are not needed. Smoothing splines over time give the target's place and heading in the
+    world. The poses of the ego car are not smoothed.
 
     Attributes:
-        folder: with `label_02`, `ego_poses` and `calib`, or the one above its `training`.
-        sequence: number of the clip, such as 0005.
-        target: track id in the labels.
+        folder: with `label_02`, `ego_poses` and `calib`, or the one above its `training`; or the
+            log's folder, with `annotations.feather`.
+        sequence: number of KITTI's clip, such as 0005; null for a log.
+        target: track id in the labels; track_uuid of a log.
         frames: numbers of the frames, `first:stop`; null for all of the track. Frames without a
             label are interpolated.
         smoothing: changes of this period keep half of their amplitude, faster ones less, s.
@@ -278,7 +279,7 @@ class ReplayedPath:
     kind: Literal["recorded"]
     folder: str | None
     sequence: str | None
-    target: Annotated[int, Ge(0)] | None
+    target: Annotated[int, Ge(0)] | str | None
     frames: str | None
     smoothing: Annotated[float, Ge(0), Le(60)]
     duration: Duration
@@ -286,10 +287,10 @@ class ReplayedPath:
 
     def check(self) -> None:
         """Raise ValueError if a needed value is missing or not valid."""
-        for name in ("folder", "sequence", "target"):
+        for name in ("folder", "target"):
             if getattr(self, name) in (None, ""):
                 raise ValueError(f"path.{name}: is required with path={self.kind}")
-        if not re.fullmatch(r"\d{1,4}", self.sequence):
+        if self.sequence is not None and not re.fullmatch(r"\d{1,4}", self.sequence):
             raise ValueError(f"path.sequence: must be a number such as 0005, got {self.sequence!r}")
 
 

@@ -122,3 +122,38 @@ def annotations(
         sizes = {"length_m": length, "width_m": width, "height_m": height}
         rows.append({"timestamp_ns": START + k * STEP - STEP // 2} | names | sizes | label)
     return rows
+
+
+def make_motion(folder: Path, mounted: bool, category: str = "BICYCLE") -> np.ndarray:
+    """Write labels and ego poses of a log without images: the ego car turns, the target goes on.
+
+    Returns the poses (2, 12, 3) of the camera and the target at the times of the labels, in the
+    world of the first pose of the camera, which has a place in the ego car if it is `mounted`.
+    """
+    times = 1e-9 * STEP * np.arange(12)
+    headings = 1.2 + 0.4 * times
+    egos = ORIGIN[:2] + 10.0 * np.stack([np.sin(headings), -np.cos(headings)], axis=1)
+    targets = egos[0] + np.array([2.0, 9.0]) + times[:, None] * (3.0, 1.0)
+    course = np.arctan2(1.0, 3.0)
+    turns = Rotation.from_euler("z", headings[:, None]).as_matrix()
+    city, labels = [], []
+    for k, (turn, ego, target) in enumerate(zip(turns, egos, targets, strict=True)):
+        time, names = START + k * STEP, {"track_uuid": TARGET, "category": category}
+        place = turn.T @ np.array([*(target - ego), 0.8])
+        pose = pose_row(turn.T @ Rotation.from_euler("z", course).as_matrix(), place)
+        sizes = {"num_interior_pts": 9, "length_m": 1.8, "width_m": 0.6, "height_m": 1.6}
+        labels.append({"timestamp_ns": time} | names | sizes | pose)
+        city.append({"timestamp_ns": time} | pose_row(turn, (*ego, ORIGIN[2])))
+    write_table(folder / "annotations.feather", labels)
+    write_table(folder / "city_SE3_egovehicle.feather", city)
+    if mounted:
+        rows = [
+            {"sensor_name": name} | pose_row(AHEAD, LEFT_IN_EGO - [0.0, y, 0.0])
+            for name, y in (("stereo_front_left", 0.0), ("stereo_front_right", 0.5))
+        ]
+        write_table(folder / "calibration/egovehicle_SE3_sensor.feather", rows)
+    cameras = egos + (turns[:, :2, :2] @ LEFT_IN_EGO[:2] if mounted else 0.0)
+    to_world = Rotation.from_euler("z", np.pi / 2.0 - headings[0]).as_matrix()[:2, :2]
+    bearings = np.pi / 2.0 - headings[0] + np.stack([headings, np.full(12, course)])
+    places = np.stack([cameras, targets]) - cameras[0]
+    return np.concatenate([places @ to_world.T, bearings[:, :, None]], axis=2)

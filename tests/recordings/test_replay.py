@@ -142,7 +142,7 @@ def test_wrong_input_is_refused_in_one_line(override, said, motion):
 
 
 def test_a_wrong_folder_is_named(motion, tmp_path):
-    with pytest.raises(UserError, match=r"path\.folder: .*has no folder label_02"):
+    with pytest.raises(UserError, match=r"path\.folder: .*has neither a folder label_02 with"):
         compose(of(tmp_path))
     shutil.copytree(motion, tmp_path / "motion")
     (tmp_path / "motion/training/ego_poses/0003.txt").unlink()

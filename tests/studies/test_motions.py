@@ -2,6 +2,7 @@
 
 import csv
 import re
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +26,9 @@ from stixel_cli.studies.motions.report import (
     findings_forest,
 )
 
+sys.path.append(str(Path(__file__).parents[1] / "recordings"))
+from made_argoverse import TARGET, make_motion
+
 SMALL = {"rig.width": 160, "rig.height": 96, "rig.focal_length": 150.0, "stereo.disparities": 48}
 SMALL |= {"stereo.nearest": 6.0, "occupancy.nearest": 3.0, "executor": "threads"}
 
@@ -41,6 +45,8 @@ def row(*rows):
     return " ".join(repr(value) for line in rows for value in line)
 
 
+LOG = "7fab2350-7eaf"
+
 FEW = 6
 """Frames of the made tracks, in the place of 30."""
 
@@ -53,8 +59,10 @@ def few_frames(monkeypatch):
 
 @pytest.fixture(scope="module")
 def data(tmp_path_factory):
-    """Clips 0000 with cars and 0001 with a cyclist and a pedestrian, and an ego car that drives."""
+    """Clips 0000 with cars and 0001 with a cyclist and a pedestrian, and an ego car that drives;
+    beside them a log with a bicycle, which the ego car no longer sees at the end."""
     folder = tmp_path_factory.mktemp("data")
+    make_motion(folder / tracks.LOGS / LOG, mounted=True)
     root = folder / "kitti_tracking" / "training"
     few = FEW
     clips = {
@@ -95,10 +103,12 @@ def test_tracks_that_count(data, monkeypatch):
         ("0000", 8, "Car", 7),
         ("0001", 0, "Cyclist", 6),
         ("0001", 1, "Pedestrian", 6),
+        (None, TARGET, "Cyclist", 9),
     ]
     (axes,) = tracks.every_track()
-    assert axes["path.target"] == [3, 8, 0, 1] and axes["seed"] == [0, 1, 2, 3]
-    assert axes["path.frames"][1] == "0:7"
+    assert axes["path.target"] == [3, 8, 0, 1, TARGET] and axes["seed"] == [0, 1, 2, 3, 4]
+    assert axes["path.frames"][1] == "0:7" and axes["path.frames"][-1] == "0:9"
+    assert [Path(folder).name for folder in axes["path.folder"][3:]] == [tracks.CLIPS, LOG]
     monkeypatch.setattr(tracks, "MOST_SIMULATED", 1)
     (some,) = tracks.some_tracks()
     assert some["path.target"] == [3, 0, 1] and some["seed"] == [0, 2, 3]
@@ -141,14 +151,19 @@ def table(folder, name):
 
 def test_a_tiny_study_gives_a_complete_report(studies, tiny, data, monkeypatch):
     monkeypatch.setenv("STIXEL_DATA", str(data))
-    answer = studies.run(tiny, "path.target=3,0")
+    answer = studies.run(tiny, f"path.target=3,0,{TARGET}")
     folder = Path(answer["folder"])
     assert answer["complete"], answer
     runs = {name: sweep["runs"] for name, sweep in answer["sweeps"].items()}
-    assert runs == {"hand_made": 2 * 3 * 2, "real": 2 * 2 * 2, "real_simulated": 2 * 2}
+    assert runs == {"hand_made": 2 * 3 * 2, "real": 3 * 2 * 2, "real_simulated": 3 * 2}
     text = " ".join(answer["answer"])
     assert not re.search(r"\bnan\b|\binf\b", text)
-    for part in ("Of 8 differences", "(RQ2), 0 hold", "Of 6 differences", "1 car, 1 cyclist"):
+    for part in (
+        "Of 8 differences",
+        "(RQ2), 0 hold",
+        "Of 6 differences",
+        "and 1 of Argoverse 2: 1 car, 2 cyclists;",
+    ):
         assert part in text
     rows = table(folder, "answers")
     assert {row["question"] for row in rows} == {"RQ2", "RQ3"}
@@ -158,8 +173,8 @@ def test_a_tiny_study_gives_a_complete_report(studies, tiny, data, monkeypatch):
     assert (folder / "figures" / "answer_forest.svg").exists()
     assert (folder / "figures" / "scenes.svg").exists()
     cyclists = table(folder, "cyclists")
-    assert {row["clip/track"] for row in cyclists} == {"0001/0"}
-    assert len(cyclists) == 6 and {row["scans"] for row in cyclists} == {"6"}
+    scans = {row["clip/track"]: row["scans"] for row in cyclists}
+    assert scans == {"0001/0": "6", "7fab2350/022c398c": "9"} and len(cyclists) == 12
 
 
 VERDICTS = {

@@ -6,6 +6,7 @@ The unit is a motion: a hand-made path (mean over its seeds) or a real track.
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -43,6 +44,10 @@ POINTS = {
     "missed": "share of the target's columns without a point",
 }
 """Measures of a run's points by their column, with their labels."""
+
+SPEED = "mean speed (m/s)"
+STANDING = 0.3
+"""A slower track stands, m/s."""
 
 FABRICATED = "fabricated"
 HAND, REAL = "hand-made", "real"
@@ -107,8 +112,11 @@ def report(data: StudyData) -> Material:
     hand = sweeps["hand_made"].assign(motion=sweeps["hand_made"]["path"])
     real = pd.concat([sweeps["real"], sweeps["real_simulated"]])
     paths = [run.configuration.path for run in real["run"]]
-    real = real.assign(motion=[f"{path.sequence}/{path.target}" for path in paths])
+    clips = [path.sequence or Path(path.folder).name[:8] for path in paths]
+    motions = [f"{clip}/{str(path.target)[:8]}" for clip, path in zip(clips, paths, strict=True)]
+    real = real.assign(motion=motions)
     tracks = real.drop_duplicates("motion")
+    standing = [_range_and_speed(run)[SPEED] < STANDING for run in tracks["run"]]
     found = findings(hand, real)
     kinds = {HAND: hand, REAL: real}
     levels = pd.concat([frame.assign(**{"motions": kind}) for kind, frame in kinds.items()])
@@ -122,6 +130,9 @@ def report(data: StudyData) -> Material:
             "forest": findings_forest(found),
             "scenes": scenes(first_runs(hand)),
             "counts": tracks["road_user"].value_counts(sort=False).to_dict(),
+            "standing": tracks.loc[standing, "road_user"].value_counts(sort=False).to_dict(),
+            "still": STANDING,
+            "logs": sum(run.configuration.path.sequence is None for run in tracks["run"]),
             "simulated": chosen(real, measurement_kind=STIXELS)["motion"].nunique(),
             "paths": names(hand, "motion"),
             "seeds": sorted(names(hand, "seed")),
@@ -197,7 +208,7 @@ def _range_and_speed(run: RunResult) -> dict[str, Cell]:
         "scans": len(ranges),
         "range from (m)": float(ranges.min()),
         "range to (m)": float(ranges.max()),
-        "mean speed (m/s)": float(speeds.mean()),
+        SPEED: float(speeds.mean()),
     }
 
 

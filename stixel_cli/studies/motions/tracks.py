@@ -1,4 +1,4 @@
-"""The real tracks of the study: those of KITTI tracking in the folder that STIXEL_DATA names."""
+"""The real tracks of the study: of KITTI tracking and Argoverse 2, in the folder of STIXEL_DATA."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from stixel_cli.errors import MissingData
-from stixel_cli.recordings.kitti_tables import read_labels, read_poses
-from stixel_cli.recordings.replay import LABELS, label_root, sequences
+from stixel_cli.recordings.argoverse import ANNOTATIONS
+from stixel_cli.recordings.replay import find_motion, label_root, sequences
+from stixel_cli.recordings.tables import read_labels, read_poses
 from stixel_cli.scene.classes import CLASS_OF_KITTI_TYPE
 from stixel_cli.studies.data import DATA, data_folder
 
@@ -16,11 +17,17 @@ CLIPS = "kitti_tracking"
 NEEDED = f"{CLIPS}/training with label_02, ego_poses and calib of KITTI's tracking benchmark"
 """What the data folder of the study has."""
 
+LOGS = "argoverse2"
+"""Beside it, if the user has it: a folder of logs."""
+
 LEAST_FRAMES = 30
 """Labelled frames of a track that count, at least."""
 
 FARTHEST = 40.0
 """A frame counts if the label is within this distance of the camera on the ground, m, …"""
+
+WIDEST = 0.86
+"""… and in the image of `rig=kitti` (at most this far aside over ahead), …"""
 
 MOST_OCCLUDED = 2
 """… is not truncated, and has at most this state of occlusion (2: largely occluded)."""
@@ -31,34 +38,36 @@ MOST_SIMULATED = 10
 
 @dataclass(frozen=True)
 class RealTrack:
-    """One labelled track: clip, track id, type of its label, first to last frame that counts."""
+    """One labelled track: folder of the log or of all clips, clip (None: a log), track id, type of
+    its label, first to last frame that counts."""
 
-    sequence: str
-    target: int
+    folder: Path
+    sequence: str | None
+    target: int | str
     kind: str
     frames: range
 
 
 def real_tracks(folder: Path) -> list[RealTrack]:
-    """The tracks of all clips with ego poses that have enough frames, by clip and track id.
+    """The tracks that have enough frames, of all clips with ego poses, and of the logs beside them.
 
     Raises:
         UserError: if a file is not valid.
     """
-    root = label_root(folder)
+    clips = [(folder, sequence) for sequence in sequences(label_root(folder))]
+    logs = sorted(file.parent for file in (folder.parent / LOGS).glob(f"*/{ANNOTATIONS}"))
     found = []
-    for sequence in sequences(root):
-        poses = root / "ego_poses" / f"{sequence}.txt"
-        if not poses.is_file():
-            continue
-        count = len(read_poses(poses))
-        for target, labels in read_labels(root / LABELS / f"{sequence}.txt").items():
-            away = np.hypot(labels.places[:, 0], labels.places[:, 2])
+    for place, sequence in [*clips, *((log, None) for log in logs)]:
+        motion = find_motion(place, sequence)
+        count = len(read_poses(motion.pose_files, motion.tables))
+        for target, labels in read_labels(motion.label_files, motion.tables).items():
+            aside, _, ahead = labels.places.T
             clear = (labels.truncated == 0) & (labels.occluded <= MOST_OCCLUDED)
-            frames = labels.frames[clear & (away <= FARTHEST) & (labels.frames < count)]
+            clear &= (np.hypot(aside, ahead) <= FARTHEST) & (np.abs(aside) <= WIDEST * ahead)
+            frames = labels.frames[clear & (labels.frames < count)]
             if labels.kind in CLASS_OF_KITTI_TYPE and len(frames) >= LEAST_FRAMES:
                 span = range(int(frames[0]), int(frames[-1]) + 1)
-                found.append(RealTrack(sequence, target, labels.kind, span))
+                found.append(RealTrack(place, sequence, target, labels.kind, span))
     return found
 
 
@@ -92,7 +101,7 @@ def _axes(subset: Callable[[list[RealTrack]], list[RealTrack]]) -> list[dict[str
         )
     return [
         {
-            "path.folder": [str(folder)] * len(chosen),
+            "path.folder": [str(track.folder) for track in chosen],
             "path.sequence": [track.sequence for track in chosen],
             "path.target": [track.target for track in chosen],
             "path.frames": [f"{track.frames.start}:{track.frames.stop}" for track in chosen],

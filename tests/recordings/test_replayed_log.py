@@ -1,0 +1,113 @@
+"""`path=recorded` with a log of Argoverse 2: labels and ego poses, with or without calibration."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from made_argoverse import STEP, TARGET, make_motion
+
+from stixel_cli import compose
+from stixel_cli.cli.app import main
+from stixel_cli.errors import UserError
+from stixel_cli.experiment.stages import pipeline_stages
+from stixel_cli.recordings.motion import replayed_motion
+from stixel_cli.recordings.replay import find_motion, replayed_scenario
+from stixel_cli.recordings.tables import read_labels, read_poses
+
+pytest.importorskip("pyarrow", reason="needs pip install 'stixel[argoverse]'")
+pytestmark = pytest.mark.usefixtures("no_pictures")
+
+
+def of(folder, *more):
+    return ["path=recorded", f"path.folder={folder}", f"path.target={TARGET}", *more]
+
+
+@pytest.mark.parametrize("mounted", [True, False])
+def test_target_and_ego_car_move_as_they_did(mounted, tmp_path):
+    """The target's straight line is kept by the smoothing; the turning ego car is not smoothed."""
+    cameras, targets = make_motion(tmp_path, mounted)
+    composition = compose(of(tmp_path, "measurement=fabricated"))
+    assert composition.choices["road_user"] == composition.choices["prior"] == "cyclist"
+    assert composition.configuration.path.frames == "0:12"
+    stages = {stage.name: stage for stage in pipeline_stages(composition)}
+    ego, truth = stages["ego_motion"], stages["scenario"]
+    assert len(ego.files) == 1 + mounted
+    found = replayed_scenario(
+        replayed_motion(ego.files, **ego.settings), truth.files, **truth.settings
+    )
+    np.testing.assert_allclose(found.ego_poses_world, cameras, atol=1e-6)
+    np.testing.assert_allclose(found.target_poses_world, targets, atol=1e-6)
+    speeds = np.hypot(*found.target_rates_world[:, :2].T)
+    np.testing.assert_allclose(speeds, np.hypot(3.0, 1.0), atol=1e-5)
+
+
+def test_a_run_by_the_command_line(tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "cache"))
+    make_motion(tmp_path / "log", mounted=False, category="PEDESTRIAN")
+    words = of(tmp_path / "log", "measurement=fabricated", "pictures.frames=[]", "executor=threads")
+    words += ["path.frames=0:6", "--results", str(tmp_path), "--name", "one"]
+    assert main(["run", *words]) == 0, capsys.readouterr().err
+    assert "road_user" in (tmp_path / "one" / "config.yaml").read_text()
+    for damage, said in (
+        (lambda data: data[:200], "annotations.feather: not a valid Feather file: "),
+        (lambda data: data.replace(b"tx_m", b"tx_n"), "the column tx_m is missing"),
+    ):
+        file = tmp_path / "log/annotations.feather"
+        whole = file.read_bytes()
+        file.write_bytes(damage(whole))
+        assert main(["run", *words]) == 2
+        error = capsys.readouterr().err.strip().splitlines()[-1]
+        assert said in error and "Traceback" not in error
+        file.write_bytes(whole)
+
+
+WRONG = {
+    "path.sequence=3": "path.sequence: {} is one log of Argoverse 2: leave it out",
+    "path.target=7": "path.target: {}/annotations.feather has no track 7; it has 022c398c",
+    "path.sample_time=0.05": "frames 0 and 1 of {} are 0.100 s apart, but path.sample_",
+    "path.frames=3:20": "path.frames: track 022c398c-0000-4000-8000-000000000001 of clip log",
+}
+
+
+@pytest.mark.parametrize(("override", "said"), WRONG.items())
+def test_wrong_input_is_refused_in_one_line(override, said, tmp_path):
+    make_motion(tmp_path / "log", mounted=False)
+    words = of(tmp_path / "log")
+    if "target" in override:
+        words.pop()
+    with pytest.raises(UserError) as caught:
+        compose([*words, override])
+    assert said.format(tmp_path / "log") in str(caught.value) and "\n" not in str(caught.value)
+
+
+@pytest.fixture(scope="module")
+def logs():
+    data = Path(os.environ.get("STIXEL_DATA", Path(__file__).parents[2] / "../shared/data"))
+    found = sorted(file.parent for file in (data / "argoverse2").glob("*/annotations.feather"))
+    if not found:
+        pytest.skip(f"no real logs: STIXEL_DATA names no folder with argoverse2 ({data})")
+    return found
+
+
+def test_real_logs_have_labels_and_a_smooth_ego_motion(logs):
+    moving = 0
+    for log in logs:
+        found = find_motion(log, None)
+        steps = np.diff(found.tables.times)
+        assert np.abs(steps / STEP - 1.0).max() < 0.05
+        poses = read_poses(found.pose_files, found.tables)
+        assert len(poses) == found.count
+        velocities = np.diff(poses[:, :, 3], axis=0) * 10.0
+        assert np.linalg.norm(np.diff(velocities, axis=0) * 10.0, axis=1).max() < 10.0
+        tracks = read_labels(found.label_files, found.tables)
+        walking = [t for t, labels in tracks.items() if labels.kind == "Pedestrian"]
+        assert {"Cyclist", "Pedestrian", "Car"} <= {labels.kind for labels in tracks.values()}
+        for target in walking:
+            rows = tracks[target]
+            places = np.einsum("nij,nj->ni", poses[rows.frames, :, :3], rows.places)
+            way = np.linalg.norm(np.diff(places + poses[rows.frames, :, 3], axis=0), axis=1)
+            # At most a run, in steps of 0.1 s.
+            assert way.max(initial=0.0) < 0.8
+            moving += way.sum() > 5.0
+    assert moving > 10
