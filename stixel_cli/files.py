@@ -29,6 +29,9 @@ GREATEST_TEXT = 64 * 2**20
 GREATEST_ARRAYS = 2**30
 """Bytes of all arrays of an `.npz` file: the points of 10,000 scans take 200 MB."""
 
+LARGEST = 2**35
+"""Bytes of a file that is read in pieces, such as a recording in one file."""
+
 DEEPEST = 50
 """Levels of lists and mappings in JSON and YAML; libyaml overflows the stack at some 10,000."""
 

@@ -23,6 +23,7 @@ EXTRAS = {
     "pyarrow": "pyarrow",
     "pyrecest": "pyrecest",
     "rerun": "rerun-sdk",
+    "rosbags": "rosbags",
     "stixel": "pystixel-lib",
 }
 """What extras install: the name of the import, that of the distribution."""

@@ -219,8 +219,9 @@ def _completed(
     if "ego" not in typed:
         # One frame has no motion.
         if not recording.pose_files and recording.count > 1:
+            of_bag = " (source.odometry_topic)" if given.kind == "rosbag" else ""
             raise ConfigurationError(
-                "ego: the recording has no poses of the ego car; if it does not move, "
+                f"ego: the recording has no poses of the ego car{of_bag}; if it does not move, "
                 "choose ego=parked"
             )
         choices["ego"] = "source" if recording.pose_files else "parked"

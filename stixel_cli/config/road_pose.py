@@ -23,7 +23,8 @@ def road_pose(recording: Recording, rig: Rig) -> tuple[float, float]:
     found = []
     for k in (recording.count * np.array([1, 3, 5]) // 6).tolist():
         frame = range(k, k + 1)
-        pairs = read_pairs(recording.images, frame, recording.calibration.rectification)
+        rectification = recording.calibration.rectification
+        pairs = read_pairs(recording.images, frame, rectification, recording.messages)
         seen = seen_road(matched((pairs.left[0], pairs.right[0]), rig), rig)
         found += [] if seen is None else [seen]
     pitch, height = np.median(found, axis=0) if found else (np.nan, np.nan)

@@ -10,6 +10,8 @@ from typing import Any, Literal
 from stixel_cli.engine.code import Code, CodeIndex
 from stixel_cli.engine.source_files import content_digest
 from stixel_cli.engine.versions import python_version
+from stixel_cli.files import LARGEST
+from stixel_cli.remembered import remembered
 
 Pattern = Literal["once", "map", "fold", "pick"]
 
@@ -233,9 +235,15 @@ def stage_identity(stage: Stage, index: CodeIndex) -> Identity:
         "python": python_version(),
         "versions": code.versions,
         "seed": stage.seed,
-        "files": [content_digest(path) for path in stage.files],
+        "files": [_file_digest(path) for path in stage.files],
     }
     return Identity(code, content, digest(content))
+
+
+# Several stages read a recording, which may be one large file.
+@remembered
+def _file_digest(path: Path) -> str:
+    return content_digest(path, LARGEST)
 
 
 def node_key(

@@ -22,7 +22,7 @@ from pathlib import Path
 from stixel_cli.engine.cache_folder import inside, made_here, make_folder, read_file
 from stixel_cli.engine.errors import InvalidCode
 from stixel_cli.errors import UserError
-from stixel_cli.files import opened, write_whole
+from stixel_cli.files import GREATEST_ARRAYS, opened, write_whole
 
 SOURCES = "sources"
 """Folder in the store."""
@@ -117,9 +117,9 @@ def declared_files(path: Path, source: Source) -> Iterator[tuple[str, Path, str]
             raise InvalidCode(f"{path}: FILES: {error}") from error
 
 
-def content_digest(path: Path) -> str:
+def content_digest(path: Path, greatest: int = GREATEST_ARRAYS) -> str:
     """SHA-256, in hex, of a regular file's content; UserError for any other: it may not end."""
-    with opened(path) as file:
+    with opened(path, greatest) as file:
         return file_digest(file, "sha256").hexdigest()
 
 

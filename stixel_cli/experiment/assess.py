@@ -110,7 +110,7 @@ def assess_stixels(
     if composition is not None:
         recording = composition.recording
         rectification = recording.calibration.rectification
-        image = read_left(recording.left, 0, rectification).left[0]
+        image = read_left(recording.left, 0, rectification, recording.messages).left[0]
         sizes = file.image.shape[:2], image.shape[:2]
         if sizes[0] != sizes[1] if file.has_size else (np.subtract(*sizes) > 0).any():
             (height, width), (other_height, other_width) = sizes

@@ -10,7 +10,7 @@ import numpy as np
 from stixel_cli.errors import UserError
 from stixel_cli.files import read_bytes
 from stixel_cli.measurements.tables import read_table, refuse_rows
-from stixel_cli.recordings.image_files import GREATEST_SIDE, decoded_rgb
+from stixel_cli.recordings.image_files import GREATEST_SIDE, decoded, rgb
 from stixel_cli.stixels.types import Stixels
 
 OWN = ("left", "right", "top", "base", "disparity", "depth")
@@ -90,7 +90,7 @@ def _read_stx1(file: Path) -> StixelFile:
     names = (*FOREIGN, "width")
     values = [[getattr(one, name) for name in names] for one in world.stixel]
     columns = dict(zip(names, np.array(values, dtype=np.float64).reshape(-1, 5).T, strict=True))
-    image = decoded_rgb(file, world.image) if world.image else None
+    image = rgb(decoded(file, world.image)) if world.image else None
     return _stixel_file(file, _as_own(columns, columns["width"]), image)
 
 

@@ -46,8 +46,8 @@ def find_recording(source: Argoverse) -> Recording:
     intrinsics, sensors = root / "calibration/intrinsics.feather", root / SENSORS
     times, city = tuple(left), root / CITY
     others = list(right)
-    nearest = {k: _nearest(others, time) for k, time in enumerate(times)}
-    pairs = {k: right[t] for k, t in nearest.items() if abs(t - times[k]) <= PAIRED}
+    partners = {k: nearest(others, time) for k, time in enumerate(times)}
+    pairs = {k: right[t] for k, t in partners.items() if abs(t - times[k]) <= PAIRED}
     if not pairs:
         raise UserError(f"{root / IMAGES}: no image of {CAMERAS[1]} at a time of {CAMERAS[0]}")
     recording = assembled_recording(
@@ -92,7 +92,7 @@ def check_steps(recording: Recording, sample_time: float, root: Path, group: str
             )
 
 
-def _nearest(times: list[int], time: int) -> int:
+def nearest(times: list[int], time: int) -> int:
     """The one of the increasing `times` that is nearest to `time`."""
     i = bisect(times, time)
     return min(times[max(i - 1, 0) : i + 1], key=lambda one: abs(one - time))

@@ -129,7 +129,7 @@ def read_labels(
     types = KITTI_TYPES if calibration else KITTI_TYPES | CYCLES
     stamps, at = np.unique(table["timestamp_ns"], return_inverse=True)
     ego_turns, ego_places = (values[at] for values in _ego_poses(city, stamps))
-    turns = ego_turns @ _rotations(annotations, _stacked(table, TURN))
+    turns = ego_turns @ unit_rotations(annotations, _stacked(table, TURN))
     places = np.einsum("nij,nj->ni", ego_turns, _stacked(table, PLACE)) + ego_places
     places -= 0.5 * sizes[:, :1] * turns[:, :, 2]
     cameras = read_poses(times, city, sensors)
@@ -225,7 +225,7 @@ def _mounting(sensors: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]
     """Rotations (2, 3, 3) and places (2, 3) m of both cameras in the ego car's frame, the rotation
     (3, 3) of the rectified pair in it, and the baseline, m."""
     rows = _of_cameras(sensors, (*TURN, *PLACE))
-    turns = _rotations(sensors, rows[:, :4])
+    turns = unit_rotations(sensors, rows[:, :4])
     across = rows[1, 4:] - rows[0, 4:]
     baseline = float(np.linalg.norm(across))
     if baseline < 0.001 or across @ turns[0, :, 0] < 0.9 * baseline:
@@ -252,7 +252,15 @@ def _of_cameras(file: Path, names: tuple[str, ...]) -> np.ndarray:
 def _ego_poses(city: Path, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Rotations (n, 3, 3) and places (n, 3) m of the ego car in the city at `times` (n,) ns."""
     table = read_columns(city, ("timestamp_ns", *TURN, *PLACE))
-    stamps, rows = np.unique(table["timestamp_ns"], return_index=True)
+    turns, places = _stacked(table, TURN), _stacked(table, PLACE)
+    return poses_at(city, times, table["timestamp_ns"], turns, places)
+
+
+def poses_at(
+    city: Path | str, times: np.ndarray, stamps: np.ndarray, turns: np.ndarray, places: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """As `_ego_poses`, of quaternions (n, 4) and places at `stamps` (n,); errors name `city`."""
+    stamps, rows = np.unique(stamps, return_index=True)
     after = np.clip(np.searchsorted(stamps, times), 1, max(len(stamps) - 1, 1))
     if len(stamps) < 2:
         raise UserError(f"{city}: must have two poses or more")
@@ -261,28 +269,28 @@ def _ego_poses(city: Path, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     if far.any():
         raise UserError(f"{city}: has no pose round {int(times[far][0])} ns")
     share = ((times - stamps[after - 1]) / span)[:, None]
-    turns, places = _stacked(table, TURN)[rows], _stacked(table, PLACE)[rows]
+    turns, places = turns[rows], places[rows]
     earlier, later = turns[after - 1], turns[after]
     # q and −q are one rotation. Between poses some milliseconds apart a line is as good as an arc.
     later = np.where((earlier * later).sum(axis=1, keepdims=True) < 0.0, -later, later)
     between = (1.0 - share) * places[after - 1] + share * places[after]
     mixed = (1.0 - share) * earlier + share * later
-    _rotations(city, turns)
-    return _rotations(city, mixed / np.linalg.norm(mixed, axis=1, keepdims=True)), between
+    unit_rotations(city, turns)
+    return unit_rotations(city, mixed / np.linalg.norm(mixed, axis=1, keepdims=True)), between
 
 
 def _stacked(table: dict[str, np.ndarray], names: tuple[str, ...]) -> np.ndarray:
     return np.stack([table[name] for name in names], axis=1)
 
 
-def _rotations(file: Path, quaternions: np.ndarray) -> np.ndarray:
+def unit_rotations(file: Path | str, quaternions: np.ndarray) -> np.ndarray:
     """Rotations (n, 3, 3) of quaternions (n, 4): w, x, y, z.
 
     Raises:
         UserError: if a quaternion does not have the length 1.
     """
     lengths = np.linalg.norm(quaternions, axis=1)
-    wrong = np.flatnonzero(np.abs(lengths - 1.0) > 0.01)
+    wrong = np.flatnonzero(~(np.abs(lengths - 1.0) <= 0.01))
     if len(wrong):
         raise UserError(f"{file}: row {wrong[0] + 1}: qw, qx, qy, qz must have the length 1")
     return rotations(quaternions / lengths[:, None])

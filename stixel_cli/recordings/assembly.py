@@ -1,6 +1,7 @@
 """A recording from its files: the steps that all layouts share."""
 
 import re
+from collections.abc import Collection
 from dataclasses import replace
 from pathlib import Path
 
@@ -51,7 +52,7 @@ def assembled_recording(
     pose_files = _existing(poses)
     if pose_files:
         limits["the ego poses"] = (0, len(read_poses(pose_files, tables)))
-    frames = _common_frames(chosen_frames(source.frames), images[0], limits)
+    frames = common_frames(chosen_frames(source.frames), images[0], limits)
     of_target = {}
     if target is not None:
         if frames.start not in track.frames:
@@ -121,8 +122,8 @@ def _numbered(folder: Path, names: str, example: str) -> Images:
     return dict(sorted(images.items()))
 
 
-def _common_frames(
-    chosen: range | None, images: Images, limits: dict[str, tuple[int, int]]
+def common_frames(
+    chosen: range | None, images: Collection[int], limits: dict[str, tuple[int, int]]
 ) -> range:
     """The frames that the images and each of the `limits` have, or those `chosen` by the user.
 

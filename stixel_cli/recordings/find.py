@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from stixel_cli.errors import UserError
-from stixel_cli.recordings import argoverse, kitti, plain_folder
+from stixel_cli.recordings import argoverse, kitti, plain_folder, rosbag
 from stixel_cli.recordings.parameters import Source
 from stixel_cli.recordings.types import Recording
 
@@ -13,6 +13,7 @@ LAYOUTS = {
     "kitti_pair": (kitti.is_pair, kitti.find_pair),
     "virtual_kitti": (kitti.is_virtual, kitti.find_virtual),
     "argoverse": (argoverse.is_layout, argoverse.find_recording),
+    "rosbag": (rosbag.is_layout, rosbag.find_recording),
     "folder": (plain_folder.is_layout, plain_folder.find_recording),
     "pair": (lambda folder: False, plain_folder.find_named_pair),  # no folder has it
 }
@@ -28,7 +29,7 @@ def find_recording(source: Source) -> Recording:
     Raises:
         UserError: if a file is missing or not valid; it names the file, the row and the cause.
     """
-    if source.kind != "pair" and not Path(source.folder).is_dir():
+    if source.kind not in ("pair", "rosbag") and not Path(source.folder).is_dir():
         raise UserError(f"source.folder: {source.folder}: no such folder")
     _, find = LAYOUTS[source.kind]
     return find(source)
@@ -49,5 +50,5 @@ def guess_layout(folder: Path) -> str:
         f"source.folder: {folder}: not a known layout: image_02 (source=kitti_tracking), "
         "image_0 and calib.txt (source=kitti_odometry), image_2 and calib (source=kitti_pair), "
         "frames/rgb/Camera_0 (source=virtual_kitti), sensors/cameras/stereo_front_left "
-        "(source=argoverse) or rig.yaml (source=folder) is missing"
+        "(source=argoverse), metadata.yaml (source=rosbag) or rig.yaml (source=folder) is missing"
     )

@@ -21,7 +21,7 @@ GREATEST_SIDE = 4096
 _JPEG_FRAMES = set(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 """Kinds of segment that begin with precision, height, width and channels."""
 
-_JPEG_HEAD = 2**20
+MOST_HEAD = 2**20
 """Bytes in which the size must be: before it are thumbnails, colour profiles and the like."""
 
 _JPEG_END = b"\xff\xd9"
@@ -41,30 +41,28 @@ def image_size(file: Path, of_disparities: bool = False) -> tuple[int, int]:
     with opened(file, GREATEST_IMAGE) as stream:
         head = stream.read(33) or b""
         if head.startswith(JPEG):
-            head += stream.read(_JPEG_HEAD)
-        return _size(file, head, of_disparities)
+            head += stream.read(MOST_HEAD)
+        return size_in(file, head, of_disparities)
 
 
-def read_grey(file: Path) -> np.ndarray:
-    """The grey values (H, W) uint8 of a PNG or JPEG file; colour becomes luma (ITU-R BT.601).
+def read_image(file: Path) -> np.ndarray:
+    """The image, grey (H, W) or BGR (H, W, 3) uint8, of a PNG or JPEG file.
 
     Raises:
         UserError: if it is missing, damaged, or not an image of 8-bit grey or RGB values.
     """
+    return decoded(file, read_bytes(file, GREATEST_IMAGE))
+
+
+def grey(image: np.ndarray) -> np.ndarray:
+    """Grey values (H, W) of an image as `read_image` gives it; colour becomes luma (BT.601)."""
     import cv2
 
-    image = _decoded(file, read_bytes(file, GREATEST_IMAGE))
     return image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
 
 
-def read_rgb(file: Path) -> np.ndarray:
-    """The RGB values (H, W, 3) uint8 of a PNG or JPEG file; errors as in `read_grey`."""
-    return decoded_rgb(file, read_bytes(file, GREATEST_IMAGE))
-
-
-def decoded_rgb(file: Path, data: bytes) -> np.ndarray:
-    """As `read_rgb`, of the `data` of an image that is in a file with other content, too."""
-    image = _decoded(file, data)
+def rgb(image: np.ndarray) -> np.ndarray:
+    """RGB values (H, W, 3) of an image as `read_image` gives it."""
     return np.repeat(image[..., None], 3, axis=2) if image.ndim == 2 else image[..., ::-1].copy()
 
 
@@ -76,14 +74,18 @@ def read_disparity(file: Path) -> np.ndarray:
     Raises:
         UserError: if it is missing, damaged, or not a grey PNG of 16 bits.
     """
-    image = _decoded(file, read_bytes(file, GREATEST_IMAGE), of_disparities=True)
+    image = decoded(file, read_bytes(file, GREATEST_IMAGE), of_disparities=True)
     return np.where(image > 0, image / np.float32(256.0), np.float32(np.nan))
 
 
-def _decoded(file: Path, data: bytes, of_disparities: bool = False) -> np.ndarray:
+def decoded(file: Path | str, data: bytes, of_disparities: bool = False) -> np.ndarray:
+    """As `read_image`, of `data` that may be in a file with other content, too.
+
+    `file` names it in messages. With `of_disparities`, a grey PNG of 16 bits, (H, W) uint16.
+    """
     import cv2
 
-    width, height = _size(file, data, of_disparities)
+    width, height = size_in(file, data, of_disparities)
     # libpng and libjpeg write own lines to stderr about a damaged file, so it is checked first.
     if data.startswith(PNG):
         _check_chunks(file, data)
@@ -97,19 +99,19 @@ def _decoded(file: Path, data: bytes, of_disparities: bool = False) -> np.ndarra
     return image
 
 
-def _size(file: Path, head: bytes, of_disparities: bool) -> tuple[int, int]:
-    """Width and height in px of a checked image that begins with `head`."""
+def size_in(file: Path | str, head: bytes, of_disparities: bool = False) -> tuple[int, int]:
+    """Width and height in px of a checked image that begins with `head`; `file` as in `decoded`."""
     if head.startswith(LFS):
         raise UserError(f"{file}: a Git LFS pointer, not an image: fetch it with git lfs pull")
     if head.startswith(JPEG) and not of_disparities:
         return _jpeg_size(file, head)
     if not head.startswith(PNG) or len(head) < 33 or head[12:16] != b"IHDR":
-        is_jpeg = file.suffix.lower() in (".jpg", ".jpeg") and not head.startswith(PNG)
+        is_jpeg = str(file).lower().endswith((".jpg", ".jpeg")) and not head.startswith(PNG)
         needed = "JPEG" if is_jpeg and not of_disparities else "PNG"
         raise UserError(f"{file}: not a {needed} image")
     width, height = (int.from_bytes(head[i : i + 4], "big") for i in (16, 20))
     bits, colour = head[24], head[25]
-    _check_sides(file, width, height)
+    check_sides(file, width, height)
     if of_disparities and (bits, colour) != (16, 0):
         raise UserError(f"{file}: not a grey PNG of 16 bits: 256 per px of disparity")
     if bits != 8 and not of_disparities:
@@ -119,7 +121,7 @@ def _size(file: Path, head: bytes, of_disparities: bool) -> tuple[int, int]:
     return width, height
 
 
-def _jpeg_size(file: Path, data: bytes) -> tuple[int, int]:
+def _jpeg_size(file: Path | str, data: bytes) -> tuple[int, int]:
     """Width and height in the frame header (ITU-T T.81, B.2.2), after any other segments."""
     at = 2
     while at + 10 <= len(data) and data[at] == 0xFF:
@@ -131,19 +133,20 @@ def _jpeg_size(file: Path, data: bytes) -> tuple[int, int]:
                 raise UserError(f"{file}: {bits} bits per channel: 8 are needed")
             if channels not in (1, 3):
                 raise UserError(f"{file}: a JPEG of {channels} channels: grey or RGB is needed")
-            _check_sides(file, width, height)
+            check_sides(file, width, height)
             return width, height
         # 0xFF may be repeated before a kind.
         at += 1 if kind == 0xFF else 2 + length
     raise UserError(f"{file}: a damaged or incomplete JPEG image")
 
 
-def _check_sides(file: Path, width: int, height: int) -> None:
+def check_sides(file: Path | str, width: int, height: int) -> None:
+    """Raise UserError if an image is too large, or empty."""
     if not (0 < width <= GREATEST_SIDE and 0 < height <= GREATEST_SIDE):
         raise UserError(f"{file}: {width} × {height} px: each side must be 1 to {GREATEST_SIDE}")
 
 
-def _check_chunks(file: Path, data: bytes) -> None:
+def _check_chunks(file: Path | str, data: bytes) -> None:
     """Raise UserError unless a PNG is whole and its checksums are right."""
     at = len(PNG)
     while at + 12 <= len(data):

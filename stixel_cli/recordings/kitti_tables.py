@@ -13,6 +13,8 @@ track id is the number of the row, from 0.
 
 import math
 import re
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -86,7 +88,15 @@ def read_calibration(file: Path, *pairs: tuple[str, str]) -> Calibration:
     if left is None:
         names = ", or ".join(" and ".join(pair) for pair in pairs)
         raise UserError(f"{file}: the projections {names} are missing")
-    first, second = projections[left], projections[right]
+    pair = rectified_pair(file, (left, right), (projections[left], projections[right]))
+    return replace(pair, camera_height=CAMERA_HEIGHT)
+
+
+def rectified_pair(
+    file: Path | str, names: Sequence[str], projections: Sequence[np.ndarray]
+) -> Calibration:
+    """The calibration in the projections (3, 4) of a left and a right camera; errors as above."""
+    (left, right), (first, second) = names, projections
     for name, matrix in ((left, first), (right, second)):
         if not (matrix[0, 0] > 0 and matrix[1, 1] > 0) or abs(matrix[2, 2] - 1.0) > 1e-6:
             raise UserError(f"{file}: {name} is not a camera's projection")
@@ -102,7 +112,7 @@ def read_calibration(file: Path, *pairs: tuple[str, str]) -> Calibration:
         principal_u=float(first[0, 2]),
         principal_v=float(first[1, 2]),
         baseline=baseline,
-        camera_height=CAMERA_HEIGHT,
+        camera_height=None,
         left_camera=tuple(float(-value) for value in shifts[0]),
     )
 

@@ -118,6 +118,24 @@ class Argoverse(Recorded):
 
 
 @dataclass(frozen=True, kw_only=True)
+class Rosbag(Recorded):
+    """A bag of ROS 1 or ROS 2; `folder` may be a file, too.
+
+    Attributes:
+        target: `auto`: every moving object is tracked; null for the cluster at `start.bearing`.
+        left_topic: of rectified images, with `camera_info` beside it.
+        right_topic: of those of the other camera.
+        odometry_topic: of `nav_msgs/Odometry` of the ego car; null without its poses.
+    """
+
+    kind: Literal["rosbag"]
+    target: Literal["auto"] | None
+    left_topic: str
+    right_topic: str
+    odometry_topic: str | None
+
+
+@dataclass(frozen=True, kw_only=True)
 class KittiPair(Recorded):
     """One pair of KITTI's object, stereo 2012 or stereo 2015 benchmark.
 
@@ -161,6 +179,7 @@ Source = (
     | KittiPair
     | VirtualKitti
     | Argoverse
+    | Rosbag
     | Pair
 )
 

@@ -1,42 +1,64 @@
 """The images of a recording: from here on its stereo pairs are treated as rendered ones."""
 
+from collections.abc import Iterable
 from pathlib import Path
 
+import numpy as np
+
 from stixel_cli.images import ImageStack
-from stixel_cli.recordings.image_files import read_grey, read_rgb, rectified
-from stixel_cli.recordings.types import LeftImage, Rectification
+from stixel_cli.recordings.bag_messages import read_images
+from stixel_cli.recordings.image_files import grey, read_image, rectified, rgb
+from stixel_cli.recordings.types import LeftImage, Messages, Rectification
 from stixel_cli.rendering.frames import StereoPairs
 
 
 def read_pairs(
-    files: tuple[Path, ...], frames: range, rectification: Rectification | None = None
+    files: tuple[Path, ...],
+    frames: range,
+    rectification: Rectification | None = None,
+    messages: Messages = (),
 ) -> StereoPairs:
     """The grey images of `frames`.
 
     Args:
-        files: the left images of all frames, then the right ones.
+        files: the left images of all frames, then the right ones; or those of a bag.
         frames: indices k.
         rectification: of the images; None if the files are rectified.
+        messages: the images, if they are in a bag.
 
     Raises:
         UserError: if an image is missing or damaged.
     """
     stacks = [
         ImageStack.from_images(
-            rectified(read_grey(files[first + k]), rectification, first > 0) for k in frames
+            rectified(grey(image), rectification, right)
+            for image in _images(files, frames, right, messages)
         )
-        for first in (0, len(files) // 2)
+        for right in (False, True)
     ]
     return StereoPairs(frames.start, *stacks)
 
 
 def read_left(
-    files: tuple[Path, ...], frame: int, rectification: Rectification | None = None
+    files: tuple[Path, ...],
+    frame: int,
+    rectification: Rectification | None = None,
+    messages: Messages = (),
 ) -> LeftImage:
-    """The left image of `frame`; `files` and `rectification` as in `read_pairs`.
+    """The left image of `frame`; the others as in `read_pairs`, `files` may be the left ones alone.
 
     Raises:
         UserError: if the image is missing or damaged.
     """
-    image = rectified(read_rgb(files[frame]), rectification, False)
-    return LeftImage(frame, ImageStack.from_images([image]))
+    (image,) = _images(files, range(frame, frame + 1), False, messages)
+    return LeftImage(frame, ImageStack.from_images([rectified(rgb(image), rectification, False)]))
+
+
+def _images(
+    files: tuple[Path, ...], frames: range, right: bool, messages: Messages
+) -> Iterable[np.ndarray]:
+    if messages:
+        topic, times = messages[right]
+        return read_images(files, topic, times[frames.start : frames.stop])
+    first = len(files) // 2 if right else 0
+    return map(read_image, files[first + frames.start : first + frames.stop])

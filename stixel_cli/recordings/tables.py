@@ -5,13 +5,14 @@ from pathlib import Path
 import numpy as np
 
 from stixel_cli.errors import UserError
-from stixel_cli.recordings import argoverse_tables, kitti_tables, virtual_kitti_tables
+from stixel_cli.recordings import argoverse_tables, bag_messages, kitti_tables, virtual_kitti_tables
 from stixel_cli.recordings.types import Labels, Tables, Tracks
 
 READERS = {
     "kitti": kitti_tables,
     "virtual_kitti": virtual_kitti_tables,
     "argoverse": argoverse_tables,
+    "rosbag": bag_messages,
 }
 """The module that reads each kind of tables."""
 
@@ -22,7 +23,7 @@ def read_poses(files: tuple[Path, ...], tables: Tables) -> np.ndarray:
     Raises:
         UserError: if a file is missing or not valid.
     """
-    return READERS[tables.kind].read_poses(*filter(None, [tables.times]), *files)
+    return READERS[tables.kind].read_poses(*filter(None, [tables.times, tables.topics]), *files)
 
 
 def read_labels(files: tuple[Path, ...], tables: Tables) -> Tracks:

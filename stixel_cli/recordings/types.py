@@ -79,12 +79,18 @@ class Tables:
         first: number of the recording's first frame.
         left_camera: (x, y, z) m, the left camera's place in the frame of the labels, whose axes are
             the camera's (x right, y down, z forward).
+        topics: those of a bag that have the poses; else ().
     """
 
     kind: str = "kitti"
     times: tuple[int, ...] = ()
     first: int = 0
     left_camera: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    topics: tuple[str, ...] = ()
+
+
+Messages = tuple[tuple[str, tuple[int, ...]], ...]
+"""Images in a bag: of the left and of the right camera, topic and times of recording in ns."""
 
 
 @dataclass(frozen=True)
@@ -96,7 +102,8 @@ class Recording:
         frames: numbers of the frames in the files, without gaps.
         tables: how the files of the ego poses and the labels are written.
         calibration: of the rig; None if only its motion is replayed.
-        left, right: one image file per frame; () if only its motion is replayed.
+        left, right: one image file per frame; () if only its motion is replayed. Of a bag, `left`
+            has its files.
         width, height: of the rectified images, px.
         pose_files: files of the ego poses; () without.
         label_files: files of the labels; () without.
@@ -105,6 +112,7 @@ class Recording:
         label: type of the target's label, such as `Car`; None without target.
         first_box: left and right border, px, of the target's box in the first image, or None.
         true_disparities: one file per frame of the left images' true disparities; () without.
+        messages: the images, if they are in a bag.
     """
 
     layout: str
@@ -122,6 +130,7 @@ class Recording:
     label: str | None = None
     first_box: tuple[float, float] | None = None
     true_disparities: tuple[Path, ...] = ()
+    messages: Messages = ()
 
     @property
     def road_user(self) -> str | None:

@@ -60,6 +60,7 @@ OF_A_RECORDING = {("path", "source"), ("path", "recorded")} | {
         "kitti_pair",
         "virtual_kitti",
         "argoverse",
+        "rosbag",
         "folder",
         "pair",
     )

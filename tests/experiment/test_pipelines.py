@@ -133,6 +133,7 @@ DECLARED = {
     "stixel_cli.recordings.image_files": "recorded",
     "stixel_cli.recordings.kitti_tables": "recorded",
     "stixel_cli.feather": "recorded",
+    "stixel_cli.recordings.bag_messages": "recorded",
     # The user's scans, sensor poses and truth: likewise.
     "stixel_cli.measurements.tables": "files",
     # The class and the outline of the prior: likewise.

@@ -18,11 +18,12 @@ from stixel_cli.config.folders import use_presets
 from stixel_cli.errors import UserError
 from stixel_cli.measurements.file import read_scans
 from stixel_cli.measurements.file_truth import read_truth
-from stixel_cli.recordings.image_files import read_grey
+from stixel_cli.recordings.image_files import read_image
 from stixel_cli.scene.mesh_file import load_mesh
 
 sys.path.append(str(Path(__file__).parents[1] / "recordings"))
 from made_argoverse import make_log
+from made_bag import messages, write_bag
 from made_clip import make_clip
 
 SMALL = 12
@@ -35,11 +36,18 @@ OF_A_CLIP = (
 OF_A_LOG = (
     "run --dry-run source.folder=log source.target=auto road_user=car rig.camera_height=1.6",
 )
+BAGS = {"first.bag": "mcap", "second": "mcap", "third": "sqlite3"}
+OF_A_BAG = tuple(
+    f"run --dry-run source.folder=bags/{bag} source.odometry_topic=/odom road_user=car "
+    "start.range=[5,15] rig.camera_height=1.6"
+    for bag in BAGS
+)
 OF_PRESETS = (
     "run --dry-run --config-dir presets rig=mine",
     "run --json --dry-run --config-dir presets tracker=coarse",
     "plan --config-dir presets experiment=quick",
 )
+OF_FOLDER = {"clip": OF_A_CLIP, "log": OF_A_LOG, "bags": OF_A_BAG, "presets": OF_PRESETS}
 PRESETS = {
     "rig/mine": "defaults:\n  - default\n  - _self_\n\nwidth: 320\n",
     "tracker/coarse": "defaults:\n  - gp_ekf\n  - _self_\n\nbasis_points: 12\n",
@@ -85,6 +93,9 @@ def folders(tmp_path_factory):
     place = tmp_path_factory.mktemp("foreign")
     make_clip(place / "clip")
     make_log(place / "clip", place / "log")
+    (place / "bags").mkdir()
+    for name, plugin in BAGS.items():
+        write_bag(place / "bags" / name, messages(place / "clip", "mono8"), plugin)
     for name, text in PRESETS.items():
         (place / "presets" / name).parent.mkdir(parents=True)
         (place / "presets" / f"{name}.yaml").write_text(text)
@@ -100,7 +111,7 @@ def draw_words(rng: random.Random, place: Path, original: Path) -> list[str]:
     """A command about foreign files, or a reader and its file, with the files damaged."""
     restore(place, original)
     use_presets(None)
-    folder = rng.choice(("clip", "clip", "log", "presets", "presets", "tables", "tables", "meshes"))
+    folder = rng.choice(("clip", "log", "bags", "presets", "presets", "tables", "tables", "meshes"))
     files = sorted(one for one in (place / folder).rglob("*") if one.is_file())
     chosen = rng.choice(files)
     damage(chosen, rng)
@@ -112,7 +123,7 @@ def draw_words(rng: random.Random, place: Path, original: Path) -> list[str]:
         return ["read mesh", f"meshes/{chosen.name if chosen.suffix != '.mtl' else 'box.obj'}"]
     if chosen.suffix == ".png" and rng.random() < 0.5:
         return ["read image", str(chosen)]
-    return rng.choice({"clip": OF_A_CLIP, "log": OF_A_LOG, "presets": OF_PRESETS}[folder]).split()
+    return rng.choice(OF_FOLDER[folder]).split()
 
 
 def read_or_answer(words: list[str]) -> Answer:
@@ -125,7 +136,7 @@ def read_or_answer(words: list[str]) -> Answer:
             elif words[0] == "read mesh":
                 load_mesh(words[1], 0.5)
             elif words[0] == "read image":
-                read_grey(Path(words[1]))
+                read_image(Path(words[1]))
             else:
                 return answer(words)
     except (UserError, ValueError) as error:

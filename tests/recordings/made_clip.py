@@ -1,5 +1,7 @@
 """Small look-alikes of KITTI's tracking benchmark, written as `stixel export` writes them."""
 
+import shutil
+
 import numpy as np
 
 from stixel_cli.export.kitti_folder import write_clip
@@ -7,6 +9,7 @@ from stixel_cli.geometry.pose import ego_from_world, rectangle
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.images import ImageStack
 from stixel_cli.recordings.motion import recorded_motion
+from stixel_cli.recordings.parameters import PlainFolder
 from stixel_cli.recordings.truth import recorded_scenario
 from stixel_cli.rendering.frames import StereoPairs
 from stixel_cli.scene.ego import Turning, ego_motion
@@ -76,6 +79,18 @@ def make_clip(folder, scenario=None, rig=None, sequence="0003", label="Car"):
     pairs = [stereo_pairs(scenario, rig)]
     write_clip(folder, sequence, pairs, scenario, rig, label, HEIGHT)
     return scenario, rig
+
+
+def plain_folder(clip, folder):
+    """The clip in the plain layout."""
+    for camera, name in (("image_02", "left"), ("image_03", "right")):
+        shutil.copytree(clip / camera / "0003", folder / name)
+    for kind, name in (("label_02", "labels"), ("ego_poses", "poses")):
+        shutil.copy(clip / kind / "0003.txt", folder / f"{name}.txt")
+    (folder / "rig.yaml").write_text(
+        "focal_length: 150\nprincipal_u: 78\nprincipal_v: 40\nbaseline: 0.5\ncamera_height: 1.65\n"
+    )
+    return PlainFolder(kind="folder", folder=str(folder), target=0, frames=None, sample_time=0.1)
 
 
 def truth_of(found):

@@ -11,7 +11,7 @@ from made_clip import make_clip, truth_of
 from stixel_cli.config.compose import compose
 from stixel_cli.errors import UserError
 from stixel_cli.recordings.find import find_recording, guess_layout
-from stixel_cli.recordings.image_files import read_grey
+from stixel_cli.recordings.image_files import grey, read_image
 from stixel_cli.recordings.parameters import Argoverse, KittiTracking
 from stixel_cli.recordings.stereo_images import read_pairs
 from stixel_cli.recordings.tables import read_labels
@@ -90,7 +90,7 @@ def test_images_are_rectified_by_the_calibration(folders):
     np.testing.assert_allclose(seen[0][:, 0], expected, atol=1e-2)
     # What the texture keeps after two interpolations.
     u, v = (round(c) for c in (calibration.principal_u, calibration.principal_v))
-    whole = read_grey(there.left[0])[40 - v :, 78 - u :][: found.height, : found.width]
+    whole = grey(read_image(there.left[0]))[40 - v :, 78 - u :][: found.height, : found.width]
     assert np.corrcoef(pairs.left[0].ravel(), whole.ravel())[0, 1] > 0.7
 
 

@@ -14,7 +14,7 @@ from stixel_cli.errors import UserError
 from stixel_cli.export.kitti_folder import calibration_text
 from stixel_cli.images import encode_png
 from stixel_cli.recordings.find import find_recording, guess_layout
-from stixel_cli.recordings.image_files import read_disparity, read_grey
+from stixel_cli.recordings.image_files import grey, read_disparity, read_image
 from stixel_cli.recordings.kitti_tables import read_labels
 from stixel_cli.recordings.parameters import KittiPair
 from stixel_cli.stixels.parameters import FreeSpaceParameters, RigRoad
@@ -169,7 +169,9 @@ def test_stixels_from_a_file_have_the_scores_of_ours(pair, tmp_path, monkeypatch
         str(pair / name / "000007_10.png") for name in ("image_0", "image_1", "disp_occ")
     )
     calibration = str(pair / "calib" / "000007.txt")
-    found = stixels_from_pair(read_grey(Path(left)), read_grey(Path(right)), calibration)
+    found = stixels_from_pair(
+        grey(read_image(Path(left))), grey(read_image(Path(right))), calibration
+    )
     found.to_frame().to_csv("ours.csv", index=False)
     given = ["assess", left, right, "--calib", calibration, "--disparity", truth]
     given += ["executor=threads", "--json"]

@@ -5,17 +5,17 @@ import shutil
 
 import numpy as np
 import pytest
-from made_clip import LENGTH, WIDTH, make_clip, small_rig, small_scenario
+from made_clip import LENGTH, WIDTH, make_clip, plain_folder, small_rig, small_scenario
 
 from stixel_cli.config.compose import compose
 from stixel_cli.config.road_pose import contradiction, road_pose
 from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.images import encode_png
 from stixel_cli.recordings.find import find_recording, guess_layout
-from stixel_cli.recordings.image_files import read_grey, read_rgb
+from stixel_cli.recordings.image_files import grey, read_image, rgb
 from stixel_cli.recordings.kitti_tables import read_calibration
 from stixel_cli.recordings.motion import recorded_motion, rocking
-from stixel_cli.recordings.parameters import KittiTracking, PlainFolder
+from stixel_cli.recordings.parameters import KittiTracking
 from stixel_cli.recordings.stereo_images import read_pairs
 from stixel_cli.recordings.truth import recorded_scenario, slopes
 from stixel_cli.recordings.types import Tables
@@ -140,18 +140,18 @@ def test_colour_becomes_grey(tmp_path):
     colour[..., 0], colour[..., 2] = 200, 50
     (tmp_path / "a.png").write_bytes(encode_png(colour))
     (tmp_path / "b.png").write_bytes(encode_png(colour[..., 0]))
-    assert (read_rgb(tmp_path / "a.png") == colour).all()
-    assert np.ptp(read_grey(tmp_path / "a.png")) == 0
-    assert read_grey(tmp_path / "a.png")[0, 0] == round(0.299 * 200 + 0.114 * 50)
-    assert (read_rgb(tmp_path / "b.png") == 200).all()
+    assert (rgb(read_image(tmp_path / "a.png")) == colour).all()
+    assert np.ptp(grey(read_image(tmp_path / "a.png"))) == 0
+    assert grey(read_image(tmp_path / "a.png"))[0, 0] == round(0.299 * 200 + 0.114 * 50)
+    assert (rgb(read_image(tmp_path / "b.png")) == 200).all()
 
 
 def test_pairs_are_those_of_their_frames(clip):
     recording = find_recording(source(clip))
     pairs = read_pairs(recording.images, range(2, 4))
     assert pairs.first == 2 and len(pairs) == 2
-    assert (pairs.left[1] == read_grey(recording.left[3])).all()
-    assert (pairs.right[0] == read_grey(recording.right[2])).all()
+    assert (pairs.left[1] == grey(read_image(recording.left[3]))).all()
+    assert (pairs.right[0] == grey(read_image(recording.right[2]))).all()
 
 
 def _put(path, row, column, word):
@@ -267,18 +267,6 @@ def test_poses_in_space_give_pitch_and_height_but_a_slope_gives_none():
         atol=1e-3,
     )
     assert not rocking(poses[:8], np.eye(3))[0].any()
-
-
-def plain_folder(clip, folder):
-    """The clip in the plain layout."""
-    for camera, name in (("image_02", "left"), ("image_03", "right")):
-        shutil.copytree(clip / camera / "0003", folder / name)
-    for kind, name in (("label_02", "labels"), ("ego_poses", "poses")):
-        shutil.copy(clip / kind / "0003.txt", folder / f"{name}.txt")
-    (folder / "rig.yaml").write_text(
-        "focal_length: 150\nprincipal_u: 78\nprincipal_v: 40\nbaseline: 0.5\ncamera_height: 1.65\n"
-    )
-    return PlainFolder(kind="folder", folder=str(folder), target=0, frames=None, sample_time=0.1)
 
 
 def test_a_plain_folder_has_the_same_recording(clip, tmp_path):

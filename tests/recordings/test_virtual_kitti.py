@@ -12,7 +12,7 @@ from made_virtual_kitti import make_variation
 from stixel_cli.config.compose import compose
 from stixel_cli.errors import UserError
 from stixel_cli.recordings.find import find_recording, guess_layout
-from stixel_cli.recordings.image_files import image_size, read_grey, read_rgb
+from stixel_cli.recordings.image_files import grey, image_size, read_image, rgb
 from stixel_cli.recordings.parameters import KittiTracking, VirtualKitti
 from stixel_cli.recordings.stereo_images import read_pairs
 
@@ -63,7 +63,7 @@ def test_a_variation_has_the_recording_of_the_clip_it_was_made_from(folders):
     part = find_recording(source(variation, frames="1:3"))
     assert [file.name for file in part.right] == ["rgb_00001.jpg", "rgb_00002.jpg"]
     pairs = read_pairs(part.images, range(2))
-    assert np.mean(np.abs(pairs.left[0] - read_grey(there.left[1]).astype(float))) < 5.0
+    assert np.mean(np.abs(pairs.left[0] - grey(read_image(there.left[1])).astype(float))) < 5.0
 
 
 def test_occluded_and_truncated_frames_do_not_count(copy):
@@ -148,8 +148,8 @@ def test_cameras_without_a_baseline_are_refused(folders, tmp_path):
 
 
 def test_jpeg_images_are_read_as_png_images_are(tmp_path, capfd):
-    grey = np.repeat(np.arange(0, 240, 4, dtype=np.uint8)[None], 30, axis=0)
-    for name, image in (("grey", grey), ("rgb", np.dstack([grey, grey // 2, grey // 4]))):
+    ramp = np.repeat(np.arange(0, 240, 4, dtype=np.uint8)[None], 30, axis=0)
+    for name, image in (("grey", ramp), ("rgb", np.dstack([ramp, ramp // 2, ramp // 4]))):
         file = tmp_path / f"{name}.jpg"
         cv2.imwrite(str(file), image, [cv2.IMWRITE_JPEG_QUALITY, 100])
         assert image_size(file) == (60, 30)
@@ -157,10 +157,11 @@ def test_jpeg_images_are_read_as_png_images_are(tmp_path, capfd):
         # A segment before the frame's, longer than the head of a PNG.
         file.write_bytes(data[:2] + b"\xff\xfe\x03\x00" + bytes(0x2FE) + data[2:])
         assert image_size(file) == (60, 30)
-        assert read_rgb(file).shape == (30, 60, 3) and read_grey(file).shape == (30, 60)
+        assert rgb(read_image(file)).shape == (30, 60, 3)
+        assert grey(read_image(file)).shape == (30, 60)
         _cut(file, len(data))
         with pytest.raises(UserError, match=rf"{name}\.jpg: a damaged or incomplete JPEG image"):
-            read_grey(file)
+            read_image(file)
     assert capfd.readouterr().err == ""
 
 

@@ -3,6 +3,8 @@
 from stixel_cli.config.schema import Renderer, StereoParameters
 from stixel_cli.experiment.table.definition import FROM_LABELS, Definition, by_kind, only, same
 
+RECTIFICATION = "recording.calibration.rectification"
+
 STAGES: dict[str, Definition] = {
     "ego_motion": Definition(
         only("scene.ego:ego_motion"),
@@ -64,13 +66,13 @@ STAGES: dict[str, Definition] = {
     "read_pairs": Definition(
         only("recordings.stereo_images:read_pairs"),
         "map",
-        {"rectification": "recording.calibration.rectification"},
+        {"rectification": RECTIFICATION, "messages": "recording.messages"},
         recorded="images",
     ),
     "read_left": Definition(
         only("recordings.stereo_images:read_left"),
         "pick",
-        {"rectification": "recording.calibration.rectification"},
+        {"rectification": RECTIFICATION, "messages": "recording.messages"},
         recorded="left",
     ),
     "objects": Definition(

@@ -1,0 +1,181 @@
+"""Messages of a bag of ROS 1 or ROS 2: images, and poses of the ego car.
+
+Their types are those that rosbags knows. The definitions in a bag are not used: rosbags would make
+Python code of them. A camera's frame has x right, y down, z forward (REP 103).
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from stixel_cli.errors import UserError, printable
+from stixel_cli.recordings.argoverse_tables import poses_at, unit_rotations
+from stixel_cli.recordings.image_files import GREATEST_IMAGE, check_sides, decoded, size_in
+from stixel_cli.remembered import remembered
+
+IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
+CAMERA, ODOMETRY = ("sensor_msgs/msg/CameraInfo",), ("nav_msgs/msg/Odometry",)
+TRANSFORMS = ("tf2_msgs/msg/TFMessage",)
+
+CHANNELS = {"mono8": "y", "bgr8": "bgr", "rgb8": "rgb", "bgra8": "bgra", "rgba8": "rgba"}
+"""Of a raw image, by its encoding."""
+
+MOST_MESSAGES = 1_000_000
+
+
+def bag_of(files: Sequence[Path]) -> Path:
+    """The bag with these files: of ROS 2 it may be a folder."""
+    return files[0].parent if len(files) > 1 else files[0]
+
+
+def read_messages(
+    files: tuple[Path, ...], types: tuple[str, ...], *topics: str, span: tuple[int, ...] = ()
+) -> Iterator[tuple[str, int, Any]]:
+    """Topic, time of recording in ns, and content of messages; with `span`, of those times.
+
+    Raises:
+        UserError: if the files are not a bag or damaged, one of the `topics` is missing or of other
+            `types`, there is no message, or one is too large.
+    """
+    try:
+        from rosbags import rosbag1, rosbag2
+    except ImportError:
+        raise UserError("source=rosbag needs rosbags: pip install 'stixel[rosbag]'") from None
+    name, number, first = f"{bag_of(files)}: {', '.join(topics)}", 0, files[0].suffix == ".bag"
+    try:
+        with (rosbag1 if first else rosbag2).Reader(bag_of(files)) as opened:
+            chosen = [one for one in opened.connections if one.msgtype in types]
+            known = sorted({one.topic for one in chosen})
+            if not {*topics} <= {*known}:
+                has = ", ".join(map(printable, known[:12])) or "none"
+                raise UserError(f"{name}: no such topic of {' or '.join(types)}; it has {has}")
+            chosen = [one for one in chosen if one.topic in topics]
+            for connection, time, data in opened.messages(chosen, *span):
+                number += 1
+                if number > MOST_MESSAGES or len(data) > GREATEST_IMAGE:
+                    raise UserError(f"{name}: too many messages, or one of {len(data)} bytes")
+                yield connection.topic, int(time), _parser(first)(data, connection.msgtype)
+    except UserError:
+        raise
+    except Exception as fault:
+        # rosbags, SQLite, struct, lz4 and zstd have no common class of errors.
+        reason = printable(f"{type(fault).__name__}: {fault}", 150)
+        raise UserError(f"{name}: damaged, or not a bag of ROS: {reason}") from None
+    if not number:
+        raise UserError(f"{name}: has no message")
+
+
+@cache
+def _parser(first: bool) -> Callable[[bytes, str], Any]:
+    """The function that parses a message of ROS 1 or 2 of a type. It takes a while to make."""
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    if not first:
+        return get_typestore(Stores.ROS2_HUMBLE).deserialize_cdr
+    store = get_typestore(Stores.ROS1_NOETIC)
+    # rosbags leaves it out.
+    store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", *TRANSFORMS))
+    return store.deserialize_ros1
+
+
+def stamp(message: Any) -> int:
+    """The time in a message's header, ns."""
+    return message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec
+
+
+def read_camera(files: tuple[Path, ...], topic: str) -> dict[str, Any]:
+    """The fields of the first `CameraInfo` of a topic, by their names in ROS 2."""
+    _, _, message = next(read_messages(files, CAMERA, topic))
+    return {name.lower(): value for name, value in vars(message).items()}
+
+
+def image_size(name: str, message: Any) -> tuple[int, int]:
+    """Width and height in px of an image; UserError, with the `name`, if its head is not valid."""
+    if hasattr(message, "format"):
+        return size_in(name, message.data.tobytes())
+    check_sides(name, message.width, message.height)
+    if message.encoding not in CHANNELS:
+        known = ", ".join(CHANNELS)
+        raise UserError(f"{name}: encoding {printable(message.encoding)}: must be one of {known}")
+    least = message.width * len(CHANNELS[message.encoding])
+    if message.step < least or len(message.data) != message.step * message.height:
+        raise UserError(f"{name}: a damaged image: {len(message.data)} bytes")
+    return message.width, message.height
+
+
+def read_images(files: tuple[Path, ...], topic: str, times: tuple[int, ...]) -> list[np.ndarray]:
+    """The images, grey (H, W) or BGR (H, W, 3) uint8, that were recorded at `times`, ns.
+
+    Raises:
+        UserError: if one is damaged, or as in `read_messages`.
+    """
+    span = min(times), max(times) + 1
+    found = {time: one for _, time, one in read_messages(files, IMAGES, topic, span=span)}
+    return [_image(f"{bag_of(files)}: {topic}", found[time]) for time in times]
+
+
+def _image(name: str, message: Any) -> np.ndarray:
+    width, height = image_size(name, message)
+    if hasattr(message, "format"):
+        return decoded(name, message.data.tobytes())
+    channels = CHANNELS[message.encoding]
+    pixels = message.data.reshape(height, message.step)[:, : width * len(channels)]
+    order = 0 if channels == "y" else [channels.index(one) for one in "bgr"]
+    return np.ascontiguousarray(pixels.reshape(height, width, -1)[..., order])
+
+
+@remembered
+def read_poses(times: tuple[int, ...], topics: tuple[str, str], *files: Path) -> np.ndarray:
+    """Poses (n, 3, 4) of the rectified left camera in the frame of the odometry, m.
+
+    They are at the `times` (n,) of the left images, ns; the `topics` are those of the odometry and
+    of the left camera's `CameraInfo`.
+
+    Raises:
+        UserError: if there is no pose round one of the times, or /tf_static does not say where the
+            camera is on the car.
+    """
+    odometry, camera = topics
+    found = [message for *_, message in read_messages(files, ODOMETRY, odometry)]
+    poses = np.array([_numbers(one.pose.pose.orientation, one.pose.pose.position) for one in found])
+    stamps = np.array([stamp(one) for one in found])
+    name = f"{bag_of(files)}: {odometry}"
+    turns, places = poses_at(name, np.array(times), stamps, poses[:, :4], poses[:, 4:])
+    info = read_camera(files, camera)
+    mounting = _mounting(files, found[0].child_frame_id, info["header"].frame_id)
+    # R turns from the camera to the rectified camera.
+    aligned = turns @ mounting[:3, :3] @ np.reshape(info["r"], (3, 3)).T
+    poses = np.concatenate([aligned, (turns @ mounting[:3, 3] + places)[:, :, None]], axis=2)
+    if not (np.abs(poses) < 1e9).all():
+        raise UserError(f"{name}, {camera} or /tf_static: a number is not below 1e9")
+    return poses
+
+
+def _numbers(quaternion: Any, place: Any) -> list[float]:
+    turn = [quaternion.w, quaternion.x, quaternion.y, quaternion.z]
+    return [*turn, place.x, place.y, place.z]
+
+
+def _mounting(files: tuple[Path, ...], base: str, camera: str) -> np.ndarray:
+    """The pose (4, 4) of the frame `camera` in the frame `base`."""
+    # ROS 1 has names with a slash before them, too.
+    base, frame = base.lstrip("/"), camera.lstrip("/")
+    name, pose, steps = f"{bag_of(files)}: /tf_static", np.eye(4), {}
+    for *_, message in () if base == frame else read_messages(files, TRANSFORMS, "/tf_static"):
+        for one in message.transforms:
+            numbers = np.array(_numbers(one.transform.rotation, one.transform.translation))
+            step = np.eye(4)
+            step[:3, :3] = unit_rotations(name, numbers[None, :4])[0]
+            step[:3, 3] = numbers[4:]
+            steps[one.child_frame_id.lstrip("/")] = one.header.frame_id.lstrip("/"), step
+    while frame != base:
+        if frame not in steps:
+            frames = f"from {printable(base)}, the frame of the odometry, to {printable(camera)}"
+            raise UserError(f"{name} has no transforms {frames}")
+        # Taken out, so that a loop ends.
+        frame, step = steps.pop(frame)
+        pose = step @ pose
+    return pose
