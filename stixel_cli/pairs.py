@@ -219,10 +219,12 @@ def rig_of(rig: RigLike, shape: tuple[int, int], any_height: bool = False) -> Ri
         valid.check()
         real_image_parameters().stereo.check(valid)
     except ValidationError as error:
+        from stixel_cli.config.messages import plain_fault
+
         fault = error.errors()[0]
         got = "" if fault["type"] == "missing" else f", got {fault['input']!r}"
         name = "".join(f"{part}: " for part in fault["loc"])
-        raise ArgumentError(f"rig: {name}{fault['msg']}{got}") from None
+        raise ArgumentError(f"rig: {name}{plain_fault(fault)}{got}") from None
     except (TypeError, ValueError, UserError) as fault:
         raise ArgumentError(f"rig: {fault}".replace("rig: rig.", "rig: ")) from None
     return valid

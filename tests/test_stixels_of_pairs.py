@@ -125,7 +125,7 @@ def test_a_rig_is_numbers_or_a_file_or_a_rig(pair, tmp_path):
         ({"rig": {"focal_length": 200.0}}, "rig: baseline: "),
         ({"rig": NUMBERS | {"baseline": -0.4}}, "rig: baseline: .*, got -0.4"),
         ({"rig": NUMBERS | {"baseline": None}}, "rig: baseline: "),
-        ({"rig": NUMBERS | {"fov": 3}}, "rig: fov: "),
+        ({"rig": NUMBERS | {"fov": 3}}, "rig: fov: is unknown, got 3"),
         ({"rig": NUMBERS | {"horizontal_fov": 60.0}}, "rig: focal_length: set either"),
         ({"rig": NUMBERS | {"principal_u": 400.0}}, "rig: principal_u: must be 0 to 239"),
         ({"rig": NUMBERS | {"width": 640}}, "rig: is of 640 × 160 px, but the image has 240 × 160"),

@@ -14,6 +14,7 @@ import numpy as np
 from annotated_types import MaxLen
 
 from stixel_cli.benchmark.data import Data
+from stixel_cli.config.messages import plain_fault
 from stixel_cli.errors import UserError
 from stixel_cli.files import read_arrays, read_json, read_text, write_whole, written
 from stixel_cli.parameters import parameters
@@ -64,7 +65,7 @@ def check(content: Any, file: Path) -> None:
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         where = ".".join(map(str, first["loc"])) or "content"
-        raise UserError(f"{file}: {where}: {first['msg']} (pack.schema.json)") from None
+        raise UserError(f"{file}: {where}: {plain_fault(first)} (pack.schema.json)") from None
 
 
 def pack(folder: Path, data: Data, machine: Mapping[str, Any], output: Path) -> dict[str, int]:

@@ -9,12 +9,13 @@ from stixel_cli.benchmark.sequences import Sequence, definitions, planned
 from stixel_cli.engine.cache_folder import Lease
 from stixel_cli.engine.execute import execute
 from stixel_cli.engine.graph import merge
-from stixel_cli.engine.progress import make_progress
+from stixel_cli.engine.progress import make_display
 from stixel_cli.engine.store import open_store
 from stixel_cli.files import write_whole, written
 from stixel_cli.results.folder import json_text
 from stixel_cli.results.lineage import provenance
 from stixel_cli.sweeps.graphs import plan_runs
+from stixel_cli.sweeps.run import SweepProgress
 
 NODES = ("scenario", "scans", "start")
 BATCH = 6
@@ -39,8 +40,10 @@ def render(
             configuration = own[0].composition.configuration
             store, graph = open_store(configuration.cache), merge(run.graph for run in own)
             targets = [key for run in own for key in run.graph.expand(NODES)]
+            label = f"sequences {first + 1} to {first + len(own)} of {len(chosen)}"
+            progress = SweepProgress(own, lambda *_: None, label=label, display=make_display())
             with Lease(store.folder, targets):
-                execute(graph, targets, store, configuration.executor, make_progress())
+                execute(graph, targets, store, configuration.executor, progress)
                 for sequence, run in zip(chosen[batch], own, strict=True):
                     truth, scans, start = map(store.load, run.graph.expand(NODES))
                     prior = run.composition.configuration.prior

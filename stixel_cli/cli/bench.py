@@ -92,7 +92,7 @@ def pack(tracks: Annotated[Path, typer.Argument(metavar="DIR")], folder: Folder 
 
     target, data = tracks.with_name(f"{tracks.name}.zip"), Data(folder)
     for name, count in write(tracks, data, this_machine(data), target).items():
-        tell(f"{name}: {counted(count, 'scan')} without an estimate: their IoU is 0")
+        tell(f"{name}: {counted(count, 'scan')} without an estimate, scored as IoU 0")
     say(target)
     return 0
 

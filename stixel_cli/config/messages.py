@@ -43,6 +43,8 @@ def nearest(word: str, candidates: Iterable[str]) -> list[str]:
             if 0.9 * lasts > score - 0.01:
                 # Of equal last parts, the one in the nearer group.
                 score = max(score, 0.9 * lasts + 0.01 * _likeness(its_group, candidate_group))
+            elif candidate_group == group and lasts < _FAR:
+                score = 0.0  # Only the group is alike.
         scores[candidate] = score
     best = max(scores.values(), default=0.0)
     near = [name for name, score in scores.items() if score == best] if best > _NEAR else []
@@ -79,6 +81,12 @@ def suggestion(word: str, candidates: Iterable[str], form: str = "{}") -> str:
 _RENAMED = {("measurement", "simulated"): "stixels"}
 _OTHER_KEYS = {"tracker.class": "tracker.road_user", "measurement.sees": "tracker.sees"}
 """Names that a user may type to those of today."""
+_OWN = {
+    "road_user": "a mesh: road_user.mesh=FILE",
+    "tracker": "a function: tracker=MODULE:FUNCTION",
+    "measurement": "a function: measurement=MODULE:FUNCTION",
+}
+"""Groups with options of the user's own, and how these are given."""
 
 
 def unknown_key(name: str, kinds: Mapping[str, str] | None = None) -> str:
@@ -143,9 +151,7 @@ def unknown_option(group: str, option: str) -> str:
     options = group_options()[group]
     hint = suggestion(option, options, form=group + "={}")
     text = f"{group}: unknown option {show(option)}{hint} (options: {', '.join(options)})"
-    if group == "road_user":
-        text += "; for a mesh of your own give road_user.mesh=FILE"
-    return text
+    return text + (f"; for your own, give {_OWN[group]}" if group in _OWN else "")
 
 
 def group_by_dots(name: str, value: Any) -> str:
@@ -181,7 +187,7 @@ def _describe_fault(fault: dict[str, Any], plain: dict[str, Any]) -> str:
     if kind == "json_invalid":
         return "the configuration has text that is not UTF-8"
     if annotation is None:
-        return f"{name}: {show(value)}: {fault['msg']}"
+        return f"{name}: {show(value)}: {plain_fault(fault)}"
     right = describe(annotation)
     if kind in _OUT_OF_RANGE:
         # Both bounds, so that the user need not find the other one.
@@ -196,6 +202,12 @@ def _describe_fault(fault: dict[str, Any], plain: dict[str, Any]) -> str:
         return f"{name}: {show(value)} is not known: must be {right}" + suggestion(value, words)
     what = "empty" if value == "" else _TYPES.get(type(value), "a group of keys")
     return f"{name}: {show(value)} is {what}: must be {right}"
+
+
+def plain_fault(fault: Mapping[str, Any]) -> str:
+    """One of pydantic's errors in plain words, to follow the name of the entry."""
+    words = {"missing": "is missing", "unexpected_keyword_argument": "is unknown"}
+    return words.get(fault["type"], fault["msg"].replace("Input should", "must"))
 
 
 def describe_faults(

@@ -67,9 +67,10 @@ def planned_function(name: str, code: Code) -> Callable[..., Any]:
         check_bytecode({module: path for module, (path, _) in code.files.items()})
         keep_apart(code)
         module, _, attribute = name.partition(":")
-        function = getattr(import_module(module), attribute, None)
+        loaded = import_module(module)
+        function = getattr(loaded, attribute, None)
         if function is None:
-            raise LookupError(f"module {module} has no function {attribute}")
+            raise LookupError(f"{loaded.__file__ or module} has no function {attribute}")
         new = {module: file for module, file in code.files.items() if module not in _imported}
         # Equal files are enough; if only a comment was edited, the digests of the code are equal.
         if not (

@@ -96,7 +96,7 @@ def find_pair(source: KittiPair) -> Recording:
     root, name = root_of(Path(source.folder), "image_2", "image_0"), f"{int(source.sequence):06d}"
     for files, cameras in zip(BENCHMARKS, PAIRS, strict=True):
         left, right, calibration, *truth = (file and root / file.format(name) for file in files)
-        if calibration.parent.is_dir() and left.is_file():
+        if left.is_file():
             existing = [file if file and file.is_file() else None for file in truth]
             calibrated = read_calibration(calibration, cameras)
             return recording_of_pair(source.kind, (left, right), calibrated, *existing)

@@ -62,8 +62,9 @@ def check_results(results: Path, name: str | None) -> None:
         check_plain_name(name)
         if os.path.lexists(results / name):
             raise UserError(f"--name: {results / name} exists; choose another --name")
-    if os.path.isdir(results) and not os.access(results, os.W_OK | os.X_OK):
-        raise UserError(f"--results: {results}: not writable; name another folder")
+    writable = os.path.isdir(results) and os.access(results, os.W_OK | os.X_OK)
+    if os.path.exists(results) and not writable:
+        raise UserError(f"--results: {results}: not a writable folder; name another")
     missing = [path for path in (results, *results.parents) if not os.path.exists(path)]
     try:
         results.mkdir(parents=True, exist_ok=True)

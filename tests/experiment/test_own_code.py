@@ -62,7 +62,7 @@ def test_parameters_are_a_dataclass_or_plain_keys(own):
         (["track", "tracker.beta=1"], "tracker.beta: unknown parameter; it has alpha, mode"),
         (["plain", "tracker.beta=1"], "tracker.beta: unknown parameter; it has alpha"),
         (["track", "tracker.kind=1"], "tracker.kind: the name is reserved"),
-        (["nothing"], "has no function nothing"),
+        (["nothing"], ".py has no function nothing"),
         (["Parameters.x"], "must be module:function"),
     ],
 )

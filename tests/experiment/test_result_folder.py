@@ -125,7 +125,7 @@ def test_default_names_do_not_collide(results, capsys):
         (("--name", "a/b"), "is not a valid folder name"),
         (("--name", ""), "is not a valid folder name"),
         (("--name", "x" * 201), "at most 200 characters"),
-        (("--results", "file"), "--results: file: cannot be created"),
+        (("--results", "file"), "--results: file: not a writable folder; name another"),
         (("--results", "file/below"), "--results: file/below: cannot be created"),
         (("--results", "new/" + "x" * 300), "cannot be created: File name too long"),
     ],
@@ -182,7 +182,7 @@ def test_results_that_are_read_only_are_refused_before_anything_runs(
     results.mkdir()
     monkeypatch.setattr("os.access", lambda path, mode, **_: not mode & os.W_OK)
     assert main(["run", *FABRICATED, "--results", str(results)]) == 2
-    assert "not writable; name another folder" in capsys.readouterr().err
+    assert "not a writable folder; name another" in capsys.readouterr().err
     assert not (tmp_path / "cache").exists()
 
 

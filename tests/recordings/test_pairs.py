@@ -77,6 +77,13 @@ def test_the_pair_of_a_benchmark_is_found(pair):
         find_recording(source(pair, "000008"))
 
 
+def test_a_pair_without_a_calibration_is_refused(pair, tmp_path):
+    for name in ("image_0", "image_1"):
+        (tmp_path / name).symlink_to(pair / name)
+    with pytest.raises(UserError, match=r"calib: 000007\.txt is missing"):
+        find_recording(source(tmp_path))
+
+
 def test_the_object_benchmark_has_labels_without_tracks(pair, tmp_path):
     for camera, name in (("image_2", "image_0"), ("image_3", "image_1")):
         (tmp_path / camera).mkdir()
