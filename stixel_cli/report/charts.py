@@ -89,7 +89,7 @@ def chart(
             look = {"loc": "outside lower center", "ncols": min(beside, len(labels))}
             figure.legend(handles.values(), labels, **look)
         if title:
-            figure.suptitle(title, fontsize=9.0, x=0.01, ha="left")
+            figure.suptitle(title, fontsize=10.0, x=0.01, ha="left")
         return Figure(name, "", write(figure))
 
 

@@ -19,6 +19,8 @@ FLATTENED = 8.0
 Errors = tuple[np.ndarray, Mapping[str, np.ndarray]]
 """Times (K,), s, and each of the `SERIES` that is known, (n, K) of n runs, in its own unit."""
 _TEXTS = ("axes.label", "xtick.label", "ytick.label", "legend.font", "axes.title")
+NARROW = {"width": 4.8, "settings": {f"{text}size": 10.0 for text in _TEXTS}}
+"""A chart's size that is legible on a telephone without scrolling."""
 
 
 def error_curves(lines: Mapping[str, Errors], legend: bool = True) -> list[tuple[str, Drawing]]:
@@ -37,9 +39,7 @@ def error_curves(lines: Mapping[str, Errors], legend: bool = True) -> list[tuple
         if known:
             parts = [known[i : i + MOST_LINES] for i in range(0, len(known), MOST_LINES)]
             panels = [_panel(error, part, _limits(error, known)) for part in parts]
-            # Of a size that is legible on a telephone without scrolling.
-            settings = {f"{text}size": 10.0 for text in _TEXTS}
-            svg = charts.chart("", panels, row=2.25, width=5.0, settings=settings).svg.decode()
+            svg = charts.chart("", panels, row=2.25, **NARROW).svg.decode()
             drawn.append((SERIES[error].label, drawing_for_page(svg, f"t{len(drawn)}")))
     return drawn
 

@@ -3,17 +3,16 @@
 import itertools
 import math
 import textwrap
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
 from typing import Any, Literal
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from stixel_cli.evaluation.metric_table import metric, over_runs
 from stixel_cli.pictures import style
 from stixel_cli.report.charts import Panel, chart, line, line_look
-from stixel_cli.report.error_curves import FLATTENED, MOST_LINES
+from stixel_cli.report.error_curves import FLATTENED, MOST_LINES, NARROW
 from stixel_cli.report.intervals import LEAST_FREEDOM
 from stixel_cli.report.statistics import Repetition, Statistic, summarise
 from stixel_cli.sweeps.over import Setting
@@ -34,6 +33,8 @@ _TEXT_LINE = 0.16
 """in: height of a line of text."""
 _LONGEST_LABEL = 28
 _LONGEST_NAME = 100
+_LETTERS = 56
+"""To a line of a narrow figure."""
 _LINES = ({}, {"linestyle": ""})
 """Looks of values that are numbers, and of others, which no line connects."""
 
@@ -45,7 +46,7 @@ def axis_figures(
     kind: Literal["png", "svg"] = "png",
     units: str = "seeds",
 ) -> dict[str, bytes]:
-    """Images of a kind by file name, one for each axis that is not averaged over.
+    """Images by name, one for each axis that is not averaged over; as SVG, one for each metric.
 
     Above `MOST_LINES` combinations of the other axes the lines are thin, and their mean is added,
     unless settings are incomplete: it would not be over the same settings.
@@ -57,13 +58,11 @@ def axis_figures(
         kind: of the images.
         units: what the means of a setting are over, in words.
     """
-    write = style.png if kind == "png" else style.svg
-    figures = {}
+    figures: dict[str, bytes] = {}
     for keys in axes:
         keys = [key for key in keys if any(key in dict(setting) for setting, _, _ in runs)]
         if keys:
-            name = _joined(keys, "+").replace("/", ".")
-            figures[f"{name}.{kind}"] = _figure(keys, runs, left_out, units, write)
+            figures |= _figures(keys, runs, left_out, units, kind)
     return figures
 
 
@@ -73,14 +72,10 @@ def _joined(keys: Sequence[str], sign: str = " + ") -> str:
     return text if len(text) <= _LONGEST_NAME else f"{keys[0]} + {len(keys) - 1} more"
 
 
-def _figure(
-    keys: Sequence[str],
-    runs: Sequence[Repetition],
-    left_out: int,
-    units: str,
-    write: Callable[[Figure], bytes],
-) -> bytes:
-    """A figure over `keys` with a line for each combination of the other axes."""
+def _figures(
+    keys: Sequence[str], runs: Sequence[Repetition], left_out: int, units: str, kind: str
+) -> dict[str, bytes]:
+    """The figures over `keys` with a line for each combination of the other axes."""
     known = {name for _, _, metrics in runs for name in metrics}
     names = [over_runs(n) for n in ([n for n in DRAWN if n in known] or sorted(known)[:4])]
     found, looks = _lines(keys, runs, left_out)
@@ -96,12 +91,13 @@ def _figure(
     steps = dodges(places, len(looks)) if len(looks) <= MOST_LINES else [0.0] * len(looks)
     ticks = [textwrap.fill(" ".join(value), _LONGEST_LABEL) for value in values]
 
-    def panel(name: str) -> Panel:
+    def panel(name: str, legend: bool = True) -> Panel:
         def draw(axes: Axes) -> None:
             for (other, look), step in zip(looks.items(), steps, strict=True):
                 rows = [found.get((v, other), {}).get(name, Statistic()) for v in values]
                 at = [math.exp(p + step) if log else p + step for p in places]
-                line(axes, at, rows, bars=True, **look | _LINES[numbers is None])
+                shown = {} if legend else {"label": ""}
+                line(axes, at, rows, bars=True, **look | _LINES[numbers is None] | shown)
             scale_values(axes, name)
             axes.grid(False, axis="x")
             if log:
@@ -117,7 +113,17 @@ def _figure(
     counts = {row[name].n for row in found.values() for name in names if name in row} - {0}
     title = caption(units, len(looks), left_out, counts)
     row = 2.7 + _TEXT_LINE * max(label.count("\n") for label in ticks)
-    return chart("", list(map(panel, names)), 2, row, 9.0, title, write).svg
+    if kind == "png":
+        stem = _joined(keys, "+").replace("/", ".")
+        return {f"{stem}.png": chart("", [*map(panel, names)], 2, row, 9.0, title, style.png).svg}
+    title = textwrap.fill(title, _LETTERS)
+    # The lines of all figures are those of the first one's legend.
+    return {
+        f"{heading(name)} over {_joined(keys)}": chart(
+            "", [panel(name, legend=name == names[0])], 1, row, title=title, **NARROW
+        ).svg
+        for name in names
+    }
 
 
 def _lines(

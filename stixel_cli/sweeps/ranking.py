@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from stixel_cli.errors import counted
 from stixel_cli.evaluation.metric_table import metric
 from stixel_cli.pictures import style
+from stixel_cli.report.error_curves import NARROW
 from stixel_cli.report.intervals import LEAST_FREEDOM
 from stixel_cli.report.metrics import capital, with_interval
 from stixel_cli.report.statistics import Statistic
@@ -63,10 +64,13 @@ def ranking_figure(result: SweepResult, name: str) -> bytes:
     order, behind, marked = ranked(result, name), result.behind[name], marks(result.behind[name])
     rows = [result.statistics[setting][name] for setting in order]
     names = [MARKS[marked.get(setting, "")] + label_of(setting) for setting in order]
-    width = 6.4 + 0.075 * max(map(len, names))
-    with style.drawing({"axes.spines.left": False}):
-        figure = style.new_figure(width, 0.7 + 0.2 * len(order), layout="constrained")
-        sides = figure.subplots(1, 1 + bool(behind), sharey=True, squeeze=False)[0]
+    width, count = 4.0 + 0.085 * max(map(len, names)), 1 + bool(behind)
+    # One above the other: side by side they are too small on a telephone.
+    with style.drawing({"axes.spines.left": False, **NARROW["settings"]}):
+        figure = style.new_figure(
+            max(width, NARROW["width"]), count * (0.7 + 0.2 * len(order)), layout="constrained"
+        )
+        sides = figure.subplots(count, sharey=True, squeeze=False)[:, 0]
         places = range(len(order))
         for place, row in enumerate(rows):
             _box(sides[0], place, row.values)
