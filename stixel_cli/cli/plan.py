@@ -7,18 +7,8 @@ from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
+from stixel_cli.cli import options
 from stixel_cli.cli.completion import complete_run_or_override
-from stixel_cli.cli.options import (
-    ConfigDir,
-    FromFile,
-    Json,
-    Pictures,
-    SweepOverrides,
-    TrustCode,
-    Workers,
-    argument,
-    with_workers,
-)
 from stixel_cli.cli.terminal import print_json, print_table, say
 from stixel_cli.errors import UserError, counted, printable_path
 
@@ -38,13 +28,13 @@ AS_RUN = (
 
 
 def plan(
-    overrides: SweepOverrides = None,
-    file: FromFile = None,
-    workers: Workers = None,
-    pictures: Pictures = False,
-    trust_code: TrustCode = False,
-    json: Json = False,
-    config_dir: ConfigDir = None,
+    overrides: options.SweepOverrides = None,
+    file: options.FromFile = None,
+    workers: options.Workers = None,
+    pictures: options.Pictures = False,
+    trust_code: options.TrustCode = False,
+    json: options.Json = False,
+    config_dir: options.ConfigDir = None,
 ) -> int:
     """Print what a run or a sweep would compute.
 
@@ -59,7 +49,7 @@ def plan(
       stixel plan tracker.length_scale=0.5
       stixel plan tracker.length_scale=0.2,0.4,0.8 seed=0,1,2
     """
-    words = with_workers(overrides or [], workers)
+    words = options.with_workers(overrides or [], workers)
     print_plan(*_planned(words, file, trust_code, pictures), json)
     return 0
 
@@ -141,12 +131,14 @@ def plan_content(plan: "SweepPlan", axes: "Sequence[Axis]" = ()) -> dict[str, An
 def explain(
     what: Annotated[
         list[str] | None,
-        argument("A result folder, or overrides.", "FOLDER|OVERRIDES", complete_run_or_override),
+        options.argument(
+            "A result folder, or overrides.", "FOLDER|OVERRIDES", complete_run_or_override
+        ),
     ] = None,
-    file: FromFile = None,
-    trust_code: TrustCode = False,
-    json: Json = False,
-    config_dir: ConfigDir = None,
+    file: options.FromFile = None,
+    trust_code: options.TrustCode = False,
+    json: options.Json = False,
+    config_dir: options.ConfigDir = None,
 ) -> int:
     """Explain why results would be recomputed.
 

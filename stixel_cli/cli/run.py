@@ -8,18 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from stixel_cli.cli import options
 from stixel_cli.cli.errors import tell
-from stixel_cli.cli.options import (
-    ConfigDir,
-    Json,
-    Name,
-    Overrides,
-    Results,
-    TrustCode,
-    Verbose,
-    Workers,
-    with_workers,
-)
 from stixel_cli.cli.terminal import print_json, print_table, say, say_wrapped
 from stixel_cli.config.folders import ENTRY_POINTS, group_options, installed_functions
 from stixel_cli.errors import UserError
@@ -32,20 +22,20 @@ if TYPE_CHECKING:
 
 
 def run(
-    overrides: Overrides = None,
-    name: Name = None,
-    results: Results = Path("results"),
-    workers: Workers = None,
-    json: Json = False,
-    verbose: Verbose = False,
+    overrides: options.Overrides = None,
+    name: options.Name = None,
+    results: options.Results = Path("results"),
+    workers: options.Workers = None,
+    json: options.Json = False,
+    verbose: options.Verbose = False,
     dry_run: Annotated[
         bool,
         typer.Option(
             "--dry-run", help="Print the configuration and the missing nodes; compute nothing."
         ),
     ] = False,
-    trust_code: TrustCode = False,
-    config_dir: ConfigDir = None,
+    trust_code: options.TrustCode = False,
+    config_dir: options.ConfigDir = None,
 ) -> int:
     """Run one experiment; its help is `help_of_run`."""
     from stixel_cli.config.compose import compose
@@ -55,7 +45,7 @@ def run(
     from stixel_cli.results.folder import check_results
     from stixel_cli.sweeps.index import update_index
 
-    composition = compose(with_workers(overrides or [], workers))
+    composition = compose(options.with_workers(overrides or [], workers))
     if dry_run:
         check_results(results, name)
         _print_plan(composition, json)
@@ -145,7 +135,7 @@ def stored_run(folder: Path, workers: int | None, trust_code: bool) -> "RunResul
     """
     from stixel_cli.experiment.run import read_stored_run, trust_stored_run
 
-    stored = read_stored_run(folder, tuple(with_workers((), workers)))
+    stored = read_stored_run(folder, tuple(options.with_workers((), workers)))
     trust_stored_run(stored, trust_code)
     return stored
 

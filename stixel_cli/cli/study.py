@@ -50,8 +50,7 @@ def study(
     results: Results = Path("results"),
     workers: Workers = None,
     fresh: Annotated[
-        bool,
-        typer.Option("--fresh", help="Start over: delete the content of the study's folder."),
+        bool, typer.Option("--fresh", help="Start over: delete the content of the study's folder.")
     ] = False,
     dry_run: DryRun = False,
     trust_code: TrustCode = False,

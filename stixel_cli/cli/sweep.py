@@ -7,22 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from stixel_cli.cli import options
 from stixel_cli.cli.completion import complete_folder
 from stixel_cli.cli.errors import tell
-from stixel_cli.cli.options import (
-    ConfigDir,
-    DryRun,
-    FromFile,
-    Json,
-    Name,
-    Over,
-    Pictures,
-    Results,
-    SweepOverrides,
-    TrustCode,
-    Workers,
-    with_workers,
-)
 from stixel_cli.cli.plan import print_plan
 from stixel_cli.cli.terminal import print_json, print_table, say, say_wrapped
 from stixel_cli.errors import UserError, counted
@@ -35,11 +22,11 @@ _MOST_SHOWN = 10
 
 
 def sweep(
-    overrides: SweepOverrides = None,
-    file: FromFile = None,
-    name: Name = None,
-    results: Results = Path("results"),
-    workers: Workers = None,
+    overrides: options.SweepOverrides = None,
+    file: options.FromFile = None,
+    name: options.Name = None,
+    results: options.Results = Path("results"),
+    workers: options.Workers = None,
     shuffle: Annotated[
         int | None,
         typer.Option(min=0, metavar="SEED", help="Shuffle the order of the runs with this seed."),
@@ -53,15 +40,15 @@ def sweep(
             autocompletion=complete_folder,
         ),
     ] = None,
-    over: Over = None,
-    pictures: Pictures = False,
+    over: options.Over = None,
+    pictures: options.Pictures = False,
     fail_fast: Annotated[
         bool, typer.Option("--fail-fast", help="Stop at the first failed run.")
     ] = False,
-    dry_run: DryRun = False,
-    trust_code: TrustCode = False,
-    json: Json = False,
-    config_dir: ConfigDir = None,
+    dry_run: options.DryRun = False,
+    trust_code: options.TrustCode = False,
+    json: options.Json = False,
+    config_dir: options.ConfigDir = None,
 ) -> int:
     """Run all combinations of several values.
 
@@ -84,7 +71,7 @@ def sweep(
     from stixel_cli.sweeps.whole import new_sweep, resumed_sweep
 
     started = time.perf_counter()
-    words = with_workers(overrides or [], workers)
+    words = options.with_workers(overrides or [], workers)
     if resume is not None:
         given = {"--from": file, "--name": name, "--shuffle": shuffle}
         given |= {"--over": over, "--pictures": pictures or None, "--dry-run": dry_run or None}

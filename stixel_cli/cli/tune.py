@@ -7,17 +7,8 @@ from typing import Annotated
 
 import typer
 
+from stixel_cli.cli import options
 from stixel_cli.cli.completion import complete_folder
-from stixel_cli.cli.options import (
-    ConfigDir,
-    Json,
-    Name,
-    Over,
-    Results,
-    SweepOverrides,
-    Workers,
-    with_workers,
-)
 from stixel_cli.cli.terminal import print_json, print_table, say
 from stixel_cli.config.folders import PRESETS
 from stixel_cli.errors import UserError
@@ -27,7 +18,7 @@ _Resume = typer.Option(metavar="FOLDER", help="Continue.", autocompletion=comple
 
 
 def tune(
-    overrides: SweepOverrides = None,
+    overrides: options.SweepOverrides = None,
     objective: Annotated[
         str, typer.Option(metavar="METRICS", help="One metric, or two for a Pareto front: A,B.")
     ] = "iou_mean",
@@ -35,13 +26,13 @@ def tune(
     seeds: Annotated[
         int, typer.Option(min=1, max=1000, help="Seeds from 1000 to tune on, and from 0 to report.")
     ] = 10,
-    over: Over = None,
-    name: Name = None,
-    results: Results = Path("results"),
-    workers: Workers = None,
+    over: options.Over = None,
+    name: options.Name = None,
+    results: options.Results = Path("results"),
+    workers: options.Workers = None,
     resume: Annotated[Path | None, _Resume] = None,
-    json: Json = False,
-    config_dir: ConfigDir = None,
+    json: options.Json = False,
+    config_dir: options.ConfigDir = None,
 ) -> int:
     """Search for the best values of settings with Optuna.
 
@@ -74,7 +65,7 @@ def tune(
     else:
         check_results(results, name)
     trials = request.pop("trials")
-    tuning = Tuning(**request | {"overrides": with_workers(request["overrides"], workers)})
+    tuning = Tuning(**request | {"overrides": options.with_workers(request["overrides"], workers)})
     folder = resume or new_folder(
         results,
         name,

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from stixel_cli.config import messages
+from stixel_cli.config import messages, override_checks, own_options
 from stixel_cli.config.choice import compose_options
 from stixel_cli.config.folders import (
     PACE,
@@ -17,24 +17,7 @@ from stixel_cli.config.folders import (
     installed_functions,
     outermost_group,
 )
-from stixel_cli.config.override_checks import (
-    check_one_run,
-    check_overrides,
-    implied_by_file,
-    read_overrides,
-)
 from stixel_cli.config.overrides import Override
-from stixel_cli.config.own_options import (
-    GIVEN,
-    check_parameters,
-    code_of_presets,
-    find_folders,
-    functions_of,
-    is_own,
-    nested,
-    refuse_code,
-    user_sections,
-)
 from stixel_cli.config.schema import Configuration, adapter, check
 from stixel_cli.config.texts import split_override
 from stixel_cli.config.user_files import UserFiles
@@ -133,24 +116,24 @@ class Composer:
 
     def compose(self, overrides: Sequence[str | Override]) -> Composition:
         """The same as the function `compose`."""
-        parsed = read_overrides(overrides)
-        check_overrides(parsed)
-        check_one_run(parsed)
+        parsed = override_checks.read_overrides(overrides)
+        override_checks.check_overrides(parsed)
+        override_checks.check_one_run(parsed)
         settings = {override.key: override.value for override in parsed}
-        settings |= implied_by_file(settings)
-        user_defined = user_sections(settings)
+        settings |= override_checks.implied_by_file(settings)
+        user_defined = own_options.user_sections(settings)
         shipped = {k: v for k, v in settings.items() if outermost_group(k) not in user_defined}
         resolved, choices = self._with_recording(shipped)
         if PRESETS.folder is not None and not PRESETS.trusted:
-            refuse_code(PRESETS.folder, code_of_presets(resolved, settings))
+            own_options.refuse_code(PRESETS.folder, own_options.code_of_presets(resolved, settings))
         resolved |= user_defined
         choices |= {group: str(settings[group]) for group in user_defined}
         resolved["metrics"] = _metric_functions(resolved["metrics"])
-        resolved["code_folders"] = find_folders(resolved, self._working_directory)
+        resolved["code_folders"] = own_options.find_folders(resolved, self._working_directory)
         name_files_in_full(resolved, self._working_directory)
         configuration = _validate(resolved, settings)
-        if self._trusted and functions_of(resolved):
-            for group, values in check_parameters(configuration).items():
+        if self._trusted and own_options.functions_of(resolved):
+            for group, values in own_options.check_parameters(configuration).items():
                 resolved[group] = resolved[group] | values
                 code = replace(getattr(configuration, group), parameters=values)
                 configuration = replace(configuration, **{group: code})
@@ -200,7 +183,7 @@ def name_files_in_full(resolved: dict[str, Any], working_directory: str = "") ->
         # The checks refuse an empty name.
         names = [key for key in keys if isinstance(section.get(key), str) and section[key]]
         names = [key for key in names if key != "road_user" or section[key].endswith(".json")]
-        if names and not is_own(section):
+        if names and not own_options.is_own(section):
             full = {key: absolute(section[key], working_directory) for key in names}
             resolved[group] = section | full
 
@@ -216,9 +199,9 @@ def _validate(plain: dict[str, Any], typed: Iterable[str]) -> Configuration:
     from pydantic import ValidationError
 
     try:
-        for group in GIVEN:
-            if is_own(plain.get(group)):
-                plain = plain | {group: nested(group, plain[group])}
+        for group in own_options.GIVEN:
+            if own_options.is_own(plain.get(group)):
+                plain = plain | {group: own_options.nested(group, plain[group])}
         # Strict JSON validation fits YAML: it accepts lists for tuples and converts nothing else.
         configuration = adapter().validate_json(json.dumps(plain))
     except ValidationError as error:

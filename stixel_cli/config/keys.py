@@ -11,15 +11,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
-from stixel_cli.config.annotations import (
-    alternatives,
-    attribute_texts,
-    classes_in,
-    describe,
-    element,
-    fields_of,
-    kind_of,
-)
+from stixel_cli.config import annotations
 from stixel_cli.config.folders import (
     EXPERIMENT,
     group_options,
@@ -67,7 +59,7 @@ class Key:
     @property
     def place(self) -> int:
         """Its place among the fields of its class."""
-        return list(fields_of(self.schema)).index(self.field)
+        return list(annotations.fields_of(self.schema)).index(self.field)
 
     @property
     def belongs_to(self) -> list[str]:
@@ -77,7 +69,7 @@ class Key:
     @property
     def meaning(self) -> str:
         """What the value is, with its unit."""
-        return attribute_texts(self.schema).get(self.field, "")
+        return annotations.attribute_texts(self.schema).get(self.field, "")
 
     @property
     def unit(self) -> str:
@@ -88,7 +80,7 @@ class Key:
     @property
     def range(self) -> str:
         """The valid values in words."""
-        return describe(self.annotation)
+        return annotations.describe(self.annotation)
 
     @property
     def values(self) -> dict[str, str]:
@@ -157,10 +149,10 @@ def _walk(
     schema: type, prefix: str = "", owners: tuple[tuple[str, str], ...] = ()
 ) -> Iterator[Key]:
     """The keys of a schema, and the variants of its groups with their classes as annotations."""
-    for name, annotation in fields_of(schema).items():
-        variants = classes_in(annotation)
+    for name, annotation in annotations.fields_of(schema).items():
+        variants = annotations.classes_in(annotation)
         for variant in variants:
-            kind = kind_of(variant) if len(variants) > 1 else None
+            kind = annotations.kind_of(variant) if len(variants) > 1 else None
             group = (prefix + name).replace(".", "/")
             of_variant = owners if kind is None else (*owners, (group, kind))
             yield Key(prefix + name, variant, of_variant, schema)
@@ -199,17 +191,23 @@ def locate(path: tuple[str | int, ...]) -> tuple[str, Any]:
     annotation: Any = Configuration
     name = ""
     for part in path:
-        schemas = classes_in(annotation)
-        of_kind = [schema for schema in schemas if kind_of(schema) == part]
+        schemas = annotations.classes_in(annotation)
+        of_kind = [schema for schema in schemas if annotations.kind_of(schema) == part]
         if len(schemas) > 1 and of_kind:
             annotation = of_kind[0]
         elif len(schemas) > 1 and part == "own":
             pass  # The keys that the user's own code shares with the others.
         elif isinstance(part, int):
             name += f"[{part}]"
-            annotation = element(annotation, part)
-        elif schemas or len(alternatives(annotation)) == 1:  # Else a member of a union of types.
+            annotation = annotations.element(annotation, part)
+        elif (
+            schemas or len(annotations.alternatives(annotation)) == 1
+        ):  # Else a member of a union of types.
             name += f".{part}" if name else part
-            fields = [fields_of(schema)[part] for schema in schemas if part in fields_of(schema)]
+            fields = [
+                annotations.fields_of(schema)[part]
+                for schema in schemas
+                if part in annotations.fields_of(schema)
+            ]
             annotation = fields[0] if fields else None
     return name, annotation

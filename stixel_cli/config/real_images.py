@@ -3,29 +3,18 @@
 from functools import cache
 from types import SimpleNamespace
 
-from stixel_cli.config.folders import (
-    configured_option,
-    option_values,
-    values_beside_groups,
-    values_that_suit,
-)
+from stixel_cli.config import folders
 from stixel_cli.measurements.stixels import StixelsParameters
 from stixel_cli.stereo.sgm import SgmParameters
-from stixel_cli.stixels.parameters import (
-    EstimatedRoad,
-    ExtractionParameters,
-    FreeSpaceParameters,
-    HeightParameters,
-    PolarOccupancy,
-)
+from stixel_cli.stixels import parameters
 
 SCHEMAS = {
     "stereo": SgmParameters,
-    "road": EstimatedRoad,
-    "occupancy": PolarOccupancy,
-    "free_space": FreeSpaceParameters,
-    "height": HeightParameters,
-    "extraction": ExtractionParameters,
+    "road": parameters.EstimatedRoad,
+    "occupancy": parameters.PolarOccupancy,
+    "free_space": parameters.FreeSpaceParameters,
+    "height": parameters.HeightParameters,
+    "extraction": parameters.ExtractionParameters,
     "measurement": StixelsParameters,
 }
 """By group. Where `conf/` chooses another option by default, its schema belongs here."""
@@ -38,11 +27,11 @@ def real_image_parameters() -> SimpleNamespace:
     They are the values of `conf/`, with what `conf/recorded.yaml` sets for real images; a test
     compares them with those of `compose(["source=pair", …])`.
     """
-    suitable = values_beside_groups("recorded")["source"]
+    suitable = folders.values_beside_groups("recorded")["source"]
     options = suitable["options"]
-    suiting = values_that_suit(suitable, options | {"source": "pair", "auto": False})
+    suiting = folders.values_that_suit(suitable, options | {"source": "pair", "auto": False})
     sections = {
-        group: option_values(group, options.get(group) or configured_option(group))
+        group: folders.option_values(group, options.get(group) or folders.configured_option(group))
         for group in SCHEMAS
     }
     for key, value in suiting.items():

@@ -13,15 +13,8 @@ from typing import Annotated, Any
 
 from pydantic import Field, TypeAdapter, ValidationError
 
-from stixel_cli.config import messages
+from stixel_cli.config import folders, messages
 from stixel_cli.config.choice import set_by_experiment
-from stixel_cli.config.folders import (
-    EXPERIMENT,
-    absolute,
-    outermost_group,
-    values_beside_groups,
-    values_that_suit,
-)
 from stixel_cli.config.user_files import UserFiles
 from stixel_cli.errors import ConfigurationError
 from stixel_cli.pairs import rig_of
@@ -69,9 +62,11 @@ def with_recording(
     settings = dict(typed)
     folder = typed.get("source.folder")
     if "source" not in typed and isinstance(folder, str) and folder:
-        settings["source"] = guess_layout(Path(absolute(folder, working_directory)))
+        settings["source"] = guess_layout(Path(folders.absolute(folder, working_directory)))
     # The other settings may be of options that only the recording chooses.
-    resolved, _ = resolve({k: v for k, v in settings.items() if outermost_group(k) == "source"})
+    resolved, _ = resolve(
+        {k: v for k, v in settings.items() if folders.outermost_group(k) == "source"}
+    )
     group = "source"
     if resolved["source"]["kind"] == "rendered":
         group = "path"
@@ -108,7 +103,7 @@ def _parameters(
     """The parameters in a resolved `section`, in which the names of files are made absolute."""
     for name in FILE_KEYS:
         if isinstance(section.get(name), str) and section[name]:
-            section[name] = absolute(section[name], working_directory)
+            section[name] = folders.absolute(section[name], working_directory)
     if type(section.get("sequence")) is int:
         # A name: 0005 is text to Hydra, but 12 is a number.
         section["sequence"] = str(section["sequence"])
@@ -134,12 +129,12 @@ def _suitable_settings(
 
     Those of an experiment's file count as set; they do not replace the options that suit.
     """
-    suitable = values_beside_groups("recorded")[group]
+    suitable = folders.values_beside_groups("recorded")[group]
     options = dict(suitable["options"])
     if group == "source" and not recording.label:
         options["start"] = "scans"
-    if group == "source" and EXPERIMENT in typed:
-        preset = set_by_experiment(typed[EXPERIMENT])
+    if group == "source" and folders.EXPERIMENT in typed:
+        preset = set_by_experiment(typed[folders.EXPERIMENT])
         typed = {k: v for k, v in preset.items() if k not in options} | dict(typed)
     options["road_user"] = recording.road_user
     if "road_user" not in typed and recording.label is None:
@@ -165,7 +160,7 @@ def _values(
             f"start: {chosen['start']} needs a label (source.target); else choose start=scans"
         )
     facts = {**chosen, "source": recording.layout, "auto": recording.auto}
-    values = values_that_suit(suitable, facts)
+    values = folders.values_that_suit(suitable, facts)
     if calibration.camera_height is None and not {"rig", "rig.camera_height"} & chosen.keys():
         values["rig.camera_height"] = _height_of_road(recording, chosen)
     if chosen["start"] == "scans" and recording.label:

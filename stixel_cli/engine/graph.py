@@ -126,10 +126,7 @@ def merge(graphs: Iterable[Graph]) -> Graph:
 
 
 def build_graph(
-    stages: Sequence[Stage],
-    frame_count: int,
-    chunk_size: int,
-    store_folder: Path | None = None,
+    stages: Sequence[Stage], frame_count: int, chunk_size: int, store_folder: Path | None = None
 ) -> Graph:
     """Build the graph of `stages` over the frames 0 … `frame_count` - 1, in chunks of `chunk_size`.
 

@@ -18,12 +18,7 @@ Pattern = Literal["once", "map", "fold", "pick"]
 CHUNKED = ("map", "fold")
 """Patterns with one node per chunk of frames."""
 
-GIVEN = {
-    "once": (),
-    "map": ("frames",),
-    "fold": ("frames", "previous"),
-    "pick": ("frame",),
-}
+GIVEN = {"once": (), "map": ("frames",), "fold": ("frames", "previous"), "pick": ("frame",)}
 """Arguments that the engine adds, by pattern."""
 
 

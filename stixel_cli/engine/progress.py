@@ -160,10 +160,7 @@ class Progress:
     """
 
     def __init__(
-        self,
-        display: Lines | None = None,
-        uncompiled: Collection[str] = (),
-        advice: bool = False,
+        self, display: Lines | None = None, uncompiled: Collection[str] = (), advice: bool = False
     ):
         self.display, self.advice = display, advice
         self.uncompiled = frozenset(uncompiled)

@@ -13,15 +13,9 @@ from dataclasses import dataclass, field
 from graphlib import TopologicalSorter
 from typing import Literal, get_args
 
+from stixel_cli.engine import errors
 from stixel_cli.engine.cache_folder import Lease
 from stixel_cli.engine.cleanup import keep_limit
-from stixel_cli.engine.errors import (
-    CacheError,
-    CodeChanged,
-    ExecutorError,
-    StageFailure,
-    WorkerDied,
-)
 from stixel_cli.engine.limits import TimeLimit, mark_text, one_thread
 from stixel_cli.engine.plan import Plan, missing_nodes
 from stixel_cli.engine.pools import Pool, SerialPool, deferred_interrupts, error_of
@@ -42,7 +36,7 @@ TRIES = 3
 SLACK = 0.05
 """During an execution the limit of the store is kept each time this share of it is written."""
 
-FATAL = (CacheError, CodeChanged, ExecutorError)
+FATAL = (errors.CacheError, errors.CodeChanged, errors.ExecutorError)
 """Errors that the next node would meet as well."""
 
 
@@ -73,7 +67,7 @@ class Run:
     on_first: Callable[[], None] | None = None
     here: frozenset[str] = frozenset()
     seconds: dict[str, float] = field(default_factory=dict)
-    failures: dict[str, StageFailure] = field(default_factory=dict)
+    failures: dict[str, errors.StageFailure] = field(default_factory=dict)
 
     def __post_init__(self):
         self.graph = self.planned.graph
@@ -194,7 +188,7 @@ class Run:
         try:
             future = pool.submit(run_node, node, self.store.folder, self._limit(key))
             self._in_flight[future] = key
-        except ExecutorError as error:
+        except errors.ExecutorError as error:
             self._fatal = error
 
     def _limit(self, key: str) -> TimeLimit | None:
@@ -243,7 +237,7 @@ class Run:
             what = f"cached result of {self.graph.nodes[outcome.error.key].label}"
             self.progress.note(f"{what} is unusable ({reason}); recomputing it")
             if self._tries[key] >= TRIES and self._fatal is None:
-                self._fatal = CacheError(
+                self._fatal = errors.CacheError(
                     f"the {what} in {self.store.folder} is unusable and cannot be replaced: "
                     f"{reason}"
                 )
@@ -273,7 +267,7 @@ class Run:
         for key in dead:
             self._deaths[key] += 1
             if len(dead) == 1 and self._deaths[key] > 1:
-                self._fail(key, WorkerDied("it crashed its worker twice"), "")
+                self._fail(key, errors.WorkerDied("it crashed its worker twice"), "")
             else:
                 self._suspects.append(key)
         labels = [self.graph.nodes[key].label for key in dead]
@@ -285,7 +279,7 @@ class Run:
             return
         node = self.graph.nodes[key]
         files = frozenset(map(str, node.identity.code.of_user.values() if node.stage.own else ()))
-        failure = StageFailure(node.stage.name, node.label, error, traceback_text, files)
+        failure = errors.StageFailure(node.stage.name, node.label, error, traceback_text, files)
         failure.__cause__, failure.key = error, key
         if not self.keep_going:
             self._fatal = failure

@@ -164,20 +164,13 @@ def _normalised(tree: ast.Module) -> tuple[str, list[tuple[int, str, str | None]
             if not isinstance(value, list):
                 continue
             if name == "body":
-                value[:] = [one for one in value if not _is_bare_string(one)]
+                docs = (isinstance(o, ast.Expr) and getattr(o.value, "value", None) for o in value)
+                value[:] = [o for o, d in zip(value, docs, strict=True) if not isinstance(d, str)]
             pending += [one for one in value if isinstance(one, _HOLDERS)]
     return ast.dump(tree, annotate_fields=False), list(imports)
 
 
 _HOLDERS = (ast.stmt, ast.ExceptHandler, ast.match_case)
-
-
-def _is_bare_string(node: ast.AST) -> bool:
-    return (
-        isinstance(node, ast.Expr)
-        and isinstance(node.value, ast.Constant)
-        and isinstance(node.value.value, str)
-    )
 
 
 @cache

@@ -17,16 +17,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from stixel_cli.engine.cache_folder import (
-    NOTES_LIMIT,
-    NotARegularFile,
-    check_owner,
-    digest_of_file,
-    file_lock,
-    make_folder,
-    read_file,
-    unwritable,
-)
+from stixel_cli.engine import cache_folder
 from stixel_cli.engine.errors import CacheError, MissingEntry
 from stixel_cli.engine.parameters import CacheParameters, default_cache_folder, parse_size
 
@@ -45,7 +36,7 @@ def open_store(parameters: CacheParameters) -> "Store":
     """
     name, limit = parameters.folder, parameters.max_size
     folder = default_cache_folder() if name is None else Path(name).expanduser().absolute()
-    check_owner(folder)
+    cache_folder.check_owner(folder)
     return Store(folder, None if limit is None else parse_size(limit))
 
 
@@ -66,7 +57,7 @@ class Store:
     def has(self, key: str) -> bool:
         """Whether an entry with valid notes exists. Its value is not read, see `verify`."""
         try:
-            return _notes_fault(read_file(self.entry(key) / META), key) is None
+            return _notes_fault(cache_folder.read_file(self.entry(key) / META), key) is None
         except OSError:
             return False
 
@@ -129,15 +120,15 @@ class Store:
         partial = self.folder / "tmp" / f"{key[:16]}-{socket.gethostname()}-{os.getpid()}"
         partial = partial.with_name(f"{partial.name}-{time.monotonic_ns():x}")
         try:
-            make_folder(self.folder, "tmp")
+            cache_folder.make_folder(self.folder, "tmp")
             partial.mkdir()
             joblib.dump(value, partial / VALUE)
-            size, digest = digest_of_file(partial / VALUE)
+            size, digest = cache_folder.digest_of_file(partial / VALUE)
             meta = {**notes, "key": key, "size": size, "digest": digest}
             (partial / META).write_bytes(_notes_content(meta))
             self._put_in_place(partial, self.entry(key))
         except OSError as error:
-            raise unwritable(self.folder, error) from error
+            raise cache_folder.unwritable(self.folder, error) from error
         finally:
             # It is in its place by now, or of no use.
             shutil.rmtree(partial, ignore_errors=True)
@@ -151,11 +142,11 @@ class Store:
             CacheError: the folder cannot be written.
         """
         try:
-            path = make_folder(self.folder, "locks") / f"{key}.lock"
-            lock = file_lock(path)
+            path = cache_folder.make_folder(self.folder, "locks") / f"{key}.lock"
+            lock = cache_folder.file_lock(path)
             lock.acquire()
         except OSError as error:
-            raise unwritable(self.folder, error) from error
+            raise cache_folder.unwritable(self.folder, error) from error
         try:
             yield
         finally:
@@ -169,15 +160,15 @@ class Store:
         """Raise CacheError if entries cannot be written or locked."""
         name = f"probe-{os.getpid()}-{time.monotonic_ns():x}"
         try:
-            probe = make_folder(self.folder, "tmp") / name
+            probe = cache_folder.make_folder(self.folder, "tmp") / name
             probe.touch()
             try:
-                with file_lock(probe):
+                with cache_folder.file_lock(probe):
                     pass
             finally:
                 probe.unlink()
         except OSError as error:
-            raise unwritable(self.folder, error) from error
+            raise cache_folder.unwritable(self.folder, error) from error
 
     def _content(self, key: str) -> bytes | None:
         """The checked bytes of a value; None for one to be mapped, whose file is checked."""
@@ -188,7 +179,7 @@ class Store:
             found, digest = len(content), sha256(content).hexdigest()
         else:
             content = None
-            found, digest = self._read(key, VALUE, size, digest_of_file)
+            found, digest = self._read(key, VALUE, size, cache_folder.digest_of_file)
         if found != size:
             raise self._set_aside(key, f"it is truncated ({found} bytes)")
         if digest != meta.get("digest"):
@@ -196,7 +187,11 @@ class Store:
         return content
 
     def _read(
-        self, key: str, name: str, greatest: int = NOTES_LIMIT, read: Callable = read_file
+        self,
+        key: str,
+        name: str,
+        greatest: int = cache_folder.NOTES_LIMIT,
+        read: Callable = cache_folder.read_file,
     ) -> Any:
         try:
             return read(self.entry(key) / name, greatest)
@@ -204,7 +199,7 @@ class Store:
             if self.entry(key).is_dir():
                 raise self._set_aside(key, f"{name} is missing") from None
             raise MissingEntry(key, "not found") from None
-        except NotARegularFile as error:
+        except cache_folder.NotARegularFile as error:
             raise self._set_aside(key, f"{name} is {error}") from None
         except OSError as error:
             raise CacheError(

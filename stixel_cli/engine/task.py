@@ -218,11 +218,6 @@ def remembered(
     value = compute()
     with suppress(CacheError):
         store.save(
-            key,
-            value,
-            stage=name,
-            label=name,
-            modules=code.modules,
-            **_times(started, cpu_started),
+            key, value, stage=name, label=name, modules=code.modules, **_times(started, cpu_started)
         )
     return value

@@ -122,10 +122,7 @@ def assess_stixels(
     pictures = {"stixels": encode_png(picture)}
     if composition is None:
         covered = nearest_disparity(replace(stixels, disparity=stixels.depth), 0, image.shape[1])
-        values = {
-            "stixels": len(stixels.left),
-            "stixel_share": float(np.isfinite(covered).mean()),
-        }
+        values = {"stixels": len(stixels.left), "stixel_share": float(np.isfinite(covered).mean())}
         return Assessment(dict.fromkeys(LABELS) | values, pictures, {})
     rig, disparity = composition.configuration.rig, stixels.disparity
     of_depth = rig.disparity_from_depth(stixels.depth)

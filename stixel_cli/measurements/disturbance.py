@@ -49,10 +49,7 @@ def disturb_scans(
 
 
 def _clutter(
-    scans: Scans,
-    rate: float,
-    range_max: float | None,
-    seed: int,
+    scans: Scans, rate: float, range_max: float | None, seed: int
 ) -> list[tuple[np.ndarray, np.ndarray]]:
     """Points (n, 2) m and covariances (n, 2, 2) m² of the clutter of each scan, in the world."""
     if rate == 0.0 or len(scans.points_world) == 0:

@@ -78,12 +78,7 @@ def fabricate_scans(
     )
     scans = [
         fabricate_scan(
-            scenario.contour_world(k),
-            ego,
-            rays,
-            rig,
-            measurement,
-            generator(seed, "fabricate", k),
+            scenario.contour_world(k), ego, rays, rig, measurement, generator(seed, "fabricate", k)
         )
         for k, ego in enumerate(scenario.ego_poses_world)
     ]

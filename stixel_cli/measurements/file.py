@@ -52,10 +52,7 @@ SAME_TIME = 1e-3
 
 
 def read_scans(
-    path: str,
-    ego: str | None,
-    range_std: float,
-    horizontal_fov: float | None = None,
+    path: str, ego: str | None, range_std: float, horizontal_fov: float | None = None
 ) -> Scans:
     """Scans of the points in the file `path`, in their order in the file.
 

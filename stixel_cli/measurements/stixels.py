@@ -22,10 +22,7 @@ class StixelsParameters(Gated):
 
 
 def gather_scans(
-    stixels: Iterable[Stixels],
-    ego_motion: EgoMotion,
-    measurement: StixelsParameters,
-    rig: Rig,
+    stixels: Iterable[Stixels], ego_motion: EgoMotion, measurement: StixelsParameters, rig: Rig
 ) -> Scans:
     """Scans of the stixels inside the gates of height and range, in the world frame.
 

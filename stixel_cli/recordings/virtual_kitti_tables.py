@@ -10,14 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from stixel_cli.errors import UserError, printable
-from stixel_cli.recordings.kitti_tables import (
-    check_baseline,
-    check_columns,
-    checked_poses,
-    labels_in,
-    numbers,
-    text_rows,
-)
+from stixel_cli.recordings import kitti_tables
 from stixel_cli.recordings.types import Calibration, Tracks
 from stixel_cli.remembered import remembered
 
@@ -50,7 +43,7 @@ def read_calibration(intrinsic: Path, extrinsic: Path) -> Calibration:
     aligned[0, 3] = -baseline
     if not np.allclose(motion, aligned, atol=0.01):
         raise UserError(f"{extrinsic}: the cameras of the first frame are not a rectified pair")
-    check_baseline(extrinsic, baseline, "camera 0", "camera 1")
+    kitti_tables.check_baseline(extrinsic, baseline, "camera 0", "camera 1")
     return Calibration(focal_length, focal_length_v, principal_u, principal_v, baseline, None)
 
 
@@ -62,14 +55,14 @@ def read_poses(extrinsic: Path) -> np.ndarray:
     """
     poses: list[tuple[int, np.ndarray]] = []
     for row, words in _rows(extrinsic, ("frame", "cameraID"), 18):
-        frame, camera, *values = numbers(extrinsic, row, words)
+        frame, camera, *values = kitti_tables.numbers(extrinsic, row, words)
         if camera == 0 and frame != len(poses):
             raise UserError(f"{extrinsic}: row {row}: frame {len(poses)} is missing before it")
         if camera == 0:
             matrix = np.reshape(values, (4, 4))[:3]
             turn = matrix[:, :3].T
             poses.append((row, np.column_stack([turn, -turn @ matrix[:, 3]])))
-    return checked_poses(extrinsic, poses)
+    return kitti_tables.checked_poses(extrinsic, poses)
 
 
 @remembered
@@ -93,7 +86,7 @@ def read_labels(pose: Path, bbox: Path, info: Path) -> Tracks:
     for track in sorted(rows):
         if str(track) not in kinds:
             raise UserError(f"{info}: track {track} of {pose.name} is missing")
-        tracks[track] = labels_in(np.array(rows[track]), printable(kinds[str(track)]))
+        tracks[track] = kitti_tables.labels_in(np.array(rows[track]), printable(kinds[str(track)]))
     return tracks
 
 
@@ -103,7 +96,7 @@ def _of_left_camera(
     """Row number and the columns `names` by frame and track."""
     by_label: dict[tuple[int, int], tuple[int, list[float]]] = {}
     for row, words in _rows(file, (*KEY, *names)):
-        frame, camera, track, *values = numbers(file, row, words)
+        frame, camera, track, *values = kitti_tables.numbers(file, row, words)
         if camera != 0:
             continue
         if (int(frame), int(track)) != (frame, track) or min(frame, track) < 0:
@@ -120,7 +113,7 @@ def _of_first_frame(file: Path, columns: int) -> tuple[list[float], list[float]]
     """The values of cameras 0 and 1 in their first row."""
     by_camera: dict[float, list[float]] = {}
     for row, words in _rows(file, ("frame", "cameraID"), 2 + columns):
-        _, camera, *values = numbers(file, row, words)
+        _, camera, *values = kitti_tables.numbers(file, row, words)
         by_camera.setdefault(camera, values)
         if {0.0, 1.0} <= by_camera.keys():
             return by_camera[0.0], by_camera[1.0]
@@ -134,12 +127,12 @@ def _rows(
 
     With `count`, all of its words, which must be as many.
     """
-    rows = text_rows(file)
+    rows = kitti_tables.text_rows(file)
     header = rows[0][1] if rows else []
     for name in names:
         if name not in header:
             raise UserError(f"{file}: row 1: the column {name} is missing")
     columns = [header.index(name) for name in names] if count is None else range(count)
     for row, words in rows[1:]:
-        check_columns(file, row, words, count or len(header))
+        kitti_tables.check_columns(file, row, words, count or len(header))
     return [(row, [words[i] for i in columns]) for row, words in rows[1:]]

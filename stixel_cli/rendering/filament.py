@@ -11,17 +11,11 @@ import numpy as np
 
 from stixel_cli.errors import UserError
 from stixel_cli.geometry.rig import Rig
+from stixel_cli.rendering import placement
 from stixel_cli.rendering.camera_rays import Camera, rig_cameras
 from stixel_cli.rendering.filament_process import REASON, main
 from stixel_cli.rendering.frames import TARGET_ID, RenderedFrames
 from stixel_cli.rendering.parameters import FilamentParameters
-from stixel_cli.rendering.placement import (
-    SUN_COLOUR,
-    motion_of,
-    numbered_objects,
-    sun_direction,
-    world_from_target_3d,
-)
 from stixel_cli.scene.mesh import Mesh
 from stixel_cli.scene.parameters import RoadUser, World
 from stixel_cli.scene.road_user import road_user_meshes
@@ -53,7 +47,7 @@ def render(
     Raises:
         RendererUnavailable: if the child hung or died `renderer.attempts` times.
     """
-    objects = numbered_objects(world, motion_of(world, scenario))
+    objects = placement.numbered_objects(world, placement.motion_of(world, scenario))
     meshes = road_user_meshes(road_user)
     scene = describe_scene(scenario, objects, meshes, rig, renderer, frames)
     return RenderedFrames.from_frames(frames.start, rendered(scene, renderer, COMMAND))
@@ -96,13 +90,13 @@ def describe_scene(
         "ids": np.array(ids),
         "limb_pose_of": np.array(limb_poses),
         "limb_poses": scenario.limb_poses[frames.start : frames.stop],
-        "sun": sun_direction(light),
-        "sun_colour": SUN_COLOUR,
+        "sun": placement.sun_direction(light),
+        "sun_colour": placement.SUN_COLOUR,
         "light": light.exposure * np.array([light.sun, light.ambient]),
         "frames": np.array(frames),
         "cameras": np.array([[_transform(camera) for camera in pair] for pair in poses]),
         "target_poses": np.array(
-            [world_from_target_3d(scenario.target_poses_world[k]) for k in frames]
+            [placement.world_from_target_3d(scenario.target_poses_world[k]) for k in frames]
         ),
     }
 

@@ -185,11 +185,7 @@ def build_textures(images: Iterable[np.ndarray]) -> Textures:
                     level = np.float32(0.5) * (level[:, ::2] + level[:, 1::2])
                 steps = np.rint(level / np.float32(TEXEL_STEP)).astype(np.uint64)
                 texels[start : start + width * height] |= (steps << np.uint64(shift)).ravel()
-    return Textures(
-        texels,
-        np.array(levels, dtype=np.int64),
-        np.array(first_level, dtype=np.int32),
-    )
+    return Textures(texels, np.array(levels, dtype=np.int64), np.array(first_level, dtype=np.int32))
 
 
 def srgb_from_linear(light: np.ndarray) -> np.ndarray:

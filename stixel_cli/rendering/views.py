@@ -12,12 +12,7 @@ import numpy as np
 from stixel_cli.rendering import tracing
 from stixel_cli.rendering.edges import edge_pixels, unclear_pixels
 from stixel_cli.rendering.frames import SKY_ID
-from stixel_cli.rendering.supersampling import (
-    Centres,
-    rasterised,
-    sample_offsets,
-    supersampled,
-)
+from stixel_cli.rendering.supersampling import Centres, rasterised, sample_offsets, supersampled
 from stixel_cli.rendering.surfaces import srgb_from_linear
 from stixel_cli.rendering.tracing import Body, Hits, Shot
 

@@ -46,10 +46,7 @@ SCRIPTS = ("paths", "map", "camera", "charts", "legend", "time")
 
 
 def playback_html(
-    runs: Sequence[RunResult],
-    title: str,
-    notes: Sequence[str] = (),
-    folders: Sequence[str] = (),
+    runs: Sequence[RunResult], title: str, notes: Sequence[str] = (), folders: Sequence[str] = ()
 ) -> str:
     """The page of one or more computed runs of one scene; the same runs give the same bytes.
 
@@ -65,10 +62,7 @@ def playback_html(
 
 
 def playback_data(
-    runs: Sequence[RunResult],
-    title: str,
-    notes: Sequence[str] = (),
-    folders: Sequence[str] = (),
+    runs: Sequence[RunResult], title: str, notes: Sequence[str] = (), folders: Sequence[str] = ()
 ) -> dict[str, Any]:
     """The page's data in JSON's types; None for values that are not finite.
 

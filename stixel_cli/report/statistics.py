@@ -18,14 +18,7 @@ import numpy as np
 
 from stixel_cli.evaluation.metric_table import LOSS_RATE, over_runs
 from stixel_cli.evaluation.metric_table import metric as metric_row
-from stixel_cli.report.intervals import (
-    CONFIDENCE,
-    chi_square_bounds,
-    combined_interval,
-    crossed_parts,
-    stratified_parts,
-    wilson_interval,
-)
+from stixel_cli.report import intervals
 from stixel_cli.report.metrics import listed_by_user
 from stixel_cli.results.reader import listed
 
@@ -89,7 +82,7 @@ def statistic(
     metric: str,
     values: Iterable[float | int | None],
     units: Iterable[Unit] | None = None,
-    confidence: float = CONFIDENCE,
+    confidence: float = intervals.CONFIDENCE,
 ) -> Statistic:
     """The statistic of one metric's values over their units; None: each value is a unit.
 
@@ -111,10 +104,10 @@ def statistic(
         return Statistic(metric=metric)
     mean, std = float(own.mean()), float(own.std(ddof=1)) if n > 1 else None
     if metric == LOSS_RATE:
-        ends = wilson_interval(mean, sum(len(groups[unit]) for unit in known))
+        ends = intervals.wilson_interval(mean, sum(len(groups[unit]) for unit in known))
     else:
-        parts = crossed_parts(own, np.array([*known]))
-        ends = combined_interval(mean, parts, metric_row(metric).bounds, confidence)
+        parts = intervals.crossed_parts(own, np.array([*known]))
+        ends = intervals.combined_interval(mean, parts, metric_row(metric).bounds, confidence)
     return Statistic(mean, *ends, n, std, metric, tuple(known.values()))
 
 
@@ -159,7 +152,7 @@ def consistent_bounds(one: Statistic) -> tuple[float, float] | tuple[None, None]
     degrees = metric_row(one.metric).degrees_of_freedom
     if degrees is None or one.n == 0:
         return None, None
-    low, high = chi_square_bounds(one.n * degrees)
+    low, high = intervals.chi_square_bounds(one.n * degrees)
     return float(low / (one.n * degrees)), float(high / (one.n * degrees))
 
 
@@ -210,7 +203,7 @@ def paired(differences: np.ndarray, strata: Sequence[str]) -> Paired:
     if n == 0:
         return Paired()
     mean = float(differences.mean())
-    ends = combined_interval(mean, stratified_parts(differences, strata))
+    ends = intervals.combined_interval(mean, intervals.stratified_parts(differences, strata))
     p = wilcoxon(differences) if n > 1 else None
     return Paired(mean, *ends, n, p=p, effect=rank_biserial(differences))
 

@@ -194,9 +194,7 @@ def _with_git(*manifests: Mapping[str, Any]) -> str:
     return f"; try: git diff {' '.join(revisions)}"
 
 
-def differing_settings(
-    runs: Sequence[RunResult],
-) -> tuple[list[Any], list[tuple[str, str]]]:
+def differing_settings(runs: Sequence[RunResult]) -> tuple[list[Any], list[tuple[str, str]]]:
     """Different settings as (key, value of each run), and equal ones as (key, value)."""
     flat = [flat_settings(run.settings) for run in runs]
     # The chosen option of each group whose settings have no `kind`.

@@ -11,16 +11,7 @@ import numpy as np
 
 from stixel_cli.errors import UserError
 from stixel_cli.evaluation.scores import SERIES, Scores
-from stixel_cli.results.reader import (
-    SWEEP_FILE,
-    check_folder,
-    find_folders,
-    read_config,
-    read_manifest,
-    read_metrics,
-    read_png,
-    read_series,
-)
+from stixel_cli.results import reader
 
 if TYPE_CHECKING:
     from stixel_cli.measurements.scans import Scans
@@ -239,12 +230,12 @@ def read_run(folder: Path) -> RunResult:
     Raises:
         UserError: if it is not a result folder, or a file is missing or not valid.
     """
-    check_folder(folder)
+    reader.check_folder(folder)
     return RunResult(
         folder=folder,
-        manifest=read_manifest(folder),
-        settings=read_config(folder),
-        metrics=read_metrics(folder),
+        manifest=reader.read_manifest(folder),
+        settings=reader.read_config(folder),
+        metrics=reader.read_metrics(folder),
     )
 
 
@@ -254,11 +245,11 @@ def read_scored_run(folder: Path) -> RunResult:
     Errors over time that the folder lacks are NaN.
     """
     run = read_run(folder)
-    times, series = read_series(folder / "scores.npz")
+    times, series = reader.read_series(folder / "scores.npz")
     missing = {name: np.full(times.shape, np.nan) for name in SERIES if name not in series}
     scores = Scores(times=times, **series, **missing, metrics=run.metrics)
     picture = folder / "figures/path.png"
-    pictures = {picture.name: read_png(picture)} if picture.exists() else {}
+    pictures = {picture.name: reader.read_png(picture)} if picture.exists() else {}
     return replace(run, scores=scores, pictures=pictures)
 
 
@@ -268,7 +259,7 @@ def list_runs(root: Path) -> list[RunResult]:
     A sweep is one entry without its runs: only the time in its manifest is set. So is `failure` of
     a run that is not readable. UserError if the folder does not exist or cannot be read.
     """
-    runs = map(listed_run, find_folders(root))
+    runs = map(listed_run, reader.find_folders(root))
     return sorted(runs, key=lambda run: (str(run.manifest.get("created", "")), run.folder))
 
 
@@ -277,8 +268,10 @@ def listed_run(folder: Path) -> RunResult:
     run = RunResult(folder=folder)
     try:
         if os.path.lexists(folder / "manifest.json"):
-            return replace(run, manifest=read_manifest(folder), metrics=read_metrics(folder))
-        modified = datetime.fromtimestamp((folder / SWEEP_FILE).stat().st_mtime, UTC)
+            return replace(
+                run, manifest=reader.read_manifest(folder), metrics=reader.read_metrics(folder)
+            )
+        modified = datetime.fromtimestamp((folder / reader.SWEEP_FILE).stat().st_mtime, UTC)
         return replace(run, manifest={"created": modified.isoformat(timespec="seconds")})
     except UserError as fault:
         return replace(run, failure=fault)

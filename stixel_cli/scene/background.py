@@ -12,15 +12,7 @@ from numpy.typing import ArrayLike
 from stixel_cli.scene.car import car
 from stixel_cli.scene.mesh import Mesh, Part, fitted, moved
 from stixel_cli.scene.shapes import box, ellipsoid, lathe, loft, part, quads_to_triangles, tube
-from stixel_cli.scene.textures import (
-    Colour,
-    asphalt,
-    facade,
-    leaves,
-    mottled,
-    paving,
-    roof_tiles,
-)
+from stixel_cli.scene.textures import Colour, asphalt, facade, leaves, mottled, paving, roof_tiles
 
 WALLS = (
     # colour, and whether it is of bricks
@@ -50,12 +42,7 @@ class Materials:
 
 
 def house(
-    low: ArrayLike,
-    high: ArrayLike,
-    height: float,
-    front: np.ndarray,
-    roof: np.ndarray,
-    ridge: str,
+    low: ArrayLike, high: ArrayLike, height: float, front: np.ndarray, roof: np.ndarray, ridge: str
 ) -> Mesh:
     """A house with a gabled roof and a chimney.
 

@@ -6,23 +6,9 @@ as their `CarShape` states.
 
 import numpy as np
 
+from stixel_cli.scene import shapes
 from stixel_cli.scene.car_shape import HATCHBACK, CarShape
 from stixel_cli.scene.mesh import Mesh, Part, scaled
-from stixel_cli.scene.shapes import (
-    MonotoneCurve,
-    box,
-    cube_uvs,
-    ellipsoid,
-    hoop,
-    lathe,
-    loft,
-    outward,
-    part,
-    quads_to_triangles,
-    ring_quads,
-    rounded_rectangle,
-    tube,
-)
 from stixel_cli.scene.textures import Colour, mottled, paint
 
 WHEEL_X = (1.37, -1.30)
@@ -30,15 +16,15 @@ WHEEL_Y = 0.70
 WHEEL_RADIUS = 0.32
 ARCH_RADIUS = 0.385
 
-_TOP = MonotoneCurve(
+_TOP = shapes.MonotoneCurve(
     [-2.25, -2.20, -2.05, -1.60, 0.00, 0.95, 1.30, 1.80, 2.08, 2.20, 2.25],
     [0.62, 0.86, 0.94, 0.96, 0.94, 0.93, 0.89, 0.81, 0.72, 0.60, 0.50],
 )
-_SILL = MonotoneCurve(
+_SILL = shapes.MonotoneCurve(
     [-2.25, -2.15, -1.90, -1.00, 1.00, 1.90, 2.15, 2.25],
     [0.42, 0.30, 0.24, 0.2, 0.2, 0.2, 0.25, 0.36],
 )
-_HALF_WIDTH = MonotoneCurve(
+_HALF_WIDTH = shapes.MonotoneCurve(
     [-2.25, -2.21, -2.08, -1.80, -1.20, 1.20, 1.75, 2.05, 2.19, 2.25],
     [0.48, 0.63, 0.755, 0.805, 0.83, 0.83, 0.80, 0.73, 0.62, 0.45],
 )
@@ -61,23 +47,25 @@ def car(colour: Colour, contrast: float, shape: CarShape = HATCHBACK) -> Mesh:
     painted = paint(colour, contrast)
     shell, windows = _cabin(painted, shape)
     trim = mottled("trim", (34, 34, 37), 0.20)
-    underbody = box((-2.02, -0.60, 0.24), (2.05, 0.60, 0.66))
+    underbody = shapes.box((-2.02, -0.60, 0.24), (2.05, 0.60, 0.66))
     raised = np.array([0.0, 0.0, 0.4 * shape.lift])
     mesh = Mesh(
         (
-            part("body", [_body(shape), *_mirrors(shape), *_handles(shape)], painted, 1.1),
+            shapes.part("body", [_body(shape), *_mirrors(shape), *_handles(shape)], painted, 1.1),
             shell,
             windows,
-            part("trim", [underbody, *_seams(shape), *_grilles()], trim, 0.5),
-            part("tyres", [_tyre(x, y) for x in WHEEL_X for y in (1, -1)], trim, 0.4),
-            part("rims", _rims(), mottled("alloy", (176, 178, 184), 0.12), 0.3),
-            part("headlamps", _lamps(np.add(raised, (2.065, 0.585, 0.645)), (0.12, 0.15, 0.075)),
-                 mottled("headlamp", (238, 240, 245), 0.05), 0.2),
-            part("tail lamps", _lamps(np.add(raised, (-2.135, 0.605, 0.80)), (0.07, 0.11, 0.09)),
-                 mottled("tail lamp", (176, 18, 22), 0.12), 0.2),
-            part("plates", [box((2.225, -0.26, 0.385), (2.258, 0.26, 0.49)),
-                            box((-2.262, -0.26, 0.64), (-2.225, 0.26, 0.75))],
-                 mottled("plate", (228, 228, 220), 0.10), 0.3),
+            shapes.part("trim", [underbody, *_seams(shape), *_grilles()], trim, 0.5),
+            shapes.part("tyres", [_tyre(x, y) for x in WHEEL_X for y in (1, -1)], trim, 0.4),
+            shapes.part("rims", _rims(), mottled("alloy", (176, 178, 184), 0.12), 0.3),
+            shapes.part(
+                "headlamps", _lamps(np.add(raised, (2.065, 0.585, 0.645)), (0.12, 0.15, 0.075)),
+                mottled("headlamp", (238, 240, 245), 0.05), 0.2),
+            shapes.part(
+                "tail lamps", _lamps(np.add(raised, (-2.135, 0.605, 0.80)), (0.07, 0.11, 0.09)),
+                mottled("tail lamp", (176, 18, 22), 0.12), 0.2),
+            shapes.part("plates", [shapes.box((2.225, -0.26, 0.385), (2.258, 0.26, 0.49)),
+                                   shapes.box((-2.262, -0.26, 0.64), (-2.225, 0.26, 0.75))],
+                        mottled("plate", (228, 228, 220), 0.10), 0.3),
         )
     )  # fmt: skip
     return _stretched(mesh, shape)
@@ -126,7 +114,7 @@ def _body(shape):
     crown = np.stack([stations, np.zeros_like(stations), top + 0.025], axis=-1)[:, None]
     floor = np.stack([stations, np.zeros_like(stations), sill], axis=-1)[:, None]
     rings = np.concatenate([left, crown, right, floor], axis=1)
-    return loft(rings)
+    return shapes.loft(rings)
 
 
 def _cabin(painted: np.ndarray, shape: CarShape) -> tuple[Part, Part]:
@@ -150,14 +138,14 @@ def _cabin(painted: np.ndarray, shape: CarShape) -> tuple[Part, Part]:
         rear = rear + (1.0 - behind) * shape.tail + behind * shape.roof_end
         front = front + (1.0 - ahead) * shape.windscreen_foot + ahead * shape.windscreen_top
         height = height + (1.0 - up) * foot + up * shape.roof
-        ring = rounded_rectangle((rear, -half), (front, half), radius, per_side, per_corner)
+        ring = shapes.rounded_rectangle((rear, -half), (front, half), radius, per_side, per_corner)
         rings.append(np.column_stack([ring, np.full(len(ring), height)]))
     rings = np.array(rings)
     points = rings.shape[1]
     middle = 0.5 * (shape.roof_end + shape.windscreen_top)
     roof = np.array([[-0.75 + middle, 0.0, 1.50 + shape.roof]])
     vertices = np.concatenate([rings.reshape(-1, 3), roof])
-    quads = ring_quads(len(levels), points)
+    quads = shapes.ring_quads(len(levels), points)
     # Columns run corner, side (left, rear, right, front), corner …; posts stay painted.
     place = np.arange(points) % (per_side + per_corner)
     side = np.arange(points) // (per_side + per_corner)
@@ -170,8 +158,8 @@ def _cabin(painted: np.ndarray, shape: CarShape) -> tuple[Part, Part]:
     lid = np.column_stack(
         [last + ahead, last + (ahead + 1) % points, np.full(points, len(vertices) - 1)]
     )
-    body = quads_to_triangles(quads)
-    _, triangles = outward(vertices, np.concatenate([body, lid]))
+    body = shapes.quads_to_triangles(quads)
+    _, triangles = shapes.outward(vertices, np.concatenate([body, lid]))
     chosen = np.concatenate([np.repeat(window.reshape(-1), 2), np.zeros(points, dtype=bool)])
     glazing = mottled("glass", (48, 58, 66), 0.20)
     parts = []
@@ -180,7 +168,7 @@ def _cabin(painted: np.ndarray, shape: CarShape) -> tuple[Part, Part]:
         ("windows", chosen, glazing, 1.6),
     ):
         kept = np.ascontiguousarray(triangles[rows])
-        parts.append(Part(vertices, kept, cube_uvs(vertices, kept, tile), texture, name))
+        parts.append(Part(vertices, kept, shapes.cube_uvs(vertices, kept, tile), texture, name))
     return parts[0], parts[1]
 
 
@@ -202,10 +190,10 @@ def _seams(shape):
     surfaces = []
     for x in (0.80, -0.42, -1.02):
         for line in _both(_side(np.full_like(share, x), share, shape)):
-            surfaces.append(tube(line, 0.008, 4))
+            surfaces.append(shapes.tube(line, 0.008, 4))
     along = np.linspace(-0.84, 0.92, 9)
     for line in _both(_side(along, np.full_like(along, 0.12), shape)):
-        surfaces.append(tube(line, 0.022, 6))
+        surfaces.append(shapes.tube(line, 0.022, 6))
     return surfaces
 
 
@@ -213,7 +201,7 @@ def _handles(shape):
     surfaces = []
     for x in (-0.28, -0.90):
         for line in _both(_side(np.array([x, x + 0.17]), np.array([0.80, 0.80]), shape)):
-            surfaces.append(tube(line, 0.017, 6))
+            surfaces.append(shapes.tube(line, 0.017, 6))
     return surfaces
 
 
@@ -223,23 +211,23 @@ def _mirrors(shape):
     for sign in (1.0, -1.0):
         centre = np.add(shift, (0.70, sign * 0.83, 1.01))
         arm = np.add(shift, [(0.74, sign * 0.70, 0.93), (0.71, sign * 0.80, 0.98)])
-        surfaces.append(ellipsoid(centre, (0.065, 0.07, 0.065), 6, 12))
-        surfaces.append(tube(arm, 0.022, 6))
+        surfaces.append(shapes.ellipsoid(centre, (0.065, 0.07, 0.065), 6, 12))
+        surfaces.append(shapes.tube(arm, 0.022, 6))
     return surfaces
 
 
 def _grilles():
     return [
-        box((2.02, -0.46, 0.27), (2.252, 0.46, 0.36)),
-        box((2.02, -0.36, 0.52), (2.236, 0.36, 0.60)),
-        box((-2.245, -0.50, 0.33), (-2.02, 0.50, 0.43)),
+        shapes.box((2.02, -0.46, 0.27), (2.252, 0.46, 0.36)),
+        shapes.box((2.02, -0.36, 0.52), (2.236, 0.36, 0.60)),
+        shapes.box((-2.245, -0.50, 0.33), (-2.02, 0.50, 0.43)),
     ]
 
 
 def _tyre(x: float, sign: int):
     profile = [(-0.105, 0.22), (-0.105, 0.27), (-0.085, 0.315), (-0.05, WHEEL_RADIUS),
                (0.05, WHEEL_RADIUS), (0.085, 0.315), (0.105, 0.27), (0.105, 0.22)]  # fmt: skip
-    return lathe(profile, (x, sign * WHEEL_Y, WHEEL_RADIUS), 18)
+    return shapes.lathe(profile, (x, sign * WHEEL_Y, WHEEL_RADIUS), 18)
 
 
 def _rims():
@@ -248,15 +236,17 @@ def _rims():
         for sign in (1, -1):
             centre = np.array([x, sign * (WHEEL_Y + 0.095), WHEEL_RADIUS])
             ring = [(-0.02, 0.185), (-0.02, 0.225), (0.012, 0.225), (0.012, 0.185)]
-            surfaces.append(hoop(ring, centre, 20))
-            surfaces.append(lathe([(-0.02, 0.05), (0.013, 0.05), (0.017, 0.035)], centre, 12))
+            surfaces.append(shapes.hoop(ring, centre, 20))
+            surfaces.append(
+                shapes.lathe([(-0.02, 0.05), (0.013, 0.05), (0.017, 0.035)], centre, 12)
+            )
             for spoke in range(5):
                 angle = 2.0 * np.pi * spoke / 5 + 0.3
                 reach = np.array([np.cos(angle), 0.0, np.sin(angle)])
-                surfaces.append(tube([centre, centre + 0.20 * reach], [0.028, 0.02], 4))
+                surfaces.append(shapes.tube([centre, centre + 0.20 * reach], [0.028, 0.02], 4))
     return surfaces
 
 
 def _lamps(centre, radii):
     mirror = np.array([1.0, -1.0, 1.0])
-    return [ellipsoid(np.array(centre) * side, radii, 6, 12) for side in (1.0, mirror)]
+    return [shapes.ellipsoid(np.array(centre) * side, radii, 6, 12) for side in (1.0, mirror)]

@@ -116,6 +116,8 @@ def cyclist(contrast: float, shape: CyclistShape = STANDARD) -> Mesh:
         mottled("sneakers", (196, 194, 190), 0.2),
         mottled("rubber", (40, 40, 42), 0.25),
     )
+    places = (shape.on_bar((0.305, side * 0.262, 1.01)) for side in (1, -1))
+    hands = [ellipsoid(place, (0.05, 0.032, 0.035), 6, 10) for place in places]
     return Mesh(
         (
             part("frame", _frame(shape), paint(shape.bicycle, contrast), 0.6),
@@ -126,7 +128,7 @@ def cyclist(contrast: float, shape: CyclistShape = STANDARD) -> Mesh:
             part("jacket", [_torso(shape), *_sleeves(shape)], jacket, 0.8),
             part("trousers", moving["trousers"], cloth(shape.trousers, contrast), 0.5),
             part("shoes", moving["shoes"], sneakers, 0.3),
-            part("skin", [head, neck, *_hands(shape)], mottled("skin", SKIN, 0.10), 0.5),
+            part("skin", [head, neck, *hands], mottled("skin", SKIN, 0.10), 0.5),
             part("helmet", [helmet], paint((206, 210, 214), 0.4 * contrast), 0.4),
             *_luggage(shape, contrast),
         )
@@ -235,13 +237,6 @@ def _sleeves(shape):
         elbow = 0.45 * shoulder + 0.55 * wrist + np.array([-0.055, 0.017 * side, -0.034])
         surfaces.append(tube([first, shoulder, elbow, wrist], [0.055, 0.058, 0.044, 0.034], 12))
     return surfaces
-
-
-def _hands(shape):
-    return [
-        ellipsoid(shape.on_bar((0.305, side * 0.262, 1.01)), (0.05, 0.032, 0.035), 6, 10)
-        for side in (1, -1)
-    ]
 
 
 def _luggage(shape: CyclistShape, contrast: float) -> list[Part]:

@@ -131,11 +131,7 @@ def match_pairs(
 
 
 def _find(
-    matcher: Any,
-    left: np.ndarray,
-    right: np.ndarray,
-    stereo: MatchingParameters,
-    checked: bool,
+    matcher: Any, left: np.ndarray, right: np.ndarray, stereo: MatchingParameters, checked: bool
 ) -> np.ndarray:
     """Raw disparity (H, W) int16, 1/16 px, corrected as `stereo.subpixel` demands."""
     if checked:

@@ -5,11 +5,7 @@ import numpy as np
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.stereo.disparities import Disparities
 from stixel_cli.stixels.occupancy import accumulate, layout
-from stixel_cli.stixels.parameters import (
-    CartesianOccupancy,
-    OccupancyParameters,
-    RoadParameters,
-)
+from stixel_cli.stixels.parameters import CartesianOccupancy, OccupancyParameters, RoadParameters
 from stixel_cli.stixels.types import FreeSpace, OccupancyGrid
 
 

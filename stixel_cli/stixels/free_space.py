@@ -10,11 +10,7 @@ from stixel_cli.scene.scenario import EgoMotion
 from stixel_cli.stereo.disparities import SUBPIXELS, Disparities
 from stixel_cli.stixels.nearest_obstacle import nearest_obstacle
 from stixel_cli.stixels.occupancy import Layout, layout
-from stixel_cli.stixels.parameters import (
-    FreeSpaceParameters,
-    OccupancyParameters,
-    RoadParameters,
-)
+from stixel_cli.stixels.parameters import FreeSpaceParameters, OccupancyParameters, RoadParameters
 from stixel_cli.stixels.road import base_rows, find_road, pitch_and_height, pitch_factors
 from stixel_cli.stixels.types import FreeSpace
 

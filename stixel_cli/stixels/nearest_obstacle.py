@@ -9,11 +9,7 @@ import numpy as np
 from numba import njit
 
 from stixel_cli.stixels.occupancy import BINS_PER_PIXEL, Layout, accumulate, to_polar
-from stixel_cli.stixels.parameters import (
-    CartesianOccupancy,
-    FreeSpaceParameters,
-    RoadParameters,
-)
+from stixel_cli.stixels.parameters import CartesianOccupancy, FreeSpaceParameters, RoadParameters
 
 
 def nearest_obstacle(
@@ -59,19 +55,13 @@ def nearest_obstacle(
             np.float32(free_space.temporal_limit),
         )
     path = cheapest_path(
-        costs,
-        depths,
-        np.float32(free_space.spatial_cost),
-        np.float32(free_space.spatial_limit),
+        costs, depths, np.float32(free_space.spatial_cost), np.float32(free_space.spatial_limit)
     )
     return refine(path, histogram, grid.disparities, grid.reaches, BINS_PER_PIXEL)
 
 
 def cell_costs(
-    occupancy: np.ndarray,
-    inverse_requirement: np.ndarray,
-    bound: np.float32,
-    free_cost: np.float32,
+    occupancy: np.ndarray, inverse_requirement: np.ndarray, bound: np.float32, free_cost: np.float32
 ) -> np.ndarray:
     """Costs (W, R + 1) float32 of the cells: 1 / D, at most `bound`; the last row: `free_cost`.
 

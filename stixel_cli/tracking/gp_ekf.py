@@ -14,16 +14,10 @@ from annotated_types import Ge, Gt, Le, Lt
 from stixel_cli.geometry.pose import rotation
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.parameters import parameters
+from stixel_cli.tracking import motion
 from stixel_cli.tracking.association import associate, contour_moments
 from stixel_cli.tracking.gp_ekf_update import SEEN, fill_pose_columns, update
 from stixel_cli.tracking.kernel import ContourProcess, contour_process
-from stixel_cli.tracking.motion import (
-    intervals,
-    predict,
-    process_noise,
-    tied_to_velocity,
-    transition,
-)
 from stixel_cli.tracking.prior import PriorShape, mean_radius, prior_radii
 from stixel_cli.tracking.smoothing import Step, smooth
 from stixel_cli.tracking.track import InitialState, Track, contour_directions
@@ -103,7 +97,12 @@ def track(
         tracker.jitter,
         mean_radius(prior) if tracker.mean_function == "class_radius" else 0.0,
     )
-    side = None if tracker.seen_by is None else _one_side(prior, tracker.seen_by, process)
+    side = None
+    if tracker.seen_by is not None:
+        # Numba takes half a second to import, and every command imports this module.
+        from stixel_cli.tracking.one_side import OneSide
+
+        side = OneSide(prior, tracker.seen_by, process)
     radii = prior_radii(prior, process.basis_angles) if side is None else side.radii
     mean = np.concatenate([initial.mean, radii])
     covariance = block_diag(initial.covariance, process.covariance)
@@ -112,13 +111,13 @@ def track(
     used: list[np.ndarray] = []
     filtered: list[Step] = []
     nis = np.full(count, np.nan)
-    steps = intervals(scans.times)
+    steps = motion.intervals(scans.times)
     process_noises = {
-        interval: process_noise(interval, tracker.sigma_q, tracker.sigma_q_psi)
+        interval: motion.process_noise(interval, tracker.sigma_q, tracker.sigma_q_psi)
         for interval in set(steps)
     }
     for k, interval in enumerate(steps):
-        mean, covariance = predicted = predict(
+        mean, covariance = predicted = motion.predict(
             mean,
             covariance,
             interval,
@@ -128,7 +127,7 @@ def track(
             process.mean_radius,
         )
         if tracker.slip is not None:
-            mean, covariance = tied_to_velocity(mean, covariance, tracker.slip)
+            mean, covariance = motion.tied_to_velocity(mean, covariance, tracker.slip)
         mean, covariance, indices, nis[k] = _updated(
             (mean, covariance), scans, k, process, side, tracker
         )
@@ -136,7 +135,7 @@ def track(
         means[k], covariances[k] = mean, covariance
         if tracker.lag != 0:
             kept = np.exp(-tracker.forgetting_rate * interval) * np.eye(tracker.basis_points)
-            matrix = block_diag(transition(interval), kept)
+            matrix = block_diag(motion.transition(interval), kept)
             last = filtered[-1] if filtered else None
             filtered.append(Step(mean, covariance, *predicted, last, matrix))
 
@@ -178,13 +177,6 @@ def _updated(
     projected = tracker.measurement_covariance == "projected"
     mean, covariance, nis = update(mean, covariance, points[indices], noises, process, projected)
     return mean, covariance, indices, nis
-
-
-def _one_side(prior: PriorShape, seen_by: str, process: ContourProcess) -> "OneSide":
-    # Numba takes half a second to import, and every command imports this module.
-    from stixel_cli.tracking.one_side import OneSide
-
-    return OneSide(prior, seen_by, process)
 
 
 def contours_of(

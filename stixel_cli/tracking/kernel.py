@@ -15,11 +15,7 @@ from numpy.typing import ArrayLike
 
 
 def kernel(
-    angles: ArrayLike,
-    other_angles: ArrayLike,
-    length_scale: float,
-    sigma_f: float,
-    sigma_r: float,
+    angles: ArrayLike, other_angles: ArrayLike, length_scale: float, sigma_f: float, sigma_r: float
 ) -> np.ndarray:
     """k(u, u') = sigma_f² exp(-2 sin²((u - u') / 2) / l²) + sigma_r², shape (n, m), m².
 

@@ -25,16 +25,10 @@ STAGES: dict[str, Definition] = {
         files=("road_user.mesh",),
     ),
     "add_sensor_noise": Definition(
-        only("rendering.sensor_noise:add_sensor_noise"),
-        "map",
-        same("sensor"),
-        seeded=True,
+        only("rendering.sensor_noise:add_sensor_noise"), "map", same("sensor"), seeded=True
     ),
     "match": Definition(
-        by_kind(StereoParameters, "match"),
-        "map",
-        same("rig", "stereo"),
-        chosen_by="stereo",
+        by_kind(StereoParameters, "match"), "map", same("rig", "stereo"), chosen_by="stereo"
     ),
     "free_space": Definition(
         only("stixels.free_space:find_free_space"),
@@ -42,9 +36,7 @@ STAGES: dict[str, Definition] = {
         same("rig", "road", "occupancy", "free_space"),
     ),
     "stixels": Definition(
-        only("stixels.extraction:extract_stixels"),
-        "map",
-        same("rig", "height", "extraction"),
+        only("stixels.extraction:extract_stixels"), "map", same("rig", "height", "extraction")
     ),
     "recorded_motion": Definition(
         only("recordings.motion:recorded_motion"),

@@ -33,10 +33,7 @@ STAGES: dict[str, Definition] = {
         files=("road_user.mesh",),
     ),
     "label_truths": Definition(
-        only("recordings.truth:label_truths"),
-        "once",
-        FROM_LABELS,
-        recorded="label_files",
+        only("recordings.truth:label_truths"), "once", FROM_LABELS, recorded="label_files"
     ),
     "label_scores": Definition(
         only("evaluation.label_scores:score_tracks"), "once", {"road_user": "road_user.kind"}
@@ -49,10 +46,7 @@ STAGES: dict[str, Definition] = {
     ),
     "point_errors": Definition(only("validation.point_errors:point_errors"), "once", same("rig")),
     "label_errors": Definition(
-        only("calibration.label_errors:label_errors"),
-        "once",
-        FROM_LABELS,
-        recorded="label_files",
+        only("calibration.label_errors:label_errors"), "once", FROM_LABELS, recorded="label_files"
     ),
     "track_points": Definition(
         only("calibration.motion_errors:track_points"),
@@ -67,20 +61,13 @@ STAGES: dict[str, Definition] = {
         recorded="true_disparities",
     ),
     "occupancy": Definition(
-        only("stixels.displayed_grid:picture_grid"),
-        "pick",
-        same("rig", "road", "occupancy"),
+        only("stixels.displayed_grid:picture_grid"), "pick", same("rig", "road", "occupancy")
     ),
     "camera_pictures": Definition(
-        only("pictures.camera:camera_pictures"),
-        "pick",
-        same("rig"),
-        pictures=True,
+        only("pictures.camera:camera_pictures"), "pick", same("rig"), pictures=True
     ),
     "camera_frames": Definition(
-        only("pictures.camera_frames:camera_frames"),
-        "map",
-        same("rig", "road", "occupancy"),
+        only("pictures.camera_frames:camera_frames"), "map", same("rig", "road", "occupancy")
     ),
     "track_pictures": Definition(
         only("pictures.birds_eye:track_pictures"),
@@ -95,10 +82,7 @@ STAGES: dict[str, Definition] = {
         pictures=True,
     ),
     "run_pictures": Definition(
-        only("pictures.over_time:run_pictures"),
-        "once",
-        same("field_of_view"),
-        pictures=True,
+        only("pictures.over_time:run_pictures"), "once", same("field_of_view"), pictures=True
     ),
 }
 
@@ -107,11 +91,7 @@ OWN: dict[str, Definition] = {
     "track": Definition(
         only("tracking.own:track"),
         "once",
-        {
-            "prior": "prior",
-            "function": "tracker.function",
-            "parameters": "tracker.parameters",
-        },
+        {"prior": "prior", "function": "tracker.function", "parameters": "tracker.parameters"},
         files=FILES_OF_PRIOR,
         code=("tracker.function",),
         watched="scans",

@@ -26,16 +26,7 @@ from stixel_cli.report.scan_frame import (
 )
 from stixel_cli.report.statistics import least_effect, least_p
 from stixel_cli.studies.data import StudyData
-from stixel_cli.studies.rq2.contrasts import (
-    ERRORS,
-    Contrast,
-    contrasts,
-    contrasts_forest,
-    contrasts_table,
-    is_baseline,
-    of_kind,
-    verdicts,
-)
+from stixel_cli.studies.rq2 import contrasts
 from stixel_cli.studies.rq2.figures import CONDITIONS, boxes, condition_values
 
 LEAD = "centre_rmse_m"
@@ -96,20 +87,20 @@ def answer_values(runs: pd.DataFrame) -> dict[str, Any]:
     `forest`: the plot of all tested ones. `baselines`: for each tracker and baseline the `effects`
     on the IoU.
     """
-    every = contrasts(runs)
+    every = contrasts.contrasts(runs)
     tested = [one for one in every if one.tested]
     trackers = list(dict.fromkeys(one.tracker for one in tested))
     users, seeds = tables.names(runs, "road_user"), tables.names(runs, "seed")
-    stixels = of_kind(runs, STIXELS)[:1]
+    stixels = contrasts.of_kind(runs, STIXELS)[:1]
     on_stixels = runs[runs["measurement"].isin(stixels)]
     pairs = [
         (tracker, other)
         for tracker in trackers
         for other in tables.names(runs, "tracker")
-        if other != tracker and is_baseline(runs, other)
+        if other != tracker and contrasts.is_baseline(runs, other)
     ]
     by = ("road_user", "tracker", "measurement")
-    means = tables.rows_by(runs, by, (*ERRORS, *_UNTESTED), tables.mean_cell)
+    means = tables.rows_by(runs, by, (*contrasts.ERRORS, *_UNTESTED), tables.mean_cell)
     shown = [Table.of("answer_means", means)] if tested else []
     if tested and pairs:
         shown.append(Table.of("answer_baseline", _baseline_rows(on_stixels, pairs)))
@@ -120,22 +111,26 @@ def answer_values(runs: pd.DataFrame) -> dict[str, Any]:
         "answered": bool(tested),
         "headlines": {
             tracker: [
-                (one.road_user, one.other if len(of_kind(runs, LIDAR)) > 1 else "", one.difference)
+                (
+                    one.road_user,
+                    one.other if len(contrasts.of_kind(runs, LIDAR)) > 1 else "",
+                    one.difference,
+                )
                 for one in tested
                 if (one.tracker, one.metric) == (tracker, LEAD)
             ]
             for tracker in trackers
         },
         "leads": _leads(tested, trackers, users),
-        "lead": ERRORS[LEAD],
-        "forest": contrasts_forest(tested, users),
+        "lead": contrasts.ERRORS[LEAD],
+        "forest": contrasts.contrasts_forest(tested, users),
         "measurements": tables.names(runs, "measurement"),
         "paths": tables.names(runs, "path"),
         "seeds": seeds,
         "contrasts": [
             _contrast([one for one in tested if (one.tracker, one.other) == (tracker, lidar)])
             for tracker in trackers
-            for lidar in of_kind(runs, LIDAR)
+            for lidar in contrasts.of_kind(runs, LIDAR)
         ],
         "baselines": [_baseline(on_stixels, *pair) for pair in pairs],
         "consistency": {
@@ -150,13 +145,13 @@ def answer_values(runs: pd.DataFrame) -> dict[str, Any]:
         "tests": len(tested),
         "least_effect": least_effect(len(seeds), len(tested)) if tested and seeds[1:] else None,
         "least_p": least_p(len(seeds)),
-        "differences": contrasts_table(every),
+        "differences": contrasts.contrasts_table(every),
         "tables": {table.name: table for table in shown},
     }
 
 
 def _leads(
-    tested: Sequence[Contrast], trackers: Sequence[str], users: Sequence[str]
+    tested: Sequence[contrasts.Contrast], trackers: Sequence[str], users: Sequence[str]
 ) -> list[dict[str, Any]]:
     """`LEAD` of each road user and tracker: on stixels, on each lidar, and the difference."""
     found = []
@@ -168,9 +163,9 @@ def _leads(
     return found
 
 
-def _contrast(found: Sequence[Contrast]) -> dict[str, Any]:
+def _contrast(found: Sequence[contrasts.Contrast]) -> dict[str, Any]:
     """The verdicts on one tracker, on stixels and on one lidar."""
-    return {"tracker": found[0].tracker, "lidar": found[0].other, **verdicts(found)}
+    return {"tracker": found[0].tracker, "lidar": found[0].other, **contrasts.verdicts(found)}
 
 
 def _baseline(on_stixels: pd.DataFrame, tracker: str, baseline: str) -> dict[str, Any]:
@@ -189,7 +184,7 @@ def _baseline_rows(
     for ((user,), own), pair in product(tables.groups(on_stixels, ["road_user"]), pairs):
         sides = [tables.chosen(own, tracker=one) for one in pair]
         row: dict[str, Cell] = {"road user": user, "tracker": pair[0], "baseline": pair[1]}
-        for name, shown in ERRORS.items():
+        for name, shown in contrasts.ERRORS.items():
             row |= tables.ends(tables.with_unit(shown), tables.difference(*sides, name))
         yield row
 

@@ -8,21 +8,11 @@ import numpy as np
 import pandas as pd
 
 from stixel_cli.evaluation.metric_table import METRICS
+from stixel_cli.report import statistics
 from stixel_cli.report.blocks import Cell, Figure, Table
 from stixel_cli.report.forest import Row, forest
 from stixel_cli.report.intervals import bootstrap_interval, bootstrap_weights
 from stixel_cli.report.metrics import MINUS
-from stixel_cli.report.statistics import (
-    LEAST_DRAWN,
-    SIGNIFICANT,
-    Paired,
-    Statistic,
-    excludes_zero,
-    holm,
-    least_p,
-    paired,
-    pairs_needed,
-)
 from stixel_cli.report.tables import ends, groups
 
 SIMULATED, FABRICATED, FITTED = "simulated", "fabricated", "fitted"
@@ -83,13 +73,13 @@ class Comparison:
     tracker: str
     measure: Measure
     means: Mapping[str, float | None]
-    apart: Mapping[str, Paired]
+    apart: Mapping[str, statistics.Paired]
     p: Mapping[str, float | None]
-    closed: Statistic
+    closed: statistics.Statistic
 
     def differs(self, sweep: str) -> bool:
         """Whether the corrected test distinguishes a sweep from the simulated one."""
-        return self.p[sweep] is not None and self.p[sweep] < SIGNIFICANT
+        return self.p[sweep] is not None and self.p[sweep] < statistics.SIGNIFICANT
 
 
 @dataclass(frozen=True)
@@ -109,7 +99,7 @@ class Reach:
     @property
     def enough(self) -> bool:
         """Whether a test can be significant."""
-        return self.least < SIGNIFICANT
+        return self.least < statistics.SIGNIFICANT
 
 
 def reach_of(found: Sequence[Comparison]) -> Reach:
@@ -117,7 +107,9 @@ def reach_of(found: Sequence[Comparison]) -> Reach:
     every = [one for comparison in found for one in comparison.apart.values()]
     pairs = max((one.n for one in every), default=0)
     tests = sum(one.p is not None for one in every) or len(every)
-    return Reach(pairs, tests, min(1.0, tests * least_p(pairs)), pairs_needed(tests))
+    return Reach(
+        pairs, tests, min(1.0, tests * statistics.least_p(pairs)), statistics.pairs_needed(tests)
+    )
 
 
 def tracker_values(runs: pd.DataFrame) -> pd.DataFrame:
@@ -150,7 +142,10 @@ def compare(
             paths = rows.index.get_level_values("path").tolist()
             gap, rest = ((rows[kind] - rows[SIMULATED]).to_numpy() for kind in (FABRICATED, FITTED))
             means = {kind: float(rows[kind].mean()) if len(rows) else None for kind in KINDS}
-            apart = {FABRICATED: paired(gap, paths), FITTED: paired(rest, paths)}
+            apart = {
+                FABRICATED: statistics.paired(gap, paths),
+                FITTED: statistics.paired(rest, paths),
+            }
             closed = gap_closed(gap, rest, paths, f"{user} {tracker} {name}")
             found.append(Comparison(user, tracker, measure, means, apart, {}, closed))
     return _corrected(found)
@@ -159,14 +154,16 @@ def compare(
 def _corrected(found: Sequence[Comparison]) -> list[Comparison]:
     """The comparisons with Holm's correction over all of them."""
     every = enumerate(found)
-    p = holm({(i, kind): d.p for i, one in every for kind, d in one.apart.items()})
+    p = statistics.holm({(i, kind): d.p for i, one in every for kind, d in one.apart.items()})
     return [
         replace(one, p={kind: p.get((i, kind)) for kind in one.apart})
         for i, one in enumerate(found)
     ]
 
 
-def gap_closed(gap: np.ndarray, rest: np.ndarray, strata: Sequence[str], name: str) -> Statistic:
+def gap_closed(
+    gap: np.ndarray, rest: np.ndarray, strata: Sequence[str], name: str
+) -> statistics.Statistic:
     """Fraction of the gap (n,) that the correction closes; `rest` (n,) is the remaining gap.
 
     1 - sum over the strata of |sum of the rest| / the same of the gap. The sum is over
@@ -175,8 +172,8 @@ def gap_closed(gap: np.ndarray, rest: np.ndarray, strata: Sequence[str], name: s
     interval contains 0. The fraction's own interval is a bootstrap's, and None if a stratum has
     fewer than `LEAST_DRAWN` pairs; `name` is the label of the random numbers.
     """
-    if not excludes_zero(paired(gap, strata)):
-        return Statistic()
+    if not statistics.excludes_zero(statistics.paired(gap, strata)):
+        return statistics.Statistic()
     columns = np.array(strata)
     of_stratum = (columns[:, None] == np.unique(columns)).astype(np.float64)
 
@@ -185,11 +182,11 @@ def gap_closed(gap: np.ndarray, rest: np.ndarray, strata: Sequence[str], name: s
 
     whole = np.full((1, len(gap)), 1.0 / len(gap))
     share = 1.0 - size(whole, rest) / size(whole, gap)
-    if min(map(list(strata).count, strata)) < LEAST_DRAWN:
-        return Statistic(float(share[0]))
+    if min(map(list(strata).count, strata)) < statistics.LEAST_DRAWN:
+        return statistics.Statistic(float(share[0]))
     drawn = bootstrap_weights(strata, name)
     shares = 1.0 - size(drawn, rest) / np.maximum(size(drawn, gap), 1e-12)
-    return Statistic(float(share[0]), *bootstrap_interval(shares))
+    return statistics.Statistic(float(share[0]), *bootstrap_interval(shares))
 
 
 def difference_table(name: str, found: Sequence[Comparison]) -> Table:
@@ -249,5 +246,5 @@ def noise_rows(
                 apart = (known[name] - known[f"{name}_"]).to_numpy()
                 row[str(measure)] = float(known[name].mean()) if len(known) else None
                 label = f"{measure.label} − {SIMULATED}"
-                row |= ends(label, paired(apart, known["path"].tolist()))
+                row |= ends(label, statistics.paired(apart, known["path"].tolist()))
             yield row

@@ -19,13 +19,7 @@ from annotated_types import Ge, Gt, Le
 from stixel_cli.geometry.pose import rotation, target_from_world
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.parameters import parameters
-from stixel_cli.tracking.centre import (
-    GREATEST_VARIANCE,
-    MOVING,
-    predict,
-    six_states,
-    update,
-)
+from stixel_cli.tracking.centre import GREATEST_VARIANCE, MOVING, predict, six_states, update
 from stixel_cli.tracking.motion import intervals
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.track import InitialState, Track, contour_directions

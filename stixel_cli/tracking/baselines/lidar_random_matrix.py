@@ -112,10 +112,7 @@ def track(
             scattered = tracker.scatter * wide + noise
             innovation, noise = centre - mean[:2], scattered / len(points)
             wide = update_extension(
-                wide,
-                weight,
-                (innovation, covariance[:2, :2] + noise),
-                (points - centre, scattered),
+                wide, weight, (innovation, covariance[:2, :2] + noise), (points - centre, scattered)
             )
             mean, covariance, nis[k] = update(mean, covariance, innovation, noise)
             weight += len(points)
@@ -154,11 +151,7 @@ def measured_centre(
 
 
 def _eight_states(
-    states: np.ndarray,
-    spread: np.ndarray,
-    extension: np.ndarray,
-    weight: float,
-    heading: float,
+    states: np.ndarray, spread: np.ndarray, extension: np.ndarray, weight: float, heading: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Mean (8,) and covariance (8, 8) of the track, from its six `states` with their `spread`.
 

@@ -111,7 +111,9 @@ class ClassFilter:
         best = self._record(k, steps)
         if best.degrees:
             self._age += 1
-            if first or (recovers and len(steps) == 1 and self._is_inconsistent(k)):
+            scans = slice(k + 1)
+            single = recovers and len(steps) == 1
+            if first or (single and is_inconsistent(self._nis[scans], self._degrees[scans])):
                 detected = self._detected(best, rays, widen=not first)
                 # A turned or shifted target may be an error that only later scans contradict.
                 steps, self._age = [detected] if first else [best, detected], 1
@@ -132,11 +134,7 @@ class ClassFilter:
         stds = [self._tracker.length_std, self._tracker.width_std]
         self.size_deviations[k] = np.abs((mean[5:7] - self._of_class) / stds).max()
         self.log_weights[k] = log_weight(
-            best.log_likelihood,
-            self.size_deviations[k],
-            mean[3],
-            covariance[3, 3],
-            self._road_user,
+            best.log_likelihood, self.size_deviations[k], mean[3], covariance[3, 3], self._road_user
         )
 
     def _record(self, k: int, hypotheses: list[Hypothesis]) -> Hypothesis:
@@ -144,9 +142,6 @@ class ClassFilter:
         best = max(hypotheses, key=lambda one: one.log_likelihood)
         self._nis[k], self._degrees[k] = best.nis, best.degrees
         return best
-
-    def _is_inconsistent(self, k: int) -> bool:
-        return is_inconsistent(self._nis[: k + 1], self._degrees[: k + 1])
 
     def _advanced(self, one: Hypothesis, interval: float, rays: Rays) -> Hypothesis:
         """The hypothesis an `interval` in s later, updated with the points that it associates."""

@@ -7,12 +7,7 @@ import numpy as np
 from stixel_cli.geometry.pose import rotation
 from stixel_cli.tracking.association import uncut
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
-from stixel_cli.tracking.contour.contour_rays import (
-    Rays,
-    Sight,
-    range_errors,
-    sampling_inset,
-)
+from stixel_cli.tracking.contour.contour_rays import Rays, Sight, range_errors, sampling_inset
 from stixel_cli.tracking.contour.ray_table import expected
 
 SEEN = np.array([0, 1, 2, 5, 6])

@@ -14,16 +14,10 @@ from pathlib import Path
 
 import numpy as np
 
+from stixel_cli.tracking.contour import ray_table
 from stixel_cli.tracking.contour.class_shape import ClassShape, class_shape
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
 from stixel_cli.tracking.contour.contour_rays import LEARNED, Sight, sight_of
-from stixel_cli.tracking.contour.ray_table import (
-    RayTable,
-    behind,
-    even_aspects,
-    first_depths,
-    outline_table,
-)
 from stixel_cli.tracking.contour.residual import Residual
 from stixel_cli.tracking.contour.user_shape import RADII, read_outline
 from stixel_cli.tracking.prior import PriorShape
@@ -85,8 +79,8 @@ def forms_of(
     }
 
 
-def _exact_table(outline: np.ndarray) -> RayTable:
-    table = outline_table(outline)
+def _exact_table(outline: np.ndarray) -> ray_table.RayTable:
+    table = ray_table.outline_table(outline)
     ends = np.full_like(table.low, EXACT_STD)
     stds = np.full_like(table.stds, EXACT_STD)
     return replace(table, stds=stds, low_stds=ends, high_stds=ends)
@@ -94,8 +88,10 @@ def _exact_table(outline: np.ndarray) -> RayTable:
 
 def star_of(vertices: np.ndarray) -> ClassShape:
     """The outermost points of a polygon (n, 2) m round the centre of its box, at even angles."""
-    angles = even_aspects(RADII)
-    radii = np.maximum(-first_depths(vertices, angles, np.zeros((RADII, 1))), LEAST_RADIUS)
+    angles = ray_table.even_aspects(RADII)
+    radii = np.maximum(
+        -ray_table.first_depths(vertices, angles, np.zeros((RADII, 1))), LEAST_RADIUS
+    )
     return ClassShape(
         outline=radii * np.stack([np.cos(angles), np.sin(angles)], axis=-1),
         outline_stds=np.zeros(RADII),
@@ -111,15 +107,15 @@ def rectangle(shape: ClassShape) -> ClassShape:
 
 
 def _of_table(
-    sight: Sight, table: RayTable, shape: ClassShape, tracker: ContourParameters
+    sight: Sight, table: ray_table.RayTable, shape: ClassShape, tracker: ContourParameters
 ) -> Sight:
     if tracker.seen_by not in LEARNED:
         table = with_uncertain_ends(table)
-    far = None if tracker.sees == "first_surface" else behind(table)
+    far = None if tracker.sees == "first_surface" else ray_table.behind(table)
     return replace(sight, table=table, residual=Residual(shape), far=far)
 
 
-def with_uncertain_ends(table: RayTable) -> RayTable:
+def with_uncertain_ends(table: ray_table.RayTable) -> ray_table.RayTable:
     """The table with limits that are as uncertain as the stretch at each that rays only graze."""
     share = np.linspace(0.0, 1.0, table.depths.shape[1])
     offsets = table.lowest[:, None] + share * (table.highest - table.lowest)[:, None]
