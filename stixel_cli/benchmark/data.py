@@ -100,6 +100,8 @@ class Data:
     def __init__(self, folder: Path):
         """UserError unless the folder has a manifest of this version of the benchmark."""
         self.folder, manifest = folder, folder / MANIFEST
+        if not manifest.exists():
+            raise UserError(f"{manifest}: is missing: write all sequences with stixel bench render")
         content, version = read_json(manifest), definitions()["version"]
         if content.get("benchmark") != version or not isinstance(content.get("files"), dict):
             raise UserError(f"{manifest}: not of benchmark {version}: run stixel bench render")

@@ -16,7 +16,7 @@ app = typer.Typer(rich_markup_mode=None, no_args_is_help=False)
 FOLDER, ROWS, SITE = Path("bench-1.0"), Path("pipelines/bench/rows"), Path("bench-page")
 Folder = Annotated[Path, typer.Option("--data", metavar="DIR", help="Folder of the sequences.")]
 Rows = Annotated[Path, typer.Option(metavar="DIR", help="Folder of the rows.")]
-Pack = Annotated[Path | None, typer.Option(metavar="PACK", show_default=False)]
+Pack = Annotated[Path | None, typer.Option(metavar="PACK", help="The pack that draws the seeds.")]
 
 
 @app.callback()
@@ -44,9 +44,10 @@ def render(
     if part:
         chosen = sequences.sequences(part)
     chosen = chosen or sequences.whole_set(mini)
+    sensors = {one.sensor: None for one in chosen}
+    if sensor and sensor not in sensors:
+        raise UserError(f"--sensor: {sensor[:80]!r}: must be one of {', '.join(sensors)}")
     chosen = [one for one in chosen if sensor in ("", one.sensor)]
-    if not chosen:
-        raise UserError(f"--sensor: {sensor[:80]!r}: must be a sensor of these sequences")
     write(chosen, folder, workers, tell)
     say(f"{folder}: {counted(len(chosen), 'sequence')}", data.Data(folder).id)
     return 0
@@ -71,7 +72,7 @@ def verify(folder: Folder = FOLDER) -> int:
 
 @app.command()
 def run(
-    tracker: Annotated[str, typer.Argument(show_default=False)],
+    tracker: Annotated[str, typer.Argument(help="An option of tracker, or pyrecest:NAME.")],
     settings: Annotated[list[str] | None, typer.Argument(metavar="tracker.KEY=VALUE")] = None,
     folder: Folder = FOLDER,
     own_start: Annotated[bool, typer.Option("--own-start", help="From scans 0 to 9.")] = False,
@@ -84,7 +85,10 @@ def run(
 
 
 @app.command()
-def pack(tracks: Annotated[Path, typer.Argument(metavar="DIR")], folder: Folder = FOLDER) -> int:
+def pack(
+    tracks: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the tracks.")],
+    folder: Folder = FOLDER,
+) -> int:
     """Pack a folder of tracks: tracker.json, and NAME.npz or NAME.csv for each sequence."""
     from stixel_cli.benchmark.data import Data
     from stixel_cli.benchmark.packs import pack as write
@@ -99,12 +103,12 @@ def pack(tracks: Annotated[Path, typer.Argument(metavar="DIR")], folder: Folder 
 
 @app.command()
 def score(
-    packs: Annotated[list[Path] | None, typer.Argument(metavar="PACK…")] = None,
+    packs: Annotated[list[Path] | None, typer.Argument(metavar="PACK…", help="Packs.")] = None,
     folder: Folder = FOLDER,
     rows: Rows = ROWS,
-    rerun: Annotated[bool, typer.Option("--rerun", help="Its code was run here.")] = False,
+    rerun: Annotated[bool, typer.Option("--rerun", help="You ran the tracker.")] = False,
     fresh_of: Pack = None,
-    fixed: Annotated[bool, typer.Option("--fixed", help="Also true box, best contour.")] = False,
+    fixed: Annotated[bool, typer.Option("--fixed", help="Add the true box.")] = False,
 ) -> int:
     """Score packs from their tracks, and write a row of each; --fresh-of drew the seeds."""
     from stixel_cli.benchmark.data import Data, sha256_of
@@ -123,7 +127,7 @@ def score(
 
 @app.command()
 def page(
-    packs: Annotated[list[Path] | None, typer.Argument(metavar="PACK…")] = None,
+    packs: Annotated[list[Path] | None, typer.Argument(metavar="PACK…", help="Packs.")] = None,
     folder: Folder = FOLDER,
     rows: Rows = ROWS,
     output: Annotated[Path, typer.Option(metavar="DIR")] = SITE,
@@ -139,6 +143,8 @@ def page(
     from stixel_cli.benchmark.sequences import bench_folder
     from stixel_cli.files import write_whole, written
 
+    if rows != ROWS and not rows.is_dir():
+        raise UserError(f"--rows: {rows}: no such folder")
     folders = dict.fromkeys([(bench_folder() / "rows").resolve(), rows.resolve()])
     files = bench_page(
         [row for one in folders for row in read_rows(one)], [*map(sha256_of, packs or ())]

@@ -1,5 +1,7 @@
 """`stixel new`: write a tracker of the user's own to begin with, and its test."""
 
+from importlib.util import find_spec
+from keyword import iskeyword
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -21,8 +23,8 @@ def new(
     """
     from stixel_cli.files import read_text, write_whole, written
 
-    if not name.isidentifier():
-        raise UserError(f"NAME: {name!r} must be the name of a Python module, such as my_tracker")
+    if not name.isidentifier() or iskeyword(name) or find_spec(name):
+        raise UserError(f"NAME: {name!r} must be the name of a new module, such as my_tracker")
     templates = Path(__file__).with_name("templates")
     files = {f"{name}.py": f"{kind}.txt", f"test_{name}.py": f"test_{kind}.txt"}
     for file in files:
@@ -32,4 +34,5 @@ def new(
         for file, template in files.items():
             write_whole(Path(file), read_text(templates / template).replace("NAME", name))
     say(*files, "", f"Run it: stixel run {kind}={name}:track")
+    say(f"Its test: pip install pytest; python -m pytest test_{name}.py")
     return 0

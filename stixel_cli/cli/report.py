@@ -47,6 +47,10 @@ def report(folders: Folders, output: Output = None, over: Over = None) -> int:
 
         text = page_html([read_scored_run(folder) for folder in folders], command, page)
     write_page(page, text)
+    if (page.parent / PAGE).exists():
+        from stixel_cli.sweeps.index import update_index
+
+        update_index(page.parent)  # It links to the page of a sweep.
     say(page)
     return 0
 

@@ -149,7 +149,8 @@ def _print_statistics(result: "SweepResult") -> None:
     interval = "One run per row; * is the best, which may be due to chance" if single else interval
     more = len(by_setting) - 2 * _MOST_SHOWN
     others = f" {more} more settings and" if more > 0 else ""
-    say_wrapped(f"{interval};{others} all metrics: summary.csv, .md, .tex")
+    page = "" if result.folder is None else f"; a page: stixel report {result.folder}"
+    say_wrapped(f"{interval};{others} all metrics: summary.csv, .md, .tex{page}")
 
 
 def _tell_what_is_missing(result: "SweepResult") -> None:

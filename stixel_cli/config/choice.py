@@ -16,17 +16,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from stixel_cli.config import messages
-from stixel_cli.config.folders import (
-    EXPERIMENT,
-    PRESETS,
-    chosen_options,
-    default_option,
-    group_options,
-    option_content,
-    option_values,
-    shipped_folder,
-)
+from stixel_cli.config import folders, messages
 from stixel_cli.config.keys import chosen_kinds, known_keys
 from stixel_cli.config.texts import override_text
 from stixel_cli.config.values import is_interpolated
@@ -83,12 +73,13 @@ def compose_options(chosen: tuple[tuple[str, str], ...], state: str) -> Choice:
     if choice is None:
         choice = _by_hydra([override_text(group, option) for group, option in chosen])
         _write(file, choice)
-    if choice.options[EXPERIMENT] == default_option(EXPERIMENT):
+    if choice.options[folders.EXPERIMENT] == folders.default_option(folders.EXPERIMENT):
         return choice
     inner = choice.plain.get(INNER, {})
     if not isinstance(inner, Mapping):
         raise ConfigurationError(
-            f"{EXPERIMENT}={choice.options[EXPERIMENT]}: {INNER}: must be GROUP: OPTION pairs"
+            f"{folders.EXPERIMENT}={choice.options[folders.EXPERIMENT]}: {INNER}: must be GROUP: "
+            "OPTION pairs"
         )
     # Inner groups that the chosen options lack are left out.
     missing = [(g, o) for g, o in inner.items() if g in choice.options and g not in dict(chosen)]
@@ -113,16 +104,16 @@ def _without(names: Collection[str], section: Mapping[str, Any], prefix: str = "
 
 def experiment_sources(option: str) -> dict[str, str]:
     """The sources that an experiment's file states: key or group to text, in the file's order."""
-    return dict(option_content(EXPERIMENT, option).get(SOURCES, {}))
+    return dict(folders.option_content(folders.EXPERIMENT, option).get(SOURCES, {}))
 
 
 def set_by_experiment(option: str) -> dict[str, Any]:
     """The groups and keys that an experiment's file sets, with their options and values."""
-    content = option_content(EXPERIMENT, option)
-    values = option_values(EXPERIMENT, option)
+    content = folders.option_content(folders.EXPERIMENT, option)
+    values = folders.option_values(folders.EXPERIMENT, option)
     return {
         **content.get(INNER, {}),
-        **chosen_options(content),
+        **folders.chosen_options(content),
         **{name: v for name, v in values.items() if not name.startswith((INNER, SOURCES))},
     }
 
@@ -134,9 +125,9 @@ def _by_hydra(chosen: list[str]) -> Choice:
     from omegaconf.errors import OmegaConfBaseException
     from yaml import YAMLError
 
-    presets = PRESETS.folder
+    presets = folders.PRESETS.folder
     search = [] if presets is None else [f'hydra.searchpath=["file://{presets}"]']
-    folder = str(shipped_folder("conf"))
+    folder = str(folders.shipped_folder("conf"))
     try:
         with (
             _HYDRA,
@@ -149,7 +140,7 @@ def _by_hydra(chosen: list[str]) -> Choice:
             del composed["hydra"]
         plain = OmegaConf.to_container(composed, resolve=False)
         return Choice(
-            plain, {group: options[group] for group in group_options() if group in options}
+            plain, {group: options[group] for group in folders.group_options() if group in options}
         )
     except (HydraException, OmegaConfBaseException) as fault:
         raise ConfigurationError(_not_composed(fault)) from None
@@ -162,7 +153,7 @@ def _by_hydra(chosen: list[str]) -> Choice:
         if not isinstance(fault, YAMLError | UnicodeDecodeError | RecursionError):
             raise
         # Hydra does not name the file in some of these.
-        for path in sorted(shipped_folder("conf").rglob("*.yaml")):
+        for path in sorted(folders.shipped_folder("conf").rglob("*.yaml")):
             read_yaml_text(path)
         raise ConfigurationError(reason) from None
 
@@ -171,11 +162,11 @@ def _not_composed(fault: Exception) -> str:
     """One line for options that Hydra cannot compose."""
     # Typed options exist: a missing one follows another group, as `prior` follows `road_user`.
     group, _, option = (getattr(fault, "missing_cfg_file", None) or "").rpartition("/")
-    if group not in group_options():
+    if group not in folders.group_options():
         return messages.first_line(fault)
     return (
         f"{group}: unknown option {option!r}, which follows from what is chosen; add "
-        f"conf/{group}/{option}.yaml, or choose {group}={'|'.join(group_options()[group])}"
+        f"conf/{group}/{option}.yaml, or choose {group}={'|'.join(folders.group_options()[group])}"
     )
 
 

@@ -6,17 +6,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from stixel_cli.config import messages, override_checks, own_options
+from stixel_cli.config import folders, messages, override_checks, own_options
 from stixel_cli.config.choice import compose_options
-from stixel_cli.config.folders import (
-    PACE,
-    PRESETS,
-    absolute,
-    conf_state,
-    group_options,
-    installed_functions,
-    outermost_group,
-)
 from stixel_cli.config.overrides import Override
 from stixel_cli.config.schema import Configuration, adapter, check
 from stixel_cli.config.texts import split_override
@@ -108,9 +99,9 @@ class Composer:
 
     def __init__(self, working_directory: str = "", trusted: bool = True):
         self._trusted = trusted
-        group_options.cache_clear()  # the files may have changed since, as in a notebook
+        folders.group_options.cache_clear()  # the files may have changed since, as in a notebook
         self._working_directory = working_directory
-        self._state = conf_state()
+        self._state = folders.conf_state()
         self._parts: dict[tuple[str, str], Any] = {}
         self._files = UserFiles()
 
@@ -122,10 +113,14 @@ class Composer:
         settings = {override.key: override.value for override in parsed}
         settings |= override_checks.implied_by_file(settings)
         user_defined = own_options.user_sections(settings)
-        shipped = {k: v for k, v in settings.items() if outermost_group(k) not in user_defined}
+        shipped = {
+            k: v for k, v in settings.items() if folders.outermost_group(k) not in user_defined
+        }
         resolved, choices = self._with_recording(shipped)
-        if PRESETS.folder is not None and not PRESETS.trusted:
-            own_options.refuse_code(PRESETS.folder, own_options.code_of_presets(resolved, settings))
+        if folders.PRESETS.folder is not None and not folders.PRESETS.trusted:
+            own_options.refuse_code(
+                folders.PRESETS.folder, own_options.code_of_presets(resolved, settings)
+            )
         resolved |= user_defined
         choices |= {group: str(settings[group]) for group in user_defined}
         resolved["metrics"] = _metric_functions(resolved["metrics"])
@@ -147,16 +142,18 @@ class Composer:
 
     def _resolved(self, settings: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, str]]:
         """The resolved configuration in plain types and the option of each group."""
-        options = {name: value for name, value in settings.items() if name in group_options()}
+        options = {
+            name: value for name, value in settings.items() if name in folders.group_options()
+        }
         values = {name: value for name, value in settings.items() if name not in options}
         choice = compose_options(tuple(sorted(options.items())), self._state)
         resolved = with_values(choice.plain, values, choice.interpolated)
-        resolved.pop(PACE)
+        resolved.pop(folders.PACE)
         return resolved, dict(choice.options)
 
     def _with_recording(self, typed: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, str]]:
         """The resolved configuration and its choices, completed by its recording, if it has one."""
-        if not any(outermost_group(name) == "source" for name in typed):
+        if not any(folders.outermost_group(name) == "source" for name in typed):
             resolved, choices = self._resolved(typed)
             if resolved["path"]["kind"] != "recorded":
                 return resolved, choices
@@ -170,7 +167,7 @@ def _metric_functions(metrics: Any) -> Any:
     """The value of `metrics`, with functions for the names of installed packages."""
     if not isinstance(metrics, list) or all(":" in str(name) for name in metrics):
         return metrics  # The validation of the whole configuration reports another type.
-    return [installed_functions("metrics").get(str(name), name) for name in metrics]
+    return [folders.installed_functions("metrics").get(str(name), name) for name in metrics]
 
 
 def name_files_in_full(resolved: dict[str, Any], working_directory: str = "") -> None:
@@ -184,7 +181,7 @@ def name_files_in_full(resolved: dict[str, Any], working_directory: str = "") ->
         names = [key for key in keys if isinstance(section.get(key), str) and section[key]]
         names = [key for key in names if key != "road_user" or section[key].endswith(".json")]
         if names and not own_options.is_own(section):
-            full = {key: absolute(section[key], working_directory) for key in names}
+            full = {key: folders.absolute(section[key], working_directory) for key in names}
             resolved[group] = section | full
 
 

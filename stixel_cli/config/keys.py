@@ -11,15 +11,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
-from stixel_cli.config import annotations
-from stixel_cli.config.folders import (
-    EXPERIMENT,
-    group_options,
-    innermost_group,
-    option_values,
-    options_default_first,
-    values_beside_groups,
-)
+from stixel_cli.config import annotations, folders
 from stixel_cli.config.schema import Configuration
 from stixel_cli.config.texts import value_text
 
@@ -88,14 +80,14 @@ class Key:
 
         It is that of the option's file, or the schema's own default.
         """
-        group = innermost_group(self.name)
+        group = folders.innermost_group(self.name)
         if not group:
-            top = values_beside_groups("config")
+            top = folders.values_beside_groups("config")
             return {"": _typed(top[self.name])} if self.name in top else {}
         default = self.schema.__dataclass_fields__[self.field].default
         name = self.name[len(group) + 1 :]
         values = {
-            option: option_values(group, option).get(name, default)
+            option: folders.option_values(group, option).get(name, default)
             for option in _options(group, dict(self.owners).get(group))
         }
         return {o: "" if v is dataclasses.MISSING else _typed(v) for o, v in values.items()}
@@ -110,10 +102,10 @@ class Key:
         """The keys that have this key's value unless they are set."""
         followers = [
             f"{group.replace('/', '.')}.{name}"
-            for group, options in group_options().items()
-            if group != EXPERIMENT
+            for group, options in folders.group_options().items()
+            if group != folders.EXPERIMENT
             for option in options
-            for name, value in option_values(group, option).items()
+            for name, value in folders.option_values(group, option).items()
             if f"${{{self.name}}}" in str(value)
         ]
         return list(dict.fromkeys(followers))
@@ -121,8 +113,10 @@ class Key:
 
 def _options(group: str, kind: str | None) -> list[str]:
     """The options of a group, only those of a `kind` if it is given; the default first."""
-    options = options_default_first(group)
-    return [o for o in options if kind is None or option_values(group, o).get("kind") == kind]
+    options = folders.options_default_first(group)
+    return [
+        o for o in options if kind is None or folders.option_values(group, o).get("kind") == kind
+    ]
 
 
 def _typed(value: Any) -> str:

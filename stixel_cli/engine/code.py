@@ -26,14 +26,8 @@ from importlib.machinery import EXTENSION_SUFFIXES, PathFinder
 from importlib.util import find_spec
 from pathlib import Path
 
+from stixel_cli.engine import source_files
 from stixel_cli.engine.errors import InvalidCode
-from stixel_cli.engine.source_files import (
-    DIGITS,
-    content_digest,
-    declared_files,
-    load_digests,
-    parse,
-)
 from stixel_cli.engine.versions import is_editable, providers, versions_of
 from stixel_cli.errors import UserError
 
@@ -111,7 +105,7 @@ def search_also(folders: Iterable[Path]) -> None:
 def same_files(files: Mapping[str, tuple[Path, str]]) -> bool:
     """Whether all files still have the content of their digests."""
     try:
-        return all(content_digest(path) == digest for path, digest in files.values())
+        return all(source_files.content_digest(path) == digest for path, digest in files.values())
     except UserError:
         return False
 
@@ -124,7 +118,7 @@ class CodeIndex:
 
     def __init__(self, store_folder: Path | None = None):
         if store_folder is not None:
-            load_digests(store_folder)
+            source_files.load_digests(store_folder)
         self._walk = cache(_Walk)
 
     def code(self, roots: Iterable[str], folders: tuple[Path, ...] = ()) -> Code:
@@ -258,13 +252,13 @@ def _module(name: str, path: Path, is_package: bool) -> _Module:
         raise InvalidCode(f"{path}: cannot be read: {error.strerror}") from error
     file_digest = sha256(content).hexdigest()
     if path.suffix != ".py":
-        return _Module(name, path, False, file_digest, file_digest[:DIGITS], False)
-    source = parse(path, content)
+        return _Module(name, path, False, file_digest, file_digest[: source_files.DIGITS], False)
+    source = source_files.parse(path, content)
     package = (name if is_package else name.rpartition(".")[0]).split(".")
     imports = tuple((_absolute(level, of, package), what) for level, of, what in source.imports)
     files = tuple(
-        _Module(f"{name}/{file}", at, False, digest, digest[:DIGITS], False)
-        for file, at, digest in declared_files(path, source)
+        _Module(f"{name}/{file}", at, False, digest, digest[: source_files.DIGITS], False)
+        for file, at, digest in source_files.declared_files(path, source)
     )
     return _Module(
         name, path, is_package, file_digest, source.digest, source.is_empty, imports, files

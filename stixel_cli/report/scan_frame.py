@@ -19,7 +19,7 @@ from stixel_cli.report.blocks import Cell, Figure, Picture, Table
 from stixel_cli.report.charts import DASHES, Panel, chart
 from stixel_cli.report.charts import over_time as draw_over_time
 from stixel_cli.report.intervals import chi_square_bounds
-from stixel_cli.report.statistics import over_seeds
+from stixel_cli.report.statistics import statistic
 from stixel_cli.results.result import RunResult
 from stixel_cli.validation.point_statistics import contour_distances
 
@@ -131,12 +131,12 @@ def scan_rows(runs: pd.DataFrame, keys: Sequence[str]) -> Iterator[dict[str, Cel
     for values, own in tables.groups(runs, keys):
         near = [near_points(run) for run in own["run"]]
         counts, away = [n for n, _ in near], [d for _, d in near if len(d)]
-        empty = over_seeds((n == 0).mean() for n in counts)
-        mean = over_seeds(d.mean() for d in away)
-        rms = over_seeds(np.sqrt(np.mean(np.square(d))) for d in away)
+        empty = statistic("", [(n == 0).mean() for n in counts])
+        mean = statistic("", [d.mean() for d in away])
+        rms = statistic("", [np.sqrt(np.mean(np.square(d))) for d in away])
         yield {
             **dict(zip(keys, values, strict=True)),
-            **tables.spread("points on the target", over_seeds(n.mean() for n in counts)),
+            **tables.spread("points on the target", statistic("", [n.mean() for n in counts])),
             "share of scans without points on the target": empty.mean,
             **tables.spread("mean distance from the contour (m)", mean),
             **tables.spread("RMS distance (m)", rms),

@@ -156,11 +156,6 @@ def consistent_bounds(one: Statistic) -> tuple[float, float] | tuple[None, None]
     return float(low / (one.n * degrees)), float(high / (one.n * degrees))
 
 
-def over_seeds(values: Iterable[float | int | None]) -> Statistic:
-    """n, mean, standard deviation and 95 % interval (Student's t) of the finite values."""
-    return statistic("", values)
-
-
 def t_test(difference: Statistic) -> float | None:
     """p of the t-test that a mean of paired differences is 0, two-sided; None below two pairs."""
     from scipy.special import stdtr

@@ -82,12 +82,14 @@ def _known_rows(page: Path) -> dict[str, dict[str, Any]]:
 
 def _row(root: Path, folder: Path, known: dict[str, dict[str, Any]]) -> dict[str, Any]:
     path = folder.relative_to(root).as_posix()
+    pages = (folder / PAGE, folder.with_name(f"report-{folder.name}.html"), folder)
+    found = next(page for page in pages if page.exists())
+    link = _link(found.relative_to(root).as_posix() + "/" * (found == folder))
     files = (folder / name for name in ("manifest.json", "metrics.json", SWEEP_FILE, TABLE))
     stamp = [file.stat().st_mtime_ns if file.is_file() else 0 for file in files]
     if known.get(path, {}).get("stamp") == stamp:
-        return known[path]
-    page = _link(f"{path}/{PAGE if (folder / PAGE).is_file() else ''}")
-    row = {"path": path, "page": page, "stamp": stamp}
+        return known[path] | {"page": link}
+    row = {"path": path, "page": link, "stamp": stamp}
     try:
         return row | _content(listed_run(folder))
     except UserError as fault:

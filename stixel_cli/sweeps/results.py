@@ -238,7 +238,7 @@ def summary_files(result: SweepResult, title: str) -> dict[str, str]:
 def heading(name: str) -> str:
     """Label of a metric, with its unit."""
     shown = metric(name)
-    return f"{shown.label} ({shown.shown_unit})" if shown.shown_unit else shown.label
+    return f"{shown.label} ({shown.unit})" if shown.unit else shown.label
 
 
 def _cells(name: str, result: SweepResult) -> Iterator[dict[str, Cell]]:

@@ -24,7 +24,9 @@ def test_it_overwrites_nothing_and_needs_a_name(tmp_path, monkeypatch, capsys):
     (tmp_path / "test_mine.py").write_text("mine")
     for words, fault in (
         (["tracker", "mine"], "test_mine.py: exists"),
-        (["tracker", "my-tracker"], "must be the name of a Python module"),
+        (["tracker", "my-tracker"], "must be the name of a new module"),
+        (["tracker", "numpy"], "must be the name of a new module"),
+        (["tracker", "class"], "must be the name of a new module"),
         (["sensor", "mine"], "is not one of 'tracker'"),
     ):
         assert main(["new", *words]) == 2

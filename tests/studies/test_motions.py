@@ -11,7 +11,7 @@ import yaml
 from scipy.stats import ttest_ind
 
 from stixel_cli.errors import MissingData
-from stixel_cli.report.statistics import Statistic, excludes_zero, over_seeds
+from stixel_cli.report.statistics import Statistic, excludes_zero, statistic
 from stixel_cli.studies.data import data_folder
 from stixel_cli.studies.file import find_study, read_study
 from stixel_cli.studies.motions import tracks
@@ -201,8 +201,8 @@ def test_the_plot_has_a_row_for_each_kind_of_motion_and_a_panel_for_each_differe
         return b"<svg"
 
     monkeypatch.setattr("stixel_cli.pictures.style.svg", keep)
-    sides = [over_seeds([0.1, 0.3, 0.2]), over_seeds([0.5])]
-    unknown = [over_seeds([]), over_seeds([])]
+    sides = [statistic("", [0.1, 0.3, 0.2]), statistic("", [0.5])]
+    unknown = [statistic("", []), statistic("", [])]
     found = [
         Finding("RQ2", "stixels − lidar", "car", "centre_rmse_m", *sides),
         Finding("RQ2", "stixels − lidar", "cyclist", "centre_rmse_m", *unknown),
@@ -226,12 +226,12 @@ def test_the_plot_has_a_row_for_each_kind_of_motion_and_a_panel_for_each_differe
 def test_a_change_has_welchs_interval():
     """Against `scipy.stats.ttest_ind(…, equal_var=False)`."""
     hand, real = [0.1, 0.3, 0.2, 0.6], [0.9, 0.5, 0.8]
-    found = Finding("RQ2", "", "car", "iou_mean", over_seeds(hand), over_seeds(real))
+    found = Finding("RQ2", "", "car", "iou_mean", statistic("", hand), statistic("", real))
     expected = ttest_ind(real, hand, equal_var=False).confidence_interval(0.95)
     ends = [found.change.low, found.change.high]
     np.testing.assert_allclose(ends, [expected.low, expected.high], rtol=1e-9)
     assert excludes_zero(found.change) == (expected.low > 0.0)
-    one = Finding("RQ2", "", "car", "iou_mean", over_seeds(hand), over_seeds([1.0]))
+    one = Finding("RQ2", "", "car", "iou_mean", statistic("", hand), statistic("", [1.0]))
     assert one.change == Statistic() and not excludes_zero(one.change)
 
 

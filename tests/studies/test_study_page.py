@@ -11,7 +11,7 @@ from stixel_cli.pictures import style
 from stixel_cli.report.blocks import Findings, Section, Table
 from stixel_cli.report.metrics import decimals, number, percent, quantity
 from stixel_cli.report.page import drawing_for_page, smallest_text, svg_for_page, table_for_page
-from stixel_cli.report.statistics import over_seeds
+from stixel_cli.report.statistics import statistic
 from stixel_cli.report.tables import (
     shown_table,
     table_csv,
@@ -207,11 +207,11 @@ def test_rows_of_a_table_may_lack_columns_of_others():
 
 
 def test_statistics_over_seeds():
-    one = over_seeds([1.0, None, 3.0, 1.0, 3.0])
+    one = statistic("", [1.0, None, 3.0, 1.0, 3.0])
     assert (one.n, one.mean) == (4, 2.0)
     # Student's t with three degrees of freedom: 3.1824 sigma / 2, sigma² = 4 / 3.
     assert one.high - one.mean == pytest.approx(3.1824 / 3**0.5, abs=1e-4)
-    assert over_seeds([None]).mean is None
+    assert statistic("", [None]).mean is None
 
 
 def test_large_tables_are_printed_in_landscape_or_small():

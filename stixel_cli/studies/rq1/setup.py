@@ -16,7 +16,7 @@ from stixel_cli.measurements.scans import Scans
 from stixel_cli.rendering.surfaces import build_surfaces
 from stixel_cli.report.blocks import Cell, Table
 from stixel_cli.report.cost import seconds_frame
-from stixel_cli.report.statistics import Statistic, over_seeds
+from stixel_cli.report.statistics import Statistic, statistic
 from stixel_cli.report.tables import ends, spread
 from stixel_cli.results.result import RunResult
 from stixel_cli.scene.mesh import Mesh
@@ -83,7 +83,9 @@ def values_of(configuration: Configuration) -> int:
 
 def seconds_a_frame(runs: Iterable[RunResult]) -> dict[str, float | None]:
     """Mean recorded CPU seconds of each of `STAGES` per frame; None if no run has any."""
-    return {stage: over_seeds(own).mean for stage, own in seconds_frame(list(runs), STAGES).items()}
+    return {
+        stage: statistic("", own).mean for stage, own in seconds_frame(list(runs), STAGES).items()
+    }
 
 
 def _seconds(data: StudyData) -> Iterator[dict[str, Cell]]:
@@ -137,7 +139,7 @@ def _statistics(runs: list[RunResult], step: int) -> dict[str, Statistic]:
                 "nees": metrics["nees_position_mean"],
             }
         )
-    return {name: over_seeds(values) for name, values in pd.DataFrame(rows).items()}
+    return {name: statistic("", values) for name, values in pd.DataFrame(rows).items()}
 
 
 def every(scans: Scans, step: int) -> Scans:

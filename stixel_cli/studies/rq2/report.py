@@ -10,20 +10,10 @@ from typing import Any
 
 import pandas as pd
 
-from stixel_cli.report import tables
+from stixel_cli.report import scan_frame, tables
 from stixel_cli.report.blocks import Cell, Material, Table
 from stixel_cli.report.example_scans import example_scans
 from stixel_cli.report.run_frame import LIDAR, STIXELS, run_frame
-from stixel_cli.report.scan_frame import (
-    ERROR_LABELS,
-    NEAR,
-    gate_shares,
-    over_time,
-    scan_frame,
-    scan_rows,
-    upper_bounds_table,
-    within_bounds,
-)
 from stixel_cli.report.statistics import least_effect, least_p
 from stixel_cli.studies.data import StudyData
 from stixel_cli.studies.rq2 import contrasts
@@ -56,7 +46,7 @@ _TITLES = {
 def report(data: StudyData) -> Material:
     """Values, tables and figures of the template; runs have the results scenario, scans, track."""
     runs = run_frame(run for sweep in data.sweeps.values() for run in sweep.runs)
-    scans = scan_frame(runs)
+    scans = scan_frame.scan_frame(runs)
     measurements, users = tables.names(runs, "measurement"), tables.names(runs, "road_user")
     return Material(
         {
@@ -64,8 +54,8 @@ def report(data: StudyData) -> Material:
             "runs": len(runs),
             "users": users,
             "trackers": tables.names(runs, "tracker"),
-            "errors": ERROR_LABELS,
-            "near": NEAR,
+            "errors": scan_frame.ERROR_LABELS,
+            "near": scan_frame.NEAR,
             "chapters": [
                 _chapter(
                     user,
@@ -202,10 +192,12 @@ def _chapter(
             for (kind,), own in tables.groups(tables.chosen(runs, **first), ["measurement_kind"])
         ],
         "tracking": Table.of(f"{user}_tracking", _tracking_rows(runs, scans)),
-        "upper_bounds": upper_bounds_table(f"{user}_upper_bounds", runs, ("measurement",)),
+        "upper_bounds": scan_frame.upper_bounds_table(
+            f"{user}_upper_bounds", runs, ("measurement",)
+        ),
         "boxes": boxes(f"{user}_boxes", runs, measurements),
         "over_time": {
-            path: over_time(f"{user}_{path}_over_time", own, measurements)
+            path: scan_frame.over_time(f"{user}_{path}_over_time", own, measurements)
             for (path,), own in tables.groups(scans, ["path"])
         },
         "runs_a_box": len(runs) // len(runs[["tracker", "measurement"]].drop_duplicates()),
@@ -219,7 +211,7 @@ def _chapter(
 def _scans(user: str, kind: str, runs: pd.DataFrame, scans: pd.DataFrame) -> dict[str, Any]:
     """The scans of one kind of measurement, from the runs of one tracker."""
     rows = []
-    for row in scan_rows(runs, ["measurement", "path"]):
+    for row in scan_frame.scan_rows(runs, ["measurement", "path"]):
         key = {name: row[name] for name in ("measurement", "path")}
         own = tables.chosen(scans, **key)
         near, far = float(own["range"].min()), float(own["range"].max())
@@ -237,12 +229,12 @@ def _tracking_rows(runs: pd.DataFrame, scans: pd.DataFrame) -> Iterator[dict[str
     of_scans = scans.groupby(keys)
     for values, own in tables.groups(runs, keys):
         (row,) = tables.rows_by(own, keys, _TRACKING, tables.spread)
-        within = within_bounds(of_scans.get_group(values))
+        within = scan_frame.within_bounds(of_scans.get_group(values))
         for name, share in zip(("nees_position_mean", "nis_mean"), within, strict=True):
             label = tables.label_of(name).removeprefix("mean ")
             row |= {
                 label: tables.mean_over(own, name).mean,
                 f"{label.partition(' ')[0]} within": share,
             }
-        unused, others = gate_shares(own["run"])
+        unused, others = scan_frame.gate_shares(own["run"])
         yield row | {"target's points not used": unused, "others among the points used": others}

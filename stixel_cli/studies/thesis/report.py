@@ -11,21 +11,12 @@ from stixel_cli.config.choice import experiment_sources
 from stixel_cli.config.compose import compose
 from stixel_cli.config.folders import EXPERIMENT, shipped_folder
 from stixel_cli.evaluation.metric_table import METRICS, metric, over_runs
-from stixel_cli.report import tables
+from stixel_cli.report import scan_frame, tables
 from stixel_cli.report.blocks import Cell, Figure, Material, Picture, Table
 from stixel_cli.report.cost import on_cores, real_time_table, seconds_a_scan
 from stixel_cli.report.forest import difference_row, forest
 from stixel_cli.report.metrics import MINUS
 from stixel_cli.report.run_frame import GROUPS, STIXELS, run_frame
-from stixel_cli.report.scan_frame import (
-    ERROR_LABELS,
-    NEAR,
-    over_time,
-    scan_frame,
-    scan_rows,
-    stage_pictures,
-    upper_bounds_table,
-)
 from stixel_cli.studies.data import StudyData
 from stixel_cli.studies.thesis import figures
 from stixel_cli.studies.thesis.figures import MEASURES
@@ -73,13 +64,13 @@ def report(data: StudyData) -> Material:
             "egos": tables.names(runs, "ego"),
             "kernels": tables.names(runs, "tracker"),
             "seeds": {name: sorted(tables.names(frame, "seed")) for name, frame in frames.items()},
-            "near": NEAR,
+            "near": scan_frame.NEAR,
             "answers": _answers(parked),
             "lost": lost_share(tables.chosen(frames["fabricated"], ego=ego)),
             "page": page_table("thesis_and_project"),
             "ego_effect": _ego_effect(on_path),
             "forest": _forest(parked),
-            "errors": ERROR_LABELS,
+            "errors": scan_frame.ERROR_LABELS,
             "answer_table": tracking_table("answer", parked, ("road_user", "measurement")),
             "settings": Table.of("settings", settings_rows(options, users)),
             "chapters": [
@@ -176,14 +167,18 @@ def _chapter(user: str, runs: pd.DataFrame, ego: str) -> dict[str, Any]:
         "user": user,
         "paths": figures.paths(f"{user}_paths", tables.chosen(runs, measurement_kind="fabricated")),
         "rays": figures.rays(f"{user}_rays", fabricated.sort_values("seed")["run"].iloc[0]),
-        "scans": Table.of(f"{user}_scans", scan_rows(first, ["measurement", "ego"])),
+        "scans": Table.of(f"{user}_scans", scan_frame.scan_rows(first, ["measurement", "ego"])),
         "tracking": tracking_table(f"{user}_tracking", runs, ("measurement", "ego")),
-        "upper_bounds": upper_bounds_table(f"{user}_upper_bounds", runs, ("measurement",)),
+        "upper_bounds": scan_frame.upper_bounds_table(
+            f"{user}_upper_bounds", runs, ("measurement",)
+        ),
         "consistency": tracking_table(
             f"{user}_consistency", runs, ("measurement", "ego"), CONSISTENCY, tables.mean_cell
         ),
         "over_time": {
-            one: over_time(f"{user}_{one}_over_time", scan_frame(own), measurements)
+            one: scan_frame.over_time(
+                f"{user}_{one}_over_time", scan_frame.scan_frame(own), measurements
+            )
             for (one,), own in tables.groups(runs, ["ego"])
         },
         "radial": {
@@ -209,7 +204,9 @@ def _pictures(data: StudyData) -> dict[str, list[Picture]]:
     for run in data.sweeps["pictures"].runs:
         user = run.setting.get("road_user", run.configuration.road_user.kind)
         if user not in found:
-            found[user] = [picture for _, picture in stage_pictures(f"{user}_stages", run)]
+            found[user] = [
+                picture for _, picture in scan_frame.stage_pictures(f"{user}_stages", run)
+            ]
     return found
 
 
