@@ -75,8 +75,13 @@ def test_only_new_and_changed_folders_are_read(root, monkeypatch):
     read = []
     original = index.listed_run
     monkeypatch.setattr(index, "listed_run", lambda f: read.append(f.name) or original(f))
+    (root / "rq2/sweeps/report-main.html").touch()
     update_index(root)
     assert read == []
+    assert (
+        rows_of(root / "index.html")[0]["rq2/sweeps/main"]["page"]
+        == "./rq2/sweeps/report-main.html"
+    )
     make_run(root / "c", 0.5)
     (root / "a/metrics.json").write_text('{"iou_mean": 0.125}')
     (root / "broken/manifest.json").unlink()
