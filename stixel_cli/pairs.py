@@ -198,7 +198,6 @@ def rig_of(rig: RigLike, shape: tuple[int, int], any_height: bool = False) -> Ri
     """
     from pydantic import ValidationError
 
-    from stixel_cli.config.messages import plain_fault
     from stixel_cli.config.real_images import real_image_parameters
     from stixel_cli.recordings.plain_folder import read_named_calibration
     from stixel_cli.stixels.seen_road import MIDDLE
@@ -220,6 +219,8 @@ def rig_of(rig: RigLike, shape: tuple[int, int], any_height: bool = False) -> Ri
         valid.check()
         real_image_parameters().stereo.check(valid)
     except ValidationError as error:
+        from stixel_cli.config.messages import plain_fault  # It imports the engine.
+
         fault = error.errors()[0]
         got = "" if fault["type"] == "missing" else f", got {fault['input']!r}"
         name = "".join(f"{part}: " for part in fault["loc"])
