@@ -147,7 +147,8 @@ def _show_sweep(folder: Path, json: bool) -> int:
         for section in sections[:MOST_SECTIONS]:
             title, _, table = section.partition("\n")
             say("", title)
-            lines = [line.strip("| ").split(" | ") for line in table.splitlines() if line]
+            rows = (line for line in table.splitlines() if line)
+            lines = [row.removeprefix("| ").removesuffix(" |").split(" | ") for row in rows]
             if lines:
                 print_table(lines[0], lines[2:])
         if len(sections) > MOST_SECTIONS:

@@ -127,7 +127,7 @@ def _print_statistics(result: "SweepResult") -> None:
 
     by_setting = result.statistics
     names = [over_runs(name) for name in SHOWN]
-    names = [name for name in names if any(name in row for row in by_setting.values())]
+    names = [n for n in names if any(n in row and row[n].n for row in by_setting.values())]
     keys, rows = list(dict(next(iter(by_setting)))), []
     # Of single runs the best is marked. Means of more are ranked on the page, with intervals.
     single = all(row[name].n == 1 for row in by_setting.values() for name in names)
@@ -142,7 +142,8 @@ def _print_statistics(result: "SweepResult") -> None:
         rows.append((*(value for _, value in setting), str(n), *cells))
     header = [*keys, "n", *map(label_of, names)]
     numbers = range(len(keys), len(header))
-    print_table(header, rows, right=numbers, leave_out=numbers[:1:-1])
+    # The IoU stays longer than the orientation, which is before it.
+    print_table(header, rows, right=numbers, leave_out=[*numbers[:3:-1], *numbers[2:4]])
     known = any(row[name].low is not None for row in by_setting.values() for name in names)
     interval = f"Mean over n {result.units} "
     interval += "[95 % interval]" if known else "(no interval below n = 4)"

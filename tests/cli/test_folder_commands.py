@@ -167,6 +167,10 @@ def test_show_of_a_sweep(tmp_path, capsys):
     assert "2 done" in said
     assert "centre error, RMSE" in said
     assert "| " not in said and "## " not in said
+    table = "| mean | mark |\n| ---: | --- |\n| 0.500 | best |\n| 0.400 |  |\n"
+    (folder / "summary.md").write_text(f"# sweep\n\n## IoU\n\n{table}", encoding="utf-8")
+    assert main(["show", str(folder)]) == 0
+    assert "0.400" in capsys.readouterr().out
     assert main(["verify", str(folder)]) == 2
     assert f"one of its runs, such as {folder}/runs/0000" in capsys.readouterr().err
     assert main(["verify", f"{folder}/runs/0001", "--cached"]) == 0

@@ -226,7 +226,7 @@ def test_the_table_of_the_settings_fits_the_screen(sweeps, capsys, monkeypatch, 
     table = said[said.index("tracker.sigma_f   start") : said.index("Mean over")]
     assert "centre RMSE (m)" in table and table.count("[") == 4 * shown
     assert max(map(len, table.splitlines())) <= int(columns)
-    assert ("Not shown on a screen of 80 columns: mean IoU" in said) == (columns == "80")
+    assert ("Not shown on a screen of 80 columns: orientation" in said) == (columns == "80")
 
 
 def test_json_has_the_full_folder_and_show_fits_the_terminal(sweeps, tmp_path, capsys, monkeypatch):
