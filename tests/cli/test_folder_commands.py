@@ -158,13 +158,14 @@ def test_show_survives_a_manifest_of_anything(results, capsys):
 
 def test_show_of_a_sweep(tmp_path, capsys):
     folder = tmp_path / "sweep"
-    words = ["measurement=fabricated", "path.duration=0.3", "seed=0,1", "--name", "sweep"]
+    # Cells of the column `mark` are empty.
+    words = ["measurement=fabricated", "path.duration=0.3", "tracker=point,box", "--name", "sweep"]
     assert main(["sweep", *words, "--results", str(tmp_path)]) == 0
     shown = answer(capsys, "show", str(folder))
     assert [row["status"] for row in shown["runs"]] == ["done", "done"]
     assert main(["show", str(folder)]) == 0
     said = capsys.readouterr().out
-    assert "2 done" in said
+    assert "2 done" in said and "mark" in said
     assert "centre error, RMSE" in said
     assert "| " not in said and "## " not in said
     table = "| mean | mark |\n| ---: | --- |\n| 0.500 | best |\n| 0.400 |  |\n"
