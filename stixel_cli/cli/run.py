@@ -20,6 +20,10 @@ if TYPE_CHECKING:
     from stixel_cli.results.result import RunResult
     from stixel_cli.scene.scenario import Scenario
 
+_STYLES = {"good": "bold green", "fair": "bold yellow", "uncertainty": ""}
+_STYLES |= dict.fromkeys(("poor", "lost"), "bold red")
+"""Style of a verdict's sentence by the word that it begins with; of others it is yellow."""
+
 
 def run(
     overrides: options.Overrides = None,
@@ -181,7 +185,7 @@ def print_scores(verbose: bool, _: "Scenario", scores: "Scores") -> None:
     from stixel_cli.report.metrics import LABEL_COLUMNS, label_rows, main_metrics, score_table
 
     for sentence in verdict(scores.metrics):
-        say_wrapped(sentence, _colour(sentence))
+        say_wrapped(sentence, _STYLES.get(sentence.partition(":")[0], "yellow"))
     shown = scores.metrics if verbose else main_metrics(scores.metrics)
     say("")
     print_table(*score_table(shown))
@@ -191,15 +195,3 @@ def print_scores(verbose: bool, _: "Scenario", scores: "Scores") -> None:
         print_table(LABEL_COLUMNS, labels, right=range(1, len(LABEL_COLUMNS)))
         say("")
     sys.stdout.flush()
-
-
-def _colour(sentence: str) -> str:
-    """The style of a verdict's sentence, by the word that it begins with."""
-    start = sentence.partition(":")[0]
-    return {
-        "good": "bold green",
-        "fair": "bold yellow",
-        "poor": "bold red",
-        "lost": "bold red",
-        "uncertainty": "",
-    }.get(start, "yellow")

@@ -146,7 +146,10 @@ def read_labels(
             place = (1.0 - share) * places[before] + share * places[after]
             ahead = (1.0 - share) * turns[before, :, 0] + share * turns[after, :, 0]
             nearest = before if share < 0.5 else after
-            pose = _in_camera(place, ahead, cameras[frame])
+            # KITTI's rotation_y is that of the heading in the camera's frame.
+            turn, centre = cameras[frame][:, :3], cameras[frame][:, 3]
+            x, _, z = turn.T @ ahead
+            pose = turn.T @ (place - centre), float(np.arctan2(-z, x))
             seen = _seen(*pose, sizes[nearest], calibration)
             if seen is not None:
                 box, truncated = seen
@@ -174,14 +177,6 @@ def _between(stamps: np.ndarray, times: tuple[int, ...]) -> Iterator[tuple[int, 
             yield frame, i, 0.0
         elif 0 <= i < len(stamps) - 1 and stamps[i + 1] - stamps[i] <= GREATEST_GAP:
             yield frame, i, float(time - stamps[i]) / float(stamps[i + 1] - stamps[i])
-
-
-def _in_camera(
-    place: np.ndarray, ahead: np.ndarray, camera: np.ndarray
-) -> tuple[np.ndarray, float]:
-    """Place (3,) m and KITTI's rotation_y, rad, in the frame of a camera at the pose (3, 4)."""
-    x, _, z = camera[:, :3].T @ ahead
-    return camera[:, :3].T @ (place - camera[:, 3]), float(np.arctan2(-z, x))
 
 
 def _seen(
