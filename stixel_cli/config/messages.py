@@ -80,6 +80,7 @@ def suggestion(word: str, candidates: Iterable[str], form: str = "{}") -> str:
 
 _RENAMED = {("measurement", "simulated"): "stixels"}
 _OTHER_KEYS = {"tracker.class": "tracker.road_user", "measurement.sees": "tracker.sees"}
+_OTHER_KEYS |= {"measurement.file": "measurement.path"}
 """Names that a user may type to those of today."""
 _OWN = {
     "road_user": "a mesh: road_user.mesh=FILE",

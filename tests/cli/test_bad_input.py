@@ -30,6 +30,7 @@ SENTENCES = {
     "rig={width: 3}": 'rig: {"width": 3}: one option is needed',
     "tracker.class=fixed": "tracker.class: unknown key; it is called tracker.road_user",
     "measurement.sees=contour": "measurement.sees: unknown key; it is called tracker.sees",
+    "measurement.file=a.csv": "measurement.file: unknown key; it is called measurement.path",
     "measurement=simulated": "measurement: simulated is now called 'stixels'",
     "+x=3": "x: unknown key; `stixel run --help`",
     "+rig.width=300": "+rig.width=300: rig.width already exists: leave out the +",
