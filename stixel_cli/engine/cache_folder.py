@@ -139,7 +139,8 @@ def make_folder(root: Path, name: str) -> Path:
         root.mkdir(parents=True, exist_ok=True)
         write_whole(mark, f"{_SIGNATURE}\n{_OWNER}\n")
     path = root / name
-    path.mkdir(parents=True, exist_ok=True)
+    if not path.is_dir():
+        path.mkdir(parents=True, exist_ok=True)
     return path
 
 

@@ -18,8 +18,11 @@ from stixel_cli.engine.parameters import PROGRAM
 if TYPE_CHECKING:
     from distributed import LocalCluster
 
-PATIENT = {"DASK_DISTRIBUTED__DEPLOY__LOST_WORKER_TIMEOUT": "1h"}
-"""Setting of Dask: time that a crashed worker has to restart.
+SETTINGS = {
+    "DASK_DISTRIBUTED__DEPLOY__LOST_WORKER_TIMEOUT": "1h",
+    "DASK_DISTRIBUTED__WORKER__PROFILE__ENABLED": "False",
+}
+"""Settings of Dask: time that a crashed worker has to restart; no samples of the running code.
 
 After 15 s, the default, Dask gives the worker up. On a loaded machine no worker would be left, and
 the run would wait forever.
@@ -40,7 +43,7 @@ class Cluster:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             start_new_session=True,
-            env={**os.environ, **ENVIRONMENT, **PATIENT},
+            env={**os.environ, **ENVIRONMENT, **SETTINGS},
         )
 
     def address(self) -> str:

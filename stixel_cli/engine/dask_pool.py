@@ -4,19 +4,20 @@ Nodes and outcomes contain names, settings and keys, but no arrays. Results are 
 the store, which all workers must share.
 """
 
-import asyncio
 import logging
+import pickle
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import CancelledError, Future, InvalidStateError
+from concurrent.futures import Future
 from contextlib import ExitStack, contextmanager, suppress
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
+from uuid import uuid4
 
 from stixel_cli.engine.dask_cluster import Cluster
-from stixel_cli.engine.errors import ExecutorError
+from stixel_cli.engine.errors import ExecutorError, WorkerDied
 from stixel_cli.engine.parameters import PROGRAM, DaskExecutor
-from stixel_cli.engine.pools import Pool
+from stixel_cli.engine.pools import Pool, settle
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -29,9 +30,6 @@ COUNT_INTERVAL = 2.0
 
 LONG_PATIENCE = 600.0
 """Seconds to wait for a worker if a scheduler has none."""
-
-RESULT_PATIENCE = 60.0
-"""Seconds to wait for the outcome of a finished task. It is small."""
 
 UNREACHABLE = (OSError, ValueError, RuntimeError, TypeError)
 """Errors of a client if the scheduler does not answer or the address is not valid."""
@@ -64,6 +62,8 @@ class DaskPool(Pool):
             self._client = opened.enter_context(_client(executor, self._cluster))
             self._opened = opened.pop_all()
         self._address = self._client.scheduler.address
+        self._open: dict[str, Future] = {}
+        self._client.subscribe_topic(PROGRAM, self._receive)
         with suppress(AttributeError):
             # Dask's client collects messages for 10 ms, longer than an empty node takes.
             self._client.scheduler_comm.interval = 0.001
@@ -78,11 +78,23 @@ class DaskPool(Pool):
         return max(self._workers, self._threads) + 1
 
     def tend(self, note: Callable[[str], None]) -> None:
-        """Report that there are no workers. A queue or an adaptive cluster may still start some.
+        """End the futures of tasks that have no outcome, and report that there are no workers.
+
+        A queue or an adaptive cluster may still start some.
 
         Raises:
             ExecutorError: no worker came for `LONG_PATIENCE`.
         """
+        for key, future in list(self._open.items()):
+            if future.cancelled():
+                future.task.cancel()
+            status = future.task.status
+            if status == "pending" or self._open.pop(key, None) is None:
+                continue
+            if future.set_running_or_notify_cancel():
+                # Dask cancels a task whose scheduler is lost.
+                error = self._lost() if status == "cancelled" else WorkerDied("no outcome came")
+                future.set_exception(future.task.exception() if status == "error" else error)
         self._count()
         if self._threads or self._cluster is not None:
             self._waiting_since, self._noted = None, False
@@ -108,53 +120,36 @@ class DaskPool(Pool):
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future:
         """Run `function` in a worker.
 
+        Dask's own executor is not used: its futures may stay open forever if a worker is killed
+        just after it has finished a task.
+
         Raises:
             ExecutorError: the scheduler is lost.
         """
         if self._client.status != "running":
             raise self._lost()
-        future: Future = Future()
+        key = f"{PROGRAM}-{uuid4()}"
+        # The outcome may come before Dask's `submit` returns.
+        future = self._open[key] = Future()
         try:
-            self._start(future, function, arguments)
+            # Unlike Python's own, Dask's also encodes what is defined in a script.
+            call = _distributed().protocol.pickle.dumps((function, arguments))
+            future.task = self._client.submit(_run, call, key=key, pure=False)
         except Exception as error:
+            del self._open[key]
             raise self._lost() from error
         return future
 
-    def _start(self, future: Future, function: Callable[..., Any], arguments: tuple) -> None:
-        """Submit a task to Dask. When it is finished, its outcome becomes that of `future`.
-
-        Dask's own executor is not used: its futures may stay open forever if a worker is killed
-        just after it has finished a task.
-        """
-        task = self._client.submit(function, *arguments, pure=False)
-
-        def cancel(future: Future) -> None:
-            if future.cancelled():
-                future.set_running_or_notify_cancel()
-                task.cancel()
-
-        async def settle() -> None:
-            gathering = self._client.gather(task, asynchronous=True)
-            try:
-                outcome = await asyncio.wait_for(gathering, RESULT_PATIENCE)
-            except TimeoutError:
-                # The outcome is lost. The task finds its result in the store.
-                self._start(future, function, arguments)
-            except (Exception, CancelledError, asyncio.CancelledError) as error:
-                # Dask cancels a task whose scheduler is lost, by errors of several names.
-                lost = "CancelledError" in type(error).__name__
-                with suppress(InvalidStateError):
-                    future.set_exception(self._lost() if lost else error)
-            else:
-                with suppress(InvalidStateError):
-                    future.set_result(outcome)
-
-        future.add_done_callback(cancel)
-        task.add_done_callback(lambda _: self._client.loop.add_callback(settle))
+    def _receive(self, event: tuple[float, tuple[str, bytes]]) -> None:
+        """Take the outcome of a task. Those of other programs' tasks come too."""
+        key, outcome = event[1]
+        future = self._open.pop(key, None)
+        if future is not None and future.set_running_or_notify_cancel():
+            settle(future, pickle.loads, (outcome,))
 
     def died(self, error: BaseException | None) -> bool:
         """Whether the worker crashed."""
-        return isinstance(error, _distributed().scheduler.KilledWorker)
+        return isinstance(error, (WorkerDied, _distributed().scheduler.KilledWorker))
 
     def close(self) -> None:
         """Disconnect from the scheduler, and end a cluster on this machine."""
@@ -164,6 +159,17 @@ class DaskPool(Pool):
         return ExecutorError(
             f"the Dask scheduler at {self._address} was lost; computed results are kept"
         )
+
+
+def _run(call: bytes) -> None:
+    """Run a task in a worker, and send its outcome just before Dask's message that it is finished.
+
+    To fetch the result of a task takes two more round trips. The scheduler does not decode bytes.
+    """
+    function, arguments = pickle.loads(call)
+    outcome = pickle.dumps(function(*arguments))
+    worker = _distributed().get_worker()
+    worker.log_event(PROGRAM, (worker.get_current_task(), outcome))
 
 
 def probe_scheduler(executor: DaskExecutor) -> None:

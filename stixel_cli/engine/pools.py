@@ -146,7 +146,7 @@ class ThreadPool(Pool):
         while (task := self._tasks.get()) is not None:
             future, function, arguments = task
             if future.set_running_or_notify_cancel():
-                _settle(future, function, arguments)
+                settle(future, function, arguments)
 
 
 class SerialPool(Pool):
@@ -155,7 +155,7 @@ class SerialPool(Pool):
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future:
         """Run `function` now."""
         future: Future = Future()
-        _settle(future, function, arguments)
+        settle(future, function, arguments)
         return future
 
 
@@ -172,7 +172,8 @@ def fork_is_safe() -> bool:
     return threads == 1 and all(os.environ.get(name) == n for name, n in ENVIRONMENT.items())
 
 
-def _settle(future: Future, function: Callable[..., Any], arguments: tuple) -> None:
+def settle(future: Future, function: Callable[..., Any], arguments: tuple) -> None:
+    """Give the future the result of a call, or its error."""
     try:
         future.set_result(function(*arguments))
     except Exception as error:

@@ -229,11 +229,10 @@ class Store:
 
 
 def _move(partial: Path, entry: Path) -> None:
-    entry.parent.mkdir(parents=True, exist_ok=True)
     try:
         partial.rename(entry)
     except FileNotFoundError:
-        # A cleanup removed the empty folder in between.
+        # There is no such folder yet, or a cleanup removed it when it was empty.
         entry.parent.mkdir(parents=True, exist_ok=True)
         partial.rename(entry)
 

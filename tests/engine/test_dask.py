@@ -1,25 +1,24 @@
 """A real Dask scheduler with two worker processes on loopback; the same loop, the same bytes."""
 
-import asyncio
 import os
 import signal
 import subprocess
 import sys
 import threading
 import time
-from concurrent.futures import wait
+from concurrent.futures import CancelledError, wait
 from textwrap import dedent
 
 import pytest
 from executors import EXECUTORS
 
-from stixel_cli.engine.dask_cluster import PATIENT, local_cluster
+from stixel_cli.engine.dask_cluster import SETTINGS, local_cluster
 from stixel_cli.engine.dask_pool import DaskPool
-from stixel_cli.engine.errors import CodeChanged, ExecutorError, StageFailure
+from stixel_cli.engine.errors import CodeChanged, ExecutorError, StageFailure, WorkerDied
 from stixel_cli.engine.execute import execute
 from stixel_cli.engine.graph import build_graph
 from stixel_cli.engine.keys import Stage
-from stixel_cli.engine.parameters import DaskExecutor
+from stixel_cli.engine.parameters import PROGRAM, DaskExecutor
 from stixel_cli.engine.plan import probe
 from stixel_cli.engine.store import Store
 
@@ -44,6 +43,13 @@ SLOW = """
     def wait_for(file):
         while not Path(file).exists():
             time.sleep(0.01)
+
+    class Unreadable:
+        def __reduce__(self):
+            return divmod, (1, 0)
+
+    def unreadable():
+        return Unreadable()
 
     def total(slow, frames, previous):
         return slow.sum() + (0.0 if previous is None else previous)
@@ -70,7 +76,7 @@ def cluster(tmp_path_factory):
     (package / "steps.py").write_text(dedent(SLOW))
     path = os.pathsep.join([str(folder), os.environ.get("PYTHONPATH", "")])
     sys.path.insert(0, str(folder))
-    (restart,) = PATIENT.values()
+    restart = SETTINGS["DASK_DISTRIBUTED__DEPLOY__LOST_WORKER_TIMEOUT"]
     with (
         dask.config.set({"distributed.deploy.lost-worker-timeout": restart}),
         local_cluster(2, env={"PYTHONPATH": path}) as cluster,
@@ -151,26 +157,40 @@ def test_a_stage_that_always_kills_its_worker(cluster, project, notes):
         )
 
 
-def test_an_outcome_that_never_comes_is_computed_again(cluster, monkeypatch):
-    """A worker may be killed just after it has finished a task, with the outcome."""
+def test_an_outcome_that_never_comes_counts_as_a_crash(cluster):
+    """Dask's message that a task is finished came, but not the one with its outcome."""
     pool = DaskPool(executor_at(cluster))
-    gather, lost = pool._client.gather, []
-
-    async def never():
-        await asyncio.Event().wait()
-
-    def lose_once(task, **options):
-        patience = 300.0 if lost else 0.1
-        monkeypatch.setattr("stixel_cli.engine.dask_pool.RESULT_PATIENCE", patience)
-        if lost:
-            return gather(task, **options)
-        lost.append(task)
-        return never()
-
-    monkeypatch.setattr(pool._client, "gather", lose_once)
+    lost = []
+    pool._client.subscribe_topic(PROGRAM, lost.append)
     try:
-        assert pool.submit(divmod, 7, 2).result(timeout=300.0) == (3, 1)
-        assert len(lost) == 1
+        with pytest.raises(WorkerDied, match="no outcome") as raised:
+            outcome_of(pool, pool.submit(divmod, 7, 2))
+        assert pool.died(raised.value)
+        # Now it is of no task any more.
+        pool._receive(*lost)
+        pool._client.subscribe_topic(PROGRAM, pool._receive)
+        assert outcome_of(pool, pool.submit(divmod, 7, 2)) == (3, 1)
+    finally:
+        pool.close()
+
+
+def outcome_of(pool, future):
+    """Wait as the scheduler does."""
+    deadline = time.monotonic() + 300.0
+    while not wait([future], timeout=0.01).done and time.monotonic() < deadline:
+        pool.tend(print)
+    return future.result(timeout=0.0)
+
+
+def test_an_outcome_that_cannot_be_decoded_here_is_an_error(cluster):
+    from dask_steps.steps import unreadable
+
+    pool = DaskPool(executor_at(cluster))
+    try:
+        with pytest.raises(ZeroDivisionError):
+            outcome_of(pool, pool.submit(unreadable))
+        with pytest.raises(TypeError):
+            outcome_of(pool, pool.submit(divmod, 7))
     finally:
         pool.close()
 
@@ -182,7 +202,8 @@ def test_a_task_is_cancelled_while_it_runs(cluster, tmp_path):
     try:
         future = pool.submit(wait_for, str(tmp_path / "go"))
         assert future.cancel()
-        assert wait([future], timeout=300.0).done == {future}
+        with pytest.raises(CancelledError):
+            outcome_of(pool, future)
     finally:
         # Its worker is busy with it until then.
         (tmp_path / "go").touch()

@@ -131,7 +131,7 @@ def test_a_crashed_worker_of_an_own_cluster_may_restart_slowly(project, tmp_path
 def test_a_cluster_ends_with_the_process_that_started_it():
     script = """
         import os, signal
-        from stixel_cli.engine.dask_cluster import PATIENT, Cluster
+        from stixel_cli.engine.dask_cluster import Cluster
         if __name__ == "__main__":
             cluster = Cluster(1)
             print(cluster._process.pid, cluster.address(), flush=True)
