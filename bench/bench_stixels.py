@@ -23,7 +23,7 @@ from stixel_cli import StixelStream
 from stixel_cli.config.schema import StereoParameters
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.images import ImageStack, encode_png
-from stixel_cli.recordings.image_files import read_grey
+from stixel_cli.recordings.image_files import grey, read_image
 from stixel_cli.rendering.frames import StereoPairs
 from stixel_cli.stereo import bm, sgm
 from stixel_cli.stixels.extraction import stixels_of_frame
@@ -315,7 +315,9 @@ TRACK = f"PNG files to the track, {RIG.width} × {RIG.height} px, a pair on two 
 def test_files_to_track(benchmark, pairs, tmp_path):
     """A stream of the same pair, a parked car: two threads match ahead."""
     files = written(pairs, tmp_path)
-    frames = StixelStream(RIG).steps([read_grey(file) for file in one] for one in repeat(files))
+    frames = StixelStream(RIG).steps(
+        [grey(read_image(file)) for file in one] for one in repeat(files)
+    )
     benchmark.pedantic(next, args=(frames,), rounds=sized(40, 2), warmup_rounds=3)
     frames.close()
     benchmark.extra_info["accuracy"] = f"{1.0 / benchmark.stats.stats.mean:.1f} pairs a second"
@@ -328,7 +330,7 @@ def test_files_to_track_plain(benchmark, pairs, raw, tmp_path):
     road, occupancy, grid, _ = prepared(raw)
 
     def frame():
-        plain(plain_match(*(read_grey(file) for file in files)), road, occupancy, grid)
+        plain(plain_match(*(grey(read_image(file)) for file in files)), road, occupancy, grid)
 
     benchmark.pedantic(frame, rounds=1)
 

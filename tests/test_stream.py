@@ -7,7 +7,7 @@ from rendered_clip import assert_same, results_of_run
 from stixel_cli import StixelStream, compose
 from stixel_cli.errors import ArgumentError
 from stixel_cli.pairs import FRAME
-from stixel_cli.recordings.image_files import read_grey
+from stixel_cli.recordings.image_files import grey, read_image
 from stixel_cli.stereo.disparities import Disparities
 from stixel_cli.stream import HISTORY
 from stixel_cli.tracking.several.found import LEAST_SCANS
@@ -18,7 +18,10 @@ def pairs(clip):
     """The images of three frames, each with the pose of the camera."""
     poses = np.loadtxt(clip / "ego_poses/0000.txt").reshape(-1, 3, 4)
     return [
-        (*(read_grey(clip / f"image_0{side}/0000/00000{k}.png") for side in (2, 3)), poses[k])
+        (
+            *(grey(read_image(clip / f"image_0{side}/0000/00000{k}.png")) for side in (2, 3)),
+            poses[k],
+        )
         for k in range(3)
     ]
 
