@@ -83,6 +83,36 @@ def test_the_sequences_of_a_row_open_pages_that_play_back_its_pack(packed, refus
     assert not (packed / "other").exists()
 
 
+FAILING = """
+import numpy as np
+from stixel_cli import compose
+from stixel_cli.tracking.baselines import box
+
+PARAMETERS = compose("tracker=box").configuration.tracker
+
+def track(scans, initial, prior):
+    if len(scans.points_world) == COUNT:
+        raise ValueError("too many points")
+    return box.track(scans, initial, prior, PARAMETERS)
+"""
+
+
+def test_a_sequence_whose_tracker_fails_is_missing_and_an_own_start_is_not_scored(rendered, capsys):
+    data = Data(rendered)
+    counts = [len(data.read(name).scans.points_world) for name in data.names]
+    assert main(["bench", "run", "point", "--own-start", "--data", "data"]) == 0
+    assert main(["bench", "score", "point-own-start.zip", "--data", "data", "--rows", "rows"]) == 0
+    (row,) = read_rows(rendered.parent / "rows")
+    assert row["tracker"]["start"] == "own" and not any(row["scores"]["missing_scans"])
+    assert min(row["scores"]["iou_mean"]) > 0.0
+    (rendered.parent / "fails.py").write_text(FAILING.replace("COUNT", str(counts[2])))
+    capsys.readouterr()
+    assert main(["bench", "run", "fails:track", "--data", "data"]) == 0
+    said = capsys.readouterr().err
+    assert said.count("all scans are missing: the tracker failed: ValueError: too many points") == 1
+    assert said.count(f"{data.names[2]}:") >= 1
+
+
 def test_golden_scores_of_the_true_box_moved_along_the_heading(rendered):
     given = Data(rendered).read(NAME)
     truth = given.truth
