@@ -29,7 +29,7 @@ GREATEST_TEXT = 64 * 2**20
 GREATEST_ARRAYS = 2**30
 """Bytes of all arrays of an `.npz` file: the points of 10,000 scans take 200 MB."""
 
-LARGEST = 2**35
+GREATEST_RECORDING = 2**35
 """Bytes of a file that is read in pieces, such as a recording in one file."""
 
 DEEPEST = 50

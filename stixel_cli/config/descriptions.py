@@ -6,24 +6,32 @@ import re
 from itertools import takewhile
 from typing import get_type_hints
 
-from stixel_cli.config import folders, keys
+from stixel_cli.config import keys
 from stixel_cli.config.annotations import attribute_texts, describe
+from stixel_cli.config.folders import (
+    EXPERIMENT,
+    PACE,
+    default_option,
+    group_options,
+    innermost_group,
+    option_file,
+    option_values,
+)
 from stixel_cli.config.own_options import GIVEN, imported_option
 from stixel_cli.config.schema import Configuration
 from stixel_cli.files import read_text
 from stixel_cli.own_code import parameters_type
 
 _NO_SCHEMA = {
-    folders.EXPERIMENT: "options and values of several groups under one name",
-    folders.PACE: "speeds and first positions of a class of road user; its values are those of the "
-    "paths",
+    EXPERIMENT: "options and values of several groups under one name",
+    PACE: "speeds and first positions of a class of road user; its values are those of the paths",
 }
 
 
 def describe_key(name: str) -> list[keys.Key]:
     """The variants of a key, that of the default option first; KeyError for another name."""
-    group = folders.innermost_group(name)
-    first = f"{group}={folders.default_option(group)}" if group else ""
+    group = innermost_group(name)
+    first = f"{group}={default_option(group)}" if group else ""
     # A recording's path is not an option: it has no values.
     variants = [key for key in keys.known_keys()[name] if key.values]
     return sorted(variants, key=lambda key: first not in key.belongs_to)
@@ -31,11 +39,11 @@ def describe_key(name: str) -> list[keys.Key]:
 
 def keys_of_option(group: str, option: str) -> list[keys.Key]:
     """The keys that an option of a group has, without those of its inner groups."""
-    kind = folders.option_values(group, option).get("kind")
+    kind = option_values(group, option).get("kind")
     of_option = [
         key
         for name, variants in keys.known_keys().items()
-        if folders.innermost_group(name) == group
+        if innermost_group(name) == group
         for key in variants
         if dict(key.owners).get(group, kind) == kind
     ]
@@ -45,11 +53,7 @@ def keys_of_option(group: str, option: str) -> list[keys.Key]:
 def groups() -> list[str]:
     """The groups that are not inner ones, in the order of the schema."""
     order = [field.name for field in dataclasses.fields(Configuration)]
-    return [
-        name
-        for name in [*order, folders.PACE, folders.EXPERIMENT]
-        if name in folders.group_options()
-    ]
+    return [name for name in [*order, PACE, EXPERIMENT] if name in group_options()]
 
 
 def meaning_of_group(group: str) -> str:
@@ -59,12 +63,12 @@ def meaning_of_group(group: str) -> str:
 
 def meaning_of_option(group: str, option: str) -> str:
     """What an option is: the first sentence of its file's comment, or of its class."""
-    lines = read_text(folders.option_file(group, option)).splitlines()
+    lines = read_text(option_file(group, option)).splitlines()
     lines = [line for line in lines if not line.startswith(("# @package", "# yaml-language"))]
     comment = [line[2:] for line in takewhile(lambda line: line.startswith("# "), lines)]
     text = " ".join(comment)
     if not comment:
-        schema = keys.schema_of(group, folders.option_values(group, option).get("kind", ""))
+        schema = keys.schema_of(group, option_values(group, option).get("kind", ""))
         text = inspect.getdoc(schema).splitlines()[0] if schema else ""
     return re.split(r"\.(?= [A-Z]|$)", text)[0].strip()
 

@@ -11,7 +11,23 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
-from stixel_cli.config import annotations, folders
+from stixel_cli.config.annotations import (
+    alternatives,
+    attribute_texts,
+    classes_in,
+    describe,
+    element,
+    fields_of,
+    kind_of,
+)
+from stixel_cli.config.folders import (
+    EXPERIMENT,
+    group_options,
+    innermost_group,
+    option_values,
+    options_default_first,
+    values_beside_groups,
+)
 from stixel_cli.config.schema import Configuration
 from stixel_cli.config.texts import value_text
 
@@ -51,7 +67,7 @@ class Key:
     @property
     def place(self) -> int:
         """Its place among the fields of its class."""
-        return list(annotations.fields_of(self.schema)).index(self.field)
+        return list(fields_of(self.schema)).index(self.field)
 
     @property
     def belongs_to(self) -> list[str]:
@@ -61,7 +77,7 @@ class Key:
     @property
     def meaning(self) -> str:
         """What the value is, with its unit."""
-        return annotations.attribute_texts(self.schema).get(self.field, "")
+        return attribute_texts(self.schema).get(self.field, "")
 
     @property
     def unit(self) -> str:
@@ -72,7 +88,7 @@ class Key:
     @property
     def range(self) -> str:
         """The valid values in words."""
-        return annotations.describe(self.annotation)
+        return describe(self.annotation)
 
     @property
     def values(self) -> dict[str, str]:
@@ -80,14 +96,14 @@ class Key:
 
         It is that of the option's file, or the schema's own default.
         """
-        group = folders.innermost_group(self.name)
+        group = innermost_group(self.name)
         if not group:
-            top = folders.values_beside_groups("config")
+            top = values_beside_groups("config")
             return {"": _typed(top[self.name])} if self.name in top else {}
         default = self.schema.__dataclass_fields__[self.field].default
         name = self.name[len(group) + 1 :]
         values = {
-            option: folders.option_values(group, option).get(name, default)
+            option: option_values(group, option).get(name, default)
             for option in _options(group, dict(self.owners).get(group))
         }
         return {o: "" if v is dataclasses.MISSING else _typed(v) for o, v in values.items()}
@@ -102,10 +118,10 @@ class Key:
         """The keys that have this key's value unless they are set."""
         followers = [
             f"{group.replace('/', '.')}.{name}"
-            for group, options in folders.group_options().items()
-            if group != folders.EXPERIMENT
+            for group, options in group_options().items()
+            if group != EXPERIMENT
             for option in options
-            for name, value in folders.option_values(group, option).items()
+            for name, value in option_values(group, option).items()
             if f"${{{self.name}}}" in str(value)
         ]
         return list(dict.fromkeys(followers))
@@ -113,10 +129,8 @@ class Key:
 
 def _options(group: str, kind: str | None) -> list[str]:
     """The options of a group, only those of a `kind` if it is given; the default first."""
-    options = folders.options_default_first(group)
-    return [
-        o for o in options if kind is None or folders.option_values(group, o).get("kind") == kind
-    ]
+    options = options_default_first(group)
+    return [o for o in options if kind is None or option_values(group, o).get("kind") == kind]
 
 
 def _typed(value: Any) -> str:
@@ -143,10 +157,10 @@ def _walk(
     schema: type, prefix: str = "", owners: tuple[tuple[str, str], ...] = ()
 ) -> Iterator[Key]:
     """The keys of a schema, and the variants of its groups with their classes as annotations."""
-    for name, annotation in annotations.fields_of(schema).items():
-        variants = annotations.classes_in(annotation)
+    for name, annotation in fields_of(schema).items():
+        variants = classes_in(annotation)
         for variant in variants:
-            kind = annotations.kind_of(variant) if len(variants) > 1 else None
+            kind = kind_of(variant) if len(variants) > 1 else None
             group = (prefix + name).replace(".", "/")
             of_variant = owners if kind is None else (*owners, (group, kind))
             yield Key(prefix + name, variant, of_variant, schema)
@@ -185,23 +199,17 @@ def locate(path: tuple[str | int, ...]) -> tuple[str, Any]:
     annotation: Any = Configuration
     name = ""
     for part in path:
-        schemas = annotations.classes_in(annotation)
-        of_kind = [schema for schema in schemas if annotations.kind_of(schema) == part]
+        schemas = classes_in(annotation)
+        of_kind = [schema for schema in schemas if kind_of(schema) == part]
         if len(schemas) > 1 and of_kind:
             annotation = of_kind[0]
         elif len(schemas) > 1 and part == "own":
             pass  # The keys that the user's own code shares with the others.
         elif isinstance(part, int):
             name += f"[{part}]"
-            annotation = annotations.element(annotation, part)
-        elif (
-            schemas or len(annotations.alternatives(annotation)) == 1
-        ):  # Else a member of a union of types.
+            annotation = element(annotation, part)
+        elif schemas or len(alternatives(annotation)) == 1:  # Else a member of a union of types.
             name += f".{part}" if name else part
-            fields = [
-                annotations.fields_of(schema)[part]
-                for schema in schemas
-                if part in annotations.fields_of(schema)
-            ]
+            fields = [fields_of(schema)[part] for schema in schemas if part in fields_of(schema)]
             annotation = fields[0] if fields else None
     return name, annotation

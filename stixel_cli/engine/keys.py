@@ -10,7 +10,7 @@ from typing import Any, Literal
 from stixel_cli.engine.code import Code, CodeIndex
 from stixel_cli.engine.source_files import content_digest
 from stixel_cli.engine.versions import python_version
-from stixel_cli.files import LARGEST
+from stixel_cli.files import GREATEST_RECORDING
 from stixel_cli.remembered import remembered
 
 Pattern = Literal["once", "map", "fold", "pick"]
@@ -238,7 +238,7 @@ def stage_identity(stage: Stage, index: CodeIndex) -> Identity:
 # Several stages read a recording, which may be one large file.
 @remembered
 def _file_digest(path: Path) -> str:
-    return content_digest(path, LARGEST)
+    return content_digest(path, GREATEST_RECORDING)
 
 
 def node_key(

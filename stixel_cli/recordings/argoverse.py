@@ -7,7 +7,6 @@ Wilson et al. 2021. Below the log's folder: `sensors/cameras/stereo_front_left/T
 undistorted but not rectified.
 """
 
-from bisect import bisect
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +16,7 @@ from stixel_cli.feather import read_columns
 from stixel_cli.recordings.argoverse_tables import CAMERAS, read_calibration
 from stixel_cli.recordings.assembly import assembled_recording, numbered_images
 from stixel_cli.recordings.parameters import Argoverse
+from stixel_cli.recordings.times import PAIRED, check_steps, nearest
 from stixel_cli.recordings.types import Recording, Tables
 
 ANNOTATIONS, CITY = "annotations.feather", "city_SE3_egovehicle.feather"
@@ -25,12 +25,6 @@ TIME = "timestamp_ns"
 IMAGES = Path("sensors/cameras")
 NAMES = r"(\d{1,18})\.jpg"
 EXAMPLE = "315966070549927216.jpg"
-
-PAIRED = 5_000_000
-"""The images of a pair are at most this far apart, ns."""
-
-JITTER = 0.2
-"""Of the time between images, as a share of it."""
 
 
 def is_layout(folder: Path) -> bool:
@@ -78,21 +72,3 @@ def find_motion(root: Path) -> Recording:
         pose_files=poses,
         label_files=(annotations, *poses),
     )
-
-
-def check_steps(recording: Recording, sample_time: float, root: Path, group: str) -> None:
-    """Raise UserError unless successive frames of a log are `sample_time` s apart."""
-    times = recording.tables.times
-    for k in recording.frames[1:]:
-        step = 1e-9 * (times[k] - times[k - 1])
-        if abs(step - sample_time) > JITTER * sample_time:
-            raise UserError(
-                f"{group}.frames: frames {k - 1} and {k} of {root} are {step:.3f} s apart, but "
-                f"{group}.sample_time is {sample_time:g} s"
-            )
-
-
-def nearest(times: list[int], time: int) -> int:
-    """The one of the increasing `times` that is nearest to `time`."""
-    i = bisect(times, time)
-    return min(times[max(i - 1, 0) : i + 1], key=lambda one: abs(one - time))

@@ -15,8 +15,9 @@ import numpy as np
 
 from stixel_cli.errors import UserError, printable
 from stixel_cli.feather import read_columns
-from stixel_cli.geometry.pose import rectangle, rotations
+from stixel_cli.geometry.pose import rectangle
 from stixel_cli.recordings.kitti_tables import labels_in
+from stixel_cli.recordings.times import GREATEST_GAP, poses_at, unit_rotations
 from stixel_cli.recordings.types import Calibration, Rectification, Tracks
 from stixel_cli.remembered import remembered
 from stixel_cli.scene.classes import CLASS_ROWS
@@ -31,9 +32,6 @@ CYCLES = dict.fromkeys(("BICYCLE", "MOTORCYCLE"), "Cyclist")
 
 LEVEL_CAMERA = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 """Rotation of a camera that looks straight ahead, in the ego car's frame."""
-
-GREATEST_GAP = 250_000_000
-"""Between two poses, or two labels of a track, ns: with more, there is no line between them."""
 
 HIDDEN = 0.1
 """Share of a label's columns that a nearer label may cover before it is occluded."""
@@ -125,6 +123,9 @@ def read_labels(
     numbers = ("timestamp_ns", "num_interior_pts", *SIZE, *TURN, *PLACE)
     table = read_columns(annotations, numbers, ("track_uuid", "category"))
     sizes = _stacked(table, SIZE)
+    if (sizes <= 0.0).any():
+        row = int(np.flatnonzero((sizes <= 0.0).any(axis=1))[0])
+        raise UserError(f"{annotations}: row {row + 1}: height, width and length must be > 0")
     calibration = None if intrinsics is None else read_calibration(intrinsics, sensors)
     types = KITTI_TYPES if calibration else KITTI_TYPES | CYCLES
     stamps, at = np.unique(table["timestamp_ns"], return_inverse=True)
@@ -138,6 +139,8 @@ def read_labels(
         of_track = np.flatnonzero(table["track_uuid"] == track)
         of_track = of_track[np.argsort(table["timestamp_ns"][of_track], kind="stable")]
         at_times = table["timestamp_ns"][of_track]
+        if (np.diff(at_times) == 0).any():
+            raise UserError(f"{annotations}: track {printable(track)} is labelled twice at a time")
         category = str(table["category"][of_track[0]])
         kinds[track] = types.get(category, printable(category))
         rows[track] = []
@@ -167,7 +170,7 @@ def _between(stamps: np.ndarray, times: tuple[int, ...]) -> Iterator[tuple[int, 
     """Frame, index i and share of the way from stamp i to i + 1, where that way is no gap.
 
     Args:
-        stamps: (n,) ns, not decreasing.
+        stamps: (n,) ns, increasing.
         times: of all frames, ns.
     """
     for frame, (i, time) in enumerate(
@@ -251,41 +254,5 @@ def _ego_poses(city: Path, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return poses_at(city, times, table["timestamp_ns"], turns, places)
 
 
-def poses_at(
-    city: Path | str, times: np.ndarray, stamps: np.ndarray, turns: np.ndarray, places: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """As `_ego_poses`, of quaternions (n, 4) and places at `stamps` (n,); errors name `city`."""
-    stamps, rows = np.unique(stamps, return_index=True)
-    after = np.clip(np.searchsorted(stamps, times), 1, max(len(stamps) - 1, 1))
-    if len(stamps) < 2:
-        raise UserError(f"{city}: must have two poses or more")
-    span = stamps[after] - stamps[after - 1]
-    far = (times < stamps[0]) | (times > stamps[-1]) | (span > GREATEST_GAP)
-    if far.any():
-        raise UserError(f"{city}: has no pose round {int(times[far][0])} ns")
-    share = ((times - stamps[after - 1]) / span)[:, None]
-    turns, places = turns[rows], places[rows]
-    earlier, later = turns[after - 1], turns[after]
-    # q and −q are one rotation. Between poses some milliseconds apart a line is as good as an arc.
-    later = np.where((earlier * later).sum(axis=1, keepdims=True) < 0.0, -later, later)
-    between = (1.0 - share) * places[after - 1] + share * places[after]
-    mixed = (1.0 - share) * earlier + share * later
-    unit_rotations(city, turns)
-    return unit_rotations(city, mixed / np.linalg.norm(mixed, axis=1, keepdims=True)), between
-
-
 def _stacked(table: dict[str, np.ndarray], names: tuple[str, ...]) -> np.ndarray:
     return np.stack([table[name] for name in names], axis=1)
-
-
-def unit_rotations(file: Path | str, quaternions: np.ndarray) -> np.ndarray:
-    """Rotations (n, 3, 3) of quaternions (n, 4): w, x, y, z.
-
-    Raises:
-        UserError: if a quaternion does not have the length 1.
-    """
-    lengths = np.linalg.norm(quaternions, axis=1)
-    wrong = np.flatnonzero(~(np.abs(lengths - 1.0) <= 0.01))
-    if len(wrong):
-        raise UserError(f"{file}: row {wrong[0] + 1}: qw, qx, qy, qz must have the length 1")
-    return rotations(quaternions / lengths[:, None])

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from stixel_cli.errors import UserError, printable
-from stixel_cli.recordings.argoverse_tables import poses_at, unit_rotations
 from stixel_cli.recordings.image_files import GREATEST_IMAGE, check_sides, decoded, size_in
+from stixel_cli.recordings.times import poses_at, unit_rotations
 from stixel_cli.remembered import remembered
 
 IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")

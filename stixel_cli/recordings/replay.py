@@ -19,6 +19,7 @@ from stixel_cli.recordings.assembly import root_of
 from stixel_cli.recordings.kitti_tables import read_calibration
 from stixel_cli.recordings.parameters import chosen_frames
 from stixel_cli.recordings.tables import labels_of, read_poses
+from stixel_cli.recordings.times import check_steps
 from stixel_cli.recordings.types import Recording, Tables
 from stixel_cli.scene.parameters import RoadUser
 from stixel_cli.scene.path_parameters import ReplayedPath
@@ -52,7 +53,7 @@ def find_replay(path: ReplayedPath) -> Recording:
         label=track.kind,
     )
     if recording.tables.times:
-        argoverse.check_steps(recording, path.sample_time, folder, "path")
+        check_steps(recording, path.sample_time, folder, "path")
     return recording
 
 

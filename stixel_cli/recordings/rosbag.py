@@ -10,13 +10,13 @@ from pathlib import Path, PurePath
 import numpy as np
 
 from stixel_cli.errors import UserError
-from stixel_cli.files import LARGEST, opened, read_yaml
+from stixel_cli.files import GREATEST_RECORDING, opened, read_yaml
 from stixel_cli.recordings import bag_messages
-from stixel_cli.recordings.argoverse import PAIRED, check_steps, nearest
 from stixel_cli.recordings.assembly import common_frames
 from stixel_cli.recordings.bag_messages import read_camera, read_messages, stamp
 from stixel_cli.recordings.kitti_tables import rectified_pair
 from stixel_cli.recordings.parameters import Rosbag, chosen_frames
+from stixel_cli.recordings.times import PAIRED, check_steps, nearest
 from stixel_cli.recordings.types import Recording, Tables
 
 METADATA = "metadata.yaml"
@@ -90,6 +90,6 @@ def _files(bag: Path) -> tuple[Path, ...]:
         except (KeyError, TypeError):
             raise UserError(f"{files[0]}: not the metadata of a ROS 2 bag") from None
     for file in files:
-        with opened(file, LARGEST):
+        with opened(file, GREATEST_RECORDING):
             pass
     return tuple(files)

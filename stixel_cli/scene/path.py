@@ -9,9 +9,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stixel_cli.scene import path_parameters
 from stixel_cli.scene.contours import moving_target
 from stixel_cli.scene.parameters import RoadUser
+from stixel_cli.scene.path_parameters import (
+    Approach,
+    Circle,
+    Crossing,
+    Depart,
+    Path,
+    SCurve,
+    StopAndGo,
+    Turn,
+    Waypoints,
+)
 from stixel_cli.scene.scenario import EgoMotion, Scenario
 
 if TYPE_CHECKING:  # see `waypoint_spline`
@@ -20,9 +30,7 @@ if TYPE_CHECKING:  # see `waypoint_spline`
 GAUSS_NODES, GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(12)
 
 
-def build_scenario(
-    ego_motion: EgoMotion, road_user: RoadUser, path: path_parameters.Path
-) -> Scenario:
+def build_scenario(ego_motion: EgoMotion, road_user: RoadUser, path: Path) -> Scenario:
     """Ground truth at the ego motion's times: poses, their rates, and the target's true contour.
 
     Raises:
@@ -33,7 +41,7 @@ def build_scenario(
     return moving_target(ego_motion, road_user, poses, rates, travelled)
 
 
-def path_poses(path: path_parameters.Path, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def path_poses(path: Path, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Poses and rates of a target on `path`.
 
     Args:
@@ -54,17 +62,15 @@ def path_poses(path: path_parameters.Path, times: np.ndarray) -> tuple[np.ndarra
     return poses, rates
 
 
-def distance_travelled(path: path_parameters.Path, times: np.ndarray) -> np.ndarray:
+def distance_travelled(path: Path, times: np.ndarray) -> np.ndarray:
     """Length driven along the path (K,) m at `times` (K,) s."""
     times = np.asarray(times, dtype=np.float64)
-    if isinstance(path, path_parameters.StopAndGo):
+    if isinstance(path, StopAndGo):
         return stop_and_go_profile(path, times)[0]
     return path.speed * times
 
 
-def stop_and_go_profile(
-    path: path_parameters.StopAndGo, times: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def stop_and_go_profile(path: StopAndGo, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Length driven (K,) m and speed (K,) m/s at `times` (K,) s.
 
     One round is: drive, brake, wait, pull away. The speed is piecewise linear, the length its
@@ -84,14 +90,12 @@ def stop_and_go_profile(
     return rounds * lengths[-1] + length, speed
 
 
-def _line(
-    path: path_parameters.Approach | path_parameters.Depart | path_parameters.Crossing, times
-):
+def _line(path: Approach | Depart | Crossing, times):
     speed = np.full_like(times, path.speed)
     return _straight_on(path, path.speed * times), np.zeros_like(times), speed
 
 
-def _stop_and_go(path: path_parameters.StopAndGo, times):
+def _stop_and_go(path: StopAndGo, times):
     length, speed = stop_and_go_profile(path, times)
     return _straight_on(path, length), np.zeros_like(times), speed
 
@@ -103,7 +107,7 @@ def _straight_on(path, length):
     return np.stack([x, y, np.full_like(length, heading)], axis=1)
 
 
-def _turn(path: path_parameters.Turn | path_parameters.Circle, times):
+def _turn(path: Turn | Circle, times):
     radius = path.radius
     if radius is None:
         radius = path.closing_radius
@@ -119,7 +123,7 @@ def _turn(path: path_parameters.Turn | path_parameters.Circle, times):
     )
 
 
-def _s_curve(path: path_parameters.SCurve, times):
+def _s_curve(path: SCurve, times):
     mean, swing = np.radians(path.heading), np.radians(path.swing)
     rate = 2.0 * np.pi / path.wavelength
 
@@ -136,7 +140,7 @@ def _s_curve(path: path_parameters.SCurve, times):
     return poses, swing * rate * np.cos(rate * length), np.full_like(times, path.speed)
 
 
-def _waypoints(path: path_parameters.Waypoints, times):
+def _waypoints(path: Waypoints, times):
     spline = waypoint_spline(np.array(path.points, dtype=np.float64))
     length = path.speed * times
     parameter, past = _spline_parameter(spline, length)
@@ -225,12 +229,12 @@ def _panel_integrals(function: Callable, panels: np.ndarray) -> np.ndarray:
 
 
 _FUNCTIONS = {
-    path_parameters.Approach: _line,
-    path_parameters.Depart: _line,
-    path_parameters.Crossing: _line,
-    path_parameters.Turn: _turn,
-    path_parameters.SCurve: _s_curve,
-    path_parameters.StopAndGo: _stop_and_go,
-    path_parameters.Circle: _turn,
-    path_parameters.Waypoints: _waypoints,
+    Approach: _line,
+    Depart: _line,
+    Crossing: _line,
+    Turn: _turn,
+    SCurve: _s_curve,
+    StopAndGo: _stop_and_go,
+    Circle: _turn,
+    Waypoints: _waypoints,
 }

@@ -210,6 +210,8 @@ DAMAGE = {
     "too large": (LABELS, _edit(2, tx_m=-1e308), "the column tx_m must be within"),
     "null": (LABELS, _edit(2, tx_m=None), "the column tx_m must be of numbers in each row"),
     "no rotation": (LABELS, _edit(2, qw=2.0), "row 3: qw, qx, qy, qz must have the length 1"),
+    "no size": (LABELS, _edit(2, width_m=0.0), "row 3: height, width and length must be > 0"),
+    "twice": (LABELS, _edit(2, timestamp_ns=START - STEP // 2), "is labelled twice at a time"),
     "other target": (LABELS, _edit(0, track_uuid="x"), "has no track 9; it has 022c398c"),
     "no pose": (CITY, lambda f: write_table(f, table(f)[:6]), "has no pose round"),
     "other size": (INTRINSICS, _edit(1, width_px=200), "must have one size, > 0"),

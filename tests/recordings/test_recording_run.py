@@ -98,9 +98,9 @@ def test_a_command_reads_the_head_of_each_image_once(
 
 def test_a_stored_run_opens_its_recording_once(clip, heads, tmp_path, capsys):
     run(capsys, tmp_path, *of(clip), "pictures.frames=[]", "--name", "made")
-    for command in ("rerun", "verify"):
+    for command in (["rerun", "--results", str(tmp_path)], ["verify"]):
         heads.clear()
-        assert main([command, str(tmp_path / "made")]) == 0
+        assert main([*command, str(tmp_path / "made")]) == 0
         assert set(heads.values()) == {1} and len(heads) == 10
     capsys.readouterr()
 

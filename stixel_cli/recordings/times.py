@@ -1,0 +1,84 @@
+"""Frames and poses by their time in ns, which layouts share that do not number them."""
+
+from bisect import bisect
+from pathlib import Path
+
+import numpy as np
+
+from stixel_cli.errors import UserError
+from stixel_cli.geometry.pose import rotations
+from stixel_cli.recordings.types import Recording
+
+PAIRED = 5_000_000
+"""The images of a pair are at most this far apart, ns."""
+
+JITTER = 0.2
+"""Of the time between images, as a share of it."""
+
+GREATEST_GAP = 250_000_000
+"""Between two poses, or two labels of a track, ns: with more, there is no line between them."""
+
+
+def check_steps(recording: Recording, sample_time: float, root: Path, group: str) -> None:
+    """Raise UserError unless successive frames of a log are `sample_time` s apart."""
+    times = recording.tables.times
+    for k in recording.frames[1:]:
+        step = 1e-9 * (times[k] - times[k - 1])
+        if abs(step - sample_time) > JITTER * sample_time:
+            raise UserError(
+                f"{group}.frames: frames {k - 1} and {k} of {root} are {step:.3f} s apart, but "
+                f"{group}.sample_time is {sample_time:g} s"
+            )
+
+
+def nearest(times: list[int], time: int) -> int:
+    """The one of the increasing `times` that is nearest to `time`."""
+    i = bisect(times, time)
+    return min(times[max(i - 1, 0) : i + 1], key=lambda one: abs(one - time))
+
+
+def poses_at(
+    name: Path | str, times: np.ndarray, stamps: np.ndarray, turns: np.ndarray, places: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Rotations (n, 3, 3) and places (n, 3) m at `times` (n,) ns, on straight lines between poses.
+
+    Args:
+        name: of the file, for errors.
+        times: of the frames, ns.
+        stamps: (m,) times of the poses, ns, in any order.
+        turns: (m, 4) quaternions: w, x, y, z.
+        places: (m, 3) m.
+
+    Raises:
+        UserError: if there is no pose round one of the times, or a quaternion is not valid.
+    """
+    stamps, rows = np.unique(stamps, return_index=True)
+    after = np.clip(np.searchsorted(stamps, times), 1, max(len(stamps) - 1, 1))
+    if len(stamps) < 2:
+        raise UserError(f"{name}: must have two poses or more")
+    span = stamps[after] - stamps[after - 1]
+    far = (times < stamps[0]) | (times > stamps[-1]) | (span > GREATEST_GAP)
+    if far.any():
+        raise UserError(f"{name}: has no pose round {int(times[far][0])} ns")
+    share = ((times - stamps[after - 1]) / span)[:, None]
+    turns, places = turns[rows], places[rows]
+    earlier, later = turns[after - 1], turns[after]
+    # q and −q are one rotation. Between poses some milliseconds apart a line is as good as an arc.
+    later = np.where((earlier * later).sum(axis=1, keepdims=True) < 0.0, -later, later)
+    between = (1.0 - share) * places[after - 1] + share * places[after]
+    mixed = (1.0 - share) * earlier + share * later
+    unit_rotations(name, turns)
+    return unit_rotations(name, mixed / np.linalg.norm(mixed, axis=1, keepdims=True)), between
+
+
+def unit_rotations(file: Path | str, quaternions: np.ndarray) -> np.ndarray:
+    """Rotations (n, 3, 3) of quaternions (n, 4): w, x, y, z.
+
+    Raises:
+        UserError: if a quaternion does not have the length 1.
+    """
+    lengths = np.linalg.norm(quaternions, axis=1)
+    wrong = np.flatnonzero(~(np.abs(lengths - 1.0) <= 0.01))
+    if len(wrong):
+        raise UserError(f"{file}: row {wrong[0] + 1}: qw, qx, qy, qz must have the length 1")
+    return rotations(quaternions / lengths[:, None])
