@@ -71,6 +71,8 @@ def watch(pid: int, peak: list[float]) -> None:
     while True:
         try:
             root = psutil.Process(pid)
+            if root.status() == psutil.STATUS_ZOMBIE:
+                return
             processes = [root, *root.children(recursive=True)]
         except psutil.NoSuchProcess:
             return
@@ -81,8 +83,6 @@ def watch(pid: int, peak: list[float]) -> None:
             except (psutil.NoSuchProcess, psutil.AccessDenied):
                 continue
         peak[0] = max(peak[0], total)
-        if root.status() == psutil.STATUS_ZOMBIE:
-            return
         time.sleep(0.3)
 
 
