@@ -78,6 +78,19 @@ def test_a_ray_through_an_end_of_the_shape_has_no_inset(name, index):
     assert misses[0, 0] == pytest.approx(-insets[0, int(index > 0)])
 
 
+@pytest.mark.parametrize("factors", [(1.0, 1.0), (2.0, 1.0), (1.0, 2.0), (0.5, 1.3)])
+def test_distances_across_a_ray_are_metres_of_the_world(factors):
+    table = outline_table(RECTANGLE).arrays()
+    state = np.array([[0.0, 0.0, 0.0, *np.log(factors)]])
+    half = np.array([2.0, 0.8]) * factors
+    for along, beside in ((0, 1), (1, 0)):
+        sensor, direction = np.full(2, -30.0), np.zeros((1, 2))
+        sensor[beside], direction[0, along] = half[beside] + 0.3, 1.0
+        _, insets, misses, _, _ = expected(state, sensor, direction, 0, 0, *table)
+        assert misses[0, 0] == pytest.approx(0.3, abs=1e-9)
+        assert sorted(insets[0]) == pytest.approx([-0.3, 2.0 * half[beside] + 0.3])
+
+
 @settings(derandomize=True, deadline=None, max_examples=20)
 @given(seed=SEEDS, angle=st.floats(-3, 3))
 def test_expectation_is_invariant_to_rigid_motions_of_the_world(seed, angle):

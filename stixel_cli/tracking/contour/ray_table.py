@@ -211,6 +211,8 @@ def _expect(
             # Metres of the scaled frame per metre of the world, along this ray.
             scale = sqrt(ux * ux + uy * uy)
             ux, uy = ux / scale, uy / scale
+            # Metres of the world per metre of the scaled frame, across the ray: all areas scale alike.
+            across = scale / (shrink_x * shrink_y)
             offset = ux * from_y - uy * from_x
             foot = -(ux * from_x + uy * from_y)
 
@@ -232,8 +234,8 @@ def _expect(
             ) * f
             ranges[s, i] = (foot + depth) / scale
 
-            inside_low = (offset - (low[a] * (1.0 - f) + low[b] * f)) / scale
-            inside_high = (high[a] * (1.0 - f) + high[b] * f - offset) / scale
+            inside_low = (offset - (low[a] * (1.0 - f) + low[b] * f)) * across
+            inside_high = (high[a] * (1.0 - f) + high[b] * f - offset) * across
             misses[s, i] = -min(inside_low, inside_high)
             if i == first:
                 insets[s, 0] = inside_low
