@@ -148,9 +148,10 @@ def rows_at_height(
 ) -> np.ndarray:
     """Rows (W,) int32 that see the obstacles `height` m above the road; -1 where free.
 
-    A height h has f h / z = h d / B rows.
+    A height h has f_v h / z = (f_v / f) h d / B rows.
     """
-    rows = np.rint(height / rig.baseline * np.nan_to_num(obstacle)).astype(np.int32)
+    rows_per_px = height / rig.baseline * (rig.focal_v / rig.focal)
+    rows = np.rint(rows_per_px * np.nan_to_num(obstacle)).astype(np.int32)
     return np.where(base_row >= 0, np.maximum(base_row - rows, -1), -1).astype(np.int32)
 
 

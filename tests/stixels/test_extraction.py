@@ -338,10 +338,10 @@ def test_groups_match_a_brute_force_search(seed, stixel_width, width):
     np.testing.assert_allclose(values, np.reshape([v for _, v in expected], (-1, 2)), rtol=1e-6)
 
 
-@pytest.mark.parametrize("pitch", [0.0, 3.0])
-def test_foot_blended_with_the_road_is_ignored(rig, pitch):
+@pytest.mark.parametrize(("pitch", "vertical_fov"), [(0.0, None), (3.0, None), (0.0, 60.0)])
+def test_foot_blended_with_the_road_is_ignored(rig, pitch, vertical_fov):
     """Rows of an upright obstacle that `rows_at_height` leaves out are those below the height."""
-    rig = replace(rig, pitch=pitch)
+    rig = replace(rig, pitch=pitch, vertical_fov=vertical_fov)
     line = road_line(rig.pitch_radians, rig.camera_height, rig)
     depth = np.array([5.0, 9.0, 20.0])
     obstacle = (rig.focal * rig.baseline / depth).astype(np.float32)
