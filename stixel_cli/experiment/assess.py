@@ -33,6 +33,7 @@ from stixel_cli.validation.pair_errors import (
     AreaErrors,
     area_errors,
     called_free,
+    compensated,
     found_columns,
     label_obstacles,
     nearest_disparity,
@@ -72,7 +73,8 @@ def assess(composition: Composition, progress: Progress | None = None) -> Assess
     }
     pictures = {Path(name).stem: d for name, d in first["camera_pictures"].files.items()}
     if truth is not None:
-        errors = area_errors(first["stixels"], 0, truth, configuration.rig)
+        level = compensated(truth, configuration.rig, configuration.road)
+        errors = area_errors(first["stixels"], 0, level, configuration.rig)
         pictures[ERROR_MAP] = error_map(image, first["stixels"], errors)
     return Assessment(dict.fromkeys(LABELS) | values, pictures, _seconds(composition))
 
@@ -137,7 +139,8 @@ def assess_stixels(
     truth = _truth_of(recording)
     values = _against_truth(stixels, free_space, truth, composition, alignment)
     if truth is not None:
-        pictures[ERROR_MAP] = error_map(image, stixels, area_errors(stixels, 0, truth, rig))
+        level = compensated(truth, rig, composition.configuration.road)
+        pictures[ERROR_MAP] = error_map(image, stixels, area_errors(stixels, 0, level, rig))
     return Assessment(dict.fromkeys(LABELS) | values, pictures, {})
 
 
@@ -159,7 +162,7 @@ def _against_truth(
     }
     obstacles = np.full(rig.width, np.nan)
     if truth is not None:
-        errors = area_errors(stixels, 0, truth, rig)
+        errors = area_errors(stixels, 0, compensated(truth, rig, configuration.road), rig)
         obstacles = true_obstacles(truth, rig, configuration.road, configuration.free_space)
         seen = np.isfinite(obstacles)
         found = found_columns(stixels, 0, obstacles, rig)

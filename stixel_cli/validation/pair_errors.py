@@ -8,7 +8,7 @@ from stixel_cli.calibration.label_errors import column_rays, label_face
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.recordings.types import Labels
 from stixel_cli.stixels.parameters import FreeSpaceParameters, RoadParameters
-from stixel_cli.stixels.road import find_road, pitch_and_height
+from stixel_cli.stixels.road import find_road, pitch_and_height, pitch_factors
 from stixel_cli.stixels.types import FreeSpace, Stixels
 from stixel_cli.validation.stage_truth import nearest_rows
 
@@ -66,8 +66,9 @@ def is_outlier(errors: np.ndarray, truths: np.ndarray) -> np.ndarray:
 def area_errors(stixels: Stixels, index: int, truth: np.ndarray, rig: Rig) -> AreaErrors:
     """Errors of the `index`-th frame of `stixels`; `truth` (H, W) px, NaN where unknown.
 
-    The area of a stixel is its part between `FOOT` and `TOP` m above the road: a stixel
-    represents the front of an object on the road, not a wall above it.
+    Both are pitch-compensated, see `compensated`. The area of a stixel is its part between `FOOT`
+    and `TOP` m above the road: a stixel represents the front of an object on the road, not a wall
+    above it.
     """
     rows = []
     for s in range(*stixels.rows(index).indices(len(stixels.left))):
@@ -108,23 +109,34 @@ def found_columns(stixels: Stixels, index: int, obstacles: np.ndarray, rig: Rig)
     return found
 
 
+def compensated(truth: np.ndarray, rig: Rig, road: RoadParameters) -> np.ndarray:
+    """Pitch-compensated disparities (H, W) px of `truth` (H, W) px, by the road that it shows."""
+    return truth * pitch_factors(_road_line(truth, rig, road), rig)[:, None]
+
+
+def _road_line(truth: np.ndarray, rig: Rig, road: RoadParameters) -> np.ndarray:
+    """Road line (2,) px of true disparities (H, W) px."""
+    raw = np.where(np.isfinite(truth), np.rint(16.0 * truth), -1).astype(np.int16)
+    return find_road(np.ascontiguousarray(raw.T), 256, rig, road)
+
+
 def true_obstacles(
     truth: np.ndarray, rig: Rig, road: RoadParameters, free_space: FreeSpaceParameters
 ) -> np.ndarray:
-    """Depth (W,) m of each column's nearest true obstacle; NaN without one.
+    """Depth (W,) m, along the road, of each column's nearest true obstacle; NaN without one.
 
     As `stage_truth.frame_truth`, of the pixels with a true disparity. The road is the plane, with
     roll, of the true disparities.
     """
-    raw = np.where(np.isfinite(truth), np.rint(16.0 * truth), -1).astype(np.int16)
-    line = find_road(np.ascontiguousarray(raw.T), 256, rig, road)
+    line = _road_line(truth, rig, road)
     plane = road_plane(truth, line, rig)
     _, height = pitch_and_height(line, rig)
     with np.errstate(invalid="ignore", divide="ignore"):
         above = height * (1.0 - plane / truth)
         obstacle = (above >= road.least_height) & (above <= road.greatest_height)
         obstacle &= truth > plane + road.disparity_margin
-        depth = np.where(obstacle, rig.depth_from_disparity(truth), np.inf)
+        level = truth * pitch_factors(line, rig)[:, None]
+        depth = np.where(obstacle, rig.depth_from_disparity(level), np.inf)
     if not obstacle.any():
         return np.full(rig.width, np.nan)
     # The truth of a laser has a part of the pixels only.

@@ -13,15 +13,18 @@ from stixel_cli.cli.app import main
 from stixel_cli.errors import UserError
 from stixel_cli.export.kitti_folder import calibration_text
 from stixel_cli.images import encode_png
+from stixel_cli.pairs import stixels_from_disparity
 from stixel_cli.recordings.find import find_recording, guess_layout
 from stixel_cli.recordings.image_files import grey, read_disparity, read_image
 from stixel_cli.recordings.kitti_tables import read_labels
 from stixel_cli.recordings.parameters import KittiPair
 from stixel_cli.stixels.parameters import FreeSpaceParameters, RigRoad
+from stixel_cli.stixels.road import pitch_factors, road_line
 from stixel_cli.stixels.types import FreeSpace, Stixels
 from stixel_cli.validation.pair_errors import (
     area_errors,
     called_free,
+    compensated,
     found_columns,
     is_outlier,
     nearest_disparity,
@@ -285,6 +288,27 @@ def test_a_column_is_found_if_one_of_its_stixels_is_no_outlier():
     assert found_columns(both, 0, obstacles, RIG).sum() == 3
     nearest = nearest_disparity(both, 0, RIG.width)
     assert np.nanmax(nearest) == np.nanmin(nearest) == 30.0 and np.isfinite(nearest).sum() == 3
+
+
+@pytest.mark.parametrize("pitch", [0.0, 3.0])
+def test_a_pitched_camera_adds_no_error(pitch):
+    """A low wall at 8 m along the road: exact disparities give stixels without an error."""
+    rig, depth = replace(RIG, pitch=pitch), 8.0
+    line = road_line(rig.pitch_radians, rig.camera_height, rig)
+    wall = rig.disparity_from_depth(depth) / pitch_factors(line, rig)
+    road = line[0] * np.arange(rig.height) + line[1]
+    # Above the wall's top, 0.8 m above the road, nothing is seen.
+    wall[wall * (1.0 - 0.8 / rig.camera_height) > road] = 0.0
+    truth = np.repeat(np.maximum(wall, road)[:, None], rig.width, axis=1)
+    found = stixels_from_disparity(truth, rig)
+    errors = area_errors(found.stixels, 0, compensated(truth, rig, ROAD), rig).errors
+    assert len(errors) > 10
+    # Disparities are whole sixteenths of a pixel.
+    assert np.median(errors) == pytest.approx(0.0, abs=0.03)
+    raw = area_errors(found.stixels, 0, truth, rig).errors
+    assert (np.median(raw) > 0.05) == (pitch > 0.0)
+    obstacles = true_obstacles(truth, rig, ROAD, FREE_SPACE)
+    np.testing.assert_allclose(obstacles, depth, rtol=1e-3)
 
 
 def test_the_road_of_the_truth_may_roll():

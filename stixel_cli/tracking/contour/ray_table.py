@@ -211,7 +211,7 @@ def _expect(
             # Metres of the scaled frame per metre of the world, along this ray.
             scale = sqrt(ux * ux + uy * uy)
             ux, uy = ux / scale, uy / scale
-            # Metres of the world per metre of the scaled frame, across the ray: all areas scale alike.
+            # Metres of the world per metre of the scaled frame, across: areas scale alike.
             across = scale / (shrink_x * shrink_y)
             offset = ux * from_y - uy * from_x
             foot = -(ux * from_x + uy * from_y)
