@@ -32,7 +32,7 @@ def recorded_motion(
     if not files:
         return EgoMotion(times, np.tile([0.0, 0.0, STRAIGHT_AHEAD], (count, 1)))
     poses, rows = read_poses(files, tables), slice(tables.first, tables.first + count)
-    # The frames before and after help to find the road's direction at the ends.
+    # The frames before the first show the road's direction there.
     pitches, heights = rocking(poses, rig.level_from_camera)
     planar = planar_poses(poses[rows], rig.level_from_camera)
     return EgoMotion(times, planar, pitches[rows], heights[rows])
@@ -52,8 +52,9 @@ def replayed_motion(
     return EgoMotion(sample_time * np.arange(count), planar_poses(poses, np.eye(3)))
 
 
-REACH = 10.0
-"""The road is a straight line over this distance before and after a frame, m."""
+REACH = 20.0
+"""The road is a straight line over this distance up to a frame, m: on real frames the pitch of the
+images was as near as with 10 m before and 10 m after it, which a live camera does not have."""
 
 LEAST_REACH = 5.0
 """A shorter way shows no direction, m: then pitch and height are those of the rig."""
@@ -62,8 +63,8 @@ LEAST_REACH = 5.0
 def rocking(poses: np.ndarray, level_from_camera: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Pitches (K,) rad and heights (K,) m of a camera beyond those of its level frame.
 
-    The road in front of a frame is the line through the camera's places round it, by least squares:
-    so a slope of the road is no pitch. A pitch is positive with the nose down.
+    The road at a frame is the line through the camera's places up to it, by least squares: so a
+    slope of the road is no pitch. No later pose counts. A pitch is positive with the nose down.
 
     Args:
         poses: (K, 3, 4) as in `planar_poses`.
@@ -74,7 +75,7 @@ def rocking(poses: np.ndarray, level_from_camera: np.ndarray) -> tuple[np.ndarra
         [[0.0], np.cumsum(np.linalg.norm(np.diff(poses[:, :, 3], axis=0), axis=1))]
     )
     for k in range(len(poses)):
-        near = np.abs(way - way[k]) <= REACH
+        near = np.flatnonzero(way[: k + 1] >= way[k] - REACH)
         if np.ptp(way[near]) < LEAST_REACH:
             continue
         # In the level frame of this camera: x right, y down, z ahead.

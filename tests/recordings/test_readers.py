@@ -257,13 +257,15 @@ def test_poses_in_space_give_pitch_and_height_but_a_slope_gives_none():
         poses[k, :, :3] = [[1, 0, 0], [0, cosine, sine], [0, -sine, cosine]]
         poses[k, :, 3] = [0.0, -way * np.sin(up) - height, way * np.cos(up)]
     found = rocking(poses, np.eye(3))
-    middle = slice(20, 60)
-    np.testing.assert_allclose(found[0][middle], pitches[middle], atol=np.radians(0.1))
-    np.testing.assert_allclose(found[1][middle], heights[middle], atol=0.01)
+    after = slice(30, None)
+    np.testing.assert_allclose(found[0][after], pitches[after], atol=np.radians(0.15))
+    np.testing.assert_allclose(found[1][after], heights[after], atol=0.015)
+    # A frame knows nothing of later ones.
+    np.testing.assert_array_equal(rocking(poses[:50], np.eye(3)), np.array(found)[:, :50])
     # The camera's own pitch is that of the rig.
     np.testing.assert_allclose(
-        rocking(poses, small_rig(pitch=1.0).level_from_camera)[0],
-        found[0] - np.radians(1.0),
+        rocking(poses, small_rig(pitch=1.0).level_from_camera)[0][after],
+        found[0][after] - np.radians(1.0),
         atol=1e-3,
     )
     assert not rocking(poses[:8], np.eye(3))[0].any()
