@@ -14,9 +14,9 @@ import numpy as np
 from stixel_cli.geometry.pose import rotation
 from stixel_cli.tracking.contour.class_shape import class_shape, visible_shape, visible_table
 from stixel_cli.tracking.contour.contour_rays import Rays, rays_of, segments
-from stixel_cli.tracking.contour.contour_update import correct
 from stixel_cli.tracking.contour.ray_table import expected, outline_table
 from stixel_cli.tracking.gp_ekf_update import SEEN, linearise
+from stixel_cli.tracking.kalman import correct
 from stixel_cli.tracking.kernel import ContourProcess
 from stixel_cli.tracking.prior import PriorShape, prior_radii
 

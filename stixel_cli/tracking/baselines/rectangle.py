@@ -31,6 +31,7 @@ from stixel_cli.parameters import parameters
 from stixel_cli.tracking.association import associate
 from stixel_cli.tracking.baselines.rectangle_contour import contours_of
 from stixel_cli.tracking.baselines.rectangle_sides import Rows, joined, measure, slip_row
+from stixel_cli.tracking.kalman import condition
 from stixel_cli.tracking.motion import intervals, process_noise, transition
 from stixel_cli.tracking.prior import PriorShape, fullness_of
 from stixel_cli.tracking.track import InitialState, Track
@@ -159,11 +160,7 @@ def update(
     A = Hᵀ D⁻¹ H, P⁺ = (I + P A)⁻¹ P and vᵀ S⁻¹ v = vᵀ D⁻¹ v - (Hᵀ D⁻¹ v)ᵀ P⁺ (Hᵀ D⁻¹ v).
     """
     whole = _with_sides(covariance, side_std)
-    weighted = rows.matrix / rows.variances[:, None]
-    vector = weighted.T @ rows.innovations
-    posterior = np.linalg.solve(np.eye(12) + whole @ (weighted.T @ rows.matrix), whole)
-    posterior = 0.5 * (posterior + posterior.T)
-    nis = rows.innovations @ (rows.innovations / rows.variances) - vector @ posterior @ vector
-    updated = mean + (posterior @ vector)[:8]
+    correction, posterior, nis, _ = condition(whole, rows.matrix, rows.variances, rows.innovations)
+    updated = mean + correction[:8]
     updated[6:] = np.maximum(updated[6:], LEAST_SIZE)
-    return updated, posterior[:8, :8], float(nis)
+    return updated, posterior[:8, :8], nis

@@ -9,6 +9,7 @@ from stixel_cli.tracking.association import uncut
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
 from stixel_cli.tracking.contour.contour_rays import Rays, Sight, range_errors, sampling_inset
 from stixel_cli.tracking.contour.ray_table import expected
+from stixel_cli.tracking.kalman import condition
 
 SEEN = np.array([0, 1, 2, 5, 6])
 """Indices of the states that a ray sees: the pose and the two sizes."""
@@ -143,37 +144,6 @@ def _miss_noise(
     variances = MISS_FACTOR**2 * (MISS_STD**2 + tracker.offset_std**2 + across_variances)
     freedom = tracker.degrees_of_freedom
     return variances * np.maximum((freedom + misses**2 / variances) / (freedom + 1.0), 1.0)
-
-
-def condition(
-    covariance: np.ndarray, matrix: np.ndarray, noise: np.ndarray, innovation: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, float, float]:
-    """`correct`, and the NIS and the logarithm of the density of the `innovation` (n,)."""
-    correction, posterior, scale = correct(covariance, matrix, noise, innovation)
-    pull = matrix.T @ (innovation / noise)
-    nis = innovation @ (innovation / noise) - pull @ correction
-    determinant = np.linalg.slogdet(scale)[1] + np.log(noise).sum()
-    density = -0.5 * (nis + determinant + len(innovation) * np.log(2.0 * np.pi))
-    return correction, posterior, float(nis), float(density)
-
-
-def correct(
-    covariance: np.ndarray, matrix: np.ndarray, noise: np.ndarray, innovation: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A Kalman update with independent errors: correction (d,), covariance (d, d), I + P Hᵀ R⁻¹ H.
-
-    `covariance` (d, d) is the prior's, `matrix` (n, d) the measurement's, `noise` (n,) variances,
-    which must be far above rounding. In the information form the cost grows with n and not with n³.
-    """
-    weighted = matrix.T / noise
-    scale = np.eye(len(covariance)) + covariance @ (weighted @ matrix)
-    try:
-        posterior = np.linalg.solve(scale, covariance)
-    except np.linalg.LinAlgError:
-        # Singular by rounding, after a gap of years.
-        posterior = np.linalg.pinv(scale) @ covariance
-    posterior = 0.5 * (posterior + posterior.T)
-    return posterior @ (weighted @ innovation), posterior, scale
 
 
 class Linear(NamedTuple):
