@@ -20,9 +20,6 @@ def tracker_noise(tracker: Any, scans: Scans) -> tuple[str, np.ndarray, float | 
         std = tracker.measurement_std
         same = np.broadcast_to(std**2 * np.eye(2), scans.covariances_world.shape)
         return f"R = ({std:.3g} m)² for each of them", same, std
-    if kind == "gp_ekf" and tracker.measurement_covariance == "projected":
-        text = "R from the scan, projected on the normal of the contour"
-        return text, scans.covariances_world, None
     if kind in ("pyrecest", "random_matrix", "rectangle"):
         std = tracker.measurement_std
         added = scans.covariances_world + std**2 * np.eye(2)

@@ -46,8 +46,8 @@ class GpEkfParameters:
         seen_by: kind of measurement, which sees one side of the target among neighbours: the radii
             start as the outline of the class, points of `stixels` and of a `lidar` are moved onto
             it, see `one_side.py`. null: the points are on the contour, all round it, as in [GP].
-        measurement_covariance: R of a point is `isotropic`, or taken from the scan's `points`, or
-            `projected`: that of the radial innovation alone, from the scan's points; see `project`.
+        measurement_covariance: R of a point is `isotropic`, or that of the radial innovation, from
+            the scan's `points`; see `innovation_variances`.
         measurement_std: standard deviation of the isotropic R along each axis, m.
         gate_probability: chi-square probability of the association's gate; null takes every point.
         lag: later scans that a second, smoothed track uses; 0: there is none; null: all of the run.
@@ -65,7 +65,7 @@ class GpEkfParameters:
     sigma_q_psi: Annotated[float, Ge(0), Le(100)]
     slip: Annotated[float, Gt(0), Le(10)] | None
     seen_by: Literal["stixels", "fabricated", "lidar", "file", "own"] | None
-    measurement_covariance: Literal["isotropic", "points", "projected"]
+    measurement_covariance: Literal["isotropic", "points"]
     measurement_std: Annotated[float, Ge(1e-6), Le(10)]
     gate_probability: Annotated[float, Gt(0), Lt(1)] | None
     lag: Annotated[int, Ge(0)] | None
@@ -174,8 +174,9 @@ def _updated(
     if not len(indices):
         return mean, covariance, indices, np.nan
     noises = noises if noises.ndim == 2 else noises[indices]
-    projected = tracker.measurement_covariance == "projected"
-    mean, covariance, nis = update(mean, covariance, points[indices], noises, process, projected)
+    mean, covariance, nis = update(
+        mean, covariance, points[indices], noises, process, tangential=side is None
+    )
     return mean, covariance, indices, nis
 
 
