@@ -178,6 +178,9 @@ def read_yaml_text(file: Path, most: int | None = None) -> str:
     import yaml
 
     text, most = read_text(file), most or MOST_VALUES
+    # OpenCV begins its files with a directive, and gives matrices a tag, that no YAML has. What ROS
+    # prints ends with the begin of a next document.
+    text = re.sub(r"\A%YAML:1\.0\s*\n|!!opencv-matrix|\n---\s*\Z", "", text)
     total = 0
     sizes: dict[str, int] = {}  # Number of values of each anchor.
     started: list[tuple[str | None, int]] = []  # Of each open collection: anchor, total before.

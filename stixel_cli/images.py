@@ -1,6 +1,6 @@
 """Stacks of images, compressed without loss and decoded one at a time."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,6 +26,37 @@ class ImageStack:
 
     def __getitem__(self, index: int) -> np.ndarray:
         return decode_png(self.encoded[index])
+
+
+def eight_bits(images: Mapping[str, np.ndarray]) -> list[np.ndarray]:
+    """Images of one pair as uint8, by one scale, (H, W) or (H, W, 3).
+
+    Args:
+        images: (H, W), or (H, W, C) with C = 1 to 4, of which no more than three colours stay, by
+            their names in messages: uint8; uint16, of which the greatest value of all images
+            becomes 255; or float in [0, 1], or else in [0, 255].
+
+    Raises:
+        ValueError: for an image of another shape, type or range.
+    """
+    plain = []
+    for name, image in images.items():
+        kind = image.dtype
+        if kind not in (np.uint8, np.uint16, np.float32, np.float64):
+            raise ValueError(f"{name}: must be uint8, uint16 or float, got {kind}")
+        if image.size == 0 or image.ndim not in (2, 3) or image.shape[2:] > (4,):
+            raise ValueError(f"{name}: must be (H, W) or (H, W, 3), got {image.shape}")
+        if kind.kind == "f" and not (image.min() >= 0.0 and image.max() <= 255.0):
+            raise ValueError(f"{name}: must have values in [0, 1] or in [0, 255]")
+        if image.ndim == 3:
+            image = image[..., :3] if image.shape[2] >= 3 else image[..., 0]
+        plain.append(np.ascontiguousarray(image))
+    if all(image.dtype == np.uint8 for image in plain):
+        return plain
+    greatest = max(1.0, *(float(image.max()) for image in plain))
+    if greatest > 1.0 and plain[0].dtype != np.uint16:
+        greatest = 255.0
+    return [np.rint(image * (255.0 / greatest)).astype(np.uint8) for image in plain]
 
 
 def encode_png(image: np.ndarray, compressed: bool = True) -> bytes:

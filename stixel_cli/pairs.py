@@ -5,6 +5,7 @@ NumPy only; Hydra, Open3D and the engine are never imported.
 """
 
 import json
+import warnings
 from collections.abc import Mapping
 from dataclasses import asdict, replace
 from functools import cache
@@ -24,36 +25,50 @@ if TYPE_CHECKING:
     from stixel_cli.stereo.disparities import Disparities
 
 RigLike = Rig | Mapping[str, float] | Path | str
-"""A rig: numbers, the name of a `rig.yaml` or of KITTI's calibration file, or a `Rig`."""
+"""A rig: numbers, the name of a file that `recordings.rig_files` reads, or a `Rig`."""
 
 FRAME = range(1, 2)
 """Index of the frame; the one before it is that of `previous`."""
 
 PARKED = np.array([[0.0, 0.0, STRAIGHT_AHEAD]] * 2)
 
+UNITS = {"int16": 16, "uint16": 256}
+"""Parts of a px that integers are: those of OpenCV's matchers, and of KITTI's files."""
+
 LEFT_OUT = ("horizontal_fov", "focal_length", "principal_u", "principal_v", "vertical_fov")
 """Fields of a rig that numbers may leave out, as well as the pitch."""
 
 
 def stixels_from_pair(
-    left: np.ndarray, right: np.ndarray, rig: RigLike, *, previous: FrameStixels | None = None
+    left: np.ndarray,
+    right: np.ndarray,
+    rig: RigLike,
+    *,
+    previous: FrameStixels | None = None,
+    check_rectification: bool = True,
 ) -> FrameStixels:
     """The stixels of a rectified pair of images.
 
     Args:
-        left, right: (H, W) grey or (H, W, 3) RGB images, uint8, or uint16, which is scaled by the
-            greatest value of the image. Colour becomes luma (ITU-R BT.601).
+        left, right: (H, W) grey, (H, W, 3) RGB or (H, W, 4) RGBA images, uint8; uint16, of which
+            the greatest value of both becomes 255; or float in [0, 1] or [0, 255]. Colour becomes
+            luma (ITU-R BT.601).
         rig: the cameras. Numbers are `focal_length` (px), `baseline` and `camera_height` (m), and
-            as needed the other fields of `geometry.rig.Rig`; the size is that of the images. A
-            height that is not given is that of the road in the images.
+            as needed the other fields of `geometry.rig.Rig`, or `fx`, `fy`, `cx`, `cy`, or `K`
+            (3, 3); the size is that of the images. A height that is not given is that of the road
+            in the images.
         previous: stixels of the frame before, if the car is parked: the free space changes little
             from frame to frame. `StixelStream` does this for a car that drives.
+        check_rectification: whether a pair is refused whose rows are 2 px apart, or whose images
+            are exchanged; else a warning says so, as it does from 0.5 px.
 
     Raises:
         ArgumentError: a ValueError, for an argument that is not valid; it names the argument.
     """
     pair = grey_pair(left, right)
-    disparities = matched(pair, rig_of(rig, pair[0].shape, any_height=True))
+    matching = rig_of(rig, pair[0].shape, any_height=True)
+    check_rows(pair, matching, check_rectification)
+    disparities = matched(pair, matching)
     return stixels_of(disparities, pair, rig_over_road(rig, pair[0].shape, disparities), previous)
 
 
@@ -63,16 +78,20 @@ def stixels_from_disparity(
     *,
     images: tuple[np.ndarray, np.ndarray] | None = None,
     previous: FrameStixels | None = None,
+    scale: float | None = None,
 ) -> FrameStixels:
     """The stixels of a disparity image.
 
     Args:
-        disparity: (H, W) float, px of the left image, without the error that `rig` states; NaN
-            where it is unknown. It is rounded to 1/16 px. Disparities of depths below
-            `stereo.nearest`, 2 m, count as unknown.
+        disparity: (H, W), column in the left image minus that in the right one, without the error
+            that `rig` states: float, px; int16, 1/16 px, as OpenCV's matchers have it; or uint16,
+            1/256 px, as KITTI's files. Unknown where it is NaN, infinite, 0 or negative. It is
+            rounded to 1/16 px. Disparities of depths below `stereo.nearest`, 2 m, count as unknown.
         rig, previous: as in `stixels_from_pair`.
         images: the left and the right image, which refine the disparity of each stixel; without
             them it is not refined.
+        scale: px per unit of `disparity`, of any type; without it, a warning says what integers
+            are taken for.
 
     Raises:
         ArgumentError: as in `stixels_from_pair`.
@@ -91,22 +110,39 @@ def stixels_from_disparity(
     from stixel_cli.stereo.matching import disparity_count
 
     disparity = np.asarray(disparity)
-    if disparity.ndim != 2 or not np.issubdtype(disparity.dtype, np.floating):
-        got = f"{disparity.dtype} {disparity.shape}"
-        raise ArgumentError(f"disparity: must be a float array (H, W), got {got}")
-    if (disparity < 0.0).any():
-        least = np.nanmin(disparity)
-        raise ArgumentError(f"disparity: must be >= 0 px, or NaN where unknown, got {least:g}")
+    kind = str(disparity.dtype)
+    if disparity.ndim != 2 or (kind not in UNITS and disparity.dtype.kind != "f"):
+        got = f"{kind} {disparity.shape}"
+        raise ArgumentError(f"disparity: must be float, int16 or uint16 (H, W), got {got}")
+    if scale is None and kind in UNITS:
+        unit = f"1/{UNITS[kind]}"
+        warnings.warn(f"disparity: {kind}, read in {unit} px: scale={unit} says so", stacklevel=2)
+    scale = 1.0 / UNITS.get(kind, 1) if scale is None else scale
+    if not 0.0 < scale < 1e6:
+        raise ArgumentError(f"scale: must be > 0 px per unit, got {scale:g}")
     matching = rig_of(rig, disparity.shape, any_height=True)
     pair = None if images is None else grey_pair(*images)
     if pair is not None and pair[0].shape != disparity.shape:
         raise ArgumentError(f"images: must be {disparity.shape} px, got {pair[0].shape}")
     count = disparity_count(real_image_parameters().stereo, matching)
-    scaled = np.rint(SUBPIXELS * np.nan_to_num(disparity.astype(np.float64), nan=-1.0))
-    known = (scaled >= 0) & (scaled < SUBPIXELS * count)
-    raw = np.where(known, scaled, INVALID).astype(np.int16)
+    known = (disparity > 0) & np.isfinite(disparity)
+    pixels = scale * np.where(known, disparity, 0) - matching.far_disparity
+    known &= (pixels > -0.5 / SUBPIXELS) & (pixels < count - 0.5 / SUBPIXELS)
+    raw = np.where(known, np.rint(SUBPIXELS * np.where(known, pixels, 0)), INVALID).astype(np.int16)
     disparities = Disparities.in_memory(FRAME.start, count, [raw])
     return stixels_of(disparities, pair, rig_over_road(rig, raw.shape, disparities), previous)
+
+
+def check_rows(pair: tuple[np.ndarray, np.ndarray], rig: Rig, check_rectification: bool) -> bool:
+    """Whether a grey pair shows how far its rows are apart; warns, or raises ArgumentError."""
+    from stixel_cli.stereo.rectification import compare_rows
+
+    rows = compare_rows(*pair, rig.far_disparity)
+    if rows and rows.refused and check_rectification:
+        raise ArgumentError(f"right: {rows.fault}; or pass check_rectification=False")
+    if rows and rows.fault:
+        warnings.warn(rows.fault, stacklevel=3)
+    return rows is not None
 
 
 def matched(pair: tuple[np.ndarray, np.ndarray], rig: Rig) -> "Disparities":
@@ -151,32 +187,26 @@ def stixels_of(
 
 def grey_pair(*images: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Both images as grey values (H, W) uint8; ArgumentError if they are not a pair."""
+    import cv2
+
+    from stixel_cli.images import eight_bits
+
     if len(images) != 2:
         raise ArgumentError(f"images: must be the left and the right image, got {len(images)}")
-    left, right = (_grey(*named) for named in zip(("left", "right"), images, strict=True))
+    try:
+        plain = eight_bits({"left": np.asarray(images[0]), "right": np.asarray(images[1])})
+    except ValueError as fault:
+        raise ArgumentError(str(fault)) from None
+    left, right = (i if i.ndim == 2 else cv2.cvtColor(i, cv2.COLOR_RGB2GRAY) for i in plain)
     if left.shape != right.shape:
         raise ArgumentError(f"right: must be {left.shape} px, as left, got {right.shape}")
     return left, right
 
 
-def _grey(name: str, image: np.ndarray) -> np.ndarray:
-    import cv2
-
-    image = np.asarray(image)
-    if image.dtype not in (np.uint8, np.uint16):
-        raise ArgumentError(f"{name}: must be uint8 or uint16, got {image.dtype}")
-    if image.ndim != 2 and (image.ndim != 3 or image.shape[2] != 3):
-        raise ArgumentError(f"{name}: must be (H, W) or (H, W, 3), got {image.shape}")
-    if image.dtype == np.uint16:
-        image = np.rint(image * (255.0 / max(int(image.max(initial=0)), 1))).astype(np.uint8)
-    image = np.ascontiguousarray(image)
-    return image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
-
-
 def rig_over_road(rig: RigLike, shape: tuple[int, int], disparities: "Disparities") -> Rig:
     """As `rig_of`; a height that the rig does not state is that of the road in `disparities`."""
-    from stixel_cli.recordings.plain_folder import read_named_calibration
-    from stixel_cli.stixels.seen_road import seen_road
+    from stixel_cli.recordings.rig_files import read_named_calibration
+    from stixel_cli.stixels.seen_road import NO_ROAD, seen_road
 
     valid = rig_of(rig, shape, any_height=True)
     if isinstance(rig, Path | str):
@@ -187,7 +217,7 @@ def rig_over_road(rig: RigLike, shape: tuple[int, int], disparities: "Disparitie
         return valid
     seen = seen_road(disparities, valid)
     if seen is None:
-        raise ArgumentError("rig: camera_height: is not given, m, and the images show no road")
+        raise ArgumentError(f"rig: camera_height: is not given, m, and {NO_ROAD}")
     return replace(valid, camera_height=round(seen[1], 2))
 
 
@@ -199,7 +229,8 @@ def rig_of(rig: RigLike, shape: tuple[int, int], any_height: bool = False) -> Ri
     from pydantic import ValidationError
 
     from stixel_cli.config.real_images import real_image_parameters
-    from stixel_cli.recordings.plain_folder import read_named_calibration
+    from stixel_cli.recordings.rig_files import counterpart, our_names, read_named_calibration
+    from stixel_cli.recordings.types import vertical_angle
     from stixel_cli.stixels.seen_road import MIDDLE
 
     size = {"width": shape[1], "height": shape[0]}
@@ -207,7 +238,10 @@ def rig_of(rig: RigLike, shape: tuple[int, int], any_height: bool = False) -> Ri
         if isinstance(rig, Path | str):
             given = read_named_calibration(Path(rig)).rig_values(**size)
         else:
-            given = asdict(rig) if isinstance(rig, Rig) else dict(rig)
+            given = asdict(rig) if isinstance(rig, Rig) else our_names(dict(rig))
+            if "focal_length_v" in given:
+                focal_v, focal = given.pop("focal_length_v"), given.get("focal_length")
+                given["vertical_fov"] = vertical_angle(focal or focal_v, focal_v, shape[0])
         height = {"camera_height": MIDDLE} if any_height else {}
         values = dict.fromkeys(LEFT_OUT) | {"pitch": 0.0} | height | size | given
         plain = {k: v.item() if isinstance(v, np.generic) else v for k, v in values.items()}
@@ -224,7 +258,9 @@ def rig_of(rig: RigLike, shape: tuple[int, int], any_height: bool = False) -> Ri
         fault = error.errors()[0]
         got = "" if fault["type"] == "missing" else f", got {fault['input']!r}"
         name = "".join(f"{part}: " for part in fault["loc"])
-        raise ArgumentError(f"rig: {name}{plain_fault(fault)}{got}") from None
+        unknown = fault["type"] == "unexpected_keyword_argument"
+        meant = counterpart(str(fault["loc"][-1]), values) if unknown else ""
+        raise ArgumentError(f"rig: {name}{plain_fault(fault)}{got}{meant}") from None
     except (TypeError, ValueError, UserError) as fault:
         raise ArgumentError(f"rig: {fault}".replace("rig: rig.", "rig: ")) from None
     return valid

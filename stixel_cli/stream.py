@@ -12,7 +12,15 @@ import numpy as np
 from stixel_cli.errors import ArgumentError
 from stixel_cli.frame_stixels import FrameStixels
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD, planar_poses
-from stixel_cli.pairs import RigLike, grey_pair, matched, rig_of, rig_over_road, stixels_of
+from stixel_cli.pairs import (
+    RigLike,
+    check_rows,
+    grey_pair,
+    matched,
+    rig_of,
+    rig_over_road,
+    stixels_of,
+)
 
 if TYPE_CHECKING:
     from stixel_cli.measurements.scans import Scans
@@ -64,10 +72,12 @@ class StixelStream:
     The stixels are those of `stixel run` on the same clip; the tracks are the clusters that
     `source.target=auto` follows, as far as they are known at each pair. `rig` is as in
     `stixels_from_pair`; a height that it does not state is that of the road in the first pair.
-    `sample_time` is from pair to pair, s.
+    `sample_time` is from pair to pair, s; `check_rectification` as there, of the first pair that
+    has corners enough.
     """
 
-    def __init__(self, rig: RigLike, sample_time: float = 0.1):
+    def __init__(self, rig: RigLike, sample_time: float = 0.1, check_rectification: bool = True):
+        self._check_rectification, self._checked = check_rectification, False
         self._rig, self._sample_time = rig, sample_time
         self._stixels: FrameStixels | None = None
         self._camera: np.ndarray | None = None
@@ -119,6 +129,9 @@ class StixelStream:
         from stixel_cli.measurements.objects import find_objects
 
         k = len(self._poses)
+        if not self._checked:
+            rig = rig_of(self._rig, pair[0].shape, any_height=True)
+            self._checked = check_rows(pair, rig, self._check_rectification)
         if k == 0:
             self._rig = rig_over_road(self._rig, pair[0].shape, disparities)
         self._poses = np.vstack([self._poses, self._planar(pose)])

@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -10,9 +11,14 @@ import numpy as np
 import pytest
 from rendered_clip import assert_same, results_of_run
 
-from stixel_cli import compose, stixels_from_disparity, stixels_from_pair
+from stixel_cli import StixelStream, compose, stixels_from_disparity, stixels_from_pair
 from stixel_cli.config.real_images import real_image_parameters
 from stixel_cli.errors import ArgumentError, UserError
+from stixel_cli.pairs import check_rows, grey_pair
+from stixel_cli.stereo.rectification import compare_rows
+
+sys.path.append(str(Path(__file__).parent / "recordings"))
+from made_street import stereo_view, street_rig
 
 NUMBERS = {"focal_length": 200.0, "baseline": 0.4, "camera_height": 1.5}
 
@@ -65,7 +71,8 @@ def test_a_real_pair_has_the_stixels_of_stixel_run():
 def test_a_disparity_has_the_stixels_of_its_images(clip, pair):
     left, right, calibration = pair
     (disparities,) = results_of_run(composed(*files_of(clip)), "match")
-    disparity = disparities.pixels(0)
+    # In the arrays of others 0 is unknown, in ours far away.
+    disparity = np.maximum(disparities.pixels(0), 0.01)
     found = stixels_from_disparity(disparity, calibration, images=(left, right))
     assert_same(found.stixels, stixels_from_pair(*pair).stixels)
     # Rounded to 1/16 px; beyond those that are searched, unknown.
@@ -83,14 +90,6 @@ def test_the_frame_before_holds_the_free_space(clip, pair):
     assert not np.array_equal(alone.free_space.disparity, after.free_space.disparity, True)
 
 
-def test_sixteen_bits_are_scaled_by_the_greatest_value(pair):
-    left, right, calibration = (pair[0][..., 1], pair[1][..., 1], pair[2])
-    wide = [np.where(image == image.max(), 255, image) for image in (left, right)]
-    expected = stixels_from_pair(*wide, calibration)
-    found = stixels_from_pair(*(16 * image.astype(np.uint16) for image in wide), calibration)
-    assert_same(found.stixels, expected.stixels)
-
-
 def test_a_rig_is_numbers_or_a_file_or_a_rig(pair, tmp_path):
     left, right, _ = pair
     expected = stixels_from_pair(*pair)
@@ -99,7 +98,9 @@ def test_a_rig_is_numbers_or_a_file_or_a_rig(pair, tmp_path):
     numbers |= {"baseline": rig.baseline, "camera_height": np.float64(rig.camera_height)}
     file = tmp_path / "rig.yaml"
     file.write_text("".join(f"{name}: {float(value)!r}\n" for name, value in numbers.items()))
-    for same in (numbers, file, str(file), rig):
+    others = {"K": [[rig.focal, 0, rig.u0], [0, rig.focal, rig.v0], [0, 0, 1]]}
+    others |= {"baseline": rig.baseline, "camera_height": rig.camera_height}
+    for same in (numbers, others, file, str(file), rig):
         assert_same(stixels_from_pair(left, right, same).stixels, expected.stixels)
     file.write_text(file.read_text().replace("camera_height", "# camera_height"))
     seen = stixels_from_pair(left, right, file).rig
@@ -109,14 +110,149 @@ def test_a_rig_is_numbers_or_a_file_or_a_rig(pair, tmp_path):
     del numbers["camera_height"]
     assert stixels_from_pair(left, right, numbers).rig == seen
     noise = np.random.default_rng(0).integers(0, 256, left.shape, dtype=np.uint8)
-    with pytest.raises(ArgumentError, match=r"^rig: camera_height: is not given.* no road$"):
+    with pytest.raises(ArgumentError, match=r"^rig: camera_height: is not given.* no road: "):
         stixels_from_pair(noise, noise[::-1].copy(), file)
+
+
+@pytest.mark.parametrize("distance", [20.0, -8.0])
+def test_principal_points_that_differ_are_no_depth(distance):
+    rig = street_rig()
+    apart = replace(rig, principal_u_right=rig.u0 + distance)
+    pose, boxes = np.eye(4)[:3], [(-1.5, 1.0, 11.8, 1.5)]
+    depths = []
+    for one, stated in ((rig, rig), (apart, apart)):
+        left, right, disparity = stereo_view(one, pose, boxes)
+        tables = [stixels_from_pair(left, right, stated).to_frame()]
+        # Disparities as they are measured between these images.
+        disparity = disparity + stated.far_disparity
+        tables.append(stixels_from_disparity(disparity, stated, images=(left, right)).to_frame())
+        for table in tables if one is rig or distance < 0 else tables[:1]:
+            ahead = table.query("left >= 130 and right <= 175 and depth < 30")
+            depths.append(ahead["depth"].median())
+    assert depths == pytest.approx([11.8] * len(depths), rel=0.02)
+    if distance > 0:
+        with pytest.raises(ArgumentError, match=r"^right: .* negative.*principal_u_right"):
+            stixels_from_pair(left, right, rig)
+
+
+@pytest.fixture(scope="module")
+def street():
+    """Left and right image, disparity and rig of a street with a box, exact."""
+    rig = street_rig(
+        width=640, height=256, focal_length=520.0, principal_u=316.0, principal_v=112.0
+    )
+    return *stereo_view(rig, np.eye(4)[:3], [(-1.5, 1.0, 11.8, 1.5)]), rig
+
+
+@pytest.mark.parametrize(
+    ("rows", "roll", "scale", "said"),
+    [
+        (1.0, 0.0, 1.0, "1.0 px"),
+        (0.0, 0.3, 1.0, "roll 0.3°"),
+        (0.0, 0.0, 1.02, "scale .(1.9|2.0)%"),
+    ],
+)
+def test_rows_that_are_a_little_apart_are_said(street, rows, roll, scale, said):
+    left, right, _, rig = street
+    assert check_rows((left, right), rig, True)  # A warning is an error here.
+    with pytest.warns(UserWarning, match=said) as caught:
+        stixels_from_pair(left, moved(right, rows, roll, scale), rig)
+    assert len(caught) == 1 and "rectify them" in str(caught[0].message)
+
+
+def test_rows_far_apart_and_exchanged_images_are_refused(street):
+    left, right, _, rig = street
+    for pair, said in (
+        ((left, moved(right, 6.0)), "differ by 6.0 px"),
+        ((left, moved(right, -3.0, 0.5)), "roll 0.5°"),
+        ((right, left), "100% of the disparities are negative: exchange left and right"),
+    ):
+        with pytest.raises(ArgumentError, match=f"^right: .*{said}.*check_rectification=False"):
+            stixels_from_pair(*pair, rig)
+        with pytest.raises(ArgumentError, match=said):
+            StixelStream(rig).step(*pair)
+        with pytest.warns(UserWarning, match=said):
+            stixels_from_pair(*pair, rig, check_rectification=False)
+    # Said once, of the first pair that shows it.
+    stream = StixelStream(rig, check_rectification=False)
+    stream.step(np.zeros_like(left), np.zeros_like(left))
+    with pytest.warns(UserWarning) as caught:
+        for _ in range(2):
+            stream.step(left, moved(right, 6.0))
+    assert len(caught) == 1
+
+
+def test_images_that_show_no_rows_are_not_judged():
+    noise = np.random.default_rng(0).integers(0, 256, (2, 256, 640), dtype=np.uint8)
+    for pair in (noise, np.zeros_like(noise), noise[:, :64, :64]):
+        assert compare_rows(*np.ascontiguousarray(pair), 0.0) is None
+
+
+@pytest.mark.parametrize("times", [0.5, 3.0])
+def test_the_height_is_found_in_images_of_every_size(street, times):
+    left, right, _, rig = street
+    pair = [cv2.resize(i, None, fx=times, fy=times) for i in (left, right)]
+    scaled = {"fx": times * rig.focal, "cx": times * rig.u0, "cy": times * rig.v0}
+    found = stixels_from_pair(*pair, scaled | {"fy": times * rig.focal, "baseline": rig.baseline})
+    assert found.rig.camera_height == pytest.approx(rig.camera_height, abs=0.05)
+
+
+def test_images_of_every_kind_have_the_stixels_of_eight_bits(pair):
+    left, right, calibration = pair
+    wide = [np.where(image == image.max(), 255, image) for image in (left, right)]
+    expected = stixels_from_pair(*wide, calibration).stixels
+    alpha = np.full((*left.shape[:2], 1), 7, np.uint8)
+    for same in (
+        [np.dstack([image, alpha]) for image in wide],
+        [257 * image.astype(np.uint16) for image in wide],
+        [image.astype(np.float32) for image in wide],
+        [image / 255.0 for image in wide],
+    ):
+        assert_same(stixels_from_pair(*same, calibration).stixels, expected)
+    grey = [cv2.cvtColor(image, cv2.COLOR_RGB2GRAY) for image in wide]
+    assert_same(stixels_from_pair(*(i[..., None] for i in grey), calibration).stixels, expected)
+    # One scale: the darker image stays darker.
+    dark = [wide[0].astype(np.uint16) * 257, wide[1].astype(np.uint16) * 100]
+    bright, darker = grey_pair(*dark)
+    assert darker.max() == pytest.approx(bright.max() * 100 / 257, abs=1)
+
+
+def test_unknown_disparities_and_integers_are_taken_as_their_makers_mean_them(street):
+    *_, disparity, rig = street
+    nothing = np.random.default_rng(1).random(disparity.shape) < 0.3
+    expected = stixels_from_disparity(np.where(nothing, np.nan, disparity), rig)
+    for unknown in (0.0, -1.0, np.inf, -np.inf):
+        found = stixels_from_disparity(np.where(nothing, unknown, disparity), rig)
+        assert_same(found.stixels, expected.stixels)
+    for kind, unit in ((np.int16, 16), (np.uint16, 256)):
+        rounded = np.where(nothing, 0, np.rint(unit * disparity)).astype(kind)
+        known = np.where(nothing, np.nan, rounded / unit)
+        expected = stixels_from_disparity(known, rig).stixels
+        with pytest.warns(UserWarning, match=f"in 1/{unit} px"):
+            assert_same(stixels_from_disparity(rounded, rig).stixels, expected)
+        assert_same(stixels_from_disparity(rounded, rig, scale=1 / unit).stixels, expected)
+    tenths = stixels_from_disparity(10.0 * np.where(nothing, 0, disparity), rig, scale=0.1)
+    assert len(tenths) == len(stixels_from_disparity(np.where(nothing, 0, disparity), rig))
+    with pytest.raises(ArgumentError, match=r"^scale: must be > 0"):
+        stixels_from_disparity(disparity, rig, scale=-1.0)
+
+
+def moved(image, rows=0.0, roll=0.0, scale=1.0):
+    """The image rolled, scaled and moved down, as by a right camera that is not rectified."""
+    height, width = image.shape
+    turn = cv2.getRotationMatrix2D((width / 2, height / 2), -roll, scale)
+    turn[1, 2] += rows
+    border = cv2.BORDER_REPLICATE
+    return cv2.warpAffine(image, turn, (width, height), flags=cv2.INTER_CUBIC, borderMode=border)
 
 
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"left": np.zeros((160, 240))}, "left: must be uint8 or uint16, got float64"),
+        ({"left": np.zeros((160, 240), int)}, "left: must be uint8, uint16 or float, got int64"),
+        ({"left": np.full((160, 240), 300.0)}, "left: must have values in .*255"),
+        ({"left": np.full((160, 240), np.nan)}, "left: must have values in .*255"),
+        ({"left": np.zeros((160, 240, 5), np.uint8)}, "left: must be .*, got \\(160, 240, 5\\)"),
         ({"left": np.zeros(9, np.uint8)}, "left: must be .*, got \\(9,\\)"),
         (
             {"right": np.zeros((160, 241), np.uint8)},
@@ -125,7 +261,11 @@ def test_a_rig_is_numbers_or_a_file_or_a_rig(pair, tmp_path):
         ({"rig": {"focal_length": 200.0}}, "rig: baseline: "),
         ({"rig": NUMBERS | {"baseline": -0.4}}, "rig: baseline: .*, got -0.4"),
         ({"rig": NUMBERS | {"baseline": None}}, "rig: baseline: "),
-        ({"rig": NUMBERS | {"fov": 3}}, "rig: fov: is unknown, got 3"),
+        ({"rig": NUMBERS | {"fov": 3}}, "rig: fov: is unknown, got 3; did you mean horizontal_fov"),
+        ({"rig": NUMBERS | {"tx": 3}}, "rig: tx: is unknown, got 3; did you mean baseline"),
+        ({"rig": NUMBERS | {"fx": 3}}, "rig: a number is given twice.*: focal_length.*, fx"),
+        ({"rig": {"K": [1, 2], "baseline": 0.4}}, "rig: K: must be a camera matrix of 3 × 3"),
+        ({"rig": NUMBERS | {"principal_u_right": 400}}, "rig: principal_u_right: must be 0 to 239"),
         ({"rig": NUMBERS | {"horizontal_fov": 60.0}}, "rig: focal_length: set either"),
         ({"rig": NUMBERS | {"principal_u": 400.0}}, "rig: principal_u: must be 0 to 239"),
         ({"rig": NUMBERS | {"width": 640}}, "rig: is of 640 × 160 px, but the image has 240 × 160"),
@@ -144,8 +284,7 @@ def test_a_wrong_argument_is_named(change, message):
 @pytest.mark.parametrize(
     ("disparity", "images", "message"),
     [
-        (np.zeros((160, 240), int), None, "disparity: must be a float array"),
-        (np.full((160, 240), -1.0), None, "disparity: must be >= 0 px, .* got -1"),
+        (np.zeros((160, 240), int), None, "disparity: must be float, int16 or uint16 "),
         (np.zeros((160, 240)), (np.zeros((160, 240), np.uint8),), "images: .*, got 1"),
         (
             np.zeros((160, 240)),

@@ -124,7 +124,7 @@ def _frame(left: np.ndarray, right: np.ndarray, truth: np.ndarray, rig: Rig) -> 
     middle = 0.5 * (SIDE - 1)
     true = planes[0] + middle * (planes[1] + planes[2])
     columns = SIDE * column + middle
-    true = true[good] - (rig.disparity_offset + rig.disparity_slope * (columns - rig.u0))
+    true = true[good] - np.interp(columns, np.arange(rig.width), rig.disparity_errors())
     return np.stack([columns, SIDE * row + middle, true, shift[good]], axis=1)
 
 

@@ -32,7 +32,9 @@ def assess(
     calib: Annotated[
         Path | None,
         typer.Option(
-            "--calib", help="Calibration of the pair: KITTI's file or a rig.yaml.", metavar="FILE"
+            "--calib",
+            help="Calibration: of KITTI, Middlebury, ROS, OpenCV, or a rig.yaml.",
+            metavar="FILE",
         ),
     ] = None,
     disparity: Annotated[

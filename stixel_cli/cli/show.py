@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from stixel_cli.results.result import RunResult
 
 MOST_SECTIONS = 4
+OF_IMAGES = ("correction", "row_difference_px")
 
 
 def ls(
@@ -162,7 +163,7 @@ def _provenance(run: "RunResult") -> list[tuple[str, str]]:
     manifest = run.manifest
     rows = [
         (name, str(manifest[name]))
-        for name in ("command", "rerun_of", "created", "seconds", "seed", "workers", "correction")
+        for name in ("command", "rerun_of", "created", "seconds", "seed", "workers", *OF_IMAGES)
         if name in manifest
     ]
     choices = " ".join(f"{group}={option}" for group, option in run.choices.items())

@@ -77,7 +77,7 @@ def with_recording(
     given = _parameters(group, section, typed, working_directory)
     _refuse_given(group, given.kind, typed)
     recording = files.open(given)
-    settings |= _suitable_settings(group, recording, typed)
+    settings |= _suitable_settings(group, given, recording, typed)
     resolved, choices = resolve(settings)
     resolved[group] = section
     files.add(_completed(resolved, choices, given, recording, typed), recording)
@@ -123,7 +123,7 @@ def _parameters(
 
 
 def _suitable_settings(
-    group: str, recording: Recording, typed: Mapping[str, Any]
+    group: str, given: Recorded | ReplayedPath, recording: Recording, typed: Mapping[str, Any]
 ) -> dict[str, Any]:
     """The options and values that the recording needs and the user does not set.
 
@@ -146,12 +146,12 @@ def _suitable_settings(
             f"{group}.target: is a {messages.printable(recording.label)}, which no class "
             f"suits; the classes are of {', '.join(CLASS_OF_KITTI_TYPE)}; or choose a road_user"
         )
-    values = {} if group == "path" else _values(suitable, recording, options | dict(typed))
+    values = {} if group == "path" else _values(suitable, given, recording, options | dict(typed))
     return {name: value for name, value in (options | values).items() if name not in typed}
 
 
 def _values(
-    suitable: Mapping[str, Any], recording: Recording, chosen: Mapping[str, Any]
+    suitable: Mapping[str, Any], source: Recorded, recording: Recording, chosen: Mapping[str, Any]
 ) -> dict[str, Any]:
     """Values for recorded images, by key; `chosen` has options and values by name."""
     calibration = recording.calibration
@@ -162,7 +162,7 @@ def _values(
     facts = {**chosen, "source": recording.layout, "auto": recording.auto}
     values = folders.values_that_suit(suitable, facts)
     if calibration.camera_height is None and not {"rig", "rig.camera_height"} & chosen.keys():
-        values["rig.camera_height"] = _height_of_road(recording, chosen)
+        values["rig.camera_height"] = _height_of_road(recording, source, chosen)
     if chosen["start"] == "scans" and recording.label:
         values["start.bearing"] = [round(bearing, 3) for bearing in recording.first_bearings]
     if chosen.get("tracker") == "contour":
@@ -175,20 +175,23 @@ def _values(
     return values
 
 
-def _height_of_road(recording: Recording, chosen: Mapping[str, Any]) -> float:
+def _height_of_road(recording: Recording, source: Recorded, chosen: Mapping[str, Any]) -> float:
     """Height in m of the cameras above the road that the recording's images show."""
     # OpenCV and Numba are imported for it.
-    from stixel_cli.config.road_pose import road_pose
-    from stixel_cli.stixels.seen_road import MIDDLE
+    from stixel_cli.config.road_pose import fault_of_rows, road_pose
+    from stixel_cli.stixels.seen_road import MIDDLE, NO_ROAD
 
     size = recording.width, recording.height
     rig = recording.calibration.rig_values(*size) | {"camera_height": MIDDLE}
     rig |= {k.removeprefix("rig."): v for k, v in chosen.items() if k.startswith("rig.")}
-    height, _ = road_pose(recording, rig_of(rig, size[::-1]))
+    rig = rig_of(rig, size[::-1])
+    fault = fault_of_rows(recording, source, rig)
+    height, _ = road_pose(recording, rig)
     if math.isnan(height):
+        cause = f"; {fault}" if fault else ""
         raise ConfigurationError(
-            "rig.camera_height: is required, m above the road: neither the recording's files state "
-            "it, nor do its images show a road"
+            "rig.camera_height: is required, m above the road: the recording's files do not state "
+            f"it, and {NO_ROAD}{cause}"
         )
     return round(height, 2)
 

@@ -1,4 +1,4 @@
-"""The height and the pitch of a recording's cameras, from the road in its images."""
+"""What a recording's images show of its rig: height and pitch, and how far rows are apart."""
 
 from dataclasses import replace
 from functools import lru_cache
@@ -6,10 +6,13 @@ from functools import lru_cache
 import numpy as np
 
 from stixel_cli.config.schema import Configuration
+from stixel_cli.errors import UserError
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.pairs import matched
+from stixel_cli.recordings.parameters import Recorded
 from stixel_cli.recordings.stereo_images import read_pairs
 from stixel_cli.recordings.types import Recording
+from stixel_cli.stereo.rectification import Rows, compare_rows
 from stixel_cli.stixels.parameters import EstimatedRoad
 from stixel_cli.stixels.seen_road import MIDDLE, seen_road
 
@@ -22,13 +25,38 @@ def road_pose(recording: Recording, rig: Rig) -> tuple[float, float]:
     """
     found = []
     for k in (recording.count * np.array([1, 3, 5]) // 6).tolist():
-        frame = range(k, k + 1)
-        rectification = recording.calibration.rectification
-        pairs = read_pairs(recording.images, frame, rectification, recording.messages)
-        seen = seen_road(matched((pairs.left[0], pairs.right[0]), rig), rig)
+        seen = seen_road(matched(_pair(recording, k), rig), rig)
         found += [] if seen is None else [seen]
     pitch, height = np.median(found, axis=0) if found else (np.nan, np.nan)
     return float(height), float(np.degrees(pitch))
+
+
+@lru_cache
+def rows_of(recording: Recording, far_disparity: float) -> Rows | None:
+    """How far the rows of the images are apart, in the first of three frames that shows it."""
+    for k in (recording.count * np.array([3, 1, 5]) // 6).tolist():
+        if rows := compare_rows(*_pair(recording, k), far_disparity):
+            return rows
+    return None
+
+
+def fault_of_rows(recording: Recording, source: Recorded, rig: Rig) -> str | None:
+    """One line if the rows are apart, or left and right are exchanged; else None.
+
+    Raises:
+        UserError: if that is too much, and `source.check_rectification` is set.
+    """
+    rows = rows_of(recording, rig.far_disparity)
+    if rows is not None and rows.refused and source.check_rectification:
+        raise UserError(f"source: {rows.fault}; or set source.check_rectification=false")
+    return rows and rows.fault
+
+
+def _pair(recording: Recording, k: int) -> tuple[np.ndarray, np.ndarray]:
+    """The grey images of frame `k`."""
+    calibration, frame = recording.calibration, range(k, k + 1)
+    pairs = read_pairs(recording.images, frame, calibration.rectification, recording.messages)
+    return pairs.left[0], pairs.right[0]
 
 
 def contradiction(recording: Recording, configuration: Configuration) -> str | None:

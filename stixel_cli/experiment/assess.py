@@ -12,6 +12,7 @@ from stixel_cli.calibration.label_errors import fit_label_errors
 from stixel_cli.calibration.motion_errors import fit_motion_error
 from stixel_cli.calibration.truth_alignment import Alignment, fit_truth_error
 from stixel_cli.config.compose import Composition
+from stixel_cli.config.road_pose import rows_of
 from stixel_cli.engine.parameters import ThreadsExecutor
 from stixel_cli.engine.progress import Progress
 from stixel_cli.engine.store import Store
@@ -67,7 +68,9 @@ def assess(composition: Composition, progress: Progress | None = None) -> Assess
     free_space, image = first["free_space"], first["pairs"].left[0]
     alignment, truth = first.get("truth_alignment"), _truth_of(recording)
     values = _against_truth(first["stixels"], free_space, truth, composition, alignment)
+    rows = rows_of(recording, configuration.rig.far_disparity)
     values |= {
+        "row_difference_px": rows and rows.difference,
         "unknown_share": float((free_space.unknown_row[0] >= 0).mean()),
         "disparity_share": float((first["match"].raw(0) >= 0).mean()),
     }

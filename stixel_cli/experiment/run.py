@@ -127,6 +127,7 @@ def record_run(
         **provenance(),
         **({} if rerun_of is None else {"rerun_of": str(rerun_of)}),
         **correction_note(composition.configuration),
+        **row_note(composition),
         "star_convex": run.scenario.star_convex,
         "stages": run.stages,
     }
@@ -148,6 +149,16 @@ def correction_note(configuration: Configuration) -> dict[str, str]:
         return {}
     origin = getattr(configuration.source, "correction", None) or "set by hand"
     return {"correction": f"{offset:+.3f} px {slope:+.6f} px per column; {origin}"}
+
+
+def row_note(composition: Composition) -> dict[str, float]:
+    """The manifest's entry on the rows of a recording's images; empty where they show nothing."""
+    configuration, rows = composition.configuration, None
+    if configuration.source.kind != "rendered":
+        from stixel_cli.config.road_pose import rows_of
+
+        rows = rows_of(composition.recording, configuration.rig.far_disparity)
+    return {} if rows is None else {"row_difference_px": round(rows.difference, 2)}
 
 
 def trust_stored_run(run: RunResult, trusted: bool) -> None:

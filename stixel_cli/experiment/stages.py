@@ -165,6 +165,16 @@ def experiment_graph(composition: Composition) -> Graph:
     return build_graph(stages, scan_count(composition), CHUNK_SIZE, folder)
 
 
+def fault_of_rows(composition: Composition) -> str | None:
+    """What is wrong with the rows of a recording's images, see `config.road_pose`; else None."""
+    configuration = composition.configuration
+    if configuration.source.kind == "rendered":
+        return None
+    from stixel_cli.config.road_pose import fault_of_rows
+
+    return fault_of_rows(composition.recording, configuration.source, configuration.rig)
+
+
 @contextmanager
 def computed_stages(
     composition: Composition,
@@ -196,7 +206,8 @@ def computed_stages(
     if progress is not None and configuration.source.kind != "rendered":
         from stixel_cli.config.road_pose import contradiction
 
-        if text := contradiction(composition.recording, configuration):
+        texts = fault_of_rows(composition), contradiction(composition.recording, configuration)
+        for text in filter(None, texts):
             progress.note(text)
     try:
         graph = experiment_graph(composition)

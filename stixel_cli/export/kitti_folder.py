@@ -122,8 +122,9 @@ def write_clip(
 def calibration_text(rig: Rig) -> str:
     """The rows P0 … P3: the left camera is that of the labels' frame."""
     rows = []
-    for name, shift in (("P0", 0.0), ("P1", rig.baseline), ("P2", 0.0), ("P3", rig.baseline)):
-        of_u = [rig.focal, 0.0, rig.u0, -rig.focal * shift]
+    left, right = (rig.u0, 0.0), (rig.u0_right, rig.baseline)
+    for name, (u0, shift) in (("P0", left), ("P1", right), ("P2", left), ("P3", right)):
+        of_u = [rig.focal, 0.0, u0, -rig.focal * shift]
         of_v = [0.0, rig.focal_v, rig.v0, 0.0]
         rows.append(f"{name}: {_numbers([of_u, of_v, [0.0, 0.0, 1.0, 0.0]])}\n")
     return "".join(rows)

@@ -24,6 +24,7 @@ class Rig:
         horizontal_fov: horizontal field of view, degrees; null if `focal_length` is given.
         focal_length: focal length, px; null if `horizontal_fov` is given.
         principal_u, principal_v: principal point, px; null is the image's centre.
+        principal_u_right: column of the right camera's principal point, px; null: that of the left.
         baseline: distance of the two cameras, m.
         camera_height: height of the cameras above the road, m.
         pitch: rotation about the lateral axis, degrees, positive with the nose down.
@@ -45,6 +46,7 @@ class Rig:
     vertical_fov: Annotated[float, Ge(5), Lt(170)] | None
     disparity_offset: Annotated[float, Ge(-16), Le(16)] = 0.0
     disparity_slope: Annotated[float, Ge(-0.01), Le(0.01)] = 0.0
+    principal_u_right: float | None = None
 
     def check(self) -> None:
         """Raise ValueError for two focal lengths, or a principal point outside of the image."""
@@ -52,6 +54,7 @@ class Rig:
         for name, value, size in (
             ("principal_u", self.principal_u, self.width),
             ("principal_v", self.principal_v, self.height),
+            ("principal_u_right", self.principal_u_right, self.width),
         ):
             if value is not None and not 0 <= value <= size - 1:
                 raise ValueError(f"rig.{name}: must be 0 to {size - 1} (the image), got {value:g}")
@@ -91,6 +94,16 @@ class Rig:
         return 0.5 * (self.width - 1) if self.principal_u is None else self.principal_u
 
     @property
+    def u0_right(self) -> float:
+        """Column of the right camera's principal point, px."""
+        return self.u0 if self.principal_u_right is None else self.principal_u_right
+
+    @property
+    def far_disparity(self) -> float:
+        """Disparity in px, in the images, of what is infinitely far."""
+        return self.u0 - self.u0_right
+
+    @property
     def v0(self) -> float:
         """Row of the principal point, px."""
         return 0.5 * (self.height - 1) if self.principal_v is None else self.principal_v
@@ -111,8 +124,12 @@ class Rig:
         return self.focal * self.baseline / depth
 
     def disparity_errors(self) -> np.ndarray:
-        """Error (W,) in px of the disparities that are measured in each column."""
-        return self.disparity_offset + self.disparity_slope * (np.arange(self.width) - self.u0)
+        """By how much (W,) px the disparities in each column of the images exceed f_u B / z.
+
+        That is the error of the measured disparity, and `far_disparity`.
+        """
+        error = self.disparity_offset + self.disparity_slope * (np.arange(self.width) - self.u0)
+        return error + self.far_disparity
 
     def depth_from_disparity(self, disparity: float | np.ndarray) -> float | np.ndarray:
         """Depth f_u B / d in m along the optical axis of disparities d in px, any shape; (5)."""

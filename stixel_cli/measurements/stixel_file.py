@@ -9,6 +9,7 @@ import numpy as np
 
 from stixel_cli.errors import UserError
 from stixel_cli.files import read_bytes
+from stixel_cli.images import eight_bits
 from stixel_cli.measurements.tables import read_table, refuse_rows
 from stixel_cli.recordings.image_files import GREATEST_SIDE, decoded, rgb
 from stixel_cli.stixels.types import Stixels
@@ -90,7 +91,9 @@ def _read_stx1(file: Path) -> StixelFile:
     names = (*FOREIGN, "width")
     values = [[getattr(one, name) for name in names] for one in world.stixel]
     columns = dict(zip(names, np.array(values, dtype=np.float64).reshape(-1, 5).T, strict=True))
-    image = rgb(decoded(file, world.image)) if world.image else None
+    image = None
+    if world.image:
+        (image,) = map(rgb, eight_bits({"image": decoded(file, world.image)}))
     return _stixel_file(file, _as_own(columns, columns["width"]), image)
 
 

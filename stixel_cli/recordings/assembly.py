@@ -93,7 +93,7 @@ def root_of(folder: Path, *contents: str) -> Path:
 
 
 def numbered_images(
-    *folders: Path, names: str = r"(\d{1,9})\.png", example: str = "000000.png"
+    *folders: Path, names: str = r"(\d{1,9})\.(?:png|jpe?g)", example: str = "000000.png"
 ) -> tuple[Images, ...]:
     """The images of each of the `folders` by the number in their name, in ascending order.
 
@@ -111,7 +111,9 @@ def _numbered(folder: Path, names: str, example: str) -> Images:
         for i, file in enumerate(folder.iterdir()):
             if i >= MOST_FILES:
                 raise UserError(f"{folder}: more than {MOST_FILES} files")
-            if match := re.fullmatch(names, file.name):
+            match = re.fullmatch(names, file.name, re.IGNORECASE)
+            # A PNG before a JPEG of the same number, in whichever order the folder lists them.
+            if match and file > images.get(int(match[1]), Path()):
                 images[int(match[1])] = file
     except FileNotFoundError:
         raise UserError(f"{folder}: no such folder") from None

@@ -4,8 +4,10 @@ Their types are those that rosbags knows. The definitions in a bag are not used:
 Python code of them. A camera's frame has x right, y down, z forward (REP 103).
 """
 
+import re
 from collections.abc import Callable, Iterator, Sequence
 from functools import cache
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -20,8 +22,8 @@ IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 CAMERA, ODOMETRY = ("sensor_msgs/msg/CameraInfo",), ("nav_msgs/msg/Odometry",)
 TRANSFORMS = ("tf2_msgs/msg/TFMessage",)
 
-CHANNELS = {"mono8": "y", "bgr8": "bgr", "rgb8": "rgb", "bgra8": "bgra", "rgba8": "rgba"}
-"""Of a raw image, by its encoding."""
+_ENCODING = re.compile(r"(mono|bgra?|rgba?)(8|16)|(8U|16U|32F)C([134])")
+"""Of a raw image: channels and bits, or bits and number of channels, which are OpenCV's."""
 
 MOST_MESSAGES = 1_000_000
 
@@ -95,19 +97,31 @@ def read_camera(files: tuple[Path, ...], topic: str) -> dict[str, Any]:
 def image_size(name: str, message: Any) -> tuple[int, int]:
     """Width and height in px of an image; UserError, with the `name`, if its head is not valid."""
     if hasattr(message, "format"):
-        return size_in(name, message.data.tobytes())
+        return size_in(name, BytesIO(message.data.tobytes()))
     check_sides(name, message.width, message.height)
-    if message.encoding not in CHANNELS:
-        known = ", ".join(CHANNELS)
-        raise UserError(f"{name}: encoding {printable(message.encoding)}: must be one of {known}")
-    least = message.width * len(CHANNELS[message.encoding])
+    kind, channels = _layout(name, message)
+    least = message.width * len(channels) * kind.itemsize
     if message.step < least or len(message.data) != message.step * message.height:
         raise UserError(f"{name}: a damaged image: {len(message.data)} bytes")
     return message.width, message.height
 
 
+def _layout(name: str, message: Any) -> tuple[np.dtype, str]:
+    """The type of a raw image's values, and its channels in their order."""
+    found = _ENCODING.fullmatch(message.encoding)
+    if found is None:
+        known = "mono, bgr, rgb, bgra or rgba with 8 or 16, or 8UC, 16UC or 32FC with 1, 3 or 4"
+        raise UserError(f"{name}: encoding {printable(message.encoding)}: must be {known}")
+    named, bits, kind, count = found.groups()
+    kind = {"8": "u1", "8U": "u1", "16": "u2", "16U": "u2", "32F": "f4"}[bits or kind]
+    channels = "y" if named == "mono" or count == "1" else named or "bgra"[: int(count)]
+    return np.dtype(kind).newbyteorder(">" if message.is_bigendian else "<"), channels
+
+
 def read_images(files: tuple[Path, ...], topic: str, times: tuple[int, ...]) -> list[np.ndarray]:
-    """The images, grey (H, W) or BGR (H, W, 3) uint8, that were recorded at `times`, ns.
+    """The images, grey (H, W) or BGR (H, W, 3), that were recorded at `times`, ns.
+
+    They are uint8, uint16 or float32.
 
     Raises:
         UserError: if one is damaged, or as in `read_messages`.
@@ -121,10 +135,13 @@ def _image(name: str, message: Any) -> np.ndarray:
     width, height = image_size(name, message)
     if hasattr(message, "format"):
         return decoded(name, message.data.tobytes())
-    channels = CHANNELS[message.encoding]
-    pixels = message.data.reshape(height, message.step)[:, : width * len(channels)]
+    kind, channels = _layout(name, message)
+    rows = message.data.reshape(height, message.step)
+    pixels = rows[:, : width * len(channels) * kind.itemsize].copy().view(kind)
     order = 0 if channels == "y" else [channels.index(one) for one in "bgr"]
-    return np.ascontiguousarray(pixels.reshape(height, width, -1)[..., order])
+    return np.ascontiguousarray(
+        pixels.reshape(height, width, -1)[..., order], kind.newbyteorder("=")
+    )
 
 
 @remembered

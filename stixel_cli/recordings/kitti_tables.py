@@ -100,7 +100,10 @@ def rectified_pair(
     for name, matrix in ((left, first), (right, second)):
         if not (matrix[0, 0] > 0 and matrix[1, 1] > 0) or abs(matrix[2, 2] - 1.0) > 1e-6:
             raise UserError(f"{file}: {name} is not a camera's projection")
-    if not np.allclose(first[:, :3], second[:, :3], rtol=0.0, atol=1e-3):
+    differs = np.abs(first[:, :3] - second[:, :3]) > 1e-3
+    # The columns of the principal points may differ, as `rig.principal_u_right`.
+    other_column, differs[0, 2] = bool(differs[0, 2]), False
+    if differs.any():
         raise UserError(f"{file}: {left} and {right} are not rectified to one camera matrix")
     # P = K [I | t]: t moves points from the labels' frame into the camera's.
     shifts = [np.linalg.solve(matrix[:, :3], matrix[:, 3]) for matrix in (first, second)]
@@ -113,17 +116,17 @@ def rectified_pair(
         principal_v=float(first[1, 2]),
         baseline=baseline,
         camera_height=None,
+        principal_u_right=float(second[0, 2]) if other_column else None,
         left_camera=tuple(float(-value) for value in shifts[0]),
     )
 
 
-def check_baseline(file: Path, baseline: float, left: str, right: str) -> None:
-    """Raise UserError if the `baseline` from the camera `left` to `right` is too short, m."""
-    if baseline < 0.001:
-        raise UserError(
-            f"{file}: no baseline: {right} is {baseline:.4g} m to the right of {left}; "
-            "at least 0.001 m are needed"
-        )
+def check_baseline(file: Path | str, baseline: float, left: str, right: str) -> None:
+    """Raise UserError if the `baseline` from the camera `left` to `right`, m, cannot be one."""
+    if not 0.001 <= baseline <= 5.0:
+        apart = f"{right} is {baseline:.4g} m to the right of {left}"
+        unit = "; is it in mm?" if baseline > 5.0 else ""
+        raise UserError(f"{file}: no baseline: {apart}: must be 0.001 to 5 m{unit}")
 
 
 def _projections(file: Path) -> dict[str, np.ndarray]:

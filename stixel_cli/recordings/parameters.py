@@ -29,6 +29,8 @@ class Recorded:
         sample_time: time from one frame to the next, s.
         correction: how `rig.disparity_offset` and `rig.disparity_slope` were estimated, in words
             that `stixel calibrate` prints; null if they were not.
+        check_rectification: whether images are refused whose rows are 2 px apart, or whose left
+            and right are exchanged; else a line says so, as it does from 0.5 px.
     """
 
     kind: str
@@ -36,6 +38,7 @@ class Recorded:
     frames: str | None
     sample_time: Annotated[float, Ge(0.001), Le(10)]
     correction: str | None = None
+    check_rectification: bool = True
 
     required: ClassVar[tuple[str, ...]] = ("folder",)
     example: ClassVar[str] = ""
@@ -157,7 +160,7 @@ class Pair(Recorded):
     Attributes:
         folder: the left image.
         right: the right image.
-        calibration: KITTI's calibration file, or a rig.yaml.
+        calibration: a file of KITTI, Middlebury, ROS or OpenCV, or a rig.yaml.
         disparity: the true disparities; null for none.
         labels: KITTI's labels; null for none.
     """

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from stixel_cli.images import ImageStack
+from stixel_cli.images import ImageStack, eight_bits, encode_png
 from stixel_cli.recordings.bag_messages import read_images
 from stixel_cli.recordings.image_files import grey, read_image, rectified, rgb
 from stixel_cli.recordings.types import LeftImage, Messages, Rectification
@@ -18,7 +18,7 @@ def read_pairs(
     rectification: Rectification | None = None,
     messages: Messages = (),
 ) -> StereoPairs:
-    """The grey images of `frames`.
+    """The grey images of `frames`, both of a pair by one scale (`eight_bits`).
 
     Args:
         files: the left images of all frames, then the right ones; or those of a bag.
@@ -29,14 +29,18 @@ def read_pairs(
     Raises:
         UserError: if an image is missing or damaged.
     """
-    stacks = [
-        ImageStack.from_images(
-            rectified(grey(image), rectification, right)
-            for image in _images(files, frames, right, messages)
+    encoded = [
+        [
+            encode_png(rectified(grey(image), rectification, right))
+            for right, image in enumerate(eight_bits({"left": left, "right": other}))
+        ]
+        for left, other in zip(
+            _images(files, frames, False, messages),
+            _images(files, frames, True, messages),
+            strict=True,
         )
-        for right in (False, True)
     ]
-    return StereoPairs(frames.start, *stacks)
+    return StereoPairs(frames.start, *map(ImageStack, zip(*encoded, strict=True)))
 
 
 def read_left(
@@ -51,6 +55,7 @@ def read_left(
         UserError: if the image is missing or damaged.
     """
     (image,) = _images(files, range(frame, frame + 1), False, messages)
+    (image,) = eight_bits({"left": image})
     return LeftImage(frame, ImageStack.from_images([rectified(rgb(image), rectification, False)]))
 
 

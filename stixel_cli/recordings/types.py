@@ -21,6 +21,7 @@ class Calibration:
         principal_u, principal_v: principal point of the left camera, px.
         baseline: distance of the cameras, m.
         camera_height: above the road, m; None if the files do not state it.
+        principal_u_right: of the right camera, px; None if it is that of the left.
         left_camera: its place in the frame of the labels, see `Tables`.
         rectification: of the images; None if the files are rectified.
     """
@@ -31,13 +32,12 @@ class Calibration:
     principal_v: float
     baseline: float
     camera_height: float | None
+    principal_u_right: float | None = None
     left_camera: tuple[float, float, float] = (0.0, 0.0, 0.0)
     rectification: "Rectification | None" = None
 
     def rig_values(self, width: int, height: int) -> dict[str, Any]:
         """The values of a `Rig`, by name, that this and images of `width` × `height` px give."""
-        square = math.isclose(self.focal_length, self.focal_length_v, rel_tol=1e-6)
-        angle = 2.0 * math.degrees(math.atan(height / (2.0 * self.focal_length_v)))
         camera_height = {} if self.camera_height is None else {"camera_height": self.camera_height}
         return {
             "width": width,
@@ -46,11 +46,19 @@ class Calibration:
             "focal_length": self.focal_length,
             "principal_u": self.principal_u,
             "principal_v": self.principal_v,
+            "principal_u_right": self.principal_u_right,
             "baseline": self.baseline,
-            "vertical_fov": None if square else angle,
+            "vertical_fov": vertical_angle(self.focal_length, self.focal_length_v, height),
             "pitch": 0.0,
             **camera_height,
         }
+
+
+def vertical_angle(focal_length: float, focal_length_v: float, height: int) -> float | None:
+    """The field of view over `height` px, degrees; None if both focal lengths, px, are the same."""
+    if math.isclose(focal_length, focal_length_v, rel_tol=1e-6):
+        return None
+    return 2.0 * math.degrees(math.atan(height / (2.0 * focal_length_v)))
 
 
 @dataclass(frozen=True)

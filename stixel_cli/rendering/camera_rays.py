@@ -98,5 +98,8 @@ def rig_cameras(rig: Rig, ego_pose_world: np.ndarray) -> tuple[Camera, Camera]:
     rotation = transform[:3, :3] * [1.0, stretch, 1.0]
     left = transform[:3, 3].copy()
     right = left + rotation[:, 0] * rig.baseline
-    intrinsics = (float(rig.focal), float(rig.u0), float(rig.v0), rig.width, rig.height, stretch)
-    return Camera(rotation, left, *intrinsics), Camera(rotation, right, *intrinsics)
+    size = rig.width, rig.height
+    return tuple(
+        Camera(rotation, origin, float(rig.focal), float(u0), float(rig.v0), *size, stretch)
+        for origin, u0 in ((left, rig.u0), (right, rig.u0_right))
+    )

@@ -84,7 +84,9 @@ def describe_scene(
     poses = [rig_cameras(rig, scenario.ego_poses_world[k]) for k in frames]
     return arrays | {
         "size": np.array([rig.width, rig.height]),
-        "intrinsics": np.array([rig.focal, rig.focal_v, rig.u0, rig.v0]),
+        "intrinsics": np.array(
+            [[rig.focal, rig.focal_v, u, rig.v0] for u in (rig.u0, rig.u0_right)]
+        ),
         "parts": np.array(len(ids)),
         "texture_of": np.array(texture_of),
         "ids": np.array(ids),

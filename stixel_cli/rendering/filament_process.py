@@ -111,20 +111,20 @@ class Stage:
             if limb_pose == self.limb_pose:
                 self.renderer.scene.set_geometry_transform(looks, pose)
                 self.renderer.scene.set_geometry_transform(flat, pose)
-        cameras = self.scene["cameras"][index]
-        left, right = (self._picture(camera) for camera in cameras)
+        cameras = list(zip(self.scene["cameras"][index], self.scene["intrinsics"], strict=True))
+        left, right = (self._picture(*camera) for camera in cameras)
         self._show(flat=True)
-        self._look(cameras[0], 0.0)
+        self._look(*cameras[0], 0.0)
         self.renderer.scene.set_background([0.0, 0.0, 0.0, 1.0])
         ids = identities(self._image()[::FINER, ::FINER])
         depth = np.asarray(self.renderer.render_to_depth_image(z_in_view_space=True))
         depth = depth[::FINER, ::FINER].astype(np.float32)
         return {"left": left, "right": right, "depth": depth, "ids": ids}
 
-    def _picture(self, camera: np.ndarray) -> np.ndarray:
+    def _picture(self, camera: np.ndarray, intrinsics: np.ndarray) -> np.ndarray:
         self._show(flat=False)
         # The mean of the fine pixels' places is the coarse pixel's.
-        self._look(camera, 0.5 * (FINER - 1))
+        self._look(camera, intrinsics, 0.5 * (FINER - 1))
         self._lights(1.0)
         light = self._image() / 255.0
         self._lights(GAIN)
@@ -145,12 +145,12 @@ class Stage:
             self.renderer.scene.show_geometry(looks, shown and not flat)
             self.renderer.scene.show_geometry(plain, shown and flat)
 
-    def _look(self, camera: np.ndarray, shift: float) -> None:
+    def _look(self, camera: np.ndarray, intrinsics: np.ndarray, shift: float) -> None:
         """Look through a camera (4, 4 to the world), the fine image shifted by `shift` px.
 
         Unshifted, the fine pixel (FINER u, FINER v) looks along the ray of the pixel (u, v).
         """
-        focal_u, focal_v, u0, v0 = FINER * self.scene["intrinsics"]
+        focal_u, focal_v, u0, v0 = FINER * intrinsics
         # Filament's first pixel reaches from 0 to 1; here its centre is at 0.
         shift += 0.5
         matrix = np.array([[focal_u, 0.0, u0 + shift], [0.0, focal_v, v0 + shift], [0.0, 0.0, 1.0]])

@@ -47,6 +47,7 @@ LABELS = {
     "free_share": ("columns without an obstacle", "%"),
     "unknown_share": ("columns with an unknown part", "%"),
     "disparity_share": ("pixels with a disparity", "%"),
+    "row_difference_px": ("difference of the rows of the two images", "px"),
     "obstacle_columns": ("columns with a true obstacle", ""),
     "obstacle_covered_share": ("of them with a stixel", "%"),
     "found_share": ("of them with a stixel that is no outlier", "%"),

@@ -59,6 +59,8 @@ def origin_of(manifest: Mapping[str, Any], folder: Path | None) -> dict[str, Any
         f"revision {shown_revision(manifest.get('git') or {}) or 'unknown'}",
         str(manifest.get("created", "")),
     ]
+    if "row_difference_px" in manifest:
+        made.append(f"rows of the images {manifest['row_difference_px']} px apart")
     links = [["figures", "figures/"], ["metrics", "metrics.json"], ["configuration", "config.yaml"]]
     return {
         "command": str(manifest["command"]),

@@ -98,7 +98,8 @@ def match_pairs(
 ) -> Disparities:
     """Disparities of the pairs of `frames` by OpenCV matchers.
 
-    The errors of the `rig`'s disparities are corrected, rounded to 1/16 px.
+    The errors of the `rig`'s disparities are corrected, rounded to 1/16 px. By the whole px of the
+    distance of its principal points the right image is moved, so that far obstacles have 0.
 
     Args:
         create: makes a matcher for a least disparity and a number of them, px.
@@ -107,7 +108,10 @@ def match_pairs(
     """
     minimum, count = stereo.minimum_disparity, disparity_count(stereo, rig)
     greatest = minimum + count
-    errors = np.rint(SUBPIXELS * rig.disparity_errors()).astype(np.int16)
+    shift = round(rig.far_disparity)
+    errors = np.rint(SUBPIXELS * (rig.disparity_errors() - shift)).astype(np.int16)
+    columns = np.arange(rig.width, dtype=np.int32)
+    moved = np.clip(columns - shift, 0, rig.width - 1)
     full, half = create(minimum, count), None
     if at_full_size is not None and at_full_size < count:
         full = create(minimum, at_full_size)
@@ -116,14 +120,16 @@ def match_pairs(
     with one_thread():
         for k in frames:
             left, right = pairs.left[k - pairs.first], pairs.right[k - pairs.first]
+            right = right[:, moved] if shift else right
             found = _find(full, left, right, stereo, checked=half is None)
             if half is not None:
                 near = _find(half, halved(left), halved(right), stereo, checked=True)
                 found = combined(found, near, minimum + at_full_size, greatest)
             # In the leftmost columns a large disparity points into the border, outside the image.
-            border = found[:, :greatest]
-            columns = np.arange(border.shape[1], dtype=np.int32)
-            border[border > columns * SUBPIXELS] = INVALID
+            outside = found > SUBPIXELS * (columns - max(shift, 0))
+            if shift < 0:  # So does a small one in the rightmost columns.
+                outside |= found < SUBPIXELS * (columns - (rig.width - 1 + shift))
+            found[outside] = INVALID
             raw.append(corrected(found, errors, greatest) if errors.any() else found)
     # Images in memory are those of a single call, whose disparities nobody stores.
     make = Disparities.from_raw if isinstance(pairs.left, ImageStack) else Disparities.in_memory

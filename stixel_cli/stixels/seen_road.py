@@ -1,5 +1,6 @@
 """The height and the pitch of cameras, from the road that one disparity image shows."""
 
+from dataclasses import replace
 from typing import ClassVar
 
 import cv2
@@ -16,6 +17,14 @@ MIDDLE = 1.7
 LEAST_SHARE = 0.07
 """Of the pixels, within 1 px of the road; noise and images upside down have up to 0.05."""
 
+NO_ROAD = (
+    "the disparities show no road: no plane 0.25 to 3.1 m below the camera, pitched by at most "
+    f"10°, has {LEAST_SHARE:.0%} of the pixels"
+)
+
+USUAL_WIDTH = 1242
+"""px, for which the 1 px above is meant: of larger images not every pixel is read."""
+
 
 class _AnyRoad(EstimatedRoad):
     height_range: ClassVar[float] = 0.85
@@ -29,8 +38,20 @@ def seen_road(disparities: Disparities, rig: Rig) -> tuple[float, float] | None:
     they count as exact but for the error that the rig states.
     """
     road = _AnyRoad(kind="estimated", least_height=0.25, pitch_range=10.0)
-    raw = disparities.raw(0)
-    line = find_road(cv2.transpose(raw), disparities.count, rig, road)
+    step = max(1, round(rig.width / USUAL_WIDTH))
+    raw, count = disparities.raw(0), disparities.count
+    if step > 1:
+        raw, count = raw[::step, ::step] // step, -(-count // step)
+        rig = replace(
+            rig,
+            width=raw.shape[1],
+            height=raw.shape[0],
+            horizontal_fov=None,
+            focal_length=rig.focal / step,
+            principal_u=rig.u0 / step,
+            principal_v=rig.v0 / step,
+        )
+    line = find_road(cv2.transpose(raw), count, rig, road)
     of_road = (line[0] * np.arange(rig.height) + line[1])[:, None]
     if np.mean((np.abs(raw / SUBPIXELS - of_road) < 1.0) & (of_road > 1.0)) > LEAST_SHARE:
         return pitch_and_height(line, rig)

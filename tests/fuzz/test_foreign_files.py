@@ -9,6 +9,7 @@ import sys
 import warnings
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from damage import damage, restore
@@ -16,15 +17,18 @@ from harness_of_fuzz import Answer, Kind, answer, run_cases, settle
 
 from stixel_cli.config.folders import use_presets
 from stixel_cli.errors import UserError
+from stixel_cli.images import eight_bits
 from stixel_cli.measurements.file import read_scans
 from stixel_cli.measurements.file_truth import read_truth
-from stixel_cli.recordings.image_files import read_image
+from stixel_cli.pairs import rig_of
+from stixel_cli.recordings.image_files import image_size, read_image
 from stixel_cli.scene.mesh_file import load_mesh
 
 sys.path.append(str(Path(__file__).parents[1] / "recordings"))
 from made_argoverse import make_log
 from made_bag import messages, write_bag
 from made_clip import make_clip
+from made_files import RIG_FILES, png_of
 
 SMALL = 12
 
@@ -99,8 +103,16 @@ def folders(tmp_path_factory):
     for name, text in PRESETS.items():
         (place / "presets" / name).parent.mkdir(parents=True)
         (place / "presets" / f"{name}.yaml").write_text(text)
-    for folder in ("tables", "meshes"):
+    for folder in ("tables", "meshes", "rigs", "images"):
         (place / folder).mkdir()
+    for name, text in RIG_FILES.items():
+        (place / "rigs" / name).write_text(text)
+    for i, (bits, colour, row) in enumerate(((8, 6, 8), (8, 4, 4), (16, 2, 12), (1, 0, 1))):
+        (place / "images" / f"{i}.png").write_bytes(png_of(bits, colour, range(row)))
+    (place / "images" / "palette.png").write_bytes(png_of(8, 3, [1, 0], bytes(range(6))))
+    for i in (1, 3):
+        image = np.arange(1200 * i, dtype=np.uint8).reshape(30, 40, i)
+        cv2.imwrite(str(place / "images" / f"{i}.jpg"), image)
     for name, text in TABLES.items():
         (place / "tables" / f"{name}.csv").write_text(text)
     write_meshes(place / "meshes")
@@ -111,7 +123,7 @@ def draw_words(rng: random.Random, place: Path, original: Path) -> list[str]:
     """A command about foreign files, or a reader and its file, with the files damaged."""
     restore(place, original)
     use_presets(None)
-    folder = rng.choice(("clip", "log", "bags", "presets", "presets", "tables", "tables", "meshes"))
+    folder = rng.choice((*OF_FOLDER, "presets", "tables", "tables", "meshes", "rigs", "images"))
     files = sorted(one for one in (place / folder).rglob("*") if one.is_file())
     chosen = rng.choice(files)
     damage(chosen, rng)
@@ -121,6 +133,10 @@ def draw_words(rng: random.Random, place: Path, original: Path) -> list[str]:
         return ["read tables"]
     if folder == "meshes":
         return ["read mesh", f"meshes/{chosen.name if chosen.suffix != '.mtl' else 'box.obj'}"]
+    if folder == "rigs":
+        return ["read rig", str(chosen)]
+    if folder == "images":
+        return ["read image", str(chosen)]
     if chosen.suffix == ".png" and rng.random() < 0.5:
         return ["read image", str(chosen)]
     return rng.choice(OF_FOLDER[folder]).split()
@@ -136,7 +152,10 @@ def read_or_answer(words: list[str]) -> Answer:
             elif words[0] == "read mesh":
                 load_mesh(words[1], 0.5)
             elif words[0] == "read image":
-                read_image(Path(words[1]))
+                image_size(Path(words[1]))
+                eight_bits({"image": read_image(Path(words[1]))})
+            elif words[0] == "read rig":
+                rig_of(words[1], (96, 160), any_height=True)
             else:
                 return answer(words)
     except (UserError, ValueError) as error:

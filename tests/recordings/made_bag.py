@@ -58,8 +58,12 @@ def messages(clip: Path, encoding: str, sequence: str = "0003") -> list[tuple[st
                 data = np.frombuffer(file.read_bytes(), np.uint8)
                 fields |= {"format": "mono8; png compressed", "data": data}
             else:
-                channels = {"mono8": 1, "bgr8": 3, "rgba8": 4}[encoding]
+                channels = {"bgr8": 3, "rgba8": 4, "16UC3": 3}.get(encoding, 1)
                 rows = np.repeat(grey, channels, axis=1)
+                if "16" in encoding:
+                    rows = (257 * rows.astype("<u2")).view(np.uint8)
+                elif encoding == "32FC1":
+                    rows = (rows / 255.0).astype("<f4").view(np.uint8)
                 padded = np.pad(rows, ((0, 0), (0, 5)))
                 height, width = grey.shape
                 fields |= {"height": height, "width": width, "encoding": encoding}

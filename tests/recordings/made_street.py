@@ -1,5 +1,7 @@
 """A small street whose images and disparities are exact: textured planes, seen from any place."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from stixel_cli.geometry.rig import Rig
@@ -87,7 +89,7 @@ def stereo_view(rig: Rig, pose: np.ndarray, boxes=()) -> tuple[np.ndarray, np.nd
     disparity = rig.disparity_from_depth(depth)
     right_pose = pose.copy()
     right_pose[:, 3] = pose[:, 3] + rig.baseline * pose[:, 0]
-    right, _ = view(rig, right_pose, boxes)
+    right, _ = view(replace(rig, principal_u=rig.u0_right), right_pose, boxes)
     if rig.disparity_offset or rig.disparity_slope:
         # A pixel u of a right image without error is seen at u - e.
         u = np.arange(rig.width, dtype=float)

@@ -1,6 +1,7 @@
 """Single pairs of images: their layouts, `stixel assess`, and errors against true disparities."""
 
 import json
+import shutil
 from dataclasses import fields, replace
 from pathlib import Path
 
@@ -8,8 +9,9 @@ import numpy as np
 import pytest
 from made_street import poses_ahead, stereo_view, street_rig
 
-from stixel_cli import compose, stixels_from_pair
+from stixel_cli import compose, stixels_from_pair, sweep
 from stixel_cli.cli.app import main
+from stixel_cli.config.road_pose import road_pose, rows_of
 from stixel_cli.errors import UserError
 from stixel_cli.export.kitti_folder import calibration_text
 from stixel_cli.images import encode_png
@@ -156,6 +158,7 @@ def test_assess_measures_errors_offset_and_obstacles(pair, tmp_path, monkeypatch
     assert values["near_columns"] == pytest.approx(RIG.width - RIG.u0 - 0.4 * RIG.focal, abs=2)
     assert values["near_called_free"] == 0
     assert values["stixel_share"] > 0.9
+    assert values["row_difference_px"] < 0.3
     wrong, mends = "rig.camera_height=1.2", "set rig.camera_height=1."
     assert main([*given, wrong]) == 0
     said, noted = capsys.readouterr()
@@ -171,6 +174,38 @@ def test_assess_measures_errors_offset_and_obstacles(pair, tmp_path, monkeypatch
     assert mends in noted
     assert fit["method"] == "ground truth" and fit["slope"] == 0.0
     assert fit["offset"] == pytest.approx(OFFSET, abs=0.05)
+
+
+def test_rows_that_are_apart_are_said_once_or_refused(pair, images, tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "cache"))
+    monkeypatch.chdir(tmp_path)
+    shutil.copytree(pair, "apart")
+    given = ["source.folder=apart", "source.sequence=7", "road_user=car", "start.range=[5,20]"]
+    given += ["executor=threads", "pictures.frames=[]"]
+    for rows, *more in ((1, "--name", "near"), (6, "source.check_rectification=false"), (6,)):
+        moved = encode_png(np.roll(images[1], rows, axis=0))
+        Path("apart/image_1/000007_10.png").write_bytes(moved)
+        rows_of.cache_clear()
+        road_pose.cache_clear()
+        code = main(["run", *given, *more])
+        said = capsys.readouterr().err
+        assert said.count("the rows of the two images differ by") == 1
+        assert code == (0 if more else 2)
+    assert said.startswith("stixel: source: ") and said.count("\n") == 1
+    assert "set source.check_rectification=false" in said
+    with pytest.raises(UserError, match=r"check_rectification"):
+        sweep(*given, seed=range(2), results="sweeps")
+    manifest = json.loads(Path("results/near/manifest.json").read_text())
+    assert manifest["row_difference_px"] == pytest.approx(1.0, abs=0.1)
+    assert "of the images 1.0" in Path("results/near/index.html").read_text()
+    assert main(["show", "results/near"]) == 0
+    assert "row_difference_px" in capsys.readouterr().out
+    # Without a height, the road is not to blame.
+    with pytest.raises(UserError, match=r"^source: the rows"):
+        files = ("apart/image_0/000007_10.png", "apart/image_1/000007_10.png")
+        Path("rig.yaml").write_text("{fx: 260, fy: 260, cx: 158, cy: 56, baseline: 0.5}")
+        named = zip(("folder", "right", "calibration"), (*files, "rig.yaml"), strict=True)
+        compose([*given[2:], "source=pair", *(f"source.{key}={file}" for key, file in named)])
 
 
 def test_stixels_from_a_file_have_the_scores_of_ours(pair, tmp_path, monkeypatch, capsys):

@@ -3,22 +3,28 @@
 import re
 import shutil
 
+import cv2
 import numpy as np
 import pytest
 from made_clip import LENGTH, WIDTH, make_clip, plain_folder, small_rig, small_scenario
+from made_files import RIG_FILES, png_of
 
 from stixel_cli.config.compose import compose
-from stixel_cli.config.road_pose import contradiction, road_pose
+from stixel_cli.config.road_pose import contradiction, road_pose, rows_of
 from stixel_cli.errors import ConfigurationError, UserError
+from stixel_cli.export.kitti_folder import calibration_text
+from stixel_cli.geometry.rig import Rig
 from stixel_cli.images import encode_png
 from stixel_cli.recordings.find import find_recording, guess_layout
-from stixel_cli.recordings.image_files import grey, read_image, rgb
+from stixel_cli.recordings.image_files import grey, image_size, read_image, rgb
 from stixel_cli.recordings.kitti_tables import read_calibration
 from stixel_cli.recordings.motion import recorded_motion, rocking
 from stixel_cli.recordings.parameters import KittiTracking
-from stixel_cli.recordings.stereo_images import read_pairs
+from stixel_cli.recordings.rig_files import read_named_calibration
+from stixel_cli.recordings.stereo_images import read_left, read_pairs
 from stixel_cli.recordings.truth import recorded_scenario, slopes
 from stixel_cli.recordings.types import Tables
+from stixel_cli.rendering.camera_rays import rig_cameras
 
 
 @pytest.fixture(scope="module")
@@ -184,11 +190,6 @@ DAMAGE = {
         lambda f: f.write_text("version https://git-lfs.github.com/spec/v1\noid sha256:00\n"),
         "000003.png: a Git LFS pointer",
     ),
-    "16 bits": (
-        RIGHT,
-        lambda f: f.write_bytes(encode_png(PIXELS.astype(np.uint16))),
-        "000003.png: 16 bits per channel: 8 are needed",
-    ),
     "other size": (
         RIGHT,
         lambda f: f.write_bytes(encode_png(PIXELS[:90])),
@@ -231,6 +232,18 @@ def test_a_wrong_folder_is_refused_in_one_line_that_names_the_file(file, damage,
     text = str(caught.value)
     assert said in text and "\n" not in text
     assert str(copy / file.split("/")[0]) in text
+
+
+def test_the_principal_points_of_two_cameras_may_differ(copy):
+    assert find_recording(source(copy)).calibration.principal_u_right is None
+    _put(copy / CALIBRATION, 3, 3, "98.5")
+    calibration = find_recording(source(copy)).calibration
+    assert calibration.principal_u == 78.0 and calibration.principal_u_right == 98.5
+    assert calibration.baseline == pytest.approx(0.5)
+    rig = Rig(**calibration.rig_values(160, 96) | {"camera_height": 1.65})
+    assert calibration_text(rig).splitlines()[3].split()[3] == "98.5"
+    left, right = rig_cameras(rig, np.zeros(3))
+    assert (left.u0, right.u0) == (78.0, 98.5)
 
 
 @pytest.mark.parametrize("kept", [0.3, 0.9])
@@ -285,10 +298,20 @@ def test_a_plain_folder_has_the_same_recording(clip, tmp_path):
     ("text", "said"),
     [
         ("focal_length: 150\n", "principal_u is missing"),
-        ("focus: 150\n", "focus: unknown"),
+        ("focus: 150\n", "focus: unknown; it has focal_length, "),
+        ("h: 1.6\n", "h: unknown; did you mean camera_height"),
+        ("Tx: 0.1\n", "Tx: unknown; did you mean baseline"),
+        ("fx: 9\nfocal_length: 9\n", "a number is given twice"),
+        ("K: [1, 2, 3]\n", "K: must be a camera matrix of 3 × 3 numbers"),
+        ("P: [1, 2, 3]\n", "P: must have 12 numbers"),
+        ("P1: [1]\nP2: {rows: 3}\n", "P1: must have 12 numbers"),
+        ("P: [9, 0, 1, 0, 0, 9, 1, 0, 0, 0, 1, 0]\n", "P has no baseline: name the right cam"),
+        ("P: [9, 0, 1, -9000, 0, 9, 1, 0, 0, 0, 1, 0]\n", "1000 m to the .*is it in mm"),
+        ("P: [9, 0, 1, .inf, 0, 9, 1, 0, 0, 0, 1, 0]\n", "not a finite number"),
         ("[1, 2]", "must map names to values"),
         ("focal_length: x\nprincipal_u: 1\nprincipal_v: 1\nbaseline: 1\n", "focal_length: must be"),
-        ("focal_length: 9\nprincipal_u: 1\nprincipal_v: 1\nbaseline: 0\n", "baseline: must be"),
+        ("focal_length: 9\nprincipal_u: 1\nprincipal_v: 1\nbaseline: 0\n", "no baseline: .* 0 m"),
+        ("focal_length: 9\nprincipal_u: 1\nprincipal_v: 1\nbaseline: 120\n", "is it in mm"),
     ],
 )
 def test_a_wrong_rig_is_refused(text, said, clip, tmp_path):
@@ -296,6 +319,68 @@ def test_a_wrong_rig_is_refused(text, said, clip, tmp_path):
     (tmp_path / "rig.yaml").write_text(text)
     with pytest.raises(UserError, match=said):
         find_recording(wrong)
+
+
+@pytest.mark.parametrize("name", RIG_FILES)
+def test_a_rig_is_read_as_others_write_it(name, tmp_path):
+    (tmp_path / name).write_text(RIG_FILES[name])
+    found = read_named_calibration(tmp_path / name)
+    assert (found.focal_length, found.focal_length_v) == (150.0, 151.0)
+    assert (found.principal_u, found.principal_v) == (78.0, 40.0)
+    # What ROS states of one camera counts for both.
+    right = None if name in ("right.yaml", "echo.yaml") else 80.0
+    assert found.principal_u_right == right and found.camera_height is None
+    assert found.baseline == pytest.approx(0.5)
+    if name == "calib.txt":
+        (tmp_path / name).write_text(RIG_FILES[name].replace("baseline", "base"))
+        with pytest.raises(UserError, match=r"calib\.txt: baseline is missing"):
+            read_named_calibration(tmp_path / name)
+
+
+@pytest.mark.parametrize(
+    ("data", "pixels"),
+    [
+        (png_of(8, 6, [1, 2, 3, 9, 4, 5, 6, 0]), [[1, 2, 3], [4, 5, 6]]),
+        (png_of(8, 4, [7, 0, 8, 255]), [[7, 7, 7], [8, 8, 8]]),
+        (png_of(8, 3, [1, 0], bytes([1, 2, 3, 4, 5, 6])), [[4, 5, 6], [1, 2, 3]]),
+        (png_of(1, 0, [0x40]), [[0, 0, 0], [255, 255, 255]]),
+        # By the greatest value, 0x0800.
+        (png_of(16, 0, [8, 0, 4, 0]), [[255] * 3, [128] * 3]),
+        (png_of(16, 2, [8, 0, 4, 0, 0, 0] * 2), [[255, 128, 0]] * 2),
+    ],
+)
+def test_a_png_of_every_kind_is_read(data, pixels, tmp_path):
+    file = tmp_path / "a.png"
+    file.write_bytes(data)
+    assert image_size(file) == (2, 1)
+    assert read_left((file,), 0).left[0].tolist() == [pixels]
+
+
+def test_both_images_of_a_pair_have_one_scale(copy):
+    recording = find_recording(source(copy))
+    for file, times in ((recording.left[1], 16), (recording.right[1], 8)):
+        wide = times * cv2.imread(str(file), cv2.IMREAD_GRAYSCALE).astype(np.uint16)
+        file.write_bytes(encode_png(wide))
+    before = read_pairs(recording.images, range(0, 1))
+    after = read_pairs(recording.images, range(1, 2))
+    assert after.left[0].max() == 255 and before.right[0].max() > 200
+    assert after.right[0].max() == pytest.approx(128, abs=4)
+
+
+def test_jpeg_files_are_taken_in_every_layout(clip, copy):
+    for file in [*copy.rglob("0000*.png")]:
+        image = cv2.imread(str(file))
+        cv2.imwrite(str(file.with_suffix(".JPG")), image, [cv2.IMWRITE_JPEG_QUALITY, 100])
+        # A PNG beside it is preferred.
+        if file.stem != "000000":
+            file.unlink()
+    recording = find_recording(source(copy))
+    assert [file.suffix for file in recording.left] == [".png"] + 4 * [".JPG"]
+    found, exact = (
+        read_pairs(one.images, range(5)) for one in (recording, find_recording(source(clip)))
+    )
+    differences = [np.abs(found.left[k].astype(int) - exact.left[k]) for k in range(5)]
+    assert differences[0].max() == 0 and 0 < np.mean(differences[1]) < 2
 
 
 def test_what_a_plain_folder_does_not_state_is_required_or_seen(clip, tmp_path):
@@ -320,6 +405,7 @@ def test_what_a_plain_folder_does_not_state_is_required_or_seen(clip, tmp_path):
     for file in (tmp_path / "left").iterdir():
         shutil.copy(file, tmp_path / "right")
     road_pose.cache_clear()
-    with pytest.raises(ConfigurationError, match=r"^rig\.camera_height: is required"):
+    rows_of.cache_clear()
+    with pytest.raises(ConfigurationError, match=r"^rig\.camera_height: is required.* no road: "):
         compose(words)
     assert compose([*words, "rig.camera_height=1.5"]).configuration.rig.camera_height == 1.5

@@ -61,6 +61,9 @@ def plain(clip, folder):
         ("drive", "png", "sqlite3"),
         ("drive.bag", "bgr8", ""),
         ("drive.mcap", "mono8", "mcap"),
+        ("drive", "mono16", "mcap"),
+        ("drive", "16UC3", "mcap"),
+        ("drive", "32FC1", "mcap"),
     ],
 )
 def test_a_bag_has_the_images_and_poses_of_the_folder_it_was_made_from(
@@ -162,7 +165,10 @@ CONTENT = {
         "no baseline",
     ),
     "other size": (edited(INFO_LEFT, width=640), r"160.* px, but camera_info has \(640, 96\)"),
-    "other encoding": (edited(LEFT, encoding="32FC1"), "encoding 32FC1: must be one of mono8, "),
+    "other encoding": (
+        edited(LEFT, encoding="bayer_rggb8"),
+        "encoding bayer_rggb8: must be mono, ",
+    ),
     "short image": (edited(LEFT, data=np.zeros(99, np.uint8)), f"{LEFT}: a damaged image: 99 byt"),
     "no pair": (
         lambda content: [one for one in content if one[0] != LEFT or one[1] < START + STEP],

@@ -147,6 +147,13 @@ def test_cameras_without_a_baseline_are_refused(folders, tmp_path):
         find_recording(source(tmp_path))
 
 
+def frame(kind, bits, height, channels):
+    """The header of a frame (ITU-T T.81, B.2.2), 16 px wide, and the begin of its scan (B.2.3)."""
+    size = bytes([bits, *height.to_bytes(2, "big"), 0, 16, channels])
+    parts = b"".join(bytes([i + 1, 0x11, 0]) for i in range(channels))
+    return b"\xff" + kind + (len(size + parts) + 2).to_bytes(2, "big") + size + parts + b"\xff\xda"
+
+
 def test_jpeg_images_are_read_as_png_images_are(tmp_path, capfd):
     ramp = np.repeat(np.arange(0, 240, 4, dtype=np.uint8)[None], 30, axis=0)
     for name, image in (("grey", ramp), ("rgb", np.dstack([ramp, ramp // 2, ramp // 4]))):
@@ -168,9 +175,9 @@ def test_jpeg_images_are_read_as_png_images_are(tmp_path, capfd):
 @pytest.mark.parametrize(
     ("head", "said"),
     [
-        (b"\xff\xc0\x00\x11\x0c\x00\x10\x00\x10\x03", "12 bits per channel: 8 are needed"),
-        (b"\xff\xc0\x00\x11\x08\x00\x10\x00\x10\x04", "a JPEG of 4 channels: grey or RGB"),
-        (b"\xff\xc2\x00\x11\x08\xff\x10\x00\x10\x03", "16 × 65296 px: each side must be"),
+        (frame(b"\xc0", 12, 16, 3), "a damaged or incomplete JPEG image, or not of 8 bits"),
+        (frame(b"\xc0", 8, 16, 4), "a JPEG of 4 channels: grey or RGB"),
+        (frame(b"\xc2", 8, 65296, 3), "16 × 65296 px: each side must be"),
         (b"\xff\xd8\xff\xff", "a damaged or incomplete JPEG image"),
         (b"\xff\xe0\x00\x00" * 9, "a damaged or incomplete JPEG image"),
     ],

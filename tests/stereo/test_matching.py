@@ -228,6 +228,27 @@ def test_the_errors_of_the_rig_are_taken_off_column_by_column(pairs):
     assert (found == plain - errors)[both].all()
 
 
+@pytest.mark.parametrize("distance", [25.25, -25.25])
+def test_the_distance_of_the_principal_points_is_taken_off(pairs, distance):
+    """It may exceed the range that is searched; its fraction is rounded as other errors are."""
+    moved = round(distance)
+    left, right = pairs.left[0], pairs.right[0]
+    # A right camera whose principal point is farther right sees everything farther right.
+    seen = np.roll(right, moved, axis=1)
+    apart = StereoPairs(0, *(ImageStack.from_images([image]) for image in (left, seen)))
+    rig = replace(RIG, principal_u_right=RIG.u0 + distance)
+    found = sgm.match(apart, SGM, rig, range(1)).raw(0).astype(int)
+    plain = sgm.match(pairs, SGM, RIG, FRAMES).raw(0).astype(int)
+    # Away from the borders, near which a path of the matcher has other neighbours.
+    inside = np.s_[:, 40:110]
+    both = (plain != INVALID) & (found != INVALID)
+    assert both[inside].mean() > 0.9
+    assert np.mean((found == plain + 16 * (distance - moved))[inside][both[inside]]) > 0.99
+    # What the other camera cannot see has no match.
+    u = np.arange(160) - found / 16 + distance
+    assert ((u > -1) & (u < 160))[found != INVALID].all()
+
+
 def test_a_disparity_that_the_correction_takes_out_of_range_is_invalid():
     raw = np.array([[0, 5, 500, INVALID]], dtype=np.int16)
     found = corrected(raw, np.array([8, -8, -16, 0], dtype=np.int16), 32)

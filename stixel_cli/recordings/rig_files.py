@@ -1,0 +1,143 @@
+"""The rig in a calibration file, or in numbers with the names that others give them.
+
+A file is a `rig.yaml` of ours, one of KITTI's, Middlebury's `calib.txt` (Scharstein et al. 2014:
+`cam0=[f 0 cx; 0 f cy; 0 0 1]`, `cam1`, `baseline` in mm), the YAML of the right camera's
+`CameraInfo` of ROS, whose P counts, or OpenCV's with the `P1` and `P2` of `stereoRectify`.
+"""
+
+import re
+from collections.abc import Collection, Mapping
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from stixel_cli.errors import UserError, printable
+from stixel_cli.files import read_text, read_yaml
+from stixel_cli.recordings import kitti_tables
+from stixel_cli.recordings.kitti_tables import numbers, rectified_pair, text_rows
+from stixel_cli.recordings.types import Calibration
+
+NEEDED = ("focal_length", "principal_u", "principal_v", "baseline")
+OPTIONAL = ("focal_length_v", "principal_u_right", "camera_height")
+
+SAME = {"fx": "focal_length", "fy": "focal_length_v", "cx": "principal_u", "cy": "principal_v"}
+"""Our name of each number that is also taken by another name."""
+
+COUNTERPARTS = {
+    "focal_length": ("f", "fu", "focal"),
+    "principal_u": ("u0", "ppx"),
+    "principal_v": ("v0", "ppy"),
+    "principal_u_right": ("doffs", "cx1", "cx_right"),
+    "baseline": ("b", "tx", "t"),
+    "camera_height": ("h", "mounting_height"),
+    "horizontal_fov": ("fov", "hfov"),
+}
+"""Names, in lower case, that others have for ours."""
+
+
+def our_names(given: Mapping[str, Any]) -> dict[str, Any]:
+    """The numbers of a rig by our names: `fx`, `fy`, `cx`, `cy` and `K`, (3, 3), become ours.
+
+    Raises:
+        ValueError: for a K that is not a camera matrix, or a number that is given twice.
+    """
+    pairs = [(SAME.get(name, name), value) for name, value in given.items() if name != "K"]
+    if "K" in given:
+        try:
+            matrix = np.array(given["K"], dtype=np.float64).reshape(3, 3)
+        except (TypeError, ValueError):
+            raise ValueError("K: must be a camera matrix of 3 × 3 numbers") from None
+        of_matrix = matrix[[0, 1, 0, 1], [0, 1, 2, 2]]  # f_x, f_y, c_x, c_y
+        pairs += zip(SAME.values(), of_matrix.tolist(), strict=True)
+    named = dict(pairs)
+    if len(named) < len(pairs):
+        raise ValueError(f"a number is given twice, by two of its names: {', '.join(given)}")
+    return named
+
+
+def counterpart(name: str, known: Collection[str]) -> str:
+    """`; did you mean …?` for the one of the `known` names that is meant; "" if none is near."""
+    meant = [ours for ours in known if name.lower() in COUNTERPARTS.get(ours, ())]
+    meant += get_close_matches(name.lower(), known, n=1)
+    return f"; did you mean {meant[0]}?" if meant else ""
+
+
+def read_named_calibration(file: Path) -> Calibration:
+    """The calibration in a file of any of these kinds; UserError if it is not valid."""
+    if file.suffix in (".yaml", ".yml"):
+        return read_rig(file)
+    if "cam0=" in read_text(file):
+        return _middlebury(file)
+    return kitti_tables.read_calibration(file, *kitti_tables.PAIRS)
+
+
+def read_rig(file: Path) -> Calibration:
+    """The calibration in a YAML file.
+
+    Raises:
+        UserError: if a value is missing, not a number, or unknown.
+    """
+    content = read_yaml(file)
+    if not isinstance(content, dict):
+        raise UserError(f"{file}: must map names to values")
+    # Names of P in a file of a driver of ROS, and as ROS 1 and 2 print it.
+    of_ros = [name for name in ("projection_matrix", "P", "p") if name in content]
+    if of_ros:
+        right = _projection(file, of_ros[0], content[of_ros[0]])
+        if right[0, 3] == 0.0:
+            raise UserError(f"{file}: {of_ros[0]} has no baseline: name the right camera's file")
+        left = right * [1.0, 1.0, 1.0, 0.0]
+        return rectified_pair(file, ("the left", "the right camera"), (left, right))
+    if {"P1", "P2"} <= content.keys():
+        pair = [_projection(file, name, content[name]) for name in ("P1", "P2")]
+        return rectified_pair(file, ("P1", "P2"), pair)
+    try:
+        content = our_names(content)
+    except ValueError as fault:
+        raise UserError(f"{file}: {fault}") from None
+    known = NEEDED + OPTIONAL
+    for name, value in content.items():
+        if name not in known:
+            meant = counterpart(str(name), known) or f"; it has {', '.join(known)}"
+            raise UserError(f"{file}: {printable(str(name))}: unknown{meant}")
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise UserError(f"{file}: {name}: must be a number")
+    for name in NEEDED:
+        if name not in content:
+            raise UserError(f"{file}: {name} is missing")
+    if content["focal_length"] <= 0:
+        raise UserError(f"{file}: focal_length: must be > 0, got {content['focal_length']:g}")
+    kitti_tables.check_baseline(file, content["baseline"], "the left", "the right camera")
+    absent = {"focal_length_v": content["focal_length"], "camera_height": None}
+    return Calibration(**absent | content)
+
+
+def _middlebury(file: Path) -> Calibration:
+    """The calibration in a `calib.txt`; its `doffs` is the distance of both cameras' cx."""
+    values = {}
+    for row, words in text_rows(file):
+        name, _, text = " ".join(words).partition("=")
+        if name in ("cam0", "cam1", "baseline"):
+            count = 1 if name == "baseline" else 9
+            values[name] = numbers(file, row, re.sub(r"[\[\];,]", " ", text).split(), count)
+    missing = {"cam0", "cam1", "baseline"} - values.keys()
+    if missing:
+        raise UserError(f"{file}: {min(missing)} is missing")
+    left, right = (np.reshape(values[name], (3, 3)) for name in ("cam0", "cam1"))
+    millimetres = np.array([[values["baseline"][0]], [0.0], [0.0]])
+    pair = np.hstack([left, 0.0 * millimetres]), np.hstack([right, -1e-3 * right @ millimetres])
+    return rectified_pair(file, ("cam0", "cam1"), pair)
+
+
+def _projection(file: Path, name: str, value: Any) -> np.ndarray:
+    """The projection (3, 4) in `value`: its numbers, or a mapping that has them as `data`."""
+    try:
+        data = value["data"] if isinstance(value, dict) else value
+        matrix = np.array(data, dtype=np.float64).reshape(3, 4)
+    except (KeyError, TypeError, ValueError):
+        raise UserError(f"{file}: {name}: must have 12 numbers") from None
+    if not (np.abs(matrix) < kitti_tables.GREATEST).all():
+        raise UserError(f"{file}: {name}: numbers must be within ±{kitti_tables.GREATEST:g}")
+    return matrix
