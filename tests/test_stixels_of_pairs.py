@@ -214,7 +214,7 @@ def test_images_of_every_kind_have_the_stixels_of_eight_bits(pair):
     # One scale: the darker image stays darker.
     dark = [wide[0].astype(np.uint16) * 257, wide[1].astype(np.uint16) * 100]
     bright, darker = grey_pair(*dark)
-    assert darker.max() == pytest.approx(bright.max() * 100 / 257, abs=1)
+    assert darker.max() == pytest.approx(int(bright.max()) * 100 / 257, abs=1)
 
 
 def test_unknown_disparities_and_integers_are_taken_as_their_makers_mean_them(street):
@@ -264,6 +264,7 @@ def moved(image, rows=0.0, roll=0.0, scale=1.0):
         ({"rig": NUMBERS | {"fov": 3}}, "rig: fov: is unknown, got 3; did you mean horizontal_fov"),
         ({"rig": NUMBERS | {"tx": 3}}, "rig: tx: is unknown, got 3; did you mean baseline"),
         ({"rig": NUMBERS | {"fx": 3}}, "rig: a number is given twice.*: focal_length.*, fx"),
+        ({"rig": NUMBERS | {"fy": 0.0}}, "rig: focal_length_v: must be > 0, got 0"),
         ({"rig": {"K": [1, 2], "baseline": 0.4}}, "rig: K: must be a camera matrix of 3 × 3"),
         ({"rig": NUMBERS | {"principal_u_right": 400}}, "rig: principal_u_right: must be 0 to 239"),
         ({"rig": NUMBERS | {"horizontal_fov": 60.0}}, "rig: focal_length: set either"),

@@ -104,11 +104,11 @@ def read_rig(file: Path) -> Calibration:
             raise UserError(f"{file}: {printable(str(name))}: unknown{meant}")
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise UserError(f"{file}: {name}: must be a number")
+        if name.startswith("focal_length") and value <= 0:
+            raise UserError(f"{file}: {name}: must be > 0, got {value:g}")
     for name in NEEDED:
         if name not in content:
             raise UserError(f"{file}: {name} is missing")
-    if content["focal_length"] <= 0:
-        raise UserError(f"{file}: focal_length: must be > 0, got {content['focal_length']:g}")
     kitti_tables.check_baseline(file, content["baseline"], "the left", "the right camera")
     absent = {"focal_length_v": content["focal_length"], "camera_height": None}
     return Calibration(**absent | content)

@@ -55,7 +55,12 @@ class Calibration:
 
 
 def vertical_angle(focal_length: float, focal_length_v: float, height: int) -> float | None:
-    """The field of view over `height` px, degrees; None if both focal lengths, px, are the same."""
+    """The field of view over `height` px, degrees; None if both focal lengths, px, are the same.
+
+    ValueError unless `focal_length_v` is positive.
+    """
+    if not focal_length_v > 0.0:
+        raise ValueError(f"focal_length_v: must be > 0, got {focal_length_v:g}")
     if math.isclose(focal_length, focal_length_v, rel_tol=1e-6):
         return None
     return 2.0 * math.degrees(math.atan(height / (2.0 * focal_length_v)))

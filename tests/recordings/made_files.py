@@ -17,7 +17,7 @@ projection_matrix:
   cols: 4
   data: [150., 0., 78., -75., 0., 151., 40., 0., 0., 0., 1., 0.]
 """,
-    "echo.yaml": "height: 96\nwidth: 160\nP: [150, 0, 78, -75, 0, 151, 40, 0, 0, 0, 1, 0]\n---\n",
+    "echo.yml": "height: 96\nwidth: 160\nP: [150, 0, 78, -75, 0, 151, 40, 0, 0, 0, 1, 0]\n---\n",
     "extrinsics.yml": """%YAML:1.0
 ---
 R: !!opencv-matrix

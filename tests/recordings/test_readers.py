@@ -303,6 +303,7 @@ def test_a_plain_folder_has_the_same_recording(clip, tmp_path):
         ("Tx: 0.1\n", "Tx: unknown; did you mean baseline"),
         ("fx: 9\nfocal_length: 9\n", "a number is given twice"),
         ("K: [1, 2, 3]\n", "K: must be a camera matrix of 3 × 3 numbers"),
+        ("K: [9, 0, 1, 0, 0, 1, 0, 0, 1]\nbaseline: 1\n", "focal_length_v: must be > 0, got 0"),
         ("P: [1, 2, 3]\n", "P: must have 12 numbers"),
         ("P1: [1]\nP2: {rows: 3}\n", "P1: must have 12 numbers"),
         ("P: [9, 0, 1, 0, 0, 9, 1, 0, 0, 0, 1, 0]\n", "P has no baseline: name the right cam"),
@@ -328,7 +329,7 @@ def test_a_rig_is_read_as_others_write_it(name, tmp_path):
     assert (found.focal_length, found.focal_length_v) == (150.0, 151.0)
     assert (found.principal_u, found.principal_v) == (78.0, 40.0)
     # What ROS states of one camera counts for both.
-    right = None if name in ("right.yaml", "echo.yaml") else 80.0
+    right = None if name in ("right.yaml", "echo.yml") else 80.0
     assert found.principal_u_right == right and found.camera_height is None
     assert found.baseline == pytest.approx(0.5)
     if name == "calib.txt":

@@ -150,8 +150,8 @@ def test_cameras_without_a_baseline_are_refused(folders, tmp_path):
 def frame(kind, bits, height, channels):
     """The header of a frame (ITU-T T.81, B.2.2), 16 px wide, and the begin of its scan (B.2.3)."""
     size = bytes([bits, *height.to_bytes(2, "big"), 0, 16, channels])
-    parts = b"".join(bytes([i + 1, 0x11, 0]) for i in range(channels))
-    return b"\xff" + kind + (len(size + parts) + 2).to_bytes(2, "big") + size + parts + b"\xff\xda"
+    size += b"".join(bytes([i + 1, 0x11, 0]) for i in range(channels))
+    return b"\xff" + kind + (len(size) + 2).to_bytes(2, "big") + size + b"\xff\xda\x00\x02"
 
 
 def test_jpeg_images_are_read_as_png_images_are(tmp_path, capfd):
