@@ -10,8 +10,8 @@ from stixel_cli.stereo.matching import one_thread
 WARNED, REFUSED = 0.5, 2.0
 """Differences of the rows, px, that are said, and that are refused."""
 
-EXCHANGED = 0.8
-"""Share of the corners with a negative disparity."""
+MOST_NEGATIVE = 0.25
+"""Share of the corners with a negative disparity; wrong matches have some, exchanged images all."""
 
 CORNERS, WIDTH = 250, 1300
 """Of each image, and the width, px, to which it is reduced; corners are matched at half of it."""
@@ -72,7 +72,7 @@ def compare_rows(left: np.ndarray, right: np.ndarray, far_disparity: float) -> R
     uneven = reduced * np.hypot(roll * width, scale * height) / np.sqrt(12.0)
     difference = float(np.hypot(mean, uneven))
     negative = np.mean(reduced * (one - other)[agree, 0] < far_disparity - 1.0)
-    if negative >= EXCHANGED:
+    if negative >= MOST_NEGATIVE:
         fault = (
             f"{negative:.0%} of the disparities are negative: exchange left and right; or state "
             "rig.principal_u_right, if the principal points of the cameras differ"
@@ -82,7 +82,7 @@ def compare_rows(left: np.ndarray, right: np.ndarray, far_disparity: float) -> R
         fault = f"the rows of the two images differ by {difference:.1f} px ({parts}): rectify them"
     else:
         fault = None
-    return Rows(difference, fault, negative >= EXCHANGED or difference >= REFUSED)
+    return Rows(difference, fault, negative >= MOST_NEGATIVE or difference >= REFUSED)
 
 
 def _at_most(image: np.ndarray, width: int) -> np.ndarray:
