@@ -13,7 +13,7 @@ WARNED, REFUSED = 0.5, 2.0
 MOST_NEGATIVE = 0.25
 """Share of the corners with a negative disparity; wrong matches have some, exchanged images all."""
 
-CORNERS, WIDTH = 250, 1300
+CORNERS, WIDTH = 200, 1300
 """Of each image, and the width, px, to which it is reduced; corners are matched at half of it."""
 
 LEAST_CORNERS, LEAST_SHARE, TOLERANCE = 25, 0.4, 0.7
