@@ -118,9 +118,9 @@ def read_bytes(file: Path, greatest: int = GREATEST_TEXT) -> bytes:
 
 
 def read_text(file: Path) -> str:
-    """The text of a file; UserError if it is missing, too large, or not in UTF-8."""
+    """The text of a file, without a BOM; UserError if it is missing, too large, or not in UTF-8."""
     try:
-        return read_bytes(file).decode("utf-8")
+        return read_bytes(file).decode("utf-8-sig")
     except UnicodeDecodeError:
         raise UserError(f"{file}: not a text in UTF-8") from None
 
