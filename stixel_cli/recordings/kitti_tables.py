@@ -8,7 +8,7 @@ truncated, occluded, alpha, box in the left colour image (left, top, right, bott
 (height, width, length, m), place of the bottom's centre (x, y, z, m, in the frame of camera 0),
 rotation_y (rad), https://www.cvlibs.net/datasets/kitti/eval_tracking.php. Those of the object
 benchmark have no frame and no track id, and a share of truncation: they are of frame 0, and the
-track id is the number of the row, from 0.
+track id is the number of the row, from 0. Result files have a score in one more column.
 """
 
 import math
@@ -158,15 +158,16 @@ def read_labels(file: Path) -> Tracks:
     kinds: dict[int, str] = {}
     seen: set[tuple[int, int]] = set()
     texts = text_rows(file)
-    of_object = bool(texts) and len(texts[0][1]) == OBJECT_COLUMNS
+    of_object = bool(texts) and len(texts[0][1]) in (OBJECT_COLUMNS, OBJECT_COLUMNS + 1)
+    columns = OBJECT_COLUMNS if of_object else COLUMNS
     for row, words in texts:
-        check_columns(file, row, words, OBJECT_COLUMNS if of_object else COLUMNS)
+        check_columns(file, row, words[:columns] if len(words) == columns + 1 else words, columns)
         if of_object:
             words = ["0", str(row - 1), *words]
         kind = words[2]
         if kind == "DontCare":
             continue
-        values = numbers(file, row, words[:2] + words[3:])
+        values = numbers(file, row, words[:2] + words[3:COLUMNS])
         frame, target = int(values[0]), int(values[1])
         if (frame, target) != (values[0], values[1]) or frame < 0 or target < 0:
             raise UserError(f"{file}: row {row}: frame and track id must be whole numbers ≥ 0")
