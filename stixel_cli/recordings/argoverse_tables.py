@@ -15,8 +15,7 @@ import numpy as np
 
 from stixel_cli.errors import UserError, printable
 from stixel_cli.feather import read_columns
-from stixel_cli.recordings.boxes import seen_box
-from stixel_cli.recordings.kitti_tables import labels_in
+from stixel_cli.recordings.kitti_tables import labels_in, seen_box
 from stixel_cli.recordings.times import GREATEST_GAP, poses_at, unit_rotations
 from stixel_cli.recordings.types import Calibration, Rectification, Tracks
 from stixel_cli.remembered import remembered

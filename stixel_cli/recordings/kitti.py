@@ -109,29 +109,28 @@ def clip_poses(root: Path, name: str) -> tuple[Tables, tuple[Path, ...]]:
 def find_raw(source: KittiRaw) -> Recording:
     """The recording of a drive of the raw data."""
     root = Path(source.folder)
-    names = ("imu_to_velo", "velo_to_cam", "cam_to_cam")
-    files = [f"calib_{name}.txt" for name in names]
     # The drives of a day share the calibration.
-    at = root if (root / files[2]).is_file() else root.parent
-    imu, velodyne, cameras = (at / file for file in files)
-    packets = {}
+    at = root if (root / "calib_cam_to_cam.txt").is_file() else root.parent
+    calibrations = _, velodyne, cameras = [
+        at / f"calib_{name}.txt" for name in ("imu_to_velo", "velo_to_cam", "cam_to_cam")
+    ]
+    packets, number = {}, r"(\d{10})\."
     if (root / "oxts/data").is_dir():
         (packets,) = numbered_images(
-            root / "oxts/data", names=r"(\d{10})\.txt", example="0000000000.txt"
+            root / "oxts/data", names=number + "txt", example="0000000000.txt"
         )
         if list(packets) != list(range(len(packets))):
-            raise UserError(
-                f"{root / 'oxts/data'}: the packets must be numbered from 0, without gaps"
-            )
+            raise UserError(f"{root / 'oxts/data'}: must have packets from 0 on, without gaps")
     return assembled_recording(
         source,
         read_calibration(cameras, CAMERAS),
         numbered_images(
-            *(root / camera / "data" for camera in ("image_02", "image_03")),
-            names=r"(\d{10})\.png",
+            root / "image_02/data",
+            root / "image_03/data",
+            names=number + "png",
             example="0000000000.png",
         ),
-        poses=(imu, velodyne, cameras, *packets.values()) if packets else (),
+        poses=(*calibrations, *packets.values()) if packets else (),
         labels=(root / "tracklet_labels.xml", velodyne, cameras),
         tables=Tables("kitti_raw"),
     )

@@ -11,8 +11,7 @@ import numpy as np
 
 from stixel_cli.errors import UserError, printable
 from stixel_cli.files import read_xml
-from stixel_cli.recordings.boxes import seen_box
-from stixel_cli.recordings.kitti_tables import labels_in, numbers, read_calibration
+from stixel_cli.recordings.kitti_tables import labels_in, numbers, read_calibration, seen_box
 from stixel_cli.recordings.oxts import named_numbers, packet_poses, rigid
 from stixel_cli.recordings.types import Tracks
 from stixel_cli.remembered import remembered
