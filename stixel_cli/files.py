@@ -20,6 +20,7 @@ from stixel_cli.errors import UserError, printable_path
 
 if TYPE_CHECKING:
     import zipfile
+    from xml.etree.ElementTree import Element
 
     import numpy as np
 
@@ -118,9 +119,9 @@ def read_bytes(file: Path, greatest: int = GREATEST_TEXT) -> bytes:
 
 
 def read_text(file: Path) -> str:
-    """The text of a file; UserError if it is missing, too large, or not in UTF-8."""
+    """The text of a file, without a BOM; UserError if it is missing, too large, or not in UTF-8."""
     try:
-        return read_bytes(file).decode("utf-8")
+        return read_bytes(file).decode("utf-8-sig")
     except UnicodeDecodeError:
         raise UserError(f"{file}: not a text in UTF-8") from None
 
@@ -148,6 +149,23 @@ def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     if len(content) < len(pairs):
         raise ValueError("a name is given twice")
     return content
+
+
+def read_xml(file: Path) -> "Element":
+    """The root of an XML file without entities of its own.
+
+    Raises:
+        UserError: if it is missing, is not XML, declares entities, or has too many elements.
+    """
+    from xml.etree import ElementTree
+
+    text = read_text(file)
+    if "<!ENTITY" in text or text.count("<") > MOST_VALUES:
+        raise UserError(f"{file}: must have no entities, and at most {MOST_VALUES} tags")
+    try:
+        return ElementTree.fromstring(text)
+    except (ElementTree.ParseError, ValueError) as error:
+        raise UserError(f"{file}: not valid XML: {error}") from None
 
 
 def read_yaml(file: Path) -> Any:

@@ -217,10 +217,10 @@ def _completed(
     if "ego" not in typed:
         # One frame has no motion.
         if not recording.pose_files and recording.count > 1:
-            of_bag = " (source.odometry_topic)" if given.kind == "rosbag" else ""
+            where = {"rosbag": " (source.odometry_topic)", "kitti_tracking": " (oxts/NNNN.txt)"}
             raise ConfigurationError(
-                f"ego: the recording has no poses of the ego car{of_bag}; if it does not move, "
-                "choose ego=parked"
+                f"ego: the recording has no poses of the ego car{where.get(given.kind, '')}; if it "
+                "does not move, choose ego=parked"
             )
         choices["ego"] = "source" if recording.pose_files else "parked"
         resolved["ego"] = {"kind": choices["ego"]}

@@ -17,10 +17,14 @@ class UserFiles:
     """Opens what configurations name, each once; a new object opens it anew.
 
     The configuration takes from an opened recording what it sets, the stages take its frames.
+
+    Attributes:
+        notes: what a user may not expect of the opened files, one line each.
     """
 
     def __init__(self) -> None:
         self._opened: dict[str, Any] = {}
+        self.notes: list[str] = []
 
     def recording(self, configuration: Configuration) -> "Recording | None":
         """The recording or the replayed motion of a configuration; None without one.
@@ -41,7 +45,7 @@ class UserFiles:
         parameters; errors as above. The truth of scans is checked too."""
         name = repr(parameters)
         if name not in self._opened:
-            self._opened[name] = _open(parameters)
+            self._opened[name] = _open(parameters, self.notes)
         return self._opened[name]
 
     def add(self, parameters: Any, opened: Any) -> None:
@@ -49,7 +53,7 @@ class UserFiles:
         self._opened[repr(parameters)] = opened
 
 
-def _open(parameters: Any) -> Any:
+def _open(parameters: Any, notes: list[str]) -> Any:
     # Imported here, because most runs have no such files.
     if isinstance(parameters, FileParameters):
         from stixel_cli.measurements.file import read_scans
@@ -58,12 +62,15 @@ def _open(parameters: Any) -> Any:
             raise UserError(
                 "measurement.path: is missing: give the file of the scans, .csv or .npz"
             )
-        scans = read_scans(parameters.path, parameters.ego, parameters.range_std)
+        units = {"time_unit": parameters.time_unit, "angle_unit": parameters.angle_unit}
+        scans = read_scans(
+            parameters.path, parameters.ego, parameters.range_std, **units, note=notes.append
+        )
         if parameters.truth is not None:
             # Shapely is imported for it.
             from stixel_cli.measurements.file_truth import read_truth
 
-            read_truth(scans, parameters.truth)
+            read_truth(scans, parameters.truth, **units)
         return scans
     if isinstance(parameters, ReplayedPath):
         from stixel_cli.recordings.replay import find_replay

@@ -18,16 +18,13 @@ from stixel_cli.evaluation.scores import Scores
 from stixel_cli.experiment.run_names import differences, joined_name
 from stixel_cli.experiment.stages import RESULTS, computed_stages, experiment_graph
 from stixel_cli.experiment.table.table import PICTURES
-from stixel_cli.measurements.file_truth import angle_to_motion
+from stixel_cli.measurements.file_truth import heading_note
 from stixel_cli.report.playback import playback_html
 from stixel_cli.results.folder import check_results, new_folder, write_folder
 from stixel_cli.results.lineage import lineage_of, provenance, read_lineage
 from stixel_cli.results.result import RunResult, read_run
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.version import __version__
-
-GREATEST_ANGLE = 20.0
-"""Degrees between a target's heading and its motion, above which a truth contradicts itself."""
 
 CAMERA = "camera_frames"
 """The stage that prepares the camera's images for the playback page."""
@@ -77,14 +74,10 @@ def run_experiment(
 
 
 def _note_headings(composition: Composition, scenario: Scenario, progress: Progress) -> None:
-    """Note a truth in a file whose headings contradict its motion."""
-    if composition.configuration.measurement.kind == "file":
-        angle = angle_to_motion(scenario)
-        if angle > GREATEST_ANGLE:
-            progress.note(
-                f"measurement.truth: headings are {angle:.0f}° (median) away from the direction of "
-                "motion: are they in radians?"
-            )
+    """Note a truth in a file whose headings are of another unit, or contradict its motion."""
+    measurement = composition.configuration.measurement
+    if measurement.kind == "file" and (text := heading_note(scenario, measurement.angle_unit)):
+        progress.note(text)
 
 
 def record_run(
@@ -128,6 +121,7 @@ def record_run(
         **({} if rerun_of is None else {"rerun_of": str(rerun_of)}),
         **correction_note(composition.configuration),
         **row_note(composition),
+        **({} if run.scans.epoch is None else {"time_offset_ns": run.scans.epoch}),
         "star_convex": run.scenario.star_convex,
         "stages": run.stages,
     }

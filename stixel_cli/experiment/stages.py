@@ -211,6 +211,8 @@ def computed_stages(
             progress.note(text)
     try:
         graph = experiment_graph(composition)
+        while progress is not None and composition.files.notes:
+            progress.note(composition.files.notes.pop(0))
         wanted = [name for name in wanted if name in graph.stages]
         needed = graph.ancestors(graph.expand(wanted))
 

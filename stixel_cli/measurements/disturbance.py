@@ -1,5 +1,7 @@
 """Add clutter and dropouts to the scans of any sensor."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from stixel_cli.geometry.pose import wrap_angle
@@ -45,7 +47,8 @@ def disturb_scans(
                 np.concatenate([scans.covariances_world[rows], covariances]),
             )
         )
-    return Scans.of_each(scans.times, scans.sensor_poses_world, own, scans.field_of_view)
+    disturbed = Scans.of_each(scans.times, scans.sensor_poses_world, own, scans.field_of_view)
+    return replace(disturbed, epoch=scans.epoch)
 
 
 def _clutter(

@@ -1,20 +1,32 @@
 """Scans from a file: the `scans.csv` that a run writes, or such a table of any other sensor.
 
 One row per point: k, t (s), x, y (m, world frame), optionally var_xx, var_xy, var_yy (m²). The
-sensor's poses are a table like a run's `ego.csv`: k, t, x, y (m), heading (rad).
+sensor's poses are a table like a run's `ego.csv`: k, t, x, y (m), heading (rad). Without k the rows
+of one t are a scan. A row without x and y is a return without a point.
 """
 
+from collections.abc import Callable, Mapping
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
 from annotated_types import Gt, Le
 
-from stixel_cli.errors import UserError
+from stixel_cli.errors import UserError, counted
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD
 from stixel_cli.measurements.disturbance_parameters import Disturbance
 from stixel_cli.measurements.scans import FieldOfView, Scans
-from stixel_cli.measurements.tables import indices, read_table, refuse_rows
+from stixel_cli.measurements.tables import MOST_SCANS, indices, read_table, refuse_rows
+from stixel_cli.measurements.units import (
+    AngleUnit,
+    TimeUnit,
+    in_radians,
+    refuse_other_times,
+    scan_indices,
+    seconds,
+    unit_and_epoch,
+)
 from stixel_cli.parameters import parameters
 
 
@@ -29,6 +41,8 @@ class FileParameters(Disturbance):
         truth: the target's true poses and size or contour; null: unknown, so no errors are scored.
         range_std: standard deviation of a point along each axis, m, if the file has no variances.
         horizontal_fov: field of view in degrees, symmetric to the sensor's heading; null: unknown.
+        time_unit: unit of t; null: seconds, or that of times since 1970.
+        angle_unit: unit of the headings in `ego` and `truth`.
     """
 
     kind: Literal["file"]
@@ -37,6 +51,8 @@ class FileParameters(Disturbance):
     truth: str | None
     range_std: Annotated[float, Gt(0), Le(10)]
     horizontal_fov: Annotated[float, Gt(0), Le(360)] | None
+    time_unit: TimeUnit | None
+    angle_unit: AngleUnit
 
     def check(self) -> None:
         """Raise ValueError for an empty file name."""
@@ -47,40 +63,57 @@ class FileParameters(Disturbance):
 
 VARIANCES = ("var_xx", "var_xy", "var_yy")
 
-SAME_TIME = 1e-3
-"""The times of one scan in the two files may differ by this, s: files have rounded numbers."""
-
 
 def read_scans(
-    path: str, ego: str | None, range_std: float, horizontal_fov: float | None = None
+    path: str,
+    ego: str | None,
+    range_std: float,
+    horizontal_fov: float | None = None,
+    time_unit: TimeUnit | None = None,
+    angle_unit: AngleUnit = "rad",
+    note: Callable[[str], object] = str,
 ) -> Scans:
     """Scans of the points in the file `path`, in their order in the file.
 
     Args:
         path: the table of points.
-        ego: the table of sensor poses, one row for each k from 0 on. None: the sensor is at
-            (0, 0, pi/2), the scans are 0 to the largest k, and the times of absent k are
-            interpolated.
+        ego: the table of sensor poses, one row for each scan. None: the sensor is at (0, 0, pi/2),
+            the scans are 0 to the largest k, and the times of absent k are interpolated.
         range_std: m. Without variances the covariance of a point is range_std² I.
         horizontal_fov: of the sensor, degrees, symmetric to its heading; None: unknown.
+        time_unit: of t; None: seconds, or that of times since 1970, which become relative.
+        angle_unit: of the sensor's headings.
+        note: called with one line for what a user may not expect.
 
     Raises:
         UserError: in one line that names file, place and cause.
     """
     file = Path(path)
-    table = read_table(file, ("k", "t", "x", "y"), (VARIANCES,))
-    k = indices(file, "k", table["k"])
+    table = read_table(file, ("t", "x", "y"), (("k",), VARIANCES), returns=("x", "y", *VARIANCES))
+    clock, rows = file, table
+    if ego is not None:
+        clock = Path(ego)
+        rows = read_table(clock, ("t", "x", "y", "heading"), (("k",),))
+    unit, epoch = unit_and_epoch(rows["t"], time_unit)
+    times = seconds(clock, rows["t"], time_unit, epoch)
     if ego is None:
-        times = _times(file, k, table["t"])
+        k, times = _own_times(file, table, times)
         poses = np.tile([0.0, 0.0, STRAIGHT_AHEAD], (len(times), 1))
     else:
-        times, poses = _read_ego(Path(ego))
-        _check_times(file, Path(ego), k, table["t"], times)
+        times, poses = _sensor_poses(clock, rows, times, angle_unit)
+        k = scan_indices(file, table, times, time_unit, epoch)
+    if epoch is not None and time_unit is None:
+        day = datetime.fromtimestamp(epoch // 10**9, UTC).date()
+        note(f"{clock}: t is in {unit} since 1970 (from {day} on): else set measurement.time_unit")
+    # A return without a point tells that there is a scan.
     order = np.argsort(k, kind="stable")
-    counts = np.bincount(k, minlength=len(times))
+    order = order[np.isfinite(table["x"][order])]
     view = None
     if horizontal_fov is not None:
         view = FieldOfView(-np.radians(0.5 * horizontal_fov), np.radians(0.5 * horizontal_fov))
+    counts = np.bincount(k[order], minlength=len(times))
+    if len(order) < len(k):
+        note(f"{file}: {counted(len(k) - len(order), 'row')} of {len(k)} without x and y dropped")
     return Scans(
         times=times,
         sensor_poses_world=poses,
@@ -88,16 +121,28 @@ def read_scans(
         points_world=np.stack([table["x"], table["y"]], axis=1)[order],
         covariances_world=_covariances(file, table, range_std)[order],
         field_of_view=view,
+        epoch=epoch,
     )
 
 
-def _times(file: Path, k: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """The time of each scan from 0 to the largest k, s; those of absent k are interpolated."""
-    if len(k) == 0:
+def _own_times(
+    file: Path, table: Mapping[str, np.ndarray], t: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """The scan (n,) of each row at `t` (n,) s, and the time (K,) s of each scan.
+
+    Those of absent k are interpolated.
+    """
+    if len(t) == 0:
         raise UserError(f"{file}: has no points: give the times of the scans, measurement.ego=FILE")
+    if "k" not in table:
+        times, k = np.unique(t, return_inverse=True)
+        if len(times) > MOST_SCANS:
+            raise UserError(f"{file}: {len(times)} different times t, at most {MOST_SCANS} scans")
+        return k, times
+    k = indices(file, "k", table["k"])
     present, first = np.unique(k, return_index=True)
     known = t[first]
-    _check_one_time(file, k, t, known[np.searchsorted(present, k)], 0.0)
+    refuse_other_times(file, k, t, known[np.searchsorted(present, k)], 0.0)
     _check_increasing(file, present, known)
     if len(present) < 2 and present[0] > 0:
         raise UserError(
@@ -108,36 +153,26 @@ def _times(file: Path, k: np.ndarray, t: np.ndarray) -> np.ndarray:
     if present[0] > 0:
         step = (known[1] - known[0]) / (present[1] - present[0])
         times[: present[0]] = known[0] - step * np.arange(present[0], 0, -1)
-    return times
+    return k, times
 
 
-def _read_ego(file: Path) -> tuple[np.ndarray, np.ndarray]:
-    table = read_table(file, ("k", "t", "x", "y", "heading"))
-    k = indices(file, "k", table["k"])
-    if len(k) == 0:
+def _sensor_poses(
+    file: Path, table: Mapping[str, np.ndarray], t: np.ndarray, angle_unit: AngleUnit
+) -> tuple[np.ndarray, np.ndarray]:
+    """The times (K,) s and the poses (K, 3) of the sensor; without k its rows are in their order
+    of time."""
+    if len(t) == 0:
         raise UserError(f"{file}: has no rows, so there are no scans")
-    order = np.argsort(k, kind="stable")
-    if not np.array_equal(k[order], np.arange(len(k))):
-        raise UserError(f"{file}: k must be each number from 0 to {len(k) - 1} once")
-    times = table["t"][order]
-    _check_increasing(file, k[order], times)
-    return times, np.stack([table[name][order] for name in ("x", "y", "heading")], axis=1)
-
-
-def _check_times(file: Path, ego: Path, k: np.ndarray, t: np.ndarray, times: np.ndarray) -> None:
-    last = len(times) - 1
-    refuse_rows(file, k > last, lambda i: f"k = {k[i]}, but {ego} ends at k = {last}")
-    _check_one_time(file, k, t, times[k], SAME_TIME)
-
-
-def _check_one_time(
-    file: Path, k: np.ndarray, t: np.ndarray, expected: np.ndarray, tolerance: float
-) -> None:
-    refuse_rows(
-        file,
-        np.abs(t - expected) > tolerance,
-        lambda i: f"t = {t[i]:.6g} s, but scan k = {k[i]} is at {expected[i]:.6g} s",
-    )
+    if "k" in table:
+        k = indices(file, "k", table["k"])
+        order = np.argsort(k, kind="stable")
+        if not np.array_equal(k[order], np.arange(len(k))):
+            raise UserError(f"{file}: k must be each number from 0 to {len(k) - 1} once")
+    else:
+        order = np.argsort(t, kind="stable")
+    _check_increasing(file, np.arange(len(t)), t[order])
+    headings = in_radians(table["heading"], angle_unit)
+    return t[order], np.stack([table["x"], table["y"], headings], axis=1)[order]
 
 
 def _check_increasing(file: Path, k: np.ndarray, times: np.ndarray) -> None:
@@ -152,7 +187,7 @@ def _check_increasing(file: Path, k: np.ndarray, times: np.ndarray) -> None:
 def _covariances(file: Path, table: dict[str, np.ndarray], range_std: float) -> np.ndarray:
     """Covariances (n, 2, 2) m² of the points."""
     if VARIANCES[0] not in table:
-        return np.tile(range_std**2 * np.eye(2), (len(table["k"]), 1, 1))
+        return np.tile(range_std**2 * np.eye(2), (len(table["t"]), 1, 1))
     xx, xy, yy = (table[name] for name in VARIANCES)
     # A point measured exactly across the ray has a determinant of zero, up to rounding.
     refuse_rows(

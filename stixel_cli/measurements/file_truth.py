@@ -1,7 +1,7 @@
 """The truth about scans from a file: the `truth.csv` or `truth.npz` that a run writes, or such a
 table of another source.
 
-One row per scan with a known pose: k, x, y (m), heading (rad), optionally x_rate, y_rate,
+One row per scan with a known pose: k (or t, s), x, y (m), heading (rad), optionally x_rate, y_rate,
 heading_rate (m/s, rad/s). The size is in the columns length and width (m), the same in each row:
 then only the box is known. Or an `.npz` has the array `contour`, m, in the target's frame: (M, 2),
 or (L, M, 2) for L poses of the limbs, of which the column limb_pose names one for each row.
@@ -15,7 +15,8 @@ import shapely
 from stixel_cli.errors import UserError
 from stixel_cli.geometry.pose import rectangle
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.measurements.tables import indices, read_table, refuse_rows
+from stixel_cli.measurements.tables import indices, read_table
+from stixel_cli.measurements.units import AngleUnit, TimeUnit, in_radians, scan_indices
 from stixel_cli.scene.scenario import Scenario
 
 RATES = ("x_rate", "y_rate", "heading_rate")
@@ -28,14 +29,26 @@ SAME_SIZE = 1e-3
 LEAST_SPEED = 0.5
 """A slower target has no direction of motion, m/s."""
 
+GREATEST_ANGLE = 20.0
+"""Degrees between a target's heading and its motion, above which a truth contradicts itself."""
+
+MOST_RADIANS = 6.3
+"""Greatest heading in radians, unless they are counted on over several turns."""
+
 MOST_CORNERS = 100_000
 
 
-def read_truth(scans: Scans, truth: str | None) -> Scenario:
+def read_truth(
+    scans: Scans,
+    truth: str | None,
+    time_unit: TimeUnit | None = None,
+    angle_unit: AngleUnit = "rad",
+) -> Scenario:
     """The truth in the file `truth` at the times of `scans`, and the sensor's poses.
 
     Poses of scans that the file lacks are NaN; without a file (None), all of them. Rates that the
-    file lacks are differences of the poses over three known scans (two at the ends).
+    file lacks are differences of the poses over three known scans (two at the ends). The units are
+    those of `read_scans`.
 
     Raises:
         UserError: in one line that names file, place and cause.
@@ -45,8 +58,14 @@ def read_truth(scans: Scans, truth: str | None) -> Scenario:
     contours, limb_poses, only_box = np.zeros((1, 0, 2)), np.zeros(count, np.int64), False
     if truth is not None:
         file = Path(truth)
-        table = read_table(file, ("k", "x", "y", "heading"), (RATES, SIZE, LIMBS), "contour")
-        k = _known_scans(file, table["k"], count)
+        groups = (("k",), ("t",), RATES, SIZE, LIMBS)
+        table = read_table(file, ("x", "y", "heading"), groups, "contour")
+        if "k" in table:
+            table.pop("t", None)
+        k = _known_scans(file, scan_indices(file, table, scans.times, time_unit, scans.epoch))
+        for name in ("heading", "heading_rate"):
+            if name in table:
+                table[name] = in_radians(table[name], angle_unit)
         poses[k] = np.stack([table[name] for name in ("x", "y", "heading")], axis=1)
         if RATES[0] in table:
             rates[k] = np.stack([table[name] for name in RATES], axis=1)
@@ -74,21 +93,43 @@ def differences(poses_world: np.ndarray, times: np.ndarray) -> np.ndarray:
     return np.gradient(unwound, times, axis=0, edge_order=2 if len(times) > 2 else 1)
 
 
-def angle_to_motion(scenario: Scenario) -> float:
-    """Median angle between the target's axis and its motion, 0 … 90°; 0 where it is too slow."""
-    velocity = scenario.target_rates_world[:, :2]
+def heading_note(scenario: Scenario, angle_unit: AngleUnit) -> str | None:
+    """One line if the headings, read as `angle_unit`, contradict the motion or are no radians.
+
+    A target that turns on and on may have headings beyond 2 pi rad, but along its motion.
+    """
+    headings = scenario.target_poses_world[scenario.known, 2]
+    other: AngleUnit = "rad" if angle_unit == "deg" else "deg"
+    others = np.degrees(headings) if other == "rad" else np.radians(headings)
+    angle, other_angle = _angle_to_motion(scenario, headings), _angle_to_motion(scenario, others)
+    beyond = angle_unit == "rad" and np.abs(headings).max(initial=0.0) > MOST_RADIANS
+    if beyond and not angle <= other_angle:
+        return (
+            f"measurement.truth: headings up to {np.abs(headings).max():.4g} are degrees and not "
+            "radians: set measurement.angle_unit=deg"
+        )
+    if angle > GREATEST_ANGLE:
+        return (
+            f"measurement.truth: headings are {angle:.0f}° (median) away from the direction of "
+            f"motion; with measurement.angle_unit={other}, {other_angle:.0f}°"
+        )
+    return None
+
+
+def _angle_to_motion(scenario: Scenario, headings: np.ndarray) -> float:
+    """Median angle between `headings` (n,) rad of the known scans and the target's motion, 0 … 90°;
+    NaN if it is too slow."""
+    velocity = scenario.target_rates_world[scenario.known, :2]
     moves = np.linalg.norm(velocity, axis=1) > LEAST_SPEED
     if not moves.any():
-        return 0.0
-    angles = scenario.target_poses_world[moves, 2] - np.arctan2(*velocity[moves, ::-1].T)
+        return np.nan
+    angles = headings[moves] - np.arctan2(*velocity[moves, ::-1].T)
     return float(np.degrees(np.median(np.abs(np.arcsin(np.sin(angles))))))
 
 
-def _known_scans(file: Path, column: np.ndarray, count: int) -> np.ndarray:
-    k = indices(file, "k", column)
-    refuse_rows(file, k >= count, lambda i: f"k = {k[i]}, but the last scan is {count - 1}")
+def _known_scans(file: Path, k: np.ndarray) -> np.ndarray:
     if len(np.unique(k)) < len(k):
-        raise UserError(f"{file}: k must be in one row only; give one target")
+        raise UserError(f"{file}: a scan must be in one row only; give one target")
     if len(k) == 0:
         raise UserError(f"{file}: has no rows: leave out measurement.truth if there is no truth")
     return k
@@ -128,7 +169,7 @@ def _counter_clockwise(file: Path, contour: np.ndarray) -> np.ndarray:
 def _limb_poses(file: Path, table: dict[str, np.ndarray], count: int) -> np.ndarray:
     """The index (n,) of each row's contour; 0 if there is only one contour."""
     if count == 1:
-        return np.zeros(len(table["k"]), np.int64)
+        return np.zeros(len(table["x"]), np.int64)
     if LIMBS[0] not in table:
         raise UserError(f"{file}: the column limb_pose is missing: contour has {count} poses")
     return indices(file, LIMBS[0], table[LIMBS[0]], count)

@@ -42,6 +42,7 @@ class Scans:
         points_world: (P, 2) m.
         covariances_world: (P, 2, 2) m².
         field_of_view: of the sensor; None: unknown.
+        epoch: ns since 1970 at the time 0; None: unknown.
     """
 
     times: np.ndarray
@@ -50,6 +51,7 @@ class Scans:
     points_world: np.ndarray
     covariances_world: np.ndarray
     field_of_view: FieldOfView | None = None
+    epoch: int | None = None
 
     def __post_init__(self):
         wrong = np.flatnonzero(~(np.abs(self.times) <= FARTHEST))

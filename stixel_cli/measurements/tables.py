@@ -2,6 +2,8 @@
 
 import csv
 import io
+import re
+import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -15,35 +17,59 @@ MOST_SCANS = 100_000
 
 
 def read_table(
-    file: Path, needed: Sequence[str], together: Sequence[Sequence[str]] = (), other: str = ""
+    file: Path,
+    needed: Sequence[str],
+    together: Sequence[Sequence[str]] = (),
+    other: str = "",
+    returns: Sequence[str] = (),
 ) -> dict[str, np.ndarray]:
-    """The columns (n,) float64 of a table, by name; unknown columns are left out.
+    """The columns (n,) of a table, by name: float64, but a t of whole numbers int64.
+
+    Unknown columns are left out.
 
     Args:
-        file: `.csv` with a header and commas, or `.npz` with one array per column.
+        file: `.csv` with a header, separated by commas, tabs, or semicolons (then also with decimal
+            commas), or `.npz` with one array per column.
         needed: columns that must be there.
         together: groups of optional columns: all of a group, or no column of it.
         other: name of an array of an `.npz` of any shape, returned as it is.
+        returns: columns that may be empty, NaN, in rows in which the first two are: a sensor's
+            returns without a point.
 
     Raises:
-        UserError: in one line that names file, place and cause.
+        UserError: in one line that names file, place and cause. The values of t are not checked.
     """
     suffix = file.suffix.lower()
     if suffix not in (".csv", ".npz"):
         raise UserError(f"{file}: must be a table with the suffix .csv or .npz")
     groups = [group for group in together if group]
     names = [*needed, *(name for group in groups for name in group)]
-    table = _from_csv(file, names) if suffix == ".csv" else _from_arrays(file, names, other)
-    missing = [name for name in needed if name not in table]
+    columns = _from_csv(file) if suffix == ".csv" else read_arrays(file)
+    # `X [m]` means x.
+    plain = {re.match(r"\w*", column.strip().lower())[0]: column for column in columns}
+    for name in names:
+        if name not in columns and name.lower() in plain:
+            column = printable(plain[name.lower()])
+            raise UserError(f"{file}: the column {column!r} must be named {name}")
+    missing = [name for name in needed if name not in columns]
     if missing:
         raise UserError(f"{file}: the column {missing[0]} is missing (needed: {', '.join(needed)})")
     for group in groups:
-        absent = [name for name in group if name not in table]
+        absent = [name for name in group if name not in columns]
         if absent and len(absent) < len(group):
             raise UserError(
                 f"{file}: the column {absent[0]} is missing: give all of {', '.join(group)}, or "
                 "leave out all of them"
             )
+    table = {name: _numbers(file, name, columns[name]) for name in names if name in columns}
+    if len({len(column) for column in table.values()}) > 1:
+        raise UserError(f"{file}: its columns must have equal lengths")
+    pointless = np.all([np.isnan(table[name]) for name in returns[:2]], axis=0)
+    for name in names:
+        if name in table and name != "t":
+            _check_numbers(file, name, table[name], pointless & (name in returns))
+    if other in columns:
+        table[other] = columns[other].astype(np.float64)
     return table
 
 
@@ -68,67 +94,62 @@ def refuse_rows(file: Path, wrong: np.ndarray, problem: Callable[[int], str]) ->
         raise UserError(f"{file}: {place}: {problem(row)}")
 
 
-def _from_csv(file: Path, names: Sequence[str]) -> dict[str, np.ndarray]:
-    text = read_text(file).removeprefix("\ufeff")
+def _from_csv(file: Path) -> dict[str, np.ndarray]:
+    """The columns of a CSV: numbers, or objects if a cell is none."""
+    import pandas
+
+    text = read_text(file).rstrip("\r\n")
+    header = text.partition("\n")[0]
+    separator = max(",;\t", key=header.count)
     try:
-        rows = list(csv.reader(io.StringIO(text), strict=True))
-    except csv.Error as error:
-        raise UserError(f"{file}: not a table: {printable(str(error))}") from None
-    while rows and not rows[-1]:
-        rows.pop()
-    header = [name.strip() for name in rows[0]] if rows else []
-    if len(set(header)) < len(header):
-        raise UserError(f"{file}: two columns have one name")
-    if len(header) == 1 and (";" in header[0] or "\t" in header[0]):
-        raise UserError(f"{file}: the columns must be separated by commas")
-    for number, row in enumerate(rows[1:], start=2):
-        if len(row) != len(header):
-            raise UserError(
-                f"{file}: line {number}: {len(row)} values, but the header has {len(header)}"
+        names = [name.strip() for name in next(csv.reader([header], delimiter=separator), ())]
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", pandas.errors.ParserWarning)
+            # Before pandas 3 the default is not exact; later ones warn of the argument.
+            warnings.simplefilter("ignore", DeprecationWarning)
+            table = pandas.read_csv(
+                io.StringIO(text),
+                sep=separator,
+                decimal="," if separator == ";" else ".",
+                header=0,
+                names=names,
+                index_col=False,
+                na_values=[""],
+                keep_default_na=False,
+                skip_blank_lines=False,
+                low_memory=False,
+                float_precision="round_trip",
             )
-    return {
-        name: _numbers(file, name, [row[header.index(name)] for row in rows[1:]])
-        for name in names
-        if name in header
-    }
+    except (ValueError, csv.Error, pandas.errors.ParserWarning) as error:
+        raise UserError(f"{file}: not a table: {printable(str(error), 200)}") from None
+    # The words True and False are no numbers.
+    words = {name: str for name in names if table[name].dtype == bool}
+    return {name: column.to_numpy() for name, column in table.astype(words).items()}
 
 
-def _numbers(file: Path, name: str, cells: list[str]) -> np.ndarray:
+def _numbers(file: Path, name: str, column: np.ndarray) -> np.ndarray:
+    if column.ndim != 1:
+        raise UserError(f"{file}: {name} has shape {column.shape}, must be a column (n,)")
+    # As float64, ns since 1970 would be rounded to 256 ns.
+    if name == "t" and column.dtype.kind in "iu" and column.max(initial=0) < 2**63:
+        return column.astype(np.int64)
     try:
-        values = np.array(cells, dtype=np.float64)
-    except ValueError:
-        for number, cell in enumerate(cells, start=2):
+        return column.astype(np.float64)
+    except (ValueError, OverflowError):
+        for number, cell in enumerate(column, start=2):
             try:
                 float(cell)
-            except ValueError:
-                shown = printable(cell)
+            except (ValueError, OverflowError):
+                shown = printable(str(cell))
                 raise UserError(
                     f"{file}: line {number}: {name}: {shown!r} is not a number"
                 ) from None
         raise
-    return _checked(file, name, values)
 
 
-def _from_arrays(file: Path, names: Sequence[str], other: str) -> dict[str, np.ndarray]:
-    arrays = read_arrays(file)
-    table = {}
-    for name in names:
-        if name not in arrays:
-            continue
-        if arrays[name].ndim != 1:
-            raise UserError(f"{file}: {name} has shape {arrays[name].shape}, must be a column (n,)")
-        table[name] = _checked(file, name, arrays[name].astype(np.float64))
-    if len({len(column) for column in table.values()}) > 1:
-        raise UserError(f"{file}: its columns must have equal lengths")
-    if other in arrays:
-        table[other] = arrays[other].astype(np.float64)
-    return table
-
-
-def _checked(file: Path, name: str, values: np.ndarray) -> np.ndarray:
+def _check_numbers(file: Path, name: str, values: np.ndarray, may_lack: np.ndarray) -> None:
     refuse_rows(
         file,
-        ~(np.abs(values) <= FARTHEST),
+        ~(np.abs(values) <= FARTHEST) & ~may_lack,
         lambda i: f"{name}: {values[i]:g} must be a finite number, at most {FARTHEST:g}",
     )
-    return values

@@ -15,8 +15,7 @@ import numpy as np
 
 from stixel_cli.errors import UserError, printable
 from stixel_cli.feather import read_columns
-from stixel_cli.geometry.pose import rectangle
-from stixel_cli.recordings.kitti_tables import labels_in
+from stixel_cli.recordings.kitti_tables import labels_in, seen_box
 from stixel_cli.recordings.times import GREATEST_GAP, poses_at, unit_rotations
 from stixel_cli.recordings.types import Calibration, Rectification, Tracks
 from stixel_cli.remembered import remembered
@@ -35,9 +34,6 @@ LEVEL_CAMERA = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 
 HIDDEN = 0.1
 """Share of a label's columns that a nearer label may cover before it is occluded."""
-
-NEAREST = 0.5
-"""Depth of a label's nearest corner, m: a nearer one is not seen."""
 
 TURN = ("qw", "qx", "qy", "qz")
 PLACE = ("tx_m", "ty_m", "tz_m")
@@ -153,7 +149,10 @@ def read_labels(
             turn, centre = cameras[frame][:, :3], cameras[frame][:, 3]
             x, _, z = turn.T @ ahead
             pose = turn.T @ (place - centre), float(np.arctan2(-z, x))
-            seen = _seen(*pose, sizes[nearest], calibration)
+            seen = np.zeros(4), False
+            if calibration is not None:
+                shown = calibration.rectification.size
+                seen = seen_box(*pose, sizes[nearest], calibration, shown)
             if seen is not None:
                 box, truncated = seen
                 empty = table["num_interior_pts"][nearest] <= 0
@@ -180,28 +179,6 @@ def _between(stamps: np.ndarray, times: tuple[int, ...]) -> Iterator[tuple[int, 
             yield frame, i, 0.0
         elif 0 <= i < len(stamps) - 1 and stamps[i + 1] - stamps[i] <= GREATEST_GAP:
             yield frame, i, float(time - stamps[i]) / float(stamps[i + 1] - stamps[i])
-
-
-def _seen(
-    place: np.ndarray, yaw: float, size: np.ndarray, calibration: Calibration | None
-) -> tuple[np.ndarray, bool] | None:
-    """The box (4,) px of a label in the image, and whether it is cut; None if it is not seen."""
-    if calibration is None:
-        return np.zeros(4), False
-    height, width, length = size
-    along, across = rectangle(length, width).T
-    x = place[0] + np.cos(yaw) * along + np.sin(yaw) * across
-    z = place[2] - np.sin(yaw) * along + np.cos(yaw) * across
-    if z.min() < NEAREST:
-        return None
-    u = calibration.principal_u + calibration.focal_length * x / z
-    y = place[1] - np.array([[0.0], [height]])
-    v = calibration.principal_v + calibration.focal_length * y / z
-    box = np.array([u.min(), v.min(), u.max(), v.max()])
-    inside = np.clip(box, 0.0, np.array(calibration.rectification.size * 2) - 1.0)
-    if inside[2] <= inside[0] or inside[3] <= inside[1]:
-        return None
-    return inside, bool((inside != box).any())
 
 
 def _mark_hidden(labels: list[list[float]]) -> None:

@@ -8,6 +8,7 @@ from stixel_cli.recordings.parameters import Source
 from stixel_cli.recordings.types import Recording
 
 LAYOUTS = {
+    "kitti_raw": (kitti.is_raw, kitti.find_raw),
     "kitti_tracking": (kitti.is_tracking, kitti.find_tracking),
     "kitti_odometry": (kitti.is_odometry, kitti.find_odometry),
     "kitti_pair": (kitti.is_pair, kitti.find_pair),
@@ -48,6 +49,7 @@ def guess_layout(folder: Path) -> str:
         raise UserError(f"source.folder: {folder}: no such folder")
     raise UserError(
         f"source.folder: {folder}: not a known layout: image_02 (source=kitti_tracking), "
+        "image_02/data (source=kitti_raw), "
         "image_0 and calib.txt (source=kitti_odometry), image_2 and calib (source=kitti_pair), "
         "frames/rgb/Camera_0 (source=virtual_kitti), sensors/cameras/stereo_front_left "
         "(source=argoverse), metadata.yaml (source=rosbag) or rig.yaml (source=folder) is missing"

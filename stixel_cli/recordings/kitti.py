@@ -2,9 +2,14 @@
 
 Geiger, Lenz, Urtasun 2012, *Are we ready for autonomous driving?*. Tracking: below the folder, or
 below its `training/`, are `image_02/0005/000000.png`, `image_03/0005/…`, `calib/0005.txt`,
-`label_02/0005.txt`. The benchmark has no poses of the ego car; `ego_poses/0005.txt` has them, one
-row per frame, as in the odometry benchmark. That has image_0 and image_1 (or 2 and 3), calib.txt
-and no labels; its `poses.txt`, which it has in another folder, is expected next to the images.
+`label_02/0005.txt`, and `oxts/0005.txt` with the ego car's GPS/IMU. Poses of one's own in
+`ego_poses/0005.txt`, one row per frame as in the odometry benchmark, take its place. That benchmark
+has image_0 and image_1 (or 2 and 3), calib.txt and no labels; its `poses.txt`, which it has in
+another folder, is expected next to the images.
+
+Raw, synchronised and rectified: below the folder of a drive `image_02/data/0000000000.png`,
+`image_03/data/…`, `oxts/data/0000000000.txt` and `tracklet_labels.xml`; there, or in the folder
+above it, `calib_cam_to_cam.txt`, `calib_velo_to_cam.txt` and `calib_imu_to_velo.txt`.
 
 Of one pair of images, below the folder of a benchmark, or below its `training/`:
 
@@ -29,8 +34,15 @@ from pathlib import Path
 from stixel_cli.errors import UserError
 from stixel_cli.recordings.assembly import assembled_recording, numbered_images, root_of
 from stixel_cli.recordings.image_files import image_size
+from stixel_cli.recordings.kitti_raw_tables import CAMERAS
 from stixel_cli.recordings.kitti_tables import PAIRS, read_calibration
-from stixel_cli.recordings.parameters import KittiOdometry, KittiPair, KittiTracking, VirtualKitti
+from stixel_cli.recordings.parameters import (
+    KittiOdometry,
+    KittiPair,
+    KittiRaw,
+    KittiTracking,
+    VirtualKitti,
+)
 from stixel_cli.recordings.types import Calibration, Recording, Tables
 from stixel_cli.recordings.virtual_kitti_tables import read_calibration as read_virtual_calibration
 
@@ -49,6 +61,11 @@ VIRTUAL_IMAGES = Path("frames/rgb")
 def is_tracking(folder: Path) -> bool:
     """Whether the folder has the layout of the tracking benchmark."""
     return (root_of(folder, "image_02") / "image_02").is_dir()
+
+
+def is_raw(folder: Path) -> bool:
+    """Whether the folder is a drive of the raw data."""
+    return (folder / "image_02/data").is_dir()
 
 
 def is_odometry(folder: Path) -> bool:
@@ -70,12 +87,52 @@ def is_virtual(folder: Path) -> bool:
 def find_tracking(source: KittiTracking) -> Recording:
     """The recording of a clip of the tracking benchmark."""
     root, name = root_of(Path(source.folder), "image_02"), f"{int(source.sequence):04d}"
+    tables, poses = clip_poses(root, name)
     return assembled_recording(
         source,
         read_calibration(root / "calib" / f"{name}.txt", ("P2", "P3")),
         numbered_images(root / "image_02" / name, root / "image_03" / name),
         labels=(root / "label_02" / f"{name}.txt",),
-        poses=(root / "ego_poses" / f"{name}.txt",),
+        poses=poses,
+        tables=tables,
+    )
+
+
+def clip_poses(root: Path, name: str) -> tuple[Tables, tuple[Path, ...]]:
+    """How the ego poses of a clip of the tracking benchmark are written, and their files."""
+    own = root / "ego_poses" / f"{name}.txt"
+    if own.is_file():
+        return Tables(), (own,)
+    return Tables("kitti_oxts"), tuple(root / kind / f"{name}.txt" for kind in ("calib", "oxts"))
+
+
+def find_raw(source: KittiRaw) -> Recording:
+    """The recording of a drive of the raw data."""
+    root = Path(source.folder)
+    # The drives of a day share the calibration.
+    at = root if (root / "calib_cam_to_cam.txt").is_file() else root.parent
+    calibrations = _, velodyne, cameras = [
+        at / f"calib_{name}.txt" for name in ("imu_to_velo", "velo_to_cam", "cam_to_cam")
+    ]
+    packets, number = {}, r"(\d{10})\."
+    if (root / "oxts/data").is_dir():
+        (packets,) = numbered_images(
+            root / "oxts/data", names=number + "txt", example="0000000000.txt"
+        )
+        if list(packets) != list(range(len(packets))):
+            raise UserError(f"{root / 'oxts/data'}: must have packets from 0 on, without gaps")
+    return assembled_recording(
+        source,
+        read_calibration(cameras, CAMERAS),
+        numbered_images(
+            root / "image_02/data",
+            root / "image_03/data",
+            names=number + "png",
+            example="0000000000.png",
+        ),
+        poses=(*calibrations, *packets.values()) if packets else (),
+        labels=(root / "tracklet_labels.xml", velodyne, cameras),
+        tables=Tables("kitti_raw"),
     )
 
 

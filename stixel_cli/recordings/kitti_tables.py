@@ -8,7 +8,7 @@ truncated, occluded, alpha, box in the left colour image (left, top, right, bott
 (height, width, length, m), place of the bottom's centre (x, y, z, m, in the frame of camera 0),
 rotation_y (rad), https://www.cvlibs.net/datasets/kitti/eval_tracking.php. Those of the object
 benchmark have no frame and no track id, and a share of truncation: they are of frame 0, and the
-track id is the number of the row, from 0.
+track id is the number of the row, from 0. Result files have a score in one more column.
 """
 
 import math
@@ -21,6 +21,7 @@ import numpy as np
 
 from stixel_cli.errors import UserError, printable
 from stixel_cli.files import read_text
+from stixel_cli.geometry.pose import rectangle
 from stixel_cli.recordings.types import Calibration, Labels, Tracks
 from stixel_cli.remembered import remembered
 
@@ -161,15 +162,16 @@ def read_labels(file: Path) -> Tracks:
     kinds: dict[int, str] = {}
     seen: set[tuple[int, int]] = set()
     texts = text_rows(file)
-    of_object = bool(texts) and len(texts[0][1]) == OBJECT_COLUMNS
+    of_object = bool(texts) and len(texts[0][1]) in (OBJECT_COLUMNS, OBJECT_COLUMNS + 1)
+    columns = OBJECT_COLUMNS if of_object else COLUMNS
     for row, words in texts:
-        check_columns(file, row, words, OBJECT_COLUMNS if of_object else COLUMNS)
+        check_columns(file, row, words[:columns] if len(words) == columns + 1 else words, columns)
         if of_object:
             words = ["0", str(row - 1), *words]
         kind = words[2]
         if kind == "DontCare":
             continue
-        values = numbers(file, row, words[:2] + words[3:])
+        values = numbers(file, row, words[:2] + words[3:COLUMNS])
         frame, target = int(values[0]), int(values[1])
         if (frame, target) != (values[0], values[1]) or frame < 0 or target < 0:
             raise UserError(f"{file}: row {row}: frame and track id must be whole numbers ≥ 0")
@@ -200,6 +202,38 @@ def labels_in(values: np.ndarray, kind: str) -> Labels:
         yaws=values[:, 15],
         kind=kind,
     )
+
+
+NEAREST = 0.5
+"""Depth of a label's nearest corner, m: a nearer one is not seen."""
+
+
+def seen_box(
+    place: np.ndarray,
+    yaw: float,
+    size: Sequence[float],
+    calibration: Calibration,
+    image_size: tuple[int, int],
+) -> tuple[np.ndarray, bool] | None:
+    """The box (4,) px of a label in the image, and whether it is cut; None if it is not seen.
+
+    `place` (3,) m of the bottom's centre is in the left camera's frame, `yaw` and `size` as in
+    `Labels`.
+    """
+    height, width, length = size
+    along, across = rectangle(length, width).T
+    x = place[0] + np.cos(yaw) * along + np.sin(yaw) * across
+    z = place[2] - np.sin(yaw) * along + np.cos(yaw) * across
+    if z.min() < NEAREST:
+        return None
+    u = calibration.principal_u + calibration.focal_length * x / z
+    y = place[1] - np.array([[0.0], [height]])
+    v = calibration.principal_v + calibration.focal_length * y / z
+    box = np.array([u.min(), v.min(), u.max(), v.max()])
+    inside = np.clip(box, 0.0, np.array(image_size * 2) - 1.0)
+    if inside[2] <= inside[0] or inside[3] <= inside[1]:
+        return None
+    return inside, bool((inside != box).any())
 
 
 GREATEST_STEP = 10.0

@@ -83,6 +83,13 @@ class KittiTracking(Labelled):
 
 
 @dataclass(frozen=True, kw_only=True)
+class KittiRaw(Labelled):
+    """A synchronised and rectified drive of KITTI's raw data; `folder` is the drive's."""
+
+    kind: Literal["kitti_raw"]
+
+
+@dataclass(frozen=True, kw_only=True)
 class PlainFolder(Labelled):
     """A folder with `rig.yaml`, the images in `left/` and `right/`, and optional truth."""
 
@@ -177,6 +184,7 @@ class Pair(Recorded):
 Source = (
     Rendered
     | KittiTracking
+    | KittiRaw
     | KittiOdometry
     | PlainFolder
     | KittiPair

@@ -1,7 +1,7 @@
 """The motion of `path=recorded`: KITTI's tracking benchmark or a log of Argoverse 2, no images.
 
-Of KITTI, below the folder or its `training/`, are `label_02/0005.txt`, `calib/0005.txt` and, beside
-those of the benchmark, `ego_poses/0005.txt`, as `kitti` describes them. Of a log are
+Of KITTI, below the folder or its `training/`, are `label_02/0005.txt`, `calib/0005.txt` and
+`oxts/0005.txt` or `ego_poses/0005.txt`, as `kitti` describes them. Of a log are
 `annotations.feather`, `city_SE3_egovehicle.feather` and, if the camera's place is wanted,
 `calibration/egovehicle_SE3_sensor.feather`, as `argoverse` describes them.
 """
@@ -16,6 +16,7 @@ from stixel_cli.errors import UserError
 from stixel_cli.geometry.pose import label_pose
 from stixel_cli.recordings import argoverse
 from stixel_cli.recordings.assembly import root_of
+from stixel_cli.recordings.kitti import clip_poses
 from stixel_cli.recordings.kitti_tables import read_calibration
 from stixel_cli.recordings.parameters import chosen_frames
 from stixel_cli.recordings.tables import labels_of, read_poses
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
 LEAST_FRAMES = 5
 """Labelled frames of a track that the smoothing spline of a replayed motion needs."""
 
-LABELS, POSES = "label_02", "ego_poses"
+LABELS = "label_02"
 
 
 def find_replay(path: ReplayedPath) -> Recording:
@@ -73,18 +74,21 @@ def find_motion(folder: Path, sequence: str | None) -> Recording:
     if sequence is None:
         raise UserError("path.sequence: is required with KITTI's labels, a number such as 0005")
     name = f"{int(sequence):04d}"
-    labels, poses = root / LABELS / f"{name}.txt", root / POSES / f"{name}.txt"
+    labels = root / LABELS / f"{name}.txt"
+    tables, poses = clip_poses(root, name)
     if not labels.is_file():
         known = ", ".join(sequences(root))
         raise UserError(f"path.sequence: {labels}: no such file; there are {known}")
-    if not poses.is_file():
-        raise UserError(f"path.sequence: {poses}: no such file; the ego car's motion is required")
+    if not poses[-1].is_file():
+        raise UserError(
+            f"path.sequence: {poses[-1]}: no such file; the ego car's motion is required"
+        )
     calibration = read_calibration(root / "calib" / f"{name}.txt", ("P2", "P3"))
     return Recording(
         layout="kitti_tracking",
         frames=range(0),
-        tables=Tables(left_camera=calibration.left_camera),
-        pose_files=(poses,),
+        tables=replace(tables, left_camera=calibration.left_camera),
+        pose_files=poses,
         label_files=(labels,),
     )
 
@@ -109,7 +113,7 @@ def label_root(folder: Path) -> Path:
 def sequences(root: Path) -> list[str]:
     """Names of the clips with labels and ego poses below a `label_root`."""
     found = (file.stem for file in (root / LABELS).glob("*.txt"))
-    return sorted(name for name in found if (root / POSES / f"{name}.txt").is_file())
+    return sorted(name for name in found if clip_poses(root, name)[1][-1].is_file())
 
 
 def _frames(path: ReplayedPath, known: list[int]) -> range:

@@ -5,11 +5,20 @@ from pathlib import Path
 import numpy as np
 
 from stixel_cli.errors import UserError
-from stixel_cli.recordings import argoverse_tables, bag_messages, kitti_tables, virtual_kitti_tables
+from stixel_cli.recordings import (
+    argoverse_tables,
+    bag_messages,
+    kitti_raw_tables,
+    kitti_tables,
+    oxts,
+    virtual_kitti_tables,
+)
 from stixel_cli.recordings.types import Labels, Tables, Tracks
 
 READERS = {
     "kitti": kitti_tables,
+    "kitti_oxts": oxts,
+    "kitti_raw": kitti_raw_tables,
     "virtual_kitti": virtual_kitti_tables,
     "argoverse": argoverse_tables,
     "rosbag": bag_messages,

@@ -265,8 +265,8 @@ class ReplayedPath:
     world. The poses of the ego car are not smoothed.
 
     Attributes:
-        folder: with `label_02`, `ego_poses` and `calib`, or the one above its `training`; or the
-            log's folder, with `annotations.feather`.
+        folder: with `label_02`, `oxts` (or `ego_poses`) and `calib`, or the one above its
+            `training`; or the log's folder, with `annotations.feather`.
         sequence: number of KITTI's clip, such as 0005; null for a log.
         target: track id in the labels; track_uuid of a log.
         frames: numbers of the frames, `first:stop`; null for all of the track. Frames without a

@@ -56,6 +56,7 @@ OF_A_RECORDING = {("path", "source"), ("path", "recorded")} | {
     ("source", kind)
     for kind in (
         "kitti_tracking",
+        "kitti_raw",
         "kitti_odometry",
         "kitti_pair",
         "virtual_kitti",

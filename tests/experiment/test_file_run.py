@@ -50,7 +50,7 @@ def test_headings_far_from_the_motion_are_named_in_one_line(error, lines, made, 
     (folder / "truth.csv").write_text("\n".join([head, *rows, ""]))
     words = [*from_files(folder, "truth.csv"), "pictures.frames=[]"]
     assert main(["run", "--results", str(tmp_path / "results"), *words]) == 0
-    said = [line for line in capfd.readouterr().err.splitlines() if "in radians?" in line]
+    said = [one for one in capfd.readouterr().err.splitlines() if "direction of motion" in one]
     assert len(said) == lines
     assert all(line.startswith("stixel: measurement.truth: headings are ") for line in said)
 

@@ -5,6 +5,7 @@ are called as the stages call them.
 """
 
 import random
+import shutil
 import sys
 import warnings
 from pathlib import Path
@@ -28,6 +29,7 @@ sys.path.append(str(Path(__file__).parents[1] / "recordings"))
 from made_argoverse import make_log
 from made_bag import messages, write_bag
 from made_clip import make_clip
+from made_drive import make_drive, make_official
 from made_files import RIG_FILES, png_of
 
 SMALL = 12
@@ -36,6 +38,11 @@ OF_A_CLIP = (
     "run --dry-run source.folder=clip source.sequence=0003 source.target=0",
     "run --json --dry-run source.folder=clip source.sequence=0003 source.target=auto road_user=car",
     "plan source.folder=clip source.sequence=0003 source.target=0",
+)
+OF_A_DRIVE = (
+    "run --dry-run source.folder=drives/2011_09_26_drive_0001_sync source.target=0",
+    "plan source.folder=drives/2011_09_26_drive_0001_sync source.target=auto road_user=car",
+    "run --dry-run source.folder=drives/official source.sequence=0003 source.target=0",
 )
 OF_A_LOG = (
     "run --dry-run source.folder=log source.target=auto road_user=car rig.camera_height=1.6",
@@ -51,7 +58,13 @@ OF_PRESETS = (
     "run --json --dry-run --config-dir presets tracker=coarse",
     "plan --config-dir presets experiment=quick",
 )
-OF_FOLDER = {"clip": OF_A_CLIP, "log": OF_A_LOG, "bags": OF_A_BAG, "presets": OF_PRESETS}
+OF_FOLDER = {
+    "clip": OF_A_CLIP,
+    "drives": OF_A_DRIVE,
+    "log": OF_A_LOG,
+    "bags": OF_A_BAG,
+    "presets": OF_PRESETS,
+}
 PRESETS = {
     "rig/mine": "defaults:\n  - default\n  - _self_\n\nwidth: 320\n",
     "tracker/coarse": "defaults:\n  - gp_ekf\n  - _self_\n\nbasis_points: 12\n",
@@ -62,6 +75,9 @@ TABLES = {
     "scans": "k,t,x,y,xx,xy,yy\n0,0.0,1,9,1,0,1\n1,0.1,1.5,9,1,0,1\n",
     "ego": "k,t,x,y,heading\n0,0.0,0,0,1.5\n1,0.1,0,0.1,1.5\n",
     "truth": "k,x,y,heading,length,width\n0,0,10,0.0,4,2\n1,0.1,10,0.0,4,2\n",
+    "scans_of_times": "t;x;y\n1584532800100000000;1,5;9\n1584532800200000000;;\n",
+    "ego_of_times": "t\tx\ty\theading\n1584532800.1\t0\t0\t1.5\n1584532800.2\t0\t0\t1.5\n",
+    "truth_of_times": "t,x,y,heading,length,width\n1584532800100,0,10,0.0,4,2\n",
 }
 BOX = [(x, y, z) for x in (-2, 2) for y in (-1, 1) for z in (0, 1.5)]
 FACES = [(0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1), (2, 3, 7), (2, 7, 6)]
@@ -97,6 +113,9 @@ def folders(tmp_path_factory):
     place = tmp_path_factory.mktemp("foreign")
     make_clip(place / "clip")
     make_log(place / "clip", place / "log")
+    make_drive(place / "clip", place / "drives")
+    shutil.copytree(place / "clip", place / "drives/official")
+    make_official(place / "drives/official")
     (place / "bags").mkdir()
     for name, plugin in BAGS.items():
         write_bag(place / "bags" / name, messages(place / "clip", "mono8"), plugin)
@@ -130,7 +149,7 @@ def draw_words(rng: random.Random, place: Path, original: Path) -> list[str]:
     if rng.random() < 0.2:
         damage(rng.choice([one for one in files if one != chosen]), rng)
     if folder == "tables":
-        return ["read tables"]
+        return ["read tables", "_of_times" if "_of_times" in chosen.name else ""]
     if folder == "meshes":
         return ["read mesh", f"meshes/{chosen.name if chosen.suffix != '.mtl' else 'box.obj'}"]
     if folder == "rigs":
@@ -147,8 +166,10 @@ def read_or_answer(words: list[str]) -> Answer:
     try:
         with warnings.catch_warnings(action="error"):
             if words[0] == "read tables":
-                scans = read_scans("tables/scans.csv", "tables/ego.csv", 0.1)
-                read_truth(scans, "tables/truth.csv")
+                scans, ego, truth = (
+                    f"tables/{name}{words[1]}.csv" for name in ("scans", "ego", "truth")
+                )
+                read_truth(read_scans(scans, ego, 0.1), truth)
             elif words[0] == "read mesh":
                 load_mesh(words[1], 0.5)
             elif words[0] == "read image":

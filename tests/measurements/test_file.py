@@ -7,7 +7,7 @@ import pytest
 
 from stixel_cli.errors import UserError
 from stixel_cli.measurements.file import read_scans
-from stixel_cli.measurements.file_truth import differences, read_truth
+from stixel_cli.measurements.file_truth import differences, heading_note, read_truth
 
 SCANS = """k,t,x,y,var_xx,var_xy,var_yy
 2,0.2,1.5,9,0.04,0.01,0.09
@@ -68,12 +68,152 @@ def test_arrays_and_unknown_columns_are_read_as_a_csv_is(write, tmp_path):
     assert all(np.array_equal(value, vars(same)[name]) for name, value in vars(scans).items())
 
 
+def same_scans(found, expected):
+    """Whether both are the same scans, but for the time at which they begin."""
+    names = vars(expected).keys() - {"epoch"}
+    return all(np.array_equal(vars(found)[name], vars(expected)[name]) for name in names)
+
+
+@pytest.mark.parametrize(
+    ("separator", "comma"), [(";", "."), (";", ","), ("\t", ".")], ids=["semicolon", "comma", "tab"]
+)
+def test_tabs_semicolons_and_decimal_commas_are_read_as_commas_and_points_are(
+    separator, comma, write
+):
+    other = SCANS.replace(",", separator).replace(".", comma)
+    assert same_scans(read_scans(write(other), None, 0.5), read_scans(write(SCANS), None, 0.5))
+    assert same_scans(
+        read_scans(write("\ufeff" + SCANS + "\n\n"), None, 0.5),
+        read_scans(write(SCANS), None, 0.5),
+    )
+
+
+def test_without_k_the_rows_of_one_time_are_a_scan(write):
+    points = "t,x,y\n0.2,1.5,9\n0.0,1,10\n0.0,2,11\n"
+    scans = read_scans(write(points), None, 0.5)
+    assert np.array_equal(scans.times, [0.0, 0.2])
+    assert np.array_equal(scans.offsets, [0, 2, 3])
+    assert np.array_equal(scans.points_world, [[1, 10], [2, 11], [1.5, 9]])
+    poses = "t,x,y,heading\n0.1,0,1,1.6\n0.2004,0,2,1.7\n0,0,0,1.5\n"
+    scans = read_scans(write(points), write(poses, "ego.csv"), 0.5)
+    assert np.array_equal(scans.offsets, [0, 2, 2, 3])
+    assert np.array_equal(scans.sensor_poses_world[:, 2], [1.5, 1.6, 1.7])
+    truth = "t,x,y,heading,length,width\n0.2,1,9,0,4,2\n"
+    assert np.array_equal(read_truth(scans, write(truth, "truth.csv")).known, [False, False, True])
+    with pytest.raises(UserError, match=r"line 2: t = 0\.15 s, but scan k = \d is at"):
+        read_truth(scans, write(truth.replace("0.2,1", "0.15,1"), "truth.csv"))
+    with pytest.raises(UserError, match=r"the column k is missing \(or t"):
+        read_truth(scans, write("x,y,heading\n1,9,0\n", "truth.csv"))
+
+
+def test_a_row_without_x_and_y_is_a_scan_without_a_point_and_counted_once(write):
+    notes = []
+    text = "k,t,x,y,var_xx,var_xy,var_yy\n0,0,1,2,1,0,1\n1,0.3,,,,,\n2,0.4,nan,nan,1,0,1\n"
+    text += "2,0.4,3,4,1,0,1\n"
+    scans = read_scans(write(text), None, 0.5, note=notes.append)
+    assert np.array_equal(scans.times, [0.0, 0.3, 0.4])
+    assert np.array_equal(scans.points_world, [[1, 2], [3, 4]])
+    assert np.array_equal(scans.offsets, [0, 1, 1, 2])
+    (note,) = notes
+    assert "scans.csv: 2 rows of 4" in note
+    for half in (",5,", "5,,"):
+        with pytest.raises(UserError, match=r"line 3: .: nan must be a finite number"):
+            read_scans(write(text.replace("0.3,,,", f"0.3,{half}")), None, 0.5)
+
+
+FIRST = 1_584_532_800_123_456_789
+"""A time in ns since 1970, which float64 does not hold."""
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".npz"])
+@pytest.mark.parametrize(
+    ("unit", "per_second"), [("s", 1), ("ms", 10**3), ("us", 10**6), ("ns", 10**9)]
+)
+def test_times_since_1970_are_relative_to_the_first_scan(unit, per_second, suffix, tmp_path):
+    first = FIRST // (10**9 // per_second)
+    steps = [0, 7, 123_456]
+    notes, rows = [], {"t": [first + step for step in steps], "x": [1, 2, 3], "y": [4, 5, 6]}
+    file = tmp_path / f"scans{suffix}"
+    if suffix == ".npz":
+        np.savez(file, **{name: np.array(values) for name, values in rows.items()})
+    else:
+        lines = [",".join(map(str, row)) for row in zip(*rows.values(), strict=True)]
+        file.write_text("\n".join([",".join(rows), *lines]))
+    scans = read_scans(str(file), None, 0.5, note=notes.append)
+    assert np.array_equal(scans.times, [step / per_second for step in steps])
+    assert scans.epoch == first * (10**9 // per_second)
+    (note,) = notes
+    assert f"t is in {unit} since 1970 (from 2020-03-18 on)" in note
+    stated = read_scans(str(file), None, 0.5, time_unit=unit, note=notes.append)
+    assert same_scans(stated, scans) and len(notes) == 1
+
+
+def test_files_may_count_from_1970_in_different_units_but_all_or_none(write):
+    points = f"t,x,y\n{FIRST},1,2\n{FIRST + 10**8},3,4\n"
+    poses = "k,t,x,y,heading\n0,1584532800.1234,0,0,1.5\n1,1584532800.2234,0,1,1.5\n"
+    scans = read_scans(write(points), write(poses, "ego.csv"), 0.5)
+    np.testing.assert_allclose(scans.times, [0.0, 0.1], atol=1e-6)
+    assert np.array_equal(scans.offsets, [0, 1, 2])
+    truth = f"t,x,y,heading,length,width\n{FIRST // 1000},1,9,0,4,2\n"
+    assert np.array_equal(read_truth(scans, write(truth, "truth.csv")).known, [True, False])
+    for text in (truth.replace(str(FIRST // 1000), "0.0"), truth.replace("t,", "s,t,", 1)):
+        with pytest.raises(UserError):
+            read_truth(scans, write(text, "truth.csv"))
+    with pytest.raises(UserError, match=r"scans\.csv: t must count from 1970 in all files"):
+        read_scans(write("t,x,y\n0,1,2\n"), write(poses, "ego.csv"), 0.5)
+
+
+def test_a_stated_unit_holds_for_times_that_do_not_count_from_1970(write):
+    scans = read_scans(write("t,x,y\n5000000000,1,2\n5200000000,3,4\n"), None, 0.5, time_unit="ns")
+    assert np.array_equal(scans.times, [5.0, 5.2]) and scans.epoch is None
+    with pytest.raises(UserError, match=r"t: 1e.12 ms must be a number up to"):
+        read_scans(write("t,x,y\n0,1,2\n1000000000000,3,4\n"), None, 0.5, time_unit="ms")
+
+
+def test_headings_in_degrees_are_taken_as_stated_and_recognised(scans, write):
+    text = "k,x,y,heading,length,width\n0,1,10,{},4,2\n1,1,9,{},4,2\n2,1,8,{},4,2\n"
+    degrees = write(text.format(270, -90, 271), "truth.csv")
+    stated = read_truth(scans, degrees, angle_unit="deg")
+    np.testing.assert_allclose(stated.target_poses_world[:2, 2], np.radians([270, -90]))
+    assert heading_note(stated, "deg") is None
+    assert "angle_unit=deg" in heading_note(read_truth(scans, degrees), "rad")
+    # More than one turn in radians, along the motion.
+    radians = write(text.format(4.7 + 4 * np.pi, 4.7, 4.71), "truth.csv")
+    assert heading_note(read_truth(scans, radians), "rad") is None
+    wrong = read_truth(scans, radians, angle_unit="deg")
+    assert "angle_unit=rad, 1°" in heading_note(wrong, "deg")
+    # Across the motion in either unit.
+    across = write(text.format(0.01, 0.01, 0.01), "truth.csv")
+    assert "° (median) away" in heading_note(read_truth(scans, across), "rad")
+    # A target that stands: nothing but the size of the numbers tells.
+    parked = "k,x,y,heading,length,width\n0,1,10,{0},4,2\n1,1,10,{0},4,2\n"
+    for heading, expected in ((95, True), (3, False)):
+        found = read_truth(scans, write(parked.format(heading), "truth.csv"))
+        assert (heading_note(found, "rad") is not None) == expected
+    poses = read_scans(
+        write(SCANS), write(EGO.replace(",1.5\n", ",90\n"), "ego.csv"), 0.5, angle_unit="deg"
+    )
+    assert poses.sensor_poses_world[0, 2] == pytest.approx(0.5 * np.pi)
+    rates = "k,x,y,heading,length,width,x_rate,y_rate,heading_rate\n0,1,9,90,4,2,0,1,180\n"
+    turning = read_truth(scans, write(rates, "truth.csv"), angle_unit="deg")
+    assert turning.target_rates_world[0, 2] == pytest.approx(np.pi)
+
+
 FAULTS = {
-    "": "the column k is missing",
+    "": "not a table",
+    "k,x,y\n0,1,1\n": "the column t is missing",
     "k,t,x\n0,0,1\n": "the column y is missing",
-    "k;t;x;y\n0;0;1;1\n": "separated by commas",
-    "k,t,x,x,y\n0,0,1,1,1\n": "two columns have one name",
-    "k,t,x,y\n0,0,1\n": "line 2: 3 values, but the header has 4",
+    "k,t,X [m],y\n0,0,1,1\n": "the column 'X [m]' must be named x",
+    "K,t,x,y\n0,0,1,1\n": "the column 'K' must be named k",
+    "k,t,x,y,Var_XX(m2)\n0,0,1,1,1\n": "the column 'Var_XX(m2)' must be named var_xx",
+    "k,t,x,x,y\n0,0,1,1,1\n": "not a table: Duplicate names",
+    "k,t,x,y\n0,0,1\n": "line 2: y: nan must be a finite number",
+    "k,t,x,y\n0,0,1,1,1\n0,0,1,1,1\n": "not a table",
+    "k,t,x,y\n0,0,1,1\n0,0,1,1,1\n": "not a table",
+    "k,t,x,y\n0,0,True,1\n": "line 2: x: 'True' is not a number",
+    "k,t,x,y\n0,0,1,1\n,,,\n": "line 3: k: nan must be a finite number",
+    "k,t,x,y\n0,0,1,1\n0,,1,1\n": "line 3: t: nan s must be a number",
+    "k,t,x,y\n0,0,1,1\n1,5e9,1,1\n": "line 3: t: 5e+09 s must be a number up to 1e+08 s",
     "k,t,x,y\n0,0,1,1\n0,0,one,1\n": "line 3: x: 'one' is not a number",
     "k,t,x,y\n0,0,nan,1\n": "line 2: x: nan must be a finite number",
     "k,t,x,y\n0,0,1e300,1\n": "line 2: x: 1e+300 must be",

@@ -104,13 +104,19 @@ STAGES: dict[str, Definition] = {
             "ego": "measurement.ego",
             "range_std": "measurement.range_std",
             "horizontal_fov": "measurement.horizontal_fov",
+            "time_unit": "measurement.time_unit",
+            "angle_unit": "measurement.angle_unit",
         },
         files=("measurement.path", "measurement.ego"),
     ),
     "read_truth": Definition(
         only("measurements.file_truth:read_truth"),
         "once",
-        {"truth": "measurement.truth"},
+        {
+            "truth": "measurement.truth",
+            "time_unit": "measurement.time_unit",
+            "angle_unit": "measurement.angle_unit",
+        },
         files=("measurement.truth",),
     ),
     "own_scans": Definition(

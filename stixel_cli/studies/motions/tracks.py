@@ -14,7 +14,9 @@ from stixel_cli.scene.classes import CLASS_OF_KITTI_TYPE
 from stixel_cli.studies.data import DATA, data_folder
 
 CLIPS = "kitti_tracking"
-NEEDED = f"{CLIPS}/training with label_02, ego_poses and calib of KITTI's tracking benchmark"
+NEEDED = (
+    f"{CLIPS}/training with label_02, oxts (or ego_poses) and calib of KITTI's tracking benchmark"
+)
 """What the data folder of the study has."""
 
 LOGS = "argoverse2"

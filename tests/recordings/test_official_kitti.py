@@ -1,0 +1,200 @@
+"""KITTI as one downloads it: oxts of the tracking benchmark, raw drives, files of results."""
+
+import os
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from made_clip import make_clip, truth_of
+from made_drive import make_drive, make_official
+from scipy.spatial.transform import Rotation
+
+from stixel_cli import compose
+from stixel_cli.errors import ConfigurationError, UserError
+from stixel_cli.recordings.find import find_recording, guess_layout
+from stixel_cli.recordings.kitti_tables import read_calibration, read_labels
+from stixel_cli.recordings.kitti_tables import read_poses as read_own_poses
+from stixel_cli.recordings.oxts import read_poses
+from stixel_cli.recordings.parameters import KittiRaw, KittiTracking
+
+DATA = Path(os.environ.get("STIXEL_DATA", "../shared/data"))
+CLIP = DATA / "kitti_tracking/training"
+OXTS = DATA / "kitti_tracking_oxts/0005.txt"
+
+
+@pytest.fixture(scope="module")
+def clip(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("clip")
+    make_clip(folder)
+    return folder
+
+
+@pytest.fixture
+def copy(clip, tmp_path):
+    return shutil.copytree(clip, tmp_path / "clip")
+
+
+def tracking(folder, **changes):
+    values = {"sequence": "0003", "target": 0, "frames": None, "sample_time": 0.1}
+    return KittiTracking(kind="kitti_tracking", folder=str(folder), **values | changes)
+
+
+def raw(folder, **changes):
+    values = {"target": 0, "frames": None, "sample_time": 0.1}
+    return KittiRaw(kind="kitti_raw", folder=str(folder), **values | changes)
+
+
+def same_truth(found, expected):
+    for name in ("ego_poses_world", "target_poses_world"):
+        np.testing.assert_allclose(getattr(found, name), getattr(expected, name), atol=1e-4)
+    assert found.scored.tolist() == expected.scored.tolist()
+
+
+@pytest.mark.skipif(not OXTS.is_file(), reason=f"{OXTS} is missing")
+def test_the_oxts_of_clip_0005_give_its_poses():
+    found = read_poses(CLIP / "calib/0005.txt", OXTS)
+    expected = read_own_poses(CLIP / "ego_poses/0005.txt")
+    assert found.shape == expected.shape
+    assert np.abs(found[:, :, 3] - expected[:, :, 3]).max() < 0.001
+    turns = Rotation.from_matrix(found[:, :, :3].mT @ expected[:, :, :3])
+    assert np.degrees(turns.magnitude()).max() < 0.001
+
+
+def test_a_clip_as_one_downloads_it_has_the_same_truth(clip, copy):
+    make_official(copy)
+    recording = find_recording(tracking(copy))
+    assert [file.parent.name for file in recording.pose_files] == ["calib", "oxts"]
+    same_truth(truth_of(recording), truth_of(find_recording(tracking(clip))))
+    # Poses of one's own come first.
+    shutil.copytree(clip / "ego_poses", copy / "ego_poses")
+    assert len(find_recording(tracking(copy)).pose_files) == 1
+    shutil.rmtree(copy / "ego_poses")
+    words = ["path=recorded", f"path.folder={copy}", "path.sequence=0003", "path.target=0"]
+    assert compose(words).recording.frames == range(5)
+    shutil.rmtree(copy / "oxts")
+    with pytest.raises(UserError, match=r"oxts/0003\.txt: no such file"):
+        compose(words)
+    words = [f"source.folder={copy}", "source.sequence=0003", "source.target=0"]
+    with pytest.raises(ConfigurationError, match=r"no poses of the ego car \(oxts/NNNN\.txt\)"):
+        compose(words)
+
+
+def test_a_raw_drive_has_the_same_truth(clip, tmp_path):
+    drive = make_drive(clip, tmp_path)
+    assert guess_layout(drive) == "kitti_raw"
+    recording, expected = find_recording(raw(drive)), find_recording(tracking(clip))
+    assert (recording.label, recording.frames) == ("Car", range(5))
+    assert (recording.width, recording.height) == (expected.width, expected.height)
+    assert recording.calibration == expected.calibration
+    # The label's box is cut at the image; that of the drive is of the same corners.
+    np.testing.assert_allclose(recording.first_box, expected.first_box, atol=0.01)
+    same_truth(truth_of(recording), truth_of(expected))
+    made = compose([f"source.folder={drive}", "source.target=0"])
+    assert made.choices["source"] == "kitti_raw"
+    assert made.configuration.prior.length == 4.0
+
+
+def test_states_of_a_tracklet(clip, tmp_path):
+    drive = make_drive(clip, tmp_path, kind="Person (sitting)")
+    file = drive / "tracklet_labels.xml"
+    parts = file.read_text().split("<occlusion>0</occlusion>")
+    states = [
+        "<occlusion>1</occlusion>",
+        "<occlusion>-1</occlusion>",
+        *["<occlusion>0</occlusion>"] * 3,
+    ]
+    text = "".join(part + state for part, state in zip(parts, [*states, ""], strict=True))
+    parts = text.split("<truncation>0</truncation>")
+    states = [0, 0, 1, 2, 0]
+    text = "".join(
+        part + state
+        for part, state in zip(
+            parts, [*(f"<truncation>{s}</truncation>" for s in states), ""], strict=True
+        )
+    )
+    file.write_text(text)
+    recording = find_recording(raw(drive))
+    assert recording.road_user == "pedestrian"
+    truth = truth_of(recording)
+    assert truth.scored.tolist() == [False, False, False, False, True]
+    assert np.isnan(truth.target_poses_world[3]).all()
+
+
+def test_a_raw_drive_without_labels_or_packets(clip, tmp_path):
+    drive = make_drive(clip, tmp_path)
+    (drive / "tracklet_labels.xml").unlink()
+    assert find_recording(raw(drive, target=None)).label_files == ()
+    shutil.rmtree(drive / "oxts")
+    assert find_recording(raw(drive, target=None)).pose_files == ()
+
+
+ENTITIES = '<!DOCTYPE a [<!ENTITY x "xxx"><!ENTITY y "&x;&x;">]><a>&y;</a>'
+IMU, VELODYNE, CAMERAS = (
+    f"../calib_{name}.txt" for name in ("imu_to_velo", "velo_to_cam", "cam_to_cam")
+)
+DAMAGE = {
+    "entities": ("tracklet_labels.xml", lambda text: ENTITIES, "must have no entities"),
+    "no XML": ("tracklet_labels.xml", lambda text: text[:500], "not valid XML: "),
+    "no size": ("tracklet_labels.xml", lambda text: text.replace("<h>", "<h>-"), "h, w and l must"),
+    "words": (
+        "tracklet_labels.xml",
+        lambda text: text.replace("<tx>", "<tx>about", 1),
+        "tracklet 0: row 1: 'about",
+    ),
+    "no value": (
+        "tracklet_labels.xml",
+        lambda text: text.replace("<rz>", "<rx>").replace("</rz>", "</rx>"),
+        "tracklet 0: row 1: '' is not a number",
+    ),
+    "no track": ("tracklet_labels.xml", lambda text: "<a/>", "has no track 0"),
+    "short packet": ("oxts/data/0000000002.txt", lambda text: text[:200], "30 columns are needed"),
+    "empty packet": ("oxts/data/0000000002.txt", lambda text: "", "must have one row of 30"),
+    "pole": ("oxts/data/0000000002.txt", lambda text: "89" + text[2:], "latitude must be within"),
+    "far": ("oxts/data/0000000002.txt", lambda text: "50" + text[2:], "row 3: out of order"),
+    "no rotation": (IMU, lambda text: text.replace("R: ", "R: 2"), "R is not a rotation"),
+    "no place": (VELODYNE, lambda text: text.replace("T:", "S:"), "T is missing"),
+    "no turn": (
+        CAMERAS,
+        lambda text: text.replace("R_rect_00", "R_rect_01"),
+        "R_rect_00 is missing",
+    ),
+}
+
+
+@pytest.mark.parametrize(("file", "damage", "said"), DAMAGE.values(), ids=DAMAGE)
+def test_a_damaged_drive_is_refused_in_one_line_that_names_the_file(
+    file, damage, said, clip, tmp_path
+):
+    path = make_drive(clip, tmp_path) / file
+    path.write_text(damage(path.read_text()))
+    with pytest.raises(UserError) as caught:
+        find_recording(raw(tmp_path / "2011_09_26_drive_0001_sync"))
+    text = str(caught.value)
+    assert said in text and "\n" not in text
+    assert Path(file).name in text or "oxts/data" in text
+
+
+def test_a_missing_packet_is_named(clip, tmp_path):
+    drive = make_drive(clip, tmp_path)
+    (drive / "oxts/data/0000000003.txt").unlink()
+    with pytest.raises(UserError, match="packets from 0 on, without gaps"):
+        find_recording(raw(drive))
+
+
+def test_labels_may_have_a_score_and_files_a_bom(copy):
+    file, calibration = copy / "label_02/0003.txt", copy / "calib/0003.txt"
+    plain, text = read_labels(file)[0], file.read_text()
+    other = read_calibration(calibration, ("P2", "P3"))
+    with_score = "".join(f"{line} 0.87\n" for line in text.splitlines())
+    for changed in (with_score, "\ufeff" + text):
+        file.write_text(changed, encoding="utf-8")
+        assert all(np.array_equal(v, vars(plain)[n]) for n, v in vars(read_labels(file)[0]).items())
+    calibration.write_text("\ufeff" + calibration.read_text(), encoding="utf-8")
+    assert read_calibration(calibration, ("P2", "P3")) == other
+    # Of the object benchmark.
+    file.write_text(" ".join(with_score.splitlines()[0].split()[2:]))
+    assert read_labels(file)[0].places.tolist() == plain.places[:1].tolist()
+    file.write_text(with_score.splitlines()[0] + " 1.0")
+    with pytest.raises(UserError, match="row 1: 17 columns are needed, got 19"):
+        read_labels(file)
