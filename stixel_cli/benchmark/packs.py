@@ -14,9 +14,10 @@ import numpy as np
 from annotated_types import MaxLen
 
 from stixel_cli.benchmark.data import Data
+from stixel_cli.border import write_whole, written
 from stixel_cli.config.messages import plain_fault
 from stixel_cli.errors import UserError
-from stixel_cli.files import read_arrays, read_json, read_text, write_whole, written
+from stixel_cli.files import read_arrays, read_json, read_text
 from stixel_cli.parameters import parameters
 from stixel_cli.results.folder import json_text
 

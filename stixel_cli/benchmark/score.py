@@ -11,11 +11,12 @@ import numpy as np
 from stixel_cli.benchmark.data import Data, SequenceData, sha256, sha256_of
 from stixel_cli.benchmark.packs import first_scored, read_pack
 from stixel_cli.benchmark.sequences import fresh_set, named
+from stixel_cli.border import write_whole, written
 from stixel_cli.errors import UserError
 from stixel_cli.evaluation.evaluate import evaluate
 from stixel_cli.evaluation.scores import Scores
 from stixel_cli.evaluation.upper_bounds import find_upper_bounds
-from stixel_cli.files import read_json, write_whole, written
+from stixel_cli.files import read_json
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.report.intervals import chi_square_bounds
 from stixel_cli.scene.scenario import Scenario

@@ -141,7 +141,7 @@ def page(
     from stixel_cli.benchmark.play import playback_pages
     from stixel_cli.benchmark.score import read_rows
     from stixel_cli.benchmark.sequences import bench_folder
-    from stixel_cli.files import write_whole, written
+    from stixel_cli.border import write_whole, written
 
     if rows != ROWS and not rows.is_dir():
         raise UserError(f"--rows: {rows}: no such folder")

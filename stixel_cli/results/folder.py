@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
+from stixel_cli.border import written
 from stixel_cli.errors import FolderTaken, UserError
-from stixel_cli.files import written
 from stixel_cli.results import lineage
 from stixel_cli.results.reader import json_text, yaml_text
 from stixel_cli.results.result import RunResult

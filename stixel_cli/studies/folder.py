@@ -18,9 +18,10 @@ from typing import Any
 
 import yaml
 
+from stixel_cli.border import write_whole, written
 from stixel_cli.config.texts import split_override
 from stixel_cli.errors import UserError
-from stixel_cli.files import read_yaml, write_whole, written
+from stixel_cli.files import read_yaml
 from stixel_cli.report.blocks import Figure, Findings, Paragraph, Table
 from stixel_cli.report.tables import plain_rows, table_csv, table_latex, table_markdown
 from stixel_cli.results.folder import check_plain_name

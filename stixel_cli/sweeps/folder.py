@@ -19,10 +19,11 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
+from stixel_cli.border import write_whole, written
 from stixel_cli.config.folders import PRESETS, of_the_machine
 from stixel_cli.config.texts import split_override
 from stixel_cli.errors import UserError, printable_path
-from stixel_cli.files import read_text, read_yaml, write_whole, written
+from stixel_cli.files import read_text, read_yaml
 from stixel_cli.results.folder import Content, write_whole_folder
 from stixel_cli.results.reader import read_manifest, read_metrics, yaml_text
 from stixel_cli.results.result import MISSING, RunResult

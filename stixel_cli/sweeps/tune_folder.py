@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
+from stixel_cli.border import write_whole, written
 from stixel_cli.config.folders import group_options, of_the_machine
 from stixel_cli.config.overrides import parse
 from stixel_cli.evaluation.metric_table import metric
-from stixel_cli.files import write_whole, written
 from stixel_cli.pictures import style
 from stixel_cli.report.blocks import Table
 from stixel_cli.report.charts import Panel, chart
