@@ -91,10 +91,15 @@ def read_json(file: Path) -> dict[str, Any]:
     Raises:
         UserError: if it is missing, not a JSON object, or has a value that `check_plain` refuses.
     """
+    return parse_json(read_text(file), file)
+
+
+def parse_json(text: str, file: Path) -> dict[str, Any]:
+    """The names and values of a JSON text in `file`; UserError as of `read_json`."""
     import json
 
     try:
-        content = json.loads(read_text(file), object_pairs_hook=_unique)
+        content = json.loads(text, object_pairs_hook=_unique)
     except (ValueError, RecursionError):
         raise UserError(f"{file}: not valid JSON") from None
     check_plain(content, file)
@@ -237,6 +242,8 @@ def read_arrays(file: Path, texts: dict[str, str] | None = None) -> "dict[str, n
                         other = "is compressed by a method other than deflate"
                         raise UserError(f"{file}: {name} {other}")
                 for member in [one for one in members if one.filename in (texts or {})]:
+                    if member.file_size > GREATEST_TEXT:
+                        raise UserError(f"{file}: {name} has more than {GREATEST_TEXT} bytes")
                     texts[member.filename] = archive.read(member).decode()
                     members.remove(member)
                 return {m.filename.removesuffix(".npy"): _read_array(archive, m) for m in members}

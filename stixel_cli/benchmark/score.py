@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from stixel_cli.benchmark.data import Data, SequenceData, sha256, sha256_of
-from stixel_cli.benchmark.packs import first_scored, read_pack
+from stixel_cli.benchmark.packs import Row, check, first_scored, read_pack
 from stixel_cli.benchmark.sequences import fresh_set, named
 from stixel_cli.border import write_whole, written
 from stixel_cli.errors import UserError
@@ -173,8 +173,16 @@ def write_row(row: Mapping[str, Any], folder: Path) -> Path:
 
 
 def read_rows(folder: Path) -> list[dict[str, Any]]:
-    """All rows of a folder; UserError in one line for one that was edited."""
+    """The rows of a folder with these scores; UserError in one line for an edited or wrong one."""
     files = sorted(folder.glob("*.json"))
     for file in (file for file in files if sha256_of(file)[:16] != file.stem):
         raise UserError(f"{file}: was edited: a row is named by the hash of its content")
-    return list(map(read_json, files))
+    rows = []
+    for file in files:
+        row = read_json(file)
+        if row.get("metric_version") == METRIC_VERSION:
+            check(row, Row, file)
+            for name in row["sequences"]:
+                named(name)
+            rows.append(row)
+    return rows
