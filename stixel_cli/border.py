@@ -6,9 +6,10 @@ and an address come with their `Origin`, which decides; a path of output must li
 that the command writes. `docs/border.py` writes `RULES` into docs/security.md.
 """
 
+import os
 import sys
 import threading
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from importlib import import_module
@@ -135,10 +136,6 @@ def connected(address: str, origin: Origin, patience: float) -> "Client":
     return client(address, timeout=patience, set_as_default=False)
 
 
-Content = str | bytes | Callable[[Path], object]
-"""Of a file: text, bytes, or a function that writes it."""
-
-
 def write_whole(file: Path, content: str | bytes) -> None:
     """Write a file atomically; text in UTF-8. A link at its place is replaced, not followed.
 
@@ -165,8 +162,8 @@ def write_whole(file: Path, content: str | bytes) -> None:
         raise
 
 
-def write_below(folder: Path, files: Mapping[str, Content]) -> None:
-    """Write files, by path below `folder`, each as `write_whole` does, unless it is a function.
+def write_below(folder: Path, files: Mapping[str, str | bytes]) -> None:
+    """Write files, by path below `folder`, each as `write_whole` does.
 
     Raises:
         UserError: for the first path that leads out of the folder; then nothing is written.
@@ -179,17 +176,20 @@ def write_below(folder: Path, files: Mapping[str, Content]) -> None:
         if path.is_absolute() or ".." in path.parts or not path.name or not inside:
             raise UserError(f"{folder}: {printable(name)!r} is not a path below the folder")
     for name, content in files.items():
-        if callable(content):
-            (folder / name).parent.mkdir(parents=True, exist_ok=True)
-            content(folder / name)
-        else:
-            write_whole(folder / name, content)
+        write_whole(folder / name, content)
 
 
 def write_new(file: Path, text: str) -> None:
-    """Write a new file; FileExistsError if there is one, or a link, OSError if it cannot be."""
-    with file.open("x", encoding="utf-8") as stream:
-        stream.write(text)
+    """Write a new file; UserError if it exists, also as a link, or cannot be written."""
+    try:
+        with file.open("x", encoding="utf-8") as stream:
+            stream.write(text)
+            stream.flush()
+            os.fsync(stream.fileno())
+    except FileExistsError:
+        raise UserError(f"{file}: already exists; choose another file") from None
+    except OSError as error:
+        raise UserError(f"{file}: cannot be written: {error.strerror}") from error
 
 
 @contextmanager

@@ -59,7 +59,9 @@ def test_a_better_tracker_has_rank_1_and_equal_ones_share_their_ranks():
 
 
 def test_the_page_has_a_line_for_each_sensor_and_class_and_the_gap_to_fresh_seeds():
-    fresh = row("better", np.full(len(NAMES), 0.5), "fresh", "c" * 64) | {"fresh_of": sha256(b"better")}
+    fresh = row("better", np.full(len(NAMES), 0.5), "fresh", "c" * 64) | {
+        "fresh_of": sha256(b"better")
+    }
     files = bench_page([*rows(), fresh | {"benchmark": "b" * 64}])
     assert {*files} == {"index.html", f"{'a' * 12}.csv", f"{'a' * 12}.md"}
     assert len(files[f"{'a' * 12}.csv"].splitlines()) == 1 + 4 * 16
