@@ -7,26 +7,15 @@ figure on the page, and a heading that ends with `(folded)` folds its section.
 """
 
 import re
-import resource
-import sys
-import time
 import traceback
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
-from pathlib import Path
-from types import FrameType, ModuleType
-from typing import Any
 
 import jinja2
-from jinja2.runtime import LoopContext, Macro
-from jinja2.sandbox import ImmutableSandboxedEnvironment, SecurityError, safe_range
-from jinja2.utils import Namespace
 from markdown_it import MarkdownIt
 
 from stixel_cli.errors import ConfigurationError, UserError, counted, printable
-from stixel_cli.files import read_bytes
 from stixel_cli.report import metrics
 from stixel_cli.report.blocks import (
     Block,
@@ -64,106 +53,20 @@ FILTERS: dict[str, Callable] = {
 """Functions of `metrics` that a template can use, by name."""
 
 
-LONGEST_TEMPLATE, LONGEST = 2**20, 2**24
-"""Characters that a template of unknown origin may have, and may write."""
-
-MOST_MEMORY = 2**30
-"""Bytes that it may take."""
-
-PATIENCE = 60.0
-"""Seconds that it may take."""
-
-_PLAIN = (str, list, tuple, dict, int, float)
-_MOST_BITS = 1024
-
-
-class _Sandbox(ImmutableSandboxedEnvironment):
-    """Templates of unknown origin: they read data, and call methods of plain values only."""
-
-    intercepted_binops = frozenset(("*", "**"))
-
-    def is_safe_attribute(self, obj: Any, attr: str, value: Any) -> bool:
-        code = any(isinstance(one, ModuleType | type) for one in (obj, value))
-        return not code and super().is_safe_attribute(obj, attr, value)
-
-    def is_safe_callable(self, obj: Any) -> bool:
-        # An array could write itself into a file.
-        of = getattr(obj, "__self__", None)
-        own = type(of) in (*_PLAIN, LoopContext) or isinstance(obj, Macro | LoopContext)
-        return own or obj in (safe_range, dict, Namespace) or obj.__module__ == __name__
-
-    def call_binop(self, context: Any, operator: str, left: Any, right: Any) -> Any:
-        if not all(isinstance(one, int | float) for one in (left, right)):
-            raise SecurityError(f"{operator} is for numbers")
-        if operator == "**" and abs(right) > _MOST_BITS:
-            raise SecurityError(f"{right} is too large an exponent")
-        value = super().call_binop(context, operator, left, right)
-        if isinstance(value, int) and value.bit_length() > _MOST_BITS:
-            raise SecurityError("the number is too large")
-        return value
-
-
-@contextmanager
-def _bounded() -> Iterator[None]:
-    """Context in which a template has `MOST_MEMORY` and `PATIENCE`; MemoryError, SecurityError."""
-    end, before = time.monotonic() + PATIENCE, resource.getrlimit(resource.RLIMIT_AS)
-    pages = int(read_bytes(Path("/proc/self/statm")).split()[0])
-    most = pages * resource.getpagesize() + MOST_MEMORY
-    most = most if before[0] == resource.RLIM_INFINITY else min(most, before[0])
-
-    def watched(frame: FrameType, event: str, argument: Any) -> Any:
-        if frame.f_code.co_filename != "<template>":
-            return None
-        if time.monotonic() > end:
-            raise SecurityError(f"takes more than {PATIENCE:.0f} s")
-        return watched
-
-    traced = sys.gettrace()
-    resource.setrlimit(resource.RLIMIT_AS, (most, before[1]))
-    sys.settrace(watched)
-    try:
-        yield
-    finally:
-        sys.settrace(traced)
-        resource.setrlimit(resource.RLIMIT_AS, before)
-
-
-def _rendered(template: jinja2.Template, values: Mapping[str, Any]) -> str:
-    """The text of a template; of one in the sandbox with bounds of memory, time and length."""
-    if not template.environment.sandboxed:
-        return template.render(values)
-    parts, length = [], 0
-    with _bounded():
-        for part in template.generate(values):
-            parts.append(part)
-            length += len(part)
-            if length > LONGEST:
-                raise SecurityError(f"writes more than {LONGEST} characters")
-    return "".join(parts)
-
-
-def template_of(text: str, name: str, shipped: bool = False) -> jinja2.Template:
-    """The template with a text; `name` is its file. In a sandbox unless it is `shipped`.
+def template_of(text: str, name: str) -> jinja2.Template:
+    """The template with a text; `name` is its file. It is code: see `studies.file.read_study`.
 
     Raises:
         ConfigurationError: if its syntax is not valid.
     """
-    environment = (jinja2.Environment if shipped else _Sandbox)(
+    environment = jinja2.Environment(
         undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True, autoescape=False
     )
     environment.filters.update(FILTERS)
     try:
-        if shipped:
-            return environment.from_string(text)
-        if len(text) > LONGEST_TEMPLATE:
-            raise ConfigurationError(f"template: {name}: longer than {LONGEST_TEMPLATE} characters")
-        # Jinja computes constants while it compiles.
-        with _bounded():
-            return environment.from_string(text)
+        return environment.from_string(text)
     except jinja2.TemplateSyntaxError as fault:
         raise ConfigurationError(f"template: {name}: line {fault.lineno}: {fault}") from None
-    except (jinja2.TemplateError, MemoryError, RecursionError) as fault:
-        raise ConfigurationError(f"template: {name}: {type(fault).__name__}: {fault}") from None
 
 
 def findings_of(template: jinja2.Template, material: Material, name: str) -> Findings:
@@ -182,10 +85,9 @@ def findings_of(template: jinja2.Template, material: Material, name: str) -> Fin
         return f"\n\n{_MARK}{len(shown) - 1}\n\n"
 
     try:
-        text = _rendered(template, {**material.values, "show": show})
+        text = template.render(**material.values, show=show)
     except (
-        jinja2.TemplateError, ArithmeticError, AttributeError, LookupError, TypeError, ValueError,
-        MemoryError, RecursionError,
+        jinja2.TemplateError, ArithmeticError, AttributeError, LookupError, TypeError, ValueError
     ) as fault:  # fmt: skip
         frames = traceback.extract_tb(fault.__traceback__)
         line = [frame.lineno for frame in frames if frame.filename == "<template>"][-1:]

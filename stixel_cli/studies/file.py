@@ -26,7 +26,7 @@ from stixel_cli.sweeps.file import is_study, read_mapping, refuse_unknown
 
 ALL = "all"
 ENTRIES = ("title", "question", "template", "module", "sweeps")
-TEMPLATES = Path(__file__).parent / "templates"
+TEMPLATES = Path(__file__).resolve().parent / "templates"
 _LONGEST_PATH = 200
 
 
@@ -39,7 +39,7 @@ class StudyFile:
         template_name, module_name: as in the file.
         module: its function `report` returns a `Material` from `StudyData`; its functions that
             `derive` and `axes_of` name return further axes.
-        is_shipped: whether shipped studies use this module and these functions of it.
+        is_shipped: whether the template and the functions that it uses are of shipped studies.
     """
 
     path: Path
@@ -176,15 +176,19 @@ def read_study(path: Path, trusted: bool = False) -> StudyFile:
         origin = origin_of(path, trusted)
         called = _functions(content)
         is_shipped = origin is TYPED or called <= _functions(*map(read_yaml, _shipped_files()))
-        admit([] if is_shipped else [(f"{module}:{name}", origin) for module, name in called])
+        template = _template(path.parent, texts[2])
+        # A template is code: Jinja's sandbox bounds neither time nor memory.
+        code = [] if is_shipped else [f"{module}:{name}" for module, name in sorted(called)]
+        code += [] if template.parent == TEMPLATES else [texts[2]]
+        admit((name, origin) for name in code)
         sweeps = tuple(sweep_entry(name, entries, origin) for name, entries in sweeps.items())
         if sweeps[0].derive is not None:
             raise ConfigurationError(f"sweeps: {sweeps[0].name}: derive: no earlier sweep")
         for sweep in sweeps:
             sweep.design()
-        template = _template(path.parent, texts[2])
+        template = template_of(read_text(template), texts[2])
         module = _module(path.parent, texts[3], TYPED if is_shipped else origin)
-        study = StudyFile(path, *texts, template, module, sweeps, is_shipped)
+        study = StudyFile(path, *texts, template, module, sweeps, not code)
         for _, name in sorted(called):
             study.function(name)
     except ConfigurationError as fault:
@@ -194,12 +198,12 @@ def read_study(path: Path, trusted: bool = False) -> StudyFile:
     return study
 
 
-def _template(folder: Path, name: str) -> jinja2.Template:
-    """A template next to the study's file, or one of the package."""
-    for place in (folder, TEMPLATES):
+def _template(folder: Path, name: str) -> Path:
+    """The file of a template next to the study's file, or of one of the package."""
+    for place in (folder.resolve(), TEMPLATES):
         file = (place / name).resolve()
-        if file.is_file() and file.parent == place.resolve():
-            return template_of(read_text(file), name, place is TEMPLATES)
+        if file.is_file() and file.parent == place:
+            return file
     raise ConfigurationError(f"template: no file {messages.printable(name)} in {_shown(folder)}")
 
 
