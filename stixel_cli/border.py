@@ -3,7 +3,7 @@
 No other module imports by name, unpickles, connects to an address, or opens a file for writing,
 except where `tests/test_border.py` lists it with the reason. A name of code, a folder of pickles
 and an address come with their `Origin`, which decides; a path of output must lie below the folder
-that the command writes. `docs/border.py` writes `RULES` into docs/security.md.
+that the command writes. docs/security.md has `RULES` as its table.
 """
 
 import os
@@ -25,23 +25,18 @@ if TYPE_CHECKING:
 
 RULES = (
     (
-        "import a module by its name: a tracker, a measurement, metrics, a study's report",
-        "`tracker`, `measurement`, `metrics`, `code_folders`; `module` of a study",
-        "only with `--trust-code`. A study may use report, `derive` and `axes_of` of a shipped one",
+        "run code: import a module, fill a template",
+        "`tracker`, `measurement`, `metrics`, `code_folders`; `module`, `template` of a study",
+        "only with `--trust-code`; a study may use code and templates of shipped ones",
     ),
     (
-        "unpickle results",
-        "`cache.folder`",
-        "only with `--trust-code`; never from a result folder: that of the command is used",
-    ),
-    (
-        "connect to a scheduler, which sends pickles",
-        "`executor.address`",
-        "only with `--trust-code`; never from a result folder: that of the command is used",
+        "unpickle results, or connect to a scheduler, which sends pickles",
+        "`cache.folder`, `executor.address`",
+        "only with `--trust-code`; never from a result folder: those of the command are used",
     ),
     (
         "write a file",
-        "names of rows, packs, tables and figures",
+        "names of sequences, rows, tables, figures and further files",
         "only below the folder that the command writes, never through a link out of it",
     ),
 )
@@ -162,19 +157,22 @@ def write_whole(file: Path, content: str | bytes) -> None:
         raise
 
 
-def write_below(folder: Path, files: Mapping[str, str | bytes]) -> None:
-    """Write files, by path below `folder`, each as `write_whole` does.
-
-    Raises:
-        UserError: for the first path that leads out of the folder; then nothing is written.
-        OSError: as `write_whole` does.
-    """
+def check_below(folder: Path, names: Iterable[str]) -> None:
+    """Raise UserError for the first path that leads out of the folder, also by a link."""
     base = folder.resolve()
-    for name in files:
+    for name in names:
         path = PurePosixPath(name)
         inside = (folder / name).parent.resolve().is_relative_to(base)
         if path.is_absolute() or ".." in path.parts or not path.name or not inside:
             raise UserError(f"{folder}: {printable(name)!r} is not a path below the folder")
+
+
+def write_below(folder: Path, files: Mapping[str, str | bytes]) -> None:
+    """Write files, by path below `folder`, each as `write_whole` does, which has the errors.
+
+    Nothing is written if `check_below` refuses a path.
+    """
+    check_below(folder, files)
     for name, content in files.items():
         write_whole(folder / name, content)
 

@@ -19,7 +19,7 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
-from stixel_cli.border import write_below, written
+from stixel_cli.border import check_below, write_below, written
 from stixel_cli.config.folders import PRESETS, of_the_machine
 from stixel_cli.config.texts import split_override
 from stixel_cli.errors import UserError, printable_path
@@ -164,6 +164,7 @@ class SweepFolder:
 
         It replaces an older one of either kind.
         """
+        check_below(self.path, [f"{kind}/{index:04d}"])
         write_whole_folder(self.path / kind / f"{index:04d}", files, replace=True)
         with suppress(OSError):
             shutil.rmtree(self.path / (FAILED if kind == RUNS else RUNS) / f"{index:04d}")
