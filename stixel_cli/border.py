@@ -92,15 +92,21 @@ def forget_told() -> None:
     _told.clear()
 
 
+def _refuse(name: object, origin: Origin) -> None:
+    """Raise ConfigurationError for a name that `admit` would refuse; what is trusted was told."""
+    if origin.source and not origin.trusted:
+        admit([(str(name), origin)])
+
+
 def imported(module: str, origin: Origin) -> ModuleType:
     """The module of a dotted name; its own errors, or ConfigurationError as of `admit`."""
-    admit([(module, origin)])
+    _refuse(module, origin)
     return import_module(module)
 
 
 def imported_file(file: Path, name: str, origin: Origin) -> ModuleType:
     """The module in a file, under a `name`; ImportError or its own errors as of `imported`."""
-    admit([(str(file), origin)])
+    _refuse(file, origin)
     spec = spec_from_file_location(name, file)
     module = module_from_spec(spec)
     spec.loader.exec_module(module)
@@ -109,7 +115,7 @@ def imported_file(file: Path, name: str, origin: Origin) -> ModuleType:
 
 def unpickled(file: Path | BinaryIO, origin: Origin, mmap_mode: str | None = None) -> Any:
     """The object in a joblib file, or in a stream of one; large arrays as memory maps of a file."""
-    admit([(str(file), origin)])
+    _refuse(file, origin)
     # Its import takes as long as a few hundred loads; most commands load nothing.
     return import_module("joblib").load(file, mmap_mode=mmap_mode)
 
@@ -126,7 +132,7 @@ def connected(address: str, origin: Origin, patience: float) -> "Client":
 
     `patience` is in s.
     """
-    admit([(address, origin)])
+    _refuse(address, origin)
     client = import_module("distributed").Client
     return client(address, timeout=patience, set_as_default=False)
 

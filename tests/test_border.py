@@ -91,9 +91,9 @@ def test_a_name_from_a_file_needs_trust_and_is_told_once(capsys):
     file = Origin("a/file.yaml")
     with pytest.raises(ConfigurationError, match=r"a/file.yaml: .*\(colorsys\).*--trust-code"):
         imported("colorsys", file)
-    for _ in range(2):
-        imported("colorsys", replace(file, trusted=True))
-        imported("colorsys", TYPED)
+    for origin in (TYPED, replace(file, trusted=True)) * 2:
+        admit([("colorsys", origin)])
+        imported("colorsys", origin)
     assert capsys.readouterr().err == "stixel: a/file.yaml: may run colorsys (--trust-code)\n"
     with pytest.raises(ConfigurationError):
         admit([("b", file), ("c", replace(file, trusted=True))])

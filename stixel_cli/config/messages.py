@@ -103,7 +103,9 @@ def unknown_key(name: str, kinds: Mapping[str, str] | None = None) -> str:
     variants = keys.known_keys().get(name)
     name = printable(name)
     if variants:
-        group = next(g for g, kind in variants[0].owners if kinds.get(g) != kind)
+        # A preset of the user's own may lack a key of its kind.
+        owners = dict(variants[0].owners)
+        group = next((g for g, kind in owners.items() if kinds.get(g) != kind), next(iter(owners)))
         chosen = f" with {group}={kinds[group]}" if group in kinds else " in the chosen option"
         owners = ", ".join(_owners(variants, kinds))
         return f"{name}: unknown key{chosen}; it belongs to {owners}"
