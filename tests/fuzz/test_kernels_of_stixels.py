@@ -21,16 +21,26 @@ ENDS = {
     "disparity_offset": (-16.0, 0.0, 16.0),
     "disparity_slope": (-0.01, 0.0, 0.01),
 }
+USUAL = {"focal_length": 300.0, "baseline": 0.54, "camera_height": 1.65}
+USUAL |= {"pitch": 0.0, "disparity_offset": 0.0, "disparity_slope": 0.0}
 
 
 def draw(rng):
     """A rig of the ends of its ranges, and an image of noise, a road, or one disparity."""
-    rig = {name: rng.choice(values) for name, values in ENDS.items()}
+    rig = {name: rng.choice((USUAL[name], *values)) for name, values in ENDS.items()}
+    rig |= {name: USUAL[name] for name in rng.sample(list(USUAL), rng.randrange(7))}
     height, width = rng.choice(((64, 64), (64, 97), (120, 160)))
     generator = np.random.default_rng(rng.randrange(2**32))
     rows = np.arange(height)[:, None] * np.ones(width)
-    kind = rng.randrange(4)
-    if kind == 0:
+    kind = rng.randrange(8)
+    if kind >= 4:
+        # The road of that rig, with upright faces.
+        disparity = np.maximum(rows - height / 2.0, 0.0) * rig["baseline"] / rig["camera_height"]
+        for _ in range(rng.choice((1, 3))):
+            u, v = rng.randrange(width), rng.randrange(height)
+            face = disparity[v : v + 60, u : u + 40]
+            face[:] = disparity[min(v + 60, height - 1), u]
+    elif kind == 0:
         disparity = generator.uniform(0.0, 40.0, (height, width))
     elif kind == 1:
         disparity = np.maximum(rng.uniform(-0.5, 1.5) * (rows - rng.uniform(0, height)), 0.0)
