@@ -102,8 +102,8 @@ def designed_sweep(
 
 def resumed_sweep(
     path: Path,
-    overrides: Sequence[str] = (),
-    trust_code: bool = False,
+    overrides: Sequence[str],
+    names: Origin,
     visible: bool = False,
     label: str = "",
     note: Callable[[str], Any] = lambda text: None,
@@ -114,7 +114,7 @@ def resumed_sweep(
     Args:
         path: the sweep's folder.
         overrides: of executor and cache; those of the folder are never used.
-        trust_code: run the user's own functions that the folder names.
+        names: where the names of code in the folder come from.
         visible: show progress on stderr, with the prefix `label`.
         note: called with the number of finished runs that are out of date, and why.
         fail_fast: see `run_sweep`.
@@ -124,7 +124,7 @@ def resumed_sweep(
     """
     folder = SweepFolder(path)
     request = folder.request()
-    runs = stored_runs(request, overrides, Origin(str(path), trust_code), imports=True)
+    runs = stored_runs(request, overrides, names, imports=True)
     plan = planned_sweep(runs, request.shuffle, request.pictures, request.nodes)
     origin = _origin(str(request.notes.get("command", path.name)))
     finished = folder.finished(len(runs))
