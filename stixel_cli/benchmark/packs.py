@@ -4,7 +4,6 @@
 """
 
 import io
-import json
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -12,12 +11,12 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from annotated_types import Ge, Le, MaxLen, MinLen
-from pydantic import Field, TypeAdapter, ValidationError
+from pydantic import Field
 
 from stixel_cli.benchmark.data import Data
 from stixel_cli.border import write_whole, written
-from stixel_cli.config.messages import plain_fault
-from stixel_cli.errors import UserError, printable
+from stixel_cli.config.messages import validated
+from stixel_cli.errors import UserError
 from stixel_cli.files import parse_json, read_arrays, read_json, read_text
 from stixel_cli.parameters import parameters
 from stixel_cli.results.folder import json_text
@@ -103,20 +102,6 @@ class Row:
             raise ValueError("tracker: must be a baseline if the tier is fixed, only then")
 
 
-def check(content: Any, kind: type, file: Path) -> None:
-    """UserError in one line unless `content` is that of a `Manifest` or a `Row`, by its schema."""
-    try:
-        valid = TypeAdapter(kind).validate_json(json.dumps(content))
-        if isinstance(valid, Row):
-            valid.check()
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        where = ".".join(map(str, first["loc"])) or "content"
-        raise UserError(f"{file}: {printable(where)}: {plain_fault(first)}") from None
-    except ValueError as fault:
-        raise UserError(f"{file}: {printable(str(fault), 200)}") from None
-
-
 def pack(folder: Path, data: Data, machine: Mapping[str, Any], output: Path) -> dict[str, int]:
     """Write the pack of a folder of tracks; return the number of missing scans by sequence.
 
@@ -124,7 +109,7 @@ def pack(folder: Path, data: Data, machine: Mapping[str, Any], output: Path) -> 
     entries of the manifest. UserError for the first file that is missing or wrong.
     """
     manifest = {"tracker": read_json(folder / TRACKER), "benchmark": data.id, **machine}
-    check(manifest, Manifest, folder / TRACKER)
+    validated(Manifest, manifest, folder / TRACKER)
     members, missing = {}, {}
     for name in data.names:
         file, table = folder / f"{name}.npz", folder / f"{name}.csv"
@@ -149,7 +134,8 @@ def read_pack(file: Path, data: Data) -> tuple[dict[str, Any], dict[str, dict[st
     UserError if it is damaged, incomplete, off the schema, or of other data.
     """
     arrays = read_arrays(file, texts := {MANIFEST: ""})
-    check(manifest := parse_json(texts[MANIFEST], Path(f"{file}: {MANIFEST}")), Manifest, file)
+    manifest = parse_json(texts[MANIFEST], Path(f"{file}: {MANIFEST}"))
+    validated(Manifest, manifest, file)
     if (other := manifest["benchmark"][:12]) != data.id[:12]:
         raise UserError(f"{file}: its tracks are of the data {other}, not of {data.id[:12]}")
     tracks: dict[str, dict[str, np.ndarray]] = {}

@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 
 from stixel_cli.benchmark.data import Data, SequenceData, sha256, sha256_of
-from stixel_cli.benchmark.packs import Row, check, first_scored, read_pack
+from stixel_cli.benchmark.packs import Row, first_scored, read_pack
 from stixel_cli.benchmark.sequences import fresh_set, named
 from stixel_cli.border import write_whole, written
+from stixel_cli.config.messages import validated
 from stixel_cli.errors import UserError
 from stixel_cli.evaluation.evaluate import evaluate
 from stixel_cli.evaluation.scores import Scores
@@ -181,7 +182,7 @@ def read_rows(folder: Path) -> list[dict[str, Any]]:
     for file in files:
         row = read_json(file)
         if row.get("metric_version") == METRIC_VERSION:
-            check(row, Row, file)
+            validated(Row, row, file)
             for name in row["sequences"]:
                 named(name)
             rows.append(row)

@@ -1,6 +1,5 @@
 """The folder of a tuning: `trials.csv`, a page, and a preset of the chosen trial."""
 
-import json
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
@@ -11,9 +10,8 @@ from matplotlib.axes import Axes
 
 from stixel_cli.border import write_below, written
 from stixel_cli.config.folders import group_options, of_the_machine
-from stixel_cli.config.messages import plain_fault
+from stixel_cli.config.messages import validated
 from stixel_cli.config.overrides import parse
-from stixel_cli.errors import UserError
 from stixel_cli.evaluation.metric_table import metric
 from stixel_cli.files import read_yaml
 from stixel_cli.parameters import parameters
@@ -48,15 +46,8 @@ def create(folder: Path, request: TuneRequest) -> None:
 
 def read_request(folder: Path) -> TuneRequest:
     """The content of `tune.yaml`; UserError if this is not the folder of a tuning."""
-    from pydantic import TypeAdapter, ValidationError
-
-    try:
-        stored = json.dumps(read_yaml(folder / REQUEST))
-        return TypeAdapter(TuneRequest).validate_json(stored)
-    except ValidationError as error:
-        fault = error.errors(include_url=False)[0]
-        where = ".".join(map(str, fault["loc"])) or "content"
-        raise UserError(f"{folder / REQUEST}: {where}: {plain_fault(fault)}") from None
+    file = folder / REQUEST
+    return validated(TuneRequest, read_yaml(file), file)
 
 
 def write_outcome(folder: Path, tuning: Tuning, command: str) -> tuple[Trial, Table]:
