@@ -174,9 +174,8 @@ def checked(arrays: Mapping[str, np.ndarray], count: int, file: Path) -> dict[st
         if values is not None:
             if values.shape != shape and (shape, values.size) != ((), 1):
                 raise UserError(f"{file}: {name} must have shape {shape}, got {values.shape}")
-            if (
-                np.abs(values, where=np.isfinite(values), out=np.zeros(values.shape)) > LARGEST
-            ).any():
+            finite = values[np.isfinite(values)].astype(np.float64)
+            if (np.abs(finite) > LARGEST).any():
                 raise UserError(f"{file}: {name} must be at most {LARGEST:g}")
             kind = np.float32 if name in ("contours", OPTIONAL) else np.float64
             found[name] = np.array(values, kind, order="C").reshape(shape)

@@ -183,7 +183,7 @@ def read_rows(folder: Path) -> list[dict[str, Any]]:
         row = read_json(file)
         if row.get("metric_version") == METRIC_VERSION:
             validated(Row, row, file)
-            for name in row["sequences"]:
-                named(name)
             rows.append(row)
+    for name in {name for row in rows for name in row["sequences"]}:
+        named(name)
     return rows

@@ -221,7 +221,8 @@ def validated(kind: type, content: Any, file: Path) -> Any:
     try:
         # Strict JSON validation fits files: it accepts lists for tuples and converts nothing else.
         valid = TypeAdapter(kind).validate_json(json.dumps(content))
-        getattr(valid, "check", bool)()
+        if hasattr(valid, "check"):
+            valid.check()
         return valid
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
