@@ -1,4 +1,4 @@
-"""Write files atomically; read files of any origin with limits.
+"""Read files of any origin with limits.
 
 All files of unknown origin are read here. A file must be a regular file (a FIFO or a device would
 block, or never end) of limited size; its content must have limited depth, finite numbers and valid
@@ -9,10 +9,9 @@ import os
 import re
 import stat
 import sys
-import threading
 import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -41,45 +40,6 @@ MOST_VALUES = 4_000_000
 
 _LONG_NUMBER = re.compile(r"[-+0-9_:.]{1000,}")
 """YAML has numbers to base 60, which take quadratic time to read."""
-
-
-def write_whole(file: Path, content: str | bytes) -> None:
-    """Write a file atomically; text in UTF-8.
-
-    Missing parent folders are created, and removed again if the file cannot be written.
-
-    Raises:
-        OSError: if it cannot be written; an older file is kept.
-    """
-    # Threads of a process may write the same file at once.
-    partial = file.with_name(f".{file.name}.partial-{threading.get_native_id()}")
-    missing = [folder for folder in file.parents if not folder.exists()]
-    try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            partial.write_bytes(content.encode() if isinstance(content, str) else content)
-            partial.replace(file)
-        finally:
-            partial.unlink(missing_ok=True)
-    except OSError:
-        for folder in missing:
-            # Another process may have put something into it.
-            with suppress(OSError):
-                folder.rmdir()
-        raise
-
-
-@contextmanager
-def written(folder: Path) -> Iterator[None]:
-    """Context in which `folder` is written to.
-
-    Raises:
-        UserError: for an OSError in the context; it names the folder.
-    """
-    try:
-        yield
-    except OSError as error:
-        raise UserError(f"{folder}: cannot be written: {error.strerror or error}") from error
 
 
 @contextmanager
@@ -132,10 +92,15 @@ def read_json(file: Path) -> dict[str, Any]:
     Raises:
         UserError: if it is missing, not a JSON object, or has a value that `check_plain` refuses.
     """
+    return parse_json(read_text(file), file)
+
+
+def parse_json(text: str, file: Path) -> dict[str, Any]:
+    """The names and values of a JSON text in `file`; UserError as of `read_json`."""
     import json
 
     try:
-        content = json.loads(read_text(file), object_pairs_hook=_unique)
+        content = json.loads(text, object_pairs_hook=_unique)
     except (ValueError, RecursionError):
         raise UserError(f"{file}: not valid JSON") from None
     check_plain(content, file)
@@ -298,6 +263,8 @@ def read_arrays(file: Path, texts: dict[str, str] | None = None) -> "dict[str, n
                         other = "is compressed by a method other than deflate"
                         raise UserError(f"{file}: {name} {other}")
                 for member in [one for one in members if one.filename in (texts or {})]:
+                    if member.file_size > GREATEST_TEXT:
+                        raise UserError(f"{file}: {name} has more than {GREATEST_TEXT} bytes")
                     texts[member.filename] = archive.read(member).decode()
                     members.remove(member)
                 return {m.filename.removesuffix(".npy"): _read_array(archive, m) for m in members}

@@ -4,9 +4,9 @@ import dataclasses
 import inspect
 import re
 from collections.abc import Callable, Mapping
-from importlib import import_module
 from typing import Any, Literal, get_type_hints
 
+from stixel_cli.border import TYPED, imported
 from stixel_cli.parameters import STRICT, parameters
 
 _NAME = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*")
@@ -47,7 +47,7 @@ def loaded(name: str) -> Callable[..., Any]:
         ValueError: if the module has no such function.
     """
     module, _, attribute = name.partition(":")
-    function = getattr(import_module(module), attribute, None)
+    function = getattr(imported(module, TYPED), attribute, None)
     if not callable(function):
         raise ValueError(f"{name}: the module {module} has no function {attribute}")
     return function

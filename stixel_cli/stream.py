@@ -30,6 +30,9 @@ if TYPE_CHECKING:
 HISTORY = 20
 """Whether an object moves is seen from the last scans, so many."""
 
+MOST_THREADS, FARTHEST = 64, 1e6
+"""Of `StixelStream.steps`; m, of a pose's numbers."""
+
 
 @dataclass(frozen=True)
 class MovingObject:
@@ -77,6 +80,8 @@ class StixelStream:
     """
 
     def __init__(self, rig: RigLike, sample_time: float = 0.1, check_rectification: bool = True):
+        if not 0.001 <= sample_time <= 10.0:
+            raise ArgumentError(f"sample_time: must be from 0.001 to 10 s, got {sample_time!r}")
         self._check_rectification, self._checked = check_rectification, False
         self._rig, self._sample_time = rig, sample_time
         self._stixels: FrameStixels | None = None
@@ -97,7 +102,7 @@ class StixelStream:
                 pose as in KITTI's `poses.txt`. Without poses the car counts as parked.
 
         Raises:
-            ArgumentError: as `stixels_from_pair`.
+            ArgumentError: as `stixels_from_pair`, and for a pose that is none.
         """
         return self._advance(*self._matched(left, right), pose)
 
@@ -110,6 +115,8 @@ class StixelStream:
         """
         from stixel_cli.stereo.matching import one_thread
 
+        if not 1 <= threads <= MOST_THREADS:
+            raise ArgumentError(f"threads: must be from 1 to {MOST_THREADS}, got {threads!r}")
         waiting: deque = deque()
         with one_thread(), ThreadPoolExecutor(threads) as pool:
             for left, right, *pose in pairs:
@@ -194,10 +201,14 @@ class StixelStream:
         if pose is None:
             return before
         pose = np.asarray(pose, dtype=np.float64)
-        if pose.shape not in ((3,), (3, 4)) or not np.isfinite(pose).all():
-            raise ArgumentError(f"pose: must be finite, (3,) or (3, 4), got {pose.shape}")
+        if pose.shape not in ((3,), (3, 4)) or not (np.abs(pose) <= FARTHEST).all():
+            got = f"got {pose.shape}"
+            raise ArgumentError(f"pose: must be (3,) or (3, 4), at most {FARTHEST:g}, {got}")
         if pose.ndim == 1:
             return pose
+        turn = pose[:, :3]
+        if not np.allclose(turn @ turn.T, np.eye(3), atol=1e-3) or np.linalg.det(turn) < 0.0:
+            raise ArgumentError("pose: must have a rotation in its first three columns")
         self._camera = pose if self._camera is None else self._camera
         way = np.stack([self._camera, pose])
         planar = planar_poses(way, self._rig.level_from_camera)[1]

@@ -11,8 +11,9 @@ import pytest
 import yaml
 
 from stixel_cli import files
+from stixel_cli.border import write_whole, written
 from stixel_cli.errors import UserError
-from stixel_cli.files import read_arrays, read_json, read_text, read_yaml, write_whole, written
+from stixel_cli.files import read_arrays, read_json, read_text, read_yaml
 
 
 def test_texts_and_bytes_in_a_folder_that_is_not_there_yet(tmp_path):

@@ -95,8 +95,29 @@ def test_a_wall_that_drives_away_gets_a_track_and_one_that_stands_does_not(monke
     np.testing.assert_allclose(one.points[:, 1], 8.0 + 0.8 * k, atol=0.5)
 
 
-@pytest.mark.parametrize("pose", [[1.0, 2.0], np.eye(4), [0.0, np.nan, 0.0]])
+MIRROR = np.diag([1.0, 1.0, -1.0, 0.0])[:3]
+
+
+@pytest.mark.parametrize(
+    "pose",
+    [
+        *([1.0, 2.0], np.eye(4), [0.0, np.nan, 0.0], [1e200, 0.0, 0.0]),
+        *(np.zeros((3, 4)), MIRROR, 2.0 * np.eye(4)[:3], np.full((3, 4), 1e200)),
+    ],
+)
 def test_a_wrong_pose_is_named(pose):
     stream = StixelStream({"focal_length": 200.0, "baseline": 0.4, "camera_height": 1.5})
     with pytest.raises(ArgumentError, match=r"^pose: "):
         stream.step(*np.zeros((2, 160, 240), np.uint8), pose)
+
+
+@pytest.mark.parametrize("seconds", [0, -1, float("nan"), 1e9])
+def test_a_wrong_sample_time_is_named(seconds):
+    with pytest.raises(ArgumentError, match=r"^sample_time: must be from 0.001 to 10 s"):
+        StixelStream({}, seconds)
+
+
+@pytest.mark.parametrize("threads", [0, -3, 10**6])
+def test_a_wrong_number_of_threads_is_named(threads):
+    with pytest.raises(ArgumentError, match=r"^threads: must be from 1 to 64"):
+        next(StixelStream({}).steps([], threads))

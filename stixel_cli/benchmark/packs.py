@@ -4,19 +4,20 @@
 """
 
 import io
-import json
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from annotated_types import MaxLen
+from annotated_types import Ge, Le, MaxLen, MinLen
+from pydantic import Field
 
 from stixel_cli.benchmark.data import Data
-from stixel_cli.config.messages import plain_fault
+from stixel_cli.border import write_whole, written
+from stixel_cli.config.messages import validated
 from stixel_cli.errors import UserError
-from stixel_cli.files import read_arrays, read_json, read_text, write_whole, written
+from stixel_cli.files import parse_json, read_arrays, read_json, read_text
 from stixel_cli.parameters import parameters
 from stixel_cli.results.folder import json_text
 
@@ -28,7 +29,13 @@ OWN_START_SCANS = 10
 """With its own start, a tracker may use so many scans before the first that is scored."""
 COVARIANCE = ("var_xx", "var_xy", "var_xh", "var_yy", "var_yh", "var_hh")
 
+LARGEST = 1e9
+"""Of the numbers of a pack: products of larger ones overflow."""
+
 Text = Annotated[str, MaxLen(500)]
+Sha256 = Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
+Milliseconds = Annotated[float, Ge(0.0), Le(LARGEST)]
+Score = Annotated[float, Ge(-LARGEST), Le(LARGEST)]
 
 
 @parameters
@@ -53,19 +60,46 @@ class Manifest:
     tracker: Tracker
     benchmark: Text
     machine: dict[str, Any]
-    reference_ms: float
+    reference_ms: Milliseconds
 
 
-def check(content: Any, file: Path) -> None:
-    """UserError in one line unless `content` is that of a pack's manifest, by its schema."""
-    from pydantic import TypeAdapter, ValidationError
+@parameters
+class Baseline:
+    """What `FIXED` rows have of a tracker: they are not of one."""
 
-    try:
-        TypeAdapter(Manifest).validate_json(json.dumps(content))
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        where = ".".join(map(str, first["loc"])) or "content"
-        raise UserError(f"{file}: {where}: {plain_fault(first)} (pack.schema.json)") from None
+    name: Annotated[str, MaxLen(80)]
+    version: Literal[""]
+
+
+@parameters
+class Row:
+    """A row of the table: a manifest, and the scores of each of the sequences, by metric.
+
+    `pack` is the SHA-256 of the pack, and `fresh_of` that of the one that drew the sequences.
+    """
+
+    tracker: Tracker | Baseline
+    benchmark: Sha256
+    tier: Literal["scored", "rerun", "fresh", "fixed"]
+    metric_version: int
+    sequences: Annotated[list[Text], MinLen(1)]
+    scores: dict[Text, list[Score | None]]
+    machine: dict[str, Any] | None = None
+    reference_ms: Milliseconds = 0.0
+    pack: Sha256 | Literal[""] = ""
+    fresh_of: Sha256 | Literal[""] = ""
+
+    def check(self) -> None:
+        """Raise ValueError for columns of other lengths, an IoU, or a baseline that is none."""
+        for name, column in self.scores.items():
+            if len(column) != len(self.sequences):
+                raise ValueError(f"scores.{name}: must have a value for each sequence")
+        if not all(v is not None and 0.0 <= v <= 1.0 for v in self.scores.get("iou_mean", [None])):
+            raise ValueError("scores.iou_mean: must be from 0 to 1")
+        if len({*self.sequences}) < len(self.sequences):
+            raise ValueError("sequences: one is given twice")
+        if isinstance(self.tracker, Baseline) != (self.tier == "fixed"):
+            raise ValueError("tracker: must be a baseline if the tier is fixed, only then")
 
 
 def pack(folder: Path, data: Data, machine: Mapping[str, Any], output: Path) -> dict[str, int]:
@@ -75,7 +109,7 @@ def pack(folder: Path, data: Data, machine: Mapping[str, Any], output: Path) -> 
     entries of the manifest. UserError for the first file that is missing or wrong.
     """
     manifest = {"tracker": read_json(folder / TRACKER), "benchmark": data.id, **machine}
-    check(manifest, folder / TRACKER)
+    validated(Manifest, manifest, folder / TRACKER)
     members, missing = {}, {}
     for name in data.names:
         file, table = folder / f"{name}.npz", folder / f"{name}.csv"
@@ -100,10 +134,8 @@ def read_pack(file: Path, data: Data) -> tuple[dict[str, Any], dict[str, dict[st
     UserError if it is damaged, incomplete, off the schema, or of other data.
     """
     arrays = read_arrays(file, texts := {MANIFEST: ""})
-    try:
-        check(manifest := json.loads(texts[MANIFEST]), file)
-    except ValueError:
-        raise UserError(f"{file}: {MANIFEST} is missing or not valid JSON") from None
+    manifest = parse_json(texts[MANIFEST], Path(f"{file}: {MANIFEST}"))
+    validated(Manifest, manifest, file)
     if (other := manifest["benchmark"][:12]) != data.id[:12]:
         raise UserError(f"{file}: its tracks are of the data {other}, not of {data.id[:12]}")
     tracks: dict[str, dict[str, np.ndarray]] = {}
@@ -142,6 +174,9 @@ def checked(arrays: Mapping[str, np.ndarray], count: int, file: Path) -> dict[st
         if values is not None:
             if values.shape != shape and (shape, values.size) != ((), 1):
                 raise UserError(f"{file}: {name} must have shape {shape}, got {values.shape}")
+            finite = values[np.isfinite(values)].astype(np.float64)
+            if (np.abs(finite) > LARGEST).any():
+                raise UserError(f"{file}: {name} must be at most {LARGEST:g}")
             kind = np.float32 if name in ("contours", OPTIONAL) else np.float64
             found[name] = np.array(values, kind, order="C").reshape(shape)
     if not np.all((found["seconds"] >= 0.0) & (found["seconds"] < np.inf)):

@@ -127,7 +127,6 @@ def bench_page(rows: Sequence[Mapping[str, Any]], played: Collection[str] = ()) 
 
     `played` are the SHA-256 of the packs whose sequences have a playback page, `SEQUENCE.html`.
     """
-    rows = [row for row in rows if row["metric_version"] == score.METRIC_VERSION]
     files, sets = {}, []
     # Not by the id of the data: another processor renders the same sequences to other last bits.
     ranked = [row for row in rows if row["tier"] != score.FRESH]

@@ -6,12 +6,12 @@ from pathlib import Path
 
 from stixel_cli.benchmark.data import MANIFEST, RENDERED, SequenceData, sha256
 from stixel_cli.benchmark.sequences import Sequence, definitions, planned
+from stixel_cli.border import write_whole, written
 from stixel_cli.engine.cache_folder import Lease
 from stixel_cli.engine.execute import execute
 from stixel_cli.engine.graph import merge
 from stixel_cli.engine.progress import make_display
 from stixel_cli.engine.store import open_store
-from stixel_cli.files import write_whole, written
 from stixel_cli.results.folder import json_text
 from stixel_cli.results.lineage import provenance
 from stixel_cli.sweeps.graphs import plan_runs

@@ -11,12 +11,12 @@ import numpy as np
 from stixel_cli.benchmark.data import Data, SequenceData, npz
 from stixel_cli.benchmark.packs import TRACKER
 from stixel_cli.benchmark.sequences import named, planned
+from stixel_cli.border import write_whole, written
 from stixel_cli.config.compose import compose
 from stixel_cli.config.overrides import parse
 from stixel_cli.engine.keys import Stage
 from stixel_cli.errors import UserError
 from stixel_cli.experiment.stages import pipeline_stages
-from stixel_cli.files import write_whole, written
 from stixel_cli.own_code import loaded
 from stixel_cli.results.folder import json_text
 from stixel_cli.results.lineage import provenance

@@ -9,13 +9,15 @@ from typing import Any
 import numpy as np
 
 from stixel_cli.benchmark.data import Data, SequenceData, sha256, sha256_of
-from stixel_cli.benchmark.packs import first_scored, read_pack
+from stixel_cli.benchmark.packs import Row, first_scored, read_pack
 from stixel_cli.benchmark.sequences import fresh_set, named
+from stixel_cli.border import write_whole, written
+from stixel_cli.config.messages import validated
 from stixel_cli.errors import UserError
 from stixel_cli.evaluation.evaluate import evaluate
 from stixel_cli.evaluation.scores import Scores
 from stixel_cli.evaluation.upper_bounds import find_upper_bounds
-from stixel_cli.files import read_json, write_whole, written
+from stixel_cli.files import read_json
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.report.intervals import chi_square_bounds
 from stixel_cli.scene.scenario import Scenario
@@ -172,8 +174,16 @@ def write_row(row: Mapping[str, Any], folder: Path) -> Path:
 
 
 def read_rows(folder: Path) -> list[dict[str, Any]]:
-    """All rows of a folder; UserError in one line for one that was edited."""
+    """The rows of a folder with these scores; UserError in one line for an edited or wrong one."""
     files = sorted(folder.glob("*.json"))
     for file in (file for file in files if sha256_of(file)[:16] != file.stem):
         raise UserError(f"{file}: was edited: a row is named by the hash of its content")
-    return list(map(read_json, files))
+    rows = []
+    for file in files:
+        row = read_json(file)
+        if row.get("metric_version") == METRIC_VERSION:
+            validated(Row, row, file)
+            rows.append(row)
+    for name in {name for row in rows for name in row["sequences"]}:
+        named(name)
+    return rows

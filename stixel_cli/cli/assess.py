@@ -66,13 +66,14 @@ def assess(
       stixel assess left.png right.png --calib rig.yaml --disparity true.png --stixels other.stx1
       stixel assess --stixels other.stx1
     """
+    from stixel_cli.border import write_new
     from stixel_cli.config.compose import compose
     from stixel_cli.engine.progress import make_progress
     from stixel_cli.experiment.assess import assess as assessed
     from stixel_cli.experiment.assess import assess_stixels
     from stixel_cli.measurements.stixel_file import read_stixels
     from stixel_cli.report.assess import page_html, sentences, value_rows
-    from stixel_cli.report.compare import unused_page, write_page
+    from stixel_cli.report.compare import unused_page
 
     arguments = arguments or []
     named = {"--calib": calib, "--disparity": disparity, "--labels": labels}
@@ -94,7 +95,7 @@ def assess(
     command = [word for word in ("stixel", "assess", *arguments) if word]
     for name, file in (named | {"--stixels": stixels}).items():
         command += [] if file is None else [name, str(file)]
-    write_page(page, page_html(assessment, shlex.join(command)))
+    write_new(page, page_html(assessment, shlex.join(command)))
     print_table(("value", "", "unit"), value_rows(assessment), right=(1,))
     say("", *sentences(assessment), page)
     return 0

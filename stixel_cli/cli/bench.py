@@ -1,6 +1,5 @@
 """`stixel bench`: the benchmark of extended target trackers; docs/benchmark-1.0.md."""
 
-from itertools import chain
 from pathlib import Path
 from typing import Annotated
 
@@ -141,7 +140,7 @@ def page(
     from stixel_cli.benchmark.play import playback_pages
     from stixel_cli.benchmark.score import read_rows
     from stixel_cli.benchmark.sequences import bench_folder
-    from stixel_cli.files import write_whole, written
+    from stixel_cli.border import write_below, written
 
     if rows != ROWS and not rows.is_dir():
         raise UserError(f"--rows: {rows}: no such folder")
@@ -151,7 +150,6 @@ def page(
     )
     played = playback_pages(packs, Data(folder)) if packs else ()
     with written(output):
-        for name, content in chain(played, files.items()):
-            write_whole(output / name, content)
+        write_below(output, {**dict(played), **files})
     say(output / "index.html")
     return 0

@@ -50,8 +50,8 @@ def learn_shape(
       stixel learn-shape van.obj pickup.obj --output vans.json
       stixel learn-shape bike.obj --road-user cyclist --sensor outline --output bike.json
     """
+    from stixel_cli.border import write_whole, written
     from stixel_cli.experiment.class_shapes import MEASUREMENTS, SEEDS, class_text, learned_class
-    from stixel_cli.files import write_whole, written
 
     known = (*MEASUREMENTS, "outline")
     for name in sensor or ():

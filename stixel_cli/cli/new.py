@@ -21,7 +21,8 @@ def new(
 
     Example: stixel new tracker box
     """
-    from stixel_cli.files import read_text, write_whole, written
+    from stixel_cli.border import write_whole, written
+    from stixel_cli.files import read_text
 
     if not name.isidentifier() or iskeyword(name) or find_spec(name):
         raise UserError(f"NAME: {name!r} must be the name of a new module, such as my_tracker")

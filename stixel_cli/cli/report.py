@@ -30,7 +30,8 @@ def report(folders: Folders, output: Output = None, over: Over = None) -> int:
         )
     if over is not None and not is_sweep:
         raise UserError("--over: is for one sweep; these are runs")
-    from stixel_cli.report.compare import default_page, page_html, write_page
+    from stixel_cli.border import write_new
+    from stixel_cli.report.compare import default_page, page_html
 
     page = default_page(folders) if output is None else output
     command = ["stixel", "report", *map(str, folders)]
@@ -46,7 +47,7 @@ def report(folders: Folders, output: Output = None, over: Over = None) -> int:
         from stixel_cli.results.result import read_scored_run
 
         text = page_html([read_scored_run(folder) for folder in folders], command, page)
-    write_page(page, text)
+    write_new(page, text)
     if (page.parent / PAGE).exists():
         from stixel_cli.sweeps.index import update_index
 
@@ -69,9 +70,10 @@ def play(
     """
     if output is not None and not output.parent.is_dir():
         raise UserError(f"--output: the folder {output.parent} does not exist")
+    from stixel_cli.border import write_new
     from stixel_cli.engine.progress import make_progress
     from stixel_cli.experiment.playback import folders_page
-    from stixel_cli.report.compare import default_page, run_labels, write_page
+    from stixel_cli.report.compare import default_page, run_labels
 
     labels = run_labels(folders)
     stored = [stored_run(folder, workers, trust_code) for folder in folders]
@@ -79,6 +81,6 @@ def play(
     for note in notes:
         tell(note)
     file = default_page(folders, "play") if output is None else output
-    write_page(file, page)
+    write_new(file, page)
     say(file)
     return 0

@@ -20,8 +20,9 @@ def schema(
 
     Example: stixel schema
     """
+    from stixel_cli.border import write_whole, written
     from stixel_cli.config.folders import shipped_folder
-    from stixel_cli.files import read_text, write_whole, written
+    from stixel_cli.files import read_text
 
     files = sorted((shipped_folder("conf") / "schema").glob("*.json"))
     with written(folder):

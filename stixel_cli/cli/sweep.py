@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from stixel_cli.border import Origin
 from stixel_cli.cli import options
 from stixel_cli.cli.completion import complete_folder
 from stixel_cli.cli.errors import tell
@@ -77,7 +78,8 @@ def sweep(
         given |= {"--over": over, "--pictures": pictures or None, "--dry-run": dry_run or None}
         for option in (option for option, value in given.items() if value is not None):
             raise UserError(f"--resume continues the sweep of that folder: leave out {option}")
-        result = resumed_sweep(resume, words, trust_code, True, note=tell, fail_fast=fail_fast)
+        names = Origin(str(resume), trust_code)
+        result = resumed_sweep(resume, words, names, True, note=tell, fail_fast=fail_fast)
     elif dry_run:
         check_results(results, name)
         design = sweep_design(words, file, shuffle, trust_code=trust_code, over=over or SEED)

@@ -7,13 +7,13 @@ from typing import Annotated
 
 import typer
 
+from stixel_cli.border import Origin
 from stixel_cli.cli import options
 from stixel_cli.cli.completion import complete_folder
 from stixel_cli.cli.terminal import print_json, print_table, say
-from stixel_cli.config.folders import PRESETS
+from stixel_cli.config.folders import PRESETS, of_the_machine
 from stixel_cli.errors import UserError
 
-_REQUEST = "tune.yaml"
 _Resume = typer.Option(metavar="FOLDER", help="Continue.", autocompletion=complete_folder)
 
 
@@ -31,6 +31,7 @@ def tune(
     results: options.Results = Path("results"),
     workers: options.Workers = None,
     resume: Annotated[Path | None, _Resume] = None,
+    trust_code: options.TrustCode = False,
     json: options.Json = False,
     config_dir: options.ConfigDir = None,
 ) -> int:
@@ -44,38 +45,34 @@ def tune(
 
     Example: stixel tune measurement=fabricated tracker.sigma_q='tag(log,interval(0.1,10))'
     """
-    from stixel_cli.files import read_yaml
     from stixel_cli.report.tables import shown_table
-    from stixel_cli.results.folder import check_results, new_folder, write_whole_folder
-    from stixel_cli.results.reader import yaml_text
+    from stixel_cli.results.folder import check_results, new_folder
     from stixel_cli.sweeps.run import SweepInterrupted
-    from stixel_cli.sweeps.tune_folder import write_outcome
+    from stixel_cli.sweeps.tune_folder import TuneRequest, create, read_request, write_outcome
     from stixel_cli.sweeps.tuning import Tuning
+    from stixel_cli.sweeps.whole import resumed_overrides
 
-    request = {"overrides": overrides or [], "objectives": objective.split(",")}
-    request |= {"over": (over or "seed").split(","), "seeds": seeds, "trials": trials}
+    words = options.with_workers(overrides or [], workers)
     if resume is not None:
-        if overrides or over or name:
+        if over or name:
             raise UserError("--resume continues the tuning of that folder: leave out the rest")
-        stored = read_yaml(resume / _REQUEST) if (resume / _REQUEST).is_file() else None
-        kinds = {key: type(value) for key, value in request.items()}
-        if not isinstance(stored, dict) or {k: type(v) for k, v in stored.items()} != kinds:
-            raise UserError(f"{resume}: not the folder of a tuning (no valid {_REQUEST})")
-        request = stored
+        request = read_request(resume)
+        origin = Origin(str(resume), trust_code)
+        (given,) = resumed_overrides([request.overrides], words, origin)
     else:
         check_results(results, name)
-    trials = request.pop("trials")
-    tuning = Tuning(**request | {"overrides": options.with_workers(request["overrides"], workers)})
+        swept = (over or "seed").split(",")
+        request = TuneRequest(list(words), objective.split(","), swept, seeds, trials)
+        given = request.overrides
+    tuning = Tuning(given, request.objectives, request.over, request.seeds)
     folder = resume or new_folder(
-        results,
-        name,
-        "tune",
-        datetime.now(UTC),
-        lambda path: write_whole_folder(path, {_REQUEST: yaml_text(request | {"trials": trials})}),
+        results, name, "tune", datetime.now(UTC), lambda path: create(path, request)
     )
-    command = shlex.join(["stixel", "tune", "--resume", str(folder), *PRESETS.option])
+    machine = [word for word in words if of_the_machine(word)]
+    command = ["stixel", "tune", "--resume", str(folder), *machine, *PRESETS.option]
+    command = shlex.join(command)
     try:
-        tuning.search(trials)
+        tuning.search(request.trials)
         best, gain = write_outcome(folder, tuning, command)
     except SweepInterrupted:
         raise SweepInterrupted(f"interrupted; resume with: {command}") from None

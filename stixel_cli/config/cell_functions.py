@@ -8,10 +8,10 @@ from textwrap import dedent
 from types import ModuleType
 from typing import Any
 
+from stixel_cli.border import write_whole
 from stixel_cli.engine.cache_folder import CELLS, make_folder
 from stixel_cli.engine.parameters import default_cache_folder
 from stixel_cli.errors import ConfigurationError
-from stixel_cli.files import write_whole
 
 
 def function_name(function: Callable[..., Any]) -> str:

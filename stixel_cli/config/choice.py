@@ -16,6 +16,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from stixel_cli.border import write_whole
 from stixel_cli.config import folders, messages
 from stixel_cli.config.keys import chosen_kinds, known_keys
 from stixel_cli.config.texts import override_text
@@ -24,7 +25,7 @@ from stixel_cli.engine.cache_folder import make_folder
 from stixel_cli.engine.errors import CacheError
 from stixel_cli.engine.parameters import default_cache_folder
 from stixel_cli.errors import ConfigurationError, UserError
-from stixel_cli.files import read_text, read_yaml_text, write_whole
+from stixel_cli.files import read_text, read_yaml_text
 
 FOLDER = "configurations"
 """In the cache folder; the files of `conf/` change rarely, so it has few files."""

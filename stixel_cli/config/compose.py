@@ -94,11 +94,11 @@ class Composer:
     are taken as they were when the composer was made; each recording is opened once. Equal groups
     of different configurations are one object, so that derived values can be cached by identity; do
     not change `resolved`, which they share too. The user's own modules are imported, to check their
-    parameters, only if the overrides are `trusted`: not if a result folder gives them.
+    parameters, unless `imports` is false. Code that a file names is refused, see `Override.origin`.
     """
 
-    def __init__(self, working_directory: str = "", trusted: bool = True):
-        self._trusted = trusted
+    def __init__(self, working_directory: str = "", imports: bool = True):
+        self._imports = imports
         folders.group_options.cache_clear()  # the files may have changed since, as in a notebook
         self._working_directory = working_directory
         self._state = folders.conf_state()
@@ -117,17 +117,14 @@ class Composer:
             k: v for k, v in settings.items() if folders.outermost_group(k) not in user_defined
         }
         resolved, choices = self._with_recording(shipped)
-        if folders.PRESETS.folder is not None and not folders.PRESETS.trusted:
-            own_options.refuse_code(
-                folders.PRESETS.folder, own_options.code_of_presets(resolved, settings)
-            )
         resolved |= user_defined
         choices |= {group: str(settings[group]) for group in user_defined}
+        own_options.admit_code(resolved, parsed, folders.PRESETS.origin)
         resolved["metrics"] = _metric_functions(resolved["metrics"])
         resolved["code_folders"] = own_options.find_folders(resolved, self._working_directory)
         name_files_in_full(resolved, self._working_directory)
         configuration = _validate(resolved, settings)
-        if self._trusted and own_options.functions_of(resolved):
+        if self._imports and own_options.functions_of(resolved):
             for group, values in own_options.check_parameters(configuration).items():
                 resolved[group] = resolved[group] | values
                 code = replace(getattr(configuration, group), parameters=values)

@@ -11,6 +11,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from stixel_cli.border import TYPED, Origin, forget_told
 from stixel_cli.errors import ConfigurationError
 from stixel_cli.files import read_yaml
 from stixel_cli.remembered import remembered
@@ -82,6 +83,11 @@ class Presets:
         """`--config-dir DIR` of a command line; empty without a folder."""
         return [] if self.folder is None else ["--config-dir", str(self.folder)]
 
+    @property
+    def origin(self) -> Origin:
+        """Where what no override gives was written: in the presets, or `conf/`."""
+        return TYPED if self.folder is None else Origin(str(self.folder), self.trusted)
+
 
 PRESETS = Presets()
 
@@ -89,12 +95,14 @@ PRESETS = Presets()
 def trust_presets(trusted: bool) -> bool:
     """Let the user's own presets name code, or not; returns `trusted`."""
     PRESETS.trusted = trusted
+    forget_told()
     return trusted
 
 
-def is_shipped(path: Path) -> bool:
-    """Whether a file is one of the shipped pipelines, sweeps and studies."""
-    return path.resolve().is_relative_to(shipped_folder("pipelines").resolve())
+def origin_of(path: Path, trusted: bool) -> Origin:
+    """Where the names in a file were written: a shipped pipeline, sweep or study, or that file."""
+    shipped = path.resolve().is_relative_to(shipped_folder("pipelines").resolve())
+    return TYPED if shipped else Origin(str(path), trusted)
 
 
 def use_presets(folder: Path | None) -> Path | None:

@@ -3,12 +3,13 @@
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from difflib import SequenceMatcher
+from pathlib import Path
 from typing import Any
 
 from stixel_cli.config import keys
 from stixel_cli.config.annotations import choices, describe
 from stixel_cli.config.folders import group_options, innermost_group, options_of_kind
-from stixel_cli.errors import counted, printable
+from stixel_cli.errors import UserError, counted, printable
 
 _OUT_OF_RANGE = {
     *("greater_than", "greater_than_equal", "less_than", "less_than_equal"),
@@ -103,7 +104,9 @@ def unknown_key(name: str, kinds: Mapping[str, str] | None = None) -> str:
     variants = keys.known_keys().get(name)
     name = printable(name)
     if variants:
-        group = next(g for g, kind in variants[0].owners if kinds.get(g) != kind)
+        # A preset of the user's own may lack a key of its kind.
+        owners = dict(variants[0].owners)
+        group = next((g for g, kind in owners.items() if kinds.get(g) != kind), next(iter(owners)))
         chosen = f" with {group}={kinds[group]}" if group in kinds else " in the chosen option"
         owners = ", ".join(_owners(variants, kinds))
         return f"{name}: unknown key{chosen}; it belongs to {owners}"
@@ -209,6 +212,24 @@ def plain_fault(fault: Mapping[str, Any]) -> str:
     """One of pydantic's errors in plain words, to follow the name of the entry."""
     words = {"missing": "is missing", "unexpected_keyword_argument": "is unknown"}
     return words.get(fault["type"], fault["msg"].replace("Input should", "must"))
+
+
+def validated(kind: type, content: Any, file: Path) -> Any:
+    """The content of a file as the dataclass `kind`; UserError in one line that names the entry."""
+    from pydantic import TypeAdapter, ValidationError
+
+    try:
+        # Strict JSON validation fits files: it accepts lists for tuples and converts nothing else.
+        valid = TypeAdapter(kind).validate_json(json.dumps(content))
+        if hasattr(valid, "check"):
+            valid.check()
+        return valid
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        where = ".".join(map(str, first["loc"])) or "content"
+        raise UserError(f"{file}: {printable(where)}: {plain_fault(first)}") from None
+    except ValueError as fault:
+        raise UserError(f"{file}: {printable(str(fault), 200)}") from None
 
 
 def describe_faults(

@@ -7,7 +7,7 @@ from stixel_cli.config import messages
 from stixel_cli.config.folders import default_option, group_options, innermost_group, outer_options
 from stixel_cli.config.keys import known_keys
 from stixel_cli.config.overrides import Override, parse
-from stixel_cli.config.own_options import RESERVED, check_option, user_function
+from stixel_cli.config.own_options import RESERVED, admit_overrides, check_option, user_function
 from stixel_cli.errors import BelongsElsewhere, ConfigurationError
 
 WITHOUT_EFFECT = {
@@ -31,7 +31,7 @@ def read_overrides(overrides: Sequence[str | Override]) -> list[Override]:
 
 
 def check_overrides(parsed: Iterable[Override]) -> None:
-    """Refuse invalid overrides that Hydra accepts, or reports unclearly.
+    """Refuse code that a file names, and invalid overrides that Hydra accepts or reports unclearly.
 
     Faults that depend on all overrides of a run are checked by `check_one_run`.
 
@@ -42,6 +42,7 @@ def check_overrides(parsed: Iterable[Override]) -> None:
         ConfigurationError: for the first invalid override.
     """
     parsed = list(parsed)
+    admit_overrides(parsed)
     user_defined = {o.key for o in parsed if user_function(o.key, o.value)}
     for override in parsed:
         _check_name(override, user_defined)

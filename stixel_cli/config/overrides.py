@@ -6,12 +6,13 @@ Hydra's parser is not public: the project pins Hydra.
 import copy
 import itertools
 import re
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field, replace
 from decimal import Decimal
 from functools import cache, lru_cache
 from typing import Any
 
+from stixel_cli.border import TYPED, Origin
 from stixel_cli.config import messages
 from stixel_cli.config.folders import group_options
 from stixel_cli.config.keys import known_keys
@@ -53,12 +54,14 @@ class Override:
         key: the key, or the group.
         value: in its own type; None for several values.
         sweep: Hydra's override of several values; None for one value.
+        origin: where it was written: typed, or in which file.
     """
 
     text: str
     key: str
     value: Any = field(compare=False)
     sweep: Any = field(default=None, compare=False)
+    origin: Origin = field(default=TYPED, compare=False)
 
     @property
     def value_text(self) -> str:
@@ -94,7 +97,12 @@ class Override:
             raise ConfigurationError(f"{self.shown}: has more than {MOST_VALUES} values")
         if self.key in group_options():  # Hydra escapes the colon of module:function.
             texts = [text.replace("\\:", ":") for text in texts]
-        return [parse(f"{self.sign}{self.key}={text}") for text in texts]
+        return from_texts((f"{self.sign}{self.key}={text}" for text in texts), self.origin)
+
+
+def from_texts(texts: Iterable[str], origin: Origin) -> list[Override]:
+    """The overrides of texts that were written somewhere; ConfigurationError as of `parse`."""
+    return [replace(parse(text), origin=origin) for text in texts]
 
 
 @lru_cache(maxsize=8192)

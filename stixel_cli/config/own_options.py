@@ -4,7 +4,6 @@ Hydra composes the other groups. The keys (`tracker.alpha=0.5`) are the function
 """
 
 import os
-import re
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
@@ -13,6 +12,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_type_hints
 
+from stixel_cli.border import TYPED, Origin, admit
 from stixel_cli.config.annotations import describe
 from stixel_cli.config.folders import absolute, group_options, installed_functions
 from stixel_cli.config.messages import show
@@ -21,7 +21,7 @@ from stixel_cli.config.texts import override_text, split_override
 from stixel_cli.engine.cache_folder import CELLS
 from stixel_cli.engine.parameters import default_cache_folder
 from stixel_cli.engine.versions import providers
-from stixel_cli.errors import ConfigurationError, printable, printable_path
+from stixel_cli.errors import ConfigurationError, printable
 from stixel_cli.own_code import OwnCode, all_values, check_name, parameters_type
 
 if TYPE_CHECKING:
@@ -90,35 +90,31 @@ def functions_of(resolved: Mapping[str, Any]) -> dict[str, str]:
     return functions | {f"metrics[{i}]": str(name) for i, name in names}
 
 
-def refuse_code(source: object, names: Iterable[str]) -> None:
-    """Raise ConfigurationError in one line if `source`, a folder or file, names code."""
-    shown = printable(", ".join(dict.fromkeys(names)), 200)
-    if shown:
-        raise ConfigurationError(
-            f"{printable_path(source)}: uses user-defined code ({shown}): review it, then add "
-            "--trust-code"
-        )
+def admit_overrides(parsed: "Iterable[Override]") -> dict[str, Origin]:
+    """`border.admit` the values of overrides that can run code; returns their origins by key."""
+    own = [o for o in parsed if o.key in _RUN_CODE or user_function(o.key, o.value)]
+    admit((f"{one.key}={one.value}", one.origin) for one in own if one.value)
+    return {one.key: one.origin for one in own}
 
 
-def code_in(parsed: "Iterable[Override]") -> list[str]:
-    """The overrides of a file that can run code: functions, their folders, cache, scheduler."""
-    return [
-        f"{override.key}={override.value}"
-        for override in parsed
-        if user_function(override.key, override.value)
-        or (override.key in _RUN_CODE and override.value)
-    ]
+def admit_code(
+    resolved: Mapping[str, Any], given: "Iterable[Override]" = (), other: Origin = TYPED
+) -> None:
+    """`border.admit` what a configuration in plain types names that can run code.
 
-
-def code_of_presets(resolved: Mapping[str, Any], typed: Iterable[str]) -> list[str]:
-    """The same of a configuration, for the groups of which no key is `typed`."""
-    groups = {name.partition(".")[0] for name in typed}
+    An override is the origin of its very key only, and of a group if its option is a function; all
+    else comes from `other`: options of presets, or a result folder.
+    """
+    origins = admit_overrides(given)
     names = functions_of(resolved)
     for key in _RUN_CODE[1:]:
         group, _, name = key.partition(".")
-        value = resolved[group].get(name) if name else resolved[group]
-        names |= {key: f"{key}={value}"} if value else {}
-    return [name for key, name in names.items() if re.split(r"[.\[]", key)[0] not in groups]
+        names[key] = resolved[group].get(name) if name else resolved[group]
+    admit(
+        (f"{key}={value}", other)
+        for key, value in names.items()
+        if value and key.partition("[")[0] not in origins
+    )
 
 
 def find_folders(resolved: Mapping[str, Any], working_directory: str) -> list[str]:

@@ -20,9 +20,9 @@ from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from stixel_cli.border import write_whole
 from stixel_cli.engine.errors import CacheError, unwritable
 from stixel_cli.errors import printable
-from stixel_cli.files import write_whole
 
 if TYPE_CHECKING:
     from filelock import FileLock

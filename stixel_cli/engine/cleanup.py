@@ -17,6 +17,7 @@ from pathlib import Path
 
 from filelock import Timeout
 
+from stixel_cli.border import write_whole
 from stixel_cli.engine.cache_folder import (
     collector_lock,
     file_lock,
@@ -29,7 +30,6 @@ from stixel_cli.engine.entries import Entry, entry_folders, stage_and_label
 from stixel_cli.engine.errors import CacheError
 from stixel_cli.engine.source_files import remove_sources
 from stixel_cli.engine.store import Store
-from stixel_cli.files import write_whole
 
 EVICTED = "evicted.jsonl"
 REMEMBERED = 20_000

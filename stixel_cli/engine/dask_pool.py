@@ -14,6 +14,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 from uuid import uuid4
 
+from stixel_cli.border import TYPED, connected, unpickled_bytes
 from stixel_cli.engine.dask_cluster import Cluster
 from stixel_cli.engine.errors import ExecutorError, WorkerDied
 from stixel_cli.engine.parameters import PROGRAM, DaskExecutor
@@ -145,7 +146,7 @@ class DaskPool(Pool):
         key, outcome = event[1]
         future = self._open.pop(key, None)
         if future is not None and future.set_running_or_notify_cancel():
-            settle(future, pickle.loads, (outcome,))
+            settle(future, unpickled_bytes, (outcome,))
 
     def died(self, error: BaseException | None) -> bool:
         """Whether the worker crashed."""
@@ -166,7 +167,7 @@ def _run(call: bytes) -> None:
 
     To fetch the result of a task takes two more round trips. The scheduler does not decode bytes.
     """
-    function, arguments = pickle.loads(call)
+    function, arguments = unpickled_bytes(call)
     outcome = pickle.dumps(function(*arguments))
     worker = _distributed().get_worker()
     worker.log_event(PROGRAM, (worker.get_current_task(), outcome))
@@ -187,10 +188,10 @@ def probe_scheduler(executor: DaskExecutor) -> None:
 @contextmanager
 def _client(executor: DaskExecutor, cluster: Cluster | None) -> Iterator["Client"]:
     """A client of the cluster, or of the scheduler at the executor's address."""
-    distributed = _distributed()
+    _distributed()
     try:
         address = executor.address if cluster is None else cluster.address()
-        client = distributed.Client(address, timeout=PATIENCE, set_as_default=False)
+        client = connected(address, TYPED, PATIENCE)
     except UNREACHABLE as error:
         where = "on this machine" if executor.address is None else f"at {executor.address}"
         reason = " ".join(f"{type(error).__name__}: {error}".split())[:200]

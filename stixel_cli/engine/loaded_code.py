@@ -23,11 +23,11 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from functools import cache, lru_cache
 from hashlib import sha256
-from importlib import import_module
 from pathlib import Path
 from types import CodeType
 from typing import Any
 
+from stixel_cli.border import TYPED, imported
 from stixel_cli.engine.code import Code, CodeIndex, same_files, search_also
 from stixel_cli.engine.errors import CodeChanged
 from stixel_cli.engine.source_files import UNUSED
@@ -67,7 +67,7 @@ def planned_function(name: str, code: Code) -> Callable[..., Any]:
         check_bytecode({module: path for module, (path, _) in code.files.items()})
         keep_apart(code)
         module, _, attribute = name.partition(":")
-        loaded = import_module(module)
+        loaded = imported(module, TYPED)
         function = getattr(loaded, attribute, None)
         if function is None:
             raise LookupError(f"{loaded.__file__ or module} has no function {attribute}")

@@ -6,13 +6,13 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+from stixel_cli.border import write_whole
 from stixel_cli.engine.cache_folder import read_file
 from stixel_cli.engine.errors import CacheError
 from stixel_cli.engine.graph import Graph, Node
 from stixel_cli.engine.parameters import CACHE_VARIABLE, DaskExecutor, Executor
 from stixel_cli.engine.source_files import undeclared_read
 from stixel_cli.engine.store import Store
-from stixel_cli.files import write_whole
 
 
 @dataclass(frozen=True)

@@ -19,10 +19,11 @@ from functools import cache
 from hashlib import file_digest, sha256
 from pathlib import Path
 
+from stixel_cli.border import write_whole
 from stixel_cli.engine.cache_folder import inside, made_here, make_folder, read_file
 from stixel_cli.engine.errors import InvalidCode
 from stixel_cli.errors import UserError
-from stixel_cli.files import GREATEST_ARRAYS, opened, write_whole
+from stixel_cli.files import GREATEST_ARRAYS, opened
 
 SOURCES = "sources"
 """Folder in the store."""

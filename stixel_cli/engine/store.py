@@ -17,6 +17,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
+from stixel_cli.border import TYPED, unpickled
 from stixel_cli.engine import cache_folder
 from stixel_cli.engine.errors import CacheError, MissingEntry
 from stixel_cli.engine.parameters import CacheParameters, default_cache_folder, parse_size
@@ -71,17 +72,14 @@ class Store:
                 that it counts as missing from then on.
             CacheError: it cannot be read.
         """
-        # Its import takes as long as a few hundred loads; most commands load nothing.
-        import joblib
-
         content = self._content(key)
         with suppress(OSError):
             # The time of last use, for the cleanup. A cache may be read-only.
             os.utime(self.entry(key))
         if content is not None:
-            return joblib.load(io.BytesIO(content))
+            return unpickled(io.BytesIO(content), TYPED)
         try:
-            return joblib.load(self.entry(key) / VALUE, mmap_mode="c")
+            return unpickled(self.entry(key) / VALUE, TYPED, mmap_mode="c")
         except FileNotFoundError:
             raise MissingEntry(key, "not found") from None
 

@@ -13,6 +13,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, Literal
 
+from stixel_cli.border import unpickled_bytes
 from stixel_cli.engine.code import CodeIndex
 from stixel_cli.engine.errors import CacheError, MissingEntry
 from stixel_cli.engine.graph import Node
@@ -182,7 +183,7 @@ def _own_part(error: Exception) -> str:
 def _portable(error: Exception) -> Exception:
     """The error, or its text if it cannot be pickled."""
     try:
-        copy = pickle.loads(pickle.dumps(error))
+        copy = unpickled_bytes(pickle.dumps(error))
         if str(copy) == str(error):
             return error
     except Exception:

@@ -7,9 +7,10 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
+from stixel_cli.border import Origin
 from stixel_cli.config.compose import Composition, compose, from_resolved
 from stixel_cli.config.folders import OF_THE_MACHINE, PRESETS
-from stixel_cli.config.own_options import check_parameters, functions_of, refuse_code
+from stixel_cli.config.own_options import admit_code, check_parameters, functions_of
 from stixel_cli.config.schema import Configuration
 from stixel_cli.engine.progress import Progress
 from stixel_cli.engine.store import Store, open_store
@@ -157,10 +158,8 @@ def row_note(composition: Composition) -> dict[str, float]:
 
 def trust_stored_run(run: RunResult, trusted: bool) -> None:
     """Refuse a stored run of user-defined code, unless `trusted`, or of wrong parameters."""
-    functions = functions_of(run.settings)
-    if not trusted:
-        refuse_code(run.folder, functions.values())
-    if functions:
+    admit_code(run.settings, other=Origin(str(run.folder), trusted))
+    if functions_of(run.settings):
         check_parameters(run.composition.configuration)
 
 

@@ -1,6 +1,7 @@
 """The formats of exports; CSV tables with a table of their columns, trajectories for evo."""
 
 import csv
+import io
 import os
 from collections.abc import Callable
 from pathlib import Path
@@ -15,7 +16,7 @@ from stixel_cli.export.kitti_folder import export_kitti
 from stixel_cli.export.rerun_log import export_rerun
 from stixel_cli.export.stixel_files import export_stx1
 from stixel_cli.results.ego_frame import STATE
-from stixel_cli.results.folder import csv_text, whole_folder
+from stixel_cli.results.folder import csv_text, write_whole_folder
 from stixel_cli.results.result import RunResult
 from stixel_cli.scene.classes import ROAD_USER_CLASSES
 
@@ -57,11 +58,9 @@ def export_csv(stored: RunResult, folder: Path, progress: Progress | None = None
     tables = exported_tables(run)
     rows = [("table", "column", "unit", "meaning")]
     rows += [(table, name, *COLUMNS[name]) for table, names in tables.items() for name in names]
-    with whole_folder(folder) as partial:
-        for table, columns in tables.items():
-            (partial / f"{table}.csv").write_text(csv_text(columns), encoding="utf-8")
-        with open(partial / "columns.csv", "w", encoding="utf-8", newline="") as file:
-            csv.writer(file, lineterminator="\n").writerows(rows)
+    csv.writer(meanings := io.StringIO(), lineterminator="\n").writerows(rows)
+    files = {f"{table}.csv": csv_text(columns) for table, columns in tables.items()}
+    write_whole_folder(folder, files | {"columns.csv": meanings.getvalue()})
 
 
 def exported_tables(run: RunResult) -> dict[str, dict[str, np.ndarray]]:
@@ -99,9 +98,11 @@ def export_tum(stored: RunResult, folder: Path, progress: Progress | None = None
         "truth": run.scenario.target_poses_world,
         "ego": run.scenario.ego_poses_world,
     }
-    with whole_folder(folder) as partial:
-        for name, values in poses.items():
-            np.savetxt(partial / f"{name}.tum", tum_rows(run.scenario.times, values), "%.9g")
+    files = {}
+    for name, values in poses.items():
+        np.savetxt(rows := io.BytesIO(), tum_rows(run.scenario.times, values), "%.9g")
+        files[f"{name}.tum"] = rows.getvalue()
+    write_whole_folder(folder, files)
 
 
 def tum_rows(times: np.ndarray, poses_world: np.ndarray) -> np.ndarray:

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
+from stixel_cli.border import write_below
 from stixel_cli.config.compose import compose
 from stixel_cli.config.texts import override_text
 from stixel_cli.engine.progress import Progress
@@ -68,13 +69,12 @@ def export_kitti(stored: RunResult, folder: Path, progress: Progress | None = No
 
 def write_disparities(folder: Path, disparities: Iterable[Disparities]) -> None:
     """Write the disparities of all frames as KITTI does: uint16, 256 per px, 0 is invalid."""
-    folder.mkdir(parents=True)
     for chunk in disparities:
         for i in range(len(chunk)):
             raw = chunk.raw(i).astype(np.int64)
             stored = np.where(raw == INVALID, 0, np.clip(raw * (256 // SUBPIXELS), 1, 65535))
             png = encode_png(stored.astype(np.uint16))
-            (folder / f"{chunk.first + i:06d}.png").write_bytes(png)
+            write_below(folder, {f"{chunk.first + i:06d}.png": png})
 
 
 def write_clip(
@@ -102,10 +102,8 @@ def write_clip(
     """
     for chunk in pairs:
         for camera, images in (("image_02", chunk.left), ("image_03", chunk.right)):
-            (folder / camera / sequence).mkdir(parents=True, exist_ok=True)
             for i, data in enumerate(images.encoded):
-                number = f"{chunk.first + i:06d}.png"
-                (folder / camera / sequence / number).write_bytes(data)
+                write_below(folder, {f"{camera}/{sequence}/{chunk.first + i:06d}.png": data})
     # The left camera's poses, in the frame of the first.
     poses = list(map(rig.world_from_camera, scenario.ego_poses_world))
     first = np.linalg.inv(poses[0])
@@ -114,9 +112,7 @@ def write_clip(
         "label_02": labels_text(scenario, rig, label, target_height),
         "ego_poses": "".join(f"{_numbers((first @ pose)[:3])}\n" for pose in poses),
     }
-    for name, text in texts.items():
-        (folder / name).mkdir(parents=True, exist_ok=True)
-        (folder / name / f"{sequence}.txt").write_text(text, encoding="utf-8")
+    write_below(folder, {f"{name}/{sequence}.txt": text for name, text in texts.items()})
 
 
 def calibration_text(rig: Rig) -> str:

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
+from stixel_cli.border import write_below
 from stixel_cli.engine.progress import Progress
 from stixel_cli.experiment.stages import computed_stages
 from stixel_cli.export.stx1 import stixel_world
@@ -39,7 +40,7 @@ def export_stx1(stored: RunResult, folder: Path, progress: Progress | None = Non
                 world.image = pairs.left.encoded[i]
                 world.context.name = name
                 world.context.calibration.img_name = f"{name}.png"
-                (partial / f"{name}.stx1").write_bytes(world.SerializeToString())
+                write_below(partial, {f"{name}.stx1": world.SerializeToString()})
 
 
 def used_stixels(stixels: Stixels, gates: Gates, scans: Scans, used: np.ndarray) -> np.ndarray:

@@ -9,7 +9,7 @@ from functools import cached_property
 from typing import Annotated
 
 import numpy as np
-from annotated_types import Ge, Gt, Le, Lt
+from annotated_types import Ge, Le, Lt
 
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD, rotation
 from stixel_cli.parameters import parameters
@@ -37,11 +37,11 @@ class Rig:
     width: Annotated[int, Ge(64), Le(4096)]
     height: Annotated[int, Ge(64), Le(4096)]
     horizontal_fov: Annotated[float, Ge(5), Lt(170)] | None
-    focal_length: Annotated[float, Gt(0), Le(20000)] | None
+    focal_length: Annotated[float, Ge(10), Le(100_000)] | None
     principal_u: float | None
     principal_v: float | None
     baseline: Annotated[float, Ge(0.001), Le(5)]
-    camera_height: Annotated[float, Gt(0), Le(5)]
+    camera_height: Annotated[float, Ge(0.1), Le(20)]
     pitch: Annotated[float, Ge(-30), Le(30)]
     vertical_fov: Annotated[float, Ge(5), Lt(170)] | None
     disparity_offset: Annotated[float, Ge(-16), Le(16)] = 0.0

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from types import ModuleType
 from typing import Any
 
 
@@ -91,6 +92,12 @@ class Material:
 
     values: Mapping[str, Any]
     files: Mapping[str, str | bytes] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Raise TypeError for a module, a class or a function: others write templates, too."""
+        for name, value in self.values.items():
+            if isinstance(value, ModuleType) or callable(value):
+                raise TypeError(f"{name}: a {type(value).__name__}: a template is given data only")
 
 
 @dataclass(frozen=True)

@@ -99,23 +99,6 @@ def page_html(runs: Sequence[RunResult], command: Sequence[str], page: Path) -> 
     )
 
 
-def write_page(page: Path, html: str) -> None:
-    """Write a page to a new file.
-
-    Raises:
-        UserError: if the file exists or cannot be written.
-    """
-    try:
-        with page.open("x", encoding="utf-8") as file:
-            file.write(html)
-            file.flush()
-            os.fsync(file.fileno())
-    except FileExistsError:
-        raise UserError(f"{page}: already exists; choose another file") from None
-    except OSError as error:
-        raise UserError(f"{page}: cannot be written: {error.strerror}") from error
-
-
 def _link(folder: Path, page: Path) -> str | None:
     """Path of a run's own page, relative to the folder of `page`; None if it has none."""
     if not (folder / PAGE).exists():

@@ -13,7 +13,6 @@ from dataclasses import replace
 from itertools import pairwise
 
 import jinja2
-from jinja2.sandbox import SandboxedEnvironment
 from markdown_it import MarkdownIt
 
 from stixel_cli.errors import ConfigurationError, UserError, counted, printable
@@ -54,13 +53,13 @@ FILTERS: dict[str, Callable] = {
 """Functions of `metrics` that a template can use, by name."""
 
 
-def template_of(text: str, name: str, shipped: bool = False) -> jinja2.Template:
-    """The template with a text; `name` is its file. In a sandbox unless it is `shipped`.
+def template_of(text: str, name: str) -> jinja2.Template:
+    """The template with a text; `name` is its file. It is code: see `studies.file.read_study`.
 
     Raises:
         ConfigurationError: if its syntax is not valid.
     """
-    environment = (jinja2.Environment if shipped else SandboxedEnvironment)(
+    environment = jinja2.Environment(
         undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True, autoescape=False
     )
     environment.filters.update(FILTERS)

@@ -1,5 +1,6 @@
 """Write result folders: everything needed to read a run and to repeat it."""
 
+import io
 import itertools
 import os
 import re
@@ -11,17 +12,14 @@ from pathlib import Path
 
 import numpy as np
 
+from stixel_cli.border import write_below, written
 from stixel_cli.errors import FolderTaken, UserError
-from stixel_cli.files import written
 from stixel_cli.results import lineage
 from stixel_cli.results.reader import json_text, yaml_text
 from stixel_cli.results.result import RunResult
 
 PAGE = "index.html"
 """The playback page of a run."""
-
-Content = str | bytes | Callable[[Path], object]
-"""Of a file: text, bytes, or a function that writes it."""
 
 MOST_CHARACTERS = 200
 """Limit of a folder's name; its temporary name is longer, and file systems allow 255."""
@@ -116,19 +114,12 @@ def whole_folder(folder: Path, replace: bool = False) -> Iterator[Path]:
             shutil.rmtree(partial, ignore_errors=True)
 
 
-def write_whole_folder(folder: Path, files: Mapping[str, Content], replace: bool = False) -> None:
+def write_whole_folder(
+    folder: Path, files: Mapping[str, str | bytes], replace: bool = False
+) -> None:
     """Write files, by path below the folder, as `whole_folder` does, which has the errors."""
     with whole_folder(folder, replace) as partial:
-        for name, content in files.items():
-            file = partial / name
-            if "/" in name:
-                file.parent.mkdir(parents=True, exist_ok=True)
-            if isinstance(content, str):
-                file.write_text(content, encoding="utf-8")
-            elif isinstance(content, bytes):
-                file.write_bytes(content)
-            else:
-                content(file)
+        write_below(partial, files)
 
 
 def write_folder(folder: Path, run: RunResult, page: str) -> None:
@@ -148,10 +139,11 @@ def write_folder(folder: Path, run: RunResult, page: str) -> None:
     write_whole_folder(folder, files)
 
 
-def arrays_content(arrays: Mapping[str, np.ndarray]) -> Callable[[Path], None]:
-    """A function that writes arrays by name into an NPZ file."""
+def arrays_content(arrays: Mapping[str, np.ndarray]) -> bytes:
+    """An NPZ file of arrays by name."""
     # Not compressed: that takes longer than all else here, and saves a third.
-    return lambda file: np.savez(file, **arrays)
+    np.savez(buffer := io.BytesIO(), **arrays)
+    return buffer.getvalue()
 
 
 def figure_files(pictures: Mapping[str, bytes]) -> dict[str, bytes]:

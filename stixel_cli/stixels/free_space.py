@@ -137,7 +137,8 @@ def unknown_rows(
     of_road = line[0] * np.arange(rig.height) + line[1]
     # A height h has f_v h / z = (f_v / f) h d / B rows.
     heights = free_space.unknown_height / rig.baseline * (rig.focal_v / rig.focal) * of_road
-    extents = np.maximum(np.rint(heights), LEAST_ROWS).astype(np.int32)
+    # More than twice the image counts as too few rows to judge, however many more.
+    extents = np.clip(np.rint(heights), LEAST_ROWS, 4 * rig.height).astype(np.int32)
     far = of_road < rig.disparity_from_depth(grid.occupancy.farthest)
     end = np.flatnonzero(far)[-1] + 1 if far.any() else 0
     _, height = pitch_and_height(line, rig)

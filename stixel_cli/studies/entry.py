@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from stixel_cli.border import Origin
 from stixel_cli.config import messages
 from stixel_cli.config.texts import value_text
 from stixel_cli.errors import ConfigurationError
@@ -30,6 +31,7 @@ class SweepEntry:
         axes_of: name of the module's function that returns further axes when the study is
             planned, such as those of the user's data; or None.
         variants: name to key to value, the same keys in all.
+        origin: of all that the file names.
     """
 
     name: str
@@ -38,6 +40,7 @@ class SweepEntry:
     derive: str | None
     axes_of: str | None
     variants: Mapping[str, Mapping[str, Any]]
+    origin: Origin
 
     def variant_of(self, setting: Mapping[str, str]) -> str:
         """Name of the variant that a run has; "" without any."""
@@ -61,12 +64,13 @@ class SweepEntry:
             else:
                 zipped = [*(zipped or []), keys]
         try:
-            return design_of({**self.content, "axes": axes, "zipped": zipped}, shuffled=False)
+            content = {**self.content, "axes": axes, "zipped": zipped}
+            return design_of(content, False, self.origin)
         except ConfigurationError as fault:
             raise ConfigurationError(f"sweeps: {self.name}: {fault}") from None
 
 
-def sweep_entry(name: Any, entries: Any) -> SweepEntry:
+def sweep_entry(name: Any, entries: Any, origin: Origin) -> SweepEntry:
     """A sweep of the file; ConfigurationError in one line that names it and the entry."""
     where = f"sweeps: {messages.printable(str(name))}"
     if not isinstance(name, str) or not _SWEEP_NAME.fullmatch(name):
@@ -86,7 +90,7 @@ def sweep_entry(name: Any, entries: Any) -> SweepEntry:
     except ConfigurationError as fault:
         raise ConfigurationError(f"{where}: {fault}") from None
     content = {key: value for key, value in entries.items() if key in SWEEP_ENTRIES}
-    return SweepEntry(name, content, tuple(steps), **functions, variants=variants)
+    return SweepEntry(name, content, tuple(steps), **functions, variants=variants, origin=origin)
 
 
 def _variants(content: Any) -> dict[str, dict[str, Any]]:

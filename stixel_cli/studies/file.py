@@ -6,21 +6,19 @@ next to the study's own (`report.py`), or the dotted name of an installed module
 """
 
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from importlib import import_module
-from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 import jinja2
 
+from stixel_cli.border import TYPED, Origin, admit, imported, imported_file
 from stixel_cli.config import messages
-from stixel_cli.config.folders import is_shipped, shipped_folder
-from stixel_cli.config.own_options import code_in, refuse_code
+from stixel_cli.config.folders import origin_of, shipped_folder
 from stixel_cli.errors import ConfigurationError, UserError
-from stixel_cli.files import read_text
+from stixel_cli.files import read_text, read_yaml
 from stixel_cli.report.template import template_of
 from stixel_cli.studies.entry import Axes, SweepEntry, sweep_entry
 from stixel_cli.sweeps.file import ENTRIES as SWEEP_ENTRIES
@@ -28,7 +26,7 @@ from stixel_cli.sweeps.file import is_study, read_mapping, refuse_unknown
 
 ALL = "all"
 ENTRIES = ("title", "question", "template", "module", "sweeps")
-TEMPLATES = Path(__file__).parent / "templates"
+TEMPLATES = Path(__file__).resolve().parent / "templates"
 _LONGEST_PATH = 200
 
 
@@ -41,6 +39,7 @@ class StudyFile:
         template_name, module_name: as in the file.
         module: its function `report` returns a `Material` from `StudyData`; its functions that
             `derive` and `axes_of` name return further axes.
+        is_shipped: whether the template and the functions that it uses are of shipped studies.
     """
 
     path: Path
@@ -51,16 +50,12 @@ class StudyFile:
     template: jinja2.Template
     module: ModuleType
     sweeps: tuple[SweepEntry, ...]
+    is_shipped: bool
 
     @property
     def name(self) -> str:
         """Name of the study, and the begin of its folder's name."""
         return self.path.stem
-
-    @property
-    def is_shipped(self) -> bool:
-        """Whether the module of the report is one of the package."""
-        return self.module.__name__.startswith("stixel_cli.")
 
     def function(self, name: str) -> Callable:
         """A function of the report's module.
@@ -107,13 +102,34 @@ class StudyFile:
         except Exception as fault:
             if self.is_shipped:
                 raise
-            raise UserError(f"{name}: {_place_and_reason(fault, self.module)}") from fault
+            raise UserError(f"{name}: {_place_and_reason(fault, self.module.__file__)}") from fault
 
 
 def shipped_studies() -> list[str]:
     """Names of the shipped studies; plain sweeps are in the same folder."""
+    return [file.stem for file in _shipped_files()]
+
+
+def _shipped_files() -> list[Path]:
     files = sorted((shipped_folder("pipelines") / "studies").glob("*.yaml"))
-    return [file.stem for file in files if is_study(file)]
+    return [file for file in files if is_study(file)]
+
+
+def _functions(*contents: Mapping[str, Any]) -> set[tuple[str, str]]:
+    """The functions that studies call: module and name."""
+    return {
+        (" ".join(content["module"].split()), name)
+        for content in contents
+        for name in (
+            "report",
+            *(
+                entries[entry]
+                for entries in content["sweeps"].values()
+                for entry in ("derive", "axes_of")
+                if isinstance(entries, dict) and isinstance(entries.get(entry), str)
+            ),
+        )
+    }
 
 
 def find_study(name: str) -> Path:
@@ -157,17 +173,23 @@ def read_study(path: Path, trusted: bool = False) -> StudyFile:
         sweeps = content.get("sweeps")
         if not isinstance(sweeps, dict) or not sweeps:
             raise ConfigurationError("sweeps: must be names, each with a sweep's entries")
-        sweeps = tuple(sweep_entry(name, entries) for name, entries in sweeps.items())
+        origin = origin_of(path, trusted)
+        called = _functions(content)
+        is_shipped = origin is TYPED or called <= _functions(*map(read_yaml, _shipped_files()))
+        template = _template(path.parent, texts[2])
+        # A template is code: Jinja's sandbox bounds neither time nor memory.
+        code = [] if is_shipped else [f"{module}:{name}" for module, name in sorted(called)]
+        code += [] if template.parent == TEMPLATES else [texts[2]]
+        admit((name, origin) for name in code)
+        sweeps = tuple(sweep_entry(name, entries, origin) for name, entries in sweeps.items())
         if sweeps[0].derive is not None:
             raise ConfigurationError(f"sweeps: {sweeps[0].name}: derive: no earlier sweep")
-        given = [override for sweep in sweeps for override in sweep.design().overrides]
-        if not trusted and not is_shipped(path):
-            own = [] if texts[3].startswith("stixel_cli.") else [texts[3]]
-            refuse_code(path, [*own, *code_in(given)])
-        template, module = _template(path.parent, texts[2]), _module(path.parent, texts[3])
-        study = StudyFile(path, *texts, template, module, sweeps)
-        names = ("report", *(name for one in sweeps for name in (one.derive, one.axes_of) if name))
-        for name in names:
+        for sweep in sweeps:
+            sweep.design()
+        template = template_of(read_text(template), texts[2])
+        module = _module(path.parent, texts[3], TYPED if is_shipped else origin)
+        study = StudyFile(path, *texts, template, module, sweeps, not code)
+        for _, name in sorted(called):
             study.function(name)
     except ConfigurationError as fault:
         where = _shown(path)
@@ -176,42 +198,38 @@ def read_study(path: Path, trusted: bool = False) -> StudyFile:
     return study
 
 
-def _template(folder: Path, name: str) -> jinja2.Template:
-    """A template next to the study's file, or one of the package."""
-    for place in (folder, TEMPLATES):
-        if (place / name).is_file():
-            shipped = (place / name).resolve().parent == TEMPLATES.resolve()
-            return template_of(read_text(place / name), name, shipped)
+def _template(folder: Path, name: str) -> Path:
+    """The file of a template next to the study's file, or of one of the package."""
+    for place in (folder.resolve(), TEMPLATES):
+        file = (place / name).resolve()
+        if file.is_file() and file.parent == place:
+            return file
     raise ConfigurationError(f"template: no file {messages.printable(name)} in {_shown(folder)}")
 
 
-def _module(folder: Path, name: str) -> ModuleType:
+def _module(folder: Path, name: str, origin: Origin) -> ModuleType:
     """The module of a study: a Python file in its folder, or an installed module."""
     if not name.endswith(".py"):
         try:
-            return import_module(name)
+            return imported(name, origin)
         except (ImportError, ValueError, TypeError):
             raise ConfigurationError(f"module: no module {messages.printable(name)}") from None
     file = folder / name
     if not file.is_file():
         raise ConfigurationError(f"module: no file {messages.printable(name)} in {_shown(folder)}")
-    spec = spec_from_file_location(f"stixel_study_{file.stem}", file)
-    module = module_from_spec(spec)
     try:
-        spec.loader.exec_module(module)
+        return imported_file(file, f"stixel_study_{file.stem}", origin)
     except Exception as fault:
-        reason = _place_and_reason(fault, module)
+        reason = _place_and_reason(fault, str(file))
         raise ConfigurationError(f"module: cannot be imported: {reason}") from fault
-    return module
 
 
 def _shown(path: Path) -> str:
     return messages.printable(str(path), _LONGEST_PATH)
 
 
-def _place_and_reason(fault: Exception, module: ModuleType) -> str:
+def _place_and_reason(fault: Exception, file: str) -> str:
     """Last line of the module's file that led to the fault, and the fault, in one line."""
-    file = module.__file__
     frames = traceback.extract_tb(fault.__traceback__)
     line = next((frame.lineno for frame in reversed(frames) if frame.filename == file), None)
     if isinstance(fault, SyntaxError) and fault.filename == file:

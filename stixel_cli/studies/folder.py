@@ -13,14 +13,15 @@ from collections import Counter
 from collections.abc import Collection, Mapping
 from datetime import UTC, datetime
 from itertools import takewhile
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import Any
 
 import yaml
 
+from stixel_cli.border import write_below, write_whole, written
 from stixel_cli.config.texts import split_override
 from stixel_cli.errors import UserError
-from stixel_cli.files import read_yaml, write_whole, written
+from stixel_cli.files import read_yaml
 from stixel_cli.report.blocks import Figure, Findings, Paragraph, Table
 from stixel_cli.report.tables import plain_rows, table_csv, table_latex, table_markdown
 from stixel_cli.results.folder import check_plain_name
@@ -108,9 +109,7 @@ class StudyFolder:
             for name in ("tables", "figures"):
                 shutil.rmtree(self.path / name, ignore_errors=True)
             files = {} if findings is None else files_of(findings, (FILE, PAGE))
-            for name, content in files.items():
-                write_whole(self.path / name, content)
-            write_whole(self.path / PAGE, html)
+            write_below(self.path, files | {PAGE: html})
         return self.path / PAGE
 
 
@@ -118,7 +117,7 @@ def files_of(findings: Findings, taken: Collection[str] = ()) -> dict[str, str |
     """Path in the folder to content of the files next to the page; `taken` are other names.
 
     Raises:
-        UserError: if two files have one name, or a name is not a path inside the folder.
+        UserError: if two files have one name.
     """
     forms = {"csv": table_csv, "md": table_markdown, "tex": table_latex}
     named = [
@@ -132,12 +131,9 @@ def files_of(findings: Findings, taken: Collection[str] = ()) -> dict[str, str |
         *findings.files.items(),
     ]
     files = dict(named)
-    for name, count in Counter(name for name, _ in named).items():
+    for name, count in Counter([*taken, *(name for name, _ in named)]).items():
         if count > 1:
             raise UserError(f"report: two files have the name {name}")
-        path = PurePosixPath(name)
-        if path.is_absolute() or ".." in path.parts or name in taken:
-            raise UserError(f"report: {name!r} is not a valid file name in a study's folder")
     return files
 
 

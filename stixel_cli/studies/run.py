@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from stixel_cli.border import TYPED, Origin
 from stixel_cli.config import messages
 from stixel_cli.config.folders import conf_state, of_the_machine, shipped_folder
 from stixel_cli.engine.cache_folder import Lease
@@ -208,8 +209,8 @@ class _Run:
                     label=label,
                     overrides=[text for text in texts[0] if of_the_machine(text)],
                     note=lambda text: self.tell(f"{name}: {text}"),
-                    # The user typed the names of own functions; the folder says where they are.
-                    trust_code=request.working_directory == os.getcwd(),
+                    # They are those of the study; the folder says where the modules are.
+                    names=TYPED if request.working_directory == os.getcwd() else Origin(str(path)),
                 )
         # The folder is unfinished, or its axes were derived from other results.
         if path.exists():

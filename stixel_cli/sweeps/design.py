@@ -6,6 +6,7 @@ from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+from stixel_cli.border import Origin
 from stixel_cli.config import messages
 from stixel_cli.config.override_checks import read_overrides
 from stixel_cli.config.overrides import MOST_VALUES, Override
@@ -76,6 +77,15 @@ class Design:
     def swept(self) -> list[Override]:
         """The overrides of all steps of all axes."""
         return [one for axis in self.axes for step in axis.steps for one in step]
+
+    def written_in(self, origin: Origin) -> "Design":
+        """The design, of which every override comes from `origin`."""
+
+        def own(overrides: Iterable[Override]) -> tuple[Override, ...]:
+            return tuple(replace(one, origin=origin) for one in overrides)
+
+        axes = (replace(axis, steps=tuple(map(own, axis.steps))) for axis in self.axes)
+        return replace(self, fixed=own(self.fixed), axes=tuple(axes))
 
     def combinations(self) -> Iterator[tuple[Override, ...]]:
         """The overrides of each run that differ, without combinations that are left out."""

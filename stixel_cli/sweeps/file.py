@@ -7,11 +7,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from stixel_cli.border import Origin
 from stixel_cli.config import messages
-from stixel_cli.config.folders import is_shipped, shipped_folder
+from stixel_cli.config.folders import origin_of, shipped_folder
 from stixel_cli.config.override_checks import check_overrides
 from stixel_cli.config.overrides import MOST_VALUES, Override, parse
-from stixel_cli.config.own_options import code_in, refuse_code
 from stixel_cli.config.texts import override_text
 from stixel_cli.errors import ConfigurationError
 from stixel_cli.files import check_plain, read_text, read_yaml_text
@@ -44,23 +44,20 @@ def is_study(path: Path) -> bool:
 
 
 def read_design(path: Path, shuffled: bool, trusted: bool) -> Design:
-    """The design in a file; UserError if it is wrong, or names code unless shipped or `trusted`."""
+    """The design in a file, whose names of code count as `trusted`; UserError if it is wrong."""
     content = read_mapping(path, ENTRIES)
     try:
         if "sweeps" in content:
             raise ConfigurationError(f"is a study, not a sweep: stixel study {path.stem}")
-        design = design_of(content, shuffled)
-        if not trusted and not is_shipped(path):
-            refuse_code(path, code_in(design.overrides))
-        return replace(design, file=str(path))
+        return replace(design_of(content, shuffled, origin_of(path, trusted)), file=str(path))
     except ConfigurationError as fault:
         where = messages.printable(str(path), 200)
         text = str(fault)
         raise ConfigurationError(text if where in text else f"{where}: {text}") from None
 
 
-def design_of(content: Mapping[Any, Any], shuffled: bool) -> Design:
-    """The design of a file's entries; ConfigurationError in one line that names the entry."""
+def design_of(content: Mapping[Any, Any], shuffled: bool, origin: Origin) -> Design:
+    """The design of entries that `origin` has; ConfigurationError in one line names the entry."""
     refuse_unknown(content, ENTRIES)
     given = _entry(content, "fixed", {}).items()
     fixed = tuple(parse(override_text(key, value)) for key, value in given)
@@ -75,7 +72,7 @@ def design_of(content: Mapping[Any, Any], shuffled: bool) -> Design:
             raise ConfigurationError(f"{where}: must map two keys or more to values")
         axes.append(_axis(where, keys, shuffled))
     if content.get("grids") is not None:
-        axes.append(_union(_entry(content, "grids", []), shuffled))
+        axes.append(_union(_entry(content, "grids", []), shuffled, origin))
     seeds = content.get("seeds")
     if isinstance(seeds, int) and not isinstance(seeds, bool):
         if not 1 <= seeds <= MOST_VALUES:
@@ -88,7 +85,7 @@ def design_of(content: Mapping[Any, Any], shuffled: bool) -> Design:
     for key, count in Counter([*(one.key for one in fixed), *swept]).items():
         if count > 1:
             raise ConfigurationError(f"{key}: is given twice: give it once")
-    design = Design(fixed, tuple(axes), tuple(_left_out(content, swept)))
+    design = Design(fixed, tuple(axes), tuple(_left_out(content, swept))).written_in(origin)
     check_overrides(design.overrides)
     return design
 
@@ -156,7 +153,7 @@ def _axis(where: str, keys: Mapping[str, Any], shuffled: bool) -> Axis:
     return Axis(tuple(keys), steps)
 
 
-def _union(grids: Sequence[Any], shuffled: bool) -> Axis:
+def _union(grids: Sequence[Any], shuffled: bool, origin: Origin) -> Axis:
     """The points of several grids as one axis: in order, those of two grids once."""
     designs = []
     for number, grid in enumerate(grids, start=1):
@@ -165,7 +162,7 @@ def _union(grids: Sequence[Any], shuffled: bool) -> Axis:
             raise ConfigurationError(f"{where}: must have some of {', '.join(GRID)}")
         try:
             refuse_unknown(grid, GRID)
-            designs.append(design_of(grid, shuffled))
+            designs.append(design_of(grid, shuffled, origin))
         except ConfigurationError as fault:
             raise ConfigurationError(f"{where}: {fault}") from None
         if SEED in (one.key for one in designs[-1].overrides):

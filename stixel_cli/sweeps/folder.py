@@ -19,11 +19,12 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
+from stixel_cli.border import check_below, write_below, written
 from stixel_cli.config.folders import PRESETS, of_the_machine
 from stixel_cli.config.texts import split_override
 from stixel_cli.errors import UserError, printable_path
-from stixel_cli.files import read_text, read_yaml, write_whole, written
-from stixel_cli.results.folder import Content, write_whole_folder
+from stixel_cli.files import read_text, read_yaml
+from stixel_cli.results.folder import write_whole_folder
 from stixel_cli.results.reader import read_manifest, read_metrics, yaml_text
 from stixel_cli.results.result import MISSING, RunResult
 from stixel_cli.sweeps.design import NOT_GIVEN, SEED
@@ -158,11 +159,12 @@ class SweepFolder:
                     runs[index] = RunResult(manifest=manifest, metrics=metrics, folder=folder)
         return runs
 
-    def write_run(self, index: int, files: Mapping[str, Content], kind: str = RUNS) -> None:
+    def write_run(self, index: int, files: Mapping[str, str | bytes], kind: str = RUNS) -> None:
         """Write the folder of a run atomically, or that of its failure (`FAILED`).
 
         It replaces an older one of either kind.
         """
+        check_below(self.path, [f"{kind}/{index:04d}"])
         write_whole_folder(self.path / kind / f"{index:04d}", files, replace=True)
         with suppress(OSError):
             shutil.rmtree(self.path / (FAILED if kind == RUNS else RUNS) / f"{index:04d}")
@@ -172,8 +174,7 @@ class SweepFolder:
     def write(self, files: Mapping[str, str | bytes]) -> None:
         """Write files of the folder, by path below it, each atomically."""
         with written(self.path):
-            for name, content in files.items():
-                write_whole(self.path / name, content)
+            write_below(self.path, files)
 
     def remove(self, patterns: Iterable[str]) -> None:
         """Remove outdated files and folders, by their paths with wildcards."""

@@ -16,7 +16,7 @@ from stixel_cli.errors import UserError
 from stixel_cli.evaluation.scores import Scores
 from stixel_cli.files import read_json
 from stixel_cli.results import lineage
-from stixel_cli.results.folder import Content, arrays_content
+from stixel_cli.results.folder import arrays_content
 from stixel_cli.results.reader import json_text, yaml_text
 from stixel_cli.results.result import RunResult
 from stixel_cli.results.tables import score_columns
@@ -30,7 +30,7 @@ def run_files(
     seconds: Mapping[str, float],
     notes: Mapping[str, Any],
     lineage_text: str,
-) -> dict[str, Content]:
+) -> dict[str, str | bytes]:
     """Configuration, manifest, metrics, lineage and scores of a run, by file name.
 
     `seconds` are those of the computed nodes, by key; `notes` are further entries of the manifest.

@@ -2,24 +2,52 @@
 
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from annotated_types import Ge, Le
 from matplotlib.axes import Axes
 
+from stixel_cli.border import write_below, written
 from stixel_cli.config.folders import group_options, of_the_machine
+from stixel_cli.config.messages import validated
 from stixel_cli.config.overrides import parse
 from stixel_cli.evaluation.metric_table import metric
-from stixel_cli.files import write_whole, written
+from stixel_cli.files import read_yaml
+from stixel_cli.parameters import parameters
 from stixel_cli.pictures import style
 from stixel_cli.report.blocks import Table
 from stixel_cli.report.charts import Panel, chart
 from stixel_cli.report.page import drawing_for_page, page_template, table_for_page
 from stixel_cli.report.statistics import statistic
 from stixel_cli.report.tables import ends, plain_label, table_csv, with_unit
-from stixel_cli.results.folder import PAGE
+from stixel_cli.results.folder import PAGE, write_whole_folder
 from stixel_cli.results.reader import yaml_text
 from stixel_cli.sweeps.tuning import Trial, Tuning
+
+REQUEST = "tune.yaml"
+
+
+@parameters
+class TuneRequest:
+    """The content of `tune.yaml`: the arguments of `Tuning`, and the number of trials."""
+
+    overrides: list[str]
+    objectives: list[str]
+    over: list[str]
+    seeds: Annotated[int, Ge(1), Le(1000)]
+    trials: Annotated[int, Ge(1), Le(10_000)]
+
+
+def create(folder: Path, request: TuneRequest) -> None:
+    """Create the folder with its `tune.yaml`, with the errors of `whole_folder`."""
+    write_whole_folder(folder, {REQUEST: yaml_text(vars(request))})
+
+
+def read_request(folder: Path) -> TuneRequest:
+    """The content of `tune.yaml`; UserError if this is not the folder of a tuning."""
+    file = folder / REQUEST
+    return validated(TuneRequest, read_yaml(file), file)
 
 
 def write_outcome(folder: Path, tuning: Tuning, command: str) -> tuple[Trial, Table]:
@@ -51,12 +79,9 @@ def write_outcome(folder: Path, tuning: Tuning, command: str) -> tuple[Trial, Ta
         ],
         command=command,
     )
-    preset = folder / "preset" / "experiment" / "tuned.yaml"
+    files = {"preset/experiment/tuned.yaml": preset_text(tuning, best, command)}
     with written(folder):
-        preset.parent.mkdir(parents=True, exist_ok=True)
-        write_whole(preset, preset_text(tuning, best, command))
-        write_whole(folder / "trials.csv", table_csv(trials))
-        write_whole(folder / PAGE, page)
+        write_below(folder, files | {"trials.csv": table_csv(trials), PAGE: page})
     return best, gain
 
 

@@ -16,7 +16,7 @@ from stixel_cli.config.compose import Composer
 from stixel_cli.config.folders import EXPERIMENT, group_options
 from stixel_cli.config.messages import suggestion
 from stixel_cli.config.override_checks import check_overrides, read_overrides
-from stixel_cli.config.overrides import Override, parse
+from stixel_cli.config.overrides import Override, from_texts, parse
 from stixel_cli.engine.store import open_store
 from stixel_cli.errors import ConfigurationError, UserError, printable
 from stixel_cli.evaluation.metric_table import METRICS, metric
@@ -60,7 +60,11 @@ class Tuning:
     """A tuning, its `trials`, the `default` on the same seeds, and Optuna's `study`."""
 
     def __init__(
-        self, overrides: Sequence[str], objectives: Sequence[str], over: Sequence[str], seeds: int
+        self,
+        overrides: Sequence[str | Override],
+        objectives: Sequence[str],
+        over: Sequence[str],
+        seeds: int,
     ):
         """Read a command line.
 
@@ -90,6 +94,7 @@ class Tuning:
         axes += [parsed.pop(key).singles() for key in averaged]
         self.fixed = [one for one in parsed.values() if one.sweep is None]
         tuned = [one for one in parsed.values() if one.sweep is not None]
+        self._origins = {one.key: one.origin for one in tuned}
         check_overrides([*self.fixed, *itertools.chain(*axes)])
         for one in itertools.chain(*axes):
             if is_drawn(one) and one.value < FIRST_SEED:
@@ -120,7 +125,10 @@ class Tuning:
         else:
             options = [one.singles()[0] for one in tuned if one.key in of_group and one.key != key]
             check_overrides([] if key in of_group else [parse(f"{key}=0")])
-            default = Composer().compose([*self.fixed, *options]).value(key)
+            try:
+                default = Composer().compose([*self.fixed, *options]).value(key)
+            except (KeyError, TypeError):
+                raise ConfigurationError(f"{override.shown}: has no such default: {key}") from None
             if isinstance(default, bool | str | list):
                 raise ConfigurationError(f"{override.shown}: not a number: write {key}=A,B")
             log, low, high = "log" in sweep.tags, sweep.start, sweep.end
@@ -139,7 +147,9 @@ class Tuning:
 
     def _runs(self, settings: Mapping[str, str], fresh: bool, n: int | None) -> list[PlannedRun]:
         """The first n runs of settings; all of them without n."""
-        shared = [*self.fixed, *(f"{key}={value}" for key, value in settings.items())]
+        shared = list(self.fixed)
+        for key, value in settings.items():
+            shared += from_texts([f"{key}={value}"], self._origins[key])
         each = [[*shared, *level] for level in self._levels[fresh][:n]]
         return compose_runs(each, list(settings), Composer())
 

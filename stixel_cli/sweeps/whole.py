@@ -4,20 +4,21 @@ import os
 import re
 import shlex
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from stixel_cli.border import TYPED, Origin
 from stixel_cli.config.compose import Composer
 from stixel_cli.config.folders import OF_THE_MACHINE, PRESETS, of_the_machine
 from stixel_cli.config.override_checks import check_overrides, read_overrides
+from stixel_cli.config.overrides import Override, from_texts, parse
 from stixel_cli.config.own_options import with_own_values
 from stixel_cli.config.texts import override_text
 from stixel_cli.engine.plan import undeclared_reads
 from stixel_cli.errors import ConfigurationError, UserError
-from stixel_cli.experiment.run import trust_stored_run
 from stixel_cli.experiment.run_names import joined_name
 from stixel_cli.results.differences import first_changed_stage
 from stixel_cli.results.folder import check_results, new_folder
@@ -101,8 +102,8 @@ def designed_sweep(
 
 def resumed_sweep(
     path: Path,
-    overrides: Sequence[str] = (),
-    trust_code: bool = False,
+    overrides: Sequence[str],
+    names: Origin,
     visible: bool = False,
     label: str = "",
     note: Callable[[str], Any] = lambda text: None,
@@ -113,7 +114,7 @@ def resumed_sweep(
     Args:
         path: the sweep's folder.
         overrides: of executor and cache; those of the folder are never used.
-        trust_code: run the user's own functions that the folder names.
+        names: where the names of code in the folder come from.
         visible: show progress on stderr, with the prefix `label`.
         note: called with the number of finished runs that are out of date, and why.
         fail_fast: see `run_sweep`.
@@ -123,9 +124,7 @@ def resumed_sweep(
     """
     folder = SweepFolder(path)
     request = folder.request()
-    runs = stored_runs(request, overrides)
-    for one in runs:
-        trust_stored_run(replace(one.result(), folder=path), trust_code)
+    runs = stored_runs(request, overrides, names, imports=True)
     plan = planned_sweep(runs, request.shuffle, request.pictures, request.nodes)
     origin = _origin(str(request.notes.get("command", path.name)))
     finished = folder.finished(len(runs))
@@ -167,14 +166,33 @@ def _origin(command: str) -> dict[str, Any]:
     return {"command": command, "created": now, **provenance()}
 
 
-def stored_runs(request: SweepRequest, overrides: Sequence[str] = ()) -> list[PlannedRun]:
+def stored_runs(
+    request: SweepRequest,
+    overrides: Sequence[str] = (),
+    origin: Origin = TYPED,
+    imports: bool = False,
+) -> list[PlannedRun]:
     """The runs of a folder's request, with executor and cache replaced by `overrides`.
+
+    `origin` is the folder; to compare its runs, without `imports`, it may name code.
+
+    Raises:
+        ConfigurationError: as of `resumed_overrides`, or for a wrong run.
+    """
+    each = resumed_overrides(request.runs, overrides, origin)
+    return compose_runs(each, request.keys, Composer(request.working_directory, imports))
+
+
+def resumed_overrides(
+    kept: Iterable[Iterable[str]], overrides: Sequence[str], origin: Origin
+) -> list[list[Override]]:
+    """Overrides that a folder keeps, each with executor and cache replaced by `overrides`.
 
     Nothing of these groups is kept: somebody else may have written the folder, and a cache holds
     pickles, a scheduler's address a computer.
 
     Raises:
-        ConfigurationError: for an override of other groups or of several values, or a wrong run.
+        ConfigurationError: for an override of other groups or of several values.
     """
     parsed, given = read_overrides(overrides), []
     for override in parsed:
@@ -189,10 +207,10 @@ def stored_runs(request: SweepRequest, overrides: Sequence[str] = ()) -> list[Pl
         if override.key == "cache.folder" and isinstance(folder, str) and folder:
             # Paths of the runs refer to the sweep's working directory, this one to today's.
             text = override_text("cache.folder", os.path.abspath(os.path.expanduser(folder)))
-        given.append(text)
+        given.append(parse(text))
     check_overrides(parsed)
-    texts = [(*(text for text in run if not of_the_machine(text)), *given) for run in request.runs]
-    return compose_runs(texts, request.keys, Composer(request.working_directory, trusted=False))
+    named = [from_texts((t for t in own if not of_the_machine(t)), origin) for own in kept]
+    return [[*own, *given] for own in named]
 
 
 def outdated_runs(

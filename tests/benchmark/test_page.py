@@ -1,5 +1,6 @@
 import numpy as np
 
+from stixel_cli.benchmark.data import sha256
 from stixel_cli.benchmark.page import bench_page, score_frame, table_rows
 from stixel_cli.benchmark.score import METRIC_VERSION, write_row
 from stixel_cli.benchmark.sequences import whole_set
@@ -11,6 +12,7 @@ NOISE = np.random.default_rng(0)
 
 def row(name, ious, tier="rerun", pack="", **about):
     tracker = {"name": name, "version": "1", "causal": True, "per_class": False, "start": "given"}
+    tracker |= {"settings": {}, "code": "", "licence": "", "learnt_from": ""}
     scores = {"iou_mean": np.clip(ious, 0.0, 1.0).tolist(), "ms_per_scan": [1.0] * len(ious)}
     # The only track that was lost.
     lost = [2.0 if name == "gp_ekf" else None, *[None] * (len(ious) - 1)]
@@ -21,7 +23,7 @@ def row(name, ious, tier="rerun", pack="", **about):
         "tier": tier,
         "metric_version": METRIC_VERSION,
         "sequences": NAMES,
-        "pack": pack or name,
+        "pack": pack or sha256(name.encode()),
         "scores": scores,
     }
 
@@ -57,7 +59,9 @@ def test_a_better_tracker_has_rank_1_and_equal_ones_share_their_ranks():
 
 
 def test_the_page_has_a_line_for_each_sensor_and_class_and_the_gap_to_fresh_seeds():
-    fresh = row("better", np.full(len(NAMES), 0.5), "fresh", "other") | {"fresh_of": "better"}
+    fresh = row("better", np.full(len(NAMES), 0.5), "fresh", "c" * 64) | {
+        "fresh_of": sha256(b"better")
+    }
     files = bench_page([*rows(), fresh | {"benchmark": "b" * 64}])
     assert {*files} == {"index.html", f"{'a' * 12}.csv", f"{'a' * 12}.md"}
     assert len(files[f"{'a' * 12}.csv"].splitlines()) == 1 + 4 * 16

@@ -1,13 +1,13 @@
 """Files and presets that name code: refused without --trust-code, and no dry run imports it."""
 
+import shutil
+import sys
+
 import pytest
 import yaml
 
 from stixel_cli.cli.app import main
 from stixel_cli.config.folders import use_presets
-from stixel_cli.errors import UserError
-from stixel_cli.report.blocks import Material
-from stixel_cli.report.template import findings_of, template_of
 
 FEW = {"measurement": "fabricated", "path.duration": 0.3}
 PLANNING = [["plan"], ["explain"], ["sweep", "--dry-run"]]
@@ -93,7 +93,173 @@ def test_a_study_outside_of_the_package_is_refused(module, evil, tmp_path, capsy
     assert not (tmp_path / "ran").exists()
 
 
-def test_a_template_outside_of_the_package_runs_in_a_sandbox():
-    text = "{{ ''.__class__.__base__.__subclasses__() }}"
-    with pytest.raises(UserError, match=r"template: mine: .*SecurityError.*unsafe"):
-        findings_of(template_of(text, "mine"), Material({}, {}), "mine")
+SHIPPED = "stixel_cli.studies.rq3.report"
+
+
+def study_file(folder, **entries):
+    """A study whose only sweep has the entries `axes_of` or `derive` of `entries`, too."""
+    functions = {key: entries.pop(key) for key in ("axes_of", "derive") if key in entries}
+    content = {"title": "t", "question": "q", "template": "rq3.md.j2", "module": SHIPPED}
+    sweeps = {"first": {"fixed": FEW, "seeds": 1}, "second": {"fixed": FEW, "seeds": 1} | functions}
+    file = folder / "theirs.yaml"
+    file.write_text(yaml.safe_dump(content | {"sweeps": sweeps} | entries))
+    return file
+
+
+@pytest.mark.parametrize(
+    ("entries", "named"),
+    [
+        ({"module": "stixel_cli.evil.py"}, "stixel_cli.evil.py:report"),
+        ({"module": "./evil.py"}, "evil.py:report"),
+        ({"module": "evil"}, "evil:report"),
+        ({"module": "stixel_cli.engine.cleanup"}, "stixel_cli.engine.cleanup:report"),
+        ({"axes_of": "Path"}, "stixel_cli.studies.rq3.report:Path"),
+        ({"derive": "shutil"}, "stixel_cli.studies.rq3.report:shutil"),
+        ({"template": "evil.md.j2"}, "evil.md.j2"),
+    ],
+)
+def test_a_study_uses_only_what_shipped_studies_use(entries, named, evil, tmp_path, capsys):
+    (evil / "stixel_cli.evil.py").write_text((evil / "evil.py").read_text())
+    (evil / "evil.md.j2").write_text("{{ of.np.f2py.os.system('true') }}{{ 'x' * 10**10 }}")
+    sys.path.append(str(evil))
+    try:
+        for more in (["--dry-run"], []):
+            assert named in refused(capsys, "study", study_file(evil, **entries), *more)
+    finally:
+        sys.path.remove(str(evil))
+    assert not (tmp_path / "ran").exists() and not (tmp_path / "results").exists()
+
+
+def test_a_template_is_never_read_from_elsewhere(evil, tmp_path, capsys):
+    (tmp_path / "secret.txt").write_text("secret")
+    (evil / "linked").symlink_to(tmp_path / "secret.txt")
+    for name in ("../secret.txt", str(tmp_path / "secret.txt"), "linked"):
+        assert main(["study", str(study_file(evil, template=name)), "--trust-code"]) == 2
+        assert "template: no file" in capsys.readouterr().err
+
+
+def test_trusted_code_of_a_study_is_told_and_runs_once(evil, tmp_path, capsys):
+    file = study_file(evil, module="stixel_cli.evil.py")
+    code = (evil / "evil.py").read_text() + "def report(data): ...\n"
+    (evil / "stixel_cli.evil.py").write_text(code)
+    assert main(["study", str(file), "--dry-run", "--trust-code"]) == 0
+    told = f"stixel: {file}: may run stixel_cli.evil.py:report (--trust-code)\n"
+    assert capsys.readouterr().err == told and (tmp_path / "ran").exists()
+    # The next command trusts nobody.
+    (tmp_path / "ran").unlink()
+    assert "evil" in refused(capsys, "study", file, "--dry-run")
+    assert not (tmp_path / "ran").exists()
+
+
+@pytest.mark.parametrize(
+    ("preset", "content", "typed"),
+    [
+        ("cache/shared", "folder: CACHE\nmax_size: 1GB\n", ["cache=shared"]),
+        ("cache/shared", "folder: CACHE\nmax_size: 20GB\n", ["cache=shared", "cache.max_size=1GB"]),
+        ("executor/fast", "kind: dask\naddress: tcp://127.0.0.1:9\n", ["executor=fast"]),
+        ("tracker/p", "kind: own\nfunction: evil:track\n", ["tracker=p"]),
+        ("experiment/e", "# @package _global_\nmetrics: ['evil:track']\n", ["experiment=e"]),
+        ("experiment/e", "# @package _global_\ncache: {folder: CACHE}\n", ["cache.max_size=1GB"]),
+    ],
+)
+@pytest.mark.parametrize("command", [["plan"], ["run"], ["run", "--dry-run"], ["tune"]])
+def test_an_option_does_not_vouch_for_what_its_preset_names(
+    command, preset, content, typed, evil, tmp_path, capsys
+):
+    file = evil / "conf" / f"{preset}.yaml"
+    file.parent.mkdir(parents=True)
+    file.write_text(content.replace("CACHE", str(evil / "kept")))
+    (tmp_path / "evil.py").write_text((evil / "evil.py").read_text())
+    if preset == "experiment/e" and typed != ["experiment=e"]:
+        typed = [*typed, "experiment=e"]
+    if command == ["tune"]:
+        if "experiment=e" in typed:
+            return  # A tuning takes no experiment.
+        typed = [*typed, "path.duration=interval(0.3,0.4)"]
+    words = [*command, "measurement=fabricated", *typed, "--config-dir", evil / "conf"]
+    assert str(evil / "conf") in refused(capsys, *words)
+    assert not (tmp_path / "ran").exists() and not (tmp_path / "results").exists()
+
+
+def test_the_very_key_typed_replaces_what_a_preset_names(evil, tmp_path, capsys):
+    file = evil / "conf" / "cache" / "shared.yaml"
+    file.parent.mkdir(parents=True)
+    file.write_text(f"folder: {evil / 'kept'}\nmax_size: 1GB\n")
+    words = ["plan", "measurement=fabricated", "path.duration=0.3", "cache=shared"]
+    words += [f"cache.folder={tmp_path / 'mine'}", "--config-dir", str(evil / "conf")]
+    assert main(words) == 0, capsys.readouterr().err
+
+
+TUNING = {"objectives": ["iou_mean"], "over": ["seed"], "seeds": 1, "trials": 1}
+
+
+def tuning(evil, words, **entries):
+    folder = evil / "tuning"
+    folder.mkdir(exist_ok=True)
+    swept = ["measurement=fabricated", "path.duration=0.3", "start.velocity=1,2"]
+    content = TUNING | {"overrides": [*swept, *words]} | entries
+    (folder / "tune.yaml").write_text(yaml.safe_dump(content))
+    return folder
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["tracker=evil:track"],
+        ["tracker=evil:track,point"],
+        ["metrics=[evil:track]"],
+        ["code_folders=[theirs]"],
+    ],
+)
+def test_a_foreign_tuning_is_refused(words, evil, tmp_path, capsys):
+    (tmp_path / "evil.py").write_text((evil / "evil.py").read_text())
+    folder = tuning(evil, words)
+    assert str(folder) in refused(capsys, "tune", "--resume", folder)
+    assert [path.name for path in folder.iterdir()] == ["tune.yaml"]
+    assert not (tmp_path / "ran").exists()
+    if words[0] == "tracker=evil:track":
+        # It fails: the function gives no track.
+        assert main(["tune", "--resume", str(folder), "executor=threads", "--trust-code"]) == 2
+        assert capsys.readouterr().err.startswith(f"stixel: {folder}: may run tracker=evil:track")
+        assert (tmp_path / "ran").exists()
+
+
+@pytest.mark.parametrize(
+    ("entries", "named"),
+    [
+        ({"trials": -5}, "trials"),
+        ({"seeds": 99_999_999}, "seeds"),
+        ({"seeds": True}, "seeds"),
+        ({"objectives": [3]}, "objectives"),
+        ({"more": 1}, "more"),
+        ({"overrides": ["tracker.none=interval(0,1)"]}, "tracker.none"),
+    ],
+)
+def test_a_wrong_request_of_a_tuning_is_refused(entries, named, evil, capsys):
+    folder = tuning(evil, [], **entries)
+    assert main(["tune", "--resume", str(folder)]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert named in line and "internal error" not in line
+
+
+def test_a_resumed_tuning_takes_neither_cache_nor_scheduler_of_the_folder(
+    evil, tmp_path, capsys, no_workers
+):
+    words = [f"cache.folder={evil / 'kept'}", "executor=dask", "executor.address=tcp://127.0.0.1:9"]
+    folder = tuning(evil, words)
+    assert main(["tune", "--resume", str(folder), "executor=threads"]) == 0, capsys.readouterr().err
+    assert not (evil / "kept").exists() and (folder / "index.html").exists()
+    assert main(["tune", "--resume", str(folder), "seed=1"]) == 2
+
+
+def test_a_sweep_writes_no_run_through_a_link(evil, tmp_path, capsys, no_workers):
+    words = ["measurement=fabricated", "path.duration=0.3", "executor=threads", "seed=0,1"]
+    assert main(["sweep", *words, "--results", str(evil), "--name", "s"]) == 0
+    (tmp_path / "victim" / "0000").mkdir(parents=True)
+    (tmp_path / "victim" / "0000" / "kept").touch()
+    shutil.rmtree(evil / "s" / "runs")
+    (evil / "s" / "runs").symlink_to(tmp_path / "victim")
+    capsys.readouterr()
+    assert main(["sweep", "--resume", str(evil / "s"), "executor=threads"]) == 2
+    assert "not a path below the folder" in capsys.readouterr().err
+    assert [p.name for p in (tmp_path / "victim").rglob("*")] == ["0000", "kept"]

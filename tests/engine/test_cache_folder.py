@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from stixel_cli.border import write_whole
 from stixel_cli.cli.app import main
 from stixel_cli.engine import cache_folder
 from stixel_cli.engine.cache_folder import MARK, Lease, is_marked, made_here, make_folder
@@ -16,7 +17,6 @@ from stixel_cli.engine.parameters import CacheParameters
 from stixel_cli.engine.plan import Durations
 from stixel_cli.engine.source_files import kept_source
 from stixel_cli.engine.store import VALUE, Store, open_store
-from stixel_cli.files import write_whole
 
 KEY = "ab" + "0" * 62
 SMALL = ("measurement=fabricated", "tracker=point", "path.duration=0.5", "pictures.frames=[]")

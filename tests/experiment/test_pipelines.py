@@ -140,6 +140,7 @@ DECLARED = {
     "stixel_cli.tracking.contour.user_shape": "files",
     # The user's own functions: their modules, see `Definition.code`.
     "stixel_cli.own_code": "code",
+    "stixel_cli.border": "code",
     # The child process runs filament_process, which the module imports; the files are its answers.
     "stixel_cli.rendering.filament": "stixel_cli.rendering.filament_process",
     "stixel_cli.rendering.filament_process": "stixel_cli.rendering.filament_process",

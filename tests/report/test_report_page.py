@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from result_folders import CONFIG, make_folder
 
+from stixel_cli.border import write_new
 from stixel_cli.errors import UserError
 from stixel_cli.evaluation.metric_table import METRICS, metric
 from stixel_cli.evaluation.verdict import verdict
@@ -17,7 +18,6 @@ from stixel_cli.report.compare import (
     line_style,
     page_html,
     run_labels,
-    write_page,
 )
 from stixel_cli.report.metrics import (
     MAIN,
@@ -213,10 +213,10 @@ def test_labels_distinguish_folders_of_one_name(tmp_path):
 def test_default_page_is_an_unused_file(folders):
     page = default_page(folders)
     assert page == folders[0].parent / "report-first-second.html"
-    write_page(page, "x")
+    write_new(page, "x")
     assert default_page(folders).name == "report-first-second-2.html"
     with pytest.raises(UserError, match="already exists"):
-        write_page(page, "y")
+        write_new(page, "y")
     assert page.read_text() == "x"
     many = [folders[0].parent / f"{'long' * 12}-{i}" for i in range(6)]
     assert default_page(many).name == f"report-{'long' * 12}-0-and-5-more.html"

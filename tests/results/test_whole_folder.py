@@ -7,7 +7,7 @@ from stixel_cli.results.folder import whole_folder, write_whole_folder
 
 
 def test_it_has_texts_bytes_and_written_files_at_any_depth(tmp_path):
-    files = {"a.txt": "ä", "b/c.bin": b"\x00", "b/d.txt": lambda file: file.write_text("d")}
+    files = {"a.txt": "ä", "b/c.bin": b"\x00", "b/d.txt": "d"}
     write_whole_folder(tmp_path / "new", files)
     assert (tmp_path / "new" / "a.txt").read_bytes() == "ä".encode()
     assert (tmp_path / "new" / "b/c.bin").read_bytes() == b"\x00"

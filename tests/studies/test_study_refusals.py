@@ -36,7 +36,7 @@ TINY = ("road_user=car", "seed=0")
         ("return 3", "toy.py: report must return a Material"),
         (
             "m = toy_report(data); return Material(m.values, {'../x': ''})",
-            "'../x' is not a valid file name",
+            "'../x' is not a path below the folder",
         ),
     ],
 )

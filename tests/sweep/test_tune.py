@@ -64,8 +64,9 @@ def test_trials_depend_on_no_worker_and_an_interrupted_tuning_continues(
     with monkeypatch.context() as patch:
         patch.setattr(tuning, "run_sweep", interrupted)
         said = tune(*TUNED, *OPTIONS, "--workers", "2", "--name", "two", code=130)
-    assert said.splitlines()[-1].endswith("stixel tune --resume results/two")
-    two = tune("--resume", "results/two")
+    machine = ["executor=threads", "executor.workers=2"]
+    assert said.splitlines()[-1].endswith(f"stixel tune --resume results/two {' '.join(machine)}")
+    two = tune("--resume", "results/two", *machine)
     assert (two["trial"], two["gain"]) == (one["trial"], one["gain"])
     assert Path("results/two/trials.csv").read_text() == table
 
@@ -95,7 +96,7 @@ def test_trials_depend_on_no_worker_and_an_interrupted_tuning_continues(
         (["sensor.read_noise=interval(0,1)"], "sensor.read_noise: no stage reads it"),
         (["executor.workers=1,2"], "executor.workers: it does not affect results"),
         (["experiment=thesis", TUNED[3]], "experiment: the preset is one"),
-        (["--resume", "results"], "results: not the folder of a tuning"),
+        (["--resume", "results"], "results: tune.yaml is missing"),
         ([], "nothing to tune"),
     ],
 )

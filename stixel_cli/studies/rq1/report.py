@@ -25,6 +25,9 @@ from stixel_cli.validation.stage_stixels import SQUARE
 COLUMNS = {"ranges": "target", "matchers": "", "grids": "all", "rigs": "", "contrast": ""}
 """Sweep to the columns of the image whose errors are read."""
 
+STATED = ("SW_STD", "SW_DEPTH", "ROUND", "EDGES", "LEAST")
+"""Constants of `studies/rq1/errors.py` that the template states."""
+
 
 def report(data: StudyData) -> Material:
     """Values, tables and figures of the template."""
@@ -45,7 +48,7 @@ def report(data: StudyData) -> Material:
         {
             **answer_values(every, lines, _by_contrast(errors["contrast"])),
             **setup_values(data),
-            "of": of,
+            "of": {name: getattr(of, name) for name in STATED},
             "draws": DRAWS,
             "gross": GROSS,
             "border": BORDER,

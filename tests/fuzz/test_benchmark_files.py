@@ -1,0 +1,158 @@
+"""Packs and rows of the benchmark with damaged places, by the commands that read them."""
+
+import io
+import json
+import random
+import zipfile
+from hashlib import sha256
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from harness_of_fuzz import Kind, run_cases, settle
+
+from stixel_cli.benchmark import sequences
+from stixel_cli.benchmark.data import Data
+from stixel_cli.benchmark.sequences import bench_folder
+from stixel_cli.cli.app import main
+
+SMALL = 12
+
+DEFINITIONS = {
+    "version": "1.0",
+    "whole": ["frozen"],
+    "road_users": ["car"],
+    "sensors": {"fabricated": {"measurement": "fabricated", "path.duration": 1.2}},
+    "mini_seeds": [0, 1],
+    "parts": {
+        "frozen": {"seeds": {"fabricated": [0, 1]}, "cases": {"turn": {"path": "turn"}}},
+    },
+}
+VALUES = (
+    *("../evil", "/tmp/evil", "x" * 5000, "", "\u202e", "1", "nan", "a" * 64, "\x1b[31m"),
+    *(None, True, -1, 0, 3.5, 1e308, 1e9, float("nan"), float("inf"), 10**400, [], {}, [[]]),
+    *([None], [1e308], {"a": {"b": 1}}, {"name": "x", "version": ""}),
+)
+NUMBERS = (np.nan, np.inf, -np.inf, 1e308, -1e308, 1e9, 1e10, 5e-324, 0.0, -1.0)
+
+
+def damaged(tree, rng):
+    """The tree as JSON with one to three places of another value, away, or far too deep."""
+    tree = json.loads(json.dumps(tree))
+    for _ in range(rng.choice((1, 1, 2, 3))):
+        place = tree
+        while True:
+            keys = list(place) if isinstance(place, dict) else list(range(len(place)))
+            if not keys:
+                break
+            key = rng.choice(keys)
+            if not isinstance(place[key], dict | list) or rng.random() < 0.4:
+                if rng.random() < 0.15:
+                    del place[key]
+                else:
+                    place[key] = rng.choice(VALUES)
+                break
+            place = place[key]
+    text = json.dumps(tree)
+    if rng.random() < 0.05:
+        text = text.replace("1", "[" * 100_000 + "]" * 100_000, 1)
+    return text
+
+
+@pytest.fixture(scope="module")
+def original(tmp_path_factory, shared_cache):
+    """Two sequences, a pack, its rows and those that are shipped."""
+    place = tmp_path_factory.mktemp("bench")
+    (place / "sequences.yaml").write_text(yaml.safe_dump(DEFINITIONS))
+    shipped = bench_folder() / "rows"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("STIXEL_CACHE", str(shared_cache))
+        patch.chdir(place)
+        patch.setattr(sequences, "bench_folder", lambda: place)
+        sequences.definitions.cache_clear()
+        names = ["fabricated-car-turn-0", "fabricated-car-turn-1"]
+        only = [word for name in names for word in ("--only", name)]
+        assert main(["bench", "render", "--data", "data", *only]) == 0
+        assert main(["bench", "run", "no_data", "--data", "data"]) == 0
+        assert main(["bench", "score", "no_data.zip", "--data", "data", "--rows", "rows"]) == 0
+        for file in sorted(shipped.glob("*.json"))[::8]:
+            row = json.loads(file.read_text())
+            row["sequences"] = names
+            row["scores"] = {name: column[:2] for name, column in row["scores"].items()}
+            (place / "rows" / file.name).write_text(json.dumps(row))
+        (place / "rows").rename(place / "originals")
+        yield place
+    sequences.definitions.cache_clear()
+
+
+def members(file):
+    with zipfile.ZipFile(file) as archive:
+        return {one.filename: archive.read(one) for one in archive.infolist()}
+
+
+def write_pack(place, contents, rng):
+    with zipfile.ZipFile(place / "pack.zip", "w") as archive:
+        for name, content in contents.items():
+            how = rng.choice((zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED))
+            archive.writestr(name, content, compress_type=how)
+
+
+def draw_pack(rng, place, contents):
+    """Score or play a pack with a damaged manifest or array."""
+    contents = dict(contents)
+    if rng.random() < 0.5:
+        contents["manifest.json"] = damaged(json.loads(contents["manifest.json"]), rng)
+    else:
+        name = rng.choice([name for name in contents if name.endswith(".npy")])
+        array = np.load(io.BytesIO(contents[name]))
+        if rng.random() < 0.2:
+            array = array.astype(rng.choice(("f2", "i8", "u1", "?", "c16", "S3")))
+        if rng.random() < 0.2:
+            array = array.reshape(-1)
+        elif array.size and array.dtype.kind == "f":
+            with np.errstate(all="ignore"):
+                flat = array.reshape(-1)
+                flat[[rng.randrange(flat.size) for _ in range(rng.choice((1, 3, 99)))]] = (
+                    rng.choice(NUMBERS)
+                )
+        np.save(buffer := io.BytesIO(), array)
+        contents[name] = buffer.getvalue()
+        if rng.random() < 0.1:
+            del contents[name]
+    write_pack(place, contents, rng)
+    return rng.choice((["score", "pack.zip"], ["page", "pack.zip"]))
+
+
+def draw_words(rng, place, original):
+    """A command of `stixel bench` on a damaged pack or row."""
+    for file in (*place.glob("rows/*"), place / "pack.zip"):
+        file.unlink(missing_ok=True)
+    (place / "rows").mkdir(exist_ok=True)
+    if not (place / "data").exists():
+        (place / "data").symlink_to(original / "data")
+    if rng.random() < 0.5:
+        words = draw_pack(rng, place, members(original / "no_data.zip"))
+    else:
+        files = sorted((original / "originals").iterdir())
+        text = damaged(json.loads(rng.choice(files).read_text()), rng)
+        digest = sha256(text.encode()).hexdigest()[:16]
+        (place / "rows" / f"{digest}.json").write_text(text)
+        words = ["page"]
+    more = ["--output", "site"] if words[0] == "page" else []
+    return ["bench", *words, "--data", "data", "--rows", "rows", *more]
+
+
+def test_each_is_answered(original, tmp_path, monkeypatch):
+    place = settle(monkeypatch, tmp_path)
+    assert Data(original / "data").names
+
+    def outside(words, got):
+        return "written outside" if Path("/tmp/evil").exists() else ""
+
+    def make(rng: random.Random, place: Path):
+        return draw_words(rng, place, original)
+
+    kind = Kind("benchmark file", make, place, outside, may_write=True)
+    found = run_cases(kind, SMALL)
+    assert not found, "\n".join(found)
