@@ -91,8 +91,7 @@ class Configuration:
         metrics: further metrics, each a function of the user's own as "module:function".
         code_folders: folders of the user's own modules. Their content matters, not their names.
         source: images: rendered, or recorded by a real camera.
-        road_user: the target; for your own mesh (triangles; metres, x forward, z up) set
-            road_user.mesh.
+        road_user: the target; for your own mesh (metres, x forward, z up) set road_user.mesh.
         prior: what the trackers know about the class: size, shape, noise.
         path: the target's path.
         ego: motion of the ego car.

@@ -23,6 +23,7 @@ from stixel_cli.report.playback import playback_html
 from stixel_cli.results.folder import check_results, new_folder, write_folder
 from stixel_cli.results.lineage import lineage_of, provenance, read_lineage
 from stixel_cli.results.result import RunResult, read_run
+from stixel_cli.scene.road_user import road_user_doubt
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.version import __version__
 
@@ -58,6 +59,8 @@ def run_experiment(
         results = {name: next(iter(load(name)), None) for name in RESULTS}
         if progress is not None and progress.advice:
             _note_headings(composition, results["scenario"], progress)
+            if doubt := road_user_doubt(composition.configuration.road_user):
+                progress.note(doubt)
         drawn = [one for name in PICTURES for one in load(name)]
         frames, objects, tracks, truths = map(load, (CAMERA, OBJECTS, TRACKS, LABEL_TRUTHS))
         lineage = lineage_of(done.graph, done.status, store)

@@ -129,6 +129,8 @@ READER = "stixel_cli.files"
 DECLARED = {
     # The user's mesh and what it refers to: the stage's files, see `Definition.files`.
     "stixel_cli.scene.mesh_file": "files",
+    "stixel_cli.scene.mesh_reading": "files",
+    "stixel_cli.scene.mesh_references": "files",
     # The files of a recording: the stage gets their names, and its key has their digests.
     "stixel_cli.recordings.image_files": "recorded",
     "stixel_cli.recordings.kitti_tables": "recorded",
@@ -143,8 +145,7 @@ DECLARED = {
     # The child process runs filament_process, which the module imports; the files are its answers.
     "stixel_cli.rendering.filament": "stixel_cli.rendering.filament_process",
     "stixel_cli.rendering.filament_process": "stixel_cli.rendering.filament_process",
-    # Runs in the child process that mesh_file starts and imports; Open3D opens the mesh. It loads a
-    # part of Open3D, which it also imports: the key has its version.
+    # It loads a part of Open3D, which it also imports: the key has its version.
     "stixel_cli.scene.open3d_import": "stixel_cli.scene.open3d_import",
 }
 
