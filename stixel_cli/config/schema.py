@@ -52,6 +52,7 @@ from stixel_cli.tracking.baselines.pyrecest_parameters import PyRecEstParameters
 from stixel_cli.tracking.baselines.random_matrix import RandomMatrixParameters
 from stixel_cli.tracking.baselines.rectangle import RectangleParameters
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
+from stixel_cli.tracking.file import FileTrackParameters
 from stixel_cli.tracking.gp_ekf import GpEkfParameters
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.start import NO_TRUTH, TruthStart
@@ -64,6 +65,7 @@ Start = TruthStart | ScansStart
 Tracker = (
     BoxParameters
     | ContourParameters
+    | FileTrackParameters
     | GmMemEkfParameters
     | GpEkfParameters
     | LidarRandomMatrixParameters

@@ -2,10 +2,11 @@
 
 import shlex
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 from stixel_cli.config.compose import Composition, compose, from_resolved
 from stixel_cli.config.folders import OF_THE_MACHINE, PRESETS
@@ -25,6 +26,7 @@ from stixel_cli.results.lineage import lineage_of, provenance, read_lineage
 from stixel_cli.results.result import RunResult, read_run
 from stixel_cli.scene.road_user import road_user_doubt
 from stixel_cli.scene.scenario import Scenario
+from stixel_cli.tracking.file import FileTrackParameters, track_doubts
 from stixel_cli.version import __version__
 
 GREATEST_ANGLE = 20.0
@@ -58,8 +60,7 @@ def run_experiment(
     with computed_stages(composition, wanted, progress, on_scores, store) as (done, load):
         results = {name: next(iter(load(name)), None) for name in RESULTS}
         if progress is not None and progress.advice:
-            _note_headings(composition, results["scenario"], progress)
-            if doubt := road_user_doubt(composition.configuration.road_user):
+            for doubt in _doubts(composition.configuration, results):
                 progress.note(doubt)
         drawn = [one for name in PICTURES for one in load(name)]
         frames, objects, tracks, truths = map(load, (CAMERA, OBJECTS, TRACKS, LABEL_TRUTHS))
@@ -79,15 +80,22 @@ def run_experiment(
     )
 
 
-def _note_headings(composition: Composition, scenario: Scenario, progress: Progress) -> None:
-    """Note a truth in a file whose headings contradict its motion."""
-    if composition.configuration.measurement.kind == "file":
+def _doubts(configuration: Configuration, results: Mapping[str, Any]) -> Iterator[str]:
+    """What is probably wrong with the user's files, one line each; `results` are of `RESULTS`."""
+    scenario, tracker = results["scenario"], configuration.tracker
+    if configuration.measurement.kind == "file":
         angle = angle_to_motion(scenario)
         if angle > GREATEST_ANGLE:
-            progress.note(
+            yield (
                 f"measurement.truth: headings are {angle:.0f}° (median) away from the direction of "
                 "motion: are they in radians?"
             )
+    elif configuration.source.kind == "rendered":
+        doubt = road_user_doubt(configuration.road_user)
+        yield from () if doubt is None else (doubt,)
+    if isinstance(tracker, FileTrackParameters):
+        scans, track = results["scans"], results["track"]
+        yield from track_doubts(tracker, scans, track, scenario.target_poses_world)
 
 
 def record_run(

@@ -102,7 +102,8 @@ def _stage(composition: Composition, path: Path, name: str, wiring: dict[str, st
     functions = [f for name in names for f in ((name,) if isinstance(name, str) else name)]
     chosen_by = definition.chosen_by
     kind = attrgetter(f"{chosen_by}.kind")(configuration) if chosen_by else ""
-    given = [attrgetter(path)(configuration) for path in definition.files]
+    named = [path.rpartition(".") for path in definition.files]
+    given = [getattr(attrgetter(group)(configuration), key, None) for group, _, key in named]
     files = [Path(name) for name in given if name is not None]
     made = Stage(
         name=name,

@@ -138,6 +138,8 @@ DECLARED = {
     "stixel_cli.recordings.bag_messages": "recorded",
     # The user's scans, sensor poses and truth: likewise.
     "stixel_cli.measurements.tables": "files",
+    # The track of another program: likewise.
+    "stixel_cli.tracking.file": "files",
     # The class and the outline of the prior: likewise.
     "stixel_cli.tracking.contour.user_shape": "files",
     # The user's own functions: their modules, see `Definition.code`.
