@@ -50,6 +50,7 @@ class FileTrackParameters:
     Attributes:
         path: the file: a table, a trajectory of TUM, or results of KITTI tracking; required.
         id: of the track in results of KITTI; null: the only one.
+        first_frame: number of the frame at k = 0 in results of KITTI.
         frame: of the poses, x to the right and y ahead: `world`, of the sensor at k = 0, or
             `camera`, of the sensor at each k. Of KITTI's results, x and z are taken.
     """
@@ -57,19 +58,21 @@ class FileTrackParameters:
     kind: Literal["file"]
     path: str | None
     id: Annotated[int, Ge(0)] | None
+    first_frame: Annotated[int, Ge(0)]
     frame: Literal["world", "camera"]
 
     def check(self, source: Any) -> None:
-        """Raise an error without a valid file, or with a `source` of other frames or targets."""
+        """Raise an error without a valid file, or for a `source` of other frames or targets."""
         if not self.path:
             raise ValueError("tracker.path: is missing: give the file of the track")
         if getattr(source, "target", None) == "auto":
             raise ValueError("tracker: file has one track: source.target must not be auto")
-        table, of_kitti = read_track(Path(self.path), self.id), not self.path.endswith(TABLES)
-        if of_kitti and "k" in table and getattr(source, "frames", None):
+        frames = getattr(source, "frames", None) or f"{self.first_frame}:"
+        start = int(frames.partition(":")[0])
+        if "frame" in read_track(Path(self.path), self.id) and start != self.first_frame:
             raise ValueError(
-                "source.frames: must be null with results of KITTI in tracker.path, which count "
-                "frames from the start of the sequence"
+                f"tracker.first_frame: must be {start}, where source.frames start, got "
+                f"{self.first_frame}"
             )
 
 
@@ -87,7 +90,7 @@ def track(
     """
     file = Path(tracker.path)
     table = read_track(file, tracker.id)
-    rows = matched_rows(file, table, scans.times)
+    rows = matched_rows(table, scans.times, tracker)
     held = np.maximum.accumulate(np.where(rows >= 0, np.arange(len(rows)), np.argmax(rows >= 0)))
     rows, count = rows[held], len(scans)
     means, covariances = np.zeros((count, 6)), np.zeros((count, 6, 6))
@@ -153,7 +156,7 @@ def read_track(file: Path, track_id: int | None) -> Table:
         rows = [(row, words) for row, words in text_rows(file) if not words[0].startswith("#")]
         of_tum = bool(rows) and len(rows[0][1]) == len(TUM)
         table = _from_tum(file, rows) if of_tum else _from_kitti(file, track_id)
-    if "k" not in table and "t" not in table:
+    if table.keys().isdisjoint(("k", "t", "frame")):
         raise UserError(f"{file}: the column k or t is missing")
     if len(table["x"]) == 0:
         raise UserError(f"{file}: has no rows, so there is no track")
@@ -175,9 +178,9 @@ def _from_tum(file: Path, rows: list[tuple[int, list[str]]]) -> Table:
     if not np.allclose(np.linalg.norm(quaternions, axis=1), 1.0, atol=0.01):
         raise UserError(f"{file}: the last four columns must be unit quaternions qx qy qz qw")
     turns = rotations(quaternions)
-    if np.median(turns[:, 2, 2]) < 0.5:
+    if np.median(turns[:, 2, 2]) < UPRIGHT:
         first = rotations(values[:, 4:])
-        if np.median(first[:, 2, 2]) > 0.9:
+        if np.median(first[:, 2, 2]) > UPRIGHT:
             reason = "the quaternions are probably w first: must be qx qy qz qw"
         else:
             reason = "z is not up: the poses are probably those of a camera (x right, z ahead)"
@@ -195,23 +198,29 @@ def _from_kitti(file: Path, track_id: int | None) -> Table:
     found = labels[track_id]
     x, _, y = found.places.T
     _, width, length = found.sizes.T
-    columns = {"k": found.frames.astype(float), "x": x, "y": y, "heading": -found.yaws}
+    columns = {"frame": found.frames, "x": x, "y": y, "heading": -found.yaws}
     return columns | {"length": length, "width": width}
 
 
-def matched_rows(file: Path, table: Table, times: np.ndarray) -> np.ndarray:
-    """The row (K,) of each scan at `times` (K,) s, -1 for none: that of its k, or the nearest in
-    time, at most half an interval away.
+def matched_rows(table: Table, times: np.ndarray, tracker: FileTrackParameters) -> np.ndarray:
+    """The row (K,) of each scan at `times` (K,) s, -1 for none: that of its k or frame, or the
+    nearest in time, at most half an interval away.
 
     Raises:
         UserError: if a k is no scan or is given twice, is at another time, or no row matches.
     """
-    count, near = len(times), 0.5 * intervals(times) + 1e-9
+    file, count, near = Path(tracker.path), len(times), 0.5 * intervals(times) + 1e-9
     rows = np.full(count, -1)
+    if "frame" in table:
+        k = table["frame"] - tracker.first_frame
+        inside = np.flatnonzero((k >= 0) & (k < count))
+        rows[k[inside]] = inside
+        if len(inside) == 0:
+            raise UserError(f"{file}: the track has no frame from {tracker.first_frame} on")
+        return rows
     if "k" in table:
         k = indices(file, "k", table["k"], count)
-        numbers_of_k = np.bincount(k, minlength=count)
-        refuse_rows(file, numbers_of_k[k] > 1, lambda i: f"k = {k[i]} is given twice")
+        refuse_rows(file, np.bincount(k)[k] > 1, lambda i: f"k = {k[i]} is given twice")
         if "t" in table:
             late = np.abs(table["t"] - times[k]) > near[k]
             refuse_rows(
@@ -236,6 +245,9 @@ def matched_rows(file: Path, table: Table, times: np.ndarray) -> np.ndarray:
     return rows
 
 
+UPRIGHT = 0.95
+"""Cosine of the greatest angle between a trajectory's z axis and up."""
+
 LEAST_OFFSET, FAR = 0.001, 2.0
 """Of rows from scans, s; of places from the truth, m: less is no fault of the file."""
 
@@ -249,7 +261,7 @@ def track_doubts(
     """
     file = Path(tracker.path)
     table = read_track(file, tracker.id)
-    rows = matched_rows(file, table, scans.times)
+    rows = matched_rows(table, scans.times, tracker)
     given = rows >= 0
     doubts = []
     if not given.all():

@@ -17,12 +17,15 @@ import pytest
 from damage import damage, restore
 from harness_of_fuzz import Answer, Kind, answer, run_cases, settle
 
+from stixel_cli.config.compose import compose
 from stixel_cli.config.folders import use_presets
 from stixel_cli.errors import UserError
 from stixel_cli.measurements.file import read_scans
 from stixel_cli.measurements.file_truth import read_truth
+from stixel_cli.measurements.scans import Scans
 from stixel_cli.recordings.image_files import read_image
 from stixel_cli.scene.mesh_file import load_mesh
+from stixel_cli.tracking.file import FileTrackParameters, track, track_doubts
 
 sys.path.append(str(Path(__file__).parents[1] / "recordings"))
 from made_argoverse import make_log
@@ -61,6 +64,13 @@ TABLES = {
     "scans": "k,t,x,y,xx,xy,yy\n0,0.0,1,9,1,0,1\n1,0.1,1.5,9,1,0,1\n",
     "ego": "k,t,x,y,heading\n0,0.0,0,0,1.5\n1,0.1,0,0.1,1.5\n",
     "truth": "k,x,y,heading,length,width\n0,0,10,0.0,4,2\n1,0.1,10,0.0,4,2\n",
+}
+TRACKS = {
+    "track.csv": "k,t,x,y,heading,length,width\n0,0.0,1,9,1,4,2\n1,0.1,1.5,9,1,4,2\n",
+    "times.csv": "t,x,y,heading,radius_0,radius_1,radius_2\n0.01,1,9,1,1,1,1\n0.1,1.5,9,1,1,1,1\n",
+    "track.tum": "# t x y z qx qy qz qw\n0.0 1 9 0 0 0 0.6 0.8\n0.1 1.5 9 0 0 0 0.6 0.8\n",
+    "0000.txt": "0 3 Car 0 0 0 1 2 3 4 1.5 2 4 1 1.6 9 0.1\n"
+    "1 3 Car 0 0 0 1 2 3 4 1.5 2 4 2 1.6 9 0.1\n",
 }
 BOX = [(x, y, z) for x in (-2, 2) for y in (-1, 1) for z in (0, 1.5)]
 OF_MESH = {"box.mtl": "box.obj", "coat.png": "box.obj", "gltf.bin": "box.gltf"}
@@ -147,19 +157,26 @@ def folders(tmp_path_factory):
     for name, text in PRESETS.items():
         (place / "presets" / name).parent.mkdir(parents=True)
         (place / "presets" / f"{name}.yaml").write_text(text)
-    for folder in ("tables", "meshes"):
+    for folder in ("tables", "tracks", "meshes"):
         (place / folder).mkdir()
+    for name, text in TRACKS.items():
+        (place / "tracks" / name).write_text(text)
     for name, text in TABLES.items():
         (place / "tables" / f"{name}.csv").write_text(text)
     write_meshes(place / "meshes")
     return place
 
 
+EMPTY = np.zeros((0, 2)), np.zeros((0, 2, 2))
+SCANS = Scans.of_each([0.0, 0.1, 0.2], np.zeros((3, 3)), [EMPTY] * 3)
+
+
 def draw_words(rng: random.Random, place: Path, original: Path) -> list[str]:
     """A command about foreign files, or a reader and its file, with the files damaged."""
     restore(place, original)
     use_presets(None)
-    folder = rng.choice(("clip", "log", "bags", "presets", "presets", "tables", "tables", "meshes"))
+    read = ("tables", "tables", "tracks", "meshes")
+    folder = rng.choice(("clip", "log", "bags", "presets", "presets", *read))
     files = sorted(one for one in (place / folder).rglob("*") if one.is_file())
     chosen = rng.choice(files)
     damage(chosen, rng)
@@ -184,6 +201,12 @@ def read_or_answer(words: list[str]) -> Answer:
             if words[0] == "read tables":
                 scans = read_scans("tables/scans.csv", "tables/ego.csv", 0.1)
                 read_truth(scans, "tables/truth.csv")
+            elif words[0] == "read track":
+                parameters = FileTrackParameters("file", words[1], None, 0, "camera")
+                found = track(
+                    SCANS, None, compose(["road_user=car"]).configuration.prior, parameters
+                )
+                track_doubts(parameters, SCANS, found, SCANS.sensor_poses_world)
             elif words[0] == "read mesh":
                 load_mesh(words[1], 0.5)
             elif words[0] == "read image":
