@@ -16,7 +16,7 @@ def learn_shape(
     meshes: Annotated[
         list[str],
         typer.Argument(
-            help="Meshes of the class: triangles; x forward, z up.",
+            help="Meshes of the class.",
             metavar="MESH…",
             show_default=False,
         ),
@@ -28,8 +28,9 @@ def learn_shape(
         str, typer.Option(help="The class that gives pace and paths.", metavar="CLASS")
     ] = "car",
     scale: Annotated[float, typer.Option(help="As road_user.mesh_scale.")] = 1.0,
+    up: Annotated[str, typer.Option(help="As road_user.mesh_up.", metavar="z|y")] = "z",
     forward: Annotated[
-        str, typer.Option(help="As road_user.mesh_forward.", metavar="x|-x|y|-y")
+        str, typer.Option(help="As road_user.mesh_forward.", metavar="x|-x|y|-y|z|-z")
     ] = "x",
     sensor: Annotated[
         list[str] | None,
@@ -60,7 +61,8 @@ def learn_shape(
     if output.suffix != ".json":
         raise UserError(f"--output: {output} must have the suffix .json")
     new_file(output)
-    values = {"road_user.mesh_scale": scale, "road_user.mesh_forward": forward}
+    values = {"scale": scale, "up": up, "forward": forward}
+    values = {f"road_user.mesh_{name}": value for name, value in values.items()}
     seen = {
         SEEDS.start + i: tuple(
             override_text(key, value)

@@ -52,6 +52,7 @@ from stixel_cli.tracking.baselines.pyrecest_parameters import PyRecEstParameters
 from stixel_cli.tracking.baselines.random_matrix import RandomMatrixParameters
 from stixel_cli.tracking.baselines.rectangle import RectangleParameters
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
+from stixel_cli.tracking.file import FileTrackParameters
 from stixel_cli.tracking.gp_ekf import GpEkfParameters
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.start import NO_TRUTH, TruthStart
@@ -64,6 +65,7 @@ Start = TruthStart | ScansStart
 Tracker = (
     BoxParameters
     | ContourParameters
+    | FileTrackParameters
     | GmMemEkfParameters
     | GpEkfParameters
     | LidarRandomMatrixParameters
@@ -91,8 +93,7 @@ class Configuration:
         metrics: further metrics, each a function of the user's own as "module:function".
         code_folders: folders of the user's own modules. Their content matters, not their names.
         source: images: rendered, or recorded by a real camera.
-        road_user: the target; for your own mesh (triangles; metres, x forward, z up) set
-            road_user.mesh.
+        road_user: the target; for your own mesh (metres, x forward, z up) set road_user.mesh.
         prior: what the trackers know about the class: size, shape, noise.
         path: the target's path.
         ego: motion of the ego car.

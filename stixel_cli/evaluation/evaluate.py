@@ -220,7 +220,8 @@ def contour_errors(track: Track, scenario: Scenario) -> dict[str, np.ndarray]:
         track.contour_std[scans],
         points,
     )
-    covered = np.abs(differences) <= COVERED * std
+    # A track of another program may have no standard deviations.
+    covered = np.where(std > 0.0, np.abs(differences) <= COVERED * std, np.nan)
     return errors | {
         "iou": overlaps(outlines, true_outlines[limbs]),
         "iou_hull": overlaps(hulls, true_hulls[limbs]),

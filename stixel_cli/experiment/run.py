@@ -2,10 +2,11 @@
 
 import shlex
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 from stixel_cli.border import Origin
 from stixel_cli.config.compose import Composition, compose, from_resolved
@@ -24,7 +25,9 @@ from stixel_cli.report.playback import playback_html
 from stixel_cli.results.folder import check_results, new_folder, write_folder
 from stixel_cli.results.lineage import lineage_of, provenance, read_lineage
 from stixel_cli.results.result import RunResult, read_run
+from stixel_cli.scene.road_user import road_user_doubt
 from stixel_cli.scene.scenario import Scenario
+from stixel_cli.tracking.file import FileTrackParameters, track_doubts
 from stixel_cli.version import __version__
 
 CAMERA = "camera_frames"
@@ -55,7 +58,8 @@ def run_experiment(
     with computed_stages(composition, wanted, progress, on_scores, store) as (done, load):
         results = {name: next(iter(load(name)), None) for name in RESULTS}
         if progress is not None and progress.advice:
-            _note_headings(composition, results["scenario"], progress)
+            for doubt in _doubts(composition.configuration, results):
+                progress.note(doubt)
         drawn = [one for name in PICTURES for one in load(name)]
         frames, objects, tracks, truths = map(load, (CAMERA, OBJECTS, TRACKS, LABEL_TRUTHS))
         lineage = lineage_of(done.graph, done.status, store)
@@ -74,11 +78,19 @@ def run_experiment(
     )
 
 
-def _note_headings(composition: Composition, scenario: Scenario, progress: Progress) -> None:
-    """Note a truth in a file whose headings are of another unit, or contradict its motion."""
-    measurement = composition.configuration.measurement
-    if measurement.kind == "file" and (text := heading_note(scenario, measurement.angle_unit)):
-        progress.note(text)
+def _doubts(configuration: Configuration, results: Mapping[str, Any]) -> Iterator[str]:
+    """What is probably wrong with the user's files, one line each; `results` are of `RESULTS`."""
+    scenario, tracker = results["scenario"], configuration.tracker
+    measurement = configuration.measurement
+    if measurement.kind == "file":
+        doubt = heading_note(scenario, measurement.angle_unit)
+        yield from () if doubt is None else (doubt,)
+    elif configuration.source.kind == "rendered":
+        doubt = road_user_doubt(configuration.road_user)
+        yield from () if doubt is None else (doubt,)
+    if isinstance(tracker, FileTrackParameters):
+        scans, track = results["scans"], results["track"]
+        yield from track_doubts(tracker, scans, track, scenario.target_poses_world)
 
 
 def record_run(

@@ -28,7 +28,7 @@ from stixel_cli.measurements.disturbance_parameters import Disturbance, is_distu
 from stixel_cli.measurements.file import FileParameters
 from stixel_cli.own_code import OwnCode
 from stixel_cli.remembered import remembered
-from stixel_cli.scene.mesh_file import referred_files
+from stixel_cli.scene.mesh_references import referred_files
 from stixel_cli.scene.path_parameters import ReplayedPath
 from stixel_cli.scene.scenario import Scenario
 
@@ -102,7 +102,8 @@ def _stage(composition: Composition, path: Path, name: str, wiring: dict[str, st
     functions = [f for name in names for f in ((name,) if isinstance(name, str) else name)]
     chosen_by = definition.chosen_by
     kind = attrgetter(f"{chosen_by}.kind")(configuration) if chosen_by else ""
-    given = [attrgetter(path)(configuration) for path in definition.files]
+    named = [path.rpartition(".") for path in definition.files]
+    given = [getattr(attrgetter(group)(configuration), key, None) for group, _, key in named]
     files = [Path(name) for name in given if name is not None]
     made = Stage(
         name=name,

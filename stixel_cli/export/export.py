@@ -11,14 +11,15 @@ import numpy as np
 from stixel_cli.engine.progress import Progress
 from stixel_cli.errors import UserError
 from stixel_cli.experiment.run import run_experiment
-from stixel_cli.experiment.stages import pipeline_stages
+from stixel_cli.experiment.stages import computed_stages, pipeline_stages
 from stixel_cli.export.kitti_folder import export_kitti
 from stixel_cli.export.rerun_log import export_rerun
 from stixel_cli.export.stixel_files import export_stx1
-from stixel_cli.results.ego_frame import STATE
+from stixel_cli.results.ego_frame import STATE, state_columns
 from stixel_cli.results.folder import csv_text, write_whole_folder
 from stixel_cli.results.result import RunResult
 from stixel_cli.scene.classes import ROAD_USER_CLASSES
+from stixel_cli.tracking.motion import intervals
 
 COLUMNS: dict[str, tuple[str, str]] = {
     "k": ("", "index of the scan, from 0"),
@@ -53,9 +54,16 @@ COLUMNS: dict[str, tuple[str, str]] = {
 
 
 def export_csv(stored: RunResult, folder: Path, progress: Progress | None = None) -> None:
-    """Write scans, track, truth, contours and ego poses as CSV, and `columns.csv` about them."""
+    """Write scans, start, track, truth, contours and ego poses as CSV, and `columns.csv`."""
     run = run_experiment(stored.composition, progress, pictures=False, camera=False)
     tables = exported_tables(run)
+    with computed_stages(stored.composition, ["start"], progress) as (_, load):
+        starts = load("start")
+    for start in starts:
+        # One sample before the first scan.
+        before = run.scans.times[:1] - intervals(run.scans.times)[:1]
+        state = state_columns(start.mean[None], start.covariance[None])
+        tables["start"] = {"t": before, **state}
     rows = [("table", "column", "unit", "meaning")]
     rows += [(table, name, *COLUMNS[name]) for table, names in tables.items() for name in names]
     csv.writer(meanings := io.StringIO(), lineterminator="\n").writerows(rows)

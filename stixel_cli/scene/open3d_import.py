@@ -1,21 +1,13 @@
-"""The one place where Open3D is imported: it needs preparation, and all of it takes seconds.
-
-Run as a module with the name of a mesh file, it is a child process that protects its parent: a
-damaged file can end the process inside of Open3D, which also prints messages of its own. The arrays
-of `read_mesh` go to the standard output as an `.npz` file.
-"""
+"""The one place where Open3D is imported: it needs preparation, and all of it takes seconds."""
 
 import ctypes
 import importlib.util
-import io
 import os
 import sys
 from importlib.machinery import EXTENSION_SUFFIXES
 from pathlib import Path
 from threading import Lock
 from types import ModuleType
-
-import numpy as np
 
 _lock = Lock()
 _loaded: list[ModuleType] = []
@@ -89,32 +81,3 @@ def _load(file: Path | None) -> list[ModuleType]:
     # For a later `import open3d`: the compiled part can be initialised only once.
     sys.modules[name] = bindings
     return [bindings]
-
-
-def read_mesh(path: str) -> dict[str, np.ndarray]:
-    """The mesh that Open3D reads from a file.
-
-    Returns:
-        `vertices` (V, 3) m, `triangles` (T, 3), `uvs` (3 T, 2), `colours` (V, 3) in 0 … 1,
-        `materials` (T,), the number of each triangle's texture, and `texture_N` (H, W[, C]) for
-        each number N that has an image. All may have no rows.
-    """
-    mesh = import_open3d_bindings().io.read_triangle_mesh(path)
-    images = enumerate(mesh.textures)
-    # An empty image (a material without a texture), made an array, would abort the process.
-    return {f"texture_{n}": np.asarray(image) for n, image in images if not image.is_empty()} | {
-        "vertices": np.asarray(mesh.vertices, dtype=np.float64),
-        "triangles": np.asarray(mesh.triangles, dtype=np.int32),
-        "uvs": np.asarray(mesh.triangle_uvs, dtype=np.float64),
-        "colours": np.asarray(mesh.vertex_colors, dtype=np.float64),
-        "materials": np.asarray(mesh.triangle_material_ids, dtype=np.int64),
-    }
-
-
-if __name__ == "__main__":
-    answer = os.dup(1)
-    os.dup2(2, 1)
-    stream = io.BytesIO()
-    np.savez(stream, **read_mesh(sys.argv[1]))
-    with open(answer, "wb") as file:
-        file.write(stream.getbuffer())

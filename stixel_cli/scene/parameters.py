@@ -23,9 +23,10 @@ class RoadUser:
         contrast: how strong the texture of paint and cloth is, 0 (plain) … 1; stereo fails on 0.
         shape_seed: seed that draws a body and its size within the class, or null for the standard
             shape.
-        mesh: file with a mesh of your own (any format of Open3D; m, x forward, z up) or null.
+        mesh: file with a mesh of your own (.glb, .gltf, .obj, .off, .ply or .stl; m) or null.
         mesh_scale: factor on the mesh's coordinates: 0.001 for a file in millimetres.
-        mesh_forward: axis of the mesh's file that points forward; z points up.
+        mesh_forward: axis of the mesh's file that points forward.
+        mesh_up: axis of the mesh's file that points up: y in all .glb and .gltf, and many .obj.
     """
 
     kind: RoadUserClass
@@ -36,7 +37,8 @@ class RoadUser:
     shape_seed: Annotated[int, Ge(0), Le(2**63 - 1)] | None
     mesh: str | None
     mesh_scale: Annotated[float, Gt(0), Le(1000)]
-    mesh_forward: Literal["x", "-x", "y", "-y"]
+    mesh_forward: Literal["x", "-x", "y", "-y", "z", "-z"]
+    mesh_up: Literal["z", "y"] = "z"
 
     def check(self) -> None:
         """Raise ValueError if the shape has two sources, or a mesh is not a file or not given.
@@ -49,10 +51,16 @@ class RoadUser:
             )
         if self.mesh is not None and not os.path.isfile(self.mesh):
             raise ValueError(f"road_user.mesh: file not found: {self.mesh!r}")
-        if self.mesh is None and (self.mesh_scale, self.mesh_forward) != (1.0, "x"):
+        if self.mesh_forward.endswith(self.mesh_up):
             raise ValueError(
-                "road_user.mesh_scale, road_user.mesh_forward: only for a mesh of your own; "
-                "give road_user.mesh=FILE, too"
+                f"road_user.mesh_forward: must be another axis than road_user.mesh_up, "
+                f"{self.mesh_up}"
+            )
+        given = (self.mesh_scale, self.mesh_forward, self.mesh_up)
+        if self.mesh is None and given != (1.0, "x", "z"):
+            raise ValueError(
+                "road_user.mesh_scale, road_user.mesh_forward, road_user.mesh_up: only for a mesh "
+                "of your own; give road_user.mesh=FILE, too"
             )
 
 

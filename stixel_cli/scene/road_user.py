@@ -22,7 +22,8 @@ LIMB_POSES = 32
 """Poses of the limbs in one cycle: one turn of the cranks, or two steps."""
 
 FORWARD = {"x": 0.0, "y": 0.5 * np.pi, "-x": np.pi, "-y": -0.5 * np.pi}
-"""Direction of each axis of a mesh's file, rad."""
+FORWARD |= {"z": FORWARD["-y"], "-z": FORWARD["y"]}
+"""Direction of each axis of a mesh's file, rad: where y is up, z points to the right."""
 
 CAR_COLOUR = (66, 108, 160)
 
@@ -63,12 +64,22 @@ def road_user_meshes(road_user: RoadUser) -> tuple[Mesh, ...]:
         ValueError: if the user's file cannot be read, see `load_mesh`.
     """
     if road_user.mesh is not None:
-        # Open3D takes seconds to import; a built-in road user never needs it.
+        # trimesh takes a second to import; a built-in road user never needs it.
         from stixel_cli.scene.mesh_file import load_mesh
 
         turn = -FORWARD[road_user.mesh_forward]
-        return (load_mesh(road_user.mesh, road_user.contrast, road_user.mesh_scale, turn),)
+        scale, up = road_user.mesh_scale, road_user.mesh_up
+        return (load_mesh(road_user.mesh, road_user.contrast, scale, turn, up),)
     return _built_in(road_user)
+
+
+def road_user_doubt(road_user: RoadUser) -> str | None:
+    """What is probably wrong with the axes of the user's mesh, and what to set; None if nothing."""
+    if road_user.mesh is None:
+        return None
+    from stixel_cli.scene.mesh_file import mesh_doubt
+
+    return mesh_doubt(road_user.mesh, road_user.mesh_scale, road_user.mesh_up)
 
 
 # Every chunk of frames asks for them.

@@ -1,6 +1,7 @@
 """The runs of a sweep, composed and validated from overrides or a file."""
 
 import random
+from collections import Counter
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -9,7 +10,7 @@ from stixel_cli.config.compose import Composer, Composition
 from stixel_cli.config.messages import LONGEST_REASON, printable
 from stixel_cli.config.override_checks import check_overrides, read_overrides
 from stixel_cli.config.overrides import Override
-from stixel_cli.errors import ConfigurationError
+from stixel_cli.errors import BelongsElsewhere, ConfigurationError
 from stixel_cli.experiment.table.table import PICTURES
 from stixel_cli.results.result import RunResult
 from stixel_cli.sweeps.design import NOT_GIVEN, SEED, Design, check_size, design_from_line, joined
@@ -156,15 +157,18 @@ def compose_runs(
 ) -> list[PlannedRun]:
     """The runs of the overrides of each, of one value each; `keys` differ between them.
 
+    Where options of a group differ, a run leaves out keys that only others of the options have.
+
     ConfigurationError in one line that names the first invalid run by its settings.
     """
-    runs = []
+    runs: list[PlannedRun] = []
+    left_out: Counter[str] = Counter()
     for index, overrides in enumerate(each):
         parsed = read_overrides(overrides)
         values = {one.key: one.value_text for one in parsed}
         settings = {key: values.get(key, NOT_GIVEN) for key in keys}
         try:
-            composition = composer.compose(parsed)
+            composition = _composed(parsed, keys, composer, left_out, len(each))
         except ConfigurationError as fault:
             if not settings:
                 raise
@@ -172,6 +176,30 @@ def compose_runs(
             raise ConfigurationError(f"{fault} (run {index}: {named})") from None
         runs.append(PlannedRun(index, settings, composition))
     return runs
+
+
+def _composed(
+    parsed: Sequence[Override],
+    keys: Sequence[str],
+    composer: Composer,
+    left_out: Counter[str],
+    count: int,
+) -> Composition:
+    """The composition of one of `count` runs, without keys that only other options have.
+
+    `left_out` counts the runs without each key: at least one run must have it.
+    """
+    try:
+        return composer.compose(parsed)
+    except BelongsElsewhere as fault:
+        key = str(fault).partition(":")[0]
+        kept = [one for one in parsed if one.key != key]
+        left_out[key] += 1
+        if len(kept) == len(parsed) or key in keys or key.partition(".")[0] not in keys:
+            raise
+        if left_out[key] == count:
+            raise
+        return _composed(kept, keys, composer, left_out, count)
 
 
 def shuffled_runs(runs: Sequence[Any], seed: int | None) -> list[Any]:

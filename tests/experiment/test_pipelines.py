@@ -129,6 +129,8 @@ READER = "stixel_cli.files"
 DECLARED = {
     # The user's mesh and what it refers to: the stage's files, see `Definition.files`.
     "stixel_cli.scene.mesh_file": "files",
+    "stixel_cli.scene.mesh_reading": "files",
+    "stixel_cli.scene.mesh_references": "files",
     # The files of a recording: the stage gets their names, and its key has their digests.
     "stixel_cli.recordings.image_files": "recorded",
     "stixel_cli.recordings.kitti_tables": "recorded",
@@ -136,6 +138,8 @@ DECLARED = {
     "stixel_cli.recordings.bag_messages": "recorded",
     # The user's scans, sensor poses and truth: likewise.
     "stixel_cli.measurements.tables": "files",
+    # The track of another program: likewise.
+    "stixel_cli.tracking.file": "files",
     # The class and the outline of the prior: likewise.
     "stixel_cli.tracking.contour.user_shape": "files",
     # The user's own functions: their modules, see `Definition.code`.
@@ -144,10 +148,16 @@ DECLARED = {
     # The child process runs filament_process, which the module imports; the files are its answers.
     "stixel_cli.rendering.filament": "stixel_cli.rendering.filament_process",
     "stixel_cli.rendering.filament_process": "stixel_cli.rendering.filament_process",
-    # Runs in the child process that mesh_file starts and imports; Open3D opens the mesh. It loads a
-    # part of Open3D, which it also imports: the key has its version.
+    # It loads a part of Open3D, which it also imports: the key has its version.
     "stixel_cli.scene.open3d_import": "stixel_cli.scene.open3d_import",
 }
+
+
+DECLARED_OF = {
+    # Here it reads the results of a tracker, not those of a recording: `tracker.path`.
+    ("stixel_cli.tracking.file:track", "stixel_cli.recordings.kitti_tables"): "files",
+}
+"""What declares the files of a module in one function, where that differs from `DECLARED`."""
 
 
 @pytest.mark.parametrize("name", STAGES)
@@ -162,7 +172,7 @@ def test_what_imports_do_not_show_is_declared(name):
             uses = [n for n in ast.walk(tree) if HIDDEN.match(_spelled(n))]
             if not uses or module == READER:
                 continue
-            declared = DECLARED.get(module)
+            declared = DECLARED_OF.get((function, module), DECLARED.get(module))
             lines = [use.lineno for use in uses]
             assert declared, f"{module}, lines {lines}: see CONTRIBUTING, what a key cannot see"
             assert declared in code.modules or getattr(definition, declared)

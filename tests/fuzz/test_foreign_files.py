@@ -4,8 +4,10 @@ Commands that compose read the recordings and the presets; the readers of images
 are called as the stages call them.
 """
 
+import json
 import random
 import shutil
+import struct
 import sys
 import warnings
 from pathlib import Path
@@ -16,14 +18,17 @@ import pytest
 from damage import damage, restore
 from harness_of_fuzz import Answer, Kind, answer, run_cases, settle
 
+from stixel_cli.config.compose import compose
 from stixel_cli.config.folders import use_presets
 from stixel_cli.errors import UserError
 from stixel_cli.images import eight_bits
 from stixel_cli.measurements.file import read_scans
 from stixel_cli.measurements.file_truth import read_truth
+from stixel_cli.measurements.scans import Scans
 from stixel_cli.pairs import rig_of
 from stixel_cli.recordings.image_files import image_size, read_image
 from stixel_cli.scene.mesh_file import load_mesh
+from stixel_cli.tracking.file import FileTrackParameters, track, track_doubts
 
 sys.path.append(str(Path(__file__).parents[1] / "recordings"))
 from made_argoverse import make_log
@@ -79,12 +84,21 @@ TABLES = {
     "ego_of_times": "t\tx\ty\theading\n1584532800.1\t0\t0\t1.5\n1584532800.2\t0\t0\t1.5\n",
     "truth_of_times": "t,x,y,heading,length,width\n1584532800100,0,10,0.0,4,2\n",
 }
+TRACKS = {
+    "track.csv": "k,t,x,y,heading,length,width\n0,0.0,1,9,1,4,2\n1,0.1,1.5,9,1,4,2\n",
+    "times.csv": "t,x,y,heading,radius_0,radius_1,radius_2\n0.01,1,9,1,1,1,1\n0.1,1.5,9,1,1,1,1\n",
+    "track.tum": "# t x y z qx qy qz qw\n0.0 1 9 0 0 0 0.6 0.8\n0.1 1.5 9 0 0 0 0.6 0.8\n",
+    "0000.txt": "0 3 Car 0 0 0 1 2 3 4 1.5 2 4 1 1.6 9 0.1\n"
+    "1 3 Car 0 0 0 1 2 3 4 1.5 2 4 2 1.6 9 0.1\n",
+}
 BOX = [(x, y, z) for x in (-2, 2) for y in (-1, 1) for z in (0, 1.5)]
+OF_MESH = {"box.mtl": "box.obj", "coat.png": "box.obj", "gltf.bin": "box.gltf"}
 FACES = [(0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1), (2, 3, 7), (2, 7, 6)]
+FACES += [(0, 2, 6), (0, 6, 4), (1, 5, 7), (1, 7, 3)]
 
 
 def write_meshes(folder: Path) -> None:
-    """A box as text, and as binary .ply and .stl."""
+    """A box as text, and as binary .ply, .stl and .glb."""
     vertices = "".join("{} {} {}\n".format(*one) for one in BOX)
     faces = "".join("3 {} {} {}\n".format(*one) for one in FACES)
     head = (
@@ -92,10 +106,12 @@ def write_meshes(folder: Path) -> None:
         f"property float z\nelement face {len(FACES)}\n"
         "property list uchar int vertex_indices\nend_header\n"
     )
-    lines = "".join("f {} {} {}\n".format(*(i + 1 for i in one)) for one in FACES)
-    obj = "mtllib box.mtl\n" + "".join(f"v {one}\n" for one in vertices.splitlines()) + lines
+    lines = "".join("f {}/1 {}/1 {}/1\n".format(*(i + 1 for i in one)) for one in FACES)
+    vertices_of_obj = "".join(f"v {one}\n" for one in vertices.splitlines())
+    obj = f"mtllib box.mtl\n{vertices_of_obj}vt 0.5 0.5\nusemtl coat\n{lines}"
+    cv2.imwrite(str(folder / "coat.png"), np.full((4, 4, 3), 90, np.uint8))
     (folder / "box.obj").write_text(obj)
-    (folder / "box.mtl").write_text("newmtl coat\nmap_Kd none.png\n")
+    (folder / "box.mtl").write_text("newmtl coat\nmap_Kd coat.png\n")
     (folder / "box.off").write_text(f"OFF\n8 {len(FACES)} 0\n{vertices}{faces}")
     (folder / "box.ply").write_text(head.format("ascii") + vertices + faces)
     rows = [b"\3" + np.array(one, "<i4").tobytes() for one in FACES]
@@ -105,6 +121,47 @@ def write_meshes(folder: Path) -> None:
     rows = [bytes(12) + one.tobytes() + bytes(2) for one in corners]
     count = np.array(len(FACES), "<u4").tobytes()
     (folder / "box.stl").write_bytes(bytes(80) + count + b"".join(rows))
+    write_gltf(folder)
+
+
+def write_gltf(folder: Path) -> None:
+    """The box as .gltf with a buffer, and as .glb, with its texture in both."""
+    image = cv2.imencode(".png", np.full((4, 4, 3), 90, np.uint8))[1].tobytes()
+    chunks = [
+        np.array(BOX, "<f4").tobytes(),
+        np.full((8, 2), 0.5, "<f4").tobytes(),
+        np.array(FACES, "<u2").tobytes(),
+        image,
+    ]
+    data = b"".join(chunks)
+    starts = np.cumsum([0] + [len(chunk) for chunk in chunks]).tolist()
+    primitive = {"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2, "material": 0}
+    tree = {
+        "asset": {"version": "2.0"},
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0, "translation": [0, 0, 1], "scale": [1, 1, 1]}],
+        "meshes": [{"primitives": [primitive]}],
+        "materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}],
+        "textures": [{"source": 0}],
+        "images": [{"bufferView": 3, "mimeType": "image/png"}],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "count": 8, "type": "VEC3"},
+            {"bufferView": 1, "componentType": 5126, "count": 8, "type": "VEC2"},
+            {"bufferView": 2, "componentType": 5123, "count": 3 * len(FACES), "type": "SCALAR"},
+        ],
+        "bufferViews": [
+            {"buffer": 0, "byteOffset": start, "byteLength": len(chunk)}
+            for start, chunk in zip(starts, chunks, strict=False)
+        ],
+        "buffers": [{"byteLength": len(data), "uri": "gltf.bin"}],
+    }
+    (folder / "gltf.bin").write_bytes(data)
+    (folder / "box.gltf").write_text(json.dumps(tree))
+    del tree["buffers"][0]["uri"]
+    text = json.dumps(tree).encode()
+    body = struct.pack("<I4s", len(text), b"JSON") + text
+    body += struct.pack("<I4s", len(data), b"BIN\0") + data
+    (folder / "box.glb").write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body)
 
 
 @pytest.fixture(scope="module")
@@ -122,7 +179,7 @@ def folders(tmp_path_factory):
     for name, text in PRESETS.items():
         (place / "presets" / name).parent.mkdir(parents=True)
         (place / "presets" / f"{name}.yaml").write_text(text)
-    for folder in ("tables", "meshes", "rigs", "images"):
+    for folder in ("tables", "tracks", "meshes", "rigs", "images"):
         (place / folder).mkdir()
     for name, text in RIG_FILES.items():
         (place / "rigs" / name).write_text(text)
@@ -132,17 +189,24 @@ def folders(tmp_path_factory):
     for i in (1, 3):
         image = np.arange(1200 * i, dtype=np.uint8).reshape(30, 40, i)
         cv2.imwrite(str(place / "images" / f"{i}.jpg"), image)
+    for name, text in TRACKS.items():
+        (place / "tracks" / name).write_text(text)
     for name, text in TABLES.items():
         (place / "tables" / f"{name}.csv").write_text(text)
     write_meshes(place / "meshes")
     return place
 
 
+EMPTY = np.zeros((0, 2)), np.zeros((0, 2, 2))
+SCANS = Scans.of_each([0.0, 0.1, 0.2], np.zeros((3, 3)), [EMPTY] * 3)
+
+
 def draw_words(rng: random.Random, place: Path, original: Path) -> list[str]:
     """A command about foreign files, or a reader and its file, with the files damaged."""
     restore(place, original)
     use_presets(None)
-    folder = rng.choice((*OF_FOLDER, "presets", "tables", "tables", "meshes", "rigs", "images"))
+    read = ("tables", "tables", "tracks", "meshes", "rigs", "images")
+    folder = rng.choice((*OF_FOLDER, "presets", *read))
     files = sorted(one for one in (place / folder).rglob("*") if one.is_file())
     chosen = rng.choice(files)
     damage(chosen, rng)
@@ -151,7 +215,9 @@ def draw_words(rng: random.Random, place: Path, original: Path) -> list[str]:
     if folder == "tables":
         return ["read tables", "_of_times" if "_of_times" in chosen.name else ""]
     if folder == "meshes":
-        return ["read mesh", f"meshes/{chosen.name if chosen.suffix != '.mtl' else 'box.obj'}"]
+        return ["read mesh", f"meshes/{OF_MESH.get(chosen.name, chosen.name)}"]
+    if folder == "tracks":
+        return ["read track", str(chosen)]
     if folder == "rigs":
         return ["read rig", str(chosen)]
     if folder == "images":
@@ -170,6 +236,12 @@ def read_or_answer(words: list[str]) -> Answer:
                     f"tables/{name}{words[1]}.csv" for name in ("scans", "ego", "truth")
                 )
                 read_truth(read_scans(scans, ego, 0.1), truth)
+            elif words[0] == "read track":
+                parameters = FileTrackParameters("file", words[1], None, 0, "camera")
+                found = track(
+                    SCANS, None, compose(["road_user=car"]).configuration.prior, parameters
+                )
+                track_doubts(parameters, SCANS, found, SCANS.sensor_poses_world)
             elif words[0] == "read mesh":
                 load_mesh(words[1], 0.5)
             elif words[0] == "read image":

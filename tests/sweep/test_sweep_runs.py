@@ -290,3 +290,16 @@ def test_config_file_of_a_run_does_not_depend_on_the_runs_before_it():
     for value in (1, 1.0, True, None, [1.5, "a: b"], {"deep": {"é": 1e-7}}):
         resolved = {**run.composition.resolved, "one": value}
         assert yaml_of_parts(resolved) == yaml_text(resolved)
+
+
+def test_a_key_of_one_swept_option_is_left_out_of_the_others():
+    runs = sweep_runs(["tracker=gp_ekf,point", "tracker.basis_points=9"])
+    basis_points = [
+        getattr(r.composition.configuration.tracker, "basis_points", None) for r in runs
+    ]
+    assert basis_points == [9, None]
+
+
+def test_a_key_that_no_swept_option_has_is_refused():
+    with pytest.raises(ConfigurationError, match=r"^tracker\.basis_points: unknown key"):
+        sweep_runs(["tracker=box,point", "tracker.basis_points=9"])

@@ -19,8 +19,8 @@ class Definition:
         chosen_by: dotted path of the settings whose `kind` selects the function; "" if there is no
             choice.
         seeded: whether it draws random numbers, and so needs the experiment's seed.
-        files: dotted paths of the settings that are files. Their content, and that of the files
-            they refer to, is part of the key.
+        files: dotted paths of the settings that are files, of those that the chosen option has.
+            Their content, and that of the files they refer to, is part of the key.
         recorded: the files of the recording that the function gets as `files`, an attribute of
             `Recording`, before those of `files`; "" for no file.
         pictures: whether it draws: its result is a `Pictures`.

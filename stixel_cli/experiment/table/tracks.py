@@ -22,7 +22,7 @@ STAGES: dict[str, Definition] = {
         "once",
         same("prior", "tracker"),
         chosen_by="tracker",
-        files=FILES_OF_PRIOR,
+        files=(*FILES_OF_PRIOR, "tracker.path"),
         watched="scans",
     ),
     "track_each": Definition(only("tracking.several.track_each:track_each"), "once", calls="track"),

@@ -1,0 +1,256 @@
+"""A track from a file: its rows, frames, times, and what is said of faults."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stixel_cli.config.compose import compose
+from stixel_cli.errors import UserError
+from stixel_cli.geometry.pose import ego_from_world
+from stixel_cli.measurements.scans import Scans
+from stixel_cli.tracking.file import FileTrackParameters, matched_rows, read_track, track
+from stixel_cli.tracking.file import track_doubts as doubts_of
+
+COUNT = 11
+TIMES = 0.1 * np.arange(COUNT)
+TRUTH = np.stack(
+    [2.0 + 3.0 * TIMES, 12.0 + 6.0 * TIMES, np.full(COUNT, np.arctan2(6.0, 3.0))], axis=1
+)
+SENSORS = np.stack([0.5 * TIMES, 2.0 * TIMES, 0.5 * np.pi - 0.3 * TIMES], axis=1)
+
+
+class Prior:
+    """What the reader takes from a class."""
+
+    length, width = 4.0, 2.0
+
+
+@pytest.fixture
+def scans():
+    empty = np.zeros((0, 2)), np.zeros((0, 2, 2))
+    return Scans.of_each(TIMES, SENSORS, [empty] * COUNT)
+
+
+def write(path: Path, columns: dict[str, np.ndarray], rows=slice(None)) -> Path:
+    values = np.stack(list(columns.values()), axis=1)[rows]
+    lines = [",".join(f"{value:.9g}" for value in row) for row in values]
+    path.write_text("\n".join([",".join(columns), *lines]) + "\n")
+    return path
+
+
+def columns(poses=TRUTH, **further):
+    return {"x": poses[:, 0], "y": poses[:, 1], "heading": poses[:, 2], **further}
+
+
+def parameters(path, frame="world", track_id=None):
+    return FileTrackParameters("file", str(path), track_id, 0, frame)
+
+
+def read(path, scans, frame="world", track_id=None):
+    return track(scans, None, Prior(), parameters(path, frame, track_id))
+
+
+def doubts(path, scans, frame="world", track_id=None):
+    chosen = parameters(path, frame, track_id)
+    return doubts_of(chosen, scans, read(path, scans, frame, track_id), TRUTH)
+
+
+K = {"k": np.arange(COUNT)}
+
+
+def in_camera(poses=TRUTH):
+    """Poses in the frame of the sensor at each k: x right, y ahead."""
+    places = [ego_from_world(p[None, :2], s)[0] for p, s in zip(poses, SENSORS, strict=True)]
+    headings = poses[:, 2] - (SENSORS[:, 2] - 0.5 * np.pi)
+    return np.column_stack([places, headings])
+
+
+def kitti(path, poses, sizes=(1.5, 2.0, 4.0), track_id=31, exchanged=False):
+    """Rows of KITTI's results: 17 columns, places x right, y down, z ahead."""
+    rows = []
+    for k, (x, z, heading) in enumerate(poses):
+        x, z = (z, x) if exchanged else (x, z)
+        numbers = [*sizes, x, 1.6, z, -heading]
+        rows.append(f"{k} {track_id} Car 0 0 0 1 2 3 4 " + " ".join(f"{n:.9g}" for n in numbers))
+    path.write_text("\n".join(rows) + "\n")
+    return path
+
+
+def tum(path, poses, w_first=False, camera=False):
+    """Rows of a trajectory: t x y z qx qy qz qw."""
+    rows = []
+    for t, (x, y, heading) in zip(TIMES, poses, strict=True):
+        quaternion = [0.0, 0.0, np.sin(0.5 * heading), np.cos(0.5 * heading)]
+        if camera:
+            # About the second axis, which points down.
+            quaternion = [0.0, np.sin(0.5 * heading), 0.0, np.cos(0.5 * heading)]
+        if w_first:
+            quaternion = quaternion[3:] + quaternion[:3]
+        rows.append(" ".join(f"{n:.9g}" for n in (t, x, y, 0.0, *quaternion)))
+    path.write_text("# t x y z qx qy qz qw\n" + "\n".join(rows) + "\n")
+    return path
+
+
+def test_a_table_of_poses(tmp_path, scans):
+    found = read(write(tmp_path / "track.csv", K | columns()), scans)
+    np.testing.assert_allclose(found.means[:, :3], TRUTH, atol=1e-7)
+    assert (found.means[:, 3:] == 0.0).all()
+    assert (found.covariances == 0.0).all()
+    assert not found.uses_scans and len(found.used_points) == 0
+    sides = np.linalg.norm(np.diff(found.contours_world[0], axis=0), axis=1)
+    np.testing.assert_allclose(sides, [4.0, 2.0, 4.0])
+    assert doubts(tmp_path / "track.csv", scans) == []
+
+
+def test_rates_covariances_sizes_and_radii(tmp_path, scans):
+    ones = np.ones(COUNT)
+    table = K | columns() | dict.fromkeys(("x_rate", "y_rate", "heading_rate"), ones)
+    table |= {f"std_{name}": i * ones for i, name in enumerate(["x", "y", "heading"], 1)}
+    table |= {f"std_{name}_rate": i * ones for i, name in enumerate(["x", "y", "heading"], 4)}
+    table |= {"var_xx": 4 * ones, "var_xy": ones, "var_yy": 9 * ones}
+    table |= {"length": 5 * ones, "width": 2 * ones}
+    table |= {f"radius_{i}": (i + 1) * ones for i in range(4)}
+    found = read(write(tmp_path / "track.csv", table), scans)
+    assert (found.means[:, 3:] == 1.0).all()
+    expected = np.diag([4.0, 9.0, 9.0, 16.0, 25.0, 36.0])
+    expected[0, 1] = expected[1, 0] = 1.0
+    np.testing.assert_allclose(found.covariances[3], expected)
+    assert (found.box_sizes == [5.0, 2.0]).all()
+    arms = found.contours_world - found.means[:, None, :2]
+    np.testing.assert_allclose(np.linalg.norm(arms, axis=2), np.tile([1, 2, 3, 4], (COUNT, 1)))
+    # The first radius is along the heading, the second to the left.
+    ahead = np.stack([np.cos(TRUTH[:, 2]), np.sin(TRUTH[:, 2])], axis=1)
+    np.testing.assert_allclose(arms[:, 0], ahead, atol=1e-7)
+    np.testing.assert_allclose(arms[:, 1], 2 * ahead[:, ::-1] * [-1, 1], atol=1e-7)
+
+
+def test_poses_in_the_frame_of_the_camera(tmp_path, scans):
+    rates = np.tile([0.0, 1.0, 0.0], (COUNT, 1))
+    table = (
+        K
+        | columns(in_camera())
+        | dict(zip(("x_rate", "y_rate", "heading_rate"), rates.T, strict=True))
+    )
+    variances = dict(
+        zip(("var_xx", "var_xy", "var_yy"), np.tile([1.0, 0.0, 4.0], (COUNT, 1)).T, strict=True)
+    )
+    path = write(tmp_path / "track.csv", table | variances)
+    found = read(path, scans, "camera")
+    np.testing.assert_allclose(found.means[:, :3], TRUTH, atol=1e-6)
+    # Ahead of the sensor is its heading.
+    ahead = np.stack([np.cos(SENSORS[:, 2]), np.sin(SENSORS[:, 2])], axis=1)
+    np.testing.assert_allclose(found.means[:, 3:5], ahead, atol=1e-6)
+    np.testing.assert_allclose(
+        np.einsum("ki,kij,kj->k", ahead, found.covariances[:, :2, :2], ahead), 4.0
+    )
+    assert "tracker.frame=camera is right" in doubts(path, scans)[0]
+
+
+def test_results_of_kitti(tmp_path, scans):
+    path = kitti(tmp_path / "0000.txt", in_camera())
+    for track_id in (None, 31):
+        found = read(path, scans, "camera", track_id)
+        np.testing.assert_allclose(found.means[:, :3], TRUTH, atol=1e-6)
+        assert (found.box_sizes == [4.0, 2.0]).all()
+    with pytest.raises(UserError, match=r"tracker\.id: .*: 31; got 7"):
+        read(path, scans, "camera", 7)
+    later = FileTrackParameters("file", str(path), 31, 4, "camera")
+    rows = matched_rows(read_track(path, 31), TIMES, later)
+    assert rows.tolist() == [4, 5, 6, 7, 8, 9, 10, -1, -1, -1, -1]
+    path.write_text(path.read_text() + path.read_text().replace(" 31 Car", " 5 Car"))
+    with pytest.raises(UserError, match=r"tracker\.id: .*: 5, 31; got None"):
+        read(path, scans, "camera")
+
+
+def test_a_trajectory(tmp_path, scans):
+    found = read(tum(tmp_path / "track.tum", TRUTH), scans)
+    np.testing.assert_allclose(found.means[:, :3], TRUTH, atol=1e-7)
+    with pytest.raises(UserError, match="w first: must be qx qy qz qw"):
+        read(tum(tmp_path / "w.tum", TRUTH, w_first=True), scans)
+    with pytest.raises(UserError, match="z is not up"):
+        read(tum(tmp_path / "camera.tum", TRUTH, camera=True), scans)
+
+
+def test_times_are_matched_within_half_an_interval(tmp_path, scans):
+    for offset in (0.04, -0.04):
+        path = write(tmp_path / "track.csv", columns(t=TIMES + offset))
+        np.testing.assert_allclose(read(path, scans).means[:, :3], TRUTH, atol=1e-7)
+        assert doubts(path, scans) == [
+            f"tracker.path: {path}: its times are {offset:+.3f} s from those of the scans (median)"
+        ]
+    # Rows in any order, twice as many as scans.
+    times = np.concatenate([TIMES + 0.05, TIMES])
+    table = columns(np.concatenate([TRUTH + 1.0, TRUTH]), t=times)
+    path = write(tmp_path / "track.csv", table)
+    np.testing.assert_allclose(read(path, scans).means[:, :3], TRUTH, atol=1e-7)
+    with pytest.raises(
+        UserError, match="no t within half an interval of a scan: t goes from 100 to"
+    ):
+        read(write(tmp_path / "track.csv", columns(t=TIMES + 100.0)), scans)
+
+
+def test_a_scan_without_a_row_keeps_the_estimate_before(tmp_path, scans):
+    path = write(tmp_path / "track.csv", K | columns(), [2, 3, 7])
+    found = read(path, scans)
+    expected = TRUTH[[2, 2, 2, 3, 3, 3, 3, 7, 7, 7, 7]]
+    np.testing.assert_allclose(found.means[:, :3], expected, atol=1e-7)
+    assert "8 of 11 scans have no row" in doubts(path, scans)[0]
+    rows = matched_rows(read_track(path, None), TIMES, parameters(path))
+    assert rows.tolist() == [-1, -1, 0, 1, -1, -1, -1, 2, -1, -1, -1]
+
+
+FAULTS = {
+    "the headings are probably off by 180°": columns(TRUTH - [0.0, 0.0, np.pi]),
+    "the headings are probably off by 90°": columns(TRUTH - [0.0, 0.0, 0.5 * np.pi]),
+    "the headings are probably in degrees": columns(TRUTH * [1.0, 1.0, 180.0 / np.pi]),
+    "length and width are probably exchanged": columns(
+        length=np.full(COUNT, 2.0), width=np.full(COUNT, 4.0)
+    ),
+    "x and y (of KITTI: x and z) are exchanged": columns(TRUTH[:, [1, 0, 2]]),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_fault_gets_a_line(tmp_path, scans, fault):
+    path = write(tmp_path / "track.csv", K | FAULTS[fault])
+    assert fault in doubts(path, scans)[0]
+
+
+def test_exchanged_places_of_kitti_get_a_line(tmp_path, scans):
+    path = kitti(tmp_path / "0000.txt", in_camera(), exchanged=True)
+    assert "x and z) are exchanged: the median distance" in doubts(path, scans, "camera")[0]
+
+
+WRONG = {
+    "has no rows": ("track.csv", "k,x,y,heading\n"),
+    "the column heading is missing": ("track.csv", "k,x,y\n0,1,2\n"),
+    "the column k or t is missing": ("track.csv", "x,y,heading\n1,2,3\n"),
+    "k = 0 is given twice": ("track.csv", "k,x,y,heading\n0,1,2,3\n0,1,2,3\n"),
+    "k must be a whole number from 0 to 10": ("track.csv", "k,x,y,heading\n11,1,2,3\n"),
+    "t = 0.3 s, but k = 0 is at 0 s": ("track.csv", "k,t,x,y,heading\n0,0.3,1,2,3\n"),
+    "length must be > 0": ("track.csv", "k,x,y,heading,length,width\n0,1,2,3,0,1\n"),
+    "radius_0, radius_1, … must be": ("track.csv", "k,x,y,heading,radius_1\n0,1,2,3,4\n"),
+    "row 1: 17 columns are needed": ("track.txt", "0 31 Car\n"),
+    "not finite": ("track.txt", "0 1 nan 0 0 0 0 1\n"),
+    "unit quaternions": ("track.txt", "0 1 2 0 0 0 0 0\n"),
+    "track.csv is missing": ("other.csv", ""),
+}
+
+
+@pytest.mark.parametrize("message", WRONG)
+def test_a_wrong_file_gets_one_line(tmp_path, scans, message):
+    name, text = WRONG[message]
+    (tmp_path / name).write_text(text)
+    path = tmp_path / ("track.csv" if name == "other.csv" else name)
+    with pytest.raises(UserError) as caught:
+        read(path, scans)
+    assert message in str(caught.value) and "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "words", [[], ["tracker.path="], ["tracker.path=/no/such.csv"], ["tracker.path=/"]]
+)
+def test_a_missing_file_is_refused_before_the_run(words):
+    with pytest.raises(UserError):
+        compose(["tracker=file", *words])
