@@ -9,8 +9,9 @@ of its box at each scan. The score is the mean over all scans of all runs.
 
 It prints a table. "First scan": the start is the first scan alone, as that of the authors; the
 motion noise is that of the scenario, and there is no gate. "Four scans": start and sizes are those
-of `experiment=lidarrm`. `gm_mem_ekf` uses the points of a scan in a random order, as its authors
-do: its scores are means over `ORDERS`, with the least and the greatest.
+of `experiment=lidarrm`; a run in which no start is found has an IoU of 0, and the cell has their
+number. `gm_mem_ekf` uses the points of a scan in a random order, as its authors do: its scores are
+means over `ORDERS`, with the least and the greatest.
 """
 
 import json
@@ -56,7 +57,8 @@ def settings_of(tracker: str) -> Any:
 def ious(folder: Path, settings: Any, first_scan: bool, order: int) -> tuple[np.ndarray, float]:
     """IoU (K,) of the box at each scan of the run in `folder`, and the tracker's ms per scan.
 
-    `order` chooses the order of the points of a scan, of which `gm_mem_ekf` alone takes notice.
+    Without a start, the IoU is 0 and the time NaN. `order` chooses the order of the points of a
+    scan, of which `gm_mem_ekf` alone takes notice.
     """
     scans = read_scans(str(folder / "scans.csv"), None, settings.measurement.range_std)
     truth = read_truth(scans, str(folder / "truth.csv"))
@@ -66,7 +68,10 @@ def ious(folder: Path, settings: Any, first_scan: bool, order: int) -> tuple[np.
         states = [np.array([*initial.mean, prior.length, prior.width])]
         scans = without_first(scans)
     else:
-        initial = start_from_scans(scans, settings.start, prior)
+        try:
+            initial = start_from_scans(scans, settings.start, prior)
+        except ValueError:
+            return np.zeros(len(scans)), np.nan
     module = import_module(type(settings.tracker).__module__)
     begin = time.perf_counter()
     track = module.track(scans, initial, prior, settings.tracker)
@@ -123,10 +128,14 @@ def without_first(scans: Scans) -> Scans:
     )
 
 
-def score(runs: list[Path], settings: Any, first_scan: bool, order: int) -> tuple[float, float]:
-    """Mean IoU over all scans of all `runs`, and the median of the tracker's ms per scan."""
+def score(
+    runs: list[Path], settings: Any, first_scan: bool, order: int
+) -> tuple[float, float, int]:
+    """Mean IoU over all scans of all `runs`, median ms per scan, and the runs without a start."""
     parts = [ious(folder, settings, first_scan, order) for folder in runs]
-    return float(np.concatenate([one[0] for one in parts]).mean()), np.median([p[1] for p in parts])
+    times = np.array([elapsed for _, elapsed in parts])
+    mean = float(np.concatenate([values for values, _ in parts]).mean())
+    return mean, float(np.nanmedian(times)), int(np.isnan(times).sum())
 
 
 def main(folder: Path) -> None:
@@ -144,6 +153,8 @@ def main(folder: Path) -> None:
                 found = [score(runs, settings, first_scan, order) for order in orders]
                 values = [one[0] for one in found]
                 cell = f"{np.mean(values):.3f}"
+                if found[0][2]:
+                    cell += f" ({found[0][2]} of {len(runs)} not started)"
                 if len(values) > 1:
                     cell += f" ({min(values):.3f}–{max(values):.3f})"
                 cells.append(cell)

@@ -128,23 +128,29 @@ def _to_try(metrics: Values) -> list[str]:
 
 
 def _uncertainty(metrics: Values) -> list[str]:
-    """One line on NEES, NIS and the band, with what is beyond the limits."""
+    """One line on NEES, NIS and the band, with what is beyond the limits.
+
+    One run does not tell whether a filter is consistent, as its errors persist: a NEES is a number.
+    """
     parts = []
-    for name, label, more, less in (
-        ("nees_position_mean", "NEES/2 of the position", "over-confident", "under-confident"),
-        ("nees_orientation_mean", "NEES of the orientation", "over-confident", "under-confident"),
-        ("nis_mean", "NIS", "residuals larger than assumed", "residuals smaller than assumed"),
+    for name, label in (
+        ("nees_position_mean", "NEES/2 of the position"),
+        ("nees_orientation_mean", "NEES of the orientation"),
+        ("nis_mean", "NIS"),
     ):
         value = metrics.get(name)
         if value is not None:
-            found = f" ({more if value > 1.0 else less})" if _beyond(metrics, name) else ""
+            found = f" ({_residuals(value)} than assumed)" if _beyond(metrics, name) else ""
             parts.append(f"{label} {_digits(value)}{found}")
     coverage = metrics.get("band_coverage")
     if coverage is not None:
         narrow = " (too narrow)" if _beyond(metrics, "band_coverage") else ""
         parts.append(f"95 % band covers {100.0 * coverage:.0f} %{narrow}")
-    consistent = "" if any("(" in part for part in parts) else "consistent; "
-    return [f"uncertainty: {consistent}{', '.join(parts)}."] if parts else []
+    return [f"uncertainty: {', '.join(parts)}."] if parts else []
+
+
+def _residuals(nis: float | int) -> str:
+    return "residuals larger" if nis > 1.0 else "residuals smaller"
 
 
 def _class(metrics: Values) -> list[str]:
@@ -188,13 +194,9 @@ def badges(metrics: Values) -> dict[str, str]:
     lost_at = metrics.get("time_to_loss_s")
     if lost_at is not None:
         found["centre_error"] = f"lost at {lost_at:.1f} s"
-    for name, field, more, less in (
-        ("nees_position_mean", "nees_position", "over-confident", "under-confident"),
-        ("nis_mean", "nis", "residuals larger", "residuals smaller"),
-    ):
-        if _beyond(metrics, name):
-            value = metrics[name]
-            found[field] = f"{more if value > 1.0 else less} × {_digits(value)}"
+    if _beyond(metrics, "nis_mean"):
+        value = metrics["nis_mean"]
+        found["nis"] = f"{_residuals(value)} × {_digits(value)}"
     return found
 
 

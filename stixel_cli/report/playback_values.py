@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from stixel_cli.evaluation.metric_table import SMOOTHED, Metric, metric
-from stixel_cli.evaluation.verdict import badges, word
 from stixel_cli.geometry.pose import wrap_angle
 from stixel_cli.pictures.consistency import ellipse_axes
 from stixel_cli.pictures.tracker_noise import tracker_noise
@@ -100,12 +99,7 @@ def headline_of(run: RunResult) -> list[list[str | bool | None]]:
         row, value, is_good = metric(name), metrics.get(name), None
         if value is None:
             continue
-        low, high = row.expected
-        if high is not None:
-            # In a good run it is a note on the filter, not a fault of the estimates.
-            is_good = low <= value <= high or (None if word(metrics) == "good" else False)
-            words = words if is_good else f"{badges(metrics)['nees_position']}; {words}"
-        elif reference is not None:
+        if reference is not None and row.better != "one":
             is_good = (value > reference) == (row.better == "more")
         beside = "" if reference is None else f"{words}: {_with_unit(row, reference)}"
         rows.append([row.short_label, _with_unit(row, value), is_good, beside])

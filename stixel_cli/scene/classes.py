@@ -27,7 +27,7 @@ class ClassRow:
 
 
 CLASS_ROWS: dict[RoadUserClass, ClassRow] = {
-    "car": ClassRow(("Car", "Van"), "TYPE_CAR", 12.0, 1.5, "REGULAR_VEHICLE"),
+    "car": ClassRow(("Car", "Van"), "TYPE_CAR", 12.0, 3.0, "REGULAR_VEHICLE"),
     "cyclist": ClassRow(("Cyclist",), "TYPE_BICYCLIST", 5.0, 0.3),
     "pedestrian": ClassRow(
         ("Pedestrian", "Person_sitting"), "TYPE_PEDESTRIAN", 1.2, 0.3, "PEDESTRIAN"

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stixel_cli.geometry.polygon import first_hits
 from stixel_cli.geometry.pose import rotation
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.measurements.noise import range_sensitivity
@@ -173,21 +174,9 @@ def _of_scan(
 
 
 def ranges_along(contour_sensor: np.ndarray, bearings: np.ndarray) -> np.ndarray:
-    """Range (n,) m to the first crossing along `bearings` (n,) rad, infinite without a crossing.
-
-    `contour_sensor` (M, 2) m is a polygon, counter-clockwise. Every ray is cut with every edge:
-    bearings need no order here, unlike those of `measurements.rays`, which this is independent of.
-    """
-    direction = np.stack([np.cos(bearings), np.sin(bearings)], axis=-1)
-    start = contour_sensor
-    edge = np.roll(contour_sensor, -1, axis=0) - start
-    rate = direction[:, :1] * edge[:, 1] - direction[:, 1:] * edge[:, 0]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ranges = (start[:, 0] * edge[:, 1] - start[:, 1] * edge[:, 0]) / rate
-        share = (start[:, 0] * direction[:, 1:] - start[:, 1] * direction[:, :1]) / rate
-    # A ray through a vertex must not slip between two edges.
-    ranges[~((rate < 0.0) & (share >= -1e-9) & (share <= 1.0 + 1e-9) & (ranges > 0.0))] = np.inf
-    return ranges.min(axis=1)
+    """Range (n,) m to the first crossing along `bearings` (n,) rad, infinite without a crossing."""
+    directions = np.stack([np.cos(bearings), np.sin(bearings)], axis=-1)
+    return first_hits(contour_sensor, np.zeros(2), directions)
 
 
 def _reach(spans, scan, column, spacing):

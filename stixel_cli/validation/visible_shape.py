@@ -14,6 +14,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from stixel_cli.geometry.polygon import first_hits
 from stixel_cli.geometry.pose import target_from_world
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.scenario import Scenario
@@ -25,8 +26,10 @@ RADII = 360
 
 _ANGLES = 2.0 * np.pi * np.arange(RADII) / RADII
 _ALONG = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)], axis=-1)
-_ACROSS = np.stack([-np.sin(_ANGLES), np.cos(_ANGLES)], axis=-1)
-"""Unit vectors (360, 2) along and across the rays at these angles."""
+"""Unit vectors (360, 2) along the rays at these angles."""
+
+FAR = 100.0
+"""m, outside of every outline."""
 
 NEAR_OFFSET, NEAR_DEPTH = 0.3, 1.0
 """A point within this of the outline, m, across and along its ray, is taken as the target's."""
@@ -125,15 +128,7 @@ def _of_size(scenarios: Sequence[Scenario], size: np.ndarray) -> list[np.ndarray
 
 def _radii(outline: np.ndarray) -> np.ndarray:
     """Radius (360,) m at which rays from the centre leave a polygon for the last time."""
-    following = np.roll(outline, -1, axis=0)
-    along, across = _ALONG[:, None, :], _ACROSS[:, None, :]
-    here, there = (outline * across).sum(-1), (following * across).sum(-1)
-    ahead, next_ahead = (outline * along).sum(-1), (following * along).sum(-1)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        share = here / (here - there)
-        radius = ahead + share * (next_ahead - ahead)
-    crossed = (share >= 0.0) & (share <= 1.0)
-    return np.where(crossed, radius, 0.0).max(axis=1)
+    return FAR - first_hits(outline, FAR * _ALONG, -_ALONG)
 
 
 def _points(scenario: Scenario, scans: Scans, k: int, shape: ClassShape) -> np.ndarray:

@@ -29,7 +29,7 @@ def test_charts_have_units_end_ticks_and_badges(open_page, tmp_path):
     assert any(re.fullmatch(r"[\d.]+ m", text) for text in texts)
     assert texts[-1] == f"{run.scenario.times[-1]:g} s"
     badges = page.locator(".badge").all_inner_texts()
-    assert badges == ["lost at 0.5 s", "over-confident × 4.2"]
+    assert badges == ["lost at 0.5 s"]
     assert opened.problems == []
     page.close()
 

@@ -162,7 +162,7 @@ def facing(poses, heading_error):
 
 
 @pytest.mark.parametrize(
-    ("speed", "opposite"), [(4.0, True), (4.0, False), (-1.0, False), (0.0, False)]
+    ("speed", "opposite"), [(4.0, True), (4.0, False), (-1.0, False), (-2.5, False), (0.0, False)]
 )
 def test_a_heading_against_a_fast_motion_is_turned_and_no_other(speed, opposite):
     poses = turning(30, abs(speed), 0.1)

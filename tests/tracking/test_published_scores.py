@@ -25,6 +25,17 @@ def test_orders_of_points_and_later_scans(tmp_path):
     np.testing.assert_array_equal(later.points_world, [[5, 9], [6, 9]])
 
 
+def test_a_run_without_a_start_scores_zero(tmp_path):
+    """Two points that are far apart, at every scan: no cluster of the class's size moves."""
+    rows = [f"{k},{k},{x},60\n" for k in range(6) for x in (-30, 30)]
+    (tmp_path / "scans.csv").write_text("k,t,x,y\n" + "".join(rows))
+    poses = [f"{k},0,60,0,8,3\n" for k in range(6)]
+    (tmp_path / "truth.csv").write_text("k,x,y,heading,length,width\n" + "".join(poses))
+    settings = EXAMPLE["settings_of"]("lidar_random_matrix")
+    values, elapsed = EXAMPLE["ious"](tmp_path, settings, False, 0)
+    assert values.tolist() == [0.0] * 6 and np.isnan(elapsed)
+
+
 @pytest.mark.parametrize(
     ("tracker", "tolerance"),
     # The order of the points alone changes the last one's score by .04.
@@ -41,5 +52,5 @@ def test_a_peer_has_its_published_score(tracker, tolerance, scans):
     rows = json.loads((folder / "rows.json").read_text(encoding="utf-8"))
     name = EXAMPLE["TRACKERS"][tracker]
     published = np.concatenate([rows[run.name][name] for run in runs]).mean()
-    found, _ = EXAMPLE["score"](runs, EXAMPLE["settings_of"](tracker), True, 0)
+    found, _, _ = EXAMPLE["score"](runs, EXAMPLE["settings_of"](tracker), True, 0)
     assert found == pytest.approx(published, abs=tolerance)

@@ -60,6 +60,9 @@ from stixel_cli.tracking.track import InitialState, Track
 SIZE_TIME = 10.0
 """s in which the size goes back to the prior's by 63 %."""
 
+LONGEST_GAP = 1e6
+"""s without a scan, after which a smoothed track begins anew."""
+
 CONFIRMED = 5
 """The likelier of two hypotheses is kept after so many scans; 10 gained nothing on tuning seeds."""
 
@@ -159,7 +162,9 @@ class ClassFilter:
             taken = rays.subset(indices, self.sight)
             posterior = update(*predicted, taken, self.sight, self._tracker)
             advanced = Hypothesis.updated(predicted, one.log_likelihood, indices, posterior)
-        return replace(advanced, before=one, transition=keep[:, None] * matrix)
+        # After such a gap the prediction's covariance is rounding: nothing later tells of before.
+        linked = keep[:, None] * matrix if interval < LONGEST_GAP else None
+        return replace(advanced, before=one, transition=linked)
 
     def _detected(self, one: Hypothesis, rays: Rays, widen: bool) -> Hypothesis:
         """The hypothesis with the most likely place of its target, see `detect_again`."""

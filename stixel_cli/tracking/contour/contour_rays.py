@@ -188,9 +188,11 @@ def associate(
             pose_and_size[None], rays.sensor[:2], rays.directions, -1, -1, *sight.far.arrays()
         )[0]
         errors -= np.clip(errors, 0.0, far[0] - ranges[0])
-    variance = rays.stds**2 + stds**2 + along + turned
+    # After a gap of years a variance may be below zero by rounding.
+    variance = rays.stds**2 + stds**2 + np.maximum(along + turned, 0.0)
     fits = np.abs(errors) < NEAR_RANGE + tracker.gate_std * np.sqrt(variance)
-    meets = misses[0] < NEAR_ACROSS + tracker.gate_std * np.sqrt(across + turned)
+    beside = np.sqrt(np.maximum(across + turned, 0.0))
+    meets = misses[0] < NEAR_ACROSS + tracker.gate_std * beside
     inside = fits & meets
     if sight.residual and inside.any():
         inside &= _of_target(segments(rays), inside)

@@ -13,10 +13,12 @@ Frames: target, x along the heading, y left; m and rad.
 """
 
 from dataclasses import dataclass
-from math import atan2, cos, exp, inf, pi, sin, sqrt
+from math import atan2, cos, exp, pi, sin, sqrt
 
 import numpy as np
 from numba import njit
+
+from stixel_cli.geometry.polygon import first_hits
 
 FINE, COARSE = (360, 81), (72, 51)
 """Numbers of even aspects over a full turn and of even offsets over the width: of an outline that
@@ -81,33 +83,15 @@ def first_depths(outline: np.ndarray, aspects: np.ndarray, offsets: np.ndarray) 
     `aspects` (n,) rad and `offsets` (n, m) m name the rays. A ray that passes by the polygon has
     the depth of the nearest ray of its aspect that meets it.
     """
-    depths = np.full(offsets.shape, np.inf)
-    _first_depths(depths, *np.empty((2, len(outline))), outline, aspects, offsets)
-    return depths
-
-
-# The callers of kernels make the arrays: Numba compiles an allocation as slowly as a loop.
-@njit(cache=True, error_model="numpy")
-def _first_depths(depths, offset, depth, outline, aspects, offsets):
-    """Write `first_depths` over inf; `offset` and `depth` (M,) are working memory."""
-    corners = len(outline)
-    for i in range(len(aspects)):
-        x, y = -cos(aspects[i]), -sin(aspects[i])
-        least, most = inf, -inf
-        for c in range(corners):
-            offset[c] = x * outline[c, 1] - y * outline[c, 0]
-            depth[c] = x * outline[c, 0] + y * outline[c, 1]
-            least, most = min(least, offset[c]), max(most, offset[c])
-        inner = 1e-9 * (most - least)
-        for j in range(offsets.shape[1]):
-            wanted = min(max(offsets[i, j], least + inner), most - inner)
-            for c in range(corners):
-                following = (c + 1) % corners
-                if (offset[c] - wanted) * (offset[following] - wanted) <= 0.0:
-                    width = offset[following] - offset[c]
-                    share = (wanted - offset[c]) / width if width != 0.0 else 0.0
-                    crossing = depth[c] + share * (depth[following] - depth[c])
-                    depths[i, j] = min(depths[i, j], crossing)
+    low, high = widths(outline, aspects)
+    inner = 1e-9 * (high - low)
+    offsets = np.clip(offsets, (low + inner)[:, None], (high - inner)[:, None])
+    along = -np.stack([np.cos(aspects), np.sin(aspects)], axis=-1)
+    left = np.stack([-along[:, 1], along[:, 0]], axis=-1)
+    far = 2.0 * np.hypot(*outline.T).max()
+    origins = offsets[..., None] * left[:, None] - far * along[:, None]
+    directions = np.repeat(along, offsets.shape[1], axis=0)
+    return first_hits(outline, origins.reshape(-1, 2), directions).reshape(offsets.shape) - far
 
 
 def outline_table(outline: np.ndarray, size: tuple[int, int] = FINE) -> RayTable:

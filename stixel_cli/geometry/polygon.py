@@ -1,0 +1,35 @@
+"""Where rays meet a polygon."""
+
+import numpy as np
+from numba import njit
+
+
+def first_hits(polygon: np.ndarray, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
+    """Ranges (n,) m at which rays first enter a polygon (M, 2) m, counter-clockwise; inf if never.
+
+    `origins` (n, 2) m, or (2,) for all; `directions` (n, 2) unit vectors. A ray along an edge meets
+    it at its nearer end.
+    """
+    ranges = np.full(len(directions), np.inf)
+    origins = np.broadcast_to(np.asarray(origins, dtype=np.float64), (len(directions), 2))
+    _first_hits(ranges, np.ascontiguousarray(polygon), origins, directions)
+    return ranges
+
+
+@njit(cache=True, error_model="numpy")
+def _first_hits(ranges, polygon, origins, directions):
+    """Write `first_hits` over inf."""
+    corners = len(polygon)
+    for i in range(len(ranges)):
+        dx, dy, ox, oy = directions[i, 0], directions[i, 1], origins[i, 0], origins[i, 1]
+        x, y = polygon[corners - 1, 0] - ox, polygon[corners - 1, 1] - oy
+        before, along = dx * y - dy * x, dx * x + dy * y
+        for c in range(corners):
+            x, y = polygon[c, 0] - ox, polygon[c, 1] - oy
+            here, ahead = dx * y - dy * x, dx * x + dy * y
+            # An edge that faces the ray's origin runs from its left to its right.
+            if before >= 0.0 >= here and before > here:
+                met = along + before / (before - here) * (ahead - along)
+                if 0.0 < met < ranges[i]:
+                    ranges[i] = met
+            before, along = here, ahead
