@@ -40,7 +40,7 @@ def recorded():
     scenario = build_scenario(ego, p.road_user, p.path)
     frames = range(len(ego.times))
     rendered = render(scenario, p.road_user, p.world, p.rig, p.renderer, frames)
-    pairs = [add_sensor_noise(rendered, p.sensor, range(k, k + 1), 0) for k in frames]
+    pairs = [add_sensor_noise(rendered, p.sensor, p.rig, range(k, k + 1), 0) for k in frames]
     return p, ego, noisy_start(scenario, p.start, 0), pairs.__getitem__
 
 

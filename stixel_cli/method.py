@@ -35,7 +35,7 @@ def follow_road_user(p, seed: int) -> tuple[Scans, Track, Scores]:
 
     # The images. From here on nothing sees the truth until the scores.
     rendered = render(scenario, p.road_user, p.world, p.rig, p.renderer, frames)
-    pairs = add_sensor_noise(rendered, p.sensor, frames, seed)
+    pairs = add_sensor_noise(rendered, p.sensor, p.rig, frames, seed)
 
     # Disparity; occupancy grid and free space; height and stixels; points on the ground.
     disparities = sgm.match(pairs, p.stereo, p.rig, frames)

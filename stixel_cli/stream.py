@@ -3,7 +3,7 @@
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import count
 from typing import TYPE_CHECKING
 
@@ -12,6 +12,7 @@ import numpy as np
 from stixel_cli.errors import ArgumentError
 from stixel_cli.frame_stixels import FrameStixels
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD, planar_poses
+from stixel_cli.geometry.rig import Rig
 from stixel_cli.pairs import (
     RigLike,
     check_rows,
@@ -23,9 +24,14 @@ from stixel_cli.pairs import (
 )
 
 if TYPE_CHECKING:
+    from stixel_cli.calibration.motion_errors import Pair
+    from stixel_cli.calibration.rig_calibration import RigCalibration
     from stixel_cli.measurements.scans import Scans
     from stixel_cli.stixels.types import Objects
     from stixel_cli.tracking.several.clusters import OpenTrack
+
+CALIBRATED = (100, 200, 400)
+"""Numbers of pairs after which the rig's error is estimated, from all pairs of images by then."""
 
 HISTORY = 20
 """Whether an object moves is seen from the last scans, so many."""
@@ -60,6 +66,7 @@ class StreamFrame:
         objects: clusters of the stixels.
         scan: one scan, the points of the stixels in the world.
         tracks: the objects that move.
+        calibration: what is known by now of the rig's disparity error; None for nothing.
     """
 
     k: int
@@ -67,16 +74,19 @@ class StreamFrame:
     objects: "Objects"
     scan: "Scans"
     tracks: tuple[MovingObject, ...]
+    calibration: "RigCalibration | None" = None
 
 
 class StixelStream:
     """Takes image pairs in order, and keeps the free space and the tracks from pair to pair.
 
-    The stixels are those of `stixel run` on the same clip; the tracks are the clusters that
-    `source.target=auto` follows, as far as they are known at each pair. `rig` is as in
-    `stixels_from_pair`; a height that it does not state is that of the road in the first pair.
-    `sample_time` is from pair to pair, s; `check_rectification` as there, of the first pair that
-    has corners enough.
+    The stixels are those of `stixel run` on the same clip with the same disparity error of the rig;
+    the tracks are the clusters that `source.target=auto` follows, as far as they are known at each
+    pair. `rig` is as in `stixels_from_pair`; a height that it does not state is that of the road in
+    the first pair. A disparity error that it does not state is estimated by the motion of the
+    camera, after each of the `CALIBRATED` numbers of pairs, and corrected from then on.
+    `sample_time` is from pair to pair, s; `check_rectification` as in `stixels_from_pair`, of the
+    first pair that has corners enough.
     """
 
     def __init__(self, rig: RigLike, sample_time: float = 0.1, check_rectification: bool = True):
@@ -89,6 +99,9 @@ class StixelStream:
         self._poses = np.zeros((0, 3))
         self._scans: deque[Scans] = deque()
         self._tracks: list[OpenTrack] = []
+        self._calibration: RigCalibration | None = None
+        self._lefts: list[np.ndarray] = []
+        self._motions: list[Pair] = []
         self._numbers = count()
 
     def step(
@@ -128,10 +141,14 @@ class StixelStream:
                 yield self._advance(*ahead.result(), *(pose or [None]))
 
     def _matched(self, left: np.ndarray, right: np.ndarray) -> tuple:
+        """The grey pair, its disparities, and the error that is corrected in them."""
         pair = grey_pair(left, right)
-        return pair, matched(pair, rig_of(self._rig, pair[0].shape, any_height=True))
+        rig = rig_of(self._rig, pair[0].shape, any_height=True)
+        return pair, matched(pair, rig), rig.disparity_error
 
-    def _advance(self, pair: tuple, disparities, pose: np.ndarray | None) -> StreamFrame:
+    def _advance(
+        self, pair: tuple, disparities, error: tuple[float, float, float], pose: np.ndarray | None
+    ) -> StreamFrame:
         from stixel_cli.config.real_images import real_image_parameters
         from stixel_cli.measurements.objects import find_objects
 
@@ -143,12 +160,39 @@ class StixelStream:
             self._rig = rig_over_road(self._rig, pair[0].shape, disparities)
         self._poses = np.vstack([self._poses, self._planar(pose)])
         last_two = self._poses[[max(k - 1, 0), k]]
-        self._stixels = stixels_of(disparities, pair, self._rig, self._stixels, last_two)
+        rig = replace(self._rig, disparity_error=error)
+        self._stixels = stixels_of(disparities, pair, rig, self._stixels, last_two)
+        if self._calibration or not rig.states_error:
+            self._calibrate(pair[0], disparities, rig, k)
         scan = self._stixels.to_scan(self._poses[k], k * self._sample_time)
         moving = self._followed(scan, k)
         gates = real_image_parameters().measurement.gates
         objects = find_objects(self._stixels.stixels, gates, range(1))
-        return StreamFrame(k, self._stixels, objects, scan, moving)
+        return StreamFrame(k, self._stixels, objects, scan, moving, self._calibration)
+
+    def _calibrate(self, left: np.ndarray, disparities, rig: Rig, k: int) -> None:
+        """Follow the points of every tenth pair `k`, and estimate the rig's error at times."""
+        from stixel_cli.calibration.motion_errors import MOST_STEPS, followed, gathered
+        from stixel_cli.calibration.motion_fit import calibrate_rig
+        from stixel_cli.recordings.types import Tables
+
+        if k > CALIBRATED[-1]:
+            return
+        self._lefts.append(left)
+        if k % MOST_STEPS == 0:
+            if k > 0:
+                rows = followed(self._lefts, self._first_disparity, rig)
+                self._motions += [(k - MOST_STEPS, *row) for row in rows]
+            self._lefts = [left]
+            self._first_disparity = disparities.pixels(0) + (
+                rig.disparity_errors() - rig.far_disparity
+            )
+        if k in CALIBRATED:
+            nothing = (0.0, 0.0, 0.0)
+            exact = replace(rig, disparity_error=nothing, disparity_error_std=nothing)
+            tracks = gathered(self._motions)
+            self._calibration = calibrate_rig(tracks, (), exact, Tables(), by_motion=True)
+            self._rig = self._calibration.rig
 
     def _followed(self, scan: "Scans", k: int) -> tuple[MovingObject, ...]:
         """The objects that move, after scan `k`."""

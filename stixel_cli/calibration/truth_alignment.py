@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 
-from stixel_cli.calibration.disparity_fit import DisparityFit, fit_line
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.recordings.image_files import read_disparity
 from stixel_cli.rendering.frames import StereoPairs
@@ -35,9 +34,6 @@ GREATEST_SHIFT = 2.0
 
 LEAST_TEXTURE = 25.0
 """Mean square of the grey value's change along the row, per px²."""
-
-PATCH_STD = 0.15
-"""Of a patch's shift, px."""
 
 
 @dataclass(frozen=True)
@@ -73,20 +69,6 @@ def align_truth(pairs: Iterable[StereoPairs], files: tuple[Path, ...], rig: Rig)
             truth = read_disparity(files[chunk.first + i])
             found.append(_frame(chunk.left[i], chunk.right[i], truth, rig))
     return Alignment(*np.concatenate(found).T)
-
-
-def fit_truth_error(found: Alignment, rig: Rig) -> DisparityFit:
-    """Offset of the rig's disparities that `found` shows; one pair shows no slope.
-
-    Raises:
-        ValueError: without any patch.
-    """
-    unit = "patches with a plane as truth"
-    if len(found.shifts) == 0:
-        raise ValueError(f"nothing to compare with: no {unit}")
-    stds = np.full(len(found.shifts), PATCH_STD)
-    line = fit_line(found.columns, found.shifts, stds, sloped=False, rig=rig)
-    return DisparityFit(method="ground truth", unit=unit, **line)
 
 
 def _frame(left: np.ndarray, right: np.ndarray, truth: np.ndarray, rig: Rig) -> np.ndarray:

@@ -89,7 +89,8 @@ def assess(
     else:
         assessment = assess_stixels(read_stixels(stixels), composition, make_progress())
     if json:
-        print_json({"values": dict(assessment.values), "seconds": dict(assessment.seconds)})
+        names = ("values", "seconds", "rig")
+        print_json({name: dict(getattr(assessment, name)) for name in names})
         return 0
     page = unused_page(Path("assess.html")) if output is None else output
     command = [word for word in ("stixel", "assess", *arguments) if word]

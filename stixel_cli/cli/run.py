@@ -167,7 +167,7 @@ def print_run(made: "RunResult", json: bool, verbose: bool) -> None:
         print_json(answer | {"verdict": verdict(made.metrics), "stages": made.stages})
         return
     if "correction" in made.manifest:
-        say(f"disparity error corrected: {made.manifest['correction']}")
+        say_wrapped(made.manifest["correction"])
     computed = [stage["name"] for stage in made.stages if stage["status"] == "computed"]
     seconds = f"{made.manifest['seconds']:.1f} s"
     stages = ", ".join(computed) if verbose else f"{len(computed)} of {len(made.stages)} stages"

@@ -82,6 +82,9 @@ def suggestion(word: str, candidates: Iterable[str], form: str = "{}") -> str:
 _RENAMED = {("measurement", "simulated"): "stixels"}
 _OTHER_KEYS = {"tracker.class": "tracker.road_user", "measurement.sees": "tracker.sees"}
 _OTHER_KEYS |= {"measurement.file": "measurement.path"}
+_OTHER_KEYS |= dict.fromkeys(
+    ("rig.disparity_offset", "rig.disparity_slope"), "rig.disparity_error, px of (1, x, x²)"
+)
 """Names that a user may type to those of today."""
 _OWN = {
     "road_user": "a mesh: road_user.mesh=FILE",

@@ -19,7 +19,8 @@ from stixel_cli.config.user_files import UserFiles
 from stixel_cli.errors import ConfigurationError
 from stixel_cli.pairs import rig_of
 from stixel_cli.recordings.find import guess_layout
-from stixel_cli.recordings.parameters import Recorded, Source
+from stixel_cli.recordings.parameters import CALIBRATIONS, Recorded, Source
+from stixel_cli.recordings.rig_files import read_named_calibration
 from stixel_cli.recordings.types import Recording
 from stixel_cli.scene.classes import CLASS_OF_KITTI_TYPE
 from stixel_cli.scene.path_parameters import ReplayedPath
@@ -102,7 +103,7 @@ def _parameters(
 ) -> Recorded | ReplayedPath:
     """The parameters in a resolved `section`, in which the names of files are made absolute."""
     for name in FILE_KEYS:
-        if isinstance(section.get(name), str) and section[name]:
+        if isinstance(section.get(name), str) and section[name] not in ("", *CALIBRATIONS):
             section[name] = folders.absolute(section[name], working_directory)
     if type(section.get("sequence")) is int:
         # A name: 0005 is text to Hydra, but 12 is a number.
@@ -228,6 +229,8 @@ def _completed(
         path = {"kind": "source", "duration": duration, "sample_time": given.sample_time}
         resolved["path"], choices["path"] = path, "source"
         given_rig = recording.calibration.rig_values(recording.width, recording.height)
+        if given.calibration not in CALIBRATIONS:
+            given_rig |= read_named_calibration(Path(given.calibration)).error_values
         rig = {k: v for k, v in given_rig.items() if f"rig.{k}" not in typed}
         resolved["rig"] = resolved["rig"] | rig
         if "rig" not in typed:

@@ -71,7 +71,7 @@ def contradiction(recording: Recording, configuration: Configuration) -> str | N
         right["camera_height"] = f"{height:.2f}"
     if abs(pitch - rig.pitch) > getattr(road, "pitch_range", 1.0):
         right["pitch"] = f"{pitch:.1f}"
-    assumed = f"rig.disparity_offset={rig.disparity_offset:g} is assumed; "
+    assumed = f"rig.disparity_error={[*rig.disparity_error]} is assumed; "
     assumed += "the road alone cannot tell it from a pitch"
     if right:
         overrides = " ".join(f"rig.{name}={value}" for name, value in right.items())

@@ -7,10 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from stixel_cli.calibration.disparity_fit import DisparityFit
-from stixel_cli.calibration.label_errors import fit_label_errors
-from stixel_cli.calibration.motion_errors import fit_motion_error
-from stixel_cli.calibration.truth_alignment import Alignment, fit_truth_error
+from stixel_cli.calibration.rig_calibration import RigCalibration
+from stixel_cli.calibration.truth_alignment import Alignment
 from stixel_cli.config.compose import Composition
 from stixel_cli.config.road_pose import rows_of
 from stixel_cli.engine.parameters import ThreadsExecutor
@@ -62,7 +60,12 @@ def assess(composition: Composition, progress: Progress | None = None) -> Assess
         raise UserError(
             "assess needs a recording or two images; rendered runs are scored by stixel run"
         )
-    wanted = ["camera_pictures", *(["truth_alignment"] if recording.true_disparities else [])]
+    wanted = [
+        "camera_pictures",
+        "rig_pictures",
+        "calibration",
+        *(["truth_alignment"] if recording.true_disparities else []),
+    ]
     with computed_stages(composition, wanted, progress) as (_, load):
         first = {name: load(name)[0] for name in (*STAGES, *wanted)}
     free_space, image = first["free_space"], first["pairs"].left[0]
@@ -74,12 +77,14 @@ def assess(composition: Composition, progress: Progress | None = None) -> Assess
         "unknown_share": float((free_space.unknown_row[0] >= 0).mean()),
         "disparity_share": float((first["match"].raw(0) >= 0).mean()),
     }
-    pictures = {Path(name).stem: d for name, d in first["camera_pictures"].files.items()}
+    drawn = first["camera_pictures"].files | first["rig_pictures"].files
+    pictures = {Path(name).stem: data for name, data in drawn.items() if name.endswith(".png")}
     if truth is not None:
         level = compensated(truth, configuration.rig, configuration.road)
         errors = area_errors(first["stixels"], 0, level, configuration.rig)
         pictures[ERROR_MAP] = error_map(image, first["stixels"], errors)
-    return Assessment(dict.fromkeys(LABELS) | values, pictures, _seconds(composition))
+    rig = {"text": first["calibration"].text, **first["calibration"].values}
+    return Assessment(dict.fromkeys(LABELS) | values, pictures, _seconds(composition), rig)
 
 
 def _truth_of(recording: Recording) -> np.ndarray | None:
@@ -207,52 +212,28 @@ def _aligned(errors: AreaErrors, alignment: Alignment, rig: Rig) -> dict[str, An
     """The errors on square surfaces without the offset between the images and the truth."""
     if len(alignment.shifts) == 0:
         return {"patches": 0}
-    fit = fit_truth_error(alignment, rig)
-    offset = fit.offset - rig.disparity_offset
+    offset = float(np.median(alignment.shifts))
     removed = _sizes(errors.errors[errors.square] - offset, "square_", "_aligned")
-    return {"offset_px": offset, "patches": fit.count, **removed}
+    return {"offset_px": offset, "patches": len(alignment.shifts), **removed}
 
 
-METHODS = {
-    "labels": ("label_errors", fit_label_errors, "label_files", "labels"),
-    "truth": ("truth_alignment", fit_truth_error, "true_disparities", "true disparities"),
-    "motion": ("motion_tracks", fit_motion_error, "pose_files", "poses of the ego car"),
-}
-"""By name: the stage, the fit to its result, the files that it needs, and their noun."""
+NOTHING = (0.0, 0.0, 0.0)
 
 
-def calibrate(
-    composition: Composition, method: str | None = None, progress: Progress | None = None
-) -> DisparityFit:
-    """The offset and slope of the disparities in a recording.
-
-    `method` is a name of `METHODS`; None for the first whose files the recording has.
+def calibrate(composition: Composition, progress: Progress | None = None) -> RigCalibration:
+    """The disparity error of a recording's rig, also of one that states an error.
 
     Raises:
-        UserError: if the composition has no recording, or nothing to compare with.
+        UserError: if the composition has no recording.
         StageFailure: if a stage fails.
     """
     configuration = composition.configuration
     if configuration.source.kind == "rendered":
         raise UserError("source: rendered is exact: choose a recording, source.folder=DIR")
-    folder = configuration.source.folder
-    stage, fit, *_ = METHODS[chosen_method(composition.recording, folder, method)]
-    with computed_stages(composition, [stage], progress) as (_, load):
-        (errors,) = load(stage)
-    try:
-        return fit(errors, configuration.rig)
-    except ValueError as fault:
-        raise UserError(f"{folder}: {fault}") from None
-
-
-def chosen_method(recording: Recording, folder: str, method: str | None) -> str:
-    """The name of the method; UserError if it is unknown, or the recording lacks its files."""
-    if method is not None and method not in METHODS:
-        raise UserError(f"--from: {method!r} is not known: must be one of {', '.join(METHODS)}")
-    lacking = []
-    for name in METHODS if method is None else (method,):
-        _, _, files, noun = METHODS[name]
-        if getattr(recording, files):
-            return name
-        lacking.append(noun)
-    raise UserError(f"{folder}: has no {' and no '.join(lacking)} to compare with")
+    source = replace(configuration.source, calibration="motion")
+    exact = replace(configuration.rig, disparity_error=NOTHING, disparity_error_std=NOTHING)
+    composition = replace(
+        composition, configuration=replace(configuration, source=source, rig=exact)
+    )
+    with computed_stages(composition, ["calibration"], progress) as (_, load):
+        return load("calibration")[0]

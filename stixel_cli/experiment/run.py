@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from stixel_cli.border import Origin
+from stixel_cli.calibration.rig_calibration import RigCalibration
 from stixel_cli.config.compose import Composition, compose, from_resolved
 from stixel_cli.config.folders import OF_THE_MACHINE, PRESETS
 from stixel_cli.config.own_options import admit_code, check_parameters, functions_of
@@ -34,7 +35,9 @@ CAMERA = "camera_frames"
 """The stage that prepares the camera's images for the playback page."""
 
 OBJECTS, TRACKS, LABEL_TRUTHS = "objects", "tracks", "label_truths"
-"""Stages of a recording: objects in its frames; tracks of moving objects, and their labels."""
+CALIBRATION = "calibration"
+"""Stages of a recording: objects in its frames; tracks of moving objects, and their labels; what is
+known of its rig."""
 
 
 def run_experiment(
@@ -52,7 +55,7 @@ def run_experiment(
         pictures: whether to draw pictures.
         camera: whether to load the camera's frames for the page; None: if there are pictures.
     """
-    wanted = [*RESULTS, *(PICTURES if pictures else ()), OBJECTS, TRACKS]
+    wanted = [*RESULTS, *(PICTURES if pictures else ()), OBJECTS, TRACKS, CALIBRATION]
     wanted += [CAMERA] if (pictures if camera is None else camera) else []
     store = open_store(composition.configuration.cache) if store is None else store
     with computed_stages(composition, wanted, progress, on_scores, store) as (done, load):
@@ -62,12 +65,14 @@ def run_experiment(
                 progress.note(doubt)
         drawn = [one for name in PICTURES for one in load(name)]
         frames, objects, tracks, truths = map(load, (CAMERA, OBJECTS, TRACKS, LABEL_TRUTHS))
+        calibration = next(iter(load(CALIBRATION)), None)
         lineage = lineage_of(done.graph, done.status, store)
     return RunResult(
         settings=composition.resolved,
         manifest={"choices": composition.choices, "stages": done.stage_records()},
         metrics=dict(results["scores"].metrics),
         composition=composition,
+        calibration=calibration,
         **results,
         pictures={path: data for one in drawn for path, data in one.files.items()},
         camera=tuple(frames),
@@ -132,7 +137,7 @@ def record_run(
         "workers": composition.configuration.executor.workers,
         **provenance(),
         **({} if rerun_of is None else {"rerun_of": str(rerun_of)}),
-        **correction_note(composition.configuration),
+        **correction_note(run.calibration),
         **row_note(composition),
         **({} if run.scans.epoch is None else {"time_offset_ns": run.scans.epoch}),
         "star_convex": run.scenario.star_convex,
@@ -149,13 +154,11 @@ def record_run(
     return replace(run, folder=new_folder(results, name, stem, now, write))
 
 
-def correction_note(configuration: Configuration) -> dict[str, str]:
-    """The manifest's entry on the corrected disparity error; empty without one."""
-    offset, slope = configuration.rig.disparity_offset, configuration.rig.disparity_slope
-    if offset == slope == 0.0:
+def correction_note(calibration: RigCalibration | None) -> dict[str, Any]:
+    """The manifest's entries on the rig's disparity error; empty if nothing is known of it."""
+    if calibration is None or not calibration.rig.states_error:
         return {}
-    origin = getattr(configuration.source, "correction", None) or "set by hand"
-    return {"correction": f"{offset:+.3f} px {slope:+.6f} px per column; {origin}"}
+    return {"correction": calibration.text, **calibration.values}
 
 
 def row_note(composition: Composition) -> dict[str, float]:

@@ -110,7 +110,10 @@ def _stage(composition: Composition, path: Path, name: str, wiring: dict[str, st
         function=definition.functions[kind],
         pattern=definition.pattern,
         inputs=inputs,
-        settings={a: _setting(composition, p) for a, p in definition.reads.items()},
+        # Of a recording, the calibrated rig is an input.
+        settings={
+            a: _setting(composition, p) for a, p in definition.reads.items() if a not in inputs
+        },
         modules=tuple(f.partition(":")[0] for f in functions),
         folders=tuple(map(Path, configuration.code_folders)) if functions else (),
         own=bool(functions),

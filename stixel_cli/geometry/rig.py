@@ -14,6 +14,12 @@ from annotated_types import Ge, Le, Lt
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD, rotation
 from stixel_cli.parameters import parameters
 
+GREATEST_ERROR = 64.0
+"""Of a disparity in any column of an image, px."""
+
+Pixels = Annotated[float, Ge(-16), Le(16)]
+PixelStd = Annotated[float, Ge(0), Le(16)]
+
 
 @parameters
 class Rig:
@@ -29,9 +35,10 @@ class Rig:
         camera_height: height of the cameras above the road, m.
         pitch: rotation about the lateral axis, degrees, positive with the nose down.
         vertical_fov: vertical field of view, degrees; null for square pixels.
-        disparity_offset, disparity_slope: error of the measured disparity, px, and its change over
-            the columns, px per px: true d = measured d - offset - slope (u - u0). 0 for a rig
-            whose calibration is exact.
+        disparity_error: error of the measured disparities, px of (1, x, x²) with x = (u - u0) / f:
+            true d = measured d - c0 - c1 x - c2 x². 0 for a rig whose calibration is exact.
+        disparity_error_std: standard deviations of that error at the image's left border, in its
+            middle and at its right border, px, independent of each other.
     """
 
     width: Annotated[int, Ge(64), Le(4096)]
@@ -44,13 +51,19 @@ class Rig:
     camera_height: Annotated[float, Ge(0.1), Le(20)]
     pitch: Annotated[float, Ge(-30), Le(30)]
     vertical_fov: Annotated[float, Ge(5), Lt(170)] | None
-    disparity_offset: Annotated[float, Ge(-16), Le(16)] = 0.0
-    disparity_slope: Annotated[float, Ge(-0.01), Le(0.01)] = 0.0
+    disparity_error: tuple[Pixels, Pixels, Pixels] = (0.0, 0.0, 0.0)
+    disparity_error_std: tuple[PixelStd, PixelStd, PixelStd] = (0.0, 0.0, 0.0)
     principal_u_right: float | None = None
 
     def check(self) -> None:
         """Raise ValueError for two focal lengths, or a principal point outside of the image."""
         _ = self.focal
+        greatest = float(np.abs(self.disparity_errors() - self.far_disparity).max())
+        if greatest > GREATEST_ERROR:
+            raise ValueError(
+                f"rig.disparity_error: must be <= {GREATEST_ERROR:g} px in all columns, "
+                f"got {greatest:.0f} px"
+            )
         for name, value, size in (
             ("principal_u", self.principal_u, self.width),
             ("principal_v", self.principal_v, self.height),
@@ -119,6 +132,11 @@ class Rig:
         cosine, sine = np.cos(self.pitch_radians), np.sin(self.pitch_radians)
         return np.array([[1.0, 0.0, 0.0], [0.0, cosine, sine], [0.0, -sine, cosine]])
 
+    @property
+    def camera_matrix(self) -> np.ndarray:
+        """Matrix (3, 3) px from points in the camera's frame to (u, v, 1) times their depth."""
+        return np.array([[self.focal, 0.0, self.u0], [0.0, self.focal_v, self.v0], [0.0, 0.0, 1.0]])
+
     def disparity_from_depth(self, depth: float | np.ndarray) -> float | np.ndarray:
         """Disparity f_u B / z in px of depths z in m along the optical axis, any shape; (3)."""
         return self.focal * self.baseline / depth
@@ -128,8 +146,28 @@ class Rig:
 
         That is the error of the measured disparity, and `far_disparity`.
         """
-        error = self.disparity_offset + self.disparity_slope * (np.arange(self.width) - self.u0)
-        return error + self.far_disparity
+        basis = self.disparity_error_basis(np.arange(self.width))
+        return basis @ self.disparity_error + self.far_disparity
+
+    def disparity_error_basis(self, columns: np.ndarray) -> np.ndarray:
+        """(1, x, x²), (n, 3), at `columns` (n,) px: what `disparity_error` is multiplied by."""
+        return np.vander((columns - self.u0) / self.focal, 3, increasing=True)
+
+    @property
+    def states_error(self) -> bool:
+        """Whether the error of the disparities is known: neither 0 nor exact."""
+        return any(self.disparity_error + self.disparity_error_std)
+
+    @property
+    def disparity_error_columns(self) -> np.ndarray:
+        """The columns (3,) px of `disparity_error_std`."""
+        return np.array([0.0, 0.5, 1.0]) * (self.width - 1)
+
+    @property
+    def disparity_error_factor(self) -> np.ndarray:
+        """F (3, 3) px: the covariance of `disparity_error`, which all points share, is F Fᵀ."""
+        values = self.disparity_error_basis(self.disparity_error_columns)
+        return np.linalg.inv(values) * self.disparity_error_std
 
     def depth_from_disparity(self, disparity: float | np.ndarray) -> float | np.ndarray:
         """Depth f_u B / d in m along the optical axis of disparities d in px, any shape; (5)."""

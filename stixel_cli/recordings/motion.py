@@ -4,6 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
+from stixel_cli.calibration.rig_calibration import RigCalibration
+from stixel_cli.errors import UserError
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD, planar_poses
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.recordings.tables import read_poses
@@ -12,7 +14,13 @@ from stixel_cli.scene.scenario import EgoMotion
 
 
 def recorded_motion(
-    files: tuple[Path, ...], rig: Rig, tables: Tables, count: int, sample_time: float
+    files: tuple[Path, ...],
+    rig: Rig,
+    tables: Tables,
+    count: int,
+    sample_time: float,
+    pose_scale: float | str = 1.0,
+    calibration: RigCalibration | None = None,
 ) -> EgoMotion:
     """Planar motion at the first `count` frames, (0, 0, pi/2) at the first of them.
 
@@ -24,14 +32,19 @@ def recorded_motion(
         tables: how the files are written, and the first frame in them.
         count: number of frames.
         sample_time: time from one frame to the next, s.
+        pose_scale: factor on the lengths of the poses; "estimated": of the `calibration`.
 
     Raises:
-        UserError: if the file is not valid.
+        UserError: if the file is not valid, or shows no scale.
     """
     times = sample_time * np.arange(count)
     if not files:
         return EgoMotion(times, np.tile([0.0, 0.0, STRAIGHT_AHEAD], (count, 1)))
     poses, rows = read_poses(files, tables), slice(tables.first, tables.first + count)
+    scale = calibration.length_ratio if pose_scale == "estimated" else pose_scale
+    if np.isnan(scale):
+        raise UserError(f"source.pose_scale: cannot be estimated: {calibration.text}")
+    poses = poses * [1.0, 1.0, 1.0, scale]
     # The frames before the first show the road's direction there.
     pitches, heights = rocking(poses, rig.level_from_camera)
     planar = planar_poses(poses[rows], rig.level_from_camera)

@@ -10,6 +10,9 @@ from stixel_cli.parameters import parameters
 
 _FRAMES = re.compile(r"(\d{1,7}):(\d{1,7})")
 
+CALIBRATIONS = ("motion", "none")
+"""Values of `source.calibration` that name no file."""
+
 
 @parameters
 class Rendered:
@@ -27,8 +30,10 @@ class Recorded:
         folder: that folder.
         frames: numbers of the frames, `first:stop`; null for all that the recording has.
         sample_time: time from one frame to the next, s.
-        correction: how `rig.disparity_offset` and `rig.disparity_slope` were estimated, in words
-            that `stixel calibrate` prints; null if they were not.
+        calibration: of the rig's disparity error. `motion`: by the motion of its camera, unless the
+            rig states it; `none`: as the rig states it; or a rig.yaml that states it.
+        pose_scale: factor on the lengths of the ego poses; `estimated`: the length of the way by
+            the images over theirs, for poses of odometry with a rig that has an error.
         check_rectification: whether images are refused whose rows are 2 px apart, or whose left
             and right are exchanged; else a line says so, as it does from 0.5 px.
     """
@@ -37,12 +42,18 @@ class Recorded:
     folder: str | None
     frames: str | None
     sample_time: Annotated[float, Ge(0.001), Le(10)]
-    correction: str | None = None
+    calibration: str = "motion"
+    pose_scale: Annotated[float, Ge(0.5), Le(2)] | Literal["estimated"] = 1.0
     check_rectification: bool = True
 
     required: ClassVar[tuple[str, ...]] = ("folder",)
     example: ClassVar[str] = ""
     """Of a sequence, with the most digits."""
+
+    @property
+    def by_motion(self) -> bool:
+        """Whether the motion of the camera calibrates its rig."""
+        return self.calibration == "motion"
 
     def check(self) -> None:
         """Raise ValueError if a required value is missing or not valid."""

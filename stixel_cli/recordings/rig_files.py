@@ -15,12 +15,15 @@ import numpy as np
 
 from stixel_cli.errors import UserError, printable
 from stixel_cli.files import read_text, read_yaml
+from stixel_cli.geometry.rig import Rig
 from stixel_cli.recordings import kitti_tables
 from stixel_cli.recordings.kitti_tables import numbers, rectified_pair, text_rows
 from stixel_cli.recordings.types import Calibration
 
 NEEDED = ("focal_length", "principal_u", "principal_v", "baseline")
 OPTIONAL = ("focal_length_v", "principal_u_right", "camera_height")
+THREE = ("disparity_error", "disparity_error_std")
+"""Optional, too: lists of three numbers, px, which `stixel calibrate` writes."""
 
 SAME = {"fx": "focal_length", "fy": "focal_length_v", "cx": "principal_u", "cy": "principal_v"}
 """Our name of each number that is also taken by another name."""
@@ -97,21 +100,41 @@ def read_rig(file: Path) -> Calibration:
         content = our_names(content)
     except ValueError as fault:
         raise UserError(f"{file}: {fault}") from None
-    known = NEEDED + OPTIONAL
+    known = NEEDED + OPTIONAL + THREE
     for name, value in content.items():
         if name not in known:
             meant = counterpart(str(name), known) or f"; it has {', '.join(known)}"
             raise UserError(f"{file}: {printable(str(name))}: unknown{meant}")
-        if isinstance(value, bool) or not isinstance(value, int | float):
+        listed = value if name in THREE and isinstance(value, list) else [value]
+        if any(isinstance(one, bool) or not isinstance(one, int | float) for one in listed):
             raise UserError(f"{file}: {name}: must be a number")
+        if name in THREE and len(listed) != 3:
+            raise UserError(f"{file}: {name}: must be three numbers, px")
         if name.startswith("focal_length") and value <= 0:
             raise UserError(f"{file}: {name}: must be > 0, got {value:g}")
     for name in NEEDED:
         if name not in content:
             raise UserError(f"{file}: {name} is missing")
     kitti_tables.check_baseline(file, content["baseline"], "the left", "the right camera")
+    content |= {name: tuple(content[name]) for name in THREE if name in content}
     absent = {"focal_length_v": content["focal_length"], "camera_height": None}
     return Calibration(**absent | content)
+
+
+def rig_text(rig: Rig, comment: str) -> str:
+    """A `rig.yaml` that `read_rig` reads, with a `comment` of one line."""
+    values = {
+        "focal_length": rig.focal,
+        "focal_length_v": rig.focal_v,
+        "principal_u": rig.u0,
+        "principal_v": rig.v0,
+        "principal_u_right": rig.u0_right,
+        "baseline": rig.baseline,
+        "camera_height": rig.camera_height,
+        **{name: [*getattr(rig, name)] for name in THREE},
+    }
+    rows = [f"{name}: {value}\n" for name, value in values.items()]
+    return "".join([f"# {comment}\n", *rows])
 
 
 def _middlebury(file: Path) -> Calibration:

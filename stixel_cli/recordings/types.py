@@ -22,6 +22,7 @@ class Calibration:
         baseline: distance of the cameras, m.
         camera_height: above the road, m; None if the files do not state it.
         principal_u_right: of the right camera, px; None if it is that of the left.
+        disparity_error, disparity_error_std: as those of `Rig`; () if the files do not state them.
         left_camera: its place in the frame of the labels, see `Tables`.
         rectification: of the images; None if the files are rectified.
     """
@@ -35,6 +36,14 @@ class Calibration:
     principal_u_right: float | None = None
     left_camera: tuple[float, float, float] = (0.0, 0.0, 0.0)
     rectification: "Rectification | None" = None
+    disparity_error: tuple[float, ...] = ()
+    disparity_error_std: tuple[float, ...] = ()
+
+    @property
+    def error_values(self) -> dict[str, Any]:
+        """The values of a `Rig`, by name, on its disparity error that the files state."""
+        stated = {name: getattr(self, name) for name in ("disparity_error", "disparity_error_std")}
+        return {name: list(values) for name, values in stated.items() if values}
 
     def rig_values(self, width: int, height: int) -> dict[str, Any]:
         """The values of a `Rig`, by name, that this and images of `width` × `height` px give."""
@@ -51,6 +60,7 @@ class Calibration:
             "vertical_fov": vertical_angle(self.focal_length, self.focal_length_v, height),
             "pitch": 0.0,
             **camera_height,
+            **self.error_values,
         }
 
 

@@ -7,6 +7,7 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Ge, Le
 
+from stixel_cli.geometry.rig import Pixels, Rig
 from stixel_cli.images import ImageStack, encode_png
 from stixel_cli.parameters import parameters
 from stixel_cli.randomness import generator
@@ -24,14 +25,14 @@ class Sensor:
         read_noise: standard deviation in the dark, grey levels.
         shot_noise: standard deviation that is added at full scale, grey levels.
         right_gain: brightness of the right camera over that of the left.
-        disparity_error: px by which all disparities are too large: the right image is shifted to
-            the left, as by a rig that is out of calibration. No later stage reads it.
+        disparity_error: px by which disparities are too large, as by a rig that is out of
+            calibration: as `rig.disparity_error`, which does not follow it.
     """
 
     read_noise: Annotated[float, Ge(0), Le(50)]
     shot_noise: Annotated[float, Ge(0), Le(50)]
     right_gain: Annotated[float, Ge(0.5), Le(2)]
-    disparity_error: Annotated[float, Ge(-5), Le(5)]
+    disparity_error: tuple[Pixels, Pixels, Pixels]
 
 
 LUMA = np.array([0.299, 0.587, 0.114], dtype=np.float32)
@@ -39,7 +40,7 @@ LUMA = np.array([0.299, 0.587, 0.114], dtype=np.float32)
 
 
 def add_sensor_noise(
-    rendered: RenderedFrames, sensor: Sensor, frames: range, seed: int
+    rendered: RenderedFrames, sensor: Sensor, rig: Rig, frames: range, seed: int
 ) -> StereoPairs:
     """Grey images (H, W) uint8 of `frames` with the sensors' noise.
 
@@ -51,7 +52,7 @@ def add_sensor_noise(
         index = k - rendered.first
         grey = grey_levels(rendered.left[index])
         left.append(_noisy(grey, sensor, generator(seed, "expose left", k)))
-        grey = _shifted(grey_levels(rendered.right[index]), -sensor.disparity_error)
+        grey = _moved(grey_levels(rendered.right[index]), sensor, rig)
         grey *= np.float32(sensor.right_gain)
         right.append(_noisy(grey, sensor, generator(seed, "expose right", k)))
     return StereoPairs(frames.start, ImageStack(tuple(left)), ImageStack(tuple(right)))
@@ -68,13 +69,19 @@ def noise_std(grey: np.ndarray, sensor: Sensor) -> np.ndarray:
     return np.sqrt(np.float32(sensor.read_noise**2) + shot)
 
 
-def _shifted(grey: np.ndarray, columns: float) -> np.ndarray:
-    """`grey` (H, W) moved to the right by `columns` px, by cubic splines along its rows."""
-    if columns == 0.0:
-        return grey
-    from scipy.ndimage import shift
+def _moved(grey: np.ndarray, sensor: Sensor, rig: Rig) -> np.ndarray:
+    """`grey` (H, W) of the right camera, moved to the left by the error, by cubic splines.
 
-    return shift(grey, (0.0, columns), order=3, mode="nearest")
+    The error is that of the left image's columns: a point at infinity has it exactly, a near one,
+    which is farther left in the right image, nearly.
+    """
+    if not any(sensor.disparity_error):
+        return grey
+    from scipy.ndimage import map_coordinates
+
+    v, u = np.mgrid[: grey.shape[0], : grey.shape[1]].astype(np.float64)
+    u += rig.disparity_error_basis(u[0]) @ sensor.disparity_error
+    return map_coordinates(grey, (v, u), order=3, mode="nearest")
 
 
 def _noisy(grey: np.ndarray, sensor: Sensor, random: np.random.Generator) -> bytes:

@@ -1,7 +1,7 @@
 """The page of `stixel assess`: sentences, pictures, a table of values and times."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from stixel_cli.validation.pair_errors import AreaErrors
 ERROR_MAP = "errors"
 PICTURES = (
     (ERROR_MAP, "Errors of stixels; outlines: no truth"),
+    ("rig_error", "Disparity error of the rig"),
     ("stixels", "Stixels, coloured by their depth"),
     ("height", "Free space (green), unknown (violet) and obstacles (red)"),
     ("disparity", "Disparity, coloured by the depth that it means"),
@@ -34,11 +35,13 @@ class Assessment:
         values: by name; a value is None where its truth is missing. Their meaning is in `LABELS`.
         pictures: PNG by name.
         seconds: time by stage, without loading or compiling code.
+        rig: what is known of the rig's disparity error, by name, and as `text`.
     """
 
     values: Mapping[str, Any]
     pictures: Mapping[str, bytes]
     seconds: Mapping[str, float]
+    rig: Mapping[str, Any] = field(default_factory=dict)
 
 
 LABELS = {
@@ -136,4 +139,4 @@ def shown(name: str, value: Any) -> str:
 def sentences(found: Assessment) -> list[str]:
     """The answers, the most important first."""
     text = {name: shown(name, value) for name, value in found.values.items()}
-    return sentences_of(__package__, "assess", values=found.values, text=text)
+    return sentences_of(__package__, "assess", values=found.values, text=text, rig=found.rig)

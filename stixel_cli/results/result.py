@@ -14,6 +14,7 @@ from stixel_cli.evaluation.scores import SERIES, Scores
 from stixel_cli.results import reader
 
 if TYPE_CHECKING:
+    from stixel_cli.calibration.rig_calibration import RigCalibration
     from stixel_cli.measurements.scans import Scans
     from stixel_cli.recordings.types import LabelTruth
     from stixel_cli.results.lineage import Lineage
@@ -49,6 +50,7 @@ class RunResult:
         objects: chunks of the clusters of stixels, in order; empty unless images are recorded.
         tracks: those of moving objects, with `source.target=auto`, which has no `track`.
         truths: those of all labels of the recording, with `source.target=auto`.
+        calibration: what is known of the disparity error of a recording's rig.
         lineage: keys, settings and versions of each stage; None in a folder of an older version.
         label: name of the run in a legend; in a sweep `key=value …`.
         status: `done`, `failed`, `skipped` or `missing`.
@@ -75,6 +77,7 @@ class RunResult:
     objects: "tuple[Objects, ...]" = ()
     tracks: "tuple[ObjectTrack, ...]" = ()
     truths: "tuple[LabelTruth, ...]" = ()
+    calibration: "RigCalibration | None" = None
     lineage: "Lineage | None" = None
     label: str = ""
     status: str = DONE

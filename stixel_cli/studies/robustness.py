@@ -37,6 +37,7 @@ KEYS = {
     "gaps": ("road_user", "gap", "tracker"),
     "wrong_start": ("road_user", "tracker"),
     "miscalibrated": ("road_user", "path", "error", "tracker"),
+    "curved": ("calibration", "tracker"),
     "pandaset": ("target", "tracker"),
     "lidarrm": ("scans", "tracker"),
     "lidarrm_peers": ("scans", "tracker"),
@@ -105,7 +106,8 @@ def _named(runs: pd.DataFrame) -> pd.DataFrame:
     new = {
         "shape": ("road_user.mesh", lambda path: f"{Path(path).stem}, {Path(path).parent.name}"),
         "gap": ("measurement.dropout", lambda ends: f"{-np.subtract(*json.loads(ends)):g} s"),
-        "error": ("sensor.disparity_error", lambda pixels: f"{float(pixels):+g} px"),
+        "error": ("sensor.disparity_error", lambda error: f"{json.loads(error)[0]:+g} px"),
+        "calibration": ("rig.disparity_error", lambda error: "motion" if "-" in error else "none"),
         "target": ("source.target", str),
     }
     if "measurement.path" in runs:

@@ -18,17 +18,16 @@ ENDS = {
     "baseline": (0.001, 0.54, 5.0),
     "camera_height": (0.1, 0.11, 1.65, 20.0),
     "pitch": (-30.0, 0.0, 4.0, 30.0),
-    "disparity_offset": (-16.0, 0.0, 16.0),
-    "disparity_slope": (-0.01, 0.0, 0.01),
+    "disparity_error": ((-16.0,) * 3, (0.0, 0.0, 2.0), (16.0,) * 3),
 }
 USUAL = {"focal_length": 300.0, "baseline": 0.54, "camera_height": 1.65}
-USUAL |= {"pitch": 0.0, "disparity_offset": 0.0, "disparity_slope": 0.0}
+USUAL |= {"pitch": 0.0, "disparity_error": (0.0, 0.0, 0.0)}
 
 
 def draw(rng):
     """A rig of the ends of its ranges, and an image of noise, a road, or one disparity."""
     rig = {name: rng.choice((USUAL[name], *values)) for name, values in ENDS.items()}
-    rig |= {name: USUAL[name] for name in rng.sample(list(USUAL), rng.randrange(7))}
+    rig |= {name: USUAL[name] for name in rng.sample(list(USUAL), rng.randrange(6))}
     height, width = rng.choice(((64, 64), (64, 97), (120, 160)))
     generator = np.random.default_rng(rng.randrange(2**32))
     rows = np.arange(height)[:, None] * np.ones(width)

@@ -83,17 +83,17 @@ def texture(places: np.ndarray) -> np.ndarray:
 def stereo_view(rig: Rig, pose: np.ndarray, boxes=()) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Left and right image (H, W) uint8, and the disparity (H, W) px of the left one.
 
-    The right camera is displaced so that disparities have the `rig`'s error: offset and slope.
+    The right camera is displaced so that disparities have the `rig`'s error.
     """
     left, depth = view(rig, pose, boxes)
     disparity = rig.disparity_from_depth(depth)
     right_pose = pose.copy()
     right_pose[:, 3] = pose[:, 3] + rig.baseline * pose[:, 0]
     right, _ = view(replace(rig, principal_u=rig.u0_right), right_pose, boxes)
-    if rig.disparity_offset or rig.disparity_slope:
+    if any(rig.disparity_error):
         # A pixel u of a right image without error is seen at u - e.
         u = np.arange(rig.width, dtype=float)
-        error = rig.disparity_offset + rig.disparity_slope * (u - rig.u0)
+        error = rig.disparity_error_basis(u) @ rig.disparity_error
         right = np.stack([np.interp(u + error, u, row.astype(float)) for row in right])
         right = np.rint(right).astype(np.uint8)
     return left, right, disparity

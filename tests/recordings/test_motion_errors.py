@@ -8,107 +8,221 @@ import numpy as np
 import pytest
 from made_street import poses_ahead, stereo_view, street_rig
 
+from stixel_cli import compose
 from stixel_cli.calibration.motion_errors import (
-    MOST_PAIRS,
     Tracks,
-    fit_motion_error,
-    image_pairs,
-    motion_between,
-    places_after,
+    gathered,
+    places_of,
+    points_at,
+    track_points,
 )
+from stixel_cli.calibration.motion_fit import calibrate_rig
+from stixel_cli.calibration.rig_calibration import UNKNOWN_STD
 from stixel_cli.cli.app import main
+from stixel_cli.config.real_images import real_image_parameters
+from stixel_cli.experiment.stages import computed_stages
 from stixel_cli.export.kitti_folder import calibration_text
 from stixel_cli.images import encode_png
+from stixel_cli.recordings.types import Tables
+from stixel_cli.rendering.frames import StereoPairs
+from stixel_cli.stream import StixelStream
 
 RIG = street_rig()
+CURVE = (-0.5, 0.3, -2.0)
+STEREO = replace(real_image_parameters().stereo, nearest=4.0)
 
 
-def tracks_of(offset, slope, scale=1.0, outliers=0):
-    """Exact tracks of a cloud of points, with errors of disparity, pose scale and tracking."""
+def tracks_of(curve, noise=0.0, outliers=0, columns=(10, RIG.width - 10), count=12, far=0.0):
+    """Tracks of a cloud of points, one pair of images a metre; far points have `far` px more."""
     random = np.random.default_rng(2)
-    poses = poses_ahead(6, 1.0, sway=0.01)
-    pairs, places, moved, measured, motions = [], [], [], [], []
-    for k, step in image_pairs(poses[:, :, 3]):
-        motion = motion_between(poses[k], poses[k + step])
-        n = 60
-        at = random.uniform([10, 10], [RIG.width - 10, RIG.height - 10], (n, 2))
-        true = random.uniform(2.5, 20.0, n)
-        pairs.append(np.full(n, len(motions)))
-        places.append(at)
-        moved.append(places_after(at, true, np.tile(motion, (n, 1)), RIG))
-        measured.append(true + offset + slope * (at[:, 0] - RIG.u0))
-        motions.append(motion * [1, 1, 1, scale, scale, scale])
-    moved = np.concatenate(moved)
-    moved[:outliers] += 9.0
-    return Tracks(
-        np.concatenate(pairs),
-        np.concatenate(places),
-        moved,
-        np.concatenate(measured),
-        np.array(motions),
-    )
+    found = []
+    for k in range(count):
+        at = random.uniform([columns[0], 10], [columns[1], RIG.height - 10], (60, 2))
+        true = random.uniform(2.5, 20.0, 60)
+        turn, shift = random.normal(0.0, 0.01, 3), np.array([0.02, -0.03, -2.0])
+        rotation = np.array(
+            [[1, -turn[2], turn[1]], [turn[2], 1, -turn[0]], [-turn[1], turn[0], 1]]
+        )
+        rotation = np.linalg.qr(rotation)[0] * np.sign(np.linalg.qr(rotation)[1].diagonal())
+        moved = places_of(points_at(at, true, RIG) @ rotation.T + shift, RIG)
+        moved += random.normal(0.0, 1.0, moved.shape) * noise
+        moved[:outliers] += 9.0
+        measured = true + RIG.disparity_error_basis(at[:, 0]) @ curve + far * (true < 8.0)
+        start = np.eye(3), 1.05 * shift
+        found.append((k, 1, np.column_stack([at, moved, measured]), *start))
+    return gathered(found)
 
 
-@pytest.mark.parametrize("scale", [1.0, 1.04])
-def test_offset_and_slope_are_found_whatever_the_scale_of_the_poses(scale):
-    found = fit_motion_error(tracks_of(-0.4, 0.001, scale, outliers=20), RIG)
-    assert found.offset == pytest.approx(-0.4, abs=0.01)
-    assert found.slope == pytest.approx(0.001, abs=1e-4)
-    assert found.median_after < 0.05 < found.median_before
-    assert (found.method, found.count) == ("ego motion", 420)
+def poses_file(folder, step):
+    rows = [" ".join(str(float(v)) for v in pose.ravel()) for pose in poses_ahead(14, step)]
+    (folder / "poses.txt").write_text("\n".join(rows))
+    return (folder / "poses.txt",)
 
 
-def test_the_fit_includes_the_present_correction():
-    corrected = replace(RIG, disparity_offset=-0.3, disparity_slope=0.0005)
-    found = fit_motion_error(tracks_of(-0.1, 0.0005), corrected)
-    assert found.offset == pytest.approx(-0.4, abs=0.01)
-    assert found.slope == pytest.approx(0.001, abs=1e-4)
+def calibrated(tracks, files=()):
+    return calibrate_rig(tracks, files, RIG, Tables(), by_motion=True)
 
 
-def test_a_camera_that_does_not_move_shows_nothing():
-    assert image_pairs(np.zeros((5, 3))) == []
-    empty = Tracks(np.zeros(0, int), *np.zeros((2, 0, 2)), np.zeros(0), np.zeros((0, 6)))
-    with pytest.raises(ValueError, match="must move"):
-        fit_motion_error(empty, RIG)
+def test_a_drawn_curve_is_found_and_so_is_the_length_of_the_way(tmp_path):
+    found = calibrated(tracks_of(CURVE, outliers=3), poses_file(tmp_path, 2.1))
+    columns = RIG.disparity_error_basis(np.arange(RIG.width))
+    np.testing.assert_allclose(columns @ found.rig.disparity_error, columns @ CURVE, atol=0.01)
+    assert found.median_after < 0.01 < found.median_before
+    assert found.length_ratio == pytest.approx(2.0 / 2.1, abs=2e-3)
+    assert "poses are 5.0 % too long" in found.text and "source.pose_scale=0.95" in found.text
+    assert calibrated(tracks_of(CURVE), poses_file(tmp_path, 2.01)).length_text == ""
 
 
-def test_pairs_of_images_are_far_enough_apart():
-    places = np.array([[0.0, 0.0, z] for z in (0.0, 1.0, 2.0, 3.0)])
-    assert image_pairs(places) == [(0, 2), (0, 3), (1, 2)]
+def test_the_standard_deviations_cover_the_error():
+    found = calibrated(tracks_of(CURVE, noise=0.3)).rig
+    columns = RIG.disparity_error_basis(RIG.disparity_error_columns)
+    errors = columns @ (np.array(found.disparity_error) - CURVE)
+    assert (np.abs(errors) < 2.5 * np.array(found.disparity_error_std)).all()
+    assert max(found.disparity_error_std) < 0.4
 
 
-def test_a_long_recording_has_no_more_pairs_than_one_equation_can_have():
-    places = np.stack([np.zeros(900), np.zeros(900), np.arange(900.0)], axis=1)
-    found = image_pairs(places)
-    assert len(found) == len(set(found)) == MOST_PAIRS
-    assert found[0][0] == 0 and found[-1][0] >= 890 and {step for _, step in found} == {2, 3}
+def test_far_points_that_contradict_near_ones_are_said():
+    same, other = calibrated(tracks_of(CURVE)), calibrated(tracks_of(CURVE, far=0.8))
+    assert not same.note and "near and far points" in other.note
+    assert min(other.rig.disparity_error_std) > 2.0 * max(same.rig.disparity_error_std)
 
 
-def test_the_command_finds_the_error_of_a_clip_without_labels(tmp_path, monkeypatch, capsys):
-    monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "cache"))
-    wrong = replace(RIG, disparity_offset=0.5)
-    folder = tmp_path / "clip"
+@pytest.mark.parametrize(
+    ("tracks", "reason"),
+    [
+        (tracks_of(CURVE, count=5), "6 pairs of images are needed"),
+        (tracks_of(CURVE, columns=(120, 310)), "left third of the image has too few points"),
+        (tracks_of((0.0, 0.0, 0.0), noise=0.3), "held out fit no better"),
+    ],
+)
+def test_a_rig_is_left_alone_and_the_line_says_why(tracks, reason):
+    found = calibrated(tracks)
+    assert reason in found.text and "not corrected" in found.text
+    assert found.rig.disparity_error == (0.0, 0.0, 0.0)
+    assert np.all(np.array(found.rig.disparity_error_std) <= UNKNOWN_STD)
+    assert min(found.rig.disparity_error_std) > 0.0
+
+
+def street(poses, rig=RIG, plain=False):
+    """Pairs of images of the street, or of one without any texture."""
+    views = [stereo_view(rig, pose, [(-0.9, 0.9, 24.0, 1.5)])[:2] for pose in poses]
+    views = [(np.full_like(a, 90), np.full_like(b, 90)) if plain else (a, b) for a, b in views]
+    return views
+
+
+@pytest.mark.parametrize(
+    "views",
+    [
+        street(poses_ahead(12, 0.0)),
+        street(poses_ahead(12, 1.0), plain=True),
+        street(poses_ahead(3, 1.0)),
+    ],
+    ids=["standing camera", "featureless road", "three frames"],
+)
+def test_images_that_show_nothing_change_nothing(views):
+    pairs = [StereoPairs(0, *zip(*views, strict=True))]
+    tracks = track_points(pairs, STEREO, RIG, by_motion=True)
+    found = calibrated(tracks)
+    assert "6 pairs of images are needed" in found.text
+    assert found.rig == replace(RIG, disparity_error_std=UNKNOWN_STD)
+
+
+def test_nothing_is_tracked_on_request_or_with_a_rig_that_states_its_error():
+    pairs = [StereoPairs(0, *zip(*street(poses_ahead(3, 2.0)), strict=True))]
+    stated = replace(RIG, disparity_error=CURVE)
+    for rig, by_motion in ((RIG, False), (stated, True)):
+        assert isinstance(tracks := track_points(pairs, STEREO, rig, by_motion), Tracks)
+        assert len(tracks.pairs) == 0
+        assert calibrate_rig(tracks, (), rig, Tables(), by_motion).rig == rig
+
+
+@pytest.fixture(scope="module")
+def clip(tmp_path_factory):
+    """A folder in KITTI's layout, of a rig with an error, whose poses are 4 % too long."""
+    folder = tmp_path_factory.mktemp("street") / "clip"
     for name in ("image_0", "image_1"):
         (folder / name).mkdir(parents=True)
-    poses = poses_ahead(4, 1.0)
-    for k, pose in enumerate(poses):
-        left, right, _ = stereo_view(wrong, pose, [(-0.9, 0.9, 14.0, 1.5)])
-        for name, image in (("image_0", left), ("image_1", right)):
+    poses = poses_ahead(10, 1.0)
+    for k, views in enumerate(street(poses, replace(RIG, disparity_error=CURVE))):
+        for name, image in zip(("image_0", "image_1"), views, strict=True):
             (folder / name / f"{k:06d}.png").write_bytes(encode_png(image))
     (folder / "calib.txt").write_text(calibration_text(RIG))
-    rows = [" ".join(str(float(value)) for value in pose.ravel()) for pose in poses]
+    rows = [" ".join(str(float(v)) for v in (p * [1, 1, 1, 1.04]).ravel()) for p in poses]
     (folder / "poses.txt").write_text("\n".join(rows))
-    given = ["calibrate", f"source.folder={folder}", "executor=threads", "stereo.nearest=4"]
-    assert main([*given, "--json"]) == 0
+    return folder
+
+
+def given(clip, *more):
+    return [f"source.folder={clip}", "executor=threads", "stereo.nearest=4", *more]
+
+
+def test_the_command_writes_a_rig_for_the_next_recording(clip, tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "cache"))
+    assert main(["calibrate", *given(clip), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
-    assert found["offset"] == pytest.approx(0.5, abs=0.1) and abs(found["slope"]) < 5e-4
-    assert found["correction"].startswith("ego motion of clip clip, frames 0 to 4")
-    assert main([*given, "--from", "labels"]) == 2
-    assert "has no labels to compare with" in capsys.readouterr().err
-    # The printed overrides are overrides, and the scores name the correction.
-    assert main(given) == 0
+    columns = RIG.disparity_error_basis(RIG.disparity_error_columns)
+    np.testing.assert_allclose(columns @ found["disparity_error"], columns @ CURVE, atol=0.15)
+    assert found["length_ratio"] == pytest.approx(1.0 / 1.04, abs=0.015)
+    file = tmp_path / "rig.yaml"
+    assert main(["calibrate", *given(clip), "--output", str(file)]) == 0
     overrides = shlex.split(capsys.readouterr().out.splitlines()[0])
-    more = ["road_user=car", "start.range=[8,20]", "pictures.frames=[]", "source.frames=0:1"]
-    shown = ["run", "--json", "--results", str(tmp_path), *given[1:], *more, *overrides]
-    assert main(shown) == 0
-    assert found["correction"] in json.loads(capsys.readouterr().out)["correction"]
+    scans = ["road_user=car", "start.range=[8,20]"]
+    stated = compose(given(clip, *scans, *overrides)).configuration.rig
+    read = compose(given(clip, *scans, f"source.calibration={file}")).configuration.rig
+    assert stated == read and list(read.disparity_error) == found["disparity_error"]
+    # What is stated is used, and calibrated anew by the command alone.
+    with computed_stages(compose(given(clip, *scans, *overrides)), ["rig"]) as (_, load):
+        assert load("rig") == [stated]
+    assert main(["calibrate", *given(clip, *overrides), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["disparity_error"] == found["disparity_error"]
+
+
+def test_a_run_corrects_the_error_scales_the_poses_and_says_so(clip, tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "cache"))
+    more = ["road_user=car", "start.range=[8,40]", "pictures.frames=[]"]
+    more += ["source.pose_scale=estimated"]
+    assert main(["run", "--json", "--results", str(tmp_path), *given(clip, *more)]) == 0
+    text = json.loads(capsys.readouterr().out)["correction"]
+    assert text.startswith("disparity error corrected") and "the poses are" in text
+    with computed_stages(compose(given(clip, *more)), ["ego_motion", "rig"]) as (_, load):
+        (motion,), (rig,) = load("ego_motion"), load("rig")
+    way = np.linalg.norm(motion.poses_world[-1, :2] - motion.poses_world[0, :2])
+    assert way == pytest.approx(9.0, rel=0.015)
+    assert rig.disparity_error[0] == pytest.approx(CURVE[0], abs=0.1)
+
+
+def test_poses_cannot_be_scaled_by_a_recording_that_shows_no_length(
+    clip, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "cache"))
+    more = [
+        "road_user=car",
+        "start.range=[8,40]",
+        "source.pose_scale=estimated",
+        "source.frames=0:3",
+    ]
+    assert main(["run", "--results", str(tmp_path), *given(clip, *more)]) == 2
+    assert "source.pose_scale: cannot be estimated" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("key", ["rig.disparity_offset=0.1", "rig.disparity_slope=0.001"])
+def test_the_old_keys_name_the_new_one(key, capsys):
+    assert main(["run", key]) == 2
+    assert "rig.disparity_error" in capsys.readouterr().err
+
+
+def test_rendered_images_need_no_calibration(capsys):
+    assert main(["calibrate", "seed=0"]) == 2
+    assert "source: rendered is exact" in capsys.readouterr().err
+
+
+def test_a_stream_calibrates_its_rig_as_it_drives(monkeypatch):
+    monkeypatch.setattr("stixel_cli.stream.CALIBRATED", (2,))
+    tracks = tracks_of(CURVE)
+    monkeypatch.setattr("stixel_cli.calibration.motion_errors.gathered", lambda _: tracks)
+    views = street(poses_ahead(4, 1.0), replace(RIG, disparity_error=CURVE))
+    frames = list(StixelStream(RIG).steps(views))
+    assert [one.calibration is not None for one in frames] == [False, False, True, True]
+    assert frames[-1].calibration.rig.disparity_error == pytest.approx(CURVE, abs=0.01)
+    stated = StixelStream(replace(RIG, disparity_error=CURVE))
+    assert [one.calibration for one in stated.steps(views)] == [None] * 4

@@ -399,7 +399,7 @@ def test_what_a_plain_folder_does_not_state_is_required_or_seen(clip, tmp_path):
         return contradiction(composition.recording, composition.configuration)
 
     assert compose(words).configuration.rig.camera_height == pytest.approx(1.65, rel=0.03)
-    assert re.search(r"height: not given.* 1\.6\d m; rig\.disparity_offset=0 ", said())
+    assert re.search(r"height: not given.* 1\.6\d m; rig\.disparity_error=\[0\.0, ", said())
     contradicts = said("rig.camera_height=1.2", "rig.pitch=6.0")
     assert re.search(r"set rig\.camera_height=1\.6\d rig\.pitch=-?0\.\d \(now 1\.2 ", contradicts)
     assert said("rig.camera_height=1.6") is None

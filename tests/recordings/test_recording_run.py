@@ -82,7 +82,7 @@ def heads(monkeypatch):
         ("run", "--dry-run"),
         ("sweep", "--dry-run", "tracker=box,point", "seed=range(0,2)"),
         ("explain",),
-        ("calibrate", "--from", "labels"),
+        ("calibrate",),
         ("assess",),
     ],
     ids=lambda command: " ".join(command[:2]),

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.special import ndtr
 
+from stixel_cli.geometry.rig import Rig
 from stixel_cli.images import encode_png
 from stixel_cli.rendering import frames
 from stixel_cli.rendering.frames import RenderedFrames, StereoPairs
@@ -15,7 +16,11 @@ from stixel_cli.rendering.sensor_noise import (
     normal_quantiles,
 )
 
-SENSOR = Sensor(read_noise=1.2, shot_noise=1.8, right_gain=1.0, disparity_error=0.0)
+NOTHING = (0.0, 0.0, 0.0)
+SENSOR = Sensor(read_noise=1.2, shot_noise=1.8, right_gain=1.0, disparity_error=NOTHING)
+
+
+RIG = Rig(160, 120, 60.0, None, None, None, 0.3, 1.2, 0.0, None)
 
 
 def flat(count: int, value: int, first: int = 0, shape=(120, 160)) -> RenderedFrames:
@@ -26,10 +31,10 @@ def flat(count: int, value: int, first: int = 0, shape=(120, 160)) -> RenderedFr
 
 def test_sensor_images_do_not_depend_on_the_chunks():
     rendered = flat(4, 128, first=10)
-    together = add_sensor_noise(rendered, SENSOR, range(10, 14), seed=3)
+    together = add_sensor_noise(rendered, SENSOR, RIG, range(10, 14), seed=3)
     assert together.first == 10 and len(together) == 4
     for some in (range(10, 12), range(12, 14)):
-        part = add_sensor_noise(rendered, SENSOR, some, seed=3)
+        part = add_sensor_noise(rendered, SENSOR, RIG, some, seed=3)
         at = slice(some.start - 10, some.stop - 10)
         assert part.first == some.start
         assert part.left.encoded == together.left.encoded[at]
@@ -38,8 +43,8 @@ def test_sensor_images_do_not_depend_on_the_chunks():
 
 def test_noise_differs_between_frames_cameras_and_seeds():
     rendered = flat(2, 128)
-    pairs = add_sensor_noise(rendered, SENSOR, range(2), seed=3)
-    other = add_sensor_noise(rendered, SENSOR, range(2), seed=4)
+    pairs = add_sensor_noise(rendered, SENSOR, RIG, range(2), seed=3)
+    other = add_sensor_noise(rendered, SENSOR, RIG, range(2), seed=4)
     images = [pairs.left[0], pairs.right[0], pairs.left[1], pairs.right[1], other.left[0]]
     correlation = np.corrcoef([image.ravel() for image in images])
     assert np.abs(correlation - np.eye(5)).max() < 0.03
@@ -47,7 +52,7 @@ def test_noise_differs_between_frames_cameras_and_seeds():
 
 @pytest.mark.parametrize("value", [20, 128, 220])
 def test_noise_has_the_standard_deviation_of_the_parameters(value):
-    image = add_sensor_noise(flat(1, value), SENSOR, range(1), seed=0).left[0].astype(float)
+    image = add_sensor_noise(flat(1, value), SENSOR, RIG, range(1), seed=0).left[0].astype(float)
     expected = np.sqrt(1.2**2 + 1.8**2 * value / 255 + 1 / 12)
     assert abs(image.std() / expected - 1) < 0.03
     assert abs(image.mean() - value) < 0.06
@@ -57,7 +62,7 @@ def test_image_without_noise_is_the_luma_with_gain_on_the_right():
     picture = np.random.default_rng(0).integers(0, 256, (40, 50, 3)).astype(np.uint8)
     depth, ids = np.ones((40, 50)), np.zeros((40, 50), dtype=np.uint8)
     rendered = RenderedFrames.from_frames(0, [(picture, picture, depth, ids)])
-    pairs = add_sensor_noise(rendered, Sensor(0.0, 0.0, 1.1, 0.0), range(1), seed=0)
+    pairs = add_sensor_noise(rendered, Sensor(0.0, 0.0, 1.1, NOTHING), RIG, range(1), seed=0)
     exact = picture @ np.array([0.299, 0.587, 0.114])
     assert np.abs(pairs.left[0] - exact).max() <= 0.5 + 1e-4
     assert np.abs(pairs.right[0] - np.minimum(1.1 * exact, 255)).max() <= 0.5 + 1e-4
@@ -71,7 +76,9 @@ def test_noise_is_normal():
     assert np.allclose(ndtr(deviates), below, rtol=1e-5, atol=1e-9)
     assert abs(deviates.std() - 1) < 2e-5
     # And every one of them can be drawn.
-    image = add_sensor_noise(flat(1, 128), Sensor(12.0, 0.0, 1.0, 0.0), range(1), seed=1).left[0]
+    image = add_sensor_noise(
+        flat(1, 128), Sensor(12.0, 0.0, 1.0, NOTHING), RIG, range(1), seed=1
+    ).left[0]
     noise = (image.astype(float) - 128) / 12
     assert abs((noise**4).mean() - 3) < 0.15 and noise.max() > 3.5 and noise.min() < -3.5
 
@@ -106,7 +113,8 @@ def test_frames_are_compressed_one_at_a_time(monkeypatch):
     assert np.all(rendered.depth(1) == 1.5)
 
 
-def test_the_right_image_is_shifted_by_the_error_of_disparity():
+@pytest.mark.parametrize("curve", [(0.3, 0.0, 0.0), (0.0, 2.0, 0.0), (0.1, 0.0, 4.0)])
+def test_the_right_image_is_shifted_by_the_error_of_disparity(curve):
     """A smooth stripe: its centre moves by exactly the error, in the right image alone."""
     columns = np.arange(160)
 
@@ -116,7 +124,9 @@ def test_the_right_image_is_shifted_by_the_error_of_disparity():
 
     depth, ids = np.ones((40, 160)), np.zeros((40, 160), dtype=np.uint8)
     rendered = RenderedFrames.from_frames(0, [(picture(90.0), picture(80.0), depth, ids)])
-    pairs = add_sensor_noise(rendered, Sensor(0.0, 0.0, 1.0, 0.3), range(1), seed=0)
+    pairs = add_sensor_noise(rendered, Sensor(0.0, 0.0, 1.0, curve), RIG, range(1), seed=0)
     left, right = (image[0].astype(float).sum(axis=0) for image in (pairs.left, pairs.right))
     disparity = columns @ left / left.sum() - columns @ right / right.sum()
-    assert disparity == pytest.approx(10.3, abs=0.01)
+    # The column of the right image is 80 there.
+    x = (80.0 - RIG.u0) / RIG.focal
+    assert disparity == pytest.approx(10.0 + np.dot(curve, [1.0, x, x**2]), abs=0.03)

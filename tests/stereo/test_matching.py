@@ -219,9 +219,10 @@ def test_the_first_match_decides_what_is_valid(pairs, stereo, match):
 
 def test_the_errors_of_the_rig_are_taken_off_column_by_column(pairs):
     plain = sgm.match(pairs, SGM, RIG, FRAMES).raw(1).astype(int)
-    wrong = replace(RIG, disparity_offset=-0.5, disparity_slope=0.01)
+    wrong = replace(RIG, disparity_error=(-0.5, 0.01 * RIG.focal, 1.0))
     found = sgm.match(pairs, SGM, wrong, FRAMES).raw(1).astype(int)
-    errors = np.rint(16 * (-0.5 + 0.01 * (np.arange(160) - 79.5))).astype(int)
+    away = np.arange(160) - 79.5
+    errors = np.rint(16 * (-0.5 + 0.01 * away + (away / RIG.focal) ** 2)).astype(int)
     assert errors.min() < 0 < errors.max()
     both = (plain != INVALID) & (found != INVALID)
     assert both.mean() > 0.8 and ((found == INVALID) >= (plain == INVALID)).all()

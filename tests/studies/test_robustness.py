@@ -43,7 +43,7 @@ def test_a_tiny_study_has_a_table_for_each_departure(studies, tmp_path):
         for key, values in (("road_user", ["car"]), ("path", ["turn"])):
             if key in sweep["axes"]:
                 sweep["axes"][key] = values
-        if name == "following":
+        if name in ("following", "curved"):
             del sweep["fixed"]["path.start"]
         if name == "gaps":
             sweep["fixed"]["path.duration"] = 1.0
@@ -64,6 +64,8 @@ def test_a_tiny_study_has_a_table_for_each_departure(studies, tmp_path):
         "-0.3 px",
         "+0.3 px",
     ]
+    curved = [row["calibration"] for row in table(answer["folder"], "curved")]
+    assert sorted(curved) == ["motion"] * 2 + ["none"] * 2
     assert [row["tracker"] for row in table(answer["folder"], "following")] == FEW["tracker"]
 
 

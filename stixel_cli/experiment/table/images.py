@@ -25,7 +25,7 @@ STAGES: dict[str, Definition] = {
         files=("road_user.mesh",),
     ),
     "add_sensor_noise": Definition(
-        only("rendering.sensor_noise:add_sensor_noise"), "map", same("sensor"), seeded=True
+        only("rendering.sensor_noise:add_sensor_noise"), "map", same("sensor", "rig"), seeded=True
     ),
     "match": Definition(
         by_kind(StereoParameters, "match"), "map", same("rig", "stereo"), chosen_by="stereo"
@@ -46,6 +46,7 @@ STAGES: dict[str, Definition] = {
             "tables": "recording.tables",
             "count": "recording.count",
             "sample_time": "source.sample_time",
+            "pose_scale": "source.pose_scale",
         },
         recorded="pose_files",
     ),

@@ -45,15 +45,18 @@ STAGES: dict[str, Definition] = {
         same("rig", "road", "occupancy", "free_space"),
     ),
     "point_errors": Definition(only("validation.point_errors:point_errors"), "once", same("rig")),
-    "label_errors": Definition(
-        only("calibration.label_errors:label_errors"), "once", FROM_LABELS, recorded="label_files"
-    ),
     "track_points": Definition(
         only("calibration.motion_errors:track_points"),
         "once",
-        {"rig": "rig", "tables": "recording.tables"},
+        same("rig", "stereo") | {"by_motion": "source.by_motion"},
+    ),
+    "calibrate_rig": Definition(
+        only("calibration.motion_fit:calibrate_rig"),
+        "once",
+        {"rig": "rig", "tables": "recording.tables", "by_motion": "source.by_motion"},
         recorded="pose_files",
     ),
+    "calibrated_rig": Definition(only("calibration.motion_fit:calibrated_rig"), "once"),
     "align_truth": Definition(
         only("calibration.truth_alignment:align_truth"),
         "once",
@@ -81,6 +84,7 @@ STAGES: dict[str, Definition] = {
         same("field_of_view"),
         pictures=True,
     ),
+    "rig_pictures": Definition(only("pictures.rig_error:rig_pictures"), "once", pictures=True),
     "run_pictures": Definition(
         only("pictures.over_time:run_pictures"), "once", same("field_of_view"), pictures=True
     ),

@@ -1,0 +1,235 @@
+"""What the motion of its camera tells of a rig: its disparity error, and the length of its way."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from stixel_cli.calibration.motion_errors import Tracks, places_of, points_at
+from stixel_cli.calibration.rig_calibration import UNKNOWN_STD, RigCalibration, with_error
+from stixel_cli.geometry.rig import Rig
+from stixel_cli.recordings.tables import read_poses
+from stixel_cli.recordings.types import Tables
+
+PLACE_STD = 0.3
+"""Of a tracked place, px: residuals of this size count half (Cauchy's weights)."""
+
+ROUNDS = 30
+
+MATCHER_STD = 0.05
+"""Error of matching over a whole recording, px: what an exact, rendered rig shows."""
+
+LEAST_PAIRS = 6
+"""Of images."""
+
+LEAST_SHARE = 0.05
+"""Of the points, in each third of the image."""
+
+STRETCHES = 4
+"""Of a recording, one after the other; each is held out once."""
+
+RANGES = (8.0, 20.0)
+"""Disparities between far, middle and near points, px."""
+
+DISAGREEMENT = 0.2
+"""Of far and near points, or of both halves, px, that is said."""
+
+
+def calibrate_rig(
+    tracks: Tracks, files: tuple[Path, ...], rig: Rig, tables: Tables, by_motion: bool
+) -> RigCalibration:
+    """The disparity error of a rig that its tracks show.
+
+    With a rig that states its error, or not `by_motion`, that is the rig's.
+
+    An error is found if pairs of images fit better, by more than twice the standard error, with the
+    error that the pairs of other stretches of the recording show. Its standard deviations are such
+    that far and near points, and both halves of the recording, agree.
+
+    Args:
+        tracks: of the recording.
+        files: the files of the poses, to compare lengths; may be empty.
+        rig: of the images.
+        tables: how the files are written.
+    """
+    if not by_motion or rig.states_error:
+        return RigCalibration(rig, "as the rig states")
+    rig, count = replace(rig, disparity_error_std=UNKNOWN_STD), len(tracks.frames)
+    found = RigCalibration(rig, f"{len(tracks.pairs)} points in {count} pairs of images")
+    if count < LEAST_PAIRS:
+        too_few = f"{LEAST_PAIRS} pairs of images are needed, with a motion of 1.5 m in ten frames"
+        return replace(found, note=f"{too_few} and static points; {count} found")
+    before = _motions(tracks, rig)
+    found = replace(found, median_before=_median(before), **_length_ratio(before, files, tables))
+    thirds = np.bincount((3 * tracks.places[:, 0] / rig.width).astype(int), minlength=3)
+    if thirds.min() < LEAST_SHARE * thirds.sum():
+        third = ("left", "middle", "right")[thirds.argmin()]
+        return replace(found, note=f"the {third} third of the image has too few points")
+    basis = rig.disparity_error_basis(tracks.places[:, 0])
+    information = np.linalg.inv(rig.disparity_error_factor @ rig.disparity_error_factor.T)
+    after = solve(before.tracks, basis, information, rig)
+    stretch, gains = np.arange(count) * STRETCHES // count, np.zeros(count)
+    for one in range(STRETCHES):
+        held_out = stretch == one
+        points = held_out[tracks.pairs]
+        error = solve(after.tracks.chosen(~held_out), basis[~points], information, rig).error
+        others = before.tracks.chosen(held_out)
+        corrected = replace(others, disparities=others.disparities - basis[points] @ error)
+        gain = _costs(before.residuals[points]) - _costs(_motions(corrected, rig).residuals)
+        gains[held_out] = np.bincount(others.pairs, gain) / np.bincount(others.pairs)
+    halves = (2 * stretch >= STRETCHES).astype(int)[tracks.pairs]
+    parts = np.digitize(tracks.disparities, RANGES), halves
+    apart = np.max([_disagreement(after, basis, one, information, rig) for one in parts], axis=0)
+    calibrated = with_error(rig, after.error, after.covariance, np.hypot(apart, MATCHER_STD))
+    note = ""
+    if apart.max() > DISAGREEMENT:
+        note = (
+            f"near and far points, or the halves of the recording, differ by {apart.max():.1f} px"
+        )
+    found = replace(found, columns=tracks.places[:, 0], errors=after.errors, note=note)
+    # Both pairs of one first image have much in common.
+    scatter = gains.std(ddof=1) / np.sqrt(len(np.unique(tracks.frames[:, 0])))
+    if gains.mean() < 2.0 * scatter:
+        error = rig.disparity_error_basis(rig.disparity_error_columns) @ after.error
+        stds = np.minimum(np.hypot(calibrated.disparity_error_std, error), UNKNOWN_STD)
+        rig = replace(rig, disparity_error_std=tuple(stds.round(3).tolist()))
+        return replace(
+            found, rig=rig, note="pairs of images that are held out fit no better with it"
+        )
+    lengths = _length_ratio(after, files, tables)
+    return replace(found, rig=calibrated, median_after=_median(after), **lengths)
+
+
+def calibrated_rig(calibration: RigCalibration) -> Rig:
+    """The rig with the error that its calibration has found."""
+    return calibration.rig
+
+
+def _motions(tracks: Tracks, rig: Rig) -> "Solution":
+    """The motions of the pairs of images, if disparities have no error."""
+    return solve(tracks, np.zeros((len(tracks.pairs), 0)), np.zeros((0, 0)), rig)
+
+
+def _median(solution: "Solution") -> float:
+    return float(np.median(np.linalg.norm(solution.residuals, axis=1)))
+
+
+def _costs(residuals: np.ndarray) -> np.ndarray:
+    """Cauchy's cost (n,) of residuals (n, 2) px."""
+    return np.log1p(np.sum(residuals**2, axis=1) / PLACE_STD**2)
+
+
+def _length_ratio(
+    solution: "Solution", files: tuple[Path, ...], tables: Tables
+) -> dict[str, float]:
+    """The fields of `RigCalibration` on lengths; empty without poses that move."""
+    if not files:
+        return {}
+    places = read_poses(files, tables)[tables.first :, :, 3]
+    first, second = solution.tracks.frames.T
+    given = np.linalg.norm(places[second] - places[first], axis=1)
+    if not (given > 0.0).all():
+        return {}
+    ratios = np.linalg.norm(solution.tracks.shifts, axis=1) / given
+    std = float(ratios.std(ddof=1) / np.sqrt(len(np.unique(first))))
+    return {"length_ratio": float(ratios.mean()), "length_ratio_std": std}
+
+
+def _disagreement(
+    after: "Solution", basis: np.ndarray, groups: np.ndarray, information: np.ndarray, rig: Rig
+) -> np.ndarray:
+    """How far errors of `groups` (n,) of points are from that of all, (3,) px RMS.
+
+    All groups share the motions, each has its own error; the mean counts each by its information.
+    The columns are those of `disparity_error_std`.
+    """
+    count = groups.max() + 1
+    own = (groups[:, None] == np.arange(count))[:, :, None] * basis[:, None, :]
+    rest = replace(after.tracks, disparities=after.tracks.disparities - basis @ after.error)
+    found = solve(rest, own.reshape(len(basis), -1), np.kron(np.eye(count), information), rig)
+    at = np.kron(np.eye(count), rig.disparity_error_basis(rig.disparity_error_columns))
+    values = (at @ found.error).reshape(count, 3)
+    weights = (1.0 / np.einsum("ni,ij,nj->n", at, found.covariance, at)).reshape(count, 3)
+    return np.sqrt(np.sum(weights * values**2, axis=0) / np.sum(weights, axis=0))
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Coefficients (m,) of a disparity error with their covariance (m, m), and the motions.
+
+    `tracks` have the new motions. `residuals` (n, 2) px are of the places in the second image, and
+    `errors` (n,) px are the disparity errors that would remove them.
+    """
+
+    error: np.ndarray
+    covariance: np.ndarray
+    tracks: Tracks
+    residuals: np.ndarray
+    errors: np.ndarray
+
+
+def solve(tracks: Tracks, basis: np.ndarray, information: np.ndarray, rig: Rig) -> Solution:
+    """The disparity error that all pairs of images share, and their motions, by least squares.
+
+    Gauss-Newton with Cauchy's weights; the motions are eliminated pair by pair (Schur's
+    complement). The covariance is that of independent residuals.
+
+    Args:
+        tracks: with at least one pair of images.
+        basis: (n, m), by which each point's disparity error depends on the coefficients.
+        information: (m, m), of the coefficients before: their mean is 0.
+        rig: of the images.
+    """
+    of, m = tracks.pairs, basis.shape[1]
+    starts = np.searchsorted(of, np.arange(len(tracks.frames)))
+    error, found = np.zeros(m), tracks
+    for _ in range(ROUNDS):
+        residuals, by_error, by_motion = _linearised(found, basis @ error, rig)
+        slopes = np.concatenate([by_error[:, :, None] * basis[:, None, :], by_motion], axis=2)
+        weighted = slopes / (1.0 + np.sum(residuals**2, axis=1) / PLACE_STD**2)[:, None, None]
+        normal = np.add.reduceat(weighted.transpose(0, 2, 1) @ slopes, starts)
+        side = np.add.reduceat(np.einsum("nai,na->ni", weighted, residuals), starts)
+        own, cross = normal[:, m:, m:], normal[:, m:, :m]
+        # Relative damping, for unknowns of such different sizes.
+        own = own * (1.0 + 1e-9 * np.eye(6))
+        gain = np.linalg.solve(own, np.concatenate([cross, side[:, m:, None]], axis=2))
+        reduced = np.concatenate([normal[:, :m, :m], side[:, :m, None]], axis=2)
+        reduced = np.sum(reduced - cross.transpose(0, 2, 1) @ gain, axis=0) / PLACE_STD**2
+        whole = reduced[:, :m] + information
+        change = -np.linalg.solve(whole, reduced[:, m] + information @ error)
+        move = -gain[:, :, m] - gain[:, :, :m] @ change
+        rotations, shifts = _turns(move[:, :3]) @ found.rotations, found.shifts + move[:, 3:]
+        error, found = error + change, replace(found, rotations=rotations, shifts=shifts)
+        if np.abs(change).max(initial=0.0) < 1e-3 and np.abs(move).max() < 1e-4:
+            break
+    residuals, by_error, _ = _linearised(found, basis @ error, rig)
+    errors = basis @ error - np.sum(by_error * residuals, axis=1) / np.sum(by_error**2, axis=1)
+    return Solution(error, np.linalg.inv(whole), found, residuals, errors)
+
+
+def _linearised(
+    tracks: Tracks, errors: np.ndarray, rig: Rig
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Residuals (n, 2) px with disparity `errors` (n,) px, and their derivatives.
+
+    These are (n, 2) by the error, and (n, 2, 6) by a further turn (rad) and shift (m).
+    """
+    true = np.maximum(tracks.disparities - errors, 0.5)
+    points = points_at(tracks.places, true, rig)
+    turned = (tracks.rotations[tracks.pairs] @ points[:, :, None])[:, :, 0]
+    points = turned + tracks.shifts[tracks.pairs]
+    x, y, z = points[:, 0], points[:, 1], np.maximum(points[:, 2], 0.1)
+    view = np.zeros((len(z), 2, 3))
+    view[:, 0, 0], view[:, 0, 2] = rig.focal / z, -rig.focal * x / z**2
+    view[:, 1, 1], view[:, 1, 2] = rig.focal_v / z, -rig.focal_v * y / z**2
+    # Under a disparity error a point moves along its ray by p / d per px, under a turn w by w × p.
+    by_error = (view @ (turned / true[:, None])[:, :, None])[:, :, 0]
+    by_motion = np.concatenate([np.cross(turned[:, None, :], view), view], axis=2)
+    return places_of(points, rig) - tracks.moved, by_error, by_motion
+
+
+def _turns(angles: np.ndarray) -> np.ndarray:
+    """Rotations (P, 3, 3) of rotation vectors (P, 3) rad."""
+    from scipy.spatial.transform import Rotation
+
+    return Rotation.from_rotvec(angles).as_matrix()
