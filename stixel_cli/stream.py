@@ -25,7 +25,7 @@ from stixel_cli.pairs import (
 
 if TYPE_CHECKING:
     from stixel_cli.calibration.motion_errors import Pair
-    from stixel_cli.calibration.rig_calibration import RigCalibration
+    from stixel_cli.geometry.rig_calibration import RigCalibration
     from stixel_cli.measurements.scans import Scans
     from stixel_cli.stixels.types import Objects
     from stixel_cli.tracking.several.clusters import OpenTrack

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from stixel_cli.calibration.motion_errors import Tracks, places_of, points_at
-from stixel_cli.calibration.rig_calibration import UNKNOWN_STD, RigCalibration, with_error
 from stixel_cli.geometry.rig import Rig
+from stixel_cli.geometry.rig_calibration import UNKNOWN_STD, RigCalibration, with_error
 from stixel_cli.recordings.tables import read_poses
 from stixel_cli.recordings.types import Tables
 

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from stixel_cli.calibration.rig_calibration import RigCalibration
 from stixel_cli.calibration.truth_alignment import Alignment
 from stixel_cli.config.compose import Composition
 from stixel_cli.config.road_pose import rows_of
@@ -17,6 +16,7 @@ from stixel_cli.engine.store import Store
 from stixel_cli.errors import UserError
 from stixel_cli.experiment.stages import computed_stages
 from stixel_cli.geometry.rig import Rig
+from stixel_cli.geometry.rig_calibration import RigCalibration
 from stixel_cli.images import encode_png
 from stixel_cli.measurements.stixel_file import StixelFile
 from stixel_cli.pictures import style

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 from stixel_cli.border import Origin
-from stixel_cli.calibration.rig_calibration import RigCalibration
 from stixel_cli.config.compose import Composition, compose, from_resolved
 from stixel_cli.config.folders import OF_THE_MACHINE, PRESETS
 from stixel_cli.config.own_options import admit_code, check_parameters, functions_of
@@ -21,6 +20,7 @@ from stixel_cli.evaluation.scores import Scores
 from stixel_cli.experiment.run_names import differences, joined_name
 from stixel_cli.experiment.stages import RESULTS, computed_stages, experiment_graph
 from stixel_cli.experiment.table.table import PICTURES
+from stixel_cli.geometry.rig_calibration import RigCalibration
 from stixel_cli.measurements.file_truth import heading_note
 from stixel_cli.report.playback import playback_html
 from stixel_cli.results.folder import check_results, new_folder, write_folder

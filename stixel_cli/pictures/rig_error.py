@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from stixel_cli.calibration.rig_calibration import RigCalibration
+from stixel_cli.geometry.rig_calibration import RigCalibration
 from stixel_cli.pictures import style
 from stixel_cli.results.pictures import Pictures
 

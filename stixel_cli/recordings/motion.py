@@ -4,10 +4,10 @@ from pathlib import Path
 
 import numpy as np
 
-from stixel_cli.calibration.rig_calibration import RigCalibration
 from stixel_cli.errors import UserError
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD, planar_poses
 from stixel_cli.geometry.rig import Rig
+from stixel_cli.geometry.rig_calibration import RigCalibration
 from stixel_cli.recordings.tables import read_poses
 from stixel_cli.recordings.types import Tables
 from stixel_cli.scene.scenario import EgoMotion

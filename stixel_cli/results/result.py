@@ -14,7 +14,7 @@ from stixel_cli.evaluation.scores import SERIES, Scores
 from stixel_cli.results import reader
 
 if TYPE_CHECKING:
-    from stixel_cli.calibration.rig_calibration import RigCalibration
+    from stixel_cli.geometry.rig_calibration import RigCalibration
     from stixel_cli.measurements.scans import Scans
     from stixel_cli.recordings.types import LabelTruth
     from stixel_cli.results.lineage import Lineage

@@ -17,11 +17,11 @@ from stixel_cli.calibration.motion_errors import (
     track_points,
 )
 from stixel_cli.calibration.motion_fit import calibrate_rig
-from stixel_cli.calibration.rig_calibration import UNKNOWN_STD
 from stixel_cli.cli.app import main
 from stixel_cli.config.real_images import real_image_parameters
 from stixel_cli.experiment.stages import computed_stages
 from stixel_cli.export.kitti_folder import calibration_text
+from stixel_cli.geometry.rig_calibration import UNKNOWN_STD
 from stixel_cli.images import encode_png
 from stixel_cli.recordings.types import Tables
 from stixel_cli.rendering.frames import StereoPairs
