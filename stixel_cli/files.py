@@ -126,7 +126,7 @@ def read_xml(file: Path) -> "Element":
 
     text = read_text(file)
     if "<!ENTITY" in text or text.count("<") > MOST_VALUES:
-        raise UserError(f"{file}: must have no entities, and at most {MOST_VALUES} tags")
+        raise UserError(f"{file}: must declare no entities, and have at most {MOST_VALUES} tags")
     try:
         return ElementTree.fromstring(text)
     except (ElementTree.ParseError, ValueError) as error:
@@ -161,8 +161,8 @@ def read_yaml_text(file: Path, most: int | None = None) -> str:
     import yaml
 
     text, most = read_text(file), most or MOST_VALUES
-    # OpenCV begins its files with a directive, and gives matrices a tag, that no YAML has. What ROS
-    # prints ends with the begin of a next document.
+    # OpenCV's files have a directive and a tag that are not valid YAML; a message that ROS prints
+    # ends with the start of a next document.
     text = re.sub(r"\A%YAML:1\.0\s*\n|!!opencv-matrix|\n---\s*\Z", "", text)
     total = 0
     sizes: dict[str, int] = {}  # Number of values of each anchor.

@@ -32,9 +32,9 @@ def eight_bits(images: Mapping[str, np.ndarray]) -> list[np.ndarray]:
     """Images of one pair as uint8, by one scale, (H, W) or (H, W, 3).
 
     Args:
-        images: (H, W), or (H, W, C) with C = 1 to 4, of which no more than three colours stay, by
-            their names in messages: uint8; uint16, of which the greatest value of all images
-            becomes 255; or float in [0, 1], or else in [0, 255].
+        images: (H, W) or (H, W, C), C = 1 to 4, by the names that messages use. Alpha is dropped.
+            The types are uint8; uint16, scaled so that the greatest value of all images is 255;
+            and float, in [0, 1] or in [0, 255].
 
     Raises:
         ValueError: for an image of another shape, type or range.
@@ -45,9 +45,12 @@ def eight_bits(images: Mapping[str, np.ndarray]) -> list[np.ndarray]:
         if kind not in (np.uint8, np.uint16, np.float32, np.float64):
             raise ValueError(f"{name}: must be uint8, uint16 or float, got {kind}")
         if image.size == 0 or image.ndim not in (2, 3) or image.shape[2:] > (4,):
-            raise ValueError(f"{name}: must be (H, W) or (H, W, 3), got {image.shape}")
+            raise ValueError(f"{name}: must be (H, W), (H, W, 3) or (H, W, 4), got {image.shape}")
         if kind.kind == "f" and not (image.min() >= 0.0 and image.max() <= 255.0):
-            raise ValueError(f"{name}: must have values in [0, 1] or in [0, 255]")
+            raise ValueError(
+                f"{name}: must have values in [0, 1] or in [0, 255], got {image.min():g} to "
+                f"{image.max():g}"
+            )
         if image.ndim == 3:
             image = image[..., :3] if image.shape[2] >= 3 else image[..., 0]
         plain.append(np.ascontiguousarray(image))

@@ -33,7 +33,7 @@ FRAME = range(1, 2)
 PARKED = np.array([[0.0, 0.0, STRAIGHT_AHEAD]] * 2)
 
 UNITS = {"int16": 16, "uint16": 256}
-"""Parts of a px that integers are: those of OpenCV's matchers, and of KITTI's files."""
+"""Units of integer disparities per px: of OpenCV's matchers, and of KITTI's files."""
 
 LEFT_OUT = ("horizontal_fov", "focal_length", "principal_u", "principal_v", "vertical_fov")
 """Fields of a rig that numbers may leave out, as well as the pitch."""
@@ -59,8 +59,8 @@ def stixels_from_pair(
             in the images.
         previous: stixels of the frame before, if the car is parked: the free space changes little
             from frame to frame. `StixelStream` does this for a car that drives.
-        check_rectification: whether a pair is refused whose rows are 2 px apart, or whose images
-            are exchanged; else a warning says so, as it does from 0.5 px.
+        check_rectification: whether to refuse a pair with a vertical disparity from 2 px on, or
+            with left and right exchanged; otherwise a warning is given, as from 0.5 px on.
 
     Raises:
         ArgumentError: a ValueError, for an argument that is not valid; it names the argument.
@@ -90,8 +90,8 @@ def stixels_from_disparity(
         rig, previous: as in `stixels_from_pair`.
         images: the left and the right image, which refine the disparity of each stixel; without
             them it is not refined.
-        scale: px per unit of `disparity`, of any type; without it, a warning says what integers
-            are taken for.
+        scale: px per unit of `disparity`, of any type; without it, a warning names the unit in
+            which integers are read.
 
     Raises:
         ArgumentError: as in `stixels_from_pair`.
@@ -116,25 +116,30 @@ def stixels_from_disparity(
         raise ArgumentError(f"disparity: must be float, int16 or uint16 (H, W), got {got}")
     if scale is None and kind in UNITS:
         unit = f"1/{UNITS[kind]}"
-        warnings.warn(f"disparity: {kind}, read in {unit} px: scale={unit} says so", stacklevel=2)
+        warnings.warn(
+            f"disparity: {kind} is read in units of {unit} px: confirm with scale={unit}, or give "
+            "another scale",
+            stacklevel=2,
+        )
     scale = 1.0 / UNITS.get(kind, 1) if scale is None else scale
     if not 0.0 < scale < 1e6:
-        raise ArgumentError(f"scale: must be > 0 px per unit, got {scale:g}")
+        raise ArgumentError(f"scale: must be > 0 and < 1e6 px per unit, got {scale:g}")
     matching = rig_of(rig, disparity.shape, any_height=True)
     pair = None if images is None else grey_pair(*images)
     if pair is not None and pair[0].shape != disparity.shape:
         raise ArgumentError(f"images: must be {disparity.shape} px, got {pair[0].shape}")
     count = disparity_count(real_image_parameters().stereo, matching)
     known = (disparity > 0) & np.isfinite(disparity)
-    pixels = scale * np.where(known, disparity, 0) - matching.far_disparity
-    known &= (pixels > -0.5 / SUBPIXELS) & (pixels < count - 0.5 / SUBPIXELS)
-    raw = np.where(known, np.rint(SUBPIXELS * np.where(known, pixels, 0)), INVALID).astype(np.int16)
+    pixels = scale * np.where(known, disparity, 0).astype(np.float64) - matching.far_disparity
+    scaled = np.rint(SUBPIXELS * pixels)
+    known &= (scaled >= 0) & (scaled < SUBPIXELS * count)
+    raw = np.where(known, scaled, INVALID).astype(np.int16)
     disparities = Disparities.in_memory(FRAME.start, count, [raw])
     return stixels_of(disparities, pair, rig_over_road(rig, raw.shape, disparities), previous)
 
 
 def check_rows(pair: tuple[np.ndarray, np.ndarray], rig: Rig, check_rectification: bool) -> bool:
-    """Whether a grey pair shows how far its rows are apart; warns, or raises ArgumentError."""
+    """Warn of apart rows of a grey pair, or raise ArgumentError; whether corners show the rows."""
     from stixel_cli.stereo.rectification import compare_rows
 
     rows = compare_rows(*pair, rig.far_disparity)
@@ -217,7 +222,7 @@ def rig_over_road(rig: RigLike, shape: tuple[int, int], disparities: "Disparitie
         return valid
     seen = seen_road(disparities, valid)
     if seen is None:
-        raise ArgumentError(f"rig: camera_height: is not given, m, and {NO_ROAD}")
+        raise ArgumentError(f"rig: camera_height: is required, m above the road: {NO_ROAD}")
     return replace(valid, camera_height=round(seen[1], 2))
 
 

@@ -110,7 +110,7 @@ def test_a_rig_is_numbers_or_a_file_or_a_rig(pair, tmp_path):
     del numbers["camera_height"]
     assert stixels_from_pair(left, right, numbers).rig == seen
     noise = np.random.default_rng(0).integers(0, 256, left.shape, dtype=np.uint8)
-    with pytest.raises(ArgumentError, match=r"^rig: camera_height: is not given.* no road: "):
+    with pytest.raises(ArgumentError, match=r"^rig: camera_height: is required.* no road: "):
         stixels_from_pair(noise, noise[::-1].copy(), file)
 
 

@@ -179,17 +179,17 @@ def _values(
 def _height_of_road(recording: Recording, source: Recorded, chosen: Mapping[str, Any]) -> float:
     """Height in m of the cameras above the road that the recording's images show."""
     # OpenCV and Numba are imported for it.
-    from stixel_cli.config.road_pose import fault_of_rows, road_pose
+    from stixel_cli.config.road_pose import compared_rows, road_pose
     from stixel_cli.stixels.seen_road import MIDDLE, NO_ROAD
 
     size = recording.width, recording.height
     rig = recording.calibration.rig_values(*size) | {"camera_height": MIDDLE}
     rig |= {k.removeprefix("rig."): v for k, v in chosen.items() if k.startswith("rig.")}
     rig = rig_of(rig, size[::-1])
-    fault = fault_of_rows(recording, source, rig)
+    rows = compared_rows(recording, rig.far_disparity, source.check_rectification)
     height, _ = road_pose(recording, rig)
     if math.isnan(height):
-        cause = f"; {fault}" if fault else ""
+        cause = f"; {rows.fault}" if rows and rows.fault else ""
         raise ConfigurationError(
             "rig.camera_height: is required, m above the road: the recording's files do not state "
             f"it, and {NO_ROAD}{cause}"
@@ -218,7 +218,11 @@ def _completed(
     if "ego" not in typed:
         # One frame has no motion.
         if not recording.pose_files and recording.count > 1:
-            where = {"rosbag": " (source.odometry_topic)", "kitti_tracking": " (oxts/NNNN.txt)"}
+            where = {
+                "rosbag": " (source.odometry_topic)",
+                "kitti_tracking": " (oxts/NNNN.txt)",
+                "kitti_raw": " (oxts/data)",
+            }
             raise ConfigurationError(
                 f"ego: the recording has no poses of the ego car{where.get(given.kind, '')}; if it "
                 "does not move, choose ego=parked"

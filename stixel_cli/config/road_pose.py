@@ -1,4 +1,4 @@
-"""What a recording's images show of its rig: height and pitch, and how far rows are apart."""
+"""The height and the pitch of a recording's cameras, and the vertical disparity of its images."""
 
 from dataclasses import replace
 from functools import lru_cache
@@ -9,7 +9,6 @@ from stixel_cli.config.schema import Configuration
 from stixel_cli.errors import UserError
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.pairs import matched
-from stixel_cli.recordings.parameters import Recorded
 from stixel_cli.recordings.stereo_images import read_pairs
 from stixel_cli.recordings.types import Recording
 from stixel_cli.stereo.rectification import Rows, compare_rows
@@ -32,24 +31,19 @@ def road_pose(recording: Recording, rig: Rig) -> tuple[float, float]:
 
 
 @lru_cache
-def rows_of(recording: Recording, far_disparity: float) -> Rows | None:
-    """How far the rows of the images are apart, in the first of three frames that shows it."""
-    for k in (recording.count * np.array([3, 1, 5]) // 6).tolist():
-        if rows := compare_rows(*_pair(recording, k), far_disparity):
-            return rows
-    return None
-
-
-def fault_of_rows(recording: Recording, source: Recorded, rig: Rig) -> str | None:
-    """One line if the rows are apart, or left and right are exchanged; else None.
+def compared_rows(recording: Recording, far_disparity: float, check: bool) -> Rows | None:
+    """The rows of the images, as `compare_rows`, of the first of three frames with enough corners.
 
     Raises:
-        UserError: if that is too much, and `source.check_rectification` is set.
+        UserError: for a pair that is to be refused, if `check`, `source.check_rectification`.
     """
-    rows = rows_of(recording, rig.far_disparity)
-    if rows is not None and rows.refused and source.check_rectification:
-        raise UserError(f"source: {rows.fault}; or set source.check_rectification=false")
-    return rows and rows.fault
+    for k in (recording.count * np.array([3, 1, 5]) // 6).tolist():
+        rows = compare_rows(*_pair(recording, k), far_disparity)
+        if rows is not None:
+            if rows.refused and check:
+                raise UserError(f"source: {rows.fault}; or set source.check_rectification=false")
+            return rows
+    return None
 
 
 def _pair(recording: Recording, k: int) -> tuple[np.ndarray, np.ndarray]:

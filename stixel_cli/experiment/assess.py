@@ -9,12 +9,11 @@ import numpy as np
 
 from stixel_cli.calibration.truth_alignment import Alignment
 from stixel_cli.config.compose import Composition
-from stixel_cli.config.road_pose import rows_of
 from stixel_cli.engine.parameters import ThreadsExecutor
 from stixel_cli.engine.progress import Progress
 from stixel_cli.engine.store import Store
 from stixel_cli.errors import UserError
-from stixel_cli.experiment.stages import computed_stages
+from stixel_cli.experiment.stages import compared_rows, computed_stages
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.geometry.rig_calibration import RigCalibration
 from stixel_cli.images import encode_png
@@ -71,7 +70,7 @@ def assess(composition: Composition, progress: Progress | None = None) -> Assess
     free_space, image = first["free_space"], first["pairs"].left[0]
     alignment, truth = first.get("truth_alignment"), _truth_of(recording)
     values = _against_truth(first["stixels"], free_space, truth, composition, alignment)
-    rows = rows_of(recording, configuration.rig.far_disparity)
+    rows = compared_rows(composition)
     values |= {
         "row_difference_px": rows and rows.difference,
         "unknown_share": float((free_space.unknown_row[0] >= 0).mean()),

@@ -18,7 +18,12 @@ from stixel_cli.engine.store import Store, open_store
 from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.evaluation.scores import Scores
 from stixel_cli.experiment.run_names import differences, joined_name
-from stixel_cli.experiment.stages import RESULTS, computed_stages, experiment_graph
+from stixel_cli.experiment.stages import (
+    RESULTS,
+    compared_rows,
+    computed_stages,
+    experiment_graph,
+)
 from stixel_cli.experiment.table.table import PICTURES
 from stixel_cli.geometry.rig_calibration import RigCalibration
 from stixel_cli.measurements.file_truth import heading_note
@@ -120,6 +125,7 @@ def record_run(
     if results is not None:
         check_results(results, name)
     now = datetime.now(UTC)
+    rows = compared_rows(composition)
     run = run_experiment(composition, progress, on_scores=on_scores)
     if rerun_of is None:
         command = ["stixel", "run", *composition.overrides, *PRESETS.option]
@@ -138,7 +144,7 @@ def record_run(
         **provenance(),
         **({} if rerun_of is None else {"rerun_of": str(rerun_of)}),
         **correction_note(run.calibration),
-        **row_note(composition),
+        **({} if rows is None else {"row_difference_px": round(rows.difference, 2)}),
         **({} if run.scans.epoch is None else {"time_offset_ns": run.scans.epoch}),
         "star_convex": run.scenario.star_convex,
         "stages": run.stages,
@@ -159,16 +165,6 @@ def correction_note(calibration: RigCalibration | None) -> dict[str, Any]:
     if calibration is None or not calibration.rig.states_error:
         return {}
     return {"correction": calibration.text, **calibration.values}
-
-
-def row_note(composition: Composition) -> dict[str, float]:
-    """The manifest's entry on the rows of a recording's images; empty where they show nothing."""
-    configuration, rows = composition.configuration, None
-    if configuration.source.kind != "rendered":
-        from stixel_cli.config.road_pose import rows_of
-
-        rows = rows_of(composition.recording, configuration.rig.far_disparity)
-    return {} if rows is None else {"row_difference_px": round(rows.difference, 2)}
 
 
 def trust_stored_run(run: RunResult, trusted: bool) -> None:

@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from operator import attrgetter
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from stixel_cli.config.compose import Composition
 from stixel_cli.config.folders import shipped_folder
@@ -31,6 +31,9 @@ from stixel_cli.remembered import remembered
 from stixel_cli.scene.mesh_references import referred_files
 from stixel_cli.scene.path_parameters import ReplayedPath
 from stixel_cli.scene.scenario import Scenario
+
+if TYPE_CHECKING:
+    from stixel_cli.stereo.rectification import Rows
 
 RESULTS = ("scenario", "scans", "track", "scores")
 """Stages whose results are those of the experiment; every pipeline but one has a single track."""
@@ -169,14 +172,14 @@ def experiment_graph(composition: Composition) -> Graph:
     return build_graph(stages, scan_count(composition), CHUNK_SIZE, folder)
 
 
-def fault_of_rows(composition: Composition) -> str | None:
-    """What is wrong with the rows of a recording's images, see `config.road_pose`; else None."""
-    configuration = composition.configuration
-    if configuration.source.kind == "rendered":
+def compared_rows(composition: Composition) -> "Rows | None":
+    """As `config.road_pose.compared_rows`; None without recorded images."""
+    source, rig = composition.configuration.source, composition.configuration.rig
+    if source.kind == "rendered":
         return None
-    from stixel_cli.config.road_pose import fault_of_rows
+    from stixel_cli.config.road_pose import compared_rows
 
-    return fault_of_rows(composition.recording, configuration.source, configuration.rig)
+    return compared_rows(composition.recording, rig.far_disparity, source.check_rectification)
 
 
 @contextmanager
@@ -210,7 +213,8 @@ def computed_stages(
     if progress is not None and configuration.source.kind != "rendered":
         from stixel_cli.config.road_pose import contradiction
 
-        texts = fault_of_rows(composition), contradiction(composition.recording, configuration)
+        rows = compared_rows(composition)
+        texts = rows and rows.fault, contradiction(composition.recording, configuration)
         for text in filter(None, texts):
             progress.note(text)
     try:

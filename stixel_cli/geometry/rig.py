@@ -113,7 +113,7 @@ class Rig:
 
     @property
     def far_disparity(self) -> float:
-        """Disparity in px, in the images, of what is infinitely far."""
+        """Disparity in the images of an infinitely distant point, px."""
         return self.u0 - self.u0_right
 
     @property
@@ -142,9 +142,9 @@ class Rig:
         return self.focal * self.baseline / depth
 
     def disparity_errors(self) -> np.ndarray:
-        """By how much (W,) px the disparities in each column of the images exceed f_u B / z.
+        """Difference (W,) px between the images' disparities in each column and f_u B / z.
 
-        That is the error of the measured disparity, and `far_disparity`.
+        It is the sum of the stated error and `far_disparity`.
         """
         basis = self.disparity_error_basis(np.arange(self.width))
         return basis @ self.disparity_error + self.far_disparity

@@ -104,7 +104,10 @@ def read_scans(
         k = scan_indices(file, table, times, time_unit, epoch)
     if epoch is not None and time_unit is None:
         day = datetime.fromtimestamp(epoch // 10**9, UTC).date()
-        note(f"{clock}: t is in {unit} since 1970 (from {day} on): else set measurement.time_unit")
+        note(
+            f"{clock}: t is read as {unit} since 1970 (first scan: {day}); if that is wrong, set "
+            "measurement.time_unit"
+        )
     # A return without a point tells that there is a scan.
     order = np.argsort(k, kind="stable")
     order = order[np.isfinite(table["x"][order])]
@@ -113,7 +116,7 @@ def read_scans(
         view = FieldOfView(-np.radians(0.5 * horizontal_fov), np.radians(0.5 * horizontal_fov))
     counts = np.bincount(k[order], minlength=len(times))
     if len(order) < len(k):
-        note(f"{file}: {counted(len(k) - len(order), 'row')} of {len(k)} without x and y dropped")
+        note(f"{file}: {len(k) - len(order)} of {counted(len(k), 'row')} dropped, without x and y")
     return Scans(
         times=times,
         sensor_poses_world=poses,
@@ -134,12 +137,7 @@ def _own_times(
     """
     if len(t) == 0:
         raise UserError(f"{file}: has no points: give the times of the scans, measurement.ego=FILE")
-    if "k" not in table:
-        times, k = np.unique(t, return_inverse=True)
-        if len(times) > MOST_SCANS:
-            raise UserError(f"{file}: {len(times)} different times t, at most {MOST_SCANS} scans")
-        return k, times
-    k = indices(file, "k", table["k"])
+    k = _scans_of_rows(file, table, t)
     present, first = np.unique(k, return_index=True)
     known = t[first]
     refuse_other_times(file, k, t, known[np.searchsorted(present, k)], 0.0)
@@ -159,20 +157,31 @@ def _own_times(
 def _sensor_poses(
     file: Path, table: Mapping[str, np.ndarray], t: np.ndarray, angle_unit: AngleUnit
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The times (K,) s and the poses (K, 3) of the sensor; without k its rows are in their order
-    of time."""
+    """The times (K,) s and the poses (K, 3) of the sensor."""
     if len(t) == 0:
         raise UserError(f"{file}: has no rows, so there are no scans")
-    if "k" in table:
-        k = indices(file, "k", table["k"])
-        order = np.argsort(k, kind="stable")
-        if not np.array_equal(k[order], np.arange(len(k))):
-            raise UserError(f"{file}: k must be each number from 0 to {len(k) - 1} once")
-    else:
-        order = np.argsort(t, kind="stable")
+    k = _scans_of_rows(file, table, t)
+    order = np.argsort(k, kind="stable")
+    if not np.array_equal(k[order], np.arange(len(k))):
+        raise UserError(
+            f"{file}: must have one row for each scan k, each number from 0 to {len(k) - 1} once"
+        )
     _check_increasing(file, np.arange(len(t)), t[order])
     headings = in_radians(table["heading"], angle_unit)
     return t[order], np.stack([table["x"], table["y"], headings], axis=1)[order]
+
+
+def _scans_of_rows(file: Path, table: Mapping[str, np.ndarray], t: np.ndarray) -> np.ndarray:
+    """The scan k (n,) of each row at `t` (n,); without a column k, the rows of one t are a scan."""
+    if "k" in table:
+        return indices(file, "k", table["k"])
+    times, k = np.unique(t, return_inverse=True)
+    if len(times) > MOST_SCANS:
+        raise UserError(
+            f"{file}: without the column k, each t is a scan: at most {MOST_SCANS}, "
+            f"got {len(times)}"
+        )
+    return k
 
 
 def _check_increasing(file: Path, k: np.ndarray, times: np.ndarray) -> None:

@@ -111,7 +111,7 @@ def heading_note(scenario: Scenario, angle_unit: AngleUnit) -> str | None:
     if angle > GREATEST_ANGLE:
         return (
             f"measurement.truth: headings are {angle:.0f}° (median) away from the direction of "
-            f"motion; with measurement.angle_unit={other}, {other_angle:.0f}°"
+            f"motion; with measurement.angle_unit={other} they are {other_angle:.0f}° away"
         )
     return None
 
@@ -129,7 +129,7 @@ def _angle_to_motion(scenario: Scenario, headings: np.ndarray) -> float:
 
 def _known_scans(file: Path, k: np.ndarray) -> np.ndarray:
     if len(np.unique(k)) < len(k):
-        raise UserError(f"{file}: a scan must be in one row only; give one target")
+        raise UserError(f"{file}: each scan must have one row only: give one target")
     if len(k) == 0:
         raise UserError(f"{file}: has no rows: leave out measurement.truth if there is no truth")
     return k

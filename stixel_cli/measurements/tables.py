@@ -5,6 +5,7 @@ import io
 import re
 import warnings
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -95,55 +96,48 @@ def refuse_rows(file: Path, wrong: np.ndarray, problem: Callable[[int], str]) ->
 
 
 def _from_csv(file: Path) -> dict[str, np.ndarray]:
-    """The columns of a CSV: numbers, or objects if a cell is none."""
+    """The columns of a CSV as objects: texts, and NaN of empty cells."""
     import pandas
 
     text = read_text(file).rstrip("\r\n")
     header = text.partition("\n")[0]
     separator = max(",;\t", key=header.count)
+    if separator == ";":  # Then commas are decimal commas.
+        text = text.replace(",", ".")
     try:
         names = [name.strip() for name in next(csv.reader([header], delimiter=separator), ())]
         with warnings.catch_warnings():
             warnings.simplefilter("error", pandas.errors.ParserWarning)
-            # Before pandas 3 the default is not exact; later ones warn of the argument.
-            warnings.simplefilter("ignore", DeprecationWarning)
             table = pandas.read_csv(
                 io.StringIO(text),
                 sep=separator,
-                decimal="," if separator == ";" else ".",
                 header=0,
                 names=names,
                 index_col=False,
+                dtype=object,
                 na_values=[""],
                 keep_default_na=False,
                 skip_blank_lines=False,
-                low_memory=False,
-                float_precision="round_trip",
             )
     except (ValueError, csv.Error, pandas.errors.ParserWarning) as error:
         raise UserError(f"{file}: not a table: {printable(str(error), 200)}") from None
-    # The words True and False are no numbers.
-    words = {name: str for name in names if table[name].dtype == bool}
-    return {name: column.to_numpy() for name, column in table.astype(words).items()}
+    return {name: column.to_numpy() for name, column in table.items()}
 
 
 def _numbers(file: Path, name: str, column: np.ndarray) -> np.ndarray:
     if column.ndim != 1:
         raise UserError(f"{file}: {name} has shape {column.shape}, must be a column (n,)")
-    # As float64, ns since 1970 would be rounded to 256 ns.
-    if name == "t" and column.dtype.kind in "iu" and column.max(initial=0) < 2**63:
-        return column.astype(np.int64)
+    if name == "t" and column.dtype.kind in "iuO":
+        # As float64, ns since 1970 would be rounded to 256 ns.
+        with suppress(ValueError, OverflowError):
+            return column.astype(object).astype(np.int64)
     try:
         return column.astype(np.float64)
     except (ValueError, OverflowError):
-        for number, cell in enumerate(column, start=2):
-            try:
-                float(cell)
-            except (ValueError, OverflowError):
-                shown = printable(str(cell))
-                raise UserError(
-                    f"{file}: line {number}: {name}: {shown!r} is not a number"
-                ) from None
+        import pandas
+
+        wrong = pandas.isna(pandas.to_numeric(column, errors="coerce")) & ~pandas.isna(column)
+        refuse_rows(file, wrong, lambda i: f"{name}: {printable(str(column[i]))!r} is not a number")
         raise
 
 

@@ -20,16 +20,16 @@ AngleUnit = Literal["rad", "deg"]
 PER_SECOND: dict[str, int] = {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}
 
 SINCE_1970 = (FARTHEST, 4.1e9)
-"""Times that count from 1970, s: of 1973 to 2099; those of Argoverse 2 are of 1980."""
+"""Range of times since 1970, s: years 1973 to 2099; Argoverse 2 has times of 1980."""
 
 SAME_TIME = 1e-3
 """The times of one scan in two files may differ by this, s: files have rounded numbers."""
 
 
 def unit_and_epoch(t: np.ndarray, unit: TimeUnit | None) -> tuple[str, int | None]:
-    """The unit of times (n,), and the first of them in ns since 1970; None if they count otherwise.
+    """The unit of times (n,), and the earliest in ns since 1970; None for other times.
 
-    The user may state the `unit`; with None it is seconds, or that of times since 1970.
+    The user may state the `unit`; with None it is seconds, or the unit that gives times since 1970.
     """
     for name in PER_SECOND if unit is None else (unit,):
         size = t / PER_SECOND[name]
@@ -39,21 +39,23 @@ def unit_and_epoch(t: np.ndarray, unit: TimeUnit | None) -> tuple[str, int | Non
 
 
 def seconds(file: Path, t: np.ndarray, unit: TimeUnit | None, epoch: int | None) -> np.ndarray:
-    """The column t (n,) of a file in s, after `epoch`, ns since 1970, if it counts from then.
+    """The column t (n,) of a file in s; times since 1970 relative to `epoch`, ns since 1970.
 
     Raises:
         UserError: if a time is too large, or only one of two files counts from 1970.
     """
     name, first = unit_and_epoch(t, unit)
     if len(t) and (first is None) != (epoch is None):
-        raise UserError(f"{file}: t must count from 1970 in all files, or in none")
+        raise UserError(f"{file}: t must count from 1970 in scans, ego and truth, or in none")
     if first is not None:
         return (_nanoseconds(t, name) - epoch) / 1e9
-    hint = "" if unit else "; of another unit: measurement.time_unit=ms, us or ns"
+    hint = "" if unit else "; if its unit is not s, set measurement.time_unit=ms, us or ns"
     refuse_rows(
         file,
         ~(np.abs(t) <= FARTHEST * PER_SECOND[name]),
-        lambda i: f"t: {t[i]:g} {name} must be a number up to {FARTHEST:g} s or since 1970{hint}",
+        lambda i: (
+            f"t: {t[i]:g} {name} must be a number up to {FARTHEST:g} s, or a time since 1970{hint}"
+        ),
     )
     return t / PER_SECOND[name]
 
@@ -67,10 +69,10 @@ def scan_indices(
 ) -> np.ndarray:
     """The scan (n,) int64 of each row of a table: its k, or without k the scan at its t.
 
-    The scans are at `times` (K,) s. UserError if a k is not that of a scan, or a t not that of its.
+    The scans are at `times` (K,) s. UserError if no scan has such a k, or the t is not its time.
     """
     if not table.keys() & {"k", "t"}:
-        raise UserError(f"{file}: the column k is missing (or t, the time)")
+        raise UserError(f"{file}: the column k (or t) is missing")
     if "k" in table:
         k, last = indices(file, "k", table["k"]), len(times) - 1
         refuse_rows(file, k > last, lambda i: f"k = {k[i]}, but the last scan is {last}")

@@ -110,7 +110,7 @@ def _layout(name: str, message: Any) -> tuple[np.dtype, str]:
     """The type of a raw image's values, and its channels in their order."""
     found = _ENCODING.fullmatch(message.encoding)
     if found is None:
-        known = "mono, bgr, rgb, bgra or rgba with 8 or 16, or 8UC, 16UC or 32FC with 1, 3 or 4"
+        known = "mono, bgr, rgb, bgra, rgba (8 or 16 bits) or 8UC, 16UC, 32FC (1, 3 or 4 channels)"
         raise UserError(f"{name}: encoding {printable(message.encoding)}: must be {known}")
     named, bits, kind, count = found.groups()
     kind = {"8": "u1", "8U": "u1", "16": "u2", "16U": "u2", "32F": "f4"}[bits or kind]

@@ -116,7 +116,7 @@ def size_in(file: Path | str, stream: BinaryIO, of_disparities: bool = False) ->
         raise UserError(f"{file}: a damaged or incomplete {kind}") from None
     check_sides(file, *image.size)
     if image.mode == "CMYK":
-        raise UserError(f"{file}: a JPEG of 4 channels: grey or RGB is needed")
+        raise UserError(f"{file}: a JPEG in CMYK: must be grey or RGB")
     # Bits per channel, and 0 for grey.
     if of_disparities and (head[24], head[25]) != (16, 0):
         raise UserError(f"{file}: not a grey PNG of 16 bits: 256 per px of disparity")

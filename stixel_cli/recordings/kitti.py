@@ -120,7 +120,9 @@ def find_raw(source: KittiRaw) -> Recording:
             root / "oxts/data", names=number + "txt", example="0000000000.txt"
         )
         if list(packets) != list(range(len(packets))):
-            raise UserError(f"{root / 'oxts/data'}: must have packets from 0 on, without gaps")
+            raise UserError(
+                f"{root / 'oxts/data'}: must have the packets of all frames, from 0000000000.txt on"
+            )
     return assembled_recording(
         source,
         read_calibration(cameras, CAMERAS),

@@ -11,8 +11,14 @@ import numpy as np
 
 from stixel_cli.errors import UserError, printable
 from stixel_cli.files import read_xml
-from stixel_cli.recordings.kitti_tables import labels_in, numbers, read_calibration, seen_box
-from stixel_cli.recordings.oxts import named_numbers, packet_poses, rigid
+from stixel_cli.recordings.kitti_tables import (
+    labels_in,
+    named_numbers,
+    numbers,
+    read_calibration,
+    seen_box,
+)
+from stixel_cli.recordings.oxts import packet_poses, rigid
 from stixel_cli.recordings.types import Tracks
 from stixel_cli.remembered import remembered
 

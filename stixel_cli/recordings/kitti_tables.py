@@ -64,6 +64,18 @@ def numbers(file: Path, row: int, words: list[str], needed: int | None = None) -
     return values
 
 
+def named_numbers(file: Path, count: int, *names: str) -> list[float]:
+    """The `count` numbers in the first row with one of these names, such as `T: 1 2 3`.
+
+    `T=[1 2; 3]` is read, too. UserError without such a row.
+    """
+    for row, words in text_rows(file):
+        name, *values = re.sub(r"[=\[\];,]", " ", " ".join(words)).split() or [""]
+        if name.removesuffix(":") in names:
+            return numbers(file, row, values, count)
+    raise UserError(f"{file}: {names[0]} is missing")
+
+
 def check_columns(file: Path, row: int, words: list[str], needed: int) -> None:
     """Raise UserError unless the row has `needed` columns."""
     if len(words) != needed:
@@ -127,7 +139,7 @@ def check_baseline(file: Path | str, baseline: float, left: str, right: str) -> 
     if not 0.001 <= baseline <= 5.0:
         apart = f"{right} is {baseline:.4g} m to the right of {left}"
         unit = "; is it in mm?" if baseline > 5.0 else ""
-        raise UserError(f"{file}: no baseline: {apart}: must be 0.001 to 5 m{unit}")
+        raise UserError(f"{file}: no baseline: {apart}, must be 0.001 to 5 m{unit}")
 
 
 def _projections(file: Path) -> dict[str, np.ndarray]:
@@ -215,7 +227,7 @@ def seen_box(
     calibration: Calibration,
     image_size: tuple[int, int],
 ) -> tuple[np.ndarray, bool] | None:
-    """The box (4,) px of a label in the image, and whether it is cut; None if it is not seen.
+    """The box (4,) px of a label in the image, and whether the border cuts it; None outside.
 
     `place` (3,) m of the bottom's centre is in the left camera's frame, `yaw` and `size` as in
     `Labels`.

@@ -10,7 +10,13 @@ from pathlib import Path
 import numpy as np
 
 from stixel_cli.errors import UserError
-from stixel_cli.recordings.kitti_tables import checked_poses, numbers, read_labels, text_rows
+from stixel_cli.recordings.kitti_tables import (
+    checked_poses,
+    named_numbers,
+    numbers,
+    read_labels,
+    text_rows,
+)
 from stixel_cli.remembered import remembered
 
 __all__ = ["read_labels", "read_poses"]
@@ -72,11 +78,3 @@ def rigid(file: Path, columns: int, *names: str) -> np.ndarray:
     if not np.allclose(motion[:3, :3] @ motion[:3, :3].T, np.eye(3), atol=1e-3):
         raise UserError(f"{file}: {names[0]} is not a rotation")
     return motion
-
-
-def named_numbers(file: Path, count: int, *names: str) -> list[float]:
-    """The `count` numbers in the first row with one of these names; UserError without one."""
-    for row, words in text_rows(file):
-        if words[0].removesuffix(":") in names:
-            return numbers(file, row, words[1:], count)
-    raise UserError(f"{file}: {names[0]} is missing")

@@ -34,8 +34,8 @@ class Recorded:
             rig states it; `none`: as the rig states it; or a rig.yaml that states it.
         pose_scale: factor on the lengths of the ego poses; `estimated`: the length of the way by
             the images over theirs, for poses of odometry with a rig that has an error.
-        check_rectification: whether images are refused whose rows are 2 px apart, or whose left
-            and right are exchanged; else a line says so, as it does from 0.5 px.
+        check_rectification: whether to refuse images with a vertical disparity from 2 px on, or
+            with left and right exchanged; otherwise one line warns, as from 0.5 px on.
     """
 
     kind: str

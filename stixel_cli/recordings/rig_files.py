@@ -1,11 +1,10 @@
-"""The rig in a calibration file, or in numbers with the names that others give them.
+"""The rig in a calibration file, or in numbers under the names of other programs.
 
 A file is a `rig.yaml` of ours, one of KITTI's, Middlebury's `calib.txt` (Scharstein et al. 2014:
 `cam0=[f 0 cx; 0 f cy; 0 0 1]`, `cam1`, `baseline` in mm), the YAML of the right camera's
 `CameraInfo` of ROS, whose P counts, or OpenCV's with the `P1` and `P2` of `stereoRectify`.
 """
 
-import re
 from collections.abc import Collection, Mapping
 from difflib import get_close_matches
 from pathlib import Path
@@ -17,7 +16,7 @@ from stixel_cli.errors import UserError, printable
 from stixel_cli.files import read_text, read_yaml
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.recordings import kitti_tables
-from stixel_cli.recordings.kitti_tables import numbers, rectified_pair, text_rows
+from stixel_cli.recordings.kitti_tables import named_numbers, rectified_pair
 from stixel_cli.recordings.types import Calibration
 
 NEEDED = ("focal_length", "principal_u", "principal_v", "baseline")
@@ -26,7 +25,7 @@ THREE = ("disparity_error", "disparity_error_std")
 """Optional, too: lists of three numbers, px, which `stixel calibrate` writes."""
 
 SAME = {"fx": "focal_length", "fy": "focal_length_v", "cx": "principal_u", "cy": "principal_v"}
-"""Our name of each number that is also taken by another name."""
+"""Our name for each accepted other name of a number."""
 
 COUNTERPARTS = {
     "focal_length": ("f", "fu", "focal"),
@@ -37,7 +36,7 @@ COUNTERPARTS = {
     "camera_height": ("h", "mounting_height"),
     "horizontal_fov": ("fov", "hfov"),
 }
-"""Names, in lower case, that others have for ours."""
+"""Names that other programs use for ours, in lower case; a message suggests ours."""
 
 
 def our_names(given: Mapping[str, Any]) -> dict[str, Any]:
@@ -61,7 +60,7 @@ def our_names(given: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def counterpart(name: str, known: Collection[str]) -> str:
-    """`; did you mean …?` for the one of the `known` names that is meant; "" if none is near."""
+    """`; did you mean …?` with the likeliest of the `known` names; "" without a similar one."""
     meant = [ours for ours in known if name.lower() in COUNTERPARTS.get(ours, ())]
     meant += get_close_matches(name.lower(), known, n=1)
     return f"; did you mean {meant[0]}?" if meant else ""
@@ -85,12 +84,11 @@ def read_rig(file: Path) -> Calibration:
     content = read_yaml(file)
     if not isinstance(content, dict):
         raise UserError(f"{file}: must map names to values")
-    # Names of P in a file of a driver of ROS, and as ROS 1 and 2 print it.
-    of_ros = [name for name in ("projection_matrix", "P", "p") if name in content]
-    if of_ros:
-        right = _projection(file, of_ros[0], content[of_ros[0]])
+    # Names of the projection in files of camera drivers, and as ROS 1 and ROS 2 print it.
+    for name in {"projection_matrix", "P", "p"} & content.keys():
+        right = _projection(file, name, content[name])
         if right[0, 3] == 0.0:
-            raise UserError(f"{file}: {of_ros[0]} has no baseline: name the right camera's file")
+            raise UserError(f"{file}: {name} has no baseline: give the file of the right camera")
         left = right * [1.0, 1.0, 1.0, 0.0]
         return rectified_pair(file, ("the left", "the right camera"), (left, right))
     if {"P1", "P2"} <= content.keys():
@@ -139,18 +137,10 @@ def rig_text(rig: Rig, comment: str) -> str:
 
 def _middlebury(file: Path) -> Calibration:
     """The calibration in a `calib.txt`; its `doffs` is the distance of both cameras' cx."""
-    values = {}
-    for row, words in text_rows(file):
-        name, _, text = " ".join(words).partition("=")
-        if name in ("cam0", "cam1", "baseline"):
-            count = 1 if name == "baseline" else 9
-            values[name] = numbers(file, row, re.sub(r"[\[\];,]", " ", text).split(), count)
-    missing = {"cam0", "cam1", "baseline"} - values.keys()
-    if missing:
-        raise UserError(f"{file}: {min(missing)} is missing")
-    left, right = (np.reshape(values[name], (3, 3)) for name in ("cam0", "cam1"))
-    millimetres = np.array([[values["baseline"][0]], [0.0], [0.0]])
-    pair = np.hstack([left, 0.0 * millimetres]), np.hstack([right, -1e-3 * right @ millimetres])
+    left, right = (np.reshape(named_numbers(file, 9, name), (3, 3)) for name in ("cam0", "cam1"))
+    # The baseline is in mm.
+    moved = -1e-3 * named_numbers(file, 1, "baseline")[0] * right[:, :1]
+    pair = np.hstack([left, 0.0 * moved]), np.hstack([right, moved])
     return rectified_pair(file, ("cam0", "cam1"), pair)
 
 

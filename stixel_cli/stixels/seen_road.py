@@ -18,12 +18,12 @@ LEAST_SHARE = 0.07
 """Of the pixels, within 1 px of the road; noise and images upside down have up to 0.05."""
 
 NO_ROAD = (
-    "the disparities show no road: no plane 0.25 to 3.1 m below the camera, pitched by at most "
-    f"10°, has {LEAST_SHARE:.0%} of the pixels"
+    "the disparities show no road: no plane 0.25 to 3.1 m below the camera, with a pitch of up to "
+    f"10°, contains {LEAST_SHARE:.0%} of the pixels"
 )
 
 USUAL_WIDTH = 1242
-"""px, for which the 1 px above is meant: of larger images not every pixel is read."""
+"""Width of the images for which that 1 px is chosen, px; larger images are thinned."""
 
 
 class _AnyRoad(EstimatedRoad):

@@ -14,7 +14,7 @@ from stixel_cli.engine.progress import Progress, make_display
 from stixel_cli.engine.store import open_store
 from stixel_cli.engine.task import remembered
 from stixel_cli.errors import UserError
-from stixel_cli.experiment.stages import fault_of_rows
+from stixel_cli.experiment.stages import compared_rows
 from stixel_cli.machine.kernels import uncompiled
 from stixel_cli.report.tables import csv_text
 from stixel_cli.results.folder import figure_files
@@ -214,9 +214,10 @@ class _Sweep:
         firsts = [graph.nodes[keys[0]] for keys in graph.stages.values() if keys]
         shown = {"display": make_display(), "uncompiled": uncompiled()} if visible else {}
         progress = SweepProgress(waiting, self.take, len(self.runs), label, self._prepare, **shown)
-        for text in {fault_of_rows(planned.composition): None for planned in waiting}:
-            if text:
-                progress.note(text)
+        compared = {compared_rows(planned.composition): None for planned in waiting}
+        for rows in compared:
+            if rows and rows.fault:
+                progress.note(rows.fault)
         progress.expect(Durations(self.store.folder).by_stage(firsts), executor.workers)
         try:
             execution = execute(

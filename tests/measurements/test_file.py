@@ -102,7 +102,7 @@ def test_without_k_the_rows_of_one_time_are_a_scan(write):
     assert np.array_equal(read_truth(scans, write(truth, "truth.csv")).known, [False, False, True])
     with pytest.raises(UserError, match=r"line 2: t = 0\.15 s, but scan k = \d is at"):
         read_truth(scans, write(truth.replace("0.2,1", "0.15,1"), "truth.csv"))
-    with pytest.raises(UserError, match=r"the column k is missing \(or t"):
+    with pytest.raises(UserError, match=r"the column k \(or t\) is missing"):
         read_truth(scans, write("x,y,heading\n1,9,0\n", "truth.csv"))
 
 
@@ -115,7 +115,7 @@ def test_a_row_without_x_and_y_is_a_scan_without_a_point_and_counted_once(write)
     assert np.array_equal(scans.points_world, [[1, 2], [3, 4]])
     assert np.array_equal(scans.offsets, [0, 1, 1, 2])
     (note,) = notes
-    assert "scans.csv: 2 rows of 4" in note
+    assert "scans.csv: 2 of 4 rows dropped" in note
     for half in (",5,", "5,,"):
         with pytest.raises(UserError, match=r"line 3: .: nan must be a finite number"):
             read_scans(write(text.replace("0.3,,,", f"0.3,{half}")), None, 0.5)
@@ -143,7 +143,7 @@ def test_times_since_1970_are_relative_to_the_first_scan(unit, per_second, suffi
     assert np.array_equal(scans.times, [step / per_second for step in steps])
     assert scans.epoch == first * (10**9 // per_second)
     (note,) = notes
-    assert f"t is in {unit} since 1970 (from 2020-03-18 on)" in note
+    assert f"t is read as {unit} since 1970 (first scan: 2020-03-18)" in note
     stated = read_scans(str(file), None, 0.5, time_unit=unit, note=notes.append)
     assert same_scans(stated, scans) and len(notes) == 1
 
@@ -159,7 +159,7 @@ def test_files_may_count_from_1970_in_different_units_but_all_or_none(write):
     for text in (truth.replace(str(FIRST // 1000), "0.0"), truth.replace("t,", "s,t,", 1)):
         with pytest.raises(UserError):
             read_truth(scans, write(text, "truth.csv"))
-    with pytest.raises(UserError, match=r"scans\.csv: t must count from 1970 in all files"):
+    with pytest.raises(UserError, match=r"scans\.csv: t must count from 1970 in scans"):
         read_scans(write("t,x,y\n0,1,2\n"), write(poses, "ego.csv"), 0.5)
 
 
@@ -181,7 +181,7 @@ def test_headings_in_degrees_are_taken_as_stated_and_recognised(scans, write):
     radians = write(text.format(4.7 + 4 * np.pi, 4.7, 4.71), "truth.csv")
     assert heading_note(read_truth(scans, radians), "rad") is None
     wrong = read_truth(scans, radians, angle_unit="deg")
-    assert "angle_unit=rad, 1°" in heading_note(wrong, "deg")
+    assert "angle_unit=rad they are 1° away" in heading_note(wrong, "deg")
     # Across the motion in either unit.
     across = write(text.format(0.01, 0.01, 0.01), "truth.csv")
     assert "° (median) away" in heading_note(read_truth(scans, across), "rad")

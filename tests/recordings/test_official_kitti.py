@@ -178,7 +178,7 @@ def test_a_damaged_drive_is_refused_in_one_line_that_names_the_file(
 def test_a_missing_packet_is_named(clip, tmp_path):
     drive = make_drive(clip, tmp_path)
     (drive / "oxts/data/0000000003.txt").unlink()
-    with pytest.raises(UserError, match="packets from 0 on, without gaps"):
+    with pytest.raises(UserError, match="all packets from 0000000000"):
         find_recording(raw(drive))
 
 

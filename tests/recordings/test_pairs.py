@@ -11,7 +11,7 @@ from made_street import poses_ahead, stereo_view, street_rig
 
 from stixel_cli import compose, stixels_from_pair, sweep
 from stixel_cli.cli.app import main
-from stixel_cli.config.road_pose import road_pose, rows_of
+from stixel_cli.config.road_pose import compared_rows, road_pose
 from stixel_cli.errors import UserError
 from stixel_cli.export.kitti_folder import calibration_text
 from stixel_cli.images import encode_png
@@ -184,7 +184,7 @@ def test_rows_that_are_apart_are_said_once_or_refused(pair, images, tmp_path, mo
     for rows, *more in ((1, "--name", "near"), (6, "source.check_rectification=false"), (6,)):
         moved = encode_png(np.roll(images[1], rows, axis=0))
         Path("apart/image_1/000007_10.png").write_bytes(moved)
-        rows_of.cache_clear()
+        compared_rows.cache_clear()
         road_pose.cache_clear()
         code = main(["run", *given, *more])
         said = capsys.readouterr().err

@@ -10,7 +10,7 @@ from made_clip import LENGTH, WIDTH, make_clip, plain_folder, small_rig, small_s
 from made_files import RIG_FILES, png_of
 
 from stixel_cli.config.compose import compose
-from stixel_cli.config.road_pose import contradiction, road_pose, rows_of
+from stixel_cli.config.road_pose import compared_rows, contradiction, road_pose
 from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.export.kitti_folder import calibration_text
 from stixel_cli.geometry.rig import Rig
@@ -306,7 +306,10 @@ def test_a_plain_folder_has_the_same_recording(clip, tmp_path):
         ("K: [9, 0, 1, 0, 0, 1, 0, 0, 1]\nbaseline: 1\n", "focal_length_v: must be > 0, got 0"),
         ("P: [1, 2, 3]\n", "P: must have 12 numbers"),
         ("P1: [1]\nP2: {rows: 3}\n", "P1: must have 12 numbers"),
-        ("P: [9, 0, 1, 0, 0, 9, 1, 0, 0, 0, 1, 0]\n", "P has no baseline: name the right cam"),
+        (
+            "P: [9, 0, 1, 0, 0, 9, 1, 0, 0, 0, 1, 0]\n",
+            "P has no baseline: give the file of the",
+        ),
         ("P: [9, 0, 1, -9000, 0, 9, 1, 0, 0, 0, 1, 0]\n", "1000 m to the .*is it in mm"),
         ("P: [9, 0, 1, .inf, 0, 9, 1, 0, 0, 0, 1, 0]\n", "not a finite number"),
         ("[1, 2]", "must map names to values"),
@@ -406,7 +409,7 @@ def test_what_a_plain_folder_does_not_state_is_required_or_seen(clip, tmp_path):
     for file in (tmp_path / "left").iterdir():
         shutil.copy(file, tmp_path / "right")
     road_pose.cache_clear()
-    rows_of.cache_clear()
+    compared_rows.cache_clear()
     with pytest.raises(ConfigurationError, match=r"^rig\.camera_height: is required.* no road: "):
         compose(words)
     assert compose([*words, "rig.camera_height=1.5"]).configuration.rig.camera_height == 1.5
