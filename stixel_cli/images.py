@@ -47,10 +47,8 @@ def eight_bits(images: Mapping[str, np.ndarray]) -> list[np.ndarray]:
         if image.size == 0 or image.ndim not in (2, 3) or image.shape[2:] > (4,):
             raise ValueError(f"{name}: must be (H, W), (H, W, 3) or (H, W, 4), got {image.shape}")
         if kind.kind == "f" and not (image.min() >= 0.0 and image.max() <= 255.0):
-            raise ValueError(
-                f"{name}: must have values in [0, 1] or in [0, 255], got {image.min():g} to "
-                f"{image.max():g}"
-            )
+            got = f"{image.min():g} to {image.max():g}"
+            raise ValueError(f"{name}: must have values in [0, 1] or in [0, 255], got {got}")
         if image.ndim == 3:
             image = image[..., :3] if image.shape[2] >= 3 else image[..., 0]
         plain.append(np.ascontiguousarray(image))

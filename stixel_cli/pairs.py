@@ -117,9 +117,7 @@ def stixels_from_disparity(
     if scale is None and kind in UNITS:
         unit = f"1/{UNITS[kind]}"
         warnings.warn(
-            f"disparity: {kind} is read in units of {unit} px: confirm with scale={unit}, or give "
-            "another scale",
-            stacklevel=2,
+            f"disparity: {kind} is read in units of {unit} px, or give scale", stacklevel=2
         )
     scale = 1.0 / UNITS.get(kind, 1) if scale is None else scale
     if not 0.0 < scale < 1e6:

@@ -228,7 +228,7 @@ def test_unknown_disparities_and_integers_are_taken_as_their_makers_mean_them(st
         rounded = np.where(nothing, 0, np.rint(unit * disparity)).astype(kind)
         known = np.where(nothing, np.nan, rounded / unit)
         expected = stixels_from_disparity(known, rig).stixels
-        with pytest.warns(UserWarning, match=f"in 1/{unit} px"):
+        with pytest.warns(UserWarning, match=f"in units of 1/{unit} px"):
             assert_same(stixels_from_disparity(rounded, rig).stixels, expected)
         assert_same(stixels_from_disparity(rounded, rig, scale=1 / unit).stixels, expected)
     tenths = stixels_from_disparity(10.0 * np.where(nothing, 0, disparity), rig, scale=0.1)

@@ -218,11 +218,7 @@ def _completed(
     if "ego" not in typed:
         # One frame has no motion.
         if not recording.pose_files and recording.count > 1:
-            where = {
-                "rosbag": " (source.odometry_topic)",
-                "kitti_tracking": " (oxts/NNNN.txt)",
-                "kitti_raw": " (oxts/data)",
-            }
+            where = {"rosbag": " (source.odometry_topic)", "kitti_tracking": " (oxts/NNNN.txt)"}
             raise ConfigurationError(
                 f"ego: the recording has no poses of the ego car{where.get(given.kind, '')}; if it "
                 "does not move, choose ego=parked"

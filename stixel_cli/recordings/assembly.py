@@ -93,7 +93,7 @@ def root_of(folder: Path, *contents: str) -> Path:
 
 
 def numbered_images(
-    *folders: Path, names: str = r"(\d{1,9})\.(?:png|jpe?g)", example: str = "000000.png"
+    *folders: Path, names: str = r"(\d{1,10})\.(?:png|jpe?g)", example: str = "000000.png"
 ) -> tuple[Images, ...]:
     """The images of each of the `folders` by the number in their name, in ascending order.
 

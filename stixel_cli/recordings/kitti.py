@@ -103,7 +103,8 @@ def clip_poses(root: Path, name: str) -> tuple[Tables, tuple[Path, ...]]:
     own = root / "ego_poses" / f"{name}.txt"
     if own.is_file():
         return Tables(), (own,)
-    return Tables("kitti_oxts"), tuple(root / kind / f"{name}.txt" for kind in ("calib", "oxts"))
+    calibration, packets = (root / kind / f"{name}.txt" for kind in ("calib", "oxts"))
+    return Tables("kitti_oxts"), (calibration, calibration, calibration, packets)
 
 
 def find_raw(source: KittiRaw) -> Recording:
@@ -114,11 +115,9 @@ def find_raw(source: KittiRaw) -> Recording:
     calibrations = _, velodyne, cameras = [
         at / f"calib_{name}.txt" for name in ("imu_to_velo", "velo_to_cam", "cam_to_cam")
     ]
-    packets, number = {}, r"(\d{10})\."
+    packets, example = {}, "0000000000.txt"
     if (root / "oxts/data").is_dir():
-        (packets,) = numbered_images(
-            root / "oxts/data", names=number + "txt", example="0000000000.txt"
-        )
+        (packets,) = numbered_images(root / "oxts/data", names=r"(\d{10})\.txt", example=example)
         if list(packets) != list(range(len(packets))):
             raise UserError(
                 f"{root / 'oxts/data'}: must have the packets of all frames, from 0000000000.txt on"
@@ -126,12 +125,7 @@ def find_raw(source: KittiRaw) -> Recording:
     return assembled_recording(
         source,
         read_calibration(cameras, CAMERAS),
-        numbered_images(
-            root / "image_02/data",
-            root / "image_03/data",
-            names=number + "png",
-            example="0000000000.png",
-        ),
+        numbered_images(root / "image_02/data", root / "image_03/data"),
         poses=(*calibrations, *packets.values()) if packets else (),
         labels=(root / "tracklet_labels.xml", velodyne, cameras),
         tables=Tables("kitti_raw"),

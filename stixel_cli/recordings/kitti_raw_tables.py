@@ -1,8 +1,10 @@
-"""Tables of KITTI's raw drives: packets of the GPS/IMU, and the labels of `tracklet_labels.xml`.
+"""Tables of KITTI's sensors: packets of the GPS/IMU (oxts), and labels of the velodyne's tracklets.
 
-Geiger, Lenz, Stiller, Urtasun 2013, *Vision meets robotics: the KITTI dataset*, and `readTracklets`
-of their devkit. A tracklet's boxes are in the frame of the velodyne (x ahead, y to the left, z up):
-the centre of the bottom (m) and rz, the heading from x (rad).
+Geiger, Lenz, Stiller, Urtasun 2013, *Vision meets robotics: the KITTI dataset*, and the functions
+`convertOxtsToPose` and `readTracklets` of their devkit. Packets are of the tracking benchmark or of
+raw drives: rows of 30 numbers that begin with latitude and longitude (degrees), altitude (m), roll,
+pitch and yaw (rad). Tracklets are those of raw drives, `tracklet_labels.xml`: the centre of a box's
+bottom (m) and rz, the heading from x (rad). Both frames have x ahead, y to the left, z up.
 """
 
 from pathlib import Path
@@ -12,15 +14,22 @@ import numpy as np
 from stixel_cli.errors import UserError, printable
 from stixel_cli.files import read_xml
 from stixel_cli.recordings.kitti_tables import (
+    checked_poses,
     labels_in,
     named_numbers,
     numbers,
     read_calibration,
     seen_box,
+    text_rows,
 )
-from stixel_cli.recordings.oxts import packet_poses, rigid
 from stixel_cli.recordings.types import Tracks
 from stixel_cli.remembered import remembered
+
+EARTH_RADIUS = 6378137.0
+"""Of the devkit's Mercator projection, m."""
+
+GREATEST_LATITUDE = 85.0
+"""Degrees: the projection has no poles."""
 
 CAMERAS = ("P_rect_02", "P_rect_03")
 
@@ -31,9 +40,38 @@ VALUES = ("tx", "ty", "tz", "rz", "occlusion", "truncation")
 
 
 @remembered
-def read_poses(imu: Path, velodyne: Path, cameras: Path, *packets: Path) -> np.ndarray:
-    """Poses (n, 3, 4) of a drive, see `packet_poses`."""
-    return packet_poses(_camera_from_velodyne(velodyne, cameras) @ _mounting(imu), *packets)
+def read_poses(mounting: Path, velodyne: Path, cameras: Path, *packets: Path) -> np.ndarray:
+    """Poses (n, 3, 4) of the rectified camera 0 (x right, y down, z forward) in the first, m.
+
+    The odometry benchmark's poses are of camera 0, too; the left colour camera is 6 cm beside it.
+
+    Args:
+        mounting, velodyne, cameras: the calibrations of the GPS/IMU, the velodyne and the cameras:
+            three files of a drive, or three times the one of a clip of the tracking benchmark.
+        packets: one file with a packet in each row, or several of one packet, in their order.
+
+    Raises:
+        UserError: if a row is damaged, or the poses are not in order.
+    """
+    from scipy.spatial.transform import Rotation
+
+    rows = [(file, row, words) for file in packets for row, words in text_rows(file)]
+    if not rows or len(packets) not in (1, len(rows)):
+        raise UserError(f"{packets[0].parent}: must have one row of 30 numbers for each frame")
+    values = np.array([numbers(*row, 30)[:6] for row in rows])
+    for (file, row, _), latitude in zip(rows, values[:, 0], strict=True):
+        if abs(latitude) > GREATEST_LATITUDE:
+            raise UserError(f"{file}: row {row}: latitude must be within ±{GREATEST_LATITUDE:g}°")
+    latitudes, longitudes = np.radians(values[:, :2]).T
+    scale = EARTH_RADIUS * np.cos(latitudes[0])
+    imu = np.tile(np.eye(4), (len(rows), 1, 1))
+    imu[:, :3, :3] = Rotation.from_euler("ZYX", values[:, [5, 4, 3]]).as_matrix()
+    north = np.log(np.tan(0.25 * np.pi + 0.5 * latitudes))
+    imu[:, :3, 3] = np.stack([scale * longitudes, scale * north, values[:, 2]], axis=1)
+    velodyne_from_imu = _mounting(mounting, "Tr_imu_velo", "Tr_imu_to_velo")
+    camera_from_imu = _camera_from_velodyne(velodyne, cameras) @ velodyne_from_imu
+    poses = camera_from_imu @ np.linalg.inv(imu[0]) @ imu @ np.linalg.inv(camera_from_imu)
+    return checked_poses(packets[0], list(enumerate(poses[:, :3], 1)))
 
 
 @remembered
@@ -80,11 +118,27 @@ def read_labels(tracklets: Path, velodyne: Path, cameras: Path) -> Tracks:
 
 def _camera_from_velodyne(velodyne: Path, cameras: Path) -> np.ndarray:
     """The motion (4, 4) from the velodyne's frame to that of the rectified camera 0."""
-    return rigid(cameras, 3, "R_rect_00") @ _mounting(velodyne)
+    rectified = _rigid(cameras, 3, "R_rect_00", "R_rect", "R0_rect")
+    return rectified @ _mounting(velodyne, "Tr_velo_cam", "Tr_velo_to_cam")
 
 
-def _mounting(file: Path) -> np.ndarray:
-    """The motion (4, 4) in the rows R and T of a calibration."""
-    motion = rigid(file, 3, "R")
+def _mounting(file: Path, *names: str) -> np.ndarray:
+    """The motion (4, 4) in the row with one of these names, or in the rows R and T."""
+    if any(words[0].removesuffix(":") in names for _, words in text_rows(file)):
+        return _rigid(file, 4, *names)
+    motion = _rigid(file, 3, "R")
     motion[:3, 3] = named_numbers(file, 3, "T")
+    return motion
+
+
+def _rigid(file: Path, columns: int, *names: str) -> np.ndarray:
+    """The motion (4, 4) in the first row with one of these names: (3, `columns`), row by row.
+
+    Raises:
+        UserError: if there is none, or it is not a rigid motion.
+    """
+    motion = np.eye(4)
+    motion[:3, :columns] = np.reshape(named_numbers(file, 3 * columns, *names), (3, columns))
+    if not np.allclose(motion[:3, :3] @ motion[:3, :3].T, np.eye(3), atol=1e-3):
+        raise UserError(f"{file}: {names[0]} is not a rotation")
     return motion

@@ -10,20 +10,19 @@ from stixel_cli.recordings import (
     bag_messages,
     kitti_raw_tables,
     kitti_tables,
-    oxts,
     virtual_kitti_tables,
 )
 from stixel_cli.recordings.types import Labels, Tables, Tracks
 
 READERS = {
-    "kitti": kitti_tables,
-    "kitti_oxts": oxts,
-    "kitti_raw": kitti_raw_tables,
-    "virtual_kitti": virtual_kitti_tables,
-    "argoverse": argoverse_tables,
-    "rosbag": bag_messages,
+    "kitti": (kitti_tables.read_poses, kitti_tables.read_labels),
+    "kitti_oxts": (kitti_raw_tables.read_poses, kitti_tables.read_labels),
+    "kitti_raw": (kitti_raw_tables.read_poses, kitti_raw_tables.read_labels),
+    "virtual_kitti": (virtual_kitti_tables.read_poses, virtual_kitti_tables.read_labels),
+    "argoverse": (argoverse_tables.read_poses, argoverse_tables.read_labels),
+    "rosbag": (bag_messages.read_poses, None),
 }
-"""The module that reads each kind of tables."""
+"""The functions that read the ego poses and the labels of each kind of tables."""
 
 
 def read_poses(files: tuple[Path, ...], tables: Tables) -> np.ndarray:
@@ -32,12 +31,12 @@ def read_poses(files: tuple[Path, ...], tables: Tables) -> np.ndarray:
     Raises:
         UserError: if a file is missing or not valid.
     """
-    return READERS[tables.kind].read_poses(*filter(None, [tables.times, tables.topics]), *files)
+    return READERS[tables.kind][0](*filter(None, [tables.times, tables.topics]), *files)
 
 
 def read_labels(files: tuple[Path, ...], tables: Tables) -> Tracks:
     """The labels of each target by its track id; errors as in `read_poses`."""
-    return READERS[tables.kind].read_labels(*filter(None, [tables.times]), *files)
+    return READERS[tables.kind][1](*filter(None, [tables.times]), *files)
 
 
 def labels_of(

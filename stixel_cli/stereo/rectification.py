@@ -74,7 +74,7 @@ def compare_rows(left: np.ndarray, right: np.ndarray, far_disparity: float) -> R
     negative = np.mean(reduced * (one - other)[agree, 0] < far_disparity - 1.0)
     if negative >= MOST_NEGATIVE:
         fault = (
-            f"{negative:.0%} of the disparities are negative: exchange left and right, or set "
+            f"{negative:.0%} of the disparities are negative: exchange left and right; or set "
             "rig.principal_u_right if the principal points of the cameras differ"
         )
     elif difference >= WARNED:

@@ -13,9 +13,9 @@ from scipy.spatial.transform import Rotation
 from stixel_cli import compose
 from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.recordings.find import find_recording, guess_layout
+from stixel_cli.recordings.kitti_raw_tables import read_poses
 from stixel_cli.recordings.kitti_tables import read_calibration, read_labels
 from stixel_cli.recordings.kitti_tables import read_poses as read_own_poses
-from stixel_cli.recordings.oxts import read_poses
 from stixel_cli.recordings.parameters import KittiRaw, KittiTracking
 
 DATA = Path(os.environ.get("STIXEL_DATA", "../shared/data"))
@@ -53,7 +53,7 @@ def same_truth(found, expected):
 
 @pytest.mark.skipif(not OXTS.is_file(), reason=f"{OXTS} is missing")
 def test_the_oxts_of_clip_0005_give_its_poses():
-    found = read_poses(CLIP / "calib/0005.txt", OXTS)
+    found = read_poses(*[CLIP / "calib/0005.txt"] * 3, OXTS)
     expected = read_own_poses(CLIP / "ego_poses/0005.txt")
     assert found.shape == expected.shape
     assert np.abs(found[:, :, 3] - expected[:, :, 3]).max() < 0.001
@@ -64,7 +64,7 @@ def test_the_oxts_of_clip_0005_give_its_poses():
 def test_a_clip_as_one_downloads_it_has_the_same_truth(clip, copy):
     make_official(copy)
     recording = find_recording(tracking(copy))
-    assert [file.parent.name for file in recording.pose_files] == ["calib", "oxts"]
+    assert [file.parent.name for file in recording.pose_files] == [*["calib"] * 3, "oxts"]
     same_truth(truth_of(recording), truth_of(find_recording(tracking(clip))))
     # Poses of one's own come first.
     shutil.copytree(clip / "ego_poses", copy / "ego_poses")
