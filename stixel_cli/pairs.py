@@ -258,10 +258,12 @@ def rig_of(rig: RigLike, shape: tuple[int, int], any_height: bool = False) -> Ri
     except ValidationError as error:
         from stixel_cli.config.messages import plain_fault  # It imports the engine.
 
-        fault = error.errors()[0]
+        # A name that is unknown explains the one that is missing.
+        unexpected = "unexpected_keyword_argument"
+        fault = min(error.errors(), key=lambda one: one["type"] != unexpected)
         got = "" if fault["type"] == "missing" else f", got {fault['input']!r}"
         name = "".join(f"{part}: " for part in fault["loc"])
-        unknown = fault["type"] == "unexpected_keyword_argument"
+        unknown = fault["type"] == unexpected
         meant = counterpart(str(fault["loc"][-1]), values) if unknown else ""
         raise ArgumentError(f"rig: {name}{plain_fault(fault)}{got}{meant}") from None
     except (TypeError, ValueError, UserError) as fault:

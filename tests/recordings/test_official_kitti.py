@@ -134,7 +134,7 @@ IMU, VELODYNE, CAMERAS = (
     f"../calib_{name}.txt" for name in ("imu_to_velo", "velo_to_cam", "cam_to_cam")
 )
 DAMAGE = {
-    "entities": ("tracklet_labels.xml", lambda text: ENTITIES, "must have no entities"),
+    "entities": ("tracklet_labels.xml", lambda text: ENTITIES, "must declare no entities"),
     "no XML": ("tracklet_labels.xml", lambda text: text[:500], "not valid XML: "),
     "no size": ("tracklet_labels.xml", lambda text: text.replace("<h>", "<h>-"), "h, w and l must"),
     "words": (
