@@ -115,13 +115,11 @@ def find_raw(source: KittiRaw) -> Recording:
     calibrations = _, velodyne, cameras = [
         at / f"calib_{name}.txt" for name in ("imu_to_velo", "velo_to_cam", "cam_to_cam")
     ]
-    packets, example = {}, "0000000000.txt"
-    if (root / "oxts/data").is_dir():
-        (packets,) = numbered_images(root / "oxts/data", names=r"(\d{10})\.txt", example=example)
+    packets, folder = {}, root / "oxts/data"
+    if folder.is_dir():
+        (packets,) = numbered_images(folder, names=r"(\d{10})\.txt", example="0000000000.txt")
         if list(packets) != list(range(len(packets))):
-            raise UserError(
-                f"{root / 'oxts/data'}: must have the packets of all frames, from 0000000000.txt on"
-            )
+            raise UserError(f"{folder}: must have all packets from 0000000000.txt on")
     return assembled_recording(
         source,
         read_calibration(cameras, CAMERAS),

@@ -81,9 +81,9 @@ def track(
 ) -> Track:
     """The track in the file at the times of `scans`, which take rows as `matched_rows` states.
 
-    A scan without a row keeps the estimate of the scan before (the first ones: the first). Rates
-    that the file lacks are 0, a size or contour is that of `prior`. Variances that it lacks are 0,
-    which the scores of consistency leave out. No point is used, and `initial` is not read.
+    A scan without a row keeps the previous estimate; before the first row, the first one. Missing
+    rates are 0, and a missing size or contour is that of `prior`. Missing variances are 0, and the
+    scores of consistency leave them out. No point is used, and `initial` is not read.
 
     Raises:
         UserError: in one line that names file, place and cause.
@@ -266,11 +266,11 @@ def track_doubts(
     doubts = []
     if not given.all():
         missing = f"{np.sum(~given)} of {len(rows)} scans have no row"
-        doubts.append(f"{missing}: each keeps the estimate before")
+        doubts.append(f"{missing}: each keeps the previous estimate")
     if "t" in table:
         offset = float(np.median(table["t"][rows[given]] - scans.times[given]))
         if abs(offset) > LEAST_OFFSET:
-            doubts.append(f"its times are {offset:+.3f} s from those of the scans (median)")
+            doubts.append(f"its times differ by {offset:+.3f} s (median) from those of the scans")
     if SIZE[0] in table and np.median(table["length"]) < np.median(table["width"]):
         doubts.append("length and width are probably exchanged")
     if np.abs(table["heading"]).max() > 4.0 * np.pi:
