@@ -177,7 +177,8 @@ def test_times_are_matched_within_half_an_interval(tmp_path, scans):
         path = write(tmp_path / "track.csv", columns(t=TIMES + offset))
         np.testing.assert_allclose(read(path, scans).means[:, :3], TRUTH, atol=1e-7)
         assert doubts(path, scans) == [
-            f"tracker.path: {path}: its times differ by {offset:+.3f} s (median) from those of the scans"
+            f"tracker.path: {path}: its times differ by {offset:+.3f} s (median) from those of "
+            "the scans"
         ]
     # Rows in any order, twice as many as scans.
     times = np.concatenate([TIMES + 0.05, TIMES])
