@@ -117,7 +117,7 @@ def stixels_from_disparity(
     if scale is None and kind in UNITS:
         unit = f"1/{UNITS[kind]}"
         warnings.warn(
-            f"disparity: {kind} is read in units of {unit} px, or give scale", stacklevel=2
+            f"disparity: {kind} is read in units of {unit} px; else give scale", stacklevel=2
         )
     scale = 1.0 / UNITS.get(kind, 1) if scale is None else scale
     if not 0.0 < scale < 1e6:
@@ -137,7 +137,7 @@ def stixels_from_disparity(
 
 
 def check_rows(pair: tuple[np.ndarray, np.ndarray], rig: Rig, check_rectification: bool) -> bool:
-    """Warn of apart rows of a grey pair, or raise ArgumentError; whether corners show the rows."""
+    """Warn of a fault of a grey pair, or raise ArgumentError; whether it has enough corners."""
     from stixel_cli.stereo.rectification import compare_rows
 
     rows = compare_rows(*pair, rig.far_disparity)

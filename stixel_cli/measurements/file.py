@@ -116,7 +116,9 @@ def read_scans(
         view = FieldOfView(-np.radians(0.5 * horizontal_fov), np.radians(0.5 * horizontal_fov))
     counts = np.bincount(k[order], minlength=len(times))
     if len(order) < len(k):
-        note(f"{file}: {len(k) - len(order)} of {counted(len(k), 'row')} dropped, without x and y")
+        note(
+            f"{file}: {len(k) - len(order)} of {counted(len(k), 'row')} dropped: x and y are empty"
+        )
     return Scans(
         times=times,
         sensor_poses_world=poses,

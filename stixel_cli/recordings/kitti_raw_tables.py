@@ -124,8 +124,8 @@ def _camera_from_velodyne(velodyne: Path, cameras: Path) -> np.ndarray:
 
 def _mounting(file: Path, *names: str) -> np.ndarray:
     """The motion (4, 4) in the row with one of these names, or in the rows R and T."""
-    if any(words[0].removesuffix(":") in names for _, words in text_rows(file)):
-        return _rigid(file, 4, *names)
+    if not any(words[0].removesuffix(":") == "R" for _, words in text_rows(file)):
+        return _rigid(file, 4, *names, "R and T")
     motion = _rigid(file, 3, "R")
     motion[:3, 3] = named_numbers(file, 3, "T")
     return motion

@@ -73,7 +73,7 @@ def named_numbers(file: Path, count: int, *names: str) -> list[float]:
         name, *values = re.sub(r"[=\[\];,]", " ", " ".join(words)).split() or [""]
         if name.removesuffix(":") in names:
             return numbers(file, row, values, count)
-    raise UserError(f"{file}: {names[0]} is missing")
+    raise UserError(f"{file}: {' or '.join(names)} is missing")
 
 
 def check_columns(file: Path, row: int, words: list[str], needed: int) -> None:

@@ -153,11 +153,12 @@ DAMAGE = {
     "pole": ("oxts/data/0000000002.txt", lambda text: "89" + text[2:], "latitude must be within"),
     "far": ("oxts/data/0000000002.txt", lambda text: "50" + text[2:], "row 3: out of order"),
     "no rotation": (IMU, lambda text: text.replace("R: ", "R: 2"), "R is not a rotation"),
+    "no motion": (VELODYNE, lambda text: text.replace("R:", "S:"), "or R and T is missing"),
     "no place": (VELODYNE, lambda text: text.replace("T:", "S:"), "T is missing"),
     "no turn": (
         CAMERAS,
         lambda text: text.replace("R_rect_00", "R_rect_01"),
-        "R_rect_00 is missing",
+        "R_rect_00 or R_rect or R0_rect is missing",
     ),
 }
 
