@@ -216,6 +216,7 @@ class StixelStream:
             np.concatenate([one.points_world for one in self._scans]),
             np.concatenate([one.covariances_world for one in self._scans]),
             scan.field_of_view,
+            scan.shared_errors,
         )
         length = float(np.hypot(*SIZES.T).max())
         follow_scan(self._tracks, scans, k, self._sample_time, LARGEST * length)

@@ -28,9 +28,14 @@ from stixel_cli.scene.ego import ego_motion
 from stixel_cli.scene.path import build_scenario
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.tracking.contour import class_size
-from stixel_cli.tracking.contour.class_shape import ClassShape, VisibleShape
+from stixel_cli.tracking.contour.class_shape import ClassShape, OutlineModes, VisibleShape
 from stixel_cli.tracking.contour.class_size import ClassSize
-from stixel_cli.validation.visible_shape import class_shape_of, visible_outline_of, visible_shape_of
+from stixel_cli.validation.visible_shape import (
+    class_shape_of,
+    outline_modes_of,
+    visible_outline_of,
+    visible_shape_of,
+)
 
 PATHS = ("turn", "crossing", "approach", "s_curve")
 SEEDS = range(1000, 1008)
@@ -83,7 +88,7 @@ def learned_class(
         else visible_shape_of(_samples(seen, sensor), shape)
         for sensor in sensors
     }
-    return size, entry(size, shape, visible)
+    return size, entry(size, shape, outline_modes_of(scenarios, shape.size), visible)
 
 
 def _scenario(road_user: Overrides) -> Scenario:
@@ -113,13 +118,16 @@ def class_text(known: Mapping[str, Any]) -> str:
     return re.sub(r"\[[^\]]+\]", lambda numbers: " ".join(numbers[0].split()), text) + "\n"
 
 
-def entry(size: ClassSize, shape: ClassShape, seen: Mapping[str, VisibleShape]) -> dict[str, Any]:
+def entry(
+    size: ClassSize, shape: ClassShape, modes: OutlineModes, seen: Mapping[str, VisibleShape]
+) -> dict[str, Any]:
     """One class in the generated file: lengths in whole millimetres."""
     lengths = {
         "size": size.mean,
         "size_stds": size.stds,
         "radii": np.hypot(*shape.outline.T),
-        "radius_stds": shape.outline_stds,
+        "modes": modes.fixed,
+        "limb_modes": modes.limbs,
         **{sensor: vars(values) for sensor, values in seen.items()},
     }
     return _plain(lengths)

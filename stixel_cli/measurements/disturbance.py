@@ -47,7 +47,9 @@ def disturb_scans(
                 np.concatenate([scans.covariances_world[rows], covariances]),
             )
         )
-    disturbed = Scans.of_each(scans.times, scans.sensor_poses_world, own, scans.field_of_view)
+    disturbed = Scans.of_each(
+        scans.times, scans.sensor_poses_world, own, scans.field_of_view, scans.shared_errors
+    )
     return replace(disturbed, epoch=scans.epoch)
 
 

@@ -11,12 +11,13 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from annotated_types import Gt, Le
+from annotated_types import Ge, Gt, Le
 
 from stixel_cli.errors import UserError, counted
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD
 from stixel_cli.measurements.disturbance_parameters import Disturbance
 from stixel_cli.measurements.scans import FieldOfView, Scans
+from stixel_cli.measurements.shared_errors import NO_SHARED_ERRORS, SharedErrors
 from stixel_cli.measurements.tables import MOST_SCANS, indices, read_table, refuse_rows
 from stixel_cli.measurements.units import (
     AngleUnit,
@@ -40,6 +41,10 @@ class FileParameters(Disturbance):
             the origin, and an absent k is an empty scan.
         truth: the target's true poses and size or contour; null: unknown, so no errors are scored.
         range_std: standard deviation of a point along each axis, m, if the file has no variances.
+        range_bias_std: standard deviation of an error that all ranges of the file share, m.
+        ego_std: those of errors of the sensor's place (x and y, m) and heading (degrees) that all
+            of its poses share.
+        time_std: that of an error of the times of the sensor's poses, s, as of a clock.
         horizontal_fov: field of view in degrees, symmetric to the sensor's heading; null: unknown.
         time_unit: unit of t; null: seconds, or that of times since 1970.
         angle_unit: unit of the headings in `ego` and `truth`.
@@ -50,9 +55,23 @@ class FileParameters(Disturbance):
     ego: str | None
     truth: str | None
     range_std: Annotated[float, Gt(0), Le(10)]
+    range_bias_std: Annotated[float, Ge(0), Le(10)]
+    ego_std: tuple[Annotated[float, Ge(0), Le(10)], Annotated[float, Ge(0), Le(45)]]
+    time_std: Annotated[float, Ge(0), Le(10)]
     horizontal_fov: Annotated[float, Gt(0), Le(360)] | None
     time_unit: TimeUnit | None
     angle_unit: AngleUnit
+
+    @property
+    def shared_errors(self) -> SharedErrors:
+        """What all points of the file share."""
+        position, heading = self.ego_std
+        return SharedErrors(
+            range_bias=self.range_bias_std,
+            position=position,
+            heading=float(np.radians(heading)),
+            time=self.time_std,
+        )
 
     def check(self) -> None:
         """Raise ValueError for an empty file name."""
@@ -72,6 +91,7 @@ def read_scans(
     time_unit: TimeUnit | None = None,
     angle_unit: AngleUnit = "rad",
     note: Callable[[str], object] = str,
+    shared_errors: SharedErrors = NO_SHARED_ERRORS,
 ) -> Scans:
     """Scans of the points in the file `path`, in their order in the file.
 
@@ -84,6 +104,7 @@ def read_scans(
         time_unit: of t; None: seconds, or that of times since 1970, which become relative.
         angle_unit: of the sensor's headings.
         note: called with one line for what a user may not expect.
+        shared_errors: that no table states.
 
     Raises:
         UserError: in one line that names file, place and cause.
@@ -127,6 +148,7 @@ def read_scans(
         covariances_world=_covariances(file, table, range_std)[order],
         field_of_view=view,
         epoch=epoch,
+        shared_errors=shared_errors,
     )
 
 

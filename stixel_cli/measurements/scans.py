@@ -7,6 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from stixel_cli.geometry.pose import wrap_angle
+from stixel_cli.measurements.shared_errors import NO_SHARED_ERRORS, SharedErrors
+
 FARTHEST = 1e8
 """Greatest absolute value of a time, s, of scans from any source; and of any number in a file.
 
@@ -43,6 +46,7 @@ class Scans:
         covariances_world: (P, 2, 2) m².
         field_of_view: of the sensor; None: unknown.
         epoch: ns since 1970 at the time 0; None: unknown.
+        shared_errors: what all of the points share, beyond their covariances.
     """
 
     times: np.ndarray
@@ -52,6 +56,7 @@ class Scans:
     covariances_world: np.ndarray
     field_of_view: FieldOfView | None = None
     epoch: int | None = None
+    shared_errors: SharedErrors = NO_SHARED_ERRORS
 
     def __post_init__(self):
         wrong = np.flatnonzero(~(np.abs(self.times) <= FARTHEST))
@@ -68,6 +73,7 @@ class Scans:
         sensor_poses_world: np.ndarray,
         scans: Sequence[tuple[np.ndarray, np.ndarray]],
         field_of_view: FieldOfView | None = None,
+        shared_errors: SharedErrors = NO_SHARED_ERRORS,
     ) -> "Scans":
         """From `times` (K,) s, poses (K, 3), and points (n_k, 2) m and covariances (n_k, 2, 2) m².
 
@@ -90,6 +96,7 @@ class Scans:
                 [np.zeros((0, 2, 2)), *(covariances for _, covariances in scans)]
             ),
             field_of_view=field_of_view,
+            shared_errors=shared_errors,
         )
 
     def __len__(self) -> int:
@@ -98,6 +105,18 @@ class Scans:
     def rows(self, k: int) -> slice:
         """The rows of scan k."""
         return slice(int(self.offsets[k]), int(self.offsets[k + 1]))
+
+    def shared_directions(self, k: int, points_world: np.ndarray) -> np.ndarray:
+        """How `points_world` (n, 2) m of scan k move by its m shared errors: (n, 2, m) m each.
+
+        The sensor moves as since the scan before; at the first scan it stands still.
+        """
+        rates = np.zeros(3)
+        if k > 0:
+            rates = self.sensor_poses_world[k] - self.sensor_poses_world[k - 1]
+            rates[2] = wrap_angle(rates[2])
+            rates = rates / (self.times[k] - self.times[k - 1])
+        return self.shared_errors.directions(points_world, self.sensor_poses_world[k], rates)
 
     def watched(self, begin: Callable[[str], None]) -> "Scans":
         """The same scans, which call `begin` with k and the number of points in `rows(k)`."""

@@ -9,6 +9,7 @@ from stixel_cli.geometry.pose import STRAIGHT_AHEAD, rotate_covariances, world_f
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.measurements.disturbance_parameters import Gated
 from stixel_cli.measurements.scans import FieldOfView, Scans
+from stixel_cli.measurements.shared_errors import SharedErrors
 from stixel_cli.parameters import parameters
 from stixel_cli.scene.scenario import EgoMotion
 from stixel_cli.stixels.types import Stixels
@@ -49,4 +50,7 @@ def gather_scans(
     if len(scans) != len(ego_motion.times):
         raise ValueError(f"stixels of {len(scans)} frames, but {len(ego_motion.times)} scans")
     view = FieldOfView(*rig.field_of_view, rig.baseline)
-    return Scans.of_each(ego_motion.times, ego_motion.poses_world, scans, view)
+    # One standard deviation of each of the rig's independent errors of the disparity.
+    errors = rig.disparity_error_factor.T / (rig.focal * rig.baseline)
+    shared = SharedErrors(disparity=tuple(tuple(one) for one in errors.tolist() if any(one)))
+    return Scans.of_each(ego_motion.times, ego_motion.poses_world, scans, view, shared)

@@ -16,13 +16,14 @@ from stixel_cli.measurements.scans import Scans
 from stixel_cli.parameters import parameters
 from stixel_cli.tracking import motion
 from stixel_cli.tracking.association import associate, contour_moments
-from stixel_cli.tracking.gp_ekf_update import SEEN, fill_pose_columns, update
+from stixel_cli.tracking.gp_ekf_update import SEEN, fill_pose_columns, linearise, update
 from stixel_cli.tracking.kernel import ContourProcess, contour_process
 from stixel_cli.tracking.prior import PriorShape, mean_radius, prior_radii
 from stixel_cli.tracking.smoothing import Step, smooth
 from stixel_cli.tracking.track import InitialState, Track, contour_directions
 
 if TYPE_CHECKING:
+    from stixel_cli.tracking.gp_ekf_covariance import StatedCovariance
     from stixel_cli.tracking.one_side import OneSide
 
 
@@ -97,12 +98,14 @@ def track(
         tracker.jitter,
         mean_radius(prior) if tracker.mean_function == "class_radius" else 0.0,
     )
-    side = None
+    side = stated = None
     if tracker.seen_by is not None:
         # Numba takes half a second to import, and every command imports this module.
+        from stixel_cli.tracking.gp_ekf_covariance import StatedCovariance
         from stixel_cli.tracking.one_side import OneSide
 
         side = OneSide(prior, tracker.seen_by, process)
+        stated = StatedCovariance(initial.covariance, process.covariance, side, scans)
     radii = prior_radii(prior, process.basis_angles) if side is None else side.radii
     mean = np.concatenate([initial.mean, radii])
     covariance = block_diag(initial.covariance, process.covariance)
@@ -112,10 +115,13 @@ def track(
     filtered: list[Step] = []
     nis = np.full(count, np.nan)
     steps = motion.intervals(scans.times)
-    process_noises = {
-        interval: motion.process_noise(interval, tracker.sigma_q, tracker.sigma_q_psi)
-        for interval in set(steps)
-    }
+    process_noises, transitions = {}, {}
+    for interval in set(steps):
+        process_noises[interval] = motion.process_noise(
+            interval, tracker.sigma_q, tracker.sigma_q_psi
+        )
+        kept = np.exp(-tracker.forgetting_rate * interval) * np.eye(tracker.basis_points)
+        transitions[interval] = block_diag(motion.transition(interval), kept)
     for k, interval in enumerate(steps):
         mean, covariance = predicted = motion.predict(
             mean,
@@ -126,18 +132,21 @@ def track(
             process.covariance,
             process.mean_radius,
         )
+        if stated:
+            stated.predict(transitions[interval], process_noises[interval], interval)
         if tracker.slip is not None:
-            mean, covariance = motion.tied_to_velocity(mean, covariance, tracker.slip)
+            before = mean
+            mean, covariance, gain = motion.tied_to_velocity(mean, covariance, tracker.slip)
+            if stated:
+                stated.tie(gain, before, tracker.slip)
         mean, covariance, indices, nis[k] = _updated(
-            (mean, covariance), scans, k, process, side, tracker
+            (mean, covariance), scans, k, process, (side, stated), tracker
         )
         used.append(indices + scans.offsets[k])
-        means[k], covariances[k] = mean, covariance
+        means[k], covariances[k] = mean, stated.reported if stated else covariance
         if tracker.lag != 0:
-            kept = np.exp(-tracker.forgetting_rate * interval) * np.eye(tracker.basis_points)
-            matrix = block_diag(motion.transition(interval), kept)
             last = filtered[-1] if filtered else None
-            filtered.append(Step(mean, covariance, *predicted, last, matrix))
+            filtered.append(Step(mean, covariance, *predicted, last, transitions[interval]))
 
     def reported(means: np.ndarray, covariances: np.ndarray) -> Track:
         contours = contours_of(means, covariances, process, tracker.contour_points)
@@ -146,7 +155,9 @@ def track(
     track = reported(means, covariances)
     if tracker.lag == 0:
         return track
-    smoothed = reported(*smooth(filtered, tracker.lag, heading=2))
+    smoothed_means, smoothed_covariances = smooth(filtered, tracker.lag, heading=2)
+    # Of errors that scans share, later scans take little: those of the filter are stated.
+    smoothed = reported(smoothed_means, covariances if stated else smoothed_covariances)
     return replace(track, smoothed=replace(smoothed, lag=tracker.lag))
 
 
@@ -155,29 +166,37 @@ def _updated(
     scans: Scans,
     k: int,
     process: ContourProcess,
-    side: "OneSide | None",
+    one_side: "tuple[OneSide | None, StatedCovariance | None]",
     tracker: GpEkfParameters,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
     """Mean and covariance after scan k, the indices (m,) of its points that were used, the NIS."""
     mean, covariance = predicted
+    side, stated = one_side
     rows = scans.rows(k)
-    points, noises = scans.points_world[rows], scans.covariances_world[rows]
+    points, own_noises = scans.points_world[rows], scans.covariances_world[rows]
     if side is not None:
-        rays = side.rays(points, noises, scans.sensor_poses_world[k], mean[:SEEN])
+        rays, shape_stds = side.rays(points, own_noises, scans.sensor_poses_world[k], mean[:SEEN])
         points = rays.points_world
+    noises = own_noises
     if tracker.measurement_covariance == "isotropic":
         noises = tracker.measurement_std**2 * np.eye(2)
     indices = _associated(points, noises, mean, covariance, process, tracker)
     if side is not None and len(indices):
         indices = side.target(rays, indices, mean, covariance)
-        mean = side.near_side(rays, indices, mean, covariance, tracker.measurement_std)
     if not len(indices):
         return mean, covariance, indices, np.nan
     noises = noises if noises.ndim == 2 else noises[indices]
-    mean, covariance, nis = update(
-        mean, covariance, points[indices], noises, process, tangential=side is None
-    )
-    return mean, covariance, indices, nis
+    if side is None:
+        model = linearise(points[indices], mean, process)
+        mean, covariance, _, nis = update(mean, covariance, model, noises, tangential=True)
+        return mean, covariance, indices, nis
+    mean, near_gain = side.near_side(rays, indices, mean, covariance, tracker.measurement_std)
+    model = side.linearised(rays, indices, mean, stated.position)
+    matrix, variances = stated.rows(model, rays.at(indices), shape_stds[indices], mean, k)
+    near = (model.directions * rays.directions[indices]).sum(axis=1) < 0.0
+    stated.near_side(near_gain, matrix[near], variances[near])
+    mean, covariance, gain, _ = update(mean, covariance, model, noises, tangential=False)
+    return mean, covariance, indices, stated.correct(gain, matrix, variances, model.residuals)
 
 
 def contours_of(

@@ -45,6 +45,23 @@ class Linearisation:
     radius_variances: np.ndarray
     turns: np.ndarray
 
+    @property
+    def gradients(self) -> np.ndarray:
+        """g (n, 2) = p - (f' / r) t, world frame: how far a residual changes as its point moves.
+
+        The innovation of a point z is v = ‖z - x^c‖ - f(∠(z - x^c) - psi), a scalar.
+        """
+        px, py = self.directions.T
+        return self.directions - self.turns[:, None] * np.stack([-py, px], axis=-1)
+
+    @property
+    def state_matrix(self) -> np.ndarray:
+        """H (n, 6 + N): `radial_matrix` with columns of zeros for the rates."""
+        matrix = np.zeros((len(self.residuals), self.radial_matrix.shape[1] + SEEN))
+        matrix[:, :SEEN] = self.radial_matrix[:, :SEEN]
+        matrix[:, 2 * SEEN :] = self.radial_matrix[:, SEEN:]
+        return matrix
+
 
 def linearise(points_world: np.ndarray, mean: np.ndarray, process: ContourProcess) -> Linearisation:
     """The model of the points `points_world` (n, 2) at a `mean` (6 + N,); thesis (65)-(77).
@@ -74,47 +91,40 @@ def linearise(points_world: np.ndarray, mean: np.ndarray, process: ContourProces
 
 
 def innovation_variances(model: Linearisation, covariances: np.ndarray) -> np.ndarray:
-    """Variances (n,) m² of the residuals of points with `covariances` R (2, 2) or (n, 2, 2) m².
+    """Variances gᵀ R g (n,) m² of the residuals of points with R (2, 2) or (n, 2, 2) m².
 
-    The innovation of a point z is v = ‖z - x^c‖ - f(∠(z - x^c) - psi), a scalar. Its gradient in z
-    is g = p - (f' / r) t, so its variance is gᵀ R g. One R for all points is a multiple of I, which
-    stays as it is, as in [GP].
+    One R for all points is a multiple of I, which stays as it is, as in [GP].
     """
     if covariances.ndim == 2:
         return np.full(len(model.residuals), covariances[0, 0])
-    px, py = model.directions.T
-    tangents = np.stack([-py, px], axis=-1)
-    gradients = model.directions - model.turns[:, None] * tangents
-    return np.einsum("ni,nij,nj->n", gradients, covariances, gradients)
+    return np.einsum("ni,nij,nj->n", model.gradients, covariances, model.gradients)
 
 
 def update(
     mean: np.ndarray,
     covariance: np.ndarray,
-    points_world: np.ndarray,
+    model: Linearisation,
     covariances: np.ndarray,
-    process: ContourProcess,
     tangential: bool,
-) -> tuple[np.ndarray, np.ndarray, float]:
-    """Posterior mean (6 + N,), covariance, and NIS of a scan; thesis (76) in information form.
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+    """Posterior mean (6 + N,), covariance, gain and NIS of a scan; thesis (76), information form.
 
-    `mean` and `covariance` are the *predicted* ones; `points_world` (n, 2) m; `covariances` R as of
-    `innovation_variances`. `tangential`: whether the rows that measure nothing count, as in [GP].
+    `mean` and `covariance` are the *predicted* ones, `model` is that of n points at them;
+    `covariances` R as of `innovation_variances`. `tangential`: whether the rows that measure
+    nothing count, as in [GP]. The gain (6 + N, n) is that of the radial residuals.
     """
-    model = linearise(points_world, mean, process)
     own = innovation_variances(model, covariances)
-    matrix = np.zeros((len(own), len(mean)))
-    matrix[:, :SEEN] = model.radial_matrix[:, :SEEN]
-    matrix[:, 2 * SEEN :] = model.radial_matrix[:, SEEN:]
-    noise, innovation = own + model.radius_variances, model.residuals
+    matrix, noise, innovation = model.state_matrix, own + model.radius_variances, model.residuals
+    radial = len(own)
     if tangential:
         rows = np.zeros_like(matrix)
         rows[:, 0] = -model.directions[:, 1] * model.tangential_slopes
         rows[:, 1] = model.directions[:, 0] * model.tangential_slopes
         matrix, noise = np.vstack([matrix, rows]), np.concatenate([noise, own])
-        innovation = np.concatenate([innovation, np.zeros(len(own))])
+        innovation = np.concatenate([innovation, np.zeros(radial)])
     correction, posterior, nis, _ = condition(covariance, matrix, noise, innovation)
-    return mean + correction, posterior, nis
+    gain = posterior @ (matrix[:radial].T / noise[:radial])
+    return mean + correction, posterior, gain, nis
 
 
 def fill_pose_columns(

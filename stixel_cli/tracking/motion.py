@@ -37,21 +37,26 @@ def process_noise(interval: float, sigma_q: float, sigma_q_psi: float) -> np.nda
     return noise
 
 
+def velocity_across(mean: np.ndarray) -> tuple[float, np.ndarray]:
+    """The velocity across the heading, m/s, to the left, and its derivative (d,) by the state."""
+    cosine, sine = np.cos(mean[2]), np.sin(mean[2])
+    row = np.zeros(len(mean))
+    row[2:5] = -cosine * mean[3] - sine * mean[4], -sine, cosine
+    return cosine * mean[4] - sine * mean[3], row
+
+
 def tied_to_velocity(
     mean: np.ndarray, covariance: np.ndarray, slip: float
-) -> tuple[np.ndarray, np.ndarray]:
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Mean (d,) and covariance (d, d) of a target that slides sideways by 0 ± `slip` m/s.
 
     A road user moves along its heading: the velocity across it is measured as zero, which turns
-    heading and velocity towards each other.
+    heading and velocity towards each other. Also the gain (d,) of that measurement.
     """
-    cosine, sine = np.cos(mean[2]), np.sin(mean[2])
-    across = cosine * mean[4] - sine * mean[3]
-    row = np.zeros(len(mean))
-    row[2:5] = -cosine * mean[3] - sine * mean[4], -sine, cosine
+    across, row = velocity_across(mean)
     spread = covariance @ row
     gain = spread / (row @ spread + slip**2)
-    return mean - gain * across, covariance - np.outer(gain, spread)
+    return mean - gain * across, covariance - np.outer(gain, spread), gain
 
 
 def predict(

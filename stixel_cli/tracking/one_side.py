@@ -12,10 +12,16 @@ from typing import Literal
 import numpy as np
 
 from stixel_cli.geometry.pose import rotation
-from stixel_cli.tracking.contour.class_shape import class_shape, visible_shape, visible_table
+from stixel_cli.tracking.contour.class_shape import (
+    MODE_ANGLES,
+    class_shape,
+    outline_modes,
+    visible_shape,
+    visible_table,
+)
 from stixel_cli.tracking.contour.contour_rays import Rays, rays_of, segments
 from stixel_cli.tracking.contour.ray_table import expected, outline_table
-from stixel_cli.tracking.gp_ekf_update import SEEN, linearise
+from stixel_cli.tracking.gp_ekf_update import SEEN, Linearisation, linearise
 from stixel_cli.tracking.kalman import correct
 from stixel_cli.tracking.kernel import ContourProcess
 from stixel_cli.tracking.prior import PriorShape, prior_radii
@@ -40,6 +46,9 @@ SIDE_SHARE = 0.8
 NEAREST_RAY = 0.1
 """Corners of the contour this near to a ray, m, are what it meets."""
 
+LEAST_SLANT = 0.2
+"""Cosine between radius and normal of an outline, below which the radius changes no more."""
+
 
 class OneSide:
     """A sensor that sees one side of the targets of a `prior`, from their points alone if unknown.
@@ -47,6 +56,11 @@ class OneSide:
     Attributes:
         radii: (N,) m at the angles of the `process`: of the class's outline in the prior's size, or
             of the prior's shape if the class is unknown.
+        radii_covariance: (N, N) m², of the class's sizes and shapes; None if it is unknown.
+        limbs: (L, N) m, independent changes of the radii as the target moves, by one standard
+            deviation each.
+        std_factor: on the standard deviation of a point, see `VisibleShape`.
+        basis_angles: (N,) rad.
     """
 
     def __init__(
@@ -59,6 +73,9 @@ class OneSide:
         self._known = prior.road_user != "unknown"
         self._tables = None
         self.radii = prior_radii(prior, process.basis_angles)
+        self.basis_angles = process.basis_angles
+        self.radii_covariance, self.limbs = None, np.zeros((0, len(self.radii)))
+        self.std_factor = 1.0
         if not self._known:
             return
         shape = class_shape(prior.road_user)
@@ -66,12 +83,24 @@ class OneSide:
         outline = shape.outline * np.exp(self._factors)
         bearings = np.arctan2(outline[:, 1], outline[:, 0])
         lengths = np.hypot(*outline.T)
-        self.radii = np.interp(process.basis_angles, bearings, lengths, period=2.0 * np.pi)
+        self.radii = self._at(bearings, lengths)
+        modes = outline_modes(prior.road_user)
+        angles = 2.0 * np.pi * np.arange(MODE_ANGLES) / MODE_ANGLES
+        fixed = np.stack([self._at(angles, mode) for mode in modes.fixed])
+        if modes.limbs.any():
+            self.limbs = np.stack([self._at(angles, mode) for mode in modes.limbs])
+        stds = np.array([prior.length_std, prior.width_std])
+        sizes = stds[:, None] * [self._at(bearings, one) for one in size_slopes(outline)]
+        self.radii_covariance = fixed.T @ fixed + sizes.T @ sizes
         if seen_by in ("stixels", "lidar"):
             seen = visible_shape(prior.road_user, seen_by)
             visible = visible_table(shape.outline, seen, blurred=seen_by == "stixels")
             self._tables = visible, outline_table(shape.outline)
-            self._bias_per_std = seen.bias_per_std
+            self._bias_per_std, self.std_factor = seen.bias_per_std, seen.std_factor
+
+    def _at(self, bearings: np.ndarray, values: np.ndarray) -> np.ndarray:
+        """`values` (n,) at the `bearings` (n,) rad of an outline, at the basis angles (N,)."""
+        return np.interp(self.basis_angles, bearings, values, period=2.0 * np.pi)
 
     def rays(
         self,
@@ -79,23 +108,24 @@ class OneSide:
         covariances: np.ndarray,
         sensor: np.ndarray,
         pose: np.ndarray,
-    ) -> Rays:
+    ) -> tuple[Rays, np.ndarray]:
         """The rays of points (n, 2) m, moved to where they would be if the outline were seen.
 
         `covariances` (n, 2, 2) m² are the points'; `sensor` and `pose` (3,) the poses of the sensor
-        and of the target in the world. Points of an unknown class stay.
+        and of the target in the world. Points of an unknown class stay. Also the standard
+        deviations (n,) m of these moves.
         """
-        rays = rays_of(points_world, covariances, sensor)
+        rays, stds = rays_of(points_world, covariances, sensor), np.zeros(len(points_world))
         if self._tables is not None and len(points_world):
             state = np.concatenate([pose, self._factors])[None]
             visible, outline = (
-                expected(state, sensor[:2], rays.directions, -1, -1, *table.arrays())[0][0]
+                expected(state, sensor[:2], rays.directions, -1, -1, *table.arrays())
                 for table in self._tables
             )
-            missed = np.clip(visible - outline, -FARTHEST, FARTHEST)
+            missed = np.clip(visible[0][0] - outline[0][0], -FARTHEST, FARTHEST)
             missed += self._bias_per_std * rays.stds
-            rays = replace(rays, ranges=rays.ranges - missed)
-        return rays
+            rays, stds = replace(rays, ranges=rays.ranges - missed), visible[3]
+        return rays, stds
 
     def target(
         self, rays: Rays, candidates: np.ndarray, mean: np.ndarray, covariance: np.ndarray
@@ -134,26 +164,66 @@ class OneSide:
         basis = self._process.basis_angles
         return np.hypot(*offsets.T) - np.interp(angles, basis, self.radii, period=2.0 * np.pi)
 
+    def _contour(self, rays: Rays, indices: np.ndarray, mean: np.ndarray) -> np.ndarray:
+        """The contour of the `mean` along and to the left of the rays at `indices`: (2, m, N) m."""
+        radii = np.maximum(mean[2 * SEEN :], 0.0)
+        contour = (radii[:, None] * self._process.basis_directions) @ rotation(mean[2]).T
+        contour += mean[:2] - rays.sensor[:2]
+        return np.stack([rays.directions[indices], rays.normals[indices]]) @ contour.T
+
+    def linearised(
+        self, rays: Rays, indices: np.ndarray, mean: np.ndarray, position: np.ndarray
+    ) -> Linearisation:
+        """The model of the points at `indices` (m,), at the places where they most likely were.
+
+        At a noisy point itself the radius and its slope are those of another place: with noise of
+        half of the target's size the near side moves away. So each is taken between the point and
+        where its ray meets the contour, by the point's variance and that of the `position` (2, 2)
+        m² along the ray; the residual is that of the point, linear from there.
+        """
+        along, across = self._contour(rays, indices, mean)
+        after = np.roll(across, -1, axis=1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            crossing = along + across / (across - after) * (np.roll(along, -1, axis=1) - along)
+        ranges = np.where((across < 0.0) != (after < 0.0), crossing, np.inf).min(axis=1)
+        meets = np.isfinite(ranges)
+        directions, variances = (
+            rays.directions[indices],
+            (self.std_factor * rays.stds[indices]) ** 2,
+        )
+        of_position = np.einsum("ni,ij,nj->n", directions, position, directions)
+        share = variances / (variances + of_position)
+        behind = np.where(meets, ranges, rays.ranges[indices]) - rays.ranges[indices]
+        moved = (share * behind)[:, None] * directions
+        model = linearise(rays.points_world[indices] + moved, mean, self._process)
+        return replace(model, residuals=model.residuals - (model.gradients * moved).sum(axis=1))
+
     def near_side(
         self, rays: Rays, indices: np.ndarray, mean: np.ndarray, covariance: np.ndarray, std: float
-    ) -> np.ndarray:
+    ) -> tuple[np.ndarray, np.ndarray]:
         """The `mean` (6 + N,), moved so that its near side meets the points at `indices` (m,).
 
-        By the gain of one range, the median of the distances behind the contour, whose error is a
-        share of `std` m. The update uses the points again, so the covariance (6 + N, 6 + N) stays.
+        By the gain (6 + N,) of one range, which is returned too: the median of the distances behind
+        the contour, whose error is a share of `std` m. The update uses the points again, so the
+        covariance (6 + N, 6 + N) stays.
         """
-        if not len(indices):
-            return mean
-        directions = rays.directions[indices]
-        turn = rotation(mean[2])
-        radii = np.maximum(mean[2 * SEEN :], 0.0)
-        contour = mean[:2] - rays.sensor[:2]
-        contour = contour + (radii[:, None] * self._process.basis_directions) @ turn.T
-        along = directions @ contour.T
-        across = np.abs(rays.normals[indices] @ contour.T)
+        along, across = self._contour(rays, indices, mean)
+        across = np.abs(across)
         met = across < np.maximum(NEAREST_RAY, across.min(axis=1, keepdims=True) + 0.03)
         behind = median((rays.ranges[indices] - np.where(met, along, np.inf).min(axis=1)).tolist())
-        direction = directions.mean(axis=0)
+        direction = rays.directions[indices].mean(axis=0)
         direction /= np.hypot(*direction)
         spread = covariance[:, :2] @ direction
-        return mean + spread / (direction @ spread[:2] + (SIDE_SHARE * std) ** 2) * behind
+        gain = spread / (direction @ spread[:2] + (SIDE_SHARE * std) ** 2)
+        return mean + gain * behind, gain
+
+
+def size_slopes(outline: np.ndarray) -> np.ndarray:
+    """Derivatives (2, n) m of the radii of an `outline` (n, 2) m by the logs of length and width.
+
+    Along the radius from the centre, while the point that the radius meets moves along the outline.
+    """
+    edges = np.roll(outline, -1, axis=0) - np.roll(outline, 1, axis=0)
+    normals = np.stack([edges[:, 1], -edges[:, 0]], axis=-1) / np.hypot(*edges.T)[:, None]
+    slant = (normals * outline).sum(axis=1) / np.hypot(*outline.T)
+    return (normals * outline / np.maximum(slant, LEAST_SLANT)[:, None]).T

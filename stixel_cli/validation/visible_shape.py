@@ -18,7 +18,15 @@ from stixel_cli.geometry.polygon import first_hits
 from stixel_cli.geometry.pose import target_from_world
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.scenario import Scenario
-from stixel_cli.tracking.contour.class_shape import NODES, ClassShape, VisibleShape
+from stixel_cli.tracking.contour.class_shape import (
+    LIMB_MODES,
+    MODE_ANGLES,
+    MODES,
+    NODES,
+    ClassShape,
+    OutlineModes,
+    VisibleShape,
+)
 from stixel_cli.tracking.contour.ray_table import REACH, first_depths, widths
 
 RADII = 360
@@ -66,6 +74,34 @@ def class_shape_of(scenarios: Sequence[Scenario]) -> ClassShape:
     extents = np.ptp(outline, axis=0)
     radii = _radii(outline * (1.0 + TOWARDS_BOX * (size / extents - 1.0)))
     return ClassShape(outline=radii[:, None] * _ALONG, outline_stds=stds, size=size)
+
+
+def outline_modes_of(scenarios: Sequence[Scenario], size: np.ndarray) -> OutlineModes:
+    """How the outlines of road users, all of a box of `size` (2,) m, differ from their mean.
+
+    Principal components, of the mean over the poses of the limbs and of what differs from it. Each
+    road user counts twice, as it is and mirrored.
+    """
+    means, changes = [], []
+    for scenario in scenarios:
+        radii = np.stack([_radii(outline) for outline in _of_size([scenario], size)])
+        for one in (radii, np.roll(radii[:, ::-1], 1, axis=1)):
+            sampled = one[:, :: RADII // MODE_ANGLES]
+            means.append(sampled.mean(axis=0))
+            changes.append(sampled - means[-1])
+    return OutlineModes(
+        _principal(np.stack(means) - np.mean(means, axis=0), MODES),
+        _principal(np.concatenate(changes), LIMB_MODES),
+    )
+
+
+def _principal(differences: np.ndarray, count: int) -> np.ndarray:
+    """The first `count` principal components (count, N) of `differences` (n, N), with their std."""
+    _, stds, directions = np.linalg.svd(
+        differences / np.sqrt(len(differences)), full_matrices=False
+    )
+    components = (stds[:, None] * directions)[:count]
+    return np.pad(components, ((0, count - len(components)), (0, 0)))
 
 
 def visible_outline_of(scenarios: Sequence[Scenario], shape: ClassShape) -> VisibleShape:

@@ -15,7 +15,7 @@ from stixel_cli.tracking.contour.class_shape import class_shape
 from stixel_cli.tracking.gp_ekf import track
 from stixel_cli.tracking.gp_ekf_update import linearise
 from stixel_cli.tracking.kernel import contour_process
-from stixel_cli.tracking.motion import tied_to_velocity
+from stixel_cli.tracking.motion import tied_to_velocity, velocity_across
 from stixel_cli.tracking.one_side import OneSide
 
 CAR = np.array([[2.2, 0.9], [-2.2, 0.9], [-2.2, -0.9], [2.2, -0.9]])
@@ -64,11 +64,12 @@ def test_a_contour_before_its_points_moves_behind_them():
     covariance = np.diag(np.concatenate([[0.1, 0.1], np.full(54, 1e-4)]))
     # A row of points on the far side of the predicted contour.
     far = np.stack([np.linspace(-0.3, 0.3, 9), np.full(9, 10.3)], axis=-1)
-    rays = side.rays(far, np.tile(0.01 * np.eye(2), (9, 1, 1)), np.zeros(3), mean[:3])
-    placed = side.near_side(rays, np.arange(9), mean, covariance, 0.05)
+    rays, _ = side.rays(far, np.tile(0.01 * np.eye(2), (9, 1, 1)), np.zeros(3), mean[:3])
+    placed, gain = side.near_side(rays, np.arange(9), mean, covariance, 0.05)
     assert np.abs(linearise(far, mean, process).residuals).max() < 0.2
     assert placed[1] > 10.4 and placed[0] == pytest.approx(0.0, abs=0.05)
     assert placed[2:] == pytest.approx(mean[2:])
+    assert (placed - mean)[1] / gain[1] == pytest.approx(0.6, abs=0.1)
 
 
 @pytest.mark.parametrize("road_user", ["car", "cyclist", "pedestrian"])
@@ -87,7 +88,8 @@ def test_an_unknown_class_has_the_prior_s_shape_and_its_own_points():
     process = contour_process(50, np.pi / 8, 0.1, 0.05, 1e-6)
     side = OneSide(prior, "stixels", process)
     points = np.array([[0.5, 9.0], [-0.5, 9.1]])
-    rays = side.rays(points, np.tile(0.01 * np.eye(2), (2, 1, 1)), np.zeros(3), np.zeros(3))
+    rays, stds = side.rays(points, np.tile(0.01 * np.eye(2), (2, 1, 1)), np.zeros(3), np.zeros(3))
+    assert not stds.any()
     assert rays.points_world == pytest.approx(points)
 
 
@@ -113,7 +115,8 @@ def test_no_frame_of_the_world_matters(angle, shift):
 def test_heading_and_velocity_are_drawn_together(heading, speed, direction, slip):
     mean = np.array([0, 0, heading, speed * np.cos(direction), speed * np.sin(direction), 0.0])
     covariance = np.diag([0.1, 0.1, 0.05, 0.5, 0.5, 0.1])
-    after, spread = tied_to_velocity(mean, covariance, slip)
+    after, spread, gain = tied_to_velocity(mean, covariance, slip)
+    assert after == pytest.approx(mean - gain * velocity_across(mean)[0])
 
     def across(state):
         # At the heading of the linearisation, and so is its derivative.

@@ -55,7 +55,8 @@ def test_every_posterior_matches_the_reference(case):
             mean, covariance, float(case["T"]), noise, float(case["alpha"]), process.covariance
         )
         np.testing.assert_allclose(mean, case["expected_x_predicted"][k], rtol=0, atol=1e-5)
-        mean, covariance, _ = update(mean, covariance, points, measurement, process, True)
+        model = linearise(points, mean, process)
+        mean, covariance, _, _ = update(mean, covariance, model, measurement, True)
         np.testing.assert_allclose(mean, case["expected_x"][k], rtol=0, atol=1e-5)
         np.testing.assert_allclose(
             np.diag(covariance), case["expected_P_diag"][k], rtol=0, atol=1e-5

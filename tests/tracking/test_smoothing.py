@@ -179,13 +179,19 @@ def test_a_smoothed_estimate_knows_no_scan_beyond_its_lag(name):
 
 @pytest.mark.parametrize("name", ["point", "gp_ekf"])
 def test_later_scans_take_from_the_covariance_of_a_track(name):
-    track = tracks(name, lag=None)
+    track = tracks(name, lag=None, **({"seen_by": None} if name == "gp_ekf" else {}))
     reduced = track.covariances[:, :6, :6] - track.smoothed.covariances[:, :6, :6]
     assert np.linalg.eigvalsh(reduced[:, :2, :2]).min() > -1e-9
     assert np.trace(reduced[:-1], axis1=1, axis2=2).min() > 0.0
     if name == "gp_ekf":
         spreads = track.covariances[:, 6:, 6:] - track.smoothed.covariances[:, 6:, 6:]
         assert np.linalg.eigvalsh(spreads).min() > -1e-6
+
+
+def test_of_one_side_the_smoothed_track_states_the_covariance_of_the_filter():
+    track = tracks("gp_ekf", lag=None)
+    np.testing.assert_array_equal(track.covariances, track.smoothed.covariances)
+    assert np.abs(track.means - track.smoothed.means)[:-1, :2].max() > 0.01
 
 
 def test_the_smoothed_point_is_the_joint_posterior():

@@ -16,6 +16,7 @@ from stixel_cli.tracking.contour.class_size import ClassSize
 from stixel_cli.validation.visible_shape import (
     class_shape_of,
     mean_radii,
+    outline_modes_of,
     visible_outline_of,
     visible_shape_of,
 )
@@ -122,11 +123,26 @@ def test_mean_radii_of_two_sizes_are_those_of_the_mean_size():
     assert (stds[0], stds[len(radii) // 4]) == pytest.approx((0.2, 0.09))
 
 
+def test_modes_are_the_covariance_of_the_outlines():
+    """Of walkers whose arms are at two places, and of one who swings them from pose to pose."""
+    pair = [walker(0.16, 1.0), walker(0.16, 1.5)]
+    size = class_shape_of(pair).size
+    modes = outline_modes_of(pair, size)
+    assert modes.fixed.shape == (12, 120) and modes.limbs.shape == (6, 120)
+    # The mirrored walker counts as much, so the covariance is symmetric about the heading.
+    covariance = modes.fixed.T @ modes.fixed
+    mirrored = -np.arange(120) % 120
+    np.testing.assert_allclose(covariance, covariance[np.ix_(mirrored, mirrored)], atol=1e-9)
+    alone = outline_modes_of(pair[:1], size)
+    np.testing.assert_allclose(alone.radius_stds**2, (alone.limbs**2).sum(axis=0), atol=1e-9)
+
+
 def test_knowledge_comes_from_tuning_seeds_and_survives_its_text(sample, shape):
     assert min(SEEDS) >= 1000
     seen = visible_shape_of([sample], shape)
     size = ClassSize(np.array([4.52, 1.83]), np.array([0.07, 0.04]))
-    known = json.loads(json.dumps(entry(size, shape, {"lidar": seen})))
+    modes = outline_modes_of([sample[0]], shape.size)
+    known = json.loads(json.dumps(entry(size, shape, modes, {"lidar": seen})))
     assert (known["size"], known["size_stds"]) == ([4520, 1830], [70, 40])
     radii = np.array(known["radii"]) / 1000.0
     np.testing.assert_allclose(radii, np.hypot(*shape.outline.T), atol=5.1e-4)

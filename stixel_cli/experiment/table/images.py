@@ -107,6 +107,7 @@ STAGES: dict[str, Definition] = {
             "horizontal_fov": "measurement.horizontal_fov",
             "time_unit": "measurement.time_unit",
             "angle_unit": "measurement.angle_unit",
+            "shared_errors": "measurement.shared_errors",
         },
         files=("measurement.path", "measurement.ego"),
     ),

@@ -21,6 +21,9 @@ from stixel_cli.tracking.contour.class_size import CLASS_SHAPES
 from stixel_cli.tracking.contour.ray_table import COARSE, FINE, RayTable, outline_table
 from stixel_cli.tracking.contour.user_shape import read_class
 
+MODES, LIMB_MODES, MODE_ANGLES = 12, 6, 120
+"""Modes of the outline, those of moving limbs, and the even angles at which they are given."""
+
 NODES = (24, 9)
 """Even aspects over a full turn, and even offsets over the table's width, of the visible shape."""
 
@@ -40,6 +43,26 @@ class ClassShape:
     outline: np.ndarray
     outline_stds: np.ndarray
     size: np.ndarray
+
+
+@dataclass(frozen=True)
+class OutlineModes:
+    """How the outlines of a class differ from its mean outline, scaled to one box.
+
+    Each mode is the change of the radius, m, by one standard deviation, independent of the others.
+
+    Attributes:
+        fixed: (12, 120), by which road users differ from each other.
+        limbs: (6, 120), by which one road user changes as it moves.
+    """
+
+    fixed: np.ndarray
+    limbs: np.ndarray
+
+    @property
+    def radius_stds(self) -> np.ndarray:
+        """Standard deviation (120,) m of the radius."""
+        return np.sqrt((self.fixed**2).sum(axis=0) + (self.limbs**2).sum(axis=0))
 
 
 @dataclass(frozen=True)
@@ -75,10 +98,21 @@ def class_shape(road_user: str) -> ClassShape:
     known = known_class(road_user)
     radii = _metres(known["radii"])
     angles = 2.0 * np.pi * np.arange(len(radii)) / len(radii)
+    stds = outline_modes(road_user).radius_stds
     return ClassShape(
         outline=radii[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=-1),
-        outline_stds=_metres(known["radius_stds"]),
+        outline_stds=np.interp(
+            angles, angles[:: len(angles) // MODE_ANGLES], stds, period=2.0 * np.pi
+        ),
         size=_metres(known["size"]),
+    )
+
+
+def outline_modes(road_user: str) -> OutlineModes:
+    """How the outlines of `road_user` differ, a class of ours or the path of a class file."""
+    known = known_class(road_user)
+    return OutlineModes(
+        *(_metres(known[name]).reshape(-1, MODE_ANGLES) for name in ("modes", "limb_modes"))
     )
 
 

@@ -96,6 +96,11 @@ class Rays:
 
     def subset(self, indices: np.ndarray, sight: Sight) -> "Rays":
         """The rays at `indices`; where the shape was learned, no end counts as hidden."""
+        hidden = self._hidden_ends(indices) if sight.residual else (False, False)
+        return self.at(indices, hidden)
+
+    def at(self, indices: np.ndarray, hidden: tuple[bool, bool] = (False, False)) -> "Rays":
+        """The rays at `indices`, whose ends are `hidden` or not."""
         return Rays(
             self.sensor,
             self.directions[indices],
@@ -104,7 +109,7 @@ class Rays:
             self.stds[indices],
             self.across_variances[indices],
             self.field_of_view,
-            self._hidden_ends(indices) if sight.residual else (False, False),
+            hidden,
         )
 
     def _hidden_ends(self, indices: np.ndarray) -> tuple[bool, bool]:

@@ -22,7 +22,7 @@ SENSORS = ("stixels", "lidar", "outline")
 RADII = 360
 """Numbers of a class's outline."""
 
-COUNTS = {"size": 2, "size_stds": 2, "radii": RADII, "radius_stds": RADII}
+COUNTS = {"size": 2, "size_stds": 2, "radii": RADII, "modes": 12 * 120, "limb_modes": 6 * 120}
 COUNTS_OF_SENSOR = {
     "depth_biases": 216,
     "depth_stds": 216,

@@ -55,5 +55,6 @@ def own_scans(scans: Scans, found: FoundTrack) -> tuple[Scans, np.ndarray]:
         scans.sensor_poses_world[first : last + 1],
         [(scans.points_world[own], scans.covariances_world[own]) for own in rows],
         scans.field_of_view,
+        scans.shared_errors,
     )
     return own_of_each, np.concatenate(rows)

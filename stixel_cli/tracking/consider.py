@@ -1,0 +1,80 @@
+"""Errors that a tracker does not estimate but considers: Schmidt's covariance, for any gain.
+
+With the error e of an estimate, considered errors q of unit variance, and an innovation
+v = H e + G q + w, an update of the estimate by K v leaves the error e - K v. With A = [H G] and
+V = A J Aᵀ + R, the joint covariance J of (e, q) becomes
+
+    J - [K; 0] A J - J Aᵀ [K; 0]ᵀ + [K; 0] V [K; 0]ᵀ
+
+Joseph's form: true for any K, so for a gain that was computed from another covariance, too. With
+K = (J Aᵀ)ₑ V⁻¹ it is the filter of Schmidt 1966, *Application of state-space methods to navigation
+problems*. The considered errors are not corrected; each is forgotten in its own time.
+"""
+
+import numpy as np
+
+FIELD_NODES = 16
+"""Nodes over the outline of the error of the shape that neighbouring points share: 1 m of a car."""
+
+FIELD_TIME = 0.5
+"""Time in which that error is forgotten, s: the aspect changes, limbs swing."""
+
+
+class JointCovariance:
+    """The covariance (d + m, d + m) of the errors of d states and of m considered errors.
+
+    Attributes:
+        matrix: that covariance, the states first.
+        size: d.
+    """
+
+    def __init__(self, covariance: np.ndarray, memories: np.ndarray):
+        """From the covariance (d, d) of the states, and the `memories` (m,) of the others, s.
+
+        A considered error that is correlated with itself by e⁻¹ after its memory; infinite: always
+        the same.
+        """
+        self.size = len(covariance)
+        self.matrix = np.eye(self.size + len(memories))
+        self.matrix[: self.size, : self.size] = covariance
+        self._memories = memories
+
+    def predict(self, transition: np.ndarray, noise: np.ndarray, interval: float) -> None:
+        """One `interval` in s later, with `transition` and `noise` (d, d) of the states."""
+        states = slice(0, self.size)
+        self.matrix[states] = transition @ self.matrix[states]
+        self.matrix[:, states] = self.matrix[:, states] @ transition.T
+        self.matrix[states, states] += noise
+        kept = np.concatenate([np.ones(self.size), np.exp(-interval / self._memories)])
+        self.matrix *= kept[:, None] * kept
+        self.matrix.flat[:: len(kept) + 1] += 1.0 - kept**2
+
+    def correct(self, gain: np.ndarray, rows: np.ndarray, noise: np.ndarray) -> np.ndarray:
+        """After an update by `gain` (d, n); returns the covariance V (n, n) of the innovation.
+
+        `rows` (n, d + m) are A, `noise` (n,) the variances of independent errors.
+        """
+        spread = rows @ self.matrix
+        innovation = spread @ rows.T
+        innovation.flat[:: len(noise) + 1] += noise
+        taken = gain @ spread
+        self.matrix[: self.size] -= taken
+        self.matrix[:, : self.size] -= taken.T
+        self.matrix[: self.size, : self.size] += gain @ innovation @ gain.T
+        return innovation
+
+
+def field_weights(directions: np.ndarray) -> np.ndarray:
+    """Weights (n, 16) of the field's nodes at `directions` (n, 2), unit vectors of the target.
+
+    Linear between the nodes, which are even over a turn, and of unit norm, as the nodes have unit
+    variance.
+    """
+    places = np.arctan2(directions[:, 1], directions[:, 0]) * (FIELD_NODES / (2.0 * np.pi))
+    lower = np.floor(places).astype(int)
+    share = places - lower
+    weights = np.zeros((len(places), FIELD_NODES))
+    rows = np.arange(len(places))
+    weights[rows, lower % FIELD_NODES] = 1.0 - share
+    weights[rows, (lower + 1) % FIELD_NODES] = share
+    return weights / np.hypot(1.0 - share, share)[:, None]

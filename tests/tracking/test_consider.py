@@ -1,0 +1,73 @@
+"""Considered errors: the covariance of an estimate is that of its errors, whatever its gain."""
+
+import numpy as np
+
+from stixel_cli.tracking.consider import (
+    FIELD_NODES,
+    FIELD_TIME,
+    JointCovariance,
+    field_weights,
+)
+
+GENERATOR = np.random.default_rng(1000)
+
+
+def spread(rows, columns):
+    return 0.5 * GENERATOR.standard_normal((rows, columns))
+
+
+def test_the_covariance_is_that_of_the_errors_of_many_runs():
+    """Two states, two considered errors, gains that are not the optimal ones."""
+    runs, memories = 200_000, np.array([0.5, np.inf])
+    start, transition, noise = np.diag([1.0, 0.5]), np.array([[1.0, 0.1], [0.0, 1.0]]), 0.02
+    joint = JointCovariance(start, memories)
+    errors = GENERATOR.standard_normal((runs, 2)) @ np.sqrt(start)
+    considered = GENERATOR.standard_normal((runs, 2))
+    for _ in range(4):
+        joint.predict(transition, noise**2 * np.eye(2), 0.1)
+        errors = errors @ transition.T + noise * GENERATOR.standard_normal((runs, 2))
+        kept = np.exp(-0.1 / memories)
+        considered = kept * considered + np.sqrt(1.0 - kept**2) * GENERATOR.standard_normal(
+            (runs, 2)
+        )
+        gain, rows, variances = spread(2, 3), spread(3, 4), np.array([0.1, 0.2, 0.3])
+        innovation = joint.correct(gain, rows, variances)
+        residuals = np.hstack([errors, considered]) @ rows.T
+        residuals += np.sqrt(variances) * GENERATOR.standard_normal((runs, 3))
+        np.testing.assert_allclose(innovation, np.cov(residuals.T), rtol=0.05, atol=0.02)
+        errors = errors - residuals @ gain.T
+    found = np.cov(np.hstack([errors, considered]).T)
+    np.testing.assert_allclose(joint.matrix, found, rtol=0.05, atol=0.02)
+
+
+def test_with_the_optimal_gain_and_nothing_considered_it_is_a_kalman_update():
+    covariance, rows, noise = spread(3, 3), spread(4, 3), np.array([0.1, 0.2, 0.3, 0.4])
+    covariance = covariance @ covariance.T
+    innovation = rows @ covariance @ rows.T + np.diag(noise)
+    gain = np.linalg.solve(innovation, rows @ covariance).T
+    joint = JointCovariance(covariance, np.zeros(0))
+    np.testing.assert_allclose(joint.correct(gain, rows, noise), innovation)
+    np.testing.assert_allclose(joint.matrix, (np.eye(3) - gain @ rows) @ covariance, atol=1e-12)
+
+
+def test_an_error_that_is_always_the_same_cannot_be_averaged_out():
+    """The mean of many points with a common error is as uncertain as that error."""
+    shared = JointCovariance(np.array([[100.0]]), np.array([np.inf]))
+    forgotten = JointCovariance(np.array([[100.0]]), np.array([0.1]))
+    for k in range(1, 2001):
+        for joint in (shared, forgotten):
+            joint.predict(np.eye(1), np.zeros((1, 1)), 0.1)
+            joint.correct(np.array([[1.0 / k]]), np.array([[1.0, 0.5]]), np.array([0.01]))
+    assert abs(shared.matrix[0, 0] ** 0.5 - 0.5) < 0.01
+    assert forgotten.matrix[0, 0] ** 0.5 < 0.05
+
+
+def test_the_field_has_unit_variance_and_neighbours_share_it():
+    angles = np.linspace(-np.pi, np.pi, 101)
+    weights = field_weights(np.stack([np.cos(angles), np.sin(angles)], axis=-1))
+    correlations = weights @ weights.T
+    np.testing.assert_allclose(np.diag(correlations), 1.0)
+    apart = np.abs(np.angle(np.exp(1j * (angles[:, None] - angles))))
+    assert correlations[apart < 0.25 * 2 * np.pi / FIELD_NODES].min() > 0.7
+    assert not correlations[apart > 2.001 * 2 * np.pi / FIELD_NODES].any()
+    assert FIELD_TIME == 0.5
