@@ -7,7 +7,7 @@ NumPy only; Hydra, Open3D and the engine are never imported.
 import json
 import warnings
 from collections.abc import Mapping
-from dataclasses import asdict, replace
+from dataclasses import asdict, fields, replace
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -263,8 +263,8 @@ def rig_of(rig: RigLike, shape: tuple[int, int], any_height: bool = False) -> Ri
         fault = min(error.errors(), key=lambda one: one["type"] != unexpected)
         got = "" if fault["type"] == "missing" else f", got {fault['input']!r}"
         name = "".join(f"{part}: " for part in fault["loc"])
-        unknown = fault["type"] == unexpected
-        meant = counterpart(str(fault["loc"][-1]), values) if unknown else ""
+        names = [field.name for field in fields(Rig)] if fault["type"] == unexpected else ()
+        meant = counterpart(str(fault["loc"][-1]), names)
         raise ArgumentError(f"rig: {name}{plain_fault(fault)}{got}{meant}") from None
     except (TypeError, ValueError, UserError) as fault:
         raise ArgumentError(f"rig: {fault}".replace("rig: rig.", "rig: ")) from None
