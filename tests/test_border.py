@@ -24,6 +24,8 @@ WRITES |= {"savez_compressed", "savefig", "imwrite", "tofile", "to_csv", "to_pic
 WRITES |= {"symlink_to", "hardlink_to", "symlink", "link", "dump", "save"}
 
 TYPES = {
+    "benchmark/run.py": "words of its command line",
+    "benchmark/sequences.py": "the tracker and the workers of the command line",
     "cli/tune.py": "words of its command line",
     "studies/plan.py": "words of its command line",
     "sweeps/design.py": "words of its command line",
