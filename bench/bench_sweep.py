@@ -11,8 +11,10 @@ import numpy as np
 import pytest
 from small import sized
 
+from stixel_cli.border import TYPED
 from stixel_cli.cli.plan import plan as plan_command
 from stixel_cli.config.compose import Composer, compose
+from stixel_cli.config.override_checks import read_overrides
 from stixel_cli.engine.store import Store
 from stixel_cli.sweeps.graphs import plan_runs, plan_sweep
 from stixel_cli.sweeps.runs import design_runs, sweep_design
@@ -64,12 +66,14 @@ def test_compose(benchmark, how, what):
     """With a composer per configuration, and with one for all."""
     line = [SETTINGS] if what == "keys" else GROUPS
     texts = [run.overrides for run in design_runs(sweep_design(line))][:TRACKER_RUNS]
-    one = compose if how == "compose" else None
 
-    def run(each):
-        return [each(overrides) for overrides in texts]
+    def run(composer):
+        if composer is None:
+            return [compose(line) for line in texts]
+        return [composer.compose(read_overrides(line, TYPED)) for line in texts]
 
-    benchmark.pedantic(run, setup=lambda: ((one or Composer().compose,), {}), rounds=1)
+    setup = Composer if how == "Composer" else lambda: None
+    benchmark.pedantic(run, setup=lambda: ((setup(),), {}), rounds=1)
 
 
 @pytest.mark.benchmark(group="200 tracker runs on cached measurements")

@@ -9,6 +9,7 @@ import pytest
 
 import stixel_cli
 from stixel_cli.border import RULES, TYPED, Origin, admit, forget_told, imported, write_below
+from stixel_cli.config.overrides import Override
 from stixel_cli.errors import ConfigurationError, UserError
 
 PACKAGE = Path(stixel_cli.__file__).parent
@@ -21,6 +22,39 @@ CONNECTS = {"Client", "urlopen", "urlretrieve", "create_connection", "socket", "
 WRITES = {"write_text", "write_bytes", "copyfile", "copy", "copytree", "move", "savez", "savetxt"}
 WRITES |= {"savez_compressed", "savefig", "imwrite", "tofile", "to_csv", "to_pickle", "touch"}
 WRITES |= {"symlink_to", "hardlink_to", "symlink", "link", "dump", "save"}
+
+TYPES = {
+    "benchmark/run.py": "words of its command line",
+    "benchmark/sequences.py": "the tracker and the workers of the command line",
+    "cli/tune.py": "words of its command line",
+    "studies/plan.py": "words of its command line",
+    "sweeps/design.py": "words of its command line",
+    "sweeps/whole.py": "words of its command line",
+    "sweeps/tuning.py": "seeds that it counts itself",
+    "config/compose.py": "the function `compose`, whose callers are below",
+    "cli/plan.py": "a stored sweep is compared: nothing that it names is imported",
+    "studies/file.py": "functions that shipped studies name",
+    "studies/run.py": "a sweep equal to that of the study, which was admitted",
+    "own_code.py": "the function of a planned node, which was admitted when composed",
+    "engine/loaded_code.py": "the function of a planned node, as above",
+    "engine/store.py": "the cache of a planned graph, as above",
+    "engine/dask_pool.py": "the scheduler of a planned graph, as above",
+}
+"""Modules that call a name typed, as nothing is by default, and what it is."""
+
+COMPOSES = {
+    "api.py": "arguments of the user's program",
+    "cli/assess.py": "words of its command line",
+    "cli/calibrate.py": "words of its command line",
+    "cli/run.py": "words of its command line",
+    "cli/machine.py": "the default configuration",
+    "machine/kernels.py": "constants",
+    "benchmark/run.py": "constants",
+    "experiment/class_shapes.py": "constants of a script of developers",
+    "experiment/run.py": "executor and cache as typed",
+    "studies/thesis/report.py": "options of the shipped study",
+}
+"""Modules that compose texts as if they were typed, and what the texts are."""
 
 ALLOWED = {
     ("__init__.py", "import_module"): "names of its own table",
@@ -67,17 +101,38 @@ def called(node):
     return "" if in_memory or plain else name
 
 
-def test_only_the_border_imports_by_name_unpickles_connects_and_writes():
-    found = set()
-    for path in sorted(PACKAGE.rglob("*.py")):
-        file = path.relative_to(PACKAGE).as_posix()
-        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
-            if isinstance(node, ast.Call) and file != "border.py":
-                name = called(node)
-                if name in IMPORTS | UNPICKLES | CONNECTS | WRITES | {"open"}:
-                    found.add((file, name))
+@pytest.fixture(scope="module")
+def nodes():
+    """The nodes of the syntax trees of all modules but the border, each with its file."""
+    return [
+        (file, node)
+        for path in sorted(PACKAGE.rglob("*.py"))
+        if (file := path.relative_to(PACKAGE).as_posix()) != "border.py"
+        for node in ast.walk(ast.parse(path.read_text("utf-8")))
+    ]
+
+
+def test_only_the_border_imports_by_name_unpickles_connects_and_writes(nodes):
+    names = IMPORTS | UNPICKLES | CONNECTS | WRITES | {"open"}
+    calls = {(file, called(node)) for file, node in nodes if isinstance(node, ast.Call)}
     # An entry that nothing needs any more is an error, too.
-    assert found == {*ALLOWED}
+    assert {(file, name) for file, name in calls if name in names} == {*ALLOWED}
+
+
+def test_no_reader_of_files_calls_a_name_typed(nodes):
+    used = {(file, node.id) for file, node in nodes if isinstance(node, ast.Name)}
+    used |= {(file, node.attr) for file, node in nodes if isinstance(node, ast.Attribute)}
+    assert {file for file, name in used if name == "TYPED"} == {*TYPES}
+    # Methods of a `Composer` take overrides that have their origin.
+    composing = {
+        file
+        for file, node in nodes
+        if isinstance(node, ast.ImportFrom) and node.module == "stixel_cli.config.compose"
+        if "compose" in [one.name for one in node.names]
+    }
+    assert composing == {*COMPOSES}
+    with pytest.raises(TypeError):
+        Override("tracker=evil:track", "tracker")
 
 
 def test_the_page_on_security_has_the_table():

@@ -8,9 +8,10 @@ from pathlib import Path
 import pytest
 
 from stixel_cli import compose
+from stixel_cli.border import TYPED
 from stixel_cli.cli.app import main
+from stixel_cli.config.folders import STUDIES
 from stixel_cli.config.override_checks import check_overrides, read_overrides
-from stixel_cli.studies.file import shipped_studies
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -37,7 +38,7 @@ def test_every_command_exists(capsys):
 
 def test_every_study_is_in_the_readme():
     named = re.findall(r"^stixel study (\w+)", README, flags=re.MULTILINE)
-    assert named == shipped_studies()
+    assert named == [*STUDIES]
 
 
 def test_python_example_is_valid():
@@ -64,4 +65,4 @@ def test_commands_of_the_docs_are_valid(page, capsys):
         verb, *words = shlex.split(line.removesuffix("\\"), comments=True)[1:]
         assert main([verb, "--help"]) == 0, line
         given = [word for word in words if re.match(r"[a-z_./]+=", word)]
-        check_overrides(read_overrides(given))
+        check_overrides(read_overrides(given, TYPED))

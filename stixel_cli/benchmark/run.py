@@ -11,9 +11,9 @@ import numpy as np
 from stixel_cli.benchmark.data import Data, SequenceData, npz
 from stixel_cli.benchmark.packs import TRACKER
 from stixel_cli.benchmark.sequences import named, planned
-from stixel_cli.border import write_whole, written
+from stixel_cli.border import TYPED, write_whole, written
 from stixel_cli.config.compose import compose
-from stixel_cli.config.overrides import parse
+from stixel_cli.config.override_checks import read_overrides
 from stixel_cli.engine.keys import Stage
 from stixel_cli.errors import UserError
 from stixel_cli.experiment.stages import pipeline_stages
@@ -65,7 +65,7 @@ def tracker_settings(tracker: str, further: Iterable[str] = ()) -> dict[str, Any
     chosen = {"tracker": tracker}
     if kind == "pyrecest" and name in get_args(Name):
         chosen = {"tracker": kind, "tracker.name": name}
-    for one in map(parse, further):
+    for one in read_overrides(further, TYPED):
         if not one.key.startswith("tracker."):
             raise UserError(f"{one.key}: must be a key of tracker: all else is of the sequences")
         chosen[one.key] = one.value

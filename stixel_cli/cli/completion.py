@@ -9,16 +9,15 @@ import os
 from stixel_cli.config.folders import (
     ENTRY_POINTS,
     EXPERIMENT,
+    STUDIES,
     default_option,
     group_options,
     inner_options,
     installed_functions,
     option_values,
-    shipped_folder,
 )
 from stixel_cli.config.texts import override_text, split_override
 from stixel_cli.errors import UserError
-from stixel_cli.files import read_text
 
 Words = list[str] | list[tuple[str, str]]
 """Words to complete to; for a shell that shows it, each with its meaning."""
@@ -79,14 +78,7 @@ def _overrides(incomplete: str) -> list[str]:
 
 def complete_study(incomplete: str) -> list[str]:
     """Complete to names of studies, and to overrides as in a sweep."""
-    folder = shipped_folder("pipelines") / "studies"
-    try:
-        files = sorted(folder.glob("*.yaml"))
-        # Plain sweeps are in the same folder.
-        names = [file.stem for file in files if "\nsweeps:" in read_text(file)]
-    except (OSError, UserError):
-        names = []
-    studies = [name for name in (*names, "all") if name.startswith(incomplete)]
+    studies = [name for name in (*STUDIES, "all") if name.startswith(incomplete)]
     return studies + (_overrides(incomplete) if incomplete else [])
 
 

@@ -7,6 +7,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
+from stixel_cli.border import TYPED
 from stixel_cli.cli import options
 from stixel_cli.cli.completion import complete_run_or_override
 from stixel_cli.cli.terminal import print_json, print_table, say
@@ -211,7 +212,8 @@ def _asked(
     folder = Path(folders[0]) if folders else None
     if folder and (folder / SWEEP_FILE).exists():
         request = SweepFolder(folder).request()
-        plan = planned_sweep(stored_runs(request), None, request.pictures, request.nodes)
+        runs = stored_runs(request, (), TYPED, imports=False)
+        plan = planned_sweep(runs, None, request.pictures, request.nodes)
         return plan, [read_lineage(run) for run in folder.glob("runs/*")]
     if folder:
         stored = read_stored_run(folder)

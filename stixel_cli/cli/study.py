@@ -22,6 +22,7 @@ from stixel_cli.cli.options import (
 )
 from stixel_cli.cli.plan import plan_content, print_plan
 from stixel_cli.cli.terminal import console, print_json, print_table, say
+from stixel_cli.config.folders import STUDIES
 from stixel_cli.errors import ConfigurationError, MissingData, UserError
 
 if TYPE_CHECKING:
@@ -79,7 +80,7 @@ def study(
       stixel study rq2 road_user=car 'seed=range(0,3)' --name rq2-car
       stixel study all
     """
-    from stixel_cli.studies.file import ALL, find_study, read_study, shipped_studies
+    from stixel_cli.studies.file import ALL, find_study, read_study
     from stixel_cli.studies.folder import StudyFolder, study_folder
     from stixel_cli.studies.plan import plan_study
     from stixel_cli.studies.run import run_study
@@ -108,7 +109,7 @@ def study(
         return _answer(planned, result), _tell_what_is_missing(result, command)
 
     if chosen == ALL:
-        return _run_all(shipped_studies(), plan, run, json)
+        return _run_all(STUDIES, plan, run, json)
     answer, code = run(chosen, plan(chosen))
     if json:
         print_json(answer)
@@ -117,12 +118,11 @@ def study(
 
 def _checked(words: Sequence[str], name: str | None) -> Sequence[str]:
     """The words of the command line: a study, or all, then overrides."""
-    from stixel_cli.studies.file import ALL, shipped_studies
+    from stixel_cli.studies.file import ALL
 
-    shipped = shipped_studies()
     if not words or "=" in words[0]:
-        raise ConfigurationError(f"name a study first: {', '.join(shipped)}, or {ALL}")
-    second = next((word for word in words[1:] if word in (*shipped, ALL)), None)
+        raise ConfigurationError(f"name a study first: {', '.join(STUDIES)}, or {ALL}")
+    second = next((word for word in words[1:] if word in (*STUDIES, ALL)), None)
     if second is not None:
         raise ConfigurationError(f"{second}: one command runs one study, or {ALL}")
     if words[0] == ALL and name is not None:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from stixel_cli.border import Origin
+from stixel_cli.border import TYPED, Origin
 from stixel_cli.cli import options
 from stixel_cli.cli.completion import complete_folder
 from stixel_cli.cli.terminal import print_json, print_table, say
@@ -45,6 +45,7 @@ def tune(
 
     Example: stixel tune measurement=fabricated tracker.sigma_q='tag(log,interval(0.1,10))'
     """
+    from stixel_cli.config.override_checks import read_overrides
     from stixel_cli.report.tables import shown_table
     from stixel_cli.results.folder import check_results, new_folder
     from stixel_cli.sweeps.run import SweepInterrupted
@@ -63,7 +64,7 @@ def tune(
         check_results(results, name)
         swept = (over or "seed").split(",")
         request = TuneRequest(list(words), objective.split(","), swept, seeds, trials)
-        given = request.overrides
+        given = read_overrides(words, TYPED)
     tuning = Tuning(given, request.objectives, request.over, request.seeds)
     folder = resume or new_folder(
         results, name, "tune", datetime.now(UTC), lambda path: create(path, request)

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
+from stixel_cli.border import TYPED
 from stixel_cli.config import folders, messages, override_checks, own_options
 from stixel_cli.config.choice import compose_options
 from stixel_cli.config.overrides import Override
@@ -76,14 +77,16 @@ def compose(overrides: Sequence[str] = (), working_directory: str = "") -> Compo
     It leaves no state in the process and may be called from anywhere, any number of times.
 
     Args:
-        overrides: the changes.
+        overrides: the changes, as typed: those of a file need a `Composer`, which knows it.
         working_directory: the folder to which relative file names refer; "" for the working
             directory of the process.
 
     Raises:
         ConfigurationError: in one line, for any fault of the overrides.
     """
-    composition = Composer(working_directory).compose(overrides)
+    composition = Composer(working_directory).compose(
+        override_checks.read_overrides(overrides, TYPED)
+    )
     return replace(composition, resolved=copy.deepcopy(composition.resolved))
 
 
@@ -105,9 +108,9 @@ class Composer:
         self._parts: dict[tuple[str, str], Any] = {}
         self._files = UserFiles()
 
-    def compose(self, overrides: Sequence[str | Override]) -> Composition:
+    def compose(self, overrides: Sequence[Override]) -> Composition:
         """The same as the function `compose`."""
-        parsed = override_checks.read_overrides(overrides)
+        parsed = override_checks.refuse_twice(overrides)
         override_checks.check_overrides(parsed)
         override_checks.check_one_run(parsed)
         settings = {override.key: override.value for override in parsed}

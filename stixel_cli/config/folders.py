@@ -11,7 +11,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from stixel_cli.border import TYPED, Origin, forget_told
+from stixel_cli.border import Origin, forget_told
 from stixel_cli.errors import ConfigurationError
 from stixel_cli.files import read_yaml
 from stixel_cli.remembered import remembered
@@ -31,6 +31,9 @@ ENTRY_POINTS = {
     "metrics": "stixel.metrics",
 }
 """Groups of entry points in which installed packages name their functions."""
+
+STUDIES = ("accuracy", "motions", "robustness", "robustness_real", "rq1", "rq2", "rq3", "thesis")
+"""The shipped studies, in pipelines/studies/; any other file there is as one from anybody."""
 
 _PACKAGE = Path(__file__).resolve().parents[1]
 
@@ -85,8 +88,8 @@ class Presets:
 
     @property
     def origin(self) -> Origin:
-        """Where what no override gives was written: in the presets, or `conf/`."""
-        return TYPED if self.folder is None else Origin(str(self.folder), self.trusted)
+        """Where what no override gives was written. `conf/` as shipped names no code."""
+        return Origin(str(self.folder or shipped_folder("conf")), self.trusted)
 
 
 PRESETS = Presets()
@@ -97,12 +100,6 @@ def trust_presets(trusted: bool) -> bool:
     PRESETS.trusted = trusted
     forget_told()
     return trusted
-
-
-def origin_of(path: Path, trusted: bool) -> Origin:
-    """Where the names in a file were written: a shipped pipeline, sweep or study, or that file."""
-    shipped = path.resolve().is_relative_to(shipped_folder("pipelines").resolve())
-    return TYPED if shipped else Origin(str(path), trusted)
 
 
 def use_presets(folder: Path | None) -> Path | None:

@@ -3,6 +3,7 @@
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any
 
+from stixel_cli.border import Origin
 from stixel_cli.config import messages
 from stixel_cli.config.folders import default_option, group_options, innermost_group, outer_options
 from stixel_cli.config.keys import known_keys
@@ -17,11 +18,15 @@ WITHOUT_EFFECT = {
 """Groups of the scene and the cameras, which scans from a file do not have."""
 
 
-def read_overrides(overrides: Sequence[str | Override]) -> list[Override]:
-    """The overrides, parsed where they are texts; ConfigurationError if two are of one key."""
+def read_overrides(texts: Iterable[str], origin: Origin) -> list[Override]:
+    """The overrides of texts from one place; ConfigurationError if two are of one key."""
+    return refuse_twice(parse(text, origin) for text in texts)
+
+
+def refuse_twice(overrides: Iterable[Override]) -> list[Override]:
+    """The overrides; ConfigurationError if two are of one key."""
     parsed: dict[str, Override] = {}
-    for given in overrides:
-        override = given if isinstance(given, Override) else parse(given)
+    for override in overrides:
         # Hydra silently takes the last value.
         if override.key in parsed:
             both = f"{parsed[override.key].shown} and {override.shown}"

@@ -6,13 +6,13 @@ Hydra's parser is not public: the project pins Hydra.
 import copy
 import itertools
 import re
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator
+from dataclasses import dataclass, field
 from decimal import Decimal
 from functools import cache, lru_cache
 from typing import Any
 
-from stixel_cli.border import TYPED, Origin
+from stixel_cli.border import Origin
 from stixel_cli.config import messages
 from stixel_cli.config.folders import group_options
 from stixel_cli.config.keys import known_keys
@@ -52,16 +52,16 @@ class Override:
     Attributes:
         text: as typed.
         key: the key, or the group.
+        origin: where it was written: typed, or in which file.
         value: in its own type; None for several values.
         sweep: Hydra's override of several values; None for one value.
-        origin: where it was written: typed, or in which file.
     """
 
     text: str
     key: str
+    origin: Origin = field(compare=False)
     value: Any = field(compare=False)
     sweep: Any = field(default=None, compare=False)
-    origin: Origin = field(default=TYPED, compare=False)
 
     @property
     def value_text(self) -> str:
@@ -97,23 +97,19 @@ class Override:
             raise ConfigurationError(f"{self.shown}: has more than {MOST_VALUES} values")
         if self.key in group_options():  # Hydra escapes the colon of module:function.
             texts = [text.replace("\\:", ":") for text in texts]
-        return from_texts((f"{self.sign}{self.key}={text}" for text in texts), self.origin)
-
-
-def from_texts(texts: Iterable[str], origin: Origin) -> list[Override]:
-    """The overrides of texts that were written somewhere; ConfigurationError as of `parse`."""
-    return [replace(parse(text), origin=origin) for text in texts]
+        return [parse(f"{self.sign}{self.key}={text}", self.origin) for text in texts]
 
 
 @lru_cache(maxsize=8192)
-def parse(text: str) -> Override:
+def parse(text: str, origin: Origin) -> Override:
     """The override of a text, by Hydra's grammar; ConfigurationError if the text is none."""
     plain = _PLAIN.fullmatch(text)
     if plain is not None:
         number = plain["number"]
         if number is None:
-            return Override(text, plain["key"], plain["word"])
-        return Override(text, plain["key"], float(number) if "." in number else int(number))
+            return Override(text, plain["key"], origin, plain["word"])
+        value = float(number) if "." in number else int(number)
+        return Override(text, plain["key"], origin, value)
     # For these Hydra writes errors of several lines, or no error.
     _refuse_malformed(text)
     from hydra.errors import HydraException
@@ -121,7 +117,8 @@ def parse(text: str) -> Override:
     try:
         read = _parser().parse_override(text)
         sweep = read if read.is_sweep_override() else None
-        override = Override(text, read.key_or_group, None if sweep else read.value(), sweep)
+        value = None if sweep else read.value()
+        override = Override(text, read.key_or_group, origin, value, sweep)
     except (HydraException, ValueError, RecursionError):
         raise ConfigurationError(_unreadable(text)) from None
     if read.package is not None:

@@ -12,7 +12,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_type_hints
 
-from stixel_cli.border import TYPED, Origin, admit
+from stixel_cli.border import Origin, admit
 from stixel_cli.config.annotations import describe
 from stixel_cli.config.folders import absolute, group_options, installed_functions
 from stixel_cli.config.messages import show
@@ -97,9 +97,7 @@ def admit_overrides(parsed: "Iterable[Override]") -> dict[str, Origin]:
     return {one.key: one.origin for one in own}
 
 
-def admit_code(
-    resolved: Mapping[str, Any], given: "Iterable[Override]" = (), other: Origin = TYPED
-) -> None:
+def admit_code(resolved: Mapping[str, Any], given: "Iterable[Override]", other: Origin) -> None:
     """`border.admit` what a configuration in plain types names that can run code.
 
     An override is the origin of its very key only, and of a group if its option is a function; all

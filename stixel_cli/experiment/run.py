@@ -164,7 +164,7 @@ def correction_note(calibration: RigCalibration | None) -> dict[str, Any]:
 
 def trust_stored_run(run: RunResult, trusted: bool) -> None:
     """Refuse a stored run of user-defined code, unless `trusted`, or of wrong parameters."""
-    admit_code(run.settings, other=Origin(str(run.folder), trusted))
+    admit_code(run.settings, (), Origin(str(run.folder), trusted))
     if functions_of(run.settings):
         check_parameters(run.composition.configuration)
 

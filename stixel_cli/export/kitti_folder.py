@@ -6,8 +6,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stixel_cli.border import write_below
-from stixel_cli.config.compose import compose
+from stixel_cli.border import Origin, write_below
+from stixel_cli.config.compose import Composer
+from stixel_cli.config.override_checks import read_overrides
 from stixel_cli.config.texts import override_text
 from stixel_cli.engine.progress import Progress
 from stixel_cli.experiment.stages import computed_stages
@@ -58,7 +59,7 @@ def export_kitti(stored: RunResult, folder: Path, progress: Progress | None = No
     }
     overrides = [override_text(name, value) for name, value in given.items()]
     # A recording has values of its own, and the run has those of its command line.
-    read = compose(overrides).resolved
+    read = Composer().compose(read_overrides(overrides, Origin(str(stored.folder)))).resolved
     return overrides + [
         override_text(f"{group}.{name}", value)
         for group in FROM_IMAGES

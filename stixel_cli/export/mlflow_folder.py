@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from stixel_cli.errors import UserError
+from stixel_cli.errors import UserError, printable_path
 from stixel_cli.export.export import refuse_existing
 from stixel_cli.results.folder import PAGE, whole_folder
 from stixel_cli.results.reader import SWEEP_FILE, flat_settings, read_config
@@ -43,7 +43,7 @@ def export_mlflow(folder: Path, target: Path) -> None:
         client = MlflowClient(tracking_uri=f"sqlite:///{partial / DATABASE}")
         artifacts = (target / "artifacts").as_uri()
         experiment = client.create_experiment("stixel", artifact_location=artifacts)
-        log = _Log(client, experiment, partial / "artifacts")
+        log = _Log(client, experiment, partial / "artifacts", folder.resolve())
         if run is not None:
             log.run(run, folder.name)
         else:
@@ -59,10 +59,11 @@ def _stored_sweep(folder: Path) -> SweepResult:
 
 
 class _Log:
-    """Runs of one experiment of mlflow; files are copied, since the folder moves at the end."""
+    """Runs of one experiment of mlflow; files below `folder` are copied, since it moves."""
 
-    def __init__(self, client: Any, experiment: str, artifacts: Path):
+    def __init__(self, client: Any, experiment: str, artifacts: Path, folder: Path):
         self.client, self.experiment, self.artifacts = client, experiment, artifacts
+        self.folder = folder
 
     def one(
         self,
@@ -84,6 +85,8 @@ class _Log:
             part = slice(first, first + 100)
             self.client.log_batch(made, metrics=known[part], params=rows[part])
         for file, source in files.items():
+            if not source.resolve().is_relative_to(self.folder):
+                raise UserError(f"{printable_path(source)}: is a link out of {self.folder}")
             if source.is_file():
                 copy = self.artifacts / made / "artifacts" / file
                 copy.parent.mkdir(parents=True, exist_ok=True)

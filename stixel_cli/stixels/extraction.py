@@ -151,7 +151,8 @@ def rows_at_height(
     A height h has f_v h / z = (f_v / f) h d / B rows.
     """
     rows_per_px = height / rig.baseline * (rig.focal_v / rig.focal)
-    rows = np.rint(rows_per_px * np.nan_to_num(obstacle)).astype(np.int32)
+    # More than the image has are as many: a wide and low image would overflow.
+    rows = np.minimum(np.rint(rows_per_px * np.nan_to_num(obstacle)), rig.height).astype(np.int32)
     return np.where(base_row >= 0, np.maximum(base_row - rows, -1), -1).astype(np.int32)
 
 

@@ -16,7 +16,7 @@ import jinja2
 
 from stixel_cli.border import TYPED, Origin, admit, imported, imported_file
 from stixel_cli.config import messages
-from stixel_cli.config.folders import origin_of, shipped_folder
+from stixel_cli.config.folders import STUDIES, shipped_folder
 from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.files import read_text, read_yaml
 from stixel_cli.report.template import template_of
@@ -105,14 +105,8 @@ class StudyFile:
             raise UserError(f"{name}: {_place_and_reason(fault, self.module.__file__)}") from fault
 
 
-def shipped_studies() -> list[str]:
-    """Names of the shipped studies; plain sweeps are in the same folder."""
-    return [file.stem for file in _shipped_files()]
-
-
-def _shipped_files() -> list[Path]:
-    files = sorted((shipped_folder("pipelines") / "studies").glob("*.yaml"))
-    return [file for file in files if is_study(file)]
+def _shipped(name: str) -> Path:
+    return shipped_folder("pipelines") / "studies" / f"{name}.yaml"
 
 
 def _functions(*contents: Mapping[str, Any]) -> set[tuple[str, str]]:
@@ -141,15 +135,15 @@ def find_study(name: str) -> Path:
     path = Path(name)
     if path.suffix == ".yaml" and path.exists():
         return path
-    known = shipped_studies()
-    inside = shipped_folder("pipelines") / "studies" / f"{name}.yaml"
+    inside = _shipped(name)
     if path.name == name and inside.is_file():
-        if name in known:
+        if is_study(inside):
             return inside
         raise ConfigurationError(
             f"{name}: is a sweep, not a study: run it by stixel sweep --from {name}"
         )
-    hint = messages.suggestion(name, [*known, ALL]) or f" (studies: {', '.join(known)}, or {ALL})"
+    listed = f" (studies: {', '.join(STUDIES)}, or {ALL})"
+    hint = messages.suggestion(name, [*STUDIES, ALL]) or listed
     raise ConfigurationError(f"{messages.printable(name)}: there is no such study{hint}")
 
 
@@ -173,9 +167,9 @@ def read_study(path: Path, trusted: bool = False) -> StudyFile:
         sweeps = content.get("sweeps")
         if not isinstance(sweeps, dict) or not sweeps:
             raise ConfigurationError("sweeps: must be names, each with a sweep's entries")
-        origin = origin_of(path, trusted)
+        origin = Origin(str(path), trusted)
         called = _functions(content)
-        is_shipped = origin is TYPED or called <= _functions(*map(read_yaml, _shipped_files()))
+        is_shipped = called <= _functions(*map(read_yaml, map(_shipped, STUDIES)))
         template = _template(path.parent, texts[2])
         # A template is code: Jinja's sandbox bounds neither time nor memory.
         code = [] if is_shipped else [f"{module}:{name}" for module, name in sorted(called)]

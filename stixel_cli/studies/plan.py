@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from hashlib import sha256
 from typing import Any
 
+from stixel_cli.border import TYPED
 from stixel_cli.config import messages
 from stixel_cli.config.compose import Composer
 from stixel_cli.config.folders import group_options, of_the_machine
@@ -47,7 +48,7 @@ class StudyPlan:
 
         A command finds its folder again, and commands with different results have different ones.
         """
-        overrides = [parse(text) for text in self.overrides if not of_the_machine(text)]
+        overrides = [parse(text, TYPED) for text in self.overrides if not of_the_machine(text)]
         # `seed=range(0,2)` is named like `seed=0,1`.
         texts = sorted(f"{o.key}={','.join(v.value_text for v in o.singles())}" for o in overrides)
         name = "-".join((self.study.name, *texts))
@@ -153,7 +154,8 @@ def overridden(
     """
     # Groups first, then nested groups: the meaning of a key depends on the options.
     parsed = sorted(
-        read_overrides(overrides), key=lambda o: (o.key not in group_options(), o.key.count("/"))
+        read_overrides(overrides, TYPED),
+        key=lambda o: (o.key not in group_options(), o.key.count("/")),
     )
     composer = Composer()
     designs, notes = list(designs), []

@@ -6,7 +6,7 @@ from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from stixel_cli.border import Origin
+from stixel_cli.border import TYPED
 from stixel_cli.config import messages
 from stixel_cli.config.override_checks import read_overrides
 from stixel_cli.config.overrides import MOST_VALUES, Override
@@ -78,15 +78,6 @@ class Design:
         """The overrides of all steps of all axes."""
         return [one for axis in self.axes for step in axis.steps for one in step]
 
-    def written_in(self, origin: Origin) -> "Design":
-        """The design, of which every override comes from `origin`."""
-
-        def own(overrides: Iterable[Override]) -> tuple[Override, ...]:
-            return tuple(replace(one, origin=origin) for one in overrides)
-
-        axes = (replace(axis, steps=tuple(map(own, axis.steps))) for axis in self.axes)
-        return replace(self, fixed=own(self.fixed), axes=tuple(axes))
-
     def combinations(self) -> Iterator[tuple[Override, ...]]:
         """The overrides of each run that differ, without combinations that are left out."""
         for key, value in (pair for entry in self.left_out for pair in entry.items()):
@@ -122,7 +113,7 @@ def design_from_line(overrides: Sequence[str], shuffled: bool) -> Design:
         ConfigurationError: for an invalid override.
     """
     fixed, axes = [], []
-    for override in read_overrides(overrides):
+    for override in read_overrides(overrides, TYPED):
         if override.sweep is None:
             fixed.append(override)
         else:

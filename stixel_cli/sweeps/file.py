@@ -9,7 +9,7 @@ from typing import Any
 
 from stixel_cli.border import Origin
 from stixel_cli.config import messages
-from stixel_cli.config.folders import origin_of, shipped_folder
+from stixel_cli.config.folders import shipped_folder
 from stixel_cli.config.override_checks import check_overrides
 from stixel_cli.config.overrides import MOST_VALUES, Override, parse
 from stixel_cli.config.texts import override_text
@@ -49,7 +49,8 @@ def read_design(path: Path, shuffled: bool, trusted: bool) -> Design:
     try:
         if "sweeps" in content:
             raise ConfigurationError(f"is a study, not a sweep: stixel study {path.stem}")
-        return replace(design_of(content, shuffled, origin_of(path, trusted)), file=str(path))
+        design = design_of(content, shuffled, Origin(str(path), trusted))
+        return replace(design, file=str(path))
     except ConfigurationError as fault:
         where = messages.printable(str(path), 200)
         text = str(fault)
@@ -60,17 +61,17 @@ def design_of(content: Mapping[Any, Any], shuffled: bool, origin: Origin) -> Des
     """The design of entries that `origin` has; ConfigurationError in one line names the entry."""
     refuse_unknown(content, ENTRIES)
     given = _entry(content, "fixed", {}).items()
-    fixed = tuple(parse(override_text(key, value)) for key, value in given)
+    fixed = tuple(parse(override_text(key, value), origin) for key, value in given)
     for override in fixed:
         if override.sweep is not None:
             raise ConfigurationError(f"fixed: {override.text}: one value is needed")
     given = _entry(content, "axes", {}).items()
-    axes = [_axis("axes", {key: values}, shuffled) for key, values in given]
+    axes = [_axis("axes", {key: values}, shuffled, origin) for key, values in given]
     for number, keys in enumerate(_entry(content, "zipped", []), start=1):
         where = f"zipped: entry {number}"
         if not isinstance(keys, dict) or len(keys) < 2:
             raise ConfigurationError(f"{where}: must map two keys or more to values")
-        axes.append(_axis(where, keys, shuffled))
+        axes.append(_axis(where, keys, shuffled, origin))
     if content.get("grids") is not None:
         axes.append(_union(_entry(content, "grids", []), shuffled, origin))
     seeds = content.get("seeds")
@@ -80,12 +81,12 @@ def design_of(content: Mapping[Any, Any], shuffled: bool, origin: Origin) -> Des
             raise ConfigurationError(f"seeds: {most}, got {seeds}")
         seeds = list(range(seeds))
     if seeds is not None:
-        axes.append(_axis("seeds", {SEED: seeds}, shuffled))
+        axes.append(_axis("seeds", {SEED: seeds}, shuffled, origin))
     swept = [key for axis in axes for key in axis.keys]
     for key, count in Counter([*(one.key for one in fixed), *swept]).items():
         if count > 1:
             raise ConfigurationError(f"{key}: is given twice: give it once")
-    design = Design(fixed, tuple(axes), tuple(_left_out(content, swept))).written_in(origin)
+    design = Design(fixed, tuple(axes), tuple(_left_out(content, swept)))
     check_overrides(design.overrides)
     return design
 
@@ -138,8 +139,8 @@ def _entry(content: Mapping[str, Any], name: str, default: Any) -> Any:
     return value
 
 
-def _axis(where: str, keys: Mapping[str, Any], shuffled: bool) -> Axis:
-    columns = {key: _values(where, key, values, shuffled) for key, values in keys.items()}
+def _axis(where: str, keys: Mapping[str, Any], shuffled: bool, origin: Origin) -> Axis:
+    columns = {k: _values(where, k, values, shuffled, origin) for k, values in keys.items()}
     if len(columns) == 1:
         refuse_equal(*columns.values())
     if len(set(map(len, columns.values()))) > 1:
@@ -178,16 +179,16 @@ def _union(grids: Sequence[Any], shuffled: bool, origin: Origin) -> Axis:
     return Axis(tuple(keys), tuple(dict.fromkeys(points)))
 
 
-def _values(where: str, key: Any, values: Any, shuffled: bool) -> list[Override]:
+def _values(where: str, key: Any, values: Any, shuffled: bool, origin: Origin) -> list[Override]:
     if not isinstance(key, str):
         raise ConfigurationError(f"{where}: {messages.show(key)} is not a key")
     if isinstance(values, list):
         if not values:
             raise ConfigurationError(f"{where}: {key} has no values")
-        return [parse(override_text(key, value)) for value in values]
+        return [parse(override_text(key, value), origin) for value in values]
     if isinstance(values, str):
         # As on the command line: a,b or choice(…), range(…), glob(…).
-        parsed = parse(f"{key}={values}")
+        parsed = parse(f"{key}={values}", origin)
         if parsed.sweep is not None:
             return parsed.singles(shuffled)
     raise ConfigurationError(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from stixel_cli.config.compose import Composer, Composition
 from stixel_cli.config.messages import LONGEST_REASON, printable
-from stixel_cli.config.override_checks import check_overrides, read_overrides
+from stixel_cli.config.override_checks import check_overrides
 from stixel_cli.config.overrides import Override
 from stixel_cli.errors import BelongsElsewhere, ConfigurationError
 from stixel_cli.experiment.table.table import PICTURES
@@ -153,7 +153,7 @@ def design_runs(design: Design, imports: bool = True) -> list[PlannedRun]:
 
 
 def compose_runs(
-    each: Sequence[Sequence[str | Override]], keys: Sequence[str], composer: Composer
+    each: Sequence[Sequence[Override]], keys: Sequence[str], composer: Composer
 ) -> list[PlannedRun]:
     """The runs of the overrides of each, of one value each; `keys` differ between them.
 
@@ -163,8 +163,7 @@ def compose_runs(
     """
     runs: list[PlannedRun] = []
     left_out: Counter[str] = Counter()
-    for index, overrides in enumerate(each):
-        parsed = read_overrides(overrides)
+    for index, parsed in enumerate(each):
         values = {one.key: one.value_text for one in parsed}
         settings = {key: values.get(key, NOT_GIVEN) for key in keys}
         try:

@@ -11,7 +11,6 @@ from matplotlib.axes import Axes
 from stixel_cli.border import write_below, written
 from stixel_cli.config.folders import group_options, of_the_machine
 from stixel_cli.config.messages import validated
-from stixel_cli.config.overrides import parse
 from stixel_cli.evaluation.metric_table import metric
 from stixel_cli.files import read_yaml
 from stixel_cli.parameters import parameters
@@ -100,7 +99,7 @@ def _trials(tuning: Tuning) -> Table:
         (
             {"trial": one.name, "state": "on the front" if one in front else one.state}
             | dict.fromkeys(tuning.parameters)
-            | {key: parse(f"{key}={value}").value for key, value in one.settings.items()}
+            | {override.key: override.value for override in tuning.overrides(one.settings)}
             | dict(
                 zip(tuning.objectives, one.means.tolist() if one.values.size else (), strict=False)
             )
@@ -111,7 +110,7 @@ def _trials(tuning: Tuning) -> Table:
 
 def preset_text(tuning: Tuning, trial: Trial, command: str) -> str:
     """The experiment with the options and values of a trial, without seeds."""
-    given = [*tuning.fixed, *(parse(f"{key}={value}") for key, value in trial.settings.items())]
+    given = [*tuning.fixed, *tuning.overrides(trial.settings)]
     given = [one for one in given if not of_the_machine(one.key)]
     options = {one.key: one.value for one in given if one.key in group_options()}
     content: dict[str, Any] = {

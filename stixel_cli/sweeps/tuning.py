@@ -12,11 +12,12 @@ from typing import Any
 
 import numpy as np
 
+from stixel_cli.border import TYPED
 from stixel_cli.config.compose import Composer
 from stixel_cli.config.folders import EXPERIMENT, group_options
 from stixel_cli.config.messages import suggestion
-from stixel_cli.config.override_checks import check_overrides, read_overrides
-from stixel_cli.config.overrides import Override, from_texts, parse
+from stixel_cli.config.override_checks import check_overrides, refuse_twice
+from stixel_cli.config.overrides import Override, parse
 from stixel_cli.engine.store import open_store
 from stixel_cli.errors import ConfigurationError, UserError, printable
 from stixel_cli.evaluation.metric_table import METRICS, metric
@@ -61,7 +62,7 @@ class Tuning:
 
     def __init__(
         self,
-        overrides: Sequence[str | Override],
+        overrides: Sequence[Override],
         objectives: Sequence[str],
         over: Sequence[str],
         seeds: int,
@@ -82,12 +83,12 @@ class Tuning:
         _check_objectives(objectives)
         self.objectives, self.trials, self.default = objectives, list[Trial](), Trial("default")
         self.sign = np.array([-1.0 if metric(n).better == "more" else 1.0 for n in objectives])
-        parsed = {one.key: one for one in read_overrides(overrides)}
+        parsed = {one.key: one for one in refuse_twice(overrides)}
         for key in (key for key in over if key != SEED and key not in parsed):
             raise ConfigurationError(f"--over: {printable(key)} is not swept")
         if EXPERIMENT in parsed:
             raise ConfigurationError(f"{EXPERIMENT}: the preset is one: give its options singly")
-        drawn = [parse(f"{SEED}={i}") for i in range(FIRST_SEED, FIRST_SEED + seeds)]
+        drawn = [parse(f"{SEED}={i}", TYPED) for i in range(FIRST_SEED, FIRST_SEED + seeds)]
         # Seeds vary slowest, so that the first runs of a trial are those of whole seeds.
         axes = [parsed.pop(SEED).singles() if SEED in parsed else drawn]
         averaged = [key for key in parsed if key in over or key.endswith(SEED)]
@@ -101,9 +102,9 @@ class Tuning:
                 raise ConfigurationError(f"{one.shown}: seeds to tune on are {FIRST_SEED} and more")
         if not tuned:
             raise ConfigurationError("nothing to tune: write KEY='interval(A,B)' or KEY=A,B,C")
-        fresh = [[parse(f"{SEED}={i}") for i in range(seeds)]]
+        fresh = [[parse(f"{SEED}={i}", TYPED) for i in range(seeds)]]
         fresh += [
-            [parse(f"{o.key}={o.value - FIRST_SEED}") if is_drawn(o) else o for o in axis]
+            [parse(f"{o.key}={o.value - FIRST_SEED}", o.origin) if is_drawn(o) else o for o in axis]
             for axis in axes[1:]
         ]
         self._levels = {False: [*itertools.product(*axes)], True: [*itertools.product(*fresh)]}
@@ -124,7 +125,7 @@ class Tuning:
             found = CategoricalDistribution(ends)
         else:
             options = [one.singles()[0] for one in tuned if one.key in of_group and one.key != key]
-            check_overrides([] if key in of_group else [parse(f"{key}=0")])
+            check_overrides([] if key in of_group else [parse(f"{key}=0", override.origin)])
             try:
                 default = Composer().compose([*self.fixed, *options]).value(key)
             except (KeyError, TypeError):
@@ -145,11 +146,13 @@ class Tuning:
             planned_sweep([replace(one, index=i) for i, one in enumerate(runs)], None, False)
         return found
 
+    def overrides(self, settings: Mapping[str, str]) -> list[Override]:
+        """The overrides of a trial's settings, from where the parameters were written."""
+        return [parse(f"{key}={value}", self._origins[key]) for key, value in settings.items()]
+
     def _runs(self, settings: Mapping[str, str], fresh: bool, n: int | None) -> list[PlannedRun]:
         """The first n runs of settings; all of them without n."""
-        shared = list(self.fixed)
-        for key, value in settings.items():
-            shared += from_texts([f"{key}={value}"], self._origins[key])
+        shared = [*self.fixed, *self.overrides(settings)]
         each = [[*shared, *level] for level in self._levels[fresh][:n]]
         return compose_runs(each, list(settings), Composer())
 

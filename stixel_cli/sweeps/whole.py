@@ -14,7 +14,7 @@ from stixel_cli.border import TYPED, Origin
 from stixel_cli.config.compose import Composer
 from stixel_cli.config.folders import OF_THE_MACHINE, PRESETS, of_the_machine
 from stixel_cli.config.override_checks import check_overrides, read_overrides
-from stixel_cli.config.overrides import Override, from_texts, parse
+from stixel_cli.config.overrides import Override, parse
 from stixel_cli.config.own_options import with_own_values
 from stixel_cli.config.texts import override_text
 from stixel_cli.engine.plan import undeclared_reads
@@ -167,10 +167,7 @@ def _origin(command: str) -> dict[str, Any]:
 
 
 def stored_runs(
-    request: SweepRequest,
-    overrides: Sequence[str] = (),
-    origin: Origin = TYPED,
-    imports: bool = False,
+    request: SweepRequest, overrides: Sequence[str], origin: Origin, imports: bool
 ) -> list[PlannedRun]:
     """The runs of a folder's request, with executor and cache replaced by `overrides`.
 
@@ -194,7 +191,7 @@ def resumed_overrides(
     Raises:
         ConfigurationError: for an override of other groups or of several values.
     """
-    parsed, given = read_overrides(overrides), []
+    parsed, given = read_overrides(overrides, TYPED), []
     for override in parsed:
         if not of_the_machine(override.key):
             raise ConfigurationError(
@@ -207,10 +204,9 @@ def resumed_overrides(
         if override.key == "cache.folder" and isinstance(folder, str) and folder:
             # Paths of the runs refer to the sweep's working directory, this one to today's.
             text = override_text("cache.folder", os.path.abspath(os.path.expanduser(folder)))
-        given.append(parse(text))
+        given.append(parse(text, TYPED))
     check_overrides(parsed)
-    named = [from_texts((t for t in own if not of_the_machine(t)), origin) for own in kept]
-    return [[*own, *given] for own in named]
+    return [[*(parse(t, origin) for t in own if not of_the_machine(t)), *given] for own in kept]
 
 
 def outdated_runs(

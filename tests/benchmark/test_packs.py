@@ -1,4 +1,5 @@
 import json
+import resource
 import zipfile
 from pathlib import Path
 
@@ -232,6 +233,27 @@ def test_score_refuses_what_pack_would_not_have_made(packed, refused):
     assert "iou_mean" in refused("score", "gp_ekf.zip")
     changed_pack(packed, **(content | {"manifest.json": json.dumps(manifest | {"benchmark": "0"})}))
     assert "its tracks are of the data 0" in refused("score", "gp_ekf.zip")
+
+
+@pytest.mark.parametrize("size", [400 * 2**20, 63 * 2**20])
+def test_a_small_pack_of_a_huge_manifest_is_refused(packed, refused, size):
+    with zipfile.ZipFile("gp_ekf.zip") as archive:
+        members = {one: archive.read(one) for one in archive.namelist()}
+    with zipfile.ZipFile("gp_ekf.zip", "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in members.items():
+            if name != "manifest.json":
+                archive.writestr(name, content)
+                continue
+            with archive.open(name, "w", force_zip64=True) as stream:
+                stream.write(b"[")
+                for _ in range(size // 2**20):
+                    stream.write(b"0," * 2**19)
+                stream.write(b"0]")
+    assert Path("gp_ekf.zip").stat().st_size < 2**20
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    assert "manifest.json" in refused("score", "gp_ekf.zip", "--rows", "rows")
+    grown = 2**10 * (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)
+    assert grown < 2**30 and not Path("rows").exists()
 
 
 def test_score_refuses_the_truth_in_the_form_of_a_track(packed, refused):

@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 
 from stixel_cli.benchmark.data import sha256
 from stixel_cli.benchmark.page import bench_page, score_frame, table_rows
@@ -78,6 +79,21 @@ def test_rows_of_another_processor_share_the_table_and_have_their_own_reference(
     apart = {(one["tracker"], one["data"]): one["IoU minus gp_ekf"] for one in lines}
     assert apart["gp_ekf", "a" * 8] == apart["gp_ekf", "b" * 8] == 0.0
     assert {*bench_page([*here, *there])} == {"index.html", f"{'a' * 12}.csv", f"{'a' * 12}.md"}
+
+
+@pytest.mark.parametrize("key", ["benchmark", "pack", "fresh_of", "sequences"])
+@pytest.mark.parametrize("place", ["../evil", "{folder}/evil"])
+def test_a_row_that_names_a_file_elsewhere_is_refused(key, place, tmp_path, monkeypatch, capsys):
+    name = place.format(folder=tmp_path)
+    edited = row("gp_ekf", np.full(len(NAMES), 0.5))
+    edited[key] = [name, *NAMES[1:]] if key == "sequences" else name
+    folder = tmp_path / "work"
+    write_row(edited, folder / "rows")
+    monkeypatch.chdir(folder)
+    assert main(["bench", "page", "--rows", "rows", "--output", "site"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert key in line or "not the name of a sequence" in line
+    assert not (folder / "site").exists() and not list(tmp_path.rglob("evil*"))
 
 
 def test_bench_page_reads_the_rows_of_a_folder(tmp_path, monkeypatch):

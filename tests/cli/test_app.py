@@ -11,10 +11,9 @@ import typer
 
 from stixel_cli import __version__
 from stixel_cli.cli.app import app, main
-from stixel_cli.config.folders import group_options
+from stixel_cli.config.folders import STUDIES, group_options
 from stixel_cli.engine.errors import StageFailure
 from stixel_cli.errors import UserError
-from stixel_cli.studies.file import shipped_studies
 
 ROOT = Path(__file__).resolve().parents[2]
 STIXEL = [sys.executable, "-m", "stixel_cli"]
@@ -71,7 +70,7 @@ def test_help_of_study_names_the_studies_that_are_there(capsys):
     assert main(["study", "--help"]) == 0
     said = capsys.readouterr().out
     named = re.findall(r"^ {4}(\w+) +[A-Z]", said, flags=re.MULTILINE)
-    assert named == [*sorted(shipped_studies()), "all"]
+    assert named == [*sorted(STUDIES), "all"]
     assert "the study's name, then the overrides" in " ".join(said.split())
 
 

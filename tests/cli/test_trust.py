@@ -7,7 +7,9 @@ import pytest
 import yaml
 
 from stixel_cli.cli.app import main
-from stixel_cli.config.folders import use_presets
+from stixel_cli.config.folders import STUDIES, shipped_folder, use_presets
+from stixel_cli.studies.file import find_study, read_study
+from stixel_cli.sweeps.file import is_study
 
 FEW = {"measurement": "fabricated", "path.duration": 0.3}
 PLANNING = [["plan"], ["explain"], ["sweep", "--dry-run"]]
@@ -130,6 +132,56 @@ def test_a_study_uses_only_what_shipped_studies_use(entries, named, evil, tmp_pa
     assert not (tmp_path / "ran").exists() and not (tmp_path / "results").exists()
 
 
+@pytest.fixture
+def in_pipelines(monkeypatch, evil, tmp_path):
+    """The folder of shipped studies of a checkout into which somebody put files."""
+    shipped = shipped_folder("pipelines") / "studies"
+    folder = tmp_path / "checkout" / "pipelines"
+    shutil.copytree(shipped, folder / "studies")
+
+    def found(name):
+        return folder if name == "pipelines" else shipped_folder(name)
+
+    for module in ("studies.file", "sweeps.file"):
+        monkeypatch.setattr(f"stixel_cli.{module}.shipped_folder", found)
+    return folder / "studies"
+
+
+@pytest.mark.parametrize(
+    ("entries", "named"),
+    [
+        ({"module": "stixel_cli.evil"}, "stixel_cli.evil:report"),
+        ({"module": "stixel_cli.studies.rq3.reports"}, "stixel_cli.studies.rq3.reports:report"),
+        ({"derive": "shutil"}, "stixel_cli.studies.rq3.report:shutil"),
+        ({"template": "rq3.md.j2"}, "rq3.md.j2"),
+    ],
+)
+def test_a_file_among_the_shipped_ones_is_not_shipped(
+    entries, named, in_pipelines, evil, tmp_path, capsys
+):
+    if "template" in entries:
+        (in_pipelines / "rq3.md.j2").write_text("{{ 'x' * 10**10 }}")
+    file = study_file(in_pipelines, **entries)
+    for study in (file, file.stem):
+        assert named in refused(capsys, "study", study, "--dry-run")
+    if "template" in entries:
+        # It would stand in for the template of the shipped study, too.
+        assert named in refused(capsys, "study", "rq3", "--dry-run")
+        return
+    # Its functions are not shipped for a file elsewhere, either.
+    assert named in refused(capsys, "study", study_file(evil, **entries), "--dry-run")
+    sweep_file(in_pipelines, tracker="evil:track").rename(in_pipelines / "sweep.yaml")
+    assert "tracker=evil:track" in refused(capsys, "sweep", "--from", "sweep")
+    assert not (tmp_path / "ran").exists()
+
+
+def test_the_list_of_shipped_studies_is_that_of_the_checkout():
+    files = sorted((shipped_folder("pipelines") / "studies").glob("*.yaml"))
+    assert [file.stem for file in files if is_study(file)] == [*STUDIES]
+    for name in STUDIES:
+        assert read_study(find_study(name)).is_shipped
+
+
 def test_a_template_is_never_read_from_elsewhere(evil, tmp_path, capsys):
     (tmp_path / "secret.txt").write_text("secret")
     (evil / "linked").symlink_to(tmp_path / "secret.txt")
@@ -179,6 +231,29 @@ def test_an_option_does_not_vouch_for_what_its_preset_names(
     words = [*command, "measurement=fabricated", *typed, "--config-dir", evil / "conf"]
     assert str(evil / "conf") in refused(capsys, *words)
     assert not (tmp_path / "ran").exists() and not (tmp_path / "results").exists()
+
+
+@pytest.mark.parametrize(
+    ("preset", "content", "named"),
+    [
+        ("cache/shared", "folder: CACHE\nmax_size: 1GB\n", "cache.folder=CACHE"),
+        ("experiment/e", "# @package _global_\nmetrics: ['evil:track']\n", "metrics[0]=evil:track"),
+    ],
+)
+def test_a_trusted_preset_is_told_once_and_used(preset, content, named, evil, tmp_path, capsys):
+    file = evil / "conf" / f"{preset}.yaml"
+    file.parent.mkdir(parents=True)
+    kept = str(tmp_path / "kept")
+    file.write_text(content.replace("CACHE", kept))
+    (tmp_path / "evil.py").write_text((evil / "evil.py").read_text())
+    words = ["plan", "measurement=fabricated", "path.duration=0.3", "seed=0,1"]
+    words += [preset.replace("/", "="), "--config-dir", str(evil / "conf"), "--trust-code"]
+    assert main(words) == 0, capsys.readouterr().err
+    told = f"stixel: {evil / 'conf'}: may run {named.replace('CACHE', kept)} (--trust-code)\n"
+    assert capsys.readouterr().err == told
+    assert (tmp_path / "ran").exists() == ("evil" in named)
+    # The next command trusts nobody.
+    assert str(evil / "conf") in refused(capsys, *words[:-1])
 
 
 def test_the_very_key_typed_replaces_what_a_preset_names(evil, tmp_path, capsys):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import yaml
 
+from stixel_cli.border import TYPED
 from stixel_cli.config import choice
 from stixel_cli.config.compose import Composer, compose, from_resolved
 from stixel_cli.config.folders import (
@@ -14,6 +15,7 @@ from stixel_cli.config.folders import (
     outer_options,
     shipped_folder,
 )
+from stixel_cli.config.override_checks import read_overrides
 from stixel_cli.config.schema import Configuration
 from stixel_cli.config.texts import override_text
 from stixel_cli.errors import ConfigurationError, UserError
@@ -233,7 +235,9 @@ def test_an_option_that_follows_and_is_not_there_says_where_it_belongs(tmp_path,
     group_options.cache_clear()
 
 
-@pytest.mark.parametrize("composer", [compose, lambda overrides: Composer().compose(overrides)])
+@pytest.mark.parametrize(
+    "composer", [compose, lambda texts: Composer().compose(read_overrides(texts, TYPED))]
+)
 @pytest.mark.parametrize(
     ("content", "said"),
     [
@@ -298,7 +302,8 @@ def test_names_of_files_are_absolute_wherever_they_are_meant(tmp_path, monkeypat
     (tmp_path / "mine.obj").touch()
     for given, directory in (("'~/mine.obj'", "/"), ("mine.obj", str(tmp_path))):
         words = [f"road_user.mesh={given}", f"cache.folder={given}"]
-        for composed in (compose(words, directory), Composer(directory).compose(words)):
+        typed = Composer(directory).compose(read_overrides(words, TYPED))
+        for composed in (compose(words, directory), typed):
             assert composed.resolved["road_user"]["mesh"] == str(tmp_path / "mine.obj")
             assert composed.configuration.cache.folder == str(tmp_path / "mine.obj")
 

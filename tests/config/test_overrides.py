@@ -8,6 +8,7 @@ import pytest
 from hydra.core.override_parser.overrides_parser import OverridesParser
 
 import stixel_cli
+from stixel_cli.border import TYPED
 from stixel_cli.config import overrides
 from stixel_cli.config.folders import outermost_group
 from stixel_cli.config.overrides import parse
@@ -21,7 +22,7 @@ SEVERAL = {"x=1,2": [1, 2], "x=range(0,1,0.5)": [0.0, 0.5], "x='a b',c": ["a b",
 
 @pytest.mark.parametrize("text", [*PLAIN, *OTHERS])
 def test_they_are_what_hydra_reads(text):
-    theirs, ours = OverridesParser.create().parse_override(text), parse(text)
+    theirs, ours = OverridesParser.create().parse_override(text), parse(text, TYPED)
     assert (ours.text, ours.key, ours.sweep) == (text, theirs.key_or_group, None)
     assert repr(ours.value) == repr(theirs.value())
     assert ours.singles() == [ours]
@@ -30,13 +31,15 @@ def test_they_are_what_hydra_reads(text):
 
 def test_several_values_are_overrides_of_one_value_each():
     for text, expected in SEVERAL.items():
-        assert parse(text).value is None
-        assert [one.value for one in parse(text).singles()] == expected
-    assert [one.text for one in parse("+x=1,2").singles()] == ["+x=1", "+x=2"]
+        assert parse(text, TYPED).value is None
+        assert [one.value for one in parse(text, TYPED).singles()] == expected
+    assert [one.text for one in parse("+x=1,2", TYPED).singles()] == ["+x=1", "+x=2"]
 
 
 def test_key_group_and_value_of_the_text():
-    inner, key = parse("++measurement/noise=constant"), parse("measurement.rays= [1,2]")
+    inner, key = (
+        parse(text, TYPED) for text in ("++measurement/noise=constant", "measurement.rays= [1,2]")
+    )
     assert (inner.sign, inner.key) == ("++", "measurement/noise")
     assert (key.sign, key.value_text) == ("", "[1,2]")
     assert {outermost_group(one.key) for one in (inner, key)} == {"measurement"}
@@ -44,8 +47,9 @@ def test_key_group_and_value_of_the_text():
 
 def test_a_plain_override_imports_no_hydra():
     code = (
-        "import sys; from stixel_cli.config.override_checks import *; "
-        "check_overrides(read_overrides(['seed=3', 'path=turn'])); "
+        "import sys; from stixel_cli.border import TYPED; "
+        "from stixel_cli.config.override_checks import *; "
+        "check_overrides(read_overrides(['seed=3', 'path=turn'], TYPED)); "
         "assert 'hydra' not in sys.modules and 'antlr4' not in sys.modules"
     )
     subprocess.run([sys.executable, "-c", code], check=True)

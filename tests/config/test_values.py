@@ -2,9 +2,11 @@
 
 import pytest
 
+from stixel_cli.border import TYPED
 from stixel_cli.config import values
 from stixel_cli.config.compose import Composer
 from stixel_cli.config.folders import group_options, outer_options
+from stixel_cli.config.override_checks import read_overrides
 from stixel_cli.errors import ConfigurationError
 
 OPTIONS = [
@@ -52,6 +54,10 @@ def alone(group, option):
     return [*around, f"{group}={option}"]
 
 
+def typed(line):
+    return read_overrides(line, TYPED)
+
+
 def refuse(*_):
     raise LookupError
 
@@ -68,7 +74,7 @@ def by_omegaconf(monkeypatch):
     def compose(line):
         with monkeypatch.context() as patch:
             patch.setattr(values, "_resolved", refuse)
-            return Composer().compose(line)
+            return Composer().compose(typed(line))
 
     return compose
 
@@ -77,7 +83,7 @@ def by_omegaconf(monkeypatch):
 def test_equal_to_omegaconf(line, composer, by_omegaconf, monkeypatch):
     slow = by_omegaconf(line)
     monkeypatch.setattr(values, "_by_omegaconf", None)  # not needed for these lines
-    fast = composer.compose(line)
+    fast = composer.compose(typed(line))
     assert fast == slow
     assert list(fast.resolved) == list(slow.resolved)
     assert [list(fast.resolved[one]) for one in fast.choices if one in fast.resolved] == [
@@ -91,7 +97,7 @@ def test_same_message_as_omegaconf(line, composer, by_omegaconf):
     with pytest.raises(ConfigurationError) as slow:
         by_omegaconf(line)
     with pytest.raises(ConfigurationError) as fast:
-        composer.compose(line)
+        composer.compose(typed(line))
     assert str(fast.value) == str(slow.value)
 
 
@@ -103,13 +109,14 @@ def test_omegaconf_resolves_the_rest(line, composer, by_omegaconf):
         slow = by_omegaconf(line)
     except ConfigurationError as fault:
         with pytest.raises(ConfigurationError, match=str(fault)[:20]):
-            composer.compose(line)
+            composer.compose(typed(line))
     else:
-        assert composer.compose(line) == slow
+        assert composer.compose(typed(line)) == slow
 
 
 def test_equal_groups_are_one_object(composer):
-    one, other = composer.compose(["seed=1"]), composer.compose(["seed=2", "tracker.sigma_f=0.3"])
+    lines = ["seed=1"], ["seed=2", "tracker.sigma_f=0.3"]
+    one, other = (composer.compose(typed(line)) for line in lines)
     assert one.configuration.rig is other.configuration.rig
     assert one.configuration.tracker is not other.configuration.tracker
     assert one.resolved["rig"] is other.resolved["rig"]

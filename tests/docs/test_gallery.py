@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from stixel_cli import compose
+from stixel_cli.border import TYPED
 from stixel_cli.config.override_checks import check_overrides, read_overrides
 from stixel_cli.experiment.stages import pictured_frames, scan_count
 
@@ -42,7 +43,7 @@ def test_pictures_are_output_of_script_and_small():
 def test_every_command_is_on_the_page_and_valid():
     text = (DOCS / "gallery.md").read_text(encoding="utf-8")
     for entry in ENTRIES:
-        check_overrides(read_overrides(entry.overrides))
+        check_overrides(read_overrides(entry.overrides, TYPED))
         assert shlex.join(["stixel", "run", *entry.overrides]) in text
 
 

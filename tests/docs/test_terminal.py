@@ -7,6 +7,7 @@ from xml.etree import ElementTree
 import pytest
 from test_settings_page import DOCS, load_script
 
+from stixel_cli.border import TYPED
 from stixel_cli.config.override_checks import check_overrides, read_overrides
 
 terminal = load_script("terminal")
@@ -32,7 +33,7 @@ def test_the_readme_has_the_seconds_of_the_picture():
 
 def test_overrides_of_the_first_picture_are_valid():
     for command in terminal.PICTURES["terminal_run"]:
-        check_overrides(read_overrides([w for w in shlex.split(command)[2:] if "=" in w]))
+        check_overrides(read_overrides([w for w in shlex.split(command)[2:] if "=" in w], TYPED))
 
 
 def test_output_has_its_colours_and_errors(tmp_path):

@@ -1,6 +1,7 @@
 """`stixel export --format mlflow`: what mlflow's own client reads again."""
 
 import json
+import shutil
 
 import pytest
 from mlflow.tracking import MlflowClient
@@ -50,6 +51,28 @@ def test_sweep(results, tmp_path, capsys):
     of_runs = sorted(run.data.metrics["iou_mean"] for run in below)
     assert metrics["iou_mean/n"] == 4
     assert sum(of_runs) / 4 == pytest.approx(metrics["iou_mean"])
+
+
+@pytest.mark.parametrize("linked", ["summary.md", "runs/0003"])
+def test_nothing_is_copied_through_a_link_out_of_the_folder(linked, results, tmp_path, capsys):
+    sweep, out = tmp_path / "theirs", tmp_path / "logs"
+    shutil.copytree(results / "sweep", sweep)
+    secret = tmp_path / "secret"
+    if (sweep / linked).is_dir():
+        (sweep / linked).rename(secret)
+    else:
+        secret.write_text("secret")
+        (sweep / linked).unlink()
+    (sweep / linked).symlink_to(secret)
+    assert main(["export", str(sweep), "--format", "mlflow", "--output", str(out)]) == 2
+    # The lines before it are of mlflow and of the sweep.
+    line = capsys.readouterr().err.splitlines()[-1]
+    assert linked in line and "link out of" in line
+    assert [path.name for path in tmp_path.iterdir() if path not in (sweep, secret)] == []
+    # A link to the folder itself is no way out of it.
+    (tmp_path / "name").symlink_to(results / "sweep")
+    folder = str(tmp_path / "name")
+    assert main(["export", folder, "--format", "mlflow", "--output", str(out)]) == 0
 
 
 def test_run_and_an_output_that_exists(results, tmp_path, capsys):

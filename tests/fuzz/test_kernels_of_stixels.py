@@ -60,4 +60,4 @@ def test_no_rig_leads_out_of_an_array():
         except ArgumentError:
             continue
         assert ((found.top >= 0) & (found.top <= found.base)).all(), (case, rig)
-        assert (found.base < disparity.shape[0]).all() and (found.right < disparity.shape[1]).all()
+        assert (found.base < disparity.shape[0]).all() and (found.right <= disparity.shape[1]).all()

@@ -124,7 +124,7 @@ def test_without_data_it_is_refused_in_one_line(studies, monkeypatch, tmp_path):
 
 def test_all_studies_leave_it_out_without_data(studies, monkeypatch):
     monkeypatch.delenv("STIXEL_DATA", raising=False)
-    monkeypatch.setattr("stixel_cli.studies.file.shipped_studies", lambda: ["motions"])
+    monkeypatch.setattr("stixel_cli.cli.study.STUDIES", ["motions"])
     (answer,) = studies.run("all")["studies"]
     assert not answer["complete"] and "STIXEL_DATA" in answer["error"]
 

@@ -2,6 +2,7 @@
 
 import pytest
 
+from stixel_cli.border import TYPED
 from stixel_cli.config.overrides import parse
 from stixel_cli.errors import ConfigurationError
 from stixel_cli.studies.plan import overridden
@@ -10,7 +11,7 @@ from stixel_cli.sweeps.runs import design_runs
 
 
 def axis(key, *values):
-    return Axis((key,), tuple((parse(f"{key}={value}"),) for value in values))
+    return Axis((key,), tuple((parse(f"{key}={value}", TYPED),) for value in values))
 
 
 def texts_of(design):
@@ -19,22 +20,22 @@ def texts_of(design):
 
 def fixed(*texts):
     """A design without axes."""
-    return Design(tuple(map(parse, texts)), ())
+    return Design(tuple(parse(text, TYPED) for text in texts), ())
 
 
 TRACKING = Design(
-    (parse("path.duration=1"),),
+    (parse("path.duration=1", TYPED),),
     (
         axis("measurement", "stixels", "fabricated", "lidar"),
         axis("tracker", "gp_ekf", "point"),
         axis("seed", 0, 1),
     ),
 )
-STEREO_ONLY = Design((parse("measurement=stixels"),), (axis("seed", 0, 1),))
+STEREO_ONLY = Design((parse("measurement=stixels", TYPED),), (axis("seed", 0, 1),))
 
 
 def test_an_override_applies_to_sweeps_all_of_whose_runs_accept_it():
-    rays = Design((parse("measurement=fabricated"),), (axis("seed", 0, 1),))
+    rays = Design((parse("measurement=fabricated", TYPED),), (axis("seed", 0, 1),))
     text = "measurement/noise=constant"
     sweeps = [TRACKING, STEREO_ONLY, rays]
     designs, notes = overridden(sweeps, [text], ["tracking", "stereo", "rays"])

@@ -204,7 +204,7 @@ def test_an_override_that_a_sweep_does_not_accept_is_noted(studies, toy, capsys)
 
 def test_a_failing_study_does_not_stop_the_others(studies, toy, monkeypatch, tmp_path):
     good, bad = toy(name="good"), toy("title: x\n", name="bad")
-    monkeypatch.setattr("stixel_cli.studies.file.shipped_studies", lambda: [str(bad), str(good)])
+    monkeypatch.setattr("stixel_cli.cli.study.STUDIES", [str(bad), str(good)])
     monkeypatch.setattr(
         "stixel_cli.studies.folder.study_folder", lambda results, name: results / Path(name).stem
     )
@@ -216,7 +216,7 @@ def test_a_failing_study_does_not_stop_the_others(studies, toy, monkeypatch, tmp
 def test_invalid_studies_are_reported_before_the_first_run(studies, toy, monkeypatch):
     good, bad = toy(name="good"), toy("title: x\n", name="bad")
     told = []
-    monkeypatch.setattr("stixel_cli.studies.file.shipped_studies", lambda: [str(good), str(bad)])
+    monkeypatch.setattr("stixel_cli.cli.study.STUDIES", [str(good), str(bad)])
     monkeypatch.setattr(
         "stixel_cli.studies.folder.study_folder", lambda results, name: results / Path(name).stem
     )
