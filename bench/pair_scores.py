@@ -32,9 +32,6 @@ COLUMNS = {
     "phantoms": ("phantoms", 1, "{:.0f}"),
     "near called free": ("near_called_free", 1, "{:.0f}"),
     "of columns": ("near_columns", 1, "{:.0f}"),
-    "offset, px": ("offset_px", 1, "{:.2f}"),
-    "square, aligned: median, px": ("square_median_px_aligned", 1, "{:.2f}"),
-    "square, aligned: beyond 1 px, %": ("square_beyond_1px_share_aligned", 100, "{:.1f}"),
 }
 WEIGHTS = {
     "beyond_1px_share": "stixels_compared",

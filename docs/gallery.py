@@ -84,7 +84,8 @@ def sections() -> dict[str, list[Entry]]:
                   [f"rig={rig}", "path=crossing", "path.start=[-3,16]", "path.duration=0.2",
                    "pictures.frames=[0]"],
                   "k0000/left.png")
-            for rig in options["rig"]
+            # Rigs with a date are those of recordings, and look like `kitti`.
+            for rig in options["rig"] if not rig[-1].isdigit()
         ],
         "Renderers": [
             Entry(f"renderer_{renderer}", f"`renderer={renderer}`",

@@ -56,7 +56,7 @@ def assess(
     """Assess the stixels of one pair of images, or those in a file, on one page.
 
     It shows the share of the columns that have stixels, their errors against true disparities, the
-    offset between the images and the truth, missed obstacles and run times.
+    rig's disparity error, missed obstacles and run times.
 
     \b
     Examples:

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from stixel_cli.calibration.truth_alignment import Alignment
 from stixel_cli.config.compose import Composition
 from stixel_cli.engine.parameters import ThreadsExecutor
 from stixel_cli.engine.progress import Progress
@@ -28,7 +27,6 @@ from stixel_cli.report.assess import ERROR_MAP, LABELS, Assessment, error_map
 from stixel_cli.scene.classes import CLASS_OF_KITTI_TYPE
 from stixel_cli.stixels.types import FreeSpace, Stixels
 from stixel_cli.validation.pair_errors import (
-    AreaErrors,
     area_errors,
     called_free,
     compensated,
@@ -59,17 +57,12 @@ def assess(composition: Composition, progress: Progress | None = None) -> Assess
         raise UserError(
             "assess needs a recording or two images; rendered runs are scored by stixel run"
         )
-    wanted = [
-        "camera_pictures",
-        "rig_pictures",
-        "calibration",
-        *(["truth_alignment"] if recording.true_disparities else []),
-    ]
+    wanted = ["camera_pictures", "rig_pictures", "calibration"]
     with computed_stages(composition, wanted, progress) as (_, load):
         first = {name: load(name)[0] for name in (*STAGES, *wanted)}
     free_space, image = first["free_space"], first["pairs"].left[0]
-    alignment, truth = first.get("truth_alignment"), _truth_of(recording)
-    values = _against_truth(first["stixels"], free_space, truth, composition, alignment)
+    truth = _truth_of(recording)
+    values = _against_truth(first["stixels"], free_space, truth, composition)
     rows = compared_rows(composition)
     values |= {
         "row_difference_px": rows and rows.difference,
@@ -83,7 +76,8 @@ def assess(composition: Composition, progress: Progress | None = None) -> Assess
         errors = area_errors(first["stixels"], 0, level, configuration.rig)
         pictures[ERROR_MAP] = error_map(image, first["stixels"], errors)
     rig = {"text": first["calibration"].text, **first["calibration"].values}
-    return Assessment(dict.fromkeys(LABELS) | values, pictures, _seconds(composition), rig)
+    seconds = _seconds(composition, first["calibration"].rig)
+    return Assessment(dict.fromkeys(LABELS) | values, pictures, seconds, rig)
 
 
 def _truth_of(recording: Recording) -> np.ndarray | None:
@@ -92,10 +86,13 @@ def _truth_of(recording: Recording) -> np.ndarray | None:
     return read_disparity(files[0]) if files else None
 
 
-def _seconds(composition: Composition) -> dict[str, float]:
-    """Seconds of each stage the second time in this process: without loading or compiling code."""
-    executor = replace(composition.configuration, executor=IN_THIS_PROCESS)
-    composition = replace(composition, configuration=executor)
+def _seconds(composition: Composition, rig: Rig) -> dict[str, float]:
+    """Seconds of each stage the second time in this process: without loading or compiling code.
+
+    The `rig` states its error, so that it is not calibrated again.
+    """
+    known = replace(composition.configuration, executor=IN_THIS_PROCESS, rig=rig)
+    composition = replace(composition, configuration=known)
     for _ in range(2):
         with TemporaryDirectory() as folder:
             empty = Store(Path(folder, "cache"))
@@ -139,12 +136,8 @@ def assess_stixels(
     nearest = nearest_disparity(stixels, 0, rig.width)[None]
     nothing = np.full(nearest.shape, -1, dtype=np.int32)
     free_space = FreeSpace(0, nearest.astype(np.float32), nothing, np.zeros((1, 2)))
-    alignment = None
-    if recording.true_disparities:
-        with computed_stages(composition, ["truth_alignment"], progress) as (_, load):
-            (alignment,) = load("truth_alignment")
     truth = _truth_of(recording)
-    values = _against_truth(stixels, free_space, truth, composition, alignment)
+    values = _against_truth(stixels, free_space, truth, composition)
     if truth is not None:
         level = compensated(truth, rig, composition.configuration.road)
         pictures[ERROR_MAP] = error_map(image, stixels, area_errors(stixels, 0, level, rig))
@@ -156,7 +149,6 @@ def _against_truth(
     free_space: FreeSpace,
     truth: np.ndarray | None,
     composition: Composition,
-    alignment: Alignment | None,
 ) -> dict[str, Any]:
     """The values of the first frame."""
     configuration, recording = composition.configuration, composition.recording
@@ -184,7 +176,6 @@ def _against_truth(
             "phantoms": int(np.sum(errors.outliers & (errors.errors > 0))),
             "square_compared": int(errors.square.sum()),
             **_sizes(errors.errors[errors.square], "square_"),
-            **_aligned(errors, alignment, rig),
         }
     if recording.label_files:
         tracks = read_labels(recording.label_files, recording.tables)
@@ -199,21 +190,12 @@ def _against_truth(
     return values
 
 
-def _sizes(errors: np.ndarray, prefix: str = "", ending: str = "") -> dict[str, float | None]:
+def _sizes(errors: np.ndarray, prefix: str = "") -> dict[str, float | None]:
     """Median size, and share beyond 1 px, of errors (n,) px; None without an error."""
     size = np.abs(errors)
     median, beyond = (np.median(size), np.mean(size > 1.0)) if len(size) else (None, None)
-    found = {f"{prefix}median_px{ending}": median, f"{prefix}beyond_1px_share{ending}": beyond}
+    found = {f"{prefix}median_px": median, f"{prefix}beyond_1px_share": beyond}
     return {name: None if value is None else float(value) for name, value in found.items()}
-
-
-def _aligned(errors: AreaErrors, alignment: Alignment, rig: Rig) -> dict[str, Any]:
-    """The errors on square surfaces without the offset between the images and the truth."""
-    if len(alignment.shifts) == 0:
-        return {"patches": 0}
-    offset = float(np.median(alignment.shifts))
-    removed = _sizes(errors.errors[errors.square] - offset, "square_", "_aligned")
-    return {"offset_px": offset, "patches": len(alignment.shifts), **removed}
 
 
 NOTHING = (0.0, 0.0, 0.0)

@@ -63,10 +63,6 @@ LABELS = {
     "square_compared": ("stixels compared, on square surfaces", ""),
     "square_median_px": ("median size of the error, on square surfaces", "px"),
     "square_beyond_1px_share": ("errors beyond 1 px, on square surfaces", "%"),
-    "offset_px": ("offset of the images against the truth", "px"),
-    "patches": ("patches that show it", ""),
-    "square_median_px_aligned": ("median on square surfaces, offset removed", "px"),
-    "square_beyond_1px_share_aligned": ("beyond 1 px on square surfaces, offset removed", "%"),
     "near_columns": ("columns with a true obstacle nearer than 6 m", ""),
     "near_called_free": ("of them called free", ""),
 }

@@ -139,7 +139,7 @@ def _run(run: RunResult, facts: Sequence[tuple[str, str]]) -> dict[str, Any]:
             "pitch": rig.pitch_radians,
         },
         "badges": badges(scores.metrics),
-        "origin": origin_of(run.manifest, run.folder),
+        "origin": origin_of(run),
         "summary": summary_of(scores.metrics),
         "verdict": verdict(scores.metrics),
         "labels": [list(LABEL_COLUMNS), *map(list, label_rows(scores.labels))],

@@ -3,7 +3,7 @@
 Lengths are whole millimetres and the like; None stands for what is not finite.
 """
 
-from collections.abc import Mapping
+import base64
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -45,11 +45,12 @@ def facts_of(run: RunResult) -> list[tuple[str, str]]:
     return [*((group, run.choice(group)) for group in FACTS), *own, seed]
 
 
-def origin_of(manifest: Mapping[str, Any], folder: Path | None) -> dict[str, Any] | None:
+def origin_of(run: RunResult) -> dict[str, Any] | None:
     """What a page mailed to a colleague states of a run; None if it has no command.
 
     A run without a folder is about to be written into that of its page, so links begin there.
     """
+    manifest, drawn = run.manifest, run.pictures.get("rig_error.png", b"")
     if "command" not in manifest:
         return None
     versions = manifest.get("versions") or {}
@@ -64,7 +65,9 @@ def origin_of(manifest: Mapping[str, Any], folder: Path | None) -> dict[str, Any
     return {
         "command": str(manifest["command"]),
         "made": [one for one in made if one],
-        "links": links if folder is None else [],
+        "links": links if run.folder is None else [],
+        "correction": manifest.get("correction", ""),
+        "rigError": base64.b64encode(drawn).decode("ascii"),
     }
 
 

@@ -138,7 +138,7 @@ def test_an_empty_name_or_a_jpeg_is_no_file_of_disparities(pair, tmp_path, monke
         compose([*named, f"source.disparity={tmp_path}/true.jpg"])
 
 
-def test_assess_measures_errors_offset_and_obstacles(pair, tmp_path, monkeypatch, capsys):
+def test_assess_measures_errors_and_obstacles(pair, tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "cache"))
     monkeypatch.chdir(tmp_path)
     (tmp_path / "labels.txt").write_text(f"{LABEL}\n")
@@ -152,9 +152,7 @@ def test_assess_measures_errors_offset_and_obstacles(pair, tmp_path, monkeypatch
     values = found["values"]
     # Measured although the results are in the cache, or were compiled by this run.
     assert all(0.0 < found["seconds"][name] < 60.0 for name in ("match", "free_space", "stixels"))
-    assert values["offset_px"] == pytest.approx(OFFSET, abs=0.05) and values["patches"] > 20
     assert values["square_median_px"] == pytest.approx(OFFSET, abs=0.1)
-    assert values["square_median_px_aligned"] < 0.1
     assert values["square_beyond_1px_share"] < 0.1 and values["square_compared"] > 30
     # The box 5 m ahead is seen from u0 + 2 f / 5 to the image's border.
     assert values["near_columns"] == pytest.approx(RIG.width - RIG.u0 - 0.4 * RIG.focal, abs=2)

@@ -57,12 +57,6 @@ STAGES: dict[str, Definition] = {
         recorded="pose_files",
     ),
     "calibrated_rig": Definition(only("calibration.motion_fit:calibrated_rig"), "once"),
-    "align_truth": Definition(
-        only("calibration.truth_alignment:align_truth"),
-        "once",
-        same("rig"),
-        recorded="true_disparities",
-    ),
     "occupancy": Definition(
         only("stixels.displayed_grid:picture_grid"), "pick", same("rig", "road", "occupancy")
     ),

@@ -114,6 +114,11 @@ function describeOrigin() {
     if (data.runs.length > 1) html("strong", { textContent: `${run.label}: ` }, line);
     html("code", { textContent: origin.command }, line);
     html("p", { textContent: origin.made.join(" · ") }, part);
+    if (origin.correction) html("p", { textContent: origin.correction }, part);
+    if (origin.rigError) {
+      const alt = "Disparity error of the rig, and of depths";
+      html("img", { src: `data:image/png;base64,${origin.rigError}`, alt }, html("p", {}, part));
+    }
     const links = html("p", {}, part);
     for (const [name, place] of origin.links) html("a", { href: place, textContent: name }, links);
   });
