@@ -37,6 +37,7 @@ KEYS = {
     "gaps": ("road_user", "gap", "tracker"),
     "wrong_start": ("road_user", "tracker"),
     "miscalibrated": ("road_user", "path", "error", "tracker"),
+    "stated": ("road_user", "path", "error", "tracker"),
     "curved": ("calibration", "tracker"),
     "pandaset": ("target", "tracker"),
     "lidarrm": ("scans", "tracker"),

@@ -64,6 +64,21 @@ def test_points_and_covariances_are_in_the_world_frame():
     np.testing.assert_allclose(scans.covariances_world[3], np.diag([0.25, 0.01]), atol=1e-12)
 
 
+def test_scans_share_the_error_that_the_rig_states():
+    """1 px at the right border and none elsewhere: a far point there moves by z² / (f B)."""
+    right = (RIG.width - 1 - RIG.u0) / RIG.focal
+    points = [[20.0 * right, 20.0], [0.0, 20.0]]
+    for stds, moved in (((0.0, 0.0, 1.0), 400.0 / (RIG.focal * RIG.baseline)), ((0.0,) * 3, None)):
+        rig = dataclasses.replace(RIG, disparity_error_std=stds)
+        chunks = [stixels(0, [2], points, [1, 1])]
+        scans = gather_scans(chunks, ego([[0, 0, np.pi / 2]]), GATES, rig)
+        found = scans.shared_directions(0, scans.points_world)
+        if moved is None:
+            assert found.shape == (2, 2, 0)
+        else:
+            np.testing.assert_allclose(np.abs(found[:, 1, 0]), [moved, 0.0], rtol=1e-6, atol=1e-9)
+
+
 def test_gates_use_only_height_and_range_and_are_inclusive():
     points = [[0, 10]] * 4 + [[0, 0.9], [0, 1], [0, 40], [30, 30]]
     heights = [0.29, 0.3, 2.5, 2.51, 1, 1, 1, 1]

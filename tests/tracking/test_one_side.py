@@ -11,12 +11,13 @@ from seen_targets import moved, scans_seen, start_at, turning
 from stixel_cli.config.compose import compose
 from stixel_cli.geometry.pose import rotation
 from stixel_cli.measurements.scans import Scans
+from stixel_cli.measurements.shared_errors import SharedErrors
 from stixel_cli.tracking.contour.class_shape import class_shape
 from stixel_cli.tracking.gp_ekf import track
 from stixel_cli.tracking.gp_ekf_update import linearise
 from stixel_cli.tracking.kernel import contour_process
 from stixel_cli.tracking.motion import tied_to_velocity, velocity_across
-from stixel_cli.tracking.one_side import OneSide
+from stixel_cli.tracking.one_side import OneSide, size_slopes
 
 CAR = np.array([[2.2, 0.9], [-2.2, 0.9], [-2.2, -0.9], [2.2, -0.9]])
 POSES = turning(40, 4.0, 0.1, (-6.0, 12.0))
@@ -127,3 +128,52 @@ def test_heading_and_velocity_are_drawn_together(heading, speed, direction, slip
     assert abs(across(after)) <= abs(across(mean)) + 1e-12
     assert np.linalg.eigvalsh(covariance - spread).min() > -1e-9
     assert np.linalg.eigvalsh(spread).min() > -1e-9
+
+
+def test_the_derivative_of_an_outline_by_its_size_is_that_of_the_scaled_outline():
+    angles = np.linspace(0.0, 2.0 * np.pi, 360, endpoint=False)
+    outline = np.stack([2.0 * np.cos(angles), 0.9 * np.sin(angles)], axis=-1)
+    bearings = np.arctan2(outline[:, 1], outline[:, 0])
+    step = 1e-4
+    for slopes, scale in zip(size_slopes(outline), np.eye(2), strict=True):
+        radii = [
+            1.0 / np.hypot(*(np.stack([np.cos(bearings), np.sin(bearings)]).T / half).T)
+            for half in (np.array([2.0, 0.9]) * np.exp(sign * step * scale) for sign in (1, -1))
+        ]
+        np.testing.assert_allclose(slopes, (radii[0] - radii[1]) / (2.0 * step), atol=2e-3)
+
+
+def test_the_radii_are_as_uncertain_as_sizes_and_shapes_of_the_class():
+    process = contour_process(50, np.pi / 8, 0.1, 0.05, 1e-6)
+    prior = configured().prior
+    side = OneSide(prior, "stixels", process)
+    front = side.radii_covariance[0, 0] ** 0.5
+    assert front == pytest.approx(0.5 * prior.length * prior.length_std, rel=0.1)
+    # Front and rear grow together: the size is that of the whole class.
+    assert side.radii_covariance[0, 25] > 0.9 * front**2
+    walker = OneSide(configured("road_user=pedestrian").prior, "stixels", process)
+    assert len(side.limbs) == 0 and np.abs(walker.limbs).max() > 0.02
+
+
+def test_an_error_that_all_scans_share_stays_in_the_stated_covariance():
+    scans = scans_seen(CAR, POSES, noise=0.03)
+    uncertain = replace(scans, shared_errors=SharedErrors(range_bias=0.3))
+    alone, shared = followed(scans), followed(uncertain)
+    np.testing.assert_allclose(shared.means[0], alone.means[0], atol=0.1)
+    away = POSES[-1, :2] / np.hypot(*POSES[-1, :2])
+    variances = [away @ one.covariances[-1, :2, :2] @ away for one in (alone, shared)]
+    assert variances[0] < 0.15**2
+    assert variances[1] - variances[0] > 0.2**2
+
+
+def test_the_stated_covariance_is_that_of_the_errors():
+    """Over noises: mean NEES / 2 and NIS near 1."""
+    nees, nis = [], []
+    for seed in range(1000, 1012):
+        result = followed(scans_seen(CAR, POSES, noise=0.05, seed=seed))
+        errors = result.means[:, :2] - POSES[:, :2]
+        scaled = np.linalg.solve(result.covariances[:, :2, :2], errors[..., None])[..., 0]
+        nees.append((errors * scaled).sum(axis=1).mean() / 2.0)
+        nis.append(np.nanmean(result.normalised_nis))
+    assert 0.3 < np.mean(nees) < 2.0
+    assert 0.5 < np.mean(nis) < 1.5
