@@ -130,8 +130,8 @@ def _array(name: str, value: Any, shape: tuple[int | None, ...]) -> np.ndarray:
         own in (None, got) for own, got in zip(shape, array.shape, strict=True)
     )
     if not fits or not np.isfinite(array).all():
-        right = ", ".join("n" if one is None else str(one) for one in shape)
-        raise ArgumentError(f"{name}: must be finite, of shape ({right}), got {array.shape}")
+        right = str(shape).replace("None", "n")
+        raise ArgumentError(f"{name}: must be finite, of shape {right}, got {array.shape}")
     return array
 
 

@@ -157,7 +157,9 @@ class ClassFilter:
             advanced = Hypothesis.updated(predicted, one.log_likelihood, indices, posterior)
         # After such a gap the prediction's covariance is rounding: nothing later tells of before.
         linked = keep[:, None] * matrix if interval < LONGEST_GAP else None
-        return replace(advanced, before=one, transition=linked)
+        # Only smoothing looks back; a filter without it keeps no chain of all its scans.
+        before = None if self._tracker.lag == 0 else one
+        return replace(advanced, before=before, transition=linked)
 
     def _detected(self, one: Hypothesis, rays: Rays, widen: bool) -> Hypothesis:
         """The hypothesis with the most likely place of its target, see `detect_again`."""
