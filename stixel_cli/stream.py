@@ -89,8 +89,9 @@ class StixelStream:
     The stixels are those of `stixel run` on the same clip with the same disparity error of the rig;
     the tracks are the clusters that `source.target=auto` follows, as far as they are known at each
     pair, each with its contour. `rig` is as in `stixels_from_pair`; a height that it does not state
-    is that of the road in the first pair. A disparity error that it does not state is estimated by the motion of the
-    camera, after each of the `CALIBRATED` numbers of pairs, and corrected from then on.
+    is that of the road in the first pair. A disparity error that it does not state is estimated by
+    the motion of the camera, after each of the `CALIBRATED` numbers of pairs, and corrected from
+    then on.
     `sample_time` is from pair to pair, s; `check_rectification` as in `stixels_from_pair`, of the
     first pair that has corners enough.
     """
