@@ -1,4 +1,4 @@
-"""The same as the command line: `from stixel_cli import compose, load, plot, run, sweep`.
+"""The same as the command line: `from stixel_cli import compose, load, plot, run, sweep, track`.
 
 Settings are given as texts in Hydra's grammar, as mappings or as keywords, which may be mixed:
 `run("tracker=contour", {"path.duration": 2}, seed=3)`, see `config.texts.mapping_texts`. A function
@@ -157,6 +157,37 @@ def sweep(
     result = new_sweep(design, results, name, pictures, visible=_visible())
     update_index(results)
     return result
+
+
+def track(scans: Scans, prior: str = "car", *, tracker: str = "contour", **settings: Any) -> Track:
+    """Track one target through `scans` of your own, from the cluster of points that moves.
+
+    Args:
+        scans: see `Scans.of_each`.
+        prior: class of the road user: `car`, `cyclist`, `pedestrian` or `unknown`.
+        tracker: an option of `tracker`.
+        settings: groups as keywords, or `**{"start.bearing": [-5, 5]}`, as in `compose`.
+
+    Raises:
+        UserError: for errors that the user can correct.
+        ValueError: if no cluster of the class's size moves; `start.bearing` then names one.
+
+    Example:
+        >>> result = run("measurement=fabricated", {"path.duration": 3})
+        >>> track(result.scans, "car").to_frame()[["length", "width"]].iloc[-1].round().tolist()
+        [4.0, 2.0]
+    """
+    from importlib import import_module
+
+    from stixel_cli.tracking.start_scans import start_from_scans
+
+    chosen = {"prior": prior, "tracker": tracker, "start": "scans"} | settings
+    if not any("seen_by" in one for one in chosen) and tracker in ("contour", "gp_ekf"):
+        chosen["tracker.seen_by"] = "file"
+    configuration = compose(chosen, last_wins=True).configuration
+    initial = start_from_scans(scans, configuration.start, configuration.prior)
+    module = type(configuration.tracker).__module__.removesuffix("_parameters")
+    return import_module(module).track(scans, initial, configuration.prior, configuration.tracker)
 
 
 def load(folder: Path | str) -> RunResult:

@@ -28,10 +28,14 @@ if TYPE_CHECKING:
     from stixel_cli.geometry.rig_calibration import RigCalibration
     from stixel_cli.measurements.scans import Scans
     from stixel_cli.stixels.types import Objects
+    from stixel_cli.trackers import Contour, Estimate
     from stixel_cli.tracking.several.clusters import OpenTrack
 
 CALIBRATED = (100, 200, 400)
 """Numbers of pairs after which the rig's error is estimated, from all pairs of images by then."""
+
+START_STD = (0.4, 0.4, 0.2, 1.0, 1.0, 0.4)
+"""Standard deviations of a track's start, as in `start=scans`: m, rad, and their rates."""
 
 HISTORY = 20
 """Whether an object moves is seen from the last scans, so many."""
@@ -48,12 +52,14 @@ class MovingObject:
         number: the same in all frames.
         mean: (4,) place and velocity in the world, m and m/s; and covariance: its, (4, 4).
         points: (n, 2) m, its points in the world; none where it is not seen.
+        estimate: pose, size and contour, of the tracker `contour` on these points.
     """
 
     number: int
     mean: np.ndarray
     covariance: np.ndarray
     points: np.ndarray
+    estimate: "Estimate"
 
 
 @dataclass(frozen=True)
@@ -82,9 +88,10 @@ class StixelStream:
 
     The stixels are those of `stixel run` on the same clip with the same disparity error of the rig;
     the tracks are the clusters that `source.target=auto` follows, as far as they are known at each
-    pair. `rig` is as in `stixels_from_pair`; a height that it does not state is that of the road in
-    the first pair. A disparity error that it does not state is estimated by the motion of the
-    camera, after each of the `CALIBRATED` numbers of pairs, and corrected from then on.
+    pair, each with its contour. `rig` is as in `stixels_from_pair`; a height that it does not state
+    is that of the road in the first pair. A disparity error that it does not state is estimated by
+    the motion of the camera, after each of the `CALIBRATED` numbers of pairs, and corrected from
+    then on.
     `sample_time` is from pair to pair, s; `check_rectification` as in `stixels_from_pair`, of the
     first pair that has corners enough.
     """
@@ -102,6 +109,7 @@ class StixelStream:
         self._calibration: RigCalibration | None = None
         self._lefts: list[np.ndarray] = []
         self._motions: list[Pair] = []
+        self._contours: dict[int, Contour] = {}
         self._numbers = count()
 
     def step(
@@ -230,15 +238,42 @@ class StixelStream:
                     one.number = next(self._numbers)
                 numbered.append(one)
         own = {one.number: one for one in reversed(numbered)}
+        self._contours = {number: one for number, one in self._contours.items() if number in own}
         return tuple(
             MovingObject(
                 number,
                 one.mean,
                 one.covariance,
                 scans.points_world[one.rows[-1] if one.scans[-1] == k else []],
+                self._estimate(scans, one),
             )
             for number, one in sorted(own.items())
         )
+
+    def _estimate(self, scans: "Scans", one: "OpenTrack") -> "Estimate":
+        """Pose, size and contour of a track after the last of the `scans`."""
+        from stixel_cli.trackers import Contour
+        from stixel_cli.tracking.contour.class_size import SIZES
+        from stixel_cli.tracking.several.clusters import found_track
+
+        first = len(scans) - 1
+        if one.number not in self._contours:
+            # Its scans so far are used now, as it was not clear before that it moves.
+            first, initial = one.scans[0], found_track(scans, one, first, SIZES, START_STD).initial
+            self._contours[one.number] = Contour(
+                "unknown",
+                start=initial,
+                start_time=(first - 1) * self._sample_time,
+                sensor="stixels",
+            )
+        rows = dict(zip(one.scans, one.rows, strict=True))
+        for k in range(first, len(scans)):
+            own, tracker = rows.get(k, np.zeros(0, np.int64)), self._contours[one.number]
+            points, covariances = scans.points_world[own], scans.covariances_world[own]
+            estimate = tracker.step(
+                points, covariances, scans.sensor_poses_world[k], scans.times[k]
+            )
+        return estimate
 
     def _planar(self, pose: np.ndarray | None) -> np.ndarray:
         """The pose (3,) in the world: that of the pair before where none is given."""

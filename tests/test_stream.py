@@ -93,6 +93,10 @@ def test_a_wall_that_drives_away_gets_a_track_and_one_that_stands_does_not(monke
     assert one.number == 0 and len(one.points) > 5
     np.testing.assert_allclose(one.mean, [0.0, 8.0 + 0.8 * k, 0.0, speed], atol=0.5)
     np.testing.assert_allclose(one.points[:, 1], 8.0 + 0.8 * k, atol=0.5)
+    # The wall is the rear of a road user whose middle is farther ahead.
+    assert one.estimate.pose[1] > 8.5 + 0.8 * k
+    assert one.estimate.pose[2] == pytest.approx(np.pi / 2, abs=0.2)
+    assert one.estimate.contour[:, 1].min() == pytest.approx(8.0 + 0.8 * k, abs=0.5)
 
 
 MIRROR = np.diag([1.0, 1.0, -1.0, 0.0])[:3]

@@ -2,8 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+if TYPE_CHECKING:
+    import pandas
 
 
 @dataclass(frozen=True)
@@ -68,6 +72,38 @@ class Track:
     uses_scans: bool = True
     lag: int | None = 0
     smoothed: "Track | None" = None
+
+    @property
+    def poses(self) -> np.ndarray:
+        """(K, 3) x m, y m, heading rad."""
+        return self.means[:, :3]
+
+    @property
+    def boxes(self) -> np.ndarray:
+        """(K, 2) m, length and width: `box_sizes`, or those of the contour along the heading."""
+        if self.box_sizes is not None:
+            return self.box_sizes
+        along = np.stack([np.cos(self.means[:, 2]), np.sin(self.means[:, 2])], axis=-1)
+        across = np.stack([-along[:, 1], along[:, 0]], axis=-1)
+        axes = np.stack([along, across], axis=-1)
+        return np.ptp(self.contours_world @ axes, axis=1)
+
+    def to_frame(self) -> "pandas.DataFrame":
+        """A table with one row per scan.
+
+        `k`, `t` s; `x`, `y` m and `heading` rad with their standard deviations `x_std`, `y_std`,
+        `heading_std`; `length` and `width` m; number of used `points`; `nis` over its degrees of
+        freedom, NaN without a point.
+        """
+        import pandas
+
+        table = pandas.DataFrame({"k": np.arange(len(self.times)), "t": self.times})
+        table[["x", "y", "heading"]] = self.poses
+        variances = np.diagonal(self.covariances, axis1=1, axis2=2)[:, :3]
+        table[["x_std", "y_std", "heading_std"]] = np.sqrt(np.maximum(variances, 0.0))
+        table[["length", "width"]] = self.boxes
+        table["points"], table["nis"] = np.diff(self.used_offsets), self.normalised_nis
+        return table
 
     @property
     def normalised_nis(self) -> np.ndarray:

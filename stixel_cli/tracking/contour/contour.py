@@ -2,10 +2,11 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
-from stixel_cli.measurements.scans import Scans
+from stixel_cli.measurements.scans import FieldOfView, Scans
 from stixel_cli.scene.classes import ROAD_USER_CLASSES
 from stixel_cli.tracking.contour.class_probabilities import (
     CONTRADICTED,
@@ -36,39 +37,119 @@ def track(
 ) -> Track:
     """Track one target through `scans`, of the prior's class or of one that is found.
 
-    One filter for each class tracks the target, until the scans rule its class out. If the prior's
-    class is `unknown`, each scan reports the most probable class, see `class_probabilities`. A
-    known class is reported until the scans contradict it; if they do not, the others change
-    nothing.
+    The state starts as `initial`, one sample before the first scan.
     """
-    filters = {}
-    for road_user in ROAD_USER_CLASSES if prior.class_file is None else (prior.class_file,):
-        if may_be(road_user, prior, tracker.road_user):
-            start, of_class, parameters = _of_class(road_user, initial, prior, tracker)
-            for form, seen in forms_of(road_user, prior, parameters).items():
-                filters[road_user, form] = ClassFilter(scans, start, of_class, *seen)
-    kept, best = dict(filters), 0.0
+    bank = ClassBank(initial, prior, tracker)
     for k, interval in enumerate(intervals(scans.times)):
         rows = scans.rows(k)
-        rays = rays_of(
+        bank.step(
+            interval,
             scans.points_world[rows],
             scans.covariances_world[rows],
             scans.sensor_poses_world[k],
             scans.field_of_view,
         )
-        for one in kept.values():
+    return bank.track(scans.times, scans.offsets[:-1])
+
+
+class ClassBank:
+    """One filter for each class, and for each form that the target may have.
+
+    A filter tracks the target until the scans rule its class out. If the prior's class is
+    `unknown`, each scan reports the most probable class, see `class_probabilities`. A known class
+    is reported until the scans contradict it; if they do not, the others change nothing.
+    """
+
+    def __init__(self, initial: InitialState, prior: PriorShape, tracker: ContourParameters):
+        self._filters, self._lag = {}, tracker.lag
+        self._own = None if prior.road_user == "unknown" else prior.road_user
+        for road_user in ROAD_USER_CLASSES if prior.class_file is None else (prior.class_file,):
+            if may_be(road_user, prior, tracker.road_user):
+                start, of_class, parameters = _of_class(road_user, initial, prior, tracker)
+                for form, seen in forms_of(road_user, prior, parameters).items():
+                    self._filters[road_user, form] = ClassFilter(start, of_class, *seen)
+        self._kept, self._best = dict(self._filters), 0.0
+        self._assumed, self._chosen, self._log_weights = self._own, [], []
+
+    def step(
+        self,
+        interval: float,
+        points_world: np.ndarray,
+        covariances: np.ndarray,
+        sensor: np.ndarray,
+        field_of_view: FieldOfView | None = None,
+    ) -> None:
+        """The next scan, an `interval` in s after the one before; the others as in `rays_of`."""
+        rays = rays_of(points_world, covariances, sensor, field_of_view)
+        for one in self._kept.values():
             # Re-detection costs nine updates; skip it for classes that the scans rule out.
-            probable = k == 0 or one.log_weights[k - 1] > best - CONTRADICTED
-            one.step(k, interval, rays, recovers=probable)
-        best = max(one.log_weights[k] for one in kept.values())
-        kept = {
+            probable = not one.log_weights or one.log_weights[-1] > self._best - CONTRADICTED
+            one.step(interval, rays, recovers=probable)
+        self._choose()
+        self._best = max(one.log_weights[-1] for one in self._kept.values())
+        self._kept = {
             (road_user, form): one
-            for (road_user, form), one in kept.items()
-            if one.log_weights[k] >= best - RULED_OUT
-            or (one.sight.residual and road_user == prior.road_user)
+            for (road_user, form), one in self._kept.items()
+            if one.log_weights[-1] >= self._best - RULED_OUT
+            or (one.sight.residual and road_user == self._own)
         }
-    class_of_prior = None if prior.road_user == "unknown" else prior.road_user
-    return _reported(filters, class_of_prior, tracker.lag)
+
+    def _choose(self) -> None:
+        """Which filter is reported at this scan."""
+        weights = {}
+        for (road_user, form), one in self._kept.items():
+            weight = one.log_weights[-1] + FORM_ODDS.get(form, 0.0)
+            # Another class's points stretch or shrink the size before they contradict the shape.
+            other = one.sight.residual and self._own not in (None, road_user)
+            far = other and one.size_deviations[-1] > GREATEST_DEVIATION
+            weights[road_user, form] = -1e9 if far else weight
+        of_class: dict[str, np.ndarray] = {}
+        for (road_user, _), weight in weights.items():
+            sum_before = of_class.get(road_user, np.array([-np.inf]))
+            of_class[road_user] = np.logaddexp(sum_before, weight)
+        (best,) = reported_classes(of_class, self._assumed)
+        name = list(of_class)[best]
+        if name != self._own:
+            self._assumed = None
+        self._chosen.append(max((key for key in weights if key[0] == name), key=weights.get))
+        self._log_weights.append(of_class)
+
+    def latest(self) -> Track:
+        """`track` of the last scan alone, at time 0, from no later one."""
+        return replace(self._filters[self._chosen[-1]].latest(), **self._classes(slice(-1, None)))
+
+    def track(self, times: np.ndarray, offsets: np.ndarray) -> Track:
+        """The track of all scans, at `times` (K,) s, whose first rows are `offsets` (K,)."""
+        if not len(times):
+            return next(iter(self._filters.values())).track(times, offsets)
+        tracks = {key: self._filters[key].track(times, offsets) for key in set(self._chosen)}
+        classes = self._classes(slice(None))
+        if len(tracks) == 1 and not any(one is not None for one in classes.values()):
+            return tracks[self._chosen[0]]
+        filtered = replace(_joined([tracks[key] for key in self._chosen]), **classes)
+        if self._lag == 0:
+            return filtered
+        # What is smoothed at k is of the class that is reported after the scans up to k + lag.
+        last = len(self._chosen) - 1
+        lag = last if self._lag is None else self._lag
+        then = [self._chosen[min(k + lag, last)] for k in range(last + 1)]
+        smoothed = _joined([tracks[key].smoothed for key in then])
+        return replace(filtered, smoothed=replace(smoothed, **classes))
+
+    def _classes(self, scans: slice) -> dict[str, Any]:
+        """What a track of the `scans` says of classes: nothing, if the prior's is reported."""
+        if self._assumed is not None:
+            return {"class_probabilities": None, "class_replaced": None}
+        chosen, log_weights = self._chosen[scans], self._log_weights[scans]
+        names = list(dict.fromkeys(road_user for road_user, _ in self._filters))
+        weights = {
+            name: np.array([one.get(name, [-np.inf])[0] for one in log_weights]) for name in names
+        }
+        replaced = np.array([road_user != self._own for road_user, _ in chosen])
+        return {
+            "class_probabilities": probabilities_of(weights),
+            "class_replaced": None if self._own is None else replaced,
+        }
 
 
 def may_be(road_user: str, prior: PriorShape, choice: str) -> bool:
@@ -105,41 +186,6 @@ def _of_class(
         replace(prior, road_user=road_user, length=length, width=width),
         replace(tracker, length_std=length_std, width_std=width_std),
     )
-
-
-def _reported(
-    filters: dict[tuple[str, str], ClassFilter], class_of_prior: str | None, lag: int | None
-) -> Track:
-    """The track that is, at each scan, that of the class and the form that are reported there."""
-    keys, names = list(filters), list(dict.fromkeys(road_user for road_user, _ in filters))
-    of_class = np.array([names.index(road_user) for road_user, _ in keys])
-    weights = np.stack([one.log_weights for one in filters.values()])
-    weights += np.array([[FORM_ODDS.get(form, 0.0)] for _, form in keys])
-    for row, ((road_user, _), one) in zip(weights, filters.items(), strict=True):
-        # The points of another class stretch or shrink the size before they contradict the shape.
-        if one.sight.residual and class_of_prior not in (None, road_user):
-            row[one.size_deviations > GREATEST_DEVIATION] = -1e9
-    log_weights = {
-        name: np.logaddexp.reduce(weights[of_class == i], axis=0) for i, name in enumerate(names)
-    }
-    best = reported_classes(log_weights, class_of_prior)
-    chosen_keys = np.where(of_class[:, None] == best, weights, -np.inf).argmax(axis=0)
-    own = None if class_of_prior is None else names.index(class_of_prior)
-    replaced = None if own is None else best != own
-    known = replaced is not None and not replaced.any()
-    if known and len(set(chosen_keys)) == 1:
-        return filters[keys[chosen_keys[0]]].track()
-    tracks = {i: filters[keys[i]].track() for i in np.unique(chosen_keys)}
-    probabilities, replaced = (None, None) if known else (probabilities_of(log_weights), replaced)
-    classes = {"class_probabilities": probabilities, "class_replaced": replaced}
-    filtered = replace(_joined([tracks[i] for i in chosen_keys]), **classes)
-    if lag == 0:
-        return filtered
-    # What is smoothed at k is of the class that is reported after the scans up to k + lag.
-    last = len(chosen_keys) - 1
-    then = np.minimum(np.arange(last + 1) + (last if lag is None else lag), last)
-    smoothed = _joined([tracks[i].smoothed for i in chosen_keys[then]])
-    return replace(filtered, smoothed=replace(smoothed, **classes))
 
 
 def _joined(tracks: Sequence[Track]) -> Track:

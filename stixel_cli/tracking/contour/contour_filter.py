@@ -33,12 +33,13 @@ Student distribution, e the normalised error at the current iterate (Lange, Litt
 *The iterated Kalman filter update as a Gauss-Newton method*).
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
+from operator import attrgetter
 
 import numpy as np
 
 from stixel_cli.geometry.pose import rotation
-from stixel_cli.measurements.scans import Scans
 from stixel_cli.tracking.contour.class_probabilities import class_row, log_weight
 from stixel_cli.tracking.contour.class_shape import ClassShape
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
@@ -68,61 +69,56 @@ CONFIRMED = 5
 
 
 class ClassFilter:
-    """The filter of a target of one class through K scans: predict, associate, update at each.
+    """The filter of a target of one class: predict, associate, update at each scan.
 
-    The state starts as `initial`, one sample before the first scan, with the size of the class's
-    `prior`. Reads no truth. It keeps its state between scans, as the filters of all classes take
-    the same scan before the next.
+    The state starts as `initial`, with the size of the class's `prior`. Reads no truth. It keeps
+    its state between scans, as the filters of all classes take the same scan before the next.
 
     Attributes:
-        log_weights: (K,) of the class given the scans up to k, see `class_probabilities`; -inf at
-            scans without a step.
-        size_deviations: (K,) of the size from the class's, in its standard deviations.
+        log_weights: of the class after each scan, see `class_probabilities`.
+        size_deviations: of the size from the class's after each scan, in its standard deviations.
     """
 
     def __init__(
         self,
-        scans: Scans,
         initial: InitialState,
         prior: PriorShape,
         shape: ClassShape,
         sight: Sight,
         tracker: ContourParameters,
     ):
-        self._scans, self._tracker, self._road_user = scans, tracker, prior.road_user
+        self._tracker, self._road_user = tracker, prior.road_user
         self._shape, self.sight = shape, sight
         self._of_class = np.log(np.array([prior.length, prior.width]) / self._shape.size)
         mean, covariance = start(initial, prior, shape, tracker, NODES if sight.residual else 0)
         self._hypotheses = [Hypothesis.unseen((mean, covariance, np.zeros((len(mean), 2))))]
-        self._age = 0
-        count = len(scans)
-        self._means = np.tile(mean, (count, 1))
-        self._covariances = np.tile(covariance, (count, 1, 1))
-        self._used = [np.zeros(0, np.int64) for _ in range(count)]
-        self._nis, self._degrees = np.full(count, np.nan), np.zeros(count, np.int64)
-        self.size_deviations = np.zeros(count)
-        self.log_weights = np.full(count, -np.inf)
+        self._age, self._size = 0, len(mean)
         self._reported: list[Hypothesis] = []
+        self._covariances: list[np.ndarray] = []
+        self._nis: list[float] = []
+        self._degrees: list[int] = []
+        self.size_deviations: list[float] = []
+        self.log_weights: list[float] = []
 
-    def step(self, k: int, interval: float, rays: Rays, recovers: bool) -> None:
-        """Scan `k`, an `interval` in s after the one before, with the `rays` of all its points.
+    def step(self, interval: float, rays: Rays, recovers: bool) -> None:
+        """The next scan, an `interval` in s after the one before, with the `rays` of its points.
 
         `recovers`: whether the filter looks for the target again where the scans contradict it.
         """
-        first = not np.isfinite(self._nis[max(k - RECENT, 0) : k]).any()
+        first = not np.isfinite(self._nis[-RECENT:]).any()
         steps = [self._advanced(one, interval, rays) for one in self._hypotheses]
-        best = self._record(k, steps)
+        best = max(steps, key=attrgetter("log_likelihood"))
         if best.degrees:
             self._age += 1
-            scans = slice(k + 1)
             single = recovers and len(steps) == 1
-            if first or (single and is_inconsistent(self._nis[scans], self._degrees[scans])):
+            nis, degrees = [*self._nis, best.nis], [*self._degrees, best.degrees]
+            if first or (single and is_inconsistent(np.array(nis), np.array(degrees))):
                 detected = self._detected(best, rays, widen=not first)
                 # A turned or shifted target may be an error that only later scans contradict.
                 steps, self._age = [detected] if first else [best, detected], 1
             elif self._age >= CONFIRMED:
                 steps = [best]
-            best = self._record(k, steps)
+            best = max(steps, key=attrgetter("log_likelihood"))
         mean, covariance, of_errors = best.state
         # After a gap of years a variance may be below zero by rounding.
         fastest = mean[3] + 2.0 * np.sqrt(max(covariance[3, 3], 0.0))
@@ -132,19 +128,16 @@ class ClassFilter:
         self._hypotheses = steps
         self._reported.append(best)
         covariance = covariance + np.outer(of_errors[:, 1], of_errors[:, 1])
-        self._means[k], self._covariances[k] = mean, covariance
-        self._used[k] = best.indices + self._scans.rows(k).start
+        self._covariances.append(covariance)
+        self._nis.append(best.nis)
+        self._degrees.append(best.degrees)
         stds = [self._tracker.length_std, self._tracker.width_std]
-        self.size_deviations[k] = np.abs((mean[5:7] - self._of_class) / stds).max()
-        self.log_weights[k] = log_weight(
-            best.log_likelihood, self.size_deviations[k], mean[3], covariance[3, 3], self._road_user
+        deviation = float(np.abs((mean[5:7] - self._of_class) / stds).max())
+        weight = log_weight(
+            best.log_likelihood, deviation, mean[3], covariance[3, 3], self._road_user
         )
-
-    def _record(self, k: int, hypotheses: list[Hypothesis]) -> Hypothesis:
-        """The likeliest of the hypotheses, whose NIS is that of scan `k`."""
-        best = max(hypotheses, key=lambda one: one.log_likelihood)
-        self._nis[k], self._degrees[k] = best.nis, best.degrees
-        return best
+        self.size_deviations.append(deviation)
+        self.log_weights.append(weight)
 
     def _advanced(self, one: Hypothesis, interval: float, rays: Rays) -> Hypothesis:
         """The hypothesis an `interval` in s later, updated with the points that it associates."""
@@ -164,7 +157,9 @@ class ClassFilter:
             advanced = Hypothesis.updated(predicted, one.log_likelihood, indices, posterior)
         # After such a gap the prediction's covariance is rounding: nothing later tells of before.
         linked = keep[:, None] * matrix if interval < LONGEST_GAP else None
-        return replace(advanced, before=one, transition=linked)
+        # Only smoothing looks back; a filter without it keeps no chain of all its scans.
+        before = None if self._tracker.lag == 0 else one
+        return replace(advanced, before=before, transition=linked)
 
     def _detected(self, one: Hypothesis, rays: Rays, widen: bool) -> Hypothesis:
         """The hypothesis with the most likely place of its target, see `detect_again`."""
@@ -191,41 +186,56 @@ class ClassFilter:
         covariance[[5, 6], [5, 6]] += (1.0 - keep[5:7] ** 2) * stds**2
         return mean, covariance, keep
 
-    def track(self) -> Track:
-        """The posteriors of all scans; a scan without a step has the state of the start.
+    def latest(self) -> Track:
+        """`track` of the last scan alone, at time 0."""
+        return self._track([0.0], [0], slice(-1, None))
 
-        The states are x, y, heading, their rates, and the two logarithms of size; the velocity is
-        along the heading. A scan with n points has n degrees of freedom, and one for each
-        silhouette that is used. `contour_std` is that of the reported contour along the ray from
-        the estimated centre: pose, size and shape together.
+    def track(self, times: Sequence[float], offsets: Sequence[int]) -> Track:
+        """The posteriors of all scans with a step, the first ones of those at `times` (K,) s.
+
+        `offsets` (K,) are the first rows of the scans. The states are x, y, heading, their rates,
+        and the two logarithms of size; the velocity is along the heading. A scan with n points has
+        n degrees of freedom, and one for each silhouette that is used. `contour_std` is that of the
+        reported contour along the ray from the estimated centre: pose, size and shape together.
         """
-        filtered = self._track(self._means, self._covariances)
-        if self._tracker.lag == 0:
+        count = len(self._reported)
+        filtered = self._track(times[:count], offsets[:count])
+        if self._tracker.lag == 0 or not count:
             return filtered
         steps = [one.step for one in self._reported]
         estimates, covariances = smooth(steps, self._tracker.lag, heading=2)
-        of_errors, count = estimates[..., 1:], len(estimates)
+        of_errors = estimates[..., 1:]
         covariances += of_errors @ of_errors.transpose(0, 2, 1)
-        # A class that was ruled out has no later steps.
-        means = np.concatenate([estimates[..., 0], self._means[count:]])
-        covariances = np.concatenate([covariances, self._covariances[count:]])
-        smoothed = replace(self._track(means, covariances), lag=self._tracker.lag)
-        return replace(filtered, smoothed=smoothed)
+        smoothed = self._track(
+            times[:count], offsets[:count], estimates=(estimates[..., 0], covariances)
+        )
+        return replace(filtered, smoothed=replace(smoothed, lag=self._tracker.lag))
 
-    def _track(self, means: np.ndarray, covariances: np.ndarray) -> Track:
-        """The track with the estimates `means` (K, d) and `covariances` (K, d, d)."""
+    def _track(
+        self,
+        times: Sequence[float],
+        offsets: Sequence[int],
+        scans: slice = slice(None),
+        estimates: tuple[np.ndarray, np.ndarray] | None = None,
+    ) -> Track:
+        """The track of the `scans`, with the means and covariances of the filter or `estimates`."""
+        chosen, size = self._reported[scans], self._size
+        means, covariances = estimates or (
+            np.array([one.state[0] for one in chosen]).reshape(-1, size),
+            np.array(self._covariances[scans]).reshape(-1, size, size),
+        )
         residual, points = self.sight.residual, self._tracker.contour_points
         return replace(
             Track.of_scans(
-                self._scans.times,
+                times,
                 reported(means, covariances, self._tracker.slip, residual),
                 contours_of(means, covariances, self._shape, points, residual),
-                self._used,
-                self._nis,
-                self._degrees,
+                [one.indices + offset for one, offset in zip(chosen, offsets, strict=True)],
+                np.array(self._nis[scans]),
+                np.array(self._degrees[scans], np.int64),
             ),
             box_sizes=box_sizes(means, self._shape, residual),
-            size_deviations=self.size_deviations,
+            size_deviations=np.array(self.size_deviations[scans]),
         )
 
 

@@ -107,7 +107,7 @@ def find_tracks(scans: Scans, prior: PriorShape, std: tuple[float, ...]) -> tupl
             kept.append((one, k))
         else:
             kept[i] = _joined(kept[i][0], one), min(k, kept[i][1])
-    return tuple(_found(scans, one, k, sizes, std) for one, k in kept)
+    return tuple(found_track(scans, one, k, sizes, std) for one, k in kept)
 
 
 def are_one(scans: Scans, one: OpenTrack, other: OpenTrack, sizes: np.ndarray) -> bool:
@@ -132,10 +132,10 @@ def _joined(one: OpenTrack, other: OpenTrack) -> OpenTrack:
     return replace(one, scans=scans, rows=[rows[k] for k in scans])
 
 
-def _found(
+def found_track(
     scans: Scans, one: OpenTrack, last: int, sizes: np.ndarray, std: tuple[float, ...]
 ) -> FoundTrack:
-    """The track, confirmed at scan `last`."""
+    """The track, confirmed at scan `last`; the other arguments as in `find_tracks`."""
     indices = np.array(one.scans)
     until = min(scans.times[indices[0]] + USED + 1e-9, scans.times[last])
     count = int(np.sum(scans.times[indices] <= until))
