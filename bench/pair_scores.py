@@ -9,9 +9,12 @@ import sys
 import tempfile
 from pathlib import Path
 
+import numpy as np
+import pandas as pd
+
 from stixel_cli import compose
+from stixel_cli.evaluation.intervals import mean_interval
 from stixel_cli.experiment.assess import assess
-from stixel_cli.report.statistics import statistic
 
 DATA = Path(os.environ.get("STIXEL_DATA", "../shared/data")).absolute()
 RIGS = {
@@ -81,10 +84,10 @@ def main() -> None:
         counts = [values[of] for values in scores.values()]
         shares = [100.0 * values[key] for values in scores.values()]
         pooled = sum(n * share for n, share in zip(counts, shares, strict=True)) / sum(counts)
-        mean = statistic("", shares)
+        (ends,) = mean_interval(pd.DataFrame({key: shares})).itertuples(index=False)
         print(
-            f"{key}, %: all together {pooled:.1f} of {sum(counts)}; mean of {mean.n} pairs "
-            f"{mean.mean:.1f}, 95 % interval {mean.low:.1f} to {mean.high:.1f}"
+            f"{key}, %: all together {pooled:.1f} of {sum(counts)}; mean of {len(shares)} pairs "
+            f"{np.mean(shares):.1f}, 95 % interval {ends.low:.1f} to {ends.high:.1f}"
         )
 
 

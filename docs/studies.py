@@ -1,4 +1,4 @@
-"""Write the answers of studies into docs/studies.md, and RQ2's trackers on stixels into the README.
+"""Write the answers and tables of studies into docs/studies.md, docs/accuracy.md and the README.
 
 Run it as: python docs/studies.py FOLDER...
 """
@@ -10,11 +10,11 @@ from typing import Any
 
 import yaml
 
-from stixel_cli.report.tables import markdown_table
-
-README = Path(__file__).parent.parent / "README.md"
-PAGE = Path(__file__).parent / "studies.md"
+DOCS = Path(__file__).parent
+README, PAGE, ACCURACY = DOCS.parent / "README.md", DOCS / "studies.md", DOCS / "accuracy.md"
 BEGIN, END = "<!-- from the studies -->", "<!-- end -->"
+TABLES = ("ablation", "ablation_lidar", "wrong_class", "wrong_class_lidar", "simulated", "held_out")
+"""Questions of `stixel study accuracy` whose tables are in docs/accuracy.md."""
 
 
 def main(folders: list[Path]) -> None:
@@ -22,7 +22,9 @@ def main(folders: list[Path]) -> None:
     write(PAGE, "\n".join(answer(folder) for folder in folders))
     for folder in folders:
         if folder.name == "rq2":
-            write(README, trackers(report(folder)["tables"]["trackers"]["rows"]))
+            write(README, tables(folder, ("on_stixels",)))
+        if folder.name == "accuracy":
+            write(ACCURACY, tables(folder, TABLES))
 
 
 def write(page: Path, content: str) -> None:
@@ -33,27 +35,28 @@ def write(page: Path, content: str) -> None:
     page.write_text(f"{before}{BEGIN}\n\n{content}\n{END}{after}", encoding="utf-8")
 
 
-def report(folder: Path) -> dict[str, Any]:
-    """The report of a study as data."""
-    return json.loads((folder / "report.json").read_text(encoding="utf-8"))
+def request(folder: Path) -> dict[str, Any]:
+    """The request of a study, with its revision."""
+    return yaml.safe_load((folder / "study.yaml").read_text(encoding="utf-8"))
 
 
 def answer(folder: Path) -> str:
-    """A study's title, command and revision, and the sentences at the top of its report."""
-    study = yaml.safe_load((folder / "study.yaml").read_text(encoding="utf-8"))
+    """A study's title, command and revision, and the paragraphs of its answer."""
+    study = request(folder)
+    report = json.loads((folder / "report.json").read_text(encoding="utf-8"))
     revision = study["git"]["revision"][:7]
     lines = [f"### {study['title']}", "", f"`{study['command']}`, revision {revision}:", ""]
-    return "\n".join([*lines, *(f"- {sentence}" for sentence in report(folder)["leads"]), ""])
+    return "\n".join([*lines, *(f"- {text}" for text in report["answer"]), ""])
 
 
-def trackers(rows: list[dict[str, Any]]) -> str:
-    """A table of RQ2's trackers on stixels: the means over paths and seeds."""
-    header = [column for column in rows[0] if column != "n"]
-    cells = [
-        [row[column] if i < 2 else f"{row[column]:.2f}" for i, column in enumerate(header)]
-        for row in rows
-    ]
-    return "\n".join([*markdown_table(header, cells, [i > 1 for i in range(len(header))]), ""])
+def tables(folder: Path, questions: tuple[str, ...]) -> str:
+    """The tables of some questions, each with what it says."""
+    study = request(folder)
+    parts = [f"`{study['command']}`, revision {study['git']['revision'][:7]}.\n"]
+    for name in questions:
+        for file in sorted((folder / "tables").glob(f"{name}*.md")):
+            parts += [f"{file.stem.replace('-', ', ', 1).replace('_', ' ')}:\n", file.read_text()]
+    return "\n".join(parts)
 
 
 if __name__ == "__main__":

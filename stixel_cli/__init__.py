@@ -13,6 +13,7 @@ _MODULES = {
     "stixel_cli.measurements.scans": ("Scans",),
     "stixel_cli.pairs": ("stixels_from_disparity", "stixels_from_pair"),
     "stixel_cli.stream": ("StixelStream",),
+    "stixel_cli.answers.runs": ("Runs",),
 }
 _FUNCTIONS = sorted(name for names in _MODULES.values() for name in names)
 __all__ = ["__version__", *_FUNCTIONS, "trackers"]

@@ -23,6 +23,7 @@ from stixel_cli.experiment.run import read_stored_run, record_run
 from stixel_cli.machine.kernels import uncompiled
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.results.arrays import with_arrays
+from stixel_cli.results.reader import SWEEP_FILE
 from stixel_cli.results.result import RunResult
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.sweeps.index import update_index
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from stixel_cli.answers.runs import Runs
     from stixel_cli.sweeps.run import SweepResult
 
 
@@ -190,10 +192,12 @@ def track(scans: Scans, prior: str = "car", *, tracker: str = "contour", **setti
     return import_module(module).track(scans, initial, configuration.prior, configuration.tracker)
 
 
-def load(folder: Path | str) -> RunResult:
-    """The run in a result folder, with scenario, scans, track and scores; nothing is computed.
+def load(folder: Path | str) -> "RunResult | Runs":
+    """The run in a result folder, or the runs of a sweep's folder; nothing is computed.
 
-    What the folder lacks is in `results.arrays`. UserError as `stixel rerun` has it.
+    A run has its scenario, scans, track and scores; what the folder lacks is in `results.arrays`.
+    The `Runs` of a sweep answer questions: `load("results/sweep").ask(metric="iou_mean")`.
+    UserError as `stixel rerun` and `stixel report` have it.
 
     Example:
         >>> from tempfile import TemporaryDirectory
@@ -203,6 +207,10 @@ def load(folder: Path | str) -> RunResult:
         >>> stored.metrics == made.metrics and stored.track.means.shape == made.track.means.shape
         True
     """
+    if (Path(folder) / SWEEP_FILE).exists():
+        from stixel_cli.sweeps.page import read_sweep
+
+        return read_sweep(Path(folder))[0].table
     return with_arrays(read_stored_run(Path(folder)))
 
 

@@ -183,11 +183,11 @@ def write_below(folder: Path, files: Mapping[str, str | bytes]) -> None:
         write_whole(folder / name, content)
 
 
-def write_new(file: Path, text: str) -> None:
+def write_new(file: Path, content: str | bytes) -> None:
     """Write a new file; UserError if it exists, also as a link, or cannot be written."""
     try:
-        with file.open("x", encoding="utf-8") as stream:
-            stream.write(text)
+        with file.open("xb") as stream:
+            stream.write(content.encode() if isinstance(content, str) else content)
             stream.flush()
             os.fsync(stream.fileno())
     except FileExistsError:

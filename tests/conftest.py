@@ -47,7 +47,7 @@ def no_pictures(monkeypatch, request):
     if request.node.get_closest_marker("drawn"):
         return
     monkeypatch.setattr("stixel_cli.experiment.run.PICTURES", ())
-    monkeypatch.setattr("stixel_cli.sweeps.run._Sweep.write_figures", lambda *_: None)
+    monkeypatch.setattr("stixel_cli.sweeps.page.sweep_page", lambda *_, **given: "")
 
 
 @pytest.fixture

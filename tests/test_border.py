@@ -52,7 +52,6 @@ COMPOSES = {
     "benchmark/run.py": "constants",
     "experiment/class_shapes.py": "constants of a script of developers",
     "experiment/run.py": "executor and cache as typed",
-    "studies/thesis/report.py": "options of the shipped study",
 }
 """Modules that compose texts as if they were typed, and what the texts are."""
 
@@ -96,6 +95,8 @@ def called(node):
         values = [*node.args, *(word.value for word in node.keywords)]
         modes = [str(one.value) for one in values if isinstance(one, ast.Constant)]
         return name if any(re.fullmatch(r"[rbt]*[wax+][bt+]*", mode) for mode in modes) else ""
+    if name == "to_csv" and first is None:
+        return ""  # It returns the text.
     in_memory = isinstance(first, ast.NamedExpr) or getattr(first, "id", "") in {"buffer", "stream"}
     plain = owner in {"json", "ast", "marshal", "yaml"} or (name == "copy" and len(node.args) < 2)
     return "" if in_memory or plain else name

@@ -16,6 +16,7 @@ ORDER = (
     "experiment",
     "machine",
     "config",
+    "answers",
     "report",
     "pictures",
     "results",

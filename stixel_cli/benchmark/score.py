@@ -15,11 +15,11 @@ from stixel_cli.border import write_whole, written
 from stixel_cli.config.messages import validated
 from stixel_cli.errors import UserError
 from stixel_cli.evaluation.evaluate import evaluate
+from stixel_cli.evaluation.intervals import chi_square_bounds
 from stixel_cli.evaluation.scores import Scores
 from stixel_cli.evaluation.upper_bounds import find_upper_bounds
 from stixel_cli.files import read_json
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.report.intervals import chi_square_bounds
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.tracking.track import Track, contour_directions
 

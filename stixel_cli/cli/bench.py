@@ -136,7 +136,7 @@ def page(
     Each sequence of PACKs gets a page that plays back their tracks.
     """
     from stixel_cli.benchmark.data import Data, sha256_of
-    from stixel_cli.benchmark.page import bench_page
+    from stixel_cli.benchmark.page import bench_pages
     from stixel_cli.benchmark.play import playback_pages
     from stixel_cli.benchmark.score import read_rows
     from stixel_cli.benchmark.sequences import bench_folder
@@ -145,7 +145,7 @@ def page(
     if rows != ROWS and not rows.is_dir():
         raise UserError(f"--rows: {rows}: no such folder")
     folders = dict.fromkeys([(bench_folder() / "rows").resolve(), rows.resolve()])
-    files = bench_page(
+    files = bench_pages(
         [row for one in folders for row in read_rows(one)], [*map(sha256_of, packs or ())]
     )
     played = playback_pages(packs, Data(folder)) if packs else ()

@@ -1,22 +1,49 @@
 """`stixel report` and `stixel play`: write a page that compares runs, or plays them back."""
 
+from typing import Annotated
+
+import typer
+
 from stixel_cli.cli.errors import tell
 from stixel_cli.cli.options import Folders, Output, Over, TrustCode, Workers
 from stixel_cli.cli.run import stored_run
-from stixel_cli.cli.terminal import say
+from stixel_cli.cli.terminal import say, say_wrapped
 from stixel_cli.errors import UserError
 
 
-def report(folders: Folders, output: Output = None, over: Over = None) -> int:
+def report(
+    folders: Folders,
+    output: Output = None,
+    over: Over = None,
+    compare: Annotated[
+        str | None,
+        typer.Option(metavar="KEYS", help="Swept keys whose values are compared, in a sweep."),
+    ] = None,
+    metrics: Annotated[
+        str | None, typer.Option(metavar="NAMES", help="Metrics of a sweep, the main one first.")
+    ] = None,
+    reference: Annotated[
+        str | None, typer.Option(help="Option of a sweep to compare with, instead of the best.")
+    ] = None,
+    form: Annotated[
+        str | None,
+        typer.Option(
+            "--format",
+            help="Of a sweep: html, a table (md, tex, csv) or a figure (svg, pdf, png); default: "
+            "that of --output, or html.",
+        ),
+    ] = None,
+) -> int:
     """Compare two or more runs, or show one sweep by its own folder, on one page.
 
     A comparison shows verdicts, metrics, errors over time and the settings that differ. A sweep's
-    page ranks its settings, and has a figure for each axis, and errors over time.
+    page compares its options, with paired intervals. A sweep also gives one table or one figure
+    for a paper.
 
     \b
     Examples:
       stixel report results/simulated results/fabricated
-      stixel report results/my_sweep --over seed,path
+      stixel report results/my_sweep --metrics iou_mean,centre_rmse_m --format tex
     """
     from stixel_cli.results.folder import PAGE
     from stixel_cli.results.reader import SWEEP_FILE, check_folder
@@ -28,27 +55,38 @@ def report(folders: Folders, output: Output = None, over: Over = None) -> int:
             f"report compares two or more runs, or shows one sweep; the page of one run is "
             f"{folders[0] / PAGE}"
         )
-    if over is not None and not is_sweep:
-        raise UserError("--over: is for one sweep; these are runs")
+    own = {"--over": over, "--compare": compare, "--metrics": metrics}
+    own |= {"--reference": reference, "--format": form}
+    if not is_sweep:
+        for option in (option for option, value in own.items() if value is not None):
+            raise UserError(f"{option}: is for one sweep; these are runs")
     from stixel_cli.border import write_new
     from stixel_cli.report.compare import default_page, page_html
 
-    page = default_page(folders) if output is None else output
     command = ["stixel", "report", *map(str, folders)]
-    if output is not None:
-        command += ["--output", str(output)]
-    if over is not None:
-        command += ["--over", over]
+    given = {**own, "--output": None if output is None else str(output)}
+    command += [word for option, value in given.items() if value for word in (option, value)]
     if is_sweep:
-        from stixel_cli.sweeps.page import sweep_page
+        from stixel_cli.sweeps.page import FORMATS, asked_sweep, sweep_page, written_format
 
-        text = sweep_page(folders[0], page, command, over or "")
+        form = form or (output.suffix[1:] if output is not None else "html")
+        if form not in FORMATS:
+            raise UserError(f"--format: {form}: must be one of {', '.join(FORMATS)}")
+        result, notes, answers = asked_sweep(folders[0], over, compare, metrics, reference)
+        page = output or default_page(folders).with_suffix(f".{form}")
+        if form == "html":
+            content = sweep_page(result, page, command, notes, answers)
+        else:
+            content = written_format(answers, form)
+        for answer in answers:
+            say_wrapped(answer.sentence)
     else:
         from stixel_cli.results.result import read_scored_run
 
-        text = page_html([read_scored_run(folder) for folder in folders], command, page)
-    write_new(page, text)
-    if (page.parent / PAGE).exists():
+        page = output or default_page(folders)
+        content = page_html([read_scored_run(folder) for folder in folders], command, page)
+    write_new(page, content)
+    if (page.parent / PAGE).exists() and page.suffix == ".html":
         from stixel_cli.sweeps.index import update_index
 
         update_index(page.parent)  # It links to the page of a sweep.

@@ -16,7 +16,6 @@ from stixel_cli.errors import UserError
 if TYPE_CHECKING:
     from stixel_cli.results.result import RunResult
 
-MOST_SECTIONS = 4
 OF_IMAGES = ("correction", "row_difference_px")
 
 
@@ -128,8 +127,7 @@ def show(folder: RunOrSweep, json: Json = False) -> int:
 
 
 def _show_sweep(folder: Path, json: bool) -> int:
-    """Print the request of a sweep, the status of its runs, and its statistics."""
-    from stixel_cli.files import read_text
+    """Print the request of a sweep, the status of its runs, and its answer."""
     from stixel_cli.sweeps.folder import SweepFolder
 
     notes = SweepFolder(folder).request().notes
@@ -142,18 +140,12 @@ def _show_sweep(folder: Path, json: bool) -> int:
     rows = [("runs", runs or "not started")]
     rows += [(name, str(notes[name])) for name in ("command", "created") if name in notes]
     print_table(("sweep", str(folder)), rows)
-    summary = folder / "summary.md"
-    if summary.exists():
-        _, *sections = read_text(summary).split("\n## ")
-        for section in sections[:MOST_SECTIONS]:
-            title, _, table = section.partition("\n")
-            say("", title)
-            rows = (line for line in table.splitlines() if line)
-            lines = [row.removeprefix("| ").removesuffix(" |").split(" | ") for row in rows]
-            if lines:
-                print_table(lines[0], lines[2:])
-        if len(sections) > MOST_SECTIONS:
-            say("", f"{len(sections) - MOST_SECTIONS} more metrics: {summary}")
+    if statuses["done"]:
+        from stixel_cli.cli.sweep import print_answers
+        from stixel_cli.sweeps.page import read_sweep
+
+        say("")
+        print_answers(read_sweep(folder)[0])
     return 0
 
 

@@ -21,7 +21,7 @@ from stixel_cli.cli.options import (
     with_workers,
 )
 from stixel_cli.cli.plan import plan_content, print_plan
-from stixel_cli.cli.terminal import console, print_json, print_table, say
+from stixel_cli.cli.terminal import console, print_json, say, say_wrapped
 from stixel_cli.config.folders import STUDIES
 from stixel_cli.errors import ConfigurationError, MissingData, UserError
 
@@ -203,8 +203,8 @@ def _answer(plan: "StudyPlan", result: "StudyResult") -> dict[str, Any]:
         "study": plan.study.name,
         "folder": str(result.folder),
         "report": str(result.page),
-        "complete": result.findings is not None,
-        "answer": None if result.findings is None else list(result.findings.answer),
+        "complete": result.report is not None,
+        "answer": None if result.report is None else list(result.report.answer),
         "notes": list(plan.notes),
         "nodes": {"computed": result.computed, "cached": result.cached},
         "sweeps": {
@@ -220,18 +220,9 @@ def _answer(plan: "StudyPlan", result: "StudyResult") -> dict[str, Any]:
 
 
 def _print(plan: "StudyPlan", result: "StudyResult") -> None:
-    from stixel_cli.report.blocks import Table
-    from stixel_cli.report.tables import shown_table
-
-    if result.findings is not None:
+    if result.report is not None:
         console().print(plan.study.title, markup=False, style="bold")
-        for text in result.findings.answer:
-            say(text)
-        for table in (block for block in result.findings.opening if isinstance(block, Table)):
-            header, rows, numeric = shown_table(table)
-            say("")
-            print_table(header, rows, [i for i, right in enumerate(numeric) if right])
-            say(table.caption)
+        say_wrapped(result.report.answer[0])
     done = sum(state.done for state in result.sweeps)
     say(
         f"{done} runs done; nodes: {result.computed} computed, {result.cached} cached; "

@@ -95,71 +95,59 @@ def sweep(
 
 
 def _report(result: "SweepResult", json: bool, seconds: float) -> None:
-    if json:
-        from stixel_cli.sweeps.results import summary_records
+    from stixel_cli.results.folder import PAGE
 
-        answer = {
-            "folder": str(result.folder.absolute()),
-            "complete": result.complete,
-            "nodes": {"computed": result.computed, "cached": result.cached},
-            "runs": result.records,
-            "summary": summary_records(result),
-            "incomplete": result.incomplete,
-        }
-        print_json(answer)
+    if json:
+        from stixel_cli.answers.render import records
+
+        print_json(
+            {
+                "folder": str(result.folder.absolute()),
+                "complete": result.complete,
+                "nodes": {"computed": result.computed, "cached": result.cached},
+                "runs": result.records,
+                "summary": records(result.answers(result.table.metrics)),
+            }
+        )
     else:
-        if result.statistics:
-            _print_statistics(result)
+        if result.count("done"):
+            print_answers(result)
         say(
             f"{result.count('done')} of {len(result.runs)} runs done; nodes: "
             f"{result.computed} computed, {result.cached} cached; {seconds:.1f} s"
         )
-        say(result.folder)
+        say(result.folder if not result.count("done") else result.folder / PAGE)
     sys.stdout.flush()
     if not result.complete:
         _tell_what_is_missing(result)
 
 
-def _print_statistics(result: "SweepResult") -> None:
-    """Print the main metrics of the first settings; all of them are in the summary."""
-    from stixel_cli.evaluation.metric_table import over_runs
-    from stixel_cli.report.metrics import best, with_interval
-    from stixel_cli.report.tables import label_of
-    from stixel_cli.sweeps.figures import SHOWN
+def print_answers(result: "SweepResult") -> None:
+    """Print the first answer, and the main metrics of the options, the best first."""
+    from stixel_cli.answers.render import overview
 
-    by_setting = result.statistics
-    names = [over_runs(name) for name in SHOWN]
-    names = [n for n in names if any(n in row and row[n].n for row in by_setting.values())]
-    keys, rows = list(dict(next(iter(by_setting)))), []
-    # Of single runs the best is marked. Means of more are ranked on the page, with intervals.
-    single = all(row[name].n == 1 for row in by_setting.values() for name in names)
-    marks = {n: best(n, [row[n].mean for row in by_setting.values()]) for n in names if single}
-    for i, (setting, row) in enumerate(list(by_setting.items())[: 2 * _MOST_SHOWN]):
-        cells = []
-        for name in names:
-            one = row[name]
-            mark = " *" if marks.get(name) and marks[name][i] else "  " if single else ""
-            cells.append(f"{with_interval(one.mean, one.low, one.high)}{mark}")
-        n = max((row[name].n for name in names), default=0)
-        rows.append((*(value for _, value in setting), str(n), *cells))
-    header = [*keys, "n", *map(label_of, names)]
-    numbers = range(len(keys), len(header))
-    # The IoU stays longer than the orientation, which is before it.
-    print_table(header, rows, right=numbers, leave_out=[*numbers[:3:-1], *numbers[2:4]])
-    known = any(row[name].low is not None for row in by_setting.values() for name in names)
-    interval = f"Mean over n {result.units} "
-    interval += "[95 % interval]" if known else "(no interval below n = 4)"
-    interval = "One run per row; * is the best, which may be due to chance" if single else interval
-    more = len(by_setting) - 2 * _MOST_SHOWN
-    others = f" {more} more settings and" if more > 0 else ""
-    page = "" if result.folder is None else f"; a page: stixel report {result.folder}"
-    say_wrapped(f"{interval};{others} all metrics: summary.csv, .md, .tex{page}")
+    answers = result.answers()
+    cells = overview(answers, intervals=1)
+    say_wrapped(answers[0].sentence)
+    for note in answers[0].notes:
+        say_wrapped(note)
+    rows = [
+        [f"{text} *" if mark else text for text, mark in zip(*both, strict=True)]
+        for both in zip(cells.rows[:_MOST_SHOWN], cells.best, strict=False)
+    ]
+    first = cells.numbers[0]
+    last = range(len(cells.header) - 1, first + 1, -1)
+    print_table(cells.header, rows, right=cells.numbers, leave_out=last)
+    more = len(cells.rows) - _MOST_SHOWN
+    if more > 0:
+        say(f"{counted(more, 'more option')}: summary.md")
+    if any(True in marks for marks in cells.best):
+        say("*: shown to be the best")
 
 
 def _tell_what_is_missing(result: "SweepResult") -> None:
     from stixel_cli.results.result import FAILED, SKIPPED
     from stixel_cli.sweeps.folder import SweepFolder
-    from stixel_cli.sweeps.results import incomplete_label
 
     lines = []
     for status in (FAILED, SKIPPED):
@@ -171,13 +159,7 @@ def _tell_what_is_missing(result: "SweepResult") -> None:
             lines.append(f"{len(runs) - _MOST_SHOWN} more runs {status}, see runs.csv")
     lacking = len(result.runs) - result.count("done")
     last = f"{lacking} of {len(result.runs)} runs are missing"
-    where = ""
-    if result.statistics:
-        where = f" for {counted(len(result.incomplete), 'setting')}"
-        last += f": {'; '.join(map(incomplete_label, result.incomplete[:_MOST_SHOWN]))}"
-        more = len(result.incomplete) - _MOST_SHOWN
-        last += f"; and {more} more" if more > 0 else ""
-    for line in (*lines, f"no statistics yet{where}: {last}"):
+    for line in (*lines, last):
         tell(line)
     command = SweepFolder(result.folder).resume_command(result.runs[0].overrides)
     print(command, file=sys.stderr)  # noqa: T201

@@ -10,7 +10,7 @@ import typer
 from stixel_cli.border import TYPED, Origin
 from stixel_cli.cli import options
 from stixel_cli.cli.completion import complete_folder
-from stixel_cli.cli.terminal import print_json, print_table, say
+from stixel_cli.cli.terminal import print_json, say, say_wrapped
 from stixel_cli.config.folders import PRESETS, of_the_machine
 from stixel_cli.errors import UserError
 
@@ -45,11 +45,17 @@ def tune(
 
     Example: stixel tune measurement=fabricated tracker.sigma_q='tag(log,interval(0.1,10))'
     """
+    from stixel_cli.answers.render import records
     from stixel_cli.config.override_checks import read_overrides
-    from stixel_cli.report.tables import shown_table
     from stixel_cli.results.folder import check_results, new_folder
     from stixel_cli.sweeps.run import SweepInterrupted
-    from stixel_cli.sweeps.tune_folder import TuneRequest, create, read_request, write_outcome
+    from stixel_cli.sweeps.tune_folder import (
+        TuneRequest,
+        create,
+        label,
+        read_request,
+        write_outcome,
+    )
     from stixel_cli.sweeps.tuning import Tuning
     from stixel_cli.sweeps.whole import resumed_overrides
 
@@ -78,12 +84,11 @@ def tune(
     except SweepInterrupted:
         raise SweepInterrupted(f"interrupted; resume with: {command}") from None
     if json:
-        rows = [dict(zip(gain.columns, row, strict=True)) for row in gain.rows]
-        answer = {"trial": best.name, "settings": best.settings, "gain": rows}
+        answer = {"trial": best.name, "settings": best.settings, "gain": records(gain)}
         print_json({"folder": str(folder.absolute()), **answer})
     else:
-        header, cells, numeric = shown_table(gain)
-        print_table(header, cells, right=[i for i, one in enumerate(numeric) if one])
+        for one in gain:
+            say_wrapped(f"{label(one.question.metric)}. {one.sentence}")
         chosen = " ".join(f"{key}={value}" for key, value in best.settings.items())
         say(f"trial {best.name}: {chosen}", folder)
     return 0

@@ -6,13 +6,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from stixel_cli.answers.answer import known
 from stixel_cli.errors import UserError, printable_path
 from stixel_cli.export.export import refuse_existing
 from stixel_cli.results.folder import PAGE, whole_folder
 from stixel_cli.results.reader import SWEEP_FILE, flat_settings, read_config
 from stixel_cli.results.result import DONE, RunResult, read_run
-from stixel_cli.sweeps.folder import SweepFolder
-from stixel_cli.sweeps.over import over_axes
+from stixel_cli.sweeps.page import read_sweep
 from stixel_cli.sweeps.results import SweepResult
 
 DATABASE = "mlflow.db"
@@ -37,7 +37,7 @@ def export_mlflow(folder: Path, target: Path) -> None:
         raise UserError("--format: mlflow needs mlflow: pip install 'stixel[mlflow]'") from None
     is_sweep = (folder / SWEEP_FILE).exists()
     run = None if is_sweep else read_run(folder)
-    sweep = _stored_sweep(folder) if is_sweep else None
+    sweep = read_sweep(folder)[0] if is_sweep else None
     refuse_existing(target)
     with whole_folder(target) as partial:
         client = MlflowClient(tracking_uri=f"sqlite:///{partial / DATABASE}")
@@ -50,12 +50,6 @@ def export_mlflow(folder: Path, target: Path) -> None:
             _log_sweep(log, sweep)
         # SQLite's file is closed before it moves.
         client._tracking_client.store._dispose_engine()
-
-
-def _stored_sweep(folder: Path) -> SweepResult:
-    request = SweepFolder(folder).request()
-    runs = tuple(SweepFolder(folder).runs(request))
-    return SweepResult(folder, runs, axes=request.axes, over=over_axes(request.over, request.axes))
 
 
 class _Log:
@@ -103,19 +97,17 @@ class _Log:
 def _log_sweep(log: _Log, sweep: SweepResult) -> None:
     files = {path.name: path for path in sorted(sweep.folder.iterdir()) if path.is_file()}
     top = log.one(sweep.folder.name, {}, {}, files)
-    for setting, runs in sweep.by_setting.items():
-        bounds = {
-            f"{name}{end}": value
-            for name, one in sweep.statistics.get(setting, {}).items()
-            for end, value in {
-                "": one.mean,
-                "/low": one.low,
-                "/high": one.high,
-                "/n": one.n,
-            }.items()
-        }
-        label = " ".join(f"{key}={value}" for key, value in setting) or "the one setting"
-        parent = log.one(label, dict(setting), bounds, {}, top)
-        for run in runs:
+    answers = sweep.answers(sweep.table.metrics)
+    by_option = answers[0].runs.groupby("option", sort=False).groups
+    for option, indices in by_option.items():
+        bounds = {"n": answers[0].units}
+        for one in answers:
+            values = known(one.table.loc[option, ["mean", "low", "high"]])
+            names = (one.question.metric + end for end in ("", "/low", "/high"))
+            bounds |= dict(zip(names, values, strict=True))
+        keys = answers[0].question.compare
+        values = answers[0].runs.loc[indices[0], [*keys]]
+        parent = log.one(str(option), {key: str(values[key]) for key in keys}, bounds, {}, top)
+        for run in (sweep.runs[i] for i in indices):
             if run.status == DONE:
                 log.run(run, f"run {run.index}", parent)

@@ -1,18 +1,18 @@
 """Charts of reports: panels with one legend, lines with bands or bars, and errors over time."""
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from textwrap import fill
 from typing import Any
 
 import matplotlib.figure
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
 
+from stixel_cli.evaluation.intervals import LEAST_UNITS, Bounds, mean_interval
 from stixel_cli.pictures import style
-from stixel_cli.report.blocks import Figure
-from stixel_cli.report.intervals import LEAST_FREEDOM, Bounds, between_bounds, student_t
 
 WIDTH = 5.2
 """in: about that of a phone's page, on which the text is then as large as it was drawn."""
@@ -42,7 +42,6 @@ class Panel:
 
 
 def chart(
-    name: str,
     panels: Sequence[Panel],
     columns: int = 1,
     row: float = 2.2,
@@ -51,8 +50,8 @@ def chart(
     write: Callable[[matplotlib.figure.Figure], bytes] = style.svg,
     settings: Mapping | None = None,
     **shared: bool,
-) -> Figure:
-    """The panels in rows of `columns`, with one legend of every label below them.
+) -> bytes:
+    """A figure of panels in rows of `columns`, with one legend of every label below them.
 
     Args:
         panels: from the left to the right and down.
@@ -90,42 +89,7 @@ def chart(
             figure.legend(handles.values(), labels, **look)
         if title:
             figure.suptitle(title, fontsize=10.0, x=0.01, ha="left")
-        return Figure(name, "", write(figure))
-
-
-def line(
-    axes: Axes,
-    places: Iterable[float],
-    found: Iterable,
-    color: str,
-    label: str = "",
-    bars: bool = False,
-    band: bool = True,
-    **options,
-) -> None:
-    """Means (statistics, None where unknown) at places, with their intervals as bars or a band.
-
-    Where there is no interval, the values are drawn as ticks, unless the line has no marks.
-    """
-    options = {"label": label, "marker": "o", "markersize": 2.5} | options
-    known = [
-        (x, one)
-        for x, one in zip(places, found, strict=True)
-        if one is not None and one.mean is not None
-    ]
-    if not known:
-        return
-    for x, one in known if options["marker"] else ():
-        values = getattr(one, "values", ())
-        if one.low is None and len(values) > 1:
-            axes.plot([x] * len(values), values, "_", color=color, markersize=6.0)
-        elif one.low is not None and bars:
-            axes.plot([x, x], [one.low, one.high], color=color, linewidth=1.0)
-    axes.plot([x for x, _ in known], [one.mean for _, one in known], color=color, **options)
-    if band and not bars:
-        ends = [(one.mean,) * 2 if one.low is None else (one.low, one.high) for _, one in known]
-        low, high = np.transpose(ends)
-        axes.fill_between([x for x, _ in known], low, high, color=color, alpha=0.15, linewidth=0.0)
+        return write(figure)
 
 
 def line_style(i: int) -> str:
@@ -163,9 +127,8 @@ def over_time(
     runs = len(values)
     if not band or ratio or runs == 1:
         return
-    if runs <= LEAST_FREEDOM:
+    if runs < LEAST_UNITS:
         axes.plot(times, values.T, **look | {"label": "", "marker": "", "linewidth": 0.5})
     elif (n == runs).all():
-        half = student_t(runs - 1) * values.std(axis=0, ddof=1) / math.sqrt(runs)
-        ends = between_bounds(mean, half, bounds)
-        axes.fill_between(times, *ends, color=look["color"], alpha=0.2, linewidth=0.0)
+        ends = mean_interval(pd.DataFrame(values), bounds)
+        axes.fill_between(times, ends.low, ends.high, color=look["color"], alpha=0.2, linewidth=0.0)

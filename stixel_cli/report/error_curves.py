@@ -39,7 +39,7 @@ def error_curves(lines: Mapping[str, Errors], legend: bool = True) -> list[tuple
         if known:
             parts = [known[i : i + MOST_LINES] for i in range(0, len(known), MOST_LINES)]
             panels = [_panel(error, part, _limits(error, known)) for part in parts]
-            svg = charts.chart("", panels, row=2.25, **NARROW).svg.decode()
+            svg = charts.chart(panels, row=2.25, **NARROW).decode()
             drawn.append((SERIES[error].label, drawing_for_page(svg, f"t{len(drawn)}")))
     return drawn
 

@@ -5,7 +5,6 @@ from collections.abc import Iterable, Mapping
 
 from stixel_cli.evaluation.metric_table import METRICS, NO_VALUE, SMOOTHED, Better, metric
 from stixel_cli.evaluation.scores import LabelScore
-from stixel_cli.results.reader import listed
 
 _FAR = math.log(2.0)
 
@@ -135,7 +134,6 @@ def score_table(
     return ("score", "value", "unit"), rows, (1,)
 
 
-SPREAD = "±"
 MINUS = "\u2212"
 _THIN = "\u202f"
 
@@ -186,31 +184,6 @@ def with_interval(
     return f"{quantity(value, unit, places, sign)} {ends}"
 
 
-def with_std(value: float | None, std: float | None) -> str:
-    """A number with its standard deviation, with the digits that this supports."""
-    if value is None or std is None:
-        return number(value)
-    places = decimals(std)
-    # A tiny standard deviation must not add digits to the value.
-    most = 3 - math.floor(math.log10(max(abs(value), 1e-3)))
-    places = max(0, min(3 if places is None else places, most))
-    return f"{number(value, places)} {SPREAD} {number(std, places)}"
-
-
-def percent(share: float | None, places: int = 0) -> str:
-    """A share as per cent."""
-    return quantity(None if share is None else 100.0 * share, "%", places)
-
-
 def capital(text: str) -> str:
     """The text with a capital letter."""
     return text[:1].upper() + text[1:]
-
-
-def listed_by_user(found: Iterable[tuple[str, str]]) -> str:
-    """Road users with what is found of each: "the car (centre and IoU) and the cyclist (IoU)"."""
-    by_user: dict[str, list[str]] = {}
-    for user, label in found:
-        by_user.setdefault(user, []).extend([label] if label else [])
-    shown = ((user, f" ({listed(labels)})" if labels else "") for user, labels in by_user.items())
-    return listed([f"the {user}{labels}" for user, labels in shown])

@@ -11,8 +11,6 @@ import jinja2
 from markupsafe import Markup
 
 from stixel_cli.pictures import style
-from stixel_cli.report.blocks import Table
-from stixel_cli.report.tables import INTERVAL, plain_rows, shown_columns, shown_table
 
 _COLOURS = {
     "#000000": "currentColor",
@@ -26,14 +24,6 @@ _PIXELS_A_POINT = 1.5
 """Largest scale of a figure, px per point: its text is then as large as that of tables."""
 _LEAST_TEXT = 10
 """px: a drawing is never shown so small that its smallest text is below this."""
-_WIDEST = 125
-"""A table with more characters in a row is printed in landscape format."""
-_LONG = 27
-"""A table with more rows is printed in a small font, unless in landscape format."""
-_SHORT = 30
-"""Columns of up to this many characters have no line breaks."""
-_SIDE_BY_SIDE = 2
-"""With more columns of intervals, the intervals are below their values."""
 
 
 @dataclass(frozen=True)
@@ -62,40 +52,6 @@ def picture_for_page(png: bytes) -> dict[str, Any]:
     width, letters = int.from_bytes(png[16:20]), 8.0 * style.DPI / 72.0
     source = "data:image/png;base64," + base64.b64encode(png).decode()
     return {"source": source, "least": math.ceil(_LEAST_TEXT * min(width, 4096) / letters)}
-
-
-def table_for_page(block: Table) -> dict[str, Any]:
-    """What the macro `table` of `blocks.html.j2` shows; a row has its texts, and its values."""
-    header, rows, numeric = shown_table(block)
-    if sum(name.endswith(INTERVAL) for name in header) > _SIDE_BY_SIDE:
-        header, *rows = [list(map(_stacked, row)) for row in (header, *rows)]
-    # For each column its longest cell or header word, plus one.
-    widths = [[max(map(len, row[i].split("\n"))) for row in rows] for i in range(len(header))]
-    least = [
-        max(*map(len, name.split()), *(min(width, _SHORT) for width in column), 0)
-        for name, column in zip(header, widths, strict=True)
-    ]
-    wide = sum(least) + len(least) > _WIDEST
-    firsts = [group[0] for group in shown_columns(block)]
-    values = [[row[i] for i in firsts] for row in plain_rows(block)]
-    return {
-        "name": block.name,
-        "header": header,
-        "rows": list(zip(rows, values, strict=True)),
-        "numeric": numeric,
-        "wide": wide,
-        "long": len(rows) > _LONG and not wide,
-        # Numbers are aligned right, short texts have no line breaks.
-        "classes": [
-            "number" if right else "short" if max(column, default=0) <= _SHORT else ""
-            for right, column in zip(numeric, widths, strict=True)
-        ],
-    }
-
-
-def _stacked(cell: str) -> str:
-    """The cell with its interval on a second line."""
-    return cell.replace(" [", "\n[") if cell.endswith("]") else cell
 
 
 def smallest_text(svg: str) -> float:

@@ -1,8 +1,7 @@
-"""A study's file: YAML with title, question, template and module of the report, and sweeps.
+"""A study's file: YAML with title, question, sweeps, questions, and the text of the answer.
 
-`template` is a file next to the study's own, or one of the package's. `module` is a Python file
-next to the study's own (`report.py`), or the dotted name of an installed module. Only
-`stixel study` imports it.
+`module`, which it may leave out, is a Python file next to the study's own (`report.py`), or the
+dotted name of an installed module. Only `stixel study` imports it.
 """
 
 import traceback
@@ -12,21 +11,21 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-import jinja2
-
 from stixel_cli.border import TYPED, Origin, admit, imported, imported_file
 from stixel_cli.config import messages
 from stixel_cli.config.folders import STUDIES, shipped_folder
 from stixel_cli.errors import ConfigurationError, UserError
-from stixel_cli.files import read_text, read_yaml
-from stixel_cli.report.template import template_of
+from stixel_cli.files import read_yaml
 from stixel_cli.studies.entry import Axes, SweepEntry, sweep_entry
+from stixel_cli.studies.questions import PLACE, StudyQuestion, study_question
 from stixel_cli.sweeps.file import ENTRIES as SWEEP_ENTRIES
 from stixel_cli.sweeps.file import is_study, read_mapping, refuse_unknown
 
 ALL = "all"
-ENTRIES = ("title", "question", "template", "module", "sweeps")
-TEMPLATES = Path(__file__).resolve().parent / "templates"
+TEXTS = ("title", "question", "text")
+ENTRIES = (*TEXTS, "module", "sweeps", "questions")
+FUNCTIONS = ("columns", "material")
+"""Functions of a module that add to the report, if it has them."""
 _LONGEST_PATH = 200
 
 
@@ -35,21 +34,22 @@ class StudyFile:
     """The content of a study's file.
 
     Attributes:
-        title, question, template: of the report.
-        template_name, module_name: as in the file.
-        module: its function `report` returns a `Material` from `StudyData`; its functions that
-            `derive` and `axes_of` name return further axes.
-        is_shipped: whether the template and the functions that it uses are of shipped studies.
+        title, question: of the report.
+        text: its paragraphs, the answer first, see `studies.report`.
+        module_name: as in the file; "" without a module.
+        module: its functions that `derive` and `axes_of` name return further axes; see also
+            `FUNCTIONS`. None without a module.
+        is_shipped: whether the functions that it uses are of shipped studies.
     """
 
     path: Path
     title: str
     question: str
-    template_name: str
+    text: str
     module_name: str
-    template: jinja2.Template
-    module: ModuleType
+    module: ModuleType | None
     sweeps: tuple[SweepEntry, ...]
+    questions: tuple[StudyQuestion, ...]
     is_shipped: bool
 
     @property
@@ -70,6 +70,12 @@ class StudyFile:
                 f"{messages.printable(name)}"
             )
         return function
+
+    def added(self, name: str) -> Callable | None:
+        """One of `FUNCTIONS` of the module, which fails as `call` does; None if it has none."""
+        if not callable(getattr(self.module, name, None)):
+            return None
+        return lambda *data: self.call(name, *data)
 
     def further_axes(self, name: str | None, *data: Any) -> Axes:
         """Axes from a function that `derive` (with the data) or `axes_of` (without) names.
@@ -112,10 +118,11 @@ def _shipped(name: str) -> Path:
 def _functions(*contents: Mapping[str, Any]) -> set[tuple[str, str]]:
     """The functions that studies call: module and name."""
     return {
-        (" ".join(content["module"].split()), name)
+        (" ".join(str(content["module"]).split()), name)
         for content in contents
+        if content.get("module")
         for name in (
-            "report",
+            *FUNCTIONS,
             *(
                 entries[entry]
                 for entries in content["sweeps"].values()
@@ -160,45 +167,47 @@ def read_study(path: Path, trusted: bool = False) -> StudyFile:
         if "sweeps" not in content and not set(content) - set(SWEEP_ENTRIES):
             raise ConfigurationError(f"is a sweep, not a study: stixel sweep --from {_shown(path)}")
         refuse_unknown(content, ENTRIES)
-        for name in ENTRIES[:4]:
+        for name in TEXTS:
             if not isinstance(content.get(name), str) or not content[name].strip():
                 raise ConfigurationError(f"{name}: is required and must be a string")
-        texts = [" ".join(content[name].split()) for name in ENTRIES[:4]]
-        sweeps = content.get("sweeps")
+        module_name = content.get("module") or ""
+        if not isinstance(module_name, str):
+            raise ConfigurationError("module: must be a string")
+        sweeps, questions = content.get("sweeps"), content.get("questions") or {}
         if not isinstance(sweeps, dict) or not sweeps:
             raise ConfigurationError("sweeps: must be names, each with a sweep's entries")
+        if not isinstance(questions, dict):
+            raise ConfigurationError("questions: must be names, each with a question's entries")
         origin = Origin(str(path), trusted)
         called = _functions(content)
         is_shipped = called <= _functions(*map(read_yaml, map(_shipped, STUDIES)))
-        template = _template(path.parent, texts[2])
-        # A template is code: Jinja's sandbox bounds neither time nor memory.
         code = [] if is_shipped else [f"{module}:{name}" for module, name in sorted(called)]
-        code += [] if template.parent == TEMPLATES else [texts[2]]
         admit((name, origin) for name in code)
         sweeps = tuple(sweep_entry(name, entries, origin) for name, entries in sweeps.items())
         if sweeps[0].derive is not None:
             raise ConfigurationError(f"sweeps: {sweeps[0].name}: derive: no earlier sweep")
         for sweep in sweeps:
             sweep.design()
-        template = template_of(read_text(template), texts[2])
-        module = _module(path.parent, texts[3], TYPED if is_shipped else origin)
-        study = StudyFile(path, *texts, template, module, sweeps, not code)
+        names = [sweep.name for sweep in sweeps]
+        asked = tuple(study_question(name, one, names) for name, one in questions.items())
+        for place in PLACE.finditer(content["text"]):
+            if place[1] not in questions:
+                raise ConfigurationError(f"text: {messages.printable(place[0])}: is no question")
+        module = None
+        if module_name:
+            module = _module(path.parent, module_name, TYPED if is_shipped else origin)
+        title, question = (" ".join(content[name].split()) for name in TEXTS[:2])
+        study = StudyFile(
+            path, title, question, content["text"], module_name, module, sweeps, asked, not code
+        )
         for _, name in sorted(called):
-            study.function(name)
+            if name not in FUNCTIONS:
+                study.function(name)
     except ConfigurationError as fault:
         where = _shown(path)
         text = str(fault)
         raise ConfigurationError(text if where in text else f"{where}: {text}") from None
     return study
-
-
-def _template(folder: Path, name: str) -> Path:
-    """The file of a template next to the study's file, or of one of the package."""
-    for place in (folder.resolve(), TEMPLATES):
-        file = (place / name).resolve()
-        if file.is_file() and file.parent == place:
-            return file
-    raise ConfigurationError(f"template: no file {messages.printable(name)} in {_shown(folder)}")
 
 
 def _module(folder: Path, name: str, origin: Origin) -> ModuleType:

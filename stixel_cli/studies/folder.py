@@ -7,12 +7,9 @@ report.json        its answer and its tables as data, once all runs are complete
 tables/ figures/   tables as CSV, Markdown and LaTeX, figures as SVG, once all runs are complete
 """
 
-import json
 import shutil
-from collections import Counter
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from datetime import UTC, datetime
-from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -22,14 +19,13 @@ from stixel_cli.border import write_below, write_whole, written
 from stixel_cli.config.texts import split_override
 from stixel_cli.errors import UserError
 from stixel_cli.files import read_yaml
-from stixel_cli.report.blocks import Figure, Findings, Paragraph, Table
-from stixel_cli.report.tables import plain_rows, table_csv, table_latex, table_markdown
 from stixel_cli.results.folder import check_plain_name
 from stixel_cli.results.lineage import provenance
 from stixel_cli.results.reader import yaml_text
 from stixel_cli.studies.plan import StudyPlan
+from stixel_cli.studies.report import Report, files_of
 
-FILE, PAGE, DATA = "study.yaml", "report.html", "report.json"
+FILE, PAGE = "study.yaml", "report.html"
 UNSET = "not set"
 _LONGEST = 60
 """Characters of a value that are shown."""
@@ -96,65 +92,21 @@ class StudyFolder:
                 shutil.rmtree(self.path)
             write_whole(self.path / FILE, yaml_text(content))
 
-    def write(self, html: str, findings: Findings | None) -> Path:
+    def write(self, html: str, report: Report | None) -> Path:
         """Write the report with its tables and figures; return the page's path.
 
-        With `findings` the study is complete, and runs that were out of date were computed again:
+        With a `report` the study is complete, and runs that were out of date were computed again:
         it then has the present provenance.
         """
         with written(self.path):
-            if findings is not None:
+            if report is not None:
                 content = read_yaml(self.path / FILE) | provenance()
                 write_whole(self.path / FILE, yaml_text(content))
             for name in ("tables", "figures"):
                 shutil.rmtree(self.path / name, ignore_errors=True)
-            files = {} if findings is None else files_of(findings, (FILE, PAGE))
+            files = {} if report is None else files_of(report)
             write_below(self.path, files | {PAGE: html})
         return self.path / PAGE
-
-
-def files_of(findings: Findings, taken: Collection[str] = ()) -> dict[str, str | bytes]:
-    """Path in the folder to content of the files next to the page; `taken` are other names.
-
-    Raises:
-        UserError: if two files have one name.
-    """
-    forms = {"csv": table_csv, "md": table_markdown, "tex": table_latex}
-    named = [
-        *(
-            (f"tables/{table.name}.{suffix}", text(table))
-            for table in findings.blocks(Table)
-            for suffix, text in forms.items()
-        ),
-        *((f"figures/{figure.name}.svg", figure.svg) for figure in findings.blocks(Figure)),
-        (DATA, json.dumps(report_data(findings), indent=1, ensure_ascii=False) + "\n"),
-        *findings.files.items(),
-    ]
-    files = dict(named)
-    for name, count in Counter([*taken, *(name for name, _ in named)]).items():
-        if count > 1:
-            raise UserError(f"report: two files have the name {name}")
-    return files
-
-
-def report_data(findings: Findings) -> dict[str, Any]:
-    """The report as plain types.
-
-    `answer`: its paragraphs; `leads`: those before its first figure. `tables`: caption and rows by
-    name; a row maps the columns of `tables/NAME.csv` to cells.
-    """
-    leads = takewhile(lambda block: not isinstance(block, Figure), findings.opening)
-    return {
-        "leads": [block.text for block in leads if isinstance(block, Paragraph)],
-        "answer": list(findings.answer),
-        "tables": {
-            table.name: {
-                "caption": table.caption,
-                "rows": [dict(zip(table.columns, row, strict=True)) for row in plain_rows(table)],
-            }
-            for table in findings.blocks(Table)
-        },
-    }
 
 
 def differences(there: Mapping[str, Any], wanted: Mapping[str, Any], folder: str) -> list[str]:
@@ -180,7 +132,7 @@ def differences(there: Mapping[str, Any], wanted: Mapping[str, Any], folder: str
 
 def _settings(request: Mapping[str, Any]) -> dict[tuple[str, str], str]:
     """Sweep ("" for keys of the study) and key to the values as typed."""
-    found = {("", key): str(request[key]) for key in ("study", "template", "module")}
+    found = {("", key): str(request[key]) for key in ("study", "module")}
     for name, sweep in request["sweeps"].items():
         pairs = map(split_override, sweep["fixed"])
         found |= {(name, key): value for key, value in pairs}

@@ -1,87 +1,22 @@
 """A study's report as one self-contained page."""
 
-import base64
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import yaml
-from markupsafe import Markup
 
-from stixel_cli.config.texts import split_override
-from stixel_cli.report.blocks import Block, Figure, Findings, Picture, Section, Table
-from stixel_cli.report.metrics import format_value
-from stixel_cli.report.page import drawing_for_page, page_template, table_for_page
-from stixel_cli.report.template import inline_html
+from stixel_cli.answers import figures, render
+from stixel_cli.answers.page import page_links
+from stixel_cli.report.metrics import number
+from stixel_cli.report.page import drawing_for_page, page_template
+from stixel_cli.results.folder import PAGE
 from stixel_cli.results.lineage import provenance, shown_revision
 from stixel_cli.studies.plan import StudyPlan
-
-_NARROW = 700
-"""Figures up to this width, px, are placed side by side if the screen is wide enough."""
-_LEAST_PICTURE = 1050
-"""px: the least width of a picture: then the text of that of all stages has 10 px."""
-
-
-class Numbered:
-    """Numbers sections, figures and tables, and gives what the template of a page shows."""
-
-    def __init__(self):
-        self.figures = self.tables = 0
-
-    def blocks(self, content: Sequence[Block], number: str = "") -> list[dict[str, Any]]:
-        """The blocks of a section with this number, of the answer, or of the whole report."""
-        blocks, inner = [], 0
-        for block in content:
-            shown = {"kind": type(block).__name__.lower(), "folded": False, **vars(block)}
-            match block:
-                case Section():
-                    inner += 1
-                    own = f"{number}.{inner}" if number else f"{inner}"
-                    shown |= {"number": own, "blocks": self.blocks(block.blocks, own)}
-                case Figure() | Picture():
-                    self.figures += 1
-                    shown |= {"number": self.figures} | _drawn(block, f"f{self.figures}")
-                case Table():
-                    self.tables += 1
-                    shown |= {"number": self.tables} | table_for_page(block)
-            blocks.append(shown)
-        return _side_by_side(blocks)
-
-
-def _drawn(block: Figure | Picture, name: str) -> dict[str, Any]:
-    if isinstance(block, Figure):
-        return vars(drawing_for_page(block.svg.decode(), name))
-    data = base64.b64encode(block.data).decode()
-    return {"source": f"data:{block.media_type};base64,{data}", "least": _LEAST_PICTURE}
-
-
-def _side_by_side(blocks: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """The blocks, with successive narrow figures in one block."""
-    found: list[dict[str, Any]] = []
-    for block in blocks:
-        if block["kind"] != "figure" or block["width"] > _NARROW or block["folded"]:
-            found.append(block)
-        elif found and found[-1]["kind"] == "figures":
-            found[-1]["figures"].append(block)
-        else:
-            found.append({"kind": "figures", "figures": [block], "folded": False})
-    return found
-
-
-def brief(caption: str) -> str:
-    """The first clause of a caption, without its full stop."""
-    return re.split(r"\.(?= [A-Z]|$)|; ", caption)[0]
-
-
-FILTERS = {
-    "inline": lambda text: Markup(inline_html(text)),
-    "brief": brief,
-    "value": lambda text: split_override(text)[1],
-    "number": format_value,
-}
-"""What the template uses: Markdown as HTML, the caption of what is folded, values of overrides."""
+from stixel_cli.studies.questions import Section
+from stixel_cli.studies.report import Report
 
 
 @dataclass(frozen=True)
@@ -109,33 +44,75 @@ class SweepState:
 def study_page(
     plan: StudyPlan,
     states: Sequence[SweepState],
-    findings: Findings | None,
+    report: Report | None,
     origin: Mapping[str, Any],
+    page: Path,
 ) -> str:
-    """The page of a study; without findings, it lists the missing runs and how to resume.
+    """The page of a study, the file `page`; without a report, it lists the missing runs.
 
-    `origin`: `command` line that makes the report; when it was `created`, UTC; s `elapsed` since
-    the start of the command; the `seeds` of each sweep's runs; the resolved `configuration` of the
-    first run; `stage_cpu_seconds`, those of each stage's results, NaN if one is unknown.
+    `origin`: `command` line that makes the report; when it was `created`, UTC; the `seeds` of each
+    sweep's runs; the resolved `configuration` of the first run; `stage_cpu_seconds`, those of each
+    stage's results, NaN if one is unknown.
     """
-    numbered = Numbered()
-    opening = numbered.blocks(findings.opening if findings else ())
-    figures = (i for i, block in enumerate(opening, 1) if block["kind"] in ("figure", "figures"))
-    split = next(figures, len(opening))
-    seconds = origin["stage_cpu_seconds"]
-    made = provenance()
-    return page_template(__package__, "study.html", FILTERS).render(
+    made, seconds = provenance(), origin["stage_cpu_seconds"]
+    return page_template(__package__, "study.html").render(
         plan=plan,
-        answer=opening[:split] if findings else None,
-        detail=opening[split:],
-        sections=numbered.blocks(findings.sections if findings else ()),
+        answer=report and report.answer,
+        sections=[_section(one, i, page) for i, one in enumerate(report.sections)]
+        if report
+        else [],
+        tables=[
+            (heading, list(table.columns), [list(map(_text, row)) for row in table.to_numpy()])
+            for heading, table in (report.material.tables.items() if report else ())
+        ],
+        explanation=_explanation(report),
         states=states,
         origin=origin,
         sweeps=plan.request()["sweeps"],
-        seconds=seconds | {"all": sum(seconds.values())},
+        seconds={name: number(value) for name, value in seconds.items()},
         revision=shown_revision(made["git"]) or "–",
         made=made,
         configuration=yaml.safe_dump(
             dict(origin["configuration"]), sort_keys=False, allow_unicode=True
         ),
     )
+
+
+def _section(section: Section, place: int, page: Path) -> dict[str, Any]:
+    """What the template shows of a question."""
+    cells = section.cells
+    worst = []
+    for _, answers in section.groups:
+        found = answers[0].worst
+        folders = [Path(str(folder)) for folder in found.get("folder", [])]
+        links = page_links([one for one in folders if one.exists()], page, PAGE)
+        worst += [
+            links.get(str(found.loc[option].get("folder")), "") if option in found.index else ""
+            for option in answers[0].order
+        ]
+    return {
+        "heading": section.question.heading,
+        "note": section.question.note,
+        "sentences": [
+            (label, [one.sentence for one in answers], answers[0].notes)
+            for label, answers in section.groups
+        ],
+        "cells": cells,
+        "worst": worst,
+        "figures": [
+            (label, drawing_for_page(figures.differences(own[0]).decode(), f"q{place}g{i}"))
+            for i, (label, own) in enumerate(section.groups)
+        ],
+    }
+
+
+def _explanation(report: Report | None) -> str:
+    if report is None or not report.sections:
+        return ""
+    return render.explanation(report.sections[0].groups[0][1][0])
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, float | np.floating):
+        return number(float(value))
+    return str(value)

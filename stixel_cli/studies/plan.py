@@ -60,7 +60,6 @@ class StudyPlan:
         """The request in plain types; it is equal for commands with the same results."""
         return {
             "study": self.study.name,
-            "template": self.study.template_name,
             "module": self.study.module_name,
             "sweeps": {
                 one.sweep.name: {

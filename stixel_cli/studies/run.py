@@ -6,31 +6,24 @@ import shutil
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from datetime import UTC, datetime
-from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from stixel_cli.border import TYPED, Origin
 from stixel_cli.config import messages
-from stixel_cli.config.folders import conf_state, of_the_machine, shipped_folder
+from stixel_cli.config.folders import of_the_machine
 from stixel_cli.engine.cache_folder import Lease
-from stixel_cli.engine.keys import canonical
 from stixel_cli.engine.store import open_store
-from stixel_cli.engine.task import remembered
 from stixel_cli.errors import UserError
-from stixel_cli.evaluation.scores import Scores
-from stixel_cli.report.blocks import Findings, Material
-from stixel_cli.report.template import findings_of
 from stixel_cli.results.result import SKIPPED
 from stixel_cli.studies.data import NodeSeconds, StudyData, with_stages
-from stixel_cli.studies.file import TEMPLATES, StudyFile
-from stixel_cli.studies.folder import StudyFolder
+from stixel_cli.studies.file import FUNCTIONS
+from stixel_cli.studies.folder import PAGE, StudyFolder
 from stixel_cli.studies.page import SweepState, study_page
 from stixel_cli.studies.plan import PlannedSweep, StudyPlan, derived_design
+from stixel_cli.studies.report import Report, study_report
 from stixel_cli.sweeps.design import Design
 from stixel_cli.sweeps.folder import SweepFolder
 from stixel_cli.sweeps.graphs import check_computable
@@ -45,12 +38,12 @@ _MOST_FAILURES = 5
 
 @dataclass(frozen=True)
 class StudyResult:
-    """Result of a study; `findings` is None unless every sweep is complete."""
+    """Result of a study; `report` is None unless every sweep is complete."""
 
     folder: Path
     page: Path
     sweeps: tuple[SweepState, ...]
-    findings: Findings | None
+    report: Report | None
     computed: int
     cached: int
     seconds: float
@@ -130,10 +123,10 @@ class _Run:
     def report(self) -> StudyResult:
         """Write the report; it has statistics only if all sweeps are complete."""
         states = tuple(map(self._state, self.plan.sweeps))
-        findings = None
+        report = None
         if all(state.complete for state in states):
             with self._leased():
-                findings = self._findings()
+                report = self._report()
         runs = [run for result in self.results.values() for run in result.runs]
         elapsed = time.perf_counter() - self.started
         origin = {
@@ -147,12 +140,12 @@ class _Run:
             "configuration": self.first.resolved,
             "stage_cpu_seconds": self.node_seconds.by_stage(runs),
         }
-        html = study_page(self.plan, states, findings, origin)
+        html = study_page(self.plan, states, report, origin, self.folder.path / PAGE)
         return StudyResult(
             folder=self.folder.path,
-            page=self.folder.write(html, findings),
+            page=self.folder.write(html, report),
             sweeps=states,
-            findings=findings,
+            report=report,
             computed=sum(result.computed for result in self.results.values()),
             cached=sum(result.cached for result in self.results.values()),
             seconds=elapsed,
@@ -163,23 +156,10 @@ class _Run:
         complete = {name: result for name, result in self.results.items() if result.complete}
         return StudyData(study.name, study.title, study.question, complete)
 
-    def _findings(self) -> Findings:
-        """The findings: those in the store, if nothing that they depend on changed.
-
-        Drawing the figures takes longer than all else. A study from outside the package is always
-        computed: its module may read any file.
-        """
-        study, data = self.plan.study, self._data()
-        if not study.is_shipped:
-            return _filled(study, data)
-        content = [
-            [data.name, data.title, data.question, study.template_name],
-            [_files(TEMPLATES), _files(shipped_folder("pipelines"))],
-            conf_state(),
-            [[name, _seen(sweep)] for name, sweep in data.sweeps.items()],
-        ]
-        modules = [study.module.__name__, StudyFile.__module__]
-        return remembered(self.store, "findings", modules, content, lambda: _filled(study, data))
+    def _report(self) -> Report:
+        study = self.plan.study
+        columns, material = (study.added(name) for name in FUNCTIONS)
+        return study_report(study.text, study.questions, self._data(), columns, material)
 
     def _leased(self):
         """A lease on all results that the report can read."""
@@ -235,36 +215,3 @@ class _Run:
         if len(failed) > _MOST_FAILURES:
             faults.append(f"and {len(failed) - _MOST_FAILURES} more, see runs.csv")
         return SweepState(name, len(result.runs), result.count("done"), tuple(faults), folder)
-
-
-def _filled(study: StudyFile, data: StudyData) -> Findings:
-    """The findings of a complete study; UserError if its module or its template fails."""
-    material = study.call("report", data)
-    if not isinstance(material, Material):
-        raise UserError(f"{study.module_name}: report must return a Material")
-    return findings_of(study.template, material, study.template_name)
-
-
-def _seen(sweep: SweepResult) -> list[Any]:
-    """All that a report can see of a sweep; the keys of its results stand for their content."""
-    return [
-        [
-            [run.index, run.seed, run.variant, list(run.setting.items())],
-            [canonical(run.configuration)],
-            [list(run.metrics.items()), _digests(run.scores), list(run.cpu_seconds.items())],
-            list(run.planned.targets),
-        ]
-        for run in sweep.runs
-    ]
-
-
-def _digests(scores: Scores) -> list[str]:
-    """Digests of the errors over time."""
-    values = (getattr(scores, field.name) for field in fields(scores))
-    return [sha256(v.tobytes()).hexdigest() for v in values if isinstance(v, np.ndarray)]
-
-
-def _files(folder: Path) -> dict[str, str]:
-    """Digests of the files in a folder, by name."""
-    files = sorted(path for path in folder.rglob("*") if path.is_file())
-    return {str(f.relative_to(folder)): sha256(f.read_bytes()).hexdigest() for f in files}

@@ -2,8 +2,8 @@
 
 sweep.yaml             the request: the axes, and the overrides of every run
 runs.csv               one row for each run
-summary.csv .md .tex   statistics over the seeds of each complete setting
-figures/               one figure for each axis, of the same settings
+summary.csv .md        the options with their means, and the paired differences from the best
+index.html             the page of the sweep
 runs/0000/ …           config.yaml, manifest.json, metrics.json, scores.npz, lineage.json
 code/                  code digests to which the runs' lineage.json refer
 failed/0007/ …         config.yaml, failure.json, traceback.txt
@@ -31,8 +31,8 @@ from stixel_cli.sweeps.design import NOT_GIVEN, SEED
 
 PLAN = "sweep.yaml"
 TABLE = "runs.csv"
-SUMMARIES = ("summary.csv", "summary.md", "summary.tex")
-RUNS, FAILED, FIGURES = "runs", "failed", "figures"
+SUMMARIES = ("summary.csv", "summary.md", "index.html")
+RUNS, FAILED = "runs", "failed"
 
 
 @dataclass(frozen=True)

@@ -1,134 +1,156 @@
-"""A page for a sweep: sortable tables, a figure for each axis, errors over time, links to runs."""
+"""What a sweep says of all its runs: summaries, its page, tables and figures to take."""
 
-import os
-import shlex
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from stixel_cli.errors import UserError, counted
-from stixel_cli.evaluation.metric_table import over_runs
+from stixel_cli.answers import figures, render
+from stixel_cli.answers.answer import Answer
+from stixel_cli.errors import UserError
 from stixel_cli.evaluation.scores import SERIES
-from stixel_cli.report import tables
-from stixel_cli.report.blocks import Table
-from stixel_cli.report.error_curves import Errors, error_curves
-from stixel_cli.report.page import Drawing, drawing_for_page, page_template, table_for_page
-from stixel_cli.report.statistics import Unit
+from stixel_cli.pictures import style
+from stixel_cli.report.error_curves import MOST_LINES, Errors
 from stixel_cli.results.folder import PAGE
+from stixel_cli.results.lineage import shown_revision
 from stixel_cli.results.reader import read_series
-from stixel_cli.results.result import DONE, RunResult
-from stixel_cli.sweeps.figures import DRAWN, axis_figures
-from stixel_cli.sweeps.folder import SweepFolder
-from stixel_cli.sweeps.over import Axes as OverAxes
-from stixel_cli.sweeps.over import over_axes, unit_of
-from stixel_cli.sweeps.ranking import answer, label_of, ranked, ranking_figure
-from stixel_cli.sweeps.results import SweepResult, heading
+from stixel_cli.results.result import DONE
+from stixel_cli.sweeps.folder import SUMMARIES, SweepFolder
+from stixel_cli.sweeps.results import SweepResult, over_keys, question_over
+
+FORMATS = ("html", "md", "tex", "csv", "svg", "pdf", "png")
+SHARES = np.linspace(0.0, 1.0, 101)
+"""Shares of a run at which errors over time are compared where the runs have different times."""
+MOST_READ = 400
+"""Most runs whose errors over time a page reads: two seconds."""
 
 
-def sweep_page(folder: Path, page: Path, command: Sequence[str], over: str = "") -> str:
-    """The page of the sweep in `folder`; UserError if that is no sweep, or no run of it is done.
+def summary_files(result: SweepResult, title: str, notes: Mapping[str, Any]) -> dict[str, str]:
+    """The summaries and the page by file name; `title` is the command line of the sweep."""
+    every = result.answers(result.table.metrics)
+    shown = result.answers()
+    page = result.folder / PAGE
+    texts = (
+        render.csv(every),
+        f"# {title}\n\n{render.markdown(shown)}",
+        sweep_page(result, page, ["stixel", "report", str(result.folder)], notes, answers=shown),
+    )
+    return dict(zip(SUMMARIES, texts, strict=True))
 
-    The runs that it lacks are counted, and their settings have no statistics. `page` is the file
-    that will have the page: links are relative to it. `command` is the command line that writes it.
-    `over` has the keys that means are over; "" for those of the sweep.
-    """
+
+def read_sweep(folder: Path) -> tuple[SweepResult, dict[str, Any]]:
+    """The sweep in a folder and its notes; UserError if it is no sweep, or no run is done."""
     request = SweepFolder(folder).request()
-    runs = SweepFolder(folder).runs(request)
-    axes = over_axes(over or request.over, request.axes)
-    result = SweepResult(folder, tuple(runs), axes=request.axes, over=axes)
-    done = result.count(DONE)
-    if not done:
+    runs = tuple(SweepFolder(folder).runs(request))
+    result = SweepResult(folder, runs, axes=request.axes, over=request.over)
+    if not result.count(DONE):
         raise UserError(f"{folder}: no run is done; resume with: stixel sweep --resume {folder}")
-    known = {name for run in runs for name in run.metrics}
-    shown = [name for name in DRAWN if name in known] or sorted(known)[:8]
-    incomplete = len(result.incomplete)
-    settings = counted(len(result.by_setting), "setting")
-    settings += f", {incomplete} incomplete: no statistics yet" if incomplete else ""
-    drawn = axis_figures(result.repetitions, request.axes, incomplete, "svg", result.units)
-    return page_template(__package__, "sweep.html").render(
-        title=folder.resolve().name,
-        counts=f"{done} of {len(runs)} runs done; {settings}; means over {result.units}",
-        rankings=_rankings(result, [over_runs(name) for name in shown]),
-        settings=_settings_table(result, shown),
-        runs=_runs_table(result, shown, page.resolve().parent),
-        units=result.units,
-        axes=[
-            (stem, drawing_for_page(data.decode(), f"a{i}"))
-            for i, (stem, data) in enumerate(drawn.items())
-        ],
-        over_time=over_time(result),
-        request=request.notes,
-        command=shlex.join(command),
+    return result, request.notes
+
+
+def asked_sweep(
+    folder: Path, over: str | None, compare: str | None, metrics: str | None, reference: str | None
+) -> tuple[SweepResult, dict[str, Any], list[Answer]]:
+    """A stored sweep with its notes and the answers of a question; keys and metrics by commas."""
+    result, notes = read_sweep(folder)
+    if over is not None:
+        result = replace(result, over=over_keys(over, result.axes))
+    names = metrics.split(",") if metrics else [one.question.metric for one in result.answers()]
+    parts = question_over(result) | {"reference": reference}
+    parts |= {"compare": compare.split(",")} if compare is not None else {}
+    return result, notes, [result.table.ask(metric=name, **parts) for name in names]
+
+
+def sweep_page(
+    result: SweepResult,
+    page: Path,
+    command: Sequence[str],
+    notes: Mapping[str, Any],
+    answers: Sequence[Answer] = (),
+) -> str:
+    """The page of a sweep; `page` is its file, `command` the one that writes it.
+
+    `answers` are those of one comparison, the main metric first; by default those of the sweep.
+    """
+    from stixel_cli.answers.page import answers_page, page_links
+
+    answers = answers or result.answers()
+    folders = [run.folder for run in result.runs if run.status == DONE and run.folder is not None]
+    git = notes.get("git")
+    origin = {
+        "command": notes.get("command", ""),
+        "created": notes.get("created", "–"),
+        "revision": (shown_revision(git) if isinstance(git, dict) else None) or "–",
+    }
+    return answers_page(
+        result.table,
+        answers,
+        f"Sweep {(result.folder or page.parent).resolve().name}",
+        command,
+        page_links(folders, page, PAGE),
+        over_time(answers[0]),
+        origin,
     )
 
 
-def _rankings(result: SweepResult, names: Sequence[str]) -> list[tuple[str, str, Drawing]]:
-    """Heading, sentence and figure of each metric with a value."""
-    known = [name for name in names if ranked(result, name)]
-    return [
-        (
-            heading(name),
-            answer(result, name),
-            drawing_for_page(ranking_figure(result, name).decode(), f"r{i}"),
-        )
-        for i, name in enumerate(known)
-    ]
+def written_format(answers: Sequence[Answer], form: str) -> str | bytes:
+    """A table (md, tex, csv) of all answers, or a figure (svg, pdf, png) of the first."""
+    match form:
+        case "md":
+            return render.markdown(answers)
+        case "tex":
+            return render.latex(answers, answers[0].sentence)
+        case "csv":
+            return render.csv(answers)
+    writers = {"svg": style.svg, "pdf": figures.pdf, "png": style.png}
+    return figures.differences(answers[0], writers[form])
 
 
-def _settings_table(result: SweepResult, shown: Sequence[str]) -> dict[str, Any]:
-    """One row for each complete setting: its values, n, and each metric with its interval."""
-    rows = []
-    for setting, of in result.statistics.items():
-        row = dict(setting) | {"n": max(one.n for one in of.values())}
-        for name in map(over_runs, shown):
-            row |= tables.ends(tables.label_of(name), of.get(name))
-        rows.append(row)
-    return table_for_page(Table.of("settings", rows))
+def over_time(answer: Answer) -> dict[str, Errors]:
+    """Errors over time of the best options: of each, the mean of each unit's runs.
 
-
-def _runs_table(
-    result: SweepResult, shown: Sequence[str], parent: Path
-) -> tuple[dict[str, Any], list[str]]:
-    """One row for each run, and the links from `parent` to their pages, or else their folders."""
-    rows, links = [], []
-    for run in result.runs:
-        values = {tables.label_of(name): run.metrics.get(name) for name in shown}
-        named = {"run": f"{run.index:04d}", **run.setting, "seed": run.manifest["seed"] or "–"}
-        rows.append(named | values)
-        target = run.folder / PAGE if (run.folder / PAGE).exists() else run.folder
-        link = "" if run.status != DONE else os.path.relpath(target.resolve(), parent)
-        links.append(link.replace(os.sep, "/"))
-    return table_for_page(Table.of("runs", rows)), links
-
-
-def over_time(result: SweepResult) -> list[tuple[str, Drawing]]:
-    """(title, drawing) for each error over time, with a line for each complete setting.
-
-    A line is over the units. A setting whose runs have different times is left out, as are runs
-    without errors over time.
+    Over the time, if all runs have the same times; else over the share of each run.
     """
-    read = {label_of(s): _stacked(r, result.over) for s, r in result.complete_settings.items()}
-    return error_curves({label: errors for label, errors in read.items() if errors})
+    found: dict[str, dict[Any, list[tuple[np.ndarray, dict[str, np.ndarray]]]]] = {}
+    options = answer.order[:MOST_LINES]
+    runs = answer.runs[answer.runs["status"] == DONE]
+    if "folder" not in runs or len(runs[runs["option"].isin(options)]) > MOST_READ:
+        return {}
+    for option in options:
+        for _, run in runs[runs["option"] == option].iterrows():
+            try:
+                times, series = read_series(Path(str(run["folder"])) / "scores.npz")
+            except UserError:
+                return {}
+            found.setdefault(str(option), {}).setdefault(run["unit"], []).append((times, series))
+    every = [one for units in found.values() for own in units.values() for one in own]
+    if not every:
+        return {}
+    same = all(np.array_equal(every[0][0], times) for times, _ in every)
+    names = set.intersection(*(set(series) for _, series in every))
+    return {
+        option: (every[0][0] if same else SHARES, _stacked(units, names, same))
+        for option, units in found.items()
+    }
 
 
-def _stacked(runs: Sequence[RunResult], over: OverAxes) -> Errors | None:
-    """The errors of the units of one setting; None if its runs do not match."""
-    try:
-        found = [read_series(run.folder / "scores.npz") for run in runs]
-    except UserError:
-        return None
-    times = found[0][0]
-    if any(not np.array_equal(times, other) for other, _ in found):
-        return None
-    units: dict[Unit, list[Mapping[str, np.ndarray]]] = {}
-    for run, (_, series) in zip(runs, found, strict=True):
-        units.setdefault(unit_of(run, over), []).append(series)
+def _stacked(units: Mapping, names: set[str], same: bool) -> dict[str, np.ndarray]:
     stacked = {}
-    for name in set.intersection(*(set(series) for _, series in found)):
-        values = [np.mean([one[name] for one in own], axis=0) for own in units.values()]
-        stacked[name] = SERIES[name].factor * np.stack(values)
-    if "orientation_error" in stacked:
-        stacked["orientation_error"] = np.abs(stacked["orientation_error"])
-    return times, {name: values for name, values in stacked.items() if np.isfinite(values).any()}
+    for name in names:
+        rows = [
+            np.mean([_resampled(*one, name, same) for one in own], axis=0) for own in units.values()
+        ]
+        values = SERIES[name].factor * np.stack(rows)
+        stacked[name] = np.abs(values) if name == "orientation_error" else values
+    return {name: values for name, values in stacked.items() if np.isfinite(values).any()}
+
+
+def _resampled(
+    times: np.ndarray, series: Mapping[str, np.ndarray], name: str, same: bool
+) -> np.ndarray:
+    if same or len(times) < 2:
+        return series[name]
+    share = (times - times[0]) / (times[-1] - times[0])
+    return np.interp(SHARES, share, series[name])

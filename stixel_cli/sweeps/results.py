@@ -1,34 +1,24 @@
-"""The result of a sweep: its runs, statistics of the complete settings, and their tables."""
+"""The result of a sweep: its runs as rows, as a frame, and as `Runs`, which answer questions."""
 
 import shlex
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stixel_cli.errors import counted
-from stixel_cli.evaluation.metric_table import metric, over_runs
-from stixel_cli.report.blocks import Cell, Table
-from stixel_cli.report.statistics import Repetition, Statistic, consistent_bounds, summarise
-from stixel_cli.report.tables import csv_text, ends, markdown_table, shown_table, table_latex
-from stixel_cli.results.reader import listed
+from stixel_cli.errors import ConfigurationError, printable
 from stixel_cli.results.result import DONE, RunResult
-from stixel_cli.sweeps.design import NOT_GIVEN
-from stixel_cli.sweeps.folder import SUMMARIES
-from stixel_cli.sweeps.over import (
-    OVER_SEEDS,
-    Axes,
-    Setting,
-    behind_best,
-    marks,
-    over_axes,
-    setting_of,
-    unit_of,
-)
+from stixel_cli.sweeps.design import NOT_GIVEN, SEED
 
 if TYPE_CHECKING:
     import pandas
+
+    from stixel_cli.answers.answer import Answer
+    from stixel_cli.answers.runs import Runs
+
+Axes = tuple[tuple[str, ...], ...]
+"""Axes of a sweep, each as its keys."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +31,7 @@ class SweepResult:
         computed: number of nodes that this call computed.
         cached: number of needed nodes that were in the store before.
         axes: the keys of each axis.
-        over: the axes that means are over, see `sweeps.over`.
+        over: keys that means are over: seeds are the units of statistics, others are scenarios.
     """
 
     folder: Path | None
@@ -49,59 +39,7 @@ class SweepResult:
     computed: int = 0
     cached: int = 0
     axes: Axes = ()
-    over: Axes = OVER_SEEDS
-
-    @cached_property
-    def by_setting(self) -> dict[Setting, list[RunResult]]:
-        """The runs of each setting."""
-        found: dict[Setting, list[RunResult]] = {}
-        for run in self.runs:
-            found.setdefault(setting_of(run, self.over), []).append(run)
-        return found
-
-    @cached_property
-    def incomplete(self) -> list[dict[str, Any]]:
-        """Each `setting` with missing runs: the number of its `runs`, and of those `done`."""
-        found = []
-        for setting, runs in self.by_setting.items():
-            done = sum(run.status == DONE for run in runs)
-            if done < len(runs):
-                found.append({"setting": dict(setting), "runs": len(runs), "done": done})
-        return found
-
-    @cached_property
-    def complete_settings(self) -> dict[Setting, list[RunResult]]:
-        """The runs of the other settings: with missing runs, statistics would be biased."""
-        every = self.by_setting.items()
-        return {s: runs for s, runs in every if all(run.status == DONE for run in runs)}
-
-    @property
-    def repetitions(self) -> list[Repetition]:
-        """The runs of complete settings."""
-        return [
-            (setting, unit_of(run, self.over), run.metrics)
-            for setting, runs in self.complete_settings.items()
-            for run in runs
-        ]
-
-    @cached_property
-    def statistics(self) -> dict[Setting, dict[str, Statistic]]:
-        """Statistics over the axes `over` of each complete setting, by metric."""
-        return summarise(self.repetitions)
-
-    @cached_property
-    def behind(self) -> dict[str, dict[Setting, Statistic]]:
-        """Metric to each complete setting's difference from the best one, see `behind_best`."""
-        complete = self.complete_settings
-        known = dict.fromkeys(n for runs in complete.values() for r in runs for n in r.metrics)
-        return {over_runs(name): behind_best(name, complete, self.over) for name in known}
-
-    @property
-    def units(self) -> str:
-        """What a mean is over, in words: "seeds", or the keys."""
-        if self.over == OVER_SEEDS:
-            return "seeds"
-        return f"combinations of {listed([key for axis in self.over for key in axis])}"
+    over: tuple[str, ...] = (SEED,)
 
     @property
     def rows(self) -> list[dict[str, Any]]:
@@ -133,6 +71,50 @@ class SweepResult:
             for row, run in zip(self.rows, self.runs, strict=True)
         ]
 
+    def frame(self) -> "pandas.DataFrame":
+        """The records as a table: one row per run, with its settings, status and metrics."""
+        import pandas
+
+        return pandas.DataFrame(self.records)
+
+    @cached_property
+    def table(self) -> "Runs":
+        """The runs of which questions are asked; settings as typed, `folder` the whole path."""
+        import pandas
+
+        from stixel_cli.answers.runs import Runs
+
+        settings = [run.setting | {SEED: run.manifest.get("seed", "")} for run in self.runs]
+        keys = [key for axis in self.axes for key in axis]
+        keys = [key for key in keys if any(key in one for one in settings)] or [SEED]
+        rows = [
+            {key: one.get(key, NOT_GIVEN) for key in keys}
+            | {
+                "status": run.status,
+                "folder": None if run.folder is None else str(run.folder),
+                "error": None if run.failure is None else " ".join(str(run.failure).split()),
+            }
+            | {name: value for name, value in run.metrics.items() if name not in keys}
+            for run, one in zip(self.runs, settings, strict=True)
+        ]
+        frame = pandas.DataFrame(rows)
+        metrics = dict.fromkeys(name for run in self.runs for name in run.metrics)
+        numbers = [name for name in metrics if name not in keys]
+        return Runs(frame.astype(dict.fromkeys(numbers, float)), tuple(keys))
+
+    def ask(self, **parts: Any) -> "Answer":
+        """The answer of a question about the runs, see `answers.runs.Runs.ask`."""
+        given = {} if parts.keys() & {"compare", "within", "over"} else question_over(self)
+        return self.table.ask(**given | parts)
+
+    def answers(self, metrics: Sequence[str] = ()) -> "list[Answer]":
+        """The answers of the default question by the given metrics, or by the main ones."""
+        from stixel_cli.answers.runs import MAIN
+
+        known = self.table.metrics
+        names = metrics or [n for n in MAIN if n in known] or known[:4]
+        return [self.ask(metric=name) for name in names]
+
     def __repr__(self) -> str:
         """The numbers of runs and nodes, and the folder, in one line."""
         runs = f"{self.count(DONE)} of {len(self.runs)} runs done"
@@ -142,19 +124,6 @@ class SweepResult:
     def _repr_html_(self) -> str:
         """What a notebook shows: the table of the runs."""
         return self.frame()._repr_html_()
-
-    def frame(self, over: str | Sequence[str] = ()) -> "pandas.DataFrame":
-        """The records as a table: one row per run, with its settings, status and metrics.
-
-        With `over`, such as "seed,path": one row per setting and metric, with its mean over these
-        axes, its interval, and the paired difference from the best setting, see `summary_records`.
-        """
-        import pandas
-
-        if not over:
-            return pandas.DataFrame(self.records)
-        chosen = replace(self, over=over_axes(over, self.axes))
-        return pandas.DataFrame(summary_records(chosen))
 
     @property
     def complete(self) -> bool:
@@ -166,91 +135,36 @@ class SweepResult:
         return sum(run.status == status for run in self.runs)
 
 
-def incomplete_label(one: Mapping[str, Any]) -> str:
-    """`key=value …` of an incomplete setting, and the number of its runs that are done."""
-    named = " ".join(f"{key}={value}" for key, value in one["setting"].items())
-    return f"{named or 'the one setting'} ({one['done']} of {one['runs']} runs done)"
+def question_over(result: SweepResult) -> dict[str, Any]:
+    """The parts of a question whose means are over `result.over`; {} for the seed alone.
 
-
-_EXPLANATION = (
-    "One row per setting: n {units} with a value, their mean, standard deviation, and the 95 % "
-    "interval of the mean (Student's t on a scale on which all values are possible; for a share of "
-    "runs Wilson's; none below n = 4). The column 'minus the best' is the mean of the paired "
-    "differences from the best setting; its intervals hold together (Bonferroni). 'best' is a "
-    "setting that all others are behind, 'tied' those that are not shown to be behind. The columns "
-    "'consistent' of a NEES are the ends of the 95 % interval of its mean for a consistent filter "
-    "(χ²; each run counts as one scan, because the errors of its scans are alike)."
-)
-
-
-def summary_records(result: SweepResult) -> list[dict[str, Any]]:
-    """One record for each setting and metric, as in `summary.csv`."""
-    ends = ("consistent_low", "consistent_high")
-    return [
-        {
-            **dict(setting),
-            "metric": name,
-            "unit": metric(name).unit,
-            "n": one.n,
-            "mean": one.mean,
-            "std": one.std,
-            "interval_low": one.low,
-            "interval_high": one.high,
-            "minus_best": behind.mean,
-            "minus_best_low": behind.low,
-            "minus_best_high": behind.high,
-            "mark": marks(result.behind[name]).get(setting, ""),
-            **dict(zip(ends, consistent_bounds(one), strict=True)),
-        }
-        for setting, by_metric in result.statistics.items()
-        for name, one in by_metric.items()
-        for behind in [result.behind[name].get(setting, Statistic())]
-    ]
-
-
-def summary_files(result: SweepResult, title: str) -> dict[str, str]:
-    """The summaries of a sweep by file name; `title` is its command line.
-
-    The CSV file has one row for each setting and metric, and one for each incomplete setting; the
-    others have one table for each metric. LaTeX needs no package for them.
+    Seeds are units; where none is named, all named keys are. The other named keys are scenarios,
+    and the keys that are not named are compared.
     """
-    statistics, incomplete = result.statistics, result.incomplete
-    records = [record | {"status": "complete"} for record in summary_records(result)]
-    columns = list(records[0]) if records else []
-    records += [one["setting"] | {"n": one["done"], "status": "incomplete"} for one in incomplete]
-    explanation = _EXPLANATION.format(units=result.units)
-    markdown = [f"# {title}", "", explanation, ""]
-    latex = [f"% {' '.join(title.split())}", f"% {explanation}"]
-    if incomplete:
-        refusal = f"No statistics yet of {counted(len(incomplete), 'incomplete setting')}:"
-        labels = list(map(incomplete_label, incomplete))
-        markdown += [refusal, "", *(f"- {label}" for label in labels), ""]
-        latex += [f"% {refusal}", *(f"%   {' '.join(label.split())}" for label in labels)]
-    known = (name for found in statistics.values() for name, one in found.items() if one.n > 0)
-    for name in dict.fromkeys(known):
-        table = replace(Table.of(name, _cells(name, result)), caption=heading(name))
-        markdown += [f"## {table.caption}", "", *markdown_table(*shown_table(table)), ""]
-        latex.append(table_latex(table))
-    texts = (csv_text(columns, records), "\n".join(markdown), "\n".join(latex))
-    return dict(zip(SUMMARIES, texts, strict=True))
+    if result.over == (SEED,):
+        return {}
+    axes = [axis for axis in result.axes if set(axis) & set(result.over)]
+    drawn = [axis for axis in axes if any(key.endswith(SEED) for key in axis)] or axes
+    named = [key for axis in axes for key in axis]
+    units = [key for axis in drawn for key in axis]
+    compare = [key for axis in result.axes for key in axis if key not in named]
+    return {
+        "over": units,
+        "within": [key for key in named if key not in units],
+        **({"compare": compare} if compare else {}),
+    }
 
 
-def heading(name: str) -> str:
-    """Label of a metric, with its unit."""
-    shown = metric(name)
-    return f"{shown.label} ({shown.unit})" if shown.unit else shown.label
+def over_keys(names: str | Sequence[str], axes: Sequence[Sequence[str]]) -> tuple[str, ...]:
+    """The keys `names`, a list or separated by commas, each of which an axis has.
 
-
-def _cells(name: str, result: SweepResult) -> Iterator[dict[str, Cell]]:
-    behind = result.behind[name]
-    marked, bounded = marks(behind), metric(name).degrees_of_freedom is not None
-    for setting, row in ((setting, found[name]) for setting, found in result.statistics.items()):
-        cells = dict(setting) | {"n": row.n} | ends("mean", row) | {"standard deviation": row.std}
-        if behind:
-            cells |= ends("minus the best", behind.get(setting)) | {"mark": marked.get(setting, "")}
-        if bounded:
-            low, high = consistent_bounds(row)
-            cells |= {"consistent from": low, "consistent to": high}
-        yield cells
-    for one in result.incomplete:
-        yield one["setting"] | {"n": one["done"], "mean": "incomplete"}
+    Raises:
+        ConfigurationError: for a key that no axis has.
+    """
+    names = names.split(",") if isinstance(names, str) else list(names)
+    swept = [key for axis in axes for key in axis]
+    for name in (name for name in names if name not in swept and names != [SEED]):
+        raise ConfigurationError(
+            f"over: {printable(name, 60)} is not swept; swept: {', '.join(swept) or 'nothing'}"
+        )
+    return tuple(names)

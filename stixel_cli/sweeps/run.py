@@ -12,18 +12,16 @@ from stixel_cli.engine.graph import Node
 from stixel_cli.engine.plan import Durations
 from stixel_cli.engine.progress import Progress, make_display
 from stixel_cli.engine.store import open_store
-from stixel_cli.engine.task import remembered
 from stixel_cli.errors import UserError
 from stixel_cli.experiment.stages import compared_rows
 from stixel_cli.machine.kernels import uncompiled
-from stixel_cli.report.tables import csv_text
 from stixel_cli.results.folder import figure_files
-from stixel_cli.results.result import FAILED, MISSING, SKIPPED, RunResult
+from stixel_cli.results.result import DONE, FAILED, MISSING, SKIPPED, RunResult
 from stixel_cli.sweeps.folder import FAILED as FAILED_RUNS
-from stixel_cli.sweeps.folder import FIGURES, SUMMARIES, TABLE, SweepFolder, SweepRequest
+from stixel_cli.sweeps.folder import SUMMARIES, TABLE, SweepFolder, SweepRequest
 from stixel_cli.sweeps.graphs import SweepPlan
-from stixel_cli.sweeps.over import over_axes
-from stixel_cli.sweeps.results import SweepResult, summary_files
+from stixel_cli.sweeps.page import summary_files
+from stixel_cli.sweeps.results import SweepResult
 from stixel_cli.sweeps.run_files import RunLineages, failure_files, remove_unused_code, run_files
 from stixel_cli.sweeps.runs import PlannedRun
 
@@ -78,8 +76,6 @@ def run_sweep(
         ) from None
     result = sweep.write_tables()
     if folder is not None:
-        if result.statistics:
-            sweep.write_figures(result)
         remove_unused_code(folder)
     return result
 
@@ -193,7 +189,7 @@ class _Sweep:
         """Take the runs whose folder is complete, or whose results are all in the store."""
         if self.folder is not None:
             # A killed process leaves partial folders.
-            self.folder.remove([*SUMMARIES, FIGURES, "runs/.*.partial-*", "failed/.*.partial-*"])
+            self.folder.remove([*SUMMARIES, "runs/.*.partial-*", "failed/.*.partial-*"])
         missing = set(self.plan.missing)
         for planned in self.plan.runs:
             stored = finished.get(planned.index)
@@ -245,10 +241,10 @@ class _Sweep:
                 self.note_failure(planned, *failure)
 
     def _prepare(self) -> None:
-        """Import the modules of the statistics and the figures: as long as a few runs take."""
-        import_module("scipy.special")
+        """Import the modules of the statistics and the page: as long as a few runs take."""
+        import_module("stixel_cli.answers.runs")
         if self.folder is not None:
-            import_module("stixel_cli.sweeps.figures")
+            import_module("stixel_cli.answers.page")
 
     def take(self, planned: PlannedRun, seconds: Mapping[str, float]) -> None:
         """Load the scores of a complete run, and write its folder."""
@@ -273,28 +269,13 @@ class _Sweep:
         in_order = sorted(self.plan.runs, key=lambda planned: planned.index)
         runs = tuple(self.runs.get(one.index) or one.result(status=MISSING) for one in in_order)
         folder = None if self.folder is None else self.folder.path
-        axes = self.request.axes
-        over = over_axes(self.request.over, axes)
-        result = SweepResult(folder, runs, self.computed, len(self.cached), axes, over)
+        request = self.request
+        result = SweepResult(
+            folder, runs, self.computed, len(self.cached), request.axes, request.over
+        )
         if self.folder is not None:
-            columns = dict.fromkeys(name for row in result.rows for name in row)
-            self.folder.write({TABLE: csv_text(list(columns), result.rows)})
-            if result.statistics:
-                self.folder.write(summary_files(result, self.title))
+            table = import_module("pandas").DataFrame(result.rows, dtype=object)
+            self.folder.write({TABLE: table.to_csv(index=False, lineterminator="\n")})
+            if result.count(DONE):
+                self.folder.write(summary_files(result, self.title, self.notes))
         return result
-
-    def write_figures(self, result: SweepResult) -> None:
-        """Draw the figures of complete settings, unless they are in the store."""
-        runs, axes = result.repetitions, result.axes
-        left_out, units = len(result.incomplete), result.units
-
-        def draw() -> dict[str, bytes]:
-            from stixel_cli.sweeps.figures import axis_figures
-
-            return axis_figures(runs, axes, left_out, units=units)
-
-        plain = [[list(one), list(unit), list(metrics.items())] for one, unit, metrics in runs]
-        content = [plain, list(map(list, axes)), left_out, units]
-        code = ["stixel_cli.sweeps.figures"]
-        figures = remembered(self.store, "sweep_figures", code, content, draw)
-        self.folder.write({f"{FIGURES}/{name}": image for name, image in figures.items()})

@@ -15,7 +15,7 @@ from stixel_cli.experiment.table.table import PICTURES
 from stixel_cli.results.result import RunResult
 from stixel_cli.sweeps.design import NOT_GIVEN, SEED, Design, check_size, design_from_line, joined
 from stixel_cli.sweeps.file import find_file, read_design
-from stixel_cli.sweeps.over import over_axes
+from stixel_cli.sweeps.results import over_keys
 
 if TYPE_CHECKING:
     from stixel_cli.engine.graph import Graph
@@ -129,7 +129,7 @@ def sweep_design(
     check_size(design, one_is_enough)
     if over != SEED:
         words += ["--over", over]
-    keys = tuple(key for axis in over_axes(over, [a.keys for a in design.axes]) for key in axis)
+    keys = over_keys(over, [a.keys for a in design.axes])
     return replace(design, shuffle=shuffle_seed, words=tuple(words), over=keys)
 
 

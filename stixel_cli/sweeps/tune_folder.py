@@ -5,9 +5,12 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
+import pandas as pd
 from annotated_types import Ge, Le
 from matplotlib.axes import Axes
 
+from stixel_cli.answers.answer import Answer
+from stixel_cli.answers.figures import differences
 from stixel_cli.border import write_below, written
 from stixel_cli.config.folders import group_options, of_the_machine
 from stixel_cli.config.messages import validated
@@ -15,11 +18,9 @@ from stixel_cli.evaluation.metric_table import metric
 from stixel_cli.files import read_yaml
 from stixel_cli.parameters import parameters
 from stixel_cli.pictures import style
-from stixel_cli.report.blocks import Table
 from stixel_cli.report.charts import Panel, chart
-from stixel_cli.report.page import drawing_for_page, page_template, table_for_page
-from stixel_cli.report.statistics import statistic
-from stixel_cli.report.tables import ends, plain_label, table_csv, with_unit
+from stixel_cli.report.metrics import number
+from stixel_cli.report.page import drawing_for_page, page_template
 from stixel_cli.results.folder import PAGE, write_whole_folder
 from stixel_cli.results.reader import yaml_text
 from stixel_cli.sweeps.tuning import Trial, Tuning
@@ -49,63 +50,58 @@ def read_request(folder: Path) -> TuneRequest:
     return validated(TuneRequest, read_yaml(file), file)
 
 
-def write_outcome(folder: Path, tuning: Tuning, command: str) -> tuple[Trial, Table]:
-    """Write the files, with the gain on fresh seeds; the chosen trial and the table of the gain.
+def write_outcome(folder: Path, tuning: Tuning, command: str) -> tuple[Trial, list[Answer]]:
+    """Write the files, with the gain on fresh seeds; the chosen trial and the answers of the gain.
 
     `command` writes them again. UserError if a run on a fresh seed fails.
     """
-    best, trials = tuning.chosen(), _trials(tuning)
+    best, trials = tuning.chosen(), trials_frame(tuning)
     pair = tuning.on_fresh_seeds(best)
-    rows = zip(tuning.objectives, *(one.values for one in pair), strict=True)
-    gains = zip(rows, tuning.differences(*reversed(pair), fresh=True), strict=True)
-    gain = Table.of(
-        "gain",
-        (
-            {"objective": _label(name), "n": one.n}
-            | ends("default", statistic("", default))
-            | ends("tuned", statistic("", tuned))
-            | ends("tuned minus default", one)
-            for (name, default, tuned), one in gains
-        ),
-    )
+    gain = tuning.answers(pair, pair[0].name, fresh=True)
     page = page_template(__package__, "tune.html").render(
         title=folder.resolve().name,
         chosen=best,
-        tables=[table_for_page(gain), table_for_page(trials)],
+        gain=[(label(one.question.metric), one.sentence) for one in gain],
+        gain_figures=[
+            drawing_for_page(differences(one).decode(), f"g{i}") for i, one in enumerate(gain)
+        ],
+        columns=[*trials],
+        rows=[[_text(value) for value in row] for row in trials.itertuples(index=False)],
         figures=[
-            (title, drawing_for_page(chart(f"t{i}", [panel]).svg.decode(), f"t{i}"))
+            (title, drawing_for_page(chart([panel]).decode(), f"t{i}"))
             for i, (title, panel) in enumerate(_panels(tuning).items())
         ],
         command=command,
     )
     files = {"preset/experiment/tuned.yaml": preset_text(tuning, best, command)}
+    files |= {"trials.csv": trials.to_csv(index=False, lineterminator="\n"), PAGE: page}
     with written(folder):
-        write_below(folder, files | {"trials.csv": table_csv(trials), PAGE: page})
+        write_below(folder, files)
     return best, gain
 
 
-def _label(name: str) -> str:
+def label(name: str) -> str:
     """An objective with its better direction."""
     row = metric(name)
-    text = f"|log({plain_label(row)})|" if row.better == "one" else with_unit(row)
+    unit = f" ({row.unit})" if row.unit else ""
+    text = f"|log({row.short_label})|" if row.better == "one" else row.short_label + unit
     return f"{text}, {'more' if row.better == 'more' else 'less'} is better"
 
 
-def _trials(tuning: Tuning) -> Table:
+def trials_frame(tuning: Tuning) -> pd.DataFrame:
     """One row for the default and for each trial, with its means so far."""
     front = tuning.front()
-    return Table.of(
-        "trials",
-        (
-            {"trial": one.name, "state": "on the front" if one in front else one.state}
-            | dict.fromkeys(tuning.parameters)
-            | {override.key: override.value for override in tuning.overrides(one.settings)}
-            | dict(
-                zip(tuning.objectives, one.means.tolist() if one.values.size else (), strict=False)
-            )
-            for one in (tuning.default, *tuning.trials)
-        ),
+    return pd.DataFrame(
+        {"trial": one.name, "state": "on the front" if one in front else one.state}
+        | dict.fromkeys(tuning.parameters)
+        | {override.key: override.value for override in tuning.overrides(one.settings)}
+        | dict(zip(tuning.objectives, one.means.tolist() if one.values.size else (), strict=False))
+        for one in (tuning.default, *tuning.trials)
     )
+
+
+def _text(value: Any) -> str:
+    return number(value) if isinstance(value, float) else "–" if value is None else str(value)
 
 
 def preset_text(tuning: Tuning, trial: Trial, command: str) -> str:
@@ -133,7 +129,7 @@ def preset_text(tuning: Tuning, trial: Trial, command: str) -> str:
 def _panels(tuning: Tuning) -> dict[str, Panel]:
     """The objectives over the trials, the front of two, and the importance of each parameter."""
     tried = [one for one in tuning.trials if one.values.size and "failed" not in one.state]
-    means, labels = np.array([one.means for one in tried]), [*map(_label, tuning.objectives)]
+    means, labels = np.array([one.means for one in tried]), [*map(label, tuning.objectives)]
 
     def points(columns: np.ndarray, axes: Axes) -> None:
         for state, color in (("complete", style.RUNS[0]), ("stopped", style.UNUSED)):
@@ -154,10 +150,10 @@ def _panels(tuning: Tuning) -> dict[str, Panel]:
     }
     if len(labels) == 2:
         panels["Front"] = Panel(pareto, "", *labels)
-    for i, label in enumerate(labels):
+    for i, name in enumerate(labels):
         shares = _importance(tuning, i)
         bars = partial(Axes.barh, y=[*shares], width=[*shares.values()], color=style.RUNS[0])
-        panels |= {f"Importance: {label}": Panel(bars, x="share of the variance")} if shares else {}
+        panels |= {f"Importance: {name}": Panel(bars, x="share of the variance")} if shares else {}
     return panels
 
 

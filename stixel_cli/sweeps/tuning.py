@@ -11,7 +11,10 @@ from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
+from stixel_cli.answers.answer import Answer
+from stixel_cli.answers.runs import Runs
 from stixel_cli.border import TYPED
 from stixel_cli.config.compose import Composer
 from stixel_cli.config.folders import EXPERIMENT, group_options
@@ -21,7 +24,6 @@ from stixel_cli.config.overrides import Override, parse
 from stixel_cli.engine.store import open_store
 from stixel_cli.errors import ConfigurationError, UserError, printable
 from stixel_cli.evaluation.metric_table import METRICS, metric
-from stixel_cli.report.statistics import Statistic, excludes_zero, statistic
 from stixel_cli.results.result import DONE
 from stixel_cli.sweeps.design import SEED
 from stixel_cli.sweeps.folder import SweepRequest
@@ -216,15 +218,30 @@ class Tuning:
 
     def _is_worse(self, trial: Trial, other: Trial) -> bool:
         """Whether a trial is clearly worse on its runs, by every objective."""
-        found = zip(self.differences(trial, other), self.sign, strict=True)
-        return all(excludes_zero(one) and one.mean * sign > 0.0 for one, sign in found)
+        found = zip(self.answers([trial, other], other.name), self.sign, strict=True)
+        rows = ((one.table.loc[trial.name], sign) for one, sign in found)
+        return all(
+            row["minus_low"] > 0.0 if sign > 0 else row["minus_high"] < 0.0 for row, sign in rows
+        )
 
-    def differences(self, trial: Trial, other: Trial, fresh: bool = False) -> list[Statistic]:
-        """Each objective of a trial minus that of another, over pairs of runs."""
-        n = trial.values.shape[1]
-        levels = self._levels[fresh][:n]
-        units = [tuple(o.value_text for o in level if o.key in self._drawn) for level in levels]
-        return [statistic("", own, units) for own in trial.values - other.values[:, :n]]
+    def answers(self, trials: Sequence[Trial], reference: str, fresh: bool = False) -> list[Answer]:
+        """For each objective, how trials compare with that named `reference`, on the same runs."""
+        keys = [one.key for one in self._levels[fresh][0]]
+        rows = []
+        for trial in trials:
+            levels = self._levels[fresh][: trial.values.shape[1]]
+            for i, level in enumerate(levels):
+                values = dict(zip(self.objectives, trial.values[:, i], strict=True))
+                setting = {one.key: one.value_text for one in level}
+                rows.append({"trial": trial.name, **setting, "status": DONE, **values})
+        runs = Runs(pd.DataFrame(rows), ("trial", *keys))
+        # Of a ratio the values are |log|.
+        better = ["more" if sign < 0 else "less" for sign in self.sign]
+        asked = {"compare": "trial", "over": [key for key in keys if key in self._drawn]}
+        return [
+            runs.ask(metric=name, better=one, reference=reference, **asked)
+            for name, one in zip(self.objectives, better, strict=True)
+        ]
 
     def front(self) -> list[Trial]:
         """The trials that no other is better than, the best of the first objective first."""

@@ -1,17 +1,21 @@
+import io
+
 import numpy as np
+import pandas as pd
 import pytest
 
+from stixel_cli.answers.runs import Runs
 from stixel_cli.benchmark.data import sha256
-from stixel_cli.benchmark.page import bench_page, score_frame, table_rows
+from stixel_cli.benchmark.page import AXES, bench_pages, kind_of, score_frame
 from stixel_cli.benchmark.score import METRIC_VERSION, write_row
-from stixel_cli.benchmark.sequences import whole_set
+from stixel_cli.benchmark.sequences import FROZEN, named, whole_set
 from stixel_cli.cli.app import main
 
 NAMES = [one.name for one in whole_set(mini=True)]
 NOISE = np.random.default_rng(0)
 
 
-def row(name, ious, tier="rerun", pack="", **about):
+def row(name, ious, tier="rerun", names=NAMES, **about):
     tracker = {"name": name, "version": "1", "causal": True, "per_class": False, "start": "given"}
     tracker |= {"settings": {}, "code": "", "licence": "", "learnt_from": ""}
     scores = {"iou_mean": np.clip(ious, 0.0, 1.0).tolist(), "ms_per_scan": [1.0] * len(ious)}
@@ -23,8 +27,8 @@ def row(name, ious, tier="rerun", pack="", **about):
         "benchmark": "a" * 64,
         "tier": tier,
         "metric_version": METRIC_VERSION,
-        "sequences": NAMES,
-        "pack": pack or sha256(name.encode()),
+        "sequences": names,
+        "pack": sha256(name.encode()),
         "scores": scores,
     }
 
@@ -40,45 +44,53 @@ def rows():
     ]
 
 
-def test_a_better_tracker_has_rank_1_and_equal_ones_share_their_ranks():
+def test_the_page_compares_what_is_comparable():
     given = rows()
-    lines = [one for one in table_rows(given, score_frame(given)) if one["class"] == "all classes"]
-    lines = [line for line in lines if line["sensor"] == "all sensors"]
-    by_name = {line["tracker"]: line for line in lines}
-    assert [line["tracker"] for line in lines][:2] == ["smoothed", "better"]
-    assert by_name["smoothed"]["kind"] == "not causal" and by_name["smoothed"]["rank"] is None
-    better, equal, reference = (by_name[name] for name in ("better", "equal", "gp_ekf"))
-    assert (better["rank"], better["low rank"], better["high rank"]) == (1, 1, 1)
-    assert (equal["low rank"], equal["high rank"]) == (2, 3)
-    assert (reference["low rank"], reference["high rank"]) == (2, 3)
-    # Paired: the scenes' own difference drops out.
-    np.testing.assert_allclose(better["IoU minus gp_ekf"], 0.1, atol=1e-9)
-    assert better["high IoU minus gp_ekf"] - better["low IoU minus gp_ekf"] < 1e-9
-    assert equal["low IoU minus gp_ekf"] < 0.0 < equal["high IoU minus gp_ekf"]
-    assert (reference["time to loss (s)"], equal["time to loss (s)"]) == (2.0, None)
-    assert better["scenes"] == 24 and better["ms a scan"] == 1.0
+    assert [kind_of(one) for one in given] == ["ranked"] * 3 + ["not causal"]
+    files = bench_pages(given)
+    assert {*files} == {"index.html", *(f"{'a' * 12}.{kind}" for kind in ("html", "csv", "md"))}
+    table = pd.read_csv(io.StringIO(files[f"{'a' * 12}.csv"]))
+    iou = table[table["metric"] == "iou_mean"].set_index("tracker")
+    # Units are seeds, of which the mini set has few; sensors, classes and cases are scenarios.
+    seeds = {named(name).seed for name in NAMES}
+    assert set(iou["units"]) == {len(seeds)} and set(iou["runs"]) == {len(NAMES)}
+    assert [*iou.index] == ["gp_ekf", "equal", "better"]
+    assert iou["minus"]["gp_ekf"] == pytest.approx(-0.1)
+    assert iou["minus_low"].notna()["equal"] == (len(seeds) >= 4)
+    text = files[f"{'a' * 12}.md"]
+    # Two scenes do not show a rank.
+    assert ("is the best" in text) == (len(seeds) >= 4)
+    assert ("too few to compare, 4 are needed" in text) == (len(seeds) < 4)
+    page = files[f"{'a' * 12}.html"]
+    # A smoothed track is in the table of all rows, not in the comparison.
+    assert "smoothed (not causal)" in page and "smoothed" not in text
 
 
-def test_the_page_has_a_line_for_each_sensor_and_class_and_the_gap_to_fresh_seeds():
-    fresh = row("better", np.full(len(NAMES), 0.5), "fresh", "c" * 64) | {
-        "fresh_of": sha256(b"better")
-    }
-    files = bench_page([*rows(), fresh | {"benchmark": "b" * 64}])
-    assert {*files} == {"index.html", f"{'a' * 12}.csv", f"{'a' * 12}.md"}
-    assert len(files[f"{'a' * 12}.csv"].splitlines()) == 1 + 4 * 16
-    assert "1 [1, 1]" in files[f"{'a' * 12}.md"]
-    page = files["index.html"]
-    assert "frozen - fresh" in page and page.count("<details>") == 4
+def test_many_seeds_show_a_better_tracker_and_no_difference_of_equal_ones():
+    names = [one.name for one in whole_set(mini=False) if one.part == FROZEN]
+    base = NOISE.uniform(0.5, 0.7, len(names))
+    jitter = NOISE.normal(0.0, 0.05, len(names))
+    ious = {"gp_ekf": base, "equal": base + jitter - jitter.mean(), "better": base + 0.1}
+    made = [row(name, own, names=names) for name, own in ious.items()]
+    frame = score_frame(made)
+    answer = Runs(frame, AXES).ask(compare="tracker", over="seed", metric="iou_mean")
+    assert (answer.best, answer.shown) == ("better", True) and answer.units >= 4
+    assert answer.table.loc["gp_ekf", "minus"] == pytest.approx(-0.1)
+    equal = Runs(frame[frame["tracker"] != "better"], AXES)
+    assert not equal.ask(compare="tracker", over="seed", metric="iou_mean").shown
 
 
-def test_rows_of_another_processor_share_the_table_and_have_their_own_reference():
+def test_fresh_rows_and_other_processors():
     here = rows()[:2]
     there = [one | {"benchmark": "b" * 64} for one in rows()[:2]]
-    lines = [one for one in table_rows([*here, *there], score_frame([*here, *there]))][:4]
-    assert {line["data"] for line in lines} == {"a" * 8, "b" * 8}
-    apart = {(one["tracker"], one["data"]): one["IoU minus gp_ekf"] for one in lines}
-    assert apart["gp_ekf", "a" * 8] == apart["gp_ekf", "b" * 8] == 0.0
-    assert {*bench_page([*here, *there])} == {"index.html", f"{'a' * 12}.csv", f"{'a' * 12}.md"}
+    # The same sequences, rendered by another processor: one table, in which data name the rows.
+    files = bench_pages([*here, *there])
+    assert [name for name in files if name.endswith("csv")] == [f"{'a' * 12}.csv"]
+    text = files[f"{'a' * 12}.csv"]
+    assert f"gp_ekf 1 rerun {'a' * 8}" in text and f"gp_ekf 1 rerun {'b' * 8}" in text
+    fresh = row("better", np.full(2, 0.5), "fresh", names=NAMES[:2])
+    assert f"{'a' * 12}-fresh.html" in bench_pages([*here, fresh])
+    assert "no rows yet" in bench_pages([])["index.html"]
 
 
 @pytest.mark.parametrize("key", ["benchmark", "pack", "fresh_of", "sequences"])

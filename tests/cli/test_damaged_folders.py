@@ -219,19 +219,15 @@ def test_a_sweep_is_refused(results, capsys, words, kind):
     assert sorted(results.rglob("*")) == before
 
 
-@pytest.mark.parametrize("name", ["runs.csv", "summary.md"])
 @pytest.mark.parametrize("kind", [*NO_FILES, "binary", "field"])
-def test_a_table_of_a_sweep(results, capsys, name, kind):
+def test_a_table_of_a_sweep(results, capsys, kind):
     damages = NO_FILES | {"binary": text(b"\xff"), "field": text('a,"b\n' + "x" * 200_000)}
-    damages[kind](results / "sweep" / name)
+    damages[kind](results / "sweep" / "runs.csv")
     capsys.readouterr()
-    if kind == "field" and name == "summary.md":
-        assert main(["show", str(results / "sweep")]) == 0
-        return
     assert main(["show", str(results / "sweep")]) == 2
     said = capsys.readouterr().err
     assert said.count("\n") == 1
-    assert name in said
+    assert "runs.csv" in said
 
 
 @pytest.mark.parametrize("name", ["manifest.json", "metrics.json", "lineage.json"])

@@ -38,8 +38,6 @@ def originals(tmp_path_factory, shared_cache):
         file.write_text(yaml.safe_dump(config | {"foreign": f"{name}{STRANGE}"}))
     file = place / "swept" / "sweep.yaml"
     file.write_text(yaml.safe_dump(yaml.safe_load(file.read_text()) | {"command": STRANGE}))
-    with (place / "swept" / "summary.md").open("a") as file:
-        file.write(STRANGE)
     return place
 
 

@@ -14,6 +14,7 @@ from typer.testing import CliRunner
 from stixel_cli.cli.app import app
 from stixel_cli.files import read_yaml
 from stixel_cli.studies import file as study_file
+from stixel_cli.studies import questions
 from stixel_cli.sweeps import file as sweep_file
 
 ROOT = Path(__file__).parents[2]
@@ -56,7 +57,11 @@ def test_every_file_names_its_schema_and_follows_it():
 
 def test_entries_of_sweeps_and_studies_are_those_of_their_readers():
     assert tuple(SCHEMAS["sweep.json"]["properties"]) == sweep_file.ENTRIES
-    assert tuple(SCHEMAS["study.json"]["properties"]) == study_file.ENTRIES
+    study = SCHEMAS["study.json"]["properties"]
+    assert tuple(study) == study_file.ENTRIES
+    entries = study["questions"]["additionalProperties"]["properties"]
+    assert tuple(entries) == questions.ENTRIES
+    assert tuple(entries["better"]["enum"]) == questions.DIRECTIONS
 
 
 @pytest.mark.parametrize(
@@ -70,7 +75,7 @@ def test_entries_of_sweeps_and_studies_are_those_of_their_readers():
         ("sweep.json", {"axes": {"tracker.sigma_f": [0.1, "wide"]}}),
         ("sweep.json", {"axis": {}}),
         ("sweep.json", {"grids": [{"seeds": 2}]}),
-        ("study.json", {"title": "t", "question": "q", "template": "t", "module": "m"}),
+        ("study.json", {"title": "t", "question": "q", "text": "t", "module": "m"}),
     ],
 )
 def test_a_fault_is_found(name, content):

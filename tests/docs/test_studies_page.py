@@ -5,8 +5,8 @@ import json
 from pathlib import Path
 
 import yaml
-
 from stixel_cli.report.blocks import Figure, Findings, Paragraph, Table
+
 from stixel_cli.studies.folder import files_of
 
 

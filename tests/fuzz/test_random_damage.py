@@ -75,8 +75,8 @@ OF_A_STUDY = (
 STUDY = """\
 title: A small study
 question: Which?
-template: rq3.md.j2
-module: stixel_cli.studies.rq3.report
+text: "IoU: {widths}."
+module: stixel_cli.studies.rq3
 sweeps:
   first:
     fixed: {measurement: fabricated, path.duration: 0.3, executor: threads}
@@ -86,6 +86,8 @@ sweeps:
   second:
     zipped: [{path: [turn, circle], road_user: [car, cyclist]}]
     derive: fitted_noise
+questions:
+  widths: {sweeps: first, compare: tracker.sigma_f, metrics: [iou_mean], reference: "0.7"}
 """
 READ_MOST = ("config.yaml", "manifest.json", "metrics.json", "scores.npz", "lineage.json")
 READ_MOST_OF_A_STUDY = ("small.yaml", "small.yaml", "small/study.yaml", "small/sweeps/*/*.*")

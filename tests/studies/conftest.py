@@ -59,8 +59,8 @@ def own_cache(tmp_path, monkeypatch):
 
 @pytest.fixture
 def studies(tmp_path, capsys, monkeypatch, no_workers):
-    # The figures of sweeps are tested in tests/sweep; those of studies are drawn.
-    monkeypatch.setattr("stixel_cli.sweeps.run._Sweep.write_figures", lambda *_: None)
+    # The pages of sweeps are tested in tests/sweep.
+    monkeypatch.setattr("stixel_cli.sweeps.page.sweep_page", lambda *_, **given: "")
     return Studies(tmp_path / "results", capsys)
 
 

@@ -7,10 +7,10 @@ import pytest
 import study_toy
 import yaml
 
-from stixel_cli.report.blocks import Findings
 from stixel_cli.studies.file import read_study
 from stixel_cli.studies.folder import StudyFolder, differences
 from stixel_cli.studies.plan import StudyPlan, plan_study
+from stixel_cli.studies.report import Material, Report
 
 
 def test_a_folder_with_another_request_is_refused_without_name_or_fresh(studies, toy):
@@ -36,7 +36,7 @@ def test_a_folder_with_another_request_is_refused_without_name_or_fresh(studies,
         "[1",
         "[]",
         "sweeps: 3",
-        "{study: toy, template: t, module: r, sweeps: {first: {fixed: 3}}}",
+        "{study: toy, module: r, sweeps: {first: {fixed: 3}}}",
     ):
         (folder / "study.yaml").write_text(content)
         assert "study.yaml: not a valid study file" in studies.refused(file, *same)
@@ -55,7 +55,7 @@ def test_a_resumed_folder_has_the_revision_of_its_results(toy, tmp_path, monkeyp
             # Not before its results: a sweep that is refused leaves the file as it is.
             folder.write("", None)
             assert yaml.safe_load((folder.path / "study.yaml").read_text()) == found[0]
-        folder.write("", Findings((), (), {}))
+        folder.write("", Report((), (), Material()))
         found.append(yaml.safe_load((folder.path / "study.yaml").read_text()))
     first, resumed = found
     assert resumed["git"]["revision"] == "new"
@@ -66,27 +66,25 @@ def test_a_resumed_folder_has_the_revision_of_its_results(toy, tmp_path, monkeyp
 def test_a_cache_that_is_too_small_keeps_what_the_report_reads(
     studies, toy, own_cache, monkeypatch
 ):
-    plain = study_toy.report
+    plain = study_toy.material
 
     def reading(data):
         for sweep in data.sweeps.values():
             assert all(len(run.load("scans")) == 3 for run in sweep.runs)
         return plain(data)
 
-    monkeypatch.setattr(study_toy, "report", reading)
+    monkeypatch.setattr(study_toy, "material", reading)
     assert studies.run(toy(), "cache.max_size=1kB")["complete"]
 
 
 def test_differences_between_requests_are_shown_briefly():
     before = {
         "study": "a",
-        "template": "t",
         "module": "b",
         "sweeps": {"first": study_sweep("seed", range(40))},
     }
     after = {
         "study": "a",
-        "template": "t",
         "module": "b",
         "sweeps": {"first": study_sweep("seed", (*range(39), 77))},
     }

@@ -3,48 +3,42 @@
 import pytest
 from study_toy import changed
 
-REPORT = """from stixel_cli.report.blocks import Material, Section, Table
-from study_toy import report as toy_report, widths
+MODULE = """from study_toy import columns, widths
+from stixel_cli.studies.report import Material, rows_of
 
 
-def report(data):
+def {name}:
     {body}
 """
-
-
-@pytest.fixture
-def own_report(toy, tmp_path):
-    """Writes a toy study whose function `report` has the given body on line 6 of `toy.py`."""
-
-    def write(body):
-        file = toy()
-        (tmp_path / "toy.py").write_text(REPORT.format(body=body), encoding="utf-8")
-        return file
-
-    return write
-
 
 TINY = ("road_user=car", "seed=0")
 
 
 @pytest.mark.parametrize(
-    ("body", "error"),
+    ("name", "body", "error"),
     [
-        ("return data.sweeps['third']", "toy.py: line 6: KeyError: 'third'"),
-        ("return Material(1 / 0)", "toy.py: line 6: ZeroDivisionError"),
-        ("return Table('t', '', ('a', 'b'), ((1,),))", "toy.py: line 6: ValueError: table t"),
-        ("return 3", "toy.py: report must return a Material"),
+        ("material(data)", "return data.sweeps['third']", "toy.py: line 6: KeyError: 'third'"),
+        ("material(data)", "return Material({'a': 3})", "toy.py: line 6: TypeError: tables: a: "),
+        ("material(data)", "return 3", "material: must return Material, got 3"),
         (
-            "m = toy_report(data); return Material(m.values, {'../x': ''})",
+            "material(data)",
+            "return Material(files={'../x': ''})",
             "'../x' is not a path below the folder",
+        ),
+        ("columns(name, runs, results)", "return 1 / 0", "toy.py: line 6: ZeroDivisionError"),
+        ("columns(name, runs, results)", "return runs.frame", "columns: must return Runs, got "),
+        (
+            "columns(name, runs, results)",
+            "return rows_of(runs, [[{'iou_mean': 1.0}] * 2] * len(runs), ())",
+            "questions: trackers: runs: two are ",
         ),
     ],
 )
-def test_a_failing_report_names_its_file_and_line(studies, own_report, body, error):
-    file = own_report(body)
+def test_a_failing_module_names_its_file_and_line(studies, toy, tmp_path, name, body, error):
+    file = toy()
+    (tmp_path / "toy.py").write_text(MODULE.format(name=name, body=body), encoding="utf-8")
     assert studies.run(file, *TINY, code=2) is None
-    (line,) = studies.messages
-    assert error in line
+    assert error in studies.messages[-1]
 
 
 @pytest.mark.parametrize(
@@ -57,7 +51,7 @@ def test_a_failing_report_names_its_file_and_line(studies, own_report, body, err
 )
 def test_a_failing_derive_names_its_file_and_line(studies, toy, tmp_path, value, error):
     file = toy()
-    text = f"from study_toy import report\n\n\ndef widths(data):\n    return {value}\n"
+    text = f"\n\n\ndef widths(data):\n    return {value}\n"
     (tmp_path / "toy.py").write_text(text, encoding="utf-8")
     studies.run(file, *TINY, code=2)
     assert error in studies.messages[-1]
@@ -81,7 +75,7 @@ def test_a_long_path_is_shortened_in_a_message(studies, toy, tmp_path):
     folder.mkdir(parents=True)
     file = file.rename(folder / file.name)
     error = studies.refused(file)
-    assert "template: no file toy.md.j2 in" in error and len(error) < 700
+    assert "module: no file toy.py in" in error and len(error) < 700
 
 
 @pytest.mark.parametrize(
@@ -91,7 +85,17 @@ def test_a_long_path_is_shortened_in_a_message(studies, toy, tmp_path):
         (("question",), 3, "question: is required and must be a string"),
         (("module",), "none_such", "module: no module none_such"),
         (("module",), "none_such.py", "module: no file none_such.py in"),
-        (("template",), "../none.j2", "template: no file ../none.j2 in"),
+        (("text",), None, "text: is required and must be a string"),
+        (("template",), "x", "template: no such entry (entries: "),
+        (("text",), "IoU of {traker}.", "text: {traker}: is no question"),
+        (("questions",), [], "questions: must be names"),
+        (("questions", "a b"), {}, "questions: a b: a name"),
+        (("questions", "trackers"), "first", "questions: trackers: must have entries"),
+        (("questions", "trackers", "metric"), "x", "trackers: metric: no such entry; did you mean"),
+        (("questions", "trackers", "sweeps"), "third", "sweeps: there is no sweep third"),
+        (("questions", "trackers", "where"), "x", "where: must map columns to values"),
+        (("questions", "trackers", "by"), 3, "by: must be a text, or a list of texts"),
+        (("questions", "trackers", "better"), "big", "better: must be more, less or one"),
         (("sweeps",), [], "sweeps: must be names"),
         (("tittle",), "x", "tittle: no such entry; did you mean title?"),
         (("sweeps", "first", "result"), [], "first: result: no such entry; did you mean results?"),
@@ -132,28 +136,26 @@ def test_a_wrong_study_name_is_refused(studies, toy):
     ("name", "content", "error"),
     [
         ("toy.py", "import no_such_module\n", "toy.py: line 1: ModuleNotFoundError"),
-        ("toy.py", "def widths(data):\n    return []\n", "toy.py has no function report"),
+        ("toy.py", "def material(data): ...\n", "toy.py has no function widths"),
         ("toy.py", "def report(:\n", "toy.py: line 1: SyntaxError"),
-        ("toy.md.j2", "Text.\n\n{% for %}\n", "template: toy.md.j2: line 3"),
     ],
 )
-def test_a_wrong_template_or_module_is_refused(studies, toy, tmp_path, name, content, error):
+def test_a_wrong_module_is_refused(studies, toy, tmp_path, name, content, error):
     file = toy()
     (tmp_path / name).write_text(content, encoding="utf-8")
     assert error in studies.refused(file)
 
 
 @pytest.mark.parametrize(
-    ("text", "error"),
+    ("entry", "value", "error"),
     [
-        ("One.\n{{ no_such_value }}", "line 2: UndefinedError: 'no_such_value' is undefined"),
-        ("{{ show(3) }}", "line 1: TypeError: show takes a table, a figure or a picture"),
-        ("{{ '%d' | format('x') }}", "line 1: TypeError"),
+        ("compare", "traker", "questions: trackers: compare: traker: no such column"),
+        ("where", {"traker": "point"}, "questions: trackers: where: traker: no such column"),
+        ("by", "road", "questions: trackers: by: road: no such column"),
+        ("metrics", ["iou_men"], "questions: trackers: metrics: iou_men: no such column"),
     ],
 )
-def test_a_template_that_cannot_be_filled_is_refused(studies, toy, tmp_path, text, error):
-    file = toy()
-    (tmp_path / "toy.md.j2").write_text(f"{text}\n", encoding="utf-8")
+def test_a_question_about_no_column_is_refused(studies, toy, entry, value, error):
+    file = toy(changed(("questions", "trackers", entry), value))
     assert studies.run(file, *TINY, code=2) is None
-    (line,) = studies.messages
-    assert f"template: toy.md.j2: {error}" in line
+    assert error in studies.messages[-1]

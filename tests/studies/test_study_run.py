@@ -1,29 +1,30 @@
 """Studies by the real command line: sweeps, derived axes, resuming, failing."""
 
-import csv
+import json
 import re
 import shutil
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from study_toy import changed
 
 from stixel_cli.cli.app import main
 from stixel_cli.engine import execute as execution
 from stixel_cli.engine import keys
+from stixel_cli.report.metrics import number
 from stixel_cli.studies import run as study_run
 from stixel_cli.sweeps import run as sweep_run
 
 
-def test_a_study_computes_its_sweeps_and_writes_its_report(studies, toy):
+def test_a_study_computes_its_sweeps_and_writes_its_report(studies, toy, capsys):
     file = toy()
     answer = studies.run(file)
     folder = studies.results / "toy"
-    assert answer["complete"] and answer["answer"] == ["4 runs <b>."]
-    assert answer["report"] == str(folder / "report.html")
+    assert answer["complete"] and answer["report"] == str(folder / "report.html")
     assert {name: sweep["done"] for name, sweep in answer["sweeps"].items()} == {
-        "first": 4,
+        "first": 8,
         "second": 2,
     }
     assert {path.name for path in folder.iterdir()} == {
@@ -39,20 +40,13 @@ def test_a_study_computes_its_sweeps_and_writes_its_report(studies, toy):
     (data,) = toy.seen
     first, second = data.sweeps["first"], data.sweeps["second"]
     assert (data.name, data.title) == ("toy", "A <toy> & its title")
-    assert tuple(first.runs[0].planned.settings) == ("road_user", "path", "seed")
-    assert [(p.setting["road_user"], p.seed) for p in first.runs] == [
-        ("car", 0),
-        ("car", 1),
-        ("pedestrian", 0),
-        ("pedestrian", 1),
-    ]
+    assert tuple(first.runs[0].planned.settings) == ("tracker", "road_user", "path", "seed")
     # The second sweep's axis depends on the number of runs of the first.
-    assert [p.setting for p in second.runs] == [
+    assert [run.setting for run in second.runs] == [
         {"tracker.sigma_f": "0.1"},
-        {"tracker.sigma_f": "4.1"},
+        {"tracker.sigma_f": "8.1"},
     ]
     run = first.runs[0]
-    assert run.configuration.road_user.kind == "car"
     scans, track = run.load("scans"), run.load("track")
     assert np.array_equal(scans.times, run.scores.times)
     assert len(track.means) == len(scans)
@@ -60,27 +54,36 @@ def test_a_study_computes_its_sweeps_and_writes_its_report(studies, toy):
     assert all(seconds >= 0.0 for seconds in run.cpu_seconds.values())
     with pytest.raises(KeyError):
         run.load("render")
-
-
-def test_tables_have_the_values_of_the_runs(studies, toy, capsys):
-    studies.run(toy())
-    folder = studies.results / "toy"
-    with (folder / "sweeps/first/runs.csv").open(encoding="utf-8") as file:
-        runs = list(csv.DictReader(file))
-    assert (folder / "tables/answer.csv").read_text() == "who,seed\ncar,7\n"
-    with (folder / "tables/numbers.csv").open(encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
-    assert [row["IoU"] for row in rows] == [run["iou_mean"] for run in runs]
-    assert [row["± IoU"] for row in rows] == ["0.25"] * 4
-    shown = f"{float(runs[0]['iou_mean']):.2f} ± 0.25"
-    assert shown in (folder / "tables/numbers.md").read_text()
-    latex = (folder / "tables/numbers.tex").read_text()
-    assert r"50 \% of a\_b." in latex and shown.replace("±", r"$\pm$") in latex
-    assert "| – | 1.50 |\n| x\\|y | – |" in (folder / "tables/gaps.md").read_text()
-    assert (folder / "tables/gaps.csv").read_text() == "a,b\n,1.5\nx|y,\n"
     # A sweep of a study is a sweep like any other.
     assert main(["sweep", "--resume", str(folder / "sweeps/first")]) == 0
-    assert "4 of 4 runs done; nodes: 0 computed" in capsys.readouterr().out
+    assert "8 of 8 runs done; nodes: 0 computed" in capsys.readouterr().out
+
+
+def test_tables_and_text_have_the_values_of_the_runs(studies, toy):
+    answer = studies.run(toy())
+    folder = studies.results / "toy"
+    runs = pd.read_csv(folder / "sweeps/first/runs.csv")
+    means = runs.groupby(["road_user", "tracker"])["iou_mean"].mean()
+    tables = {file.name for file in (folder / "tables").iterdir()}
+    names = ("trackers-car", "trackers-pedestrian", "widths")
+    kinds = ("csv", "md", "tex")
+    assert tables == {"own-only.csv", *(f"{name}.{kind}" for name in names for kind in kinds)}
+    content = json.loads((folder / "report.json").read_text())
+    assert content["answer"] == answer["answer"]
+    first, second = answer["answer"]
+    for user in ("car", "pedestrian"):
+        table = pd.read_csv(folder / f"tables/trackers-{user}.csv")
+        assert list(table["metric"]) == ["iou_mean"] * 2 + ["points_of_scans"] * 2
+        assert list(table["units"]) == [2] * 4
+        found = table[table["metric"] == "iou_mean"].set_index("tracker")["mean"]
+        assert found["point"] == pytest.approx(means[user, "point"])
+        assert f"{user}: " in first.lower() and f"point {number(found['point'])}" in first
+        assert content["questions"]["trackers"][user][1]["mean"] == pytest.approx(found["point"])
+    assert first.startswith("<b> IoU. Car: ") and second.startswith("By width: ")
+    # Two seeds: nothing is claimed.
+    assert not re.search("best|differ", first)
+    own = pd.read_csv(folder / "tables/own-only.csv")
+    assert list(own["a_b <i>"]) == pytest.approx(list(runs["iou_mean"]))
 
 
 def test_a_second_command_computes_nothing(studies, toy, own_cache):
@@ -105,18 +108,21 @@ def test_recomputed_runs_are_reported(studies, toy, monkeypatch):
     assert "computed again" not in studies.error
     monkeypatch.setattr(keys, "LAYOUT", keys.LAYOUT + 1)
     assert studies.run(file)["complete"]
-    assert "first: 4 of 4 finished runs are out of date" in studies.error
+    assert "first: 8 of 8 finished runs are out of date" in studies.error
     assert "second: 2 of 2 finished runs are out of date" in studies.error
 
 
 def test_a_study_with_failed_runs_can_be_resumed(studies, toy, tmp_path):
     mesh = tmp_path / "bad.obj"
     mesh.write_text("this is no mesh\n", encoding="utf-8")
-    file = toy(changed(("sweeps", "first", "axes"), {"road_user.mesh": [None, str(mesh)]}))
+    axes = {"tracker": ["gp_ekf", "point"], "road_user.mesh": [None, str(mesh)]}
+    content = changed(("sweeps", "first", "axes"), axes)
+    content["questions"]["trackers"]["by"] = ["road_user", "road_user.mesh"]
+    file = toy(content)
     answer = studies.run(file, "seed=0", code=1)
     folder = studies.results / "toy-seed=0"
     assert not answer["complete"] and answer["answer"] is None
-    assert answer["sweeps"]["first"]["done"] == 2
+    assert answer["sweeps"]["first"]["done"] == 4
     # The second sweep's axes depend on the first.
     assert answer["sweeps"]["second"] == {
         "runs": None,
@@ -124,16 +130,16 @@ def test_a_study_with_failed_runs_can_be_resumed(studies, toy, tmp_path):
         "folder": str(folder / "sweeps/second"),
         "faults": ["its axes depend on the sweeps before"],
     }
-    assert "no statistics yet: runs are missing: first 2 of 4, second 0 of ?" in studies.error
+    assert "no statistics yet: runs are missing: first 4 of 8, second 0 of ?" in studies.error
     command = f"stixel study {file} seed=0 --results {studies.results} --trust-code"
     assert studies.error.endswith(f"{command}\n")
     page = (folder / "report.html").read_text()
-    assert "no statistics" in page and "bad.obj" in page and command in page
+    assert "no answer" in page and "bad.obj" in page and command in page
     assert not (folder / "tables").exists() and not toy.seen
     mesh.write_text(_BOX, encoding="utf-8")
     answer = studies.run(file, "seed=0")
-    assert answer["complete"] and answer["sweeps"]["first"]["done"] == 4
-    assert "no statistics" not in (folder / "report.html").read_text()
+    assert answer["complete"] and answer["sweeps"]["first"]["done"] == 8
+    assert "no answer" not in (folder / "report.html").read_text()
 
 
 _BOX = """v -2 -0.9 0
@@ -170,7 +176,7 @@ def test_an_interrupted_study_can_be_resumed(studies, toy, monkeypatch, own_cach
         assert studies.run(file, code=130) is None
     assert "interrupted in sweep first" in studies.error
     assert f"resume with: stixel study {file}" in studies.error
-    assert "no statistics" in (studies.results / "toy/report.html").read_text()
+    assert "no answer" in (studies.results / "toy/report.html").read_text()
     assert sweep_run.execute is execution.execute
     assert studies.run(file)["complete"]
 
@@ -179,8 +185,9 @@ def test_overrides_replace_values_of_sweeps(studies, toy):
     file = toy()
     plan = studies.run(file, "road_user=car", "path.duration=0.2", "seed=3,4,5", "--dry-run")
     assert plan["sweeps"]["second"] is None
-    assert plan["sweeps"]["first"]["runs"] == 1 * 3
+    assert plan["sweeps"]["first"]["runs"] == 2 * 3
     assert plan["sweeps"]["first"]["axes"] == [
+        {"keys": ["tracker"], "values": 2},
         {"keys": ["road_user", "path"], "values": 1},
         {"keys": ["seed"], "values": 3},
     ]

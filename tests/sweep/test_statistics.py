@@ -2,12 +2,9 @@
 
 import numpy as np
 import pytest
-from runs_of import run_of
 from scipy.stats import binomtest
-
 from stixel_cli.report.intervals import wilson_interval
 from stixel_cli.report.statistics import consistent_bounds, statistic, summarise
-from stixel_cli.sweeps.results import SweepResult, summary_files, summary_records
 
 
 def test_the_share_of_lost_runs_has_an_interval_also_where_none_is_lost():
@@ -33,22 +30,6 @@ def test_bounds_of_a_mean_nees_agree_with_pyrecest():
             np.testing.assert_allclose(found, expected, rtol=1e-9)
     assert consistent_bounds(statistic("iou_mean", [1.0, 2.0])) == (None, None)
     assert consistent_bounds(statistic("nees_position_mean", [None])) == (None, None)
-
-
-def test_summaries_have_the_bounds_and_leave_out_metrics_without_a_value():
-    runs = [
-        {"nees_position_mean": value, "success": 0.5, "time_to_loss_s": None}
-        for value in (1.0, 2.0)
-    ]
-    result = SweepResult(None, tuple(run_of({"a": "1"}, i, run) for i, run in enumerate(runs)))
-    records = {record["metric"]: record for record in summary_records(result)}
-    assert records["nees_position_mean"]["consistent_high"] == pytest.approx(2.786, abs=1e-3)
-    assert records["success"]["consistent_high"] is None
-    assert (records["success"]["mean"], records["success"]["unit"]) == (0.5, "")
-    tables = summary_files(result, "a sweep")
-    for name in ("summary.md", "summary.tex"):
-        assert "0.121" in tables[name] and "2.79" in tables[name]
-        assert "0.500" in tables[name] and "time to track loss" not in tables[name]
 
 
 @pytest.mark.parametrize("n", range(4, 40))

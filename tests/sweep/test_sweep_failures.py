@@ -1,6 +1,5 @@
 """Sweeps that do not come through: what fails, Ctrl-C, what is gone; and going on."""
 
-import csv
 import json
 import os
 import re
@@ -21,7 +20,7 @@ from stixel_cli.engine.errors import CacheError, MissingEntry
 pytestmark = pytest.mark.usefixtures("no_pictures")
 
 FEW = ("measurement=fabricated", "path.duration=0.3")
-STATISTICS = ("summary.csv", "summary.md", "summary.tex")
+STATISTICS = ("summary.csv", "summary.md", "index.html")
 
 
 def test_a_result_that_is_gone_after_its_computation_is_one_line(tmp_path, monkeypatch):
@@ -39,27 +38,16 @@ def test_a_failing_run_stops_no_other_and_resume_retries_it(sweeps, bad_mesh):
     swept = sweeps.run(*FEW, *axes, "--name", "mine", code=1)
     folder = sweeps.results / "mine"
     assert not swept["complete"]
-    # The settings without the mesh have statistics, the others are named.
-    complete = {row["road_user.mesh"] for row in swept["summary"]}
-    assert complete == {"null"}
-    settings = [one["setting"] for one in swept["incomplete"]]
-    assert [setting["road_user.mesh"] for setting in settings] == [str(bad_mesh)] * 2
-    assert [(one["runs"], one["done"]) for one in swept["incomplete"]] == [(2, 0)] * 2
+    # The options with the mesh have no value, and count as lost.
+    found = {row["road_user.mesh tracker.sigma_q"]: row for row in swept["summary"]}
+    assert found[f"{bad_mesh} 0.5"]["mean"] is None and found["null 0.5"]["mean"] is not None
+    assert found[f"{bad_mesh} 0.5"]["lost_share"] == 1.0 and found[f"{bad_mesh} 0.5"]["failed"] == 2
     statuses = [row["status"] for row in swept["runs"]]
     assert statuses == ["done"] * 4 + ["failed"] + ["skipped"] * 3
     assert sweeps.error.splitlines()[-1] == f"stixel sweep --resume {folder}"
-    assert "no statistics yet for 2 settings: 4 of 8 runs are missing" in sweeps.error
+    assert "4 of 8 runs are missing" in sweeps.error
     assert "run 4 failed" in sweeps.error
-    for name in ("summary.md", "summary.tex"):
-        text = (folder / name).read_text()
-        assert "No statistics yet of 2 incomplete settings" in text
-        assert f"road_user.mesh={bad_mesh} tracker.sigma_q=0.6 (0 of 2 runs done)" in text
-    assert "| 0 | incomplete | – | – |" in (folder / "summary.md").read_text()
-    with (folder / "summary.csv").open() as file:
-        rows = list(csv.DictReader(file))
-    refused = [row for row in rows if row["status"] == "incomplete"]
-    assert [(row["n"], row["metric"], row["mean"]) for row in refused] == [("0", "", "")] * 2
-    assert {row["road_user.mesh"] for row in rows if row["status"] == "complete"} == {"null"}
+    assert "2 of 2 runs failed, counted as lost" in (folder / "summary.md").read_text()
     failed = folder / swept["runs"][4]["folder"]
     assert failed == folder / "failed" / "0004"
     failure = json.loads((failed / "failure.json").read_text())
@@ -80,7 +68,7 @@ def test_a_failing_run_stops_no_other_and_resume_retries_it(sweeps, bad_mesh):
     assert mended["runs"][:4] == swept["runs"][:4]
     assert mended["nodes"]["computed"] == 2 + 4 + 4 + 2 * 2
     assert not (folder / "failed").exists()
-    assert {path.name for path in folder.iterdir()} >= {*STATISTICS, "figures"}
+    assert {path.name for path in folder.iterdir()} >= {*STATISTICS}
     assert sweeps.run("--resume", folder)["nodes"]["computed"] == 0
 
 
@@ -172,11 +160,6 @@ def test_ctrl_c_names_the_command_that_resumes(sweeps, tmp_path):
     rows = sweeps.rows("mine")
     assert [row["status"] for row in rows].count("done") == done
     assert [row["status"] for row in rows].count("missing") == 60 - done
-    # Complete settings have statistics; an interrupted sweep draws no figures.
-    with (folder / "summary.csv").open(newline="") as file:
-        settings = {row["tracker.number"] for row in csv.DictReader(file) if row["n"] == "1"}
-    assert len(settings) == done
-    assert not (folder / "figures").exists()
     # A few runs are enough to test resume.
     request = yaml.safe_load((folder / "sweep.yaml").read_text())
     request["runs"] = request["runs"][: done + 2]

@@ -3,7 +3,6 @@
 import csv
 import json
 import math
-import re
 from pathlib import Path
 
 import numpy as np
@@ -13,16 +12,14 @@ import yaml
 from stixel_cli import sweep
 from stixel_cli.cli.app import main
 from stixel_cli.config.compose import compose, from_resolved
-from stixel_cli.evaluation.metric_table import LOSS_RATE, metric
-from stixel_cli.report.intervals import between_bounds
-from stixel_cli.report.statistics import statistic
+from stixel_cli.evaluation.intervals import between_bounds
+from stixel_cli.evaluation.metric_table import metric
 from stixel_cli.results.result import read_scored_run
-from stixel_cli.sweeps import figures
 
 pytestmark = pytest.mark.usefixtures("no_pictures", "no_workers")
 
 FEW = ("measurement=fabricated", "path.duration=0.3")
-STATISTICS = ("summary.csv", "summary.md", "summary.tex")
+STATISTICS = ("summary.csv", "summary.md", "index.html")
 
 
 def stages_of(plan):
@@ -82,11 +79,9 @@ def test_the_folder(sweeps):
         "sweep.yaml",
         "runs.csv",
         *STATISTICS,
-        "figures",
         "runs",
         "code",
     }
-    assert [path.name for path in (folder / "figures").iterdir()] == ["tracker.sigma_f.png"]
     rows = sweeps.rows("mine")
     assert len(rows) == 6
     for index, row in enumerate(rows):
@@ -111,47 +106,33 @@ def test_the_folder(sweeps):
     assert len(request["runs"]) == 6
 
 
-def test_the_statistics_are_those_of_the_seeds(sweeps):
+def test_the_summaries_are_those_of_the_seeds(sweeps):
     swept = sweeps.run(*FEW, "tracker.sigma_f=0.1,0.3", "seed=range(0,4)", "--name", "mine")
-    with (sweeps.results / "mine" / "summary.csv").open() as file:
+    folder = sweeps.results / "mine"
+    with (folder / "summary.csv").open() as file:
         rows = list(csv.DictReader(file))
-    metrics = json.loads((sweeps.results / "mine/runs/0000/metrics.json").read_text())
-    assert len(rows) == len(swept["summary"]) == 2 * len(metrics)
-    # A rate has Wilson's interval; an unknown value has none.
-    for row in [row for row in rows if row["metric"] != LOSS_RATE and row["n"] != "0"]:
+    metrics = json.loads((folder / "runs/0000/metrics.json").read_text())
+    known = [name for name, value in metrics.items() if value is not None]
+    assert {row["metric"] for row in rows} == set(known)
+    assert len(rows) == len(swept["summary"]) == 2 * len(known)
+    for row in rows:
         values = [
             float(run[row["metric"]])
             for run in sweeps.rows("mine")
             if run["tracker.sigma_f"] == row["tracker.sigma_f"]
         ]
-        assert int(row["n"]) == len(values) == 4
+        assert int(row["units"]) == len(values) == 4
         mean, std = np.mean(values), np.std(values, ddof=1)
         assert float(row["mean"]) == pytest.approx(mean)
-        assert float(row["std"]) == pytest.approx(std, abs=1e-12)
-        half = 3.182446305284263 * std / math.sqrt(4)  # t of 3 degrees of freedom
-        low, high = between_bounds(mean, half, metric(row["metric"]).bounds)
-        assert float(row["interval_low"]) == pytest.approx(low)
-        assert float(row["interval_high"]) == pytest.approx(high)
-    markdown = (sweeps.results / "mine" / "summary.md").read_text()
-    assert "## centre error, RMSE (m)" in markdown
-    assert re.search(r"^\| 0\.1 \| 4 \| [\d.]+ \[[\d.]+, [\d.]+\] \| [\d.]+ \|", markdown, re.M)
-    latex = (sweeps.results / "mine" / "summary.tex").read_text()
-    assert latex.count(r"\begin{tabular}") == latex.count(r"\end{tabular}")
-    # A metric without a value has no table.
-    known = sum(value is not None for value in metrics.values())
-    assert latex.count(r"\end{tabular}") == known
-    assert r"tracker.sigma\_f & n & mean" in latex
-
-
-def test_statistics_of_few_values():
-    assert statistic("iou_mean", [None, None]).mean is None
-    one = statistic("iou_mean", [0.5, None])
-    assert (one.n, one.mean, one.std, one.low) == (1, 0.5, None, None)
-    same = statistic("iou_mean", [0.5] * 4)
-    assert (same.std, same.low, same.high) == (0.0, 0.5, 0.5)
-    # Known by hand: 1, 2, 3, 4 has mean 2.5, s = 1.29099, t(3) = 3.18245.
-    four = statistic("x", [4, 1, 3, 2])
-    assert four.high - four.mean == pytest.approx(3.182446305284263 * 1.2909944487358056 / 2)
+        if row["metric"] != "track_lost":  # A rate has Wilson's interval.
+            half = 3.182446305284263 * std / math.sqrt(4)  # t of 3 degrees of freedom
+            low, high = between_bounds(mean, half, metric(row["metric"]).bounds)
+            assert float(row["low"]) == pytest.approx(low)
+            assert float(row["high"]) == pytest.approx(high)
+    assert (
+        "| tracker.sigma_f | runs | mean IoU, box [95 %] |" in (folder / "summary.md").read_text()
+    )
+    assert "<h1>Sweep mine</h1>" in (folder / "index.html").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize(
@@ -211,22 +192,20 @@ def test_the_printed_summary(sweeps, capsys):
     assert main(["sweep", *line, "--name", "mine", "--shuffle", "3"]) == 0
     said = capsys.readouterr().out
     assert "4 of 4 runs done" in said
-    assert said.splitlines()[-1] == str(sweeps.results / "mine")
-    assert "Mean over n seeds (no interval below n = 4); all metrics: summary.csv" in said
+    assert said.splitlines()[-1] == str(sweeps.results / "mine" / "index.html")
+    assert "2 seeds: too few" in " ".join(said.split())
 
 
-@pytest.mark.parametrize(("columns", "shown"), [("80", 2), ("200", 6)])
-def test_the_table_of_the_settings_fits_the_screen(sweeps, capsys, monkeypatch, columns, shown):
+@pytest.mark.parametrize("columns", ["80", "200"])
+def test_the_table_of_the_options_fits_the_screen(sweeps, capsys, monkeypatch, columns):
     monkeypatch.setenv("COLUMNS", columns)
-    line = [*FEW, "tracker.sigma_f=0.05,0.15", "start.position=0.1,0.2", "seed=range(0,4)"]
-    assert main(["plan", *line]) == 0
+    line = [*FEW, "tracker=gp_ekf,point", "seed=range(0,4)"]
     assert main(["sweep", *line, "--results", str(sweeps.results)]) == 0
     said = capsys.readouterr().out
-    assert "…" not in said
-    table = said[said.index("tracker.sigma_f   start") : said.index("Mean over")]
-    assert "centre RMSE (m)" in table and table.count("[") == 4 * shown
-    assert max(map(len, table.splitlines())) <= int(columns)
-    assert ("Not shown on a screen of 80 columns: orientation" in said) == (columns == "80")
+    assert "…" not in said and max(map(len, said.splitlines()[:-1])) <= int(columns)
+    header = " ".join(said[: said.index("──")].split())
+    for name in ("IoU", "centre", "orientation", "loss"):
+        assert name in header
 
 
 def test_json_has_the_full_folder_and_show_fits_the_terminal(sweeps, tmp_path, capsys, monkeypatch):
@@ -247,23 +226,6 @@ def test_from_python_nothing_is_written(sweeps, tmp_path):
     assert result.folder is None
     assert [record["seed"] for record in result.records] == [0, 1]
     assert not sweeps.results.exists()
-
-
-def test_figures_of_text_values_numbers_and_many_lines():
-    runs = [
-        (
-            (("tracker.sigma_q", str(i)), ("road_user", user)),
-            ("0",),
-            {"iou_mean": 0.1 * i, "centre_rmse_m": None},
-        )
-        for i in range(12)
-        for user in ("car", "cyclist")
-    ]
-    drawn = figures.axis_figures(runs, [["tracker.sigma_q"], ["road_user"], ["seed"]])
-    assert list(drawn) == ["tracker.sigma_q.png", "road_user.png"]
-    assert drawn == figures.axis_figures(runs, [["tracker.sigma_q"], ["road_user"]])
-    together = figures.axis_figures(runs, [["tracker.sigma_q", "road_user"]])
-    assert list(together) == ["tracker.sigma_q+road_user.png"]
 
 
 def test_a_taken_name_is_refused_before_anything_is_planned(sweeps, monkeypatch):

@@ -210,7 +210,7 @@ def test_a_file_of_several_grids_is_their_union(sweeps, tmp_path):
     named = [(run["tracker"], run.get("tracker.sigma_q"), run["seed"]) for run in swept["runs"]]
     once = [("gp_ekf", 1.0), ("gp_ekf", 2.0), ("point", "–")]
     assert named == [(*point, seed) for point in once for seed in (0, 1)]
-    assert len({row["tracker"] + row["tracker.sigma_q"] for row in swept["summary"]}) == 3
+    assert len({row["tracker tracker.sigma_q"] for row in swept["summary"]}) == 3
     assert sweeps.run("--resume", sweeps.results / "mine")["nodes"]["computed"] == 0
     file.write_text(UNION.replace("{tracker: point}\nseeds", "{seed: 1}\nseeds"), encoding="utf-8")
     assert "grids: entry 3: write seeds once" in sweeps.refused("--from", file)

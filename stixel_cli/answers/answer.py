@@ -1,0 +1,298 @@
+"""The answer to a question: balanced means, paired differences, what they show, in one sentence.
+
+The rules: a cell (scenario, unit) counts if every option has a value there. Of two rectangles the
+larger one is used: the scenarios that have every unit, or the units that have every scenario. The
+value of a unit is the mean over its scenarios. Differences are paired by unit. Failed runs stay in
+the table, and count as lost. Without an interval nothing is claimed.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+import pandas as pd
+
+from stixel_cli.answers.question import LOST, STATUS, Question
+from stixel_cli.errors import UserError, counted, printable
+from stixel_cli.evaluation.intervals import LEAST_UNITS, mean_interval, share_interval
+from stixel_cli.evaluation.metric_table import LOSS_RATE
+from stixel_cli.report.metrics import capital, with_interval
+from stixel_cli.results.reader import listed
+from stixel_cli.results.result import FAILED, MISSING, SKIPPED
+
+MOST_NAMED = 4
+NO_VALUE = "–"
+_OPTION, _SCENARIO, _UNIT, _VALUE = "option", "scenario", "unit", "value"
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """The answer to a question about many runs.
+
+    Attributes:
+        table: one row an option, in their order. Columns: `runs`, `failed`, `lost_share` of all
+            runs; `mean` with its interval `low`, `high`; `minus`, the mean of the paired
+            differences from the best option (or the reference), with its interval `minus_low`,
+            `minus_high`. NaN where there is none.
+        best: the option with the best mean; None if no value is better, or there is none.
+        shown: whether every other option's interval excludes 0.
+        units: number of units that the means are over.
+        left_out: number of cells (scenario, unit) that are left out, because an option lacks them.
+        values: of each unit (row) and option (column).
+        scenarios: the scenarios that the means are over.
+        runs: the frame with the columns `option`, `scenario` and `unit` as texts or values.
+    """
+
+    question: Question
+    table: pd.DataFrame
+    best: object
+    shown: bool
+    units: int
+    left_out: int
+    values: pd.DataFrame = field(repr=False)
+    scenarios: tuple[str, ...] = field(repr=False)
+    runs: pd.DataFrame = field(repr=False)
+
+    @property
+    def order(self) -> list:
+        """The options from the best to the worst; those without a value last."""
+        key = {"more": -self.table["mean"], "less": self.table["mean"]}.get(
+            self.question.row.better
+        )
+        return [*self.table.index] if key is None else [*key.sort_values(kind="stable").index]
+
+    @property
+    def over(self) -> str:
+        """What the means are over: "8 seeds, each the mean of 2 paths"."""
+        names = [name.rpartition(".")[2].replace("_", " ") for name in self.question.over]
+        if not names:
+            text = "one run each"
+        elif len(names) == 1:
+            text = counted(self.units, names[0])
+        else:
+            text = f"{counted(self.units, 'combination')} of {listed(names)}"
+        if len(self.scenarios) > 1:
+            within = self.question.within
+            word = within[0].rpartition(".")[2] if len(within) == 1 else "scenario"
+            text += f", each the mean of {counted(len(self.scenarios), word.replace('_', ' '))}"
+        return text
+
+    @property
+    def lacking(self) -> str:
+        """How many more units a comparison needs; "" if it has enough, or nothing is compared."""
+        if self.values.shape[1] < 2 or self.units >= LEAST_UNITS:
+            return ""
+        return f"{self.over}: too few to compare, {LEAST_UNITS} are needed"
+
+    @property
+    def notes(self) -> list[str]:
+        """What is left out, and what has failed, each in one sentence."""
+        found = []
+        if self.left_out:
+            cells = counted(self.left_out, "combination")
+            found.append(f"{cells} of scenario and unit left out: not every option has a value.")
+        failed = self.table["failed"]
+        for option, number in failed[failed > 0].items():
+            runs = self.table.loc[option, "runs"]
+            found.append(
+                f"{option}: {number} of {counted(int(runs), 'run')} failed, counted as lost."
+            )
+        return found
+
+    @cached_property
+    def sentence(self) -> str:
+        """The answer in one sentence, with its numbers."""
+        heard = [option for option in self.order if np.isfinite(self.table.loc[option, "mean"])]
+        label = capital(self.question.row.short_label)
+        if not heard:
+            return f"{label}: no run has a value."
+        first = self._named(heard[:1] if self.best is not None else heard)
+        if len(heard) == 1 or self.best is None:
+            return f"{label}: {first} ({self.over})."
+        if self.units < LEAST_UNITS:
+            return f"{label}: {self._named(heard)} ({self.lacking})."
+        reference = self.question.reference
+        others = [
+            option for option in heard if option != (self.best if reference is None else reference)
+        ]
+        apart = [option for option in others if self._excludes_zero(option)]
+        same = [str(option) for option in others if option not in apart]
+        if reference is not None:
+            parts = [f"{option} {self._minus(option)}" for option in apart]
+            text = f"minus {reference}: {listed(parts)}" if parts else ""
+            tied = f"not shown to differ from {reference}: {listed(same)}" if same else ""
+            return f"{label}: {'; '.join(filter(None, (text, tied)))} ({self.over})."
+        if not same:
+            following = f"{apart[0]} is next, {self._minus(apart[0])}"
+            return f"{label}: {first} is the best ({self.over}); {following}."
+        return f"{label}: {first} ({self.over}); not shown to differ: {listed(same)}."
+
+    @property
+    def brief(self) -> str:
+        """The answer in a few words: the best with its value, and what differs from it."""
+        heard = [option for option in self.order if np.isfinite(self.table.loc[option, "mean"])]
+        if not heard:
+            return "no value"
+        reference = self.question.reference
+        if reference is not None:
+            others = [option for option in heard if option != reference]
+            parts = [f"{option} {self._minus(option)}" for option in others[:MOST_NAMED]]
+            return f"{listed(parts)} against {reference} ({self._value(reference)})"
+        if self.best is None or len(heard) == 1 or self.units < LEAST_UNITS:
+            return self._named(heard)
+        same = [str(option) for option in heard[1:] if not self._excludes_zero(option)]
+        text = f"{heard[0]} {self._value(heard[0])}"
+        if same:
+            return f"{text}, not shown to differ from {listed(same)}"
+        return f"{text}, next {heard[1]} {self._minus(heard[1])}"
+
+    @property
+    def worst(self) -> pd.DataFrame:
+        """The row of the worst run of each option that has one; a failed one comes first."""
+        better = self.question.row.better
+        sign = -1.0 if better == "more" else 1.0
+        failed = self.runs[STATUS].isin((FAILED, SKIPPED))
+        badness = (sign * self.runs[_VALUE]).where(~failed, np.inf)
+        if better == "one":
+            badness = (
+                np.log(self.runs[_VALUE].where(self.runs[_VALUE] > 0.0))
+                .abs()
+                .where(~failed, np.inf)
+            )
+        chosen = badness.dropna().groupby(self.runs[_OPTION], sort=False).idxmax()
+        return self.runs.loc[chosen].set_index(_OPTION, drop=False)
+
+    def by_scenario(self) -> pd.DataFrame:
+        """The mean over units of each scenario (row) and option (column)."""
+        found = self.runs.pivot_table(
+            index=_SCENARIO, columns=_OPTION, values=_VALUE, dropna=False, sort=False, observed=True
+        )
+        return found.reindex(columns=self.table.index)
+
+    def _named(self, options: Sequence) -> str:
+        parts = [f"{option} {self._value(option)}" for option in options[:MOST_NAMED]]
+        more = len(options) - MOST_NAMED
+        return listed([*parts, f"{more} more"] if more > 0 else parts)
+
+    def _value(self, option: object) -> str:
+        row = self.table.loc[option]
+        return with_interval(*known(row[["mean", "low", "high"]]), self.question.row.unit)
+
+    def _minus(self, option: object) -> str:
+        row = self.table.loc[option]
+        ends = known(row[["minus", "minus_low", "minus_high"]])
+        return with_interval(*ends, self.question.row.unit, sign=True)
+
+    def _excludes_zero(self, option: object) -> bool:
+        row = self.table.loc[option]
+        return bool(row["minus_low"] > 0.0 or row["minus_high"] < 0.0)
+
+
+def answered(frame: pd.DataFrame, question: Question) -> Answer:
+    """The answer to a question about a frame of runs, see `Runs.ask`."""
+    runs = _prepared(frame, question)
+    (option_of, options), (scenario_of, scenarios), (unit_of, units) = (
+        pd.factorize(runs[name]) for name in (_OPTION, _SCENARIO, _UNIT)
+    )
+    cells = np.full((len(options), len(scenarios), len(units)), np.nan)
+    cells[option_of, scenario_of, unit_of] = runs[_VALUE]
+    has = np.isfinite(cells)
+    heard = has.any(axis=(1, 2))
+    columns, rows = _rectangle(has[heard].all(axis=0)) if heard.any() else ([], [])
+    if not len(columns):
+        rows = []
+    used = cells[heard][:, columns][:, :, rows]
+    means = used.mean(axis=1).T if len(rows) else np.empty((0, int(heard.sum())))
+    values = pd.DataFrame(means, index=units[rows], columns=options[heard])
+    table, row = _counts(runs), question.row
+    table["mean"] = values.mean()
+    interval = (
+        share_interval(values) if row.name == LOSS_RATE else mean_interval(values, row.bounds)
+    )
+    table[["low", "high"]] = interval.reindex(table.index)
+    best = _best(table["mean"].dropna(), row.better)
+    reference = question.reference if question.reference is not None else best
+    if question.reference is not None and reference not in values:
+        raise UserError(f"reference: {printable(str(reference), 60)}: no option with a value")
+    shown = False
+    table[["minus", "minus_low", "minus_high"]] = np.nan
+    if reference is not None and values.shape[1] > 1:
+        tests = values.shape[1] - 1 if question.reference is None else 1
+        minus = values.drop(columns=reference).sub(values[reference], axis=0)
+        ends = mean_interval(minus, tests=tests)
+        found = pd.DataFrame(
+            {"minus": minus.mean(), "minus_low": ends.low, "minus_high": ends.high}
+        )
+        table.loc[minus.columns, found.columns] = found
+        shown = bool(((ends["low"] > 0.0) | (ends["high"] < 0.0)).all())
+    left_out = len(scenarios) * len(units) - len(columns) * len(rows)
+    return Answer(
+        question, table, best, shown, len(rows), left_out, values, tuple(scenarios[columns]), runs
+    )
+
+
+def _prepared(frame: pd.DataFrame, question: Question) -> pd.DataFrame:
+    """The frame with the columns option, scenario, unit and value; UserError for equal runs."""
+    runs = frame.reset_index(drop=True)
+    value = runs[question.metric].where(~runs[STATUS].isin((FAILED, SKIPPED, MISSING)))
+    runs = runs.assign(**{
+        _OPTION: combined(runs, question.compare),
+        _SCENARIO: combined(runs, question.within),
+        _UNIT: combined(runs, question.over),
+        _VALUE: value.astype(float),
+    })  # fmt: skip
+    twice = runs[runs.duplicated([_OPTION, _SCENARIO, _UNIT])]
+    if len(twice):
+        first = twice.iloc[0]
+        what = " ".join(str(first[name]) for name in (_OPTION, _SCENARIO, _UNIT)).strip()
+        raise UserError(
+            f"runs: two are {printable(what, 120)}: name the column in which they differ in "
+            "compare, within or over"
+        )
+    return runs
+
+
+def combined(runs: pd.DataFrame, names: Sequence[str]) -> pd.Series:
+    """The values of one column, or the texts of several; – for a value that is missing."""
+    columns = [runs[name] for name in names]
+    columns = [one.astype(object).fillna(NO_VALUE) if one.hasnans else one for one in columns]
+    if len(columns) == 1:
+        return columns[0]
+    if not columns:
+        return pd.Series("all", runs.index)
+    texts = [one.astype(str) for one in columns]
+    return pd.Series([" ".join(row) for row in zip(*texts, strict=True)], runs.index)
+
+
+def _rectangle(known: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Numbers of the scenarios (rows) and units (columns) of the larger rectangle of known ones."""
+    whole, full = np.flatnonzero(known.all(axis=1)), np.flatnonzero(known.all(axis=0))
+    scenarios, units = known.shape
+    if len(whole) * units >= len(full) * scenarios:
+        return whole, np.arange(units)
+    return np.arange(scenarios), full
+
+
+def _counts(runs: pd.DataFrame) -> pd.DataFrame:
+    failed = runs[STATUS].isin((FAILED, SKIPPED))
+    lost = failed | (runs[LOST].fillna(0) > 0) if LOST in runs else failed
+    by_option = runs[_OPTION]
+    return pd.DataFrame(
+        {
+            "runs": runs.groupby(by_option, sort=False).size(),
+            "failed": failed.groupby(by_option, sort=False).sum(),
+            "lost_share": lost.groupby(by_option, sort=False).mean(),
+        }
+    )
+
+
+def _best(means: pd.Series, better: str | None) -> object:
+    if means.empty or better not in ("more", "less"):
+        return None
+    return means.idxmax() if better == "more" else means.idxmin()
+
+
+def known(values: pd.Series) -> list[float | None]:
+    """Numbers in plain types, None for those that are not finite."""
+    return [float(value) if np.isfinite(value) else None for value in values]

@@ -1,0 +1,140 @@
+"""Figures of an answer: the values with the paired differences, and a metric over an axis."""
+
+from collections.abc import Callable
+
+import matplotlib.figure
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+
+from stixel_cli.answers.answer import Answer
+from stixel_cli.evaluation.intervals import LEAST_UNITS, mean_interval
+from stixel_cli.pictures import style
+
+BEST, TIED = "★ ", "≈ "
+"""Before the best option, and before those that are not shown to differ from it."""
+FLATTENED = 8.0
+"""A value of so many times the median would flatten the others on a linear axis."""
+_TEXTS = ("axes.label", "xtick.label", "ytick.label", "legend.font", "axes.title")
+_LOOK = {f"{text}size": 10.0 for text in _TEXTS}
+_WIDTH = 4.8
+"""in: legible on a telephone without scrolling."""
+_COLOUR, _MIDDLE = style.RUNS[0], style.RUNS[1]
+
+Write = Callable[[matplotlib.figure.Figure], bytes]
+
+
+def differences(answer: Answer, write: Write = style.svg) -> bytes:
+    """The units' values of each option with their mean, the best on top; below, the differences.
+
+    Bars are 95 % intervals. Options without a value are left out.
+    """
+    order = [option for option in answer.order if option in answer.values]
+    table, values = answer.table.loc[order], answer.values[order]
+    paired = bool(table["minus"].notna().any())
+    names = [_mark(answer, option) + str(option) for option in order]
+    width = max(_WIDTH, 4.0 + 0.085 * max(map(len, names), default=0))
+    with style.drawing({"axes.spines.left": False, **_LOOK}):
+        height = (1 + paired) * (0.7 + 0.2 * len(order))
+        figure = style.new_figure(width, height, layout="constrained")
+        sides = figure.subplots(1 + paired, sharey=True, squeeze=False)[:, 0]
+        for place, option in enumerate(order):
+            row, own = table.loc[option], values[option]
+            sides[0].plot(own, np.full(len(own), place), ".", color=style.UNUSED, markersize=4.0)
+            _bar(sides[0], place, *row[["mean", "low", "high"]])
+            if paired and np.isfinite(row["minus"]):
+                _bar(sides[1], place, *row[["minus", "minus_low", "minus_high"]])
+        sides[0].set_xlabel(answer.question.heading)
+        if _is_flattened(answer, values.to_numpy()):
+            sides[0].set_xscale("log")
+            sides[0].xaxis.set_major_formatter("{x:g}")
+        if paired:
+            reference = answer.question.reference
+            of = answer.best if reference is None else reference
+            sides[1].set_xlabel(f"{answer.question.heading}, minus {of}")
+            sides[1].axvline(0.0, color=style.TRUTH, linewidth=0.9)
+        sides[0].set_yticks(range(len(order)), names)
+        sides[0].set_ylim(len(order) - 0.4, -0.6)
+        for axes in sides:
+            axes.tick_params("y", length=0.0)
+            axes.grid(True, axis="x")
+        return write(figure)
+
+
+def over_axis(answer: Answer, write: Write = style.svg) -> bytes | None:
+    """The mean over the values of the compared axis; None unless these are three numbers or more.
+
+    The thick line is the mean of the units, over the scenarios and units that every value has, with
+    its interval; thin lines are the scenarios.
+    """
+    numbers = pd.to_numeric(pd.Series([*answer.values.columns]), errors="coerce")
+    if len(numbers) < 3 or not np.isfinite(numbers).all() or len(answer.question.compare) > 1:
+        return None
+    places = numbers.to_numpy(float)
+    order = np.argsort(places)
+    columns = [answer.values.columns[i] for i in order]
+    places, values = places[order], answer.values[columns]
+    scenes = answer.by_scenario().loc[[*answer.scenarios], columns]
+    ends = mean_interval(values, answer.question.row.bounds)
+    with style.drawing({"axes.grid": True, **_LOOK}):
+        figure = style.new_figure(_WIDTH, 2.7, layout="constrained")
+        axes = figure.subplots()
+        if len(scenes) > 1:
+            axes.plot(places, scenes.to_numpy().T, color=style.UNUSED, linewidth=0.6)
+        axes.plot(places, values.mean(), "o-", color=_COLOUR, markersize=3.5)
+        if len(values) >= LEAST_UNITS:
+            axes.fill_between(
+                places, ends["low"], ends["high"], color=_COLOUR, alpha=0.2, linewidth=0.0
+            )
+        axes.set_xlabel(answer.question.compare[0])
+        axes.set_ylabel(answer.question.heading)
+        if places[0] > 0.0 and _is_geometric(places):
+            axes.set_xscale("log")
+            axes.minorticks_off()
+            axes.set_xticks(places, [f"{place:g}" for place in places])
+        if answer.question.row.better == "one":
+            axes.axhline(1.0, color=style.UNUSED, linewidth=0.8, linestyle="--")
+            style.log_axis(axes)
+        return write(figure)
+
+
+def pdf(figure: matplotlib.figure.Figure) -> bytes:
+    """The figure as a PDF without a date, so that its bytes repeat."""
+    import io
+
+    from matplotlib.backends.backend_pdf import FigureCanvasPdf
+
+    buffer = io.BytesIO()
+    FigureCanvasPdf(figure).print_pdf(
+        buffer, metadata={"CreationDate": None, "Creator": None, "Producer": None}
+    )
+    return buffer.getvalue()
+
+
+def _mark(answer: Answer, option: object) -> str:
+    if answer.best is None or answer.units < LEAST_UNITS or answer.question.reference is not None:
+        return ""
+    if option == answer.best:
+        return BEST if answer.shown else TIED
+    row = answer.table.loc[option]
+    return TIED if row["minus_low"] <= 0.0 <= row["minus_high"] else ""
+
+
+def _bar(axes: Axes, place: float, mean: float, low: float, high: float) -> None:
+    if np.isfinite(low):
+        axes.plot([low, high], [place] * 2, color=_COLOUR, linewidth=1.4)
+    axes.plot(mean, place, "o", color=_MIDDLE, markersize=4.0)
+
+
+def _is_flattened(answer: Answer, values: np.ndarray) -> bool:
+    """Whether an error's greatest value would flatten the others on a linear axis."""
+    values = values[np.isfinite(values)]
+    if answer.question.row.bounds != (0.0, None) or len(values) == 0 or values.min() <= 0.0:
+        return False
+    return bool(values.max() > FLATTENED * np.median(values))
+
+
+def _is_geometric(places: np.ndarray) -> bool:
+    """Whether ascending places have equal ratios rather than equal steps: then a log axis fits."""
+    ratios = places[1:] / places[:-1]
+    return bool(ratios.max() <= 1.3 * ratios.min() and ratios.min() > 1.4)

@@ -1,0 +1,166 @@
+"""The page of many runs: the answer, option by option; its scenarios; all runs."""
+
+import shlex
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from stixel_cli.answers import figures, render
+from stixel_cli.answers.answer import Answer
+from stixel_cli.answers.question import ERROR, FOLDER, STATUS
+from stixel_cli.answers.runs import Runs
+from stixel_cli.evaluation.metric_table import metric
+from stixel_cli.report.error_curves import Errors, error_curves
+from stixel_cli.report.metrics import number
+from stixel_cli.report.page import drawing_for_page, page_template
+from stixel_cli.report.static_page import json_in_html
+from stixel_cli.results.result import DONE
+
+MOST_CELLS = 400
+"""Most cells of the table of scenarios; more are in the table of runs."""
+
+
+def answers_page(
+    runs: Runs,
+    answers: Sequence[Answer],
+    title: str,
+    command: Sequence[str],
+    links: Mapping[str, str],
+    curves: Mapping[str, Errors] = {},
+    notes: Mapping[str, Any] = {},
+) -> str:
+    """The page of the answers of one comparison, the main metric first.
+
+    Args:
+        title: of the page.
+        command: that writes it.
+        links: folder of a run to its page, relative to this page.
+        curves: name of an option to its errors over time.
+        notes: `command`, `created` and `revision` of the runs.
+    """
+    first, axes = answers[0], _axis_answers(runs, answers[0])
+    states = runs.frame[STATUS].value_counts()
+    cells = render.overview(answers)
+    return page_template(__package__, "answers.html").render(
+        title=title,
+        counts=", ".join(f"{number} {state}" for state, number in states.items()),
+        answers=[
+            (one.question.heading, one.sentence, _drawing(figures.differences(one), f"d{i}"))
+            for i, one in enumerate(answers)
+        ],
+        notes=first.notes,
+        cells=cells,
+        worst=_worst(first, cells, links),
+        explanation=render.explanation(first),
+        scenarios=_scenarios(first),
+        axes=[
+            (one.question.named, one.sentence, _drawing(drawn, f"a{i}"))
+            for i, one in enumerate(axes)
+            if (drawn := figures.over_axis(one)) is not None
+        ],
+        over_time=error_curves(curves) if curves else [],
+        data=json_in_html(_table(runs, links)),
+        origin=notes,
+        command=shlex.join(command),
+    )
+
+
+def _axis_answers(runs: Runs, answer: Answer) -> list[Answer]:
+    """The answers of each axis alone, within all others; of the same metric."""
+    question = answer.question
+    own = [name for name in runs.axes if name not in question.over]
+    return [
+        runs.ask(compare=name, over=question.over, metric=question.metric, better=question.better)
+        for name in own
+        if runs.frame[name].nunique() > 2
+    ]
+
+
+def _drawing(svg: bytes, name: str) -> Any:
+    return drawing_for_page(svg.decode(), name)
+
+
+def _worst(answer: Answer, cells: render.Cells, links: Mapping[str, str]) -> list[tuple[str, str]]:
+    """Name and link of the worst run of the option of each row; ("", "") without one."""
+    worst = answer.worst
+    rows = []
+    for option in answer.order:
+        if option not in worst.index:
+            rows.append(("", ""))
+            continue
+        run = worst.loc[option]
+        named = " ".join(
+            str(run[name]) for name in (*answer.question.within, *answer.question.over)
+        )
+        value = number(run["value"]) if run[STATUS] == DONE else run[STATUS]
+        rows.append((f"{value} ({named})" if named else value, links.get(str(run.get(FOLDER)), "")))
+    return rows
+
+
+def _scenarios(answer: Answer) -> dict[str, Any] | None:
+    """Means of each scenario (row) and option (column); None for one scenario, or for too many."""
+    table = answer.by_scenario()[answer.order]
+    if len(table) < 2 or table.size > MOST_CELLS:
+        return None
+    texts = [[number(v if np.isfinite(v) else None) for v in row] for row in table.to_numpy()]
+    return {
+        "heading": answer.question.heading,
+        "name": " ".join(answer.question.within),
+        "options": [str(option) for option in table.columns],
+        "rows": [
+            (str(scene), row, scene in answer.scenarios)
+            for scene, row in zip(table.index, texts, strict=True)
+        ],
+    }
+
+
+def _table(runs: Runs, links: Mapping[str, str]) -> dict[str, Any]:
+    """What `runs.js` shows: columns, rows and links of all runs, numbers with five digits."""
+    names = [*runs.axes, STATUS, *runs.metrics]
+    frame = runs.frame
+    columns = [
+        {
+            "name": name,
+            "title": name if name not in runs.metrics else _heading(name),
+            "shown": name in (*runs.axes, STATUS, *runs.metrics[:6]),
+            "number": name in runs.metrics,
+        }
+        for name in names
+    ]
+    rows = [
+        [_plain(value) for value in row] for row in frame[names].itertuples(index=False, name=None)
+    ]
+    folders = frame[FOLDER].astype(str) if FOLDER in frame else [""] * len(frame)
+    errors = frame[ERROR].fillna("").astype(str) if ERROR in frame else [""] * len(frame)
+    return {
+        "columns": columns,
+        "rows": rows,
+        "links": [links.get(folder, "") for folder in folders],
+        "errors": [*errors],
+        "axes": list(runs.axes),
+    }
+
+
+def _heading(name: str) -> str:
+    row = metric(name)
+    return f"{row.short_label} ({row.unit})" if row.unit else row.short_label
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, float | np.floating):
+        return None if not np.isfinite(value) else float(f"{value:.5g}")
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def page_links(folders: Sequence[Path], page: Path, index: str) -> dict[str, str]:
+    """Each run's own page, or else its folder, relative to the folder of `page`; by folder."""
+    import os
+
+    links = {}
+    for folder in folders:
+        target = folder / index if (folder / index).exists() else folder
+        relative = os.path.relpath(target.resolve(), page.resolve().parent)
+        links[str(folder)] = relative.replace(os.sep, "/")
+    return links

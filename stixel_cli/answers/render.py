@@ -1,0 +1,135 @@
+"""Answers as text: the cells of one table of options and metrics, and each format of a table."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from stixel_cli.answers.answer import Answer, known
+from stixel_cli.evaluation.intervals import LEAST_UNITS
+from stixel_cli.report.metrics import number, with_interval
+
+INTERVAL = " [95 %]"
+"""End of the header of cells with an interval."""
+EXPLANATION = (
+    "Each value is the mean over units, {over}, of which every option has all; in brackets its "
+    "95 % interval (Student's t on a scale on which all values are possible; none below {least} "
+    "units). The best is marked where the paired differences of all others exclude 0, together "
+    "with 95 % (Bonferroni)."
+)
+_LATEX = {
+    "\u2212": "$-$",
+    "–": "--",
+    "°": r"\textdegree{}",
+    "±": r"$\pm$",
+    "σ": r"$\sigma$",
+    "\u202f": r"\,",
+}
+
+
+@dataclass(frozen=True)
+class Cells:
+    """A table as it is shown.
+
+    Attributes:
+        header: of the columns.
+        rows: the texts.
+        best: whether a cell is the best of its column, by row.
+        numbers: the columns of numbers, which are aligned right.
+    """
+
+    header: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    best: tuple[tuple[bool, ...], ...]
+    numbers: tuple[int, ...]
+
+
+def overview(answers: Sequence[Answer], intervals: int | None = None) -> Cells:
+    """One row an option, in the order of the first answer, one column a metric.
+
+    Answers must be of the same comparison. Only the first `intervals` metrics have intervals; None:
+    all. A column `failed` is added if a run has failed.
+    """
+    first = answers[0]
+    failed = first.table["failed"].any()
+    header = [first.question.named, "runs", *(["failed"] if failed else [])]
+    texts = len(header)
+    bare = [intervals is not None and i >= intervals for i in range(len(answers))]
+    header += [
+        one.question.heading + ("" if plain or one.table["low"].isna().all() else INTERVAL)
+        for one, plain in zip(answers, bare, strict=True)
+    ]
+    rows, best = [], []
+    for option in first.order:
+        counts = first.table.loc[option, ["runs", "failed"][: 1 + failed]]
+        cells = [str(option), *(str(int(one)) for one in counts)]
+        marks = [False] * texts
+        for one, plain in zip(answers, bare, strict=True):
+            mean, *ends = known(one.table.loc[option, ["mean", "low", "high"]])
+            cells.append(number(mean) if plain else with_interval(mean, *ends))
+            marks.append(one.shown and option == one.best and one.question.reference is None)
+        rows.append(tuple(cells))
+        best.append(tuple(marks))
+    return Cells(tuple(header), tuple(rows), tuple(best), tuple(range(1, len(header))))
+
+
+def explanation(answer: Answer) -> str:
+    """What the values of a table are."""
+    return EXPLANATION.format(over=answer.over, least=LEAST_UNITS)
+
+
+def markdown(answers: Sequence[Answer]) -> str:
+    """The overview in Markdown, the best in bold, and what it says."""
+    cells = overview(answers)
+    rows = [
+        [
+            f"**{text}**" if mark else text.replace("|", r"\|")
+            for text, mark in zip(*both, strict=True)
+        ]
+        for both in zip(cells.rows, cells.best, strict=True)
+    ]
+    rule = ["---:" if i in cells.numbers else "---" for i in range(len(cells.header))]
+    lines = [f"| {' | '.join(row)} |" for row in (cells.header, rule, *rows)]
+    said = [f"- {text}" for one in answers for text in (one.sentence,)]
+    notes = [f"- {text}" for text in answers[0].notes]
+    return "\n".join([*lines, "", *said, *notes, "", explanation(answers[0]), ""])
+
+
+def latex(answers: Sequence[Answer], caption: str = "", label: str = "") -> str:
+    """The overview in LaTeX for the package booktabs, the best in bold."""
+    cells = overview(answers)
+    frame = pd.DataFrame(cells.rows, columns=pd.Index(cells.header))
+    bold = pd.DataFrame(np.where(cells.best, "textbf:--rwrap;", ""), columns=frame.columns)
+    columns = "".join("r" if i in cells.numbers else "l" for i in range(len(cells.header)))
+    shown = frame.style.format(escape="latex").format_index(escape="latex", axis=1).hide(axis=0)
+    shown = shown.apply(lambda _: bold, axis=None)
+    text = shown.to_latex(
+        hrules=True, column_format=columns, caption=caption or None, label=label or None
+    )
+    for character, command in _LATEX.items():
+        text = text.replace(character, command)
+    return text
+
+
+def frame(answers: Sequence[Answer]) -> pd.DataFrame:
+    """One row for each option and metric, with all digits."""
+    named = [one.table.rename_axis(one.question.named).reset_index() for one in answers]
+    return pd.concat(
+        [
+            table.assign(metric=one.question.metric, unit=one.question.row.unit, units=one.units)
+            for table, one in zip(named, answers, strict=True)
+        ],
+        ignore_index=True,
+    )
+
+
+def csv(answers: Sequence[Answer]) -> str:
+    """The rows of `frame` as comma-separated values."""
+    return frame(answers).to_csv(index=False, lineterminator="\n")
+
+
+def records(answers: Sequence[Answer]) -> list[dict[str, object]]:
+    """The rows of `frame` in plain types, None for a missing value."""
+    table = frame(answers)
+    return table.astype(object).where(table.notna(), None).to_dict("records")

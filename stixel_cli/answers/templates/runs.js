@@ -1,0 +1,80 @@
+// All runs: a table with chosen columns, filtered by words, sorted and grouped, and a plot of two columns.
+{
+  const { columns, rows, links, errors, axes } = JSON.parse(document.getElementById("data").textContent);
+  const find = (id) => document.getElementById(id), most = 500;
+  const add = (name, options, parent) => parent.appendChild(Object.assign(document.createElement(name), options));
+  const words = rows.map((row, i) => [...row.filter((value) => typeof value !== "number" || Number.isInteger(value)), errors[i]].join(" ").toLowerCase());
+  const text = (value) => value === null ? "–" : typeof value === "number" && !Number.isInteger(value) ? String(Number(value.toPrecision(4))) : String(value);
+  let sorted = -1, falling = false;
+  const compare = (a, b) => {
+    const x = rows[a][sorted], y = rows[b][sorted];
+    if (x === null || y === null) return (x === null) - (y === null);
+    const order = typeof x === "number" && typeof y === "number" ? x - y : String(x).localeCompare(String(y), undefined, { numeric: true });
+    return falling ? -order : order;
+  };
+  const chosen = () => {
+    const asked = find("filter").value.toLowerCase().split(/\s+/).filter(Boolean);
+    const found = rows.map((_, i) => i).filter((i) => asked.every((word) => words[i].includes(word)));
+    find("count").value = found.length < rows.length ? `${found.length} of ${rows.length} runs` : `${rows.length} runs`;
+    return sorted < 0 ? found : found.sort(compare);
+  };
+  function table(found) {
+    const shown = columns.map((_, i) => i).filter((i) => columns[i].shown), head = find("runs").tHead.rows[0];
+    head.replaceChildren();
+    add("th", { textContent: "run", className: "number" }, head);
+    for (const i of shown) {
+      const cell = add("th", { className: columns[i].number ? "number" : "" }, head);
+      if (i === sorted) cell.setAttribute("aria-sort", falling ? "descending" : "ascending");
+      add("button", { type: "button", textContent: columns[i].title }, cell).onclick = () => { falling = sorted === i && !falling; sorted = i; draw(); };
+    }
+    for (const body of [...find("runs").tBodies]) body.remove();
+    const by = find("group").value, groups = new Map();
+    for (const i of found.slice(0, most)) {
+      const name = by === "" ? "" : text(rows[i][by]);
+      groups.set(name, [...(groups.get(name) ?? []), i]);
+    }
+    for (const [name, members] of groups) {
+      const body = add("tbody", {}, find("runs"));
+      if (by !== "") add("td", { colSpan: shown.length + 1, textContent: `${columns[by].title} = ${name} (${members.length})` }, add("tr", { className: "group" }, body));
+      for (const i of members) {
+        const line = add("tr", { title: errors[i] }, body), first = add("td", { className: "number" }, line);
+        if (links[i]) add("a", { href: links[i], textContent: i }, first); else first.textContent = i;
+        for (const j of shown) add("td", { className: columns[j].number ? "number" : "", textContent: text(rows[i][j]) }, line);
+      }
+    }
+    if (found.length > most) add("td", { colSpan: shown.length + 1, textContent: `${found.length - most} more runs: filter to see them` }, add("tr", { className: "group" }, add("tbody", {}, find("runs"))));
+  }
+  function plot(found) {
+    const x = Number(find("x").value), y = Number(find("y").value), width = 640, height = 300, margin = 48;
+    const known = found.filter((i) => rows[i][x] !== null && rows[i][y] !== null);
+    const names = [...new Set(known.map((i) => rows[i][x]))], isNumber = names.every((name) => typeof name === "number" || (name !== "" && !isNaN(name)));
+    const place = (i) => isNumber ? Number(rows[i][x]) : names.indexOf(rows[i][x]);
+    const ends = (values) => { const low = Math.min(...values), high = Math.max(...values); return low < high ? [low, high] : [low - 1, high + 1]; };
+    const [left, right] = ends(known.map(place)), [low, high] = ends(known.map((i) => rows[i][y]));
+    const across = (value) => margin + (value - left) / (right - left) * (width - 2 * margin), up = (value) => height - margin + (value - low) / (high - low) * (2 * margin - height);
+    const colours = axes.length ? [...new Set(rows.map((row) => row[0]))] : [""];
+    const svg = (name, options, parent, inside = "") => { const one = parent.appendChild(document.createElementNS("http://www.w3.org/2000/svg", name)); for (const [key, value] of Object.entries(options)) one.setAttribute(key, value); one.textContent = inside; return one; };
+    find("plot").replaceChildren();
+    const picture = svg("svg", { viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": `${columns[y].title} over ${columns[x].title}`, fill: "currentColor", "font-size": 12 }, find("plot"));
+    for (const value of [low, (low + high) / 2, high]) svg("text", { x: margin - 6, y: up(value) + 4, "text-anchor": "end" }, picture, text(value));
+    const marks = isNumber ? [left, (left + right) / 2, right].map((value) => [value, text(value)]) : names.slice(0, 12).map((name, i) => [i, text(name)]);
+    for (const [value, name] of marks) svg("text", { x: across(value), y: height - margin + 20, "text-anchor": "middle" }, picture, name);
+    svg("text", { x: 8, y: 14 }, picture, columns[y].title);
+    svg("text", { x: width - 8, y: height - 8, "text-anchor": "end" }, picture, columns[x].title);
+    for (const i of known) {
+      const parent = links[i] ? svg("a", { href: links[i] }, picture) : picture;
+      svg("title", {}, svg("circle", { cx: across(place(i)), cy: up(rows[i][y]), r: 4, fill: `var(--run-${colours.indexOf(rows[i][0]) % 8})` }, parent), `${i}: ${axes.map((_, j) => text(rows[i][j])).join(" ")}`);
+    }
+  }
+  const draw = () => { const found = chosen(); table(found); plot(found); };
+  add("option", { value: "", textContent: "nothing" }, find("group"));
+  columns.forEach((column, i) => {
+    if (!column.number) add("option", { value: i, textContent: column.title }, find("group"));
+    for (const id of column.number ? ["x", "y"] : ["x"]) add("option", { value: i, textContent: column.title }, find(id));
+    const label = add("label", {}, find("columns")), box = add("input", { type: "checkbox", checked: column.shown }, label);
+    label.append(` ${column.title}`);
+    box.onchange = () => { column.shown = box.checked; draw(); };
+  });
+  for (const id of ["filter", "group", "x", "y"]) find(id).addEventListener("input", draw);
+  draw();
+}

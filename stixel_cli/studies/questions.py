@@ -1,0 +1,207 @@
+"""The questions of a study: read from its file, and asked of the runs of its sweeps."""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import pandas as pd
+
+from stixel_cli.answers.answer import Answer, combined
+from stixel_cli.answers.render import Cells, overview
+from stixel_cli.answers.runs import Runs
+from stixel_cli.config import messages
+from stixel_cli.errors import ConfigurationError, UserError
+from stixel_cli.evaluation.metric_table import METRICS as KNOWN
+from stixel_cli.report.metrics import capital
+from stixel_cli.results.reader import listed
+from stixel_cli.sweeps.file import refuse_unknown
+
+ENTRIES = (
+    *("heading", "note", "sweeps", "where", "by", "compare", "within", "over", "metrics"),
+    *("better", "reference"),
+)
+METRICS = ("iou_box_mean", "iou_mean", "centre_rmse_m", "orientation_rmse_deg", "track_lost")
+"""What a question is about by default, the main metric first."""
+PLACE = re.compile(r"\{([A-Za-z_][A-Za-z0-9_]*)\}")
+"""A question's name in a study's text."""
+DIRECTIONS = ("more", "less", "one")
+"""Values of `better`."""
+
+
+@dataclass(frozen=True)
+class StudyQuestion:
+    """A question of a study's file.
+
+    Attributes:
+        heading, note: of its section.
+        sweeps: whose runs are asked.
+        where: column to the values, as texts, that the runs have there.
+        by: columns; there is an answer for each combination of their values.
+        compare, within, over, better, reference: as in `answers.runs.Runs.question`.
+        metrics: the main one first.
+    """
+
+    name: str
+    heading: str
+    note: str
+    sweeps: tuple[str, ...]
+    where: Mapping[str, tuple[str, ...]]
+    by: tuple[str, ...]
+    compare: tuple[str, ...]
+    within: tuple[str, ...] | None
+    over: tuple[str, ...] | None
+    metrics: tuple[str, ...]
+    better: str | None
+    reference: str | None
+
+
+@dataclass(frozen=True)
+class Section:
+    """The answers of a question: the label of each group of runs ("" for one), and an answer for
+    each metric that the group has."""
+
+    question: StudyQuestion
+    groups: tuple[tuple[str, tuple[Answer, ...]], ...]
+
+    @property
+    def brief(self) -> str:
+        """What the main metric's answers say, in a few words for each group."""
+        answers = [(label, own[0]) for label, own in self.groups]
+        parts = [f"{label}: {one.brief}" if label else one.brief for label, one in answers]
+        text = capital("; ".join(parts) or "no run has a value")
+        lacking = listed([*dict.fromkeys(one.lacking for _, one in answers if one.lacking)])
+        return f"{text} ({lacking})" if lacking else text
+
+    @property
+    def cells(self) -> Cells:
+        """One table of all groups."""
+        return joined(
+            " ".join(self.question.by), [(label, overview(own)) for label, own in self.groups]
+        )
+
+
+def study_question(name: Any, entries: Any, sweeps: Sequence[str]) -> StudyQuestion:
+    """A question of a file; ConfigurationError in one line that names it and the entry."""
+    where = f"questions: {messages.printable(str(name))}"
+    if not isinstance(name, str) or not name.isidentifier():
+        raise ConfigurationError(f"{where}: a name of letters, digits and _ is needed")
+    if not isinstance(entries, dict):
+        raise ConfigurationError(f"{where}: must have entries, as KEY: VALUE")
+    try:
+        refuse_unknown(entries, ENTRIES)
+    except ConfigurationError as fault:
+        raise ConfigurationError(f"{where}: {fault}") from None
+
+    def texts(entry: str, default: Sequence[str] | None) -> tuple[str, ...] | None:
+        given = entries.get(entry, default)
+        given = [given] if isinstance(given, str) else given
+        if given is not None and not (
+            isinstance(given, list | tuple) and all(isinstance(one, str) for one in given)
+        ):
+            raise ConfigurationError(f"{where}: {entry}: must be a text, or a list of texts")
+        return None if given is None else tuple(given)
+
+    chosen = entries.get("where") or {}
+    if not isinstance(chosen, dict):
+        raise ConfigurationError(f"{where}: where: must map columns to values")
+    named = texts("sweeps", sweeps)
+    for one in (one for one in named if one not in sweeps):
+        raise ConfigurationError(f"{where}: sweeps: there is no sweep {messages.printable(one)}")
+    reference, better = entries.get("reference"), entries.get("better")
+    if better not in (None, *DIRECTIONS):
+        raise ConfigurationError(f"{where}: better: must be one of {', '.join(DIRECTIONS)}")
+    return StudyQuestion(
+        name=name,
+        heading=str(entries.get("heading", name.replace("_", " ").capitalize())),
+        note=" ".join(str(entries.get("note", "")).split()),
+        sweeps=named,
+        where={
+            str(key): tuple(map(str, values if isinstance(values, list) else [values]))
+            for key, values in chosen.items()
+        },
+        by=texts("by", ()),
+        compare=texts("compare", ("tracker",)),
+        within=texts("within", None),
+        over=texts("over", None),
+        metrics=texts("metrics", METRICS),
+        better=better,
+        reference=None if reference is None else str(reference),
+    )
+
+
+def asked(question: StudyQuestion, frames: Mapping[str, Runs]) -> Section:
+    """The answers of a question; a group without a run, and a metric without a value, has none.
+
+    Raises:
+        UserError: in one line that names the question: for a name that is no column of the runs,
+            and as of `Runs.ask`.
+    """
+    parts = {name: frames[name] for name in question.sweeps}
+    axes = tuple(dict.fromkeys(axis for part in parts.values() for axis in part.axes))
+    whole = pd.concat(
+        [part.frame.assign(sweep=name) for name, part in parts.items()], ignore_index=True
+    )
+    _check_columns(question, whole)
+    for column, values in question.where.items():
+        whole = whole[whole[column].astype(str).isin(values)]
+    axes = tuple(axis for axis in axes if axis not in question.by)
+    by = list(question.by)
+    groups = whole.groupby(by, sort=False, observed=True) if by else [((), whole)]
+    found = []
+    for key, own in groups:
+        runs = Runs(own, tuple(axis for axis in axes if own[axis].notna().any()))
+        label = " ".join(map(str, key)).replace("_", " ")
+        metrics = [name for name in question.metrics if name in runs.metrics]
+        try:
+            answers = tuple(runs.ask(metric=name, **_parts(question, runs)) for name in metrics)
+        except UserError as fault:
+            raise UserError(f"questions: {question.name}: {fault}") from None
+        if answers:
+            found.append((label, answers))
+    return Section(question, tuple(found))
+
+
+def _check_columns(question: StudyQuestion, whole: pd.DataFrame) -> None:
+    entries = {
+        "where": question.where,
+        "by": question.by,
+        "compare": question.compare,
+        "within": question.within or (),
+        "over": question.over or (),
+        "metrics": [name for name in question.metrics if name not in KNOWN],
+    }
+    for entry, names in entries.items():
+        unknown = next((name for name in names if name not in whole), None)
+        if unknown is not None:
+            hint = messages.suggestion(unknown, [*whole])
+            raise UserError(
+                f"questions: {question.name}: {entry}: {messages.printable(unknown)}: "
+                f"no such column of the runs{hint}"
+            )
+
+
+def _parts(question: StudyQuestion, runs: Runs) -> dict[str, Any]:
+    """The parts of a question that a group of runs can answer; it may lack the reference."""
+    parts = {"compare": question.compare, "better": question.better}
+    if question.reference in set(combined(runs.frame, question.compare)):
+        parts["reference"] = question.reference
+    given = {"within": question.within, "over": question.over}
+    return parts | {name: columns for name, columns in given.items() if columns is not None}
+
+
+def joined(heading: str, tables: Sequence[tuple[str, Cells]]) -> Cells:
+    """One table of several, each with its label in a first column; columns by their headers."""
+    header = list(dict.fromkeys(name for _, cells in tables for name in cells.header))
+    rows, best = [], []
+    for label, cells in tables:
+        for row, marks in zip(cells.rows, cells.best, strict=True):
+            texts = dict(zip(cells.header, row, strict=True))
+            marked = dict(zip(cells.header, marks, strict=True))
+            rows.append((label, *(texts.get(name, "–") for name in header)))
+            best.append((False, *(marked.get(name, False) for name in header)))
+    numbers = tuple(range(2, len(header) + 1))
+    if not heading:
+        rows, best = [row[1:] for row in rows], [marks[1:] for marks in best]
+        return Cells(tuple(header), tuple(rows), tuple(best), tuple(range(1, len(header))))
+    return Cells((heading.replace("_", " "), *header), tuple(rows), tuple(best), numbers)

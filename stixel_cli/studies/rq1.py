@@ -1,0 +1,111 @@
+"""`stixel study rq1`: the errors of each stage, one row for each run and class of range."""
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+import pandas as pd
+
+from stixel_cli.answers.runs import Runs
+from stixel_cli.results.result import RunResult
+from stixel_cli.studies.data import StudyData
+from stixel_cli.studies.report import Material, rows_of
+from stixel_cli.validation.stage_tables import stage_tables
+
+SW_DEPTH, SW_STD = 28.0, 0.1
+"""Badino, Franke, Pfeiffer 2009 state an uncertainty below 0.1 m at 28 m."""
+RANGES = ((5.0, 10.0), (10.0, 20.0), (20.0, 30.0), (25.0, 31.0), (30.0, 40.0), (40.0, 50.0))
+"""Classes of the range, m: of a stixel its own true depth, else the target's. The class 25 to 31 m
+is that in which The Stixel World is compared."""
+INSIDE = 0
+"""Zone of the pixels inside the target, see `stage_errors.ZONES`."""
+
+Tables = Mapping[str, pd.DataFrame]
+
+
+def columns(name: str, runs: Runs, results: Sequence[RunResult]) -> Runs:
+    """The errors of the stages instead of the tracker's scores: a row for each class of range."""
+    if not all("stage_errors" in run.planned.graph.stages for run in results):
+        return runs
+    return rows_of(runs, [_rows(run) for run in results], ("range",))
+
+
+def material(data: StudyData) -> Material:
+    """What 0.1 m at 28 m asks of each rig: the standard deviation of its disparity."""
+    rows = {}
+    for run in (run for sweep in data.sweeps.values() for run in sweep.runs):
+        rig = run.configuration.rig
+        # f B σ_z / z².
+        needed = rig.focal * rig.baseline * SW_STD / SW_DEPTH**2
+        rows[rig.width, rig.height, float(rig.focal), float(rig.baseline)] = needed
+    table = pd.DataFrame(
+        [
+            {
+                "image (px)": f"{w} × {h}",
+                "f (px)": f,
+                "B (m)": b,
+                "needed σ of the disparity (px)": needed,
+            }
+            for (w, h, f, b), needed in rows.items()
+        ]
+    )
+    return Material(tables={f"What {SW_STD:g} m at {SW_DEPTH:g} m needs": table})
+
+
+def _rows(run: RunResult) -> list[dict[str, object]]:
+    tables: dict[str, list[pd.DataFrame]] = {}
+    for record in run.load("stage_errors"):
+        made = stage_tables(record, run.configuration.rig, "target")
+        for name, table in made.items():
+            frame = pd.DataFrame(table)
+            if "depth" not in frame:
+                frame["depth"] = record.target_depth[frame["frame"]]
+            tables.setdefault(name, []).append(frame)
+    whole = {name: pd.concat(own, ignore_index=True) for name, own in tables.items()}
+    found = []
+    for low, high in RANGES:
+        own = {n: t[t["depth"].between(low, high, inclusive="left")] for n, t in whole.items()}
+        found.append({"range": f"{low:g}–{high:g} m", **stage_metrics(own)})
+    return found
+
+
+def stage_metrics(tables: Tables) -> dict[str, float]:
+    """Metrics of the stages from tables as of `stage_tables`; NaN where nothing is measured.
+
+    Errors are found minus true. Gross errors have their own share, and are in no other metric.
+    """
+    every, frames = tables["every_stixel"], tables["frames"]
+    stixels = every[every["gross"] == 0.0]
+    pixels = tables["pixels"][tables["pixels"]["zone"] == INSIDE]
+    target, columns = frames[frames["columns"] > 0], tables["columns"]
+    path = columns[(columns["step"] == "path") & columns["of_target"]]
+    return {
+        "depth_bias_m": _mean(stixels["error"]),
+        "depth_rms_m": _rms(stixels["error"]),
+        "own_pixels_rms_m": _rms(stixels["square"]),
+        "stixel_disparity_rms_px": _rms(stixels["disparity"]),
+        "stixel_gross_share": _mean(every["gross"]),
+        "squared_error_over_variance": _mean(stixels["ratio²"]),
+        "height_bias_m": _mean(stixels["height"]),
+        "lateral_rms_m": _rms(stixels["lateral"]),
+        "columns_without_stixel_share": _share(target["uncovered"], target["columns"]),
+        "missed_columns_share": _mean(path["missed"]),
+        "pixel_density_share": _share(pixels["valid"], pixels["pixels"]),
+        "pixel_gross_share": _share(pixels["gross"], pixels["valid"]),
+        "pixel_bias_px": _share(pixels["total"], pixels["fine"]),
+        "pixel_rms_px": float(np.sqrt(_share(pixels["squares"], pixels["fine"]))),
+    }
+
+
+def _mean(values: pd.Series, of: Callable = np.asarray) -> float:
+    known = of(values.to_numpy(float))
+    known = known[np.isfinite(known)]
+    return float(known.mean()) if len(known) else float("nan")
+
+
+def _rms(values: pd.Series) -> float:
+    return float(np.sqrt(_mean(values, np.square)))
+
+
+def _share(part: pd.Series, whole: pd.Series) -> float:
+    total = float(whole.sum())
+    return float(part.sum()) / total if total else float("nan")

@@ -1,1 +1,0 @@
-"""RQ1: are these stixels like those of The Stixel World?"""

@@ -1,1 +1,0 @@
-"""RQ2: how accurate is the tracker on stixels, compared with lidar?"""

@@ -1,1 +1,0 @@
-"""RQ3: how do simulated and fabricated measurements differ?"""

@@ -1,0 +1,62 @@
+"""An answer as tables and figures."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from test_answer import CENTRE, IOU, of_values
+
+from stixel_cli.answers import figures, render
+from stixel_cli.pictures import style
+
+
+@pytest.fixture(scope="module")
+def answers():
+    values = {
+        "contour": {"turn": [0.91, 0.92, 0.9, 0.93]},
+        "gp_ekf": {"turn": [0.81, 0.8, 0.82, 0.8]},
+        "my_100%": {"turn": [0.5, None, 0.52, 0.51]},
+    }
+    runs = of_values(values)
+    frame = runs.frame.assign(**{CENTRE: 1.0 - runs.frame[IOU]})
+    return [type(runs)(frame, runs.axes).ask(metric=name) for name in (IOU, CENTRE)]
+
+
+def test_the_overview_has_the_best_first_and_counts_failures(answers):
+    cells = render.overview(answers)
+    assert cells.header[:3] == ("tracker", "runs", "failed")
+    assert [row[:3] for row in cells.rows] == [
+        ("contour", "4", "0"), ("gp_ekf", "4", "0"), ("my_100%", "4", "1"),
+    ]  # fmt: skip
+    # Three units are left: no interval, no best.
+    assert not any(map(any, cells.best)) and "[" not in cells.rows[0][3]
+
+
+def test_a_table_for_a_paper(answers):
+    shown = [
+        of_values(
+            {"a_1": {"turn": [0.9, 0.91, 0.92, 0.9]}, "b": {"turn": [0.5, 0.5, 0.52, 0.5]}}
+        ).ask()
+    ]
+    text = render.latex(shown, "A & B", "tab:one")
+    assert r"\toprule" in text and r"\textbf{0.907" in text and r"a\_1" in text
+    assert "\u2212" not in text and r"\label{tab:one}" in text
+    assert r"my\_100\%" in render.latex(answers)
+    markdown = render.markdown(shown)
+    assert "| **0.907" in markdown and shown[0].sentence in markdown
+    table = pd.read_csv(__import__("io").StringIO(render.csv(shown)))
+    assert list(table["tracker"]) == ["a_1", "b"] and table["mean"][0] == pytest.approx(0.9075)
+    assert render.records(shown)[0]["minus"] is None
+
+
+def test_figures_repeat_to_the_byte(answers):
+    for write in (style.svg, style.png, figures.pdf):
+        assert figures.differences(answers[0], write) == figures.differences(answers[0], write)
+    assert figures.over_axis(answers[0]) is None
+
+
+def test_a_figure_over_an_axis_of_numbers():
+    values = {str(v): {"turn": [v, 2 * v, v], "hard": [v, v, v]} for v in (0.1, 0.2, 0.4)}
+    assert figures.over_axis(of_values(values).ask()).startswith(b"<?xml")
+    values = {name: {"turn": [0.1, 0.2]} for name in ("0.1", "x", "0.2")}
+    assert figures.over_axis(of_values(values).ask()) is None
+    assert np.isfinite(of_values(values).ask().table["mean"]).all()

@@ -1,0 +1,196 @@
+"""What the studies' own modules compute, of small inputs made by hand."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from stixel_cli.answers.runs import Runs
+from stixel_cli.config.compose import compose
+from stixel_cli.geometry.rig import Rig
+from stixel_cli.studies import motions, robustness, rq1, rq3
+from stixel_cli.studies.data import StudyData
+from stixel_cli.validation.point_errors import PointErrors
+
+
+def frame(**columns):
+    """Runs whose axes are the columns."""
+    return Runs(pd.DataFrame(columns).assign(status="done"), tuple(columns))
+
+
+def test_metrics_of_the_stages_of_rq1():
+    nan = np.nan
+    stixels = {
+        "gross": [0.0, 0.0, 1.0], "error": [0.3, -0.1, 9.0], "square": [0.1, nan, 9.0],
+        "disparity": [0.6, 0.8, 5.0], "ratio²": [1.0, 3.0, 9.0], "height": [0.1, 0.3, 9.0],
+        "lateral": [0.0, 0.2, 9.0],
+    }  # fmt: skip
+    tables = {
+        "every_stixel": pd.DataFrame(stixels),
+        "frames": pd.DataFrame({"columns": [10, 0, 30], "uncovered": [1, 0, 3]}),
+        "pixels": pd.DataFrame(
+            {"zone": [0, 1], "valid": [80, 1], "pixels": [100, 1], "gross": [20, 1], "total": 30.0,
+             "fine": [60, 1], "squares": [15.0, 1.0]}
+        ),
+        "columns": pd.DataFrame(
+            {"step": ["path", "path", "path", "grid"], "of_target": [True, True, False, True],
+             "missed": [1.0, 0.0, 1.0, 1.0]}
+        ),
+    }  # fmt: skip
+    found = rq1.stage_metrics(tables)
+    assert found == pytest.approx(
+        {
+            "depth_bias_m": 0.1,
+            "depth_rms_m": np.sqrt(0.05),
+            "own_pixels_rms_m": 0.1,
+            "stixel_disparity_rms_px": np.sqrt(0.5),
+            "stixel_gross_share": 1 / 3,
+            "squared_error_over_variance": 2.0,
+            "height_bias_m": 0.2,
+            "lateral_rms_m": np.sqrt(0.02),
+            "columns_without_stixel_share": 0.1,
+            "missed_columns_share": 0.5,
+            "pixel_density_share": 0.8,
+            "pixel_gross_share": 0.25,
+            "pixel_bias_px": 0.5,
+            "pixel_rms_px": 0.5,
+        }
+    )
+    nothing = rq1.stage_metrics({name: table[:0] for name, table in tables.items()})
+    assert np.isnan([*nothing.values()]).all()
+
+
+def test_the_required_disparity_depends_on_the_rig():
+    rig = Rig(640, 480, 60.0, None, None, None, 0.3, 1.2, 0.0, None)
+    runs = [SimpleNamespace(configuration=SimpleNamespace(rig=rig))] * 2
+    data = StudyData("rq1", "", "", {"rigs": SimpleNamespace(runs=runs)})
+    (table,) = rq1.material(data).tables.values()
+    (row,) = table.to_dict("records")
+    needed = row["needed σ of the disparity (px)"]
+    assert needed == pytest.approx(0.0212, abs=1e-4) and row["image (px)"] == "640 × 480"
+    disparity = rig.disparity_from_depth(28.0)
+    assert rig.depth_from_disparity(disparity - needed) - 28.0 == pytest.approx(0.1, rel=0.01)
+
+
+def test_sweeps_without_errors_of_stages_keep_their_scores():
+    run = SimpleNamespace(planned=SimpleNamespace(graph=SimpleNamespace(stages={"scores": ()})))
+    runs = frame(seed=["0"])
+    assert rq1.columns("widths", runs, [run]) is runs
+
+
+def errors_of(bias, count=400, scans=4):
+    """Points 10 m away whose ranges are `bias` off, with noise of 0.1 px."""
+    rng = np.random.default_rng(int(100 * bias))
+    scan = np.repeat(np.arange(scans), count // scans)
+    disparities = rng.normal(0.0, 0.1, count)
+    columns = np.tile(np.arange(count // scans, dtype=float), scans)
+    return PointErrors(
+        times=0.1 * np.arange(scans),
+        spacing=1.0,
+        scans=scan,
+        columns=columns,
+        true_ranges=np.full(count, 10.0),
+        along=bias - 0.4 * disparities,
+        disparities=disparities,
+        range_sensitivities=np.full(count, -0.4),
+        inside=np.minimum(columns, columns[::-1]) + 1.0,
+        column_scans=scan,
+        covered=np.ones(count, bool),
+        reach_left=np.zeros(scans),
+        reach_right=np.zeros(scans),
+        columns_per_metre=np.full(scans, 40.0),
+        clutter=np.array([0, 1, 0, 1]),
+    )
+
+
+def test_noise_is_fitted_to_the_other_paths_of_a_road_user():
+    errors = {
+        ("car", "turn"): [errors_of(0.1)],
+        ("car", "crossing"): [errors_of(0.5)],
+        ("bus", "turn"): [errors_of(0.9)],
+    }
+    noises = rq3.held_out_noises(errors)
+    bias = {key: noise.range_bias for key, noise in noises.items()}
+    # One path alone is fitted to itself.
+    expected = {("car", "turn"): 0.5, ("car", "crossing"): 0.1, ("bus", "turn"): 0.9}
+    assert bias == pytest.approx(expected, abs=0.05)
+
+
+def test_runs_of_rq3_have_the_statistics_of_their_points():
+    loaded = []
+
+    def run(bias):
+        configuration = SimpleNamespace(rig=SimpleNamespace(focal=400.0))
+        return SimpleNamespace(
+            load=lambda stage: loaded.append(stage) or errors_of(bias), configuration=configuration
+        )
+
+    runs = frame(
+        road_user=["car"] * 3, path=["turn"] * 3, tracker=["a", "b", "a"], seed=["0", "0", "1"]
+    )
+    found = rq3.columns("simulated", runs, [run(0.1), run(0.1), run(0.3)])
+    # Trackers share the points, which are read once.
+    assert loaded == ["point_errors"] * 2
+    bias = found.frame["bias_along_the_ray_m"]
+    assert bias[0] == bias[1] and list(bias) == pytest.approx([0.1, 0.1, 0.3], abs=0.02)
+    assert list(found.frame["points_per_scan"]) == [100.0] * 3
+    assert list(found.frame["clutter_points_per_scan"]) == [0.5] * 3
+    assert found.axes == runs.axes
+
+
+@pytest.mark.parametrize(
+    ("column", "key", "value", "text"),
+    [
+        ("shape", "road_user.mesh", "/x/shapes/car/l_shape.obj", "l shape, car"),
+        ("gap", "measurement.dropout", "[1.5,3.5]", "2 s"),
+        ("error", "sensor.disparity_error", "-0.3", "-0.3 px"),
+        ("target", "source.target", "31", "31"),
+        ("recording", "measurement.path", "/x/pedestrian-b/scans.csv", "pedestrian-b"),
+        ("scans", "measurement.path", "/x/default-00/scans.csv", "default"),
+    ],
+)
+def test_columns_of_robustness_stand_for_their_keys(column, key, value, text, monkeypatch):
+    monkeypatch.setattr(robustness, "_found_again", lambda run: 1.0)
+    runs = frame(tracker=["box"], **{key: [value]}, seed=["0"])
+    found = robustness.columns("any", runs, [None])
+    assert found.frame[column][0] == text and column in found.axes and key not in found.axes
+    assert ("found_again" in found.metrics) == (column == "gap")
+
+
+def test_a_target_is_found_again_one_second_after_a_gap():
+    configuration = compose(["measurement=stixels", "measurement.dropout=[0.5,1.0]"]).configuration
+    times = 7.0 + 0.5 * np.arange(6)
+    overlaps = np.array([0.9, 0.9, 0.1, 0.1, 0.4, 0.1])
+    run = SimpleNamespace(
+        configuration=configuration, scores=SimpleNamespace(times=times, iou_box=overlaps)
+    )
+    assert robustness._found_again(run) == 1.0
+    overlaps[4] = 0.39
+    assert robustness._found_again(run) == 0.0
+
+
+def test_a_real_track_is_a_motion_and_a_hand_made_path_is_one():
+    def run(**path):
+        return SimpleNamespace(configuration=SimpleNamespace(path=SimpleNamespace(**path)))
+
+    results = [
+        run(sequence="0001", folder="/x/kitti", target=3),
+        run(sequence=None, folder="/x/7fab2350-7eaf", target="022c398c-d1d2"),
+    ]
+    runs = frame(path=["recorded"] * 2, **{"path.target": ["3", "0"]}, seed=["0", "1"])
+    found = motions.columns("real", runs, results)
+    assert list(found.frame["motion"]) == ["0001/3", "7fab2350/022c398c"]
+    assert found.axes == ("motion",)
+    runs = frame(path=["turn", "circle"], seed=["0", "0"])
+    found = motions.columns("hand_made", runs, [run(), run()])
+    assert list(found.frame["motion"]) == ["turn", "circle"] and found.axes == ("seed", "motion")
+
+
+def test_few_tracks_of_each_class_are_spread_evenly(monkeypatch):
+    track = motions.RealTrack(None, "0", 0, "Car", range(30))
+    tracks = [replace(track, target=k, kind="Van" if k % 2 else "Car") for k in range(7)]
+    tracks.append(replace(track, target=7, kind="Pedestrian"))
+    monkeypatch.setattr(motions, "MOST_SIMULATED", 3)
+    assert [one.target for one in motions.simulated_subset(tracks)] == [0, 2, 4, 7]

@@ -1,0 +1,171 @@
+"""The shipped studies: every question can be asked of the runs that its sweeps will have."""
+
+import itertools
+import runpy
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from stixel_cli.answers.runs import Runs
+from stixel_cli.config.compose import compose
+from stixel_cli.config.folders import shipped_folder
+from stixel_cli.config.texts import override_text, split_override
+from stixel_cli.evaluation.metric_table import METRICS as KNOWN
+from stixel_cli.scene.mesh_file import load_mesh
+from stixel_cli.studies import robustness, rq1, rq3
+from stixel_cli.studies.file import find_study, read_study, shipped_studies
+from stixel_cli.studies.questions import METRICS, asked
+from stixel_cli.studies.report import GROUPS, rows_of, with_columns
+
+MESHES = sorted((shipped_folder("pipelines") / "studies" / "meshes").glob("*/*.obj"))
+TABLES = "/data/{}/scans.csv"
+DATA = {
+    "pandaset": {
+        "road_user": ["car"] * 2,
+        "measurement.path": [TABLES.format("car-a"), TABLES.format("car-b")],
+    },
+    "lidarrm": {"measurement.path": [TABLES.format("default-0"), TABLES.format("default-1")]},
+    "clip": {"source.target": [31, 0, 1]},
+    "every_track": {"path.target": [3, 8], "seed": [0, 1]},
+    "some_tracks": {"path.target": [3, 8], "seed": [0, 1]},
+    "fitted_noise": {
+        "road_user": ["car"] * 3, "path": ["turn", "crossing", "approach"],
+        "measurement.noise.range_bias": [0.1, 0.2, 0.3],
+    },
+}  # fmt: skip
+"""Axes that depend on the user's data, or on results."""
+
+
+def runs_of(study, sweep):
+    """The frame of a sweep's runs, with two seeds and random metrics, without computing one."""
+    name = sweep.derive or sweep.axes_of
+    further = [DATA[name]] if name in DATA else study.further_axes(sweep.axes_of)
+    design = sweep.design(further)
+    fixed = dict(split_override(one.text) for one in design.fixed)
+    rows = []
+    for steps in itertools.product(*(axis.steps for axis in design.axes)):
+        setting = dict(split_override(one.text) for step in steps for one in step)
+        if "seed" in fixed or int(setting.get("seed", 0)) % 1000 < 2:
+            groups = {group: (fixed | setting).get(group, f"the {group}") for group in GROUPS}
+            rows.append({**setting, **groups, "variant": sweep.variant_of(setting)})
+    frame = pd.DataFrame(rows)
+    axes = [key for axis in design.axes for key in axis.keys]
+    if sweep.variants:
+        axes = [axis for axis in axes if axis in GROUPS or axis.endswith("seed")]
+    frame = frame[list(dict.fromkeys([*axes, *GROUPS, "variant"]))].assign(status="done")
+    rng = np.random.default_rng(0)
+    values = {one: rng.uniform(size=len(frame)) for one in (*METRICS, "nees_position_mean")}
+    return Runs(frame.assign(**values), (*axes, *(["variant"] if sweep.variants else [])))
+
+
+def with_module(study, sweep, runs):
+    """The runs with the columns of the study's module, as far as they need no results."""
+    if study.module is robustness:
+        return robustness.columns(sweep.name, runs, [None] * len(runs))
+    if study.name == "motions":
+        axes = [axis for axis in runs.axes if not axis.startswith("path")]
+        axes = [axis for axis in axes if axis != "seed" or sweep.name == "hand_made"]
+        motion = runs.frame["path"] + runs.frame.get("path.target", pd.Series("", runs.frame.index))
+        return with_columns(Runs(runs.frame, tuple(axes)), motion=motion)
+    if study.module is rq1 and "stage_errors" in sweep.steps:
+        metrics = rq1.stage_metrics(EMPTY)
+        each = [{"range": f"{a:g}–{b:g} m", **dict.fromkeys(metrics, 0.5)} for a, b in rq1.RANGES]
+        return rows_of(runs, [each] * len(runs), ("range",))
+    if study.module is rq3:
+        axes = tuple(axis for axis in runs.axes if not axis.startswith("measurement"))
+        return with_columns(Runs(runs.frame, axes), **dict.fromkeys(rq3.POINTS.values(), 0.5))
+    return runs
+
+
+def columns_of(*names):
+    return pd.DataFrame({name: np.zeros(0) for name in names})
+
+
+EMPTY = {
+    "every_stixel": columns_of(
+        "gross", "error", "square", "disparity", "ratio²", "height", "lateral"
+    ),
+    "frames": columns_of("columns", "uncovered"),
+    "pixels": columns_of("zone", "valid", "pixels", "gross", "total", "fine", "squares"),
+    "columns": columns_of("step", "of_target", "missed").astype({"of_target": bool}),
+}
+
+
+@pytest.mark.parametrize("name", shipped_studies())
+def test_every_question_compares_options_that_are_balanced(name, monkeypatch):
+    monkeypatch.setattr(robustness, "_found_again", lambda run: 1.0)
+    study = read_study(find_study(name))
+    frames = {
+        sweep.name: with_module(study, sweep, runs_of(study, sweep)) for sweep in study.sweeps
+    }
+    asked_of = set()
+    for question in study.questions:
+        columns = {column for sweep in question.sweeps for column in frames[sweep].frame}
+        assert {*question.metrics} <= {*KNOWN, *columns}
+        section = asked(replace(question, metrics=question.metrics[:1]), frames)
+        assert section.groups, question.name
+        for label, answers in section.groups:
+            assert answers[0].values.shape[1] > 1, (question.name, label)
+            assert answers[0].units > 0 and not answers[0].left_out, (question.name, label)
+        if question.reference is not None:
+            assert all(own[0].question.reference for _, own in section.groups), question.name
+        asked_of |= set(question.sweeps)
+    unasked = {sweep.name for sweep in study.sweeps} - asked_of
+    assert unasked <= {"training", "gallery", "pictures"}
+
+
+@pytest.mark.parametrize("name", ["ablation", "ablation_lidar"])
+def test_each_variant_of_the_ablation_switches_one_term_off(name):
+    (sweep,) = [one for one in read_study(find_study("accuracy")).sweeps if one.name == name]
+    (axis,) = [axis for axis in sweep.design().axes if len(axis.keys) > 1]
+    steps = [tuple(one.text for one in step) for step in axis.steps]
+    texts = [
+        tuple(override_text(key, value) for key, value in own.items())
+        for own in sweep.variants.values()
+    ]
+    assert texts == steps
+    whole, *others = map(set, texts)
+    changed = [tuple(text.partition("=")[0] for text in own - whole) for own in others]
+    assert len(changed) == len(set(changed)) == 8
+    assert {key for keys in changed for key in keys} == set(axis.keys)
+    # The first is the tracker as it is.
+    plain = ["tracker=contour", "road_user=cyclist", "measurement=lidar_64"]
+    assert compose([*plain, *steps[0]]).configuration == compose(plain).configuration
+
+
+def test_each_sweep_of_rq1_changes_one_setting():
+    sweeps = {sweep.name: sweep for sweep in read_study(find_study("rq1")).sweeps}
+    approach = sweeps["ranges"].content["fixed"]
+    del sweeps["widths"]
+    for sweep in sweeps.values():
+        fixed = dict(sweep.content["fixed"])
+        fixed.pop("pictures.frames", None)
+        assert fixed == approach, sweep.name
+        own = [key for key in sweep.content["axes"] if key != "road_user"]
+        assert len(own) + len(sweep.content.get("zipped") or []) <= 1, sweep.name
+    frames = round(approach["path.duration"] / approach["path.sample_time"])
+    last = approach["path.start"][1] - (frames - 1) * approach["path.sample_time"] * 5.0
+    assert approach["path.start"][1] > 50.0 and last <= 5.3
+
+
+def test_shipped_presets_name_their_origin():
+    for user in ("car", "cyclist", "pedestrian"):
+        path = shipped_folder("conf") / "measurement" / "noise" / f"fitted_{user}.yaml"
+        text = path.read_text("utf-8")
+        assert "stixel study rq3" in text and user in text.splitlines()[1]
+
+
+def test_the_held_out_meshes_are_those_that_the_script_makes(tmp_path, monkeypatch):
+    script = runpy.run_path(str(MESHES[0].parents[4] / "docs" / "held_out_meshes.py"))
+    monkeypatch.setitem(script["main"].__globals__, "FOLDER", tmp_path)
+    script["main"]()
+    made = {str(f.relative_to(tmp_path)): f.read_bytes() for f in tmp_path.glob("*/*/*.obj")}
+    assert {file.parent.name for file in MESHES} == {"car", "cyclist", "pedestrian"}
+    shapes = sorted((shipped_folder("pipelines") / "studies" / "shapes").glob("*/*.obj"))
+    files = [*MESHES, *shapes]
+    root = MESHES[0].parents[2]
+    assert made == {str(file.relative_to(root)): file.read_bytes() for file in files}
+    for file in files:
+        assert len(load_mesh(str(file), 0.6).parts) >= 1
