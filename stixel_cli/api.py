@@ -179,8 +179,7 @@ def track(scans: Scans, prior: str = "car", *, tracker: str = "contour", **setti
         >>> track(result.scans, "car").to_frame()[["length", "width"]].iloc[-1].round().tolist()
         [4.0, 2.0]
     """
-    from importlib import import_module
-
+    from stixel_cli.border import TYPED, imported
     from stixel_cli.tracking.start_scans import start_from_scans
 
     chosen = {"prior": prior, "tracker": tracker, "start": "scans"} | settings
@@ -189,7 +188,8 @@ def track(scans: Scans, prior: str = "car", *, tracker: str = "contour", **setti
     configuration = compose(chosen, last_wins=True).configuration
     initial = start_from_scans(scans, configuration.start, configuration.prior)
     module = type(configuration.tracker).__module__.removesuffix("_parameters")
-    return import_module(module).track(scans, initial, configuration.prior, configuration.tracker)
+    track_of = imported(module, TYPED).track
+    return track_of(scans, initial, configuration.prior, configuration.tracker)
 
 
 def load(folder: Path | str) -> "RunResult | Runs":
