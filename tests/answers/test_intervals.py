@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 from scipy.stats import t as student
 from scipy.stats import ttest_1samp
+
 from stixel_cli.evaluation.intervals import between_bounds, mean_interval, share_interval
 
 
