@@ -25,9 +25,9 @@ if TYPE_CHECKING:
 
 RULES = (
     (
-        "run code: import a module, fill a template",
-        "`tracker`, `measurement`, `metrics`, `code_folders`; `module`, `template` of a study",
-        "only with `--trust-code`; a study may use code and templates of shipped ones",
+        "run code: import a module",
+        "`tracker`, `measurement`, `metrics`, `code_folders`; `module` of a study",
+        "only with `--trust-code`; a study may use code of shipped ones",
     ),
     (
         "unpickle results, or connect to a scheduler, which sends pickles",
