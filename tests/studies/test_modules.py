@@ -179,10 +179,11 @@ def test_a_real_track_is_a_motion_and_a_hand_made_path_is_one():
         run(sequence="0001", folder="/x/kitti", target=3),
         run(sequence=None, folder="/x/7fab2350-7eaf", target="022c398c-d1d2"),
     ]
-    runs = frame(path=["recorded"] * 2, **{"path.target": ["3", "0"]}, seed=["0", "1"])
+    settings = {"path": ["recorded"] * 2, "path.target": ["3", "0"], "tracker": ["point"] * 2}
+    runs = frame(**settings, seed=["0", "1"])
     found = motions.columns("real", runs, results)
     assert list(found.frame["motion"]) == ["0001/3", "7fab2350/022c398c"]
-    assert found.axes == ("motion",)
+    assert found.axes == ("tracker", "motion")
     runs = frame(path=["turn", "circle"], seed=["0", "0"])
     found = motions.columns("hand_made", runs, [run(), run()])
     assert list(found.frame["motion"]) == ["turn", "circle"] and found.axes == ("seed", "motion")
