@@ -46,9 +46,10 @@ def test_trials_depend_on_no_worker_and_an_interrupted_tuning_continues(
     assert len(table.splitlines()) == 1 + 1 + 6
     # A standard deviation of 1 mm is clearly worse after four seeds.
     assert ",stopped," in table and ",on the front," in table
-    gains = {row["objective"].split(",")[0]: row for row in one["gain"]}
-    assert [row["n"] for row in gains.values()] == [5, 5]
-    assert all(row["low tuned minus default"] is not None for row in gains.values())
+    gains = [row for row in one["gain"] if row["trial"] == one["trial"]]
+    assert [row["metric"] for row in gains] == ["iou_mean", "nees_position_mean"]
+    assert [row["units"] for row in gains] == [5, 5] and len(one["gain"]) == 4
+    assert all(row["minus_low"] is not None for row in gains)
     page = Path("results/one/index.html").read_text()
     assert page.count("History") >= 2 and "Front" in page and "Importance" in page
 
