@@ -197,7 +197,7 @@ def _spelled(node):
 # The stages of a recording are wired only with its folder: see tests/recordings.
 OF_RECORDINGS = {name for name in STAGES if STAGES[name].recorded}
 OF_RECORDINGS |= {"objects", "find_tracks", "track_each", "label_scores"}
-OF_RECORDINGS |= {"moving_pictures"}
+OF_RECORDINGS |= {"moving_pictures", "track_points", "calibrated_rig", "rig_pictures"}
 
 
 @pytest.mark.parametrize("name", [name for name in STAGES if name not in OF_RECORDINGS])
