@@ -24,7 +24,7 @@ from stixel_cli.pairs import (
 )
 
 if TYPE_CHECKING:
-    from stixel_cli.calibration.motion_errors import Pair
+    from stixel_cli.calibration.tracks import Pair
     from stixel_cli.geometry.rig_calibration import RigCalibration
     from stixel_cli.measurements.scans import Scans
     from stixel_cli.stixels.types import Objects
@@ -180,8 +180,8 @@ class StixelStream:
 
     def _calibrate(self, left: np.ndarray, disparities, rig: Rig, k: int) -> None:
         """Follow the points of every tenth pair `k`, and estimate the rig's error at times."""
-        from stixel_cli.calibration.motion_errors import MOST_STEPS, followed, gathered
         from stixel_cli.calibration.motion_fit import calibrate_rig
+        from stixel_cli.calibration.tracks import MOST_STEPS, followed, gathered
         from stixel_cli.recordings.types import Tables
 
         if k > CALIBRATED[-1]:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from stixel_cli.calibration.motion_errors import Tracks, places_of, points_at
+from stixel_cli.calibration.tracks import Tracks, places_of, points_at
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.geometry.rig_calibration import UNKNOWN_STD, RigCalibration, with_error
 from stixel_cli.recordings.tables import read_poses
@@ -98,11 +98,6 @@ def calibrate_rig(
         )
     lengths = _length_ratio(after, files, tables)
     return replace(found, rig=calibrated, median_after=_median(after), **lengths)
-
-
-def calibrated_rig(calibration: RigCalibration) -> Rig:
-    """The rig with the error that its calibration has found."""
-    return calibration.rig
 
 
 def _motions(tracks: Tracks, rig: Rig) -> "Solution":

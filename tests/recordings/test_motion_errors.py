@@ -9,14 +9,9 @@ import pytest
 from made_street import poses_ahead, stereo_view, street_rig
 
 from stixel_cli import compose
-from stixel_cli.calibration.motion_errors import (
-    Tracks,
-    gathered,
-    places_of,
-    points_at,
-    track_points,
-)
 from stixel_cli.calibration.motion_fit import calibrate_rig
+from stixel_cli.calibration.track_points import track_points
+from stixel_cli.calibration.tracks import Tracks, gathered, places_of, points_at
 from stixel_cli.cli.app import main
 from stixel_cli.config.real_images import real_image_parameters
 from stixel_cli.experiment.stages import computed_stages
@@ -219,7 +214,7 @@ def test_rendered_images_need_no_calibration(capsys):
 def test_a_stream_calibrates_its_rig_as_it_drives(monkeypatch):
     monkeypatch.setattr("stixel_cli.stream.CALIBRATED", (2,))
     tracks = tracks_of(CURVE)
-    monkeypatch.setattr("stixel_cli.calibration.motion_errors.gathered", lambda _: tracks)
+    monkeypatch.setattr("stixel_cli.calibration.tracks.gathered", lambda _: tracks)
     views = street(poses_ahead(4, 1.0), replace(RIG, disparity_error=CURVE))
     frames = list(StixelStream(RIG).steps(views))
     assert [one.calibration is not None for one in frames] == [False, False, True, True]

@@ -46,7 +46,7 @@ STAGES: dict[str, Definition] = {
     ),
     "point_errors": Definition(only("validation.point_errors:point_errors"), "once", same("rig")),
     "track_points": Definition(
-        only("calibration.motion_errors:track_points"),
+        only("calibration.track_points:track_points"),
         "once",
         same("rig", "stereo") | {"by_motion": "source.by_motion"},
     ),
@@ -56,7 +56,7 @@ STAGES: dict[str, Definition] = {
         {"rig": "rig", "tables": "recording.tables", "by_motion": "source.by_motion"},
         recorded="pose_files",
     ),
-    "calibrated_rig": Definition(only("calibration.motion_fit:calibrated_rig"), "once"),
+    "calibrated_rig": Definition(only("calibration.calibrated_rig:calibrated_rig"), "once"),
     "occupancy": Definition(
         only("stixels.displayed_grid:picture_grid"), "pick", same("rig", "road", "occupancy")
     ),

@@ -1,4 +1,4 @@
-"""The error of a rig's disparities from the motion of its own camera, without any truth.
+"""Static points of a recording, tracked: what shows the error of a rig without any truth.
 
 A static point of true disparity d moves between two images of the left camera: its flow by the
 camera's translation t is proportional to d t / (f B). A point without such a flow is at infinity,
@@ -11,23 +11,16 @@ The points are corners of an image with a disparity. They are tracked by pyramid
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.rendering.frames import StereoPairs
-from stixel_cli.stereo import bm, sgm
-from stixel_cli.stereo.matching import MatchingParameters
 
 TRAVELS = (1.5, 3.0)
 """Least distances from the first to the second image of a pair, m: with less, flow shows little."""
 
 MOST_STEPS = 10
 """Frames from the first to the second image."""
-
-MOST_FIRST = 10
-"""First images of pairs in a recording: so many take two seconds, and more show little more."""
 
 MOST_POINTS = 500
 """Per pair of images."""
@@ -78,32 +71,6 @@ class Tracks:
         ofpoints = (getattr(self, name)[points] for name in ("places", "moved", "disparities"))
         ofpairs = (getattr(self, name)[pairs] for name in ("frames", "rotations", "shifts"))
         return Tracks(number[self.pairs[points]], *ofpoints, *ofpairs)
-
-
-def track_points(
-    pairs: Sequence[StereoPairs], stereo: MatchingParameters, rig: Rig, by_motion: bool
-) -> Tracks:
-    """Corners with a disparity in one image, and their places in a later one.
-
-    Args:
-        pairs: chunks in the order of their frames, all but the last of one length.
-        stereo: how disparities are matched.
-        rig: of the images.
-        by_motion: whether to track, unless the rig states its error; else there are no pairs.
-    """
-    found: list[Pair] = []
-    count = pairs[-1].first + len(pairs[-1])
-    if not by_motion or rig.states_error or count < 2:
-        return gathered(found)
-    # Of a long recording only the images that are needed are loaded.
-    chunk, size = lru_cache(2)(pairs.__getitem__), len(pairs[0])
-    match = {"sgm": sgm.match, "bm": bm.match}[stereo.kind]
-    for k in np.unique(np.linspace(0, count - 2, MOST_FIRST).astype(int)).tolist():
-        disparity = match(chunk(k // size), stereo, rig, range(k, k + 1)).pixels(0)
-        later = range(k, min(k + MOST_STEPS + 1, count))
-        images = (chunk(i // size).left[i % size] for i in later)
-        found += [(k, *row) for row in followed(images, disparity, rig)]
-    return gathered(found)
 
 
 Pair = tuple[int, int, np.ndarray, np.ndarray, np.ndarray]

@@ -1,0 +1,41 @@
+"""The stage that tracks static points through a recording, see `tracks`."""
+
+from collections.abc import Sequence
+from functools import lru_cache
+
+import numpy as np
+
+from stixel_cli.calibration.tracks import MOST_STEPS, Pair, Tracks, followed, gathered
+from stixel_cli.geometry.rig import Rig
+from stixel_cli.rendering.frames import StereoPairs
+from stixel_cli.stereo import bm, sgm
+from stixel_cli.stereo.matching import MatchingParameters
+
+MOST_FIRST = 10
+"""First images of pairs in a recording: so many take two seconds, and more show little more."""
+
+
+def track_points(
+    pairs: Sequence[StereoPairs], stereo: MatchingParameters, rig: Rig, by_motion: bool
+) -> Tracks:
+    """Corners with a disparity in one image, and their places in a later one.
+
+    Args:
+        pairs: chunks in the order of their frames, all but the last of one length.
+        stereo: how disparities are matched.
+        rig: of the images.
+        by_motion: whether to track, unless the rig states its error; else there are no pairs.
+    """
+    found: list[Pair] = []
+    count = pairs[-1].first + len(pairs[-1])
+    if not by_motion or rig.states_error or count < 2:
+        return gathered(found)
+    # Of a long recording only the images that are needed are loaded.
+    chunk, size = lru_cache(2)(pairs.__getitem__), len(pairs[0])
+    match = {"sgm": sgm.match, "bm": bm.match}[stereo.kind]
+    for k in np.unique(np.linspace(0, count - 2, MOST_FIRST).astype(int)).tolist():
+        disparity = match(chunk(k // size), stereo, rig, range(k, k + 1)).pixels(0)
+        later = range(k, min(k + MOST_STEPS + 1, count))
+        images = (chunk(i // size).left[i % size] for i in later)
+        found += [(k, *row) for row in followed(images, disparity, rig)]
+    return gathered(found)
