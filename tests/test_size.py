@@ -12,17 +12,17 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 51_644
+TOTAL = 51_659
 """Greatest number of lines in all."""
 
-MODULES = 343
+MODULES = 345
 """Greatest number of modules, without `__init__`."""
 
 BUDGET = {
     "": 2214,
     "answers": 909,
     "benchmark": 1032,
-    "calibration": 464,
+    "calibration": 476,
     "cli": 3096,
     "config": 3004,
     "engine": 4919,
@@ -42,7 +42,7 @@ BUDGET = {
     "stixels": 2357,
     "studies": 2035,
     "sweeps": 2553,
-    "tracking": 6747,
+    "tracking": 6750,
     "validation": 1613,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""

@@ -57,10 +57,11 @@ class JointCovariance:
         spread = rows @ self.matrix
         innovation = spread @ rows.T
         innovation.flat[:: len(noise) + 1] += noise
-        taken = gain @ spread
-        self.matrix[: self.size] -= taken
-        self.matrix[:, : self.size] -= taken.T
-        self.matrix[: self.size, : self.size] += gain @ innovation @ gain.T
+        # Factor by factor and symmetric: the sum of the three terms loses its definiteness.
+        self.matrix[: self.size] -= gain @ spread
+        self.matrix[:, : self.size] -= self.matrix @ rows.T @ gain.T
+        self.matrix[: self.size, : self.size] += (gain * noise) @ gain.T
+        self.matrix = 0.5 * (self.matrix + self.matrix.T)
         return innovation
 
 

@@ -192,7 +192,7 @@ def _updated(
         return mean, covariance, indices, nis
     mean, near_gain = side.near_side(rays, indices, mean, covariance, tracker.measurement_std)
     model = side.linearised(rays, indices, mean, stated.position)
-    matrix, variances = stated.rows(model, rays.at(indices), shape_stds[indices], mean, k)
+    matrix, variances = stated.rows(model, rays.subset(indices), shape_stds[indices], mean, k)
     near = (model.directions * rays.directions[indices]).sum(axis=1) < 0.0
     stated.near_side(near_gain, matrix[near], variances[near])
     mean, covariance, gain, _ = update(mean, covariance, model, noises, tangential=False)

@@ -19,7 +19,7 @@ from stixel_cli.tracking.contour.contour import track
 from stixel_cli.tracking.contour.contour_filter import predict, start
 from stixel_cli.tracking.contour.contour_rays import rays_of
 from stixel_cli.tracking.contour.contour_report import LEAST_OUTLINE_STD, contours_of, reported
-from stixel_cli.tracking.contour.contour_update import condition
+from stixel_cli.tracking.kalman import condition
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.track import InitialState
 
@@ -35,6 +35,7 @@ PRIORS = {
     for name, shape in SHAPES.items()
 }
 SEEDS = st.integers(0, 2**31)
+SIZE = np.array([0.1, -0.05])
 
 
 def seen(poses, name="car", **options):
@@ -74,9 +75,9 @@ def test_contour_predicts_at_empty_scans_and_at_scans_with_only_clutter():
     np.testing.assert_array_equal(clutter.covariances, empty.covariances)
     assert np.isnan(empty.nis).all()
     assert not empty.nis_degrees_of_freedom.any()
-    mean, covariance = start(START, CAR, SHAPES["car"], TRACKER)
+    mean, _ = start(START, CAR, SHAPES["car"], TRACKER)
     for k in range(4):
-        mean, covariance = predict(mean, covariance, 0.1, TRACKER)
+        mean, _, _ = predict(mean, 0.1, TRACKER, mean[5:7])
         np.testing.assert_allclose(empty.means[k, :3], mean[:3])
     assert np.all(np.diff(np.trace(empty.covariances[:, :2, :2], axis1=1, axis2=2)) > 0)
 
@@ -98,7 +99,7 @@ def position_nees(result, poses):
     ).mean()
 
 
-def test_contour_considers_an_error_that_all_scans_share():
+def test_an_error_that_all_scans_share_widens_the_covariance_and_moves_nothing():
     poses = np.column_stack([np.full(30, 1.0), 24.0 + 0.2 * np.arange(30), np.full(30, np.pi / 2)])
     points, covariances = seen(poses, noise=0.05)
     # As of a disparity that is too small by the same amount everywhere: 0.6 m at 25 m.
@@ -107,34 +108,12 @@ def test_contour_considers_an_error_that_all_scans_share():
     aware = dataclasses.replace(TRACKER, bias_std=0.6 / 2.5**2)
     initial = start_at(poses, (0.0, 0.0, 0.0))
     plain, considered = (track(scans, initial, PRIORS["car"], t) for t in (TRACKER, aware))
+    # Of the first places, which are tried, another one may be the likeliest.
+    np.testing.assert_allclose(considered.means[-1], plain.means[-1], atol=0.02)
     assert position_nees(plain, poses) > 10.0 and position_nees(considered, poses) < 4.0
-    # It does not become more certain with the number of scans, and without the error it is no
-    # farther off.
-    along = np.sqrt(considered.covariances[:, 1, 1])
-    assert along[-1] > 0.3 and np.sqrt(plain.covariances[-1, 1, 1]) < 0.2
-    assert np.abs(considered.means[-1, 1] - poses[-1, 1]) < 0.9
-    exact = scans_of(points, covariances=np.concatenate(covariances))
-    good = track(exact, initial, PRIORS["car"], aware)
-    assert np.abs(good.means[:, :2] - poses[:, :2]).max() < 0.2
-
-
-def test_an_error_that_is_only_possible_widens_the_covariance_and_moves_nothing():
-    poses = np.column_stack([np.full(30, 1.0), 24.0 + 0.2 * np.arange(30), np.full(30, np.pi / 2)])
-    scans = scans_seen(poses, noise=0.05)
-    exact, possible = (
-        track(
-            scans,
-            start_at(poses, (0.0, 0.0, 0.0)),
-            PRIORS["car"],
-            dataclasses.replace(STIXELS, possible_bias_std=std),
-        )
-        for std in (0.0, 0.12)
-    )
-    np.testing.assert_array_equal(possible.means, exact.means)
-    added = possible.covariances[:, :2, :2] - exact.covariances[:, :2, :2]
-    assert np.linalg.eigvalsh(added).min() > -1e-12
-    # The range alone: at 27 m the error is 0.9 m, and the sides hardly see it.
-    assert 0.6 < np.sqrt(added[-1, 1, 1]) < 1.2 and np.sqrt(added[-1, 0, 0]) < 0.2
+    added = considered.covariances[:, :2, :2] - plain.covariances[:, :2, :2]
+    # The range alone: the error is 0.7 m at 27 m, and the sides hardly see it.
+    assert 0.5 < np.sqrt(added[-1, 1, 1]) < 0.9 and np.sqrt(added[-1, 0, 0]) < 0.2
 
 
 def test_contour_trusts_edges_less_where_they_are_uncertain():
@@ -223,7 +202,7 @@ def test_prediction_and_report_match_their_linearisations(seed):
     step, still = 1e-6, np.zeros((7, 7))
     jacobians = []
     for function in (
-        lambda m: predict(m, still, 0.1, quiet)[0],
+        lambda m: predict(m, 0.1, quiet, SIZE)[0],
         lambda m: reported(m[None], still[None], 0.0)[0][0],
     ):
         columns = [
@@ -233,10 +212,9 @@ def test_prediction_and_report_match_their_linearisations(seed):
         jacobians.append(np.stack(columns, axis=1))
     root = random.standard_normal((7, 7))
     covariance = root @ root.T
-    predicted = predict(mean, covariance, 0.1, quiet)[1]
-    wanted = jacobians[0] @ covariance @ jacobians[0].T
-    wanted[2, 2] += 1e-5
-    np.testing.assert_allclose(predicted, wanted, atol=1e-6)
+    _, matrix, noise = predict(mean, 0.1, quiet, SIZE)
+    np.testing.assert_allclose(matrix, jacobians[0], atol=1e-6)
+    assert noise[2, 2] == pytest.approx(1e-5) and np.trace(noise[:5, :5]) == noise[2, 2]
     np.testing.assert_allclose(
         reported(mean[None], covariance[None], 0.0)[1][0],
         jacobians[1] @ covariance @ jacobians[1].T,

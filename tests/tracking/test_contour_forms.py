@@ -15,11 +15,11 @@ from stixel_cli.config.compose import compose
 from stixel_cli.geometry.pose import rotation, world_from_target
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.classes import ROAD_USER_CLASSES
+from stixel_cli.tracking.consider import JointCovariance
 from stixel_cli.tracking.contour.class_shape import class_shape
 from stixel_cli.tracking.contour.class_size import CLASS_SHAPES, class_size
 from stixel_cli.tracking.contour.contour import may_be, track
 from stixel_cli.tracking.contour.contour_rays import (
-    SHARED_STD,
     associate,
     rays_of,
     sampling_inset,
@@ -27,8 +27,8 @@ from stixel_cli.tracking.contour.contour_rays import (
     sight_of,
 )
 from stixel_cli.tracking.contour.contour_report import LEAST_OUTLINE_STD, contours_of, reported
-from stixel_cli.tracking.contour.contour_update import linearise, update
-from stixel_cli.tracking.contour.forms import forms_of, is_learned, rectangle, with_uncertain_ends
+from stixel_cli.tracking.contour.contour_update import SHAPE_ERRORS, linearise, update
+from stixel_cli.tracking.contour.forms import forms_of, rectangle, with_uncertain_ends
 from stixel_cli.tracking.contour.ray_table import first_depths, outline_table
 from stixel_cli.tracking.contour.residual import NODES, Residual
 
@@ -136,15 +136,17 @@ def test_a_drawn_car_stays_one():
     assert overlap(bank, SHAPE.outline, poses) > overlap(plain, SHAPE.outline, poses) - 0.07
 
 
-def test_the_forms_depend_on_the_sensor_and_on_the_stated_size():
-    assert is_learned(PRIOR, FABRICATED)
-    assert not is_learned(PRIOR, FILE) and not is_learned(STATED, FABRICATED)
-    stixels = dataclasses.replace(FILE, seen_by="stixels")
-    assert is_learned(STATED, stixels)
-    assert list(forms_of("car", STATED, stixels)) == ["learned"]
-    assert list(forms_of("car", PRIOR, FABRICATED)) == ["learned", "class", "rectangle"]
-    assert list(forms_of("car", STATED, FABRICATED)) == ["class", "rectangle"]
-    assert list(forms_of("car", PRIOR, FILE)) == ["class", "rectangle"]
+@pytest.mark.parametrize("prior", [PRIOR, STATED])
+def test_the_forms_depend_on_the_sensor_and_not_on_the_stated_size(prior):
+    """A size that is stated is no reason to see another shape."""
+    for sensor in ("stixels", "lidar"):
+        learned = forms_of("car", prior, dataclasses.replace(FILE, seen_by=sensor))
+        assert list(learned) == ["learned"]
+    assert list(forms_of("car", prior, FABRICATED)) == ["learned", "class", "rectangle"]
+    assert list(forms_of("car", prior, FILE)) == ["class", "rectangle"]
+
+
+def test_a_learned_shape_has_no_residual_and_a_rectangle_is_the_box():
     assert forms_of("car", PRIOR, FABRICATED)["learned"][1].residual is None
     box = rectangle(SHAPE).outline
     np.testing.assert_allclose(np.ptp(box, axis=0), SHAPE.size, rtol=2e-2)
@@ -238,12 +240,10 @@ def test_an_end_beside_a_nearer_point_is_hidden():
     target = [[x, 20.0] for x in np.linspace(-1.0, 1.0, 9)]
     near, far = [[1.1, 12.0]], [[-1.4, 30.0]]
     rays = rays_at(target + near + far)
-    seen_by_file = forms_of("car", PRIOR, FILE)["class"][1]
     # Bearings grow to the left: the first ray is the rightmost.
-    assert rays.subset(np.arange(9), seen_by_file).hidden == (False, False)
+    assert rays.subset(np.arange(9)).hidden == (False, False)
     rays = rays_at([*target, [1.1, 19.0], *far])
-    assert rays.subset(np.arange(9), seen_by_file).hidden == (True, False)
-    assert rays.subset(np.arange(9), sight_of("car", FABRICATED)).hidden == (False, False)
+    assert rays.subset(np.arange(9)).hidden == (True, False)
 
 
 def test_points_of_a_neighbour_are_not_the_targets():
@@ -291,21 +291,17 @@ def test_a_front_alone_does_not_measure_the_length():
     np.testing.assert_allclose(slopes[3, :9], -0.5 * SHAPE.size[0] * slopes[1, :9], rtol=0.02)
 
 
-def test_ranges_of_a_file_have_an_error_that_no_number_of_scans_removes():
-    poses = turning(80, 0.0, 0.0)
-    result = track(scans_seen(SHAPE.outline, poses, noise=0.02), start_at(poses), PRIOR, FILE)
-    away = poses[-1, :2] - SENSOR[:2]
-    away /= np.hypot(*away)
-    assert away @ result.covariances[-1, :2, :2] @ away > (0.9 * SHARED_STD) ** 2
-
-
 def test_uneven_points_hardly_show_the_ends_and_a_single_one_does_not():
     even = rays_at([[x, 20.0] for x in np.linspace(-1.0, 1.0, 6)])
     uneven = rays_at([[x, 20.0] for x in (-1.0, -0.95, -0.9, -0.1, 0.95, 1.0)])
     _, sight, tracker = forms_of("car", PRIOR, FILE)["class"]
     assert sampling_inset(uneven, sight)[1] > 10.0 * sampling_inset(even, sight)[1]
     state = np.concatenate([[0.0, 22.0, 0.0, 0.0, 0.0, 0.0, 0.0], np.zeros(NODES)])
-    prior = state, 0.1 * np.eye(len(state)), np.zeros((len(state), 2))
+    prior = (
+        state,
+        0.1 * np.eye(len(state)),
+        JointCovariance(0.1 * np.eye(len(state)), np.ones(SHAPE_ERRORS)),
+    )
     one, two = [[0.0, 21.0]], [[0.0, 21.0], [0.2, 21.0]]
     degrees = [update(*prior, rays_at(points), sight, tracker)[4] for points in (one, two)]
     assert degrees == [1, 4]

@@ -7,6 +7,7 @@ from tracking_cases import CAR, scans_of
 
 from stixel_cli.config.compose import compose
 from stixel_cli.geometry.pose import wrap_angle
+from stixel_cli.tracking.consider import JointCovariance
 from stixel_cli.tracking.contour import contour_filter, contour_recovery
 from stixel_cli.tracking.contour.class_shape import class_shape
 from stixel_cli.tracking.contour.contour import track
@@ -83,7 +84,7 @@ def test_a_wrong_detection_is_given_up_again(monkeypatch):
 
 def test_a_track_is_inconsistent_after_enough_scans_with_a_great_innovation():
     degrees = np.array([4, 4, 0, 4, 4])
-    nis = np.array([0.1, 4.0, np.nan, 4.0, 4.0])
+    nis = np.array([0.1, 8.0, np.nan, 8.0, 8.0])
     assert [is_inconsistent(nis[:k], degrees[:k]) for k in range(1, 6)] == [False] * 4 + [True]
     assert not is_inconsistent(nis[: RECENT - 1], degrees[: RECENT - 1])
     assert not is_inconsistent(nis / 2.0, degrees)
@@ -179,21 +180,26 @@ def test_a_heading_against_a_fast_motion_is_turned_and_no_other(speed, opposite)
 def test_turned_twice_is_the_state_itself(nodes):
     random = np.random.default_rng(0)
     root = random.normal(size=(7 + nodes, 7 + nodes))
-    state = random.normal(size=7 + nodes), root @ root.T, random.normal(size=(7 + nodes, 2))
+    joint = JointCovariance(root @ root.T, np.ones(3))
+    joint.matrix[:7, 7:] = random.normal(size=(7, len(joint.matrix) - 7))
+    state = random.normal(size=7 + nodes), root @ root.T, joint
     once = contour_recovery.turned(*state)
     again = contour_recovery.turned(*once)
     assert once[0][3] == -state[0][3] and once[1][0, 3] == -state[1][0, 3]
     again[0][2] = wrap_angle(again[0][2])
     state[0][2] = wrap_angle(state[0][2])
-    for value, expected in zip(again, state, strict=True):
+    for value, expected in zip(again[:2], state[:2], strict=True):
         np.testing.assert_allclose(value, expected)
+    np.testing.assert_allclose(again[2].matrix, joint.matrix)
 
 
 def test_a_turned_outline_is_the_same_outline_seen_from_its_rear():
     residual = Residual(CAR_SHAPE)
     mean = np.zeros(7 + NODES)
     mean[7] = 0.2
-    turned, *_ = contour_recovery.turned(mean, np.eye(7 + NODES), np.zeros((7 + NODES, 2)))
+    turned, *_ = contour_recovery.turned(
+        mean, np.eye(7 + NODES), JointCovariance(np.eye(7 + NODES), np.ones(3))
+    )
     front = residual.outline(mean)[:, 0].max() - residual.outline(np.zeros(7 + NODES))[:, 0].max()
     rear = residual.outline(turned)[:, 0].min() - residual.outline(np.zeros(7 + NODES))[:, 0].min()
     assert front == pytest.approx(0.2, abs=0.02) and rear == pytest.approx(-0.2, abs=0.02)

@@ -228,17 +228,15 @@ def test_smoothing_brings_the_contour_nearer():
         assert smoothed < 0.9 * filtered
 
 
-def test_a_possible_error_moves_no_smoothed_estimate_but_stays_in_its_covariance():
+def test_a_shared_error_moves_no_smoothed_estimate_but_stays_in_its_covariance():
     """It is shared by all scans, so later ones do not take it away."""
-    plain, possible = (
-        tracks("contour", seen_by="stixels", possible_bias_std=std) for std in (0.0, 0.12)
-    )
-    np.testing.assert_array_equal(possible.smoothed.means, plain.smoothed.means)
+    plain, shared = (tracks("contour", seen_by="stixels", bias_std=std) for std in (0.0, 0.12))
+    np.testing.assert_allclose(shared.smoothed.means, plain.smoothed.means, atol=1e-3)
     of_filter, of_smoother = (
         with_error.covariances[:, :2, :2] - without.covariances[:, :2, :2]
-        for with_error, without in ((possible, plain), (possible.smoothed, plain.smoothed))
+        for with_error, without in ((shared, plain), (shared.smoothed, plain.smoothed))
     )
-    assert np.linalg.eigvalsh(of_smoother).min() > -1e-12
+    assert np.linalg.eigvalsh(of_smoother).min() > -1e-6
     kept = np.trace(of_smoother, axis1=1, axis2=2) / np.trace(of_filter, axis1=1, axis2=2)
     assert np.all(kept[5:] > 0.8)
 

@@ -2,18 +2,18 @@
 
 The classes are equally probable at first. After the scans up to k, the log weight of a class is
 
-    1/T sum of log likelihoods  -  d²/2  -  v²/2(s² + V)  -  log(s² + V)/2
+    sum of log likelihoods  -  d²/2  -  v²/2(s² + V)  -  log(s² + V)/2
 
 The likelihood is that of the measurements that the class's filter used, points and silhouettes, in
 1/m each. The classes gate different points, so each measurement is compared with clutter, whose
 density is 1/m: a class that leaves out a point pays for it as if it were clutter, and points that
 no class uses cancel. With clutter that is rarer, points of other objects next to a pedestrian make
-a car of it on lidar (tuning seeds; on stixels the density changes nothing from 0.1 to 1/m). The
-errors of successive scans are correlated, so T scans count as one. Size and speed are facts of the
-state, not of a scan, so they count once: d is how far the estimated length or width is from the
-mean of the class, in its standard deviations; v is the speed, V its variance, and s how fast the
-class moves. Seen from the front, little but the speed separates cyclists from pedestrians. A start
-with the sensor's motion has a speed that says nothing yet: V is large.
+a car of it on lidar (tuning seeds; on stixels the density changes nothing from 0.1 to 1/m). Size
+and speed are facts of the state, not of a scan, so they count once: d is how far the estimated
+length or width is from the mean of the class, in its standard deviations; v is the speed, V its
+variance, and s how fast the class moves. Seen from the front, little but the speed separates
+cyclists from pedestrians. A start with the sensor's motion has a speed that says nothing yet: V is
+large.
 """
 
 from collections.abc import Mapping
@@ -25,43 +25,23 @@ from stixel_cli.scene.classes import CLASS_ROWS, ROAD_USER_CLASSES, ClassRow
 from stixel_cli.tracking.contour.class_size import ClassSize
 from stixel_cli.tracking.track import InitialState
 
-CORRELATED_SCANS = 10.0
-"""T: so many scans count as one, a second of them at most of our sample times."""
+CONTRADICTED = 50.0
+"""The scans contradict the prior's class once the log odds of another are above this.
 
-OVERSTATED = 4.0
-"""The likelihood has the stated covariance of the innovation over this.
-
-The filter states a noise for errors that its scans share, so the NIS of the right class is far
-below its degrees of freedom, and that of another class hardly above. With the stated covariance a
-car that takes in a post beside a pedestrian was more likely than the pedestrian, and cyclists
-became cars. With the default factors on the noise and from 4 to 8, every wrong class of the tuning
-runs is replaced and no right one: sweeps of road_user, prior, path and measurement, seeds from
-1000.
+The errors of successive scans are alike, so a wrong class may be more likely for some scans: at the
+odds of 100 : 1 that was so in one of 45 runs of tuning seeds, a cyclist seen from its front.
 """
 
-CONTRADICTED = np.log(100.0)
-"""The scans contradict the prior's class once the log odds of another are above this."""
-
-RULED_OUT = 30.0
+RULED_OUT = 300.0
 """The tracker drops a class once its log odds against the best are this far below zero.
 
-With the start of a wrong class, the log odds of the right one can fall below -20 before it becomes
-the best.
+With the start of a wrong class, the right one is far less likely before it becomes the best.
 """
 
 
 def class_row(road_user: str) -> ClassRow:
     """The row of a class; that of a car for one that the user's file gives."""
     return CLASS_ROWS.get(road_user, CLASS_ROWS["car"])
-
-
-def log_likelihood(stated: float, nis: float, degrees: int) -> float:
-    """Log likelihood of a scan with the stated covariance over `OVERSTATED`.
-
-    `stated` is that with the stated covariance, and `nis` too; `degrees` are its degrees of
-    freedom.
-    """
-    return stated - 0.5 * (OVERSTATED - 1.0) * nis + 0.5 * degrees * np.log(OVERSTATED)
 
 
 def log_weight(
@@ -74,15 +54,16 @@ def log_weight(
     """Log weight of a class, see above; -1e9 if it is not finite.
 
     Args:
-        sum_of_log_likelihoods: of `log_likelihood`, over the scans.
+        sum_of_log_likelihoods: over the scans.
         size_deviation: d.
         speed, speed_variance: v in m/s and V.
         road_user: the class.
     """
     # After a gap of years a variance may be below zero by rounding.
     variance = class_row(road_user).speed ** 2 + max(speed_variance, 0.0)
-    weight = sum_of_log_likelihoods / CORRELATED_SCANS
-    weight -= 0.5 * (size_deviation**2 + speed**2 / variance + np.log(variance))
+    weight = sum_of_log_likelihoods - 0.5 * (
+        size_deviation**2 + speed**2 / variance + np.log(variance)
+    )
     return weight if np.isfinite(weight) else -1e9
 
 

@@ -39,7 +39,7 @@ def track(
 
     The state starts as `initial`, one sample before the first scan.
     """
-    bank = ClassBank(initial, prior, tracker)
+    bank = ClassBank(initial, prior, tracker, scans.shared_errors.count)
     for k, interval in enumerate(intervals(scans.times)):
         rows = scans.rows(k)
         bank.step(
@@ -48,6 +48,7 @@ def track(
             scans.covariances_world[rows],
             scans.sensor_poses_world[k],
             scans.field_of_view,
+            scans.shared_directions(k, scans.points_world[rows]),
         )
     return bank.track(scans.times, scans.offsets[:-1])
 
@@ -60,14 +61,22 @@ class ClassBank:
     is reported until the scans contradict it; if they do not, the others change nothing.
     """
 
-    def __init__(self, initial: InitialState, prior: PriorShape, tracker: ContourParameters):
-        self._filters, self._lag = {}, tracker.lag
+    def __init__(
+        self,
+        initial: InitialState,
+        prior: PriorShape,
+        tracker: ContourParameters,
+        shared_errors: int = 0,
+    ):
+        self._filters, self._lag, self._bias_std = {}, tracker.lag, tracker.bias_std
         self._own = None if prior.road_user == "unknown" else prior.road_user
         for road_user in ROAD_USER_CLASSES if prior.class_file is None else (prior.class_file,):
             if may_be(road_user, prior, tracker.road_user):
                 start, of_class, parameters = _of_class(road_user, initial, prior, tracker)
                 for form, seen in forms_of(road_user, prior, parameters).items():
-                    self._filters[road_user, form] = ClassFilter(start, of_class, *seen)
+                    self._filters[road_user, form] = ClassFilter(
+                        start, of_class, *seen, shared_errors + 1
+                    )
         self._kept, self._best = dict(self._filters), 0.0
         self._assumed, self._chosen, self._log_weights = self._own, [], []
 
@@ -78,9 +87,13 @@ class ClassBank:
         covariances: np.ndarray,
         sensor: np.ndarray,
         field_of_view: FieldOfView | None = None,
+        shared: np.ndarray | None = None,
     ) -> None:
         """The next scan, an `interval` in s after the one before; the others as in `rays_of`."""
-        rays = rays_of(points_world, covariances, sensor, field_of_view)
+        offsets = points_world - sensor[:2]
+        stated = np.zeros((len(offsets), 2, 0)) if shared is None else shared
+        shared = _with_bias(stated, offsets, self._bias_std)
+        rays = rays_of(points_world, covariances, sensor, field_of_view, shared)
         for one in self._kept.values():
             # Re-detection costs nine updates; skip it for classes that the scans rule out.
             probable = not one.log_weights or one.log_weights[-1] > self._best - CONTRADICTED
@@ -150,6 +163,15 @@ class ClassBank:
             "class_probabilities": probabilities_of(weights),
             "class_replaced": None if self._own is None else replaced,
         }
+
+
+def _with_bias(stated: np.ndarray, offsets: np.ndarray, bias_std: float) -> np.ndarray:
+    """The `stated` shared errors (n, 2, m) m of points, and that of the tracker's `bias_std`.
+
+    `offsets` (n, 2) m are the points from the sensor.
+    """
+    growth = 0.01 * bias_std * np.hypot(*offsets.T)
+    return np.concatenate([stated, (growth[:, None] * offsets)[:, :, None]], axis=2)
 
 
 def may_be(road_user: str, prior: PriorShape, choice: str) -> bool:

@@ -12,20 +12,17 @@ A point is the range r along its ray, whose direction is known well. The measure
 
 where h casts the ray on the shape that the sensor sees (`ray_table.py`). Its Jacobian is a central
 difference over about a standard deviation of the state, as the shape has edges. The error has the
-sensor's variance and that of the shape, as no road user has quite the class's shape. Neighbours and
-successive scans share the shape's error, so n points are not n independent ones. A large factor on
-its standard deviation accounts for that.
-
-A real sensor's ranges also have an error b that does not change from scan to scan, such as that of
-a rig's calibration. The scans do not show b, so it is not estimated but considered: the filter has
-b's covariance with the state, and its estimate does not become more certain than b allows
-(Schmidt 1966; Jazwinski 1970, *Stochastic Processes and Filtering Theory*, 8.4). That takes weight
-from the ranges. Where such an error is only possible, as on images of a rig that is thought to be
-calibrated, the gain leaves it out, and the stated covariance has what it would do to the estimate.
+sensor's variance and that of the shape, as no road user has quite the class's shape.
 
 The first and the last ray that meet the target give two more measurements, the silhouette: how far
 inside the limits of the visible shape they pass. Ranges hardly measure the place across the rays.
-A silhouette at the border of the field of view is not used.
+A silhouette at the border of the field of view, or beside a nearer object, is not used.
+
+Neighbours and successive scans share the shape's error, so n points are not n independent ones.
+Large factors on the variances account for that in the gain. How certain the estimate is with this
+gain follows from the errors themselves: the sensor's own, the part of the shape's that is shared,
+and errors of the sensor that do not change from scan to scan. The shared ones are considered and
+not estimated, see `consider.py`.
 
 Errors have heavy tails, so their variances are divided by the weights (nu + 1) / (nu + e²) ≤ 1 of a
 Student distribution, e the normalised error at the current iterate (Lange, Little, Taylor 1989,
@@ -34,12 +31,15 @@ Student distribution, e the normalised error at the current iterate (Lange, Litt
 """
 
 from collections.abc import Sequence
+from copy import deepcopy
 from dataclasses import replace
 from operator import attrgetter
 
 import numpy as np
 
 from stixel_cli.geometry.pose import rotation
+from stixel_cli.tracking.consider import FIELD_TIME, JointCovariance
+from stixel_cli.tracking.contour import residual
 from stixel_cli.tracking.contour.class_probabilities import class_row, log_weight
 from stixel_cli.tracking.contour.class_shape import ClassShape
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
@@ -51,9 +51,8 @@ from stixel_cli.tracking.contour.contour_recovery import (
     turned,
 )
 from stixel_cli.tracking.contour.contour_report import box_sizes, contours_of, reported
-from stixel_cli.tracking.contour.contour_update import SEEN, update
+from stixel_cli.tracking.contour.contour_update import SEEN, SHAPE_ERRORS, constant_errors, update
 from stixel_cli.tracking.contour.hypothesis import Hypothesis
-from stixel_cli.tracking.contour.residual import NODES, RESIDUAL_STD
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.smoothing import smooth
 from stixel_cli.tracking.track import InitialState, Track
@@ -71,8 +70,9 @@ CONFIRMED = 5
 class ClassFilter:
     """The filter of a target of one class: predict, associate, update at each scan.
 
-    The state starts as `initial`, with the size of the class's `prior`. Reads no truth. It keeps
-    its state between scans, as the filters of all classes take the same scan before the next.
+    The state starts as `initial`, with the size of the class's `prior`. The sensor has so many
+    errors that all scans share, `sensor_errors`. Reads no truth. It keeps its state between scans,
+    as the filters of all classes take the same scan before the next.
 
     Attributes:
         log_weights: of the class after each scan, see `class_probabilities`.
@@ -86,12 +86,17 @@ class ClassFilter:
         shape: ClassShape,
         sight: Sight,
         tracker: ContourParameters,
+        sensor_errors: int,
     ):
         self._tracker, self._road_user = tracker, prior.road_user
         self._shape, self.sight = shape, sight
         self._of_class = np.log(np.array([prior.length, prior.width]) / self._shape.size)
-        mean, covariance = start(initial, prior, shape, tracker, NODES if sight.residual else 0)
-        self._hypotheses = [Hypothesis.unseen((mean, covariance, np.zeros((len(mean), 2))))]
+        mean, covariance = start(
+            initial, prior, shape, tracker, residual.NODES if sight.residual else 0
+        )
+        memories = [FIELD_TIME] * SHAPE_ERRORS + [np.inf] * sensor_errors
+        joint = JointCovariance(covariance, np.array(memories))
+        self._hypotheses = [Hypothesis.unseen((mean, covariance, joint))]
         self._age, self._size = 0, len(mean)
         self._reported: list[Hypothesis] = []
         self._covariances: list[np.ndarray] = []
@@ -119,15 +124,15 @@ class ClassFilter:
             elif self._age >= CONFIRMED:
                 steps = [best]
             best = max(steps, key=attrgetter("log_likelihood"))
-        mean, covariance, of_errors = best.state
+        mean, covariance, joint = best.state
         # After a gap of years a variance may be below zero by rounding.
         fastest = mean[3] + 2.0 * np.sqrt(max(covariance[3, 3], 0.0))
         if fastest < -class_row(self._road_user).reverse_speed:
             best = replace(best, state=turned(*best.state), transition=None)
-            steps, (mean, covariance, of_errors) = [best], best.state
+            steps, (mean, covariance, joint) = [best], best.state
         self._hypotheses = steps
         self._reported.append(best)
-        covariance = covariance + np.outer(of_errors[:, 1], of_errors[:, 1])
+        covariance = joint.matrix[: len(mean), : len(mean)]
         self._covariances.append(covariance)
         self._nis.append(best.nis)
         self._degrees.append(best.degrees)
@@ -141,22 +146,22 @@ class ClassFilter:
 
     def _advanced(self, one: Hypothesis, interval: float, rays: Rays) -> Hypothesis:
         """The hypothesis an `interval` in s later, updated with the points that it associates."""
-        mean, covariance, of_errors = one.state
-        matrix = transition(mean, interval)
-        of_errors = matrix @ of_errors
-        mean, covariance = predict(mean, covariance, interval, self._tracker)
-        mean, covariance, keep = self._size_recalled(mean, covariance, interval)
-        predicted = mean, covariance, of_errors
+        mean, covariance, joint = one.state
+        mean, matrix, noise = predict(mean, interval, self._tracker, self._of_class)
+        joint = deepcopy(joint)
+        joint.predict(matrix, noise, interval)
+        prediction = mean, matrix @ covariance @ matrix.T + noise, joint
+        covariance = prediction[1]
         indices = associate(
             rays, mean[SEEN], covariance[np.ix_(SEEN, SEEN)], self.sight, self._tracker
         )
-        advanced = Hypothesis.unseen(predicted, one.log_likelihood)
+        advanced = Hypothesis.unseen(prediction, one.log_likelihood)
         if len(indices):
-            taken = rays.subset(indices, self.sight)
-            posterior = update(*predicted, taken, self.sight, self._tracker)
-            advanced = Hypothesis.updated(predicted, one.log_likelihood, indices, posterior)
+            taken = rays.subset(indices)
+            posterior = update(*prediction, taken, self.sight, self._tracker)
+            advanced = Hypothesis.updated(prediction, one.log_likelihood, indices, posterior)
         # After such a gap the prediction's covariance is rounding: nothing later tells of before.
-        linked = keep[:, None] * matrix if interval < LONGEST_GAP else None
+        linked = matrix if interval < LONGEST_GAP else None
         # Only smoothing looks back; a filter without it keeps no chain of all its scans.
         before = None if self._tracker.lag == 0 else one
         return replace(advanced, before=before, transition=linked)
@@ -168,23 +173,6 @@ class ClassFilter:
         )
         found = Hypothesis.updated(one.predicted, one.log_likelihood_before, indices, posterior)
         return replace(found, before=one.before)
-
-    def _size_recalled(
-        self, mean: np.ndarray, covariance: np.ndarray, interval: float
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Mean and covariance with a size that goes back to the prior's, as an AR(1) process.
-
-        Also the share (d,) that is kept of each state. The errors of a shape have the same sign in
-        all scans: without this, the size follows them and becomes certain. Of a car that is
-        followed, only the rear is seen; its roundness then counted as a measurement of the length.
-        """
-        keep = np.ones(len(mean))
-        keep[5:7] = np.exp(-interval / SIZE_TIME)
-        mean, covariance = mean.copy(), keep[:, None] * covariance * keep
-        mean[5:7] = self._of_class + keep[5:7] * (mean[5:7] - self._of_class)
-        stds = np.array([self._tracker.length_std, self._tracker.width_std])
-        covariance[[5, 6], [5, 6]] += (1.0 - keep[5:7] ** 2) * stds**2
-        return mean, covariance, keep
 
     def latest(self) -> Track:
         """`track` of the last scan alone, at time 0."""
@@ -204,11 +192,14 @@ class ClassFilter:
             return filtered
         steps = [one.step for one in self._reported]
         estimates, covariances = smooth(steps, self._tracker.lag, heading=2)
-        of_errors = estimates[..., 1:]
-        covariances += of_errors @ of_errors.transpose(0, 2, 1)
-        smoothed = self._track(
-            times[:count], offsets[:count], estimates=(estimates[..., 0], covariances)
-        )
+        means, shared = estimates[..., 0], estimates[..., 1:]
+        # Smoothing leaves the same share of the stated covariance as of the gain's.
+        for k, (one, spread) in enumerate(zip(self._reported, shared, strict=True)):
+            _, of_gain, joint = one.state
+            own = np.diag(self._covariances[k]) - (constant_errors(joint) ** 2).sum(axis=1)
+            scale = np.sqrt(np.maximum(own, 0.0) / np.maximum(np.diag(of_gain), 1e-12))
+            covariances[k] = np.outer(scale, scale) * covariances[k] + spread @ spread.T
+        smoothed = self._track(times[:count], offsets[:count], estimates=(means, covariances))
         return replace(filtered, smoothed=replace(smoothed, lag=self._tracker.lag))
 
     def _track(
@@ -264,7 +255,7 @@ def start(
     mean, covariance = mean - gain * mean[4], covariance - np.outer(gain, row @ covariance)
     kept = [0, 1, 2, 3, 5]
     whole = np.zeros(7 + nodes)
-    spread = np.diag([0.0] * 7 + [RESIDUAL_STD**2] * nodes)
+    spread = np.diag([0.0] * 7 + [residual.RESIDUAL_STD**2] * nodes)
     whole[:5], spread[:5, :5] = mean[kept], covariance[np.ix_(kept, kept)]
     whole[5:7] = np.log(np.array([prior.length, prior.width]) / shape.size)
     spread[5, 5], spread[6, 6] = tracker.length_std**2, tracker.width_std**2
@@ -272,16 +263,24 @@ def start(
 
 
 def predict(
-    mean: np.ndarray, covariance: np.ndarray, interval: float, tracker: ContourParameters
-) -> tuple[np.ndarray, np.ndarray]:
-    """Mean (d,) and covariance (d, d) one `interval` in s later: a turn at constant rate.
+    mean: np.ndarray, interval: float, tracker: ContourParameters, size: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Mean (d,) one `interval` in s later, its Jacobian (d, d) and the process noise (d, d).
 
-    The displacement has the heading of the middle of the interval.
+    A turn at constant rate: the displacement has the heading of the middle of the interval. The
+    logarithms of size go back to the class's `size` (2,), as an AR(1) process: the errors of a
+    shape have the same sign in all scans, and without this the size follows them. Of a car that is
+    followed, only the rear is seen; its roundness then counted as a measurement of the length.
     """
-    predicted = mean.copy()
-    predicted[:2] += mean[3] * _forward(mean, interval)
-    predicted[2] += mean[4] * interval
-    matrix = transition(mean, interval)
+    forward = _forward(mean, interval)
+    left = mean[3] * np.array([-forward[1], forward[0]])
+    matrix, keep = np.eye(len(mean)), np.exp(-interval / SIZE_TIME)
+    matrix[:2, 2], matrix[:2, 3], matrix[:2, 4] = left, forward, 0.5 * interval * left
+    matrix[2, 4], matrix[5, 5], matrix[6, 6] = interval, keep, keep
+    later = mean.copy()
+    later[:2] += mean[3] * forward
+    later[2] += mean[4] * interval
+    later[5:7] = size + keep * (mean[5:7] - size)
     noise = np.zeros((len(mean), len(mean)))
     noise[0, 0] = noise[1, 1] = tracker.slip**2 * interval
     # The heading's noise keeps its covariance away from zero.
@@ -289,17 +288,8 @@ def predict(
     noise[2, 4] = noise[4, 2] = tracker.turn_acceleration**2 * interval**2 / 2.0
     noise[4, 4] = tracker.turn_acceleration**2 * interval
     noise[3, 3] = tracker.acceleration**2 * interval
-    return predicted, matrix @ covariance @ matrix.T + noise
-
-
-def transition(mean: np.ndarray, interval: float) -> np.ndarray:
-    """Jacobian (d, d) of the state one `interval` in s later."""
-    forward = _forward(mean, interval)
-    left = mean[3] * np.array([-forward[1], forward[0]])
-    matrix = np.eye(len(mean))
-    matrix[:2, 2], matrix[:2, 3], matrix[:2, 4] = left, forward, 0.5 * interval * left
-    matrix[2, 4] = interval
-    return matrix
+    noise[5, 5], noise[6, 6] = (1.0 - keep**2) * np.square([tracker.length_std, tracker.width_std])
+    return later, matrix, noise
 
 
 def _forward(mean: np.ndarray, interval: float) -> np.ndarray:

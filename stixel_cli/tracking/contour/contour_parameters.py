@@ -16,7 +16,7 @@ class ContourParameters:
             outline. Points of a `file` or of the user's `own` source are on the class's outline
             or on its box, whichever fits, with a residual.
         road_user: whether the class is `fixed` as the prior's, or `estimated`: replaced by one that
-            the scans make 100 times as probable, if a size that you state fits that class.
+            the scans make far more probable, if a size that you state fits that class.
         sees: where on the target the points of a file or of your own source are: where rays meet
             it first (`first_surface`, as of a lidar or a radar), or on its whole `contour`.
         acceleration: process noise of the speed, a white acceleration's root density, m/s^1.5.
@@ -32,8 +32,6 @@ class ContourParameters:
         bias_std: standard deviation, m at a range of 10 m, of an error of the sensor that all
             ranges of a recording share; it grows with the square of the range, as that of a
             disparity does.
-        possible_bias_std: standard deviation, m at 10 m, of such an error of stixels that is only
-            possible: it widens the covariance and moves no estimate.
         offset_std: standard deviation, m, of the shape across the rays: where a ray grazes the
             shape it makes the range uncertain.
         silhouette_factor: factor on the standard deviation of the silhouette.
@@ -57,7 +55,6 @@ class ContourParameters:
     noise_factor: Annotated[float, Gt(0), Le(100)]
     shape_factor: Annotated[float, Ge(0.1), Le(100)]
     bias_std: Annotated[float, Ge(0), Le(10)]
-    possible_bias_std: Annotated[float, Ge(0), Le(10)]
     offset_std: Annotated[float, Ge(0), Le(10)]
     silhouette_factor: Annotated[float, Ge(0.1), Le(100)]
     silhouette_std: Annotated[float, Ge(0), Le(10)]

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stixel_cli.geometry.pose import wrap_angle
+from stixel_cli.geometry.pose import rotation, wrap_angle
 from stixel_cli.measurements.scans import FieldOfView
 from stixel_cli.tracking.contour.class_shape import class_shape, visible_shape, visible_table
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
@@ -16,13 +16,6 @@ NEAR_RANGE, NEAR_ACROSS = 0.3, 0.15
 
 BESIDE, NEARER = 0.3, 0.3
 """A point that is by so much nearer, m, and so near across the rays, hides an end."""
-
-SHARED_STD = 0.1
-"""Of an error of a sensor's ranges that scans share, m, such as of the times of points and truth.
-
-On tuning seeds 0.2 and 0.3 halve the NEES of real cars once more, but cost rectangles and a cargo
-bike .02 to .15 of IoU.
-"""
 
 GAP = 0.6
 """Points of neighbouring rays farther apart, m, and four standard deviations, are two objects'."""
@@ -59,6 +52,12 @@ class Sight:
         quarter = len(self.table.low) // 4
         return 0.5 * (self.table.high - self.table.low)[[quarter, 0]]
 
+    def angles(self, state: np.ndarray, rays: "Rays", ranges: np.ndarray) -> np.ndarray:
+        """Bearings (n,) rad of where rays meet a state's shape, in units of half its size."""
+        hits = rays.sensor[:2] + ranges[:, None] * rays.directions - state[:2]
+        hits = hits @ rotation(state[2]) / (self.half * np.exp(state[5:7]))
+        return np.arctan2(hits[:, 1], hits[:, 0])
+
 
 @dataclass(frozen=True)
 class Rays:
@@ -71,6 +70,8 @@ class Rays:
         ranges: (n,) m.
         stds: (n,) m, of the ranges.
         across_variances: (n,) m², of the points across their rays.
+        shared_along, shared_across: (n, m) m, how far one standard deviation of each of m errors
+            that all scans share moves a point along its ray, and to the left across it.
         field_of_view: of the sensor; None: unknown.
         hidden: whether a nearer object hides what is beside the first and the last ray.
     """
@@ -81,26 +82,23 @@ class Rays:
     ranges: np.ndarray
     stds: np.ndarray
     across_variances: np.ndarray
+    shared_along: np.ndarray
+    shared_across: np.ndarray
     field_of_view: FieldOfView | None = None
     hidden: tuple[bool, bool] = (False, False)
 
     @property
     def normals(self) -> np.ndarray:
         """Unit vectors (n, 2) to the left of the rays."""
-        return np.stack([-self.directions[:, 1], self.directions[:, 0]], axis=-1)
+        return normals_of(self.directions)
 
     @property
     def points_world(self) -> np.ndarray:
         """The points (n, 2) m."""
         return self.sensor[:2] + self.ranges[:, None] * self.directions
 
-    def subset(self, indices: np.ndarray, sight: Sight) -> "Rays":
-        """The rays at `indices`; where the shape was learned, no end counts as hidden."""
-        hidden = self._hidden_ends(indices) if sight.residual else (False, False)
-        return self.at(indices, hidden)
-
-    def at(self, indices: np.ndarray, hidden: tuple[bool, bool] = (False, False)) -> "Rays":
-        """The rays at `indices`, whose ends are `hidden` or not."""
+    def subset(self, indices: np.ndarray) -> "Rays":
+        """The rays at `indices`, whose ends are hidden or not."""
         return Rays(
             self.sensor,
             self.directions[indices],
@@ -108,8 +106,10 @@ class Rays:
             self.ranges[indices],
             self.stds[indices],
             self.across_variances[indices],
+            self.shared_along[indices],
+            self.shared_across[indices],
             self.field_of_view,
-            hidden,
+            self._hidden_ends(indices),
         )
 
     def _hidden_ends(self, indices: np.ndarray) -> tuple[bool, bool]:
@@ -123,6 +123,11 @@ class Rays:
             nearer = self.ranges < self.ranges[end] - NEARER
             ends.append(bool((others & nearer & (apart < BESIDE)).any()))
         return ends[0], ends[1]
+
+
+def normals_of(directions: np.ndarray) -> np.ndarray:
+    """Unit vectors (n, 2) to the left of `directions` (n, 2)."""
+    return np.stack([-directions[:, 1], directions[:, 0]], axis=-1)
 
 
 def sight_of(
@@ -144,14 +149,20 @@ def rays_of(
     covariances: np.ndarray,
     sensor: np.ndarray,
     field_of_view: FieldOfView | None = None,
+    shared: np.ndarray | None = None,
 ) -> Rays:
-    """The rays from a `sensor` (3,) through points (n, 2) m with covariances (n, 2, 2) m²."""
+    """The rays from a `sensor` (3,) through points (n, 2) m with covariances (n, 2, 2) m².
+
+    `shared` (n, 2, m) m is how far one standard deviation of each of m errors that all scans share
+    moves the points.
+    """
     offsets = points_world - sensor[:2]
     ranges = np.hypot(offsets[:, 0], offsets[:, 1])
     directions = offsets / np.maximum(ranges, 1e-9)[:, None]
     variances = np.einsum("ni,nij,nj->n", directions, covariances, directions)
     across = np.trace(covariances, axis1=1, axis2=2) - variances
     bearings = wrap_angle(np.arctan2(directions[:, 1], directions[:, 0]) - sensor[2])
+    shared = np.zeros((len(offsets), 2, 0)) if shared is None else shared
     return Rays(
         sensor,
         directions,
@@ -159,6 +170,7 @@ def rays_of(
         ranges,
         np.sqrt(np.maximum(variances, 0.0)),
         np.maximum(across, 0.0),
+        *(np.einsum("ni,nim->nm", axes, shared) for axes in (directions, normals_of(directions))),
         field_of_view,
     )
 
@@ -237,15 +249,3 @@ def sampling_inset(rays: Rays, sight: Sight) -> tuple[float, float]:
     gap, spread = float(np.median(gaps)), float(np.mean(gaps**2))
     # Where gaps are uneven, the points are anywhere on the target, as those of a radar.
     return 0.5 * gap, spread / 12.0 + (np.sqrt(spread) - gap) ** 2
-
-
-def range_errors(rays: Rays, sight: Sight, tracker: ContourParameters) -> np.ndarray:
-    """Standard deviations (2, n) m of errors of the ranges that all scans share.
-
-    First one that is considered, then one that is possible. That of a disparity grows with the
-    squared range; where the visible shape was not learned, there is one that does not grow, too.
-    """
-    growth = (rays.ranges / 10.0) ** 2
-    stated, constant = tracker.bias_std * growth, SHARED_STD if sight.residual else 0.0
-    possible = tracker.possible_bias_std if tracker.seen_by == "stixels" else 0.0
-    return np.stack([np.hypot(stated, constant), possible * growth])

@@ -11,16 +11,19 @@ as it is: the start or the prediction may be wrong by more than a local update c
 that goes backwards faster than its class does is turned round.
 """
 
+from copy import deepcopy
+
 import numpy as np
 
 from stixel_cli.geometry.pose import rotation
 from stixel_cli.measurements.clusters import distances
+from stixel_cli.tracking.consider import JointCovariance
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
 from stixel_cli.tracking.contour.contour_rays import Rays, Sight
 from stixel_cli.tracking.contour.contour_update import Posterior, update
 from stixel_cli.tracking.contour.residual import NODES
 
-RECENT, INCONSISTENT = 3, 0.7
+RECENT, INCONSISTENT = 3, 1.5
 """A track is inconsistent if the mean NIS / degrees of freedom of so many scans is above this."""
 
 TURNS = np.radians([0.0, -10.0, 10.0, -20.0, 20.0, -30.0, 30.0, -40.0, 40.0])
@@ -48,7 +51,7 @@ def is_inconsistent(nis: np.ndarray, degrees: np.ndarray) -> bool:
 def detect_again(
     mean: np.ndarray,
     covariance: np.ndarray,
-    of_errors: np.ndarray,
+    joint: JointCovariance,
     rays: Rays,
     indices: np.ndarray,
     sight: Sight,
@@ -57,16 +60,17 @@ def detect_again(
 ) -> tuple[np.ndarray, Posterior]:
     """The points of the target (m,) and the posterior of a prediction that is inconsistent.
 
-    `mean` (d,), `covariance` (d, d) and `of_errors` (d, 2) are the prediction, `indices` (n,) its
-    points. `widen`: whether the prediction may be wrong by more than its covariance.
+    `mean` (d,), `covariance` (d, d) and `joint` are the prediction, `indices` (n,) its points.
+    `widen`: whether the prediction may be wrong by more than its covariance.
     """
     points = rays.sensor[:2] + rays.ranges[:, None] * rays.directions
     indices = cluster_of(rays, points, indices, sight)
-    taken, place = rays.subset(indices, sight), points[indices].mean(axis=0)
+    taken, place = rays.subset(indices), points[indices].mean(axis=0)
     left = taken.normals.mean(axis=0)
-    wide = covariance.copy()
+    wide, joint = covariance.copy(), deepcopy(joint)
     if widen:
         wide[:7, :7] += WIDE
+        joint.matrix[:7, :7] += WIDE
     results = []
     # After a gap the target may have turned by more.
     scale = max(1.0, min(2.0 * np.sqrt(covariance[2, 2]), np.pi) / TURNS.max())
@@ -79,13 +83,13 @@ def detect_again(
         begin[2] += turn
         # After a gap of years the innovation's covariance is singular.
         with np.errstate(invalid="ignore"):
-            results.append(update(mean, wide, of_errors, taken, sight, tracker, begin))
+            results.append(update(mean, wide, joint, taken, sight, tracker, begin))
     return indices, max(results, key=lambda result: np.nan_to_num(result[-1], nan=-np.inf))
 
 
 def turned(
-    mean: np.ndarray, covariance: np.ndarray, of_errors: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    mean: np.ndarray, covariance: np.ndarray, joint: JointCovariance
+) -> tuple[np.ndarray, np.ndarray, JointCovariance]:
     """The state of a target that faces the other way and moves as before.
 
     No road user goes backwards fast: its front was taken for its rear.
@@ -95,7 +99,11 @@ def turned(
     mean = (signs * mean)[order]
     mean[2] += np.pi
     covariance = (signs[:, None] * covariance * signs)[np.ix_(order, order)]
-    return mean, covariance, (signs[:, None] * of_errors)[order]
+    considered = np.arange(len(mean), len(joint.matrix))
+    order, signs = np.append(order, considered), np.append(signs, np.ones(len(considered)))
+    joint = deepcopy(joint)
+    joint.matrix = (signs[:, None] * joint.matrix * signs)[np.ix_(order, order)]
+    return mean, covariance, joint
 
 
 def cluster_of(

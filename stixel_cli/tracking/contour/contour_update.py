@@ -1,18 +1,28 @@
 """The update of the tracker `contour`: rays on the class's shape; see `contour_filter.py`."""
 
+from copy import deepcopy
 from typing import NamedTuple
 
 import numpy as np
 
 from stixel_cli.geometry.pose import rotation
 from stixel_cli.tracking.association import uncut
+from stixel_cli.tracking.consider import FIELD_NODES, JointCovariance, field_weights
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
-from stixel_cli.tracking.contour.contour_rays import Rays, Sight, range_errors, sampling_inset
+from stixel_cli.tracking.contour.contour_rays import Rays, Sight, sampling_inset
 from stixel_cli.tracking.contour.ray_table import expected
-from stixel_cli.tracking.kalman import condition
+from stixel_cli.tracking.kalman import condition, correct
 
 SEEN = np.array([0, 1, 2, 5, 6])
 """Indices of the states that a ray sees: the pose and the two sizes."""
+
+SHAPE_ERRORS = FIELD_NODES + 2
+"""Number of considered errors of the visible shape: of the field over the outline, and of the two
+ends. Those of the sensor follow."""
+
+SHARED, FINE = 0.5, 0.2
+"""Shares of the visible shape's variance that neighbouring rays and scans have in common, and that
+each point has of its own. What is left differs between the sensors of a kind."""
 
 CAP = 0.5
 """Of half the length or the width: a change of the size moves what is nearer to an end by as much
@@ -24,9 +34,8 @@ LEAST_STEP = np.array([0.02, 0.02, 0.01])
 GREATEST_STEP = np.array([0.3, 0.3, 0.2])
 """Bounds of the steps of the central differences, in the units of the states seen."""
 
-MISS_STD, MISS_FACTOR = 0.05, 4.0
-"""A ray with a point of the target should meet its shape: standard deviation, m, and a factor on it
-that stands for neighbours, which share the error."""
+MISS_STD = 0.05
+"""A ray with a point of the target should meet its shape: standard deviation, m."""
 
 SIZE_STEP = 0.3
 """Greatest change of a factor of the size in one iteration, relative: slopes are local."""
@@ -34,116 +43,126 @@ SIZE_STEP = 0.3
 CONVERGED = 2e-3
 """The iteration ends when no state moves by more than this."""
 
-Posterior = tuple[np.ndarray, np.ndarray, np.ndarray, float, int, float]
-"""Mean, covariance, `of_errors`, NIS, its degrees of freedom, log likelihood."""
+Posterior = tuple[np.ndarray, np.ndarray, JointCovariance, float, int, float]
+"""Mean, covariance of the gain, joint covariance, NIS, its degrees of freedom, log likelihood."""
 
 
 def update(
     mean: np.ndarray,
     covariance: np.ndarray,
-    of_errors: np.ndarray,
+    joint: JointCovariance,
     rays: Rays,
     sight: Sight,
     tracker: ContourParameters,
     first_iterate: np.ndarray | None = None,
 ) -> Posterior:
-    """Posterior mean (d,) and covariance (d, d), of n > 0 rays; NIS and its degrees of freedom.
+    """Posterior of a state (d,) with n > 0 rays.
 
-    `of_errors` (d, 2), and the third result, is the state's covariance with the two errors that
-    scans share over their standard deviations, see `range_errors`. Last the log likelihood: of the
-    innovation, with the weighted noise, at the last iterate. The iteration begins at
-    `first_iterate` (d,), by default at the prior's `mean`.
+    `covariance` (d, d) makes the gain. `joint` is that of the error which the state has with these
+    gains, and of the errors that are considered; it is not changed. NIS and log
+    likelihood are those of the innovation as the joint covariance has it, at the last iterate. The
+    iteration begins at `first_iterate` (d,), by default at the prior's `mean`.
     """
-    count = len(rays.ranges)
-    first, last = int(np.argmin(rays.bearings)), int(np.argmax(rays.bearings))
+    count, size = len(rays.ranges), len(mean)
+    ends = np.array([np.argmin(rays.bearings), np.argmax(rays.bearings)])
     inset, inset_variance = sampling_inset(rays, sight)
-    edges = (np.radians(tracker.silhouette_std) * rays.ranges[[first, last]]) ** 2
-    silhouettes = uncut(
-        rays.bearings[[first, last]], rays.ranges[[first, last]], rays.field_of_view
-    )
+    inset_variance = inset_variance + (np.radians(tracker.silhouette_std) * rays.ranges[ends]) ** 2
+    silhouettes = uncut(rays.bearings[ends], rays.ranges[ends], rays.field_of_view)
     # A single ray does not show where an outline begins or ends.
     silhouettes &= ~np.array(rays.hidden) & (count > 1 or not sight.outline)
     rows = np.concatenate([np.ones(count, bool), silhouettes])
-    biases, possible = np.pad(range_errors(rays, sight, tracker), ((0, 0), (0, 2)))
-    # With the considered error, of variance 1, after the state.
-    size = len(mean)
-    joint = np.eye(size + 1)
-    joint[:size, :size] = covariance
-    joint[:size, size] = joint[size, :size] = of_errors[:, 0]
-    posterior = joint
-    iterate = mean if first_iterate is None else first_iterate
+    posterior, iterate = covariance, mean if first_iterate is None else first_iterate
     for _ in range(tracker.iterations):
-        linear = linearise(iterate, posterior, rays, first, last, sight)
-        predicted, slopes, stds = linear.predicted, linear.slopes, linear.stds
-        matrix = np.zeros((count + 2, size + 1))
-        matrix[:, SEEN], matrix[:, size] = slopes.T, biases
-        if sight.residual:
-            matrix[:, 7:size] = sight.residual.slopes(
-                iterate, rays.sensor[:2], rays.directions, predicted[:count], (first, last)
-            )
-            if sight.far:
-                # The slopes are those of sides that face the sensor.
-                matrix[:count, 7:size] = 0.0
-            predicted = predicted + matrix[:, 7:size] @ iterate[7:]
-        errors = -predicted
-        errors[:count] += rays.ranges - sight.bias_per_std * rays.stds
+        linear = linearise(iterate, posterior, rays, *ends, sight)
+        matrix, errors = _measured(iterate, linear, rays, ends, sight)
         errors[count:] -= inset
-        variances = np.empty(count + 2)
-        variances[:count] = (tracker.noise_factor * sight.std_factor * rays.stds) ** 2
-        variances[:count] += (tracker.shape_factor * stds[:count]) ** 2
         # Where the ray grazes the shape, a small error across it is a large one of the range.
-        across = (
-            slopes[1, :count] * rays.directions[:, 0] - slopes[0, :count] * rays.directions[:, 1]
-        )
-        variances[:count] += across**2 * (rays.across_variances + tracker.offset_std**2)
-        variances[count:] = tracker.silhouette_factor**2 * (
-            stds[count:] ** 2 + inset_variance + edges
-        )
+        across = (linear.slopes[:2, :count].T * rays.normals).sum(axis=1)
+        grazing = across**2 * rays.across_variances
+        shape = linear.stds**2
+        shape[:count] += (across * tracker.offset_std) ** 2
+        ranges = (sight.std_factor * rays.stds) ** 2
+
+        variances = np.empty(count + 2)
+        variances[:count] = tracker.noise_factor**2 * ranges + grazing
+        variances[:count] += tracker.shape_factor**2 * linear.stds[:count] ** 2
+        variances[:count] += (across * tracker.offset_std) ** 2
+        variances[count:] = tracker.silhouette_factor**2 * (shape[count:] + inset_variance)
         if sight.residual:
             variances += linear.curvature_variances
-        freedom = tracker.degrees_of_freedom
-        weights = (freedom + 1.0) / (freedom + errors**2 / (variances + biases**2))
-
-        noise = (variances / np.minimum(weights, 1.0))[rows]
-        matrix, errors, sensitivity = matrix[rows], errors[rows], possible[rows]
-        if sight.residual:
-            passing = linear.misses > 0.0
-            misses, miss_matrix = linear.misses[passing], np.zeros((passing.sum(), size + 1))
-            miss_matrix[:, SEEN] = linear.miss_slopes[:, passing].T
-            miss_noise = _miss_noise(misses, rays.across_variances[passing], tracker)
-            matrix, errors = np.vstack([matrix, miss_matrix]), np.concatenate([errors, -misses])
-            noise = np.concatenate([noise, miss_noise])
-            sensitivity = np.concatenate([sensitivity, np.zeros(len(misses))])
-        innovation = errors + matrix[:, :size] @ (iterate - mean)
-        correction, posterior, nis, likelihood = condition(joint, matrix, noise, innovation)
-        if sight.residual:
-            # A miss is a penalty: it makes nothing more likely.
-            likelihood += 0.5 * np.log(2.0 * np.pi * miss_noise).sum()
-        moved = mean + correction[:size]
+        passing = linear.misses > 0.0 if sight.residual else np.zeros(count, bool)
+        miss_matrix = np.zeros((passing.sum(), size))
+        miss_matrix[:, SEEN] = linear.miss_slopes[:, passing].T
+        miss_variances = MISS_STD**2 + tracker.offset_std**2 + rays.across_variances[passing]
+        pulls = np.vstack([matrix[rows], miss_matrix])
+        pull_errors = np.concatenate([errors[rows], -linear.misses[passing]])
+        noise = np.concatenate([variances[rows], tracker.shape_factor**2 * miss_variances])
+        noise /= _weights(pull_errors, noise, tracker)
+        correction, posterior, _ = correct(
+            covariance, pulls, noise, pull_errors + pulls @ (iterate - mean)
+        )
+        innovation = (errors + matrix @ (iterate - mean))[rows]
+        moved = mean + correction
         moved[5:7] = np.clip(moved[5:7], iterate[5:7] - SIZE_STEP, iterate[5:7] + SIZE_STEP)
         change = np.abs(moved - iterate).max()
         iterate = moved
         if change < CONVERGED:
             break
-    # The considered error is not estimated: its variance stays 1.
-    # The possible error moves the measurements by its sensitivity; the gain, which leaves it out,
-    # moves the state by the part of it that the prediction does not have yet.
-    innovations = sensitivity - matrix[:, :size] @ of_errors[:, 1]
-    of_possible = of_errors[:, 1] + posterior[:size] @ (matrix.T @ (innovations / noise))
-    of_errors = np.stack([posterior[:size, size], of_possible], axis=-1)
-    return iterate, posterior[:size, :size], of_errors, nis, int(rows.sum()), likelihood
+    # What the errors really are, as far as the model knows them; a miss is a penalty of the gain.
+    own = np.concatenate([ranges + grazing, inset_variance + rays.across_variances[ends]])
+    own = (own + FINE * shape)[rows]
+    shared = np.zeros((count + 2, len(joint.matrix) - size))
+    angles = sight.angles(iterate, rays, linear.predicted[:count])
+    shared[:count, :FIELD_NODES] = field_weights(
+        np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    )
+    shared[[count, count + 1], [FIELD_NODES, FIELD_NODES + 1]] = 1.0
+    shared *= np.sqrt(SHARED * shape)[:, None]
+    across_ends = rays.shared_across[ends] * [[1.0], [-1.0]]
+    shared[:, SHAPE_ERRORS:] = np.vstack([rays.shared_along, across_ends])
+    shared = shared[rows]
+    own /= _weights(errors[rows], own + (shared**2).sum(axis=1), tracker)
+    whole = np.hstack([matrix[rows], shared])
+    _, _, nis, likelihood = condition(joint.matrix, whole, own, innovation)
+    misses = np.hstack([miss_matrix, np.zeros((len(miss_matrix), shared.shape[1]))])
+    whole, gain = np.vstack([whole, misses]), posterior @ (pulls.T / noise)
+    joint = deepcopy(joint)
+    joint.correct(gain, whole, np.concatenate([own, miss_variances]))
+    return iterate, posterior, joint, nis, len(own), likelihood
 
 
-def _miss_noise(
-    misses: np.ndarray, across_variances: np.ndarray, tracker: ContourParameters
-) -> np.ndarray:
-    """Variances (n,) m² of how far rays with a point of the target pass by its shape, m.
+def constant_errors(joint: JointCovariance) -> np.ndarray:
+    """How far the sensor's m shared errors move a state: (d, m)."""
+    return joint.matrix[: joint.size, joint.size + SHAPE_ERRORS :]
 
-    Weighted as those of a Student distribution, see `contour_filter.py`.
-    """
-    variances = MISS_FACTOR**2 * (MISS_STD**2 + tracker.offset_std**2 + across_variances)
+
+def _weights(errors: np.ndarray, variances: np.ndarray, tracker: ContourParameters) -> np.ndarray:
+    """Weights (n,) ≤ 1 of errors with a Student distribution, see `contour_filter.py`."""
     freedom = tracker.degrees_of_freedom
-    return variances * np.maximum((freedom + misses**2 / variances) / (freedom + 1.0), 1.0)
+    return np.minimum((freedom + 1.0) / (freedom + errors**2 / variances), 1.0)
+
+
+def _measured(
+    state: np.ndarray, linear: "Linear", rays: Rays, ends: np.ndarray, sight: Sight
+) -> tuple[np.ndarray, np.ndarray]:
+    """Slopes (n + 2, d) of ranges and insets by the state (d,); measured minus predicted (n + 2,).
+
+    The insets' measured values are zero.
+    """
+    count = len(rays.ranges)
+    matrix = np.zeros((count + 2, len(state)))
+    matrix[:, SEEN] = linear.slopes.T
+    errors = -linear.predicted
+    if sight.residual:
+        matrix[:, 7:] = sight.residual.slopes(
+            state, rays.sensor[:2], rays.directions, linear.predicted[:count], ends
+        )
+        if sight.far:
+            # The slopes are those of sides that face the sensor.
+            matrix[:count, 7:] = 0.0
+        errors -= matrix[:, 7:] @ state[7:]
+    errors[:count] += rays.ranges - sight.bias_per_std * rays.stds
+    return matrix, errors
 
 
 class Linear(NamedTuple):

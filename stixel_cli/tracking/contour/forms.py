@@ -1,12 +1,11 @@
 """What a target looks like where the visible shape of its class is not known to hold.
 
 The visible shapes (`class_shape.py`) were learned from stixels, lidars and fabricated rays of the
-drawn classes. Points of another sensor, or rays on a target whose size the user states, may look
-different. Then there is a bank of two forms, the class's outline and the rectangle of its box,
-weighted by likelihood; each may deviate a little along its outline (`residual.py`); and the ends of
-the target are uncertain by what the rays graze. Fabricated rays cut any outline that the user
-gives: for them the two forms stand beside the learned shape. An outline that the user states is one
-more form, for every sensor.
+drawn classes. Points of another sensor may look different. Then there is a bank of two forms, the
+class's outline and the rectangle of its box, weighted by likelihood; each may deviate a little
+along its outline (`residual.py`); and the ends of the target are uncertain by what the rays graze.
+Fabricated rays cut any outline that the user gives: for them the two forms stand beside the learned
+shape. An outline that the user states is one more form, for every sensor.
 """
 
 from dataclasses import replace
@@ -38,26 +37,12 @@ LEAST_RADIUS = 0.02
 """Of an outline whose centre is outside of it, m."""
 
 
-def is_learned(prior: PriorShape, tracker: ContourParameters) -> bool:
-    """Whether the visible shapes were learned from such scans, of targets of such a size.
-
-    Recordings set the sizes of their labels, and what stixels see of a road user is blurred: for
-    them the class's shape holds whatever the size.
-    """
-    if tracker.seen_by not in LEARNED:
-        return False
-    if tracker.seen_by == "stixels" or prior.road_user == "unknown":
-        return True
-    stated = [prior.length, prior.width]
-    return np.allclose(stated, class_shape(prior.road_user).size, rtol=5e-3)
-
-
 def forms_of(
     road_user: str, prior: PriorShape, tracker: ContourParameters
 ) -> dict[str, tuple[ClassShape, Sight, ContourParameters]]:
     """The forms that a `road_user` may have: shape, how the sensor sees it, and parameters."""
     shape, sight = class_shape(road_user), sight_of(road_user, tracker)
-    learned = {"learned": (shape, sight, tracker)} if is_learned(prior, tracker) else {}
+    learned = {"learned": (shape, sight, tracker)} if tracker.seen_by in LEARNED else {}
     given = prior.outline if road_user == prior.road_user else None
     if learned and given is None and tracker.seen_by != "fabricated":
         return learned

@@ -5,12 +5,12 @@ from functools import cached_property
 
 import numpy as np
 
-from stixel_cli.tracking.contour.class_probabilities import log_likelihood
-from stixel_cli.tracking.contour.contour_update import Posterior
+from stixel_cli.tracking.consider import JointCovariance
+from stixel_cli.tracking.contour.contour_update import Posterior, constant_errors
 from stixel_cli.tracking.smoothing import Step
 
-State = tuple[np.ndarray, np.ndarray, np.ndarray]
-"""Mean (d,), covariance (d, d) and `of_errors` (d, 2), see `contour_update.py`."""
+State = tuple[np.ndarray, np.ndarray, JointCovariance]
+"""Mean (d,), covariance (d, d) of the gain and joint covariance, see `contour_update.py`."""
 
 
 @dataclass(frozen=True)
@@ -47,12 +47,12 @@ class Hypothesis:
     def step(self) -> Step:
         """What smoothing needs of this scan.
 
-        What the two shared errors move goes through the filter as the mean does: no scan shows it.
+        What errors that all scans share move goes through the filter as the mean does: no scan
+        shows it.
         """
         states = []
-        for mean, covariance, of_errors in (self.state, self.predicted):
-            states.append(np.column_stack([mean, of_errors]))
-            states.append(covariance - np.outer(of_errors[:, 0], of_errors[:, 0]))
+        for mean, covariance, joint in (self.state, self.predicted):
+            states += [np.column_stack([mean, constant_errors(joint)]), covariance]
         return Step(*states, self.before and self.before.step, self.transition)
 
     @classmethod
@@ -61,5 +61,5 @@ class Hypothesis:
     ) -> "Hypothesis":
         """The hypothesis with the `posterior` of the points at `indices`."""
         *state, nis, degrees, stated = posterior
-        after = before + log_likelihood(stated, nis, degrees)
+        after = before + stated
         return cls(tuple(state), predicted, after, before, indices, nis, degrees)
