@@ -43,7 +43,7 @@ run: setup
 ifeq ($(ARGS),)
 	$(BIN)/stixel sweep tracker=contour,gp_ekf,point
 endif
-	@echo "open results/index.html in a browser: it links to the page of each run; stixel report FOLDER writes a sweep's"
+	@echo "open results/index.html in a browser: it links to the page of each run and sweep"
 
 test: setup lint
 	$(BIN)/python -m pytest -n 2 --dist worksteal -p no:benchmark $(ARGS)
