@@ -19,7 +19,7 @@ from stixel_cli.scene.path import build_scenario
 from stixel_cli.tracking import gp_ekf
 from stixel_cli.tracking.contour import contour
 from stixel_cli.tracking.gp_ekf import GpEkfParameters, track
-from stixel_cli.tracking.gp_ekf_update import update
+from stixel_cli.tracking.gp_ekf_update import linearise, update
 from stixel_cli.tracking.kernel import contour_process, kernel
 from stixel_cli.tracking.motion import predict, process_noise, transition
 from stixel_cli.tracking.prior import PriorShape
@@ -157,7 +157,8 @@ def fast_scan(mean, covariance, points):
     mean, covariance = predict(
         mean, covariance, INTERVAL, process_noise(INTERVAL, 1.0, 0.2), 1e-4, PROCESS.covariance
     )
-    return update(mean, covariance, points, STD**2 * np.eye(2), PROCESS)[:2]
+    model = linearise(points, mean, PROCESS)
+    return update(mean, covariance, model, STD**2 * np.eye(2), tangential=True)[:2]
 
 
 # The dense one first: the arrays of megabytes that it frees teach malloc to keep its pages, as any

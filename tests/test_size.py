@@ -21,7 +21,7 @@ MODULES = 345
 BUDGET = {
     "": 2214,
     "answers": 909,
-    "benchmark": 1032,
+    "benchmark": 1031,
     "calibration": 476,
     "cli": 3096,
     "config": 3004,
@@ -31,7 +31,7 @@ BUDGET = {
     "export": 655,
     "geometry": 404,
     "machine": 318,
-    "measurements": 2053,
+    "measurements": 2054,
     "pictures": 1537,
     "recordings": 3039,
     "rendering": 2345,

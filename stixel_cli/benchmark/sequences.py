@@ -7,7 +7,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from stixel_cli.border import TYPED, Origin
+from stixel_cli.border import TYPED
 from stixel_cli.config.compose import Composer
 from stixel_cli.config.folders import shipped_folder
 from stixel_cli.config.override_checks import read_overrides
@@ -126,6 +126,5 @@ def named(name: str) -> Sequence:
 def planned(chosen: Iterable[Sequence], further: Mapping[str, Any]) -> list[PlannedRun]:
     """The experiments of sequences, composed, in their order; `further` settings, as typed."""
     more = read_overrides((override_text(key, value) for key, value in further.items()), TYPED)
-    origin = Origin(str(bench_folder()))
-    each = [[*read_overrides(one.overrides, origin), *more] for one in chosen]
+    each = [[*read_overrides(one.overrides, TYPED), *more] for one in chosen]
     return compose_runs(each, ["seed"], Composer())

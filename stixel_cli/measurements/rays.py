@@ -7,8 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stixel_cli.geometry.polygon import first_hits
-
 
 @dataclass(frozen=True)
 class Rays:
@@ -50,6 +48,9 @@ def first_crossings(contour_sensor: np.ndarray, rays: Rays) -> tuple[np.ndarray,
     `contour_sensor` (M, 2) m is a simple polygon, counter-clockwise, in the sensor's frame with x
     along its heading; it may be concave, and only itself hides it.
     """
+    # Imported here: composing reads the noise's settings, and must not pay for Numba.
+    from stixel_cli.geometry.polygon import first_hits
+
     ranges = first_hits(contour_sensor, np.zeros(2), rays.directions)
     hit = np.flatnonzero(np.isfinite(ranges))
     return hit, ranges[hit]

@@ -207,7 +207,7 @@ def damage_tracker(packed):
         (damage_truth, "is unknown: a track has means"),
         (damage_shape, "means must have shape (12, 3)"),
         (damage_covariance, "positive definite"),
-        (damage_tracker, "tracker.iou_mean: is unknown (pack.schema.json)"),
+        (damage_tracker, "tracker.iou_mean: is unknown"),
     ],
 )
 def test_pack_refuses(packed, refused, damage, expected):

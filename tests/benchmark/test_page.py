@@ -112,4 +112,4 @@ def test_bench_page_reads_the_rows_of_a_folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     write_row(rows()[0], tmp_path / "rows")
     assert main(["bench", "page", "--rows", "rows", "--output", "site"]) == 0
-    assert "gp_ekf" in (tmp_path / "site" / "index.html").read_text(encoding="utf-8")
+    assert "gp_ekf" in (tmp_path / "site" / f"{'a' * 12}.html").read_text(encoding="utf-8")

@@ -262,7 +262,6 @@ def test_sweeps_of_options(group, capsys):
         (["seed=choice("], "do not match"),
         (["rig.width=64,wide"], "rig.width"),
         (["rig=kitti,default", "rig.focal_length=3", "rig.horizontal_fov=50"], "rig.focal_length"),
-        (["path=turn,waypoints", "path.points=[[0,9],[0,19]]"], "path.points"),
         (["executor.workers=0", "seed=0,1"], "executor.workers: 0 is out of range"),
         (["cache.max_size=much", "seed=0,1"], "cache.max_size: 'much' is not a valid size"),
         (["--from", "nowhere.yaml"], "nowhere.yaml"),

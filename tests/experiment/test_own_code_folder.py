@@ -127,7 +127,7 @@ def test_the_modules_are_stored_and_others_are_named(own, words, capsys):
         (own.folder / f"{own.helper}.py").write_text("OFFSET = 1.0\n")
         capsys.readouterr()
         assert main([*command, str(folder), "--trust-code"]) == 0
-        assert "code" not in capsys.readouterr().err
+        assert "/code" not in capsys.readouterr().err
         (own.folder / f"{own.helper}.py").write_text("OFFSET = 4.0\n")
         assert main([*command, str(folder), "--trust-code"]) == (command == ["verify"])
         lines = [line for line in capsys.readouterr().err.splitlines() if "/code" in line]

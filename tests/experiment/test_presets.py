@@ -19,7 +19,7 @@ DRAWN = PICTURED | {"pictures", "tracker", "start", "experiment"}
 
 OWN_PRESETS = {"road_user", "pace", "prior", "source"}
 OF_FILES = {
-    *(("measurement", "file"), ("path", "recorded")),
+    *(("measurement", "file"), ("path", "recorded"), ("tracker", "file")),
     *(("experiment", "lidarrm"), ("experiment", "pandaset")),
 }
 """Presets that need files: `test_file_run.py`, tests/recordings, `test_robustness.py`."""

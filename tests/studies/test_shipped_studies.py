@@ -10,12 +10,12 @@ import pytest
 
 from stixel_cli.answers.runs import Runs
 from stixel_cli.config.compose import compose
-from stixel_cli.config.folders import shipped_folder
+from stixel_cli.config.folders import STUDIES, shipped_folder
 from stixel_cli.config.texts import override_text, split_override
 from stixel_cli.evaluation.metric_table import METRICS as KNOWN
 from stixel_cli.scene.mesh_file import load_mesh
 from stixel_cli.studies import robustness, rq1, rq3
-from stixel_cli.studies.file import find_study, read_study, shipped_studies
+from stixel_cli.studies.file import find_study, read_study
 from stixel_cli.studies.questions import METRICS, asked
 from stixel_cli.studies.report import GROUPS, rows_of, with_columns
 
@@ -93,7 +93,7 @@ EMPTY = {
 }
 
 
-@pytest.mark.parametrize("name", shipped_studies())
+@pytest.mark.parametrize("name", STUDIES)
 def test_every_question_compares_options_that_are_balanced(name, monkeypatch):
     monkeypatch.setattr(robustness, "_found_again", lambda run: 1.0)
     study = read_study(find_study(name))
