@@ -115,7 +115,7 @@ def sections() -> dict[str, list[Entry]]:
                   [f"tracker={tracker}", "road_user=cyclist", "measurement=fabricated", *STREET],
                   "k0015/birds_eye.png")
             for tracker in options["tracker"]
-            if tracker != "pyrecest"  # an extra
+            if tracker not in {"pyrecest", "file"}  # an extra, and one of files
         ],
         "A whole run": [
             Entry("errors", "Errors over time, with their χ² bounds.", FABRICATED, "errors.png"),

@@ -12,7 +12,7 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 51_659
+TOTAL = 51_660
 """Greatest number of lines in all."""
 
 MODULES = 345
@@ -20,7 +20,7 @@ MODULES = 345
 
 BUDGET = {
     "": 2214,
-    "answers": 909,
+    "answers": 910,
     "benchmark": 1031,
     "calibration": 476,
     "cli": 3096,

@@ -8,6 +8,7 @@ from.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import pandas as pd
 
@@ -106,7 +107,7 @@ class Runs:
             raise UserError(f"{printable(twice, 60)}: is in two of compare, within and over")
         return Question(compare, within, over, metric, better, reference)
 
-    def ask(self, **parts) -> Answer:
+    def ask(self, **parts: Any) -> Answer:
         """The answer of a question; `parts` as in `question`.
 
         Raises:

@@ -179,8 +179,7 @@ def test_trusted_code_of_a_study_is_told_and_runs_once(evil, tmp_path, capsys):
     (evil / "stixel_cli.evil.py").write_text(code)
     assert main(["study", str(file), "--dry-run", "--trust-code"]) == 0
     module = "stixel_cli.evil.py"
-    names = ("columns", "material")
-    told = "".join(f"stixel: {file}: may run {module}:{name} (--trust-code)\n" for name in names)
+    told = f"stixel: {file}: may run {module}:columns, {module}:material (--trust-code)\n"
     assert capsys.readouterr().err == told and (tmp_path / "ran").exists()
     # The next command trusts nobody.
     (tmp_path / "ran").unlink()

@@ -24,8 +24,8 @@ OPTIONS = [
     (group, option)
     for group, options in group_options().items()
     for option in options
-    # A recording needs a folder, see tests/recordings.
-    if group != "source" and (group, option) != ("path", "recorded")
+    # A recording and a track need files, see tests/recordings.
+    if group != "source" and (group, option) not in {("path", "recorded"), ("tracker", "file")}
 ]
 
 
@@ -312,7 +312,7 @@ def test_names_of_files_are_absolute_wherever_they_are_meant(tmp_path, monkeypat
     ("typed", "meant"),
     [
         ("measurement.noise.range_deviation", "measurement.noise.range_std"),
-        ("range_deviation", "measurement.noise.range_std"),
+        ("range_deviation", "measurement.range_bias_std"),
         ("measurement.disparity_deviation", "measurement.noise.disparity_std"),
         ("start.position_deviation", "start.position"),
     ],

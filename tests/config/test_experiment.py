@@ -189,7 +189,9 @@ EXPERIMENTS = [option for option in group_options()[EXPERIMENT] if option != "no
 def others_of(experiment):
     """Group and option, for all options of each group in which the experiment sets anything."""
     groups = {name.partition(".")[0] for name in set_by_experiment(experiment)}
-    return [(g, o) for g in group_options() if g in groups for o in group_options()[g]]
+    options = [(g, o) for g in group_options() if g in groups for o in group_options()[g]]
+    # It needs a file.
+    return [one for one in options if one != ("tracker", "file")]
 
 
 @pytest.mark.parametrize(

@@ -52,7 +52,7 @@ def named(key):
     return "-".join([key.name, *(kind for _, kind in key.owners)])
 
 
-OF_A_RECORDING = {("path", "source"), ("path", "recorded")} | {
+OF_A_RECORDING = {("path", "source"), ("path", "recorded"), ("tracker", "file")} | {
     ("source", kind)
     for kind in (
         "kitti_tracking",

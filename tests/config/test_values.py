@@ -13,8 +13,8 @@ OPTIONS = [
     (group, option)
     for group, options in group_options().items()
     for option in options
-    # A recording needs a folder, see tests/recordings.
-    if group != "source" and (group, option) != ("path", "recorded")
+    # A recording and a track need files, see tests/recordings.
+    if group != "source" and (group, option) not in {("path", "recorded"), ("tracker", "file")}
 ]
 LINES = [
     [],

@@ -42,8 +42,8 @@ def test_sweep(results, tmp_path, capsys):
         sweep / "summary.csv"
     ).read_text()
     settings = {runs[n].info.run_name: runs[n] for n, parent in parents.items() if parent == top}
-    assert set(settings) == {"tracker=point", "tracker=gp_ekf"}
-    point = settings["tracker=point"]
+    assert set(settings) == {"point", "gp_ekf"}
+    point = settings["point"]
     metrics = point.data.metrics
     assert metrics["iou_mean/low"] < metrics["iou_mean"] < metrics["iou_mean/high"]
     below = [runs[n] for n, parent in parents.items() if parent == point.info.run_id]
