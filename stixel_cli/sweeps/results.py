@@ -91,11 +91,11 @@ class SweepResult:
             {key: one.get(key, NOT_GIVEN) for key in keys}
             | {
                 "status": run.status,
-                "folder": None if run.folder is None else str(run.folder),
+                "folder": None if row["folder"] is None else str(self.folder / row["folder"]),
                 "error": None if run.failure is None else " ".join(str(run.failure).split()),
             }
             | {name: value for name, value in run.metrics.items() if name not in keys}
-            for run, one in zip(self.runs, settings, strict=True)
+            for run, one, row in zip(self.runs, settings, self.rows, strict=True)
         ]
         frame = pandas.DataFrame(rows)
         metrics = dict.fromkeys(name for run in self.runs for name in run.metrics)

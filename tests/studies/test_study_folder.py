@@ -24,7 +24,7 @@ def test_a_folder_with_another_request_is_refused_without_name_or_fresh(studies,
     assert "--name" in error and "--fresh" in error
     assert studies.run(file, "road_user=car", "seed=1", "--name", "other")["complete"]
     fresh = studies.run(file, "road_user=car", "seed=1", "--fresh", *same)
-    assert fresh["complete"] and fresh["sweeps"]["first"]["done"] == 1
+    assert fresh["complete"] and fresh["sweeps"]["first"]["done"] == 2
     (studies.results / "mine").mkdir()
     (studies.results / "mine/text").write_text("mine\n")
     assert "is not a study folder" in studies.refused(file, "--name", "mine", "--fresh")

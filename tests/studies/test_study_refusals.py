@@ -30,7 +30,7 @@ TINY = ("road_user=car", "seed=0")
         (
             "columns(name, runs, results)",
             "return rows_of(runs, [[{'iou_mean': 1.0}] * 2] * len(runs), ())",
-            "questions: trackers: runs: two are ",
+            "questions: trackers: metrics: points_of_scans: no such column",
         ),
     ],
 )
