@@ -95,7 +95,7 @@ def read_table(file):
 def test_tables_have_documented_columns_and_the_runs_values(rendered, tmp_path):
     out = tmp_path / "csv"
     assert main(["export", str(rendered), "--format", "csv", "--output", str(out)]) == 0
-    names = {"scans", "track", "truth", "ego", "contour", "true_contour"}
+    names = {"scans", "track", "truth", "ego", "start", "contour", "true_contour"}
     assert {file.stem for file in out.iterdir()} == names | {"columns"}
     columns = read_table(out / "columns.csv")
     documented = set(zip(columns["table"], columns["column"], strict=True))
