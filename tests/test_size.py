@@ -12,7 +12,7 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 51_660
+TOTAL = 51_662
 """Greatest number of lines in all."""
 
 MODULES = 345
@@ -23,7 +23,7 @@ BUDGET = {
     "answers": 910,
     "benchmark": 1031,
     "calibration": 476,
-    "cli": 3096,
+    "cli": 3098,
     "config": 3004,
     "engine": 4919,
     "evaluation": 1847,

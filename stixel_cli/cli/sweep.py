@@ -97,6 +97,7 @@ def sweep(
 def _report(result: "SweepResult", json: bool, seconds: float) -> None:
     from stixel_cli.results.folder import PAGE
 
+    done = result.count("done")
     if json:
         from stixel_cli.answers.render import records
 
@@ -106,17 +107,18 @@ def _report(result: "SweepResult", json: bool, seconds: float) -> None:
                 "complete": result.complete,
                 "nodes": {"computed": result.computed, "cached": result.cached},
                 "runs": result.records,
-                "summary": records(result.answers(result.table.metrics)),
+                # Without a run there is nothing to ask.
+                "summary": records(result.answers(result.table.metrics)) if done else [],
             }
         )
     else:
-        if result.count("done"):
+        if done:
             print_answers(result)
         say(
-            f"{result.count('done')} of {len(result.runs)} runs done; nodes: "
+            f"{done} of {len(result.runs)} runs done; nodes: "
             f"{result.computed} computed, {result.cached} cached; {seconds:.1f} s"
         )
-        say(result.folder if not result.count("done") else result.folder / PAGE)
+        say(result.folder if not done else result.folder / PAGE)
     sys.stdout.flush()
     if not result.complete:
         _tell_what_is_missing(result)
