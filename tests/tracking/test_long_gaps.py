@@ -17,7 +17,7 @@ OUTLINE = np.array([[2.1, 0.85], [-2.1, 0.85], [-2.1, -0.85], [2.1, -0.85]])
 POSES = turning(8, 2.0, 0.1, (-3.0, 12.0))
 
 
-TRACKERS = [kind_of(one) for one in get_args(Tracker)]
+TRACKERS = [kind for kind in map(kind_of, get_args(Tracker)) if kind != "file"]
 SMOOTHED = [f"{name} tracker.lag=null" for name in ("contour", "gp_ekf", "point")]
 
 
