@@ -12,7 +12,7 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 51_662
+TOTAL = 51_663
 """Greatest number of lines in all."""
 
 MODULES = 345
@@ -31,7 +31,7 @@ BUDGET = {
     "export": 655,
     "geometry": 404,
     "machine": 318,
-    "measurements": 2054,
+    "measurements": 2055,
     "pictures": 1537,
     "recordings": 3039,
     "rendering": 2345,

@@ -112,7 +112,8 @@ class Scans:
         The sensor moves as since the scan before; at the first scan it stands still.
         """
         rates = np.zeros(3)
-        if k > 0:
+        # Two scans at one time, to the clock's last digit, say nothing of a rate.
+        if k > 0 and self.times[k] > self.times[k - 1]:
             rates = self.sensor_poses_world[k] - self.sensor_poses_world[k - 1]
             rates[2] = wrap_angle(rates[2])
             rates = rates / (self.times[k] - self.times[k - 1])
