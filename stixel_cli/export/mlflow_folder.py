@@ -41,15 +41,17 @@ def export_mlflow(folder: Path, target: Path) -> None:
     refuse_existing(target)
     with whole_folder(target) as partial:
         client = MlflowClient(tracking_uri=f"sqlite:///{partial / DATABASE}")
-        artifacts = (target / "artifacts").as_uri()
-        experiment = client.create_experiment("stixel", artifact_location=artifacts)
-        log = _Log(client, experiment, partial / "artifacts", folder.resolve())
-        if run is not None:
-            log.run(run, folder.name)
-        else:
-            _log_sweep(log, sweep)
-        # SQLite's file is closed before it moves.
-        client._tracking_client.store._dispose_engine()
+        try:
+            artifacts = (target / "artifacts").as_uri()
+            experiment = client.create_experiment("stixel", artifact_location=artifacts)
+            log = _Log(client, experiment, partial / "artifacts", folder.resolve())
+            if run is not None:
+                log.run(run, folder.name)
+            else:
+                _log_sweep(log, sweep)
+        finally:
+            # SQLite's file is closed before it moves, or goes.
+            client._tracking_client.store._dispose_engine()
 
 
 class _Log:
