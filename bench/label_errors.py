@@ -68,7 +68,7 @@ def one_label(chunk, rows, face, rig):
 def main(overrides):
     """Print one line per labelled car."""
     composition = compose([*overrides, "source.target=auto", "road_user=car"])
-    with computed_stages(composition, ["stixels", "rig"]) as (_, load):
+    with computed_stages(composition, ["stixels"]) as (_, load):
         rows = label_errors(load("stixels"), composition.recording, composition.configuration.rig)
     for track in np.unique(rows[:, 1]):
         own = rows[rows[:, 1] == track]

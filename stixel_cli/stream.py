@@ -265,6 +265,8 @@ class StixelStream:
                 start=initial,
                 start_time=(first - 1) * self._sample_time,
                 sensor="stixels",
+                field_of_view=scans.field_of_view,
+                shared_errors=scans.shared_errors,
             )
         rows = dict(zip(one.scans, one.rows, strict=True))
         for k in range(first, len(scans)):

@@ -11,10 +11,13 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from stixel_cli.errors import ArgumentError
+from stixel_cli.geometry.pose import pose_rates
+from stixel_cli.measurements.shared_errors import NO_SHARED_ERRORS, SharedErrors
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.track import InitialState
 
 if TYPE_CHECKING:
+    from stixel_cli.measurements.scans import FieldOfView
     from stixel_cli.tracking.contour.contour_parameters import ContourParameters
 
 POSE_STD = (0.3, 0.3, 0.2)
@@ -55,6 +58,8 @@ class Contour:
             `InitialState`.
         start_time: of the start, s; None for that of the first scan.
         sensor: what measures the points, as `tracker.seen_by`.
+        field_of_view: of the sensor; an end of the target at its border is not used as one.
+        shared_errors: those that all points share, of rig, clock and poses.
         settings: parameters of the tracker in the place of those in `conf/tracker/contour.yaml`.
 
     Raises:
@@ -76,6 +81,8 @@ class Contour:
         start: "np.ndarray | InitialState",
         start_time: float | None = None,
         sensor: Literal["stixels", "fabricated", "lidar", "file", "own"] = "file",
+        field_of_view: "FieldOfView | None" = None,
+        shared_errors: SharedErrors = NO_SHARED_ERRORS,
         **settings: Any,
     ):
         from stixel_cli.tracking.contour.contour import ClassBank
@@ -83,8 +90,9 @@ class Contour:
         prior, parameters = _parameters(road_user, {"seen_by": sensor} | settings)
         if not isinstance(start, InitialState):
             start = _at_pose(_array("start", start, (3,)), road_user)
-        self._bank = ClassBank(start, prior, replace(parameters, lag=0))
-        self._time = start_time
+        self._bank = ClassBank(start, prior, replace(parameters, lag=0), shared_errors.count)
+        self._field_of_view, self._shared_errors = field_of_view, shared_errors
+        self._time, self._sensor_pose = start_time, None
 
     def step(
         self, points: np.ndarray, covariances: np.ndarray, sensor_pose: np.ndarray, time: float
@@ -106,8 +114,11 @@ class Contour:
         interval = 0.0 if self._time is None else time - self._time
         if not 0.0 <= interval < np.inf:
             raise ArgumentError(f"time: must not be before {self._time:g} s, got {time:g}")
-        self._time = time
-        self._bank.step(interval, points, covariances, sensor_pose)
+        before = sensor_pose if self._sensor_pose is None else self._sensor_pose
+        rates = pose_rates(before, sensor_pose, interval)
+        shared = self._shared_errors.directions(points, sensor_pose, rates)
+        self._time, self._sensor_pose = time, sensor_pose
+        self._bank.step(interval, points, covariances, sensor_pose, self._field_of_view, shared)
         track = self._bank.latest()
         return Estimate(
             track.means[0, :3],
@@ -165,5 +176,7 @@ def _parameters(road_user: str, settings: dict[str, Any]) -> "tuple[PriorShape, 
         tracker.check()
     except ValidationError as error:
         fault = error.errors()[0]
-        raise ArgumentError(f"{fault['loc'][0]}: {fault['msg']}") from None
+        raise ArgumentError(": ".join(map(str, (*fault["loc"][:1], fault["msg"])))) from None
+    except ValueError as error:
+        raise ArgumentError(str(error)) from None
     return PriorShape(**prior), tracker

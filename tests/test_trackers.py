@@ -110,8 +110,8 @@ def test_a_track_is_a_table_with_a_row_a_scan(result):
     assert len(table) == len(found.times) and table["k"].tolist() == list(range(len(table)))
     np.testing.assert_array_equal(table[["x", "y", "heading"]], found.poses)
     np.testing.assert_array_equal(table[["length", "width"]], found.boxes)
-    np.testing.assert_allclose(table["x_std"] ** 2, found.covariances[:, 0, 0])
-    assert table["points"].sum() == len(found.used_points)
+    np.testing.assert_allclose(table["std_x"] ** 2, found.covariances[:, 0, 0])
+    assert table["points_used"].sum() == len(found.used_points)
     box = run("measurement=fabricated", {"path.duration": 1}, tracker="box").track
     assert box.box_sizes is None
     np.testing.assert_allclose(box.boxes, [[4.52, 1.83]] * len(box.times), rtol=1e-6)

@@ -52,7 +52,7 @@ def answers_page(
         ],
         notes=first.notes,
         cells=cells,
-        worst=_worst(first, cells, links),
+        worst=_worst(first, links),
         explanation=render.explanation(first),
         scenarios=_scenarios(first),
         axes=[
@@ -82,7 +82,7 @@ def _drawing(svg: bytes, name: str) -> Any:
     return drawing_for_page(svg.decode(), name)
 
 
-def _worst(answer: Answer, cells: render.Cells, links: Mapping[str, str]) -> list[tuple[str, str]]:
+def _worst(answer: Answer, links: Mapping[str, str]) -> list[tuple[str, str]]:
     """Name and link of the worst run of the option of each row; ("", "") without one."""
     worst = answer.worst
     rows = []

@@ -91,7 +91,7 @@ def markdown(answers: Sequence[Answer]) -> str:
     ]
     rule = ["---:" if i in cells.numbers else "---" for i in range(len(cells.header))]
     lines = [f"| {' | '.join(row)} |" for row in (cells.header, rule, *rows)]
-    said = [f"- {text}" for one in answers for text in (one.sentence,)]
+    said = [f"- {one.sentence}" for one in answers]
     notes = [f"- {text}" for text in answers[0].notes]
     return "\n".join([*lines, "", *said, *notes, "", explanation(answers[0]), ""])
 

@@ -38,14 +38,15 @@ def kind_of(row: Mapping[str, Any]) -> str:
 def score_frame(rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
     """One line for each row and sequence, with all scores; `folder` is the sequence's name.
 
-    Rows of one tracker have its version, tier and data in their names.
+    Rows of one tracker have its version, tier, data and pack in their names.
     """
     names = [row["tracker"]["name"] for row in rows]
     frames = []
     for row, name in zip(rows, names, strict=True):
         kind = kind_of(row)
         if names.count(name) > 1:
-            about = (row["tracker"]["version"][:14], row["tier"], row["benchmark"][:8])
+            tracker, pack = row["tracker"], row.get("pack", "")
+            about = (tracker["version"][:14], row["tier"], row["benchmark"][:8], pack[:8])
             name = " ".join(filter(None, (name, *about)))
         frame = pd.DataFrame([vars(named(sequence)) for sequence in row["sequences"]])
         values = {metric: np.array(column, float) for metric, column in row["scores"].items()}

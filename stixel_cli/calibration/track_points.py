@@ -27,11 +27,14 @@ def track_points(
         by_motion: whether to track, unless the rig states its error; else there are no pairs.
     """
     found: list[Pair] = []
-    count = pairs[-1].first + len(pairs[-1])
-    if not by_motion or rig.states_error or count < 2:
+    if not by_motion or rig.states_error:
         return gathered(found)
     # Of a long recording only the images that are needed are loaded.
-    chunk, size = lru_cache(2)(pairs.__getitem__), len(pairs[0])
+    chunk = lru_cache(2)(pairs.__getitem__)
+    last, size = chunk(len(pairs) - 1), len(chunk(0))
+    count = last.first + len(last)
+    if count < 2:
+        return gathered(found)
     match = {"sgm": sgm.match, "bm": bm.match}[stereo.kind]
     for k in np.unique(np.linspace(0, count - 2, MOST_FIRST).astype(int)).tolist():
         disparity = match(chunk(k // size), stereo, rig, range(k, k + 1)).pixels(0)

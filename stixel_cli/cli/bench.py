@@ -1,5 +1,6 @@
 """`stixel bench`: the benchmark of extended target trackers; docs/benchmark-1.0.md."""
 
+from itertools import chain
 from pathlib import Path
 from typing import Annotated
 
@@ -150,6 +151,8 @@ def page(
     )
     played = playback_pages(packs, Data(folder)) if packs else ()
     with written(output):
-        write_below(output, {**dict(played), **files})
+        # One playback page after the other: together they need not fit into memory.
+        for name, content in chain(played, files.items()):
+            write_below(output, {name: content})
     say(output / "index.html")
     return 0

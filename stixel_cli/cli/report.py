@@ -69,7 +69,7 @@ def report(
     if is_sweep:
         from stixel_cli.sweeps.page import FORMATS, asked_sweep, sweep_page, written_format
 
-        form = form or (output.suffix[1:] if output is not None else "html")
+        form = form or (output.suffix[1:] if output is not None else "") or "html"
         if form not in FORMATS:
             raise UserError(f"--format: {form}: must be one of {', '.join(FORMATS)}")
         result, notes, answers = asked_sweep(folders[0], over, compare, metrics, reference)

@@ -51,8 +51,6 @@ class Metric:
             has no value. Over runs, a metric is summed up by its mean. None for a metric that is
             not of one track.
         expected: least and greatest value that the verdict does not mention; None for no limit.
-        degrees_of_freedom: of the χ² distribution that the value has at one scan of a consistent
-            filter, once it is multiplied by them; None if it has no such distribution.
         percent: whether tables show the value in per cent.
         over_runs: name of the mean over runs, if it differs.
     """
@@ -65,7 +63,6 @@ class Metric:
     bounds: tuple[float | None, float | None]
     over_scans: Callable[[ScanErrors], float | int | None] | None = None
     expected: tuple[float | None, float | None] = (None, None)
-    degrees_of_freedom: int | None = None
     percent: bool = False
     over_runs: str = ""
 
@@ -173,12 +170,12 @@ _TABLE = (
            "band coverage, hidden side",
            "", None, (0.0, 1.0), lambda e: finite_mean(e.hidden_band_coverage), (0.8, None)),
     Metric("nees_position_mean", "NEES of the position / 2, mean (1 is consistent)",
-           "mean NEES / 2", *_RATIO, lambda e: finite_mean(e.nees_position), degrees_of_freedom=2),
+           "mean NEES / 2", *_RATIO, lambda e: finite_mean(e.nees_position)),
     Metric("nees_position_median", "NEES of the position / 2, median",
            "median NEES / 2", *_COUNT, lambda e: finite_median(e.nees_position)),
     Metric("nees_orientation_mean", "NEES of the orientation, mean (1 is consistent)",
            "mean NEES, orientation",
-           *_RATIO, lambda e: finite_mean(e.nees_orientation), degrees_of_freedom=1),
+           *_RATIO, lambda e: finite_mean(e.nees_orientation)),
     Metric("nis_mean", "NIS / degrees of freedom, mean (1 is consistent)", "mean NIS / d.o.f.",
            *_RATIO, lambda e: finite_mean(e.nis), _INNOVATIONS),
     Metric("scans", "scans", "scans", *_COUNT, lambda e: len(e.points)),

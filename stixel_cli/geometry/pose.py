@@ -50,6 +50,15 @@ def wrap_angle(angle: ArrayLike) -> np.ndarray:
     return -np.remainder(-np.asarray(angle, dtype=np.float64) + np.pi, 2.0 * np.pi) + np.pi
 
 
+def pose_rates(before: np.ndarray, after: np.ndarray, interval: float) -> np.ndarray:
+    """Rates (3,) m/s, m/s, rad/s from one pose (3,) to the next, an `interval` in s later.
+
+    0 where the interval is: two poses at one time, to the clock's last digit, say nothing of them.
+    """
+    change = np.array([*(after - before)[:2], wrap_angle(after[2] - before[2])])
+    return change / interval if interval > 0.0 else np.zeros(3)
+
+
 def rectangle(length: float, width: float) -> np.ndarray:
     """Corners (4, 2) m of a rectangle about the origin, counter-clockwise, x along its length."""
     return 0.5 * np.array([[length, width], [-length, width], [-length, -width], [length, -width]])

@@ -155,7 +155,7 @@ class Rig:
 
     @property
     def states_error(self) -> bool:
-        """Whether the error of the disparities is known: neither 0 nor exact."""
+        """Whether an error of the disparities, or its standard deviation, is stated: not 0."""
         return any(self.disparity_error + self.disparity_error_std)
 
     @property

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from stixel_cli.geometry.pose import wrap_angle
+from stixel_cli.geometry.pose import pose_rates
 from stixel_cli.measurements.shared_errors import NO_SHARED_ERRORS, SharedErrors
 
 FARTHEST = 1e8
@@ -111,13 +111,9 @@ class Scans:
 
         The sensor moves as since the scan before; at the first scan it stands still.
         """
-        rates = np.zeros(3)
-        # Two scans at one time, to the clock's last digit, say nothing of a rate.
-        if k > 0 and self.times[k] > self.times[k - 1]:
-            rates = self.sensor_poses_world[k] - self.sensor_poses_world[k - 1]
-            rates[2] = wrap_angle(rates[2])
-            rates = rates / (self.times[k] - self.times[k - 1])
-        return self.shared_errors.directions(points_world, self.sensor_poses_world[k], rates)
+        before, poses = max(k - 1, 0), self.sensor_poses_world
+        rates = pose_rates(poses[before], poses[k], self.times[k] - self.times[before])
+        return self.shared_errors.directions(points_world, poses[k], rates)
 
     def watched(self, begin: Callable[[str], None]) -> "Scans":
         """The same scans, which call `begin` with k and the number of points in `rows(k)`."""

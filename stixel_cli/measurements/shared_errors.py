@@ -42,7 +42,8 @@ class SharedErrors:
     ) -> np.ndarray:
         """How points (n, 2) m move by one standard deviation of each error: (n, 2, m) m.
 
-        `sensor_pose` (3,) is that of the world, `sensor_rates` (3,) m/s, m/s, rad/s its change.
+        `sensor_pose` (3,) is the sensor's pose in the world, `sensor_rates` (3,) its rates, m/s and
+        rad/s.
         """
         offsets = points_world - sensor_pose[:2]
         right, depth = (offsets @ rotation(sensor_pose[2] - STRAIGHT_AHEAD)).T

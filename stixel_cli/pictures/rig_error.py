@@ -20,10 +20,8 @@ def rig_pictures(calibration: RigCalibration) -> Pictures:
     rig = calibration.rig
     columns = np.linspace(0, rig.width - 1, 200)
     basis = rig.disparity_error_basis(columns)
-    error, band = (
-        basis @ rig.disparity_error,
-        np.linalg.norm(basis @ rig.disparity_error_factor, axis=1),
-    )
+    error = basis @ rig.disparity_error
+    band = np.linalg.norm(basis @ rig.disparity_error_factor, axis=1)
     with style.drawing():
         figure = style.new_figure(10.4, 3.6, layout="constrained")
         left, right = figure.subplots(1, 2)

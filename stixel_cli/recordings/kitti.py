@@ -112,9 +112,9 @@ def find_raw(source: KittiRaw) -> Recording:
     root = Path(source.folder)
     # The drives of a day share the calibration.
     at = root if (root / "calib_cam_to_cam.txt").is_file() else root.parent
-    calibrations = _, velodyne, cameras = [
-        at / f"calib_{name}.txt" for name in ("imu_to_velo", "velo_to_cam", "cam_to_cam")
-    ]
+    names = ("imu_to_velo", "velo_to_cam", "cam_to_cam")
+    calibrations = [at / f"calib_{name}.txt" for name in names]
+    _, velodyne, cameras = calibrations
     packets, folder = {}, root / "oxts/data"
     if folder.is_dir():
         (packets,) = numbered_images(folder, names=r"(\d{10})\.txt", example="0000000000.txt")
@@ -158,7 +158,7 @@ def find_pair(source: KittiPair) -> Recording:
 
 def _png_or_jpeg(file: Path) -> Path:
     """The file, or the JPEG that is in its place."""
-    jpeg = (file.with_suffix(ending) for ending in (".jpg", ".jpeg"))
+    jpeg = (file.with_suffix(ending) for ending in (".jpg", ".jpeg", ".JPG", ".JPEG"))
     return next((one for one in (file, *jpeg) if one.is_file()), file)
 
 

@@ -15,15 +15,18 @@ import numpy as np
 from stixel_cli.errors import UserError, printable
 from stixel_cli.files import read_text, read_yaml
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.recordings import kitti_tables
-from stixel_cli.recordings.kitti_tables import named_numbers, rectified_pair
-from stixel_cli.recordings.types import Calibration
+from stixel_cli.recordings.kitti_tables import (
+    GREATEST,
+    PAIRS,
+    check_baseline,
+    named_numbers,
+    read_calibration,
+    rectified_pair,
+)
+from stixel_cli.recordings.types import ERROR_VALUES, Calibration
 
 NEEDED = ("focal_length", "principal_u", "principal_v", "baseline")
 OPTIONAL = ("focal_length_v", "principal_u_right", "camera_height")
-THREE = ("disparity_error", "disparity_error_std")
-"""Optional, too: lists of three numbers, px, which `stixel calibrate` writes."""
-
 SAME = {"fx": "focal_length", "fy": "focal_length_v", "cx": "principal_u", "cy": "principal_v"}
 """Our name for each accepted other name of a number."""
 
@@ -53,10 +56,11 @@ def our_names(given: Mapping[str, Any]) -> dict[str, Any]:
             raise ValueError("K: must be a camera matrix of 3 × 3 numbers") from None
         of_matrix = matrix[[0, 1, 0, 1], [0, 1, 2, 2]]  # f_x, f_y, c_x, c_y
         pairs += zip(SAME.values(), of_matrix.tolist(), strict=True)
-    named = dict(pairs)
-    if len(named) < len(pairs):
-        raise ValueError(f"a number is given twice, by two of its names: {', '.join(given)}")
-    return named
+    names = [name for name, _ in pairs]
+    twice = [name for name in dict.fromkeys(names) if names.count(name) > 1]
+    if twice:
+        raise ValueError(f"a number is given twice, by two of its names: {', '.join(twice)}")
+    return dict(pairs)
 
 
 def counterpart(name: str, known: Collection[str]) -> str:
@@ -72,7 +76,7 @@ def read_named_calibration(file: Path) -> Calibration:
         return read_rig(file)
     if "cam0=" in read_text(file):
         return _middlebury(file)
-    return kitti_tables.read_calibration(file, *kitti_tables.PAIRS)
+    return read_calibration(file, *PAIRS)
 
 
 def read_rig(file: Path) -> Calibration:
@@ -98,23 +102,23 @@ def read_rig(file: Path) -> Calibration:
         content = our_names(content)
     except ValueError as fault:
         raise UserError(f"{file}: {fault}") from None
-    known = NEEDED + OPTIONAL + THREE
+    known = NEEDED + OPTIONAL + ERROR_VALUES
     for name, value in content.items():
         if name not in known:
             meant = counterpart(str(name), known) or f"; it has {', '.join(known)}"
             raise UserError(f"{file}: {printable(str(name))}: unknown{meant}")
-        listed = value if name in THREE and isinstance(value, list) else [value]
+        listed = value if name in ERROR_VALUES and isinstance(value, list) else [value]
         if any(isinstance(one, bool) or not isinstance(one, int | float) for one in listed):
             raise UserError(f"{file}: {name}: must be a number")
-        if name in THREE and len(listed) != 3:
+        if name in ERROR_VALUES and len(listed) != 3:
             raise UserError(f"{file}: {name}: must be three numbers, px")
         if name.startswith("focal_length") and value <= 0:
             raise UserError(f"{file}: {name}: must be > 0, got {value:g}")
     for name in NEEDED:
         if name not in content:
             raise UserError(f"{file}: {name} is missing")
-    kitti_tables.check_baseline(file, content["baseline"], "the left", "the right camera")
-    content |= {name: tuple(content[name]) for name in THREE if name in content}
+    check_baseline(file, content["baseline"], "the left", "the right camera")
+    content |= {name: tuple(content[name]) for name in ERROR_VALUES if name in content}
     absent = {"focal_length_v": content["focal_length"], "camera_height": None}
     return Calibration(**absent | content)
 
@@ -129,7 +133,7 @@ def rig_text(rig: Rig, comment: str) -> str:
         "principal_u_right": rig.u0_right,
         "baseline": rig.baseline,
         "camera_height": rig.camera_height,
-        **{name: [*getattr(rig, name)] for name in THREE},
+        **{name: [*getattr(rig, name)] for name in ERROR_VALUES},
     }
     rows = [f"{name}: {value}\n" for name, value in values.items()]
     return "".join([f"# {comment}\n", *rows])
@@ -151,6 +155,6 @@ def _projection(file: Path, name: str, value: Any) -> np.ndarray:
         matrix = np.array(data, dtype=np.float64).reshape(3, 4)
     except (KeyError, TypeError, ValueError):
         raise UserError(f"{file}: {name}: must have 12 numbers") from None
-    if not (np.abs(matrix) < kitti_tables.GREATEST).all():
-        raise UserError(f"{file}: {name}: numbers must be within ±{kitti_tables.GREATEST:g}")
+    if not (np.abs(matrix) < GREATEST).all():
+        raise UserError(f"{file}: {name}: numbers must be within ±{GREATEST:g}")
     return matrix

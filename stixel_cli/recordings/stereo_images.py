@@ -1,10 +1,11 @@
 """The images of a recording: from here on its stereo pairs are treated as rendered ones."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import numpy as np
 
+from stixel_cli.errors import UserError
 from stixel_cli.images import ImageStack, eight_bits, encode_png
 from stixel_cli.recordings.bag_messages import read_images
 from stixel_cli.recordings.image_files import grey, read_image, rectified, rgb
@@ -32,7 +33,7 @@ def read_pairs(
     encoded = [
         [
             encode_png(rectified(grey(image), rectification, right))
-            for right, image in enumerate(eight_bits({"left": left, "right": other}))
+            for right, image in enumerate(_plain({"left": left, "right": other}))
         ]
         for left, other in zip(
             _images(files, frames, False, messages),
@@ -55,8 +56,16 @@ def read_left(
         UserError: if the image is missing or damaged.
     """
     (image,) = _images(files, range(frame, frame + 1), False, messages)
-    (image,) = eight_bits({"left": image})
+    (image,) = _plain({"left": image})
     return LeftImage(frame, ImageStack.from_images([rectified(rgb(image), rectification, False)]))
+
+
+def _plain(images: Mapping[str, np.ndarray]) -> list[np.ndarray]:
+    """`eight_bits`; its faults as UserError."""
+    try:
+        return eight_bits(images)
+    except ValueError as fault:
+        raise UserError(f"source: {fault}") from None
 
 
 def _images(

@@ -11,6 +11,9 @@ from stixel_cli.images import ImageStack
 from stixel_cli.scene.classes import CLASS_OF_KITTI_TYPE
 from stixel_cli.scene.scenario import Scenario
 
+ERROR_VALUES = ("disparity_error", "disparity_error_std")
+"""Values of a rig on the error of its disparities: three numbers each, px, optional in files."""
+
 
 @dataclass(frozen=True)
 class Calibration:
@@ -42,7 +45,7 @@ class Calibration:
     @property
     def error_values(self) -> dict[str, Any]:
         """The values of a `Rig`, by name, on its disparity error that the files state."""
-        stated = {name: getattr(self, name) for name in ("disparity_error", "disparity_error_std")}
+        stated = {name: getattr(self, name) for name in ERROR_VALUES}
         return {name: list(values) for name, values in stated.items() if values}
 
     def rig_values(self, width: int, height: int) -> dict[str, Any]:

@@ -132,7 +132,7 @@ def _part(
 def _single(values: np.ndarray) -> np.ndarray:
     """`values` of single precision, as in binary formats: the sum of their wholes and fractions.
 
-    So rounded Assimp the text of earlier versions, whose pictures stay the same to the byte.
+    Assimp, which read meshes before, rounded text so: pictures stay the same to the byte.
     """
     wholes = np.trunc(values)
     return (wholes.astype(np.float32) + (values - wholes).astype(np.float32)).astype(np.float64)

@@ -98,8 +98,8 @@ def match_pairs(
 ) -> Disparities:
     """Disparities of the pairs of `frames` by OpenCV matchers.
 
-    The errors of the `rig`'s disparities are corrected, rounded to 1/16 px. By the whole px of the
-    distance of its principal points the right image is moved, so that far obstacles have 0.
+    The errors of the `rig`'s disparities are corrected, rounded to 1/16 px. If the cameras'
+    principal points differ, the right image is first moved by that distance, in whole px.
 
     Args:
         create: makes a matcher for a least disparity and a number of them, px.

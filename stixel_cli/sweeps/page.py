@@ -59,7 +59,10 @@ def asked_sweep(
         result = replace(result, over=over_keys(over, result.axes))
     names = metrics.split(",") if metrics else [one.question.metric for one in result.answers()]
     parts = question_over(result) | {"reference": reference}
-    parts |= {"compare": compare.split(",")} if compare is not None else {}
+    if compare is not None:
+        # All other axes are scenarios.
+        parts["compare"] = compare.split(",")
+        parts.pop("within", None)
     return result, notes, [result.table.ask(metric=name, **parts) for name in names]
 
 
@@ -77,7 +80,7 @@ def sweep_page(
     from stixel_cli.answers.page import answers_page, page_links
 
     answers = answers or result.answers()
-    folders = [run.folder for run in result.runs if run.status == DONE and run.folder is not None]
+    folders = [Path(one) for one in result.table.frame["folder"].dropna()]
     git = notes.get("git")
     origin = {
         "command": notes.get("command", ""),

@@ -31,8 +31,8 @@ class JointCovariance:
     def __init__(self, covariance: np.ndarray, memories: np.ndarray):
         """From the covariance (d, d) of the states, and the `memories` (m,) of the others, s.
 
-        A considered error that is correlated with itself by e⁻¹ after its memory; infinite: always
-        the same.
+        A considered error is correlated with itself by e⁻¹ after its memory; with an infinite one
+        it stays the same.
         """
         self.size = len(covariance)
         self.matrix = np.eye(self.size + len(memories))

@@ -91,18 +91,22 @@ class Track:
     def to_frame(self) -> "pandas.DataFrame":
         """A table with one row per scan.
 
-        `k`, `t` s; `x`, `y` m and `heading` rad with their standard deviations `x_std`, `y_std`,
-        `heading_std`; `length` and `width` m; number of used `points`; `nis` over its degrees of
-        freedom, NaN without a point.
+        Columns as in a run's `track.csv`, which `tracker=file` reads: `k`, `t` s, pose and rates
+        (m, rad, s) with their standard deviations, `length` and `width` m, `points_used`. And
+        `normalised_nis`, NaN without a point.
         """
         import pandas
 
         table = pandas.DataFrame({"k": np.arange(len(self.times)), "t": self.times})
-        table[["x", "y", "heading"]] = self.poses
-        variances = np.diagonal(self.covariances, axis1=1, axis2=2)[:, :3]
-        table[["x_std", "y_std", "heading_std"]] = np.sqrt(np.maximum(variances, 0.0))
+        names = ["x", "y", "heading", "x_rate", "y_rate", "heading_rate"]
+        table[names] = np.concatenate([self.poses, self.means[:, 3:6]], axis=1)
+        variances = np.diagonal(self.covariances, axis1=1, axis2=2)[:, :6]
+        table[[f"std_{name}" for name in names]] = np.sqrt(np.maximum(variances, 0.0))
         table[["length", "width"]] = self.boxes
-        table["points"], table["nis"] = np.diff(self.used_offsets), self.normalised_nis
+        table["points_used"], table["normalised_nis"] = (
+            np.diff(self.used_offsets),
+            self.normalised_nis,
+        )
         return table
 
     @property

@@ -163,8 +163,8 @@ def _of_size(scenarios: Sequence[Scenario], size: np.ndarray) -> list[np.ndarray
 
 
 def _radii(outline: np.ndarray) -> np.ndarray:
-    """Radius (360,) m at which rays from the centre leave a polygon for the last time."""
-    return FAR - first_hits(outline, FAR * _ALONG, -_ALONG)
+    """Radius (360,) m at which rays from the centre last leave a polygon; 0 if never."""
+    return np.maximum(FAR - first_hits(outline, FAR * _ALONG, -_ALONG), 0.0)
 
 
 def _points(scenario: Scenario, scans: Scans, k: int, shape: ClassShape) -> np.ndarray:

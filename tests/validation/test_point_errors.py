@@ -6,7 +6,6 @@ import pytest
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.measurements.fabricated import FabricatedParameters, fabricate_scans
 from stixel_cli.measurements.noise import ConstantNoise, StereoNoise
-from stixel_cli.measurements.rays import first_crossings, spread_rays
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.validation.point_errors import point_errors, ranges_along
@@ -177,17 +176,6 @@ def test_ranges_end_at_the_first_edge_that_faces_the_sensor():
     ranges = ranges_along(contour, np.array([0.0, 0.2, -0.2, 1.0]))
     np.testing.assert_allclose(ranges[:3], 10.0 / np.cos([0.0, 0.2, 0.2]))
     assert ranges[3] == np.inf
-
-
-def test_crossings_match_the_rays():
-    random = np.random.default_rng(4)
-    angles = np.sort(random.uniform(0.0, 2.0 * np.pi, 30))
-    contour = np.stack([12.0 + 3.0 * np.cos(angles), 3.0 * np.sin(angles)], axis=-1)
-    rays = spread_rays(101, (-0.5, 0.5), True)
-    hit, ranges = first_crossings(contour, rays)
-    found = ranges_along(contour, rays.angles)
-    np.testing.assert_array_equal(np.flatnonzero(np.isfinite(found)), hit)
-    np.testing.assert_allclose(found[hit], ranges)
 
 
 def test_scan_without_visible_target_has_no_errors():

@@ -95,7 +95,7 @@ class ClassBank:
         shared = _with_bias(stated, offsets, self._bias_std)
         rays = rays_of(points_world, covariances, sensor, field_of_view, shared)
         for one in self._kept.values():
-            # Re-detection costs nine updates; skip it for classes that the scans rule out.
+            # Re-detection costs thirteen updates; skip it for classes that the scans rule out.
             probable = not one.log_weights or one.log_weights[-1] > self._best - CONTRADICTED
             one.step(interval, rays, recovers=probable)
         self._choose()

@@ -131,8 +131,10 @@ class ClassFilter:
             best = replace(best, state=turned(*best.state), transition=None)
             steps, (mean, covariance, joint) = [best], best.state
         self._hypotheses = steps
-        self._reported.append(best)
-        covariance = joint.matrix[: len(mean), : len(mean)]
+        covariance = joint.matrix[: len(mean), : len(mean)].copy()
+        # Only smoothing reads the joint covariance and the prediction of an earlier scan.
+        kept = replace(best, state=(mean, best.state[1], None), predicted=None)
+        self._reported.append(kept if self._tracker.lag == 0 else best)
         self._covariances.append(covariance)
         self._nis.append(best.nis)
         self._degrees.append(best.degrees)

@@ -3,8 +3,8 @@
 A thin road user seen from its end looks nearly the same turned to either side, and the update,
 which is local, stays on the side where it began. As the target turns on, less and less of it is in
 the gate, and the track is lost. The normalised innovation squared (NIS) shows this early: it stays
-far below its degrees of freedom on a target that is tracked, and near them or above on one that is
-not. Then the update is done again with all points of the target's cluster, with a wide prior, from
+near its degrees of freedom or below on a target that is tracked, and well above on one that is not.
+Then the update is done again with all points of the target's cluster, with a wide prior, from
 several headings and places; the most likely result is taken. Where the NIS is small, nothing
 changes. At the first scan, and at the first after a gap, this is done in any case, with the prior
 as it is: the start or the prediction may be wrong by more than a local update can mend. A state
