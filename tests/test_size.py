@@ -12,28 +12,28 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 51_663
+TOTAL = 51_726
 """Greatest number of lines in all."""
 
 MODULES = 345
 """Greatest number of modules, without `__init__`."""
 
 BUDGET = {
-    "": 2214,
-    "answers": 910,
-    "benchmark": 1031,
-    "calibration": 476,
-    "cli": 3098,
+    "": 2229,
+    "answers": 905,
+    "benchmark": 1032,
+    "calibration": 479,
+    "cli": 3101,
     "config": 3004,
     "engine": 4919,
-    "evaluation": 1847,
-    "experiment": 1525,
-    "export": 655,
-    "geometry": 404,
+    "evaluation": 1844,
+    "experiment": 1531,
+    "export": 657,
+    "geometry": 413,
     "machine": 318,
-    "measurements": 2055,
-    "pictures": 1537,
-    "recordings": 3039,
+    "measurements": 2052,
+    "pictures": 1546,
+    "recordings": 3055,
     "rendering": 2345,
     "report": 1224,
     "results": 1504,
@@ -41,8 +41,8 @@ BUDGET = {
     "stereo": 600,
     "stixels": 2357,
     "studies": 2035,
-    "sweeps": 2553,
-    "tracking": 6750,
+    "sweeps": 2557,
+    "tracking": 6756,
     "validation": 1613,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""

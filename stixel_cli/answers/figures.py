@@ -13,12 +13,6 @@ from stixel_cli.pictures import style
 
 BEST, TIED = "★ ", "≈ "
 """Before the best option, and before those that are not shown to differ from it."""
-FLATTENED = 8.0
-"""A value of so many times the median would flatten the others on a linear axis."""
-_TEXTS = ("axes.label", "xtick.label", "ytick.label", "legend.font", "axes.title")
-_LOOK = {f"{text}size": 10.0 for text in _TEXTS}
-_WIDTH = 4.8
-"""in: legible on a telephone without scrolling."""
 _COLOUR, _MIDDLE = style.RUNS[0], style.RUNS[1]
 
 Write = Callable[[matplotlib.figure.Figure], bytes]
@@ -33,8 +27,8 @@ def differences(answer: Answer, write: Write = style.svg) -> bytes:
     table, values = answer.table.loc[order], answer.values[order]
     paired = bool(table["minus"].notna().any())
     names = [_mark(answer, option) + str(option) for option in order]
-    width = max(_WIDTH, 4.0 + 0.085 * max(map(len, names), default=0))
-    with style.drawing({"axes.spines.left": False, **_LOOK}):
+    width = max(style.NARROW, 4.0 + 0.085 * max(map(len, names), default=0))
+    with style.drawing({"axes.spines.left": False, **style.LEGIBLE}):
         height = (1 + paired) * (0.7 + 0.2 * len(order))
         figure = style.new_figure(width, height, layout="constrained")
         sides = figure.subplots(1 + paired, sharey=True, squeeze=False)[:, 0]
@@ -76,8 +70,8 @@ def over_axis(answer: Answer, write: Write = style.svg) -> bytes | None:
     places, values = places[order], answer.values[columns]
     scenes = answer.by_scenario().loc[[*answer.scenarios], columns]
     ends = mean_interval(values, answer.question.row.bounds)
-    with style.drawing({"axes.grid": True, **_LOOK}):
-        figure = style.new_figure(_WIDTH, 2.7, layout="constrained")
+    with style.drawing({"axes.grid": True, **style.LEGIBLE}):
+        figure = style.new_figure(style.NARROW, 2.7, layout="constrained")
         axes = figure.subplots()
         if len(scenes) > 1:
             axes.plot(places, scenes.to_numpy().T, color=style.UNUSED, linewidth=0.6)
@@ -131,7 +125,7 @@ def _is_flattened(answer: Answer, values: np.ndarray) -> bool:
     values = values[np.isfinite(values)]
     if answer.question.row.bounds != (0.0, None) or len(values) == 0 or values.min() <= 0.0:
         return False
-    return bool(values.max() > FLATTENED * np.median(values))
+    return bool(values.max() > style.FLATTENED * np.median(values))
 
 
 def _is_geometric(places: np.ndarray) -> bool:

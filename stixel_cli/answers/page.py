@@ -29,6 +29,7 @@ def answers_page(
     command: Sequence[str],
     links: Mapping[str, str],
     curves: Mapping[str, Errors] = {},
+    times: str = "t (s)",
     notes: Mapping[str, Any] = {},
 ) -> str:
     """The page of the answers of one comparison, the main metric first.
@@ -37,7 +38,7 @@ def answers_page(
         title: of the page.
         command: that writes it.
         links: folder of a run to its page, relative to this page.
-        curves: name of an option to its errors over time.
+        curves: name of an option to its errors over time; `times` is the label of their times.
         notes: `command`, `created` and `revision` of the runs.
     """
     first, axes = answers[0], _axis_answers(runs, answers[0])
@@ -60,7 +61,7 @@ def answers_page(
             for i, one in enumerate(axes)
             if (drawn := figures.over_axis(one)) is not None
         ],
-        over_time=error_curves(curves) if curves else [],
+        over_time=error_curves(curves, x=times) if curves else [],
         data=json_in_html(_table(runs, links)),
         origin=notes,
         command=shlex.join(command),

@@ -182,6 +182,19 @@ def compared_rows(composition: Composition) -> "Rows | None":
     return compared_rows(composition.recording, rig.far_disparity, source.check_rectification)
 
 
+def notes_of(composition: Composition) -> Iterator[str]:
+    """What a user is told of the files of an experiment, a line each; of some, once."""
+    from stixel_cli.config.road_pose import contradiction
+
+    rows, configuration = compared_rows(composition), composition.configuration
+    if rows and rows.fault:
+        yield rows.fault
+    if configuration.source.kind != "rendered":
+        yield from filter(None, [contradiction(composition.recording, configuration)])
+    while composition.files.notes:
+        yield composition.files.notes.pop(0)
+
+
 @contextmanager
 def computed_stages(
     composition: Composition,
@@ -210,17 +223,10 @@ def computed_stages(
     """
     configuration = composition.configuration
     store = open_store(configuration.cache) if store is None else store
-    if progress is not None and configuration.source.kind != "rendered":
-        from stixel_cli.config.road_pose import contradiction
-
-        rows = compared_rows(composition)
-        texts = rows and rows.fault, contradiction(composition.recording, configuration)
-        for text in filter(None, texts):
-            progress.note(text)
     try:
         graph = experiment_graph(composition)
-        while progress is not None and composition.files.notes:
-            progress.note(composition.files.notes.pop(0))
+        for text in notes_of(composition) if progress is not None else ():
+            progress.note(text)
         wanted = [name for name in wanted if name in graph.stages]
         needed = graph.ancestors(graph.expand(wanted))
 

@@ -110,6 +110,17 @@ def _register_font() -> None:
             font_manager.fontManager.ttflist.append(replace(font, name=_FONT))
 
 
+FLATTENED = 8.0
+"""A value of so many times the median would flatten the others on a linear axis."""
+
+NARROW = 4.8
+"""Width of a chart, in, and its sizes of text, legible on a telephone without scrolling."""
+LEGIBLE = {
+    f"{text}size": 10.0
+    for text in ("axes.label", "xtick.label", "ytick.label", "legend.font", "axes.title")
+}
+
+
 def new_figure(width: float, height: float, **options) -> Figure:
     """An empty figure of `width` × `height` in, free of Matplotlib's global list of figures."""
     return Figure(figsize=(width, height), dpi=DPI, **options)

@@ -13,21 +13,19 @@ from stixel_cli.report.page import Drawing, drawing_for_page
 
 MOST_LINES = 8
 """Most lines of a panel: so many have colours and marks of their own."""
-FLATTENED = 8.0
-"""A value of so many times the median would flatten the others on a linear axis."""
 
 Errors = tuple[np.ndarray, Mapping[str, np.ndarray]]
 """Times (K,), s, and each of the `SERIES` that is known, (n, K) of n runs, in its own unit."""
-_TEXTS = ("axes.label", "xtick.label", "ytick.label", "legend.font", "axes.title")
-NARROW = {"width": 4.8, "settings": {f"{text}size": 10.0 for text in _TEXTS}}
-"""A chart's size that is legible on a telephone without scrolling."""
 
 
-def error_curves(lines: Mapping[str, Errors], legend: bool = True) -> list[tuple[str, Drawing]]:
+def error_curves(
+    lines: Mapping[str, Errors], legend: bool = True, x: str = "t (s)"
+) -> list[tuple[str, Drawing]]:
     """(title, drawing) of each error that a line has, first those that a page shows at once.
 
     A line is the mean of its runs, with its interval at each time, see `charts.over_time`. The
-    i-th line has colour `var(--run-i)`; with a `legend` it also has marks and its name.
+    i-th line has colour `var(--run-i)`; with a `legend` it also has marks and its name. `x`
+    is the label of the times.
     """
     looks = {label: charts.line_look(i) | {"linewidth": 1.6} for i, label in enumerate(lines)}
     for label, look in looks.items():
@@ -38,8 +36,10 @@ def error_curves(lines: Mapping[str, Errors], legend: bool = True) -> list[tuple
         known = [(t, of[error], looks[label]) for label, (t, of) in lines.items() if error in of]
         if known:
             parts = [known[i : i + MOST_LINES] for i in range(0, len(known), MOST_LINES)]
-            panels = [_panel(error, part, _limits(error, known)) for part in parts]
-            svg = charts.chart(panels, row=2.25, **NARROW).decode()
+            panels = [_panel(error, part, _limits(error, known), x) for part in parts]
+            svg = charts.chart(
+                panels, row=2.25, width=style.NARROW, settings=style.LEGIBLE
+            ).decode()
             drawn.append((SERIES[error].label, drawing_for_page(svg, f"t{len(drawn)}")))
     return drawn
 
@@ -49,11 +49,11 @@ def _limits(error: str, known: Iterable[tuple]) -> charts.Bounds:
     highest = [np.nanquantile(values, 0.95) for _, values, _ in known]
     if SERIES[error].ratio:
         return None, None
-    cut = max(highest) > FLATTENED * np.median(highest) > 0.0
-    return (0.0, FLATTENED * float(np.median(highest))) if cut else SERIES[error].bounds
+    cut = max(highest) > style.FLATTENED * np.median(highest) > 0.0
+    return (0.0, style.FLATTENED * float(np.median(highest))) if cut else SERIES[error].bounds
 
 
-def _panel(error: str, part: Iterable[tuple], limits: charts.Bounds) -> charts.Panel:
+def _panel(error: str, part: Iterable[tuple], limits: charts.Bounds, x: str) -> charts.Panel:
     series = SERIES[error]
     mark = LOW_OVERLAP if error == "iou" else None if series.ratio else series.consistent
 
@@ -68,4 +68,4 @@ def _panel(error: str, part: Iterable[tuple], limits: charts.Bounds) -> charts.P
     cut = limits not in (series.bounds, (None, None))
     title = series.label + (" (consistent: 1)" if series.ratio else ", axis cut" if cut else "")
     y = series.unit or series.short_label
-    return charts.Panel(draw, title, "t (s)", y, series.ratio, limits)
+    return charts.Panel(draw, title, x, y, series.ratio, limits)

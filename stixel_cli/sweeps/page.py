@@ -87,13 +87,16 @@ def sweep_page(
         "created": notes.get("created", "–"),
         "revision": (shown_revision(git) if isinstance(git, dict) else None) or "–",
     }
+    curves = over_time(answers[0])
+    is_share = any(times is SHARES for times, _ in curves.values())
     return answers_page(
         result.table,
         answers,
         f"Sweep {(result.folder or page.parent).resolve().name}",
         command,
         page_links(folders, page, PAGE),
-        over_time(answers[0]),
+        curves,
+        "share of the run" if is_share else "t (s)",
         origin,
     )
 

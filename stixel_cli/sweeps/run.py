@@ -13,7 +13,7 @@ from stixel_cli.engine.plan import Durations
 from stixel_cli.engine.progress import Progress, make_display
 from stixel_cli.engine.store import open_store
 from stixel_cli.errors import UserError
-from stixel_cli.experiment.stages import compared_rows
+from stixel_cli.experiment.stages import notes_of
 from stixel_cli.machine.kernels import uncompiled
 from stixel_cli.results.folder import figure_files
 from stixel_cli.results.result import DONE, FAILED, MISSING, SKIPPED, RunResult
@@ -210,10 +210,8 @@ class _Sweep:
         firsts = [graph.nodes[keys[0]] for keys in graph.stages.values() if keys]
         shown = {"display": make_display(), "uncompiled": uncompiled()} if visible else {}
         progress = SweepProgress(waiting, self.take, len(self.runs), label, self._prepare, **shown)
-        compared = {compared_rows(planned.composition): None for planned in waiting}
-        for rows in compared:
-            if rows and rows.fault:
-                progress.note(rows.fault)
+        for text in dict.fromkeys(text for one in waiting for text in notes_of(one.composition)):
+            progress.note(text)
         progress.expect(Durations(self.store.folder).by_stage(firsts), executor.workers)
         try:
             execution = execute(

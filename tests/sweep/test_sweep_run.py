@@ -133,7 +133,11 @@ def test_the_summaries_are_those_of_the_seeds(sweeps):
     assert (
         "| tracker.sigma_f | runs | mean IoU, box [95 %] |" in (folder / "summary.md").read_text()
     )
-    assert "<h1>Sweep mine</h1>" in (folder / "index.html").read_text(encoding="utf-8")
+    page = (folder / "index.html").read_text(encoding="utf-8")
+    assert "<h1>Sweep mine</h1>" in page
+    # The worst run of each option, and all runs, are one click away.
+    assert page.count('<a href="runs/000') == 2
+    assert all(f'"runs/000{index}' in page for index in range(8))
 
 
 @pytest.mark.parametrize(
