@@ -100,8 +100,6 @@ def _set_files(
         f"Benchmark 1.0, data {name}, part {part}",
         COMMAND,
         {sequence: f"{sequence}.html" for sequence in shown},
-        {},
-        {"command": "", "created": "", "revision": ""},
     )
     return {
         f"{name}.html": page,

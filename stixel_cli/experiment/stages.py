@@ -184,12 +184,12 @@ def compared_rows(composition: Composition) -> "Rows | None":
 
 def notes_of(composition: Composition) -> Iterator[str]:
     """What a user is told of the files of an experiment, a line each; of some, once."""
-    from stixel_cli.config.road_pose import contradiction
-
     rows, configuration = compared_rows(composition), composition.configuration
     if rows and rows.fault:
         yield rows.fault
     if configuration.source.kind != "rendered":
+        from stixel_cli.config.road_pose import contradiction
+
         yield from filter(None, [contradiction(composition.recording, configuration)])
     while composition.files.notes:
         yield composition.files.notes.pop(0)

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 PACKAGE = Path(__file__).resolve().parents[1]
 
 KERNELS = (
+    "geometry.polygon",
     *("rendering.edges", "rendering.rasteriser", "rendering.shading", "rendering.tracing"),
     *("stixels.free_space", "stixels.grouping", "stixels.height", "stixels.layers"),
     *("stixels.nearest_obstacle", "stixels.occupancy", "stixels.refinement", "stixels.road"),

@@ -30,7 +30,7 @@ FILES = (
     ("conf/config.yaml", "- stereo: sgm", "- stereo: bm", 0, "match"),
     ("conf/pace/car.yaml", "turn_speed:", "turn_speed: 3.21 #", 0, "scenario"),
     ("pipelines/stixels.yaml", "{pairs: add_sensor_noise}", "{pairs: render}", 0, "match"),
-    ("stixel_cli/tracking/contour/class_shapes.json", '"size": [4520', '"size": [4521', 2, "track"),
+    ("stixel_cli/tracking/contour/class_shapes.json", '"size": [ 4520', '"size": [4521', 2, "track"),
     ("wedge.obj", "v 3 1 3", "v 3.5 1 3", 0, "scenario"),
     ("wedge.mtl", "map_Kd", "map_Ka", 0, "render"),
     ("scans.csv", "0,0.0,1,9", "0,0.0,1,9.5", 2, "scans"),

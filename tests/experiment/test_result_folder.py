@@ -157,8 +157,7 @@ def _read_only(*_, **__):
 @pytest.mark.parametrize(
     ("place", "fault", "said"),
     [
-        ("numpy.savez", _full, "No space left on device"),
-        ("pathlib.Path.write_text", _full, "No space left on device"),
+        ("pathlib.Path.write_bytes", _full, "No space left on device"),
         ("pathlib.Path.write_bytes", _read_only, "Read-only file system"),
         ("pathlib.Path.rename", _read_only, "Read-only file system"),
     ],

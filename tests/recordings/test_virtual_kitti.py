@@ -176,7 +176,7 @@ def test_jpeg_images_are_read_as_png_images_are(tmp_path, capfd):
     ("head", "said"),
     [
         (frame(b"\xc0", 12, 16, 3), "a damaged or incomplete JPEG image, or not of 8 bits"),
-        (frame(b"\xc0", 8, 16, 4), "a JPEG of 4 channels: grey or RGB"),
+        (frame(b"\xc0", 8, 16, 4), "a JPEG in CMYK: must be grey or RGB"),
         (frame(b"\xc2", 8, 65296, 3), "16 × 65296 px: each side must be"),
         (b"\xff\xd8\xff\xff", "a damaged or incomplete JPEG image"),
         (b"\xff\xe0\x00\x00" * 9, "a damaged or incomplete JPEG image"),
