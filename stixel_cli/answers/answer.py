@@ -189,14 +189,55 @@ class Answer:
         return bool(row["minus_low"] > 0.0 or row["minus_high"] < 0.0)
 
 
-def answered(frame: pd.DataFrame, question: Question) -> Answer:
-    """The answer to a question about a frame of runs, see `Runs.ask`."""
-    runs = _prepared(frame, question)
-    (option_of, options), (scenario_of, scenarios), (unit_of, units) = (
-        pd.factorize(runs[name]) for name in (_OPTION, _SCENARIO, _UNIT)
-    )
+@dataclass(frozen=True, eq=False)
+class Groups:
+    """The runs of a frame by option, scenario and unit, for the answers of all its metrics.
+
+    Attributes:
+        runs: the frame with the columns option, scenario and unit.
+        failed: whether each run failed, or was skipped.
+        cells: numbers of the option, scenario and unit of each run.
+        options, scenarios, units: their values.
+        table: one row an option, with the columns `runs`, `failed`, `lost_share`.
+    """
+
+    runs: pd.DataFrame
+    failed: pd.Series
+    cells: tuple[np.ndarray, np.ndarray, np.ndarray]
+    options: pd.Index
+    scenarios: pd.Index
+    units: pd.Index
+    table: pd.DataFrame
+
+
+def grouped(frame: pd.DataFrame, question: Question) -> Groups:
+    """The groups of a question, whatever its metric; UserError for runs that are equal."""
+    named = {_OPTION: question.compare, _SCENARIO: question.within, _UNIT: question.over}
+    runs = frame.reset_index(drop=True)
+    runs = runs.assign(**{name: combined(runs, columns) for name, columns in named.items()})
+    twice = runs[runs[[*named]].duplicated()]
+    if len(twice):
+        what = " ".join(str(twice.iloc[0][name]) for name in named).strip()
+        raise UserError(
+            f"runs: two are {printable(what, 120)}: name the column in which they differ in "
+            "compare, within or over"
+        )
+    cells, values = zip(*(pd.factorize(runs[name]) for name in named), strict=True)
+    failed = runs[STATUS].isin((FAILED, SKIPPED))
+    lost = failed | (runs[LOST].fillna(0) > 0) if LOST in runs else failed
+    by_option = pd.DataFrame({"runs": 1, "failed": failed, "lost_share": lost})
+    of_options = by_option.groupby(runs[_OPTION], sort=False)
+    table = of_options.agg({"runs": "sum", "failed": "sum", "lost_share": "mean"})
+    return Groups(runs, failed, cells, *values, table)
+
+
+def answered(groups: Groups, question: Question) -> Answer:
+    """The answer to a question about runs in its groups, see `Runs.ask`."""
+    options, scenarios, units, row = groups.options, groups.scenarios, groups.units, question.row
+    value = groups.runs[question.metric].astype(float)
+    value = value.where(~groups.failed & (groups.runs[STATUS] != MISSING))
     cells = np.full((len(options), len(scenarios), len(units)), np.nan)
-    cells[option_of, scenario_of, unit_of] = runs[_VALUE]
+    cells[groups.cells] = value
     has = np.isfinite(cells)
     heard = has.any(axis=(1, 2))
     columns, rows = _rectangle(has[heard].all(axis=0)) if heard.any() else ([], [])
@@ -205,52 +246,38 @@ def answered(frame: pd.DataFrame, question: Question) -> Answer:
     used = cells[heard][:, columns][:, :, rows]
     means = used.mean(axis=1).T if len(rows) else np.empty((0, int(heard.sum())))
     values = pd.DataFrame(means, index=units[rows], columns=options[heard])
-    table, row = _counts(runs), question.row
-    table["mean"] = values.mean()
+    mean = values.mean()
     interval = (
         share_interval(values) if row.name == LOSS_RATE else mean_interval(values, row.bounds)
     )
-    table[["low", "high"]] = interval.reindex(table.index)
-    best = _best(table["mean"].dropna(), row.better)
+    best = _best(mean.dropna(), row.better)
     reference = question.reference if question.reference is not None else best
     if question.reference is not None and reference not in values:
         raise UserError(f"reference: {printable(str(reference), 60)}: no option with a value")
-    shown = False
-    table[["minus", "minus_low", "minus_high"]] = np.nan
+    shown, minus, ends = False, pd.DataFrame(), pd.DataFrame(columns=["low", "high"])
     if reference is not None and values.shape[1] > 1:
         tests = values.shape[1] - 1 if question.reference is None else 1
         minus = values.drop(columns=reference).sub(values[reference], axis=0)
         ends = mean_interval(minus, tests=tests)
-        found = pd.DataFrame(
-            {"minus": minus.mean(), "minus_low": ends.low, "minus_high": ends.high}
-        )
-        table.loc[minus.columns, found.columns] = found
         shown = bool(((ends["low"] > 0.0) | (ends["high"] < 0.0)).all())
-    left_out = len(scenarios) * len(units) - len(columns) * len(rows)
-    return Answer(
-        question, table, best, shown, len(rows), left_out, values, tuple(scenarios[columns]), runs
+    found = {
+        **{"mean": mean, "low": interval["low"], "high": interval["high"]},
+        **{"minus": minus.mean(), "minus_low": ends["low"], "minus_high": ends["high"]},
+    }
+    table = groups.table.assign(
+        **{name: each.reindex(options).to_numpy(float) for name, each in found.items()}
     )
-
-
-def _prepared(frame: pd.DataFrame, question: Question) -> pd.DataFrame:
-    """The frame with the columns option, scenario, unit and value; UserError for equal runs."""
-    runs = frame.reset_index(drop=True)
-    value = runs[question.metric].where(~runs[STATUS].isin((FAILED, SKIPPED, MISSING)))
-    runs = runs.assign(**{
-        _OPTION: combined(runs, question.compare),
-        _SCENARIO: combined(runs, question.within),
-        _UNIT: combined(runs, question.over),
-        _VALUE: value.astype(float),
-    })  # fmt: skip
-    twice = runs[runs.duplicated([_OPTION, _SCENARIO, _UNIT])]
-    if len(twice):
-        first = twice.iloc[0]
-        what = " ".join(str(first[name]) for name in (_OPTION, _SCENARIO, _UNIT)).strip()
-        raise UserError(
-            f"runs: two are {printable(what, 120)}: name the column in which they differ in "
-            "compare, within or over"
-        )
-    return runs
+    return Answer(
+        question=question,
+        table=table,
+        best=best,
+        shown=shown,
+        units=len(rows),
+        left_out=len(scenarios) * len(units) - len(columns) * len(rows),
+        values=values,
+        scenarios=tuple(scenarios[columns]),
+        runs=groups.runs.assign(**{_VALUE: value}),
+    )
 
 
 def combined(runs: pd.DataFrame, names: Sequence[str]) -> pd.Series:
@@ -272,19 +299,6 @@ def _rectangle(known: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     if len(whole) * units >= len(full) * scenarios:
         return whole, np.arange(units)
     return np.arange(scenarios), full
-
-
-def _counts(runs: pd.DataFrame) -> pd.DataFrame:
-    failed = runs[STATUS].isin((FAILED, SKIPPED))
-    lost = failed | (runs[LOST].fillna(0) > 0) if LOST in runs else failed
-    by_option = runs[_OPTION]
-    return pd.DataFrame(
-        {
-            "runs": runs.groupby(by_option, sort=False).size(),
-            "failed": failed.groupby(by_option, sort=False).sum(),
-            "lost_share": lost.groupby(by_option, sort=False).mean(),
-        }
-    )
 
 
 def _best(means: pd.Series, better: str | None) -> object:

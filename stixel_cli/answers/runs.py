@@ -12,7 +12,7 @@ from typing import Any
 
 import pandas as pd
 
-from stixel_cli.answers.answer import Answer, answered
+from stixel_cli.answers.answer import Answer, Groups, answered, grouped
 from stixel_cli.answers.question import STATUS, Question
 from stixel_cli.errors import UserError, printable
 from stixel_cli.evaluation.metric_table import METRICS
@@ -114,7 +114,16 @@ class Runs:
             UserError: as in `question`; for a reference that is no option, or runs that are equal
                 in all of compare, within and over.
         """
-        return answered(self.frame, self.question(**parts))
+        question = self.question(**parts)
+        named = question.compare, question.within, question.over
+        if named not in self._groups:
+            self._groups[named] = grouped(self.frame, question)
+        return answered(self._groups[named], question)
+
+    @cached_property
+    def _groups(self) -> dict[tuple, Groups]:
+        """The groups by the columns of a question: its metrics share them."""
+        return {}
 
 
 def _names(given: str | Sequence[str] | None, default: Sequence[str]) -> tuple[str, ...]:
