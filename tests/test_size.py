@@ -12,7 +12,7 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 51_726
+TOTAL = 51_748
 """Greatest number of lines in all."""
 
 MODULES = 345
@@ -20,8 +20,8 @@ MODULES = 345
 
 BUDGET = {
     "": 2229,
-    "answers": 905,
-    "benchmark": 1032,
+    "answers": 928,
+    "benchmark": 1030,
     "calibration": 479,
     "cli": 3101,
     "config": 3004,
@@ -30,7 +30,7 @@ BUDGET = {
     "experiment": 1531,
     "export": 657,
     "geometry": 413,
-    "machine": 318,
+    "machine": 319,
     "measurements": 2052,
     "pictures": 1546,
     "recordings": 3055,
