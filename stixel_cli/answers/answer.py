@@ -107,12 +107,12 @@ class Answer:
         label = capital(self.question.row.short_label)
         if not heard:
             return f"{label}: no run has a value."
+        reference = self.question.reference
         first = self._named(heard[:1] if self.best is not None else heard)
-        if len(heard) == 1 or self.best is None:
+        if len(heard) == 1 or (self.best is None and reference is None):
             return f"{label}: {first} ({self.over})."
         if self.units < LEAST_UNITS:
             return f"{label}: {self._named(heard)} ({self.lacking})."
-        reference = self.question.reference
         others = [
             option for option in heard if option != (self.best if reference is None else reference)
         ]

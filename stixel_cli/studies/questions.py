@@ -8,7 +8,7 @@ from typing import Any
 import pandas as pd
 
 from stixel_cli.answers.answer import Answer, combined
-from stixel_cli.answers.render import Cells, overview
+from stixel_cli.answers.render import INTERVAL, Cells, overview
 from stixel_cli.answers.runs import Runs
 from stixel_cli.config import messages
 from stixel_cli.errors import ConfigurationError, UserError
@@ -191,15 +191,20 @@ def _parts(question: StudyQuestion, runs: Runs) -> dict[str, Any]:
 
 
 def joined(heading: str, tables: Sequence[tuple[str, Cells]]) -> Cells:
-    """One table of several, each with its label in a first column; columns by their headers."""
-    header = list(dict.fromkeys(name for _, cells in tables for name in cells.header))
-    rows, best = [], []
+    """One table of several, each with its label in a first column; columns by their headers.
+
+    A group of few units has no intervals: its values are in the same column as the others'.
+    """
+    shown = {name.removesuffix(INTERVAL): name for _, cells in tables for name in cells.header}
+    with_ends = {name for _, cells in tables for name in cells.header if name.endswith(INTERVAL)}
+    shown |= {name.removesuffix(INTERVAL): name for name in with_ends}
+    header, rows, best = list(shown.values()), [], []
     for label, cells in tables:
+        names = [name.removesuffix(INTERVAL) for name in cells.header]
         for row, marks in zip(cells.rows, cells.best, strict=True):
-            texts = dict(zip(cells.header, row, strict=True))
-            marked = dict(zip(cells.header, marks, strict=True))
-            rows.append((label, *(texts.get(name, "–") for name in header)))
-            best.append((False, *(marked.get(name, False) for name in header)))
+            texts, marked = (dict(zip(names, each, strict=True)) for each in (row, marks))
+            rows.append((label, *(texts.get(name, "–") for name in shown)))
+            best.append((False, *(marked.get(name, False) for name in shown)))
     numbers = tuple(range(2, len(header) + 1))
     if not heading:
         rows, best = [row[1:] for row in rows], [marks[1:] for marks in best]

@@ -6,6 +6,7 @@ import re
 import pandas as pd
 import pytest
 
+from stixel_cli.answers.render import INTERVAL
 from stixel_cli.answers.runs import Runs
 from stixel_cli.errors import UserError
 from stixel_cli.studies.questions import asked, joined, study_question
@@ -120,6 +121,15 @@ def test_tables_of_other_columns_are_joined_by_their_headers():
     assert cells.header[0] == "road user" and len({*map(len, cells.rows)}) == 1
     assert [row[-2] for row in cells.rows][2:] == ["–", "–"]
     assert joined("", [("", one)]) == one
+
+
+def test_a_group_without_intervals_shares_the_columns_of_those_with():
+    few, many = (
+        section_of({"metrics": "iou_box_mean"}, runs=runs_of(seeds=seeds)).cells for seeds in (2, 6)
+    )
+    cells = joined("road_user", [("car", few), ("bus", many)])
+    assert len(cells.header) == 4 and cells.header[-1].endswith(INTERVAL)
+    assert not any("–" in row for row in cells.rows)
 
 
 def test_files_of_a_report():
