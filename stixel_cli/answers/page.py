@@ -54,7 +54,7 @@ def answers_page(
         notes=first.notes,
         cells=cells,
         worst=_worst(first, links),
-        explanation=render.explanation(first),
+        explanation=render.explanation(first.over),
         scenarios=_scenarios(first),
         axes=[
             (one.question.named, one.sentence, _drawing(drawn, f"a{i}"))

@@ -74,9 +74,9 @@ def overview(answers: Sequence[Answer], intervals: int | None = None) -> Cells:
     return Cells(tuple(header), tuple(rows), tuple(best), tuple(range(1, len(header))))
 
 
-def explanation(answer: Answer) -> str:
-    """What the values of a table are."""
-    return EXPLANATION.format(over=answer.over, least=LEAST_UNITS)
+def explanation(over: str) -> str:
+    """What the values of a table are; `over` are the units, as in `Answer.over`."""
+    return EXPLANATION.format(over=over, least=LEAST_UNITS)
 
 
 def markdown(answers: Sequence[Answer]) -> str:
@@ -93,7 +93,7 @@ def markdown(answers: Sequence[Answer]) -> str:
     lines = [f"| {' | '.join(row)} |" for row in (cells.header, rule, *rows)]
     said = [f"- {one.sentence}" for one in answers]
     notes = [f"- {text}" for text in answers[0].notes]
-    return "\n".join([*lines, "", *said, *notes, "", explanation(answers[0]), ""])
+    return "\n".join([*lines, "", *said, *notes, "", explanation(answers[0].over), ""])
 
 
 def latex(answers: Sequence[Answer], caption: str = "", label: str = "") -> str:

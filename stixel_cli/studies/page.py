@@ -65,7 +65,7 @@ def study_page(
             (heading, list(table.columns), [list(map(_text, row)) for row in table.to_numpy()])
             for heading, table in (report.material.tables.items() if report else ())
         ],
-        explanation=_explanation(report),
+        explanation=render.explanation("named under “In words”"),
         states=states,
         origin=origin,
         sweeps=plan.request()["sweeps"],
@@ -104,12 +104,6 @@ def _section(section: Section, place: int, page: Path) -> dict[str, Any]:
             for i, (label, own) in enumerate(section.groups)
         ],
     }
-
-
-def _explanation(report: Report | None) -> str:
-    if report is None or not report.sections:
-        return ""
-    return render.explanation(report.sections[0].groups[0][1][0])
 
 
 def _text(value: Any) -> str:
