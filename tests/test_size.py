@@ -12,7 +12,7 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 51_748
+TOTAL = 51_754
 """Greatest number of lines in all."""
 
 MODULES = 345
@@ -40,9 +40,9 @@ BUDGET = {
     "scene": 3650,
     "stereo": 600,
     "stixels": 2357,
-    "studies": 2035,
+    "studies": 2034,
     "sweeps": 2557,
-    "tracking": 6756,
+    "tracking": 6763,
     "validation": 1613,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""

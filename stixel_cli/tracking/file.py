@@ -26,6 +26,7 @@ from stixel_cli.geometry.pose import (
 )
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.measurements.tables import indices, read_table, refuse_rows
+from stixel_cli.measurements.units import seconds, unit_and_epoch
 from stixel_cli.parameters import parameters
 from stixel_cli.recordings.kitti_tables import numbers, read_labels, text_rows
 from stixel_cli.tracking.motion import intervals
@@ -88,9 +89,7 @@ def track(
     Raises:
         UserError: in one line that names file, place and cause.
     """
-    file = Path(tracker.path)
-    table = read_track(file, tracker.id)
-    rows = matched_rows(table, scans.times, tracker)
+    table, rows = _of_scans(scans, tracker)
     held = np.maximum.accumulate(np.where(rows >= 0, np.arange(len(rows)), np.argmax(rows >= 0)))
     rows, count = rows[held], len(scans)
     means, covariances = np.zeros((count, 6)), np.zeros((count, 6, 6))
@@ -126,6 +125,16 @@ def track(
     unused = [np.zeros(0, np.int64)] * count
     found = Track.of_scans(scans.times, states, shapes, unused, np.full(count, np.nan))
     return replace(found, box_sizes=sizes, uses_scans=False)
+
+
+def _of_scans(scans: Scans, tracker: FileTrackParameters) -> tuple[Table, np.ndarray]:
+    """The table of the file and its `matched_rows`; times since 1970 become those of the scans."""
+    file = Path(tracker.path)
+    table = read_track(file, tracker.id)
+    t = table.get("t")
+    if t is not None and scans.epoch is not None and unit_and_epoch(t, None)[1] is not None:
+        table = table | {"t": seconds(file, t, None, scans.epoch)}
+    return table, matched_rows(table, scans.times, tracker)
 
 
 def _turn(sensor_pose: np.ndarray) -> np.ndarray:
@@ -259,9 +268,7 @@ def track_doubts(
 
     `track` is that of the file, `truth` (K, 3) the true poses in the world, NaN where unknown.
     """
-    file = Path(tracker.path)
-    table = read_track(file, tracker.id)
-    rows = matched_rows(table, scans.times, tracker)
+    table, rows = _of_scans(scans, tracker)
     given = rows >= 0
     doubts = []
     if not given.all():
@@ -299,4 +306,4 @@ def track_doubts(
             for angle in (90, 180)
             if abs(turned - angle) < 30.0
         ]
-    return [f"tracker.path: {file}: {doubt}" for doubt in doubts]
+    return [f"tracker.path: {Path(tracker.path)}: {doubt}" for doubt in doubts]

@@ -1,5 +1,6 @@
 """A track from a file: its rows, frames, times, and what is said of faults."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -189,6 +190,22 @@ def test_times_are_matched_within_half_an_interval(tmp_path, scans):
         UserError, match="no t within half an interval of a scan: t goes from 100 to"
     ):
         read(write(tmp_path / "track.csv", columns(t=TIMES + 100.0)), scans)
+
+
+@pytest.mark.parametrize("unit", [1, 10**3, 10**6, 10**9])
+def test_times_since_1970_are_those_of_the_scans(tmp_path, scans, unit):
+    epoch = 1_700_000_000
+    since = replace(scans, epoch=epoch * 10**9)
+    path = tmp_path / "track.csv"
+    rows = [
+        ",".join([f"{round((epoch + t) * unit)}" if unit > 1 else f"{epoch + t:.2f}", *map(str, p)])
+        for t, p in zip(TIMES, TRUTH, strict=True)
+    ]
+    path.write_text("\n".join(["t,x,y,heading", *rows]))
+    np.testing.assert_allclose(read(path, since).means[:, :3], TRUTH, atol=1e-7)
+    assert not doubts(path, since)
+    with pytest.raises(UserError, match="no t within half an interval of a scan"):
+        read(path, scans)
 
 
 def test_a_scan_without_a_row_keeps_the_estimate_before(tmp_path, scans):
