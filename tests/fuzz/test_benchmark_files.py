@@ -1,5 +1,6 @@
 """Packs and rows of the benchmark with damaged places, by the commands that read them."""
 
+import copy
 import io
 import json
 import random
@@ -51,7 +52,8 @@ def damaged(tree, rng):
                 if rng.random() < 0.15:
                     del place[key]
                 else:
-                    place[key] = rng.choice(VALUES)
+                    # A copy: a later place may be inside of it.
+                    place[key] = copy.deepcopy(rng.choice(VALUES))
                 break
             place = place[key]
     text = json.dumps(tree)
