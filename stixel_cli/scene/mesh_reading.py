@@ -3,6 +3,7 @@
 import json
 import logging
 import re
+import struct
 import warnings
 from collections.abc import Callable
 from contextlib import suppress
@@ -50,7 +51,7 @@ def read_parts(
     if suffix == ".obj":
         content = _plain_obj(content.decode("utf-8", "replace")).encode()
     elif suffix == ".ply":
-        _check_ply(content)
+        content = _plain_ply(content)
     elif suffix in (".glb", ".gltf"):
         _check_gltf(content, sum(f.stat().st_size for f in (path, *referred_files(path))))
     import trimesh
@@ -197,11 +198,66 @@ def _plain_obj(text: str) -> str:
     return "\n".join(lines)
 
 
-def _check_ply(content: bytes) -> None:
+_NAMES = "char uchar short ushort int uint float double int8 uint8 int16 uint16 int32 uint32"
+_TYPES = dict(zip([*_NAMES.split(), "float32", "float64"], "bBhHiIfdbBhHiIfd", strict=True))
+"""Types of a .ply by `struct`'s letters."""
+
+
+def _plain_ply(content: bytes) -> bytes:
+    """A .ply in text, or one whose faces have equally many corners: trimesh takes the first's."""
+    head, end, body = content.partition(b"end_header")
+    if b"format ascii" in head:
+        _check_ply(head, body)
+        return content
+    order, start = "<" if b"binary_little" in head else ">", body.find(b"\n") + 1
+    elements = [
+        (int(one.split()[1]), re.findall(r"\n\s*property\s+(?:list\s+(\w+)\s+)?(\w+)", one))
+        for one in re.split(r"\n\s*element\s+", head.decode("utf-8", "replace"))[1:]
+    ]
+    if _has_equal_rows(body, start, order, elements):
+        return content
+    lines = [re.sub(rb"binary_\w+", b"ascii", head) + end]
+    for count, kinds in elements:
+        for _ in range(count):
+            values: list[float] = []
+            for of_list, kind in kinds:
+                length = 1
+                if of_list:
+                    (length,) = struct.unpack_from(order + _TYPES[of_list], body, start)
+                    start += struct.calcsize(_TYPES[of_list])
+                    values.append(length)
+                row = f"{order}{length}{_TYPES[kind]}"
+                values += struct.unpack_from(row, body, start)
+                start += struct.calcsize(row)
+            lines.append(" ".join(map(repr, values)).encode())
+    return b"\n".join(lines)
+
+
+def _has_equal_rows(body: bytes, start: int, order: str, elements: list) -> bool:
+    """Whether all lists of a property of a binary .ply have the length of its first one."""
+    for count, kinds in elements:
+        fields, place = [], start
+        for i, (of_list, kind) in enumerate(kinds if count else ()):
+            length = 1
+            if of_list:
+                (length,) = struct.unpack_from(order + _TYPES[of_list], body, place)
+                fields.append((f"length {i}", order + _TYPES[of_list]))
+                place += struct.calcsize(_TYPES[of_list])
+            fields.append((f"values {i}", order + _TYPES[kind], (length,)))
+            place += length * struct.calcsize(_TYPES[kind])
+        size = count * (place - start)
+        if start + size > len(body):
+            return False
+        rows = np.frombuffer(body[start : start + size], np.dtype(fields)) if size else None
+        for name, *_ in fields:
+            if name.startswith("length") and (rows[name] != rows[name][0]).any():
+                return False
+        start += size
+    return True
+
+
+def _check_ply(head: bytes, body: bytes) -> None:
     """Check the rows of a .ply in text: trimesh takes the form of the first row for all."""
-    head, _, body = content.partition(b"end_header")
-    if b"format ascii" not in head:
-        return  # Its size is checked by trimesh.
     rows = iter(body.splitlines()[1:])
     for element in re.split(rb"\n\s*element\s+", head)[1:]:
         name, count = element.split()[:2]

@@ -263,23 +263,34 @@ def test_wavefront_faces_of_every_form(tmp_path, form):
     assert area == pytest.approx(34.0 + 8.0 * form.startswith("six corners"))
 
 
+MIXED = [*TRIANGLES[:2], *QUADS[1:]]
+"""Quads and two triangles, as Blender writes them."""
+CUT = [*QUADS[:4], (0, 2, 6), (0, 6, 2, 6, 4), *QUADS[5:]]
+"""A triangle and a face of five corners: as many bytes as if all were quads."""
+
+
 @pytest.mark.parametrize("order", ["ascii", "binary_little_endian", "binary_big_endian"])
-def test_ply_of_quads(tmp_path, order):
+@pytest.mark.parametrize("polygons", [QUADS, MIXED, CUT])
+def test_ply_of_polygons(tmp_path, order, polygons):
     path = tmp_path / PLY
     head = (
         f"ply\nformat {order} 1.0\nelement vertex 8\nproperty float x\nproperty float y\n"
-        "property float z\nelement face 6\nproperty list uchar int vertex_indices\nend_header\n"
+        f"property float z\nelement face {len(polygons)}\n"
+        "property list uchar int vertex_indices\nend_header\n"
     )
     end = "><"["little" in order]
     if order == "ascii":
-        rows = [*(" ".join(map(str, v)) for v in BOX), *("4 {} {} {} {}".format(*q) for q in QUADS)]
+        rows = [" ".join(map(str, row)) for row in (*BOX, *((len(q), *q) for q in polygons))]
         body = "".join(f"{row}\n" for row in rows).encode()
     else:
         body = np.array(BOX, f"{end}f4").tobytes()
-        body += b"".join(b"\4" + np.array(q, f"{end}i4").tobytes() for q in QUADS)
+        body += b"".join(bytes([len(q)]) + np.array(q, f"{end}i4").tobytes() for q in polygons)
     path.write_bytes(head.encode() + body)
     mesh = load_mesh(str(path), 0.5)
-    assert len(mesh.parts[0].triangles) == 12
+    found = {frozenset(one) for one in mesh.parts[0].triangles.tolist()}
+    assert found == {
+        frozenset((q[0], *q[i : i + 2])) for q in polygons for i in range(1, len(q) - 1)
+    }
     np.testing.assert_allclose(bounding_box(mesh), [[-2, -1, 0], [2, 1, 1.5]])
 
 
