@@ -1,6 +1,6 @@
 """The stages of one experiment: the entries of the table, wired by the pipeline's file."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from operator import attrgetter
@@ -40,10 +40,6 @@ RESULTS = ("scenario", "scans", "track", "scores")
 
 CHUNK_SIZE = 10
 """Frames per chunk: few enough to keep two workers busy, enough to share a background."""
-
-
-Pipeline = Mapping[str, dict[str, str] | None]
-"""Name of a node to its stage and inputs; None for the stage of its name without inputs."""
 
 
 def pipeline_stages(composition: Composition) -> list[Stage]:

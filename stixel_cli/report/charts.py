@@ -1,12 +1,11 @@
 """Charts of reports: panels with one legend, lines with bands or bars, and errors over time."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from textwrap import fill
 from typing import Any
 
-import matplotlib.figure
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -14,10 +13,9 @@ from matplotlib.axes import Axes
 from stixel_cli.evaluation.intervals import LEAST_UNITS, Bounds, mean_interval
 from stixel_cli.pictures import style
 
-WIDTH = 5.2
-"""in: about that of a phone's page, on which the text is then as large as it was drawn."""
-_LETTERS, _MARK, _LINE = 13.0, 7, 0.16
-"""Letters of a legend to an inch; the room of its marks, in letters; height of a line, in."""
+_LETTERS, _MARK, _LINE, _ROW = 13.0, 7, 0.16, 2.25
+"""Letters of a legend to an inch; the room of its marks, in letters; heights of a line and of a
+panel, in."""
 DASHES = ("-", "--", "-.", ":")
 MARKERS = ("o", "s", "^", "D", "v")
 
@@ -41,32 +39,15 @@ class Panel:
     limits: tuple[float | None, float | None] = (None, None)
 
 
-def chart(
-    panels: Sequence[Panel],
-    columns: int = 1,
-    row: float = 2.2,
-    width: float = WIDTH,
-    title: str = "",
-    write: Callable[[matplotlib.figure.Figure], bytes] = style.svg,
-    settings: Mapping | None = None,
-    **shared: bool,
-) -> bytes:
-    """A figure of panels in rows of `columns`, with one legend of every label below them.
-
-    Args:
-        panels: from the left to the right and down.
-        row, width: height of a row and width of the figure, in.
-        title: above all panels.
-        write: gives the bytes of the figure.
-        settings, shared: of Matplotlib; `sharex`, `sharey` of its subplots.
-    """
-    rows = -(-len(panels) // columns)
-    with style.drawing({"axes.grid": True, "axes.labelsize": 8.5, **(settings or {})}):
-        figure = style.new_figure(width, 0.45 + row * rows, layout="constrained")
+def chart(panels: Sequence[Panel]) -> bytes:
+    """An SVG of panels one below the other, with one legend of every label below them."""
+    with style.drawing({"axes.grid": True, **style.LEGIBLE}):
+        height = 0.45 + _ROW * len(panels)
+        figure = style.new_figure(style.NARROW, height, layout="constrained")
         # The colour of the page is behind an SVG.
-        figure.patch.set_visible(write is not style.svg)
-        grid = figure.subplots(rows, columns, squeeze=False, **shared).ravel()
-        for axes, panel in zip(grid, panels, strict=False):
+        figure.patch.set_visible(False)
+        grid = figure.subplots(len(panels), squeeze=False).ravel()
+        for axes, panel in zip(grid, panels, strict=True):
             axes.patch.set_visible(False)
             axes.set(title=panel.title, xlabel=panel.x, ylabel=panel.y)
             panel.draw(axes)
@@ -76,20 +57,16 @@ def chart(
             if panel.ratio:
                 axes.axhline(1.0, color=style.UNUSED, linewidth=0.8, linestyle="--")
                 style.log_axis(axes)
-        for axes in grid[len(panels) :]:
-            axes.set_axis_off()
         found = (zip(*axes.get_legend_handles_labels(), strict=True) for axes in grid)
         handles = {label: handle for one in found for handle, label in one}
         if handles:
-            labels = [fill(label, int(_LETTERS * width)) for label in handles]
-            beside = max(1, int(_LETTERS * width / (_MARK + max(map(len, labels)))))
+            labels = [fill(label, int(_LETTERS * style.NARROW)) for label in handles]
+            beside = max(1, int(_LETTERS * style.NARROW / (_MARK + max(map(len, labels)))))
             lines = sum(1 + label.count("\n") for label in labels) / beside
-            figure.set_figheight(figure.get_figheight() + _LINE * (math.ceil(lines) - 1))
+            figure.set_figheight(height + _LINE * (math.ceil(lines) - 1))
             look = {"loc": "outside lower center", "ncols": min(beside, len(labels))}
             figure.legend(handles.values(), labels, **look)
-        if title:
-            figure.suptitle(title, fontsize=10.0, x=0.01, ha="left")
-        return write(figure)
+        return style.svg(figure)
 
 
 def line_style(i: int) -> str:
@@ -109,7 +86,6 @@ def over_time(
     values: np.ndarray,
     ratio: bool = False,
     bounds: Bounds = (0.0, None),
-    band: bool = True,
     **look: Any,
 ) -> None:
     """Mean of values (n, K) of n runs at each time (K,), without NaN.
@@ -125,7 +101,7 @@ def over_time(
         mean = np.where(mean > 0.0, mean, np.nan)
     axes.plot(times, mean, **look)
     runs = len(values)
-    if not band or ratio or runs == 1:
+    if ratio or runs == 1:
         return
     if runs < LEAST_UNITS:
         axes.plot(times, values.T, **look | {"label": "", "marker": "", "linewidth": 0.5})

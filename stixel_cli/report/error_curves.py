@@ -37,9 +37,7 @@ def error_curves(
         if known:
             parts = [known[i : i + MOST_LINES] for i in range(0, len(known), MOST_LINES)]
             panels = [_panel(error, part, _limits(error, known), x) for part in parts]
-            svg = charts.chart(
-                panels, row=2.25, width=style.NARROW, settings=style.LEGIBLE
-            ).decode()
+            svg = charts.chart(panels).decode()
             drawn.append((SERIES[error].label, drawing_for_page(svg, f"t{len(drawn)}")))
     return drawn
 

@@ -25,9 +25,10 @@ def test_charts_have_units_end_ticks_and_badges(open_page, tmp_path):
     opened = open_page(file, 1280, 900)
     page = opened.page
     charts = page.locator(".chart")
-    texts = charts.first.locator("svg text").all_text_contents()
-    assert any(re.fullmatch(r"[\d.]+ m", text) for text in texts)
-    assert texts[-1] == f"{run.scenario.times[-1]:g} s"
+    texts = charts.first.locator("svg text")
+    # It waits until the charts are drawn.
+    expect(texts.last).to_have_text(f"{run.scenario.times[-1]:g} s")
+    assert any(re.fullmatch(r"[\d.]+ m", text) for text in texts.all_text_contents())
     badges = page.locator(".badge").all_inner_texts()
     assert badges == ["lost at 0.5 s"]
     assert opened.problems == []
