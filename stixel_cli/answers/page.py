@@ -124,7 +124,7 @@ def _table(runs: Runs, links: Mapping[str, str]) -> dict[str, Any]:
     columns = [
         {
             "name": name,
-            "title": name if name not in runs.metrics else _heading(name),
+            "title": name if name not in runs.metrics else metric(name).heading,
             "shown": name in (*runs.axes, STATUS, *runs.metrics[:6]),
             "number": name in runs.metrics,
         }
@@ -142,11 +142,6 @@ def _table(runs: Runs, links: Mapping[str, str]) -> dict[str, Any]:
         "errors": [*errors],
         "axes": list(runs.axes),
     }
-
-
-def _heading(name: str) -> str:
-    row = metric(name)
-    return f"{row.short_label} ({row.unit})" if row.unit else row.short_label
 
 
 def _plain(value: Any) -> Any:

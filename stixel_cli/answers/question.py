@@ -42,6 +42,4 @@ class Question:
     @property
     def heading(self) -> str:
         """Label of the metric, with its unit."""
-        return (
-            f"{self.row.short_label} ({self.row.unit})" if self.row.unit else self.row.short_label
-        )
+        return self.row.heading

@@ -72,6 +72,11 @@ class Metric:
         return None if value is None or not np.isfinite(value) else value
 
     @property
+    def heading(self) -> str:
+        """The short label, with the unit."""
+        return f"{self.short_label} ({self.unit})" if self.unit else self.short_label
+
+    @property
     def shown_unit(self) -> str:
         """The unit of the value in tables."""
         return "%" if self.percent else self.unit
