@@ -13,7 +13,8 @@ from stixel_cli.sweeps.design import Design
 from stixel_cli.sweeps.file import ENTRIES as SWEEP_ENTRIES
 from stixel_cli.sweeps.file import design_of, refuse_unknown
 
-_SWEEP_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{,59}")
+"""Of a sweep or a question: it is in names of folders and files, and in messages."""
 
 Axes = Sequence[Mapping[str, list]]
 """Further axes of a sweep: each maps one key, or several zipped ones, to values."""
@@ -73,8 +74,8 @@ class SweepEntry:
 def sweep_entry(name: Any, entries: Any, origin: Origin) -> SweepEntry:
     """A sweep of the file; ConfigurationError in one line that names it and the entry."""
     where = f"sweeps: {messages.printable(str(name))}"
-    if not isinstance(name, str) or not _SWEEP_NAME.fullmatch(name):
-        raise ConfigurationError(f"{where}: a name of letters, digits and _ is needed")
+    if not isinstance(name, str) or not NAME.fullmatch(name):
+        raise ConfigurationError(f"{where}: a name of 1 to 60 letters, digits and _ is needed")
     if not isinstance(entries, dict):
         raise ConfigurationError(f"{where}: must have a sweep's entries, as KEY: VALUE")
     try:

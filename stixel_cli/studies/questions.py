@@ -15,6 +15,7 @@ from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.evaluation.metric_table import METRICS as KNOWN
 from stixel_cli.report.metrics import capital
 from stixel_cli.results.reader import listed
+from stixel_cli.studies.entry import NAME
 from stixel_cli.sweeps.file import refuse_unknown
 
 ENTRIES = (
@@ -84,8 +85,8 @@ class Section:
 def study_question(name: Any, entries: Any, sweeps: Sequence[str]) -> StudyQuestion:
     """A question of a file; ConfigurationError in one line that names it and the entry."""
     where = f"questions: {messages.printable(str(name))}"
-    if not isinstance(name, str) or not name.isidentifier():
-        raise ConfigurationError(f"{where}: a name of letters, digits and _ is needed")
+    if not isinstance(name, str) or not NAME.fullmatch(name):
+        raise ConfigurationError(f"{where}: a name of 1 to 60 letters, digits and _ is needed")
     if not isinstance(entries, dict):
         raise ConfigurationError(f"{where}: must have entries, as KEY: VALUE")
     try:

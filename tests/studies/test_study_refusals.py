@@ -90,6 +90,7 @@ def test_a_long_path_is_shortened_in_a_message(studies, toy, tmp_path):
         (("text",), "IoU of {traker}.", "text: {traker}: is no question"),
         (("questions",), [], "is no question"),
         (("questions", "a b"), {}, "questions: a b: a name"),
+        (("questions", "x" * 61), {}, "x…: a name of 1 to 60 letters"),
         (("questions", "trackers"), "first", "questions: trackers: must have entries"),
         (("questions", "trackers", "metric"), "x", "trackers: metric: no such entry; did you mean"),
         (("questions", "trackers", "sweeps"), "third", "sweeps: there is no sweep third"),
@@ -105,6 +106,7 @@ def test_a_long_path_is_shortened_in_a_message(studies, toy, tmp_path):
         (("sweeps", "first", "fixed"), {"path.durations": 1}, "did you mean path.duration?"),
         (("sweeps", "second", "seeds"), 0, "sweeps: second: seeds: must be"),
         (("sweeps", "a b"), {}, "sweeps: a b: a name"),
+        (("sweeps", "x" * 61), {}, "x…: a name of 1 to 60 letters"),
     ],
 )
 def test_a_wrong_file_is_refused_in_one_line(studies, toy, entries, value, error):
