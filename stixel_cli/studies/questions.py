@@ -95,7 +95,7 @@ def study_question(name: Any, entries: Any, sweeps: Sequence[str]) -> StudyQuest
         raise ConfigurationError(f"{where}: {fault}") from None
 
     def texts(entry: str, default: Sequence[str] | None) -> tuple[str, ...] | None:
-        given = entries.get(entry, default)
+        given = default if entries.get(entry) is None else entries[entry]
         given = [given] if isinstance(given, str) else given
         if given is not None and not (
             isinstance(given, list | tuple) and all(isinstance(one, str) for one in given)

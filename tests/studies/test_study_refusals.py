@@ -106,6 +106,7 @@ def test_a_long_path_is_shortened_in_a_message(studies, toy, tmp_path):
         (("sweeps", "first", "fixed"), {"path.durations": 1}, "did you mean path.duration?"),
         (("sweeps", "second", "seeds"), 0, "sweeps: second: seeds: must be"),
         (("sweeps", "a b"), {}, "sweeps: a b: a name"),
+        (("questions", "q"), {"sweeps": None, "by": None, "compare": 3}, "compare: must be a text"),
         (("sweeps", "x" * 61), {}, "x…: a name of 1 to 60 letters"),
     ],
 )
