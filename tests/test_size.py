@@ -12,7 +12,7 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 51_780
+TOTAL = 51_786
 """Greatest number of lines in all."""
 
 MODULES = 345
@@ -33,16 +33,16 @@ BUDGET = {
     "machine": 319,
     "measurements": 2052,
     "pictures": 1546,
-    "recordings": 3055,
+    "recordings": 3056,
     "rendering": 2345,
     "report": 1198,
     "results": 1504,
-    "scene": 3706,
+    "scene": 3712,
     "stereo": 600,
     "stixels": 2357,
-    "studies": 2036,
+    "studies": 2037,
     "sweeps": 2557,
-    "tracking": 6763,
+    "tracking": 6761,
     "validation": 1613,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""

@@ -179,7 +179,7 @@ def compared_rows(composition: Composition) -> "Rows | None":
 
 
 def notes_of(composition: Composition) -> Iterator[str]:
-    """What a user is told of the files of an experiment, a line each; of some, once."""
+    """Lines about the files of an experiment. Notes of tables and meshes come at the first call."""
     rows, configuration = compared_rows(composition), composition.configuration
     if rows and rows.fault:
         yield rows.fault

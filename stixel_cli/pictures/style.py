@@ -43,6 +43,17 @@ DPI = 110
 DEPTH_TICKS = (2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
 """Colours of depth run evenly in log(depth) between the first and the last, m."""
 
+FLATTENED = 8.0
+"""A value of so many times the median would flatten the others on a linear axis."""
+
+NARROW = 4.8
+"""Width of a chart, in, that fits on a telephone without scrolling."""
+LEGIBLE = {
+    f"{text}size": 10.0
+    for text in ("axes.label", "xtick.label", "ytick.label", "legend.font", "axes.title")
+}
+"""Sizes of text, pt, that are legible there."""
+
 _FONT = "DejaVu Sans of Matplotlib"
 _SETTINGS = {
     "font.family": _FONT,
@@ -108,17 +119,6 @@ def _register_font() -> None:
         font = font_manager.ttfFontProperty(font_manager.get_font(path))
         if font.name == "DejaVu Sans":
             font_manager.fontManager.ttflist.append(replace(font, name=_FONT))
-
-
-FLATTENED = 8.0
-"""A value of so many times the median would flatten the others on a linear axis."""
-
-NARROW = 4.8
-"""Width of a chart, in, and its sizes of text, legible on a telephone without scrolling."""
-LEGIBLE = {
-    f"{text}size": 10.0
-    for text in ("axes.label", "xtick.label", "ytick.label", "legend.font", "axes.title")
-}
 
 
 def new_figure(width: float, height: float, **options) -> Figure:

@@ -49,7 +49,8 @@ def labels_of(
     """
     tracks = read_labels(files, tables)
     if target not in tracks:
-        known = ", ".join(f"{i} ({labels.kind})" for i, labels in list(tracks.items())[:12])
+        shown = [f"{i} ({labels.kind})" for i, labels in list(tracks.items())[:12]]
+        known = ", ".join(shown) or "none"
         more = ", …" if len(tracks) > 12 else ""
         raise UserError(f"{key}: {files[0]} has no track {target}; it has {known}{more}")
     return tracks[target]

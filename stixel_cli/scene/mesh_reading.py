@@ -198,13 +198,19 @@ def _plain_obj(text: str) -> str:
     return "\n".join(lines)
 
 
-_NAMES = "char uchar short ushort int uint float double int8 uint8 int16 uint16 int32 uint32"
-_TYPES = dict(zip([*_NAMES.split(), "float32", "float64"], "bBhHiIfdbBhHiIfd", strict=True))
-"""Types of a .ply by `struct`'s letters."""
+_TYPES = {
+    **{"char": "b", "uchar": "B", "short": "h", "ushort": "H", "int": "i", "uint": "I"},
+    **{"int8": "b", "uint8": "B", "int16": "h", "uint16": "H", "int32": "i", "uint32": "I"},
+    **{"float": "f", "double": "d", "float32": "f", "float64": "d"},
+}
+"""The letter of `struct` for each type of a .ply."""
 
 
 def _plain_ply(content: bytes) -> bytes:
-    """A .ply in text, or one whose faces have equally many corners: trimesh takes the first's."""
+    """The .ply itself, or as text if its faces differ in their number of corners.
+
+    Of a binary file, trimesh takes the number of the first face for all.
+    """
     head, end, body = content.partition(b"end_header")
     if b"format ascii" in head:
         _check_ply(head, body)

@@ -196,9 +196,10 @@ def joined(heading: str, tables: Sequence[tuple[str, Cells]]) -> Cells:
 
     A group of few units has no intervals: its values are in the same column as the others'.
     """
-    shown = {name.removesuffix(INTERVAL): name for _, cells in tables for name in cells.header}
-    with_ends = {name for _, cells in tables for name in cells.header if name.endswith(INTERVAL)}
-    shown |= {name.removesuffix(INTERVAL): name for name in with_ends}
+    shown: dict[str, str] = {}
+    for name in (name for _, cells in tables for name in cells.header):
+        if name.endswith(INTERVAL) or name not in shown:
+            shown[name.removesuffix(INTERVAL)] = name
     header, rows, best = list(shown.values()), [], []
     for label, cells in tables:
         names = [name.removesuffix(INTERVAL) for name in cells.header]

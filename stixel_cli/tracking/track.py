@@ -103,10 +103,8 @@ class Track:
         variances = np.diagonal(self.covariances, axis1=1, axis2=2)[:, :6]
         table[[f"std_{name}" for name in names]] = np.sqrt(np.maximum(variances, 0.0))
         table[["length", "width"]] = self.boxes
-        table["points_used"], table["normalised_nis"] = (
-            np.diff(self.used_offsets),
-            self.normalised_nis,
-        )
+        table["points_used"] = np.diff(self.used_offsets)
+        table["normalised_nis"] = self.normalised_nis
         return table
 
     @property

@@ -147,7 +147,7 @@ DAMAGE = {
         lambda text: text.replace("<rz>", "<rx>").replace("</rz>", "</rx>"),
         "tracklet 0: row 1: '' is not a number",
     ),
-    "no track": ("tracklet_labels.xml", lambda text: "<a/>", "has no track 0"),
+    "no track": ("tracklet_labels.xml", lambda text: "<a/>", "has no track 0; it has none"),
     "short packet": ("oxts/data/0000000002.txt", lambda text: text[:200], "30 columns are needed"),
     "empty packet": ("oxts/data/0000000002.txt", lambda text: "", "must have one row of 30"),
     "pole": ("oxts/data/0000000002.txt", lambda text: "89" + text[2:], "latitude must be within"),
