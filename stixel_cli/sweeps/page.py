@@ -32,6 +32,7 @@ def summary_files(result: SweepResult, title: str, notes: Mapping[str, Any]) -> 
     every = result.answers(result.table.metrics)
     shown = result.answers()
     page = result.folder / PAGE
+    notes = {**notes, "command": title}
     texts = (
         render.csv(every),
         f"# {title}\n\n{render.markdown(shown)}",

@@ -134,7 +134,7 @@ def test_the_summaries_are_those_of_the_seeds(sweeps):
         "| tracker.sigma_f | runs | mean IoU, box [95 %] |" in (folder / "summary.md").read_text()
     )
     page = (folder / "index.html").read_text(encoding="utf-8")
-    assert "<h1>Sweep mine</h1>" in page
+    assert "<h1>Sweep mine</h1>" in page and "Runs: <code>stixel sweep " in page
     # The worst run of each option, and all runs, are one click away.
     assert page.count('<a href="runs/000') == 2
     assert all(f'"runs/000{index}' in page for index in range(8))
