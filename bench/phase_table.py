@@ -108,7 +108,9 @@ def real_errors() -> dict[str, np.ndarray]:
         views = [cv2.imread(str(file), cv2.IMREAD_GRAYSCALE) for file in files[:2]]
         pairs = StereoPairs(0, *(ImageStack.from_images([view]) for view in views))
         true = cv2.imread(str(files[2]), cv2.IMREAD_UNCHANGED) / 256.0
-        configuration = replace(compose(["rig=kitti"]).configuration, rig=KITTI)
+        height, width = views[0].shape  # The two benchmarks have images of their own sizes.
+        rig = replace(KITTI, width=width, height=height)
+        configuration = replace(compose(["rig=kitti"]).configuration, rig=rig)
         for way in WAYS:
             error = (matched(configuration, pairs, way).pixels(0) - true)[true > 0]
             error = error[np.isfinite(error)]
