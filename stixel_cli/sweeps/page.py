@@ -27,15 +27,14 @@ MOST_READ = 400
 """Most runs whose errors over time a page reads: two seconds."""
 
 
-def summary_files(result: SweepResult, title: str, notes: Mapping[str, Any]) -> dict[str, str]:
-    """The summaries and the page by file name; `title` is the command line of the sweep."""
+def summary_files(result: SweepResult, notes: Mapping[str, Any]) -> dict[str, str]:
+    """The summaries and the page by file name; `notes` are those of the sweep's request."""
     every = result.answers(result.table.metrics)
     shown = result.answers()
     page = result.folder / PAGE
-    notes = {**notes, "command": title}
     texts = (
         render.csv(every),
-        f"# {title}\n\n{render.markdown(shown)}",
+        f"# {notes['command']}\n\n{render.markdown(shown)}",
         sweep_page(result, page, ["stixel", "report", str(result.folder)], notes, answers=shown),
     )
     return dict(zip(SUMMARIES, texts, strict=True))

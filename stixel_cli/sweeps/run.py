@@ -174,8 +174,7 @@ class _Sweep:
         self.store = open_store(plan.runs[0].composition.configuration.cache)
         self.folder = folder
         notes = dict(request.notes)
-        self.title = str(notes.pop("command"))
-        self.notes = {"sweep": self.title, **notes}
+        self.notes = {"sweep": str(notes.pop("command")), **notes}
         self.runs: dict[int, RunResult] = {}
         """Those that are done or have failed, by index."""
         self.failed_nodes: dict[str, int] = {}
@@ -275,5 +274,5 @@ class _Sweep:
             table = import_module("pandas").DataFrame(result.rows, dtype=object)
             self.folder.write({TABLE: table.to_csv(index=False, lineterminator="\n")})
             if result.count(DONE):
-                self.folder.write(summary_files(result, self.title, self.notes))
+                self.folder.write(summary_files(result, self.request.notes))
         return result
