@@ -11,14 +11,21 @@ from stixel_cli.tracking.track import InitialState
 SENSOR = np.array([0.0, 0.0, np.pi / 2])
 
 
-def seen(outline, poses, noise=0.0, seed=0, rays=240):
-    """Points and covariances of an `outline` (M, 2) m at `poses` (K, 3), seen from `SENSOR`."""
+def seen(outline, poses, noise=0.0, seed=0, rays=240, before=None):
+    """Points and covariances of an `outline` (M, 2) m at `poses` (K, 3), seen from `SENSOR`.
+
+    An object with the outline `before` (N, 2) m, in the world, has points too, and may hide it.
+    """
     random = np.random.default_rng(seed)
     fan = spread_rays(rays, (FIELD.right, FIELD.left), False)
     points, covariances = [], []
     for pose in poses:
-        body = (world_from_target(outline, pose) - SENSOR[:2]) @ rotation(SENSOR[2])
-        hit, ranges = first_crossings(body, fan)
+        nearest = np.full(rays, np.inf)
+        for world in [world_from_target(outline, pose), *([] if before is None else [before])]:
+            hit, ranges = first_crossings((world - SENSOR[:2]) @ rotation(SENSOR[2]), fan)
+            nearest[hit] = np.minimum(nearest[hit], ranges)
+        hit = np.flatnonzero(np.isfinite(nearest))
+        ranges = nearest[hit]
         ranges = ranges + noise * random.standard_normal(len(ranges))
         across = (ranges * fan.steps[hit]) ** 2 / 12.0
         pair = points_along(SENSOR, fan.angles[hit], ranges, np.full(len(hit), 0.05**2), across)

@@ -6,14 +6,14 @@ from seen_targets import SENSOR, scans_seen, seen, start_at, turning
 from tracking_cases import CAR, scans_of
 
 from stixel_cli.config.compose import compose
-from stixel_cli.geometry.pose import wrap_angle
+from stixel_cli.geometry.pose import world_from_target, wrap_angle
 from stixel_cli.tracking.consider import JointCovariance
 from stixel_cli.tracking.contour import contour_filter, contour_recovery
 from stixel_cli.tracking.contour.class_shape import class_shape
 from stixel_cli.tracking.contour.contour import track
 from stixel_cli.tracking.contour.contour_filter import CONFIRMED
 from stixel_cli.tracking.contour.contour_rays import rays_of, sight_of
-from stixel_cli.tracking.contour.contour_recovery import RECENT, cluster_of, is_inconsistent
+from stixel_cli.tracking.contour.contour_recovery import RECENT, clusters_of, is_inconsistent
 from stixel_cli.tracking.contour.contour_report import box_sizes
 from stixel_cli.tracking.contour.residual import NODES, Residual
 
@@ -70,7 +70,7 @@ def test_a_wrong_detection_is_given_up_again(monkeypatch):
 
     def turned(*arguments):
         indices, (mean, *rest, likelihood) = detect_again(*arguments)
-        widen = float(arguments[-1])
+        widen = float(arguments[-2])
         turn = widen * np.radians(70) * np.eye(len(mean))[2]
         return indices, (mean + turn, *rest, likelihood + 50.0 * widen)
 
@@ -94,10 +94,34 @@ def test_the_cluster_of_the_points_has_their_neighbours_but_nothing_larger_than_
     sight = sight_of("cyclist", TRACKER)
     points = np.array([[0.0, 10.0], [0.3, 10.0], [0.6, 10.2], [4.0, 10.0], [0.0, 14.0]])
     rays = rays_of(points, np.tile(1e-4 * np.eye(2), (5, 1, 1)), SENSOR)
-    np.testing.assert_array_equal(cluster_of(rays, points, np.array([1]), sight), [0, 1, 2])
+    for after_gap in (False, True):
+        (found,) = clusters_of(rays, np.array([1]), sight, after_gap)
+        np.testing.assert_array_equal(found, [0, 1, 2])
     wall = np.column_stack([np.arange(12) * 0.4 - 2.0, np.full(12, 10.0)])
     rays = rays_of(wall, np.tile(1e-4 * np.eye(2), (12, 1, 1)), SENSOR)
-    np.testing.assert_array_equal(cluster_of(rays, wall, np.array([5, 6]), sight), [5, 6])
+    (found,) = clusters_of(rays, np.array([5, 6]), sight, False)
+    np.testing.assert_array_equal(found, [5, 6])
+    assert clusters_of(rays, np.array([5, 6]), sight, True) == []
+    both = np.concatenate([wall, points[:3] - [6.0, 0.0]])
+    rays = rays_of(both, np.tile(1e-4 * np.eye(2), (15, 1, 1)), SENSOR)
+    (found,) = clusters_of(rays, np.array([5, 6, 13]), sight, True)
+    np.testing.assert_array_equal(found, [12, 13, 14])
+
+
+@pytest.mark.parametrize("road_user", ["cyclist", "pedestrian"])
+def test_a_target_that_is_hidden_is_not_the_car_that_hides_it(road_user):
+    """It passes behind a parked car, 7 m nearer; a car's filter does not take the car either."""
+    shape, speed = class_shape(road_user), {"cyclist": 4.0, "pedestrian": 1.5}[road_user]
+    begin = {"cyclist": -6.0, "pedestrian": -4.5}[road_user]
+    poses = np.column_stack([begin + 0.1 * speed * np.arange(50), np.full(50, 18.0), np.zeros(50)])
+    car = world_from_target(CAR_SHAPE.outline, np.array([1.0, 11.0, 0.0]))
+    scans = scans_seen(shape.outline, poses, noise=0.03, before=car)
+    prior = compose([f"road_user={road_user}"]).configuration.prior
+    result = track(scans, start_at(poses), prior, TRACKER)
+    assert result.class_replaced is None
+    used = np.diff(result.used_offsets)
+    assert used[0] > 5 and (used[25:] == 0).any()
+    assert np.hypot(*(result.means[:, :2] - poses[:, :2]).T).max() < 1.0
 
 
 def test_the_update_begins_again_from_turns_to_both_sides():

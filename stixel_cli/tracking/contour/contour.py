@@ -94,10 +94,14 @@ class ClassBank:
         stated = np.zeros((len(offsets), 2, 0)) if shared is None else shared
         shared = _with_bias(stated, offsets, self._bias_std)
         rays = rays_of(points_world, covariances, sensor, field_of_view, shared)
+        # Once the target is hidden, what appears may be of another class: the reported one looks.
+        leader = self._kept.get(self._chosen[-1]) if self._chosen else None
+        allowed = leader.step(interval, rays, True) if leader and leader.unseen else None
         for one in self._kept.values():
             # Re-detection costs thirteen updates; skip it for classes that the scans rule out.
             probable = not one.log_weights or one.log_weights[-1] > self._best - CONTRADICTED
-            one.step(interval, rays, recovers=probable)
+            if allowed is None or one is not leader:
+                one.step(interval, rays, probable, allowed)
         self._choose()
         self._best = max(one.log_weights[-1] for one in self._kept.values())
         self._kept = {

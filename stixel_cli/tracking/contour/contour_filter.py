@@ -105,20 +105,29 @@ class ClassFilter:
         self.size_deviations: list[float] = []
         self.log_weights: list[float] = []
 
-    def step(self, interval: float, rays: Rays, recovers: bool) -> None:
+    @property
+    def unseen(self) -> bool:
+        """Whether none of the last scans, or no scan yet, had points of the target."""
+        return not np.isfinite(self._nis[-RECENT:]).any()
+
+    def step(
+        self, interval: float, rays: Rays, recovers: bool, allowed: np.ndarray | None = None
+    ) -> np.ndarray:
         """The next scan, an `interval` in s after the one before, with the `rays` of its points.
 
         `recovers`: whether the filter looks for the target again where the scans contradict it.
+        `allowed` (m,): indices of the only points that may be the target's; None: all. The result
+        (n,) are those of the points that were used.
         """
-        first = not np.isfinite(self._nis[-RECENT:]).any()
-        steps = [self._advanced(one, interval, rays) for one in self._hypotheses]
+        first = self.unseen
+        steps = [self._advanced(one, interval, rays, allowed) for one in self._hypotheses]
         best = max(steps, key=attrgetter("log_likelihood"))
         if best.degrees:
             self._age += 1
             single = recovers and len(steps) == 1
             nis, degrees = [*self._nis, best.nis], [*self._degrees, best.degrees]
             if first or (single and is_inconsistent(np.array(nis), np.array(degrees))):
-                detected = self._detected(best, rays, widen=not first)
+                detected = self._detected(best, rays, first)
                 # A turned or shifted target may be an error that only later scans contradict.
                 steps, self._age = [detected] if first else [best, detected], 1
             elif self._age >= CONFIRMED:
@@ -145,8 +154,11 @@ class ClassFilter:
         )
         self.size_deviations.append(deviation)
         self.log_weights.append(weight)
+        return best.indices
 
-    def _advanced(self, one: Hypothesis, interval: float, rays: Rays) -> Hypothesis:
+    def _advanced(
+        self, one: Hypothesis, interval: float, rays: Rays, allowed: np.ndarray | None
+    ) -> Hypothesis:
         """The hypothesis an `interval` in s later, updated with the points that it associates."""
         mean, covariance, joint = one.state
         mean, matrix, noise = predict(mean, interval, self._tracker, self._of_class)
@@ -157,6 +169,8 @@ class ClassFilter:
         indices = associate(
             rays, mean[SEEN], covariance[np.ix_(SEEN, SEEN)], self.sight, self._tracker
         )
+        if allowed is not None:
+            indices = np.intersect1d(indices, allowed)
         advanced = Hypothesis.unseen(prediction, one.log_likelihood)
         if len(indices):
             taken = rays.subset(indices)
@@ -168,12 +182,19 @@ class ClassFilter:
         before = None if self._tracker.lag == 0 else one
         return replace(advanced, before=before, transition=linked)
 
-    def _detected(self, one: Hypothesis, rays: Rays, widen: bool) -> Hypothesis:
-        """The hypothesis with the most likely place of its target, see `detect_again`."""
-        indices, posterior = detect_again(
-            *one.predicted, rays, one.indices, self.sight, self._tracker, widen
+    def _detected(self, one: Hypothesis, rays: Rays, first: bool) -> Hypothesis:
+        """The hypothesis with the most likely place of its target, see `detect_again`.
+
+        `first`: at the first scan with points, or the first after a gap.
+        """
+        after_gap = first and bool(self._reported)
+        result = detect_again(
+            *one.predicted, rays, one.indices, self.sight, self._tracker, not first, after_gap
         )
-        found = Hypothesis.updated(one.predicted, one.log_likelihood_before, indices, posterior)
+        if result is None:
+            unseen = Hypothesis.unseen(one.predicted, one.log_likelihood_before)
+            return replace(unseen, before=one.before, transition=one.transition)
+        found = Hypothesis.updated(one.predicted, one.log_likelihood_before, *result)
         return replace(found, before=one.before)
 
     def latest(self) -> Track:

@@ -56,17 +56,16 @@ def detect_again(
     indices: np.ndarray,
     sight: Sight,
     tracker: ContourParameters,
-    widen: bool = True,
-) -> tuple[np.ndarray, Posterior]:
+    widen: bool,
+    after_gap: bool,
+) -> tuple[np.ndarray, Posterior] | None:
     """The points of the target (m,) and the posterior of a prediction that is inconsistent.
 
     `mean` (d,), `covariance` (d, d) and `joint` are the prediction, `indices` (n,) its points.
-    `widen`: whether the prediction may be wrong by more than its covariance.
+    `widen`: whether the prediction may be wrong by more than its covariance. `after_gap`: the
+    points may be another object's: None if all of them are of objects longer than the class.
     """
-    points = rays.sensor[:2] + rays.ranges[:, None] * rays.directions
-    indices = cluster_of(rays, points, indices, sight)
-    taken, place = rays.subset(indices), points[indices].mean(axis=0)
-    left = taken.normals.mean(axis=0)
+    clusters = clusters_of(rays, indices, sight, after_gap)
     wide, joint = covariance.copy(), deepcopy(joint)
     if widen:
         wide[:7, :7] += WIDE
@@ -74,17 +73,21 @@ def detect_again(
     results = []
     # After a gap the target may have turned by more.
     scale = max(1.0, min(2.0 * np.sqrt(covariance[2, 2]), np.pi) / TURNS.max())
-    for turn, shift in [
-        *((scale * turn, 0.0) for turn in TURNS),
-        *((0.0, shift) for shift in SHIFTS),
-    ]:
-        begin = mean.copy()
-        begin[:2] = place + rotation(turn) @ (mean[:2] - place) + shift * left
-        begin[2] += turn
-        # After a gap of years the innovation's covariance is singular.
-        with np.errstate(invalid="ignore"):
-            results.append(update(mean, wide, joint, taken, sight, tracker, begin))
-    return indices, max(results, key=lambda result: np.nan_to_num(result[-1], nan=-np.inf))
+    begins = [(scale * turn, 0.0) for turn in TURNS] + [(0.0, shift) for shift in SHIFTS]
+    for found in clusters:
+        taken = rays.subset(found)
+        place, left = taken.points_world.mean(axis=0), taken.normals.mean(axis=0)
+        for turn, shift in begins:
+            begin = mean.copy()
+            begin[:2] = place + rotation(turn) @ (mean[:2] - place) + shift * left
+            begin[2] += turn
+            # After a gap of years the innovation's covariance is singular.
+            with np.errstate(invalid="ignore"):
+                posterior = update(mean, wide, joint, taken, sight, tracker, begin)
+            results.append((found, posterior))
+    if not results:
+        return None
+    return max(results, key=lambda result: np.nan_to_num(result[1][-1], nan=-np.inf))
 
 
 def turned(
@@ -106,21 +109,27 @@ def turned(
     return mean, covariance, joint
 
 
-def cluster_of(
-    rays: Rays, points_world: np.ndarray, indices: np.ndarray, sight: Sight
-) -> np.ndarray:
-    """Indices (m,), ascending, of the cluster of the points (n,) at `indices`.
+def clusters_of(
+    rays: Rays, indices: np.ndarray, sight: Sight, after_gap: bool
+) -> list[np.ndarray]:
+    """Which points may be the target's: indices (m,), ascending, of each possibility.
 
-    It is these points if the cluster is longer than the class.
+    All clusters of the points at `indices` together, if they are no longer than the class.
+    Otherwise `indices`; but `after_gap` each of the clusters that is no longer than the class.
     """
     from scipy.sparse.csgraph import connected_components
 
+    points = rays.points_world
     bearings = np.stack([np.cos(rays.bearings), np.sin(rays.bearings)], axis=-1)
     variances = rays.stds[:, None, None] ** 2 * np.eye(2)
     near = distances(rays.ranges[:, None] * bearings, variances) <= 1.0
     labels = connected_components(near, directed=False)[1]
-    found = np.flatnonzero(np.isin(labels, labels[indices]))
     wide = sight.table.high - sight.table.low
-    diagonal = np.hypot(wide[0], wide[len(wide) // 4])
-    small = np.hypot(*np.ptp(points_world[found], axis=0)) <= LARGEST * diagonal
-    return found if small else indices
+    longest = LARGEST * np.hypot(wide[0], wide[len(wide) // 4])
+    here = np.unique(labels[indices])
+    together = np.flatnonzero(np.isin(labels, here))
+    found = [together, *(np.flatnonzero(labels == one) for one in here if after_gap)]
+    short = [one for one in found if np.hypot(*np.ptp(points[one], axis=0)) <= longest]
+    if short and short[0] is together:
+        return [together]
+    return short if after_gap else [indices]
