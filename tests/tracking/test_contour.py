@@ -18,7 +18,12 @@ from stixel_cli.tracking.contour.class_shape import class_shape, visible_shape, 
 from stixel_cli.tracking.contour.contour import track
 from stixel_cli.tracking.contour.contour_filter import predict, start
 from stixel_cli.tracking.contour.contour_rays import rays_of
-from stixel_cli.tracking.contour.contour_report import LEAST_OUTLINE_STD, contours_of, reported
+from stixel_cli.tracking.contour.contour_report import (
+    LEAST_OUTLINE_STD,
+    SIDEWAYS,
+    contours_of,
+    reported,
+)
 from stixel_cli.tracking.kalman import condition
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.track import InitialState
@@ -203,7 +208,7 @@ def test_prediction_and_report_match_their_linearisations(seed):
     jacobians = []
     for function in (
         lambda m: predict(m, 0.1, quiet, SIZE)[0],
-        lambda m: reported(m[None], still[None], 0.0)[0][0],
+        lambda m: reported(m[None], still[None])[0][0],
     ):
         columns = [
             (function(mean + step * unit) - function(mean - step * unit)) / (2 * step)
@@ -215,11 +220,10 @@ def test_prediction_and_report_match_their_linearisations(seed):
     _, matrix, noise = predict(mean, 0.1, quiet, SIZE)
     np.testing.assert_allclose(matrix, jacobians[0], atol=1e-6)
     assert noise[2, 2] == pytest.approx(1e-5) and np.trace(noise[:5, :5]) == noise[2, 2]
-    np.testing.assert_allclose(
-        reported(mean[None], covariance[None], 0.0)[1][0],
-        jacobians[1] @ covariance @ jacobians[1].T,
-        atol=1e-6,
-    )
+    expected = jacobians[1] @ covariance @ jacobians[1].T
+    across = np.array([-np.sin(mean[2]), np.cos(mean[2])])
+    expected[3:5, 3:5] += SIDEWAYS**2 * np.outer(across, across)
+    np.testing.assert_allclose(reported(mean[None], covariance[None])[1][0], expected, atol=1e-6)
 
 
 @pytest.mark.parametrize("name", SHAPES)

@@ -90,16 +90,27 @@ def test_reported_centre_is_the_middle_of_the_box_and_linear_in_the_residual(see
     moved, before = residual.outline(mean), residual.outline(np.r_[mean[:7], np.zeros(NODES)])
     middle = 0.5 * (moved.max(axis=0) + moved.min(axis=0) - before.max(axis=0) - before.min(axis=0))
     root = np.diag(np.r_[np.zeros(7), np.full(NODES, 0.03)])
-    states, covariances = reported(mean[None], (root @ root)[None], 0.0, residual)
+    states, covariances = reported(mean[None], (root @ root)[None], residual)
     np.testing.assert_allclose(states[0, :2], mean[:2] + rotation(0.7) @ middle)
     step, columns = 1e-7, []
     for unit in np.eye(len(mean))[7:]:
-        ends = [
-            reported((mean + s * unit)[None], root[None], 0.0, residual)[0] for s in (step, -step)
-        ]
+        ends = [reported((mean + s * unit)[None], root[None], residual)[0] for s in (step, -step)]
         columns.append((ends[0][0, :2] - ends[1][0, :2]) / (2.0 * step))
     slopes = np.stack(columns, axis=1)
     np.testing.assert_allclose(covariances[0, :2, :2], 0.03**2 * slopes @ slopes.T, atol=1e-7)
+
+
+def test_the_contour_is_at_even_angles_from_the_centre_that_is_reported():
+    """A residual at the front moves the middle of the box, and the contour's rays with it."""
+    residual = Residual(SHAPE)
+    mean = np.concatenate([[1.0, 9.0, 0.7, 2.0, 0.0, 0.05, -0.05], np.zeros(NODES)])
+    mean[7:10] = 0.3
+    covariance = np.eye(len(mean))[None]
+    contours, directions, _ = contours_of(mean[None], covariance, SHAPE, 90, residual)
+    centre = reported(mean[None], covariance, residual)[0][0, :2]
+    assert np.hypot(*(centre - mean[:2])) > 0.1
+    rays = contours[0] - centre
+    np.testing.assert_allclose(rays / np.hypot(*rays.T)[:, None], directions[0], atol=1e-9)
 
 
 def test_stated_deviation_of_the_contour_has_the_residual():

@@ -50,7 +50,7 @@ from stixel_cli.tracking.contour.contour_recovery import (
     is_inconsistent,
     turned,
 )
-from stixel_cli.tracking.contour.contour_report import box_sizes, contours_of, reported
+from stixel_cli.tracking.contour.contour_report import SIDEWAYS, box_sizes, contours_of, reported
 from stixel_cli.tracking.contour.contour_update import SEEN, SHAPE_ERRORS, constant_errors, update
 from stixel_cli.tracking.contour.hypothesis import Hypothesis
 from stixel_cli.tracking.prior import PriorShape
@@ -242,7 +242,7 @@ class ClassFilter:
         return replace(
             Track.of_scans(
                 times,
-                reported(means, covariances, self._tracker.slip, residual),
+                reported(means, covariances, residual),
                 contours_of(means, covariances, self._shape, points, residual),
                 [one.indices + offset for one, offset in zip(chosen, offsets, strict=True)],
                 np.array(self._nis[scans]),
@@ -271,10 +271,10 @@ def start(
     turn = np.eye(6)
     turn[3:5, 3:5] = rotation(-heading)
     mean, covariance = turn @ initial.mean, turn @ initial.covariance @ turn.T
-    # The velocity across the heading, v_y - v_x (psi - heading), is 0 ± slip.
+    # The velocity across the heading, v_y - v_x (psi - heading), is 0 ± SIDEWAYS.
     row = np.zeros(6)
     row[2], row[4] = -mean[3], 1.0
-    gain = covariance @ row / (row @ covariance @ row + tracker.slip**2)
+    gain = covariance @ row / (row @ covariance @ row + SIDEWAYS**2)
     mean, covariance = mean - gain * mean[4], covariance - np.outer(gain, row @ covariance)
     kept = [0, 1, 2, 3, 5]
     whole = np.zeros(7 + nodes)

@@ -109,9 +109,7 @@ def turned(
     return mean, covariance, joint
 
 
-def clusters_of(
-    rays: Rays, indices: np.ndarray, sight: Sight, after_gap: bool
-) -> list[np.ndarray]:
+def clusters_of(rays: Rays, indices: np.ndarray, sight: Sight, after_gap: bool) -> list[np.ndarray]:
     """Which points may be the target's: indices (m,), ascending, of each possibility.
 
     All clusters of the points at `indices` together, if they are no longer than the class.

@@ -10,6 +10,9 @@ from stixel_cli.tracking.track import contour_directions
 LEAST_OUTLINE_STD = 0.03
 """How well at least the class's outline, scaled, fits one road user, m."""
 
+SIDEWAYS = 0.05
+"""Standard deviation of the velocity across the heading, m/s, which the state does not have."""
+
 
 def contours_of(
     means: np.ndarray,
@@ -22,7 +25,7 @@ def contours_of(
 
     The outline of the class, scaled, at M = `points` even angles of the state's heading. A change
     of the state moves a contour's point by w; the contour then crosses the same ray from the
-    estimated centre farther by nᵀw / nᵀp, with the normal n and the ray's direction p.
+    reported centre farther by nᵀw / nᵀp, with the normal n and the ray's direction p.
     """
     angles, directions = contour_directions(means[:, 2], points)
     unit = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
@@ -30,8 +33,9 @@ def contours_of(
     std = np.empty((len(means), points))
     for k, (mean, covariance) in enumerate(zip(means, covariances, strict=True)):
         outline = residual.outline(mean) if residual else shape.outline * np.exp(mean[5:])
-        radii, shape_stds = _radii(outline, shape.outline_stds, angles)
-        body = radii[:, None] * unit
+        centre = residual.box_centre(mean)[0] if residual else np.zeros(2)
+        radii, shape_stds = _radii(outline - centre, shape.outline_stds, angles)
+        body = radii[:, None] * unit + centre
         edges = np.roll(body, -1, axis=0) - np.roll(body, 1, axis=0)
         normals = np.stack([edges[:, 1], -edges[:, 0]], axis=-1)
         facing = np.maximum(np.einsum("mi,mi->m", normals, unit), 0.2 * np.hypot(*edges.T))
@@ -77,12 +81,12 @@ def _radii(
 
 
 def reported(
-    means: np.ndarray, covariances: np.ndarray, slip: float, residual: Residual | None = None
+    means: np.ndarray, covariances: np.ndarray, residual: Residual | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
     """States (K, 8) and covariances (K, 8, 8) as a track has them.
 
     x, y, heading, their rates, and the logarithms of the two factors of size. The velocity is along
-    the heading; across it its standard deviation is `slip`, m/s. With a `residual`, x and y are the
+    the heading; across it its standard deviation is `SIDEWAYS`. With a `residual`, x and y are the
     middle of the outline's box.
     """
     states, spreads = np.empty((len(means), 8)), np.empty((len(means), 8, 8))
@@ -100,5 +104,5 @@ def reported(
         matrix[[0, 1, 2, 5, 6, 7], [0, 1, 2, 4, 5, 6]] = 1.0
         matrix[3:5, 3], matrix[3:5, 2] = along, mean[3] * across
         spreads[k] = matrix @ covariance @ matrix.T
-        spreads[k, 3:5, 3:5] += slip**2 * np.outer(across, across)
+        spreads[k, 3:5, 3:5] += SIDEWAYS**2 * np.outer(across, across)
     return states, spreads
