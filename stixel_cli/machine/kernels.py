@@ -114,7 +114,7 @@ def call_tracking_kernels() -> None:
 
     table = outline_table(np.array([[1.0, -1.0], [1.0, 1.0], [-1.0, 0.0]]))
     rays = np.array([[1.0, 0.0]])
-    expected(np.zeros((1, 5)), np.array([-9.0, 0.0]), rays, 0, 0, *table.arrays())
+    expected(np.zeros((1, 5)), np.array([-9.0, 0.0]), rays, np.zeros(1), 0, 0, *table.arrays())
 
 
 CALLS = (call_rendering_kernels, call_stixel_kernels, call_tracking_kernels)

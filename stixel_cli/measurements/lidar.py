@@ -73,12 +73,16 @@ def lidar_scans(
     """
     if len(returns) != len(ego_motion.times):
         raise ValueError(f"returns of {len(returns)} scans, but {len(ego_motion.times)} times")
-    scans = [
-        _scan(returns, k, pose, measurement, generator(seed, "lidar", k))
-        for k, pose in enumerate(ego_motion.poses_world)
-    ]
+    scans, heights = [], []
+    for k, pose in enumerate(ego_motion.poses_world):
+        random = generator(seed, "lidar", k)
+        *points, height = _scan(returns, k, pose, measurement, random)
+        scans.append(tuple(points))
+        heights.append(height)
     view = FieldOfView(*field_of_view)
-    return Scans.of_each(ego_motion.times, ego_motion.poses_world, scans, field_of_view=view)
+    return Scans.of_each(
+        ego_motion.times, ego_motion.poses_world, scans, field_of_view=view, heights=heights
+    )
 
 
 def _scan(
@@ -87,8 +91,8 @@ def _scan(
     sensor_pose_world: np.ndarray,
     measurement: LidarParameters,
     random: np.random.Generator,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Points (n, 2) m and covariances (n, 2, 2) m² in the world of scan `k`."""
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Points (n, 2) m, covariances (n, 2, 2) m² in the world and heights (n,) m of scan `k`."""
     # Noise is drawn for every beam, hit or not, so that an option does not change the remaining
     # points.
     noise = random.standard_normal(returns.ranges.shape[1:])
@@ -114,6 +118,7 @@ def _scan(
     along_variance = (measurement.range_std * np.cos(returns.elevations[layer])) ** 2
     step = np.radians(measurement.scanner.azimuth_step)
     across_variance = (distances * step) ** 2 / 12.0
-    return points_along(
+    points = points_along(
         sensor_pose_world, returns.azimuths[beam], distances, along_variance, across_variance
     )
+    return *points, heights[layer, beam]

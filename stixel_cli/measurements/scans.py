@@ -47,6 +47,7 @@ class Scans:
         field_of_view: of the sensor; None: unknown.
         epoch: ns since 1970 at the time 0; None: unknown.
         shared_errors: what all of the points share, beyond their covariances.
+        heights: (P,) m, of the points above the road; None: unknown, they may be anywhere.
     """
 
     times: np.ndarray
@@ -57,6 +58,7 @@ class Scans:
     field_of_view: FieldOfView | None = None
     epoch: int | None = None
     shared_errors: SharedErrors = NO_SHARED_ERRORS
+    heights: np.ndarray | None = None
 
     def __post_init__(self):
         wrong = np.flatnonzero(~(np.abs(self.times) <= FARTHEST))
@@ -74,10 +76,12 @@ class Scans:
         scans: Sequence[tuple[np.ndarray, np.ndarray]],
         field_of_view: FieldOfView | None = None,
         shared_errors: SharedErrors = NO_SHARED_ERRORS,
+        heights: Sequence[np.ndarray] | None = None,
     ) -> "Scans":
         """From `times` (K,) s, poses (K, 3), and points (n_k, 2) m and covariances (n_k, 2, 2) m².
 
-        The last two are given for each scan, in order; all are in the world.
+        The last two are given for each scan, in order, as are `heights` (n_k,) m; all are in the
+        world.
 
         Example:
             >>> points, covariances = np.array([[1.0, 9.0], [1.5, 9.0]]), 0.01 * np.eye(2)
@@ -97,6 +101,7 @@ class Scans:
             ),
             field_of_view=field_of_view,
             shared_errors=shared_errors,
+            heights=None if heights is None else np.concatenate([np.zeros(0), *heights]),
         )
 
     def __len__(self) -> int:
@@ -105,6 +110,10 @@ class Scans:
     def rows(self, k: int) -> slice:
         """The rows of scan k."""
         return slice(int(self.offsets[k]), int(self.offsets[k + 1]))
+
+    def heights_of(self, rows: slice | np.ndarray) -> np.ndarray | None:
+        """Heights (n,) m of the points in `rows`; None: unknown."""
+        return None if self.heights is None else self.heights[rows]
 
     def shared_directions(self, k: int, points_world: np.ndarray) -> np.ndarray:
         """How `points_world` (n, 2) m of scan k move by its m shared errors: (n, 2, m) m each.

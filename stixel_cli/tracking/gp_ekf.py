@@ -104,7 +104,7 @@ def track(
         from stixel_cli.tracking.gp_ekf_covariance import StatedCovariance
         from stixel_cli.tracking.one_side import OneSide
 
-        side = OneSide(prior, tracker.seen_by, process)
+        side = OneSide(prior, tracker.seen_by, process, scans.heights is not None)
         stated = StatedCovariance(initial.covariance, process.covariance, side, scans)
     radii = prior_radii(prior, process.basis_angles) if side is None else side.radii
     mean = np.concatenate([initial.mean, radii])
@@ -175,7 +175,8 @@ def _updated(
     rows = scans.rows(k)
     points, own_noises = scans.points_world[rows], scans.covariances_world[rows]
     if side is not None:
-        rays, shape_stds = side.rays(points, own_noises, scans.sensor_poses_world[k], mean[:SEEN])
+        sensor, heights = scans.sensor_poses_world[k], scans.heights_of(rows)
+        rays, shape_stds = side.rays(points, own_noises, sensor, mean[:SEEN], heights)
         points = rays.points_world
     noises = own_noises
     if tracker.measurement_covariance == "isotropic":

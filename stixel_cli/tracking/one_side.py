@@ -68,6 +68,7 @@ class OneSide:
         prior: PriorShape,
         seen_by: Literal["stixels", "fabricated", "lidar", "file", "own"],
         process: ContourProcess,
+        with_heights: bool,
     ):
         self._process = process
         self._known = prior.road_user != "unknown"
@@ -93,7 +94,7 @@ class OneSide:
         sizes = stds[:, None] * [self._at(bearings, one) for one in size_slopes(outline)]
         self.radii_covariance = fixed.T @ fixed + sizes.T @ sizes
         if seen_by in ("stixels", "lidar"):
-            seen = visible_shape(prior.road_user, seen_by)
+            seen = visible_shape(prior.road_user, "heights" if with_heights else seen_by)
             visible = visible_table(shape.outline, seen, blurred=seen_by == "stixels")
             self._tables = visible, outline_table(shape.outline)
             self._bias_per_std, self.std_factor = seen.bias_per_std, seen.std_factor
@@ -108,6 +109,7 @@ class OneSide:
         covariances: np.ndarray,
         sensor: np.ndarray,
         pose: np.ndarray,
+        heights: np.ndarray | None,
     ) -> tuple[Rays, np.ndarray]:
         """The rays of points (n, 2) m, moved to where they would be if the outline were seen.
 
@@ -115,11 +117,12 @@ class OneSide:
         and of the target in the world. Points of an unknown class stay. Also the standard
         deviations (n,) m of these moves.
         """
-        rays, stds = rays_of(points_world, covariances, sensor), np.zeros(len(points_world))
+        rays = rays_of(points_world, covariances, sensor, heights=heights)
+        stds = np.zeros(len(points_world))
         if self._tables is not None and len(points_world):
             state = np.concatenate([pose, self._factors])[None]
             visible, outline = (
-                expected(state, sensor[:2], rays.directions, -1, -1, *table.arrays())
+                expected(state, sensor[:2], rays.directions, rays.levels, -1, -1, *table.arrays())
                 for table in self._tables
             )
             missed = np.clip(visible[0][0] - outline[0][0], -FARTHEST, FARTHEST)

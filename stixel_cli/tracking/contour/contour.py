@@ -39,7 +39,8 @@ def track(
 
     The state starts as `initial`, one sample before the first scan.
     """
-    bank = ClassBank(initial, prior, tracker, scans.shared_errors.count)
+    known = scans.heights is not None
+    bank = ClassBank(initial, prior, tracker, scans.shared_errors.count, known)
     for k, interval in enumerate(intervals(scans.times)):
         rows = scans.rows(k)
         bank.step(
@@ -49,6 +50,7 @@ def track(
             scans.sensor_poses_world[k],
             scans.field_of_view,
             scans.shared_directions(k, scans.points_world[rows]),
+            scans.heights_of(rows),
         )
     return bank.track(scans.times, scans.offsets[:-1])
 
@@ -67,13 +69,14 @@ class ClassBank:
         prior: PriorShape,
         tracker: ContourParameters,
         shared_errors: int = 0,
+        with_heights: bool = False,
     ):
         self._filters, self._lag, self._bias_std = {}, tracker.lag, tracker.bias_std
         self._own = None if prior.road_user == "unknown" else prior.road_user
         for road_user in ROAD_USER_CLASSES if prior.class_file is None else (prior.class_file,):
             if may_be(road_user, prior, tracker.road_user):
                 start, of_class, parameters = _of_class(road_user, initial, prior, tracker)
-                for form, seen in forms_of(road_user, prior, parameters).items():
+                for form, seen in forms_of(road_user, prior, parameters, with_heights).items():
                     self._filters[road_user, form] = ClassFilter(
                         start, of_class, *seen, shared_errors + 1
                     )
@@ -88,12 +91,13 @@ class ClassBank:
         sensor: np.ndarray,
         field_of_view: FieldOfView | None = None,
         shared: np.ndarray | None = None,
+        heights: np.ndarray | None = None,
     ) -> None:
         """The next scan, an `interval` in s after the one before; the others as in `rays_of`."""
         offsets = points_world - sensor[:2]
         stated = np.zeros((len(offsets), 2, 0)) if shared is None else shared
         shared = _with_bias(stated, offsets, self._bias_std)
-        rays = rays_of(points_world, covariances, sensor, field_of_view, shared)
+        rays = rays_of(points_world, covariances, sensor, field_of_view, shared, heights)
         # Once the target is hidden, what appears may be of another class: the reported one looks.
         leader = self._kept.get(self._chosen[-1]) if self._chosen else None
         allowed = leader.step(interval, rays, True) if leader and leader.unseen else None

@@ -1,12 +1,17 @@
 """The rays of a scan: how a sensor sees a class, and association."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from stixel_cli.geometry.pose import rotation, wrap_angle
 from stixel_cli.measurements.scans import FieldOfView
-from stixel_cli.tracking.contour.class_shape import class_shape, visible_shape, visible_table
+from stixel_cli.tracking.contour.class_shape import (
+    class_shape,
+    levels_of,
+    visible_shape,
+    visible_table,
+)
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
 from stixel_cli.tracking.contour.ray_table import RayTable, expected
 from stixel_cli.tracking.contour.residual import Residual
@@ -19,6 +24,11 @@ BESIDE, NEARER = 0.3, 0.3
 
 GAP = 0.6
 """Points of neighbouring rays farther apart, m, and four standard deviations, are two objects'."""
+
+import os
+
+MOST = int(os.environ.get("MOST", "60"))
+"""Rays of an update: so many have the points of a target at home."""
 
 LEARNED = ("stixels", "fabricated", "lidar")
 """Kinds of measurement from whose scans of the drawn classes the visible shapes were learned."""
@@ -49,8 +59,7 @@ class Sight:
     @property
     def half(self) -> np.ndarray:
         """Half of the length and of the width (2,) m of the outline."""
-        quarter = len(self.table.low) // 4
-        return 0.5 * (self.table.high - self.table.low)[[quarter, 0]]
+        return 0.5 * self.table.extents
 
     def angles(self, state: np.ndarray, rays: "Rays", ranges: np.ndarray) -> np.ndarray:
         """Bearings (n,) rad of where rays meet a state's shape, in units of half its size."""
@@ -74,6 +83,7 @@ class Rays:
             that all scans share moves a point along its ray, and to the left across it.
         field_of_view: of the sensor; None: unknown.
         hidden: whether a nearer object hides what is beside the first and the last ray.
+        levels: (n,) of the points' heights, see `levels_of`; 0 where heights are unknown.
     """
 
     sensor: np.ndarray
@@ -84,6 +94,7 @@ class Rays:
     across_variances: np.ndarray
     shared_along: np.ndarray
     shared_across: np.ndarray
+    levels: np.ndarray
     field_of_view: FieldOfView | None = None
     hidden: tuple[bool, bool] = (False, False)
 
@@ -108,6 +119,7 @@ class Rays:
             self.across_variances[indices],
             self.shared_along[indices],
             self.shared_across[indices],
+            self.levels[indices],
             self.field_of_view,
             self._hidden_ends(indices),
         )
@@ -131,14 +143,18 @@ def normals_of(directions: np.ndarray) -> np.ndarray:
 
 
 def sight_of(
-    road_user: str, tracker: ContourParameters, vertices: np.ndarray | None = None
+    road_user: str,
+    tracker: ContourParameters,
+    vertices: np.ndarray | None = None,
+    with_heights: bool = False,
 ) -> Sight:
     """What the sensor sees of a class: stixels and lidars less than the outline.
 
     The outline is the class's, or `vertices` (n, 2) m of another one.
     """
     outline = tracker.seen_by not in ("stixels", "lidar")
-    seen = visible_shape(road_user, "outline" if outline else tracker.seen_by)
+    kind = "outline" if outline else tracker.seen_by
+    seen = visible_shape(road_user, "heights" if with_heights else kind)
     shape = class_shape(road_user).outline if vertices is None else vertices
     table = visible_table(shape, seen, blurred=tracker.seen_by == "stixels")
     return Sight(table, seen.bias_per_std, seen.std_factor, outline)
@@ -150,11 +166,12 @@ def rays_of(
     sensor: np.ndarray,
     field_of_view: FieldOfView | None = None,
     shared: np.ndarray | None = None,
+    heights: np.ndarray | None = None,
 ) -> Rays:
     """The rays from a `sensor` (3,) through points (n, 2) m with covariances (n, 2, 2) m².
 
     `shared` (n, 2, m) m is how far one standard deviation of each of m errors that all scans share
-    moves the points.
+    moves the points. `heights` (n,) m are theirs above the road; None: unknown.
     """
     offsets = points_world - sensor[:2]
     ranges = np.hypot(offsets[:, 0], offsets[:, 1])
@@ -171,6 +188,7 @@ def rays_of(
         np.sqrt(np.maximum(variances, 0.0)),
         np.maximum(across, 0.0),
         *(np.einsum("ni,nim->nm", axes, shared) for axes in (directions, normals_of(directions))),
+        np.zeros(len(offsets)) if heights is None else levels_of(heights),
         field_of_view,
     )
 
@@ -190,20 +208,17 @@ def associate(
     """
     if not len(rays.ranges):
         return np.zeros(0, np.int64)
-    ranges, _, misses, stds, _ = expected(
-        pose_and_size[None], rays.sensor[:2], rays.directions, -1, -1, *sight.table.arrays()
-    )
+    seen_from = pose_and_size[None], rays.sensor[:2], rays.directions, rays.levels, -1, -1
+    ranges, _, misses, stds, _ = expected(*seen_from, *sight.table.arrays())
     along = across = covariance[0, 0] + covariance[1, 1]
     if sight.residual:
         across = np.einsum("ni,ij,nj->n", rays.normals, covariance[:2, :2], rays.normals)
         along = along - across
-    reach = np.hypot(*(sight.table.high - sight.table.low)[[0, len(sight.table.low) // 4]])
+    reach = np.hypot(*sight.table.extents)
     turned = 0.25 * reach**2 * covariance[2, 2]
     errors = rays.ranges - ranges[0] - sight.bias_per_std * rays.stds
     if sight.far:
-        far = expected(
-            pose_and_size[None], rays.sensor[:2], rays.directions, -1, -1, *sight.far.arrays()
-        )[0]
+        far = expected(*seen_from, *sight.far.arrays())[0]
         errors -= np.clip(errors, 0.0, far[0] - ranges[0])
     # After a gap of years a variance may be below zero by rounding.
     variance = rays.stds**2 + stds**2 + np.maximum(along + turned, 0.0)
@@ -235,6 +250,35 @@ def segments(rays: Rays) -> np.ndarray:
     labels = np.zeros(len(order), np.int64)
     labels[order[1:]] = np.cumsum(apart)
     return labels
+
+
+def telling(rays: Rays, pose_and_size: np.ndarray, table: RayTable) -> Rays:
+    """Of more than `MOST` rays, those whose points tell most of a target: one for each bearing.
+
+    Of the points at one of `MOST` even bearings it is that whose height the shape is known best at,
+    for a state (5,) as `expected` takes it: the bumper and not the windscreen above it. More points
+    share the shape's error, and would make the estimate no better, only more certain.
+    """
+    if len(rays.ranges) <= MOST:
+        return rays
+    _, _, _, stds, _ = expected(
+        pose_and_size[None], rays.sensor[:2], rays.directions, rays.levels, -1, -1, *table.arrays()
+    )
+    bearings = rays.bearings - rays.bearings.min()
+    columns = (bearings / max(bearings.max(), 1e-9) * (MOST - 1e-6)).astype(int)
+    if os.environ.get("SEL") == "strat":
+        order = np.lexsort((rays.levels, columns))
+        u, first, n = np.unique(columns[order], return_index=True, return_counts=True)
+        pick = first + ((u * 0.618034 % 1.0) * n).astype(int)
+        return replace(rays.subset(np.sort(order[pick])), hidden=rays.hidden)
+    if os.environ.get("SEL") == "half":
+        order = np.lexsort((stds, columns))
+        u, first, n = np.unique(columns[order], return_index=True, return_counts=True)
+        pick = first + ((u * 0.618034 % 1.0) * n * 0.5).astype(int)
+        return replace(rays.subset(np.sort(order[pick])), hidden=rays.hidden)
+    order = np.lexsort((stds, columns))
+    first = np.unique(columns[order], return_index=True)[1]
+    return replace(rays.subset(np.sort(order[first])), hidden=rays.hidden)
 
 
 def sampling_inset(rays: Rays, sight: Sight) -> tuple[float, float]:

@@ -122,8 +122,7 @@ def clusters_of(rays: Rays, indices: np.ndarray, sight: Sight, after_gap: bool) 
     variances = rays.stds[:, None, None] ** 2 * np.eye(2)
     near = distances(rays.ranges[:, None] * bearings, variances) <= 1.0
     labels = connected_components(near, directed=False)[1]
-    wide = sight.table.high - sight.table.low
-    longest = LARGEST * np.hypot(wide[0], wide[len(wide) // 4])
+    longest = LARGEST * np.hypot(*sight.table.extents)
     here = np.unique(labels[indices])
     together = np.flatnonzero(np.isin(labels, here))
     found = [together, *(np.flatnonzero(labels == one) for one in here if after_gap)]

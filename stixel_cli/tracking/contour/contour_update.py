@@ -9,7 +9,7 @@ from stixel_cli.geometry.pose import rotation
 from stixel_cli.tracking.association import uncut
 from stixel_cli.tracking.consider import FIELD_NODES, JointCovariance, field_weights
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
-from stixel_cli.tracking.contour.contour_rays import Rays, Sight, sampling_inset
+from stixel_cli.tracking.contour.contour_rays import Rays, Sight, sampling_inset, telling
 from stixel_cli.tracking.contour.ray_table import expected
 from stixel_cli.tracking.kalman import condition, correct
 
@@ -63,6 +63,7 @@ def update(
     likelihood are those of the innovation as the joint covariance has it, at the last iterate. The
     iteration begins at `first_iterate` (d,), by default at the prior's `mean`.
     """
+    rays = telling(rays, mean[SEEN], sight.table)
     count, size = len(rays.ranges), len(mean)
     ends = np.array([np.argmin(rays.bearings), np.argmax(rays.bearings)])
     inset, inset_variance = sampling_inset(rays, sight)
@@ -200,11 +201,12 @@ def linearise(
     moved = np.repeat(state[None, SEEN], 7, axis=0)
     moved[1:4, :3] += (axes * steps).T
     moved[4:, :3] -= (axes * steps).T
+    seen_from = moved, rays.sensor[:2], rays.directions, rays.levels
     ranges, insets, misses, range_stds, inset_stds = expected(
-        moved, rays.sensor[:2], rays.directions, first, last, *sight.table.arrays()
+        *seen_from, first, last, *sight.table.arrays()
     )
     if sight.far:
-        far = expected(moved, rays.sensor[:2], rays.directions, -1, -1, *sight.far.arrays())[0]
+        far = expected(*seen_from, -1, -1, *sight.far.arrays())[0]
         nearer = np.abs(rays.ranges - far[0]) < np.abs(rays.ranges - ranges[0])
         ranges = np.where(nearer, far, ranges)
     predicted = np.hstack([ranges, -insets])
