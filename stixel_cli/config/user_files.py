@@ -64,7 +64,12 @@ def _open(parameters: Any, notes: list[str]) -> Any:
             )
         units = {"time_unit": parameters.time_unit, "angle_unit": parameters.angle_unit}
         scans = read_scans(
-            parameters.path, parameters.ego, parameters.range_std, **units, note=notes.append
+            parameters.path,
+            parameters.ego,
+            parameters.range_std,
+            **units,
+            note=notes.append,
+            road_z=parameters.road_z,
         )
         if parameters.truth is not None:
             # Shapely is imported for it.

@@ -8,6 +8,9 @@ from stixel_cli.geometry.pose import wrap_angle
 from stixel_cli.measurements.scans import Scans, points_along
 from stixel_cli.randomness import generator
 
+CLUTTER_HEIGHT = 0.5
+"""Of a clutter point above the road, m."""
+
 
 def disturb_scans(
     scans: Scans,
@@ -37,7 +40,7 @@ def disturb_scans(
         # Times are multiples of the sample time, up to rounding.
         hidden = (elapsed >= dropout[0] - 1e-9) & (elapsed <= dropout[1] + 1e-9)
     clutter = _clutter(scans, clutter_rate, range_max, seed)
-    own = []
+    own, heights = [], []
     for k, (points, covariances) in enumerate(clutter):
         rows = slice(0, 0) if hidden[k] else scans.rows(k)
         points, covariances = (points[:0], covariances[:0]) if hidden[k] else (points, covariances)
@@ -47,8 +50,15 @@ def disturb_scans(
                 np.concatenate([scans.covariances_world[rows], covariances]),
             )
         )
+        if scans.heights is not None:
+            heights.append(np.append(scans.heights[rows], np.full(len(points), CLUTTER_HEIGHT)))
     disturbed = Scans.of_each(
-        scans.times, scans.sensor_poses_world, own, scans.field_of_view, scans.shared_errors
+        scans.times,
+        scans.sensor_poses_world,
+        own,
+        scans.field_of_view,
+        scans.shared_errors,
+        None if scans.heights is None else heights,
     )
     return replace(disturbed, epoch=scans.epoch)
 

@@ -48,6 +48,9 @@ class FileParameters(Disturbance):
         horizontal_fov: field of view in degrees, symmetric to the sensor's heading; null: unknown.
         time_unit: unit of t; null: seconds, or that of times since 1970.
         angle_unit: unit of the headings in `ego` and `truth`.
+        road_z: of the road near the target in the table's column z, m: then trackers know the
+            height of each point. null: z is not read, as where the points of a target are the
+            nearest of their bearings.
     """
 
     kind: Literal["file"]
@@ -61,6 +64,7 @@ class FileParameters(Disturbance):
     horizontal_fov: Annotated[float, Gt(0), Le(360)] | None
     time_unit: TimeUnit | None
     angle_unit: AngleUnit
+    road_z: Annotated[float, Ge(-10000), Le(10000)] | None
 
     @property
     def shared_errors(self) -> SharedErrors:
@@ -92,6 +96,7 @@ def read_scans(
     angle_unit: AngleUnit = "rad",
     note: Callable[[str], object] = str,
     shared_errors: SharedErrors = NO_SHARED_ERRORS,
+    road_z: float | None = None,
 ) -> Scans:
     """Scans of the points in the file `path`, in their order in the file.
 
@@ -105,12 +110,15 @@ def read_scans(
         angle_unit: of the sensor's headings.
         note: called with one line for what a user may not expect.
         shared_errors: that no table states.
+        road_z: of the road, m, for the heights of the points from the column z; None: unknown.
 
     Raises:
         UserError: in one line that names file, place and cause.
     """
     file = Path(path)
-    table = read_table(file, ("t", "x", "y"), (("k",), VARIANCES), returns=("x", "y", *VARIANCES))
+    needed = ("t", "x", "y") if road_z is None else ("t", "x", "y", "z")
+    returns = ("x", "y", "z", *VARIANCES)
+    table = read_table(file, needed, (("k",), VARIANCES), returns=returns)
     clock, rows = file, table
     if ego is not None:
         clock = Path(ego)
@@ -149,6 +157,7 @@ def read_scans(
         field_of_view=view,
         epoch=epoch,
         shared_errors=shared_errors,
+        heights=None if road_z is None else table["z"][order] - road_z,
     )
 
 

@@ -80,9 +80,8 @@ def lidar_scans(
         scans.append(tuple(points))
         heights.append(height)
     view = FieldOfView(*field_of_view)
-    return Scans.of_each(
-        ego_motion.times, ego_motion.poses_world, scans, field_of_view=view, heights=heights
-    )
+    known = heights if measurement.returns == "all" else None
+    return Scans.of_each(ego_motion.times, ego_motion.poses_world, scans, view, heights=known)
 
 
 def _scan(

@@ -183,7 +183,7 @@ def _updated(
         noises = tracker.measurement_std**2 * np.eye(2)
     indices = _associated(points, noises, mean, covariance, process, tracker)
     if side is not None and len(indices):
-        indices = side.target(rays, indices, mean, covariance)
+        indices = side.target(rays, shape_stds, indices, mean, covariance)
     if not len(indices):
         return mean, covariance, indices, np.nan
     noises = noises if noises.ndim == 2 else noises[indices]

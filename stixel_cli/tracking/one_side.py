@@ -19,15 +19,15 @@ from stixel_cli.tracking.contour.class_shape import (
     visible_shape,
     visible_table,
 )
-from stixel_cli.tracking.contour.contour_rays import Rays, rays_of, segments
+from stixel_cli.tracking.contour.contour_rays import Rays, rays_of, segments, telling
 from stixel_cli.tracking.contour.ray_table import expected, outline_table
 from stixel_cli.tracking.gp_ekf_update import SEEN, Linearisation, linearise
 from stixel_cli.tracking.kalman import correct
 from stixel_cli.tracking.kernel import ContourProcess
 from stixel_cli.tracking.prior import PriorShape, prior_radii
 
-FARTHEST = 1.0
-"""Greatest shift of a point along its ray, m."""
+FARTHEST = 3.0
+"""Greatest shift of a point along its ray, m: a windscreen is two metres behind the bumper."""
 
 REACH, REACH_BESIDE = 0.5, 0.3
 """A point this near the contour, m, is the target's: of the segment of neighbouring rays on which
@@ -72,7 +72,7 @@ class OneSide:
     ):
         self._process = process
         self._known = prior.road_user != "unknown"
-        self._tables = None
+        self._tables, self._by_height = None, False
         self.radii = prior_radii(prior, process.basis_angles)
         self.basis_angles = process.basis_angles
         self.radii_covariance, self.limbs = None, np.zeros((0, len(self.radii)))
@@ -93,7 +93,8 @@ class OneSide:
         stds = np.array([prior.length_std, prior.width_std])
         sizes = stds[:, None] * [self._at(bearings, one) for one in size_slopes(outline)]
         self.radii_covariance = fixed.T @ fixed + sizes.T @ sizes
-        if seen_by in ("stixels", "lidar"):
+        self._by_height = with_heights
+        if with_heights or seen_by in ("stixels", "lidar"):
             seen = visible_shape(prior.road_user, "heights" if with_heights else seen_by)
             visible = visible_table(shape.outline, seen, blurred=seen_by == "stixels")
             self._tables = visible, outline_table(shape.outline)
@@ -131,7 +132,12 @@ class OneSide:
         return rays, stds
 
     def target(
-        self, rays: Rays, candidates: np.ndarray, mean: np.ndarray, covariance: np.ndarray
+        self,
+        rays: Rays,
+        shape_stds: np.ndarray,
+        candidates: np.ndarray,
+        mean: np.ndarray,
+        covariance: np.ndarray,
     ) -> np.ndarray:
         """Of the `candidates` (m,), indices of rays, those whose points fit the contour.
 
@@ -139,8 +145,12 @@ class OneSide:
         with most points near it, by a robust fit of the pose: a target that turns or brakes has
         all of its points elsewhere, a neighbour has not.
         """
+        if self._by_height:
+            candidates = candidates[telling(rays.subset(candidates), shape_stds[candidates])]
+            labels = segments(rays.subset(candidates))
+        else:
+            labels = segments(rays)[candidates]
         model = linearise(rays.points_world[candidates], mean, self._process)
-        labels = segments(rays)[candidates]
         weights = 1.0 / (1.0 + (model.residuals / TAIL) ** 2)
         main = labels == np.bincount(labels, weights).argmax()
         slopes = model.radial_matrix[:, :SEEN]

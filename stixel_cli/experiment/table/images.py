@@ -108,6 +108,7 @@ STAGES: dict[str, Definition] = {
             "time_unit": "measurement.time_unit",
             "angle_unit": "measurement.angle_unit",
             "shared_errors": "measurement.shared_errors",
+            "road_z": "measurement.road_z",
         },
         files=("measurement.path", "measurement.ego"),
     ),

@@ -1,6 +1,6 @@
 """The rays of a scan: how a sensor sees a class, and association."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -25,9 +25,7 @@ BESIDE, NEARER = 0.3, 0.3
 GAP = 0.6
 """Points of neighbouring rays farther apart, m, and four standard deviations, are two objects'."""
 
-import os
-
-MOST = int(os.environ.get("MOST", "60"))
+MOST = 60
 """Rays of an update: so many have the points of a target at home."""
 
 LEARNED = ("stixels", "fabricated", "lidar")
@@ -252,33 +250,19 @@ def segments(rays: Rays) -> np.ndarray:
     return labels
 
 
-def telling(rays: Rays, pose_and_size: np.ndarray, table: RayTable) -> Rays:
-    """Of more than `MOST` rays, those whose points tell most of a target: one for each bearing.
+def telling(rays: Rays, stds: np.ndarray) -> np.ndarray:
+    """Of more than `MOST` rays those that tell most of a target: indices (m,), ascending.
 
-    Of the points at one of `MOST` even bearings it is that whose height the shape is known best at,
-    for a state (5,) as `expected` takes it: the bumper and not the windscreen above it. More points
-    share the shape's error, and would make the estimate no better, only more certain.
+    One of each of `MOST` even bearings: that with the least of the standard deviations `stds` (n,)
+    m of what is expected there, the bumper and not the windscreen above it. All points of a bearing
+    share the shape's error; more of them would make the estimate more certain, and no better.
     """
-    if len(rays.ranges) <= MOST:
-        return rays
-    _, _, _, stds, _ = expected(
-        pose_and_size[None], rays.sensor[:2], rays.directions, rays.levels, -1, -1, *table.arrays()
-    )
+    if len(stds) <= MOST:
+        return np.arange(len(stds))
     bearings = rays.bearings - rays.bearings.min()
     columns = (bearings / max(bearings.max(), 1e-9) * (MOST - 1e-6)).astype(int)
-    if os.environ.get("SEL") == "strat":
-        order = np.lexsort((rays.levels, columns))
-        u, first, n = np.unique(columns[order], return_index=True, return_counts=True)
-        pick = first + ((u * 0.618034 % 1.0) * n).astype(int)
-        return replace(rays.subset(np.sort(order[pick])), hidden=rays.hidden)
-    if os.environ.get("SEL") == "half":
-        order = np.lexsort((stds, columns))
-        u, first, n = np.unique(columns[order], return_index=True, return_counts=True)
-        pick = first + ((u * 0.618034 % 1.0) * n * 0.5).astype(int)
-        return replace(rays.subset(np.sort(order[pick])), hidden=rays.hidden)
     order = np.lexsort((stds, columns))
-    first = np.unique(columns[order], return_index=True)[1]
-    return replace(rays.subset(np.sort(order[first])), hidden=rays.hidden)
+    return np.sort(order[np.unique(columns[order], return_index=True)[1]])
 
 
 def sampling_inset(rays: Rays, sight: Sight) -> tuple[float, float]:

@@ -1,6 +1,7 @@
 """The update of the tracker `contour`: rays on the class's shape; see `contour_filter.py`."""
 
 from copy import deepcopy
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -63,7 +64,10 @@ def update(
     likelihood are those of the innovation as the joint covariance has it, at the last iterate. The
     iteration begins at `first_iterate` (d,), by default at the prior's `mean`.
     """
-    rays = telling(rays, mean[SEEN], sight.table)
+    if len(sight.table.depths) > 1:
+        seen_from = mean[None, SEEN], rays.sensor[:2], rays.directions, rays.levels, -1, -1
+        stds = expected(*seen_from, *sight.table.arrays())[3]
+        rays = replace(rays.subset(telling(rays, stds)), hidden=rays.hidden)
     count, size = len(rays.ranges), len(mean)
     ends = np.array([np.argmin(rays.bearings), np.argmax(rays.bearings)])
     inset, inset_variance = sampling_inset(rays, sight)

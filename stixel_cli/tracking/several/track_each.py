@@ -56,5 +56,6 @@ def own_scans(scans: Scans, found: FoundTrack) -> tuple[Scans, np.ndarray]:
         [(scans.points_world[own], scans.covariances_world[own]) for own in rows],
         scans.field_of_view,
         scans.shared_errors,
+        None if scans.heights is None else [scans.heights[own] for own in rows],
     )
     return own_of_each, np.concatenate(rows)
