@@ -72,10 +72,9 @@ def calibrate_rig(
     for one in range(STRETCHES):
         held_out = stretch == one
         points = held_out[tracks.pairs]
-        error = solve(after.tracks.chosen(~held_out), basis[~points], information, rig).error
-        others = before.tracks.chosen(held_out)
-        corrected = replace(others, disparities=others.disparities - basis[points] @ error)
-        gain = _costs(before.residuals[points]) - _costs(_motions(corrected, rig).residuals)
+        rest = solve(after.tracks.chosen(~held_out), basis[~points], information, rig, after.error)
+        others = _corrected(after.tracks.chosen(held_out), rest.error, rig)
+        gain = _costs(before.residuals[points]) - _costs(_motions(others, rig).residuals)
         gains[held_out] = np.bincount(others.pairs, gain) / np.bincount(others.pairs)
     halves = (2 * stretch >= STRETCHES).astype(int)[tracks.pairs]
     parts = np.digitize(tracks.disparities, RANGES), halves
@@ -103,6 +102,12 @@ def calibrate_rig(
 def _motions(tracks: Tracks, rig: Rig) -> "Solution":
     """The motions of the pairs of images, if disparities have no error."""
     return solve(tracks, np.zeros((len(tracks.pairs), 0)), np.zeros((0, 0)), rig)
+
+
+def _corrected(tracks: Tracks, error: np.ndarray, rig: Rig) -> Tracks:
+    """The tracks without an `error` (3,) px of their disparities."""
+    errors = rig.disparity_error_basis(tracks.places[:, 0]) @ error
+    return replace(tracks, disparities=tracks.disparities - errors)
 
 
 def _median(solution: "Solution") -> float:
@@ -140,7 +145,7 @@ def _disagreement(
     """
     count = groups.max() + 1
     own = (groups[:, None] == np.arange(count))[:, :, None] * basis[:, None, :]
-    rest = replace(after.tracks, disparities=after.tracks.disparities - basis @ after.error)
+    rest = _corrected(after.tracks, after.error, rig)
     found = solve(rest, own.reshape(len(basis), -1), np.kron(np.eye(count), information), rig)
     at = np.kron(np.eye(count), rig.disparity_error_basis(rig.disparity_error_columns))
     values = (at @ found.error).reshape(count, 3)
@@ -163,7 +168,13 @@ class Solution:
     errors: np.ndarray
 
 
-def solve(tracks: Tracks, basis: np.ndarray, information: np.ndarray, rig: Rig) -> Solution:
+def solve(
+    tracks: Tracks,
+    basis: np.ndarray,
+    information: np.ndarray,
+    rig: Rig,
+    error: np.ndarray | None = None,
+) -> Solution:
     """The disparity error that all pairs of images share, and their motions, by least squares.
 
     Gauss-Newton with Cauchy's weights; the motions are eliminated pair by pair (Schur's
@@ -174,24 +185,26 @@ def solve(tracks: Tracks, basis: np.ndarray, information: np.ndarray, rig: Rig) 
         basis: (n, m), by which each point's disparity error depends on the coefficients.
         information: (m, m), of the coefficients before: their mean is 0.
         rig: of the images.
+        error: (m,), where to start; None: at 0.
     """
-    of, m = tracks.pairs, basis.shape[1]
-    starts = np.searchsorted(of, np.arange(len(tracks.frames)))
-    error, found = np.zeros(m), tracks
+    m, found = basis.shape[1], tracks
+    error = np.zeros(m) if error is None else error
+    ends = 2 * np.searchsorted(tracks.pairs, np.arange(1, len(tracks.frames)))
     for _ in range(ROUNDS):
         residuals, by_error, by_motion = _linearised(found, basis @ error, rig)
-        slopes = np.concatenate([by_error[:, :, None] * basis[:, None, :], by_motion], axis=2)
+        # The unknowns: a pair's motion, the coefficients; last, what they shall explain.
+        parts = by_motion, by_error[:, :, None] * basis[:, None, :], residuals[:, :, None]
+        slopes = np.concatenate(parts, axis=2)
         weighted = slopes / (1.0 + np.sum(residuals**2, axis=1) / PLACE_STD**2)[:, None, None]
-        normal = np.add.reduceat(weighted.transpose(0, 2, 1) @ slopes, starts)
-        side = np.add.reduceat(np.einsum("nai,na->ni", weighted, residuals), starts)
-        own, cross = normal[:, m:, m:], normal[:, m:, :m]
+        rows = (np.split(one.reshape(-1, m + 7), ends) for one in (weighted, slopes))
+        normal = np.array([left.T @ right for left, right in zip(*rows, strict=True)])
         # Relative damping, for unknowns of such different sizes.
-        own = own * (1.0 + 1e-9 * np.eye(6))
-        gain = np.linalg.solve(own, np.concatenate([cross, side[:, m:, None]], axis=2))
-        reduced = np.concatenate([normal[:, :m, :m], side[:, :m, None]], axis=2)
-        reduced = np.sum(reduced - cross.transpose(0, 2, 1) @ gain, axis=0) / PLACE_STD**2
-        whole = reduced[:, :m] + information
-        change = -np.linalg.solve(whole, reduced[:, m] + information @ error)
+        own, cross = normal[:, :6, :6] * (1.0 + 1e-9 * np.eye(6)), normal[:, :6, 6:]
+        gain = np.linalg.solve(own, cross)
+        reduced = np.sum(normal[:, 6:-1, 6:] - cross[:, :, :m].transpose(0, 2, 1) @ gain, axis=0)
+        whole = reduced[:, :m] / PLACE_STD**2 + information
+        side = reduced[:, m] / PLACE_STD**2 + information @ error
+        change = -np.linalg.solve(whole, side)
         move = -gain[:, :, m] - gain[:, :, :m] @ change
         rotations, shifts = _turns(move[:, :3]) @ found.rotations, found.shifts + move[:, 3:]
         error, found = error + change, replace(found, rotations=rotations, shifts=shifts)
@@ -225,6 +238,6 @@ def _linearised(
 
 def _turns(angles: np.ndarray) -> np.ndarray:
     """Rotations (P, 3, 3) of rotation vectors (P, 3) rad."""
-    from scipy.spatial.transform import Rotation
+    import cv2
 
-    return Rotation.from_rotvec(angles).as_matrix()
+    return np.array([cv2.Rodrigues(vector)[0] for vector in angles])
