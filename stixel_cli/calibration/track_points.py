@@ -11,7 +11,7 @@ from stixel_cli.rendering.frames import StereoPairs
 from stixel_cli.stereo import bm, sgm
 from stixel_cli.stereo.matching import MatchingParameters
 
-MOST_FIRST = 10
+MOST_FIRST = 8
 """First images of pairs in a recording: so many take two seconds, and more show little more."""
 
 
