@@ -12,8 +12,8 @@ from stixel_cli.recordings.tables import read_poses
 from stixel_cli.recordings.types import Tables
 
 PLACE_STD = 0.3
-"""Of a place and of a disparity, px: residuals of this size count half (Cauchy's weights). Both are
-about equal: .12 and .12 px on a real clip, .16 and .21 on another, .06 and .07 in rendered images."""
+"""Of a place and of a disparity, px: residuals of this size count half (Cauchy's weights).
+Residuals show both to be as noisy: .12 and .12 px on a real clip, .06 and .07 px rendered."""
 
 ROUNDS = 30
 

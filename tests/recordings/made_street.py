@@ -96,7 +96,9 @@ def stereo_view(rig: Rig, pose: np.ndarray, boxes=()) -> tuple[np.ndarray, np.nd
         columns = u + rig.disparity_from_depth(right_depth)
         error = rig.disparity_error_basis(columns.ravel()) @ rig.disparity_error
         moved = u + error.reshape(columns.shape)
-        right = np.stack([np.interp(*row) for row in zip(moved, [u] * len(right), right)])
+        right = np.stack(
+            [np.interp(*row) for row in zip(moved, [u] * len(right), right, strict=True)]
+        )
         right = np.rint(right).astype(np.uint8)
     return left, right, disparity
 
