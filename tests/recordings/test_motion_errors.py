@@ -189,6 +189,16 @@ def test_the_command_writes_a_rig_for_the_next_recording(clip, tmp_path, monkeyp
     assert json.loads(capsys.readouterr().out)["disparity_error"] == found["disparity_error"]
 
 
+def test_the_command_names_no_residual_that_it_has_not(clip, tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "cache"))
+    few = ["calibrate", *given(clip), "source.frames=0:3"]
+    assert main([*few, "--json"]) == 0
+    assert "median_after" not in json.loads(capsys.readouterr().out)
+    assert main(few) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == 2 and "not corrected" in lines[1]
+
+
 def test_a_run_corrects_the_error_scales_the_poses_and_says_so(clip, tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "cache"))
     more = ["road_user=car", "start.range=[8,40]", "pictures.frames=[]"]
