@@ -60,27 +60,26 @@ def calibrate_rig(
     if count < LEAST_PAIRS:
         too_few = f"{LEAST_PAIRS} pairs of images are needed, with a motion of 1.5 m in ten frames"
         return replace(found, note=f"{too_few} and static points; {count} found")
-    before = _motions(tracks, rig)
+    before = solve(tracks, rig)
     found = replace(found, median_before=_median(before))
     thirds = np.bincount((3 * tracks.places[:, 0] / rig.width).astype(int), minlength=3)
     if thirds.min() < LEAST_SHARE * thirds.sum():
         third = ("left", "middle", "right")[thirds.argmin()]
         found = replace(found, note=f"the {third} third of the image has too few points")
         return replace(found, **_length_ratio(before, rig, files, tables))
-    basis = rig.disparity_error_basis(tracks.places[:, 0])
-    information = np.linalg.inv(rig.disparity_error_factor @ rig.disparity_error_factor.T)
-    after = solve(before.tracks, basis, information, rig)
+    together = np.zeros(len(tracks.pairs), dtype=int)
+    after = solve(before.tracks, rig, together)
     stretch, gains = np.arange(count) * STRETCHES // count, np.zeros(count)
     for one in range(STRETCHES):
         held_out = stretch == one
         points = held_out[tracks.pairs]
-        rest = solve(after.tracks.chosen(~held_out), basis[~points], information, rig, after.error)
-        others = _corrected(after.tracks.chosen(held_out), rest.error, rig)
-        gain = _costs(before.residuals[points]) - _costs(_motions(others, rig).residuals)
+        error = solve(after.tracks.chosen(~held_out), rig, together[~points]).error
+        others = _corrected(after.tracks.chosen(held_out), error, rig)
+        gain = _costs(before.residuals[points]) - _costs(solve(others, rig).residuals)
         gains[held_out] = np.bincount(others.pairs, gain) / np.bincount(others.pairs)
     halves = (2 * stretch >= STRETCHES).astype(int)[tracks.pairs]
     parts = np.digitize(tracks.disparities, RANGES), halves
-    apart = np.max([_disagreement(after, basis, one, information, rig) for one in parts], axis=0)
+    apart = np.max([_disagreement(after, one, rig) for one in parts], axis=0)
     calibrated = with_error(rig, after.error, after.covariance, np.hypot(apart, MATCHER_STD))
     note = ""
     if apart.max() > DISAGREEMENT:
@@ -98,11 +97,6 @@ def calibrate_rig(
         return replace(found, rig=rig, **_length_ratio(before, rig, files, tables))
     lengths = _length_ratio(after, calibrated, files, tables)
     return replace(found, rig=calibrated, median_after=_median(after), **lengths)
-
-
-def _motions(tracks: Tracks, rig: Rig) -> "Solution":
-    """The motions of the pairs of images, if disparities have no error."""
-    return solve(tracks, np.zeros((len(tracks.pairs), 0)), np.zeros((0, 0)), rig)
 
 
 def _corrected(tracks: Tracks, error: np.ndarray, rig: Rig) -> Tracks:
@@ -138,23 +132,19 @@ def _length_ratio(
     ratio, variance = ratios.mean(), ratios.var(ddof=1) / len(np.unique(first))
     for change in rig.disparity_error_factor.T:
         moved = _corrected(solution.tracks, rig.disparity_error + change, rig)
-        shifts = _motions(moved, rig).tracks.shifts
+        shifts = solve(moved, rig).tracks.shifts
         variance += (np.mean(np.linalg.norm(shifts, axis=1) / given) - ratio) ** 2
     return {"length_ratio": float(ratio), "length_ratio_std": float(np.sqrt(variance))}
 
 
-def _disagreement(
-    after: "Solution", basis: np.ndarray, groups: np.ndarray, information: np.ndarray, rig: Rig
-) -> np.ndarray:
+def _disagreement(after: "Solution", groups: np.ndarray, rig: Rig) -> np.ndarray:
     """How far errors of `groups` (n,) of points are from that of all, (3,) px RMS.
 
     All groups share the motions, each has its own error; the mean counts each by its information.
     The columns are those of `disparity_error_std`.
     """
+    found = solve(_corrected(after.tracks, after.error, rig), rig, groups)
     count = groups.max() + 1
-    own = (groups[:, None] == np.arange(count))[:, :, None] * basis[:, None, :]
-    rest = _corrected(after.tracks, after.error, rig)
-    found = solve(rest, own.reshape(len(basis), -1), np.kron(np.eye(count), information), rig)
     at = np.kron(np.eye(count), rig.disparity_error_basis(rig.disparity_error_columns))
     values = (at @ found.error).reshape(count, 3)
     weights = (1.0 / np.einsum("ni,ij,nj->n", at, found.covariance, at)).reshape(count, 3)
@@ -177,14 +167,8 @@ class Solution:
     errors: np.ndarray
 
 
-def solve(
-    tracks: Tracks,
-    basis: np.ndarray,
-    information: np.ndarray,
-    rig: Rig,
-    error: np.ndarray | None = None,
-) -> Solution:
-    """The disparity error that all pairs of images share, and their motions, by least squares.
+def solve(tracks: Tracks, rig: Rig, groups: np.ndarray | None = None) -> Solution:
+    """The disparity errors that all pairs of images share, and their motions, by least squares.
 
     Gauss-Newton with Cauchy's weights; the motions are eliminated pair by pair (Schur's
     complement). The true disparity of each point is estimated, too: with the measured one, ways
@@ -192,15 +176,18 @@ def solve(
 
     Args:
         tracks: with at least one pair of images.
-        basis: (n, m), by which each point's disparity error depends on the coefficients.
-        information: (m, m), of the coefficients before: their mean is 0.
-        rig: of the images.
-        error: (m,), where to start; None: at 0.
+        rig: of the images, with the standard deviations of an error before it is estimated.
+        groups: (n,) 0, 1, …, of the points; each group has its own three of the m coefficients.
+            None: no error is estimated.
     """
-    m = basis.shape[1]
-    error = np.zeros(m) if error is None else error
-    measured = tracks.disparities - basis @ error
-    found = replace(tracks, disparities=measured)
+    groups = np.full(len(tracks.pairs), -1) if groups is None else groups
+    count = groups.max() + 1
+    m, members = 3 * count, np.equal.outer(groups, np.arange(count))
+    basis = members[:, :, None] * rig.disparity_error_basis(tracks.places[:, 0])[:, None]
+    basis = basis.reshape(len(groups), m)
+    prior = np.linalg.inv(rig.disparity_error_factor @ rig.disparity_error_factor.T)
+    information = np.kron(np.eye(count), prior)
+    error, measured, found = np.zeros(m), tracks.disparities, tracks
     ends = 2 * np.searchsorted(tracks.pairs, np.arange(1, len(tracks.frames)))
     for _ in range(ROUNDS):
         by_motion, by_error, residuals, true = _linearised(found, measured, rig)
