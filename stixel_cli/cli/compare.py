@@ -1,11 +1,9 @@
 """`stixel compare`: print the settings and metrics that differ between runs."""
 
-from dataclasses import asdict
 from typing import Annotated
 
 import typer
 
-from stixel_cli.cli.machine import local_store
 from stixel_cli.cli.options import Folders, Json
 from stixel_cli.cli.terminal import print_json, print_table, say, say_wrapped
 from stixel_cli.errors import UserError
@@ -19,7 +17,8 @@ CHANCE = (
 def compare(
     folders: Folders,
     code: Annotated[
-        bool, typer.Option("--code", help="Also print the difference of the source of two runs.")
+        bool,
+        typer.Option("--code", help="Also print the modules in which two runs differ."),
     ] = False,
     json: Json = False,
 ) -> int:
@@ -42,7 +41,7 @@ def compare(
     names = dict.fromkeys(name for run in runs for name in run.metrics)
     metrics = {name: [run.metrics.get(name) for run in runs] for name in names}
     differing = {name: values for name, values in metrics.items() if len(set(values)) > 1}
-    changed = code_differences(*folders, tuple(labels), local_store().folder) if code else []
+    changed = code_differences(*folders, tuple(labels)) if code else []
     if json:
         answer = {
             "folders": [str(folder) for folder in folders],
@@ -50,7 +49,7 @@ def compare(
             "metrics": {k: dict(zip(labels, v, strict=True)) for k, v in differing.items()},
         }
         if code:
-            answer["code"] = [asdict(module) for module in changed]
+            answer["code"] = changed
         print_json(answer)
         return 0
     if settings:
@@ -69,12 +68,7 @@ def compare(
         print_table(header, rows, right, leave_out=from_third)
     say_wrapped(CHANCE if rows else "the metrics are the same")
     if code:
-        say("")
-        for module in changed:
-            name = f"{module.module}: " if module.module else ""
-            say(*(module.lines or [f"{name}{module.reason}"]))
-        if not changed:
-            say("the code is the same")
+        say("", *(changed or ["the code is the same"]))
     return 0
 
 

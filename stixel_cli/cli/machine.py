@@ -42,10 +42,10 @@ def doctor(json: Json = False) -> int:
     It checks versions, cores, threads, renderers, cache and disk. The exit code is 0 if the default
     experiment can run here, otherwise 1.
     """
-    from stixel_cli.engine.progress import make_display
+    from stixel_cli.engine.progress import Display
     from stixel_cli.machine.health import examine
 
-    bar = make_display()
+    bar = Display()
     show = bar.show if sys.stderr.isatty() else lambda _, text: tell(f"{text} …")
     checks = examine(local_store(), begins=(lambda *_: None) if json else show)
     bar.close()
@@ -72,8 +72,8 @@ def ls(json: Json = False) -> int:
     listed = entries(store, damaged.append)
     if damaged:
         are = "1 entry is" if len(damaged) == 1 else f"{len(damaged)} entries are"
-        aside = " and set aside" if all(entry.set_aside for entry in damaged) else ""
-        tell(f"{are} damaged or of an older version{aside}; recomputed when needed")
+        removed = ", removed" if all(entry.removed for entry in damaged) else ""
+        tell(f"{are} damaged or of an older version{removed}; recomputed when needed")
     stages: dict[str, dict[str, Any]] = {}
     for entry in listed:
         row = stages.setdefault(entry.stage, {"entries": 0, "size": 0, "last_use": 0.0})
@@ -162,14 +162,14 @@ def clear(
 
 @app.command()
 def verify(json: Json = False) -> int:
-    """Check the digest of every result; set damaged ones aside.
+    """Check the digest of every result; remove damaged ones.
 
     Damaged results are listed and recomputed when needed. The exit code is then 1.
     """
     from stixel_cli.engine.entries import entry_folders, verify_all
 
     store = local_store()
-    # `entries` would set damaged results aside before `verify_all` could list them.
+    # `entries` would remove damaged results before `verify_all` could list them.
     count = len(entry_folders(store))
     bad = verify_all(store)
     if json:
@@ -177,7 +177,7 @@ def verify(json: Json = False) -> int:
         print_json({"folder": str(store.folder), "read": count, "bad": answer})
     else:
         for entry, reason in bad:
-            say(f"bad: {entry.label} {entry.key[:12]}: {reason}; set aside")
+            say(f"bad: {entry.label} {entry.key[:12]}: {reason}; removed")
         are = "is" if len(bad) == 1 else "are"
         verdict = f"{len(bad)} {are} bad and recomputed when needed" if bad else "all are good"
         say(f"{store.folder}: {count} results read, {verdict}")

@@ -19,9 +19,6 @@ if TYPE_CHECKING:
     from stixel_cli.sweeps.design import Axis
     from stixel_cli.sweeps.graphs import SweepPlan
 
-MOST_LINES = 30
-"""Lines of a module's difference that are printed; --json gives all."""
-
 AS_RUN = (
     "this is what stixel run would compute, including pictures and page; "
     "a sweep draws pictures only with --pictures"
@@ -170,7 +167,6 @@ def explain(
     if json:
         print_json([_as_json(node, needed_by.get(node.key)) for node in missing])
         return 0
-    shown: set[tuple[str, ...]] = set()
     for group, text in by_stage(missing):
         first, last = group[0].label, group[-1].label
         labels = first if first == last else f"{first} … {last}"
@@ -178,14 +174,6 @@ def explain(
         runs = sorted({index for node in group for index in needed_by.get(node.key, ())})
         where = f" ({shown_runs(runs, len(plan.runs))})" if is_sweep else ""
         say(f"{labels}{where}: {text}")
-        for change in group[0].changes:
-            if change.difference and change.difference not in shown:
-                shown.add(change.difference)
-                # Without the two lines of its header.
-                lines = change.difference[2:]
-                more = len(lines) - MOST_LINES
-                lines = [*lines[:MOST_LINES], *([f"… {more} more lines"] if more > 0 else ())]
-                say(*(f"    {line}" for line in lines))
     if not missing:
         current = keys <= plan.graph.nodes.keys()
         other = "" if current else "; the folder has results of other code or files"

@@ -9,9 +9,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from stixel_cli.engine.cache_folder import inside, made_here, read_file
 from stixel_cli.engine.errors import CacheError, MissingEntry
 from stixel_cli.engine.store import META, Store
+from stixel_cli.errors import UserError
+from stixel_cli.files import read_bytes
 
 COMPARED = 2000
 """Maximum number of notes per stage that `stored_notes` yields."""
@@ -60,7 +61,7 @@ def entry_folders(store: Store) -> list[Entry]:
 def entries(store: Store, on_damaged: Callable[[MissingEntry], None] | None = None) -> list[Entry]:
     """List all entries, least recently used first.
 
-    Entries with damaged notes are left out, set aside if possible, and passed to `on_damaged`.
+    Entries with damaged notes are left out, removed if possible, and passed to `on_damaged`.
 
     Raises:
         CacheError: the store cannot be read.
@@ -71,7 +72,7 @@ def entries(store: Store, on_damaged: Callable[[MissingEntry], None] | None = No
             notes = store.meta(one.key)
         except MissingEntry as fault:
             # An entry that another process has removed meanwhile is not damaged.
-            if on_damaged is not None and (fault.set_aside or store.entry(one.key).exists()):
+            if on_damaged is not None and (fault.removed or store.entry(one.key).exists()):
                 on_damaged(fault)
             continue
         stage, label = (str(notes.get(name, "?")) for name in ("stage", "label"))
@@ -81,8 +82,8 @@ def entries(store: Store, on_damaged: Callable[[MissingEntry], None] | None = No
 
 def stage_and_label(entry: Path) -> tuple[str, str]:
     """Stage and label in the notes of an entry, found without parsing them; "?" if unreadable."""
-    with suppress(OSError, ValueError, TypeError):
-        notes = read_file(entry / META)
+    with suppress(UserError, ValueError, TypeError):
+        notes = read_bytes(entry / META)
         return json.loads(_STAGE.search(notes)[1]), json.loads(_LABEL.search(notes)[1])
     return "?", "?"
 
@@ -90,12 +91,12 @@ def stage_and_label(entry: Path) -> tuple[str, str]:
 def verify_all(
     store: Store, progress: Callable[[int, int], None] | None = None
 ) -> list[tuple[Entry, str]]:
-    """Read every entry; set damaged entries aside and return them, each with the reason.
+    """Read every entry; remove damaged entries and return them, each with the reason.
 
     `progress` is called after each entry with the number of entries read and of all entries.
 
     Raises:
-        CacheError: the store cannot be read, or a damaged entry cannot be set aside.
+        CacheError: the store cannot be read, or a damaged entry cannot be removed.
     """
     found = entry_folders(store)
     damaged = []
@@ -105,20 +106,15 @@ def verify_all(
             store.check(one.key)
         except MissingEntry as error:
             # An entry that another process has removed meanwhile is not damaged.
-            if error.set_aside:
+            if error.removed:
                 damaged.append((replace(one, stage=stage, label=label), error.reason))
             elif store.entry(one.key).exists():
                 raise CacheError(
-                    f"{label} in {store.folder} is damaged ({error.reason}) and cannot be set aside"
+                    f"{label} in {store.folder} is damaged ({error.reason}) and cannot be removed"
                 ) from error
         if progress is not None:
             progress(done, len(found))
     return damaged
-
-
-def set_aside(store: Store) -> int:
-    """Number of damaged entries that were set aside and not removed yet."""
-    return sum(map(made_here, inside(store.folder / "quarantine")))
 
 
 def stored_notes(

@@ -7,12 +7,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from stixel_cli.border import write_whole
-from stixel_cli.engine.cache_folder import read_file
 from stixel_cli.engine.errors import CacheError
 from stixel_cli.engine.graph import Graph, Node
 from stixel_cli.engine.parameters import CACHE_VARIABLE, DaskExecutor, Executor
 from stixel_cli.engine.source_files import undeclared_read
 from stixel_cli.engine.store import Store
+from stixel_cli.errors import UserError
+from stixel_cli.files import read_bytes
 
 
 @dataclass(frozen=True)
@@ -80,8 +81,8 @@ class Durations:
     def __init__(self, folder: Path):
         self._path = folder / "durations.json"
         self._seconds: dict[str, float] = {}
-        with suppress(OSError, ValueError, TypeError, AttributeError, RecursionError):
-            known = json.loads(read_file(self._path))
+        with suppress(UserError, ValueError, TypeError, AttributeError, RecursionError):
+            known = json.loads(read_bytes(self._path))
             seconds = {name: float(one) for name, one in known.items()}
             self._seconds = {name: one for name, one in seconds.items() if 0.0 <= one < LONGEST}
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from stixel_cli.engine.cache_folder import Lease, leased_keys
-from stixel_cli.engine.cleanup import clear, collect, evicted, keep_limit
+from stixel_cli.engine.cleanup import clear, collect, keep_limit
 from stixel_cli.engine.entries import entries, entry_folders, verify_all
 from stixel_cli.engine.errors import CacheError
 from stixel_cli.engine.parameters import CacheParameters, parse_age, parse_size, show_size
@@ -63,7 +63,7 @@ def test_the_least_recently_used_go_first(store):
     ]
     assert (collection.kept, collection.in_use) == (3, 0)
     assert collection.kept_size == sum(one.size for one in entries(store))
-    assert set(evicted(store)) == {KEYS[1], KEYS[2]}
+    assert store.removals() == dict.fromkeys(KEYS[1:3], "size")
     assert list((store.folder / "tmp").iterdir()) == []
 
 
@@ -77,7 +77,7 @@ def test_a_dry_run_removes_nothing(store):
     collection = collect(store, max_size=0, dry_run=True)
     assert len(collection.removed) == 5 and collection.removed_size > 40_000
     assert left(store) == KEYS
-    assert evicted(store) == {}
+    assert store.removals() == {}
 
 
 def test_entries_in_use_stay(store):
@@ -163,7 +163,7 @@ def test_orphans_of_killed_processes(store):
     assert left(store) == KEYS
 
 
-def test_bad_entries_are_named_and_set_aside(store):
+def test_bad_entries_are_named_and_removed(store):
     flipped = store.entry(KEYS[1]) / VALUE
     flipped.write_bytes(flipped.read_bytes()[:-1] + b"x")
     cut = store.entry(KEYS[3]) / VALUE
@@ -184,10 +184,10 @@ def test_bad_entries_are_named_and_set_aside(store):
     assert seen == [(i, 5) for i in range(1, 6)]
     assert left(store) == [KEYS[0], KEYS[2]]
     assert verify_all(store) == []
-    assert {one.reason for one in collect(store, max_size=10**9).removed} == {"set aside"}
+    assert store.removals() == dict.fromkeys((KEYS[1], KEYS[3], KEYS[4]), "damaged")
 
 
-def test_a_bad_entry_that_cannot_be_set_aside(store, monkeypatch):
+def test_a_bad_entry_that_cannot_be_removed(store, monkeypatch):
     (store.entry(KEYS[1]) / VALUE).write_bytes(b"")
     from pathlib import Path
 
