@@ -16,7 +16,7 @@ ARGS ?=
 
 .PHONY: setup run test lint coverage bench docs minimum dist clean
 
-setup: .venv/kernels
+setup: .venv/kernels .venv/schemas
 
 .venv/installed: pyproject.toml $(CONSTRAINTS)
 	$(CHECK_PYTHON)
@@ -35,6 +35,11 @@ setup: .venv/kernels
 .venv/kernels: .venv/installed $(shell grep -rl --include='*.py' 'import njit' stixel_cli)
 	@echo "make: compiling the kernels; this takes up to a minute"
 	$(BIN)/python -m stixel_cli.machine.kernels
+	@touch $@
+
+# The JSON Schemas that the first lines of the files of conf/ and pipelines/ name, for editors.
+.venv/schemas: .venv/installed $(shell find conf stixel_cli -name '*.yaml' -o -name '*.py')
+	$(BIN)/stixel schema conf/schema > /dev/null
 	@touch $@
 
 # Without ARGS, two more trackers on the same scans follow, from the cache.
