@@ -40,6 +40,7 @@ TYPES = {
     "engine/loaded_code.py": "the function of a planned node, as above",
     "engine/store.py": "the cache of a planned graph, as above",
     "engine/dask_pool.py": "the scheduler of a planned graph, as above",
+    "results/made_here.py": "a folder that this user's command made, by a note in the cache",
 }
 """Modules that call a name typed, as nothing is by default, and what it is."""
 
