@@ -13,6 +13,7 @@ from stixel_cli.errors import UserError
 
 if TYPE_CHECKING:
     from stixel_cli.engine.cleanup import Collection
+    from stixel_cli.engine.entries import Entry
     from stixel_cli.engine.errors import MissingEntry
     from stixel_cli.engine.store import Store
 
@@ -68,11 +69,11 @@ def ls(json: Json = False) -> int:
     from stixel_cli.engine.parameters import show_size
 
     store = local_store()
-    damaged: list[MissingEntry] = []
-    listed = entries(store, damaged.append)
+    damaged: list[tuple[Entry, MissingEntry]] = []
+    listed = entries(store, damaged)
     if damaged:
         are = "1 entry is" if len(damaged) == 1 else f"{len(damaged)} entries are"
-        removed = ", removed" if all(entry.removed for entry in damaged) else ""
+        removed = ", removed" if all(fault.removed for _, fault in damaged) else ""
         tell(f"{are} damaged or of an older version{removed}; recomputed when needed")
     stages: dict[str, dict[str, Any]] = {}
     for entry in listed:
@@ -166,18 +167,18 @@ def verify(json: Json = False) -> int:
 
     Damaged results are listed and recomputed when needed. The exit code is then 1.
     """
-    from stixel_cli.engine.entries import entry_folders, verify_all
+    from stixel_cli.engine.entries import entries
 
     store = local_store()
-    # `entries` would remove damaged results before `verify_all` could list them.
-    count = len(entry_folders(store))
-    bad = verify_all(store)
+    bad: list[tuple[Entry, MissingEntry]] = []
+    count = len(entries(store, bad, values=True)) + len(bad)
     if json:
-        answer = [vars(entry) | {"reason": reason} for entry, reason in bad]
+        answer = [vars(entry) | {"reason": fault.reason} for entry, fault in bad]
         print_json({"folder": str(store.folder), "read": count, "bad": answer})
     else:
-        for entry, reason in bad:
-            say(f"bad: {entry.label} {entry.key[:12]}: {reason}; removed")
+        for entry, fault in bad:
+            how = "removed" if fault.removed else "cannot be removed"
+            say(f"bad: {entry.label} {entry.key[:12]}: {fault.reason}; {how}")
         are = "is" if len(bad) == 1 else "are"
         verdict = f"{len(bad)} {are} bad and recomputed when needed" if bad else "all are good"
         say(f"{store.folder}: {count} results read, {verdict}")

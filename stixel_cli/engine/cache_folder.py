@@ -1,15 +1,14 @@
-"""The folder of the cache: its owner, the names in it, how its files are read, locked and leased.
+"""The folder of the cache: its owner, and how its files are locked and leased.
 
 Whoever creates the folder marks it with a file `CACHEDIR.TAG` (https://bford.info/cachedir/), whose
 second line names this program. A folder of the user's with other files is never used, so that no
-cleanup can remove them; and only names that the store makes are ever removed.
+cleanup can remove them.
 
 The operating system releases a file lock when its process ends, even if the process is killed. A
 lease is a file of keys whose process holds a lock on it; a lease without a lock is void.
 """
 
 import os
-import re
 import socket
 import time
 from collections.abc import Iterable, Iterator
@@ -29,22 +28,8 @@ MARK = "CACHEDIR.TAG"
 _SIGNATURE = "Signature: 8a477f597d28d172789f06886806bc55"
 _OWNER = "stixel cache"
 
-_KEY = r"[0-9a-f]{64}"
-_PARTIAL = r"partial-\d+"
-"""End of the name that `write_whole` gives to an unfinished file."""
 CELLS = "cells"
 """Folder of the modules that are written from a notebook's functions."""
-
-_MADE = {
-    r"[0-9a-f]{2}": _KEY,
-    CELLS: rf"\w+_[0-9a-f]{{8}}\.py|__pycache__|\.\w+_[0-9a-f]{{8}}\.py\.{_PARTIAL}",
-    "configurations": rf"{_KEY}\.json|\.{_KEY}\.json\.{_PARTIAL}",
-    "leases": r".+-\d+-[0-9a-f]+\.(keys|lock)",
-    "locks": rf"{_KEY}\.lock",
-    "sources": rf"[0-9a-f]{{32}}\.py|\.?digests-[0-9a-f]{{16}}\.json(\.{_PARTIAL})?",
-    "tmp": r"[0-9a-f]{16}-.+-\d+-[0-9a-f]+|gone-.+-\d+-[0-9a-f]{16}|probe-\d+-[0-9a-f]+|limit-.+",
-}
-"""Folders that the store makes, and the names in each."""
 
 
 def is_marked(folder: Path) -> bool:
@@ -53,14 +38,6 @@ def is_marked(folder: Path) -> bool:
         lines = read_bytes(folder / MARK, 10_000).splitlines()
         return lines[:2] == [_SIGNATURE.encode(), _OWNER.encode()]
     return False
-
-
-def made_here(path: Path) -> bool:
-    """Whether the store makes such a name in the folder of `path`."""
-    return any(
-        re.fullmatch(folder, path.parent.name) and re.fullmatch(names, path.name)
-        for folder, names in _MADE.items()
-    )
 
 
 def check_owner(folder: Path) -> None:

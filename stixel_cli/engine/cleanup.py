@@ -1,6 +1,7 @@
 """Remove entries from the store: by size, by age, or all.
 
-Entries that a running process uses are never removed: see `stixel_cli.engine.cache_folder`.
+Entries that a running process uses are never removed: see `stixel_cli.engine.cache_folder`. Nor are
+files with other names than the store makes.
 """
 
 import os
@@ -21,13 +22,19 @@ from stixel_cli.engine.cache_folder import (
     file_lock,
     inside,
     leased_keys,
-    made_here,
 )
 from stixel_cli.engine.entries import entry_folders, stage_and_label
 from stixel_cli.engine.errors import CacheError
 from stixel_cli.engine.store import REMEMBERED, REMOVALS, Store
 from stixel_cli.errors import UserError
 from stixel_cli.files import read_bytes
+
+LEFT = {
+    "locks": r"[0-9a-f]{64}\.lock",
+    "sources": r"[0-9a-f]{32}\.py|\.?digests-[0-9a-f]{16}\.json(\.partial-\d+)?",
+    "tmp": r"[0-9a-f]{16}-.+-\d+-[0-9a-f]+|gone-.+-\d+-[0-9a-f]{16}|probe-\d+-[0-9a-f]+|limit-.+",
+}
+"""Names of files, and of earlier versions, that a cleanup removes, by folder."""
 
 ABANDONED = 86400.0
 """Seconds after which a file in `tmp` counts as left by a process that has ended."""
@@ -150,9 +157,14 @@ def collect(
     return Collection((*orphans, *removed), kept, size, in_use)
 
 
+def _left(store: Store, folder: str) -> list[Path]:
+    paths = inside(store.folder / folder)
+    return [path for path in paths if re.fullmatch(LEFT[folder], path.name)]
+
+
 def _orphans(store: Store, dry_run: bool) -> Iterator[Removed]:
     """Remove what killed processes left in `tmp`."""
-    for path in filter(made_here, inside(store.folder / "tmp")):
+    for path in _left(store, "tmp"):
         if not _is_orphan(path):
             continue
         files = [path, *path.rglob("*")]
@@ -167,16 +179,18 @@ def _is_orphan(path: Path) -> bool:
     """Whether the process that created it has ended; for other machines, judged by its age."""
     named = re.search(rf"-{re.escape(socket.gethostname())}-(\d+)(?:-|$)", path.name)
     try:
+        if time.time() - path.stat().st_mtime > ABANDONED:
+            return True
         if named is not None:
             os.kill(int(named[1]), 0)
-        return time.time() - path.stat().st_mtime > ABANDONED
     except (OSError, OverflowError) as error:
         return isinstance(error, ProcessLookupError)
+    return False
 
 
 def _tidy(store: Store, everything: bool) -> None:
     """Remove unheld locks, empty folders, old removals, and unused or all files of `sources`."""
-    for path in filter(made_here, inside(store.folder / "locks")):
+    for path in _left(store, "locks"):
         lock = file_lock(path)
         with suppress(OSError, Timeout):
             lock.acquire(timeout=0)
@@ -184,7 +198,7 @@ def _tidy(store: Store, everything: bool) -> None:
             with suppress(OSError):
                 path.unlink()
             lock.release()
-    for path in filter(made_here, inside(store.folder / "sources")):
+    for path in _left(store, "sources"):
         with suppress(OSError):
             if everything or time.time() - path.stat().st_mtime > UNUSED:
                 path.unlink()

@@ -2,14 +2,12 @@
 
 import os
 import time
-from pathlib import Path
 
 import pytest
 
-from stixel_cli.border import write_whole
 from stixel_cli.cli.app import main
 from stixel_cli.engine import cache_folder
-from stixel_cli.engine.cache_folder import MARK, is_marked, made_here, make_folder
+from stixel_cli.engine.cache_folder import MARK, is_marked, make_folder
 from stixel_cli.engine.cleanup import clear, collect, keep_limit
 from stixel_cli.engine.errors import CacheError, MissingEntry
 from stixel_cli.engine.parameters import CacheParameters
@@ -89,20 +87,6 @@ def test_files_of_others_in_a_cache_stay(tmp_path):
     assert all(file.exists() for file in others) and (store.folder / "no").is_dir()
 
 
-def test_a_run_leaves_only_names_of_the_store(tmp_path, monkeypatch):
-    monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "cache"))
-    for _ in range(2):
-        assert main(["run", *SMALL, "--results", str(tmp_path / "results")]) == 0
-    names = [
-        path
-        for folder in (tmp_path / "cache").iterdir()
-        if folder.is_dir()
-        for path in folder.iterdir()
-        if not made_here(path)
-    ]
-    assert names == []
-
-
 def nested(file):
     file.write_text("[" * 100_000)
 
@@ -141,10 +125,3 @@ def test_a_value_that_has_grown_is_not_read(tmp_path):
         file.truncate(64 * 2**30)  # a sparse file
     with pytest.raises(MissingEntry, match="too large"):
         store.load(KEY)
-
-
-def test_a_composition_that_a_kill_left_unfinished_is_a_name_of_the_store(tmp_path, monkeypatch):
-    unfinished = []
-    monkeypatch.setattr(Path, "replace", lambda partial, file: unfinished.append(partial))
-    write_whole(tmp_path / "configurations" / f"{'0' * 64}.json", "{}")
-    assert made_here(*unfinished)
