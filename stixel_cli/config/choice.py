@@ -243,13 +243,14 @@ def with_values(plain: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str
 def _resolved(value: Any, tree: Mapping[str, Any], pending: tuple[str, ...] = ()) -> Any:
     """The value with its references looked up; LookupError or TypeError for any other text.
 
-    A mapping without references is itself: many configurations share it.
+    A mapping or a list without references is itself: many configurations share it.
     """
     if isinstance(value, dict):
         found = {name: _resolved(item, tree, pending) for name, item in value.items()}
         return value if all(map(operator.is_, found.values(), value.values())) else found
     if isinstance(value, list):
-        return [_resolved(item, tree, pending) for item in value]
+        found = [_resolved(item, tree, pending) for item in value]
+        return value if all(map(operator.is_, found, value)) else found
     if not isinstance(value, str) or ("${" not in value and "???" not in value):
         return value
     match = _REFERENCE.fullmatch(value)
