@@ -9,10 +9,11 @@ import numpy as np
 
 from stixel_cli.answers import figures, render
 from stixel_cli.answers.answer import Answer
+from stixel_cli.answers.over_time import SHARES, over_time
 from stixel_cli.answers.question import ERROR, FOLDER, STATUS
 from stixel_cli.answers.runs import Runs
 from stixel_cli.evaluation.metric_table import metric
-from stixel_cli.report.error_curves import Errors, error_curves
+from stixel_cli.report.error_curves import error_curves
 from stixel_cli.report.metrics import number
 from stixel_cli.report.page import drawing_for_page, page_template
 from stixel_cli.report.static_page import json_in_html
@@ -28,9 +29,9 @@ def answers_page(
     title: str,
     command: Sequence[str],
     links: Mapping[str, str],
-    curves: Mapping[str, Errors] = {},
-    times: str = "t (s)",
-    notes: Mapping[str, Any] = {},
+    remarks: Sequence[str] = (),
+    origin: Mapping[str, Any] = {},
+    player: str = "",
 ) -> str:
     """The page of the answers of one comparison, the main metric first.
 
@@ -38,10 +39,13 @@ def answers_page(
         title: of the page.
         command: that writes it.
         links: folder of a run to its page, relative to this page.
-        curves: name of an option to its errors over time; `times` is the label of their times.
-        notes: `command`, `created` and `revision` of the runs.
+        remarks: on the runs, each in one sentence.
+        origin: `command`, `created` and `revision` of the runs.
+        player: the page that plays the runs back, relative to this page; "" without one.
     """
     first, axes = answers[0], _axis_answers(runs, answers[0])
+    curves = over_time(first)
+    times = "share of the run" if any(t is SHARES for t, _ in curves.values()) else "t (s)"
     states = runs.frame[STATUS].value_counts()
     cells = render.overview(answers)
     return page_template(__package__, "answers.html").render(
@@ -51,19 +55,20 @@ def answers_page(
             (one.question.heading, one.sentence, _drawing(figures.differences(one), f"d{i}"))
             for i, one in enumerate(answers)
         ],
-        notes=first.notes,
+        notes=[*first.notes, *remarks],
+        player=player,
         cells=cells,
         worst=_worst(first, links),
-        explanation=render.explanation(first.over),
+        explanation=render.explanation(first),
         scenarios=_scenarios(first),
         axes=[
             (one.question.named, one.sentence, _drawing(drawn, f"a{i}"))
             for i, one in enumerate(axes)
             if (drawn := figures.over_axis(one)) is not None
         ],
-        over_time=error_curves(curves, x=times) if curves else [],
+        over_time=error_curves(curves, x=times),
         data=json_in_html(_table(runs, links)),
-        origin=notes,
+        origin=origin,
         command=shlex.join(command),
     )
 
@@ -119,11 +124,10 @@ def _scenarios(answer: Answer) -> dict[str, Any] | None:
 
 def _table(runs: Runs, links: Mapping[str, str]) -> dict[str, Any]:
     """What `runs.js` shows: columns, rows and links of all runs, numbers with five digits."""
-    names = [*runs.axes, STATUS, *runs.metrics]
     frame = runs.frame
+    names = [n for n in (*runs.axes, STATUS, *runs.metrics) if n != frame.index.name]
     columns = [
         {
-            "name": name,
             "title": name if name not in runs.metrics else metric(name).heading,
             "shown": name in (*runs.axes, STATUS, *runs.metrics[:6]),
             "number": name in runs.metrics,
@@ -136,11 +140,13 @@ def _table(runs: Runs, links: Mapping[str, str]) -> dict[str, Any]:
     folders = frame[FOLDER].astype(str) if FOLDER in frame else [""] * len(frame)
     errors = frame[ERROR].fillna("").astype(str) if ERROR in frame else [""] * len(frame)
     return {
+        "first": "run",
         "columns": columns,
         "rows": rows,
+        "names": [_plain(name) for name in frame.index],
         "links": [links.get(folder, "") for folder in folders],
         "errors": [*errors],
-        "axes": list(runs.axes),
+        "axes": [name for name in runs.axes if name in names],
     }
 
 

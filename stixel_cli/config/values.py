@@ -37,7 +37,7 @@ def with_values(
             # The dicts that contain the value are copied, because they are shared.
             section[part] = section = dict(inner) if isinstance(inner, Mapping) else {}
         if last not in section:
-            raise BelongsElsewhere(messages.unknown_key(name, chosen_kinds(plain)))
+            raise BelongsElsewhere(messages.unknown_key(name, chosen_kinds(plain)), name)
         section[last] = value
         changed.add((*outer, last)[0])
     try:

@@ -3,7 +3,7 @@
 Tables, figures and pages read label, unit, bounds and the better direction from the row.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -212,6 +212,9 @@ _TABLE = (
            lambda e: mean(e.class_replaced), (None, 0.0)),
 )  # fmt: skip
 
+MAIN = ("iou_box_mean", "iou_mean", "centre_rmse_m", "orientation_rmse_deg", "track_lost")
+"""What is said first of a run, and of many: overlap, centre, heading, loss."""
+
 OF_SIZE = ("size_deviation", "points_beside_share")
 """The metrics that only a tracker of a class's size has."""
 
@@ -267,6 +270,12 @@ _SUFFIXES = {"_deg_s": "°/s", "_m_s": "m/s", "_m": "m", "_deg": "°", "_s": "s"
 def over_runs(name: str) -> str:
     """The name of a metric's mean over runs."""
     return metric(name).over_runs or name
+
+
+def main_first(names: Iterable[str]) -> list[str]:
+    """The names, those of `MAIN` first."""
+    names = list(names)
+    return [*(name for name in MAIN if name in names), *(n for n in names if n not in MAIN)]
 
 
 def metric(name: str) -> Metric:

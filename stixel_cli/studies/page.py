@@ -65,7 +65,7 @@ def study_page(
             (heading, list(table.columns), [list(map(_text, row)) for row in table.to_numpy()])
             for heading, table in (report.material.tables.items() if report else ())
         ],
-        explanation=render.explanation("named under “In words”"),
+        explanation=render.explanation(),
         states=states,
         origin=origin,
         sweeps=plan.request()["sweeps"],
