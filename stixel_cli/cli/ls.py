@@ -35,7 +35,7 @@ def ls(
     ] = False,
     json: Json = False,
 ) -> int:
-    """List runs and sweeps; show one run or sweep; compare several runs.
+    """List runs and sweeps, show one, or compare several.
 
     A folder of runs: one line each, oldest first, with the settings that differ from the default. A
     run: its origin, scores and stages. A sweep: its answer and its runs. Several runs: the settings

@@ -37,11 +37,11 @@ def report(
     workers: Workers = None,
     trust_code: TrustCode = False,
 ) -> int:
-    """Write one page of a sweep, by its own folder, or of two or more runs.
+    """Write one page of a sweep or of several runs.
 
-    It compares the options of the sweep, or the runs: answers with paired intervals, errors over
-    time, settings that differ. With --play, it plays back runs of one scene; missing results are
-    computed. The page of one run is already in its folder, as index.html.
+    It compares the options of the sweep, by its own folder, or the runs: answers with paired
+    intervals, errors over time, settings that differ. With --play, it plays back runs of one scene;
+    missing results are computed. The page of one run is already in its folder, as index.html.
 
     \b
     Examples:
@@ -98,9 +98,10 @@ def table(
     metrics: Metrics = None,
     reference: Reference = None,
 ) -> int:
-    """Print one table of a sweep, or of two or more runs: an option a row, a metric a column.
+    """Print one table of a sweep or of several runs.
 
-    The best is in bold only where the intervals of all differences from it exclude 0.
+    Each option is a row, each metric a column. The best is in bold only where the intervals of all
+    differences from it exclude 0.
 
     Example: stixel table results/my_sweep --metrics iou_mean,centre_rmse_m --format tex
     """
@@ -127,7 +128,9 @@ def figure(
     metrics: Annotated[str | None, typer.Option("--metric", help="Metric of the figure.")] = None,
     reference: Reference = None,
 ) -> int:
-    """Write one figure of a sweep, or of runs: values of each option, and paired differences.
+    """Write one figure of a sweep or of several runs.
+
+    It has the values of each option, and the paired differences from the best or the reference.
 
     Example: stixel figure results/my_sweep --metric centre_rmse_m --format pdf
     """
@@ -149,7 +152,7 @@ def figure(
 def play(
     folders: Folders, output: Output = None, workers: Workers = None, trust_code: TrustCode = False
 ) -> int:
-    """Write the page that plays back runs of one scene; short for report --play.
+    """Play back runs of one scene: short for report --play.
 
     Of a sweep, all runs are played, and its page links to the player.
 

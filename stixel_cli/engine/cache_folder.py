@@ -56,7 +56,7 @@ _MADE = {
 """Folders that the store makes, and the names in each."""
 
 _FILES = (
-    rf"\.({MARK}|evicted\.jsonl|durations\.json)\.{_PARTIAL}"
+    rf"\.({MARK}|evicted\.jsonl|durations(-\d+)?\.json)\.{_PARTIAL}"
     r"|collector\.lock|evicted\.jsonl(-\d+)?|durations(-\d+)?\.json"
 )
 

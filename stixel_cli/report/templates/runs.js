@@ -57,6 +57,7 @@
     const colours = axes.length ? [...new Set(rows.map((row) => row[0]))] : [""];
     const svg = (name, options, parent, inside = "") => { const one = parent.appendChild(document.createElementNS("http://www.w3.org/2000/svg", name)); for (const [key, value] of Object.entries(options)) one.setAttribute(key, value); one.textContent = inside; return one; };
     find("plot").replaceChildren();
+    if (!known.length) return;
     const picture = svg("svg", { viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": `${columns[y].title} over ${columns[x].title}`, fill: "currentColor", "font-size": 12 }, find("plot"));
     for (const value of [low, (low + high) / 2, high]) svg("text", { x: margin - 6, y: up(value) + 4, "text-anchor": "end" }, picture, text(value));
     const marks = isNumber ? [left, (left + right) / 2, right].map((value) => [value, text(value)]) : values.slice(0, 12).map((value, i) => [i, text(value)]);
