@@ -102,6 +102,10 @@ _TABLE = (
            over_runs="track_loss_rate"),
     Metric("time_to_loss_s", "time to track loss", "time to loss",
            "s", "more", (0.0, None), lambda e: time_to_loss(e.times, e.lost)),
+    # Only of scans whose sensor's borders are known.
+    Metric("time_out_of_view_s", "time at which the road user leaves the field of view",
+           "leaves the view", "s", None, (0.0, None),
+           lambda e: time_to_loss(e.times, e.out_of_view)),
     Metric("sure_and_wrong_share", f"share of scans with IoU of the box < {LOW_OVERLAP} and "
            f"centre error > {SURE:g} σ", "sure and wrong", *_SHARE, sure_and_wrong_share),
     Metric("diverged", "diverged (1) or not (0)", "diverged", *_SHARE,
@@ -224,7 +228,7 @@ PROBABILITIES = {name: f"{name}_probability" for name in ROAD_USER_CLASSES}
 OF_CLASSES = (*PROBABILITIES.values(), "class_error", "class_replaced_share")
 """The metrics that only a track with probabilities of the classes has."""
 
-METRICS = {metric.name: metric for metric in _TABLE}
+METRICS: dict[str, Metric] = {metric.name: metric for metric in _TABLE}
 """Name to row, in the order in which tables show them."""
 
 SMOOTHED = "smoothed_"
@@ -265,6 +269,20 @@ _LOSS_RATE = Metric(LOSS_RATE, "track loss rate, share of runs", "track loss rat
 _KNOWN = {**METRICS, **OF_LABELS, LOSS_RATE: _LOSS_RATE}
 
 _SUFFIXES = {"_deg_s": "°/s", "_m_s": "m/s", "_m": "m", "_deg": "°", "_s": "s"}
+
+
+BASELINES = {
+    **dict.fromkeys(
+        ("iou_mean", "iou_box_mean"),
+        "iou_baseline of the same run: the true outline, moved to the mean of its points",
+    ),
+    "centre_rmse_m": "that of the mean of the used points, on the page of the run",
+    "orientation_rmse_deg": "that of the motion of the used points, on the page of the run",
+    **dict.fromkeys(
+        (name for name, row in METRICS.items() if row.better == "one"), "1, a consistent filter"
+    ),
+}
+"""Metric to what a value is compared with, in words."""
 
 
 def over_runs(name: str) -> str:
