@@ -105,21 +105,20 @@ def _worst(answer: Answer, links: Mapping[str, str]) -> list[tuple[str, str]]:
     return rows
 
 
-def _scenarios(answer: Answer) -> dict[str, Any] | None:
+def _scenarios(answer: Answer) -> render.Cells | None:
     """Means of each scenario (row) and option (column); None for one scenario, or for too many."""
     table = answer.by_scenario()[answer.order]
     if len(table) < 2 or table.size > MOST_CELLS:
         return None
     texts = [[number(v if np.isfinite(v) else None) for v in row] for row in table.to_numpy()]
-    return {
-        "heading": answer.question.heading,
-        "name": " ".join(answer.question.within),
-        "options": [str(option) for option in table.columns],
-        "rows": [
-            (str(scene), row, scene in answer.scenarios)
+    return render.Cells(
+        (" ".join(answer.question.within), *map(str, table.columns)),
+        tuple(
+            (str(scene) if scene in answer.scenarios else f"{scene} (left out)", *row)
             for scene, row in zip(table.index, texts, strict=True)
-        ],
-    }
+        ),
+        numbers=tuple(range(1, 1 + len(table.columns))),
+    )
 
 
 def _table(runs: Runs, links: Mapping[str, str]) -> dict[str, Any]:

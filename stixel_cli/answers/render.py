@@ -35,14 +35,14 @@ class Cells:
     Attributes:
         header: of the columns.
         rows: the texts.
-        best: whether a cell is the best of its column, by row.
+        best: whether a cell is the best of its column, by row; () without any.
         numbers: the columns of numbers, which are aligned right.
     """
 
     header: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
-    best: tuple[tuple[bool, ...], ...]
-    numbers: tuple[int, ...]
+    best: tuple[tuple[bool, ...], ...] = ()
+    numbers: tuple[int, ...] = ()
 
 
 def overview(answers: Sequence[Answer], intervals: int | None = None) -> Cells:

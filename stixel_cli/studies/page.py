@@ -62,7 +62,7 @@ def study_page(
         if report
         else [],
         tables=[
-            (heading, list(table.columns), [list(map(_text, row)) for row in table.to_numpy()])
+            (heading, render.Cells(tuple(table), tuple(tuple(map(_text, r)) for r in table.values)))
             for heading, table in (report.material.tables.items() if report else ())
         ],
         explanation=render.explanation(),
@@ -87,7 +87,9 @@ def _section(section: Section, place: int, page: Path) -> dict[str, Any]:
         folders = [Path(str(folder)) for folder in found.get("folder", [])]
         links = page_links([one for one in folders if one.exists()], page, PAGE)
         worst += [
-            links.get(str(found.loc[option].get("folder")), "") if option in found.index else ""
+            ("open", links.get(str(found.loc[option].get("folder")), ""))
+            if option in found.index
+            else ("", "")
             for option in answers[0].order
         ]
     return {
