@@ -1,7 +1,6 @@
 """`stixel report`, `table` and `figure`: what is said of a sweep, or of several runs."""
 
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -10,9 +9,6 @@ from stixel_cli.cli.options import Folders, Output, Over, TrustCode, Workers
 from stixel_cli.cli.run import stored_run
 from stixel_cli.cli.terminal import say, say_wrapped
 from stixel_cli.errors import UserError
-
-if TYPE_CHECKING:
-    from stixel_cli.sweeps.page import Asked
 
 Compare = Annotated[
     str | None,
@@ -52,11 +48,11 @@ def report(
     from stixel_cli.border import write_new
     from stixel_cli.report.compare import default_page
     from stixel_cli.results.folder import PAGE
-    from stixel_cli.sweeps.page import sweep_page
+    from stixel_cli.sweeps.page import asked_folders, sweep_page
 
     if player:
         return play(folders, output, workers, trust_code)
-    asked = _asked(folders, metrics, reference, over, compare)
+    asked = asked_folders(folders, metrics, reference, over, compare)
     page = output or default_page(folders)
     given = {"--over": over, "--compare": compare, "--metrics": metrics, "--reference": reference}
     given["--output"] = None if output is None else str(output)
@@ -71,22 +67,6 @@ def report(
         say_wrapped(answer.sentence)
     say(page)
     return 0
-
-
-def _asked(
-    folders: list[Path],
-    metrics: str | None,
-    reference: str | None,
-    over: str | None,
-    compare: str | None,
-) -> "Asked":
-    from stixel_cli.sweeps.page import asked_folders
-
-    if len(folders) > 1:
-        for option, value in (("--over", over), ("--compare", compare)):
-            if value is not None:
-                raise UserError(f"{option}: is for one sweep; these are runs")
-    return asked_folders(folders, metrics, reference, over, compare)
 
 
 def table(
@@ -106,11 +86,11 @@ def table(
     Example: stixel table results/my_sweep --metrics iou_mean,centre_rmse_m --format tex
     """
     from stixel_cli.border import write_new
-    from stixel_cli.sweeps.page import TABLES
+    from stixel_cli.sweeps.page import TABLES, asked_folders
 
     if form not in TABLES:
         raise UserError(f"--format: {form}: must be one of {', '.join(TABLES)}")
-    text = TABLES[form](_asked(folders, metrics, reference, over, compare).answers)
+    text = TABLES[form](asked_folders(folders, metrics, reference, over, compare).answers)
     if output is None:
         say(text.rstrip("\n"))
     else:
@@ -137,11 +117,11 @@ def figure(
     from stixel_cli.answers.figures import differences
     from stixel_cli.border import write_new
     from stixel_cli.report.compare import default_page
-    from stixel_cli.sweeps.page import FIGURES
+    from stixel_cli.sweeps.page import FIGURES, asked_folders
 
     if form not in FIGURES:
         raise UserError(f"--format: {form}: must be one of {', '.join(FIGURES)}")
-    answer = _asked(folders, metrics, reference, over, compare).answers[0]
+    answer = asked_folders(folders, metrics, reference, over, compare).answers[0]
     file = output or default_page(folders, "figure", form)
     write_new(file, differences(answer, FIGURES[form]))
     say_wrapped(answer.sentence)
@@ -164,32 +144,26 @@ def play(
     from stixel_cli.engine.progress import make_progress
     from stixel_cli.experiment.playback import folders_page
     from stixel_cli.report.compare import default_page, run_labels
+    from stixel_cli.results.folder import PAGE
     from stixel_cli.results.reader import SWEEP_FILE
+    from stixel_cli.sweeps.folder import PLAYER, SweepFolder
+    from stixel_cli.sweeps.page import asked_folders, sweep_page
 
     is_sweep = len(folders) == 1 and (folders[0] / SWEEP_FILE).exists()
+    if is_sweep:
+        asked_folders(folders)  # It refuses a sweep that has no page.
     runs = sorted((folders[0] / "runs").glob("[0-9]*")) if is_sweep else folders
     labels = run_labels(runs)
     stored = [stored_run(folder, workers, trust_code) for folder in runs]
     page, notes = folders_page(stored, labels, make_progress())
     for note in notes:
         tell(note)
+    file = output or (folders[0] / PAGE if is_sweep else default_page(folders, "play"))
     if is_sweep and output is None:
-        say(_write_player(folders[0], page))
-        return 0
-    file = default_page(folders, "play") if output is None else output
-    write_new(file, page)
+        folder, command = SweepFolder(folders[0]), ["stixel", "report", str(folders[0])]
+        folder.write({PLAYER: page})
+        folder.write({PAGE: sweep_page(asked_folders(folders), file, command)})
+    else:
+        write_new(file, page)
     say(file)
     return 0
-
-
-def _write_player(sweep: Path, page: str) -> Path:
-    """Write the player of a sweep, and its page again, which links to it."""
-    from stixel_cli.results.folder import PAGE
-    from stixel_cli.sweeps.folder import PLAYER, SweepFolder
-    from stixel_cli.sweeps.page import asked_folders, sweep_page
-
-    folder = SweepFolder(sweep)
-    folder.write({PLAYER: page})
-    own = sweep_page(asked_folders([sweep]), sweep / PAGE, ["stixel", "report", str(sweep)])
-    folder.write({PAGE: own})
-    return sweep / PAGE

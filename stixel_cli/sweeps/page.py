@@ -98,6 +98,9 @@ def asked_folders(
     """
     names = metrics.split(",") if metrics else ()
     if len(folders) > 1 or not (folders[0] / SWEEP_FILE).exists():
+        for option, value in (("--over", over), ("--compare", compare)):
+            if value is not None:
+                raise UserError(f"{option}: is for one sweep; these are runs")
         return Asked(*asked_runs(folders, names, reference))
     result, notes = read_sweep(folders[0])
     if over is not None:
