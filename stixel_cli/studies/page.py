@@ -66,9 +66,34 @@ def study_page(
             for heading, table in (report.material.tables.items() if report else ())
         ],
         explanation=render.explanation(),
-        states=states,
+        states=render.Cells(
+            ("sweep", "runs", "done", "seeds", "faults"),
+            tuple(
+                (
+                    state.name,
+                    "–" if state.runs is None else str(state.runs),
+                    str(state.done),
+                    ", ".join(map(str, origin["seeds"].get(state.name, ()))) or "–",
+                    "; ".join(state.faults),
+                )
+                for state in states
+            ),
+        ),
         origin=origin,
-        sweeps=plan.request()["sweeps"],
+        settings=render.Cells(
+            ("sweep", "key", "values"),
+            tuple(
+                row
+                for name, sweep in plan.request()["sweeps"].items()
+                for row in (
+                    (name, "fixed", " ".join(sweep["fixed"])),
+                    *(
+                        (name, " + ".join(axis["keys"]), ", ".join(map(" ".join, axis["steps"])))
+                        for axis in sweep["axes"]
+                    ),
+                )
+            ),
+        ),
         seconds={name: number(value) for name, value in seconds.items()},
         revision=shown_revision(made["git"]) or "–",
         made=made,
