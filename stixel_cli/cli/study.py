@@ -211,7 +211,8 @@ def _total(plans: "Iterable[StudyPlan]") -> str:
     seconds, unmeasured = joined_seconds(known)
     workers = known[0].runs[0].composition.configuration.executor.workers
     derived = len(parts) - len(known)
-    text = estimate_text(seconds / workers, workers, unmeasured)
+    known_seconds = seconds / workers if seconds or not unmeasured else None
+    text = estimate_text(known_seconds, workers, unmeasured)
     return text + (f", and without {counted(derived, 'derived sweep')}" if derived else "")
 
 
