@@ -23,10 +23,13 @@ MOST_READ = 400
 def over_time(answer: Answer) -> dict[str, Errors]:
     """Errors over time of the best options: of each, the mean of each unit's runs.
 
-    Over the time, if all runs have the same times; else over the share of each run. {} without
-    folders, with too many of them, or if a file cannot be read.
+    They are of the scenarios and units that the means are over. Over the time, if all runs have the
+    same times; else over the share of each run. {} without folders, with too many of them, or if a
+    file cannot be read.
     """
     runs = answer.runs[answer.runs[STATUS] == DONE]
+    balanced = runs["scenario"].isin(answer.scenarios) & runs["unit"].isin(answer.values.index)
+    runs = runs[balanced]
     options = answer.order[:MOST_LINES]
     if FOLDER not in runs or len(runs[runs["option"].isin(options)]) > MOST_READ:
         return {}

@@ -64,6 +64,9 @@ def test_a_seed_that_an_option_lacks_is_left_out(made, tmp_path):
     html = (tmp_path / "page.html").read_text(encoding="utf-8")
     assert "11 done, 1 missing" in html and "1 combination of scenario and unit left out" in html
     assert "3 seeds: too few to compare" in html
+    # The options that have the seed are shown without it.
+    curves = over_time(read_sweep(folder)[0].ask())
+    assert {len(errors["iou"]) for _, errors in curves.values()} == {3}
     for index in range(12):
         shutil.rmtree(folder / f"runs/{index:04d}", ignore_errors=True)
     with pytest.raises(UserError, match="no run is done; resume with: stixel sweep --resume"):
