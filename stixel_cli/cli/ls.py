@@ -140,23 +140,23 @@ def _show_run(folder: Path, json: bool) -> None:
 def _show_sweep(folder: Path, json: bool) -> None:
     """Print the request of a sweep, the status of its runs, its answer, and its runs."""
     from stixel_cli.sweeps.folder import SweepFolder
+    from stixel_cli.sweeps.results import SweepResult
 
-    sweep = SweepFolder(folder)
-    request, rows = sweep.request(), sweep.rows()
+    request = SweepFolder(folder).request()
+    runs = tuple(SweepFolder(folder).runs(request))
+    result = SweepResult(folder, runs, axes=request.axes, over=request.over)
     if json:
-        print_json({"folder": str(folder), "notes": dict(request.notes), "runs": rows})
+        print_json({"folder": str(folder), "notes": dict(request.notes), "runs": result.rows})
         return
-    statuses = Counter(row.get("status") or "missing" for row in rows)
-    runs = ", ".join(f"{count} {status}" for status, count in statuses.items())
-    about = [("runs", runs or "not started")]
+    statuses = Counter(run.status for run in result.runs)
+    about = [("runs", ", ".join(f"{count} {status}" for status, count in statuses.items()))]
     about += [(n, str(request.notes[n])) for n in ("command", "created") if n in request.notes]
     print_table(("sweep", str(folder)), about)
     say("")
-    if statuses["done"]:
+    if result.count("done"):
         from stixel_cli.cli.sweep import print_answers
-        from stixel_cli.sweeps.page import read_sweep
 
-        print_answers(read_sweep(folder)[0])
+        print_answers(result)
         say("")
         _list(folder / "runs", json)
 

@@ -10,7 +10,6 @@ code/                  code digests to which the runs' lineage.json refer
 failed/0007/ …         config.yaml, failure.json, traceback.txt
 """
 
-import csv
 import json
 import shlex
 import shutil
@@ -24,7 +23,7 @@ from stixel_cli.border import check_below, write_below, written
 from stixel_cli.config.folders import PRESETS, of_the_machine
 from stixel_cli.config.texts import split_override
 from stixel_cli.errors import UserError, printable, printable_path
-from stixel_cli.files import read_json, read_text, read_yaml
+from stixel_cli.files import read_json, read_yaml
 from stixel_cli.results.folder import write_whole_folder
 from stixel_cli.results.reader import SWEEP_FILE, read_manifest, read_metrics, yaml_text
 from stixel_cli.results.result import FAILED, MISSING, SKIPPED, RunResult
@@ -148,15 +147,6 @@ class SweepFolder:
         content = read_json(file)
         status = SKIPPED if content.get("status") == SKIPPED else FAILED
         return {"status": status, "failure": UserError(printable(str(content.get("error")), 500))}
-
-    def rows(self) -> list[dict[str, str]]:
-        """The rows of the table of runs, as written; empty before it is written."""
-        file = self.path / TABLE
-        lines = read_text(file).splitlines() if file.exists() else []
-        try:
-            return [dict(r) for r in csv.DictReader(lines, restkey="", restval="", strict=True)]
-        except csv.Error as error:
-            raise UserError(f"{file}: not a table: {error}") from None
 
     def finished(self, count: int) -> dict[int, RunResult]:
         """The complete ones of `count` runs by index, with manifest and metrics."""
