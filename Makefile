@@ -47,6 +47,7 @@ run: setup
 	$(BIN)/stixel run $(ARGS)
 ifeq ($(ARGS),)
 	$(BIN)/stixel sweep tracker=contour,gp_ekf,point
+	$(BIN)/stixel play "$$(ls -td results/sweep-tracker-*/ | head -n 1)"
 endif
 	@echo "open results/index.html in a browser: it links to the page of each run and sweep"
 

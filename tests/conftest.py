@@ -53,7 +53,7 @@ def no_pictures(monkeypatch, request):
 @pytest.fixture
 def no_workers(monkeypatch):
     """All work of `executor=local` counts as small, and so needs no processes that import all."""
-    monkeypatch.setattr("stixel_cli.engine.plan.Durations.estimate", lambda *_: 0.0)
+    monkeypatch.setattr("stixel_cli.engine.plan.Durations.estimate", lambda *_: (0.0, []))
 
 
 def pytest_collection_modifyitems(items):

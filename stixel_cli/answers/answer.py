@@ -236,6 +236,8 @@ def answered(groups: Groups, question: Question) -> Answer:
     options, scenarios, units, row = groups.options, groups.scenarios, groups.units, question.row
     value = groups.runs[question.metric].astype(float)
     value = value.where(~groups.failed & (groups.runs[STATUS] != MISSING))
+    if question.metric == LOST:
+        value = value.mask(groups.failed, 1.0)
     cells = np.full((len(options), len(scenarios), len(units)), np.nan)
     cells[groups.cells] = value
     has = np.isfinite(cells)

@@ -56,11 +56,14 @@ def differences(answer: Answer, write: Write = style.svg) -> bytes:
 
 
 def over_axis(answer: Answer, write: Write = style.svg) -> bytes | None:
-    """The mean over the values of the compared axis; None unless these are three numbers or more.
+    """The mean over the values of the compared axis; None unless these are three numbers or more
+    with a value.
 
     The thick line is the mean of the units, over the scenarios and units that every value has, with
     its interval; thin lines are the scenarios.
     """
+    if answer.values.empty:
+        return None
     numbers = pd.to_numeric(pd.Series([*answer.values.columns]), errors="coerce")
     if len(numbers) < 3 or not np.isfinite(numbers).all() or len(answer.question.compare) > 1:
         return None

@@ -92,15 +92,23 @@ def print_plan(plan: "SweepPlan", axes: "Sequence[Axis]" = (), json: bool = Fals
     ]
     print_table(("stage", "nodes", "cached", "to run", "time"), rows, right=(1, 2, 3, 4))
     counts, seconds = content["nodes"], content["seconds"]
-    estimate = "; no estimate of the time yet"
-    if seconds is not None:
-        workers = counted(content["workers"], "worker")
-        estimate = f", about {duration(seconds)} with {workers}"
+    estimate = estimate_text(seconds, content["workers"], plan.unmeasured)
     say(
         f"{counted(content['runs'], 'run')}, {content['runs_cached']} complete; "
         f"{counted(counts['all'], 'node')}, {counts['cached']} cached, {counts['to_run']} to run"
         f"{estimate if plan.missing else ''}"
     )
+
+
+def estimate_text(seconds: float | None, workers: int, unmeasured: Sequence[str]) -> str:
+    """`, about 3 min with 2 workers; never measured: track`."""
+    if seconds is None:
+        return "; no estimate of the time yet"
+    from stixel_cli.engine.parameters import duration
+    from stixel_cli.results.reader import listed
+
+    text = f", about {duration(seconds)} with {counted(workers, 'worker')}"
+    return f"{text}; never measured: {listed(unmeasured)}" if unmeasured else text
 
 
 def plan_content(plan: "SweepPlan", axes: "Sequence[Axis]" = ()) -> dict[str, Any]:
@@ -116,6 +124,7 @@ def plan_content(plan: "SweepPlan", axes: "Sequence[Axis]" = ()) -> dict[str, An
             "to_run": len(plan.missing),
         },
         "seconds": None if seconds is None else round(seconds, 1),
+        "unmeasured": list(plan.unmeasured),
         "workers": configuration.executor.workers,
         "axes": [{"keys": list(axis.keys), "values": len(axis.steps)} for axis in axes],
         "notes": list(plan.notes),

@@ -232,7 +232,7 @@ def with_values(plain: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str
             # The dicts that contain the value are copied, because they are shared.
             section[part] = section = dict(inner) if isinstance(inner, Mapping) else {}
         if last not in section:
-            raise BelongsElsewhere(messages.unknown_key(name, chosen_kinds(plain)))
+            raise BelongsElsewhere(messages.unknown_key(name, chosen_kinds(plain)), name)
         section[last] = value
     try:
         return {name: _resolved(section, tree) for name, section in tree.items()}

@@ -184,10 +184,10 @@ def _runs_here(executor: Executor | None, nodes: Sequence[Node], durations: Dura
         return True
     if not isinstance(executor, LocalExecutor):
         return False
-    estimate = durations.estimate(nodes)
+    seconds, unknown = durations.estimate(nodes)
     return (
-        estimate is not None
-        and estimate < (SMALL_FOR_COPIES if fork_is_safe() else SMALL)
+        not unknown
+        and seconds < (SMALL_FOR_COPIES if fork_is_safe() else SMALL)
         and (executor.time_limit is None or can_interrupt())
         and all(may_run_here(node.identity.code) for node in nodes)
     )

@@ -83,10 +83,14 @@ def study_report(
             frames[name] = _typed(Runs, "columns", columns(name, runs, data.sweeps[name].runs))
     sections = tuple(asked(question, frames) for question in questions)
     own = Material() if material is None else _typed(Material, "material", material(data))
+    return Report(answer_text(text, sections), tuple(one for one in sections if one.groups), own)
+
+
+def answer_text(text: str, sections: Sequence[Section]) -> tuple[str, ...]:
+    """The paragraphs of a study's text, with the answer of a question in each of its places."""
     values = {section.question.name: section.brief for section in sections}
     paragraphs = [" ".join(one.split()) for one in re.split(r"\n\s*\n", text)]
-    answer = tuple(PLACE.sub(lambda place: values[place[1]], one) for one in paragraphs if one)
-    return Report(answer, tuple(one for one in sections if one.groups), own)
+    return tuple(PLACE.sub(lambda place: values[place[1]], one) for one in paragraphs if one)
 
 
 def _typed(kind: type, name: str, found: Any) -> Any:

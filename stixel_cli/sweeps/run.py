@@ -17,7 +17,6 @@ from stixel_cli.experiment.stages import notes_of
 from stixel_cli.machine.kernels import uncompiled
 from stixel_cli.results.folder import figure_files
 from stixel_cli.results.result import DONE, FAILED, MISSING, SKIPPED, RunResult
-from stixel_cli.sweeps.folder import FAILED as FAILED_RUNS
 from stixel_cli.sweeps.folder import SUMMARIES, TABLE, SweepFolder, SweepRequest
 from stixel_cli.sweeps.graphs import SweepPlan
 from stixel_cli.sweeps.page import summary_files
@@ -259,7 +258,7 @@ class _Sweep:
         status = FAILED if first == planned.index else SKIPPED
         run = self.runs[planned.index] = planned.result(status=status, failure=failure)
         if self.folder is not None:
-            self.folder.write_run(planned.index, failure_files(run, node, first), FAILED_RUNS)
+            self.folder.write_run(planned.index, failure_files(run, node, first), FAILED)
 
     def write_tables(self) -> SweepResult:
         """Write `runs.csv`, and the summaries of complete settings."""

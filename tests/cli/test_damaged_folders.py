@@ -102,12 +102,11 @@ RUN = {
     "metrics.json": JSONS | {"text": value("centre_rmse_m", "x"), "true": value("scans", True)},
     "scores.npz": NO_FILES | {"cut": cut, "text": text("nothing")},
     "lineage.json": JSONS | {"stages": text('{"stages": 3, "code": 4}')},
-    "figures/path.png": NO_FILES | {"text": text("GIF89a")},
 }
 READS = {
     "show": ("config.yaml", "manifest.json", "metrics.json"),
-    "compare": ("config.yaml", "manifest.json", "metrics.json", "scores.npz", "figures/path.png"),
-    "report": ("config.yaml", "manifest.json", "metrics.json", "scores.npz", "figures/path.png"),
+    "compare": ("config.yaml", "manifest.json", "metrics.json"),
+    "report": ("config.yaml", "manifest.json", "metrics.json", "scores.npz"),
     "explain": ("config.yaml", "manifest.json", "metrics.json", "lineage.json"),
     "rerun": ("config.yaml", "manifest.json", "metrics.json", "lineage.json"),
     "play": ("config.yaml", "manifest.json", "metrics.json", "lineage.json"),

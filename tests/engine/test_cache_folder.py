@@ -11,7 +11,7 @@ from stixel_cli.engine.cache_folder import MARK, is_marked, make_folder
 from stixel_cli.engine.cleanup import clear, collect, keep_limit
 from stixel_cli.engine.errors import CacheError, MissingEntry
 from stixel_cli.engine.parameters import CacheParameters
-from stixel_cli.engine.plan import Durations
+from stixel_cli.engine.plan import DURATIONS, Durations
 from stixel_cli.engine.store import VALUE, Store, open_store
 
 KEY = "ab" + "0" * 62
@@ -93,7 +93,7 @@ def nested(file):
 
 @pytest.mark.parametrize("damage", [os.mkfifo, nested, os.mkdir])
 def test_damaged_durations_are_ignored(tmp_path, damage):
-    damage(tmp_path / "durations.json")
+    damage(tmp_path / DURATIONS)
     assert Durations(tmp_path).by_stage([]) == {}
 
 
@@ -101,9 +101,9 @@ def test_damaged_durations_are_ignored(tmp_path, damage):
 def test_durations_that_no_node_takes_are_ignored(project, seconds):
     project.run()
     nodes = list(project.graph().nodes.values())
-    assert Durations(project.store.folder).estimate(nodes) is not None
+    assert Durations(project.store.folder).estimate(nodes)[1] == []
     wrong = ",".join(f'"{node.stage.function}": {seconds}' for node in nodes)
-    (project.store.folder / "durations.json").write_text(f"{{{wrong}}}")
+    (project.store.folder / DURATIONS).write_text(f"{{{wrong}}}")
     assert Durations(project.store.folder).by_stage(nodes) == {}
 
 

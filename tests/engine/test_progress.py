@@ -2,10 +2,12 @@
 
 import io
 import sys
+from dataclasses import replace
 
 import pytest
 
 from stixel_cli.engine import progress as progress_module
+from stixel_cli.engine.plan import Durations
 from stixel_cli.engine.progress import Display, Progress, crash_note, make_progress
 
 FRAMES = 10
@@ -97,6 +99,19 @@ def test_progress_gets_the_durations_of_earlier_runs(project):
     project.run(project.graph(seed=2), progress=second)
     assert first.at_first is None
     assert second.at_first > 0.02
+
+
+def test_estimates_are_of_the_work_and_leave_out_what_was_never_measured(project):
+    project.run()
+    durations = Durations(project.store.folder)
+    nodes = [n for n in project.graph().nodes.values() if n.frame_count]
+    seconds, unknown = durations.estimate(nodes)
+    assert seconds > 0.0 and unknown == []
+    # Images of four times as many pixels.
+    larger = [replace(node, stage=replace(node.stage, amount=4.0)) for node in nodes]
+    assert durations.estimate(larger)[0] == pytest.approx(4.0 * seconds)
+    new = replace(nodes[0], stage=replace(nodes[0].stage, name="new", function="a.b:c"))
+    assert durations.estimate([*nodes, new]) == (pytest.approx(seconds), ["new"])
 
 
 @pytest.mark.parametrize("terminal", [False, True])
