@@ -1,6 +1,9 @@
-"""What every test may use: a cache of its own, away from the user's."""
+"""What every test may use: a cache of its own, away from the user's; and runs that are short."""
 
 import os
+from contextlib import contextmanager
+from functools import cache
+from pkgutil import resolve_name
 
 # Before NumPy is imported: with two threads for each of two test processes, BLAS mostly waits.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -10,6 +13,20 @@ from browser import open_page as open_page
 from rendered_clip import clip as clip
 
 from stixel_cli.engine.cache_folder import make_folder
+
+SHORT = {
+    "drawn": {
+        "stixel_cli.experiment.run.PICTURES": (),
+        "stixel_cli.sweeps.page.sweep_page": lambda *_, **given: "",
+    },
+    "workers": {"stixel_cli.engine.plan.Durations.estimate": lambda *_: 0.0},
+}
+"""What is replaced in this process unless a test or its module has the mark.
+
+Drawing, and processes that import all libraries, take nearly all of a short run's time. Runs and
+sweeps draw nothing without `drawn`; without `workers` all work of `executor=local` counts as small,
+and is done in this process.
+"""
 
 
 @pytest.fixture(scope="session")
@@ -37,23 +54,31 @@ def _no_user_cache(shared_cache):
         yield
 
 
-@pytest.fixture
-def no_pictures(monkeypatch, request):
-    """Runs and sweeps of this process draw nothing: drawing takes most of a short run's time.
-
-    For a whole module: `pytestmark = pytest.mark.usefixtures("no_pictures")`. A test of it with the
-    mark `drawn` draws.
-    """
-    if request.node.get_closest_marker("drawn"):
-        return
-    monkeypatch.setattr("stixel_cli.experiment.run.PICTURES", ())
-    monkeypatch.setattr("stixel_cli.sweeps.page.sweep_page", lambda *_, **given: "")
+@contextmanager
+def _runs_of(node):
+    """Runs of this process as a module or a test asks for them; afterwards as before."""
+    whole = {name: _whole(name) for names in SHORT.values() for name in names}
+    with pytest.MonkeyPatch.context() as patch:
+        for mark, names in SHORT.items():
+            for name, short in names.items():
+                patch.setattr(name, whole[name] if node.get_closest_marker(mark) else short)
+        yield
 
 
-@pytest.fixture
-def no_workers(monkeypatch):
-    """All work of `executor=local` counts as small, and so needs no processes that import all."""
-    monkeypatch.setattr("stixel_cli.engine.plan.Durations.estimate", lambda *_: 0.0)
+_whole = cache(resolve_name)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _runs_of_module(request):
+    """For the module's fixtures, too."""
+    with _runs_of(request.node):
+        yield
+
+
+@pytest.fixture(autouse=True)
+def _runs_of_test(request, _runs_of_module):
+    with _runs_of(request.node):
+        yield
 
 
 def pytest_collection_modifyitems(items):

@@ -21,8 +21,6 @@ from stixel_cli.results.result import RunResult
 from stixel_cli.sweeps.results import SweepResult
 from stixel_cli.tracking.baselines import point
 
-pytestmark = pytest.mark.usefixtures("no_workers")
-
 FABRICATED = ["measurement=fabricated", "path.duration=0.5", "pictures.frames=[0]"]
 
 

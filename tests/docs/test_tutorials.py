@@ -15,7 +15,6 @@ def test_they_are_in_order():
     assert [page.name[:2] for page in PAGES] == ["1_", "2_", "3_", "4_", "5_", "6_", "7_"]
 
 
-@pytest.mark.usefixtures("no_workers")
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_tutorial(page, tmp_path, monkeypatch):
     folder = tmp_path / "work"

@@ -12,8 +12,6 @@ import yaml
 
 from stixel_cli.cli.app import main
 
-pytestmark = pytest.mark.usefixtures("no_pictures", "no_workers")
-
 ROOT = Path(__file__).resolve().parents[2]
 FEW = ("measurement=fabricated", "path.duration=0.3")
 TWO = (*FEW, "seed=0,1")
