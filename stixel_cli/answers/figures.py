@@ -30,7 +30,7 @@ def differences(answer: Answer, write: Write = style.svg) -> bytes:
     width = max(style.NARROW, 4.0 + 0.085 * max(map(len, names), default=0))
     with style.drawing({"axes.spines.left": False, **style.LEGIBLE}):
         height = (1 + paired) * (0.7 + 0.2 * len(order))
-        figure = style.new_figure(width, height, layout="constrained")
+        figure = style.new_figure(width, height)
         sides = figure.subplots(1 + paired, sharey=True, squeeze=False)[:, 0]
         for place, option in enumerate(order):
             row, own = table.loc[option], values[option]
@@ -52,6 +52,7 @@ def differences(answer: Answer, write: Write = style.svg) -> bytes:
         for axes in sides:
             axes.tick_params("y", length=0.0)
             axes.grid(True, axis="x")
+        style.place(figure, sides)
         return write(figure)
 
 
@@ -71,7 +72,7 @@ def over_axis(answer: Answer, write: Write = style.svg) -> bytes | None:
     scenes = answer.by_scenario().loc[[*answer.scenarios], columns]
     ends = mean_interval(values, answer.question.row.bounds)
     with style.drawing({"axes.grid": True, **style.LEGIBLE}):
-        figure = style.new_figure(style.NARROW, 2.7, layout="constrained")
+        figure = style.new_figure(style.NARROW, 2.7)
         axes = figure.subplots()
         if len(scenes) > 1:
             axes.plot(places, scenes.to_numpy().T, color=style.UNUSED, linewidth=0.6)
@@ -89,6 +90,7 @@ def over_axis(answer: Answer, write: Write = style.svg) -> bytes | None:
         if answer.question.row.better == "one":
             axes.axhline(1.0, color=style.UNUSED, linewidth=0.8, linestyle="--")
             style.log_axis(axes)
+        style.place(figure, [axes])
         return write(figure)
 
 
