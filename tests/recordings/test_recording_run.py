@@ -288,6 +288,7 @@ def test_the_true_class_is_that_of_the_label(clip, tmp_path, monkeypatch, capsys
         assert scores.settings["road_user"] == expected
 
 
+@pytest.mark.drawn
 def test_a_clip_is_tracked_and_scored_and_keys_hold_no_path(clip, tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "cache"))
     own = tmp_path / "own"
@@ -356,6 +357,7 @@ def auto(folder, *more):
     return [*words, "source.target=auto", "road_user=car", "tracker=box"]
 
 
+@pytest.mark.drawn
 def test_all_that_moves_is_tracked(long_clip, tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "cache"))
     given = auto(long_clip, "pictures.frames=[4]")
