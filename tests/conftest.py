@@ -1,16 +1,21 @@
 """What every test may use: a cache of its own, away from the user's, and short runs."""
 
 import os
+from functools import cache
 
 # Before NumPy is imported: with two threads for each of two test processes, BLAS mostly waits.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import pytest
+import typer.main
 from browser import open_page as open_page
 from rendered_clip import clip as clip
 from short_runs import marks_of, runs_with
 
 from stixel_cli.engine.cache_folder import make_folder
+
+# Typer makes all commands anew for each command line of a process, of which the tests have many.
+typer.main.get_command = cache(typer.main.get_command)
 
 
 @pytest.fixture(scope="session")

@@ -15,7 +15,14 @@ def test_they_are_in_order():
     assert [page.name[:2] for page in PAGES] == ["1_", "2_", "3_", "4_", "5_", "6_", "7_"]
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+# The first shows the pictures of its runs.
+@pytest.mark.parametrize(
+    "page",
+    [
+        pytest.param(page, id=page.stem, marks=[pytest.mark.drawn] if page is PAGES[0] else [])
+        for page in PAGES
+    ],
+)
 def test_tutorial(page, tmp_path, monkeypatch):
     folder = tmp_path / "work"
     folder.mkdir()
