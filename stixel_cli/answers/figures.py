@@ -1,5 +1,6 @@
 """Figures of an answer: the values with the paired differences, and a metric over an axis."""
 
+import io
 from collections.abc import Callable
 
 import matplotlib.figure
@@ -96,14 +97,8 @@ def over_axis(answer: Answer, write: Write = style.svg) -> bytes | None:
 
 def pdf(figure: matplotlib.figure.Figure) -> bytes:
     """The figure as a PDF without a date, so that its bytes repeat."""
-    import io
-
-    from matplotlib.backends.backend_pdf import FigureCanvasPdf
-
-    buffer = io.BytesIO()
-    FigureCanvasPdf(figure).print_pdf(
-        buffer, metadata={"CreationDate": None, "Creator": None, "Producer": None}
-    )
+    buffer, dated = io.BytesIO(), ("CreationDate", "Creator", "Producer")
+    figure.savefig(buffer, format="pdf", metadata=dict.fromkeys(dated))
     return buffer.getvalue()
 
 
