@@ -88,6 +88,7 @@ def test_every_road_user_runs_every_path_with_fabricated_measurements(
     assert answer["metrics"]["points_per_scan_mean"] > 1
 
 
+@pytest.mark.drawn
 @pytest.mark.parametrize("road_user", group_options()["road_user"])
 def test_every_road_user_is_rendered_and_measured(road_user, results, capsys):
     few = ("path.duration=0.2", "pictures.frames=[1]")
