@@ -285,7 +285,7 @@ def test_edited_code_is_named(tmp_path):
             check=False,
         )
 
-    done = stixel("run", *FABRICATED, "--name", "first")
+    done = stixel("run", *FABRICATED, "executor=threads", "--name", "first")
     assert done.returncode == 0, done.stderr
     motion = tmp_path / "stixel_cli" / "tracking" / "motion.py"
     text = motion.read_text()
