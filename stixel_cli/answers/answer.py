@@ -266,9 +266,7 @@ def answered(groups: Groups, question: Question) -> Answer:
         **{"mean": mean, "low": interval["low"], "high": interval["high"]},
         **{"minus": minus.mean(), "minus_low": ends["low"], "minus_high": ends["high"]},
     }
-    table = groups.table.assign(
-        **{name: each.reindex(options).to_numpy(float) for name, each in found.items()}
-    )
+    table = groups.table.join(pd.DataFrame(found, index=options, dtype=float))
     return Answer(
         question=question,
         table=table,

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from stixel_cli.answers import figures, render
+from stixel_cli.answers import render
 from stixel_cli.answers.page import page_links
 from stixel_cli.report.metrics import number
 from stixel_cli.report.page import drawing_for_page, page_template
@@ -127,8 +127,10 @@ def _section(section: Section, place: int, page: Path) -> dict[str, Any]:
         "cells": cells,
         "worst": worst,
         "figures": [
-            (label, drawing_for_page(figures.differences(own[0]).decode(), f"q{place}g{i}"))
-            for i, (label, own) in enumerate(section.groups)
+            (label, drawing_for_page(drawing.decode(), f"q{place}g{i}"))
+            for i, ((label, _), drawing) in enumerate(
+                zip(section.groups, section.drawings, strict=True)
+            )
         ],
     }
 

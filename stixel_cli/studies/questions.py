@@ -3,6 +3,7 @@
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import pandas as pd
@@ -78,6 +79,13 @@ class Section:
         return joined(
             " ".join(self.question.by), [(label, overview(own)) for label, own in self.groups]
         )
+
+    @cached_property
+    def drawings(self) -> list[bytes]:
+        """The figure of each group, an SVG, for the page and for a file of its own."""
+        from stixel_cli.answers.figures import differences
+
+        return [differences(own[0]) for _, own in self.groups]
 
 
 def study_question(name: Any, entries: Any, sweeps: Sequence[str]) -> StudyQuestion:

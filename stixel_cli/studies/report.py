@@ -8,7 +8,7 @@ from typing import Any
 
 import pandas as pd
 
-from stixel_cli.answers import figures, render
+from stixel_cli.answers import render
 from stixel_cli.answers.question import STATUS
 from stixel_cli.answers.runs import Runs
 from stixel_cli.errors import UserError, printable
@@ -138,12 +138,12 @@ def files_of(report: Report) -> dict[str, str | bytes]:
         data["questions"][name] = {
             label or "all": render.records(answers) for label, answers in section.groups
         }
-        for label, answers in section.groups:
+        for (label, answers), drawing in zip(section.groups, section.drawings, strict=True):
             stem = "-".join(filter(None, (name, re.sub(r"[^A-Za-z0-9_.-]+", "-", label))))
             found[f"tables/{stem}.csv"] = render.csv(answers)
             found[f"tables/{stem}.md"] = render.markdown(answers)
             found[f"tables/{stem}.tex"] = render.latex(answers, answers[0].sentence)
-            found[f"figures/{stem}.svg"] = figures.differences(answers[0])
+            found[f"figures/{stem}.svg"] = drawing
     for heading, table in report.material.tables.items():
         stem = re.sub(r"[^A-Za-z0-9]+", "-", heading).strip("-").lower()
         found[f"tables/{stem}.csv"] = table.to_csv(index=False, lineterminator="\n")

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from short_runs import runs_with
 
 from stixel_cli.cli.app import main
 
@@ -119,7 +120,7 @@ READS = {
 def made(tmp_path_factory):
     """A folder with a run, a sweep of two runs, and their cache; not to be changed."""
     root = tmp_path_factory.mktemp("made")
-    with pytest.MonkeyPatch.context() as patch:
+    with pytest.MonkeyPatch.context() as patch, runs_with("drawn"):
         patch.setenv("STIXEL_CACHE", str(root / "cache"))
         results = ["--results", str(root / "results")]
         assert main(["run", *FEW, "pictures.frames=[0]", *results, "--name", "run"]) == 0

@@ -21,8 +21,6 @@ from stixel_cli.engine.code import CodeIndex
 from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.experiment.stages import experiment_graph
 
-pytestmark = pytest.mark.usefixtures("no_pictures")
-
 
 def keys(*words):
     graph = experiment_graph(compose([*QUICK, *words]))
@@ -30,6 +28,7 @@ def keys(*words):
 
 
 @pytest.mark.parametrize("executor", ["threads", "local", "dask"])
+@pytest.mark.workers
 def test_every_kind_of_worker_finds_the_module(executor, own, capsys):
     if executor == "dask":
         pytest.importorskip("distributed")

@@ -13,8 +13,6 @@ from stixel_cli.cli.app import main
 from stixel_cli.own_code import all_values
 from stixel_cli.results import lineage
 
-pytestmark = pytest.mark.usefixtures("no_pictures")
-
 
 @pytest.fixture
 def words(own):

@@ -15,6 +15,8 @@ from stixel_cli.errors import UserError
 from stixel_cli.sweeps.folder import SweepFolder, SweepRequest
 from stixel_cli.sweeps.page import read_sweep
 
+pytestmark = pytest.mark.drawn
+
 VALUES, SEEDS = ("0.1", "0.4", "1.6"), ("0", "1", "2", "3")
 
 
