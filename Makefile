@@ -16,7 +16,7 @@ ARGS ?=
 
 .PHONY: setup run test lint coverage bench docs minimum dist clean
 
-setup: .venv/kernels
+setup: .venv/kernels .venv/schemas
 
 .venv/installed: pyproject.toml $(CONSTRAINTS)
 	$(CHECK_PYTHON)
@@ -37,11 +37,17 @@ setup: .venv/kernels
 	$(BIN)/python -m stixel_cli.machine.kernels
 	@touch $@
 
+# The JSON Schemas that the first lines of the files of conf/ and pipelines/ name, for editors.
+.venv/schemas: .venv/installed $(shell find conf stixel_cli -name '*.yaml' -o -name '*.py')
+	$(BIN)/stixel schema conf/schema > /dev/null
+	@touch $@
+
 # Without ARGS, two more trackers on the same scans follow, from the cache.
 run: setup
 	$(BIN)/stixel run $(ARGS)
 ifeq ($(ARGS),)
 	$(BIN)/stixel sweep tracker=contour,gp_ekf,point
+	$(BIN)/stixel play "$$(ls -td results/sweep-tracker-*/ | head -n 1)"
 endif
 	@echo "open results/index.html in a browser: it links to the page of each run and sweep"
 

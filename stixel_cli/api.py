@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 from stixel_cli.config.compose import Composition, from_resolved
 from stixel_cli.config.compose import compose as compose_overrides
 from stixel_cli.config.texts import mapping_texts, override_text, split_override
-from stixel_cli.engine.progress import Progress, in_notebook, make_progress
+from stixel_cli.engine.progress import Progress, make_progress
 from stixel_cli.errors import UserError
 from stixel_cli.evaluation.scores import Scores
 from stixel_cli.experiment.run import read_stored_run, record_run
@@ -281,8 +281,10 @@ def _texts(given: Sequence[Overrides], last_wins: bool) -> tuple[str, ...]:
 
 
 def _visible() -> bool:
-    """Whether progress is shown: not in a script whose output goes to a file."""
-    return in_notebook() or sys.stderr.isatty()
+    """Whether progress is shown: on a terminal or in a notebook, else the output goes to a file."""
+    # Not imported here: a notebook has imported it.
+    shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
+    return hasattr(shell, "kernel") or sys.stderr.isatty()
 
 
 def _moved(

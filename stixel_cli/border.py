@@ -27,7 +27,8 @@ RULES = (
     (
         "run code: import a module",
         "`tracker`, `measurement`, `metrics`, `code_folders`; `module` of a study",
-        "only with `--trust-code`; a study may use code of shipped ones",
+        "only with `--trust-code`, or from a result folder that you made here and did not change; "
+        "a study may use code of shipped ones",
     ),
     (
         "unpickle results, or connect to a scheduler, which sends pickles",

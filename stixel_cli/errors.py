@@ -22,7 +22,11 @@ class ArgumentError(UserError, ValueError):
 
 
 class BelongsElsewhere(ConfigurationError):
-    """A key or group that exists only with other options than the chosen ones."""
+    """A key or group, `key`, that exists only with other options than the chosen ones."""
+
+    def __init__(self, text: str, key: str = ""):
+        super().__init__(text)
+        self.key = key
 
 
 class MissingData(UserError):

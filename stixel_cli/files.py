@@ -50,7 +50,7 @@ def opened(file: Path, greatest: int = GREATEST_ARRAYS) -> Iterator[BinaryIO]:
         UserError: if it is missing, not a regular file, too large, or cannot be read.
     """
     try:
-        with open(file, "rb", opener=_without_waiting) as stream:
+        with open(file, "rb", opener=without_waiting) as stream:
             status = os.fstat(stream.fileno())
             if not stat.S_ISREG(status.st_mode):
                 raise UserError(f"{file}: not a regular file")
@@ -63,9 +63,9 @@ def opened(file: Path, greatest: int = GREATEST_ARRAYS) -> Iterator[BinaryIO]:
         raise UserError(f"{file}: cannot be read: {error.strerror or error}") from error
 
 
-def _without_waiting(path: str, flags: int) -> int:
-    """Open a file; without O_NONBLOCK a FIFO would wait for somebody who writes into it."""
-    return os.open(path, flags | os.O_NONBLOCK | os.O_NOCTTY)
+def without_waiting(path: str, flags: int) -> int:
+    """Open a file; without O_NONBLOCK a FIFO would wait for its other end."""
+    return os.open(path, flags | os.O_NONBLOCK | os.O_NOCTTY, 0o666)
 
 
 def read_bytes(file: Path, greatest: int = GREATEST_TEXT) -> bytes:

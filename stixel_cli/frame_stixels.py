@@ -101,7 +101,7 @@ class FrameStixels:
 
         `image` is (H, W) or (H, W, 3) uint8, by default the left image, or black without one.
         """
-        from stixel_cli.pictures.painted import painted
+        from stixel_cli.pictures.frame_view import painted
         from stixel_cli.pictures.style import depth_colours
 
         image = self.image if image is None else image

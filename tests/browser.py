@@ -33,6 +33,12 @@ class OpenedPage:
     page: Any
     problems: list[str] = field(default_factory=list)
 
+    def settle(self) -> None:
+        """Wait for two frames: observers of sizes, by which charts are drawn, have run by then."""
+        self.page.evaluate(
+            "new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))"
+        )
+
     def overflow(self) -> int:
         """By how many px the page is wider than the window; 0 if it fits."""
         return self.page.evaluate(
@@ -93,6 +99,7 @@ def open_page() -> Iterator[OpenPage]:
                 ),
             )
             page.goto(address)
+            opened.settle()
             return opened
 
         try:

@@ -1,15 +1,21 @@
-"""What every test may use: a cache of its own, away from the user's."""
+"""What every test may use: a cache of its own, away from the user's, and short runs."""
 
 import os
+from functools import cache
 
 # Before NumPy is imported: with two threads for each of two test processes, BLAS mostly waits.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import pytest
+import typer.main
 from browser import open_page as open_page
 from rendered_clip import clip as clip
+from short_runs import marks_of, runs_with
 
 from stixel_cli.engine.cache_folder import make_folder
+
+# Typer makes all commands anew for each command line of a process, of which the tests have many.
+typer.main.get_command = cache(typer.main.get_command)
 
 
 @pytest.fixture(scope="session")
@@ -37,23 +43,17 @@ def _no_user_cache(shared_cache):
         yield
 
 
-@pytest.fixture
-def no_pictures(monkeypatch, request):
-    """Runs and sweeps of this process draw nothing: drawing takes most of a short run's time.
-
-    For a whole module: `pytestmark = pytest.mark.usefixtures("no_pictures")`. A test of it with the
-    mark `drawn` draws.
-    """
-    if request.node.get_closest_marker("drawn"):
-        return
-    monkeypatch.setattr("stixel_cli.experiment.run.PICTURES", ())
-    monkeypatch.setattr("stixel_cli.sweeps.page.sweep_page", lambda *_, **given: "")
+@pytest.fixture(scope="module", autouse=True)
+def _runs_of_module(request):
+    """For the module's fixtures, too."""
+    with runs_with(*marks_of(request.node)):
+        yield
 
 
-@pytest.fixture
-def no_workers(monkeypatch):
-    """All work of `executor=local` counts as small, and so needs no processes that import all."""
-    monkeypatch.setattr("stixel_cli.engine.plan.Durations.estimate", lambda *_: 0.0)
+@pytest.fixture(autouse=True)
+def _runs_of_test(request, _runs_of_module):
+    with runs_with(*marks_of(request.node)):
+        yield
 
 
 def pytest_collection_modifyitems(items):

@@ -12,14 +12,25 @@ import numpy as np
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.validation.stage_errors import (
     GROSS,
+    HISTOGRAM_EDGES,
     PHASES,
     ColumnErrors,
     DisparityErrors,
     StageErrors,
     column_kinds,
-    histogram_median,
 )
 from stixel_cli.validation.stage_stixels import StixelErrors
+
+
+def histogram_median(histogram: np.ndarray) -> float:
+    """Median px of counts (n,) over `HISTOGRAM_EDGES`, even inside a bin; NaN if all are 0."""
+    before = np.concatenate([[0], np.cumsum(histogram)])
+    if before[-1] == 0:
+        return float("nan")
+    half = 0.5 * before[-1]
+    b = int(np.searchsorted(before, half, side="left")) - 1
+    share = (half - before[b]) / (before[b + 1] - before[b])
+    return float(HISTOGRAM_EDGES[b] + share * (HISTOGRAM_EDGES[b + 1] - HISTOGRAM_EDGES[b]))
 
 
 def column_summary(

@@ -40,6 +40,7 @@ TYPES = {
     "engine/loaded_code.py": "the function of a planned node, as above",
     "engine/store.py": "the cache of a planned graph, as above",
     "engine/dask_pool.py": "the scheduler of a planned graph, as above",
+    "results/made_here.py": "a folder that this user's command made, by a note in the cache",
 }
 """Modules that call a name typed, as nothing is by default, and what it is."""
 
@@ -63,6 +64,7 @@ ALLOWED = {
     ("engine/store.py", "dump"): "an entry of the cache",
     ("engine/store.py", "write_bytes"): "an entry of the cache",
     ("engine/store.py", "touch"): "a probe of the cache",
+    ("engine/store.py", "open"): "the list of removed entries of the cache",
     ("engine/task.py", "save"): "of the store",
     ("cli/errors.py", "write_text"): "the log of a crash, named by time",
     ("cli/errors.py", "open"): "the null device",

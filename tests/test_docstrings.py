@@ -8,7 +8,6 @@ import pytest
 MODULES = ("stixel_cli.api", "stixel_cli.pairs", "stixel_cli.measurements.scans")
 
 
-@pytest.mark.usefixtures("no_pictures", "no_workers")
 @pytest.mark.parametrize("name", MODULES)
 def test_the_examples_of_a_module_give_what_they_show(name):
     result = doctest.testmod(import_module(name))

@@ -4,14 +4,12 @@ import inspect
 from dataclasses import fields
 
 import numpy as np
-import pytest
 
 from stixel_cli import compose, method, run
 
 SMALL = ("path.duration=1.2", "rig.width=320", "rig.height=240", "seed=5", "executor=threads")
 
 
-@pytest.mark.usefixtures("no_pictures")
 def test_the_method_gives_the_bytes_of_the_cached_run(tmp_path, monkeypatch):
     monkeypatch.setenv("STIXEL_CACHE", str(tmp_path))
     found = method.follow_road_user(compose(SMALL).configuration, seed=5)

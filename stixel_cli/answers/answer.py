@@ -236,6 +236,8 @@ def answered(groups: Groups, question: Question) -> Answer:
     options, scenarios, units, row = groups.options, groups.scenarios, groups.units, question.row
     value = groups.runs[question.metric].astype(float)
     value = value.where(~groups.failed & (groups.runs[STATUS] != MISSING))
+    if question.metric == LOST:
+        value = value.mask(groups.failed, 1.0)
     cells = np.full((len(options), len(scenarios), len(units)), np.nan)
     cells[groups.cells] = value
     has = np.isfinite(cells)
@@ -264,9 +266,7 @@ def answered(groups: Groups, question: Question) -> Answer:
         **{"mean": mean, "low": interval["low"], "high": interval["high"]},
         **{"minus": minus.mean(), "minus_low": ends["low"], "minus_high": ends["high"]},
     }
-    table = groups.table.assign(
-        **{name: each.reindex(options).to_numpy(float) for name, each in found.items()}
-    )
+    table = groups.table.join(pd.DataFrame(found, index=options, dtype=float))
     return Answer(
         question=question,
         table=table,

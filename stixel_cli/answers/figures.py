@@ -1,5 +1,6 @@
 """Figures of an answer: the values with the paired differences, and a metric over an axis."""
 
+import io
 from collections.abc import Callable
 
 import matplotlib.figure
@@ -30,7 +31,7 @@ def differences(answer: Answer, write: Write = style.svg) -> bytes:
     width = max(style.NARROW, 4.0 + 0.085 * max(map(len, names), default=0))
     with style.drawing({"axes.spines.left": False, **style.LEGIBLE}):
         height = (1 + paired) * (0.7 + 0.2 * len(order))
-        figure = style.new_figure(width, height, layout="constrained")
+        figure = style.new_figure(width, height)
         sides = figure.subplots(1 + paired, sharey=True, squeeze=False)[:, 0]
         for place, option in enumerate(order):
             row, own = table.loc[option], values[option]
@@ -52,15 +53,19 @@ def differences(answer: Answer, write: Write = style.svg) -> bytes:
         for axes in sides:
             axes.tick_params("y", length=0.0)
             axes.grid(True, axis="x")
+        style.place(figure, sides)
         return write(figure)
 
 
 def over_axis(answer: Answer, write: Write = style.svg) -> bytes | None:
-    """The mean over the values of the compared axis; None unless these are three numbers or more.
+    """The mean over the values of the compared axis; None unless these are three numbers or more
+    with a value.
 
     The thick line is the mean of the units, over the scenarios and units that every value has, with
     its interval; thin lines are the scenarios.
     """
+    if answer.values.empty:
+        return None
     numbers = pd.to_numeric(pd.Series([*answer.values.columns]), errors="coerce")
     if len(numbers) < 3 or not np.isfinite(numbers).all() or len(answer.question.compare) > 1:
         return None
@@ -71,7 +76,7 @@ def over_axis(answer: Answer, write: Write = style.svg) -> bytes | None:
     scenes = answer.by_scenario().loc[[*answer.scenarios], columns]
     ends = mean_interval(values, answer.question.row.bounds)
     with style.drawing({"axes.grid": True, **style.LEGIBLE}):
-        figure = style.new_figure(style.NARROW, 2.7, layout="constrained")
+        figure = style.new_figure(style.NARROW, 2.7)
         axes = figure.subplots()
         if len(scenes) > 1:
             axes.plot(places, scenes.to_numpy().T, color=style.UNUSED, linewidth=0.6)
@@ -89,19 +94,14 @@ def over_axis(answer: Answer, write: Write = style.svg) -> bytes | None:
         if answer.question.row.better == "one":
             axes.axhline(1.0, color=style.UNUSED, linewidth=0.8, linestyle="--")
             style.log_axis(axes)
+        style.place(figure, [axes])
         return write(figure)
 
 
 def pdf(figure: matplotlib.figure.Figure) -> bytes:
     """The figure as a PDF without a date, so that its bytes repeat."""
-    import io
-
-    from matplotlib.backends.backend_pdf import FigureCanvasPdf
-
-    buffer = io.BytesIO()
-    FigureCanvasPdf(figure).print_pdf(
-        buffer, metadata={"CreationDate": None, "Creator": None, "Producer": None}
-    )
+    buffer, dated = io.BytesIO(), ("CreationDate", "Creator", "Producer")
+    figure.savefig(buffer, format="pdf", metadata=dict.fromkeys(dated))
     return buffer.getvalue()
 
 

@@ -9,10 +9,11 @@ import numpy as np
 
 from stixel_cli.answers import figures, render
 from stixel_cli.answers.answer import Answer
+from stixel_cli.answers.over_time import SHARES, over_time
 from stixel_cli.answers.question import ERROR, FOLDER, STATUS
 from stixel_cli.answers.runs import Runs
 from stixel_cli.evaluation.metric_table import metric
-from stixel_cli.report.error_curves import Errors, error_curves
+from stixel_cli.report.error_curves import error_curves
 from stixel_cli.report.metrics import number
 from stixel_cli.report.page import drawing_for_page, page_template
 from stixel_cli.report.static_page import json_in_html
@@ -28,9 +29,9 @@ def answers_page(
     title: str,
     command: Sequence[str],
     links: Mapping[str, str],
-    curves: Mapping[str, Errors] = {},
-    times: str = "t (s)",
-    notes: Mapping[str, Any] = {},
+    remarks: Sequence[str] = (),
+    origin: Mapping[str, Any] = {},
+    player: str = "",
 ) -> str:
     """The page of the answers of one comparison, the main metric first.
 
@@ -38,10 +39,13 @@ def answers_page(
         title: of the page.
         command: that writes it.
         links: folder of a run to its page, relative to this page.
-        curves: name of an option to its errors over time; `times` is the label of their times.
-        notes: `command`, `created` and `revision` of the runs.
+        remarks: on the runs, each in one sentence.
+        origin: `command`, `created` and `revision` of the runs.
+        player: the page that plays the runs back, relative to this page; "" without one.
     """
     first, axes = answers[0], _axis_answers(runs, answers[0])
+    curves = over_time(first)
+    times = "share of the run" if any(t is SHARES for t, _ in curves.values()) else "t (s)"
     states = runs.frame[STATUS].value_counts()
     cells = render.overview(answers)
     return page_template(__package__, "answers.html").render(
@@ -51,19 +55,20 @@ def answers_page(
             (one.question.heading, one.sentence, _drawing(figures.differences(one), f"d{i}"))
             for i, one in enumerate(answers)
         ],
-        notes=first.notes,
+        notes=[*first.notes, *remarks],
+        player=player,
         cells=cells,
         worst=_worst(first, links),
-        explanation=render.explanation(first.over),
+        explanation=render.explanation(first),
         scenarios=_scenarios(first),
         axes=[
             (one.question.named, one.sentence, _drawing(drawn, f"a{i}"))
             for i, one in enumerate(axes)
             if (drawn := figures.over_axis(one)) is not None
         ],
-        over_time=error_curves(curves, x=times) if curves else [],
+        over_time=error_curves(curves, x=times),
         data=json_in_html(_table(runs, links)),
-        origin=notes,
+        origin=origin,
         command=shlex.join(command),
     )
 
@@ -100,30 +105,28 @@ def _worst(answer: Answer, links: Mapping[str, str]) -> list[tuple[str, str]]:
     return rows
 
 
-def _scenarios(answer: Answer) -> dict[str, Any] | None:
+def _scenarios(answer: Answer) -> render.Cells | None:
     """Means of each scenario (row) and option (column); None for one scenario, or for too many."""
     table = answer.by_scenario()[answer.order]
     if len(table) < 2 or table.size > MOST_CELLS:
         return None
     texts = [[number(v if np.isfinite(v) else None) for v in row] for row in table.to_numpy()]
-    return {
-        "heading": answer.question.heading,
-        "name": " ".join(answer.question.within),
-        "options": [str(option) for option in table.columns],
-        "rows": [
-            (str(scene), row, scene in answer.scenarios)
+    return render.Cells(
+        (" ".join(answer.question.within), *map(str, table.columns)),
+        tuple(
+            (str(scene) if scene in answer.scenarios else f"{scene} (left out)", *row)
             for scene, row in zip(table.index, texts, strict=True)
-        ],
-    }
+        ),
+        numbers=tuple(range(1, 1 + len(table.columns))),
+    )
 
 
 def _table(runs: Runs, links: Mapping[str, str]) -> dict[str, Any]:
     """What `runs.js` shows: columns, rows and links of all runs, numbers with five digits."""
-    names = [*runs.axes, STATUS, *runs.metrics]
     frame = runs.frame
+    names = [n for n in (*runs.axes, STATUS, *runs.metrics) if n != frame.index.name]
     columns = [
         {
-            "name": name,
             "title": name if name not in runs.metrics else metric(name).heading,
             "shown": name in (*runs.axes, STATUS, *runs.metrics[:6]),
             "number": name in runs.metrics,
@@ -136,11 +139,13 @@ def _table(runs: Runs, links: Mapping[str, str]) -> dict[str, Any]:
     folders = frame[FOLDER].astype(str) if FOLDER in frame else [""] * len(frame)
     errors = frame[ERROR].fillna("").astype(str) if ERROR in frame else [""] * len(frame)
     return {
+        "first": "run",
         "columns": columns,
         "rows": rows,
+        "names": [_plain(name) for name in frame.index],
         "links": [links.get(folder, "") for folder in folders],
         "errors": [*errors],
-        "axes": list(runs.axes),
+        "axes": [name for name in runs.axes if name in names],
     }
 
 

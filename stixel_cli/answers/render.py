@@ -35,14 +35,14 @@ class Cells:
     Attributes:
         header: of the columns.
         rows: the texts.
-        best: whether a cell is the best of its column, by row.
+        best: whether a cell is the best of its column, by row; () without any.
         numbers: the columns of numbers, which are aligned right.
     """
 
     header: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
-    best: tuple[tuple[bool, ...], ...]
-    numbers: tuple[int, ...]
+    best: tuple[tuple[bool, ...], ...] = ()
+    numbers: tuple[int, ...] = ()
 
 
 def overview(answers: Sequence[Answer], intervals: int | None = None) -> Cells:
@@ -74,8 +74,11 @@ def overview(answers: Sequence[Answer], intervals: int | None = None) -> Cells:
     return Cells(tuple(header), tuple(rows), tuple(best), tuple(range(1, len(header))))
 
 
-def explanation(over: str) -> str:
-    """What the values of a table are; `over` are the units, as in `Answer.over`."""
+def explanation(answer: Answer | None = None) -> str:
+    """What the values of an answer's table are, or those of several answers."""
+    if answer is not None and answer.units < 2 and len(answer.scenarios) < 2:
+        return f"Each value is that of one run. Nothing is compared below {LEAST_UNITS} units."
+    over = "named under “In words”" if answer is None else answer.over
     return EXPLANATION.format(over=over, least=LEAST_UNITS)
 
 
@@ -93,7 +96,7 @@ def markdown(answers: Sequence[Answer]) -> str:
     lines = [f"| {' | '.join(row)} |" for row in (cells.header, rule, *rows)]
     said = [f"- {one.sentence}" for one in answers]
     notes = [f"- {text}" for text in answers[0].notes]
-    return "\n".join([*lines, "", *said, *notes, "", explanation(answers[0].over), ""])
+    return "\n".join([*lines, "", *said, *notes, "", explanation(answers[0]), ""])
 
 
 def latex(answers: Sequence[Answer], caption: str = "", label: str = "") -> str:

@@ -15,15 +15,12 @@ import pandas as pd
 from stixel_cli.answers.answer import Answer, Groups, answered, grouped
 from stixel_cli.answers.question import STATUS, Question
 from stixel_cli.errors import UserError, printable
-from stixel_cli.evaluation.metric_table import METRICS
+from stixel_cli.evaluation.metric_table import MAIN, METRICS, main_first
 
 SCENE = ("road_user", "path", "pace", "ego", "world", "road", "source", "measurement", "rig")
 """Groups whose axes are scenarios, unless nothing else differs between the runs."""
 
-MAIN = (
-    *("iou_box_mean", "iou_mean", "centre_rmse_m", "orientation_rmse_deg"),
-    *("track_lost", "nees_position_mean"),
-)
+SHOWN = (*MAIN, "nees_position_mean")
 """The metrics that an answer is about, the first first."""
 
 
@@ -62,7 +59,7 @@ class Runs:
         others = [name for name in self.frame if name not in (*self.axes, STATUS)]
         numbers = self.frame[others].select_dtypes("number").dropna(axis=1, how="all")
         known = [*(n for n in METRICS if n in numbers), *(n for n in numbers if n not in METRICS)]
-        return [*(name for name in MAIN if name in known), *(n for n in known if n not in MAIN)]
+        return main_first(known)
 
     def question(
         self,
@@ -80,7 +77,7 @@ class Runs:
                 else the first one; of runs that differ by their seeds alone there is one option.
             within: axes whose combinations are scenarios, of equal weight; by default all others.
             over: axes whose combinations are the units of statistics; by default the seeds.
-            metric: by default the first of `MAIN` that the runs have.
+            metric: by default the first of the main ones that the runs have.
             better: "more", "less" or None; by default as the table of metrics says.
             reference: the option that others are compared with; None for the best one.
 

@@ -15,6 +15,7 @@ from stixel_cli.answers.page import answers_page
 from stixel_cli.answers.runs import Runs
 from stixel_cli.benchmark import score
 from stixel_cli.benchmark.sequences import FROZEN, named
+from stixel_cli.report.page import page_template
 from stixel_cli.results.result import DONE
 
 AXES = ("tracker", "sensor", "road_user", "case", "seed")
@@ -72,16 +73,8 @@ def bench_pages(rows: Sequence[Mapping[str, Any]], played: Collection[str] = ())
             name = own[0]["benchmark"][:12] + fresh + f"-{part}" * (part != FROZEN)
             files |= _set_files(name, str(part), frame.reset_index(drop=True), played)
             index.append((name, part, frame["folder"].nunique(), frame["tracker"].nunique()))
-    lines = [
-        f'<li><a href="{name}.html">{name}</a>: part {part}, {sequences} sequences, {trackers} '
-        f'rows (<a href="{name}.csv">CSV</a>)</li>'
-        for name, part, sequences, trackers in index
-    ]
-    text = "\n".join(lines) or "<li>There are no rows yet: stixel bench score.</li>"
-    head = "<!doctype html><meta charset=utf-8><title>Benchmark 1.0</title>"
-    style = "<style>:root{color-scheme:light dark}body{font:16px system-ui;margin:2rem}</style>"
-    title = "<h1>Benchmark 1.0 of extended target trackers</h1>"
-    return files | {"index.html": f"{head}{style}{title}<ul>{text}</ul>\n"}
+    page = page_template(__package__, "benchmark.html").render(sets=index)
+    return files | {"index.html": page}
 
 
 def _set_files(

@@ -10,7 +10,6 @@ from stixel_cli.border import write_whole, written
 from stixel_cli.engine.cache_folder import Lease
 from stixel_cli.engine.execute import execute
 from stixel_cli.engine.graph import merge
-from stixel_cli.engine.progress import make_display
 from stixel_cli.engine.store import open_store
 from stixel_cli.results.folder import json_text
 from stixel_cli.results.lineage import provenance
@@ -41,7 +40,7 @@ def render(
             store, graph = open_store(configuration.cache), merge(run.graph for run in own)
             targets = [key for run in own for key in run.graph.expand(NODES)]
             label = f"sequences {first + 1} to {first + len(own)} of {len(chosen)}"
-            progress = SweepProgress(own, lambda *_: None, label=label, display=make_display())
+            progress = SweepProgress(own, lambda *_: None, label=label, visible=True)
             with Lease(store.folder, targets):
                 execute(graph, targets, store, configuration.executor, progress)
                 for sequence, run in zip(chosen[batch], own, strict=True):

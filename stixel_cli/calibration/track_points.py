@@ -11,7 +11,7 @@ from stixel_cli.rendering.frames import StereoPairs
 from stixel_cli.stereo import bm, sgm
 from stixel_cli.stereo.matching import MatchingParameters
 
-MOST_FIRST = 10
+MOST_FIRST = 8
 """First images of pairs in a recording: so many take two seconds, and more show little more."""
 
 
@@ -35,10 +35,11 @@ def track_points(
     count = last.first + len(last)
     if count < 2:
         return gathered(found)
+    left = lru_cache(MOST_STEPS + 1)(lambda k: chunk(k // size).left[k % size])
     match = {"sgm": sgm.match, "bm": bm.match}[stereo.kind]
     for k in np.unique(np.linspace(0, count - 2, MOST_FIRST).astype(int)).tolist():
-        disparity = match(chunk(k // size), stereo, rig, range(k, k + 1)).pixels(0)
-        later = range(k, min(k + MOST_STEPS + 1, count))
-        images = (chunk(i // size).left[i % size] for i in later)
+        pair = StereoPairs(k, (left(k),), (chunk(k // size).right[k % size],))
+        disparity = match(pair, stereo, rig, range(k, k + 1)).pixels(0)
+        images = map(left, range(k, min(k + MOST_STEPS + 1, count)))
         found += [(k, *row) for row in followed(images, disparity, rig)]
     return gathered(found)

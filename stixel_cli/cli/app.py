@@ -14,20 +14,19 @@ from typer.core import TyperCommand, TyperGroup
 from stixel_cli.cli.assess import assess
 from stixel_cli.cli.bench import app as bench
 from stixel_cli.cli.calibrate import calibrate
-from stixel_cli.cli.compare import compare
 from stixel_cli.cli.describe import describe
 from stixel_cli.cli.errors import Interrupted, guarded, settle_streams, usage_line
 from stixel_cli.cli.export import export
 from stixel_cli.cli.learn_shape import learn_shape
+from stixel_cli.cli.ls import ls
 from stixel_cli.cli.machine import app as cache
 from stixel_cli.cli.machine import doctor
 from stixel_cli.cli.new import new
 from stixel_cli.cli.plan import explain, plan
-from stixel_cli.cli.report import play, report
+from stixel_cli.cli.report import figure, play, report, table
 from stixel_cli.cli.rerun import rerun, verify
 from stixel_cli.cli.run import help_of_run, run
 from stixel_cli.cli.schema import schema
-from stixel_cli.cli.show import ls, show
 from stixel_cli.cli.study import study
 from stixel_cli.cli.sweep import sweep
 from stixel_cli.cli.terminal import escaping, say
@@ -125,11 +124,13 @@ def stixel(
 
 app.command(cls=_Run, short_help="Run one experiment.")(run)
 _COMMANDS = (
-    *(sweep, tune, study, describe, plan, explain, rerun, verify, ls, show, compare, report, play),
+    *(sweep, tune, study, describe, plan, explain, rerun, verify, ls, report, table, figure, play),
     *(export, calibrate, assess, learn_shape, new, schema),
 )
 for _command in _COMMANDS:
     app.command()(_command)
+for _word in ("show", "compare"):
+    app.command(_word, short_help="Short for ls of one run or sweep, or of several runs.")(ls)
 app.add_typer(bench, name="bench")
 app.add_typer(cache, name="cache")
 app.command()(doctor)

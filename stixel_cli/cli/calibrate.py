@@ -47,14 +47,16 @@ def calibrate(
     found = estimate(composition, make_progress())
     if output is not None:
         write_new(output, rig_text(found.rig, found.text))
+    medians = {"before": found.median_before, "after": found.median_after}
+    medians = {name: median for name, median in medians.items() if median >= 0.0}
     if json:
-        medians = {"median_before": found.median_before, "median_after": found.median_after}
-        print_json({"text": found.text, **found.values, **medians})
+        residuals = {f"median_{name}": median for name, median in medians.items()}
+        print_json({"text": found.text, **found.values, **residuals})
         return 0
     values = {name: found.values[name] for name in ("disparity_error", "disparity_error_std")}
     say(
         shlex.join(f"rig.{name}={str(value).replace(' ', '')}" for name, value in values.items()),
         found.text,
-        f"median residual {found.median_before:.2f} px before, {found.median_after:.2f} px after",
+        *(f"median residual {name}: {median:.2f} px" for name, median in medians.items()),
     )
     return 0

@@ -18,29 +18,37 @@ def describe(
     name: Annotated[
         str | None,
         argument(
-            "A group, an option as GROUP=OPTION (also MODULE:FUNCTION), or a key. "
+            "A group, an option as GROUP=OPTION (also MODULE:FUNCTION), a key, or a metric. "
             "Without it: all groups.",
             "NAME",
             complete_setting,
         ),
     ] = None,
 ) -> int:
-    """Explain a setting, or list all groups.
+    """Explain a setting or a metric, or list all groups.
 
-    It prints meaning, unit, range, default, options, and the stages that read the setting.
+    It prints meaning, unit, range, default, options, and the stages that read the setting; of a
+    metric, which values are better and what it is compared with.
 
-    Example: stixel describe tracker.sigma_f
+    \b
+    Examples:
+      stixel describe tracker.sigma_f
+      stixel describe iou_mean
     """
     from stixel_cli.config.descriptions import meaning_of_option, parameters_of_own
     from stixel_cli.config.keys import known_keys
     from stixel_cli.config.messages import unknown_key, unknown_option
     from stixel_cli.config.own_options import check_option
+    from stixel_cli.evaluation.metric_table import METRICS
 
     group, option = split_override(name or "")
     group = group.replace(".", "/") if group.replace(".", "/") in group_options() else group
     if name is None:
         _print_groups()
     elif group not in group_options():
+        if name in METRICS:
+            _print_metric(name)
+            return 0
         if group not in known_keys():
             raise ConfigurationError(unknown_key(group))
         _print_key(group)
@@ -109,6 +117,25 @@ def _print_key(name: str) -> None:
         rows.append(("belongs to", " ".join(key.belongs_to)))
         rows.append(("read by", _listed([*readers(name), *key.followers])))
         print_table((name, key.meaning), [row for row in rows if row[1]])
+
+
+def _print_metric(name: str) -> None:
+    from stixel_cli.evaluation.metric_table import BASELINES, METRICS
+
+    row = METRICS[name]
+    low, high = ("" if bound is None else f"{bound:g}" for bound in row.bounds)
+    least, most = row.expected
+    limits = ((least, "below"), (most, "above"))
+    better = {"less": "less", "more": "more", "one": "near 1, as a factor"}
+    rows = [
+        ("unit", row.unit),
+        ("range", f"{low} to {high}" if high else f"{low} or more" if low else ""),
+        ("better", better.get(row.better, "no value is better")),
+        ("compared with", BASELINES.get(name, "")),
+        ("verdict names it", ", ".join(f"{w} {v:.2g}" for v, w in limits if v is not None)),
+        ("over runs", row.over_runs or "the mean, with its 95 % interval"),
+    ]
+    print_table((name, row.label), [row for row in rows if row[1]])
 
 
 def _values(key: "Key") -> str:

@@ -13,6 +13,7 @@ from stixel_cli.errors import UserError
 
 if TYPE_CHECKING:
     from stixel_cli.engine.cleanup import Collection
+    from stixel_cli.engine.entries import Entry
     from stixel_cli.engine.errors import MissingEntry
     from stixel_cli.engine.store import Store
 
@@ -42,10 +43,10 @@ def doctor(json: Json = False) -> int:
     It checks versions, cores, threads, renderers, cache and disk. The exit code is 0 if the default
     experiment can run here, otherwise 1.
     """
-    from stixel_cli.engine.progress import make_display
+    from stixel_cli.engine.progress import Display
     from stixel_cli.machine.health import examine
 
-    bar = make_display()
+    bar = Display()
     show = bar.show if sys.stderr.isatty() else lambda _, text: tell(f"{text} …")
     checks = examine(local_store(), begins=(lambda *_: None) if json else show)
     bar.close()
@@ -68,12 +69,12 @@ def ls(json: Json = False) -> int:
     from stixel_cli.engine.parameters import show_size
 
     store = local_store()
-    damaged: list[MissingEntry] = []
-    listed = entries(store, damaged.append)
+    damaged: list[tuple[Entry, MissingEntry]] = []
+    listed = entries(store, damaged)
     if damaged:
         are = "1 entry is" if len(damaged) == 1 else f"{len(damaged)} entries are"
-        aside = " and set aside" if all(entry.set_aside for entry in damaged) else ""
-        tell(f"{are} damaged or of an older version{aside}; recomputed when needed")
+        removed = ", removed" if all(fault.removed for _, fault in damaged) else ""
+        tell(f"{are} damaged or of an older version{removed}; recomputed when needed")
     stages: dict[str, dict[str, Any]] = {}
     for entry in listed:
         row = stages.setdefault(entry.stage, {"entries": 0, "size": 0, "last_use": 0.0})
@@ -162,22 +163,22 @@ def clear(
 
 @app.command()
 def verify(json: Json = False) -> int:
-    """Check the digest of every result; set damaged ones aside.
+    """Check the digest of every result; remove damaged ones.
 
     Damaged results are listed and recomputed when needed. The exit code is then 1.
     """
-    from stixel_cli.engine.entries import entry_folders, verify_all
+    from stixel_cli.engine.entries import entries
 
     store = local_store()
-    # `entries` would set damaged results aside before `verify_all` could list them.
-    count = len(entry_folders(store))
-    bad = verify_all(store)
+    bad: list[tuple[Entry, MissingEntry]] = []
+    count = len(entries(store, bad, values=True)) + len(bad)
     if json:
-        answer = [vars(entry) | {"reason": reason} for entry, reason in bad]
+        answer = [vars(entry) | {"reason": fault.reason} for entry, fault in bad]
         print_json({"folder": str(store.folder), "read": count, "bad": answer})
     else:
-        for entry, reason in bad:
-            say(f"bad: {entry.label} {entry.key[:12]}: {reason}; set aside")
+        for entry, fault in bad:
+            how = "removed" if fault.removed else "cannot be removed"
+            say(f"bad: {entry.label} {entry.key[:12]}: {fault.reason}; {how}")
         are = "is" if len(bad) == 1 else "are"
         verdict = f"{len(bad)} {are} bad and recomputed when needed" if bad else "all are good"
         say(f"{store.folder}: {count} results read, {verdict}")

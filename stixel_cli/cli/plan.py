@@ -19,9 +19,6 @@ if TYPE_CHECKING:
     from stixel_cli.sweeps.design import Axis
     from stixel_cli.sweeps.graphs import SweepPlan
 
-MOST_LINES = 30
-"""Lines of a module's difference that are printed; --json gives all."""
-
 AS_RUN = (
     "this is what stixel run would compute, including pictures and page; "
     "a sweep draws pictures only with --pictures"
@@ -95,15 +92,23 @@ def print_plan(plan: "SweepPlan", axes: "Sequence[Axis]" = (), json: bool = Fals
     ]
     print_table(("stage", "nodes", "cached", "to run", "time"), rows, right=(1, 2, 3, 4))
     counts, seconds = content["nodes"], content["seconds"]
-    estimate = "; no estimate of the time yet"
-    if seconds is not None:
-        workers = counted(content["workers"], "worker")
-        estimate = f", about {duration(seconds)} with {workers}"
+    estimate = estimate_text(seconds, content["workers"], plan.unmeasured)
     say(
         f"{counted(content['runs'], 'run')}, {content['runs_cached']} complete; "
         f"{counted(counts['all'], 'node')}, {counts['cached']} cached, {counts['to_run']} to run"
         f"{estimate if plan.missing else ''}"
     )
+
+
+def estimate_text(seconds: float | None, workers: int, unmeasured: Sequence[str]) -> str:
+    """`, about 3 min with 2 workers; never measured: track`."""
+    if seconds is None:
+        return "; no estimate of the time yet"
+    from stixel_cli.engine.parameters import duration
+    from stixel_cli.results.reader import listed
+
+    text = f", about {duration(seconds)} with {counted(workers, 'worker')}"
+    return f"{text}; never measured: {listed(unmeasured)}" if unmeasured else text
 
 
 def plan_content(plan: "SweepPlan", axes: "Sequence[Axis]" = ()) -> dict[str, Any]:
@@ -119,6 +124,7 @@ def plan_content(plan: "SweepPlan", axes: "Sequence[Axis]" = ()) -> dict[str, An
             "to_run": len(plan.missing),
         },
         "seconds": None if seconds is None else round(seconds, 1),
+        "unmeasured": list(plan.unmeasured),
         "workers": configuration.executor.workers,
         "axes": [{"keys": list(axis.keys), "values": len(axis.steps)} for axis in axes],
         "notes": list(plan.notes),
@@ -170,7 +176,6 @@ def explain(
     if json:
         print_json([_as_json(node, needed_by.get(node.key)) for node in missing])
         return 0
-    shown: set[tuple[str, ...]] = set()
     for group, text in by_stage(missing):
         first, last = group[0].label, group[-1].label
         labels = first if first == last else f"{first} … {last}"
@@ -178,14 +183,6 @@ def explain(
         runs = sorted({index for node in group for index in needed_by.get(node.key, ())})
         where = f" ({shown_runs(runs, len(plan.runs))})" if is_sweep else ""
         say(f"{labels}{where}: {text}")
-        for change in group[0].changes:
-            if change.difference and change.difference not in shown:
-                shown.add(change.difference)
-                # Without the two lines of its header.
-                lines = change.difference[2:]
-                more = len(lines) - MOST_LINES
-                lines = [*lines[:MOST_LINES], *([f"… {more} more lines"] if more > 0 else ())]
-                say(*(f"    {line}" for line in lines))
     if not missing:
         current = keys <= plan.graph.nodes.keys()
         other = "" if current else "; the folder has results of other code or files"

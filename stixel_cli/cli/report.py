@@ -1,4 +1,4 @@
-"""`stixel report` and `stixel play`: write a page that compares runs, or plays them back."""
+"""`stixel report`, `table` and `figure`: what is said of a sweep, or of several runs."""
 
 from typing import Annotated
 
@@ -10,101 +10,133 @@ from stixel_cli.cli.run import stored_run
 from stixel_cli.cli.terminal import say, say_wrapped
 from stixel_cli.errors import UserError
 
+Compare = Annotated[
+    str | None,
+    typer.Option(metavar="KEYS", help="Swept keys whose values are compared, in a sweep."),
+]
+Metrics = Annotated[
+    str | None, typer.Option(metavar="NAMES", help="Metrics by commas, the main one first.")
+]
+Reference = Annotated[str | None, typer.Option(help="Option to compare with, instead of the best.")]
+
 
 def report(
     folders: Folders,
     output: Output = None,
     over: Over = None,
-    compare: Annotated[
-        str | None,
-        typer.Option(metavar="KEYS", help="Swept keys whose values are compared, in a sweep."),
-    ] = None,
-    metrics: Annotated[
-        str | None, typer.Option(metavar="NAMES", help="Metrics of a sweep, the main one first.")
-    ] = None,
-    reference: Annotated[
-        str | None, typer.Option(help="Option of a sweep to compare with, instead of the best.")
-    ] = None,
-    form: Annotated[
-        str | None,
-        typer.Option(
-            "--format",
-            help="Of a sweep: html, a table (md, tex, csv) or a figure (svg, pdf, png); default: "
-            "that of --output, or html.",
-        ),
-    ] = None,
+    compare: Compare = None,
+    metrics: Metrics = None,
+    reference: Reference = None,
+    player: Annotated[
+        bool, typer.Option("--play", help="Write the page that plays the runs of one scene back.")
+    ] = False,
+    workers: Workers = None,
+    trust_code: TrustCode = False,
 ) -> int:
-    """Compare two or more runs, or show one sweep by its own folder, on one page.
+    """Write one page of a sweep or of several runs.
 
-    A comparison shows verdicts, metrics, errors over time and the settings that differ. A sweep's
-    page compares its options, with paired intervals. A sweep also gives one table or one figure
-    for a paper.
+    It compares the options of the sweep, by its own folder, or the runs: answers with paired
+    intervals, errors over time, settings that differ. With --play, it plays back runs of one scene;
+    missing results are computed. The page of one run is already in its folder, as index.html.
 
     \b
     Examples:
       stixel report results/simulated results/fabricated
-      stixel report results/my_sweep --metrics iou_mean,centre_rmse_m --format tex
+      stixel report results/my_sweep --compare tracker --metrics iou_mean,centre_rmse_m
+      stixel report --play results/gp results/point
     """
-    from stixel_cli.results.folder import PAGE
-    from stixel_cli.results.reader import SWEEP_FILE, check_folder
-
-    is_sweep = len(folders) == 1 and (folders[0] / SWEEP_FILE).exists()
-    if len(folders) < 2 and not is_sweep:
-        check_folder(folders[0])
-        raise UserError(
-            f"report compares two or more runs, or shows one sweep; the page of one run is "
-            f"{folders[0] / PAGE}"
-        )
-    own = {"--over": over, "--compare": compare, "--metrics": metrics}
-    own |= {"--reference": reference, "--format": form}
-    if not is_sweep:
-        for option in (option for option, value in own.items() if value is not None):
-            raise UserError(f"{option}: is for one sweep; these are runs")
     from stixel_cli.border import write_new
-    from stixel_cli.report.compare import default_page, page_html
+    from stixel_cli.report.compare import default_page
+    from stixel_cli.results.folder import PAGE
+    from stixel_cli.sweeps.page import asked_folders, sweep_page
 
+    if player:
+        return play(folders, output, workers, trust_code)
+    asked = asked_folders(folders, metrics, reference, over, compare)
+    page = output or default_page(folders)
+    given = {"--over": over, "--compare": compare, "--metrics": metrics, "--reference": reference}
+    given["--output"] = None if output is None else str(output)
     command = ["stixel", "report", *map(str, folders)]
-    given = {**own, "--output": None if output is None else str(output)}
     command += [word for option, value in given.items() if value for word in (option, value)]
-    if is_sweep:
-        from stixel_cli.sweeps.page import FORMATS, asked_sweep, sweep_page, written_format
-
-        form = form or (output.suffix[1:] if output is not None else "") or "html"
-        if form not in FORMATS:
-            raise UserError(f"--format: {form}: must be one of {', '.join(FORMATS)}")
-        result, notes, answers = asked_sweep(folders[0], over, compare, metrics, reference)
-        page = output or default_page(folders).with_suffix(f".{form}")
-        if form == "html":
-            content = sweep_page(result, page, command, notes, answers)
-        else:
-            content = written_format(answers, form)
-        for answer in answers:
-            say_wrapped(answer.sentence)
-    else:
-        from stixel_cli.results.result import read_scored_run
-
-        page = output or default_page(folders)
-        content = page_html([read_scored_run(folder) for folder in folders], command, page)
-    write_new(page, content)
-    if (page.parent / PAGE).exists() and page.suffix == ".html":
+    write_new(page, sweep_page(asked, page, command))
+    if (page.parent / PAGE).exists():
         from stixel_cli.sweeps.index import update_index
 
         update_index(page.parent)  # It links to the page of a sweep.
+    for answer in asked.answers:
+        say_wrapped(answer.sentence)
     say(page)
+    return 0
+
+
+def table(
+    folders: Folders,
+    form: Annotated[str, typer.Option("--format", help="md, tex or csv.")] = "md",
+    output: Output = None,
+    over: Over = None,
+    compare: Compare = None,
+    metrics: Metrics = None,
+    reference: Reference = None,
+) -> int:
+    """Print one table of a sweep or of several runs.
+
+    Each option is a row, each metric a column. The best is in bold only where the intervals of all
+    differences from it exclude 0.
+
+    Example: stixel table results/my_sweep --metrics iou_mean,centre_rmse_m --format tex
+    """
+    from stixel_cli.border import write_new
+    from stixel_cli.sweeps.page import TABLES, asked_folders
+
+    if form not in TABLES:
+        raise UserError(f"--format: {form}: must be one of {', '.join(TABLES)}")
+    text = TABLES[form](asked_folders(folders, metrics, reference, over, compare).answers)
+    if output is None:
+        say(text.rstrip("\n"))
+    else:
+        write_new(output, text)
+        say(output)
+    return 0
+
+
+def figure(
+    folders: Folders,
+    form: Annotated[str, typer.Option("--format", help="svg, pdf or png.")] = "pdf",
+    output: Output = None,
+    over: Over = None,
+    compare: Compare = None,
+    metrics: Annotated[str | None, typer.Option("--metric", help="Metric of the figure.")] = None,
+    reference: Reference = None,
+) -> int:
+    """Write one figure of a sweep or of several runs.
+
+    It has the values of each option, and the paired differences from the best or the reference.
+
+    Example: stixel figure results/my_sweep --metric centre_rmse_m --format pdf
+    """
+    from stixel_cli.answers.figures import differences
+    from stixel_cli.border import write_new
+    from stixel_cli.report.compare import default_page
+    from stixel_cli.sweeps.page import FIGURES, asked_folders
+
+    if form not in FIGURES:
+        raise UserError(f"--format: {form}: must be one of {', '.join(FIGURES)}")
+    answer = asked_folders(folders, metrics, reference, over, compare).answers[0]
+    file = output or default_page(folders, "figure", form)
+    write_new(file, differences(answer, FIGURES[form]))
+    say_wrapped(answer.sentence)
+    say(file)
     return 0
 
 
 def play(
     folders: Folders, output: Output = None, workers: Workers = None, trust_code: TrustCode = False
 ) -> int:
-    """Write a page that plays back one or more runs of one scene.
+    """Play back runs of one scene: short for report --play.
 
-    Missing results are computed. The page of one run is already in its folder, as index.html.
+    Of a sweep, all runs are played, and its page links to the player.
 
-    \b
-    Examples:
-      stixel play results/gp results/point
-      stixel play results/sweep/runs/0003
+    Example: stixel play results/gp results/point
     """
     if output is not None and not output.parent.is_dir():
         raise UserError(f"--output: the folder {output.parent} does not exist")
@@ -112,13 +144,26 @@ def play(
     from stixel_cli.engine.progress import make_progress
     from stixel_cli.experiment.playback import folders_page
     from stixel_cli.report.compare import default_page, run_labels
+    from stixel_cli.results.folder import PAGE
+    from stixel_cli.results.reader import SWEEP_FILE
+    from stixel_cli.sweeps.folder import PLAYER, SweepFolder
+    from stixel_cli.sweeps.page import asked_folders, sweep_page
 
-    labels = run_labels(folders)
-    stored = [stored_run(folder, workers, trust_code) for folder in folders]
+    is_sweep = len(folders) == 1 and (folders[0] / SWEEP_FILE).exists()
+    if is_sweep:
+        asked_folders(folders)  # It refuses a sweep that has no page.
+    runs = sorted((folders[0] / "runs").glob("[0-9]*")) if is_sweep else folders
+    labels = run_labels(runs)
+    stored = [stored_run(folder, workers, trust_code) for folder in runs]
     page, notes = folders_page(stored, labels, make_progress())
     for note in notes:
         tell(note)
-    file = default_page(folders, "play") if output is None else output
-    write_new(file, page)
+    file = output or (folders[0] / PAGE if is_sweep else default_page(folders, "play"))
+    if is_sweep and output is None:
+        folder, command = SweepFolder(folders[0]), ["stixel", "report", str(folders[0])]
+        folder.write({PLAYER: page})
+        folder.write({PAGE: sweep_page(asked_folders(folders), file, command)})
+    else:
+        write_new(file, page)
     say(file)
     return 0

@@ -182,11 +182,17 @@ def print_scores(verbose: bool, _: "Scenario", scores: "Scores") -> None:
     That is the verdict and a table: of the main metrics, or of all if `verbose`.
     """
     from stixel_cli.evaluation.verdict import verdict
-    from stixel_cli.report.metrics import LABEL_COLUMNS, label_rows, main_metrics, score_table
+    from stixel_cli.report.metrics import (
+        LABEL_COLUMNS,
+        in_order,
+        label_rows,
+        main_metrics,
+        score_table,
+    )
 
     for sentence in verdict(scores.metrics):
         say_wrapped(sentence, _STYLES.get(sentence.partition(":")[0], "yellow"))
-    shown = scores.metrics if verbose else main_metrics(scores.metrics)
+    shown = in_order(scores.metrics) if verbose else main_metrics(scores.metrics)
     say("")
     print_table(*score_table(shown))
     say("")

@@ -20,13 +20,11 @@ def schema(
 
     Example: stixel schema
     """
-    from stixel_cli.border import write_whole, written
-    from stixel_cli.config.folders import shipped_folder
-    from stixel_cli.files import read_text
+    from stixel_cli.border import write_below, written
+    from stixel_cli.config.json_schema import schema_files
 
-    files = sorted((shipped_folder("conf") / "schema").glob("*.json"))
+    files = schema_files()
     with written(folder):
-        for file in files:
-            write_whole(folder / file.name, read_text(file))
-    say(*(str(folder / file.name) for file in files))
+        write_below(folder, files)
+    say(*(str(folder / name) for name in sorted(files)))
     return 0

@@ -2,7 +2,7 @@
 
 import shlex
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -20,10 +20,10 @@ from stixel_cli.cli.options import (
     argument,
     with_workers,
 )
-from stixel_cli.cli.plan import plan_content, print_plan
+from stixel_cli.cli.plan import estimate_text, plan_content, print_plan
 from stixel_cli.cli.terminal import console, print_json, say, say_wrapped
 from stixel_cli.config.folders import STUDIES
-from stixel_cli.errors import ConfigurationError, MissingData, UserError
+from stixel_cli.errors import ConfigurationError, MissingData, UserError, counted
 
 if TYPE_CHECKING:
     from stixel_cli.studies.plan import StudyPlan
@@ -109,7 +109,7 @@ def study(
         return _answer(planned, result), _tell_what_is_missing(result, command)
 
     if chosen == ALL:
-        return _run_all(STUDIES, plan, run, json)
+        return _run_all(STUDIES, plan, run, json, dry_run)
     answer, code = run(chosen, plan(chosen))
     if json:
         print_json(answer)
@@ -135,6 +135,7 @@ def _run_all(
     plan: "Callable[[str], StudyPlan]",
     run: "Callable[[str, StudyPlan], tuple[dict[str, Any], int]]",
     json: bool,
+    dry_run: bool,
 ) -> int:
     """Run one study after the other; one that fails stops no other."""
     from stixel_cli.sweeps.run import SweepInterrupted
@@ -163,6 +164,8 @@ def _run_all(
         codes.append(code)
     if json:
         print_json({"studies": [answers[study] for study in studies]})
+    elif dry_run and plans:
+        say(f"all studies{_total(plans.values())}")
     return max(codes)
 
 
@@ -195,7 +198,22 @@ def _planned(plan: "StudyPlan", json: bool) -> dict[str, Any]:
             else:
                 print_plan(part.plan, part.design.axes)
             say("")
+        say(f"all sweeps{_total([plan])}")
     return {"study": plan.study.name, "notes": list(plan.notes), "sweeps": sweeps}
+
+
+def _total(plans: "Iterable[StudyPlan]") -> str:
+    """The estimated time of studies, in which they compute each shared result once."""
+    from stixel_cli.sweeps.graphs import joined_seconds
+
+    parts = [part for plan in plans for part in plan.sweeps]
+    known = [part.plan for part in parts if part.plan is not None]
+    seconds, unmeasured = joined_seconds(known)
+    workers = known[0].runs[0].composition.configuration.executor.workers
+    derived = len(parts) - len(known)
+    known_seconds = seconds / workers if seconds or not unmeasured else None
+    text = estimate_text(known_seconds, workers, unmeasured)
+    return text + (f", and without {counted(derived, 'derived sweep')}" if derived else "")
 
 
 def _answer(plan: "StudyPlan", result: "StudyResult") -> dict[str, Any]:

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from stixel_cli.border import Origin
 from stixel_cli.cli import options
 from stixel_cli.cli.completion import complete_folder
 from stixel_cli.cli.errors import tell
@@ -65,6 +64,7 @@ def sweep(
       stixel sweep --resume results/sweep-20260101-120000
     """
     from stixel_cli.results.folder import check_results
+    from stixel_cli.results.made_here import origin_of
     from stixel_cli.sweeps.design import SEED
     from stixel_cli.sweeps.graphs import planned_sweep
     from stixel_cli.sweeps.index import update_index
@@ -78,7 +78,7 @@ def sweep(
         given |= {"--over": over, "--pictures": pictures or None, "--dry-run": dry_run or None}
         for option in (option for option, value in given.items() if value is not None):
             raise UserError(f"--resume continues the sweep of that folder: leave out {option}")
-        names = Origin(str(resume), trust_code)
+        names = origin_of(resume, trust_code)
         result = resumed_sweep(resume, words, names, True, note=tell, fail_fast=fail_fast)
     elif dry_run:
         check_results(results, name)

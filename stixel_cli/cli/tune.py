@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from stixel_cli.border import TYPED, Origin
+from stixel_cli.border import TYPED
 from stixel_cli.cli import options
 from stixel_cli.cli.completion import complete_folder
 from stixel_cli.cli.terminal import print_json, say, say_wrapped
@@ -48,6 +48,7 @@ def tune(
     from stixel_cli.answers.render import records
     from stixel_cli.config.override_checks import read_overrides
     from stixel_cli.results.folder import check_results, new_folder
+    from stixel_cli.results.made_here import origin_of
     from stixel_cli.sweeps.run import SweepInterrupted
     from stixel_cli.sweeps.tune_folder import (
         TuneRequest,
@@ -64,7 +65,7 @@ def tune(
         if over or name:
             raise UserError("--resume continues the tuning of that folder: leave out the rest")
         request = read_request(resume)
-        origin = Origin(str(resume), trust_code)
+        origin = origin_of(resume, trust_code)
         (given,) = resumed_overrides([request.overrides], words, origin)
     else:
         check_results(results, name)

@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 from stixel_cli.border import TYPED
 from stixel_cli.config import folders, messages, override_checks, own_options
-from stixel_cli.config.choice import compose_options
+from stixel_cli.config.choice import compose_options, with_values
 from stixel_cli.config.overrides import Override
 from stixel_cli.config.schema import Configuration, adapter, check
 from stixel_cli.config.texts import split_override
 from stixel_cli.config.user_files import UserFiles
-from stixel_cli.config.values import with_values
 from stixel_cli.errors import ConfigurationError
 
 if TYPE_CHECKING:
@@ -147,7 +146,7 @@ class Composer:
         }
         values = {name: value for name, value in settings.items() if name not in options}
         choice = compose_options(tuple(sorted(options.items())), self._state)
-        resolved = with_values(choice.plain, values, choice.interpolated)
+        resolved = with_values(choice.plain, values)
         resolved.pop(folders.PACE)
         return resolved, dict(choice.options)
 

@@ -126,7 +126,8 @@ def check_one_run(parsed: Sequence[Override]) -> None:
         if option not in owners:
             raise BelongsElsewhere(
                 f"{group}: there is no such group with {outer}={option}; it belongs to "
-                f"{outer}={'|'.join(owners)}"
+                f"{outer}={'|'.join(owners)}",
+                group,
             )
 
 
@@ -144,7 +145,8 @@ def implied_by_file(settings: Mapping[str, Any]) -> dict[str, str]:
             more = "; prior.… sets the class's size" if of_user else ""
             raise BelongsElsewhere(
                 f"{name}: has no effect with measurement=file, which has no scene and no cameras: "
-                f"leave it out{more}"
+                f"leave it out{more}",
+                name,
             )
     with_truth = settings.get("measurement.truth") or "start" in settings
     return {} if with_truth else {"start": "scans"}

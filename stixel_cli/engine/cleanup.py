@@ -1,9 +1,9 @@
 """Remove entries from the store: by size, by age, or all.
 
-Entries that a running process uses are never removed: see `stixel_cli.engine.cache_folder`.
+Entries that a running process uses are never removed: see `stixel_cli.engine.cache_folder`. Nor are
+files with other names than the store makes.
 """
 
-import json
 import os
 import re
 import shutil
@@ -12,7 +12,6 @@ import time
 from collections.abc import Iterator
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
-from operator import itemgetter
 from pathlib import Path
 
 from filelock import Timeout
@@ -23,20 +22,25 @@ from stixel_cli.engine.cache_folder import (
     file_lock,
     inside,
     leased_keys,
-    made_here,
-    read_file,
 )
-from stixel_cli.engine.entries import Entry, entry_folders, stage_and_label
+from stixel_cli.engine.entries import entry_folders, stage_and_label
 from stixel_cli.engine.errors import CacheError
-from stixel_cli.engine.source_files import remove_sources
-from stixel_cli.engine.store import Store
+from stixel_cli.engine.store import REMEMBERED, REMOVALS, Store
+from stixel_cli.errors import UserError
+from stixel_cli.files import read_bytes
 
-EVICTED = "evicted.jsonl"
-REMEMBERED = 20_000
-"""Number of removed keys that are remembered, to explain why a node is computed again."""
+LEFT = {
+    "locks": r"[0-9a-f]{64}\.lock",
+    "sources": r"[0-9a-f]{32}\.py|\.?digests-[0-9a-f]{16}\.json(\.partial-\d+)?",
+    "tmp": r"[0-9a-f]{16}-.+-\d+-[0-9a-f]+|gone-.+-\d+-[0-9a-f]{16}|probe-\d+-[0-9a-f]+|limit-.+",
+}
+"""Names of files, and of earlier versions, that a cleanup removes, by folder."""
 
-FOREIGN_AGE = 86400.0
-"""Age in seconds at which an unfinished entry of another machine counts as abandoned."""
+ABANDONED = 86400.0
+"""Seconds after which a file in `tmp` counts as left by a process that has ended."""
+
+UNUSED = 90 * 86400.0
+"""Seconds after the last use when a file that is no entry is removed."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +51,7 @@ class Removed:
         name: key of the entry, or name of the file.
         stage: stage of the entry; "" for other files.
         size: bytes.
-        reason: `size`, `age`, `cleared`, `orphan` (of a killed process) or `set aside` (damaged).
+        reason: `size`, `age`, `cleared` or `orphan` (of a killed process).
     """
 
     name: str
@@ -133,7 +137,6 @@ def collect(
                 raise
         used = leased_keys(store.folder)
         orphans = list(_orphans(store, dry_run))
-        aside = list(_set_aside(store, older_than, max_size, dry_run))
         found = entry_folders(store)
         size = sum(one.size for one in found)
         now = time.time()
@@ -143,131 +146,67 @@ def collect(
             large = cleared or (max_size is not None and size > max_size)
             if (old or large) and one.key not in used:
                 stage, _ = stage_and_label(one.path)
-                if dry_run or _remove_entry(store, one):
-                    reason = "cleared" if cleared else "age" if old else "size"
+                reason = "cleared" if cleared else "age" if old else "size"
+                if dry_run or store.remove(one.key, reason):
                     removed.append(Removed(one.key, stage, one.size, reason))
                     size -= one.size
         kept = len(found) - len(removed)
         if not dry_run:
-            # Empty folders of the keys' first digits. `Store.save` creates them.
-            for folder in inside(store.folder):
-                if re.fullmatch("[0-9a-f]{2}", folder.name):
-                    with suppress(OSError):
-                        folder.rmdir()
-            remove_sources(store.folder, everything=kept == 0)
-            damaged = [(one.name, "damaged", when) for one, when in aside]
-            _remember(store, [*damaged, *((one.name, one.reason, now) for one in removed)])
+            _tidy(store, everything=kept == 0)
         in_use = sum(one.key in used for one in found)
-    return Collection((*orphans, *(one for one, _ in aside), *removed), kept, size, in_use)
+    return Collection((*orphans, *removed), kept, size, in_use)
 
 
-def evicted(store: Store) -> dict[str, tuple[str, float]]:
-    """Reason and time of removal, by key, of entries that were removed or set aside."""
-    found = []
-    with suppress(OSError):
-        for line in read_file(store.folder / EVICTED).decode(errors="replace").splitlines():
-            with suppress(ValueError, TypeError, RecursionError):
-                key, reason, when = json.loads(line)
-                found.append((float(when), str(key), str(reason)))
-    for path in inside(store.folder / "quarantine"):
-        key, when = _aside_since(path)
-        found.append((when, key, "damaged"))
-    # The last reason counts: a damaged result may have been recomputed and then removed.
-    found.sort(key=itemgetter(0))
-    return {key: (reason, when) for when, key, reason in found}
-
-
-def _remember(store: Store, removed: list[tuple[str, str, float]]) -> None:
-    """Append key, reason and time of removal to the file that `evicted` reads, if possible."""
-    if not removed:
-        return
-    path = store.folder / EVICTED
-    with suppress(OSError):
-        lines = read_file(path).decode(errors="replace").splitlines() if path.exists() else []
-        lines += [json.dumps([key, reason, round(when, 3)]) for key, reason, when in removed]
-        write_whole(path, "\n".join(lines[-REMEMBERED:]) + "\n")
-
-
-def _remove_entry(store: Store, one: Entry) -> bool:
-    """Move an entry away, then remove it, so that no reader sees half of it."""
-    away = store.folder / "tmp" / f"gone-{socket.gethostname()}-{os.getpid()}-{one.key[:16]}"
-    try:
-        one.path.rename(away)
-    except OSError:
-        return False
-    shutil.rmtree(away, ignore_errors=True)
-    return True
+def _left(store: Store, folder: str) -> list[Path]:
+    paths = inside(store.folder / folder)
+    return [path for path in paths if re.fullmatch(LEFT[folder], path.name)]
 
 
 def _orphans(store: Store, dry_run: bool) -> Iterator[Removed]:
-    """Remove what killed processes left behind: partial entries and lock files."""
-    for path in inside(store.folder / "tmp"):
-        if made_here(path) and _is_orphan(path):
-            size = _remove(path, dry_run)
-            if size is not None:
-                yield Removed(path.name, "", size, "orphan")
-    if dry_run:
-        return
-    for path in inside(store.folder / "locks"):
-        if made_here(path):
-            lock = file_lock(path)
-            with suppress(OSError, Timeout):
-                lock.acquire(timeout=0)
-                # Remove the file before the release, as `Store.lock` does.
-                with suppress(OSError):
-                    path.unlink()
-                lock.release()
-
-
-def _set_aside(
-    store: Store, older_than: float | None, max_size: int | None, dry_run: bool
-) -> Iterator[tuple[Removed, float]]:
-    """Remove damaged entries, each with the time since when it is set aside."""
-    for path in filter(made_here, inside(store.folder / "quarantine")):
+    """Remove what killed processes left in `tmp`."""
+    for path in _left(store, "tmp"):
+        if not _is_orphan(path):
+            continue
+        files = [path, *path.rglob("*")]
         with suppress(OSError):
-            age = time.time() - path.stat().st_mtime
-            if max_size is None and (older_than is None or age <= older_than):
-                continue
-            size = _remove(path, dry_run)
-            if size is not None:
-                key, when = _aside_since(path)
-                yield Removed(key, "", size, "set aside"), when
+            size = sum(one.stat().st_size for one in files if one.is_file())
+            if not dry_run:
+                shutil.rmtree(path) if path.is_dir() else path.unlink()
+            yield Removed(path.name, "", size, "orphan")
 
 
 def _is_orphan(path: Path) -> bool:
     """Whether the process that created it has ended; for other machines, judged by its age."""
-    with suppress(OSError):
-        if time.time() - path.stat().st_mtime > FOREIGN_AGE:
-            return True
     named = re.search(rf"-{re.escape(socket.gethostname())}-(\d+)(?:-|$)", path.name)
-    if named is None:
-        return False
     try:
-        os.kill(int(named[1]), 0)
+        if time.time() - path.stat().st_mtime > ABANDONED:
+            return True
+        if named is not None:
+            os.kill(int(named[1]), 0)
     except (OSError, OverflowError) as error:
         return isinstance(error, ProcessLookupError)
     return False
 
 
-def _remove(path: Path, dry_run: bool) -> int | None:
-    """Remove a file or folder; its bytes, or None if it is still there without a `dry_run`."""
-    size = 0
-    for one in [path, *path.rglob("*")]:
+def _tidy(store: Store, everything: bool) -> None:
+    """Remove unheld locks, empty folders, old removals, and unused or all files of `sources`."""
+    for path in _left(store, "locks"):
+        lock = file_lock(path)
+        with suppress(OSError, Timeout):
+            lock.acquire(timeout=0)
+            # Remove the file before the release, as `Store.lock` does.
+            with suppress(OSError):
+                path.unlink()
+            lock.release()
+    for path in _left(store, "sources"):
         with suppress(OSError):
-            size += one.stat().st_size if one.is_file() else 0
-    if dry_run:
-        return size
-    if path.is_dir():
-        shutil.rmtree(path, ignore_errors=True)
-    else:
-        with suppress(OSError):
-            path.unlink()
-    return None if path.exists() else size
-
-
-def _aside_since(path: Path) -> tuple[str, float]:
-    """Key of an entry that was set aside, and the time when that happened."""
-    key, _, when = path.name.partition("-")
-    with suppress(ValueError):
-        return key, int(when, 10) / 1e9
-    return key, 0.0
+            if everything or time.time() - path.stat().st_mtime > UNUSED:
+                path.unlink()
+    with suppress(OSError, UserError):
+        lines = read_bytes(store.folder / REMOVALS).splitlines(keepends=True)
+        write_whole(store.folder / REMOVALS, b"".join(lines[-REMEMBERED:]))
+    for folder in inside(store.folder):
+        # Of the first digits of keys. `Store.save` creates them.
+        if re.fullmatch("[0-9a-f]{2}", folder.name):
+            with suppress(OSError):
+                folder.rmdir()

@@ -1,11 +1,13 @@
-"""Workers of Dask: those of a running scheduler, or of a cluster that `dask_cluster` starts.
+"""Workers of Dask: those of a running scheduler, or of one that is started on this machine.
 
 Nodes and outcomes contain names, settings and keys, but no arrays. Results are exchanged through
 the store, which all workers must share.
 """
 
 import logging
+import os
 import pickle
+import signal
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
@@ -15,10 +17,10 @@ from typing import TYPE_CHECKING, Any
 from uuid import uuid4
 
 from stixel_cli.border import TYPED, connected, unpickled_bytes
-from stixel_cli.engine.dask_cluster import Cluster
 from stixel_cli.engine.errors import ExecutorError, WorkerDied
+from stixel_cli.engine.limits import ENVIRONMENT
 from stixel_cli.engine.parameters import PROGRAM, DaskExecutor
-from stixel_cli.engine.pools import Pool, settle
+from stixel_cli.engine.pools import Pool, settle, without_interrupts
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -28,6 +30,16 @@ PATIENCE = 20.0
 
 COUNT_INTERVAL = 2.0
 """Seconds between two counts of the workers."""
+
+SETTINGS = {
+    "distributed.deploy.lost-worker-timeout": "1h",
+    "distributed.worker.profile.enabled": False,
+}
+"""Settings of Dask: time that a crashed worker has to restart; no samples of the running code.
+
+After 15 s, the default, Dask gives the worker up. On a loaded machine no worker would be left, and
+the run would wait forever.
+"""
 
 LONG_PATIENCE = 600.0
 """Seconds to wait for a worker if a scheduler has none."""
@@ -48,7 +60,7 @@ class DaskPool(Pool):
             ExecutorError: Dask is not installed, or no scheduler answers; one line.
         """
         self._workers = executor.workers
-        self._cluster: Cluster | None = None
+        self._is_own = executor.address is None
         self._counted = 0.0
         self._threads = 0
         self._waiting_since: float | None = None
@@ -56,11 +68,7 @@ class DaskPool(Pool):
         # What fails, also Ctrl-C, does not wait until the workers have started.
         with ExitStack() as opened:
             opened.enter_context(_silence())
-            if executor.address is None:
-                # The cluster imports Dask at the same time as this process.
-                self._cluster = Cluster(executor.workers)
-                opened.callback(self._cluster.close)
-            self._client = opened.enter_context(_client(executor, self._cluster))
+            self._client = opened.enter_context(_client(executor))
             self._opened = opened.pop_all()
         self._address = self._client.scheduler.address
         self._open: dict[str, Future] = {}
@@ -97,7 +105,7 @@ class DaskPool(Pool):
                 error = self._lost() if status == "cancelled" else WorkerDied("no outcome came")
                 future.set_exception(future.task.exception() if status == "error" else error)
         self._count()
-        if self._threads or self._cluster is not None:
+        if self._threads or self._is_own:
             self._waiting_since, self._noted = None, False
             return
         now = time.monotonic()
@@ -112,7 +120,7 @@ class DaskPool(Pool):
             self._noted = True
 
     def _count(self) -> None:
-        if self._cluster is None and time.monotonic() - self._counted > COUNT_INTERVAL:
+        if not self._is_own and time.monotonic() - self._counted > COUNT_INTERVAL:
             with suppress(Exception):
                 # If the scheduler is lost, the running tasks fail.
                 self._threads = sum(self._client.nthreads().values())
@@ -181,27 +189,66 @@ def probe_scheduler(executor: DaskExecutor) -> None:
     """
     _distributed()
     if executor.address is not None:
-        with _silence(), _client(executor, None):
+        with _silence(), _client(executor):
             pass
 
 
 @contextmanager
-def _client(executor: DaskExecutor, cluster: Cluster | None) -> Iterator["Client"]:
-    """A client of the cluster, or of the scheduler at the executor's address."""
+def _client(executor: DaskExecutor) -> Iterator["Client"]:
+    """A client of the scheduler at the executor's address, or of one on this machine."""
     _distributed()
-    try:
-        address = executor.address if cluster is None else cluster.address()
-        client = connected(address, TYPED, PATIENCE)
-    except UNREACHABLE as error:
-        where = "on this machine" if executor.address is None else f"at {executor.address}"
-        reason = " ".join(f"{type(error).__name__}: {error}".split())[:200]
-        text = f"executor.address: no Dask scheduler {where} ({reason})"
-        raise ExecutorError(text) from error
-    try:
-        yield client
-    finally:
-        with suppress(Exception):
-            client.close(timeout=1.0)
+    with ExitStack() as opened:
+        try:
+            address = executor.address
+            if address is None:
+                address = opened.enter_context(local_cluster(executor.workers))
+            client = connected(address, TYPED, PATIENCE)
+        except UNREACHABLE as error:
+            where = "on this machine" if executor.address is None else f"at {executor.address}"
+            reason = " ".join(f"{type(error).__name__}: {error}".split())[:200]
+            text = f"executor.address: no Dask scheduler {where} ({reason})"
+            raise ExecutorError(text) from error
+        try:
+            yield client
+        finally:
+            with suppress(Exception):
+                client.close(timeout=1.0)
+
+
+@contextmanager
+def local_cluster(workers: int) -> Iterator[str]:
+    """A scheduler and workers of one thread each, reached from this machine only; its address.
+
+    Dask does not retry a task that crashed its worker: the engine does. At the end the workers are
+    killed, with all tasks that still run.
+    """
+    import dask
+
+    with dask.config.set(SETTINGS):
+        # Its threads, and the workers that they start, inherit the blocked signal: Ctrl-C reaches
+        # the whole process group, and only this process handles it.
+        with without_interrupts():
+            cluster = _distributed().LocalCluster(
+                n_workers=workers,
+                threads_per_worker=1,
+                processes=True,
+                host="127.0.0.1",
+                dashboard_address="127.0.0.1:0",
+                memory_limit=0,
+                scheduler_kwargs={"allowed_failures": 0},
+                silence_logs=logging.CRITICAL,
+                env=ENVIRONMENT,
+            )
+        try:
+            yield cluster.scheduler_address
+        finally:
+            for nanny in cluster.workers.values():
+                nanny.auto_restart = False
+                with suppress(OSError, TypeError):
+                    # It has no number while it restarts.
+                    os.kill(nanny.pid, signal.SIGKILL)
+            with suppress(Exception):
+                cluster.close()
 
 
 def _distributed() -> ModuleType:

@@ -3,15 +3,16 @@
 import json
 import os
 import re
-from collections.abc import Callable, Container, Iterator
+from collections.abc import Container, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from stixel_cli.engine.cache_folder import inside, made_here, read_file
 from stixel_cli.engine.errors import CacheError, MissingEntry
 from stixel_cli.engine.store import META, Store
+from stixel_cli.errors import UserError
+from stixel_cli.files import read_bytes
 
 COMPARED = 2000
 """Maximum number of notes per stage that `stored_notes` yields."""
@@ -49,7 +50,7 @@ def entry_folders(store: Store) -> list[Entry]:
         for entry in _folders(Path(prefix)):
             if not _KEY.fullmatch(entry.name):
                 continue
-            # `verify_all` reports a file that is missing.
+            # `entries` reports a file that is missing.
             with suppress(OSError), os.scandir(entry.path) as files:
                 sizes = [f.stat().st_size for f in files if f.is_file(follow_symlinks=False)]
                 last_use = entry.stat().st_mtime
@@ -57,68 +58,36 @@ def entry_folders(store: Store) -> list[Entry]:
     return sorted(found, key=lambda one: (one.last_use, one.key))
 
 
-def entries(store: Store, on_damaged: Callable[[MissingEntry], None] | None = None) -> list[Entry]:
-    """List all entries, least recently used first.
+def entries(
+    store: Store, damaged: list[tuple[Entry, MissingEntry]] | None = None, values: bool = False
+) -> list[Entry]:
+    """List all entries whose notes, and `values`, are not damaged, least recently used first.
 
-    Entries with damaged notes are left out, set aside if possible, and passed to `on_damaged`.
+    Damaged entries are removed, if possible, and added to the list `damaged`.
 
     Raises:
         CacheError: the store cannot be read.
     """
     found = []
-    for one in entry_folders(store):
+    for folder in entry_folders(store):
+        stage, label = stage_and_label(folder.path)
+        entry = replace(folder, stage=stage, label=label)
         try:
-            notes = store.meta(one.key)
+            store.check(entry.key) if values else store.meta(entry.key)
+            found.append(entry)
         except MissingEntry as fault:
             # An entry that another process has removed meanwhile is not damaged.
-            if on_damaged is not None and (fault.set_aside or store.entry(one.key).exists()):
-                on_damaged(fault)
-            continue
-        stage, label = (str(notes.get(name, "?")) for name in ("stage", "label"))
-        found.append(replace(one, stage=stage, label=label))
+            if damaged is not None and (fault.removed or entry.path.exists()):
+                damaged.append((entry, fault))
     return found
 
 
 def stage_and_label(entry: Path) -> tuple[str, str]:
     """Stage and label in the notes of an entry, found without parsing them; "?" if unreadable."""
-    with suppress(OSError, ValueError, TypeError):
-        notes = read_file(entry / META)
+    with suppress(UserError, ValueError, TypeError):
+        notes = read_bytes(entry / META)
         return json.loads(_STAGE.search(notes)[1]), json.loads(_LABEL.search(notes)[1])
     return "?", "?"
-
-
-def verify_all(
-    store: Store, progress: Callable[[int, int], None] | None = None
-) -> list[tuple[Entry, str]]:
-    """Read every entry; set damaged entries aside and return them, each with the reason.
-
-    `progress` is called after each entry with the number of entries read and of all entries.
-
-    Raises:
-        CacheError: the store cannot be read, or a damaged entry cannot be set aside.
-    """
-    found = entry_folders(store)
-    damaged = []
-    for done, one in enumerate(found, 1):
-        stage, label = stage_and_label(one.path)
-        try:
-            store.check(one.key)
-        except MissingEntry as error:
-            # An entry that another process has removed meanwhile is not damaged.
-            if error.set_aside:
-                damaged.append((replace(one, stage=stage, label=label), error.reason))
-            elif store.entry(one.key).exists():
-                raise CacheError(
-                    f"{label} in {store.folder} is damaged ({error.reason}) and cannot be set aside"
-                ) from error
-        if progress is not None:
-            progress(done, len(found))
-    return damaged
-
-
-def set_aside(store: Store) -> int:
-    """Number of damaged entries that were set aside and not removed yet."""
-    return sum(map(made_here, inside(store.folder / "quarantine")))
 
 
 def stored_notes(

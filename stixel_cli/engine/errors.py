@@ -15,11 +15,11 @@ class CacheError(UserError):
 class MissingEntry(CacheError):
     """An entry is missing, or was damaged."""
 
-    def __init__(self, key: str, reason: str, set_aside: bool = False):
-        super().__init__(key, reason, set_aside)
+    def __init__(self, key: str, reason: str, removed: bool = False):
+        super().__init__(key, reason, removed)
         self.key = key
         self.reason = reason
-        self.set_aside = set_aside
+        self.removed = removed
 
     def __str__(self) -> str:
         return f"cache entry {self.key[:12]}: {self.reason}"

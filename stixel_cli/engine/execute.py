@@ -16,7 +16,7 @@ from stixel_cli.engine.plan import Durations, check_writable, plan, undeclared_r
 from stixel_cli.engine.pools import Pool, ProcessPool, SerialPool, ThreadPool, fork_is_safe
 from stixel_cli.engine.progress import Progress
 from stixel_cli.engine.scheduler import STATUSES, Run, Status
-from stixel_cli.engine.source_files import keep_sources, save_digests
+from stixel_cli.engine.source_files import save_digests
 from stixel_cli.engine.store import Store
 
 
@@ -135,13 +135,11 @@ def execute(
 
 
 def _prepare(nodes: Sequence[Node], store: Store, progress: Progress) -> None:
-    """Keep the sources that nodes reach; check that Python runs them, and can store results."""
+    """Check that Python runs the sources that nodes reach, and can store results."""
     check_writable(len(nodes), store)
     codes = {id(node.identity.code): node.identity.code for node in nodes}.values()
-    files = [(name, c.modules[name], file) for c in codes for name, (file, _) in c.files.items()]
-    keep_sources(store.folder, ((digest, file) for _, digest, file in files))
     save_digests(store.folder)
-    check_bytecode({name: file for name, _, file in files})
+    check_bytecode({name: file for code in codes for name, (file, _) in code.files.items()})
     for text in undeclared_reads(nodes) if progress.advice else ():
         progress.note(text)
 
@@ -186,10 +184,10 @@ def _runs_here(executor: Executor | None, nodes: Sequence[Node], durations: Dura
         return True
     if not isinstance(executor, LocalExecutor):
         return False
-    estimate = durations.estimate(nodes)
+    seconds, unknown = durations.estimate(nodes)
     return (
-        estimate is not None
-        and estimate < (SMALL_FOR_COPIES if fork_is_safe() else SMALL)
+        not unknown
+        and seconds < (SMALL_FOR_COPIES if fork_is_safe() else SMALL)
         and (executor.time_limit is None or can_interrupt())
         and all(may_run_here(node.identity.code) for node in nodes)
     )

@@ -2,17 +2,13 @@
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache, partial
 from pathlib import Path
 from typing import Any, Literal
 
-from stixel_cli.engine.cleanup import evicted
-from stixel_cli.engine.code import Code
 from stixel_cli.engine.entries import stored_notes
 from stixel_cli.engine.graph import Graph, Node
 from stixel_cli.engine.keys import differences, plain
 from stixel_cli.engine.plan import plan
-from stixel_cli.engine.source_files import source_difference
 from stixel_cli.engine.store import Store
 
 Kind = Literal[
@@ -37,14 +33,12 @@ class Change:
         what: key of the setting, module, distribution, or stage of the input.
         before, after: value in the most similar stored result, and now; "" for a setting that is
             read in only one of the two.
-        difference: lines of the unified diff of changed code, if the old source is known.
     """
 
     kind: Kind
     what: str
     before: str = ""
     after: str = ""
-    difference: tuple[str, ...] = ()
 
     def __str__(self) -> str:
         match self.kind:
@@ -53,7 +47,7 @@ class Change:
             case "evicted":
                 return f"removed from the cache {self.before}"
             case "damaged":
-                return "its stored result was damaged and set aside"
+                return "its stored result was damaged and removed"
             case "needed":
                 return "its result is not stored"
             case "code" if self.before == "changed":
@@ -128,7 +122,7 @@ def by_stage(explanations: Iterable[Explanation]) -> list[tuple[list[Explanation
 
 
 class _Memory:
-    """Notes of stored entries, reasons of removed ones, and source files."""
+    """Notes of stored entries, and reasons of removed ones."""
 
     def __init__(self, store: Store, stages: set[str], before: tuple[Any, Mapping[str, str]]):
         self.keys, self.modules = before
@@ -137,15 +131,14 @@ class _Memory:
         for notes in stored_notes(store, stages, self.keys):
             self.by_key[notes["key"]] = notes
             self.by_stage.setdefault(notes["stage"], []).append(notes)
-        self.evicted = evicted(store)
-        self.source_difference = cache(partial(source_difference, store.folder))
+        self.removals = store.removals()
 
 
 def _changes(graph: Graph, node: Node, memory: _Memory) -> list[Change]:
     name = node.stage.name
     known = memory.by_stage.get(name, [])
-    if node.key in memory.evicted:
-        reason, _ = memory.evicted[node.key]
+    if node.key in memory.removals:
+        reason = memory.removals[node.key]
         kind = "damaged" if reason == "damaged" else "evicted"
         return [Change(kind, name, WORDS.get(reason, reason))]
     if not known:
@@ -156,7 +149,7 @@ def _changes(graph: Graph, node: Node, memory: _Memory) -> list[Change]:
         reached = {*nearest.get("modules", {}), *node.identity.code.modules}
         modules = {one: memory.modules[one] for one in reached & memory.modules.keys()}
         nearest = nearest | {"code": "", "modules": modules}
-    changes = _identity_changes(node, nearest, memory)
+    changes = _identity_changes(node, nearest)
     roots = _roots(graph, node, nearest, memory, set())
     if nearest.get("frames") == node.frames:
         changes += _input_changes(graph, node, nearest)
@@ -183,7 +176,7 @@ def _distance(node: Node, notes: Mapping[str, Any]) -> tuple:
     )
 
 
-def _identity_changes(node: Node, notes: Mapping[str, Any], memory: _Memory) -> list[Change]:
+def _identity_changes(node: Node, notes: Mapping[str, Any]) -> list[Change]:
     """Changes in the stage itself."""
     content, changes = node.identity.content, []
     for path, before, after in differences(notes.get("settings"), content["settings"]):
@@ -199,7 +192,7 @@ def _identity_changes(node: Node, notes: Mapping[str, Any], memory: _Memory) -> 
         )
     elif notes.get("code") != content["code"] and notes.get("python") == content["python"]:
         # Another Python has another syntax tree, and so another digest, of the same code.
-        changes += _code_changes(notes.get("modules", {}), node.identity.code, memory)
+        changes += _code_changes(notes.get("modules", {}), node.identity.code.modules)
     if notes.get("seed") != content["seed"]:
         changes.append(Change("seed", "seed", plain(notes.get("seed")), plain(content["seed"])))
     if notes.get("files") != content["files"]:
@@ -224,16 +217,12 @@ def _named(files: tuple[Path, ...]) -> str:
     return ", ".join(map(str, files)) or "a file"
 
 
-def _code_changes(before: Mapping[str, str], code: Code, memory: _Memory) -> list[Change]:
-    changes = []
-    for name, digest in code.modules.items():
-        if before.get(name, digest) != digest:
-            difference = memory.source_difference(before[name], code.files[name][0])
-            changes.append(Change("code", name, "changed", difference=difference))
+def _code_changes(before: Mapping[str, str], after: Mapping[str, str]) -> list[Change]:
+    changed = [name for name, digest in after.items() if before.get(name, digest) != digest]
     # Which modules are reached follows from the edits. It is a reason only without edits.
-    return changes or [
-        Change("code", name, "reached now" if name in code.modules else "no longer reached")
-        for name in sorted(before.keys() ^ code.modules.keys())
+    return [Change("code", name, "changed") for name in changed] or [
+        Change("code", name, "reached now" if name in after else "no longer reached")
+        for name in sorted(before.keys() ^ after.keys())
     ]
 
 
@@ -263,6 +252,6 @@ def _roots(
             # A node that would be computed has its own explanation.
             if key in memory.by_key and old in memory.by_key:
                 provider = graph.nodes[key]
-                found += _identity_changes(provider, memory.by_key[old], memory)
+                found += _identity_changes(provider, memory.by_key[old])
                 found += _roots(graph, provider, memory.by_key[old], memory, seen)
     return found

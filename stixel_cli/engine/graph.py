@@ -48,6 +48,11 @@ class Node:
         return 0 if self.first is None else self.stop - self.first
 
     @property
+    def work(self) -> float:
+        """The amount of work, for estimates of the time."""
+        return self.stage.amount * max(1, self.frame_count)
+
+    @property
     def sources(self) -> tuple[str, ...]:
         """Keys of all nodes that it depends on directly."""
         keys = dict.fromkeys(key for keys in self.inputs.values() for key in keys)

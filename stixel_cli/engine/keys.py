@@ -49,6 +49,8 @@ class Stage:
             argument. Used to explain changes; not part of the result's key.
         watched: an input whose `watched(begin)` gives the same value, but calls `begin` with a text
             at each step of the function, such as a scan. A slow step is reported. "": none.
+        amount: of work for a frame, or for the one node, such as the megapixels of an image or the
+            number of scans. Only for estimates of the time; not part of the key.
     """
 
     name: str
@@ -65,6 +67,7 @@ class Stage:
     own: bool = False
     keys: Mapping[str, str] = field(default_factory=dict)
     watched: str = ""
+    amount: float = 1.0
 
     def check(self) -> None:
         """Raise ValueError, in one line, if the stage is not valid."""

@@ -30,7 +30,6 @@ from typing import Any
 from stixel_cli.border import TYPED, imported
 from stixel_cli.engine.code import Code, CodeIndex, same_files, search_also
 from stixel_cli.engine.errors import CodeChanged
-from stixel_cli.engine.source_files import UNUSED
 from stixel_cli.version import FIRST_IMPORT
 
 _started = FIRST_IMPORT
@@ -180,6 +179,10 @@ def _code(content: bytes) -> CodeType | None:
 
 
 PREFIX = "stixel-"
+
+UNUSED = 90 * 86400.0
+"""Seconds after the last use when a folder of Numba's cache is removed."""
+
 _digests: dict[str, str] = {}
 """Digest of the code that each of the user's files reaches."""
 

@@ -7,12 +7,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from stixel_cli.border import write_whole
-from stixel_cli.engine.cache_folder import read_file
 from stixel_cli.engine.errors import CacheError
 from stixel_cli.engine.graph import Graph, Node
 from stixel_cli.engine.parameters import CACHE_VARIABLE, DaskExecutor, Executor
 from stixel_cli.engine.source_files import undeclared_read
 from stixel_cli.engine.store import Store
+from stixel_cli.errors import UserError
+from stixel_cli.files import read_bytes
 
 
 @dataclass(frozen=True)
@@ -72,40 +73,51 @@ def missing_nodes(graph: Graph, wanted: Collection[str], store: Store) -> list[s
 
 LONGEST = 1e7
 """Greatest limit of a node's time, s; a file with other values is damaged."""
+DURATIONS = "durations-2.json"
+"""Older versions have other units in `durations.json`."""
 
 
 class Durations:
-    """Seconds per node of each stage's function, kept in the store at `folder`."""
+    """Seconds of each stage's function for one unit of work, kept in the store at `folder`."""
 
     def __init__(self, folder: Path):
-        self._path = folder / "durations.json"
+        self._path = folder / DURATIONS
         self._seconds: dict[str, float] = {}
-        with suppress(OSError, ValueError, TypeError, AttributeError, RecursionError):
-            known = json.loads(read_file(self._path))
+        with suppress(UserError, ValueError, TypeError, AttributeError, RecursionError):
+            known = json.loads(read_bytes(self._path))
             seconds = {name: float(one) for name, one in known.items()}
             self._seconds = {name: one for name, one in seconds.items() if 0.0 <= one < LONGEST}
 
-    def estimate(self, nodes: Iterable[Node]) -> float | None:
-        """Seconds for `nodes`, one after the other; None if a stage was never measured."""
-        seconds = [self._seconds.get(node.stage.function) for node in nodes]
-        return None if None in seconds else sum(seconds)
+    def estimate(self, nodes: Iterable[Node]) -> tuple[float, list[str]]:
+        """Seconds for `nodes`, one after the other, and the stages that were never measured.
+
+        The seconds are those of the others.
+        """
+        seconds, unknown = 0.0, dict[str, None]()
+        for node in nodes:
+            if node.stage.function in self._seconds:
+                seconds += self._seconds[node.stage.function] * node.work
+            else:
+                unknown[node.stage.name] = None
+        return seconds, list(unknown)
 
     def by_stage(self, nodes: Iterable[Node]) -> dict[str, float]:
         """Seconds per node by the stage's name, without stages that were never measured."""
-        names = {node.stage.name: self._seconds.get(node.stage.function) for node in nodes}
-        return {name: seconds for name, seconds in names.items() if seconds is not None}
+        found = {node.stage.name: self.estimate([node]) for node in nodes}
+        return {name: seconds for name, (seconds, unknown) in found.items() if not unknown}
 
     def learn(self, graph: Graph, seconds: Mapping[str, float]) -> None:
         """Update the estimates with measured seconds, by key: half old value, half new mean."""
         if not seconds:
             return
-        by_function: dict[str, list[float]] = {}
-        for key, value in seconds.items():
-            by_function.setdefault(graph.nodes[key].stage.function, []).append(value)
-        for function, values in by_function.items():
-            mean = sum(values) / len(values)
+        by_function: dict[str, list[str]] = {}
+        for key in seconds:
+            by_function.setdefault(graph.nodes[key].stage.function, []).append(key)
+        for function, keys in by_function.items():
+            work = sum(graph.nodes[key].work for key in keys)
+            mean = sum(seconds[key] for key in keys) / work
             old = self._seconds.get(function, mean)
-            self._seconds[function] = round(0.5 * (old + mean), 4)
+            self._seconds[function] = float(f"{0.5 * (old + mean):.4g}")
         # Only an estimate: it may fail to be written, or be overwritten by another process.
         with suppress(OSError):
             write_whole(self._path, json.dumps(self._seconds, indent=1, sort_keys=True))

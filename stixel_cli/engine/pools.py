@@ -77,7 +77,7 @@ class ProcessPool(Pool):
         if self._executor is None:
             self._executor = self._start()
         try:
-            with _without_interrupts():
+            with without_interrupts():
                 return self._executor.submit(function, *arguments)
         except BrokenExecutor as error:
             # A worker crashed just now: this task fails with the running ones.
@@ -219,7 +219,7 @@ def deferred_interrupts() -> Iterator[Callable[[], None]]:
 
 
 @contextmanager
-def _without_interrupts() -> Iterator[None]:
+def without_interrupts() -> Iterator[None]:
     """Block Ctrl-C inside the `with` block.
 
     Ctrl-C reaches the whole process group. A process that is started in the block inherits the

@@ -1,14 +1,9 @@
-"""Progress of an execution: counts of nodes and frames, the time left, and where they are shown.
+"""Progress of an execution: counts of nodes and frames, the time left, and where they are shown."""
 
-A bar on a terminal or in a notebook, some lines elsewhere.
-"""
-
-import html
 import sys
 import time
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
-from importlib import import_module
 from typing import Any
 
 from stixel_cli.engine.errors import StageFailure
@@ -29,48 +24,31 @@ REPEAT_INTERVAL = 60.0
 """Seconds between two equal lines."""
 
 
-def in_notebook() -> bool:
-    """Whether this process is the kernel of a notebook."""
-    # Not imported here: a notebook has imported it.
-    shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
-    return hasattr(shell, "kernel")
-
-
-class Lines:
-    """Where progress is shown: a line on stderr every few seconds."""
+class Display:
+    """Where progress is shown: a bar on a terminal, else a line on stderr every few seconds."""
 
     def __init__(self):
+        self._bar: Any = None
+        self._began: float | None = None
         self._last = time.monotonic()
         self._line = ""
 
     def show(self, share: float, text: str) -> None:
         """Show the share that is done, 0 … 1, and a text of one line.
 
-        A line is printed if the last one is some time ago; an equal one only after longer.
+        Without a terminal a line is printed if the last one is some time ago; an equal one only
+        after longer.
         """
+        if sys.stderr.isatty():
+            self._show_bar(share, text)
+            return
         now = time.monotonic()
         line = f"{PROGRAM}: [{100.0 * share:.0f} %] {text}"
         if text and now - self._last > (REPEAT_INTERVAL if line == self._line else LINE_INTERVAL):
             self._last, self._line = now, line
             print(line, file=sys.stderr, flush=True)  # noqa: T201
 
-    def note(self, text: str) -> bool:
-        """Print one line above the progress; False if that is left to stderr."""
-        return False
-
-    def close(self) -> None:
-        """Remove the progress, if it does not stay; the next `show` may show it again."""
-
-
-class Bar(Lines):
-    """Show a progress bar of rich, and remove it at the end."""
-
-    def __init__(self):
-        self._bar: Any = None
-        self._began: float | None = None
-
-    def show(self, share: float, text: str) -> None:
-        """Show or update the bar."""
+    def _show_bar(self, share: float, text: str) -> None:
         if self._bar is None:
             self._bar = _rich_bar()
             self._bar.start()
@@ -79,15 +57,15 @@ class Bar(Lines):
             task.start_time = self._began = self._began or task.start_time
         self._bar.update(self._bar.task_ids[0], completed=share, description=escaped(text))
 
-    def note(self, text: str) -> bool:
-        """Print a line above the bar, if it is shown."""
+    def note(self, text: str) -> None:
+        """Print one line, above the bar if it is shown."""
         if self._bar is None:
-            return False
-        self._bar.console.print(escaped(f"{PROGRAM}: {text}"), markup=False, highlight=False)
-        return True
+            print(f"{PROGRAM}: {text}", file=sys.stderr, flush=True)  # noqa: T201
+        else:
+            self._bar.console.print(escaped(f"{PROGRAM}: {text}"), markup=False, highlight=False)
 
     def close(self) -> None:
-        """Remove the bar."""
+        """Remove the bar; the next `show` may show it again."""
         if self._bar is not None:
             self._bar.stop()
             self._bar = None
@@ -113,56 +91,22 @@ def _rich_bar() -> Any:
     return bar
 
 
-class NotebookBar(Lines):
-    """Show a progress bar below the cell of a notebook, and remove it at the end."""
-
-    def __init__(self):
-        self._handle: Any = None
-        self._shown = ""
-
-    def show(self, share: float, text: str) -> None:
-        """Show the bar, or update it if it has changed."""
-        shown = f'<progress value="{share:.3f}" max="1"></progress> {html.escape(text)}'
-        if shown == self._shown:
-            return
-        self._shown = shown
-        # Not an import statement: only notebooks have this package.
-        display = import_module("IPython.display")
-        if self._handle is None:
-            self._handle = display.display(display.HTML(shown), display_id=True)
-        else:
-            self._handle.update(display.HTML(shown))
-
-    def close(self) -> None:
-        """Remove the bar."""
-        if self._handle is not None:
-            self._handle.update(import_module("IPython.display").HTML(""))
-            self._handle, self._shown = None, ""
-
-
-def make_display() -> Lines:
-    """A bar in a notebook, or if stderr is a terminal; else lines."""
-    if in_notebook():
-        return NotebookBar()
-    return Bar() if sys.stderr.isatty() else Lines()
-
-
 class Progress:
-    """Count nodes and frames, and show them on a display, if there is one; notes are always shown.
+    """Count nodes and frames, and show them if `visible`; notes are always shown.
 
     All calls come from the thread of the execution.
 
     Args:
-        display: None to show only notes.
+        visible: whether to show the counts.
         uncompiled: modules whose machine code is not cached: the first node of a stage that reaches
             one of them compiles it.
         advice: whether to note files that the user's code may read without declaring them.
     """
 
     def __init__(
-        self, display: Lines | None = None, uncompiled: Collection[str] = (), advice: bool = False
+        self, visible: bool = False, uncompiled: Collection[str] = (), advice: bool = False
     ):
-        self.display, self.advice = display, advice
+        self.display, self.visible, self.advice = Display(), visible, advice
         self.uncompiled = frozenset(uncompiled)
         # By the name of the stage.
         self.total: Counter[str] = Counter()
@@ -222,19 +166,16 @@ class Progress:
 
     def tick(self) -> None:
         """Update the display. Called several times per second."""
-        elapsed = time.monotonic() - self.began
-        if self.display is not None and self.all_total and elapsed > PATIENCE:
+        if self.visible and self.all_total and time.monotonic() - self.began > PATIENCE:
             self.display.show(self.share, self.text)
 
     def note(self, text: str) -> None:
         """Print one line for the user."""
-        if self.display is None or not self.display.note(text):
-            print(f"{PROGRAM}: {text}", file=sys.stderr, flush=True)  # noqa: T201
+        self.display.note(text)
 
     def close(self) -> None:
         """End the display; the next `tick` may show it again."""
-        if self.display is not None:
-            self.display.close()
+        self.display.close()
 
     @property
     def all_done(self) -> int:
@@ -308,5 +249,5 @@ def crash_note(labels: Sequence[str], retry: bool) -> str:
 
 
 def make_progress(uncompiled: Collection[str] = (), advice: bool = False) -> Progress:
-    """Progress with the display that suits stderr; `uncompiled` and `advice` as in `Progress`."""
-    return Progress(make_display(), uncompiled, advice)
+    """Progress that is shown; `uncompiled` and `advice` as in `Progress`."""
+    return Progress(True, uncompiled, advice)

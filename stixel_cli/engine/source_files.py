@@ -2,17 +2,14 @@
 
 Parsing all files of a graph takes longer than the rest of a cached run, so the digests are kept in
 the store. They are found by the hash of a file's content: neither its name nor its time matters.
-Copies of the sources are kept as well, to show later what has changed.
 """
 
 import ast
-import difflib
 import json
 import os
 import re
 import sys
-import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
@@ -20,16 +17,13 @@ from hashlib import file_digest, sha256
 from pathlib import Path
 
 from stixel_cli.border import write_whole
-from stixel_cli.engine.cache_folder import inside, made_here, make_folder, read_file
+from stixel_cli.engine.cache_folder import make_folder
 from stixel_cli.engine.errors import InvalidCode
 from stixel_cli.errors import UserError
-from stixel_cli.files import GREATEST_ARRAYS, opened
+from stixel_cli.files import GREATEST_ARRAYS, opened, read_bytes
 
 SOURCES = "sources"
 """Folder in the store."""
-
-UNUSED = 90 * 86400.0
-"""Seconds after the last use when a file of this folder is removed."""
 
 MOST_DIGESTS = 2000
 """Number of digests that are kept; those of unused contents are dropped first."""
@@ -189,12 +183,11 @@ def load_digests(store_folder: Path) -> None:
 
 
 def _stored_digests(store_folder: Path) -> dict[str, list]:
-    with suppress(OSError, ValueError):
+    with suppress(UserError, ValueError):
         path = store_folder / SOURCES / _digests_file()
-        if path.stat().st_size <= LARGEST_FILE:
-            check, _, content = read_file(path).partition(b"\n")
-            if check == sha256(content).hexdigest().encode():
-                return json.loads(content)
+        check, _, content = read_bytes(path, LARGEST_FILE).partition(b"\n")
+        if check == sha256(content).hexdigest().encode():
+            return json.loads(content)
     return {}
 
 
@@ -212,49 +205,3 @@ def save_digests(store_folder: Path) -> None:
         make_folder(store_folder, SOURCES)
         write_whole(path, sha256(content).hexdigest().encode() + b"\n" + content)
         _unsaved.clear()
-
-
-def keep_sources(store_folder: Path, files: Iterable[tuple[str, Path]]) -> None:
-    """Copy source files to the store, each named by the digest of its tree, if possible."""
-    folder = store_folder / SOURCES
-    for digest, path in dict(files).items():
-        kept = folder / f"{digest}.py"
-        with suppress(OSError):
-            if kept.exists():
-                os.utime(kept)
-            elif path.suffix == ".py":
-                make_folder(store_folder, SOURCES)
-                write_whole(kept, path.read_bytes())
-
-
-def kept_source(store_folder: Path, digest: str) -> list[str] | None:
-    """Lines of the source of a module with this digest; None if the store has no copy of it."""
-    # A digest of a result folder names a file of the store.
-    with suppress(OSError, ValueError):
-        if re.fullmatch(r"[0-9a-f]{32}", digest):
-            return read_file(store_folder / SOURCES / f"{digest}.py").decode().splitlines()
-    return None
-
-
-def source_difference(store_folder: Path, before: str, now: Path) -> tuple[str, ...]:
-    """Lines of the unified diff between the old source of a module and its file now.
-
-    `before` is the digest of the old module. Without a copy of the old source there are no lines.
-    """
-    old = kept_source(store_folder, before)
-    with suppress(OSError, ValueError):
-        if old is not None:
-            new = now.read_text("utf-8").splitlines()
-            return tuple(difflib.unified_diff(old, new, "before", "now", lineterm="", n=1))
-    return ()
-
-
-def remove_sources(store_folder: Path, everything: bool) -> None:
-    """Remove all copies and digests, or those that were not used for `UNUSED` seconds."""
-    with suppress(OSError):
-        for path in filter(made_here, inside(store_folder / SOURCES)):
-            with suppress(OSError):
-                if everything or time.time() - path.stat().st_mtime > UNUSED:
-                    path.unlink()
-        if everything:
-            (store_folder / SOURCES).rmdir()

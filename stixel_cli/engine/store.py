@@ -21,9 +21,16 @@ from stixel_cli.border import TYPED, unpickled
 from stixel_cli.engine import cache_folder
 from stixel_cli.engine.errors import CacheError, MissingEntry
 from stixel_cli.engine.parameters import CacheParameters, default_cache_folder, parse_size
+from stixel_cli.engine.source_files import content_digest
+from stixel_cli.errors import UserError
+from stixel_cli.files import GREATEST_TEXT, read_bytes, without_waiting
 
 VALUE = "value.joblib"
 META = "meta.json"
+REMOVALS = "evicted.jsonl"
+
+REMEMBERED = 20_000
+"""Number of removed keys that are remembered, to explain why a node is computed again."""
 
 MAPPED = 32 * 2**20
 """Bytes of a value from which on its arrays are memory maps when it is loaded."""
@@ -58,8 +65,8 @@ class Store:
     def has(self, key: str) -> bool:
         """Whether an entry with valid notes exists. Its value is not read, see `verify`."""
         try:
-            return _notes_fault(cache_folder.read_file(self.entry(key) / META), key) is None
-        except OSError:
+            return _notes_fault(read_bytes(self.entry(key) / META), key) is None
+        except UserError:
             return False
 
     def load(self, key: str) -> Any:
@@ -68,8 +75,7 @@ class Store:
         Large arrays are memory maps; what is written into them never reaches the entry.
 
         Raises:
-            MissingEntry: there is no entry, or it is damaged. A damaged entry is set aside, so
-                that it counts as missing from then on.
+            MissingEntry: there is no entry, or it is damaged. A damaged entry is removed.
             CacheError: it cannot be read.
         """
         content = self._content(key)
@@ -92,11 +98,11 @@ class Store:
         content = self._read(key, META)
         fault = _notes_fault(content, key)
         if fault is not None:
-            raise self._set_aside(key, fault)
+            raise self._damaged(key, fault)
         return json.loads(content)
 
     def verify(self, key: str) -> bool:
-        """Whether an undamaged entry exists. A damaged one is set aside."""
+        """Whether an undamaged entry exists. A damaged one is removed."""
         try:
             self._content(key)
         except MissingEntry:
@@ -104,7 +110,7 @@ class Store:
         return True
 
     def check(self, key: str) -> None:
-        """Raise MissingEntry unless an undamaged entry exists. A damaged one is set aside."""
+        """Raise MissingEntry unless an undamaged entry exists. A damaged one is removed."""
         self._content(key)
 
     def save(self, key: str, value: Any, **notes: Any) -> int:
@@ -121,7 +127,8 @@ class Store:
             cache_folder.make_folder(self.folder, "tmp")
             partial.mkdir()
             joblib.dump(value, partial / VALUE)
-            size, digest = cache_folder.digest_of_file(partial / VALUE)
+            size = (partial / VALUE).stat().st_size
+            digest = content_digest(partial / VALUE, size)
             meta = {**notes, "key": key, "size": size, "digest": digest}
             (partial / META).write_bytes(_notes_content(meta))
             self._put_in_place(partial, self.entry(key))
@@ -168,51 +175,73 @@ class Store:
         except OSError as error:
             raise cache_folder.unwritable(self.folder, error) from error
 
+    def remove(self, key: str, reason: str) -> bool:
+        """Remove an entry, and note the reason for `removals`; False if it cannot be removed.
+
+        It is renamed first, so that no reader sees half of it.
+        """
+        gone = f"gone-{socket.gethostname()}-{os.getpid()}-{key[:16]}"
+        try:
+            gone = cache_folder.make_folder(self.folder, "tmp") / gone
+            self.entry(key).rename(gone)
+        except (OSError, CacheError):
+            return False
+        shutil.rmtree(gone, ignore_errors=True)
+        removals = self.folder / REMOVALS
+        with suppress(OSError), open(removals, "a", opener=without_waiting) as file:
+            file.write(json.dumps([key, reason]) + "\n")
+        return True
+
+    def removals(self) -> dict[str, str]:
+        """Reason of the last removal by key: `damaged`, or as in `cleanup.Removed`."""
+        lines: list[bytes] = []
+        with suppress(UserError):
+            lines = read_bytes(self.folder / REMOVALS).splitlines()[-REMEMBERED:]
+        reasons = {}
+        for line in lines:
+            with suppress(ValueError, TypeError, RecursionError):
+                key, reason, *_ = json.loads(line)
+                reasons[str(key)] = str(reason)
+        return reasons
+
     def _content(self, key: str) -> bytes | None:
         """The checked bytes of a value; None for one to be mapped, whose file is checked."""
         meta = self.meta(key)
         size = meta.get("size", 0)
+        content = None
         if size < MAPPED:
             content = self._read(key, VALUE, size)
             found, digest = len(content), sha256(content).hexdigest()
         else:
-            content = None
-            found, digest = self._read(key, VALUE, size, cache_folder.digest_of_file)
+            # A shorter file has another digest.
+            found, digest = size, self._read(key, VALUE, size, content_digest)
         if found != size:
-            raise self._set_aside(key, f"it is truncated ({found} bytes)")
+            raise self._damaged(key, f"it is truncated ({found} bytes)")
         if digest != meta.get("digest"):
-            raise self._set_aside(key, "its content has changed")
+            raise self._damaged(key, "its content has changed")
         return content
 
     def _read(
-        self,
-        key: str,
-        name: str,
-        greatest: int = cache_folder.NOTES_LIMIT,
-        read: Callable = cache_folder.read_file,
+        self, key: str, name: str, greatest: int = GREATEST_TEXT, read: Callable = read_bytes
     ) -> Any:
+        file = self.entry(key) / name
         try:
-            return read(self.entry(key) / name, greatest)
-        except (FileNotFoundError, NotADirectoryError):
+            return read(file, greatest)
+        except UserError as error:
+            if isinstance(error.__cause__, OSError) and file.is_file():
+                reason = error.__cause__.strerror or error.__cause__
+                raise CacheError(f"cannot read the cache {self.folder}: {reason}") from error
             if self.entry(key).is_dir():
-                raise self._set_aside(key, f"{name} is missing") from None
+                reason = str(error).removeprefix(f"{file}: ").removeprefix(f"{file.parent}: ")
+                raise self._damaged(key, reason) from None
             raise MissingEntry(key, "not found") from None
-        except cache_folder.NotARegularFile as error:
-            raise self._set_aside(key, f"{name} is {error}") from None
-        except OSError as error:
-            raise CacheError(
-                f"cannot read the cache {self.folder}: {error.strerror or error}"
-            ) from error
 
-    def _set_aside(self, key: str, reason: str) -> MissingEntry:
-        """Move a damaged entry to the quarantine; return the exception to raise."""
-        aside = self.folder / "quarantine" / f"{key}-{time.time_ns()}"
-        with suppress(OSError):
-            # If this fails, the entry stays, and `save` reports why it cannot replace it.
-            aside.parent.mkdir(parents=True, exist_ok=True)
-            self.entry(key).rename(aside)
-            return MissingEntry(key, reason, set_aside=True)
-        return MissingEntry(key, reason)
+    def _damaged(self, key: str, reason: str) -> MissingEntry:
+        """Remove a damaged entry; return the exception to raise.
+
+        If it cannot be removed, `save` reports why it cannot replace it.
+        """
+        return MissingEntry(key, reason, removed=self.remove(key, "damaged"))
 
     def _put_in_place(self, partial: Path, entry: Path) -> None:
         try:
@@ -222,7 +251,7 @@ class Store:
                 # Another process stored the same result first.
                 return
             # A damaged entry, or one that was removed in part.
-            self._set_aside(entry.name, "it is incomplete")
+            self.remove(entry.name, "damaged")
             _move(partial, entry)
 
 

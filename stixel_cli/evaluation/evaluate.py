@@ -75,6 +75,7 @@ def evaluate(
     replaced_wrongly = (of_classes["class_replaced"] == 1.0) & (of_classes["class_wrong"] == 1.0)
     over_time = errors_over_time(track, scenario, replaced_wrongly)
     over_time["iou_baseline"] = baseline_overlaps(scenario, scans)
+    over_time["out_of_view"] = out_of_view(scenario, scans)
     times, nis = scenario.times - scenario.times[0], track.normalised_nis
     counted = scenario.known if scenario.scored is None else scenario.known & scenario.scored
     errors = ScanErrors(
@@ -91,6 +92,7 @@ def evaluate(
     )
     missing = [
         *(["scored_scans"] if scenario.scored is None else []),
+        *(["time_out_of_view_s"] if scans.field_of_view is None else []),
         *(OF_SIZE if track.size_deviations is None else []),
         *(OF_CLASSES if track.class_probabilities is None else []),
     ]
@@ -139,6 +141,16 @@ def errors_over_time(
         "nees_orientation": normalised_errors(orientation[:, None], track.covariances[:, 2:3, 2:3]),
         "lost": off_target(contours["iou_box"], orientation, true_speed, replaced_wrongly),
     }
+
+
+def out_of_view(scenario: Scenario, scans: Scans) -> np.ndarray:
+    """Whether the true centre is outside the borders of the sensor's view, (K,); False: unknown."""
+    view, sensors = scans.field_of_view, scans.sensor_poses_world
+    if view is None:
+        return np.zeros(len(scans), bool)
+    way = scenario.target_poses_world[:, :2] - sensors[:, :2]
+    bearings = wrap_angle(np.arctan2(way[:, 1], way[:, 0]) - sensors[:, 2])
+    return (bearings < view.right) | (bearings > view.left)
 
 
 def class_errors(track: Track, road_user: str | None) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 Tables, figures and pages read label, unit, bounds and the better direction from the row.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -102,6 +102,10 @@ _TABLE = (
            over_runs="track_loss_rate"),
     Metric("time_to_loss_s", "time to track loss", "time to loss",
            "s", "more", (0.0, None), lambda e: time_to_loss(e.times, e.lost)),
+    # Only of scans whose sensor's borders are known.
+    Metric("time_out_of_view_s", "time at which the road user leaves the field of view",
+           "leaves the view", "s", None, (0.0, None),
+           lambda e: time_to_loss(e.times, e.out_of_view)),
     Metric("sure_and_wrong_share", f"share of scans with IoU of the box < {LOW_OVERLAP} and "
            f"centre error > {SURE:g} σ", "sure and wrong", *_SHARE, sure_and_wrong_share),
     Metric("diverged", "diverged (1) or not (0)", "diverged", *_SHARE,
@@ -212,6 +216,9 @@ _TABLE = (
            lambda e: mean(e.class_replaced), (None, 0.0)),
 )  # fmt: skip
 
+MAIN = ("iou_box_mean", "iou_mean", "centre_rmse_m", "orientation_rmse_deg", "track_lost")
+"""What is said first of a run, and of many: overlap, centre, heading, loss."""
+
 OF_SIZE = ("size_deviation", "points_beside_share")
 """The metrics that only a tracker of a class's size has."""
 
@@ -221,7 +228,7 @@ PROBABILITIES = {name: f"{name}_probability" for name in ROAD_USER_CLASSES}
 OF_CLASSES = (*PROBABILITIES.values(), "class_error", "class_replaced_share")
 """The metrics that only a track with probabilities of the classes has."""
 
-METRICS = {metric.name: metric for metric in _TABLE}
+METRICS: dict[str, Metric] = {metric.name: metric for metric in _TABLE}
 """Name to row, in the order in which tables show them."""
 
 SMOOTHED = "smoothed_"
@@ -264,9 +271,29 @@ _KNOWN = {**METRICS, **OF_LABELS, LOSS_RATE: _LOSS_RATE}
 _SUFFIXES = {"_deg_s": "°/s", "_m_s": "m/s", "_m": "m", "_deg": "°", "_s": "s"}
 
 
+BASELINES = {
+    **dict.fromkeys(
+        ("iou_mean", "iou_box_mean"),
+        "iou_baseline of the same run: the true outline, moved to the mean of its points",
+    ),
+    "centre_rmse_m": "that of the mean of the used points, on the page of the run",
+    "orientation_rmse_deg": "that of the motion of the used points, on the page of the run",
+    **dict.fromkeys(
+        (name for name, row in METRICS.items() if row.better == "one"), "1, a consistent filter"
+    ),
+}
+"""Metric to what a value is compared with, in words."""
+
+
 def over_runs(name: str) -> str:
     """The name of a metric's mean over runs."""
     return metric(name).over_runs or name
+
+
+def main_first(names: Iterable[str]) -> list[str]:
+    """The names, those of `MAIN` first."""
+    names = list(names)
+    return [*(name for name in MAIN if name in names), *(n for n in names if n not in MAIN)]
 
 
 def metric(name: str) -> Metric:

@@ -73,6 +73,7 @@ class ScanErrors:
             the ego car does not see, in the estimated 95 % band.
         iou_baseline: see `baseline_overlaps`; NaN at a scan without points of the target.
         lost: whether the estimate is off the target; see `evaluate.off_target`.
+        out_of_view: whether the true centre is outside the sensor's field of view.
         nees_position, nees_orientation: NEES divided by its dimension; NaN without a valid
             covariance.
         nis: NIS divided by its degrees of freedom; NaN for an empty scan.
@@ -111,6 +112,7 @@ class ScanErrors:
     hidden_band_coverage: np.ndarray
     iou_baseline: np.ndarray
     lost: np.ndarray
+    out_of_view: np.ndarray
     nees_position: np.ndarray
     nees_orientation: np.ndarray
     nis: np.ndarray

@@ -29,8 +29,9 @@ LEAST_ODDS = 100.0
 def word(metrics: Values) -> str | None:
     """One of `WORDS`; None if there is no truth, or if the metrics are of an older version.
 
-    `lost` is a track that is lost at any time. The others compare the mean IoU of the outline, or
-    of the box where only that is known, with those of the baseline and of the upper bound.
+    `lost` is a track that is lost at any time; one that has diverged is at most `poor`. The others
+    compare the mean IoU of the outline, or of the box where only that is known, with those of the
+    baseline and of the upper bound.
     """
     if metrics.get("track_lost"):
         return "lost"
@@ -38,6 +39,8 @@ def word(metrics: Values) -> str | None:
     baseline = metrics.get("iou_baseline")
     if metrics.get("track_lost") is None or iou is None or baseline is None:
         return None
+    if _has_diverged(metrics):
+        return "poor"
     way = (iou - baseline) / max(bound - baseline, LEAST_WAY)
     return next((one for one in reversed(LIMITS) if way >= LIMITS[one]), "poor")
 
@@ -48,24 +51,29 @@ def verdict(metrics: Values) -> list[str]:
     The first begins with the run's `word` and says why it has it; the second, if any, says what to
     try; `uncertainty: …` compares the stated uncertainty with the errors, by the limits in the
     column `expected` of the table of metrics. A metric without a value is not mentioned, and a
-    cause is named only if a metric shows it. A warning of divergence comes before all.
+    cause is named only if a metric shows it. Before all comes that the road user leaves the view,
+    or a warning of a divergence before that.
     """
     if metrics.get("scans") and metrics.get("scans") == metrics.get("empty_scans"):
         return ["lost: the road user was never measured: every scan is empty."]
-    diverged = [_diverged(metrics.get("time_to_divergence_s"))] if metrics.get("diverged") else []
+    first = []
+    if metrics.get("time_out_of_view_s") is not None:
+        first = [_out_of_view(metrics["time_out_of_view_s"])]
+    if _has_diverged(metrics):
+        first = [_diverged(metrics.get("time_to_divergence_s"))]
     if metrics.get("tracks_found") is not None:
-        return [*diverged, _of_labels(metrics), *_uncertainty(metrics)]
+        return [*first, _of_labels(metrics), *_uncertainty(metrics)]
     rest = [*_to_try(metrics), *_uncertainty(metrics), *_class(metrics)]
     if metrics.get("track_lost") is None:
         why = "the metrics are of an older version" if "iou_mean" in metrics else "no truth"
-        return [*(diverged or [f"No verdict: {why}."]), *rest]
+        return [*(first or [f"No verdict: {why}."]), *rest]
     begin = word(metrics)
     why = ", ".join(filter(None, (_accuracy(metrics), _sides(metrics), _heading(metrics))))
     if metrics.get("time_to_loss_s") is not None:
         at = metrics["time_to_loss_s"]
         why = f"off the target from {'the first scan' if at == 0.0 else f'{at:.1f} s'} on; {why}"
-    first = f"{begin}: {why}." if begin else f"{why[:1].upper()}{why[1:]}."
-    return [*diverged, first.replace("; .", "."), *rest]
+    said = f"{begin}: {why}." if begin else f"{why[:1].upper()}{why[1:]}."
+    return [*first, said.replace("; .", "."), *rest]
 
 
 def misfits_class(metrics: Values) -> bool:
@@ -173,6 +181,19 @@ def _diverged(time: float | int | None) -> str:
     return (
         f"WARNING: the tracker diverged{since}: its residuals are far larger than it assumes, "
         "or it used no point for a second. Do not use these estimates."
+    )
+
+
+def _has_diverged(metrics: Values) -> bool:
+    """Whether the tracker diverged in view: outside of it, nothing is measured."""
+    since, left = metrics.get("time_to_divergence_s"), metrics.get("time_out_of_view_s")
+    return bool(metrics.get("diverged")) and (left is None or since is None or since < left)
+
+
+def _out_of_view(time: float | int) -> str:
+    return (
+        f"The road user leaves the field of view at {time:.1f} s: "
+        "from then on the estimates are predictions."
     )
 
 

@@ -18,7 +18,7 @@ from stixel_cli.geometry.rig_calibration import RigCalibration
 from stixel_cli.images import encode_png
 from stixel_cli.measurements.stixel_file import StixelFile
 from stixel_cli.pictures import style
-from stixel_cli.pictures.painted import painted
+from stixel_cli.pictures.frame_view import painted
 from stixel_cli.recordings.image_files import read_disparity
 from stixel_cli.recordings.stereo_images import read_left
 from stixel_cli.recordings.tables import read_labels

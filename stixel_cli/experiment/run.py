@@ -25,6 +25,7 @@ from stixel_cli.measurements.file_truth import heading_note
 from stixel_cli.report.playback import playback_html
 from stixel_cli.results.folder import check_results, new_folder, write_folder
 from stixel_cli.results.lineage import lineage_of, provenance, read_lineage
+from stixel_cli.results.made_here import origin_of
 from stixel_cli.results.result import RunResult, read_run
 from stixel_cli.scene.road_user import road_user_doubt
 from stixel_cli.scene.scenario import Scenario
@@ -163,8 +164,14 @@ def correction_note(calibration: RigCalibration | None) -> dict[str, Any]:
 
 
 def trust_stored_run(run: RunResult, trusted: bool) -> None:
-    """Refuse a stored run of user-defined code, unless `trusted`, or of wrong parameters."""
-    admit_code(run.settings, (), Origin(str(run.folder), trusted))
+    """Refuse a stored run of user-defined code, unless `trusted`, or of wrong parameters.
+
+    What this user ran here is trusted while neither the folder nor the code has changed.
+    """
+    origin = origin_of(run.folder, trusted)
+    if not origin.source and changed_code(run):
+        origin = Origin(str(run.folder), trusted)
+    admit_code(run.settings, (), origin)
     if functions_of(run.settings):
         check_parameters(run.composition.configuration)
 

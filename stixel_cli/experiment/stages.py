@@ -63,6 +63,14 @@ def pipeline_stages(composition: Composition) -> list[Stage]:
     return [_stage(composition, path, name, wiring or {}) for name, wiring in pipeline.items()]
 
 
+def _amount(composition: Composition, definition: Definition) -> float:
+    """Work of a stage: the number of scans; of a stage of images, the megapixels of one."""
+    if definition.pattern == "once":
+        return scan_count(composition)
+    rig = composition.configuration.rig
+    return 1e-6 * rig.width * rig.height if "rig" in definition.reads.values() else 1.0
+
+
 def scan_count(composition: Composition) -> int:
     """Number K of scans: of the file, or duration / sample time, rounded, and at least one."""
     configuration = composition.configuration
@@ -125,6 +133,7 @@ def _stage(composition: Composition, path: Path, name: str, wiring: dict[str, st
         gives_files=bool(definition.recorded),
         keys=definition.reads,
         watched=definition.watched,
+        amount=_amount(composition, definition),
     )
     if not definition.calls:
         return made

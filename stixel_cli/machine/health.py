@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from stixel_cli.engine.entries import entries, set_aside
-from stixel_cli.engine.errors import CacheError, MissingEntry
+from stixel_cli.engine.entries import entries
+from stixel_cli.engine.errors import CacheError
 from stixel_cli.engine.parameters import show_size
 from stixel_cli.engine.store import Store
 from stixel_cli.results.lineage import git_state, package_versions, shown_revision
@@ -134,9 +134,8 @@ def _processors() -> list[Check]:
 
 def _cache(store: Store) -> list[Check]:
     limit = "no limit" if store.max_size is None else f"limit {show_size(store.max_size)}"
-    damaged: list[MissingEntry] = []
     try:
-        found = entries(store, damaged.append)
+        found = entries(store)
     except CacheError as error:
         checks = [_cache_folder(store, 0), Check("cache size", "fails", str(error))]
     else:
@@ -144,23 +143,21 @@ def _cache(store: Store) -> list[Check]:
         checks = [
             _cache_folder(store, len(found)),
             Check("cache size", "ok", f"{size} in {len(found)} results, {limit}"),
-            _cache_entries(store, len(damaged)),
+            _cache_entries(store),
         ]
     existing = next(p for p in (store.folder, *store.folder.parents) if p.exists())
     free = shutil.disk_usage(existing).free
     return [*checks, Check("disk free", "ok" if free >= LEAST_FREE else "fails", show_size(free))]
 
 
-def _cache_entries(store: Store, damaged: int) -> Check:
+def _cache_entries(store: Store) -> Check:
     """Whether results are known to be damaged; their values are not read, which may take long."""
-    # With the damaged results just found, if they could be set aside.
-    if aside := set_aside(store):
-        text = f"{aside} damaged results set aside; they are recomputed when needed"
-    elif damaged:
-        text = f"{damaged} damaged results cannot be set aside"
-    else:
+    reasons = store.removals().items()
+    damaged = sum(reason == "damaged" and not store.has(key) for key, reason in reasons)
+    if not damaged:
         return Check("cache entries", "ok", "no damaged results known")
-    return Check("cache entries", "limited", f"{text}; stixel cache verify checks all")
+    text = f"{damaged} damaged results are recomputed when needed; stixel cache verify checks all"
+    return Check("cache entries", "limited", text)
 
 
 def _cache_folder(store: Store, stored: int) -> Check:

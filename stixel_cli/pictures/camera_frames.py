@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.pictures.camera_panels import FrameView
+from stixel_cli.pictures.frame_view import FrameView
 from stixel_cli.rendering.frames import StereoPairs
 from stixel_cli.results.pictures import CameraFrames
 from stixel_cli.stereo.disparities import Disparities

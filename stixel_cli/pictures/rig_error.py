@@ -37,7 +37,7 @@ def rig_pictures(calibration: RigCalibration) -> Pictures:
             right.fill_between(
                 columns, -2 * per_pixel * band, 2 * per_pixel * band, color=colour, alpha=0.2
             )
-        right.set_title("Error of a depth; lines: before; bands: after, ± 2 standard deviations")
+        right.set_title("Error of a depth: lines before, bands (± 2 std) after")
         right.set_ylabel("m")
         right.legend(loc="upper center", ncols=3)
         for axes in (left, right):

@@ -52,7 +52,7 @@ def add_sensor_noise(
         index = k - rendered.first
         grey = grey_levels(rendered.left[index])
         left.append(_noisy(grey, sensor, generator(seed, "expose left", k)))
-        grey = _moved(grey_levels(rendered.right[index]), sensor, rig)
+        grey = _moved_right(rendered, index, sensor, rig)
         grey *= np.float32(sensor.right_gain)
         right.append(_noisy(grey, sensor, generator(seed, "expose right", k)))
     return StereoPairs(frames.start, ImageStack(tuple(left)), ImageStack(tuple(right)))
@@ -69,19 +69,23 @@ def noise_std(grey: np.ndarray, sensor: Sensor) -> np.ndarray:
     return np.sqrt(np.float32(sensor.read_noise**2) + shot)
 
 
-def _moved(grey: np.ndarray, sensor: Sensor, rig: Rig) -> np.ndarray:
-    """`grey` (H, W) of the right camera, moved to the left by the error, by cubic splines.
+def _moved_right(rendered: RenderedFrames, index: int, sensor: Sensor, rig: Rig) -> np.ndarray:
+    """Luma (H, W) of the right camera, moved to the left by the error, by cubic splines.
 
-    The error is that of the left image's columns: a point at infinity has it exactly, a near one,
-    which is farther left in the right image, nearly.
+    The error of a point is that of its column in the left image.
     """
+    grey = grey_levels(rendered.right[index])
     if not any(sensor.disparity_error):
         return grey
     from scipy.ndimage import map_coordinates
 
     v, u = np.mgrid[: grey.shape[0], : grey.shape[1]].astype(np.float64)
-    u += rig.disparity_error_basis(u[0]) @ sensor.disparity_error
-    return map_coordinates(grey, (v, u), order=3, mode="nearest")
+    seen = u - rig.disparity_from_depth(rendered.depth(index))
+    # Where two points have one column in the right image, that on the right in the left is nearer.
+    seen = np.minimum.accumulate(seen[:, ::-1], axis=1)[:, ::-1]
+    columns = np.concatenate([np.interp(u[0], row, u[0]) for row in seen])
+    error = rig.disparity_error_basis(columns) @ sensor.disparity_error
+    return map_coordinates(grey, (v, u + error.reshape(u.shape)), order=3, mode="nearest")
 
 
 def _noisy(grey: np.ndarray, sensor: Sensor, random: np.random.Generator) -> bytes:

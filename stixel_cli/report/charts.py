@@ -43,7 +43,7 @@ def chart(panels: Sequence[Panel]) -> bytes:
     """An SVG of panels one below the other, with one legend of every label below them."""
     with style.drawing({"axes.grid": True, **style.LEGIBLE}):
         height = 0.45 + _ROW * len(panels)
-        figure = style.new_figure(style.NARROW, height, layout="constrained")
+        figure = style.new_figure(style.NARROW, height)
         # The colour of the page is behind an SVG.
         figure.patch.set_visible(False)
         grid = figure.subplots(len(panels), squeeze=False).ravel()
@@ -59,13 +59,16 @@ def chart(panels: Sequence[Panel]) -> bytes:
                 style.log_axis(axes)
         found = (zip(*axes.get_legend_handles_labels(), strict=True) for axes in grid)
         handles = {label: handle for one in found for handle, label in one}
+        below = 0.0
         if handles:
             labels = [fill(label, int(_LETTERS * style.NARROW)) for label in handles]
             beside = max(1, int(_LETTERS * style.NARROW / (_MARK + max(map(len, labels)))))
-            lines = sum(1 + label.count("\n") for label in labels) / beside
-            figure.set_figheight(height + _LINE * (math.ceil(lines) - 1))
-            look = {"loc": "outside lower center", "ncols": min(beside, len(labels))}
+            lines = math.ceil(sum(1 + label.count("\n") for label in labels) / beside)
+            below = 0.1 + _LINE * lines
+            figure.set_figheight(height + _LINE * (lines - 1))
+            look = {"loc": "lower center", "ncols": min(beside, len(labels))}
             figure.legend(handles.values(), labels, **look)
+        style.place(figure, grid, below)
         return style.svg(figure)
 
 

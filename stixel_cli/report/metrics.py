@@ -3,10 +3,8 @@
 import math
 from collections.abc import Iterable, Mapping
 
-from stixel_cli.evaluation.metric_table import METRICS, NO_VALUE, SMOOTHED, Better, metric
+from stixel_cli.evaluation.metric_table import METRICS, NO_VALUE, SMOOTHED, main_first, metric
 from stixel_cli.evaluation.scores import LabelScore
-
-_FAR = math.log(2.0)
 
 MAIN = (
     *("iou_mean", "iou_box_mean", "centre_rmse_m", "orientation_rmse_deg"),
@@ -34,50 +32,14 @@ def shown_value(name: str, value: float | int | None) -> str:
     return format_value(value)
 
 
-def shown_difference(name: str, value: float | int | None, first: float | int | None) -> str:
-    """`value` minus `first` of a metric as text with its sign; a dash if one has no value.
-
-    It has as many decimals as the values, and is 0 where these are shown alike.
-    """
-    if value is None or first is None:
-        return NO_VALUE
-    shown = {shown_value(name, value), shown_value(name, first)}
-    places = max(len(text.partition(".")[2]) for text in shown)
-    if len(shown) == 1:
-        return f"{0.0:.{places}f}"
-    text = shown_value(name, value - first)
-    if not any("e" in one for one in shown):
-        difference = (100.0 if metric(name).percent else 1.0) * (value - first)
-        text = f"{difference:.{places + (abs(difference) < 0.5 * 10.0**-places)}f}"
-    return text.replace("-", "\u2212") if text.startswith("-") else f"+{text}"
-
-
 def with_value(metrics: Mapping[str, float | int | None]) -> dict[str, float | int]:
     """The metrics that have a value: tables leave out the others."""
     return {name: value for name, value in metrics.items() if value is not None}
 
 
-def best(name: str, values: list[float | int | None]) -> list[bool]:
-    """Which of the values are the best; no value if all are shown alike or if no value is better.
-
-    Of NEES and NIS there is no best value where all are more than a factor of two from 1.
-    """
-    direction = metric(name).better
-    known = [v for v in values if v is not None]
-    if direction is None or len({shown_value(name, v) for v in known}) < 2:
-        return [False] * len(values)
-    ranks = [None if v is None else _rank(v, direction) for v in values]
-    least = min(r for r in ranks if r is not None)
-    if direction == "one" and least > _FAR:
-        return [False] * len(values)
-    shown = {shown_value(name, v) for v, r in zip(values, ranks, strict=True) if r == least}
-    return [v is not None and shown_value(name, v) in shown for v in values]
-
-
-def _rank(value: float, direction: Better) -> float:
-    if direction == "one":
-        return abs(math.log(value)) if value > 0.0 else math.inf
-    return value if direction == "less" else -value
+def in_order(metrics: Mapping[str, float | int | None]) -> dict[str, float | int | None]:
+    """The metrics, overlap, centre, heading and loss first."""
+    return {name: metrics[name] for name in main_first(metrics)}
 
 
 def main_metrics(metrics: Mapping[str, float | int | None]) -> dict[str, float | int | None]:

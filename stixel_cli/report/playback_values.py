@@ -82,8 +82,8 @@ def summary_of(metrics: dict[str, float | int | None]) -> list[list[str]]:
     return rows
 
 
-def headline_of(run: RunResult) -> list[list[str | bool | None]]:
-    """[name, value, whether it is good (None: unknown), reference] of the main numbers of a run.
+def headline_of(run: RunResult) -> list[list[str]]:
+    """[name, value, reference] of the main numbers of a run.
 
     The reference is that of the same scans: the IoU of the baseline, the mean of the used points
     for the centre, its direction of motion for the orientation; 1 for NEES.
@@ -97,15 +97,13 @@ def headline_of(run: RunResult) -> list[list[str | bool | None]]:
         "orientation_rmse_deg": (orientation, "motion of its points"),
         "nees_position_mean": (1.0, "consistent"),
     }
-    rows: list[list[str | bool | None]] = []
+    rows: list[list[str]] = []
     for name, (reference, words) in references.items():
-        row, value, is_good = metric(name), metrics.get(name), None
+        row, value = metric(name), metrics.get(name)
         if value is None:
             continue
-        if reference is not None and row.better != "one":
-            is_good = (value > reference) == (row.better == "more")
         beside = "" if reference is None else f"{words}: {_with_unit(row, reference)}"
-        rows.append([row.short_label, _with_unit(row, value), is_good, beside])
+        rows.append([row.short_label, _with_unit(row, value), beside])
     return rows
 
 

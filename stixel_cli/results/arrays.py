@@ -11,18 +11,20 @@ from stixel_cli.errors import UserError
 from stixel_cli.files import read_arrays
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.results.ego_frame import STATE, Table
+from stixel_cli.results.reader import read_png
 from stixel_cli.results.result import RunResult, read_scored_run
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.tracking.track import Track
 
 
 def with_arrays(run: RunResult) -> RunResult:
-    """A run that was read, with what `read_scored_run` adds, and `scenario`, `scans` and `track`.
+    """A run that was read, with what `read_scored_run` adds, the picture of the path, `scenario`,
+    `scans` and `track`.
 
     The poses of the sensor are those of the ego car. Folders do not store `Scenario.scored`.
     UserError if a file is missing or not valid; folders of older versions have no `ego.npz`.
     """
-    scored = read_scored_run(run.folder)
+    scored, picture = read_scored_run(run.folder), run.folder / "figures/path.png"
     with _reading(run.folder / "ego.npz") as ego:
         scenario = _scenario(ego, {})
     if (run.folder / "truth.npz").exists():
@@ -39,7 +41,7 @@ def with_arrays(run: RunResult) -> RunResult:
     return replace(
         run,
         scores=scored.scores,
-        pictures=scored.pictures,
+        pictures={picture.name: read_png(picture)} if picture.exists() else {},
         scenario=scenario,
         scans=scans,
         track=track,

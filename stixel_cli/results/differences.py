@@ -1,6 +1,5 @@
 """Differences of runs: of values, of keys with their causes, of source and of settings."""
 
-import difflib
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
@@ -10,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from stixel_cli.engine.graph import Graph, Node
-from stixel_cli.engine.source_files import kept_source
 from stixel_cli.errors import printable
 from stixel_cli.evaluation.metric_table import NO_VALUE
 from stixel_cli.results.lineage import Lineage, StageLineage, read_lineage, settings_digest
@@ -140,48 +138,27 @@ def _settings_with_files(node: Node, before: StageLineage) -> str:
     return settings_digest(node.identity.content, files)
 
 
-@dataclass(frozen=True)
-class ModuleDifference:
-    """A module whose code differs.
+def code_differences(one: Path, other: Path, labels: tuple[str, str]) -> list[str]:
+    """A line for each module of two runs, named by `labels`, whose code differs.
 
-    Attributes:
-        module: its name.
-        lines: of the unified difference; empty if a source is not known.
-        reason: why there are no lines; "" otherwise.
+    Raises:
+        UserError: a file of a folder is damaged.
     """
-
-    module: str
-    lines: tuple[str, ...]
-    reason: str
-
-
-def code_differences(
-    one: Path, other: Path, labels: tuple[str, str], store_folder: Path
-) -> list[ModuleDifference]:
-    """The modules of two runs, named by `labels`, whose code differs; UserError for bad files."""
     codes = []
     for folder, label in zip((one, other), labels, strict=True):
         lineage = read_lineage(folder)
         if lineage is None or lineage.code is None:
-            return [ModuleDifference("", (), f"{label}: the folder does not record its code")]
+            return [f"{label}: the folder does not record its code"]
         codes.append(lineage.code)
     before, after = codes
-    how = _with_git(read_manifest(one), read_manifest(other))
-    changed = []
+    found = []
     for module in sorted({*before, *after}):
-        digests = [code.get(module) for code in codes]
-        if digests[0] == digests[1]:
-            continue
-        sources = [[] if d is None else kept_source(store_folder, d) for d in digests]
-        missing = [label for label, one in zip(labels, sources, strict=True) if one is None]
-        if missing:
-            reason = f"the cache has no copy of the source of {' and '.join(missing)}{how}"
-            changed.append(ModuleDifference(module, (), reason))
-            continue
-        names = [f"{label}: {module}" for label in labels]
-        lines = difflib.unified_diff(*sources, *names, lineterm="", n=2)
-        changed.append(ModuleDifference(module, tuple(lines), ""))
-    return changed
+        if module not in after or module not in before:
+            found.append(f"{module}: only in {labels[module in after]}")
+        elif before[module] != after[module]:
+            found.append(f"{module}: differs")
+    how = _with_git(read_manifest(one), read_manifest(other))
+    return [*found, how] if found and how else found
 
 
 def _with_git(*manifests: Mapping[str, Any]) -> str:
@@ -191,7 +168,7 @@ def _with_git(*manifests: Mapping[str, Any]) -> str:
     revisions = [str(git.get("revision") or "")[:12] for git in states] if all(clean) else []
     if "" in revisions or len(set(revisions)) < 2:
         return ""
-    return f"; try: git diff {' '.join(revisions)}"
+    return f"to see the difference: git diff {' '.join(revisions)}"
 
 
 def differing_settings(runs: Sequence[RunResult]) -> tuple[list[Any], list[tuple[str, str]]]:

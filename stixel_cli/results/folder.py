@@ -15,6 +15,7 @@ import numpy as np
 from stixel_cli.border import write_below, written
 from stixel_cli.errors import FolderTaken, UserError
 from stixel_cli.results import lineage
+from stixel_cli.results.made_here import note_made_here
 from stixel_cli.results.reader import json_text, yaml_text
 from stixel_cli.results.result import RunResult
 
@@ -44,6 +45,7 @@ def new_folder(
             continue
         try:
             write(folder)
+            note_made_here(folder)
             return folder
         except FolderTaken:
             # Another run of the same second took the name; there are more default names.

@@ -16,6 +16,9 @@ from stixel_cli.errors import UserError, printable_path
 from stixel_cli.evaluation.scores import SERIES
 from stixel_cli.files import read_arrays, read_bytes, read_json, read_yaml
 
+MANIFEST = "manifest.json"
+"""The file that marks the folder of a run."""
+
 SWEEP_FILE = "sweep.yaml"
 """The file that marks the folder of a sweep."""
 
@@ -34,15 +37,15 @@ def check_folder(path: Path) -> None:
         raise UserError(
             f"{path}: a sweep's folder; give the folder of one of its runs, such as {run}"
         )
-    if not (path / "manifest.json").exists():
+    if not (path / MANIFEST).exists():
         raise UserError(
-            f"{printable_path(path)}: not the result folder of a run (manifest.json is missing)"
+            f"{printable_path(path)}: not the result folder of a run ({MANIFEST} is missing)"
         )
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
     """Content of a folder's `manifest.json`; UserError if it is missing or not valid."""
-    return read_json(folder / "manifest.json")
+    return read_json(folder / MANIFEST)
 
 
 def read_metrics(folder: Path) -> dict[str, float | int | None]:
@@ -131,7 +134,7 @@ def _find(folder: Path, depth: int) -> Iterator[Path]:
             inside = {entry.name: entry.is_dir(follow_symlinks=False) for entry in entries}
     except OSError:
         return
-    if "manifest.json" in inside or (SWEEP_FILE in inside and depth > 0):
+    if MANIFEST in inside or (SWEEP_FILE in inside and depth > 0):
         yield folder
     elif depth < DEEPEST:
         for name in sorted(name for name, is_folder in inside.items() if is_folder):

@@ -117,7 +117,7 @@ class RunResult:
     @property
     def is_sweep(self) -> bool:
         """Whether this entry of `list_runs` is a sweep."""
-        return self.failure is None and not (self.folder / "manifest.json").exists()
+        return self.failure is None and not (self.folder / reader.MANIFEST).exists()
 
     @property
     def setting(self) -> dict[str, str]:
@@ -243,7 +243,7 @@ def read_run(folder: Path) -> RunResult:
 
 
 def read_scored_run(folder: Path) -> RunResult:
-    """Read a result folder as `read_run` does, with the scores and the picture of the path.
+    """Read a result folder as `read_run` does, with the scores.
 
     Errors over time that the folder lacks are NaN.
     """
@@ -251,9 +251,7 @@ def read_scored_run(folder: Path) -> RunResult:
     times, series = reader.read_series(folder / "scores.npz")
     missing = {name: np.full(times.shape, np.nan) for name in SERIES if name not in series}
     scores = Scores(times=times, **series, **missing, metrics=run.metrics)
-    picture = folder / "figures/path.png"
-    pictures = {picture.name: reader.read_png(picture)} if picture.exists() else {}
-    return replace(run, scores=scores, pictures=pictures)
+    return replace(run, scores=scores)
 
 
 def list_runs(root: Path) -> list[RunResult]:
@@ -270,7 +268,7 @@ def listed_run(folder: Path) -> RunResult:
     """One entry of `list_runs`."""
     run = RunResult(folder=folder)
     try:
-        if os.path.lexists(folder / "manifest.json"):
+        if os.path.lexists(folder / reader.MANIFEST):
             return replace(
                 run, manifest=reader.read_manifest(folder), metrics=reader.read_metrics(folder)
             )

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from stixel_cli.answers import figures, render
+from stixel_cli.answers import render
 from stixel_cli.answers.page import page_links
 from stixel_cli.report.metrics import number
 from stixel_cli.report.page import drawing_for_page, page_template
@@ -62,13 +62,38 @@ def study_page(
         if report
         else [],
         tables=[
-            (heading, list(table.columns), [list(map(_text, row)) for row in table.to_numpy()])
+            (heading, render.Cells(tuple(table), tuple(tuple(map(_text, r)) for r in table.values)))
             for heading, table in (report.material.tables.items() if report else ())
         ],
-        explanation=render.explanation("named under “In words”"),
-        states=states,
+        explanation=render.explanation(),
+        states=render.Cells(
+            ("sweep", "runs", "done", "seeds", "faults"),
+            tuple(
+                (
+                    state.name,
+                    "–" if state.runs is None else str(state.runs),
+                    str(state.done),
+                    ", ".join(map(str, origin["seeds"].get(state.name, ()))) or "–",
+                    "; ".join(state.faults),
+                )
+                for state in states
+            ),
+        ),
         origin=origin,
-        sweeps=plan.request()["sweeps"],
+        settings=render.Cells(
+            ("sweep", "key", "values"),
+            tuple(
+                row
+                for name, sweep in plan.request()["sweeps"].items()
+                for row in (
+                    (name, "fixed", " ".join(sweep["fixed"])),
+                    *(
+                        (name, " + ".join(axis["keys"]), ", ".join(map(" ".join, axis["steps"])))
+                        for axis in sweep["axes"]
+                    ),
+                )
+            ),
+        ),
         seconds={name: number(value) for name, value in seconds.items()},
         revision=shown_revision(made["git"]) or "–",
         made=made,
@@ -87,7 +112,9 @@ def _section(section: Section, place: int, page: Path) -> dict[str, Any]:
         folders = [Path(str(folder)) for folder in found.get("folder", [])]
         links = page_links([one for one in folders if one.exists()], page, PAGE)
         worst += [
-            links.get(str(found.loc[option].get("folder")), "") if option in found.index else ""
+            ("open", links.get(str(found.loc[option].get("folder")), ""))
+            if option in found.index
+            else ("", "")
             for option in answers[0].order
         ]
     return {
@@ -100,8 +127,10 @@ def _section(section: Section, place: int, page: Path) -> dict[str, Any]:
         "cells": cells,
         "worst": worst,
         "figures": [
-            (label, drawing_for_page(figures.differences(own[0]).decode(), f"q{place}g{i}"))
-            for i, (label, own) in enumerate(section.groups)
+            (label, drawing_for_page(drawing.decode(), f"q{place}g{i}"))
+            for i, ((label, _), drawing) in enumerate(
+                zip(section.groups, section.drawings, strict=True)
+            )
         ],
     }
 

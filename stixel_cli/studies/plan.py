@@ -202,7 +202,7 @@ def _changed(design: Design, key: str, values: Sequence[Override]) -> Design:
     if any(key in axis.keys for axis in axes):
         axes = tuple(_axis(axis, key, values) if key in axis.keys else axis for axis in axes)
     elif len(values) > 1:
-        raise BelongsElsewhere(f"{key}: is on no axis here: give one value")
+        raise BelongsElsewhere(f"{key}: is on no axis here: give one value", key)
     else:
         rest = (*rest, *values)
     changed = Design(rest, axes)

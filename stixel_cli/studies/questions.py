@@ -3,6 +3,7 @@
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import pandas as pd
@@ -12,7 +13,7 @@ from stixel_cli.answers.render import INTERVAL, Cells, overview
 from stixel_cli.answers.runs import Runs
 from stixel_cli.config import messages
 from stixel_cli.errors import ConfigurationError, UserError
-from stixel_cli.evaluation.metric_table import METRICS as KNOWN
+from stixel_cli.evaluation.metric_table import MAIN, METRICS
 from stixel_cli.report.metrics import capital
 from stixel_cli.results.reader import listed
 from stixel_cli.studies.entry import NAME
@@ -22,8 +23,6 @@ ENTRIES = (
     *("heading", "note", "sweeps", "where", "by", "compare", "within", "over", "metrics"),
     *("better", "reference"),
 )
-METRICS = ("iou_box_mean", "iou_mean", "centre_rmse_m", "orientation_rmse_deg", "track_lost")
-"""What a question is about by default, the main metric first."""
 PLACE = re.compile(r"\{([A-Za-z_][A-Za-z0-9_]*)\}")
 """A question's name in a study's text."""
 DIRECTIONS = ("more", "less", "one")
@@ -81,6 +80,13 @@ class Section:
             " ".join(self.question.by), [(label, overview(own)) for label, own in self.groups]
         )
 
+    @cached_property
+    def drawings(self) -> list[bytes]:
+        """The figure of each group, an SVG, for the page and for a file of its own."""
+        from stixel_cli.answers.figures import differences
+
+        return [differences(own[0]) for _, own in self.groups]
+
 
 def study_question(name: Any, entries: Any, sweeps: Sequence[str]) -> StudyQuestion:
     """A question of a file; ConfigurationError in one line that names it and the entry."""
@@ -125,7 +131,7 @@ def study_question(name: Any, entries: Any, sweeps: Sequence[str]) -> StudyQuest
         compare=texts("compare", ("tracker",)),
         within=texts("within", None),
         over=texts("over", None),
-        metrics=texts("metrics", METRICS),
+        metrics=texts("metrics", MAIN),
         better=better,
         reference=None if reference is None else str(reference),
     )
@@ -170,7 +176,7 @@ def _check_columns(question: StudyQuestion, whole: pd.DataFrame) -> None:
         "compare": question.compare,
         "within": question.within or (),
         "over": question.over or (),
-        "metrics": [name for name in question.metrics if name not in KNOWN],
+        "metrics": [name for name in question.metrics if name not in METRICS],
     }
     for entry, names in entries.items():
         unknown = next((name for name in names if name not in whole), None)

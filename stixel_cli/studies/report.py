@@ -8,7 +8,7 @@ from typing import Any
 
 import pandas as pd
 
-from stixel_cli.answers import figures, render
+from stixel_cli.answers import render
 from stixel_cli.answers.question import STATUS
 from stixel_cli.answers.runs import Runs
 from stixel_cli.errors import UserError, printable
@@ -83,10 +83,14 @@ def study_report(
             frames[name] = _typed(Runs, "columns", columns(name, runs, data.sweeps[name].runs))
     sections = tuple(asked(question, frames) for question in questions)
     own = Material() if material is None else _typed(Material, "material", material(data))
+    return Report(answer_text(text, sections), tuple(one for one in sections if one.groups), own)
+
+
+def answer_text(text: str, sections: Sequence[Section]) -> tuple[str, ...]:
+    """The paragraphs of a study's text, with the answer of a question in each of its places."""
     values = {section.question.name: section.brief for section in sections}
     paragraphs = [" ".join(one.split()) for one in re.split(r"\n\s*\n", text)]
-    answer = tuple(PLACE.sub(lambda place: values[place[1]], one) for one in paragraphs if one)
-    return Report(answer, tuple(one for one in sections if one.groups), own)
+    return tuple(PLACE.sub(lambda place: values[place[1]], one) for one in paragraphs if one)
 
 
 def _typed(kind: type, name: str, found: Any) -> Any:
@@ -134,12 +138,12 @@ def files_of(report: Report) -> dict[str, str | bytes]:
         data["questions"][name] = {
             label or "all": render.records(answers) for label, answers in section.groups
         }
-        for label, answers in section.groups:
+        for (label, answers), drawing in zip(section.groups, section.drawings, strict=True):
             stem = "-".join(filter(None, (name, re.sub(r"[^A-Za-z0-9_.-]+", "-", label))))
             found[f"tables/{stem}.csv"] = render.csv(answers)
             found[f"tables/{stem}.md"] = render.markdown(answers)
             found[f"tables/{stem}.tex"] = render.latex(answers, answers[0].sentence)
-            found[f"figures/{stem}.svg"] = figures.differences(answers[0])
+            found[f"figures/{stem}.svg"] = drawing
     for heading, table in report.material.tables.items():
         stem = re.sub(r"[^A-Za-z0-9]+", "-", heading).strip("-").lower()
         found[f"tables/{stem}.csv"] = table.to_csv(index=False, lineterminator="\n")

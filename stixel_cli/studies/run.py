@@ -17,6 +17,7 @@ from stixel_cli.config.folders import of_the_machine
 from stixel_cli.engine.cache_folder import Lease
 from stixel_cli.engine.store import open_store
 from stixel_cli.errors import UserError
+from stixel_cli.results.reader import SWEEP_FILE
 from stixel_cli.results.result import SKIPPED
 from stixel_cli.studies.data import NodeSeconds, StudyData, with_stages
 from stixel_cli.studies.file import FUNCTIONS
@@ -174,7 +175,7 @@ class _Run:
     def _sweep(self, one: PlannedSweep, design: Design) -> SweepResult:
         name = one.sweep.name
         path, label = self.folder.sweep(name), f"{self.plan.study.name} {name}"
-        if (path / "sweep.yaml").exists():
+        if (path / SWEEP_FILE).exists():
             request = SweepFolder(path).request()
             texts = [run.overrides for run in design_runs(design)]
             # Equal but for overrides of the machine.

@@ -4,12 +4,12 @@ sweep.yaml             the request: the axes, and the overrides of every run
 runs.csv               one row for each run
 summary.csv .md        the options with their means, and the paired differences from the best
 index.html             the page of the sweep
+play.html              the player of its runs, if asked for
 runs/0000/ …           config.yaml, manifest.json, metrics.json, scores.npz, lineage.json
 code/                  code digests to which the runs' lineage.json refer
 failed/0007/ …         config.yaml, failure.json, traceback.txt
 """
 
-import csv
 import json
 import shlex
 import shutil
@@ -22,17 +22,17 @@ from typing import Any
 from stixel_cli.border import check_below, write_below, written
 from stixel_cli.config.folders import PRESETS, of_the_machine
 from stixel_cli.config.texts import split_override
-from stixel_cli.errors import UserError, printable_path
-from stixel_cli.files import read_text, read_yaml
+from stixel_cli.errors import UserError, printable, printable_path
+from stixel_cli.files import read_json, read_yaml
 from stixel_cli.results.folder import write_whole_folder
-from stixel_cli.results.reader import read_manifest, read_metrics, yaml_text
-from stixel_cli.results.result import MISSING, RunResult
+from stixel_cli.results.reader import SWEEP_FILE, read_manifest, read_metrics, yaml_text
+from stixel_cli.results.result import FAILED, MISSING, SKIPPED, RunResult
 from stixel_cli.sweeps.design import NOT_GIVEN, SEED
 
-PLAN = "sweep.yaml"
 TABLE = "runs.csv"
 SUMMARIES = ("summary.csv", "summary.md", "index.html")
-RUNS, FAILED = "runs", "failed"
+PLAYER = "play.html"
+RUNS = "runs"
 
 
 @dataclass(frozen=True)
@@ -83,18 +83,18 @@ class SweepFolder:
 
     def create(self, request: SweepRequest) -> None:
         """Create the folder with its `sweep.yaml`, with the errors of `whole_folder`."""
-        write_whole_folder(self.path, {PLAN: request.text})
+        write_whole_folder(self.path, {SWEEP_FILE: request.text})
 
     def request(self) -> SweepRequest:
         """The content of `sweep.yaml`; UserError if this is not the folder of a sweep."""
         from pydantic import TypeAdapter
 
-        file = self.path / PLAN
+        file = self.path / SWEEP_FILE
         if not self.path.is_dir():
             raise UserError(f"{printable_path(self.path)}: no such folder")
         if not file.exists():
             raise UserError(
-                f"{printable_path(self.path)}: not the folder of a sweep ({PLAN} is missing)"
+                f"{printable_path(self.path)}: not the folder of a sweep ({SWEEP_FILE} is missing)"
             )
         content = read_yaml(file)
         try:
@@ -106,7 +106,7 @@ class SweepFolder:
             if not request.runs or any(map(of_the_machine, request.keys)):
                 raise ValueError("no runs, or an axis that affects no result")
         except (AttributeError, KeyError, TypeError, ValueError):
-            raise UserError(f"{file}: not a valid {PLAN} of this version of stixel") from None
+            raise UserError(f"{file}: not a valid {SWEEP_FILE} of this version of stixel") from None
         for index, overrides in enumerate(request.runs):
             given = {split_override(text)[0] for text in overrides}
             # A run of a union of grids may lack some of the keys, but not all.
@@ -126,7 +126,7 @@ class SweepFolder:
         return self.path / RUNS / f"{index:04d}"
 
     def runs(self, request: SweepRequest) -> list[RunResult]:
-        """The runs in the order of their indices; without metrics those that are not done."""
+        """The runs in the order of their indices; those that are not done have no metrics."""
         runs = []
         for index, overrides in enumerate(request.runs):
             given = dict(map(split_override, overrides))
@@ -136,17 +136,17 @@ class SweepFolder:
             try:
                 runs.append(replace(run, metrics=read_metrics(run.folder)))
             except UserError:
-                runs.append(replace(run, status=MISSING))
+                runs.append(replace(run, **self._failure(index)))
         return runs
 
-    def rows(self) -> list[dict[str, str]]:
-        """The rows of the table of runs, as written; empty before it is written."""
-        file = self.path / TABLE
-        lines = read_text(file).splitlines() if file.exists() else []
-        try:
-            return [dict(r) for r in csv.DictReader(lines, restkey="", restval="", strict=True)]
-        except csv.Error as error:
-            raise UserError(f"{file}: not a table: {error}") from None
+    def _failure(self, index: int) -> dict[str, Any]:
+        """Status and failure of a run that is not done."""
+        file = self.path / FAILED / f"{index:04d}" / "failure.json"
+        if not file.exists():
+            return {"status": MISSING}
+        content = read_json(file)
+        status = SKIPPED if content.get("status") == SKIPPED else FAILED
+        return {"status": status, "failure": UserError(printable(str(content.get("error")), 500))}
 
     def finished(self, count: int) -> dict[int, RunResult]:
         """The complete ones of `count` runs by index, with manifest and metrics."""

@@ -1,7 +1,7 @@
 """The plan of a sweep: its runs as one graph, in which they share the nodes they have in common."""
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from stixel_cli.config.compose import Composition
@@ -21,7 +21,8 @@ from stixel_cli.sweeps.runs import PlannedRun, equal_runs, shuffled_runs
 class StagePlan:
     """The nodes of one stage in a sweep, each counted once: needed, in the store, and missing.
 
-    `seconds` is the estimated time of the missing ones on one worker; None if none was measured.
+    `seconds` is the estimated time of the missing ones on one worker, without those whose function
+    was never measured; None if none was.
     """
 
     name: str
@@ -41,6 +42,7 @@ class SweepPlan:
         needed: ids of the nodes that the runs need.
         missing: ids of the nodes to compute, each after its inputs.
         stages: by stage, in the order of the data.
+        unmeasured: names of stages with missing nodes whose function was never measured.
         notes: on axes that the stages of some runs ignore.
     """
 
@@ -49,6 +51,7 @@ class SweepPlan:
     needed: frozenset[str]
     missing: tuple[str, ...]
     stages: tuple[StagePlan, ...]
+    unmeasured: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
 
     def complete_runs(self) -> int:
@@ -57,11 +60,10 @@ class SweepPlan:
         return sum(missing.isdisjoint(run.targets) for run in self.runs)
 
     def seconds(self, workers: int) -> float | None:
-        """Estimated time if the work divides evenly among the workers; None if unknown."""
-        known = [stage.seconds for stage in self.stages if stage.to_run]
-        if any(seconds is None for seconds in known):
-            return None
-        return sum(known) / workers
+        """Estimated time if the work divides evenly among the workers, without the unmeasured
+        stages; None if all are."""
+        known = [s.seconds for s in self.stages if s.to_run and s.seconds is not None]
+        return sum(known) / workers if known or not self.missing else None
 
 
 def plan_runs(
@@ -89,13 +91,32 @@ def plan_sweep(runs: Sequence[PlannedRun], store: Store, notes: Sequence[str] = 
     targets = list(dict.fromkeys(target for run in runs for target in run.targets))
     found = plan(graph, targets, store, verify=False)
     missing, durations, stages = set(found.missing), Durations(store.folder), []
+    unmeasured: list[str] = []
     for name, all_keys in graph.stages.items():
         keys = [key for key in all_keys if key in found.needed]
         to_run = [graph.nodes[key] for key in keys if key in missing]
         if keys:
-            counts = (len(keys), len(keys) - len(to_run), len(to_run))
-            stages.append(StagePlan(name, *counts, durations.estimate(to_run)))
-    return SweepPlan(tuple(runs), graph, found.needed, found.missing, tuple(stages), tuple(notes))
+            seconds, unknown = durations.estimate(to_run)
+            unmeasured += unknown
+            known = seconds if seconds or not unknown else None
+            stages.append(StagePlan(name, len(keys), len(keys) - len(to_run), len(to_run), known))
+    return SweepPlan(
+        tuple(runs),
+        graph,
+        found.needed,
+        found.missing,
+        tuple(stages),
+        tuple(unmeasured),
+        tuple(notes),
+    )
+
+
+def joined_seconds(plans: Iterable[SweepPlan]) -> tuple[float, list[str]]:
+    """Estimated seconds, on one worker, of plans that share results, and unmeasured stages."""
+    plans = list(plans)
+    nodes = {key: plan.graph.nodes[key] for plan in plans for key in plan.missing}
+    store = open_store(plans[0].runs[0].composition.configuration.cache)
+    return Durations(store.folder).estimate(nodes.values())
 
 
 def check_axes(planned: Sequence[PlannedRun]) -> list[str]:

@@ -2,7 +2,9 @@
 
 import json
 import os
+import re
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -11,20 +13,16 @@ from stixel_cli.border import write_whole
 from stixel_cli.config.texts import split_override
 from stixel_cli.engine.cache_folder import file_lock
 from stixel_cli.errors import UserError, counted
-from stixel_cli.evaluation.metric_table import metric
-from stixel_cli.evaluation.verdict import verdict
+from stixel_cli.evaluation.metric_table import MAIN, metric
+from stixel_cli.evaluation.verdict import verdict, word
 from stixel_cli.experiment.run_names import differences, short_setting, swept_setting
 from stixel_cli.files import read_text
-from stixel_cli.report.metrics import shown_value
 from stixel_cli.report.static_page import filled_page
 from stixel_cli.results.folder import PAGE
-from stixel_cli.results.reader import SWEEP_FILE, find_folders
+from stixel_cli.results.reader import MANIFEST, SWEEP_FILE, find_folders
 from stixel_cli.results.result import DONE, RunResult, listed_run
 from stixel_cli.sweeps.folder import TABLE, SweepFolder
 from stixel_cli.version import __version__
-
-SHOWN = ("centre_rmse_m", "iou_mean", "iou_box_mean")
-"""The metrics of a line."""
 
 GROUPS = ("road_user", "path", "measurement", "tracker")
 """The groups by whose options the page groups its rows."""
@@ -38,7 +36,39 @@ MOST_AXES = 5
 PATIENCE = 10.0
 """Seconds to wait for another command that updates the page."""
 
-_DATA = '<script type="application/json" id="runs">'
+_DATA = re.compile('<script type="application/json" id="(?:index|runs)">(.*?)</script>', re.S)
+"""Of this page; `runs` in older versions."""
+_TEXTS = ("settings", *MAIN, "verdict", "created", "seed", "kind", "folder", *GROUPS)
+_LISTS = ("names", "links", "stamps", "rows")
+
+
+@dataclass(frozen=True)
+class Line:
+    """A run or sweep in a list.
+
+    Attributes:
+        kind: run, sweep or study.
+        settings: that differ from the default, or between the runs of a sweep.
+        word: of a run's verdict; the option of a sweep that is shown to be the best.
+        text: the verdict, or the answer of a sweep.
+        metrics: of a run. A sweep has no mean over its options.
+    """
+
+    kind: str
+    settings: str
+    word: str
+    text: str
+    metrics: dict[str, Any]
+
+
+def line_of(run: RunResult) -> Line:
+    """The line of an entry of `list_runs`; UserError if it cannot be read."""
+    if run.failure is not None:
+        raise run.failure
+    if run.is_sweep:
+        return Line("sweep", _swept(run.folder), *_answer(run.folder), {})
+    text = verdict(run.metrics)[0]
+    return Line("run", _differing(run), word(run.metrics) or "", text, dict(run.metrics))
 
 
 def update_index(root: Path | None) -> None:
@@ -54,95 +84,98 @@ def update_index(root: Path | None) -> None:
     with suppress(OSError, UserError), file_lock(root / ".index.lock").acquire(timeout=PATIENCE):
         known = _known_rows(page) if page.exists() else {}
         rows = [_row(root, folder, known) for folder in find_folders(root)]
-        columns = [(name, metric(name).short_label, metric(name).shown_unit) for name in SHOWN]
-        tops = {row["path"].partition("/")[0] for row in rows}
+        tops = dict.fromkeys(name.partition("/")[0] for name, *_ in rows)
+        studies = [name for name in tops if (root / name / REPORT).is_file()]
+        rows += [_study(root, name) for name in studies]
         data = {
             "version": __version__,
-            "groups": GROUPS,
-            "columns": columns,
-            # The folders of studies.
-            "reports": {t: _link(f"{t}/{REPORT}") for t in tops if (root / t / REPORT).is_file()},
-            "rows": rows,
+            "columns": [_column(name) for name in _TEXTS],
+            "first": "run or sweep",
+            "sorted": _TEXTS.index("created"),
+            "axes": [],
+            "errors": [],
+            **{name: [row[i] for row in rows] for i, name in enumerate(_LISTS)},
         }
         title = f"Runs in {root.resolve().name}"
-        write_whole(page, filled_page(__package__, PAGE, title, data))
+        css, script = ["sortable.css"], ["runs.js"]
+        text = filled_page("stixel_cli.report", PAGE, title, data, css=css, script=script)
+        write_whole(page, text)
 
 
-def _known_rows(page: Path) -> dict[str, dict[str, Any]]:
-    """The rows of an older page by path; UserError if it is another page."""
-    _, found, rest = read_text(page).partition(_DATA)
-    if not found:
+def _column(name: str) -> dict[str, Any]:
+    is_metric = name in MAIN
+    title = metric(name).heading if is_metric else name.replace("_", " ")
+    shown = name not in ("seed", "kind", "folder", *GROUPS)
+    wide = name in ("settings", "verdict")
+    return {"title": title, "shown": shown, "number": is_metric, "wide": wide}
+
+
+def _known_rows(page: Path) -> dict[str, tuple]:
+    """The rows of an older page by name; UserError if it is another page."""
+    found = _DATA.search(read_text(page))
+    if found is None:
         raise UserError(f"{page}: not a page of runs")
     with suppress(ValueError, KeyError, TypeError):
-        data = json.loads(rest.partition("</script>")[0])
+        data = json.loads(found[1])
         # Another version has other verdicts.
         if data["version"] == __version__:
-            return {row["path"]: row for row in data["rows"]}
+            return {row[0]: row for row in zip(*(data[name] for name in _LISTS), strict=True)}
     return {}
 
 
-def _row(root: Path, folder: Path, known: dict[str, dict[str, Any]]) -> dict[str, Any]:
-    path = folder.relative_to(root).as_posix()
+def _row(root: Path, folder: Path, known: dict[str, tuple]) -> tuple[str, str, list, list]:
+    """Name, link, stamp and values of a folder."""
+    name = folder.relative_to(root).as_posix()
     pages = (folder / PAGE, folder.with_name(f"report-{folder.name}.html"), folder)
     found = next(page for page in pages if page.exists())
     link = _link(found.relative_to(root).as_posix() + "/" * (found == folder))
-    files = (folder / name for name in ("manifest.json", "metrics.json", SWEEP_FILE, TABLE))
+    files = (folder / file for file in (MANIFEST, "metrics.json", SWEEP_FILE, TABLE))
     stamp = [file.stat().st_mtime_ns if file.is_file() else 0 for file in files]
-    if known.get(path, {}).get("stamp") == stamp:
-        return known[path] | {"page": link}
-    row = {"path": path, "page": link, "stamp": stamp}
+    if name in known and known[name][2] == stamp:
+        return name, link, stamp, known[name][3]
+    run = RunResult(folder=folder)
     try:
-        return row | _content(listed_run(folder))
+        run = listed_run(folder)
+        line = line_of(run)
     except UserError as fault:
-        return row | {"fault": str(fault)}
+        line = Line("not readable", "", "", str(fault), {})
     except Exception as fault:
         # A foreign or damaged folder may have any content.
-        return row | {"fault": f"not a valid result: {type(fault).__name__}: {fault}"}
+        text = f"not a valid result: {type(fault).__name__}: {fault}"
+        line = Line("not readable", "", "", text, {})
+    created = str(run.manifest.get("created", ""))[:16].replace("T", " ")
+    top = name.partition("/")[0] if "/" in name else ""
+    options = [run.choices.get(group, "") for group in GROUPS]
+    metrics = [line.metrics.get(metric) for metric in MAIN]
+    values = [line.settings, *metrics, line.text, created, run.seed, line.kind, top, *options]
+    return name, link, stamp, values
+
+
+def _study(root: Path, name: str) -> tuple[str, str, list, list]:
+    values = dict.fromkeys(_TEXTS) | {"settings": "report of the study", "kind": "study"}
+    values |= dict.fromkeys(("verdict", "created", *GROUPS), "") | {"folder": name}
+    return name, _link(f"{name}/{REPORT}"), [], list(values.values())
 
 
 def _link(path: str) -> str:
     return quote(os.fsencode(f"./{path}"))
 
 
-def _content(run: RunResult) -> dict[str, Any]:
-    """What the page shows of a run or sweep; raises any error for a folder of foreign content."""
-    if run.failure is not None:
-        raise run.failure
-    if run.is_sweep:
-        metrics, text = _sweep_content(SweepFolder(run.folder))
-    else:
-        metrics, text = run.metrics, verdict(run.metrics)[0]
-    return {
-        "kind": "sweep" if run.is_sweep else "run",
-        "created": str(run.manifest.get("created", "")),
-        "settings": differing(run),
-        "seed": run.seed,
-        "options": [run.choices.get(group, "") for group in GROUPS],
-        "metrics": [[metrics.get(n), shown_value(n, metrics.get(n))] for n in SHOWN],
-        "verdict": text,
-    }
+def _answer(folder: Path) -> tuple[str, str]:
+    """The best option of a sweep, if one is shown to be, and its answer in words."""
+    from stixel_cli.sweeps.page import read_sweep
+
+    try:
+        result, _ = read_sweep(folder)
+    except UserError:
+        return "", "No run is done."
+    answer = result.ask()
+    done = f"{result.count(DONE)} of {counted(len(result.runs), 'run')} done."
+    best = str(answer.best) if answer.shown else ""
+    return best, " ".join([done, answer.sentence, *answer.notes])
 
 
-def _sweep_content(folder: SweepFolder) -> tuple[dict[str, float], str]:
-    """Means over the runs of a sweep that are done, and their number, IoU and losses in words."""
-    rows = folder.rows()
-    done = [row for row in rows if row.get("status") == DONE]
-    names = (*SHOWN, "track_lost")
-    values = {name: [float(row[name]) for row in done if row.get(name)] for name in names}
-    text = f"{len(done)} of {counted(len(rows), 'run')} done"
-    iou, lost = values["iou_mean"], values["track_lost"]
-    text += f", IoU {min(iou):.2f} to {max(iou):.2f}" if iou else ""
-    text += f", {sum(lost):.0f} lost" if lost else ""
-    return {name: sum(v) / len(v) for name, v in values.items() if v}, f"{text}."
-
-
-def differing(run: RunResult) -> str:
-    """What differs from the default in a run of `list_runs`, or between the runs of a sweep.
-
-    UserError if the sweep cannot be read.
-    """
-    if run.is_sweep:
-        return _swept(run.folder)
+def _differing(run: RunResult) -> str:
     if run.setting:
         return " ".join(short_setting(key, value) for key, value in run.setting.items())
     # The seed has a column of its own.

@@ -1,30 +1,46 @@
-"""What a sweep says of all its runs: summaries, its page, tables and figures to take."""
+"""What is asked of a stored sweep, or of several runs: pages, tables and figures to take."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from stixel_cli.answers import figures, render
 from stixel_cli.answers.answer import Answer
+from stixel_cli.answers.folders import asked_runs
+from stixel_cli.answers.runs import Runs
 from stixel_cli.errors import UserError
-from stixel_cli.evaluation.scores import SERIES
 from stixel_cli.pictures import style
-from stixel_cli.report.error_curves import MOST_LINES, Errors
 from stixel_cli.results.folder import PAGE
 from stixel_cli.results.lineage import shown_revision
-from stixel_cli.results.reader import read_series
+from stixel_cli.results.reader import SWEEP_FILE
 from stixel_cli.results.result import DONE
-from stixel_cli.sweeps.folder import SUMMARIES, SweepFolder
+from stixel_cli.sweeps.folder import PLAYER, SUMMARIES, SweepFolder
 from stixel_cli.sweeps.results import SweepResult, over_keys, question_over
 
-FORMATS = ("html", "md", "tex", "csv", "svg", "pdf", "png")
-SHARES = np.linspace(0.0, 1.0, 101)
-"""Shares of a run at which errors over time are compared where the runs have different times."""
-MOST_READ = 400
-"""Most runs whose errors over time a page reads: two seconds."""
+TABLES = {"md": render.markdown, "tex": render.latex, "csv": render.csv}
+"""Format of a table to what writes it."""
+FIGURES = {"svg": style.svg, "pdf": figures.pdf, "png": style.png}
+"""Format of a figure to what writes it."""
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What a page says of several runs: of a sweep, or of the runs in several folders.
+
+    Attributes:
+        answers: of one comparison, the main metric first.
+        remarks: on the runs, each in one sentence.
+        origin: `command`, `created` and `revision` of the runs; {} if they differ.
+        player: the page that plays the runs back, if there is one.
+    """
+
+    title: str
+    runs: Runs
+    answers: Sequence[Answer]
+    remarks: Sequence[str] = ()
+    origin: Mapping[str, Any] = field(default_factory=dict)
+    player: Path | None = None
 
 
 def summary_files(result: SweepResult, notes: Mapping[str, Any]) -> dict[str, str]:
@@ -35,7 +51,7 @@ def summary_files(result: SweepResult, notes: Mapping[str, Any]) -> dict[str, st
     texts = (
         render.csv(every),
         f"# {notes['command']}\n\n{render.markdown(shown)}",
-        sweep_page(result, page, ["stixel", "report", str(result.folder)], notes, answers=shown),
+        sweep_page(of_sweep(result, notes, shown), page, ["stixel", "report", str(result.folder)]),
     )
     return dict(zip(SUMMARIES, texts, strict=True))
 
@@ -50,113 +66,68 @@ def read_sweep(folder: Path) -> tuple[SweepResult, dict[str, Any]]:
     return result, request.notes
 
 
-def asked_sweep(
-    folder: Path, over: str | None, compare: str | None, metrics: str | None, reference: str | None
-) -> tuple[SweepResult, dict[str, Any], list[Answer]]:
-    """A stored sweep with its notes and the answers of a question; keys and metrics by commas."""
-    result, notes = read_sweep(folder)
-    if over is not None:
-        result = replace(result, over=over_keys(over, result.axes))
-    names = metrics.split(",") if metrics else [one.question.metric for one in result.answers()]
-    parts = question_over(result) | {"reference": reference}
-    if compare is not None:
-        # All other axes are scenarios.
-        parts["compare"] = compare.split(",")
-        parts.pop("within", None)
-    return result, notes, [result.table.ask(metric=name, **parts) for name in names]
-
-
-def sweep_page(
-    result: SweepResult,
-    page: Path,
-    command: Sequence[str],
-    notes: Mapping[str, Any],
-    answers: Sequence[Answer] = (),
-) -> str:
-    """The page of a sweep; `page` is its file, `command` the one that writes it.
-
-    `answers` are those of one comparison, the main metric first; by default those of the sweep.
-    """
-    from stixel_cli.answers.page import answers_page, page_links
-
-    answers = answers or result.answers()
-    folders = [Path(one) for one in result.table.frame["folder"].dropna()]
-    git = notes.get("git")
+def of_sweep(result: SweepResult, notes: Mapping[str, Any], answers: Sequence[Answer]) -> Asked:
+    """What is asked of a sweep; `notes` are those of its request."""
+    git, player = notes.get("git"), result.folder / PLAYER
     origin = {
         "command": notes.get("command", ""),
         "created": notes.get("created", "–"),
         "revision": (shown_revision(git) if isinstance(git, dict) else None) or "–",
     }
-    curves = over_time(answers[0])
-    is_share = any(times is SHARES for times, _ in curves.values())
-    return answers_page(
-        result.table,
-        answers,
-        f"Sweep {(result.folder or page.parent).resolve().name}",
-        command,
-        page_links(folders, page, PAGE),
-        curves,
-        "share of the run" if is_share else "t (s)",
-        origin,
-    )
+    title = f"Sweep {result.folder.resolve().name}"
+    is_played = player if player.exists() else None
+    return Asked(title, result.table, answers, (), origin, is_played)
 
 
-def written_format(answers: Sequence[Answer], form: str) -> str | bytes:
-    """A table (md, tex, csv) of all answers, or a figure (svg, pdf, png) of the first."""
-    match form:
-        case "md":
-            return render.markdown(answers)
-        case "tex":
-            return render.latex(answers, answers[0].sentence)
-        case "csv":
-            return render.csv(answers)
-    writers = {"svg": style.svg, "pdf": figures.pdf, "png": style.png}
-    return figures.differences(answers[0], writers[form])
+def asked_folders(
+    folders: Sequence[Path],
+    metrics: str | None = None,
+    reference: str | None = None,
+    over: str | None = None,
+    compare: str | None = None,
+) -> Asked:
+    """What is asked of one sweep's folder, or of the folders of several runs.
 
+    Args:
+        metrics, over, compare: names by commas; see `answers.runs.Runs.question`. The last two
+            are of a sweep only.
+        reference: the option to compare with.
 
-def over_time(answer: Answer) -> dict[str, Errors]:
-    """Errors over time of the best options: of each, the mean of each unit's runs.
-
-    Over the time, if all runs have the same times; else over the share of each run.
+    Raises:
+        UserError: for a folder that is neither, and as of `Runs.ask`.
     """
-    found: dict[str, dict[Any, list[tuple[np.ndarray, dict[str, np.ndarray]]]]] = {}
-    options = answer.order[:MOST_LINES]
-    runs = answer.runs[answer.runs["status"] == DONE]
-    if "folder" not in runs or len(runs[runs["option"].isin(options)]) > MOST_READ:
-        return {}
-    for option in options:
-        for _, run in runs[runs["option"] == option].iterrows():
-            try:
-                times, series = read_series(Path(str(run["folder"])) / "scores.npz")
-            except UserError:
-                return {}
-            found.setdefault(str(option), {}).setdefault(run["unit"], []).append((times, series))
-    every = [one for units in found.values() for own in units.values() for one in own]
-    if not every:
-        return {}
-    same = all(np.array_equal(every[0][0], times) for times, _ in every)
-    names = set.intersection(*(set(series) for _, series in every))
-    return {
-        option: (every[0][0] if same else SHARES, _stacked(units, names, same))
-        for option, units in found.items()
-    }
+    names = metrics.split(",") if metrics else ()
+    if len(folders) > 1 or not (folders[0] / SWEEP_FILE).exists():
+        for option, value in (("--over", over), ("--compare", compare)):
+            if value is not None:
+                raise UserError(f"{option}: is for one sweep; these are runs")
+        return Asked(*asked_runs(folders, names, reference))
+    result, notes = read_sweep(folders[0])
+    if over is not None:
+        result = replace(result, over=over_keys(over, result.axes))
+    names = names or [one.question.metric for one in result.answers()]
+    parts = question_over(result) | {"reference": reference}
+    if compare is not None:
+        # All other axes are scenarios.
+        parts["compare"] = compare.split(",")
+        parts.pop("within", None)
+    return of_sweep(result, notes, [result.table.ask(metric=name, **parts) for name in names])
 
 
-def _stacked(units: Mapping, names: set[str], same: bool) -> dict[str, np.ndarray]:
-    stacked = {}
-    for name in names:
-        rows = [
-            np.mean([_resampled(*one, name, same) for one in own], axis=0) for own in units.values()
-        ]
-        values = SERIES[name].factor * np.stack(rows)
-        stacked[name] = np.abs(values) if name == "orientation_error" else values
-    return {name: values for name, values in stacked.items() if np.isfinite(values).any()}
+def sweep_page(asked: Asked, page: Path, command: Sequence[str]) -> str:
+    """The page; `page` is its file, `command` the one that writes it."""
+    from stixel_cli.answers.page import answers_page, page_links
 
-
-def _resampled(
-    times: np.ndarray, series: Mapping[str, np.ndarray], name: str, same: bool
-) -> np.ndarray:
-    if same or len(times) < 2:
-        return series[name]
-    share = (times - times[0]) / (times[-1] - times[0])
-    return np.interp(SHARES, share, series[name])
+    frame = asked.runs.frame
+    folders = [Path(one) for one in frame["folder"].dropna()] if "folder" in frame else []
+    links = page_links([*folders, *filter(None, [asked.player])], page, PAGE)
+    return answers_page(
+        asked.runs,
+        asked.answers,
+        asked.title,
+        command,
+        links,
+        asked.remarks,
+        asked.origin,
+        links.get(str(asked.player), ""),
+    )

@@ -56,7 +56,7 @@ class SweepResult:
                     "seed": run.seed,
                     "overrides": " ".join(map(shlex.quote, run.overrides)),
                     "folder": None if None in (at, self.folder) else f"{at}/{run.index:04d}",
-                    "failed_stage": None if failure is None else failure.stage,
+                    "failed_stage": getattr(failure, "stage", None),
                     "error": None if failure is None else " ".join(str(failure).split()),
                     **run.metrics,
                 }
@@ -109,10 +109,10 @@ class SweepResult:
 
     def answers(self, metrics: Sequence[str] = ()) -> "list[Answer]":
         """The answers of the default question by the given metrics, or by the main ones."""
-        from stixel_cli.answers.runs import MAIN
+        from stixel_cli.answers.runs import SHOWN
 
         known = self.table.metrics
-        names = metrics or [n for n in MAIN if n in known] or known[:4]
+        names = metrics or [n for n in SHOWN if n in known] or known[:4]
         return [self.ask(metric=name) for name in names]
 
     def __repr__(self) -> str:

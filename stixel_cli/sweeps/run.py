@@ -10,14 +10,13 @@ from stixel_cli.engine.errors import CacheError, MissingEntry, StageFailure
 from stixel_cli.engine.execute import execute
 from stixel_cli.engine.graph import Node
 from stixel_cli.engine.plan import Durations
-from stixel_cli.engine.progress import Progress, make_display
+from stixel_cli.engine.progress import Progress
 from stixel_cli.engine.store import open_store
 from stixel_cli.errors import UserError
 from stixel_cli.experiment.stages import notes_of
 from stixel_cli.machine.kernels import uncompiled
 from stixel_cli.results.folder import figure_files
 from stixel_cli.results.result import DONE, FAILED, MISSING, SKIPPED, RunResult
-from stixel_cli.sweeps.folder import FAILED as FAILED_RUNS
 from stixel_cli.sweeps.folder import SUMMARIES, TABLE, SweepFolder, SweepRequest
 from stixel_cli.sweeps.graphs import SweepPlan
 from stixel_cli.sweeps.page import summary_files
@@ -101,7 +100,7 @@ class SweepProgress(Progress):
             done: number of runs that are already done.
             label: prefix of the counts.
             prepare: called once, as soon as the first nodes run: the workers start meanwhile.
-            shown: `display` and `uncompiled`, as in `Progress`.
+            shown: `visible` and `uncompiled`, as in `Progress`.
         """
         super().__init__(**shown)
         self.runs_total = done + len(waiting)
@@ -207,7 +206,7 @@ class _Sweep:
         executor = waiting[0].composition.configuration.executor
         graph = self.plan.graph
         firsts = [graph.nodes[keys[0]] for keys in graph.stages.values() if keys]
-        shown = {"display": make_display(), "uncompiled": uncompiled()} if visible else {}
+        shown = {"visible": True, "uncompiled": uncompiled()} if visible else {}
         progress = SweepProgress(waiting, self.take, len(self.runs), label, self._prepare, **shown)
         for text in dict.fromkeys(text for one in waiting for text in notes_of(one.composition)):
             progress.note(text)
@@ -259,7 +258,7 @@ class _Sweep:
         status = FAILED if first == planned.index else SKIPPED
         run = self.runs[planned.index] = planned.result(status=status, failure=failure)
         if self.folder is not None:
-            self.folder.write_run(planned.index, failure_files(run, node, first), FAILED_RUNS)
+            self.folder.write_run(planned.index, failure_files(run, node, first), FAILED)
 
     def write_tables(self) -> SweepResult:
         """Write `runs.csv`, and the summaries of complete settings."""

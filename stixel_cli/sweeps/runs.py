@@ -191,8 +191,7 @@ def _composed(
     try:
         return composer.compose(parsed)
     except BelongsElsewhere as fault:
-        key = str(fault).partition(":")[0]
-        kept = [one for one in parsed if one.key != key]
+        key, kept = fault.key, [one for one in parsed if one.key != fault.key]
         left_out[key] += 1
         if len(kept) == len(parsed) or key in keys or key.partition(".")[0] not in keys:
             raise

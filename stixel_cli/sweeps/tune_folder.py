@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 
 from stixel_cli.answers.answer import Answer
 from stixel_cli.answers.figures import differences
+from stixel_cli.answers.render import Cells
 from stixel_cli.border import write_below, written
 from stixel_cli.config.folders import group_options, of_the_machine
 from stixel_cli.config.messages import validated
@@ -65,8 +66,9 @@ def write_outcome(folder: Path, tuning: Tuning, command: str) -> tuple[Trial, li
         gain_figures=[
             drawing_for_page(differences(one).decode(), f"g{i}") for i, one in enumerate(gain)
         ],
-        columns=[*trials],
-        rows=[[_text(value) for value in row] for row in trials.itertuples(index=False)],
+        cells=Cells(
+            tuple(trials), tuple(tuple(map(_text, row)) for row in trials.itertuples(index=False))
+        ),
         figures=[
             (title, drawing_for_page(chart([panel]).decode(), f"t{i}"))
             for i, (title, panel) in enumerate(_panels(tuning).items())

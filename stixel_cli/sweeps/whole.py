@@ -23,10 +23,10 @@ from stixel_cli.experiment.run_names import joined_name
 from stixel_cli.results.differences import first_changed_stage
 from stixel_cli.results.folder import check_results, new_folder
 from stixel_cli.results.lineage import lineage_of, provenance, read_lineage
-from stixel_cli.results.reader import flat_settings, read_config
+from stixel_cli.results.reader import SWEEP_FILE, flat_settings, read_config
 from stixel_cli.results.result import RunResult
 from stixel_cli.sweeps.design import Design
-from stixel_cli.sweeps.folder import PLAN, SweepFolder, SweepRequest
+from stixel_cli.sweeps.folder import SweepFolder, SweepRequest
 from stixel_cli.sweeps.graphs import SweepPlan, check_computable, planned_sweep
 from stixel_cli.sweeps.results import SweepResult
 from stixel_cli.sweeps.run import run_sweep
@@ -137,7 +137,9 @@ def resumed_sweep(
         entry = {"time": origin["created"], "command": command, "revision": revision}
         before = request.notes.get("resumed")
         resumed = [*(before if isinstance(before, list) else ()), entry]
-        folder.write({PLAN: replace(request, notes={**request.notes, "resumed": resumed}).text})
+        folder.write(
+            {SWEEP_FILE: replace(request, notes={**request.notes, "resumed": resumed}).text}
+        )
     request = replace(request, notes=origin)
     return run_sweep(plan, request, folder, visible, label, finished, fail_fast)
 

@@ -6,13 +6,10 @@ And the parameters of the fitted noise, which makes errors like them.
 from collections.abc import Sequence
 
 import numpy as np
-import shapely
 
 from stixel_cli.errors import UserError
 from stixel_cli.evaluation.scan_errors import finite_mean
 from stixel_cli.measurements.noise import FittedNoise
-from stixel_cli.measurements.scans import Scans
-from stixel_cli.scene.scenario import Scenario
 from stixel_cli.validation.point_errors import PointErrors
 
 _FEWEST = 10
@@ -105,20 +102,6 @@ def correlogram(runs: Sequence[PointErrors], lags: Sequence[float]) -> list[floa
     # Blocks of columns are rarely closer than a block's width, which leaves too few pairs.
     fewest = max(2.0, 0.1 * max((len(p) for p in found), default=0))
     return [float(p.mean()) / power if len(p) >= fewest and power > 0.0 else None for p in found]
-
-
-def contour_distances(scans: Scans, scenario: Scenario) -> np.ndarray:
-    """Distance (P,) m of every scan's points from the true contour, negative inside it."""
-    distances = np.empty(len(scans.points_world))
-    for k in range(len(scans)):
-        rows = scans.rows(k)
-        if rows.start == rows.stop:
-            continue
-        truth = shapely.Polygon(scenario.contour_world(k))
-        points = shapely.points(scans.points_world[rows])
-        away = shapely.distance(truth.exterior, points)
-        distances[rows] = np.where(shapely.contains(truth, points), -away, away)
-    return distances
 
 
 def fit_noise(runs: Sequence[PointErrors]) -> FittedNoise:

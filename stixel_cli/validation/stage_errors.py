@@ -230,17 +230,6 @@ def _stacked(kind, records):
     return kind(**{name: np.stack([getattr(r, name) for r in records]) for name in names})
 
 
-def histogram_median(histogram: np.ndarray) -> float:
-    """Median px of counts (n,) over `HISTOGRAM_EDGES`, even inside a bin; NaN if all are 0."""
-    before = np.concatenate([[0], np.cumsum(histogram)])
-    if before[-1] == 0:
-        return float("nan")
-    half = 0.5 * before[-1]
-    b = int(np.searchsorted(before, half, side="left")) - 1
-    share = (half - before[b]) / (before[b + 1] - before[b])
-    return float(HISTOGRAM_EDGES[b] + share * (HISTOGRAM_EDGES[b + 1] - HISTOGRAM_EDGES[b]))
-
-
 @dataclass(frozen=True)
 class ColumnKinds:
     """The result of each column; bool arrays of any one shape.

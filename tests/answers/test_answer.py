@@ -137,6 +137,8 @@ def test_a_failed_run_stays_and_counts_as_lost():
         "broken: 6 of 6 runs failed, counted as lost.",
     ]
     assert answer.worst.loc["mine", "status"] == "failed" and answer.order[-1] == "broken"
+    rate = of_values(values).ask(metric="track_lost").table["mean"]
+    assert (rate["mine"], rate["broken"]) == (pytest.approx(1 / 3), 1.0)
 
 
 def test_two_units_claim_nothing():

@@ -50,7 +50,7 @@ def test_help_of_run_shows_groups_and_examples(capsys):
 
 def test_help_of_report(capsys):
     assert main(["report", "-h"]) == 0
-    assert "show one sweep" in capsys.readouterr().out
+    assert "one page of a sweep or" in capsys.readouterr().out
 
 
 COMMANDS = typer.main.get_command(app).commands
@@ -314,7 +314,7 @@ def test_an_unknown_road_user_points_to_the_mesh(capsys):
     [
         ("rerun", "FOLDER-rerun, and the time"),
         ("assess", "default: assess.html"),
-        ("show", "Result folder of a run or a sweep"),
+        ("show", "A run: its origin, scores and stages"),
     ],
 )
 def test_the_help_says_what_a_command_does(command, text, capsys):

@@ -211,8 +211,8 @@ def test_wrong_values(name, capsys):
 
 
 OVERRIDES = ("run", "sweep", "plan", "explain")
-FOLDERS = ("rerun", "verify", "show", "compare", "report")
-COMMANDS = (*OVERRIDES, *FOLDERS, "ls", "doctor")
+FOLDERS = ("rerun", "verify", "table", "figure", "report")
+COMMANDS = (*OVERRIDES, *FOLDERS, "ls", "show", "compare", "doctor")
 
 
 @pytest.mark.parametrize("name", list(known_keys())[1::6])
@@ -321,7 +321,7 @@ def test_folders_that_are_none(command, tmp_path_factory, capsys):
     file, empty = there / "file", there / "empty"
     file.write_text("text")
     empty.mkdir()
-    more = [str(empty)] if command in ("compare", "report") else []
+    more = [str(empty)] if command in ("table", "figure", "report") else []
     for folder in (there / "nowhere", file, empty / ".." / "empty", "", "\0", "a\nb"):
         say_one_line([str(folder), *more], capsys, command)
     assert "missing argument" in say_one_line([], capsys, command)

@@ -74,7 +74,7 @@ def test_gc_without_anything_keeps_the_limit(store, capsys):
     assert answer(capsys, "gc")["removed"] == []
 
 
-def test_verify_names_what_is_bad_and_sets_it_aside(store, capsys):
+def test_verify_names_what_is_bad_and_removes_it(store, capsys):
     assert answer(capsys, "verify")["bad"] == []
     file = store.entry("4" * 64) / VALUE
     content = bytearray(file.read_bytes())
@@ -108,7 +108,7 @@ def test_notes_that_were_altered_are_bad_though_they_are_valid(store, capsys):
     notes.write_text(json.dumps(content | {"label": "other"}, indent=1))
     assert main(["cache", "verify"]) == 1
     said = capsys.readouterr().out
-    assert "bad: other 222222222222: its notes have changed; set aside" in said
+    assert "bad: other 222222222222: its notes have changed; removed" in said
     assert left(store) == [0, 1, 3, 4, 5]
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from short_runs import runs_with
 
 from stixel_cli.cli.app import main
 
@@ -102,12 +103,11 @@ RUN = {
     "metrics.json": JSONS | {"text": value("centre_rmse_m", "x"), "true": value("scans", True)},
     "scores.npz": NO_FILES | {"cut": cut, "text": text("nothing")},
     "lineage.json": JSONS | {"stages": text('{"stages": 3, "code": 4}')},
-    "figures/path.png": NO_FILES | {"text": text("GIF89a")},
 }
 READS = {
     "show": ("config.yaml", "manifest.json", "metrics.json"),
-    "compare": ("config.yaml", "manifest.json", "metrics.json", "scores.npz", "figures/path.png"),
-    "report": ("config.yaml", "manifest.json", "metrics.json", "scores.npz", "figures/path.png"),
+    "compare": ("config.yaml", "manifest.json", "metrics.json"),
+    "report": ("config.yaml", "manifest.json", "metrics.json", "scores.npz"),
     "explain": ("config.yaml", "manifest.json", "metrics.json", "lineage.json"),
     "rerun": ("config.yaml", "manifest.json", "metrics.json", "lineage.json"),
     "play": ("config.yaml", "manifest.json", "metrics.json", "lineage.json"),
@@ -120,7 +120,7 @@ READS = {
 def made(tmp_path_factory):
     """A folder with a run, a sweep of two runs, and their cache; not to be changed."""
     root = tmp_path_factory.mktemp("made")
-    with pytest.MonkeyPatch.context() as patch:
+    with pytest.MonkeyPatch.context() as patch, runs_with("drawn"):
         patch.setenv("STIXEL_CACHE", str(root / "cache"))
         results = ["--results", str(root / "results")]
         assert main(["run", *FEW, "pictures.frames=[0]", *results, "--name", "run"]) == 0

@@ -104,3 +104,20 @@ def test_completion(monkeypatch):
     assert complete_setting("tracker.sigma_f") == ["tracker.sigma_f"]
     assert "tracker=point" in complete_setting("tracker")
     assert "rig" in complete_setting("r")
+
+
+def test_a_metric_is_described_with_unit_better_values_and_baseline(capsys):
+    assert main(["describe", "iou_mean"]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    for text in (
+        "IoU of the outline, mean",
+        "0 to 1",
+        "better more",
+        "iou_baseline of the same run",
+    ):
+        assert text in said
+    assert main(["describe", "nis_mean"]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "near 1, as a factor" in said and "below 0.33, above 3" in said
+    assert main(["describe", "track_lost"]) == 0
+    assert "over runs track_loss_rate" in " ".join(capsys.readouterr().out.split())

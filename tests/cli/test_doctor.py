@@ -124,4 +124,4 @@ def test_damaged_entries_are_counted(renderers, tmp_path, monkeypatch):
     for _ in range(2):
         checks = {one.name: one for one in health.examine(store, works, works)}
         assert checks["cache entries"].status == "limited"
-        assert "2 damaged results set aside" in checks["cache entries"].text
+        assert "2 damaged results are recomputed" in checks["cache entries"].text

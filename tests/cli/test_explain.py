@@ -6,6 +6,8 @@ import pytest
 
 from stixel_cli.cli.app import main
 
+pytestmark = pytest.mark.drawn
+
 FABRICATED = ("measurement=fabricated", "path.duration=0.3", "pictures.frames=[0]")
 
 

@@ -60,6 +60,7 @@ def play(capsys, *words):
     return code, said.out.strip(), said.err.strip()
 
 
+@pytest.mark.drawn
 def test_a_runs_folder_holds_its_page(tmp_path):
     assert main(["run", *FABRICATED, "--name", "mine", "--results", str(tmp_path)]) == 0
     folder = tmp_path / "mine"
@@ -142,7 +143,7 @@ def test_results_that_come_out_differently_are_said(results, tmp_path, capsys):
         (("one", "faster"), "path.speed is 3 in one and 7.5 in faster"),
         (("one", "one"), "two arguments name the same folder"),
         (("none",), "no such folder"),
-        (("sweep",), "a sweep's folder; give the folder of one of its runs"),
+        (("sweep",), "not a valid sweep.yaml"),
     ],
 )
 def test_what_cannot_be_played_is_refused_in_one_line(results, folders, said, capsys):
@@ -152,3 +153,13 @@ def test_what_cannot_be_played_is_refused_in_one_line(results, folders, said, ca
     assert said in err
     assert "\n" not in err
     assert sorted(results.iterdir()) == before
+
+
+@pytest.mark.drawn
+def test_a_sweep_of_one_scene_is_played_and_its_page_links_to_the_player(tmp_path, capsys):
+    words = ["sweep", *FABRICATED, "tracker=point,box", "--name", "both"]
+    assert main([*words, "--results", str(tmp_path)]) == 0
+    code, said, _ = play(capsys, tmp_path / "both")
+    assert (code, said) == (0, str(tmp_path / "both/index.html"))
+    assert len(page_data(tmp_path / "both/play.html")["runs"]) == 2
+    assert '<a href="play.html">' in (tmp_path / "both/index.html").read_text(encoding="utf-8")

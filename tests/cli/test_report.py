@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from stixel_cli.cli.app import main
-from stixel_cli.cli.report import report
+from stixel_cli.cli.report import figure, report, table
 from stixel_cli.errors import UserError
 
 
@@ -25,15 +25,19 @@ def folders(tmp_path):
     return made
 
 
+@pytest.mark.drawn
 def test_report_prints_the_page(folders, capsys):
     assert report(folders, None) == 0
-    page = Path(capsys.readouterr().out.strip())
+    sentence, page = capsys.readouterr().out.strip().rsplit("\n", 1)
+    assert sentence.startswith("Mean IoU: two 0.600 and one 0.500")
+    page = Path(page)
     assert page == folders[0].parent / "report-one-two.html"
-    assert "IoU of the outline" in page.read_text()
+    assert "two 0.600" in page.read_text()
     assert report(folders, None) == 0
     assert capsys.readouterr().out.strip().endswith("report-one-two-2.html")
 
 
+@pytest.mark.drawn
 def test_report_writes_where_it_is_told(folders, tmp_path, capsys):
     page = tmp_path / "page.html"
     assert report(folders, page) == 0
@@ -53,7 +57,20 @@ def test_report_refuses(folders, tmp_path):
 
 
 def test_report_of_one_folder_names_its_page_or_its_fault(folders, tmp_path):
-    with pytest.raises(UserError, match=f"the page of one run is {folders[0]}/index.html"):
+    with pytest.raises(UserError, match=f"is one run: .*; its page is {folders[0]}/index.html"):
         report(folders[:1], None)
     with pytest.raises(UserError, match="nowhere: no such folder"):
         report([tmp_path / "nowhere"], None)
+
+
+def test_a_table_and_a_figure_of_runs(folders, capsys):
+    assert table(folders) == 0
+    said = capsys.readouterr().out
+    assert "| one | 1 | 0.500 |" in said and "**" not in said
+    assert figure(folders, "svg") == 0
+    assert (folders[0].parent / "figure-one-two.svg").exists()
+    for command in ("table", "figure"):
+        assert main([command, *map(str, folders), "--format", "doc"]) == 2
+        assert "--format: doc: must be one of" in capsys.readouterr().err
+    with pytest.raises(UserError, match="--compare: is for one sweep"):
+        table(folders, compare="seed")

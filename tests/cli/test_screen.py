@@ -5,7 +5,7 @@ import io
 import pytest
 
 from stixel_cli.cli.terminal import print_table, say_wrapped
-from stixel_cli.engine.progress import Bar
+from stixel_cli.engine.progress import Display
 
 PATH = "results/a-folder-with-a-very-long-name-20260101-120000"
 COLUMNS = ("folder", "changed settings", "mean IoU", "centre RMSE")
@@ -51,7 +51,7 @@ def test_a_bar_cuts_its_text_only(monkeypatch):
     monkeypatch.setattr("sys.stderr", terminal)
     monkeypatch.setenv("TERM", "dumb-but-wide")
     monkeypatch.setenv("COLUMNS", "60")
-    bar = Bar()
+    bar = Display()
     bar.show(0.42, "about 4 min left; " + "render 80/100 frames, " * 5)
     bar.close()
     shown = terminal.getvalue().replace("\r", "\n").splitlines()

@@ -301,9 +301,7 @@ def test_a_wrong_request_of_a_tuning_is_refused(entries, named, evil, capsys):
     assert named in line and "internal error" not in line
 
 
-def test_a_resumed_tuning_takes_neither_cache_nor_scheduler_of_the_folder(
-    evil, tmp_path, capsys, no_workers
-):
+def test_a_resumed_tuning_takes_neither_cache_nor_scheduler_of_the_folder(evil, tmp_path, capsys):
     words = [f"cache.folder={evil / 'kept'}", "executor=dask", "executor.address=tcp://127.0.0.1:9"]
     folder = tuning(evil, words)
     assert main(["tune", "--resume", str(folder), "executor=threads"]) == 0, capsys.readouterr().err
@@ -311,7 +309,7 @@ def test_a_resumed_tuning_takes_neither_cache_nor_scheduler_of_the_folder(
     assert main(["tune", "--resume", str(folder), "seed=1"]) == 2
 
 
-def test_a_sweep_writes_no_run_through_a_link(evil, tmp_path, capsys, no_workers):
+def test_a_sweep_writes_no_run_through_a_link(evil, tmp_path, capsys):
     words = ["measurement=fabricated", "path.duration=0.3", "executor=threads", "seed=0,1"]
     assert main(["sweep", *words, "--results", str(evil), "--name", "s"]) == 0
     (tmp_path / "victim" / "0000").mkdir(parents=True)

@@ -3,7 +3,7 @@
 import pytest
 
 from stixel_cli.border import TYPED
-from stixel_cli.config import values
+from stixel_cli.config import choice
 from stixel_cli.config.compose import Composer
 from stixel_cli.config.folders import group_options, outer_options
 from stixel_cli.config.override_checks import read_overrides
@@ -73,7 +73,7 @@ def by_omegaconf(monkeypatch):
 
     def compose(line):
         with monkeypatch.context() as patch:
-            patch.setattr(values, "_resolved", refuse)
+            patch.setattr(choice, "_resolved", refuse)
             return Composer().compose(typed(line))
 
     return compose
@@ -82,7 +82,7 @@ def by_omegaconf(monkeypatch):
 @pytest.mark.parametrize("line", [*LINES, *(alone(*one) for one in OPTIONS)])
 def test_equal_to_omegaconf(line, composer, by_omegaconf, monkeypatch):
     slow = by_omegaconf(line)
-    monkeypatch.setattr(values, "_by_omegaconf", None)  # not needed for these lines
+    monkeypatch.setattr(choice, "_by_omegaconf", None)  # not needed for these lines
     fast = composer.compose(typed(line))
     assert fast == slow
     assert list(fast.resolved) == list(slow.resolved)

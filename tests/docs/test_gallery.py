@@ -60,6 +60,7 @@ def test_commands_draw_their_pictures(group):
         assert composition.configuration.measurement.kind == "stixels"
 
 
+@pytest.mark.drawn
 def test_one_picture_can_be_drawn_without_the_others(tmp_path, monkeypatch):
     monkeypatch.setattr(gallery, "DOCS", tmp_path)
     gallery.main(["path_stop_and_go"])

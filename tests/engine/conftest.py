@@ -109,6 +109,12 @@ MODULES = {
         """,
 }
 
+
+def pytest_itemcollected(item):
+    """The engine is tested with its worker processes."""
+    item.add_marker("workers")
+
+
 _numbers = itertools.count()
 
 

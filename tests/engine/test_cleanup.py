@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from stixel_cli.engine.cache_folder import Lease, leased_keys
-from stixel_cli.engine.cleanup import clear, collect, evicted, keep_limit
-from stixel_cli.engine.entries import entries, entry_folders, verify_all
+from stixel_cli.engine.cleanup import clear, collect, keep_limit
+from stixel_cli.engine.entries import entries, entry_folders
 from stixel_cli.engine.errors import CacheError
 from stixel_cli.engine.parameters import CacheParameters, parse_age, parse_size, show_size
 from stixel_cli.engine.store import VALUE, Store, default_cache_folder, open_store
@@ -63,7 +63,7 @@ def test_the_least_recently_used_go_first(store):
     ]
     assert (collection.kept, collection.in_use) == (3, 0)
     assert collection.kept_size == sum(one.size for one in entries(store))
-    assert set(evicted(store)) == {KEYS[1], KEYS[2]}
+    assert store.removals() == dict.fromkeys(KEYS[1:3], "size")
     assert list((store.folder / "tmp").iterdir()) == []
 
 
@@ -77,7 +77,7 @@ def test_a_dry_run_removes_nothing(store):
     collection = collect(store, max_size=0, dry_run=True)
     assert len(collection.removed) == 5 and collection.removed_size > 40_000
     assert left(store) == KEYS
-    assert evicted(store) == {}
+    assert store.removals() == {}
 
 
 def test_entries_in_use_stay(store):
@@ -163,37 +163,37 @@ def test_orphans_of_killed_processes(store):
     assert left(store) == KEYS
 
 
-def test_bad_entries_are_named_and_set_aside(store):
+def test_bad_entries_are_named_and_removed(store):
     flipped = store.entry(KEYS[1]) / VALUE
     flipped.write_bytes(flipped.read_bytes()[:-1] + b"x")
     cut = store.entry(KEYS[3]) / VALUE
     cut.write_bytes(cut.read_bytes()[:-9])
     (store.entry(KEYS[4]) / VALUE).unlink()
-    seen = []
-    bad = verify_all(store, lambda done, total: seen.append((done, total)))
+    bad = []
+    assert [one.key for one in entries(store, bad, values=True)] == [KEYS[0], KEYS[2]]
     assert [(one.key, one.stage, one.label) for one, _ in bad] == [
         (KEYS[1], "stage1", "label1"),
         (KEYS[3], "stage1", "label3"),
         (KEYS[4], "stage0", "label4"),
     ]
-    assert [reason.partition(" (")[0] for _, reason in bad] == [
+    assert [fault.reason.partition(" (")[0] for _, fault in bad] == [
         "its content has changed",
         "it is truncated",
         "value.joblib is missing",
     ]
-    assert seen == [(i, 5) for i in range(1, 6)]
-    assert left(store) == [KEYS[0], KEYS[2]]
-    assert verify_all(store) == []
-    assert {one.reason for one in collect(store, max_size=10**9).removed} == {"set aside"}
+    assert left(store) == [KEYS[0], KEYS[2]] and all(fault.removed for _, fault in bad)
+    assert store.removals() == dict.fromkeys((KEYS[1], KEYS[3], KEYS[4]), "damaged")
 
 
-def test_a_bad_entry_that_cannot_be_set_aside(store, monkeypatch):
+def test_a_bad_entry_that_cannot_be_removed(store, monkeypatch):
     (store.entry(KEYS[1]) / VALUE).write_bytes(b"")
     from pathlib import Path
 
     monkeypatch.setattr(Path, "rename", lambda *args: (_ for _ in ()).throw(OSError("no")))
-    with pytest.raises(CacheError, match=r"label1 in .* is damaged \(it is truncated"):
-        verify_all(store)
+    bad = []
+    assert len(entries(store, bad, values=True)) == 4
+    ((one, fault),) = bad
+    assert one.label == "label1" and "truncated" in fault.reason and not fault.removed
 
 
 def test_clear(store):

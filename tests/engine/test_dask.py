@@ -12,8 +12,7 @@ from textwrap import dedent
 import pytest
 from executors import EXECUTORS
 
-from stixel_cli.engine.dask_cluster import SETTINGS, local_cluster
-from stixel_cli.engine.dask_pool import DaskPool
+from stixel_cli.engine.dask_pool import DaskPool, local_cluster
 from stixel_cli.engine.errors import CodeChanged, ExecutorError, StageFailure, WorkerDied
 from stixel_cli.engine.execute import execute
 from stixel_cli.engine.graph import build_graph
@@ -68,21 +67,18 @@ SLOW = """
 
 @pytest.fixture(scope="module")
 def cluster(tmp_path_factory):
-    """A scheduler and two workers; their packages are found in `folder`."""
+    """The address of a scheduler and two workers; their packages are found in `folder`."""
     folder = tmp_path_factory.mktemp("packages")
     package = folder / "dask_steps"
     package.mkdir()
     (package / "__init__.py").write_text("")
     (package / "steps.py").write_text(dedent(SLOW))
     path = os.pathsep.join([str(folder), os.environ.get("PYTHONPATH", "")])
-    sys.path.insert(0, str(folder))
-    restart = SETTINGS["DASK_DISTRIBUTED__DEPLOY__LOST_WORKER_TIMEOUT"]
-    with (
-        dask.config.set({"distributed.deploy.lost-worker-timeout": restart}),
-        local_cluster(2, env={"PYTHONPATH": path}) as cluster,
-    ):
-        yield cluster
-    sys.path.remove(str(folder))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("PYTHONPATH", path)
+        patch.syspath_prepend(folder)
+        with local_cluster(2) as address:
+            yield address
 
 
 def graph_of(folder):
@@ -94,7 +90,7 @@ def graph_of(folder):
 
 
 def executor_at(cluster, time_limit=300.0):
-    return DaskExecutor("dask", 2, time_limit, cluster.scheduler_address)
+    return DaskExecutor("dask", 2, time_limit, cluster)
 
 
 def single(name):

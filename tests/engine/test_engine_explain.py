@@ -124,13 +124,6 @@ def test_the_code(project, reasons):
     assert reasons(project.graph(), ["double"])["double[0:4]"] == (
         f"double[0:4]: code: {name}.helpers changed"
     )
-    (change,) = explain(project.graph(), project.store, ["double"])[0].changes
-    assert [line for line in change.difference if line[0] in "+-"][2:] == [
-        "-FACTOR = 3.0",
-        "+FACTOR = 3.5",
-        "-    return FACTOR * values",
-        "+    return values * FACTOR",
-    ]
 
 
 def test_code_that_is_newly_reached(project, reasons):
@@ -192,10 +185,9 @@ def test_a_damaged_result(project, reasons):
     path = project.store.entry(graph.of_stage("gather")[0].key) / VALUE
     path.write_bytes(path.read_bytes()[:-1])
     assert not project.store.verify(path.parent.name)
-    expected = {"gather": "gather: its stored result was damaged and set aside"}
+    expected = {"gather": "gather: its stored result was damaged and removed"}
     assert reasons(graph) == expected
     collect(project.store, max_size=10**9)
-    assert not list((project.store.folder / "quarantine").iterdir())
     assert reasons(graph) == expected
     project.run(graph)
     collect(project.store, max_size=10**9, older_than=-1)

@@ -9,7 +9,7 @@ from executors import EXECUTORS
 
 from stixel_cli.engine.execute import execute
 from stixel_cli.engine.parameters import LocalExecutor
-from stixel_cli.engine.plan import plan
+from stixel_cli.engine.plan import DURATIONS, plan
 from stixel_cli.engine.store import VALUE
 
 DOUBLE = ["double 0", "double 4", "double 8"]
@@ -207,7 +207,7 @@ def test_few_first_targets_are_computed_in_this_process(project):
     project.run()
     project.calls()
     known = {project.function("gather"): 0.01, project.function("show"): 100.0}
-    (project.store.folder / "durations.json").write_text(json.dumps(known))
+    (project.store.folder / DURATIONS).write_text(json.dumps(known))
     project.run(
         project.graph(seed=2, frames=(3,)),
         targets=("gather", "grid", "show"),

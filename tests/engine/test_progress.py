@@ -2,20 +2,13 @@
 
 import io
 import sys
-from types import SimpleNamespace
+from dataclasses import replace
 
 import pytest
 
 from stixel_cli.engine import progress as progress_module
-from stixel_cli.engine.progress import (
-    Bar,
-    Lines,
-    NotebookBar,
-    Progress,
-    crash_note,
-    in_notebook,
-    make_progress,
-)
+from stixel_cli.engine.plan import Durations
+from stixel_cli.engine.progress import Display, Progress, crash_note, make_progress
 
 FRAMES = 10
 """Of the graph of `project`."""
@@ -46,7 +39,7 @@ def feed(progress, project, clock, step):
 
 
 def test_lines(project, clock, capsys):
-    feed(Progress(Lines()), project, clock, 3.0)
+    feed(make_progress(), project, clock, 3.0)
     captured = capsys.readouterr()
     assert captured.out == ""
     assert captured.err.splitlines() == [
@@ -60,7 +53,7 @@ def test_lines(project, clock, capsys):
 
 
 def test_an_equal_line_is_not_repeated_soon(clock, capsys):
-    lines = Lines()
+    lines = Display()
     for _ in range(12):
         clock[0] += 6.0
         lines.show(0.1, "track")
@@ -68,7 +61,7 @@ def test_an_equal_line_is_not_repeated_soon(clock, capsys):
 
 
 def test_the_time_left(project, clock, capsys):
-    lines = Progress(Lines())
+    lines = make_progress()
     lines.expect({"double": 30.0, "running": 60.0}, 2)
     graph = project.graph()
     nodes = [*graph.of_stage("double"), *graph.of_stage("running")]
@@ -108,9 +101,23 @@ def test_progress_gets_the_durations_of_earlier_runs(project):
     assert second.at_first > 0.02
 
 
-@pytest.mark.parametrize("make", [Lines, Bar, NotebookBar])
-def test_a_short_execution_shows_nothing(project, clock, capsys, make):
-    feed(Progress(make()), project, clock, 0.01)
+def test_estimates_are_of_the_work_and_leave_out_what_was_never_measured(project):
+    project.run()
+    durations = Durations(project.store.folder)
+    nodes = [n for n in project.graph().nodes.values() if n.frame_count]
+    seconds, unknown = durations.estimate(nodes)
+    assert seconds > 0.0 and unknown == []
+    # Images of four times as many pixels.
+    larger = [replace(node, stage=replace(node.stage, amount=4.0)) for node in nodes]
+    assert durations.estimate(larger)[0] == pytest.approx(4.0 * seconds)
+    new = replace(nodes[0], stage=replace(nodes[0].stage, name="new", function="a.b:c"))
+    assert durations.estimate([*nodes, new]) == (pytest.approx(seconds), ["new"])
+
+
+@pytest.mark.parametrize("terminal", [False, True])
+def test_a_short_execution_shows_nothing(project, clock, capsys, monkeypatch, terminal):
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: terminal)
+    feed(make_progress(), project, clock, 0.01)
     captured = capsys.readouterr()
     assert (captured.out, captured.err) == ("", "stixel: recomputed\n")
 
@@ -127,45 +134,11 @@ def test_a_bar_on_a_terminal(project, clock, capsys):
         patch.setattr("sys.stderr", terminal)
         patch.setenv("TERM", "xterm")
         bar = make_progress()
-        assert isinstance(bar.display, Bar)
         bar.expect({stage: 60.0 for stage in project.graph().stages}, 1)
         feed(bar, project, clock, 2.0)
     assert "about 2 s left; grid 1/2 frames" in terminal.getvalue()
     assert "%" in terminal.getvalue() and "recomputed" in terminal.getvalue()
     assert capsys.readouterr().out == ""
-
-
-def test_lines_where_there_is_no_terminal(capsys):
-    assert isinstance(make_progress().display, Lines)
-
-
-class Page:
-    """What IPython.display is to a cell: the last HTML of each display."""
-
-    def __init__(self):
-        self.shown = []
-        self.HTML = str
-
-    def display(self, text, display_id):
-        self.shown.append(text)
-        return self
-
-    def update(self, text):
-        self.shown.append(text)
-
-
-def test_a_bar_in_a_notebook(project, clock, capsys, monkeypatch):
-    page, shell = Page(), SimpleNamespace(kernel=1)
-    monkeypatch.setitem(sys.modules, "IPython", SimpleNamespace(get_ipython=lambda: shell))
-    monkeypatch.setattr(progress_module, "import_module", {"IPython.display": page}.__getitem__)
-    progress = make_progress()
-    assert isinstance(progress.display, NotebookBar)
-    feed(progress, project, clock, 2.0)
-    assert "<progress value=" in page.shown[0] and "frames" in "".join(page.shown)
-    assert page.shown[-1] == ""
-    assert capsys.readouterr().err == "stixel: recomputed\n"
-    shell.__dict__.clear()
-    assert not in_notebook(), "a terminal's IPython"
 
 
 def test_a_stage_that_compiles_says_so(project, clock):

@@ -110,11 +110,11 @@ def old_notes(entry):
         (lambda entry: (entry / VALUE).write_bytes((entry / VALUE).read_bytes()[:-9]), "truncated"),
         (lambda entry: (entry / VALUE).write_bytes(b""), "truncated"),
         (lambda entry: (entry / VALUE).unlink(), "value.joblib is missing"),
-        (lambda entry: put(Path.mkdir, entry / VALUE), "value.joblib is not a regular file"),
-        (lambda entry: put(Path.mkdir, entry / META), "meta.json is not a regular file"),
+        (lambda entry: put(Path.mkdir, entry / VALUE), "directory"),
+        (lambda entry: put(Path.mkdir, entry / META), "directory"),
         # To open a FIFO would block until a process writes to it.
-        (lambda entry: put(os.mkfifo, entry / VALUE), "value.joblib is not a regular file"),
-        (lambda entry: put(os.mkfifo, entry / META), "meta.json is not a regular file"),
+        (lambda entry: put(os.mkfifo, entry / VALUE), "not a regular file"),
+        (lambda entry: put(os.mkfifo, entry / META), "not a regular file"),
         (lambda entry: (entry / META).write_text("{"), "notes are damaged"),
         (lambda entry: (entry / META).write_text("[]"), "notes are damaged"),
         (lambda entry: (entry / META).unlink(), "meta.json is missing"),
@@ -123,13 +123,13 @@ def old_notes(entry):
         (lambda entry: (entry / META).write_text(old_notes(entry)), "of an older version"),
     ],
 )
-def test_a_damaged_entry_is_set_aside(store, spoil, reason):
+def test_a_damaged_entry_is_removed(store, spoil, reason):
     store.save(KEY, np.arange(100))
     spoil(store.entry(KEY))
     with pytest.raises(MissingEntry, match=reason):
         store.load(KEY)
     assert not store.has(KEY) and not store.entry(KEY).exists()
-    assert len(list((store.folder / "quarantine").iterdir())) == 1
+    assert store.removals() == {KEY: "damaged"}
     store.save(KEY, np.arange(3))
     np.testing.assert_array_equal(store.load(KEY), np.arange(3))
 
@@ -143,7 +143,7 @@ def test_damaged_notes_are_no_entry_and_do_not_stand_in_the_way(store):
     store.save(KEY, 1)
     change_notes(store.entry(KEY), digest="0" * 64)
     assert not store.has(KEY)
-    assert store.entry(KEY).exists(), "nothing is set aside by a look"
+    assert store.entry(KEY).exists(), "nothing is removed by a look"
     store.save(KEY, 2)
     assert store.load(KEY) == 2
 

@@ -9,11 +9,12 @@ from stixel_cli.evaluation.evaluate import (
     evaluate,
     normalised_errors,
     orientation_errors,
+    out_of_view,
 )
 from stixel_cli.evaluation.metric_table import OF_ESTIMATES
 from stixel_cli.evaluation.scan_errors import UpperBounds
 from stixel_cli.geometry.pose import world_from_target
-from stixel_cli.measurements.scans import Scans
+from stixel_cli.measurements.scans import FieldOfView, Scans
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.tracking.track import Track
 
@@ -120,6 +121,29 @@ def test_summary_matches_a_calculation_by_hand():
     others |= {"hidden_contour_error_m", "hidden_band_coverage", "iou_baseline"}
     assert metrics.keys() == expected.keys() | others
     assert {n: metrics[n] for n in expected} == pytest.approx(expected, abs=1e-8)
+
+
+def test_a_target_leaves_the_view_of_its_sensor():
+    # Seen from the origin along y, it moves from 0 to 2.4 m to the left at 10 m: bearings to 13.5°.
+    count = 25
+    poses = np.stack([-0.1 * np.arange(count), np.full(count, 10.0), np.zeros(count)], axis=1)
+    sensors = np.tile([0.0, 0.0, 0.5 * np.pi], (count, 1))
+    times = 0.1 * np.arange(count)
+    scenario = Scenario(times, sensors, poses, np.zeros((count, 3)), OUTLINE[None])
+    offsets = np.zeros(count + 1, int)
+    view = FieldOfView(-0.1, np.arctan2(1.05, 10.0))
+    scans = Scans(times, sensors, offsets, np.zeros((0, 2)), np.zeros((0, 2, 2)), view)
+    assert np.flatnonzero(out_of_view(scenario, scans))[0] == 11
+    track = track_with(np.zeros((COUNT, 3)))
+    nothing = {"used_offsets": offsets, "used_points": np.zeros(0, int), "times": times}
+    nothing |= {"nis": np.full(count, np.nan), "nis_degrees_of_freedom": np.zeros(count, int)}
+    names = ("means", "covariances", "contours_world", "contour_directions", "contour_std")
+    nothing |= {name: np.repeat(getattr(track, name)[:1], count, axis=0) for name in names}
+    track = dataclasses.replace(track, **nothing)
+    metrics = evaluate(track, scenario, scans).metrics
+    assert metrics["time_out_of_view_s"] == pytest.approx(1.1)
+    unknown = dataclasses.replace(scans, field_of_view=None)
+    assert "time_out_of_view_s" not in evaluate(track, scenario, unknown).metrics
 
 
 def test_contour_errors_match_a_calculation_by_hand():

@@ -175,8 +175,20 @@ def test_a_diverged_tracker_is_warned_of_first():
     assert warning.startswith("WARNING") and "2.3 s" in warning
     lost = verdict(GOOD | diverged | {"track_lost": 1, "time_to_loss_s": 3.0})
     assert lost[0] == warning and lost[1].startswith("lost: off the target from 3.0 s on")
+    # A good IoU is no reason to use the estimates.
+    assert word(GOOD | diverged) == "poor" and verdict(GOOD | diverged)[1].startswith("poor: ")
     # It needs no truth.
     assert verdict({"scans": 3, **diverged}) == [warning]
+
+
+def test_a_road_user_out_of_view_is_the_cause_and_no_divergence():
+    # As of path=waypoints path.points=[[0,12],[3,15]], in which nothing is measured at the end.
+    unmeasured = {"diverged": 1, "time_to_divergence_s": 5.1, "time_out_of_view_s": 4.6}
+    first, second, *_ = verdict(GOOD | unmeasured)
+    assert first.startswith("The road user leaves the field of view at 4.6 s")
+    assert word(GOOD | unmeasured) == "good" and second.startswith("good: ")
+    before = verdict(GOOD | unmeasured | {"time_to_divergence_s": 3.0})
+    assert before[0].startswith("WARNING") and before[1].startswith("poor: ")
 
 
 def test_badges_name_what_is_not_expected():

@@ -13,8 +13,6 @@ from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.experiment.stages import experiment_graph, pictured_frames, scan_count
 from stixel_cli.results.result import read_scored_run
 
-pytestmark = pytest.mark.usefixtures("no_pictures")
-
 QUICK = ("executor=threads", "seed=1003")
 
 

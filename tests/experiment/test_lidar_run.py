@@ -62,6 +62,7 @@ def test_what_the_beams_meet_changes_the_returns(word):
     assert keys(word)[0] != keys()[0]
 
 
+@pytest.mark.drawn
 def test_the_point_tracker_has_a_whole_result_folder(results, capsys):
     answer = run_json(
         capsys,

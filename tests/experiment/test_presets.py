@@ -8,9 +8,6 @@ from run_cli import FEW, run_json
 from stixel_cli.config.folders import group_options, outer_options
 from stixel_cli.rendering.filament import probe_filament
 
-IN_THIS_PROCESS = "executor=threads"
-"""Workers' processes import everything anew in each run: seconds, for work of tenths of one."""
-
 PICTURED = {"rig", "renderer", "stereo", "road", "occupancy", "measurement", "measurement/noise"}
 """Groups whose options show in the pictures of a scan; paths are drawn in a test of their own."""
 
@@ -37,11 +34,6 @@ def results(tmp_path_factory):
     return tmp_path_factory.mktemp("results")
 
 
-def executor(group: str, option: str) -> tuple[str, ...]:
-    """Where a preset runs: Filament needs a process of its own."""
-    return () if group == "executor" or option == "filament" else (IN_THIS_PROCESS,)
-
-
 def few_seconds(option: str) -> tuple[str, ...]:
     """What an option needs in a few frames: no time to close a circle, few points on the target."""
     return {"circle": ("path.radius=6",), "scans": ("measurement=fabricated",)}.get(option, ())
@@ -53,10 +45,16 @@ def check(answer: dict) -> None:
     assert {stage["status"] for stage in answer["stages"]} <= {"computed", "cached"}
 
 
-@pytest.mark.parametrize(("group", "option"), PRESETS, ids=lambda value: value)
-def test_every_preset_runs(group, option, results, capsys, request):
-    if group not in DRAWN:
-        request.getfixturevalue("no_pictures")
+def preset(group, option):
+    """With the marks of what its run needs: Filament has a process of its own."""
+    marks = [pytest.mark.drawn] if group in DRAWN else []
+    if group == "executor" or option == "filament":
+        marks.append(pytest.mark.workers)
+    return pytest.param(group, option, marks=marks, id=f"{group}-{option}")
+
+
+@pytest.mark.parametrize(("group", "option"), [preset(*one) for one in PRESETS])
+def test_every_preset_runs(group, option, results, capsys):
     if (group, option) == ("renderer", "filament"):
         reason = probe_filament(timeout=600)
         if reason is not None:
@@ -67,35 +65,40 @@ def test_every_preset_runs(group, option, results, capsys, request):
     pictures = "pictures.frames=[1]" if group in PICTURED else "pictures.frames=[]"
     outer = group.rpartition("/")[0]
     around = (f"{outer}={outer_options(group)[0]}",) if outer else ()
-    choice = (*few_seconds(option), *executor(group, option), *around, f"{group}={option}")
+    choice = (*few_seconds(option), *around, f"{group}={option}")
     check(run_json(capsys, results, *few, pictures, *choice))
 
 
-@pytest.mark.parametrize("road_user", group_options()["road_user"])
+# Drawing takes longer than the rest: one road user on each path.
+@pytest.mark.parametrize(
+    "road_user",
+    [
+        pytest.param(name, marks=[pytest.mark.drawn] if name == "car" else [])
+        for name in group_options()["road_user"]
+    ],
+)
 @pytest.mark.parametrize("path", [path for group, path in PRESETS if group == "path"])
 def test_every_road_user_runs_every_path_with_fabricated_measurements(
-    road_user, path, results, capsys, request
+    road_user, path, results, capsys
 ):
-    choice = (f"road_user={road_user}", f"path={path}", "measurement=fabricated", IN_THIS_PROCESS)
+    choice = (f"road_user={road_user}", f"path={path}", "measurement=fabricated")
     choice += few_seconds(path)
-    # Drawing takes longer than the rest: one road user on each path.
-    if road_user != "car":
-        request.getfixturevalue("no_pictures")
     answer = run_json(capsys, results, *choice, "path.duration=0.5", "pictures.frames=[2]")
     check(answer)
     assert answer["metrics"]["points_per_scan_mean"] > 1
 
 
+@pytest.mark.drawn
 @pytest.mark.parametrize("road_user", group_options()["road_user"])
 def test_every_road_user_is_rendered_and_measured(road_user, results, capsys):
-    few = ("path.duration=0.2", "pictures.frames=[1]", IN_THIS_PROCESS)
+    few = ("path.duration=0.2", "pictures.frames=[1]")
     answer = run_json(capsys, results, f"road_user={road_user}", *few)
     check(answer)
     assert answer["metrics"]["points_used_mean"] >= 1
 
 
 def test_json_is_all_that_is_on_stdout_and_the_manifest_agrees(results, capsys):
-    answer = run_json(capsys, results, *FEW, IN_THIS_PROCESS)
+    answer = run_json(capsys, results, *FEW)
     assert set(answer) == {"folder", "metrics", "verdict", "stages"}
     folder = results / answer["folder"].rpartition("/")[2]
     manifest = json.loads((folder / "manifest.json").read_text())

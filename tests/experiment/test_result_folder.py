@@ -42,6 +42,7 @@ def test_a_smoothed_track_is_next_to_that_of_the_filter(results, capsys):
     assert "IoU of the outline, mean, smoothed" in capsys.readouterr().out
 
 
+@pytest.mark.drawn
 def test_the_folder_holds_what_the_readme_lists(results, capsys):
     folder = results / "mine"
     run_json(capsys, results, *FEW, "--name", "mine")
@@ -79,6 +80,7 @@ def test_the_folder_holds_what_the_readme_lists(results, capsys):
     assert {"path.png", "errors.png", "k0001/stixels.png", "k0001/birds_eye.png"} <= figures
 
 
+@pytest.mark.workers
 def test_the_same_bytes_on_any_number_of_workers(results, capsys, tmp_path, monkeypatch):
     answers = []
     for workers in ("1", "2"):

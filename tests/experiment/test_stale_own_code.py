@@ -60,6 +60,7 @@ def kernel(own):
 
 
 @pytest.mark.parametrize("executor", ["threads", "local"])
+@pytest.mark.workers
 def test_compiled_code_follows_an_edit_of_another_file(executor, kernel):
     words = [*QUICK, f"executor={executor}", f"tracker={kernel.name}:track"]
     assert run(words, workers=1).track.means[0, 0] == 4.0

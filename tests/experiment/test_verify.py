@@ -16,6 +16,8 @@ from stixel_cli import __version__
 from stixel_cli.cli.app import main
 from stixel_cli.results.lineage import Lineage, StageLineage, lineage_tree, read_lineage
 
+pytestmark = pytest.mark.drawn
+
 ROOT = Path(__file__).resolve().parents[2]
 FABRICATED = ("measurement=fabricated", "path.duration=0.5", "pictures.frames=[0]")
 REPEATED = ("metrics.json", "scans.csv", "scans.npz", "track.csv", "track.npz", "scores.npz")
@@ -283,7 +285,7 @@ def test_edited_code_is_named(tmp_path):
             check=False,
         )
 
-    done = stixel("run", *FABRICATED, "--name", "first")
+    done = stixel("run", *FABRICATED, "executor=threads", "--name", "first")
     assert done.returncode == 0, done.stderr
     motion = tmp_path / "stixel_cli" / "tracking" / "motion.py"
     text = motion.read_text()

@@ -89,12 +89,16 @@ def stereo_view(rig: Rig, pose: np.ndarray, boxes=()) -> tuple[np.ndarray, np.nd
     disparity = rig.disparity_from_depth(depth)
     right_pose = pose.copy()
     right_pose[:, 3] = pose[:, 3] + rig.baseline * pose[:, 0]
-    right, _ = view(replace(rig, principal_u=rig.u0_right), right_pose, boxes)
+    right, right_depth = view(replace(rig, principal_u=rig.u0_right), right_pose, boxes)
     if any(rig.disparity_error):
-        # A pixel u of a right image without error is seen at u - e.
+        # A pixel u of a right image without error is seen at u - e, by the left image's column.
         u = np.arange(rig.width, dtype=float)
-        error = rig.disparity_error_basis(u) @ rig.disparity_error
-        right = np.stack([np.interp(u + error, u, row.astype(float)) for row in right])
+        columns = u + rig.disparity_from_depth(right_depth)
+        error = rig.disparity_error_basis(columns.ravel()) @ rig.disparity_error
+        moved = u + error.reshape(columns.shape)
+        right = np.stack(
+            [np.interp(*row) for row in zip(moved, [u] * len(right), right, strict=True)]
+        )
         right = np.rint(right).astype(np.uint8)
     return left, right, disparity
 

@@ -24,8 +24,6 @@ from stixel_cli.recordings.replay import (
     travelled,
 )
 
-pytestmark = pytest.mark.usefixtures("no_pictures")
-
 FABRICATED = ("measurement=fabricated", "pictures.frames=[]", "executor=threads")
 
 

@@ -16,7 +16,6 @@ from stixel_cli.recordings.replay import find_motion, replayed_scenario
 from stixel_cli.recordings.tables import read_labels, read_poses
 
 pytest.importorskip("pyarrow", reason="needs pip install 'stixel[argoverse]'")
-pytestmark = pytest.mark.usefixtures("no_pictures")
 
 
 def of(folder, *more):

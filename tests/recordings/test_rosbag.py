@@ -18,7 +18,6 @@ from stixel_cli.recordings.motion import recorded_motion
 from stixel_cli.recordings.parameters import Rosbag
 from stixel_cli.recordings.stereo_images import read_left, read_pairs
 
-pytestmark = pytest.mark.usefixtures("no_pictures")
 pytest.importorskip("rosbags", reason="needs pip install 'stixel[rosbag]'")
 
 SMALL = (

@@ -122,11 +122,12 @@ def test_the_right_image_is_shifted_by_the_error_of_disparity(curve):
         row = 200.0 * np.exp(-0.5 * ((columns - centre) / 6.0) ** 2)
         return np.rint(np.broadcast_to(row[None, :, None], (40, 160, 3))).astype(np.uint8)
 
-    depth, ids = np.ones((40, 160)), np.zeros((40, 160), dtype=np.uint8)
+    # At 10 px all of the picture has the stripe's disparity.
+    depth = np.full((40, 160), RIG.depth_from_disparity(10.0))
+    ids = np.zeros((40, 160), dtype=np.uint8)
     rendered = RenderedFrames.from_frames(0, [(picture(90.0), picture(80.0), depth, ids)])
     pairs = add_sensor_noise(rendered, Sensor(0.0, 0.0, 1.0, curve), RIG, range(1), seed=0)
     left, right = (image[0].astype(float).sum(axis=0) for image in (pairs.left, pairs.right))
     disparity = columns @ left / left.sum() - columns @ right / right.sum()
-    # The column of the right image is 80 there.
-    x = (80.0 - RIG.u0) / RIG.focal
+    x = (90.0 - RIG.u0) / RIG.focal
     assert disparity == pytest.approx(10.0 + np.dot(curve, [1.0, x, x**2]), abs=0.03)

@@ -76,7 +76,7 @@ def test_page_respects_reduced_motion(open_page, pages):
         assert page.evaluate("document.getAnimations().length") == 0
     places = "[...document.querySelectorAll('#world, .cursor')].map(e => e.outerHTML).join()"
     before = page.evaluate(places)
-    page.evaluate("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
+    opened.settle()
     assert page.evaluate(places) == before and frame(page) == 1
     # Playing is asked for, and still plays.
     page.get_by_role("button", name="Play", exact=True).click()
@@ -107,6 +107,7 @@ def test_charts_are_aligned_and_bands_have_no_gaps(one):
         assert len(boxes) == 7
         assert max(box["x"] for box in boxes) - min(box["x"] for box in boxes) < 1.0, width
         assert min(box["width"] for box in boxes) > 280.0, width
+    one.settle()
     band = page.locator(".plot").nth(4).locator(".consistent").get_attribute("d")
     steps = np.array(re.findall(r"M(\S+) \S+H([\d.]+)V", band), dtype=float)
     assert len(steps) == SCANS

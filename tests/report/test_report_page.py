@@ -1,4 +1,4 @@
-"""Result folders read back, and the page that puts them side by side."""
+"""Result folders read back, and asked as the runs of one comparison."""
 
 import copy
 import json
@@ -13,22 +13,13 @@ from stixel_cli.errors import UserError
 from stixel_cli.evaluation.metric_table import METRICS, metric
 from stixel_cli.evaluation.verdict import verdict
 from stixel_cli.pictures import style
-from stixel_cli.report.compare import (
-    default_page,
-    line_style,
-    page_html,
-    run_labels,
-)
-from stixel_cli.report.metrics import (
-    MAIN,
-    best,
-    format_value,
-    main_metrics,
-    score_table,
-    shown_difference,
-)
+from stixel_cli.report.charts import line_style
+from stixel_cli.report.compare import default_page, run_labels
+from stixel_cli.report.metrics import MAIN, format_value, main_metrics, score_table
 from stixel_cli.report.playback_values import summary_of
+from stixel_cli.results.reader import read_png
 from stixel_cli.results.result import read_scored_run
+from stixel_cli.sweeps.page import asked_folders, sweep_page
 
 
 @pytest.fixture
@@ -42,98 +33,66 @@ def folders(tmp_path):
 
 
 def make_page(folders):
-    runs = [read_scored_run(folder) for folder in folders]
-    return page_html(runs, ["stixel", "report", "a b"], folders[0].parent / "page.html")
+    command = ["stixel", "report", "a b"]
+    return sweep_page(asked_folders(folders), folders[0].parent / "page.html", command)
 
 
-def test_page_shows_differing_settings(folders):
-    page = make_page(folders)
-    differing = page[page.index("Settings that differ") : page.index("settings are the same")]
-    assert re.findall(r'class="key" role="rowheader">([^<]+)<', differing) == [
-        "measurement ",
-        "measurement.least_height",
-        "measurement.rays",
-    ]
-    # The exchanged group is one row, which unfolds.
-    assert differing.count("<details>") == 2 and "(2 settings)" in differing
-    assert '<span role="cell">stixels</span><span role="cell">fabricated</span>' in differing
-    assert "centre error, RMSE" in page
-    assert page.count('<td class="best">') == 2
-    assert "NIS / degrees of freedom, mean" not in page  # null in both
-    assert page.count("older version") == 2  # track loss is not in their metrics
-    assert "0123456789ab with uncommitted changes" in page
-    assert "stixel report &#39;a b&#39;" in page
+def data_of(page):
+    return json.loads(re.search(r'id="data">(.*?)</script>', page)[1])
 
 
-def test_the_verdicts_and_metrics_come_before_the_settings(folders):
-    page = make_page(folders)
-    assert 'class="verdicts"' in page.partition("<h2>")[0]
-    titles = re.findall("<h2>([^<]+)</h2>", page)
-    assert titles == [
-        *("Metrics", "Errors over time", "Paths and shapes"),
-        *("Settings that differ", "Provenance"),
-    ]
+def test_runs_are_rows_with_the_settings_that_differ(folders):
+    asked = asked_folders(folders)
+    frame = asked.runs.frame
+    # The exchanged group is one column.
+    assert list(frame.columns[:4]) == ["run", "measurement", "status", "folder"]
+    assert frame.loc["second", "measurement"] == "fabricated"
+    assert np.isnan(frame.loc["first", "extra_m"]) and frame.loc["second", "extra_m"] == 1.5
+    data = data_of(make_page(folders))
+    assert data["names"] == ["first", "second"]
+    assert [column["title"] for column in data["columns"][:2]] == ["measurement", "status"]
 
 
-def test_metrics_have_the_difference_of_two_runs(tmp_path):
+def test_nothing_is_claimed_of_single_runs(tmp_path):
     made = [
-        make_folder(tmp_path / name, 1, metrics={"centre_rmse_m": value})
-        for name, value in (("a", 0.5), ("b", 0.375), ("c", None))
+        make_folder(tmp_path / name, 1, metrics={"iou_mean": iou, "centre_rmse_m": centre})
+        for name, iou, centre in (("a", 0.5, 0.5), ("b", 0.75, 0.375), ("c", 0.6, None))
     ]
-    assert "<td>−0.125</td>" in make_page(made[:2])
-    assert "<td>+0.125</td>" in make_page(made[1::-1])
-    assert "+0" not in make_page(made[:2]).partition("Errors over time")[0]
-    three = make_page(made)
-    assert "<small>−0.125</small>" in three and "<small>–</small>" in three
+    asked = asked_folders(made)
+    assert asked.answers[0].sentence == (
+        "Mean IoU: b 0.750, c 0.600 and a 0.500 (one run each: too few to compare, 4 are needed)."
+    )
+    page = make_page(made)
+    assert 'best"' not in page and "Each value is that of one run." in page
+    (centre,) = asked_folders(made, "centre_rmse_m", reference="a").answers
+    # c has no value, and lacks in no other's difference.
+    assert centre.table.loc["b", "minus"] == -0.125
 
 
-def test_a_page_warns_of_other_durations_scenes_and_seeds(tmp_path):
-    first = make_folder(tmp_path / "first", 1)
-    assert 'class="warning"' not in make_page([first, make_folder(tmp_path / "same", 2)])
+def test_the_page_says_the_verdicts_and_what_is_not_comparable(folders):
+    asked = asked_folders(folders)
+    assert [text.partition(":")[0] for text in asked.remarks] == ["first", "second"]
+    # Track loss is not in their metrics.
+    assert make_page(folders).count("older version") == 2
+    first = make_folder(folders[0].parent / "whole", 1)
     other = copy.deepcopy(CONFIG) | {"seed": 3}
     other["path"] = {"kind": "approach", "speed": 2.0}
     short = {name: np.ones(10) for name in ("iou", "iou_box", "centre_error", "nis")}
     short |= {"t": 0.1 * np.arange(10), "k": None}
     short |= dict.fromkeys(("orientation_error", "nees_position"))
-    page = make_page([first, make_folder(tmp_path / "other", 2, other, series=short)])
-    found = re.findall('class="warning">([^<]+)<', page)
-    assert [text.partition(" (")[0].partition(":")[0] for text in found] == [
+    made = [first, make_folder(first.parent / "other", 2, other, series=short)]
+    found = asked_folders(made).remarks
+    assert [text.partition(" (")[0].partition(":")[0] for text in found[:3]] == [
         "The durations differ",
         "The scenes differ",
         "The seeds differ",
     ]
     assert "(3.9 s, 0.9 s)" in found[0] and "(path)" in found[1]
-    # Metrics of other scans have neither a best value nor a headline.
-    assert 'class="best"' not in page and 'class="headline"' not in page
-
-
-def test_the_page_begins_with_the_differences_and_folds_most_metrics(tmp_path):
-    first = {"iou_mean": 0.5, "centre_rmse_m": 1.0, "hausdorff_m": 2.0}
-    made = [make_folder(tmp_path / "first", 1, metrics=first)]
-    expected = {
-        (0.6, 0.21): "IoU +0.100, centre error a fifth",
-        (0.4, 0.5): "IoU −0.100, centre error half",
-        (0.5, 0.9): "IoU 0.000, centre error −10 %",
-        (0.5, 2.5): "IoU 0.000, centre error 2.5 times",
-        (0.5, 0.01): "IoU 0.000, centre error 0.01 times",
-        (0.5, None): "IoU 0.000",
-    }
-    for number, (iou, centre) in enumerate(expected):
-        metrics = {"iou_mean": iou, "centre_rmse_m": centre}
-        made.append(make_folder(tmp_path / f"r{number}", 1, metrics=metrics))
-    page = make_page(made)
-    found = re.findall('class="headline">([^<]+)<', page)
-    assert found == [
-        f"r{number}, compared with first: {text}." for number, text in enumerate(expected.values())
-    ]
-    shown, _, folded = page.partition("other metrics</summary>")
-    assert "centre error, RMSE" in shown and "Hausdorff" not in shown and "Hausdorff" in folded
 
 
 def test_a_page_links_to_the_pages_of_its_runs(folders):
     (folders[1] / "index.html").write_text("")
-    page = make_page(folders)
-    assert re.findall('<a href="([^"]+)"', page) == ["second/index.html"]
+    assert data_of(make_page(folders))["links"] == ["first", "second/index.html"]
 
 
 def test_equivalent_settings_do_not_differ(tmp_path):
@@ -141,18 +100,17 @@ def test_equivalent_settings_do_not_differ(tmp_path):
         make_folder(tmp_path / name, 1, CONFIG | {"path": {"duration": duration}})
         for name, duration in (("a", 3), ("b", 3.0))
     ]
-    assert "All settings are the same." in make_page(folders)
+    assert asked_folders(folders).runs.axes == ("run",)
 
 
-def test_page_shows_options_of_groups_without_kind(folders):
+def test_options_of_groups_without_kind_are_columns(folders):
     for folder, rig in zip(folders, ("default", "kitti"), strict=True):
         file = folder / "manifest.json"
         choices = {"rig": rig, "measurement": "any"}
         file.write_text(json.dumps(json.loads(file.read_text()) | {"choices": choices}))
-    page = make_page(folders)
-    cells = '<span role="cell">default</span><span role="cell">kitti</span>'
-    assert f'class="key" role="rowheader">rig</span>{cells}' in page
-    assert 'role="rowheader">measurement.any' not in page
+    frame = asked_folders(folders).runs.frame
+    assert list(frame["rig"]) == ["default", "kitti"]
+    assert list(frame["measurement"]) == ["stixels", "fabricated"]
 
 
 def test_runs_have_different_line_styles():
@@ -162,13 +120,7 @@ def test_runs_have_different_line_styles():
 
 def test_page_is_self_contained(folders):
     page = make_page(folders)
-    assert "http:" not in page
-    assert "https:" not in page
-    assert "<script" not in page
-    assert "<link" not in page
-    assert page.count("data:image/png;base64,") == 2
-    # A picture 80 px wide, with letters of 12.2 px, is shown at least 66 px wide.
-    assert page.count('style="min-width: 66px"') == 2
+    assert not re.search(r"""(src|href)\s*=\s*["']?(https?:)?//""", page) and "<link" not in page
     names = re.findall(r'\bid="([^"]+)"', page)
     assert len(names) == len(set(names))
     for used in re.findall(r'(?:url\(|href=")#([^")]+)', page):
@@ -192,15 +144,11 @@ def test_page_escapes_text(tmp_path):
     assert "a&amp;b &lt;i&gt;" in page
 
 
-def test_page_accepts_runs_without_series_or_picture(tmp_path):
+def test_a_page_of_runs_without_errors_over_time(tmp_path):
     empty = dict.fromkeys(("centre_error", "orientation_error", "iou_box", "nees_position"))
     lost = {"iou": np.full(40, np.nan), "nis": np.full(40, np.nan)}
     folders = [make_folder(tmp_path / name, 1, series=empty | lost) for name in ("a", "b")]
-    (folders[0] / "figures" / "path.png").unlink()
-    page = make_page(folders)
-    assert "The runs have no errors over time" in page
-    assert "<svg viewBox" not in page.partition("<h2>Errors over time")[2].partition("<h2>Paths")[0]
-    assert "This run has no picture of its path" in page
+    assert "Errors over time" not in make_page(folders)
 
 
 def test_labels_distinguish_folders_of_one_name(tmp_path):
@@ -250,6 +198,7 @@ def test_bad_folders_give_one_line_errors(folders, file, content, told):
         path.write_bytes(content if isinstance(content, bytes) else content.encode())
     with pytest.raises(UserError, match=told) as failure:
         read_scored_run(folders[0])
+        read_png(folders[0] / "figures/path.png")
     assert "\n" not in str(failure.value)
 
 
@@ -271,33 +220,6 @@ def test_missing_folder_is_rejected(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(UserError, match="not a folder"):
         read_scored_run(tmp_path / "file")
-
-
-def test_best_follows_the_direction_of_the_metric():
-    assert best("centre_rmse_m", [0.2, 0.1, None]) == [False, True, False]
-    assert best("iou_mean", [0.2, 0.9, 0.9]) == [False, True, True]
-    assert best("nis_mean", [0.5, 1.5, 30.0]) == [False, True, False]
-    assert best("nis_mean", [0.0, 1.5]) == [False, True]
-    # Far from 1 no value is good.
-    assert best("nis_mean", [0.05, 0.3]) == best("nees_position_mean", [2.4, 9.0]) == [False, False]
-    assert best("scans", [1, 2]) == [False, False]
-    assert best("iou_mean", [0.5, 0.5]) == [False, False]
-    assert best("iou_mean", [None, 0.5]) == [False, False]
-
-
-def test_values_that_are_shown_alike_are_equally_good():
-    assert best("iou_mean", [0.81004, 0.81001]) == [False, False]
-    assert best("iou_mean", [0.81004, 0.81001, 0.7]) == [True, True, False]
-
-
-def test_a_difference_has_the_decimals_of_its_values():
-    assert shown_difference("iou_mean", 0.81001, 0.81004) == "0.000"
-    assert shown_difference("iou_mean", 0.70, 0.81) == "\u22120.110"
-    assert shown_difference("centre_rmse_m", 0.1988, 0.1984) == "+0.0004"
-    assert shown_difference("success", 0.835, 0.83) == "+0.5"
-    assert shown_difference("scans", 12, 10) == "+2"
-    assert shown_difference("centre_rmse_m", 12345.0, 12.0) == "+1.23e+04"
-    assert shown_difference("centre_rmse_m", None, 12.0) == "–"
 
 
 def test_format_value_keeps_significant_digits():

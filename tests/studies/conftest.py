@@ -58,9 +58,7 @@ def own_cache(tmp_path, monkeypatch):
 
 
 @pytest.fixture
-def studies(tmp_path, capsys, monkeypatch, no_workers):
-    # The pages of sweeps are tested in tests/sweep.
-    monkeypatch.setattr("stixel_cli.sweeps.page.sweep_page", lambda *_, **given: "")
+def studies(tmp_path, capsys):
     return Studies(tmp_path / "results", capsys)
 
 

@@ -12,12 +12,13 @@ from stixel_cli.answers.runs import Runs
 from stixel_cli.config.compose import compose
 from stixel_cli.config.folders import STUDIES, shipped_folder
 from stixel_cli.config.texts import override_text, split_override
+from stixel_cli.evaluation.metric_table import MAIN
 from stixel_cli.evaluation.metric_table import METRICS as KNOWN
 from stixel_cli.scene.mesh_file import load_mesh
 from stixel_cli.studies import robustness, rq1, rq3
 from stixel_cli.studies.file import find_study, read_study
-from stixel_cli.studies.questions import METRICS, asked
-from stixel_cli.studies.report import GROUPS, rows_of, with_columns
+from stixel_cli.studies.questions import asked
+from stixel_cli.studies.report import GROUPS, answer_text, rows_of, with_columns
 
 MESHES = sorted((shipped_folder("pipelines") / "studies" / "meshes").glob("*/*.obj"))
 TABLES = "/data/{}/scans.csv"
@@ -56,7 +57,7 @@ def runs_of(study, sweep):
         axes = [axis for axis in axes if axis in GROUPS or axis.endswith("seed")]
     frame = frame[list(dict.fromkeys([*axes, *GROUPS, "variant"]))].assign(status="done")
     rng = np.random.default_rng(0)
-    values = {one: rng.uniform(size=len(frame)) for one in (*METRICS, "nees_position_mean")}
+    values = {one: rng.uniform(size=len(frame)) for one in (*MAIN, "nees_position_mean")}
     return Runs(frame.assign(**values), (*axes, *(["variant"] if sweep.variants else [])))
 
 
@@ -169,3 +170,34 @@ def test_the_held_out_meshes_are_those_that_the_script_makes(tmp_path, monkeypat
     assert made == {str(file.relative_to(root)): file.read_bytes() for file in files}
     for file in files:
         assert len(load_mesh(str(file), 0.6).parts) >= 1
+
+
+@pytest.mark.parametrize(
+    ("kept", "said", "unsaid"),
+    [
+        # stixel study rq3 road_user=car path=turn 'seed=range(0,5)'
+        ({"path": ["turn"]}, "too few to compare, 4 are needed", "path"),
+        ({"road_user": ["car"]}, "each the mean of 3 paths", "pedestrian"),
+        ({"seed": ["0"]}, "too few to compare, 4 are needed", "2 seeds"),
+        ({"path": ["turn"], "road_user": ["car"], "seed": ["0"]}, "too few to compare", "cyclist"),
+    ],
+)
+def test_the_text_of_rq3_is_right_of_few_runs(kept, said, unsaid):
+    study = read_study(find_study("rq3"))
+    frames = {}
+    for sweep in study.sweeps:
+        runs = with_module(study, sweep, runs_of(study, sweep))
+        # A training sweep has seeds of its own.
+        mine = sweep.name != "training"
+        wanted = {key: values for key, values in kept.items() if mine or key != "seed"}
+        frame = runs.frame
+        for column, values in wanted.items():
+            frame = frame[frame[column].astype(str).isin(values)]
+        frames[sweep.name] = Runs(frame.reset_index(drop=True), runs.axes)
+    text = answer_text(study.text, [asked(question, frames) for question in study.questions])[0]
+    assert said in text and unsaid not in text
+    # Nothing that one unit cannot say: no ratio, no quartile, no interval, no missing number.
+    assert not any(word in text for word in ("nan", "ratio", "quartile", "[", "{", "–"))
+    incomplete = {name: Runs(own.frame.iloc[:-1], own.axes) for name, own in frames.items()}
+    sections = [asked(question, incomplete) for question in study.questions]
+    assert "{" not in " ".join(answer_text(study.text, sections))

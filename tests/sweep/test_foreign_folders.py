@@ -13,8 +13,6 @@ import yaml
 from stixel_cli.cli.app import main
 from stixel_cli.engine.store import Store
 
-pytestmark = pytest.mark.usefixtures("no_workers")
-
 FEW = ("measurement=fabricated", "path.duration=0.3")
 
 

@@ -10,14 +10,19 @@ from result_folders import make_folder
 from stixel_cli.engine.cache_folder import file_lock
 from stixel_cli.results.result import listed_run
 from stixel_cli.sweeps import index
-from stixel_cli.sweeps.folder import TABLE, SweepFolder, SweepRequest
+from stixel_cli.sweeps.folder import SweepFolder, SweepRequest
 from stixel_cli.sweeps.index import update_index
 
 
 def rows_of(page):
+    """The values of each row by the column's title, and its link."""
     text = page.read_text(encoding="utf-8")
-    data = json.loads(re.search(r'id="runs">(.*?)</script>', text)[1])
-    return {row["path"]: row for row in data["rows"]}, data
+    data = json.loads(re.search(r'id="index">(.*?)</script>', text)[1])
+    titles = [column["title"] for column in data["columns"]]
+    return {
+        name: dict(zip(titles, row, strict=True)) | {"link": link}
+        for name, row, link in zip(data["names"], data["rows"], data["links"], strict=True)
+    }
 
 
 def make_run(folder, iou, tracker="gp_ekf", created="2026-01-01T00:00:00+00:00"):
@@ -28,11 +33,11 @@ def make_run(folder, iou, tracker="gp_ekf", created="2026-01-01T00:00:00+00:00")
 
 
 def make_sweep(folder):
-    runs = (("tracker=gp_ekf", "seed=0"), ("tracker=contour", "seed=0"))
+    runs = tuple((f"tracker={name}", "seed=0") for name in ("gp_ekf", "contour", "point"))
     axes = (("tracker",),)
     SweepFolder(folder).create(SweepRequest("/", None, False, (), axes, runs, {"command": "x"}))
-    table = "run,status,iou_mean,track_lost\n0,done,0.5,1.0\n1,done,0.9,0.0\n2,failed,,\n"
-    (folder / TABLE).write_text(table)
+    for i, iou in enumerate((0.5, 0.9)):
+        make_folder(folder / f"runs/{i:04d}", metrics={"iou_mean": iou, "track_lost": 1 - i})
 
 
 @pytest.fixture
@@ -56,18 +61,19 @@ def test_each_folder_has_a_row(root, monkeypatch):
 
     monkeypatch.setattr(index, "listed_run", listed)
     update_index(root)
-    rows, data = rows_of(root / "index.html")
-    assert set(rows) == {"a", "b, <i>", "rq2/sweeps/main", "broken", "foreign"}
-    assert rows["a"]["page"] == "./a/index.html"
-    assert rows["b, <i>"]["page"] == "./b%2C%20%3Ci%3E/"
-    assert rows["a"]["metrics"][1] == [0.75, "0.750"]
-    assert rows["a"]["verdict"].startswith("IoU 0.75")
-    assert rows["rq2/sweeps/main"]["metrics"][1][0] == pytest.approx(0.7)
-    expected = "2 of 3 runs done, IoU 0.50 to 0.90, 1 lost."
-    assert rows["rq2/sweeps/main"]["verdict"] == expected
-    assert "not valid JSON" in rows["broken"]["fault"]
-    assert rows["foreign"]["fault"] == "not a valid result: ZeroDivisionError: division by zero"
-    assert data["reports"] == {"rq2": "./rq2/report.html"}
+    rows = rows_of(root / "index.html")
+    assert set(rows) == {"a", "b, <i>", "rq2/sweeps/main", "broken", "foreign", "rq2"}
+    assert rows["a"]["link"] == "./a/index.html"
+    assert rows["b, <i>"]["link"] == "./b%2C%20%3Ci%3E/"
+    assert rows["a"]["mean IoU"] == 0.75 and rows["a"]["verdict"].startswith("IoU 0.75")
+    assert rows["rq2/sweeps/main"]["mean IoU"] is None, "a mean over trackers is none of any"
+    assert rows["rq2/sweeps/main"]["verdict"] == (
+        "2 of 3 runs done. Mean IoU: contour 0.900 and gp_ekf 0.500 (one run each: too few to "
+        "compare, 4 are needed)."
+    )
+    assert "not valid JSON" in rows["broken"]["verdict"]
+    assert rows["foreign"]["verdict"] == "not a valid result: ZeroDivisionError: division by zero"
+    assert rows["rq2"]["link"] == "./rq2/report.html"
 
 
 def test_only_new_and_changed_folders_are_read(root, monkeypatch):
@@ -78,17 +84,15 @@ def test_only_new_and_changed_folders_are_read(root, monkeypatch):
     (root / "rq2/sweeps/report-main.html").touch()
     update_index(root)
     assert read == []
-    assert (
-        rows_of(root / "index.html")[0]["rq2/sweeps/main"]["page"]
-        == "./rq2/sweeps/report-main.html"
-    )
+    rows = rows_of(root / "index.html")
+    assert rows["rq2/sweeps/main"]["link"] == "./rq2/sweeps/report-main.html"
     make_run(root / "c", 0.5)
     (root / "a/metrics.json").write_text('{"iou_mean": 0.125}')
     (root / "broken/manifest.json").unlink()
     update_index(root)
     assert read == ["a", "c"]
-    rows, _ = rows_of(root / "index.html")
-    assert "broken" not in rows and rows["a"]["metrics"][1][0] == 0.125
+    rows = rows_of(root / "index.html")
+    assert "broken" not in rows and rows["a"]["mean IoU"] == 0.125
 
 
 def test_pages_of_others_are_kept_and_damaged_ones_are_replaced(root):
@@ -98,7 +102,7 @@ def test_pages_of_others_are_kept_and_damaged_ones_are_replaced(root):
     assert page.read_text() == "my own page"
     page.write_text('<script type="application/json" id="runs">{"version": 1, </script>')
     update_index(root)
-    assert "a" in rows_of(page)[0]
+    assert "a" in rows_of(page)
 
 
 def test_several_commands_at_once_lose_no_row(root):
@@ -110,7 +114,7 @@ def test_several_commands_at_once_lose_no_row(root):
 
     with ThreadPoolExecutor(8) as pool:
         list(pool.map(command, names))
-    assert {*names} <= {*rows_of(root / "index.html")[0]}
+    assert {*names} <= {*rows_of(root / "index.html")}
 
 
 def test_a_page_that_cannot_be_written_fails_no_command(root, monkeypatch):
@@ -129,21 +133,23 @@ def test_rows_are_sorted_filtered_and_grouped(root, open_page):
     page = opened.page
 
     def names():
-        return page.locator("td.name").all_inner_texts()
+        return page.locator("#runs tbody tr:not(.group)").evaluate_all(
+            "rows => rows.map(row => row.cells[0].textContent)"
+        )
 
-    # The newest first; a study's sweeps are in a group with a link to its report.
+    # The newest first; what has no date last.
+    assert names()[:3] == ["rq2/sweeps/main", "b, <i>", "a"] and names()[-1] == "rq2"
+    assert page.get_by_role("link", name="rq2", exact=True).get_attribute("href") == (
+        "./rq2/report.html"
+    )
+    by_iou = page.locator("thead button", has_text=re.compile("^mean IoU$"))
+    by_iou.click()
     assert names()[:2] == ["b, <i>", "a"]
-    assert names()[-1] == "rq2/sweeps/main"
-    assert page.get_by_role("link", name="report").get_attribute("href") == "./rq2/report.html"
-    page.select_option("#group", label="nothing")
-    by_iou = page.locator("thead button").nth(4)
     by_iou.click()
-    assert names()[:3] == ["b, <i>", "rq2/sweeps/main", "a"]
-    by_iou.click()
-    assert names()[:3] == ["a", "rq2/sweeps/main", "b, <i>"]
+    assert names()[:2] == ["a", "b, <i>"]
     page.select_option("#group", label="tracker")
     heads = page.locator("tr.group").all_inner_texts()
-    assert [head.split()[0] for head in heads] == ["contour", "gp_ekf", "sweeps"]
+    assert {"tracker = contour (1)", "tracker = gp_ekf (1)"} < {*heads}
     page.fill("#filter", "contour car")
     assert names() == ["b, <i>"]
     assert opened.problems == []

@@ -7,8 +7,6 @@ import pytest
 from stixel_cli.cli.app import main
 from stixel_cli.cli.plan import shown_runs
 
-pytestmark = pytest.mark.usefixtures("no_pictures", "no_workers")
-
 FEW = ("measurement=fabricated", "path.duration=0.3")
 
 

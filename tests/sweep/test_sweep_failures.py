@@ -17,8 +17,6 @@ from stixel_cli import sweep
 from stixel_cli.engine.cache_folder import make_folder
 from stixel_cli.engine.errors import CacheError, MissingEntry
 
-pytestmark = pytest.mark.usefixtures("no_pictures")
-
 FEW = ("measurement=fabricated", "path.duration=0.3")
 STATISTICS = ("summary.csv", "summary.md", "index.html")
 

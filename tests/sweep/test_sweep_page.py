@@ -9,10 +9,13 @@ import pandas as pd
 import pytest
 from result_folders import make_folder
 
-from stixel_cli.cli.report import report
+from stixel_cli.answers.over_time import SHARES, over_time
+from stixel_cli.cli.report import figure, report, table
 from stixel_cli.errors import UserError
 from stixel_cli.sweeps.folder import SweepFolder, SweepRequest
-from stixel_cli.sweeps.page import SHARES, over_time, read_sweep
+from stixel_cli.sweeps.page import read_sweep
+
+pytestmark = pytest.mark.drawn
 
 VALUES, SEEDS = ("0.1", "0.4", "1.6"), ("0", "1", "2", "3")
 
@@ -63,6 +66,9 @@ def test_a_seed_that_an_option_lacks_is_left_out(made, tmp_path):
     html = (tmp_path / "page.html").read_text(encoding="utf-8")
     assert "11 done, 1 missing" in html and "1 combination of scenario and unit left out" in html
     assert "3 seeds: too few to compare" in html
+    # The options that have the seed are shown without it.
+    curves = over_time(read_sweep(folder)[0].ask())
+    assert {len(errors["iou"]) for _, errors in curves.values()} == {3}
     for index in range(12):
         shutil.rmtree(folder / f"runs/{index:04d}", ignore_errors=True)
     with pytest.raises(UserError, match="no run is done; resume with: stixel sweep --resume"):
@@ -84,22 +90,43 @@ def test_runs_of_other_times_are_compared_over_their_share(made, tmp_path):
 
 
 def test_tables_and_figures_are_written_for_a_paper(made, tmp_path, capsys):
-    sweep = made / "widths"
-    for name, begin in (("a.tex", b"\\begin{table}"), ("a.svg", b"<?xml"), ("a.pdf", b"%PDF")):
-        assert report([sweep], tmp_path / name, metrics="iou_mean,nis_mean") == 0
-        assert (tmp_path / name).read_bytes().startswith(begin)
+    sweep = [made / "widths"]
+    assert table(sweep, "tex", metrics="iou_mean,nis_mean") == 0
+    said = capsys.readouterr().out
+    # The best IoU of all seeds is shown; of a NIS, no value is the best.
+    assert said.startswith("\\begin{tabular}{lrrr}") and said.count("textbf") == 1
+    for form, begin in (("svg", b"<?xml"), ("pdf", b"%PDF"), ("png", b"\x89PNG")):
+        assert figure(sweep, form, tmp_path / f"a.{form}", metrics="nis_mean") == 0
+        assert (tmp_path / f"a.{form}").read_bytes().startswith(begin)
     assert "NIS" in capsys.readouterr().out
-    assert report([sweep], tmp_path / "b.csv", reference="0.4", metrics="iou_mean") == 0
-    table = pd.read_csv(tmp_path / "b.csv", index_col=0)
-    assert table.loc[0.1, "minus"] == pytest.approx(0.2)
+    assert table(sweep, "csv", tmp_path / "b.csv", reference="0.4", metrics="iou_mean") == 0
+    written = pd.read_csv(tmp_path / "b.csv", index_col=0)
+    assert written.loc[0.1, "minus"] == pytest.approx(0.2)
     for options, said in (
-        ({"form": "doc"}, "--format: doc: must be one of html"),
         ({"metrics": "iou"}, "iou: no such column"),
         ({"over": "path"}, "over: path is not swept"),
         ({"reference": "9"}, "reference: 9: no option"),
     ):
         with pytest.raises(UserError, match=said):
-            report([sweep], tmp_path / "none.html", **options)
+            report(sweep, tmp_path / "none.html", **options)
+
+
+def test_failed_runs_of_a_stored_sweep_count_as_lost(made, tmp_path, capsys):
+    folder = tmp_path / "widths"
+    shutil.copytree(made / "widths", folder)
+    for index in (4, 5):
+        shutil.rmtree(folder / f"runs/{index:04d}")
+        (folder / f"failed/{index:04d}").mkdir(parents=True)
+    failures = ({"status": "failed", "error": "ValueError: no"}, {"status": "skipped"})
+    for index, content in zip((4, 5), failures, strict=True):
+        (folder / f"failed/{index:04d}/failure.json").write_text(json.dumps(content))
+    runs = read_sweep(folder)[0].table
+    assert list(runs.frame["status"][4:6]) == ["failed", "skipped"]
+    assert runs.frame["error"][4] == "ValueError: no"
+    answer = runs.ask(metric="iou_mean")
+    assert answer.table.loc["0.4", "lost_share"] == 0.5
+    assert table([folder], metrics="iou_mean") == 0
+    assert "0.4: 2 of 4 runs failed, counted as lost." in capsys.readouterr().out
 
 
 def test_the_runs_can_be_sorted_filtered_grouped_and_plotted(made, open_page):
@@ -117,7 +144,7 @@ def test_the_runs_can_be_sorted_filtered_grouped_and_plotted(made, open_page):
     head.get_by_role("button").click()
     assert column(1)[0] == "1.6" and head.get_attribute("aria-sort") == "descending"
     page.locator("#filter").fill("0.4")
-    assert set(column(1)) == {"0.4"} and page.locator("#count").inner_text() == "4 of 12 runs"
+    assert set(column(1)) == {"0.4"} and page.locator("#count").inner_text() == "4 of 12"
     assert page.locator("#plot circle").count() == 4
     page.locator("#filter").fill("")
     page.locator("#group").select_option("tracker.sigma_q")

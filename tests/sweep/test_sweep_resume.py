@@ -12,8 +12,6 @@ import yaml
 
 from stixel_cli.cli.app import main
 
-pytestmark = pytest.mark.usefixtures("no_pictures", "no_workers")
-
 ROOT = Path(__file__).resolve().parents[2]
 FEW = ("measurement=fabricated", "path.duration=0.3")
 TWO = (*FEW, "seed=0,1")
@@ -192,7 +190,7 @@ def test_edited_code_is_named_by_resume_and_by_verify_of_a_run(tmp_path):
         assert done.returncode == code, done.stderr + done.stdout
         return done
 
-    stixel("sweep", *TWO, "--name", "mine", code=0)
+    stixel("sweep", *TWO, "executor=threads", "--name", "mine", code=0)
     start = tmp_path / "stixel_cli" / "tracking" / "start.py"
     text = start.read_text()
     assert "generator(seed," in text

@@ -16,8 +16,6 @@ from stixel_cli.evaluation.intervals import between_bounds
 from stixel_cli.evaluation.metric_table import metric
 from stixel_cli.results.result import read_scored_run
 
-pytestmark = pytest.mark.usefixtures("no_pictures", "no_workers")
-
 FEW = ("measurement=fabricated", "path.duration=0.3")
 STATISTICS = ("summary.csv", "summary.md", "index.html")
 

@@ -20,6 +20,7 @@ from stage_summaries import (
     column_summary,
     coverage_summary,
     disparity_summary,
+    histogram_median,
     phase_bias,
     pooled,
     stixel_summary,
@@ -37,7 +38,6 @@ from stixel_cli.validation.stage_errors import (
     disparity_errors,
     grid_choice,
     has_surface,
-    histogram_median,
     stage_errors,
     zones,
 )

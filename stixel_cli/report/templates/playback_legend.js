@@ -76,11 +76,10 @@ function describeOne(run, facts) {
   html("p", { className: `verdict ${first.split(/\W/)[0].toLowerCase()}`, textContent: first }, find("runs"));
   if (others.length) html("p", { className: "note", textContent: others.join(" ") }, find("runs"));
   const tiles = html("div", { className: "tiles" }, find("runs"));
-  for (const [name, value, isGood, reference] of run.headline) {
-    const tile = html("div", { className: `tile ${isGood === null ? "" : isGood ? "good" : "bad"}` }, tiles);
+  for (const [name, value, reference] of run.headline) {
+    const tile = html("div", { className: "tile" }, tiles);
     html("span", { textContent: name }, tile);
     html("strong", { textContent: value }, tile);
-    if (isGood !== null) html("span", { className: "mark", textContent: isGood ? "✓" : "✗" }, tile);
     html("span", { textContent: reference }, tile);
   }
   describeLabels(run.labels);

@@ -1,6 +1,4 @@
-"""Write `conf/schema`: JSON Schemas of the files of `conf/` and `pipelines/`, for editors.
-
-python docs/schema.py
+"""JSON Schemas of the files of `conf/` and `pipelines/`, for editors.
 
 Names, types, ranges and meanings are those of the typed schema. A file may leave out keys, because
 others complete it, and may give an interpolation, `${KEY}`, for any value.
@@ -8,16 +6,17 @@ others complete it, and may give an interpolation, `${KEY}`, for any value.
 
 import json
 from collections.abc import Iterable, Iterator, Mapping
-from pathlib import Path
 from typing import Any
 
 from pydantic import TypeAdapter
 
 from stixel_cli.config.annotations import attribute_texts, classes_in, describe, fields_of
-from stixel_cli.config.folders import EXPERIMENT, PACE, group_options
+from stixel_cli.config.folders import EXPERIMENT, PACE, group_options, shipped_folder
 from stixel_cli.config.schema import Configuration
+from stixel_cli.files import read_text
 
-FOLDER = Path(__file__).parents[1] / "conf" / "schema"
+WRITTEN = ("pipeline", "recorded", "sequences", "study", "sweep")
+"""Schemas that are written by hand, in `conf/schema`."""
 
 _INTERPOLATION = {"type": "string", "pattern": r"\$\{.+\}"}
 _WORDS = {"type": "object", "additionalProperties": {"type": "string"}}
@@ -25,11 +24,10 @@ _DEFAULTS = {"defaults": {"type": "array", "items": {"type": ["string", "object"
 
 
 def schema_files() -> dict[str, str]:
-    """Name of a file to its content: `GROUP.json`, `experiment.json` and `settings.json`.
+    """Name of a file to its content: `GROUP.json`, `experiment.json`, `settings.json`, `WRITTEN`.
 
     The name of an inner group has a hyphen, `measurement-noise.json`. `settings.json` has the keys
-    with dots of a command line; `sweep.json`, `study.json` and others, which are written by hand,
-    refer to it.
+    with dots of a command line; those that are `WRITTEN` refer to it.
     """
     whole = _section([Configuration])
     found: dict[str, Any] = {group: _options(group) for group in group_options()}
@@ -37,7 +35,8 @@ def schema_files() -> dict[str, str]:
     parts = _DEFAULTS | {"inner_options": _WORDS, "sources": _WORDS}
     found[EXPERIMENT] = _object(whole["properties"] | parts)
     found["settings"] = {"$defs": _settings(dict(_flat(whole)))}
-    return {
+    folder = shipped_folder("conf") / "schema"
+    return {f"{name}.json": read_text(folder / f"{name}.json") for name in WRITTEN} | {
         f"{name.replace('/', '-')}.json": json.dumps(schema, indent=1, ensure_ascii=False) + "\n"
         for name, schema in found.items()
     }
@@ -111,8 +110,3 @@ def _flat(section: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, A
             yield from _flat(one, f"{prefix}{name}.")
         elif name != "kind":
             yield prefix + name, one
-
-
-if __name__ == "__main__":
-    for name, text in schema_files().items():
-        (FOLDER / name).write_text(text, encoding="utf-8")

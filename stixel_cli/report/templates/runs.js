@@ -1,27 +1,29 @@
 // All runs: a table with chosen columns, filtered by words, sorted and grouped, and a plot of two columns.
 {
-  const { columns, rows, links, errors, axes } = JSON.parse(document.getElementById("data").textContent);
+  const data = JSON.parse(document.querySelector('script[type="application/json"]').textContent);
+  const { columns, rows, names, links, errors, axes } = data;
   const find = (id) => document.getElementById(id), most = 500;
   const add = (name, options, parent) => parent.appendChild(Object.assign(document.createElement(name), options));
-  const words = rows.map((row, i) => [...row.filter((value) => typeof value !== "number" || Number.isInteger(value)), errors[i]].join(" ").toLowerCase());
+  const words = rows.map((row, i) => [...row.filter((value) => typeof value !== "number" || Number.isInteger(value)), names[i], errors[i]].join(" ").toLowerCase());
   const text = (value) => value === null ? "–" : typeof value === "number" && !Number.isInteger(value) ? String(Number(value.toPrecision(4))) : String(value);
-  let sorted = -1, falling = false;
+  let sorted = data.sorted ?? -1, falling = sorted >= 0;
+  const missing = (value) => value === null || value === "";
   const compare = (a, b) => {
     const x = rows[a][sorted], y = rows[b][sorted];
-    if (x === null || y === null) return (x === null) - (y === null);
+    if (missing(x) || missing(y)) return missing(x) - missing(y);
     const order = typeof x === "number" && typeof y === "number" ? x - y : String(x).localeCompare(String(y), undefined, { numeric: true });
     return falling ? -order : order;
   };
   const chosen = () => {
     const asked = find("filter").value.toLowerCase().split(/\s+/).filter(Boolean);
     const found = rows.map((_, i) => i).filter((i) => asked.every((word) => words[i].includes(word)));
-    find("count").value = found.length < rows.length ? `${found.length} of ${rows.length} runs` : `${rows.length} runs`;
+    find("count").value = found.length < rows.length ? `${found.length} of ${rows.length}` : `all ${rows.length}`;
     return sorted < 0 ? found : found.sort(compare);
   };
   function table(found) {
     const shown = columns.map((_, i) => i).filter((i) => columns[i].shown), head = find("runs").tHead.rows[0];
     head.replaceChildren();
-    add("th", { textContent: "run", className: "number" }, head);
+    add("th", { textContent: data.first }, head);
     for (const i of shown) {
       const cell = add("th", { className: columns[i].number ? "number" : "" }, head);
       if (i === sorted) cell.setAttribute("aria-sort", falling ? "descending" : "ascending");
@@ -37,9 +39,9 @@
       const body = add("tbody", {}, find("runs"));
       if (by !== "") add("td", { colSpan: shown.length + 1, textContent: `${columns[by].title} = ${name} (${members.length})` }, add("tr", { className: "group" }, body));
       for (const i of members) {
-        const line = add("tr", { title: errors[i] }, body), first = add("td", { className: "number" }, line);
-        if (links[i]) add("a", { href: links[i], textContent: i }, first); else first.textContent = i;
-        for (const j of shown) add("td", { className: columns[j].number ? "number" : "", textContent: text(rows[i][j]) }, line);
+        const line = add("tr", { title: errors[i] ?? "" }, body), first = add("td", {}, line);
+        if (links[i]) add("a", { href: links[i], textContent: names[i] }, first); else first.textContent = names[i];
+        for (const j of shown) add("td", { className: columns[j].number ? "number" : columns[j].wide ? "wide" : "", textContent: text(rows[i][j]) }, line);
       }
     }
     if (found.length > most) add("td", { colSpan: shown.length + 1, textContent: `${found.length - most} more runs: filter to see them` }, add("tr", { className: "group" }, add("tbody", {}, find("runs"))));
@@ -47,23 +49,24 @@
   function plot(found) {
     const x = Number(find("x").value), y = Number(find("y").value), width = 640, height = 300, margin = 48;
     const known = found.filter((i) => rows[i][x] !== null && rows[i][y] !== null);
-    const names = [...new Set(known.map((i) => rows[i][x]))], isNumber = names.every((name) => typeof name === "number" || (name !== "" && !isNaN(name)));
-    const place = (i) => isNumber ? Number(rows[i][x]) : names.indexOf(rows[i][x]);
+    const values = [...new Set(known.map((i) => rows[i][x]))], isNumber = values.every((value) => typeof value === "number" || (value !== "" && !isNaN(value)));
+    const place = (i) => isNumber ? Number(rows[i][x]) : values.indexOf(rows[i][x]);
     const ends = (values) => { const low = Math.min(...values), high = Math.max(...values); return low < high ? [low, high] : [low - 1, high + 1]; };
     const [left, right] = ends(known.map(place)), [low, high] = ends(known.map((i) => rows[i][y]));
     const across = (value) => margin + (value - left) / (right - left) * (width - 2 * margin), up = (value) => height - margin + (value - low) / (high - low) * (2 * margin - height);
     const colours = axes.length ? [...new Set(rows.map((row) => row[0]))] : [""];
     const svg = (name, options, parent, inside = "") => { const one = parent.appendChild(document.createElementNS("http://www.w3.org/2000/svg", name)); for (const [key, value] of Object.entries(options)) one.setAttribute(key, value); one.textContent = inside; return one; };
     find("plot").replaceChildren();
+    if (!known.length) return;
     const picture = svg("svg", { viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": `${columns[y].title} over ${columns[x].title}`, fill: "currentColor", "font-size": 12 }, find("plot"));
     for (const value of [low, (low + high) / 2, high]) svg("text", { x: margin - 6, y: up(value) + 4, "text-anchor": "end" }, picture, text(value));
-    const marks = isNumber ? [left, (left + right) / 2, right].map((value) => [value, text(value)]) : names.slice(0, 12).map((name, i) => [i, text(name)]);
+    const marks = isNumber ? [left, (left + right) / 2, right].map((value) => [value, text(value)]) : values.slice(0, 12).map((value, i) => [i, text(value)]);
     for (const [value, name] of marks) svg("text", { x: across(value), y: height - margin + 20, "text-anchor": "middle" }, picture, name);
     svg("text", { x: 8, y: 14 }, picture, columns[y].title);
     svg("text", { x: width - 8, y: height - 8, "text-anchor": "end" }, picture, columns[x].title);
     for (const i of known) {
       const parent = links[i] ? svg("a", { href: links[i] }, picture) : picture;
-      svg("title", {}, svg("circle", { cx: across(place(i)), cy: up(rows[i][y]), r: 4, fill: `var(--run-${colours.indexOf(rows[i][0]) % 8})` }, parent), `${i}: ${axes.map((_, j) => text(rows[i][j])).join(" ")}`);
+      svg("title", {}, svg("circle", { cx: across(place(i)), cy: up(rows[i][y]), r: 4, fill: `var(--run-${colours.indexOf(rows[i][0]) % 8})` }, parent), `${names[i]}: ${axes.map((_, j) => text(rows[i][j])).join(" ")}`);
     }
   }
   const draw = () => { const found = chosen(); table(found); plot(found); };

@@ -1,0 +1,60 @@
+"""The runs in several folders, as a frame of which questions are asked."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import pandas as pd
+
+from stixel_cli.answers.answer import Answer
+from stixel_cli.answers.runs import SHOWN, Runs
+from stixel_cli.errors import UserError
+from stixel_cli.evaluation.verdict import verdict
+from stixel_cli.report.compare import run_labels
+from stixel_cli.results.differences import by_group, differing_settings, warnings
+from stixel_cli.results.folder import PAGE
+from stixel_cli.results.reader import check_folder
+from stixel_cli.results.result import DONE, RunResult, read_scored_run
+
+
+def compared_runs(runs: Sequence[RunResult], labels: Sequence[str]) -> Runs:
+    """One row a run, named by its label, with the settings in which they differ.
+
+    Where a group is exchanged, such as the tracker, that is one column.
+    """
+    differing, _ = differing_settings(runs)
+    settings = {row["key"]: row["values"] for row in by_group(differing)}
+    names = dict.fromkeys(name for run in runs for name in run.metrics)
+    metrics = {name: [run.metrics.get(name) for run in runs] for name in names}
+    frame = pd.DataFrame(
+        {
+            **{"run": list(labels), **settings, "status": DONE},
+            **{"folder": [str(run.folder) for run in runs]},
+            **{name: pd.Series(values, dtype=float) for name, values in metrics.items()},
+        }
+    )
+    return Runs(frame.set_index("run", drop=False), ("run", *settings))
+
+
+def asked_runs(
+    folders: Sequence[Path], metrics: Sequence[str] = (), reference: str | None = None
+) -> tuple[str, Runs, list[Answer], list[str]]:
+    """Title, runs, answers and remarks of the runs in two folders or more.
+
+    Raises:
+        UserError: for one folder, or one that is no result folder.
+    """
+    if len(folders) < 2:
+        check_folder(folders[0])
+        raise UserError(
+            f"{folders[0]}: is one run: name two or more, or a sweep; its page is "
+            f"{folders[0] / PAGE}"
+        )
+    labels = run_labels(folders)
+    read = [read_scored_run(folder) for folder in folders]
+    runs = compared_runs(read, labels)
+    names = metrics or [name for name in SHOWN if name in runs.metrics] or runs.metrics[:4]
+    parts = {"compare": "run", "within": (), "over": (), "reference": reference}
+    answers = [runs.ask(metric=name, **parts) for name in names]
+    verdicts = zip(labels, read, strict=True)
+    remarks = [f"{label}: {' '.join(verdict(run.metrics))}" for label, run in verdicts]
+    return f"Comparison of {len(read)} runs", runs, answers, [*warnings(read), *remarks]
