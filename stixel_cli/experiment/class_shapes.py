@@ -20,12 +20,14 @@ from typing import Any
 import numpy as np
 
 from stixel_cli.config.compose import compose
+from stixel_cli.config.schema import Configuration
 from stixel_cli.errors import UserError
 from stixel_cli.experiment.run import run_experiment
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.classes import ROAD_USER_CLASSES
 from stixel_cli.scene.ego import ego_motion
 from stixel_cli.scene.path import build_scenario
+from stixel_cli.scene.road_user import road_user_meshes
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.tracking.contour import class_size
 from stixel_cli.tracking.contour.class_shape import ClassShape, OutlineModes, VisibleShape
@@ -33,6 +35,7 @@ from stixel_cli.tracking.contour.class_size import ClassSize
 from stixel_cli.validation.visible_shape import (
     class_shape_of,
     outline_modes_of,
+    visible_heights_of,
     visible_outline_of,
     visible_shape_of,
 )
@@ -75,7 +78,8 @@ def learned_class(
         seen: seed to overrides, of the road users that sensors see on all paths.
         sensors: `stixels`, `lidar` and `outline`, or some of them.
     """
-    scenarios = [_scenario(one) for one in drawn]
+    configurations = [compose(one).configuration for one in drawn]
+    scenarios = [_scenario(one) for one in configurations]
     sizes = np.array([np.ptp(scenario.box_target, axis=0) for scenario in scenarios])
     mean = sizes.mean(axis=0)
     stds = np.maximum(sizes.std(axis=0) / mean, LEAST_SIZE_STD)
@@ -88,12 +92,13 @@ def learned_class(
         else visible_shape_of(_samples(seen, sensor), shape)
         for sensor in sensors
     }
+    meshes = [road_user_meshes(one.road_user) for one in configurations]
+    visible["heights"] = visible_heights_of(list(zip(scenarios, meshes, strict=True)), shape)
     return size, entry(size, shape, outline_modes_of(scenarios, shape.size), visible)
 
 
-def _scenario(road_user: Overrides) -> Scenario:
+def _scenario(p: Configuration) -> Scenario:
     """Ground truth of a road user; its motion does not matter. UserError for a damaged mesh."""
-    p = compose(road_user).configuration
     try:
         return build_scenario(ego_motion(p.ego, 1.0, 0.5), p.road_user, p.path)
     except ValueError as fault:

@@ -68,7 +68,7 @@ class OneSide:
         prior: PriorShape,
         seen_by: Literal["stixels", "fabricated", "lidar", "file", "own"],
         process: ContourProcess,
-        with_heights: bool,
+        with_heights: bool = False,
     ):
         self._process = process
         self._known = prior.road_user != "unknown"
@@ -110,7 +110,7 @@ class OneSide:
         covariances: np.ndarray,
         sensor: np.ndarray,
         pose: np.ndarray,
-        heights: np.ndarray | None,
+        heights: np.ndarray | None = None,
     ) -> tuple[Rays, np.ndarray]:
         """The rays of points (n, 2) m, moved to where they would be if the outline were seen.
 

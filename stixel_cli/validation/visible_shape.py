@@ -134,7 +134,12 @@ def visible_outline_of(scenarios: Sequence[Scenario], shape: ClassShape) -> Visi
     found = found[np.abs(found[:, 4]) < NEAR_DEPTH]
     biases, _, depth_stds, _ = _depths(np.concatenate([found, _mirrored(found)]))
     insets, inset_stds = _insets(*np.concatenate(ends).T)
-    return VisibleShape(biases, 0.0, depth_stds, 1.0, insets, inset_stds)
+    return _of_one_level(biases, 0.0, depth_stds, 1.0, insets, inset_stds)
+
+
+def _of_one_level(*values: np.ndarray | float) -> VisibleShape:
+    """The visible shape with these `values`, of a sensor whose points have no heights."""
+    return VisibleShape(*(one[None] if np.ndim(one) else one for one in values))
 
 
 def visible_heights_of(
@@ -245,7 +250,7 @@ def visible_shape_of(samples: Sequence[tuple[Scenario, Scans]], shape: ClassShap
     high = np.stack([points[np.argmax(points[:, 1])] for points in seen])
     ends = np.concatenate([low, _mirrored(high)])
     insets, inset_stds = _insets(ends[:, 0], ends[:, 1] - ends[:, 2])
-    return VisibleShape(biases, per_std, depth_stds, factor, insets, inset_stds)
+    return _of_one_level(biases, per_std, depth_stds, factor, insets, inset_stds)
 
 
 def mean_radii(outlines: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:

@@ -273,11 +273,12 @@ def test_points_of_a_neighbour_are_not_the_targets():
 
 def test_ends_are_uncertain_by_what_rays_graze():
     table = with_uncertain_ends(outline_table(rectangle(SHAPE).outline))
-    ahead, slanted = 0, len(table.low) // 8
-    assert table.low_stds[ahead] < 0.1
+    ahead, slanted = 0, table.low.shape[1] // 8
+    low_stds, high_stds = table.low_stds[0], table.high_stds[0]
+    assert low_stds[ahead] < 0.1
     # At 45 degrees no side is grazed; a little off the front, one is.
-    assert max(table.low_stds[slanted], table.high_stds[slanted]) < 0.1
-    assert max(table.low_stds[10], table.high_stds[10]) > 0.4
+    assert max(low_stds[slanted], high_stds[slanted]) < 0.1
+    assert max(low_stds[10], high_stds[10]) > 0.4
 
 
 def test_a_neighbour_costs_nothing_where_the_target_is_seen_alone():

@@ -19,13 +19,10 @@ import numpy as np
 
 from stixel_cli.tracking.contour.class_size import CLASS_SHAPES
 from stixel_cli.tracking.contour.ray_table import COARSE, FINE, RayTable, outline_table
-from stixel_cli.tracking.contour.user_shape import read_class
+from stixel_cli.tracking.contour.user_shape import LEVELS, read_class
 
 MODES, LIMB_MODES, MODE_ANGLES = 12, 6, 120
 """Modes of the outline, those of moving limbs, and the even angles at which they are given."""
-
-LEVELS = 0.1 + 0.15 * np.arange(14)
-"""Heights above the road, m, at which a class has an outline of its own."""
 
 NODES = (24, 9)
 """Even aspects over a full turn, and even offsets over the table's width, of the visible shape."""
@@ -124,13 +121,15 @@ def visible_shape(
 ) -> VisibleShape:
     """What stixels (`stixels`), a `lidar` or a sensor of the outline see of `road_user`.
 
-    ValueError if the user's file of the class lacks this sensor.
+    `heights`: a sensor of the surface, whose points have heights. ValueError if the user's file of
+    the class lacks this sensor.
     """
     sensors = known_class(road_user)
     if sensor not in sensors:
+        option = "" if sensor == "heights" else f" --sensor {sensor}"
         raise ValueError(
             f"prior.road_user: {road_user} has no visible shape for {sensor}, which "
-            f"tracker.seen_by needs: learn it, stixel learn-shape --sensor {sensor}"
+            f"these scans need: learn it, stixel learn-shape{option}"
         )
     known = sensors[sensor]
     return VisibleShape(

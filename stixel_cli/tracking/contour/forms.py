@@ -38,7 +38,7 @@ LEAST_RADIUS = 0.02
 
 
 def forms_of(
-    road_user: str, prior: PriorShape, tracker: ContourParameters, with_heights: bool
+    road_user: str, prior: PriorShape, tracker: ContourParameters, with_heights: bool = False
 ) -> dict[str, tuple[ClassShape, Sight, ContourParameters]]:
     """The forms that a `road_user` may have: shape, how the sensor sees it, and parameters."""
     shape, sight = class_shape(road_user), sight_of(road_user, tracker, None, with_heights)

@@ -1,0 +1,89 @@
+"""Points whose heights are known: those of a real lidar, which sees bonnet, windscreen and roof."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from stixel_cli.config.compose import compose
+from stixel_cli.evaluation.evaluate import evaluate
+from stixel_cli.measurements.disturbance import CLUTTER_HEIGHT, disturb_scans
+from stixel_cli.measurements.file import read_scans
+from stixel_cli.measurements.lidar import lidar_scans
+from stixel_cli.measurements.lidar_casting import cast_lidar
+from stixel_cli.scene.ego import ego_motion
+from stixel_cli.scene.path import build_scenario
+from stixel_cli.tracking import gp_ekf
+from stixel_cli.tracking.contour import contour
+from stixel_cli.tracking.contour.contour_rays import MOST, rays_of, telling
+from stixel_cli.tracking.start import noisy_start
+
+SENSOR = np.array([0.0, 0.0, np.pi / 2])
+
+
+def seen(returns, *overrides):
+    """Configuration, ground truth and scans of a car on the 64-layer lidar."""
+    p = compose(
+        ["measurement=lidar_64", f"measurement.returns={returns}", "path.duration=3", *overrides]
+    ).configuration
+    motion = ego_motion(p.ego, p.path.duration, p.path.sample_time)
+    scenario = build_scenario(motion, p.road_user, p.path)
+    field = p.rig.field_of_view
+    beams = cast_lidar(scenario, p.road_user, p.world, p.measurement.scanner, field)
+    return p, scenario, lidar_scans(beams, motion, p.measurement, field, seed=0)
+
+
+@pytest.mark.parametrize("tracker", ["contour", "gp_ekf"])
+@pytest.mark.parametrize("hidden", [False, True], ids=["whole", "without its bumper"])
+def test_a_car_is_where_its_bumper_is_although_the_windscreen_has_points(tracker, hidden):
+    overrides = [f"tracker={tracker}", *(["measurement.height_min=0.7"] if hidden else [])]
+    p, scenario, scans = seen("all", *overrides)
+    initial = noisy_start(scenario, p.start, 0)
+    track = {"contour": contour.track, "gp_ekf": gp_ekf.track}[tracker]
+    with_heights, without = (
+        evaluate(track(one, initial, p.prior, p.tracker), scenario, one).metrics
+        for one in (scans, replace(scans, heights=None))
+    )
+    assert with_heights["iou_box_mean"] > max(0.85, without["iou_box_mean"] + 0.03)
+    assert with_heights["centre_rmse_m"] < 0.7 * without["centre_rmse_m"]
+
+
+def test_the_heights_are_those_of_the_returns_and_the_nearest_have_none():
+    _, _, scans = seen("all")
+    assert len(scans.heights) == len(scans.points_world)
+    p, _, nearest = seen("nearest")
+    assert nearest.heights is None
+    assert (scans.heights >= p.measurement.height_min).all()
+    assert (scans.heights <= p.measurement.height_max).all()
+    assert np.ptp(scans.heights) > 0.8
+
+
+def test_dropout_and_clutter_keep_the_heights_of_the_points():
+    _, _, scans = seen("all")
+    disturbed = disturb_scans(scans, (1.0, 2.0), 5.0, None, 0)
+    rows = disturbed.rows(0)
+    own = np.diff(scans.offsets)[0]
+    np.testing.assert_array_equal(disturbed.heights_of(rows)[:own], scans.heights[:own])
+    assert (disturbed.heights_of(rows)[own:] == CLUTTER_HEIGHT).all()
+    assert len(disturbed.heights) == len(disturbed.points_world)
+
+
+def test_a_table_has_heights_if_the_road_is_stated(tmp_path):
+    table = tmp_path / "scans.csv"
+    table.write_text("k,t,x,y,z\n0,0.0,1,9,-1.5\n0,0.0,1,9.5,-0.7\n")
+    assert read_scans(str(table), None, 0.1).heights is None
+    scans = read_scans(str(table), None, 0.1, road_z=-1.7)
+    np.testing.assert_allclose(scans.heights, [0.2, 1.0])
+    table.write_text("k,t,x,y\n0,0.0,1,9\n")
+    with pytest.raises(Exception, match="z"):
+        read_scans(str(table), None, 0.1, road_z=-1.7)
+
+
+def test_one_point_of_each_bearing_is_used_that_whose_place_is_best_known():
+    bearings = np.repeat(np.linspace(-0.2, 0.2, MOST), 3)
+    points = 10.0 * np.stack([np.sin(bearings), np.cos(bearings)], axis=-1)
+    rays = rays_of(points, np.tile(1e-4 * np.eye(2), (len(points), 1, 1)), SENSOR)
+    stds = np.tile([0.3, 0.1, 0.2], MOST)
+    np.testing.assert_array_equal(telling(rays, stds), 1 + 3 * np.arange(MOST))
+    few = rays.subset(np.arange(MOST))
+    np.testing.assert_array_equal(telling(few, stds[:MOST]), np.arange(MOST))
