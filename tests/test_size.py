@@ -12,7 +12,7 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 51_700
+TOTAL = 51_992
 """Greatest number of lines in all."""
 
 MODULES = 345
@@ -24,14 +24,14 @@ BUDGET = {
     "benchmark": 1022,
     "calibration": 503,
     "cli": 3175,
-    "config": 3096,
+    "config": 3101,
     "engine": 4594,
     "evaluation": 1911,
-    "experiment": 1543,
+    "experiment": 1549,
     "export": 657,
     "geometry": 413,
     "machine": 316,
-    "measurements": 2052,
+    "measurements": 2085,
     "pictures": 1445,
     "recordings": 3056,
     "rendering": 2349,
@@ -42,8 +42,8 @@ BUDGET = {
     "stixels": 2357,
     "studies": 2077,
     "sweeps": 2583,
-    "tracking": 6761,
-    "validation": 1585,
+    "tracking": 6898,
+    "validation": 1696,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
 
