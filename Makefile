@@ -39,7 +39,7 @@ setup: .venv/kernels .venv/schemas
 
 # The JSON Schemas that the first lines of the files of conf/ and pipelines/ name, for editors.
 .venv/schemas: .venv/installed $(shell find conf stixel_cli -name '*.yaml' -o -name '*.py')
-	$(BIN)/stixel schema conf/schema > /dev/null
+	$(BIN)/stixel describe --schema conf/schema > /dev/null
 	@touch $@
 
 # Without ARGS, two more trackers on the same scans follow, from the cache.
@@ -47,7 +47,7 @@ run: setup
 	$(BIN)/stixel run $(ARGS)
 ifeq ($(ARGS),)
 	$(BIN)/stixel sweep tracker=contour,gp_ekf,point
-	$(BIN)/stixel play "$$(ls -td results/sweep-tracker-*/ | head -n 1)"
+	$(BIN)/stixel report --play "$$(ls -td results/sweep-tracker-*/ | head -n 1)"
 endif
 	@echo "open results/index.html in a browser: it links to the page of each run and sweep"
 

@@ -12,7 +12,7 @@ import pytest
 from small import sized
 
 from stixel_cli.border import TYPED
-from stixel_cli.cli.plan import plan as plan_command
+from stixel_cli.cli.sweep import sweep as sweep_command
 from stixel_cli.config.compose import Composer, compose
 from stixel_cli.config.override_checks import read_overrides
 from stixel_cli.engine.store import Store
@@ -49,12 +49,12 @@ def cache(tmp_path, monkeypatch):
 @pytest.mark.benchmark(group="plan of 1,000 runs, all cached")
 @pytest.mark.parametrize("line", LINES)
 def test_plan(benchmark, cache, capsys, line):
-    """`stixel plan` without the start of the process."""
+    """`stixel sweep --dry-run` without the start of the process."""
     plan = plan_sweep(plan_runs(design_runs(sweep_design(LINES[line]))), cache)
     for key in plan.needed:
         cache.save(key, None)
     assert len(plan.runs) == RUNS
-    benchmark.pedantic(plan_command, args=(LINES[line],), rounds=3)
+    benchmark.pedantic(sweep_command, args=(LINES[line],), kwargs={"dry_run": True}, rounds=3)
     benchmark.extra_info["nodes"] = len(plan.needed)
     assert f"{RUNS} runs, {RUNS} complete" in capsys.readouterr().out
 
@@ -152,7 +152,7 @@ def test_scores(benchmark, cache, tracker, how):
 
 
 def test_the_whole_process(tmp_path, cache):
-    """`stixel plan` of 1,000 cached runs as one types it; printed, not asserted."""
+    """`stixel sweep --dry-run` of 1,000 cached runs as one types it; printed, not asserted."""
     import subprocess
 
     line = LINES["1,000 settings, simulated"]
@@ -160,7 +160,6 @@ def test_the_whole_process(tmp_path, cache):
     for key in plan.needed:
         cache.save(key, None)
     started = time.perf_counter()
-    subprocess.run(
-        [sys.executable, "-m", "stixel_cli", "plan", *line], check=True, capture_output=True
-    )
-    print(f"\nstixel plan, whole process: {time.perf_counter() - started:.2f} s")
+    command = [sys.executable, "-m", "stixel_cli", "sweep", "--dry-run", *line]
+    subprocess.run(command, check=True, capture_output=True)
+    print(f"\nstixel sweep --dry-run, whole process: {time.perf_counter() - started:.2f} s")

@@ -197,7 +197,7 @@ def load(folder: Path | str) -> "RunResult | Runs":
 
     A run has its scenario, scans, track and scores; what the folder lacks is in `results.arrays`.
     The `Runs` of a sweep answer questions: `load("results/sweep").ask(metric="iou_mean")`.
-    UserError as `stixel rerun` and `stixel report` have it.
+    UserError as `stixel run FOLDER` and `stixel report` have it.
 
     Example:
         >>> from tempfile import TemporaryDirectory

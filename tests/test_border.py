@@ -47,7 +47,6 @@ TYPES = {
 COMPOSES = {
     "api.py": "arguments of the user's program",
     "cli/assess.py": "words of its command line",
-    "cli/calibrate.py": "words of its command line",
     "cli/run.py": "words of its command line",
     "cli/machine.py": "the default configuration",
     "machine/kernels.py": "constants",

@@ -5,7 +5,7 @@ import gc
 import os
 import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Annotated, Any
 
 import typer
@@ -13,30 +13,49 @@ from typer.core import TyperCommand, TyperGroup
 
 from stixel_cli.cli.assess import assess
 from stixel_cli.cli.bench import app as bench
-from stixel_cli.cli.calibrate import calibrate
 from stixel_cli.cli.describe import describe
 from stixel_cli.cli.errors import Interrupted, guarded, settle_streams, usage_line
 from stixel_cli.cli.export import export
-from stixel_cli.cli.learn_shape import learn_shape
 from stixel_cli.cli.ls import ls
 from stixel_cli.cli.machine import app as cache
 from stixel_cli.cli.machine import doctor
-from stixel_cli.cli.new import new
-from stixel_cli.cli.plan import explain, plan
-from stixel_cli.cli.report import figure, play, report, table
-from stixel_cli.cli.rerun import rerun, verify
+from stixel_cli.cli.new import app as new
+from stixel_cli.cli.plan import explain
+from stixel_cli.cli.report import report
 from stixel_cli.cli.run import help_of_run, run
-from stixel_cli.cli.schema import schema
 from stixel_cli.cli.study import study
 from stixel_cli.cli.sweep import sweep
 from stixel_cli.cli.terminal import escaping, say
 from stixel_cli.cli.tune import tune
+from stixel_cli.cli.verify import verify
 from stixel_cli.engine.limits import ENVIRONMENT
 from stixel_cli.errors import UserError
 from stixel_cli.version import __version__
 
+_GROUPS: dict[str, dict[str, Callable[..., int] | typer.Typer]] = {
+    "Run experiments": {"run": run, "sweep": sweep, "study": study, "tune": tune, "bench": bench},
+    "Look at results and settings": {
+        "report": report,
+        "ls": ls,
+        "describe": describe,
+        "explain": explain,
+    },
+    "Check results and this machine": {"verify": verify, "doctor": doctor, "cache": cache},
+    "Data in and out, code of your own": {"assess": assess, "export": export, "new": new},
+}
+"""Heading of the help to its commands, in the order in which they are printed."""
+
 
 class _Commands(TyperGroup):
+    def format_commands(self, context: Any, formatter: Any) -> None:
+        """Print the commands under their headings, all texts in one column."""
+        width = max(map(len, self.commands))
+        for heading, names in _GROUPS.items():
+            with formatter.section(heading):
+                shown = ((name, self.commands[name]) for name in names)
+                texts = [(n.ljust(width), c.get_short_help_str(90 - width)) for n, c in shown]
+                formatter.write_dl(texts)
+
     def invoke(self, context: Any) -> Any:
         """Raise Ctrl-C as `Interrupted`: some versions of Typer print an empty line for it."""
         try:
@@ -122,15 +141,9 @@ def stixel(
     """
 
 
-app.command(cls=_Run, short_help="Run one experiment.")(run)
-_COMMANDS = (
-    *(sweep, tune, study, describe, plan, explain, rerun, verify, ls, report, table, figure, play),
-    *(export, calibrate, assess, learn_shape, new, schema),
-)
-for _command in _COMMANDS:
-    app.command()(_command)
-for _word in ("show", "compare"):
-    app.command(_word, short_help="Short for ls of one run or sweep, or of several runs.")(ls)
-app.add_typer(bench, name="bench")
-app.add_typer(cache, name="cache")
-app.command()(doctor)
+for _name, _command in ((n, c) for group in _GROUPS.values() for n, c in group.items()):
+    if isinstance(_command, typer.Typer):
+        app.add_typer(_command, name=_name)
+    else:
+        _class = _Run if _command is run else None
+        app.command(_name, cls=_class)(_command)

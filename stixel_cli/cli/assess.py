@@ -46,9 +46,18 @@ def assess(
     labels: Annotated[
         Path | None, typer.Option(help="KITTI's labels of the pair.", metavar="FILE")
     ] = None,
+    calibrate: Annotated[
+        bool,
+        typer.Option("--calibrate", help="Estimate the disparity error of a recording's rig only."),
+    ] = False,
     output: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Output file (default: assess.html).", callback=new_file),
+        typer.Option(
+            metavar="FILE",
+            help="Output file (default: assess.html). With --calibrate: also write the rig to it, "
+            "for source.calibration=FILE with other recordings of the same camera.",
+            callback=new_file,
+        ),
     ] = None,
     workers: Workers = None,
     json: Json = False,
@@ -58,6 +67,10 @@ def assess(
     It shows the share of the columns that have stixels, their errors against true disparities, the
     rig's disparity error, missed obstacles and run times.
 
+    With --calibrate it estimates the error of a recording's rig from the motion of its camera:
+    static points, tracked from image to image. It prints the overrides that correct the error, and
+    how well it is known.
+
     \b
     Examples:
       stixel assess left.png right.png --calib rig.yaml
@@ -65,6 +78,7 @@ def assess(
       stixel assess source.folder=DIR source.sequence=000074
       stixel assess left.png right.png --calib rig.yaml --disparity true.png --stixels other.stx1
       stixel assess --stixels other.stx1
+      stixel assess --calibrate source.folder=DIR source.sequence=0005 --output rig.yaml
     """
     from stixel_cli.border import write_new
     from stixel_cli.config.compose import compose
@@ -80,6 +94,11 @@ def assess(
     given = [*_pair(arguments, named), *(text for text in arguments if "=" in text)]
     if not given and stixels is None:
         raise UserError("assess needs two images, LEFT and RIGHT, a recording, or --stixels FILE")
+    if calibrate:
+        if stixels is not None:
+            raise UserError("--calibrate needs images: leave out --stixels")
+        _calibrate(with_workers(without_target(given), workers), output, json)
+        return 0
     composition = None
     if given:
         given = [*without_target(given), "pictures.frames=[0]"]
@@ -100,6 +119,32 @@ def assess(
     print_table(("value", "", "unit"), value_rows(assessment), right=(1,))
     say("", *sentences(assessment), page)
     return 0
+
+
+def _calibrate(overrides: Sequence[str], output: Path | None, json: bool) -> None:
+    """Print the disparity error of a recording's rig; write the rig with it to `output`."""
+    from stixel_cli.border import write_new
+    from stixel_cli.config.compose import compose
+    from stixel_cli.engine.progress import make_progress
+    from stixel_cli.experiment.assess import calibrate as estimate
+    from stixel_cli.recordings.rig_files import rig_text
+
+    composition = compose(overrides)
+    found = estimate(composition, make_progress())
+    if output is not None:
+        write_new(output, rig_text(found.rig, found.text))
+    medians = {"before": found.median_before, "after": found.median_after}
+    medians = {name: median for name, median in medians.items() if median >= 0.0}
+    if json:
+        residuals = {f"median_{name}": median for name, median in medians.items()}
+        print_json({"text": found.text, **found.values, **residuals})
+        return
+    values = {name: found.values[name] for name in ("disparity_error", "disparity_error_std")}
+    say(
+        shlex.join(f"rig.{name}={str(value).replace(' ', '')}" for name, value in values.items()),
+        found.text,
+        *(f"median residual {name}: {median:.2f} px" for name, median in medians.items()),
+    )
 
 
 def _pair(arguments: Sequence[str], named: Mapping[str, Path | None]) -> list[str]:

@@ -1,14 +1,17 @@
-"""`stixel describe`: explain groups, options and keys."""
+"""`stixel describe`: explain groups, options and keys, to people and to editors."""
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
+
+import typer
 
 from stixel_cli.cli.completion import complete_setting
 from stixel_cli.cli.options import argument
 from stixel_cli.cli.terminal import print_table, say
 from stixel_cli.config.folders import default_option, group_options, options_default_first
 from stixel_cli.config.texts import split_override
-from stixel_cli.errors import ConfigurationError
+from stixel_cli.errors import ConfigurationError, UserError
 
 if TYPE_CHECKING:
     from stixel_cli.config.keys import Key
@@ -24,16 +27,27 @@ def describe(
             complete_setting,
         ),
     ] = None,
+    schema: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FOLDER",
+            help="Write JSON Schemas of presets, experiments, sweeps and studies into this folder.",
+        ),
+    ] = None,
 ) -> int:
     """Explain a setting or a metric, or list all groups.
 
     It prints meaning, unit, range, default, options, and the stages that read the setting; of a
     metric, which values are better and what it is compared with.
 
+    With JSON Schemas an editor completes and checks a YAML file that begins, for example, with
+    `# yaml-language-server: $schema=schema/sweep.json`, a path from that file.
+
     \b
     Examples:
       stixel describe tracker.sigma_f
       stixel describe iou_mean
+      stixel describe --schema schema
     """
     from stixel_cli.config.descriptions import meaning_of_option, parameters_of_own
     from stixel_cli.config.keys import known_keys
@@ -41,6 +55,11 @@ def describe(
     from stixel_cli.config.own_options import check_option
     from stixel_cli.evaluation.metric_table import METRICS
 
+    if schema is not None:
+        if name is not None:
+            raise UserError(f"--schema writes all schemas: leave out {name}")
+        _write_schemas(schema)
+        return 0
     group, option = split_override(name or "")
     group = group.replace(".", "/") if group.replace(".", "/") in group_options() else group
     if name is None:
@@ -63,6 +82,16 @@ def describe(
     else:
         _print_group(group)
     return 0
+
+
+def _write_schemas(folder: Path) -> None:
+    from stixel_cli.border import write_below, written
+    from stixel_cli.config.json_schema import schema_files
+
+    files = schema_files()
+    with written(folder):
+        write_below(folder, files)
+    say(*(str(folder / name) for name in sorted(files)))
 
 
 def _print_groups() -> None:

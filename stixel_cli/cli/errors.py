@@ -146,6 +146,21 @@ def _write_log(text: str) -> Path:
     return log
 
 
+REPLACED = {
+    "plan": "run, sweep or study with --dry-run",
+    "rerun": "run FOLDER",
+    "show": "ls FOLDER",
+    "compare": "ls FOLDER FOLDER",
+    "table": "report --format md, tex or csv",
+    "figure": "report --format svg, pdf or png",
+    "play": "report --play",
+    "calibrate": "assess --calibrate",
+    "learn-shape": "new class",
+    "schema": "describe --schema FOLDER",
+}
+"""Commands of the last release to what replaces them; the next release forgets them."""
+
+
 def usage_line(error: Any, words: Sequence[str]) -> str:
     """A usage error of the command line `words`: the fault, the nearest option, what to read."""
     text = " ".join(error.format_message().split()).rstrip(".?")
@@ -155,6 +170,8 @@ def usage_line(error: Any, words: Sequence[str]) -> str:
     wrong = getattr(error, "option_name", None)
     if wrong and "no such option" in text:
         text = f"no such option {wrong}{_near_option(wrong, context)}"
+    if words[0] in REPLACED:
+        return f"{words[0]} is gone: use stixel {REPLACED[words[0]]}"
     if text.startswith("no such command") and "=" in words[0]:
         return f"{words[0]}: the command is missing: did you mean stixel run {words[0]}?"
     if len(text) > LONGEST_USAGE:

@@ -39,13 +39,13 @@ def ls(
 
     A folder of runs: one line each, oldest first, with the settings that differ from the default. A
     run: its origin, scores and stages. A sweep: its answer and its runs. Several runs: the settings
-    and metrics that differ. `stixel show` and `stixel compare` are the same command.
+    and metrics that differ.
 
     \b
     Examples:
       stixel ls
-      stixel show results/contour
-      stixel compare results/simulated results/fabricated
+      stixel ls results/contour
+      stixel ls results/simulated results/fabricated
     """
     from stixel_cli.results.reader import MANIFEST, SWEEP_FILE
 

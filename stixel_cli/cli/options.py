@@ -1,15 +1,20 @@
 """Arguments and options that several commands share."""
 
+import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from stixel_cli.cli.completion import complete_folder, complete_override
+from stixel_cli.cli.completion import (
+    complete_folder,
+    complete_override,
+    complete_run_or_override,
+)
 from stixel_cli.config.folders import trust_presets, use_presets
 from stixel_cli.config.texts import split_override
-from stixel_cli.errors import UserError
+from stixel_cli.errors import UserError, printable_path
 
 
 def argument(help: str, metavar: str, complete: Callable[[str], Any]) -> Any:
@@ -22,6 +27,26 @@ def new_file(output: Path | None) -> Path | None:
     if output is not None and output.exists():
         raise UserError(f"--output: {output} exists and is not overwritten; name another file")
     return output
+
+
+def result_folder(words: Sequence[str]) -> Path | None:
+    """The result folder that a command line has in place of overrides; None if it has overrides.
+
+    UserError for a folder with further words. The folder may be missing.
+    """
+    folder = next((word for word in words if _names_folder(word)), None)
+    if folder is not None and len(words) > 1:
+        raise UserError(f"{printable_path(folder)}: name either one result folder or overrides")
+    return None if folder is None else Path(folder)
+
+
+def _names_folder(word: str) -> bool:
+    """Whether a word is a path. The default name of a result folder has `=`, as an override has."""
+    if "=" not in word:
+        return os.sep in word or os.path.isdir(word)
+    # Named as in `results.reader`, which imports NumPy.
+    files = ("manifest.json", "sweep.yaml")
+    return any(os.path.isfile(os.path.join(word, file)) for file in files)
 
 
 def with_workers(overrides: Sequence[str], workers: int | None) -> list[str]:
@@ -39,9 +64,10 @@ def without_target(overrides: Sequence[str]) -> list[str]:
 Overrides = Annotated[
     list[str] | None,
     argument(
-        "Changes to the default: GROUP=OPTION or KEY=VALUE, in Hydra's grammar.",
-        "OVERRIDES",
-        complete_override,
+        "Changes to the default: GROUP=OPTION or KEY=VALUE, in Hydra's grammar. Or the result "
+        "folder of a run to repeat.",
+        "OVERRIDES|FOLDER",
+        complete_run_or_override,
     ),
 ]
 SweepOverrides = Annotated[
@@ -80,7 +106,10 @@ Verbose = Annotated[
     typer.Option("--verbose", "-v", help="Print all scores, and the names of computed stages."),
 ]
 DryRun = Annotated[
-    bool, typer.Option("--dry-run", help="Print what would be computed; compute nothing.")
+    bool,
+    typer.Option(
+        "--dry-run", help="Print what would be computed, and how long it takes; compute nothing."
+    ),
 ]
 FromFile = Annotated[
     str | None,

@@ -1,69 +1,20 @@
-"""`stixel plan` and `stixel explain`: what would be computed, how long it takes, and why."""
+"""`stixel explain`, and what --dry-run prints: what would be computed, how long, and why."""
 
-import os
 from collections.abc import Sequence
-from dataclasses import replace
 from itertools import groupby
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from stixel_cli.border import TYPED
 from stixel_cli.cli import options
 from stixel_cli.cli.completion import complete_run_or_override
 from stixel_cli.cli.terminal import print_json, print_table, say
-from stixel_cli.errors import UserError, counted, printable_path
+from stixel_cli.errors import UserError, counted
 
 if TYPE_CHECKING:
     from stixel_cli.engine.explain import Explanation
     from stixel_cli.results.lineage import Lineage
     from stixel_cli.sweeps.design import Axis
     from stixel_cli.sweeps.graphs import SweepPlan
-
-AS_RUN = (
-    "this is what stixel run would compute, including pictures and page; "
-    "a sweep draws pictures only with --pictures"
-)
-
-
-def plan(
-    overrides: options.SweepOverrides = None,
-    file: options.FromFile = None,
-    workers: options.Workers = None,
-    pictures: options.Pictures = False,
-    trust_code: options.TrustCode = False,
-    json: options.Json = False,
-    config_dir: options.ConfigDir = None,
-) -> int:
-    """Print what a run or a sweep would compute.
-
-    The table has one line per stage: all nodes, cached nodes, missing nodes and an estimate of the
-    time. A node is one cached step of the computation, usually a few frames of one stage.
-
-    If every key has one value, this is the plan of `stixel run`, with its pictures. Otherwise it
-    is the plan of `stixel sweep`, which draws pictures only with --pictures.
-
-    \b
-    Examples:
-      stixel plan tracker.length_scale=0.5
-      stixel plan tracker.length_scale=0.2,0.4,0.8 seed=0,1,2
-    """
-    words = options.with_workers(overrides or [], workers)
-    print_plan(*_planned(words, file, trust_code, pictures), json)
-    return 0
-
-
-def _planned(
-    words: Sequence[str], file: str | None, trust_code: bool, pictures: bool = False
-) -> "tuple[SweepPlan, Sequence[Axis]]":
-    """The plan of a sweep, or of a run with its pictures, and the axes."""
-    from stixel_cli.sweeps.graphs import planned_run, planned_sweep
-    from stixel_cli.sweeps.runs import design_runs, sweep_design
-
-    design = sweep_design(words, file, one_is_enough=True, trust_code=trust_code)
-    runs = design_runs(design)
-    if design.axes:
-        return planned_sweep(runs, None, pictures), design.axes
-    return replace(planned_run(runs[0].composition), notes=(AS_RUN,)), ()
 
 
 def print_plan(plan: "SweepPlan", axes: "Sequence[Axis]" = (), json: bool = False) -> None:
@@ -151,7 +102,8 @@ def explain(
 
     For each missing node, the reason is one of: new, setting, function, version, evicted, input.
     The nodes of a sweep (several values, a file, or a sweep's folder) are listed once, with the
-    runs that need them. Pictures are included as in `stixel plan`.
+    runs that need them. Pictures are included for one run, and for the folder of a sweep
+    that has them.
 
     \b
     Examples:
@@ -199,14 +151,12 @@ def _asked(
     from stixel_cli.results.reader import SWEEP_FILE
     from stixel_cli.sweeps.folder import SweepFolder
     from stixel_cli.sweeps.graphs import planned_run, planned_sweep
+    from stixel_cli.sweeps.runs import design_runs, sweep_design
     from stixel_cli.sweeps.whole import stored_runs
 
-    folders = [text for text in what if "=" not in text and os.path.isdir(text)]
-    if folders and len(what) > 1:
-        raise UserError(f"{folders[0]}: name either one result folder or overrides")
-    if folders and file is not None:
-        raise UserError(f"{folders[0]}: name either a result folder or --from FILE")
-    folder = Path(folders[0]) if folders else None
+    folder = options.result_folder(what)
+    if folder and file is not None:
+        raise UserError(f"{folder}: name either a result folder or --from FILE")
     if folder and (folder / SWEEP_FILE).exists():
         request = SweepFolder(folder).request()
         runs = stored_runs(request, (), TYPED, imports=False)
@@ -215,10 +165,11 @@ def _asked(
     if folder:
         stored = read_stored_run(folder)
         return planned_run(stored.composition, has_pictures(stored)), [stored.lineage]
-    lost = [text for text in what if "=" not in text and os.sep in text]
-    if lost:
-        raise UserError(f"{printable_path(lost[0])}: no such folder")
-    return _planned(what, file, trust_code)[0], ()
+    design = sweep_design(what, file, one_is_enough=True, trust_code=trust_code)
+    runs = design_runs(design)
+    if design.axes:
+        return planned_sweep(runs, None, pictures=False), ()
+    return planned_run(runs[0].composition), ()
 
 
 def _needed_by(plan: "SweepPlan", missing: set[str]) -> dict[str, list[int]]:

@@ -1,5 +1,6 @@
-"""`stixel report`, `table` and `figure`: what is said of a sweep, or of several runs."""
+"""`stixel report`: a page, a table, a figure or a player of a sweep, or of several runs."""
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -23,6 +24,13 @@ Reference = Annotated[str | None, typer.Option(help="Option to compare with, ins
 def report(
     folders: Folders,
     output: Output = None,
+    form: Annotated[
+        str,
+        typer.Option(
+            "--format",
+            help="html, the page; md, tex or csv, one table; svg, pdf or png, one figure.",
+        ),
+    ] = "html",
     over: Over = None,
     compare: Compare = None,
     metrics: Metrics = None,
@@ -33,26 +41,51 @@ def report(
     workers: Workers = None,
     trust_code: TrustCode = False,
 ) -> int:
-    """Write one page of a sweep or of several runs.
+    """Write a page, a table or a figure of a sweep or of several runs.
 
-    It compares the options of the sweep, by its own folder, or the runs: answers with paired
+    The page compares the options of the sweep, by its own folder, or the runs: answers with paired
     intervals, errors over time, settings that differ. With --play, it plays back runs of one scene;
     missing results are computed. The page of one run is already in its folder, as index.html.
+
+    The table has a row for each option and a column for each metric. It is printed without
+    --output. The best is in bold only where the intervals of all differences from it exclude 0. The
+    figure has the values of each option for the first metric, and the paired differences from the
+    best or the reference.
 
     \b
     Examples:
       stixel report results/simulated results/fabricated
       stixel report results/my_sweep --compare tracker --metrics iou_mean,centre_rmse_m
+      stixel report results/my_sweep --metrics iou_mean,centre_rmse_m --format tex
+      stixel report results/my_sweep --metrics centre_rmse_m --format pdf
       stixel report --play results/gp results/point
     """
+    from stixel_cli.answers.figures import differences
     from stixel_cli.border import write_new
     from stixel_cli.report.compare import default_page
     from stixel_cli.results.folder import PAGE
-    from stixel_cli.sweeps.page import asked_folders, sweep_page
+    from stixel_cli.sweeps.page import FIGURES, TABLES, asked_folders, sweep_page
 
+    forms = ("html", *TABLES, *FIGURES)
+    if form not in forms:
+        raise UserError(f"--format: {form}: must be one of {', '.join(forms)}")
     if player:
-        return play(folders, output, workers, trust_code)
+        if form != "html":
+            raise UserError("--play writes a page: leave out --format")
+        return _play(folders, output, workers, trust_code)
     asked = asked_folders(folders, metrics, reference, over, compare)
+    if form in TABLES:
+        text = TABLES[form](asked.answers)
+        if output is not None:
+            write_new(output, text)
+        say(text.rstrip("\n") if output is None else output)
+        return 0
+    if form in FIGURES:
+        file = output or default_page(folders, "figure", form)
+        write_new(file, differences(asked.answers[0], FIGURES[form]))
+        say_wrapped(asked.answers[0].sentence)
+        say(file)
+        return 0
     page = output or default_page(folders)
     given = {"--over": over, "--compare": compare, "--metrics": metrics, "--reference": reference}
     given["--output"] = None if output is None else str(output)
@@ -69,75 +102,8 @@ def report(
     return 0
 
 
-def table(
-    folders: Folders,
-    form: Annotated[str, typer.Option("--format", help="md, tex or csv.")] = "md",
-    output: Output = None,
-    over: Over = None,
-    compare: Compare = None,
-    metrics: Metrics = None,
-    reference: Reference = None,
-) -> int:
-    """Print one table of a sweep or of several runs.
-
-    Each option is a row, each metric a column. The best is in bold only where the intervals of all
-    differences from it exclude 0.
-
-    Example: stixel table results/my_sweep --metrics iou_mean,centre_rmse_m --format tex
-    """
-    from stixel_cli.border import write_new
-    from stixel_cli.sweeps.page import TABLES, asked_folders
-
-    if form not in TABLES:
-        raise UserError(f"--format: {form}: must be one of {', '.join(TABLES)}")
-    text = TABLES[form](asked_folders(folders, metrics, reference, over, compare).answers)
-    if output is None:
-        say(text.rstrip("\n"))
-    else:
-        write_new(output, text)
-        say(output)
-    return 0
-
-
-def figure(
-    folders: Folders,
-    form: Annotated[str, typer.Option("--format", help="svg, pdf or png.")] = "pdf",
-    output: Output = None,
-    over: Over = None,
-    compare: Compare = None,
-    metrics: Annotated[str | None, typer.Option("--metric", help="Metric of the figure.")] = None,
-    reference: Reference = None,
-) -> int:
-    """Write one figure of a sweep or of several runs.
-
-    It has the values of each option, and the paired differences from the best or the reference.
-
-    Example: stixel figure results/my_sweep --metric centre_rmse_m --format pdf
-    """
-    from stixel_cli.answers.figures import differences
-    from stixel_cli.border import write_new
-    from stixel_cli.report.compare import default_page
-    from stixel_cli.sweeps.page import FIGURES, asked_folders
-
-    if form not in FIGURES:
-        raise UserError(f"--format: {form}: must be one of {', '.join(FIGURES)}")
-    answer = asked_folders(folders, metrics, reference, over, compare).answers[0]
-    file = output or default_page(folders, "figure", form)
-    write_new(file, differences(answer, FIGURES[form]))
-    say_wrapped(answer.sentence)
-    say(file)
-    return 0
-
-
-def play(
-    folders: Folders, output: Output = None, workers: Workers = None, trust_code: TrustCode = False
-) -> int:
-    """Play back runs of one scene: short for report --play.
-
-    Of a sweep, all runs are played, and its page links to the player.
-
-    Example: stixel play results/gp results/point
-    """
+def _play(folders: list[Path], output: Path | None, workers: int | None, trust_code: bool) -> int:
+    """Write the page that plays runs of one scene, or a sweep, whose page then links to it."""
     if output is not None and not output.parent.is_dir():
         raise UserError(f"--output: the folder {output.parent} does not exist")
     from stixel_cli.border import write_new

@@ -41,7 +41,10 @@ def run(
     trust_code: options.TrustCode = False,
     config_dir: options.ConfigDir = None,
 ) -> int:
-    """Run one experiment; its help is `help_of_run`."""
+    """Run one experiment.
+
+    `help_of_run` is the rest of its help.
+    """
     from stixel_cli.config.compose import compose
     from stixel_cli.engine.progress import make_progress
     from stixel_cli.experiment.run import record_run
@@ -49,7 +52,13 @@ def run(
     from stixel_cli.results.folder import check_results
     from stixel_cli.sweeps.index import update_index
 
-    composition = compose(options.with_workers(overrides or [], workers))
+    folder = options.result_folder(overrides or [])
+    if folder is None:
+        composition = compose(options.with_workers(overrides or [], workers))
+    else:
+        stored = stored_run(folder, workers, trust_code)
+        tell_changed_code(stored)
+        composition = stored.composition
     if dry_run:
         check_results(results, name)
         _print_plan(composition, json)
@@ -60,6 +69,7 @@ def run(
         name,
         progress=make_progress(uncompiled(), advice=not json),
         on_scores=None if json else partial(print_scores, verbose),
+        rerun_of=folder,
     )
     print_run(made, json, verbose)
     update_index(results)
@@ -75,7 +85,7 @@ def _print_plan(composition: "Composition", json: bool) -> None:
 
     plan = planned_run(composition)
     if json:
-        print_json({"config": composition.resolved, "stages": plan_content(plan)["stages"]})
+        print_json({"config": composition.resolved, **plan_content(plan)})
         return
     sys.stdout.write(yaml.safe_dump(composition.resolved, sort_keys=False, allow_unicode=True))
     print_plan(plan)
@@ -109,6 +119,10 @@ def help_of_run() -> str:
 It renders the scene, measures the road user, tracks it, scores the track and draws pictures.
 Stages whose results are in the cache are not computed again.
 
+With a result folder in place of overrides, it repeats the run of that folder. The new folder is
+FOLDER-rerun, and the time. Executor and cache are those of this machine, all other settings are
+those of the folder.
+
 \b
 Groups and their options:
 {groups_text}
@@ -129,7 +143,8 @@ Examples:
   stixel run road_user=pedestrian path=crossing
   stixel run measurement=fabricated tracker.length_scale=0.6 seed=3
   stixel run rig=kitti stereo=bm --name kitti-bm
-  stixel run path=waypoints 'path.points=[[0,12],[3,15],[0,20]]' --workers 2"""
+  stixel run path=waypoints 'path.points=[[0,12],[3,15],[0,20]]' --workers 2
+  stixel run results/kitti-bm"""
 
 
 def stored_run(folder: Path, workers: int | None, trust_code: bool) -> "RunResult":

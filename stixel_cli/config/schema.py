@@ -219,7 +219,7 @@ def _check_prior(configuration: Configuration) -> None:
             known = ", ".join((*ROAD_USER_CLASSES, "unknown"))
             raise ValueError(
                 f"prior.road_user: {prior.class_file!r} is not known: must be one of {known}, or "
-                "the .json file of stixel learn-shape"
+                "the .json file of stixel new class"
             )
         from stixel_cli.tracking.contour.user_shape import read_class
 
@@ -229,7 +229,7 @@ def _check_prior(configuration: Configuration) -> None:
         if kind is not None and sensor not in known:
             raise ValueError(
                 f"prior.road_user: {prior.class_file} has no visible shape for "
-                f"tracker.seen_by={kind}: learn it, stixel learn-shape --sensor {sensor}"
+                f"tracker.seen_by={kind}: learn it, stixel new class --sensor {sensor}"
             )
         _check_size("road_user", [0.001 * one for one in known["size"]], prior)
     if prior.outline is not None:

@@ -1,4 +1,4 @@
-"""Learn what is known of a class: for `stixel learn-shape`, and for our classes.
+"""Learn what is known of a class: for `stixel new class`, and for our classes.
 
     python -m stixel_cli.experiment.class_shapes
 

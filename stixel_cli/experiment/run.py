@@ -1,4 +1,4 @@
-"""One experiment from its configuration to its result folder: what `run`, `rerun` and Python do."""
+"""One experiment from its configuration to its result folder: what `stixel run` and Python do."""
 
 import shlex
 import time
@@ -127,7 +127,7 @@ def record_run(
         command = ["stixel", "run", *composition.overrides, *PRESETS.option]
         stem = joined_name(differences(composition.choices, composition.overrides))
     else:
-        command = ["stixel", "rerun", str(rerun_of)]
+        command = ["stixel", "run", str(rerun_of)]
         stem = f"{rerun_of.resolve().name.lstrip('.')[:100]}-rerun"
     manifest = {
         "command": shlex.join(command),

@@ -32,7 +32,7 @@ class PriorShape:
         road_user: the class. The tracker `contour` takes the class's outline, with this length and
             width, instead of `shape`. `unknown`: it compares the classes, each with its own size;
             other trackers take the values above and do not report a class. FILE.json: the class
-            that `stixel learn-shape` wrote; the scans do not replace it.
+            that `stixel new class` wrote; the scans do not replace it.
         length_std, width_std: of the class's length and width, relative to them.
         outline: table of the target's vertices, `.csv` or `.npz`: x and y, m, along and to the left
             of the heading. `contour` takes it as one more form that the target may have; null: no.

@@ -11,6 +11,7 @@ import typer
 
 from stixel_cli import __version__
 from stixel_cli.cli.app import app, main
+from stixel_cli.cli.errors import REPLACED
 from stixel_cli.config.folders import STUDIES, group_options
 from stixel_cli.engine.errors import StageFailure
 from stixel_cli.errors import UserError
@@ -27,8 +28,10 @@ def stand_in(monkeypatch):
         (command,) = (one for one in app.registered_commands if one.callback.__name__ == "run")
         stand_in = functools.wraps(command.callback)(lambda **given: body(*given.values()))
         monkeypatch.setattr(command, "callback", stand_in)
+        typer.main.get_command.cache_clear()  # See `conftest.py`.
 
-    return replace
+    yield replace
+    typer.main.get_command.cache_clear()
 
 
 def test_help(capsys):
@@ -38,6 +41,28 @@ def test_help(capsys):
     assert "report " in answer
     assert main([]) == 0
     assert capsys.readouterr().out == answer
+
+
+def test_help_groups_every_command(capsys):
+    assert main(["--help"]) == 0
+    _, start, shown = capsys.readouterr().out.partition("Run experiments:\n")
+    assert len(re.findall(r"^\S.*:$", start + shown, flags=re.MULTILINE)) == 4
+    named = re.findall(r"^  (\w+) +[A-Z]", shown, flags=re.MULTILINE)
+    assert sorted(named) == sorted(COMMANDS) and len(named) <= 16
+
+
+@pytest.mark.parametrize("word", REPLACED)
+@pytest.mark.parametrize("more", [[], ["--help"], ["results/a", "--odd"]])
+def test_an_old_command_names_the_new_one(word, more, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main([word, *more]) == 2
+    said = capsys.readouterr()
+    assert said.err == f"stixel: {word} is gone: use stixel {REPLACED[word]}\n" and not said.out
+    command, *options = REPLACED[word].replace(",", " ").split()
+    params = [name for one in COMMANDS[command].params for name in one.opts]
+    known = {*params, *getattr(COMMANDS[command], "commands", ())}
+    assert {one for one in options if one.startswith("-") or one == "class"} <= known
+    assert not list(tmp_path.iterdir())
 
 
 def test_help_of_run_shows_groups_and_examples(capsys):
@@ -50,14 +75,18 @@ def test_help_of_run_shows_groups_and_examples(capsys):
 
 def test_help_of_report(capsys):
     assert main(["report", "-h"]) == 0
-    assert "one page of a sweep or" in capsys.readouterr().out
+    assert "a page, a table or a figure" in capsys.readouterr().out
 
 
 COMMANDS = typer.main.get_command(app).commands
 
 
 @pytest.mark.parametrize(
-    "command", [*COMMANDS, *(f"cache {name}" for name in COMMANDS["cache"].commands)]
+    "command",
+    [
+        *COMMANDS,
+        *(f"{group} {name}" for group in ("cache", "new") for name in COMMANDS[group].commands),
+    ],
 )
 def test_every_command_has_a_help(command, capsys):
     assert main([*command.split(), "--help"]) == 0
@@ -156,7 +185,7 @@ def test_known_errors_are_one_line(stand_in, capsys):
     assert capsys.readouterr().err == "stixel: rig.file: cannot be read\n"
 
 
-@pytest.mark.parametrize("line", ["show {}", "sweep --resume {}", "verify {}", "study {}"])
+@pytest.mark.parametrize("line", ["ls {}", "sweep --resume {}", "verify {}", "study {}"])
 def test_a_path_that_no_disk_takes_is_one_line(line, capsys):
     assert main(line.format("x" * 300).split()) == 2
     said = capsys.readouterr().err
@@ -312,9 +341,9 @@ def test_an_unknown_road_user_points_to_the_mesh(capsys):
 @pytest.mark.parametrize(
     ("command", "text"),
     [
-        ("rerun", "FOLDER-rerun, and the time"),
+        ("run", "The new folder is FOLDER-rerun, and the time"),
         ("assess", "default: assess.html"),
-        ("show", "A run: its origin, scores and stages"),
+        ("ls", "A run: its origin, scores and stages"),
     ],
 )
 def test_the_help_says_what_a_command_does(command, text, capsys):

@@ -138,7 +138,7 @@ def test_the_shell_is_answered_fast_and_without_heavy_imports(tmp_path):
         ("stixel ex", "explain"),
         ("stixel cache ve", "verify"),
         ("stixel sweep road_user=car,c", "cyclist"),
-        ("stixel show resul", "results/"),
+        ("stixel ls resul", "results/"),
         ("stixel run --wor", "--workers"),
     ):
         (tmp_path / "results").mkdir(exist_ok=True)

@@ -105,12 +105,12 @@ RUN = {
     "lineage.json": JSONS | {"stages": text('{"stages": 3, "code": 4}')},
 }
 READS = {
-    "show": ("config.yaml", "manifest.json", "metrics.json"),
-    "compare": ("config.yaml", "manifest.json", "metrics.json"),
+    "ls": ("config.yaml", "manifest.json", "metrics.json"),
+    "ls --code": ("config.yaml", "manifest.json", "metrics.json"),
     "report": ("config.yaml", "manifest.json", "metrics.json", "scores.npz"),
     "explain": ("config.yaml", "manifest.json", "metrics.json", "lineage.json"),
-    "rerun": ("config.yaml", "manifest.json", "metrics.json", "lineage.json"),
-    "play": ("config.yaml", "manifest.json", "metrics.json", "lineage.json"),
+    "run": ("config.yaml", "manifest.json", "metrics.json", "lineage.json"),
+    "report --play": ("config.yaml", "manifest.json", "metrics.json", "lineage.json"),
     "verify": ("config.yaml", "manifest.json", "metrics.json", "lineage.json", "scores.npz"),
 }
 """What each command reads of a run's folder."""
@@ -158,9 +158,9 @@ CASES = [(c, name, kind) for c, names in READS.items() for name in names for kin
 @pytest.mark.parametrize(("command", "name", "kind"), CASES)
 def test_a_run_is_refused(results, capsys, command, name, kind):
     RUN[name][kind](results / "run" / name)
-    words = [results / "whole"] if command in ("compare", "report") else []
+    words = [results / "whole"] if command in ("ls --code", "report") else []
     before = sorted(results.rglob("*"))
-    said = one_line(capsys, command, results / "run", *words)
+    said = one_line(capsys, *command.split(), results / "run", *words)
     assert Path(name).name in said
     assert str(results / "run") in said
     assert sorted(results.rglob("*")) == before
@@ -172,9 +172,9 @@ def test_a_run_with_removed_keys_is_read_and_not_computed_again(results, capsys)
     content["tracker"]["contour_points"] = 120
     file.write_text(yaml.safe_dump(content | {"pace": {"speed": 5.0}}), encoding="utf-8")
     both = [run, results / "whole"]
-    for words in (["show", run], ["ls", results], ["compare", *both], ["report", *both]):
+    for words in (["ls", run], ["ls", results], ["ls", *both], ["report", *both]):
         assert main(list(map(str, words))) == 0
-    for command in ("rerun", "verify"):
+    for command in ("run", "verify"):
         assert "unknown key" in one_line(capsys, command, run)
 
 
@@ -208,12 +208,12 @@ ASKED = YAMLS | {
 
 
 @pytest.mark.parametrize("kind", ASKED)
-@pytest.mark.parametrize("words", [["show"], ["explain"], ["sweep", "--resume"]])
+@pytest.mark.parametrize("words", [["ls"], ["explain"], ["sweep", "--resume"]])
 def test_a_sweep_is_refused(results, capsys, words, kind):
     ASKED[kind](results / "sweep" / "sweep.yaml")
     before = sorted(results.rglob("*"))
-    if kind == "odd run" and words == ["show"]:
-        return  # `stixel show` does not compose the runs.
+    if kind == "odd run" and words == ["ls"]:
+        return  # `stixel ls` does not compose the runs.
     said = one_line(capsys, *words, results / "sweep")
     assert "sweep.yaml" in said or kind == "odd run"
     assert sorted(results.rglob("*")) == before
@@ -224,7 +224,7 @@ def test_a_table_of_a_sweep(results, capsys, kind):
     damages = NO_FILES | {"binary": text(b"\xff"), "field": text('a,"b\n' + "x" * 200_000)}
     damages[kind](results / "sweep" / "runs.csv")
     capsys.readouterr()
-    assert main(["show", str(results / "sweep")]) == 2
+    assert main(["ls", str(results / "sweep")]) == 2
     said = capsys.readouterr().err
     assert said.count("\n") == 1
     assert "runs.csv" in said
@@ -242,15 +242,15 @@ def test_a_damaged_run_is_recomputed(results, capsys, name, kind):
 
 
 @pytest.mark.parametrize("kind", YAMLS)
-@pytest.mark.parametrize("words", [["sweep", "--from"], ["plan", "--from"], ["study"]])
+@pytest.mark.parametrize("words", [["sweep", "--from"], ["explain", "--from"], ["study"]])
 def test_a_file_of_the_user_is_refused(tmp_path, capsys, monkeypatch, words, kind):
     monkeypatch.chdir(tmp_path)
     file = tmp_path / "mine.yaml"
     file.write_text("axes: {seed: [0, 1]}\n")
     YAMLS[kind](file)
     before = os.listdir(tmp_path)
-    if kind == "empty" and words[0] == "plan":
-        return  # It plans the one run of no axes.
+    if kind == "empty" and words[0] == "explain":
+        return  # It explains the one run of no axes.
     said = one_line(capsys, *words, "mine.yaml")
     assert "mine.yaml" in said or "nothing to sweep" in said
     assert os.listdir(tmp_path) == before

@@ -1,4 +1,4 @@
-"""`stixel ls`, `show`, `compare`: folders made by hand, so nothing is computed."""
+"""`stixel ls` of many runs, of one and of several: folders made by hand, nothing is computed."""
 
 import json
 
@@ -134,10 +134,10 @@ def test_ls_of_an_empty_folder(tmp_path, capsys):
 
 def test_show(results, capsys):
     folder = results / "first"
-    shown = answer(capsys, "show", str(folder))
+    shown = answer(capsys, "ls", str(folder))
     assert shown["settings"]["tracker.basis_points"] == "50"
     assert shown["metrics"]["centre_rmse_m"] == 0.25
-    assert main(["show", str(folder)]) == 0
+    assert main(["ls", str(folder)]) == 0
     said = capsys.readouterr().out
     for text in (
         "stixel run seed=0",
@@ -153,16 +153,16 @@ def test_show_survives_a_manifest_of_anything(results, capsys):
     (results / "first" / "manifest.json").write_text(
         '{"stages": [1, {"name": null}], "git": 3, "versions": [], "choices": "x"}'
     )
-    assert main(["show", str(results / "first")]) == 0
+    assert main(["ls", str(results / "first")]) == 0
 
 
 def test_show_of_a_sweep(tmp_path, capsys):
     folder = tmp_path / "sweep"
     words = ["measurement=fabricated", "path.duration=0.3", "tracker=point,box", "--name", "sweep"]
     assert main(["sweep", *words, "--results", str(tmp_path)]) == 0
-    shown = answer(capsys, "show", str(folder))
+    shown = answer(capsys, "ls", str(folder))
     assert [row["status"] for row in shown["runs"]] == ["done", "done"]
-    assert main(["show", str(folder)]) == 0
+    assert main(["ls", str(folder)]) == 0
     said = capsys.readouterr().out
     assert "2 done" in said and "centre" in said
     assert main(["verify", str(folder)]) == 2
@@ -173,10 +173,10 @@ def test_show_of_a_sweep(tmp_path, capsys):
 
 def test_compare_shows_what_differs(results, capsys):
     folders = [str(results / name) for name in ("first", "second")]
-    found = answer(capsys, "compare", *folders)
+    found = answer(capsys, "ls", *folders)
     assert found["settings"]["tracker.basis_points"] == {"first": "50", "second": "20"}
     assert found["metrics"] == {"centre_rmse_m": {"first": 0.25, "second": 0.5}}
-    assert main(["compare", *folders]) == 0
+    assert main(["ls", *folders]) == 0
     said = capsys.readouterr().out
     assert "tracker.basis_points" in said
     assert "0.250" in said and "due to chance" in said
@@ -186,7 +186,7 @@ def test_compare_shows_what_differs(results, capsys):
 def test_compare_of_two_that_are_alike(results, capsys):
     make_folder(results / "alike", metrics={"centre_rmse_m": 0.5, "iou_mean": 0.8})
     make_folder(results / "too", metrics={"centre_rmse_m": 0.5, "iou_mean": 0.8})
-    assert main(["compare", str(results / "alike"), str(results / "too")]) == 0
+    assert main(["ls", str(results / "alike"), str(results / "too")]) == 0
     said = capsys.readouterr().out
     assert "the settings are the same" in said
     assert "the metrics are the same" in said
@@ -194,6 +194,6 @@ def test_compare_of_two_that_are_alike(results, capsys):
 
 def test_brackets_in_names_are_no_markup(results, capsys):
     folder = make_folder(results / "[bold]x[")
-    assert main(["show", str(folder)]) == 0
+    assert main(["ls", str(folder)]) == 0
     assert main(["ls", str(results)]) == 0
     assert "[bold]x[" in capsys.readouterr().out

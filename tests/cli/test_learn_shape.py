@@ -25,7 +25,7 @@ def test_the_overrides_that_it_prints_use_the_class_of_the_meshes(tmp_path, monk
     monkeypatch.chdir(tmp_path)
     meshes = [mesh(tmp_path, "a.obj", 4.0, 1.6), mesh(tmp_path, "b.obj", 5.0, 2.0)]
     given = ["--sensor", "outline", "--output", "vans.json"]
-    assert main(["learn-shape", *meshes, *given]) == 0
+    assert main(["new", "class", *meshes, *given]) == 0
     assert {file.name for file in tmp_path.glob("*")} == {"a.obj", "b.obj", "vans.json"}
     overrides = capsys.readouterr().out.split()
     p = compose(["measurement=fabricated", "tracker=contour", *overrides]).configuration.prior
@@ -59,7 +59,7 @@ def test_wrong_input_is_one_line_and_no_file(tmp_path, monkeypatch, capsys, argu
     monkeypatch.chdir(tmp_path)
     mesh(tmp_path, "a.obj", 4.0, 1.6)
     (tmp_path / "old.json").write_text("{}", encoding="utf-8")
-    assert main(["learn-shape", *arguments]) == 2
+    assert main(["new", "class", *arguments]) == 2
     error = capsys.readouterr().err
     assert fault in error and error.count("\n") == 1
     assert not (tmp_path / "x.json").exists()

@@ -27,7 +27,7 @@ def test_it_overwrites_nothing_and_needs_a_name(tmp_path, monkeypatch, capsys):
         (["tracker", "my-tracker"], "must be the name of a new module"),
         (["tracker", "numpy"], "must be the name of a new module"),
         (["tracker", "class"], "must be the name of a new module"),
-        (["sensor", "mine"], "is not one of 'tracker'"),
+        (["sensor", "mine"], "no such command 'sensor'"),
     ):
         assert main(["new", *words]) == 2
         assert fault in capsys.readouterr().err

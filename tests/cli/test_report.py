@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from stixel_cli.cli.app import main
-from stixel_cli.cli.report import figure, report, table
+from stixel_cli.cli.report import report
 from stixel_cli.errors import UserError
 
 
@@ -64,13 +64,12 @@ def test_report_of_one_folder_names_its_page_or_its_fault(folders, tmp_path):
 
 
 def test_a_table_and_a_figure_of_runs(folders, capsys):
-    assert table(folders) == 0
+    assert report(folders, form="md") == 0
     said = capsys.readouterr().out
     assert "| one | 1 | 0.500 |" in said and "**" not in said
-    assert figure(folders, "svg") == 0
+    assert report(folders, form="svg") == 0
     assert (folders[0].parent / "figure-one-two.svg").exists()
-    for command in ("table", "figure"):
-        assert main([command, *map(str, folders), "--format", "doc"]) == 2
-        assert "--format: doc: must be one of" in capsys.readouterr().err
+    assert main(["report", *map(str, folders), "--format", "doc"]) == 2
+    assert "--format: doc: must be one of" in capsys.readouterr().err
     with pytest.raises(UserError, match="--compare: is for one sweep"):
-        table(folders, compare="seed")
+        report(folders, form="md", compare="seed")

@@ -12,7 +12,7 @@ from stixel_cli.studies.file import find_study, read_study
 from stixel_cli.sweeps.file import is_study
 
 FEW = {"measurement": "fabricated", "path.duration": 0.3}
-PLANNING = [["plan"], ["explain"], ["sweep", "--dry-run"]]
+PLANNING = [["explain"], ["sweep", "--dry-run"]]
 
 
 @pytest.fixture
@@ -198,7 +198,7 @@ def test_trusted_code_of_a_study_is_told_and_runs_once(evil, tmp_path, capsys):
         ("experiment/e", "# @package _global_\ncache: {folder: CACHE}\n", ["cache.max_size=1GB"]),
     ],
 )
-@pytest.mark.parametrize("command", [["plan"], ["run"], ["run", "--dry-run"], ["tune"]])
+@pytest.mark.parametrize("command", [["explain"], ["run"], ["run", "--dry-run"], ["tune"]])
 def test_an_option_does_not_vouch_for_what_its_preset_names(
     command, preset, content, typed, evil, tmp_path, capsys
 ):
@@ -230,7 +230,7 @@ def test_a_trusted_preset_is_told_once_and_used(preset, content, named, evil, tm
     kept = str(tmp_path / "kept")
     file.write_text(content.replace("CACHE", kept))
     (tmp_path / "evil.py").write_text((evil / "evil.py").read_text())
-    words = ["plan", "measurement=fabricated", "path.duration=0.3", "seed=0,1"]
+    words = ["run", "--dry-run", "measurement=fabricated", "path.duration=0.3", "seed=0"]
     words += [preset.replace("/", "="), "--config-dir", str(evil / "conf"), "--trust-code"]
     assert main(words) == 0, capsys.readouterr().err
     told = f"stixel: {evil / 'conf'}: may run {named.replace('CACHE', kept)} (--trust-code)\n"
@@ -244,7 +244,7 @@ def test_the_very_key_typed_replaces_what_a_preset_names(evil, tmp_path, capsys)
     file = evil / "conf" / "cache" / "shared.yaml"
     file.parent.mkdir(parents=True)
     file.write_text(f"folder: {evil / 'kept'}\nmax_size: 1GB\n")
-    words = ["plan", "measurement=fabricated", "path.duration=0.3", "cache=shared"]
+    words = ["run", "--dry-run", "measurement=fabricated", "path.duration=0.3", "cache=shared"]
     words += [f"cache.folder={tmp_path / 'mine'}", "--config-dir", str(evil / "conf")]
     assert main(words) == 0, capsys.readouterr().err
 

@@ -95,7 +95,7 @@ def test_interpolations_and_options_of_ones_own_are_accepted(name, content):
 
 
 def test_the_command_writes_them(tmp_path):
-    result = CliRunner().invoke(app, ["schema", str(tmp_path / "new")])
+    result = CliRunner().invoke(app, ["describe", "--schema", str(tmp_path / "new")])
     assert result.exit_code == 0
     written = {file.name: json.loads(file.read_text()) for file in (tmp_path / "new").iterdir()}
     assert written == SCHEMAS

@@ -142,11 +142,11 @@ def test_without_truth_scores_are_left_out_and_the_start_comes_from_the_scans(ma
     assert np.isnan(read_scored_run(folder).scores.iou).all()
 
 
-@pytest.mark.parametrize("command", ["show", "ls", "verify --cached", "rerun", "explain"])
+@pytest.mark.parametrize("command", ["ls", "verify --cached", "run", "explain"])
 def test_a_run_without_truth_is_a_run_like_any_other(command, made, shared, tmp_path, capsys):
     name = f"blind-{command[:4]}"
     run_json(capsys, shared, *from_files(made, None), "pictures.frames=[]", "--name", name)
-    extra = ["--results", str(tmp_path)] if command == "rerun" else []
+    extra = ["--results", str(tmp_path)] if command == "run" else []
     assert main([*command.split(), *extra, str(shared / name)]) == 0, capsys.readouterr().err
 
 
@@ -158,10 +158,10 @@ def test_runs_with_and_without_truth_are_compared_and_played(made, shared, tmp_p
         run_json(capsys, shared, *from_files(made, truth), *more, "pictures.frames=[]",
                  "--name", name)  # fmt: skip
     folders = [str(shared / name) for name in names]
-    assert main(["compare", *folders]) == 0
+    assert main(["ls", *folders]) == 0
     assert main(["report", *folders, "--output", str(tmp_path / "a.html")]) == 0
-    assert main(["play", *folders[1:], "--output", str(tmp_path / "b.html")]) == 0
-    assert main(["play", *folders[:2], "--output", str(tmp_path / "c.html")]) == 2
+    assert main(["report", "--play", *folders[1:], "--output", str(tmp_path / "b.html")]) == 0
+    assert main(["report", "--play", *folders[:2], "--output", str(tmp_path / "c.html")]) == 2
     assert "measurement.truth is" in capsys.readouterr().err
 
 

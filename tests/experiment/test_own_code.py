@@ -188,19 +188,19 @@ def stored(own, capsys):
 
 
 @pytest.mark.parametrize(
-    "command", ["show", "ls", "compare", "report", "explain", "explain-sweep", "show-sweep"]
+    "command", ["ls", "ls-run", "ls-two", "ls-sweep", "report", "explain", "explain-sweep"]
 )
 def test_commands_that_only_read_a_folder_import_nothing_from_it(command, stored, capsys):
     (stored.folder / f"{stored.helper}.py").write_text("OFFSET = 7.0\n")
     runs = [str(stored.results / "run"), str(stored.results / "sweep" / "runs" / "0001")]
     arguments = {
-        "show": ["show", runs[0]],
+        "ls-run": ["ls", runs[0]],
         "ls": ["ls", str(stored.results)],
-        "compare": ["compare", *runs],
+        "ls-two": ["ls", *runs],
         "report": ["report", *runs, "--output", str(stored.folder / "page.html")],
         "explain": ["explain", runs[0]],
         "explain-sweep": ["explain", str(stored.results / "sweep")],
-        "show-sweep": ["show", str(stored.results / "sweep")],
+        "ls-sweep": ["ls", str(stored.results / "sweep")],
     }[command]
     assert main(arguments) == 0, capsys.readouterr().err
     assert stored.imports() == 0
@@ -209,7 +209,7 @@ def test_commands_that_only_read_a_folder_import_nothing_from_it(command, stored
 
 
 @pytest.mark.parametrize(
-    "command", ["rerun", "verify", "play", "export --format csv", "sweep --resume"]
+    "command", ["run", "verify", "report --play", "export --format csv", "sweep --resume"]
 )
 def test_commands_that_compute_refuse_the_code_of_a_folder_unless_it_is_trusted(
     command, stored, tmp_path, monkeypatch, capsys
@@ -233,12 +233,14 @@ def computing(command, results, output):
     """A folder and the command line that computes with it."""
     folder = results / ("sweep" if "sweep" in command else "run")
     line = [*command.split(), str(folder)]
-    line += ["--output", str(output / "page.html")] if command[0] in "pe" else []
-    line += ["--results", str(output / "new")] if command == "rerun" else []
+    line += (
+        ["--output", str(output / "page.html")] if command.startswith(("report", "export")) else []
+    )
+    line += ["--results", str(output / "new")] if command == "run" else []
     return folder, line
 
 
-@pytest.mark.parametrize("command", ["rerun", "verify", "play", "sweep --resume"])
+@pytest.mark.parametrize("command", ["run", "verify", "report --play", "sweep --resume"])
 def test_a_folder_that_was_made_here_needs_no_trust_while_its_code_is_the_same(
     command, stored, tmp_path, monkeypatch, capsys
 ):

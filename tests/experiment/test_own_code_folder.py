@@ -88,7 +88,7 @@ def test_all_values_of_parameters_are_stored_and_compared(own, words, capsys):
     stored = yaml.safe_load((one / "config.yaml").read_text())["tracker"]
     assert stored == {"kind": "own", "function": f"{own.name}:track", "alpha": 0.5, "mode": "near"}
     capsys.readouterr()
-    assert main(["compare", str(one), str(other)]) == 0
+    assert main(["ls", str(one), str(other)]) == 0
     assert "tracker.mode   near   far" in capsys.readouterr().out
     # The typed default is the same setting.
     again = run_json(capsys, own.results, *words, "tracker.alpha=0.5", "--name", "c")
@@ -119,7 +119,7 @@ def test_the_modules_are_stored_and_others_are_named(own, words, capsys):
     assert {file.name for file in (folder / "code").iterdir()} == {
         f"{own.name}.py", f"{own.helper}.py",
     }  # fmt: skip
-    for command in (["verify"], ["rerun", "--results", str(own.results)]):
+    for command in (["verify"], ["run", "--results", str(own.results)]):
         (own.folder / f"{own.helper}.py").write_text("OFFSET = 1.0\n")
         capsys.readouterr()
         assert main([*command, str(folder), "--trust-code"]) == 0

@@ -36,9 +36,9 @@ def test_a_smoothed_track_is_next_to_that_of_the_filter(results, capsys):
     filtered, smoothed = (np.load(both / name) for name in ("track.npz", "smoothed.npz"))
     assert set(filtered) == set(smoothed)
     assert not np.allclose(filtered["means"][:-2], smoothed["means"][:-2])
-    main(["show", str(both)])
+    main(["ls", str(both)])
     assert "smoothed, lag 2" in capsys.readouterr().out
-    main(["compare", str(plain), str(both)])
+    main(["ls", str(plain), str(both)])
     assert "IoU of the outline, mean, smoothed" in capsys.readouterr().out
 
 

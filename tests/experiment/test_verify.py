@@ -1,4 +1,4 @@
-"""`stixel rerun` and `stixel verify`: what is the same, what differs, and folders to distrust."""
+"""`stixel run FOLDER` and `verify`: what is the same, what differs, and folders to distrust."""
 
 import json
 import os
@@ -72,7 +72,7 @@ def edit_json(file, change):
 
 def test_a_rerun_gives_the_same_bytes(folder, tmp_path, capsys, monkeypatch):
     monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "empty"))
-    assert main(["rerun", str(folder), *into(tmp_path), "--name", "again", "--json"]) == 0
+    assert main(["run", str(folder), *into(tmp_path), "--name", "again", "--json"]) == 0
     answer = json.loads(capsys.readouterr().out)
     again = tmp_path / "again"
     assert answer["folder"] == str(again)
@@ -81,11 +81,30 @@ def test_a_rerun_gives_the_same_bytes(folder, tmp_path, capsys, monkeypatch):
         assert (folder / file).read_bytes() == (again / file).read_bytes(), file
     manifest = json.loads((again / "manifest.json").read_text())
     assert manifest["rerun_of"] == str(folder)
+    assert manifest["command"] == f"stixel run {folder}"
     assert manifest["choices"]["measurement"] == "fabricated"
 
 
+def test_a_folder_is_known_by_its_files_where_its_name_has_an_equals_sign(
+    folder, capsys, tmp_path, monkeypatch
+):
+    named = folder.rename(tmp_path / "rig=kitti")
+    monkeypatch.chdir(tmp_path)
+    for words in (["run", named.name, "--name", "again"], ["run", "--dry-run", str(named)]):
+        assert main(words) == 0
+    assert json.loads(Path("results/again/manifest.json").read_text())["rerun_of"] == named.name
+    assert main(["explain", named.name]) == 0
+    assert "name either one result folder or overrides" in refused(
+        capsys, "run", named.name, "seed=1"
+    )
+    (named / "manifest.json").unlink()
+    capsys.readouterr()
+    assert main(["run", "--dry-run", "--json", named.name]) == 0
+    assert json.loads(capsys.readouterr().out)["config"]["rig"]["width"] == 1242
+
+
 def test_a_rerun_s_name_follows_the_folder_s(folder, capsys, tmp_path):
-    assert main(["rerun", str(folder), *into(tmp_path), "--workers", "1"]) == 0
+    assert main(["run", str(folder), *into(tmp_path), "--workers", "1"]) == 0
     (again,) = folder.parent.glob("copy-rerun-*")
     assert json.loads((again / "manifest.json").read_text())["workers"] == 1
 
@@ -170,7 +189,7 @@ def test_a_folder_of_an_older_version(folder, capsys, tmp_path):
     code, found = verified(capsys, folder)
     assert code == 0
     assert f"stixel 0.0.1 → {__version__}" in found["changes"]
-    assert main(["rerun", str(folder), *into(tmp_path), "--name", "again"]) == 0
+    assert main(["run", str(folder), *into(tmp_path), "--name", "again"]) == 0
     capsys.readouterr()
     assert main(["verify", str(folder), "--cached"]) == 0
     assert "the keys of the stages are unknown: lineage.json is missing" in capsys.readouterr().out
@@ -244,7 +263,7 @@ def test_aliases_that_multiply_are_refused_at_once(folder, capsys):
     lines = ["a0: &a0 [x, x, x, x, x, x, x, x, x, x]"]
     lines += [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 10)}]" for i in range(1, 12)]
     (folder / "config.yaml").write_text("\n".join(lines))
-    for command in ("show", "rerun", "verify"):
+    for command in ("ls", "run", "verify"):
         assert "more than 4000000 values" in refused(capsys, command, str(folder))
 
 
@@ -253,7 +272,7 @@ def test_a_place_that_cannot_be_written(folder, capsys, monkeypatch):
         raise OSError(30, "Read-only file system")
 
     monkeypatch.setattr(Path, "mkdir", read_only)
-    said = refused(capsys, "rerun", str(folder), *into(folder.parent / "new"))
+    said = refused(capsys, "run", str(folder), *into(folder.parent / "new"))
     assert "Read-only file system" in said
     monkeypatch.undo()
     monkeypatch.setattr("tempfile.mkdtemp", read_only)
@@ -313,6 +332,6 @@ def test_edited_code_is_named(tmp_path):
 
 def test_rerun_answers_as_run_does(folder, capsys, tmp_path):
     answer = run_json(capsys, tmp_path / "results", *FABRICATED)
-    assert main(["rerun", str(folder), "--json", *into(tmp_path / "new")]) == 0
+    assert main(["run", str(folder), "--json", *into(tmp_path / "new")]) == 0
     again = json.loads(capsys.readouterr().out)
     assert again["metrics"] == answer["metrics"]

@@ -25,7 +25,7 @@ def _commands(group, before: tuple[str, ...] = ()):
 
 
 COMMANDS = dict(_commands(typer.main.get_command(app)))
-OVERRIDES = [("run",), ("sweep",), ("plan",), ("explain",)]
+OVERRIDES = [("run",), ("sweep",), ("explain",)]
 INCOMPLETE = [[], ["cache"], ["completion"], ["study", "--dry-run", "rq2"], ["doctor", "x"]]
 NAMES = ("x", ".", "..", "../x", "a/b", "/", "~", "-", "rq2", "prior_width", "here", "here/x")
 
@@ -37,9 +37,9 @@ RIGHT = (
     "run --dry-run rig=kitti stereo=bm --name kitti-bm seed=3",
     "sweep --dry-run tracker.length_scale=0.2,0.4 seed=range(0,3) --shuffle 3",
     "sweep --dry-run --from prior_width seed=choice(1,2) measurement=fabricated",
-    "plan road_user=glob(*) path=turn,s_curve measurement=fabricated",
-    "plan --json tracker.sigma_f=range(0.1,0.5,0.2) tracker=gp_ekf --pictures",
-    "plan rig.width=${rig.height} start.velocity=${path.speed} path=turn path.speed=3",
+    "sweep --dry-run road_user=glob(*) path=turn,s_curve measurement=fabricated",
+    "sweep --dry-run --json tracker.sigma_f=range(0.1,0.5,0.2) tracker=gp_ekf --pictures",
+    "explain rig.width=${rig.height} start.velocity=${path.speed} path=turn path.speed=3",
     "explain tracker.length_scale=0.5,0.6 seed=0,1 --json",
     "study --dry-run rq2 road_user=car seed=range(0,2) --name rq2-car",
     "cache gc --max-size 10GB --older-than 30d --dry-run",

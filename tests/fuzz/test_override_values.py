@@ -1,6 +1,6 @@
-"""Every key of the configuration with values of every type, on `run --dry-run` and on `plan`.
+"""Every key of the configuration with values of every type, on `run --dry-run` and on `explain`.
 
-What `run` takes, `plan` takes, and the configuration that is printed is read again as it is: a
+What `run` takes, `explain` takes, and the configuration that is printed is read again as it is: a
 result folder holds it.
 """
 
@@ -56,8 +56,8 @@ def draw_overrides(rng: random.Random) -> list[str]:
 
 
 def draw_words(rng: random.Random, place: Path) -> list[str]:
-    """A run or a plan that prints its configuration or its nodes."""
-    words = rng.choice((["run", "--json", "--dry-run"], ["plan", "--json"]))
+    """A run that prints its configuration, or an explanation of its nodes."""
+    words = rng.choice((["run", "--json", "--dry-run"], ["explain", "--json"]))
     return [*words, *draw_overrides(rng)]
 
 
@@ -66,14 +66,14 @@ def disagreement(words: list[str], got: Answer) -> str:
     if got.code != 0:
         return ""
     overrides = [word for word in words[1:] if not word.startswith("--")]
-    if words[0] == "plan":
+    if words[0] == "explain":
         run = answer(["run", "--json", "--dry-run", *overrides])
         return "" if run.code == 0 or "several values" in run.err else f"run refuses: {run.err}"
     resolved = json.loads(got.out)["config"]
     if json.loads(json.dumps(asdict(from_resolved(resolved)))) != resolved:
         return "the configuration is another one when it is read again"
-    plan = answer(["plan", "--json", *overrides])
-    return "" if plan.code == 0 else f"plan refuses: {plan.err}"
+    why = answer(["explain", "--json", *overrides])
+    return "" if why.code == 0 else f"explain refuses: {why.err}"
 
 
 def test_each_is_answered(tmp_path, monkeypatch):

@@ -168,7 +168,7 @@ def given(clip, *more):
 
 def test_the_command_writes_a_rig_for_the_next_recording(clip, tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "cache"))
-    assert main(["calibrate", *given(clip), "--json"]) == 0
+    assert main(["assess", "--calibrate", *given(clip), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     columns = RIG.disparity_error_basis(RIG.disparity_error_columns)
     errors = columns @ (np.array(found["disparity_error"]) - CURVE)
@@ -176,7 +176,7 @@ def test_the_command_writes_a_rig_for_the_next_recording(clip, tmp_path, monkeyp
     assert max(found["disparity_error_std"]) < 0.25
     assert found["length_ratio"] == pytest.approx(1.0 / 1.04, abs=0.015)
     file = tmp_path / "rig.yaml"
-    assert main(["calibrate", *given(clip), "--output", str(file)]) == 0
+    assert main(["assess", "--calibrate", *given(clip), "--output", str(file)]) == 0
     overrides = shlex.split(capsys.readouterr().out.splitlines()[0])
     scans = ["road_user=car", "start.range=[8,20]"]
     stated = compose(given(clip, *scans, *overrides)).configuration.rig
@@ -185,13 +185,13 @@ def test_the_command_writes_a_rig_for_the_next_recording(clip, tmp_path, monkeyp
     # What is stated is used, and calibrated anew by the command alone.
     with computed_stages(compose(given(clip, *scans, *overrides)), ["rig"]) as (_, load):
         assert load("rig") == [stated]
-    assert main(["calibrate", *given(clip, *overrides), "--json"]) == 0
+    assert main(["assess", "--calibrate", *given(clip, *overrides), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["disparity_error"] == found["disparity_error"]
 
 
 def test_the_command_names_no_residual_that_it_has_not(clip, tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "cache"))
-    few = ["calibrate", *given(clip), "source.frames=0:3"]
+    few = ["assess", "--calibrate", *given(clip), "source.frames=0:3"]
     assert main([*few, "--json"]) == 0
     assert "median_after" not in json.loads(capsys.readouterr().out)
     assert main(few) == 0
@@ -234,7 +234,7 @@ def test_the_old_keys_name_the_new_one(key, capsys):
 
 
 def test_rendered_images_need_no_calibration(capsys):
-    assert main(["calibrate", "seed=0"]) == 2
+    assert main(["assess", "--calibrate", "seed=0"]) == 2
     assert "source: rendered is exact" in capsys.readouterr().err
 
 

@@ -82,7 +82,7 @@ def heads(monkeypatch):
         ("run", "--dry-run"),
         ("sweep", "--dry-run", "tracker=box,point", "seed=range(0,2)"),
         ("explain",),
-        ("calibrate",),
+        ("assess", "--calibrate"),
         ("assess",),
     ],
     ids=lambda command: " ".join(command[:2]),
@@ -98,7 +98,7 @@ def test_a_command_reads_the_head_of_each_image_once(
 
 def test_a_stored_run_opens_its_recording_once(clip, heads, tmp_path, capsys):
     run(capsys, tmp_path, *of(clip), "pictures.frames=[]", "--name", "made")
-    for command in (["rerun", "--results", str(tmp_path)], ["verify"]):
+    for command in (["run", "--results", str(tmp_path)], ["verify"]):
         heads.clear()
         assert main([*command, str(tmp_path / "made")]) == 0
         assert set(heads.values()) == {1} and len(heads) == 10

@@ -207,7 +207,7 @@ def test_images_are_rendered_along_the_way(motion, tmp_path, monkeypatch, capsys
     ):
         away = np.hypot(track["means"][:, 0] - truth["x"], track["means"][:, 1] - truth["y"])
     assert away.max() < 1.0
-    assert main(["rerun", str(tmp_path / "one"), "--results", str(tmp_path)]) == 0
+    assert main(["run", str(tmp_path / "one"), "--results", str(tmp_path)]) == 0
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,4 @@
-"""`stixel compare --code`: the modules whose code differs between two runs."""
+"""`stixel ls --code`: the modules whose code differs between two runs."""
 
 import json
 
@@ -29,11 +29,11 @@ def test_modules_that_differ_are_named_and_how_to_see_it(tmp_path, capsys):
         "to see the difference: git diff 111111111111 222222222222",
     ]
     assert code_differences(one, other, ("one", "other")) == expected
-    assert main(["compare", str(one), str(other), "--code"]) == 0
+    assert main(["ls", str(one), str(other), "--code"]) == 0
     assert capsys.readouterr().out.endswith("\n".join(expected) + "\n")
-    assert main(["compare", str(one), str(other), "--code", "--json"]) == 0
+    assert main(["ls", str(one), str(other), "--code", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["code"] == expected
-    assert main(["compare", str(one), str(other), str(one), "--code"]) == 2
+    assert main(["ls", str(one), str(other), str(one), "--code"]) == 2
 
 
 def test_a_folder_without_its_code(tmp_path):
@@ -44,5 +44,5 @@ def test_a_folder_without_its_code(tmp_path):
 
 def test_equal_code_is_stated(tmp_path, capsys):
     folders = [made(tmp_path / name, {"pkg.filter": OLD}) for name in ("one", "other")]
-    assert main(["compare", *map(str, folders), "--code"]) == 0
+    assert main(["ls", *map(str, folders), "--code"]) == 0
     assert capsys.readouterr().out.endswith("the code is the same\n")

@@ -247,7 +247,7 @@ def test_a_study_outside_the_package(studies, toy, tmp_path, monkeypatch, capsys
     folder = Path(answer["folder"])
     monkeypatch.chdir(folder)
     for command in (
-        ["show", str(folder / "sweeps/first")],
+        ["ls", str(folder / "sweeps/first")],
         ["ls", str(studies.results)],
     ):
         assert main(command) == 0

@@ -10,7 +10,7 @@ import pytest
 from result_folders import make_folder
 
 from stixel_cli.answers.over_time import SHARES, over_time
-from stixel_cli.cli.report import figure, report, table
+from stixel_cli.cli.report import report
 from stixel_cli.errors import UserError
 from stixel_cli.sweeps.folder import SweepFolder, SweepRequest
 from stixel_cli.sweeps.page import read_sweep
@@ -91,15 +91,15 @@ def test_runs_of_other_times_are_compared_over_their_share(made, tmp_path):
 
 def test_tables_and_figures_are_written_for_a_paper(made, tmp_path, capsys):
     sweep = [made / "widths"]
-    assert table(sweep, "tex", metrics="iou_mean,nis_mean") == 0
+    assert report(sweep, form="tex", metrics="iou_mean,nis_mean") == 0
     said = capsys.readouterr().out
     # The best IoU of all seeds is shown; of a NIS, no value is the best.
     assert said.startswith("\\begin{tabular}{lrrr}") and said.count("textbf") == 1
     for form, begin in (("svg", b"<?xml"), ("pdf", b"%PDF"), ("png", b"\x89PNG")):
-        assert figure(sweep, form, tmp_path / f"a.{form}", metrics="nis_mean") == 0
+        assert report(sweep, tmp_path / f"a.{form}", form, metrics="nis_mean") == 0
         assert (tmp_path / f"a.{form}").read_bytes().startswith(begin)
     assert "NIS" in capsys.readouterr().out
-    assert table(sweep, "csv", tmp_path / "b.csv", reference="0.4", metrics="iou_mean") == 0
+    assert report(sweep, tmp_path / "b.csv", "csv", reference="0.4", metrics="iou_mean") == 0
     written = pd.read_csv(tmp_path / "b.csv", index_col=0)
     assert written.loc[0.1, "minus"] == pytest.approx(0.2)
     for options, said in (
@@ -125,7 +125,7 @@ def test_failed_runs_of_a_stored_sweep_count_as_lost(made, tmp_path, capsys):
     assert runs.frame["error"][4] == "ValueError: no"
     answer = runs.ask(metric="iou_mean")
     assert answer.table.loc["0.4", "lost_share"] == 0.5
-    assert table([folder], metrics="iou_mean") == 0
+    assert report([folder], form="md", metrics="iou_mean") == 0
     assert "0.4: 2 of 4 runs failed, counted as lost." in capsys.readouterr().out
 
 

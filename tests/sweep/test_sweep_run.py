@@ -26,7 +26,7 @@ def stages_of(plan):
 
 def test_runs_share_what_they_have_in_common(sweeps, capsys):
     line = [*FEW, "seed=0,1", "tracker.sigma_q=0.5,0.6,0.7"]
-    assert main(["plan", "--json", *line]) == 0
+    assert main(["sweep", "--dry-run", "--json", *line]) == 0
     planned = json.loads(capsys.readouterr().out)
     shared = {"ego_motion": 1, "scenario": 1, "upper_bounds": 1, "scans": 2, "start": 2}
     assert stages_of(planned) == shared | {"track": 6, "scores": 6}
@@ -39,7 +39,7 @@ def test_runs_share_what_they_have_in_common(sweeps, capsys):
     more = sweeps.run(*FEW, "seed=0,1", "tracker.sigma_q=0.5,0.6,0.7,0.8")
     assert more["nodes"]["computed"] == 2 * 2
     assert sweeps.run(*line)["nodes"]["computed"] == 0
-    assert main(["plan", "--json", *line]) == 0
+    assert main(["sweep", "--dry-run", "--json", *line]) == 0
     planned = json.loads(capsys.readouterr().out)
     assert planned["nodes"] == {"all": 19, "cached": 19, "to_run": 0}
     assert planned["runs_cached"] == 6
@@ -216,7 +216,7 @@ def test_json_has_the_full_folder_and_show_fits_the_terminal(sweeps, tmp_path, c
     sweeps.results = Path("here")
     swept = sweeps.run(*FEW, "seed=0,1", "--name", "mine")
     assert swept["folder"] == str(tmp_path / "here" / "mine")
-    assert main(["show", "here/mine/runs/0000"]) == 0
+    assert main(["ls", "here/mine/runs/0000"]) == 0
     said = capsys.readouterr().out
     assert max(map(len, said.splitlines())) <= 100
     assert "hydra-core" in said

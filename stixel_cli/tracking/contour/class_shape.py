@@ -129,7 +129,7 @@ def visible_shape(
         option = "" if sensor == "heights" else f" --sensor {sensor}"
         raise ValueError(
             f"prior.road_user: {road_user} has no visible shape for {sensor}, which "
-            f"these scans need: learn it, stixel learn-shape{option}"
+            f"these scans need: learn it, stixel new class{option}"
         )
     known = sensors[sensor]
     return VisibleShape(

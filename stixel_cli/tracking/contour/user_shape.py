@@ -65,7 +65,7 @@ def read_outline(file: Path) -> np.ndarray:
 
 @remembered
 def read_class(file: Path) -> dict[str, Any]:
-    """What a file of `stixel learn-shape` says of a class, as an entry of `class_shapes.json`.
+    """What a file of `stixel new class` says of a class, as an entry of `class_shapes.json`.
 
     Raises:
         UserError: in one line that names the file and what is wrong.
