@@ -3,7 +3,6 @@
 import re
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -11,7 +10,6 @@ import typer
 
 from stixel_cli.cli.completion import complete_folder
 from stixel_cli.cli.errors import tell
-from stixel_cli.cli.machine import local_store
 from stixel_cli.cli.options import Json, argument
 from stixel_cli.cli.terminal import print_json, print_table, say, say_wrapped
 from stixel_cli.errors import UserError
@@ -176,14 +174,14 @@ def _compare(folders: Sequence[Path], code: bool, json: bool) -> None:
     names = main_first(dict.fromkeys(name for run in runs for name in run.metrics))
     metrics = {name: [run.metrics.get(name) for run in runs] for name in names}
     differing = {name: values for name, values in metrics.items() if len(set(values)) > 1}
-    changed = code_differences(*folders, tuple(labels), local_store().folder) if code else []
+    changed = code_differences(*folders, tuple(labels)) if code else []
     if json:
         answer = {
             "folders": [str(folder) for folder in folders],
             "settings": {key: dict(zip(labels, values, strict=True)) for key, values in settings},
             "metrics": {k: dict(zip(labels, v, strict=True)) for k, v in differing.items()},
         }
-        print_json(answer | ({"code": [asdict(module) for module in changed]} if code else {}))
+        print_json(answer | ({"code": changed} if code else {}))
         return
     if differing:
         rows = []
@@ -203,11 +201,7 @@ def _compare(folders: Sequence[Path], code: bool, json: bool) -> None:
         say("the settings are the same")
     if code:
         say("")
-        for module in changed:
-            name = f"{module.module}: " if module.module else ""
-            say(*(module.lines or [f"{name}{module.reason}"]))
-        if not changed:
-            say("the code is the same")
+        say(*(changed or ["the code is the same"]))
 
 
 def _provenance(run: "RunResult") -> list[tuple[str, str]]:
