@@ -78,12 +78,10 @@ class StageDifference:
     causes: tuple[str, ...]
 
 
-def first_changed_stage(
-    old: Lineage, new: Lineage, graph: Graph, settings: str = ALTERED
-) -> StageDifference | None:
+def first_changed_stage(old: Lineage, new: Lineage, graph: Graph) -> StageDifference | None:
     """The first stage of `new` whose keys differ from those of `old`; None if all are equal.
 
-    `graph` is the graph of `new`; `settings` is the message for different settings.
+    `graph` is the graph of `new`.
     """
     for name, stage in new.stages.items():
         before = old.stages.get(name)
@@ -91,7 +89,7 @@ def first_changed_stage(
             return StageDifference(name, "the folder's run did not have this stage", ())
         if before.keys != stage.keys:
             node = graph.of_stage(name)[0]
-            causes = tuple(_causes(before, stage, old.code, node, settings))
+            causes = tuple(_causes(before, stage, old.code, node))
             return StageDifference(name, "its keys differ", causes)
     return None
 
@@ -101,7 +99,6 @@ def _causes(
     after: StageLineage,
     code: Mapping[str, str] | None,
     node: Node,
-    settings: str,
 ) -> Iterator[str]:
     """Causes why a stage with the same inputs has another key."""
     for package, version in after.versions.items():
@@ -114,7 +111,7 @@ def _causes(
             yield f"the content of {path} changed"
     if before.settings != _settings_with_files(node, before):
         files = ", ".join(after.files or {}) if before.files is None else ""
-        yield f"{settings[:-1]}, or {files}?" if files else settings
+        yield f"{ALTERED[:-1]}, or {files}?" if files else ALTERED
     if code is None:
         yield "unknown code changes: the folder does not record its code"
         return

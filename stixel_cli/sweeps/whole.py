@@ -3,7 +3,6 @@
 import os
 import re
 import shlex
-from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -23,7 +22,7 @@ from stixel_cli.experiment.run_names import joined_name
 from stixel_cli.results.differences import first_changed_stage
 from stixel_cli.results.folder import check_results, new_folder
 from stixel_cli.results.lineage import lineage_of, provenance, read_lineage
-from stixel_cli.results.reader import SWEEP_FILE, flat_settings, read_config
+from stixel_cli.results.reader import SWEEP_FILE
 from stixel_cli.results.result import RunResult
 from stixel_cli.sweeps.design import Design
 from stixel_cli.sweeps.folder import SweepFolder, SweepRequest
@@ -31,10 +30,6 @@ from stixel_cli.sweeps.graphs import SweepPlan, check_computable, planned_sweep
 from stixel_cli.sweeps.results import SweepResult
 from stixel_cli.sweeps.run import run_sweep
 from stixel_cli.sweeps.runs import PlannedRun, compose_runs, design_runs
-
-MOST_REASONS = 3
-_OTHER_SETTINGS = "other settings"
-_UNKNOWN = "no usable lineage in its folder"
 
 
 def new_sweep(
@@ -214,48 +209,31 @@ def resumed_overrides(
 def outdated_runs(
     folder: SweepFolder, planned: Sequence[PlannedRun], finished: Mapping[int, RunResult]
 ) -> str | None:
-    """One line that counts the finished runs that are out of date, with causes; None if none is."""
+    """One line that counts the finished runs that are out of date, and says why the first is.
+
+    None if none is.
+    """
     there = [one for one in planned if one.index in finished]
-    reasons = Counter(
-        _reason(folder, one) for one in there if not one.is_done_by(finished[one.index])
-    )
-    if not reasons:
+    outdated = [one for one in there if not one.is_done_by(finished[one.index])]
+    if not outdated:
         return None
-    count, shown = reasons.total(), [reason for reason, _ in reasons.most_common(MOST_REASONS)]
-    shown += ["…"] if len(reasons) > MOST_REASONS else []
     return (
-        f"{count} of {len(finished)} finished runs {'is' if count == 1 else 'are'} out of date and "
-        f"will be recomputed ({'; '.join(shown)})"
+        f"{len(outdated)} of {len(finished)} finished runs "
+        f"{'is' if len(outdated) == 1 else 'are'} out of date and will be recomputed "
+        f"({_reason(folder, outdated[0])})"
     )
 
 
 def _reason(folder: SweepFolder, one: PlannedRun) -> str:
     """The first stage of a run whose key changed, and the cause."""
-    path = folder.run(one.index)
     try:
-        before = read_lineage(path)
-        if before is None:
-            return _UNKNOWN
-        after = lineage_of(one.graph, one.graph.ancestors(one.targets), None)
-        found = first_changed_stage(before, after, one.graph, _OTHER_SETTINGS)
-        if found is None:
-            return "other results are required"
-        causes = [_settings(folder, one) if c == _OTHER_SETTINGS else c for c in found.causes]
+        before = read_lineage(folder.run(one.index))
     except UserError:
-        return _UNKNOWN
-    if found.stage not in before.stages:
-        return f"{found.stage} is new"
-    more = f" and {len(causes) - 1} more" if len(causes) > 1 else ""
-    return f"{found.stage}: {causes[0] if causes else 'its inputs changed'}{more}"
-
-
-def _settings(folder: SweepFolder, one: PlannedRun) -> str:
-    """The first setting that differs from the run's stored configuration."""
-    before = flat_settings(read_config(folder.run(one.index)))
-    after = flat_settings(one.composition.resolved)
-    other = [
-        f"{key} {before.get(key, 'none')} → {after.get(key, 'none')}"
-        for key in dict.fromkeys((*before, *after))
-        if before.get(key) != after.get(key) and key.partition(".")[0] not in OF_THE_MACHINE
-    ]
-    return other[0] if other else _OTHER_SETTINGS
+        before = None
+    if before is None:
+        return "no usable lineage in its folder"
+    after = lineage_of(one.graph, one.graph.ancestors(one.targets), None)
+    found = first_changed_stage(before, after, one.graph)
+    if found is None:
+        return "other results are required"
+    return f"{found.stage}: {', '.join(found.causes) or 'its inputs changed'}"
