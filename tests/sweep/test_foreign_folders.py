@@ -52,10 +52,10 @@ def foreign(sweeps, tmp_path):
         "sweep --resume FOLDER",
         "explain FOLDER",
         "explain FOLDER/runs/0000",
-        "show FOLDER",
+        "ls FOLDER",
         "report FOLDER --output OUT",
-        "play FOLDER/runs/0000 --output OUT",
-        "rerun FOLDER/runs/0000 --results OUT",
+        "report --play FOLDER/runs/0000 --output OUT",
+        "run FOLDER/runs/0000 --results OUT",
         "verify FOLDER/runs/0000 --cached",
         "export FOLDER/runs/0000 --format csv --output OUT",
     ],
@@ -72,7 +72,7 @@ def test_a_foreign_folder_names_no_cache(command, foreign, tmp_path, capsys):
         assert said.out.startswith("ego_motion (all 2 runs): new")
 
 
-@pytest.mark.parametrize("command", ["sweep --resume FOLDER", "rerun FOLDER/runs/0000"])
+@pytest.mark.parametrize("command", ["sweep --resume FOLDER", "run FOLDER/runs/0000"])
 def test_a_foreign_folder_names_no_scheduler(command, foreign, tmp_path, capsys):
     request = foreign / "sweep.yaml"
     given = "  - executor=dask\n  - executor.address=tcp://127.0.0.1:9\n"
