@@ -12,7 +12,7 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 51_893
+TOTAL = 51_894
 """Greatest number of lines in all."""
 
 MODULES = 342
@@ -42,7 +42,7 @@ BUDGET = {
     "stixels": 2357,
     "studies": 2077,
     "sweeps": 2561,
-    "tracking": 6898,
+    "tracking": 6899,
     "validation": 1696,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""

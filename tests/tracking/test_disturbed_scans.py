@@ -200,10 +200,10 @@ def test_only_a_class_that_is_not_contradicted_looks_for_its_target_again(user, 
     filters, recovers = {}, {}
     step = ClassFilter.step
 
-    def recorded(one, *arguments, **keywords):
+    def recorded(one, interval, rays, again, allowed=None):
         filters[id(one)] = one
-        recovers[id(one), len(one.log_weights)] = keywords["recovers"]
-        step(one, *arguments, **keywords)
+        recovers[id(one), len(one.log_weights)] = again
+        return step(one, interval, rays, again, allowed)
 
     monkeypatch.setattr(ClassFilter, "step", recorded)
     of_prior.__wrapped__(user, "unknown", "lidar")
