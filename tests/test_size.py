@@ -12,7 +12,7 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 51_894
+TOTAL = 51_892
 """Greatest number of lines in all."""
 
 MODULES = 342
@@ -24,7 +24,7 @@ BUDGET = {
     "benchmark": 1022,
     "calibration": 503,
     "cli": 3101,
-    "config": 3101,
+    "config": 3096,
     "engine": 4594,
     "evaluation": 1911,
     "experiment": 1549,
@@ -36,14 +36,14 @@ BUDGET = {
     "recordings": 3056,
     "rendering": 2349,
     "report": 1063,
-    "results": 1533,
+    "results": 1534,
     "scene": 3712,
     "stereo": 600,
     "stixels": 2357,
     "studies": 2077,
     "sweeps": 2561,
     "tracking": 6899,
-    "validation": 1696,
+    "validation": 1698,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
 

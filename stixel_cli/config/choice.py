@@ -101,11 +101,6 @@ def _without(names: Collection[str], section: Mapping[str, Any], prefix: str = "
     return kept
 
 
-def experiment_sources(option: str) -> dict[str, str]:
-    """The sources that an experiment's file states: key or group to text, in the file's order."""
-    return dict(folders.option_content(folders.EXPERIMENT, option).get(SOURCES, {}))
-
-
 def set_by_experiment(option: str) -> dict[str, Any]:
     """The groups and keys that an experiment's file sets, with their options and values."""
     content = folders.option_content(folders.EXPERIMENT, option)

@@ -46,5 +46,6 @@ def _name(folder: Path) -> str:
 
 
 def _digest(folder: Path) -> str:
-    contents = [read_bytes(folder / name) for name in FILES if (folder / name).exists()]
-    return sha256(b"\0".join(sha256(content).digest() for content in contents)).hexdigest()
+    found = [name for name in FILES if (folder / name).exists()]
+    digests = [f"{name} {sha256(read_bytes(folder / name)).hexdigest()}" for name in found]
+    return sha256("\n".join(digests).encode()).hexdigest()

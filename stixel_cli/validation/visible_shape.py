@@ -159,18 +159,10 @@ def visible_heights_of(
             trees.append(RayTree(points, np.arange(len(points)).reshape(-1, 3)))
     aspects, place = even_aspects(NODES[0]), REACH * np.linspace(-1.0, 1.0, NODES[1])
     biases = _means(_behind(trees, shape, aspects, place, LEVELS))
-    # The mean of a cell's eight corners is what is interpolated in its middle.
-    middles = 0.5 * (biases + np.roll(biases, -1, axis=1))
-    middles = 0.5 * (middles[1:] + middles[:-1])
-    middles = 0.5 * (middles[..., 1:] + middles[..., :-1])
     between = (0.5 * (values[1:] + values[:-1]) for values in (place, LEVELS))
-    away = _behind(trees, shape, aspects + np.pi / NODES[0], *between) - middles
+    away = _behind(trees, shape, aspects + np.pi / NODES[0], *between) - _middles(biases, -1)
     variances = _means(np.clip(away, -NEAR_DEPTH, NEAR_DEPTH) ** 2)
-    variances = np.pad(
-        0.5 * (variances + np.roll(variances, 1, axis=1)), [(1, 1), (0, 0), (1, 1)], "edge"
-    )
-    variances = 0.5 * (variances[1:] + variances[:-1])
-    variances = 0.5 * (variances[..., 1:] + variances[..., :-1])
+    variances = _middles(np.pad(variances, [(1, 1), (0, 0), (1, 1)], "edge"), 1)
     ends = _insets_of_levels(trees, shape, aspects)
     return VisibleShape(
         biases,
@@ -180,6 +172,16 @@ def visible_heights_of(
         _means(ends),
         np.maximum(np.sqrt(_means((ends - _means(ends)) ** 2)), LEAST_INSET_STD),
     )
+
+
+def _middles(values: np.ndarray, turn: int) -> np.ndarray:
+    """Means (H - 1, A, n - 1) of the eight corners of each cell of `values` (H, A, n).
+
+    The second axis closes a circle; `turn` is -1 for the next aspect, 1 for the one before.
+    """
+    values = 0.5 * (values + np.roll(values, turn, axis=1))
+    values = 0.5 * (values[1:] + values[:-1])
+    return 0.5 * (values[..., 1:] + values[..., :-1])
 
 
 def _behind(

@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 from stixel_cli.config import folders
-from stixel_cli.config.choice import experiment_sources, set_by_experiment
+from stixel_cli.config.choice import set_by_experiment
 from stixel_cli.config.compose import compose
 from stixel_cli.config.folders import EXPERIMENT, group_options, option_values, shipped_folder
 from stixel_cli.config.keys import known_keys
@@ -247,7 +247,8 @@ def test_a_fault_in_an_experiment_is_one_line(content, named, own_conf):
 
 @pytest.mark.parametrize("option", EXPERIMENTS)
 def test_every_choice_and_value_has_a_source(option):
-    content, sources = file_of(option), experiment_sources(option)
+    content = file_of(option)
+    sources = content.get("sources", {})
     choices = [
         name.removeprefix("override /")
         for one in content.pop("defaults", [])
