@@ -176,7 +176,9 @@ def _updated(
     points, own_noises = scans.points_world[rows], scans.covariances_world[rows]
     if side is not None:
         sensor, heights = scans.sensor_poses_world[k], scans.heights_of(rows)
-        rays, shape_stds = side.rays(points, own_noises, sensor, mean[:SEEN], heights)
+        rays, shape_stds = side.rays(
+            points, own_noises, sensor, mean[:SEEN], heights, scans.field_of_view
+        )
         points = rays.points_world
     noises = own_noises
     if tracker.measurement_covariance == "isotropic":
@@ -191,11 +193,12 @@ def _updated(
         model = linearise(points[indices], mean, process)
         mean, covariance, _, nis = update(mean, covariance, model, noises, tangential=True)
         return mean, covariance, indices, nis
-    mean, near_gain = side.near_side(rays, indices, mean, covariance, tracker.measurement_std)
+    moved = side.between_ends(rays, indices, mean, covariance)
+    if moved is not None:
+        mean = moved[0]
+        stated.between_ends(*moved[1:])
     model = side.linearised(rays, indices, mean, stated.position)
     matrix, variances = stated.rows(model, rays.subset(indices), shape_stds[indices], mean, k)
-    near = (model.directions * rays.directions[indices]).sum(axis=1) < 0.0
-    stated.near_side(near_gain, matrix[near], variances[near])
     mean, covariance, gain, _ = update(mean, covariance, model, noises, tangential=False)
     return mean, covariance, indices, stated.correct(gain, matrix, variances, model.residuals)
 

@@ -16,14 +16,7 @@ from stixel_cli.tracking.consider import FIELD_NODES, FIELD_TIME, JointCovarianc
 from stixel_cli.tracking.contour.contour_rays import Rays
 from stixel_cli.tracking.gp_ekf_update import Linearisation
 from stixel_cli.tracking.motion import velocity_across
-from stixel_cli.tracking.one_side import OneSide
-
-FIELD_STD = 0.04
-"""Of the outline's place, m, that neighbouring points share: the contour is smooth, the outline has
-corners and wheels."""
-
-MEDIAN = 0.5 * np.pi
-"""Variance of a median over that of the mean."""
+from stixel_cli.tracking.one_side import END_STD, OneSide
 
 
 class StatedCovariance:
@@ -63,11 +56,11 @@ class StatedCovariance:
         rows[0, : len(mean)] = velocity_across(mean)[1]
         self._joint.correct(gain[:, None], rows, np.array([slip**2]))
 
-    def near_side(self, gain: np.ndarray, rows: np.ndarray, noise: np.ndarray) -> None:
-        """After `gain` (6 + N,) took the median of the ranges, whose negatives are the `rows`."""
-        if len(rows):
-            variance = MEDIAN * noise.mean() / len(rows)
-            self._joint.correct(gain[:, None], -rows.mean(axis=0)[None], np.array([variance]))
+    def between_ends(self, gain: np.ndarray, row: np.ndarray) -> None:
+        """After `gain` (6 + N,) took the ends, whose derivative is the `row` (6 + N + L,)."""
+        rows = np.zeros((1, len(self._joint.matrix)))
+        rows[0, : len(row)] = row
+        self._joint.correct(gain[:, None], rows, np.array([END_STD**2]))
 
     @property
     def position(self) -> np.ndarray:
@@ -92,15 +85,16 @@ class StatedCovariance:
             np.interp(angles, self._side.basis_angles, limb, period=2.0 * np.pi)
             for limb in self._limbs
         ]
-        field = np.sqrt(FIELD_STD**2 * (gradients**2).sum(axis=1) + (shape_stds * along) ** 2)
-        field = np.copysign(field, along)
+        # Of what the process leaves out, neighbours share a part as large as each point's own.
+        rough = self._side.roughness**2 * (gradients**2).sum(axis=1)
+        field = np.copysign(np.sqrt(rough + (shape_stds * along) ** 2), along)
         shared = self._scans.shared_directions(k, rays.points_world)
         considered = [
             np.reshape(limbs, (len(limbs), len(angles))).T,
             field[:, None] * field_weights(directions),
             np.einsum("ni,nij->nj", gradients, shared),
         ]
-        return np.hstack([model.state_matrix, *considered]), own + model.radius_variances
+        return np.hstack([model.state_matrix, *considered]), own + rough + model.radius_variances
 
     def correct(
         self, gain: np.ndarray, rows: np.ndarray, noise: np.ndarray, residuals: np.ndarray

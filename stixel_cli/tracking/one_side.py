@@ -6,12 +6,13 @@ neighbours. A small contour can fit such points with its far side, or grow into 
 """
 
 from dataclasses import replace
-from statistics import median
 from typing import Literal
 
 import numpy as np
 
 from stixel_cli.geometry.pose import rotation
+from stixel_cli.measurements.scans import FieldOfView
+from stixel_cli.tracking.association import uncut
 from stixel_cli.tracking.contour.class_shape import (
     MODE_ANGLES,
     class_shape,
@@ -40,11 +41,8 @@ PLACING_STD, TAIL, LOOSE = 0.1, 0.3, 4.0
 """To place the contour on a segment: standard deviation of a point and scale of its heavy tail, m;
 factor on the covariance of the pose."""
 
-SIDE_SHARE = 0.8
-"""Of the standard deviation of a point: that of the error which all ranges of a scan share."""
-
-NEAREST_RAY = 0.1
-"""Corners of the contour this near to a ray, m, are what it meets."""
+END_STD = 0.1
+"""Of the places of the first and the last point at the ends of the outline, m."""
 
 LEAST_SLANT = 0.2
 """Cosine between radius and normal of an outline, below which the radius changes no more."""
@@ -59,6 +57,8 @@ class OneSide:
         radii_covariance: (N, N) m², of the class's sizes and shapes; None if it is unknown.
         limbs: (L, N) m, independent changes of the radii as the target moves, by one standard
             deviation each.
+        roughness: m, root mean square of what the process leaves out of the class's outline: its
+            corners and wheels are sharper.
         std_factor: on the standard deviation of a point, see `VisibleShape`.
         basis_angles: (N,) rad.
     """
@@ -76,7 +76,7 @@ class OneSide:
         self.radii = prior_radii(prior, process.basis_angles)
         self.basis_angles = process.basis_angles
         self.radii_covariance, self.limbs = None, np.zeros((0, len(self.radii)))
-        self.std_factor = 1.0
+        self.std_factor, self.roughness = 1.0, 0.0
         if not self._known:
             return
         shape = class_shape(prior.road_user)
@@ -85,6 +85,9 @@ class OneSide:
         bearings = np.arctan2(outline[:, 1], outline[:, 0])
         lengths = np.hypot(*outline.T)
         self.radii = self._at(bearings, lengths)
+        smooth, _ = process.regression(process.correlations(outline / lengths[:, None]))
+        missed = process.mean_radius + smooth @ (self.radii - process.mean_radius) - lengths
+        self.roughness = float(np.sqrt(np.mean(missed**2)))
         modes = outline_modes(prior.road_user)
         angles = 2.0 * np.pi * np.arange(MODE_ANGLES) / MODE_ANGLES
         fixed = np.stack([self._at(angles, mode) for mode in modes.fixed])
@@ -111,6 +114,7 @@ class OneSide:
         sensor: np.ndarray,
         pose: np.ndarray,
         heights: np.ndarray | None = None,
+        field_of_view: FieldOfView | None = None,
     ) -> tuple[Rays, np.ndarray]:
         """The rays of points (n, 2) m, moved to where they would be if the outline were seen.
 
@@ -118,7 +122,7 @@ class OneSide:
         and of the target in the world. Points of an unknown class stay. Also the standard
         deviations (n,) m of these moves.
         """
-        rays = rays_of(points_world, covariances, sensor, heights=heights)
+        rays = rays_of(points_world, covariances, sensor, field_of_view, heights=heights)
         stds = np.zeros(len(points_world))
         if self._tables is not None and len(points_world):
             state = np.concatenate([pose, self._factors])[None]
@@ -211,24 +215,42 @@ class OneSide:
         model = linearise(rays.points_world[indices] + moved, mean, self._process)
         return replace(model, residuals=model.residuals - (model.gradients * moved).sum(axis=1))
 
-    def near_side(
-        self, rays: Rays, indices: np.ndarray, mean: np.ndarray, covariance: np.ndarray, std: float
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """The `mean` (6 + N,), moved so that its near side meets the points at `indices` (m,).
+    def between_ends(
+        self, rays: Rays, indices: np.ndarray, mean: np.ndarray, covariance: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+        """The `mean` (6 + N,), moved across the rays so that its ends are those of the points.
 
-        By the gain (6 + N,) of one range, which is returned too: the median of the distances behind
-        the contour, whose error is a share of `std` m. The update uses the points again, so the
-        covariance (6 + N, 6 + N) stays.
+        With the gain (6 + N,), and the derivative (6 + N + L,) of the mean of the ends by the
+        states and the limbs. Ranges hardly measure the place across the rays, and the slope of a
+        narrow target's radius holds for a few degrees only. An end at the border of the field of
+        view, or beside a nearer object, is not used; None: neither is.
         """
-        along, across = self._contour(rays, indices, mean)
-        across = np.abs(across)
-        met = across < np.maximum(NEAREST_RAY, across.min(axis=1, keepdims=True) + 0.03)
-        behind = median((rays.ranges[indices] - np.where(met, along, np.inf).min(axis=1)).tolist())
-        direction = rays.directions[indices].mean(axis=0)
+        taken = rays.subset(indices)
+        ends = np.array([np.argmin(taken.bearings), np.argmax(taken.bearings)])
+        seen = uncut(taken.bearings[ends], taken.ranges[ends], rays.field_of_view)
+        seen &= ~np.array(taken.hidden)
+        if len(indices) < 2 or not seen.any():
+            return None
+        direction = taken.directions.mean(axis=0)
         direction /= np.hypot(*direction)
-        spread = covariance[:, :2] @ direction
-        gain = spread / (direction @ spread[:2] + (SIDE_SHARE * std) ** 2)
-        return mean + gain * behind, gain
+        normal = np.array([-direction[1], direction[0]])
+        radial = self._process.basis_directions @ rotation(mean[2]).T
+        radii = np.maximum(mean[2 * SEEN :], 0.0)
+        offsets = mean[:2] - rays.sensor[:2] + radii[:, None] * radial
+        places = (offsets @ normal) / (offsets @ direction)
+        of_points = taken.directions[ends] @ normal / (taken.directions[ends] @ direction)
+        corners = np.array([np.argmin(places), np.argmax(places)])[seen]
+        apart = (of_points[seen] - places[corners]) * (offsets[corners] @ direction)
+        across, share = radial[corners] @ normal, 1.0 / len(corners)
+        row = np.zeros(len(mean) + len(self.limbs))
+        row[:2] = normal
+        row[2] = share * (radii[corners] * (radial[corners] @ direction)).sum()
+        np.add.at(row, 2 * SEEN + corners, share * across)
+        row[len(mean) :] = share * self.limbs[:, corners] @ across
+        # As if only the place were wrong: the ends do not tell a turn from a shift.
+        spread = covariance[:, :2] @ normal
+        gain = spread / (normal @ spread[:2] + END_STD**2)
+        return mean + gain * apart.mean(), gain, row
 
 
 def size_slopes(outline: np.ndarray) -> np.ndarray:

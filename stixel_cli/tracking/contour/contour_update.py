@@ -10,7 +10,13 @@ from stixel_cli.geometry.pose import rotation
 from stixel_cli.tracking.association import uncut
 from stixel_cli.tracking.consider import FIELD_NODES, JointCovariance, field_weights
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
-from stixel_cli.tracking.contour.contour_rays import Rays, Sight, sampling_inset, telling
+from stixel_cli.tracking.contour.contour_rays import (
+    Rays,
+    Sight,
+    gate_widths,
+    sampling_inset,
+    telling,
+)
 from stixel_cli.tracking.contour.ray_table import expected
 from stixel_cli.tracking.kalman import condition, correct
 
@@ -129,6 +135,7 @@ def update(
     own /= _weights(errors[rows], own + (shared**2).sum(axis=1), tracker)
     whole = np.hstack([matrix[rows], shared])
     _, _, nis, likelihood = condition(joint.matrix, whole, own, innovation)
+    likelihood += np.log(gate_widths(rays, tracker)).sum()
     misses = np.hstack([miss_matrix, np.zeros((len(miss_matrix), shared.shape[1]))])
     whole, gain = np.vstack([whole, misses]), posterior @ (pulls.T / noise)
     joint = deepcopy(joint)
