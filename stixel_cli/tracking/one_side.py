@@ -41,7 +41,7 @@ PLACING_STD, TAIL, LOOSE = 0.1, 0.3, 4.0
 """To place the contour on a segment: standard deviation of a point and scale of its heavy tail, m;
 factor on the covariance of the pose."""
 
-END_STD = 0.1
+END_STD = 0.2
 """Of the places of the first and the last point at the ends of the outline, m."""
 
 LEAST_SLANT = 0.2
