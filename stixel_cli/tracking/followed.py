@@ -1,13 +1,48 @@
-"""The state of a road user from a cluster of points that is followed over several scans."""
+"""Clusters that are followed over the scans, and the state of a road user from one of them.
 
-from dataclasses import dataclass
+Bar-Shalom, Li 1995, *Multitarget-Multisensor Tracking*: constant velocity, chi-square gates,
+global nearest neighbour, begin by M of N.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stixel_cli.geometry.pose import rotation
+from stixel_cli.geometry.pose import STRAIGHT_AHEAD, ego_from_world, rotate_covariances, rotation
+from stixel_cli.measurements.clusters import GAP, cluster
 from stixel_cli.measurements.scans import Scans
+from stixel_cli.tracking.centre import predict, update
 from stixel_cli.tracking.motion import intervals, transition
 from stixel_cli.tracking.track import InitialState
+
+RAYS_APART, WIDEST = 2.0, 3.0
+"""Points of one object are this many distances of neighbouring rays apart, at most `WIDEST` m: a
+sparse lidar's rays are far apart on a distant target, and farther where they graze it."""
+
+GATE = 9.21
+"""Squared distance of a cluster to a prediction: 99 % of a chi-square with two degrees."""
+
+BEGIN, WINDOW = 3, 4
+"""A track begins if so many of so many scans in a row have its cluster."""
+
+END = 5
+"""A track ends after so many scans in a row without its cluster."""
+
+PAIR = 1e3
+"""More than the costs of any assignment."""
+
+PLACE = 0.3
+"""Standard deviation of a cluster's centroid from scan to scan, m: another part is seen."""
+
+SPEED = 10.0
+"""Standard deviation of a new track's velocity along each axis, m/s."""
+
+ACCELERATION = 3.0
+"""Process noise, m/s^1.5."""
+
+LARGEST = 1.6
+"""A cluster of a road user is at most this many times the class's diagonal long."""
 
 HEADED = 0.5
 """The heading is the velocity's direction above this speed, m/s."""
@@ -22,16 +57,148 @@ UNKNOWN_HEADING, UNKNOWN_SPEED = 1.5, 10.0
 """Standard deviations of what the scans do not show: rad and m/s."""
 
 
-@dataclass(frozen=True)
-class Followed:
-    """A cluster over several scans: the scans' indices, and the points (n, 2) m of each."""
+@dataclass
+class OpenTrack:
+    """A cluster over time, while it is followed.
 
-    scans: tuple[int, ...]
-    points: tuple[np.ndarray, ...]
+    Attributes:
+        scans: those that have the cluster, ascending.
+        rows: for each of them the rows (n_k,) of the scans' arrays.
+        mean, covariance: (4,), (4, 4) of place and velocity, m and m/s, at the last scan.
+        missed: scans in a row without the cluster.
+        begun: whether it has passed M of N.
+        ended: whether it gets no more clusters.
+        number: of the road user, where tracks are numbered.
+    """
+
+    scans: list[int]
+    rows: list[np.ndarray]
+    mean: np.ndarray
+    covariance: np.ndarray
+    missed: int = 0
+    begun: bool = False
+    ended: bool = False
+    number: int | None = None
+
+    def within(self, scans: Scans, first: int, duration: float) -> "OpenTrack":
+        """The track in scan `first` and those of the next `duration` s."""
+        start, until = self.scans.index(first), scans.times[first] + duration + 1e-9
+        count = int(np.sum(scans.times[self.scans[start:]] <= until))
+        chosen = slice(start, start + count)
+        return replace(self, scans=self.scans[chosen], rows=self.rows[chosen])
+
+    def velocity(self, scans: Scans) -> tuple[np.ndarray, float]:
+        """The velocity (2,) m/s of the middles of its points, and its error, see `line`."""
+        places = np.array([scans.points_world[rows].mean(axis=0) for rows in self.rows])
+        return line(scans.times[self.scans], places)[1:]
+
+
+def clusters_of(scans: Scans, k: int, longest: float, apart: float = 0.0) -> list[np.ndarray]:
+    """Rows (n,) of the scans' arrays of each cluster of scan k that is at most `longest` m long.
+
+    `apart`, rad, is the angle between the rays of a sparse sensor.
+    """
+    rows, pose = scans.rows(k), scans.sensor_poses_world[k]
+    points = ego_from_world(scans.points_world[rows], pose)
+    covariances = rotate_covariances(scans.covariances_world[rows], STRAIGHT_AHEAD - pose[2])
+    gap = RAYS_APART * apart * float(np.median(np.hypot(*points.T))) if len(points) else 0.0
+    labels = cluster(points, covariances, max(GAP, min(gap, WIDEST)))
+    found = [np.flatnonzero(labels == one) for one in range(labels.max(initial=-1) + 1)]
+    return [own + rows.start for own in found if np.hypot(*np.ptp(points[own], axis=0)) <= longest]
+
+
+def follow(scans: Scans, longest: float, apart: float = 0.0) -> list[OpenTrack]:
+    """All tracks, begun or not, in the order of their first scans.
+
+    Of clusters at most `longest` m long; `apart` as of `clusters_of`.
+    """
+    tracks: list[OpenTrack] = []
+    for k, interval in enumerate(intervals(scans.times)):
+        follow_scan(tracks, scans, k, interval, longest, apart)
+    return tracks
+
+
+def follow_scan(
+    tracks: list[OpenTrack],
+    scans: Scans,
+    k: int,
+    interval: float,
+    longest: float,
+    apart: float = 0.0,
+) -> None:
+    """Change `tracks` by scan k, an `interval` in s after the one before; add those that it begins.
+
+    Clusters are at most `longest` m long; `apart` as of `clusters_of`.
+    """
+    clusters = clusters_of(scans, k, longest, apart)
+    places = [scans.points_world[rows].mean(axis=0) for rows in clusters]
+    noise = [
+        PLACE**2 * np.eye(2) + scans.covariances_world[rows].mean(axis=0) / len(rows)
+        for rows in clusters
+    ]
+    alive = [one for one in tracks if not one.ended]
+    for one in alive:
+        one.mean, one.covariance = predict(one.mean, one.covariance, interval, ACCELERATION)
+    pairs = assign([(one.mean, one.covariance) for one in alive], places, noise)
+    for i, one in enumerate(alive):
+        j = pairs.get(i)
+        if j is None:
+            _miss(one, k)
+        else:
+            innovation = places[j] - one.mean[:2]
+            one.mean, one.covariance, _ = update(one.mean, one.covariance, innovation, noise[j])
+            one.scans.append(k)
+            one.rows.append(clusters[j])
+            recent = sum(scan > k - WINDOW for scan in one.scans)
+            one.begun |= recent >= BEGIN
+            one.missed = 0
+    taken = set(pairs.values())
+    for j, rows in enumerate(clusters):
+        if j not in taken:
+            covariance = np.diag([0.0, 0.0, SPEED**2, SPEED**2])
+            covariance[:2, :2] = noise[j]
+            mean = np.array([*places[j], 0.0, 0.0])
+            tracks.append(OpenTrack([k], [rows], mean, covariance))
+
+
+def assign(
+    states: Sequence[tuple[np.ndarray, np.ndarray]],
+    places: Sequence[np.ndarray],
+    noise: Sequence[np.ndarray],
+) -> dict[int, int]:
+    """The place of each state, by index: the global nearest neighbours inside the gates.
+
+    The most pairs, and of these the least sum of costs: the squared Mahalanobis distance and
+    log |S|, as in the density, so that an uncertain state does not win.
+
+    Args:
+        states: means (4,) and covariances (4, 4), predicted.
+        places: (2,) m, and noise (2, 2) m², of each cluster.
+    """
+    if not states or not places:
+        return {}
+    from scipy.optimize import linear_sum_assignment
+
+    costs = np.zeros((len(states), len(places)))
+    for row, (mean, covariance) in zip(costs, states, strict=True):
+        spread = covariance[:2, :2] + np.array(noise)
+        away = np.array(places) - mean[:2]
+        squared = np.sum(away * np.linalg.solve(spread, away[..., None])[..., 0], axis=1)
+        near = squared <= GATE
+        row[near] = squared[near] + np.log(np.linalg.det(spread[near])) - PAIR
+    found = zip(*linear_sum_assignment(costs), strict=True)
+    return {int(i): int(j) for i, j in found if costs[i, j] < 0.0}
+
+
+def _miss(one: OpenTrack, k: int) -> None:
+    """Count a scan without the cluster; the track ends if it has not begun and cannot any more."""
+    one.missed += 1
+    late = not one.begun and k - one.scans[0] + 1 >= WINDOW
+    one.ended = late or one.missed >= END
 
 
 def state_of(
-    scans: Scans, followed: Followed, sizes: np.ndarray, std: tuple[float, ...], motion: str
+    scans: Scans, one: OpenTrack, sizes: np.ndarray, std: tuple[float, ...], motion: str
 ) -> InitialState:
     """State one sample before the first of `scans`: the class's rectangle on a cluster.
 
@@ -42,13 +209,14 @@ def state_of(
 
     Args:
         scans: of the whole run.
-        followed: the cluster.
+        one: the cluster over time.
         sizes: (n, 2) m, length and width of the class, or of each possible class.
         std: (6,) of the state; those of heading and rates are greater where the scans do not show
             them.
-        motion: `scans`: heading and velocity are those of the cluster; `sensor`: the sensor's.
+        motion: `scans`: heading and velocity are those of the cluster; `sensor`: the sensor's, at
+            the first scan of the cluster, which alone gives the place.
     """
-    states = [_state_of(scans, followed, size, std, motion) for size in sizes]
+    states = [_state_of(scans, one, size, std, motion) for size in sizes]
     if len(states) == 1:
         return states[0]
     means = np.array([state.mean for state in states])
@@ -58,44 +226,30 @@ def state_of(
 
 
 def _state_of(
-    scans: Scans, followed: Followed, size: np.ndarray, std: tuple[float, ...], motion: str
+    scans: Scans, one: OpenTrack, size: np.ndarray, std: tuple[float, ...], motion: str
 ) -> InitialState:
     """The state with one `size` (2,) m."""
-    if motion == "sensor":
-        return _like_the_sensor(scans, followed, size, std)
-    times = scans.times[list(followed.scans)]
-    _, velocity, _ = line(times, np.array([points.mean(axis=0) for points in followed.points]))
-    headed = float(np.hypot(*velocity)) >= HEADED
-    heading = float(np.arctan2(velocity[1], velocity[0])) if headed else _longest(followed)
-    centres = np.array(
-        [
-            _centre(points, scans.sensor_poses_world[k, :2], heading, size)
-            for k, points in zip(followed.scans, followed.points, strict=True)
-        ]
-    )
-    centre, velocity, error = line(times, centres)
-    stds = np.array(std)
-    if not headed:
-        stds[2] = max(stds[2], UNKNOWN_HEADING)
-    stds[3:5] = min(float(np.hypot(stds[3], error)), max(stds[3], UNKNOWN_SPEED))
+    of_sensor, sensors, stds = motion == "sensor", scans.sensor_poses_world, np.array(std)
+    ks = one.scans[:1] if of_sensor else one.scans
+    points = [scans.points_world[rows] for rows in one.rows[: len(ks)]]
+    times, near = scans.times[ks], slice(max(ks[0] - 1, 0), ks[0] + 2)
+    if of_sensor:
+        heading, velocity = sensors[ks[0], 2], line(scans.times[near], sensors[near, :2])[1]
+    else:
+        velocity, _ = one.velocity(scans)
+        headed = float(np.hypot(*velocity)) >= HEADED
+        heading = float(np.arctan2(velocity[1], velocity[0])) if headed else _longest(points)
+        stds[2] = stds[2] if headed else max(stds[2], UNKNOWN_HEADING)
+    centres = [
+        _centre(each, sensors[k, :2], heading, size) for k, each in zip(ks, points, strict=True)
+    ]
+    centre, of_centres, error = line(times, np.array(centres))
+    if not of_sensor:
+        velocity = of_centres
+        stds[3:5] = min(float(np.hypot(stds[3], error)), max(stds[3], UNKNOWN_SPEED))
     back = transition(scans.times[0] - intervals(scans.times)[0] - times.mean())
     mean = back @ np.array([*centre, heading, *velocity, 0.0])
     return InitialState(mean=mean, covariance=back @ np.diag(stds**2) @ back.T)
-
-
-def _like_the_sensor(
-    scans: Scans, followed: Followed, size: np.ndarray, std: tuple[float, ...]
-) -> InitialState:
-    """The class's rectangle on the first scan of the cluster, with the sensor's motion there."""
-    k = followed.scans[0]
-    poses, times = scans.sensor_poses_world, scans.times
-    other = k + 1 if k + 1 < len(times) else k - 1
-    rates = (poses[other] - poses[k]) / (times[other] - times[k]) if len(times) > 1 else np.zeros(3)
-    heading = poses[k, 2]
-    centre = _centre(followed.points[0], poses[k, :2], heading, size)
-    back = transition(times[0] - intervals(times)[0] - times[k])
-    mean = back @ np.array([*centre, heading, *rates[:2], 0.0])
-    return InitialState(mean=mean, covariance=back @ np.diag(np.square(std)) @ back.T)
 
 
 def line(times: np.ndarray, places: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
@@ -114,10 +268,10 @@ def line(times: np.ndarray, places: np.ndarray) -> tuple[np.ndarray, np.ndarray,
     return centre, velocity, float(np.sqrt(max(variance, SLACK**2 / 10.0) / spread))
 
 
-def _longest(followed: Followed) -> float:
-    """Direction of the longest axis of the points, rad."""
-    points = np.concatenate([points - points.mean(axis=0) for points in followed.points])
-    _, axes = np.linalg.eigh(points.T @ points)
+def _longest(points: Sequence[np.ndarray]) -> float:
+    """Direction of the longest axis of the points (n, 2) m of each scan, rad."""
+    offsets = np.concatenate([each - each.mean(axis=0) for each in points])
+    _, axes = np.linalg.eigh(offsets.T @ offsets)
     return float(np.arctan2(axes[1, 1], axes[0, 1]))
 
 

@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 
 from stixel_cli.geometry.pose import rotation
-from stixel_cli.measurements.scans import FieldOfView
+from stixel_cli.measurements.scans import Scans
 from stixel_cli.tracking.association import uncut
 from stixel_cli.tracking.contour.class_shape import (
     MODE_ANGLES,
@@ -68,9 +68,9 @@ class OneSide:
         prior: PriorShape,
         seen_by: Literal["stixels", "fabricated", "lidar", "file", "own"],
         process: ContourProcess,
-        with_heights: bool = False,
+        scans: Scans,
     ):
-        self._process = process
+        self._process, self._field_of_view = process, scans.field_of_view
         self._known = prior.road_user != "unknown"
         self._tables, self._by_height = None, False
         self.radii = prior_radii(prior, process.basis_angles)
@@ -96,9 +96,9 @@ class OneSide:
         stds = np.array([prior.length_std, prior.width_std])
         sizes = stds[:, None] * [self._at(bearings, one) for one in size_slopes(outline)]
         self.radii_covariance = fixed.T @ fixed + sizes.T @ sizes
-        self._by_height = with_heights
-        if with_heights or seen_by in ("stixels", "lidar"):
-            seen = visible_shape(prior.road_user, "heights" if with_heights else seen_by)
+        self._by_height = scans.heights is not None
+        if self._by_height or seen_by in ("stixels", "lidar"):
+            seen = visible_shape(prior.road_user, "heights" if self._by_height else seen_by)
             visible = visible_table(shape.outline, seen, blurred=seen_by == "stixels")
             self._tables = visible, outline_table(shape.outline)
             self._bias_per_std, self.std_factor = seen.bias_per_std, seen.std_factor
@@ -114,7 +114,6 @@ class OneSide:
         sensor: np.ndarray,
         pose: np.ndarray,
         heights: np.ndarray | None = None,
-        field_of_view: FieldOfView | None = None,
     ) -> tuple[Rays, np.ndarray]:
         """The rays of points (n, 2) m, moved to where they would be if the outline were seen.
 
@@ -122,7 +121,7 @@ class OneSide:
         and of the target in the world. Points of an unknown class stay. Also the standard
         deviations (n,) m of these moves.
         """
-        rays = rays_of(points_world, covariances, sensor, field_of_view, heights=heights)
+        rays = rays_of(points_world, covariances, sensor, self._field_of_view, heights=heights)
         stds = np.zeros(len(points_world))
         if self._tables is not None and len(points_world):
             state = np.concatenate([pose, self._factors])[None]
@@ -241,15 +240,19 @@ class OneSide:
         of_points = taken.directions[ends] @ normal / (taken.directions[ends] @ direction)
         corners = np.array([np.argmin(places), np.argmax(places)])[seen]
         apart = (of_points[seen] - places[corners]) * (offsets[corners] @ direction)
-        across, share = radial[corners] @ normal, 1.0 / len(corners)
+        share = 1.0 / len(corners)
+        # What moves an end by 1 m: across its ray, which is not quite across the others.
+        across = normal - places[corners][:, None] * direction
+        turned = np.stack([-radial[corners, 1], radial[corners, 0]], axis=-1)
         row = np.zeros(len(mean) + len(self.limbs))
-        row[:2] = normal
-        row[2] = share * (radii[corners] * (radial[corners] @ direction)).sum()
-        np.add.at(row, 2 * SEEN + corners, share * across)
-        row[len(mean) :] = share * self.limbs[:, corners] @ across
+        row[:2] = across.mean(axis=0)
+        row[2] = share * (radii[corners, None] * turned * across).sum()
+        by_radii = share * (radial[corners] * across).sum(axis=1)
+        np.add.at(row, 2 * SEEN + corners, by_radii)
+        row[len(mean) :] = self.limbs[:, corners] @ by_radii
         # As if only the place were wrong: the ends do not tell a turn from a shift.
-        spread = covariance[:, :2] @ normal
-        gain = spread / (normal @ spread[:2] + END_STD**2)
+        spread = covariance[:, :2] @ row[:2]
+        gain = spread / (row[:2] @ spread[:2] + END_STD**2)
         return mean + gain * apart.mean(), gain, row
 
 

@@ -153,15 +153,34 @@ def used_rows(used: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     return offsets, np.concatenate([np.zeros(0, np.int64), *used]).astype(np.int64)
 
 
-def contour_directions(headings: np.ndarray, points: int) -> tuple[np.ndarray, np.ndarray]:
+def contour_directions(headings: np.ndarray, points: int = 120) -> tuple[np.ndarray, np.ndarray]:
     """Where a reported contour has its points, seen from the centre.
 
-    Angles (M,) rad from the heading on, even over a full turn, M = `points`; and unit vectors
-    (K, M, 2) in the world that lead there at the `headings` (K,) rad.
+    Angles (M,) rad from the heading on, even over a full turn, M = `points`, of which no estimate
+    depends; and unit vectors (K, M, 2) in the world that lead there at the `headings` (K,) rad.
     """
     angles = 2.0 * np.pi * np.arange(points) / points
     bearings = headings[:, None] + angles
     return angles, np.stack([np.cos(bearings), np.sin(bearings)], axis=-1)
+
+
+def directions_of(contours: np.ndarray, means: np.ndarray) -> np.ndarray:
+    """Unit vectors (K, M, 2) to `contours` (K, M, 2) m from the centres of the `means` (K, D).
+
+    Zero at a centre.
+    """
+    arms = contours - means[:, None, :2]
+    lengths = np.linalg.norm(arms, axis=2, keepdims=True)
+    return np.divide(arms, lengths, out=np.zeros_like(arms), where=lengths > 0.0)
+
+
+def shift_variances(directions: np.ndarray, covariances: np.ndarray) -> np.ndarray:
+    """Variances (K, M) m² of how far a contour is in `directions` (K, M, 2), by its centre's error.
+
+    One that is shifted by d is farther away by pᵀ d in the direction p. `covariances` are
+    (K, D, D), of the centre first.
+    """
+    return np.einsum("kmi,kij,kmj->km", directions, covariances[:, :2, :2], directions)
 
 
 def check_finite(track: Track, name: str = "the tracker") -> None:

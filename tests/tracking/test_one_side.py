@@ -6,18 +6,17 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from seen_targets import moved, scans_seen, start_at, turning
+from seen_targets import SENSOR, moved, scans_of, scans_seen, start_at, turning
 
 from stixel_cli.config.compose import compose
 from stixel_cli.geometry.pose import rotation
-from stixel_cli.measurements.scans import Scans
+from stixel_cli.measurements.scans import FieldOfView, Scans
 from stixel_cli.measurements.shared_errors import SharedErrors
 from stixel_cli.tracking.contour.class_shape import class_shape
 from stixel_cli.tracking.gp_ekf import track
-from stixel_cli.tracking.gp_ekf_update import linearise
 from stixel_cli.tracking.kernel import contour_process
 from stixel_cli.tracking.motion import tied_to_velocity, velocity_across
-from stixel_cli.tracking.one_side import OneSide, size_slopes
+from stixel_cli.tracking.one_side import END_STD, OneSide, size_slopes
 
 CAR = np.array([[2.2, 0.9], [-2.2, 0.9], [-2.2, -0.9], [2.2, -0.9]])
 POSES = turning(40, 4.0, 0.1, (-6.0, 12.0))
@@ -37,19 +36,32 @@ def centre_errors(followed_track):
 
 
 def beside(scans, shift):
-    """The scans with the points of a neighbour: those of the target, moved by `shift` (2,) m."""
-    rows = [scans.rows(k) for k in range(len(scans))]
-    points = [np.vstack([scans.points_world[r], scans.points_world[r] + shift]) for r in rows]
-    covariances = [np.concatenate([scans.covariances_world[r]] * 2) for r in rows]
-    return Scans.of_each(
-        scans.times, scans.sensor_poses_world, list(zip(points, covariances, strict=True))
-    )
+    """The scans with a neighbour's points: those of the target, moved by `shift` (2,) m.
+
+    The sensor does not see those behind the target.
+    """
+    both = []
+    for k in range(len(scans)):
+        rows = scans.rows(k)
+        points, covariances = scans.points_world[rows], scans.covariances_world[rows]
+        own, others = (np.arctan2(*(one - SENSOR[:2]).T) for one in (points, points + shift))
+        seen = (others < own.min()) | (others > own.max())
+        both.append(
+            (
+                np.vstack([points, (points + shift)[seen]]),
+                np.concatenate([covariances, covariances[seen]]),
+            )
+        )
+    return Scans.of_each(scans.times, scans.sensor_poses_world, both)
 
 
 def test_a_neighbour_behind_a_car_is_left_out():
     scans = scans_seen(CAR, POSES, noise=0.03)
+    # Only the uncertain start takes points of the neighbour.
     errors = {
-        seen_by: centre_errors(followed(beside(scans, [0.3, 2.6]), f"tracker.seen_by={seen_by}"))
+        seen_by: centre_errors(followed(beside(scans, [0.3, 2.6]), f"tracker.seen_by={seen_by}"))[
+            5:
+        ]
         for seen_by in ("fabricated", "null")
     }
     alone = centre_errors(followed(scans))
@@ -57,28 +69,72 @@ def test_a_neighbour_behind_a_car_is_left_out():
     assert errors["null"].max() > 2.0 * errors["fabricated"].max()
 
 
-def test_a_contour_before_its_points_moves_behind_them():
-    configuration = configured("road_user=cyclist")
+def side_of(prior, seen_by="stixels", field_of_view=None):
+    """Its contour process, and the side of a sensor with one scan and no points."""
     process = contour_process(50, np.pi / 8, 0.1, 0.05, 1e-6)
-    side = OneSide(configuration.prior, "fabricated", process)
+    scans = replace(scans_of([np.zeros((0, 2))]), field_of_view=field_of_view)
+    return process, OneSide(prior, seen_by, process, scans)
+
+
+def row_of_points(side, mean, shift):
+    """Rays through nine points on the near side of the contour, moved to the right."""
+    points = np.stack([np.linspace(-0.9, 0.9, 9) + shift, np.full(9, 9.8)], axis=-1)
+    ahead = np.array([0.0, 0.0, 0.5 * np.pi])
+    return side.rays(points, np.tile(0.01 * np.eye(2), (9, 1, 1)), ahead, mean[:3])[0]
+
+
+def across(side):
+    """The mean (56,) of a cyclist that rides across, its covariance and the moved points' rays."""
     mean = np.concatenate([[0.0, 10.0, 0.0, 3.0, 0.0, 0.0], side.radii])
-    covariance = np.diag(np.concatenate([[0.1, 0.1], np.full(54, 1e-4)]))
-    # A row of points on the far side of the predicted contour.
-    far = np.stack([np.linspace(-0.3, 0.3, 9), np.full(9, 10.3)], axis=-1)
-    rays, _ = side.rays(far, np.tile(0.01 * np.eye(2), (9, 1, 1)), np.zeros(3), mean[:3])
-    placed, gain = side.near_side(rays, np.arange(9), mean, covariance, 0.05)
-    assert np.abs(linearise(far, mean, process).residuals).max() < 0.2
-    assert placed[1] > 10.4 and placed[0] == pytest.approx(0.0, abs=0.05)
-    assert placed[2:] == pytest.approx(mean[2:])
-    assert (placed - mean)[1] / gain[1] == pytest.approx(0.6, abs=0.1)
+    return mean, np.diag(np.concatenate([[0.1, 0.1], np.full(54, 1e-4)]))
+
+
+def test_a_contour_beside_its_points_moves_to_their_ends():
+    _, side = side_of(configured("road_user=cyclist").prior, "fabricated")
+    mean, covariance = across(side)
+    middle = side.between_ends(row_of_points(side, mean, 0.0), np.arange(9), mean, covariance)[0]
+    placed, gain, row = side.between_ends(
+        row_of_points(side, mean, 0.4), np.arange(9), mean, covariance
+    )
+    share = 0.1 / (0.1 + END_STD**2)
+    assert gain[:2] == pytest.approx([-share, 0.0], abs=0.05)
+    assert (placed - middle)[0] == pytest.approx(0.4 * share, rel=0.1)
+    assert placed[1:] == pytest.approx(mean[1:], abs=0.02)
+    # The derivative of the ends' middle, to the left, by the pose.
+    step = 1e-4
+    for state in range(3):
+        moved_mean = mean.copy()
+        moved_mean[state] += step
+        rays = row_of_points(side, mean, 0.0)
+        after = side.between_ends(rays, np.arange(9), moved_mean, covariance)[0] - moved_mean
+        slope = ((middle - mean) - after)[0] / gain[0] / step
+        assert slope == pytest.approx(row[state], abs=5e-3)
+
+
+@pytest.mark.parametrize("hidden", ["border", "nearer object"])
+def test_an_end_that_is_not_seen_is_not_used(hidden):
+    view = FieldOfView(-0.5, 0.075) if hidden == "border" else None
+    _, side = side_of(configured("road_user=cyclist").prior, "fabricated", view)
+    mean, covariance = across(side)
+    rays = row_of_points(side, mean, 0.0)
+    if hidden != "border":
+        nearer = [[-0.9, 8.0], [0.9, 8.0]]
+        points = np.vstack([rays.points_world, nearer])
+        ahead = np.array([0.0, 0.0, 0.5 * np.pi])
+        rays = side.rays(points, np.tile(0.01 * np.eye(2), (11, 1, 1)), ahead, mean[:3])[0]
+        assert side.between_ends(rays, np.arange(9), mean, covariance) is None
+    else:
+        row = side.between_ends(rays, np.arange(9), mean, covariance)[2]
+        # The right end alone.
+        assert np.count_nonzero(row[6:56]) == 1
 
 
 @pytest.mark.parametrize("road_user", ["car", "cyclist", "pedestrian"])
 def test_the_radii_start_as_the_outline_of_the_class(road_user):
     prior = configured(f"road_user={road_user}").prior
-    process = contour_process(50, np.pi / 8, 0.1, 0.05, 1e-6)
+    process, side = side_of(prior)
     shape = class_shape(road_user)
-    corners = OneSide(prior, "stixels", process).radii[:, None] * process.basis_directions
+    corners = side.radii[:, None] * process.basis_directions
     expected = shape.outline * np.array([prior.length, prior.width]) / shape.size
     nearest = np.hypot(*(corners[:, None] - expected[None]).transpose(2, 0, 1)).min(axis=1)
     assert nearest.max() < 0.06
@@ -86,8 +142,7 @@ def test_the_radii_start_as_the_outline_of_the_class(road_user):
 
 def test_an_unknown_class_has_the_prior_s_shape_and_its_own_points():
     prior = replace(configured().prior, road_user="unknown")
-    process = contour_process(50, np.pi / 8, 0.1, 0.05, 1e-6)
-    side = OneSide(prior, "stixels", process)
+    _, side = side_of(prior)
     points = np.array([[0.5, 9.0], [-0.5, 9.1]])
     rays, stds = side.rays(points, np.tile(0.01 * np.eye(2), (2, 1, 1)), np.zeros(3), np.zeros(3))
     assert not stds.any()
@@ -144,14 +199,13 @@ def test_the_derivative_of_an_outline_by_its_size_is_that_of_the_scaled_outline(
 
 
 def test_the_radii_are_as_uncertain_as_sizes_and_shapes_of_the_class():
-    process = contour_process(50, np.pi / 8, 0.1, 0.05, 1e-6)
     prior = configured().prior
-    side = OneSide(prior, "stixels", process)
+    _, side = side_of(prior)
     front = side.radii_covariance[0, 0] ** 0.5
     assert front == pytest.approx(0.5 * prior.length * prior.length_std, rel=0.1)
     # Front and rear grow together: the size is that of the whole class.
     assert side.radii_covariance[0, 25] > 0.9 * front**2
-    walker = OneSide(configured("road_user=pedestrian").prior, "stixels", process)
+    _, walker = side_of(configured("road_user=pedestrian").prior)
     assert len(side.limbs) == 0 and np.abs(walker.limbs).max() > 0.02
 
 
