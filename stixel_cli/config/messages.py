@@ -79,7 +79,8 @@ def suggestion(word: str, candidates: Iterable[str], form: str = "{}") -> str:
     return f"; did you mean {' or '.join(near)}?"
 
 
-_RENAMED = {("measurement", "simulated"): "stixels"}
+_REPLACED = {("measurement", "simulated"): "measurement=stixels"}
+_REPLACED |= {("tracker", "random_matrix"): "tracker=pyrecest tracker.name=ggiw"}
 _OTHER_KEYS = {"tracker.class": "tracker.road_user", "measurement.sees": "tracker.sees"}
 _OTHER_KEYS |= {"measurement.file": "measurement.path"}
 _OTHER_KEYS |= dict.fromkeys(
@@ -153,8 +154,8 @@ def owners_of(name: str) -> str:
 
 def unknown_option(group: str, option: str) -> str:
     """Message: the group has no such option, with the nearest one and all options."""
-    if (group, option) in _RENAMED:
-        return f"{group}: {option} is now called {_RENAMED[group, option]!r}"
+    if (group, option) in _REPLACED:
+        return f"{group}: {option} is gone: use {_REPLACED[group, option]}"
     options = group_options()[group]
     hint = suggestion(option, options, form=group + "={}")
     text = f"{group}: unknown option {show(option)}{hint} (options: {', '.join(options)})"

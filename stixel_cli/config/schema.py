@@ -49,7 +49,6 @@ from stixel_cli.tracking.baselines.gm_mem_ekf import GmMemEkfParameters
 from stixel_cli.tracking.baselines.lidar_random_matrix import LidarRandomMatrixParameters
 from stixel_cli.tracking.baselines.point import PointParameters
 from stixel_cli.tracking.baselines.pyrecest_parameters import PyRecEstParameters
-from stixel_cli.tracking.baselines.random_matrix import RandomMatrixParameters
 from stixel_cli.tracking.baselines.rectangle import RectangleParameters
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
 from stixel_cli.tracking.file import FileTrackParameters
@@ -71,7 +70,6 @@ Tracker = (
     | LidarRandomMatrixParameters
     | PointParameters
     | PyRecEstParameters
-    | RandomMatrixParameters
     | RectangleParameters
 )
 

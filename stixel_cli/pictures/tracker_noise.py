@@ -20,7 +20,7 @@ def tracker_noise(tracker: Any, scans: Scans) -> tuple[str, np.ndarray, float | 
         std = tracker.measurement_std
         same = np.broadcast_to(std**2 * np.eye(2), scans.covariances_world.shape)
         return f"R = ({std:.3g} m)² for each of them", same, std
-    if kind in ("pyrecest", "random_matrix", "rectangle"):
+    if kind in ("pyrecest", "rectangle"):
         std = tracker.measurement_std
         added = scans.covariances_world + std**2 * np.eye(2)
         return f"R = the scan's + ({std:.3g} m)²", added, None

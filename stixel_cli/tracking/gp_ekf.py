@@ -18,6 +18,7 @@ from stixel_cli.tracking import motion
 from stixel_cli.tracking.association import associate, contour_moments
 from stixel_cli.tracking.gp_ekf_update import SEEN, fill_pose_columns, linearise, update
 from stixel_cli.tracking.kernel import ContourProcess, contour_process
+from stixel_cli.tracking.loop import Filtered, Scan
 from stixel_cli.tracking.prior import PriorShape, mean_radius, prior_radii
 from stixel_cli.tracking.smoothing import Step, smooth
 from stixel_cli.tracking.track import InitialState, Track, contour_directions
@@ -109,20 +110,17 @@ def track(
     radii = prior_radii(prior, process.basis_angles) if side is None else side.radii
     mean = np.concatenate([initial.mean, radii])
     covariance = block_diag(initial.covariance, process.covariance)
-    count, size = len(scans), len(mean)
-    means, covariances = np.empty((count, size)), np.empty((count, size, size))
-    used: list[np.ndarray] = []
-    filtered: list[Step] = []
-    nis = np.full(count, np.nan)
-    steps = motion.intervals(scans.times)
+    filtered = Filtered(scans, len(mean))
+    steps: list[Step] = []
     process_noises, transitions = {}, {}
-    for interval in set(steps):
+    for interval in set(motion.intervals(scans.times)):
         process_noises[interval] = motion.process_noise(
             interval, tracker.sigma_q, tracker.sigma_q_psi
         )
         kept = np.exp(-tracker.forgetting_rate * interval) * np.eye(tracker.basis_points)
         transitions[interval] = block_diag(motion.transition(interval), kept)
-    for k, interval in enumerate(steps):
+    for scan in filtered:
+        interval = scan.interval
         mean, covariance = predicted = motion.predict(
             mean,
             covariance,
@@ -139,23 +137,22 @@ def track(
             mean, covariance, gain = motion.tied_to_velocity(mean, covariance, tracker.slip)
             if stated:
                 stated.tie(gain, before, tracker.slip)
-        mean, covariance, indices, nis[k] = _updated(
-            (mean, covariance), scans, k, process, (side, stated), tracker
+        mean, covariance, indices, nis = _updated(
+            (mean, covariance), scan, process, (side, stated), tracker
         )
-        used.append(indices + scans.offsets[k])
-        means[k], covariances[k] = mean, stated.reported if stated else covariance
+        filtered.add(mean, stated.reported if stated else covariance, indices, nis)
         if tracker.lag != 0:
-            last = filtered[-1] if filtered else None
-            filtered.append(Step(mean, covariance, *predicted, last, transitions[interval]))
+            last = steps[-1] if steps else None
+            steps.append(Step(mean, covariance, *predicted, last, transitions[interval]))
 
-    def reported(means: np.ndarray, covariances: np.ndarray) -> Track:
-        contours = contours_of(means, covariances, process, tracker.contour_points)
-        return Track.of_scans(scans.times, (means, covariances), contours, used, nis)
+    def reported(*states: np.ndarray) -> Track:
+        return filtered.track(contours_of(*states, process, tracker.contour_points), states)
 
+    means, covariances = filtered.states
     track = reported(means, covariances)
     if tracker.lag == 0:
         return track
-    smoothed_means, smoothed_covariances = smooth(filtered, tracker.lag, heading=2)
+    smoothed_means, smoothed_covariances = smooth(steps, tracker.lag, heading=2)
     # Of errors that scans share, later scans take little: those of the filter are stated.
     smoothed = reported(smoothed_means, covariances if stated else smoothed_covariances)
     return replace(track, smoothed=replace(smoothed, lag=tracker.lag))
@@ -163,24 +160,20 @@ def track(
 
 def _updated(
     predicted: tuple[np.ndarray, np.ndarray],
-    scans: Scans,
-    k: int,
+    scan: Scan,
     process: ContourProcess,
     one_side: "tuple[OneSide | None, StatedCovariance | None]",
     tracker: GpEkfParameters,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
-    """Mean and covariance after scan k, the indices (m,) of its points that were used, the NIS."""
+    """Mean and covariance after a scan, the indices (m,) of its points that were used, the NIS."""
     mean, covariance = predicted
     side, stated = one_side
-    rows = scans.rows(k)
-    points, own_noises = scans.points_world[rows], scans.covariances_world[rows]
+    points, noises = scan.points, scan.covariances
     if side is not None:
-        sensor, heights = scans.sensor_poses_world[k], scans.heights_of(rows)
         rays, shape_stds = side.rays(
-            points, own_noises, sensor, mean[:SEEN], heights, scans.field_of_view
+            points, noises, scan.sensor, mean[:SEEN], scan.heights, scan.field_of_view
         )
         points = rays.points_world
-    noises = own_noises
     if tracker.measurement_covariance == "isotropic":
         noises = tracker.measurement_std**2 * np.eye(2)
     indices = _associated(points, noises, mean, covariance, process, tracker)
@@ -198,7 +191,7 @@ def _updated(
         mean = moved[0]
         stated.between_ends(*moved[1:])
     model = side.linearised(rays, indices, mean, stated.position)
-    matrix, variances = stated.rows(model, rays.subset(indices), shape_stds[indices], mean, k)
+    matrix, variances = stated.rows(model, rays.subset(indices), shape_stds[indices], mean, scan.k)
     mean, covariance, gain, _ = update(mean, covariance, model, noises, tangential=False)
     return mean, covariance, indices, stated.correct(gain, matrix, variances, model.residuals)
 

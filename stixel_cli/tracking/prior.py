@@ -8,10 +8,7 @@ from annotated_types import Ge, Gt, Le
 from stixel_cli.parameters import parameters
 from stixel_cli.scene.classes import ROAD_USER_CLASSES, RoadUserClass
 
-NEED_SHAPE = (
-    *("point", "rectangle", "random_matrix", "pyrecest"),
-    *("lidar_random_matrix", "gm_mem_ekf"),
-)
+NEED_SHAPE = ("point", "rectangle", "pyrecest", "lidar_random_matrix", "gm_mem_ekf")
 """Trackers that read the shape's radii."""
 
 

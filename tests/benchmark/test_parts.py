@@ -62,8 +62,8 @@ def test_a_part_is_rendered_run_and_scored(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(module, "sequences", lambda part, seeds=(): chosen)
     monkeypatch.chdir(tmp_path)
     assert main(["bench", "render", "--part", "guest_demo", "--data", "demo"]) == 0
-    assert main(["bench", "run", "random_matrix", "--data", "demo"]) == 0, capsys.readouterr().err
-    scored = ["bench", "score", "random_matrix.zip", "--data", "demo", "--rows", "rows"]
+    assert main(["bench", "run", "box", "--data", "demo"]) == 0, capsys.readouterr().err
+    scored = ["bench", "score", "box.zip", "--data", "demo", "--rows", "rows"]
     assert main(scored) == 0 and len(list((tmp_path / "rows").iterdir())) == 1
     assert main(["bench", "verify", "--data", "absent"]) == 2
     assert (

@@ -10,7 +10,11 @@ from tracking_cases import CAR, START, scans_of
 
 from stixel_cli.config.compose import compose
 from stixel_cli.geometry.pose import rectangle, rotation
-from stixel_cli.tracking.baselines.lidar_random_matrix import measured_centre, track
+from stixel_cli.tracking.baselines.lidar_random_matrix import (
+    measured_centre,
+    track,
+    update_extension,
+)
 from stixel_cli.tracking.centre import MOVING, predict
 from stixel_cli.tracking.motion import intervals
 
@@ -159,3 +163,22 @@ def test_covariances_are_symmetric_and_positive(seed):
         np.testing.assert_allclose(result.covariances, np.swapaxes(result.covariances, 1, 2))
         assert np.linalg.eigvalsh(result.covariances).min() >= -1e-12
         assert (result.means[:, 6:] > 0.0).all()
+
+
+@settings(derandomize=True, deadline=None, max_examples=20)
+@given(seed=st.integers(0, 2**31))
+def test_update_of_the_extension_is_covariant_and_positive(seed):
+    random = np.random.default_rng(seed)
+    root = random.standard_normal((3, 2, 2))
+    extension, covariance, noise = root @ np.swapaxes(root, 1, 2) + 0.1 * np.eye(2)
+    offsets, turn = random.standard_normal((5, 2)), rotation(random.uniform(-3, 3))
+    innovation = random.standard_normal(2)
+    plain = update_extension(extension, 7.0, (innovation, covariance), (offsets, noise))
+    turned = update_extension(
+        turn @ extension @ turn.T,
+        7.0,
+        (turn @ innovation, turn @ covariance @ turn.T),
+        (offsets @ turn.T, turn @ noise @ turn.T),
+    )
+    np.testing.assert_allclose(turned, turn @ plain @ turn.T, atol=1e-9)
+    assert np.linalg.eigvalsh(plain).min() > 0.0

@@ -20,7 +20,7 @@ from stixel_cli.geometry.pose import rotation, target_from_world
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.parameters import parameters
 from stixel_cli.tracking.centre import GREATEST_VARIANCE, MOVING, predict, six_states, update
-from stixel_cli.tracking.motion import intervals
+from stixel_cli.tracking.loop import Filtered
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.track import InitialState, Track, contour_directions
 
@@ -57,20 +57,14 @@ def track(scans: Scans, initial: InitialState, prior: PriorShape, tracker: BoxPa
     mean, covariance = initial.mean[MOVING], initial.covariance[np.ix_(MOVING, MOVING)]
     heading = (float(initial.mean[2]), min(float(initial.covariance[2, 2]), GREATEST_VARIANCE))
     half = 0.5 * np.array([prior.length, prior.width])
-    count = len(scans)
-    motion = tracker.sigma_q, tracker.least_speed
-    means, covariances = np.empty((count, 6)), np.empty((count, 6, 6))
-    used: list[np.ndarray] = []
-    nis = np.full(count, np.nan)
-    for k, interval in enumerate(intervals(scans.times)):
-        mean, covariance = predict(mean, covariance, interval, tracker.sigma_q)
-        states, _ = six_states(mean, covariance, heading, interval, *motion)
-        rows = scans.rows(k)
-        points = target_from_world(scans.points_world[rows], states[:3])
+    motion, filtered, nis = (tracker.sigma_q, tracker.least_speed), Filtered(scans, 6), np.nan
+    for scan in filtered:
+        mean, covariance = predict(mean, covariance, scan.interval, tracker.sigma_q)
+        states, _ = six_states(mean, covariance, heading, scan.interval, *motion)
+        points = target_from_world(scan.points, states[:3])
         inside = (np.abs(points) <= half + tracker.gate).all(axis=1) & tracker.use_scans
-        used.append(np.flatnonzero(inside) + rows.start)
         if inside.any():
-            sensor = target_from_world(scans.sensor_poses_world[k][None, :2], states[:3])[0]
+            sensor = target_from_world(scan.sensor[None, :2], states[:3])[0]
             expected = visible_centroid(half, sensor)
             turn = rotation(states[2])
             innovation = turn @ (points[inside].mean(axis=0) - expected)
@@ -80,12 +74,14 @@ def track(scans: Scans, initial: InitialState, prior: PriorShape, tracker: BoxPa
                 aside = turn @ np.array([-expected[1], expected[0]])
                 matrix[:, 2:] = np.outer(aside, [-mean[3], mean[2]]) / (mean[2:] @ mean[2:])
             variance = tracker.centroid_std**2 + tracker.measurement_std**2 / inside.sum()
-            mean, covariance, nis[k] = update(
+            mean, covariance, nis = update(
                 mean, covariance, innovation, variance * np.eye(2), matrix
             )
-        means[k], covariances[k] = six_states(mean, covariance, heading, interval, *motion)
-        heading = (means[k, 2], covariances[k, 2, 2])
+        states, spread = six_states(mean, covariance, heading, scan.interval, *motion)
+        heading = (states[2], spread[2, 2])
+        filtered.add(states, spread, np.flatnonzero(inside), nis, degrees=2)
 
+    means, covariances = filtered.states
     angles, directions = contour_directions(means[:, 2], tracker.contour_points)
     radii = box_radii(half, angles)
     # A contour that is shifted by d is farther away by pᵀ d in the direction p.
@@ -97,9 +93,7 @@ def track(scans: Scans, initial: InitialState, prior: PriorShape, tracker: BoxPa
         directions,
         np.sqrt(size**2 + shift),
     )
-    degrees = np.array([2 if len(rows) else 0 for rows in used], dtype=np.int64)
-    found = Track.of_scans(scans.times, (means, covariances), contours, used, nis, degrees)
-    return replace(found, uses_scans=tracker.use_scans)
+    return replace(filtered.track(contours), uses_scans=tracker.use_scans)
 
 
 def visible_centroid(half: np.ndarray, sensor: np.ndarray) -> np.ndarray:

@@ -30,7 +30,7 @@ from stixel_cli.tracking import centre
 from stixel_cli.tracking.association import associate
 from stixel_cli.tracking.baselines.rectangle_contour import QUARTER, contours_of, forward_axis
 from stixel_cli.tracking.centre import GREATEST_VARIANCE, MOVING
-from stixel_cli.tracking.motion import intervals
+from stixel_cli.tracking.loop import Filtered
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.track import InitialState, Track
 
@@ -107,40 +107,25 @@ def track(
     )
     noise_densities = np.array([tracker.heading_noise, *[tracker.size_noise] * 2]) ** 2
 
-    count = len(scans)
-    means, covariances = np.empty((count, 8)), np.empty((count, 8, 8))
-    heading = float(initial.mean[2])
-    used: list[np.ndarray] = []
-    nis = np.full(count, np.nan)
-    for k, interval in enumerate(intervals(scans.times)):
+    heading, filtered = float(initial.mean[2]), Filtered(scans, 8)
+    for scan in filtered:
         estimate = Estimate(
-            *centre.predict(estimate.state, estimate.covariance, interval, tracker.sigma_q),
+            *centre.predict(estimate.state, estimate.covariance, scan.interval, tracker.sigma_q),
             estimate.shape,
-            estimate.shape_covariance + interval * np.diag(noise_densities),
+            estimate.shape_covariance + scan.interval * np.diag(noise_densities),
         )
-        rows = scans.rows(k)
-        points, noises = scans.points_world[rows], scans.covariances_world[rows]
         turn = rotation(estimate.shape[0])
         area = turn @ np.diag(estimate.shape[1:] ** 2 / 3.0) @ turn.T
-        indices = associate(
-            points,
-            estimate.state[:2],
-            estimate.covariance[:2, :2] + area + noises,
-            tracker.gate_probability,
-        )
-        used.append(indices + rows.start)
-        if len(indices):
-            weights = side_weights(estimate, scans.sensor_poses_world[k, :2])
-            nis[k] = 0.0
-            for i in generator(0, "gm_mem_ekf", k).permutation(indices):
-                estimate, distance = update(estimate, points[i], noises[i], weights)
-                nis[k] += distance
-        means[k], covariances[k] = _eight_states(estimate, heading, tracker.heading_noise)
-        heading = means[k, 2]
-
-    contours = contours_of(means, covariances, prior, tracker.contour_points)
-    degrees = np.array([2 * len(rows) for rows in used], dtype=np.int64)
-    return Track.of_scans(scans.times, (means, covariances), contours, used, nis, degrees)
+        spread = estimate.covariance[:2, :2] + area + scan.covariances
+        indices = associate(scan.points, estimate.state[:2], spread, tracker.gate_probability)
+        weights, nis = side_weights(estimate, scan.sensor[:2]), 0.0
+        for i in generator(0, "gm_mem_ekf", scan.k).permutation(indices):
+            estimate, distance = update(estimate, scan.points[i], scan.covariances[i], weights)
+            nis += distance
+        states = _eight_states(estimate, heading, tracker.heading_noise)
+        heading = states[0][2]
+        filtered.add(*states, indices, nis, degrees=2 * len(indices))
+    return filtered.track(contours_of(*filtered.states, prior, tracker.contour_points))
 
 
 def side_weights(estimate: Estimate, sensor: np.ndarray) -> np.ndarray:

@@ -5,10 +5,13 @@ objects with contour measurements*, FUSION; and, for `centre=midpoints`, P. Li, 
 J. Qiu 2023, *Modified extended object tracker for 2D lidar data using random matrix model*,
 Scientific Reports 13, with the former's other equations ("LiImproved" there).
 
-State and update are those of `random_matrix`, with X (2, 2) m² of the half length and the half
-width: its eigenvectors are along the sides, its eigenvalues their squares. Two things differ.
+The state is x, y and their rates (m and m/s, world frame), and the extension X (2, 2) m² of the
+rectangle: its eigenvectors are along the sides, its eigenvalues the squared half sizes. X has an
+inverse Wishart density with the weight alpha, a number of points. The update is that of
+M. Feldmann, D. Fränken, W. Koch 2011, *Tracking of extended objects and group targets using random
+matrices*, IEEE Transactions on Signal Processing 59(4), but for two things.
 
-- The measured centre is not the mean of the points. `ends`: the middle between the first and the
+- The measured centre m is not the mean of the points. `ends`: the middle between the first and the
   last point from right to left: if two sides are seen, these are opposite corners. `midpoints`: the
   i-th point from the right and the i-th from the left have a midpoint. The line through all of
   these is cut where it is as far away, along the rays, as the first and as the last point; the
@@ -29,7 +32,6 @@ from stixel_cli.geometry.pose import rotation, wrap_angle
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.parameters import parameters
 from stixel_cli.tracking.association import associate
-from stixel_cli.tracking.baselines.extension import update_extension
 from stixel_cli.tracking.baselines.rectangle_contour import (
     LEAST_SPEED,
     QUARTER,
@@ -37,7 +39,7 @@ from stixel_cli.tracking.baselines.rectangle_contour import (
     forward_axis,
 )
 from stixel_cli.tracking.centre import MOVING, predict, six_states, update
-from stixel_cli.tracking.motion import intervals
+from stixel_cli.tracking.loop import Filtered
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.track import InitialState, Track
 
@@ -92,40 +94,58 @@ def track(
     extension = turn @ np.diag([prior.length**2, prior.width**2]) @ turn.T / 4.0
     weight = tracker.prior_weight
 
-    count = len(scans)
-    means, covariances = np.empty((count, 8)), np.empty((count, 8, 8))
-    used: list[np.ndarray] = []
-    nis = np.full(count, np.nan)
-    for k, interval in enumerate(intervals(scans.times)):
-        mean, covariance = predict(mean, covariance, interval, tracker.sigma_q)
-        weight = max(weight * np.exp(-interval / tracker.forgetting_time), LEAST_WEIGHT)
-        rows = scans.rows(k)
-        points, noises = scans.points_world[rows], scans.covariances_world[rows]
+    filtered, nis = Filtered(scans, 8), np.nan
+    for scan in filtered:
+        mean, covariance = predict(mean, covariance, scan.interval, tracker.sigma_q)
+        weight = max(weight * np.exp(-scan.interval / tracker.forgetting_time), LEAST_WEIGHT)
         # A rectangle's area has a third of its squared half sizes as second moments.
-        spread = covariance[:2, :2] + extension / 3.0 + noises
-        indices = associate(points, mean[:2], spread, tracker.gate_probability)
-        used.append(indices + rows.start)
+        spread = covariance[:2, :2] + extension / 3.0 + scan.covariances
+        indices = associate(scan.points, mean[:2], spread, tracker.gate_probability)
         if len(indices):
-            points, noise = points[indices], noises[indices].mean(axis=0)
-            centre = measured_centre(points, scans.sensor_poses_world[k, :2], tracker.centre)
+            points, noise = scan.points[indices], scan.covariances[indices].mean(axis=0)
+            centre = measured_centre(points, scan.sensor[:2], tracker.centre)
             wide = (weight + 3.0) / weight * extension
             scattered = tracker.scatter * wide + noise
             innovation, noise = centre - mean[:2], scattered / len(points)
             wide = update_extension(
                 wide, weight, (innovation, covariance[:2, :2] + noise), (points - centre, scattered)
             )
-            mean, covariance, nis[k] = update(mean, covariance, innovation, noise)
+            mean, covariance, nis = update(mean, covariance, innovation, noise)
             weight += len(points)
             extension = weight / (weight + 3.0) * wide
         states = six_states(
-            mean, covariance, (heading, 0.0), interval, tracker.sigma_q, LEAST_SPEED
+            mean, covariance, (heading, 0.0), scan.interval, tracker.sigma_q, LEAST_SPEED
         )
-        means[k], covariances[k] = _eight_states(*states, extension, weight, heading)
-        heading = means[k, 2]
+        states = _eight_states(*states, extension, weight, heading)
+        heading = states[0][2]
+        filtered.add(*states, indices, nis, degrees=2)
+    return filtered.track(contours_of(*filtered.states, prior, tracker.contour_points))
 
-    contours = contours_of(means, covariances, prior, tracker.contour_points)
-    degrees = np.array([2 if len(rows) else 0 for rows in used], dtype=np.int64)
-    return Track.of_scans(scans.times, (means, covariances), contours, used, nis, degrees)
+
+def update_extension(
+    extension: np.ndarray,
+    weight: float,
+    innovation: tuple[np.ndarray, np.ndarray],
+    offsets: tuple[np.ndarray, np.ndarray],
+) -> np.ndarray:
+    """X⁺ (2, 2) m² from n points, Feldmann, Fränken, Koch 2011; it counts as alpha + n of them.
+
+    `extension` X and its `weight` alpha are the predicted ones. `innovation` is the measured centre
+    minus the predicted one (2,) m, and its covariance S (2, 2) m². `offsets` are the points minus
+    the measured centre (n, 2) m, and the expected covariance Y (2, 2) m² of each.
+    """
+    moved = _whitening(extension, innovation[1]) @ innovation[0]
+    spread = offsets[0] @ _whitening(extension, offsets[1]).T
+    total = weight + len(spread)
+    return (weight * extension + np.outer(moved, moved) + spread.T @ spread) / total
+
+
+def _whitening(extension: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+    """X^½ C^-½ (2, 2) with symmetric roots of the `extension` X and the `covariance` C."""
+    roots, axes = np.linalg.eigh(np.stack([extension, covariance]))
+    powers = np.sqrt(roots) ** np.array([[1.0], [-1.0]])
+    first, second = (axes * powers[:, None, :]) @ np.swapaxes(axes, 1, 2)
+    return first @ second
 
 
 def measured_centre(

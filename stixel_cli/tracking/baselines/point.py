@@ -13,7 +13,6 @@ c the configuration's `centroid_offset`. The shared error is no white noise: it 
 the same side is seen, so no such filter can be consistent.
 """
 
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Annotated, ClassVar, Literal
 
@@ -24,6 +23,7 @@ from stixel_cli.measurements.scans import Scans
 from stixel_cli.parameters import parameters
 from stixel_cli.tracking.association import associate
 from stixel_cli.tracking.centre import GREATEST_VARIANCE, MOVING, predict, six_states, update
+from stixel_cli.tracking.loop import Filtered
 from stixel_cli.tracking.motion import intervals, transition
 from stixel_cli.tracking.prior import PriorShape, prior_radii
 from stixel_cli.tracking.smoothing import Step, smooth
@@ -83,27 +83,21 @@ def track(
     mean, covariance = initial.mean[MOVING], initial.covariance[np.ix_(MOVING, MOVING)]
     lone = 0.25 * radius**2 + tracker.measurement_std**2
 
-    used: list[np.ndarray] = []
+    filtered, nis = Filtered(scans, 4), np.nan
     steps: list[Step] = []
-    nis = np.full(len(scans), np.nan)
-    for k, interval in enumerate(intervals(scans.times)):
-        mean, covariance = predicted = predict(mean, covariance, interval, tracker.sigma_q)
-        rows = scans.rows(k)
-        points = scans.points_world[rows]
-        indices = associate(
-            points, mean[:2], covariance[:2, :2] + lone * np.eye(2), tracker.gate_probability
-        )
-        used.append(indices + rows.start)
+    for scan in filtered:
+        mean, covariance = predicted = predict(mean, covariance, scan.interval, tracker.sigma_q)
+        spread = covariance[:2, :2] + lone * np.eye(2)
+        indices = associate(scan.points, mean[:2], spread, tracker.gate_probability)
         if len(indices):
             variance = (tracker.centroid_offset * radius) ** 2 + lone / len(indices)
-            innovation = points[indices].mean(axis=0) - mean[:2]
-            mean, covariance, nis[k] = update(mean, covariance, innovation, variance * np.eye(2))
-        matrix = transition(interval)[np.ix_(MOVING, MOVING)]
+            innovation = scan.points[indices].mean(axis=0) - mean[:2]
+            mean, covariance, nis = update(mean, covariance, innovation, variance * np.eye(2))
+        matrix = transition(scan.interval)[np.ix_(MOVING, MOVING)]
         steps.append(Step(mean, covariance, *predicted, steps[-1] if steps else None, matrix))
+        filtered.add(mean, covariance, indices, nis, degrees=2)
 
-    degrees = np.array([2 if len(rows) else 0 for rows in used], dtype=np.int64)
-
-    def reported(means: Sequence[np.ndarray], covariances: Sequence[np.ndarray]) -> Track:
+    def reported(means: np.ndarray, covariances: np.ndarray) -> Track:
         """The track of K estimates of place and velocity, with the circle as its contour."""
         states, spreads = np.empty((len(scans), 6)), np.empty((len(scans), 6, 6))
         heading = (float(initial.mean[2]), min(float(initial.covariance[2, 2]), GREATEST_VARIANCE))
@@ -115,10 +109,10 @@ def track(
         # A circle that is shifted by d is farther away by pᵀ d in the direction p.
         shift = np.einsum("kmi,kij,kmj->km", directions, spreads[:, :2, :2], directions)
         contours = states[:, None, :2] + radius * directions, directions, np.sqrt(std**2 + shift)
-        return Track.of_scans(scans.times, (states, spreads), contours, used, nis, degrees)
+        return filtered.track(contours, (states, spreads))
 
-    filtered = reported([step.mean for step in steps], [step.covariance for step in steps])
+    track = reported(*filtered.states)
     if tracker.lag == 0:
-        return filtered
+        return track
     smoothed = reported(*smooth(steps, tracker.lag))
-    return replace(filtered, smoothed=replace(smoothed, lag=tracker.lag))
+    return replace(track, smoothed=replace(smoothed, lag=tracker.lag))

@@ -14,7 +14,7 @@ from stixel_cli.measurements.scans import Scans
 from stixel_cli.tracking.association import associate
 from stixel_cli.tracking.baselines.pyrecest_filters import Ellipse, FourierSeries, StarConvex
 from stixel_cli.tracking.baselines.pyrecest_parameters import PyRecEstParameters
-from stixel_cli.tracking.motion import intervals
+from stixel_cli.tracking.loop import Filtered
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.track import InitialState, Track
 
@@ -36,39 +36,29 @@ def track(
     if tracker.name == "factorised_giw":
         # It takes the noise off the points' scatter, which errors that they share do not widen.
         added, least = np.zeros((2, 2)), 3
-    estimates, used = [], []
+    contours, filtered = [], Filtered(scans, 6)
     try:
-        for k, interval in enumerate(intervals(scans.times)):
-            adapted.predict(float(interval))
-            now, rows = adapted.estimate(), scans.rows(k)
-            noises = scans.covariances_world[rows] + added
+        for scan in filtered:
+            adapted.predict(float(scan.interval))
+            now, noises = adapted.estimate(), scan.covariances + added
             turn = rotation(now.mean[2])
             spread = now.covariance[:2, :2] + turn @ size @ turn.T + noises
-            points = scans.points_world[rows]
-            near = associate(points, now.mean[:2], spread, tracker.gate_probability)
+            near = associate(scan.points, now.mean[:2], spread, tracker.gate_probability)
             near = near if len(near) >= least else near[:0]
-            used.append(near + rows.start)
             if len(near):
-                adapted.update(points[near], noises[near])
+                adapted.update(scan.points[near], noises[near])
                 now = adapted.estimate()
-            estimates.append(now)
+            filtered.add(now.mean, now.covariance, near, degrees=0)
+            contours.append(now.contour)
     except np.linalg.LinAlgError as error:
-        raise ValueError(f"{tracker.name} of PyRecEst failed at scan {k}: {error}") from error
-    means = np.array([one.mean for one in estimates])
-    means[:, 2] = np.unwrap(means[:, 2])
-    contours = np.array([one.contour for one in estimates])
+        raise ValueError(f"{tracker.name} of PyRecEst failed at scan {scan.k}: {error}") from error
+    means, covariances = filtered.states
+    means[:, 2], contours = np.unwrap(means[:, 2]), np.array(contours)
     arms = contours - means[:, None, :2]
     lengths = np.linalg.norm(arms, axis=2, keepdims=True)
     directions = np.divide(arms, lengths, out=np.zeros_like(arms), where=lengths > 0.0)
     std = np.full(contours.shape[:2], np.hypot(prior.sigma_f, prior.sigma_r))
-    return Track.of_scans(
-        scans.times,
-        (means, np.array([one.covariance for one in estimates])),
-        (contours, directions, std),
-        used,
-        nis=np.full(len(scans), np.nan),
-        nis_degrees_of_freedom=np.zeros(len(scans), dtype=np.int64),
-    )
+    return filtered.track((contours, directions, std), (means, covariances))
 
 
 def _adapted(

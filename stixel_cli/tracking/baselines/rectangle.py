@@ -32,7 +32,8 @@ from stixel_cli.tracking.association import associate
 from stixel_cli.tracking.baselines.rectangle_contour import contours_of
 from stixel_cli.tracking.baselines.rectangle_sides import Rows, joined, measure, slip_row
 from stixel_cli.tracking.kalman import condition
-from stixel_cli.tracking.motion import intervals, process_noise, transition
+from stixel_cli.tracking.loop import Filtered
+from stixel_cli.tracking.motion import process_noise, transition
 from stixel_cli.tracking.prior import PriorShape, fullness_of
 from stixel_cli.tracking.track import InitialState, Track
 
@@ -82,30 +83,24 @@ def track(
     covariance[:6, :6] = initial.covariance
     covariance[6, 6], covariance[7, 7] = (size * [prior.length_std, prior.width_std]) ** 2
 
-    count = len(scans)
-    means, covariances = np.empty((count, 8)), np.empty((count, 8, 8))
-    used: list[np.ndarray] = []
-    nis, degrees = np.full(count, np.nan), np.zeros(count, np.int64)
-    for k, interval in enumerate(intervals(scans.times)):
-        mean, covariance = predict(mean, covariance, interval, tracker)
-        rows = scans.rows(k)
-        points = scans.points_world[rows]
-        noises = scans.covariances_world[rows] + tracker.measurement_std**2 * np.eye(2)
+    filtered = Filtered(scans, 8)
+    for scan in filtered:
+        mean, covariance = predict(mean, covariance, scan.interval, tracker)
+        noises, nis, degrees = scan.covariances + tracker.measurement_std**2 * np.eye(2), np.nan, 0
         turn = rotation(mean[2])
         area = turn @ np.diag(mean[6:] ** 2 / 12.0) @ turn.T
-        indices = associate(
-            points, mean[:2], covariance[:2, :2] + area + noises, tracker.gate_probability
-        )
+        spread = covariance[:2, :2] + area + noises
+        indices = associate(scan.points, mean[:2], spread, tracker.gate_probability)
         if len(indices):
             measured = joined(
                 measure(
                     mean,
-                    points[indices],
+                    scan.points[indices],
                     noises[indices],
-                    scans.sensor_poses_world[k],
+                    scan.sensor,
                     fullness,
                     tracker.corner_std,
-                    scans.field_of_view,
+                    scan.field_of_view,
                 ),
                 slip_row(mean, tracker.slip),
             )
@@ -113,13 +108,11 @@ def track(
             indices = indices[kept[: len(indices)]]
         if len(indices):
             measured = Rows(*(part[kept] for part in measured))
-            mean, covariance, nis[k] = update(mean, covariance, measured, tracker.side_std)
-            degrees[k] = len(measured.innovations)
-        used.append(indices + rows.start)
-        means[k], covariances[k] = mean, covariance
-
-    contours = contours_of(means, covariances, prior, tracker.contour_points, tracker.side_std)
-    return Track.of_scans(scans.times, (means, covariances), contours, used, nis, degrees)
+            mean, covariance, nis = update(mean, covariance, measured, tracker.side_std)
+            degrees = len(measured.innovations)
+        filtered.add(mean, covariance, indices, nis, degrees)
+    points = tracker.contour_points
+    return filtered.track(contours_of(*filtered.states, prior, points, tracker.side_std))
 
 
 def predict(

@@ -1,0 +1,88 @@
+"""The loop of a filter over scans, and the track of what the filter has after each."""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from stixel_cli.measurements.scans import FieldOfView, Scans
+from stixel_cli.tracking.motion import intervals
+from stixel_cli.tracking.track import Track
+
+
+class Scan(NamedTuple):
+    """One scan, in the world.
+
+    Attributes:
+        k: its number.
+        interval: s since the scan before; at the first, the filter starts one sample before it.
+        points: (n, 2) m, and covariances: (n, 2, 2) m².
+        sensor: (3,) its pose.
+        heights: (n,) m, of the points above the road; None: unknown.
+        field_of_view: as in `Scans`.
+    """
+
+    k: int
+    interval: float
+    points: np.ndarray
+    covariances: np.ndarray
+    sensor: np.ndarray
+    heights: np.ndarray | None
+    field_of_view: FieldOfView | None
+
+
+class Filtered:
+    """Gives the scans one after the other, and keeps what a filter has after each.
+
+    Attributes:
+        states: means (K, d) and covariances (K, d, d).
+    """
+
+    def __init__(self, scans: Scans, size: int):
+        """For a filter of `size` states, d."""
+        count, self._scans = len(scans), scans
+        self.states = np.empty((count, size)), np.empty((count, size, size))
+        self._used: list[np.ndarray] = []
+        self._nis, self._degrees = np.full(count, np.nan), np.zeros(count, np.int64)
+
+    def __iter__(self) -> Iterator[Scan]:
+        """The scans, the first too: predict, update, and `add` the result before the next."""
+        scans = self._scans
+        for k, interval in enumerate(intervals(scans.times)):
+            rows = scans.rows(k)
+            points, covariances = scans.points_world[rows], scans.covariances_world[rows]
+            sensor, heights = scans.sensor_poses_world[k], scans.heights_of(rows)
+            view = scans.field_of_view
+            yield Scan(k, interval, points, covariances, sensor, heights, view)
+
+    def add(
+        self,
+        mean: np.ndarray,
+        covariance: np.ndarray,
+        indices: np.ndarray,
+        nis: float = np.nan,
+        degrees: int | None = None,
+    ) -> None:
+        """Keep mean (d,) and covariance (d, d) after a scan, and the indices (m,) of used points.
+
+        `nis` has so many `degrees` of freedom, by default one a point; both count with points only.
+        """
+        k = len(self._used)
+        for kept, value in zip(self.states, (mean, covariance), strict=True):
+            kept[k] = value
+        self._used.append(indices + self._scans.offsets[k])
+        if len(indices):
+            self._nis[k] = nis
+            self._degrees[k] = len(indices) if degrees is None else degrees
+
+    def track(
+        self,
+        contours: tuple[np.ndarray, np.ndarray, np.ndarray],
+        states: tuple[np.ndarray, np.ndarray] | None = None,
+    ) -> Track:
+        """The track with these `contours`, see `Track.of_scans`, and `states`: by default its own.
+
+        They are six or more.
+        """
+        used = self._used, self._nis, self._degrees
+        return Track.of_scans(self._scans.times, states or self.states, contours, *used)
