@@ -9,37 +9,45 @@ LEAST = 2
 """Stixels of an object."""
 
 
-def cluster(points_ego: np.ndarray, covariances_ego: np.ndarray) -> np.ndarray:
+def cluster(
+    points_ego: np.ndarray, covariances_ego: np.ndarray, gap: float = GAP, least: int = LEAST
+) -> np.ndarray:
     """The cluster (n,) of each point, from 0; -1 without a cluster.
+
+    Neighbours are in one cluster, of `least` points or more, 1 or 2: those of DBSCAN with the
+    radius 1 (Ester, Kriegel, Sander, Xu 1996).
 
     Args:
         points_ego: (n, 2) m, from the camera.
         covariances_ego: (n, 2, 2) m².
+        gap: as in `distances`.
     """
-    if len(points_ego) < LEAST:
-        return np.full(len(points_ego), -1)
-    # It takes a second to import.
-    from sklearn.cluster import DBSCAN
+    if not len(points_ego):
+        return np.zeros(0, np.int64)
+    from scipy.sparse.csgraph import connected_components
 
-    near = distances(points_ego, covariances_ego)
-    return DBSCAN(eps=1.0, min_samples=LEAST, metric="precomputed").fit_predict(near)
+    near = distances(points_ego, covariances_ego, gap) <= 1.0
+    _, labels = connected_components(near, directed=False)
+    large = np.bincount(labels) >= least
+    return np.where(large, np.cumsum(large) - 1, -1)[labels]
 
 
-def distances(points_ego: np.ndarray, covariances_ego: np.ndarray) -> np.ndarray:
+def distances(points_ego: np.ndarray, covariances_ego: np.ndarray, gap: float = GAP) -> np.ndarray:
     """Distances (n, n) without unit between points: up to 1, they are neighbours on one object.
 
-    Along the ray a step counts in units of `GAP` and the standard deviation of the difference,
-    across it, where bearings are exact, in units of `GAP`. So far objects, whose depth is
+    Along the ray a step counts in units of `gap` and the standard deviation of the difference,
+    across it, where bearings are exact, in units of `gap`. So far objects, whose depth is
     uncertain, do not break up, and those next to each other do not merge.
 
     Args:
         points_ego: (n, 2) m, from the camera.
         covariances_ego: (n, 2, 2) m².
+        gap: m.
     """
     ranges = np.hypot(*points_ego.T)
     bearings = np.arctan2(points_ego[:, 1], points_ego[:, 0])
     along = points_ego / np.maximum(ranges, 1e-9)[:, None]
     variances = np.einsum("ni,nij,nj->n", along, covariances_ego, along)
-    steps = (ranges[:, None] - ranges) ** 2 / (GAP**2 + variances[:, None] + variances)
+    steps = (ranges[:, None] - ranges) ** 2 / (gap**2 + variances[:, None] + variances)
     across = (bearings[:, None] - bearings) * np.minimum(ranges[:, None], ranges)
-    return np.sqrt(steps + (across / GAP) ** 2)
+    return np.sqrt(steps + (across / gap) ** 2)

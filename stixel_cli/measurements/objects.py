@@ -10,8 +10,8 @@ from stixel_cli.stixels.types import Objects, Stixels
 def find_objects(stixels: Stixels, gates: Gates, frames: range) -> Objects:
     """The clusters of the stixels of `frames` inside the gates of height and range.
 
-    DBSCAN (Ester, Kriegel, Sander, Xu 1996) with `distances`, radius 1. `stixels` contains exactly
-    `frames`. HDBSCAN, which needs no radius, is compared in `bench/bench_objects.py`.
+    `stixels` contains exactly `frames`. HDBSCAN, which needs no radius, is compared in
+    `bench/bench_objects.py`.
     """
     inside = stixels.inside(gates)
     of_stixels = np.full(len(inside), -1, dtype=np.int32)

@@ -1,6 +1,7 @@
 """The state of a road user from a cluster of points that is followed over several scans."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -8,6 +9,9 @@ from stixel_cli.geometry.pose import rotation
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.tracking.motion import intervals, transition
 from stixel_cli.tracking.track import InitialState
+
+if TYPE_CHECKING:
+    from stixel_cli.tracking.several.clusters import OpenTrack
 
 HEADED = 0.5
 """The heading is the velocity's direction above this speed, m/s."""
@@ -22,16 +26,8 @@ UNKNOWN_HEADING, UNKNOWN_SPEED = 1.5, 10.0
 """Standard deviations of what the scans do not show: rad and m/s."""
 
 
-@dataclass(frozen=True)
-class Followed:
-    """A cluster over several scans: the scans' indices, and the points (n, 2) m of each."""
-
-    scans: tuple[int, ...]
-    points: tuple[np.ndarray, ...]
-
-
 def state_of(
-    scans: Scans, followed: Followed, sizes: np.ndarray, std: tuple[float, ...], motion: str
+    scans: Scans, one: "OpenTrack", sizes: np.ndarray, std: tuple[float, ...], motion: str
 ) -> InitialState:
     """State one sample before the first of `scans`: the class's rectangle on a cluster.
 
@@ -42,13 +38,14 @@ def state_of(
 
     Args:
         scans: of the whole run.
-        followed: the cluster.
+        one: the cluster over time.
         sizes: (n, 2) m, length and width of the class, or of each possible class.
         std: (6,) of the state; those of heading and rates are greater where the scans do not show
             them.
-        motion: `scans`: heading and velocity are those of the cluster; `sensor`: the sensor's.
+        motion: `scans`: heading and velocity are those of the cluster; `sensor`: the sensor's, at
+            the first scan of the cluster, which alone gives the place.
     """
-    states = [_state_of(scans, followed, size, std, motion) for size in sizes]
+    states = [_state_of(scans, one, size, std, motion) for size in sizes]
     if len(states) == 1:
         return states[0]
     means = np.array([state.mean for state in states])
@@ -58,44 +55,30 @@ def state_of(
 
 
 def _state_of(
-    scans: Scans, followed: Followed, size: np.ndarray, std: tuple[float, ...], motion: str
+    scans: Scans, one: "OpenTrack", size: np.ndarray, std: tuple[float, ...], motion: str
 ) -> InitialState:
     """The state with one `size` (2,) m."""
-    if motion == "sensor":
-        return _like_the_sensor(scans, followed, size, std)
-    times = scans.times[list(followed.scans)]
-    _, velocity, _ = line(times, np.array([points.mean(axis=0) for points in followed.points]))
-    headed = float(np.hypot(*velocity)) >= HEADED
-    heading = float(np.arctan2(velocity[1], velocity[0])) if headed else _longest(followed)
-    centres = np.array(
-        [
-            _centre(points, scans.sensor_poses_world[k, :2], heading, size)
-            for k, points in zip(followed.scans, followed.points, strict=True)
-        ]
-    )
-    centre, velocity, error = line(times, centres)
-    stds = np.array(std)
-    if not headed:
-        stds[2] = max(stds[2], UNKNOWN_HEADING)
-    stds[3:5] = min(float(np.hypot(stds[3], error)), max(stds[3], UNKNOWN_SPEED))
+    of_sensor, sensors, stds = motion == "sensor", scans.sensor_poses_world, np.array(std)
+    ks = one.scans[:1] if of_sensor else one.scans
+    points = [scans.points_world[rows] for rows in one.rows[: len(ks)]]
+    times, near = scans.times[ks], slice(max(ks[0] - 1, 0), ks[0] + 2)
+    if of_sensor:
+        heading, velocity = sensors[ks[0], 2], line(scans.times[near], sensors[near, :2])[1]
+    else:
+        _, velocity, _ = line(times, np.array([each.mean(axis=0) for each in points]))
+        headed = float(np.hypot(*velocity)) >= HEADED
+        heading = float(np.arctan2(velocity[1], velocity[0])) if headed else _longest(points)
+        stds[2] = stds[2] if headed else max(stds[2], UNKNOWN_HEADING)
+    centres = [
+        _centre(each, sensors[k, :2], heading, size) for k, each in zip(ks, points, strict=True)
+    ]
+    centre, of_centres, error = line(times, np.array(centres))
+    if not of_sensor:
+        velocity = of_centres
+        stds[3:5] = min(float(np.hypot(stds[3], error)), max(stds[3], UNKNOWN_SPEED))
     back = transition(scans.times[0] - intervals(scans.times)[0] - times.mean())
     mean = back @ np.array([*centre, heading, *velocity, 0.0])
     return InitialState(mean=mean, covariance=back @ np.diag(stds**2) @ back.T)
-
-
-def _like_the_sensor(
-    scans: Scans, followed: Followed, size: np.ndarray, std: tuple[float, ...]
-) -> InitialState:
-    """The class's rectangle on the first scan of the cluster, with the sensor's motion there."""
-    k = followed.scans[0]
-    poses, times = scans.sensor_poses_world, scans.times
-    other = k + 1 if k + 1 < len(times) else k - 1
-    rates = (poses[other] - poses[k]) / (times[other] - times[k]) if len(times) > 1 else np.zeros(3)
-    heading = poses[k, 2]
-    centre = _centre(followed.points[0], poses[k, :2], heading, size)
-    back = transition(times[0] - intervals(times)[0] - times[k])
-    mean = back @ np.array([*centre, heading, *rates[:2], 0.0])
-    return InitialState(mean=mean, covariance=back @ np.diag(np.square(std)) @ back.T)
 
 
 def line(times: np.ndarray, places: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
@@ -114,10 +97,10 @@ def line(times: np.ndarray, places: np.ndarray) -> tuple[np.ndarray, np.ndarray,
     return centre, velocity, float(np.sqrt(max(variance, SLACK**2 / 10.0) / spread))
 
 
-def _longest(followed: Followed) -> float:
-    """Direction of the longest axis of the points, rad."""
-    points = np.concatenate([points - points.mean(axis=0) for points in followed.points])
-    _, axes = np.linalg.eigh(points.T @ points)
+def _longest(points: Sequence[np.ndarray]) -> float:
+    """Direction of the longest axis of the points (n, 2) m of each scan, rad."""
+    offsets = np.concatenate([each - each.mean(axis=0) for each in points])
+    _, axes = np.linalg.eigh(offsets.T @ offsets)
     return float(np.arctan2(axes[1, 1], axes[0, 1]))
 
 

@@ -79,9 +79,9 @@ def test_of_several_clusters_inside_the_one_nearest_to_the_middle_is_taken():
         assert np.hypot(*(state.mean[:2] - place)) < 0.5, bounds
 
 
-def test_a_single_point_in_a_single_scan_starts_a_track_with_unknown_motion():
-    start = dataclasses.replace(START, bearing=(-10.0, 10.0), cluster_points=1)
-    state = start_from_scans(scans_of([np.array([[0.0, 9.0]])]), start, PRIOR)
+def test_two_points_in_a_single_scan_start_a_track_with_unknown_motion():
+    start = dataclasses.replace(START, bearing=(-10.0, 10.0))
+    state = start_from_scans(scans_of([np.array([[0.0, 9.0], [0.1, 9.0]])]), start, PRIOR)
     assert np.isfinite(state.mean).all()
     assert np.sqrt(state.covariance[3, 3]) >= 10.0
 

@@ -16,7 +16,7 @@ from copy import deepcopy
 import numpy as np
 
 from stixel_cli.geometry.pose import rotation
-from stixel_cli.measurements.clusters import distances
+from stixel_cli.measurements.clusters import cluster
 from stixel_cli.tracking.consider import JointCovariance
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
 from stixel_cli.tracking.contour.contour_rays import Rays, Sight
@@ -115,13 +115,10 @@ def clusters_of(rays: Rays, indices: np.ndarray, sight: Sight, after_gap: bool) 
     All clusters of the points at `indices` together, if they are no longer than the class.
     Otherwise `indices`; but `after_gap` each of the clusters that is no longer than the class.
     """
-    from scipy.sparse.csgraph import connected_components
-
     points = rays.points_world
     bearings = np.stack([np.cos(rays.bearings), np.sin(rays.bearings)], axis=-1)
     variances = rays.stds[:, None, None] ** 2 * np.eye(2)
-    near = distances(rays.ranges[:, None] * bearings, variances) <= 1.0
-    labels = connected_components(near, directed=False)[1]
+    labels = cluster(rays.ranges[:, None] * bearings, variances, least=1)
     longest = LARGEST * np.hypot(*sight.table.extents)
     here = np.unique(labels[indices])
     together = np.flatnonzero(np.isin(labels, here))

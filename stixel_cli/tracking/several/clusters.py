@@ -10,16 +10,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD, ego_from_world, rotate_covariances, rotation
-from stixel_cli.measurements.clusters import cluster
+from stixel_cli.measurements.clusters import GAP, cluster
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.tracking.centre import predict, update
 from stixel_cli.tracking.contour.class_size import possible_sizes
-from stixel_cli.tracking.followed import Followed, line, state_of
+from stixel_cli.tracking.followed import line, state_of
 from stixel_cli.tracking.motion import intervals, transition
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.several.found import LEAST_SCANS, FoundTrack, least_speed
 from stixel_cli.tracking.several.places_left import free_and_occupied
 from stixel_cli.tracking.track import InitialState
+
+RAYS_APART, WIDEST = 2.0, 3.0
+"""Points of one object are this many distances of neighbouring rays apart, at most `WIDEST` m: a
+sparse lidar's rays are far apart on a distant target, and farther where they graze it."""
 
 GATE = 9.21
 """Squared distance of a cluster to a prediction: 99 % of a chi-square with two degrees."""
@@ -85,6 +89,13 @@ class OpenTrack:
     ended: bool = False
     number: int | None = None
 
+    def within(self, scans: Scans, first: int, duration: float) -> "OpenTrack":
+        """The track in scan `first` and those of the next `duration` s."""
+        start, until = self.scans.index(first), scans.times[first] + duration + 1e-9
+        count = int(np.sum(scans.times[self.scans[start:]] <= until))
+        chosen = slice(start, start + count)
+        return replace(self, scans=self.scans[chosen], rows=self.rows[chosen])
+
 
 def find_tracks(scans: Scans, prior: PriorShape, std: tuple[float, ...]) -> tuple[FoundTrack, ...]:
     """The road users of the class that move, in the order of their first scans.
@@ -98,7 +109,7 @@ def find_tracks(scans: Scans, prior: PriorShape, std: tuple[float, ...]) -> tupl
     length = float(np.hypot(*sizes.T).max())
     kept: list[tuple[OpenTrack, int]] = []
     for one in follow(scans, LARGEST * length):
-        k = confirmed(scans, one, length)
+        k = confirmed(scans, one, length) if one.begun else None
         if k is None:
             continue
         same = (i for i, (other, _) in enumerate(kept) if are_one(scans, other, one, sizes))
@@ -137,10 +148,8 @@ def found_track(
 ) -> FoundTrack:
     """The track, confirmed at scan `last`; the other arguments as in `find_tracks`."""
     indices = np.array(one.scans)
-    until = min(scans.times[indices[0]] + USED + 1e-9, scans.times[last])
-    count = int(np.sum(scans.times[indices] <= until))
-    points = tuple(scans.points_world[rows] for rows in one.rows[:count])
-    of_run = state_of(scans, Followed(tuple(one.scans[:count]), points), sizes, std, "scans")
+    used = one.within(scans, indices[0], min(USED, scans.times[last] - scans.times[indices[0]]))
+    of_run = state_of(scans, used, sizes, std, "scans")
     ahead = scans.times[indices[0]] - intervals(scans.times)[indices[0]]
     step = transition(ahead - (scans.times[0] - intervals(scans.times)[0]))
     initial = InitialState(step @ of_run.mean, step @ of_run.covariance @ step.T)
@@ -178,32 +187,44 @@ def _is_fast(scans: Scans, one: OpenTrack, chosen: slice) -> bool:
     return float(np.hypot(*velocity)) >= least
 
 
-def clusters_of(scans: Scans, k: int, longest: float) -> list[np.ndarray]:
-    """Rows (n,) of the scans' arrays of each cluster of scan k that is at most `longest` m long."""
+def clusters_of(scans: Scans, k: int, longest: float, apart: float = 0.0) -> list[np.ndarray]:
+    """Rows (n,) of the scans' arrays of each cluster of scan k that is at most `longest` m long.
+
+    `apart`, rad, is the angle between the rays of a sparse sensor.
+    """
     rows, pose = scans.rows(k), scans.sensor_poses_world[k]
     points = ego_from_world(scans.points_world[rows], pose)
     covariances = rotate_covariances(scans.covariances_world[rows], STRAIGHT_AHEAD - pose[2])
-    labels = cluster(points, covariances)
+    gap = RAYS_APART * apart * float(np.median(np.hypot(*points.T))) if len(points) else 0.0
+    labels = cluster(points, covariances, max(GAP, min(gap, WIDEST)))
     found = [np.flatnonzero(labels == one) for one in range(labels.max(initial=-1) + 1)]
     return [own + rows.start for own in found if np.hypot(*np.ptp(points[own], axis=0)) <= longest]
 
 
-def follow(scans: Scans, longest: float) -> list[OpenTrack]:
-    """All tracks of clusters at most `longest` m long, in the order of their first scans."""
+def follow(scans: Scans, longest: float, apart: float = 0.0) -> list[OpenTrack]:
+    """All tracks, begun or not, in the order of their first scans.
+
+    Of clusters at most `longest` m long; `apart` as of `clusters_of`.
+    """
     tracks: list[OpenTrack] = []
     for k, interval in enumerate(intervals(scans.times)):
-        follow_scan(tracks, scans, k, interval, longest)
-    return [one for one in tracks if one.begun]
+        follow_scan(tracks, scans, k, interval, longest, apart)
+    return tracks
 
 
 def follow_scan(
-    tracks: list[OpenTrack], scans: Scans, k: int, interval: float, longest: float
+    tracks: list[OpenTrack],
+    scans: Scans,
+    k: int,
+    interval: float,
+    longest: float,
+    apart: float = 0.0,
 ) -> None:
     """Change `tracks` by scan k, an `interval` in s after the one before; add those that it begins.
 
-    Clusters are at most `longest` m long.
+    Clusters are at most `longest` m long; `apart` as of `clusters_of`.
     """
-    clusters = clusters_of(scans, k, longest)
+    clusters = clusters_of(scans, k, longest, apart)
     places = [scans.points_world[rows].mean(axis=0) for rows in clusters]
     noise = [
         PLACE**2 * np.eye(2) + scans.covariances_world[rows].mean(axis=0) / len(rows)
