@@ -164,6 +164,25 @@ def contour_directions(headings: np.ndarray, points: int) -> tuple[np.ndarray, n
     return angles, np.stack([np.cos(bearings), np.sin(bearings)], axis=-1)
 
 
+def directions_of(contours: np.ndarray, means: np.ndarray) -> np.ndarray:
+    """Unit vectors (K, M, 2) to `contours` (K, M, 2) m from the centres of the `means` (K, D).
+
+    Zero at a centre.
+    """
+    arms = contours - means[:, None, :2]
+    lengths = np.linalg.norm(arms, axis=2, keepdims=True)
+    return np.divide(arms, lengths, out=np.zeros_like(arms), where=lengths > 0.0)
+
+
+def shift_variances(directions: np.ndarray, covariances: np.ndarray) -> np.ndarray:
+    """Variances (K, M) m² of how far a contour is in `directions` (K, M, 2), by its centre's error.
+
+    One that is shifted by d is farther away by pᵀ d in the direction p. `covariances` are
+    (K, D, D), of the centre first.
+    """
+    return np.einsum("kmi,kij,kmj->km", directions, covariances[:, :2, :2], directions)
+
+
 def check_finite(track: Track, name: str = "the tracker") -> None:
     """Raise ValueError, which names the first scan, if an estimate of `name` is not finite."""
     for field in ("times", "means", "covariances", "contours_world"):

@@ -10,7 +10,8 @@ from stixel_cli.config.compose import compose
 from stixel_cli.errors import UserError
 from stixel_cli.geometry.pose import ego_from_world
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.tracking.file import FileTrackParameters, matched_rows, read_track, track
+from stixel_cli.tracking.file import FileTrackParameters, track
+from stixel_cli.tracking.file import _of_scans as of_scans
 from stixel_cli.tracking.file import track_doubts as doubts_of
 
 COUNT = 11
@@ -145,7 +146,7 @@ def test_poses_in_the_frame_of_the_camera(tmp_path, scans):
     np.testing.assert_allclose(
         np.einsum("ki,kij,kj->k", ahead, found.covariances[:, :2, :2], ahead), 4.0
     )
-    assert "tracker.frame=camera is right" in doubts(path, scans)[0]
+    assert "and tracker.frame=camera the median distance" in doubts(path, scans)[0]
 
 
 def test_results_of_kitti(tmp_path, scans):
@@ -157,7 +158,7 @@ def test_results_of_kitti(tmp_path, scans):
     with pytest.raises(UserError, match=r"tracker\.id: .*: 31; got 7"):
         read(path, scans, "camera", 7)
     later = FileTrackParameters("file", str(path), 31, 4, "camera")
-    rows = matched_rows(read_track(path, 31), TIMES, later)
+    _, rows = of_scans(scans, later)
     assert rows.tolist() == [4, 5, 6, 7, 8, 9, 10, -1, -1, -1, -1]
     path.write_text(path.read_text() + path.read_text().replace(" 31 Car", " 5 Car"))
     with pytest.raises(UserError, match=r"tracker\.id: .*: 5, 31; got None"):
@@ -167,7 +168,7 @@ def test_results_of_kitti(tmp_path, scans):
 def test_a_trajectory(tmp_path, scans):
     found = read(tum(tmp_path / "track.tum", TRUTH), scans)
     np.testing.assert_allclose(found.means[:, :3], TRUTH, atol=1e-7)
-    with pytest.raises(UserError, match="w first: must be qx qy qz qw"):
+    with pytest.raises(UserError, match=r"z is not up: must be x y z qx qy qz qw \(w last\)"):
         read(tum(tmp_path / "w.tum", TRUTH, w_first=True), scans)
     with pytest.raises(UserError, match="z is not up"):
         read(tum(tmp_path / "camera.tum", TRUTH, camera=True), scans)
@@ -214,7 +215,7 @@ def test_a_scan_without_a_row_keeps_the_estimate_before(tmp_path, scans):
     expected = TRUTH[[2, 2, 2, 3, 3, 3, 3, 7, 7, 7, 7]]
     np.testing.assert_allclose(found.means[:, :3], expected, atol=1e-7)
     assert "8 of 11 scans have no row" in doubts(path, scans)[0]
-    rows = matched_rows(read_track(path, None), TIMES, parameters(path))
+    _, rows = of_scans(scans, parameters(path))
     assert rows.tolist() == [-1, -1, 0, 1, -1, -1, -1, 2, -1, -1, -1]
 
 
@@ -225,7 +226,7 @@ FAULTS = {
     "length and width are probably exchanged": columns(
         length=np.full(COUNT, 2.0), width=np.full(COUNT, 4.0)
     ),
-    "x and y (of KITTI: x and z) are exchanged": columns(TRUTH[:, [1, 0, 2]]),
+    "x and y (of KITTI: x and z) exchanged": columns(TRUTH[:, [1, 0, 2]]),
 }
 
 
@@ -237,7 +238,10 @@ def test_a_fault_gets_a_line(tmp_path, scans, fault):
 
 def test_exchanged_places_of_kitti_get_a_line(tmp_path, scans):
     path = kitti(tmp_path / "0000.txt", in_camera(), exchanged=True)
-    assert "x and z) are exchanged: the median distance" in doubts(path, scans, "camera")[0]
+    assert (
+        "x and z) exchanged and tracker.frame=camera the median distance"
+        in doubts(path, scans, "camera")[0]
+    )
 
 
 WRONG = {
@@ -246,12 +250,12 @@ WRONG = {
     "the column k or t is missing": ("track.csv", "x,y,heading\n1,2,3\n"),
     "k = 0 is given twice": ("track.csv", "k,x,y,heading\n0,1,2,3\n0,1,2,3\n"),
     "k must be a whole number from 0 to 10": ("track.csv", "k,x,y,heading\n11,1,2,3\n"),
-    "t = 0.3 s, but k = 0 is at 0 s": ("track.csv", "k,t,x,y,heading\n0,0.3,1,2,3\n"),
+    "t = 0.3 s, but scan k = 0 is at 0 s": ("track.csv", "k,t,x,y,heading\n0,0.3,1,2,3\n"),
     "length must be > 0": ("track.csv", "k,x,y,heading,length,width\n0,1,2,3,0,1\n"),
     "radius_0, radius_1, … must be": ("track.csv", "k,x,y,heading,radius_1\n0,1,2,3,4\n"),
     "row 1: 17 columns are needed": ("track.txt", "0 31 Car\n"),
     "not finite": ("track.txt", "0 1 nan 0 0 0 0 1\n"),
-    "unit quaternions": ("track.txt", "0 1 2 0 0 0 0 0\n"),
+    "qw, qx, qy, qz must have the length 1": ("track.txt", "0 1 2 0 0 0 0 0\n"),
     "track.csv is missing": ("other.csv", ""),
 }
 

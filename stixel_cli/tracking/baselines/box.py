@@ -22,7 +22,7 @@ from stixel_cli.parameters import parameters
 from stixel_cli.tracking.centre import GREATEST_VARIANCE, MOVING, predict, six_states, update
 from stixel_cli.tracking.loop import Filtered
 from stixel_cli.tracking.prior import PriorShape
-from stixel_cli.tracking.track import InitialState, Track, contour_directions
+from stixel_cli.tracking.track import InitialState, Track, contour_directions, shift_variances
 
 
 @parameters
@@ -84,8 +84,7 @@ def track(scans: Scans, initial: InitialState, prior: PriorShape, tracker: BoxPa
     means, covariances = filtered.states
     angles, directions = contour_directions(means[:, 2], tracker.contour_points)
     radii = box_radii(half, angles)
-    # A contour that is shifted by d is farther away by pᵀ d in the direction p.
-    shift = np.einsum("kmi,kij,kmj->km", directions, covariances[:, :2, :2], directions)
+    shift = shift_variances(directions, covariances)
     size = np.abs(np.cos(angles)) * half[0] * prior.length_std
     size = np.hypot(size, np.abs(np.sin(angles)) * half[1] * prior.width_std)
     contours = (

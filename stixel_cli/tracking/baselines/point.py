@@ -27,7 +27,7 @@ from stixel_cli.tracking.loop import Filtered
 from stixel_cli.tracking.motion import intervals, transition
 from stixel_cli.tracking.prior import PriorShape, prior_radii
 from stixel_cli.tracking.smoothing import Step, smooth
-from stixel_cli.tracking.track import InitialState, Track, contour_directions
+from stixel_cli.tracking.track import InitialState, Track, contour_directions, shift_variances
 
 
 @parameters
@@ -106,8 +106,7 @@ def track(
             states[k], spreads[k] = six_states(means[k], covariances[k], heading, interval, *motion)
             heading = (states[k, 2], spreads[k, 2, 2])
         _, directions = contour_directions(states[:, 2], tracker.contour_points)
-        # A circle that is shifted by d is farther away by pᵀ d in the direction p.
-        shift = np.einsum("kmi,kij,kmj->km", directions, spreads[:, :2, :2], directions)
+        shift = shift_variances(directions, spreads)
         contours = states[:, None, :2] + radius * directions, directions, np.sqrt(std**2 + shift)
         return filtered.track(contours, (states, spreads))
 

@@ -16,7 +16,7 @@ from stixel_cli.tracking.baselines.pyrecest_filters import Ellipse, FourierSerie
 from stixel_cli.tracking.baselines.pyrecest_parameters import PyRecEstParameters
 from stixel_cli.tracking.loop import Filtered
 from stixel_cli.tracking.prior import PriorShape
-from stixel_cli.tracking.track import InitialState, Track
+from stixel_cli.tracking.track import InitialState, Track, directions_of
 
 
 def track(
@@ -54,11 +54,8 @@ def track(
         raise ValueError(f"{tracker.name} of PyRecEst failed at scan {scan.k}: {error}") from error
     means, covariances = filtered.states
     means[:, 2], contours = np.unwrap(means[:, 2]), np.array(contours)
-    arms = contours - means[:, None, :2]
-    lengths = np.linalg.norm(arms, axis=2, keepdims=True)
-    directions = np.divide(arms, lengths, out=np.zeros_like(arms), where=lengths > 0.0)
     std = np.full(contours.shape[:2], np.hypot(prior.sigma_f, prior.sigma_r))
-    return filtered.track((contours, directions, std), (means, covariances))
+    return filtered.track((contours, directions_of(contours, means), std), (means, covariances))
 
 
 def _adapted(
