@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from stixel_cli.measurements.scans import Scans
     from stixel_cli.stixels.types import Objects
     from stixel_cli.trackers import Contour, Estimate
-    from stixel_cli.tracking.several.clusters import OpenTrack
+    from stixel_cli.tracking.followed import OpenTrack
 
 CALIBRATED = (100, 200, 400)
 """Numbers of pairs after which the rig's error is estimated, from all pairs of images by then."""
@@ -206,7 +206,8 @@ class StixelStream:
         """The objects that move, after scan `k`."""
         from stixel_cli.measurements.scans import Scans
         from stixel_cli.tracking.contour.class_size import SIZES
-        from stixel_cli.tracking.several.clusters import LARGEST, are_one, confirmed, follow_scan
+        from stixel_cli.tracking.followed import LARGEST, follow_scan
+        from stixel_cli.tracking.several.clusters import are_one, confirmed
 
         if len(self._scans) == HISTORY:
             dropped = len(self._scans.popleft().points_world)

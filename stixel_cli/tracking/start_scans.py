@@ -9,9 +9,8 @@ from stixel_cli.geometry.pose import wrap_angle
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.parameters import parameters
 from stixel_cli.tracking.contour.class_size import SIZES, possible_sizes
-from stixel_cli.tracking.followed import SLACK, line, state_of
+from stixel_cli.tracking.followed import LARGEST, SLACK, OpenTrack, follow, line, state_of
 from stixel_cli.tracking.prior import PriorShape
-from stixel_cli.tracking.several.clusters import LARGEST, OpenTrack, follow
 from stixel_cli.tracking.track import InitialState
 
 Degrees = Annotated[float, Ge(-180), Le(180)]

@@ -8,8 +8,9 @@ from scans_of_clusters import CONFIGURATION, LONGEST, PRIOR, STD, WALL, car, sca
 
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD
 from stixel_cli.measurements.scans import FieldOfView
+from stixel_cli.tracking.followed import BEGIN, END, assign, follow
 from stixel_cli.tracking.motion import transition
-from stixel_cli.tracking.several.clusters import BEGIN, END, assign, find_tracks, follow
+from stixel_cli.tracking.several.clusters import find_tracks
 from stixel_cli.tracking.several.found import LEAST_SCANS
 from stixel_cli.tracking.several.track_each import own_scans, track_each
 

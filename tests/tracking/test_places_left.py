@@ -8,8 +8,9 @@ from scans_of_clusters import LONGEST, PRIOR, STD, car, scans_of
 
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD
 from stixel_cli.measurements.scans import FieldOfView
+from stixel_cli.tracking.followed import follow
 from stixel_cli.tracking.several import clusters
-from stixel_cli.tracking.several.clusters import confirmed, find_tracks, follow
+from stixel_cli.tracking.several.clusters import confirmed, find_tracks
 from stixel_cli.tracking.several.found import LEAST_SCANS
 from stixel_cli.tracking.several.places_left import free_and_occupied
 
