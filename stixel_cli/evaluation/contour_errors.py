@@ -5,8 +5,6 @@ vertex not repeated. Poses (K, 3) = x m, y m, heading rad in that frame. If a po
 its error is NaN. The functions compute all scans at once.
 """
 
-from functools import lru_cache
-
 import numpy as np
 import shapely
 
@@ -20,10 +18,6 @@ COVERED = 1.96
 
 SHRUNK = 0.01
 """Parts of a target that are thinner than twice this, m, hide nothing of it."""
-
-
-CHUNK = 4
-"""Scans that are computed at once: their arrays fit into the processor's cache."""
 
 
 def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -110,37 +104,12 @@ def even_points(polygons: np.ndarray, count: int = SAMPLES) -> np.ndarray:
 
 
 def boundary_distances(points: np.ndarray, polygons: np.ndarray) -> np.ndarray:
-    """Distances (K, S) m of points (K, S, 2) from the outlines of polygons; NaN if not finite.
-
-    The distance from an edge has two parts: across it, from its line; along it, how far the point
-    is beyond its ends. Both are linear in the point, so that a small one keeps its digits.
-    """
-    with np.errstate(invalid="ignore", divide="ignore"):
-        # Near the origin, so that the distance from it does not cost digits. Complex numbers are
-        # the vectors: a product with the conjugate of a direction gives both parts.
-        start = (polygons - polygons[:, :1]) @ [1.0, 1j]
-        edge = np.roll(start, -1, axis=1) - start
-        length = np.abs(edge)
-        # An edge without a length is a point: any direction is right.
-        tangent = np.where(length > 0.0, edge / length, 1.0)
-        middle = tangent.conj() * (start + 0.5 * edge)
-        along_form = np.stack([tangent.real, tangent.imag, -middle.real], axis=-1)
-        across_form = np.stack([-tangent.imag, tangent.real, -middle.imag], axis=-1)
-        half = 0.5 * length[..., None]
-        places = np.ones((len(points), 3, points.shape[1]))
-        places[:, :2] = (points - polygons[:, :1]).transpose(0, 2, 1)
-        square = np.empty(points.shape[:2])
-        for k in range(0, len(points), CHUNK):
-            few = slice(k, k + CHUNK)
-            along, across = along_form[few] @ places[few], across_form[few] @ places[few]
-            np.abs(along, out=along)
-            along -= half[few]
-            np.maximum(along, 0.0, out=along)
-            along *= along
-            across *= across
-            along += across
-            square[few] = along.min(axis=1)
-    return np.sqrt(square)
+    """Distances (K, S) m of points (K, S, 2) from the outlines of polygons; NaN if not finite."""
+    found = np.full(points.shape[:2], np.nan)
+    finite = np.isfinite(polygons).all(axis=(1, 2)) & np.isfinite(points).all(axis=(1, 2))
+    rings = shapely.linearrings(polygons[finite])
+    found[finite] = shapely.distance(rings[:, None], shapely.points(points[finite]))
+    return found
 
 
 def seen_points(
@@ -149,7 +118,7 @@ def seen_points(
     """Which points of a target's outline a sensor sees, (K, S).
 
     The target hides only itself. Its outline is first shrunk by `SHRUNK`, so that it does not hide
-    its own points from a ray along it. A point is hidden if the line to the sensor crosses an edge.
+    its own points from a ray along it. A point is hidden if the line to the sensor meets the rest.
 
     Args:
         points: (L, S, 2) m, on the outlines of the L poses of its limbs.
@@ -157,35 +126,11 @@ def seen_points(
         poses: (K,), index of the pose of its limbs at each scan.
         sensors: (K, 2) m, in the frame of the outlines.
     """
-    # Trackers of one scenario ask for the same, and it takes an eighth of the time of their scores.
-    arrays = points, contours, poses, sensors
-    return _seen_points(*((values.tobytes(), values.dtype.str, values.shape) for values in arrays))
-
-
-@lru_cache(maxsize=1)
-def _seen_points(*arrays: tuple[bytes, str, tuple[int, ...]]) -> np.ndarray:
-    """`seen_points` of the bytes, types and shapes of its arrays; not to be written."""
-    points, contours, poses, sensors = (
-        np.frombuffer(data, dtype).reshape(shape) for data, dtype, shape in arrays
-    )
-    seen = np.ones((len(poses), points.shape[1]), dtype=bool)
-    for pose in np.unique(poses):
-        inside = shapely.buffer(shapely.Polygon(contours[pose]), -SHRUNK, quad_segs=1)
-        corners, rings = shapely.get_coordinates(
-            shapely.get_rings(shapely.get_parts(inside)), return_index=True
-        )
-        along, is_edge, ends = np.diff(corners, axis=0), np.diff(rings) == 0, points[pose]
-        beyond = _cross(along, ends[:, None] - corners[:-1]) > 0.0
-        scans = np.flatnonzero(poses == pose)
-        for few in np.split(scans, range(CHUNK, len(scans), CHUNK)):
-            # The sensor and the point are on different sides of the edge's line, and the edge's
-            # ends are on different sides of the line from the sensor to the point.
-            offsets, rays = corners - sensors[few, None], ends - sensors[few, None]
-            between = is_edge & ((_cross(offsets[:, :-1], along) > 0.0)[:, None] != beyond)
-            side = (rays[..., ::-1] * [-1.0, 1.0]) @ offsets.transpose(0, 2, 1) > 0.0
-            seen[few] = ~(between & (side[..., 1:] != side[..., :-1])).any(axis=2)
-    seen.flags.writeable = False
-    return seen
+    bodies = shapely.buffer(shapely.polygons(contours), -SHRUNK, quad_segs=1)
+    shapely.prepare(bodies)
+    ends = points[poses]
+    lines = np.stack([np.broadcast_to(sensors[:, None], ends.shape), ends], axis=2)
+    return ~shapely.intersects(bodies[poses, None], shapely.linestrings(lines))
 
 
 def differences_along_rays(
