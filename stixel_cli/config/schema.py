@@ -48,7 +48,7 @@ from stixel_cli.tracking.baselines.box import BoxParameters
 from stixel_cli.tracking.baselines.gm_mem_ekf import GmMemEkfParameters
 from stixel_cli.tracking.baselines.lidar_random_matrix import LidarRandomMatrixParameters
 from stixel_cli.tracking.baselines.point import PointParameters
-from stixel_cli.tracking.baselines.pyrecest_parameters import PyRecEstParameters
+from stixel_cli.tracking.baselines.pyrecest import PyRecEstParameters
 from stixel_cli.tracking.baselines.rectangle import RectangleParameters
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
 from stixel_cli.tracking.file import FileTrackParameters

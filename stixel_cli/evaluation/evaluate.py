@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 import shapely
 
-from stixel_cli.evaluation.baseline import baseline_overlaps
 from stixel_cli.evaluation.contour_errors import (
     COVERED,
     areas,
@@ -38,7 +37,8 @@ LEAST_SPEED = 0.5
 """A target that is not faster than this, m/s, stands: its heading may be reported either way."""
 
 BESIDE = 0.5
-"""A point this near to a used one, m, is likely to be of the same road user."""
+"""A point this near to a used one, m, is likely to be of the same road user; one this near to the
+true box is taken as measured on the target."""
 
 
 def validate(track: Track, scenario: Scenario, scans: Scans) -> None:
@@ -141,6 +141,25 @@ def errors_over_time(
         "nees_orientation": normalised_errors(orientation[:, None], track.covariances[:, 2:3, 2:3]),
         "lost": off_target(contours["iou_box"], orientation, true_speed, replaced_wrongly),
     }
+
+
+def baseline_overlaps(scenario: Scenario, scans: Scans) -> np.ndarray:
+    """IoU (K,) of the true outline with itself, moved to the mean of the target's points.
+
+    That is an estimate of the right shape and heading that takes the visible side, where the points
+    are, for the whole target. NaN where the truth is unknown and at a scan without such points.
+    """
+    found = np.full(len(scans), np.nan)
+    low, high = scenario.box_target
+    for k in np.flatnonzero(scenario.known):
+        pose = scenario.target_poses_world[k : k + 1]
+        points = in_frames(scans.points_world[None, scans.rows(k)], pose)[0]
+        points = points[((points > low - BESIDE) & (points < high + BESIDE)).all(axis=1)]
+        if len(points):
+            true = scenario.contours_target[scenario.limb_poses[k]]
+            moved = true - 0.5 * (low + high) + points.mean(axis=0)
+            (found[k],) = overlaps(areas(moved[None]), areas(true[None]))
+    return found
 
 
 def out_of_view(scenario: Scenario, scans: Scans) -> np.ndarray:

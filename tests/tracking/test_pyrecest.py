@@ -11,7 +11,7 @@ from stixel_cli.errors import UserError
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD, world_from_target
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.tracking.baselines import pyrecest as adapter
-from stixel_cli.tracking.baselines.pyrecest_parameters import Name
+from stixel_cli.tracking.baselines.pyrecest import Name
 from stixel_cli.tracking.own import check_track
 from stixel_cli.tracking.track import InitialState
 

@@ -6,17 +6,61 @@ the first shape is that of the class; a scan's points are always passed in the l
 tracker cannot mistake, also if there are two; and an ellipse's contour is drawn by its semi-axes.
 """
 
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+
 import numpy as np
+from annotated_types import Ge, Gt, Le, Lt
 
 from stixel_cli.errors import UserError
 from stixel_cli.geometry.pose import rotation
 from stixel_cli.measurements.scans import Scans
+from stixel_cli.parameters import parameters
 from stixel_cli.tracking.association import associate
-from stixel_cli.tracking.baselines.pyrecest_filters import Ellipse, FourierSeries, StarConvex
-from stixel_cli.tracking.baselines.pyrecest_parameters import PyRecEstParameters
 from stixel_cli.tracking.loop import Filtered
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.track import InitialState, Track, directions_of
+
+if TYPE_CHECKING:
+    from stixel_cli.tracking.baselines.pyrecest_filters import Ellipse, FourierSeries, StarConvex
+
+Name = Literal[
+    "full_scgp",
+    "decorrelated_scgp",
+    "ekf_spline",
+    "fourier_rhm",
+    "mem_qkf",
+    "mem_ekf_star",
+    "vbrm",
+    "ggiw",
+    "factorised_giw",
+]
+
+
+@parameters
+class PyRecEstParameters:
+    """An extended tracker of PyRecEst, an extra of `stixel`: `pip install 'stixel[peers]'`.
+
+    Attributes:
+        name: of the tracker. Those from `mem_qkf` on estimate an ellipse.
+        sigma_q: process noise of the position, a white acceleration's root density, m/s^1.5.
+        sigma_q_psi: the same of the heading, rad/s^1.5.
+        measurement_std: m, along each axis, added to the covariance of each point of the scan:
+            errors that neighbouring points share.
+        basis_points: of the Gaussian process, and control points of the spline.
+        gate_probability: chi-square probability of the association's gate; null takes every point.
+    """
+
+    kind: Literal["pyrecest"]
+    name: Name
+    sigma_q: Annotated[float, Ge(0), Le(100)]
+    sigma_q_psi: Annotated[float, Ge(0), Le(100)]
+    measurement_std: Annotated[float, Ge(0), Le(10)]
+    basis_points: Annotated[int, Ge(4), Le(200)]
+    gate_probability: Annotated[float, Gt(0), Lt(1)] | None
+    harmonics: ClassVar[int] = 4
+    """Of the Fourier series of `fourier_rhm`: more bend between the points of one visible side."""
+    contour_points: ClassVar[int] = 72
+    """Number M of points of the contour that is reported: no estimate depends on it."""
 
 
 def track(
@@ -60,8 +104,10 @@ def track(
 
 def _adapted(
     initial: InitialState, prior: PriorShape, tracker: PyRecEstParameters
-) -> StarConvex | FourierSeries | Ellipse:
+) -> "StarConvex | FourierSeries | Ellipse":
     """The filter with this name, at the initial state."""
+    from stixel_cli.tracking.baselines.pyrecest_filters import Ellipse, FourierSeries, StarConvex
+
     try:
         # Without it, the module of the Fourier series cannot be imported.
         import pyrecest.distributions  # noqa: F401
