@@ -96,25 +96,10 @@ def best_star_convex_iou(contour: np.ndarray) -> float:
 
 def between_heights(triangles: np.ndarray, low: float, high: float) -> np.ndarray:
     """The parts of `triangles` (T, 3, 3) m with low ≤ z ≤ high, as triangles (U, 3, 3)."""
-    lowest, highest = triangles[..., 2].min(axis=1), triangles[..., 2].max(axis=1)
-    whole = (lowest >= low) & (highest <= high)
-    found = list(triangles[whole])
-    for triangle in triangles[~whole & (highest >= low) & (lowest <= high)]:
-        polygon = _above(_above(triangle, low), -high, -1.0)
-        found += [polygon[[0, i, i + 1]] for i in range(1, len(polygon) - 1)]
-    return np.array(found).reshape(-1, 3, 3)
+    from trimesh.intersections import slice_faces_plane
 
-
-def _above(polygon: np.ndarray, level: float, sign: float = 1.0) -> np.ndarray:
-    """The part (N, 3) of a convex polygon (M, 3) where sign · z ≥ level."""
-    heights = sign * polygon[:, 2] - level
-    kept = []
-    for i, height in enumerate(heights):
-        before = heights[i - 1]
-        if (height >= 0.0) != (before >= 0.0):
-            kept.append(
-                polygon[i - 1] + (before / (before - height)) * (polygon[i] - polygon[i - 1])
-            )
-        if height >= 0.0:
-            kept.append(polygon[i])
-    return np.array(kept).reshape(-1, 3)
+    vertices, faces = triangles.reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3)
+    for height, upwards in ((low, 1.0), (high, -1.0)):
+        normal, origin = np.array([0.0, 0.0, upwards]), np.array([0.0, 0.0, height])
+        vertices, faces, _ = slice_faces_plane(vertices, faces, normal, origin)
+    return vertices[faces]

@@ -1,6 +1,6 @@
 """The rays of a scan: how a sensor sees a class, and association."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -108,19 +108,12 @@ class Rays:
 
     def subset(self, indices: np.ndarray) -> "Rays":
         """The rays at `indices`, whose ends are hidden or not."""
-        return Rays(
-            self.sensor,
-            self.directions[indices],
-            self.bearings[indices],
-            self.ranges[indices],
-            self.stds[indices],
-            self.across_variances[indices],
-            self.shared_along[indices],
-            self.shared_across[indices],
-            self.levels[indices],
-            self.field_of_view,
-            self._hidden_ends(indices),
-        )
+        of_each = {
+            name: value[indices]
+            for name, value in vars(self).items()
+            if isinstance(value, np.ndarray) and name != "sensor"
+        }
+        return replace(self, **of_each, hidden=self._hidden_ends(indices))
 
     def _hidden_ends(self, indices: np.ndarray) -> tuple[bool, bool]:
         """Whether a nearer point that is not at `indices` is right beside an end of these rays."""

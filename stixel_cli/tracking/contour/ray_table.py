@@ -63,16 +63,7 @@ class RayTable:
 
     def arrays(self) -> tuple[np.ndarray, ...]:
         """The arrays in the order in which `expected` takes them."""
-        return (
-            self.lowest,
-            self.highest,
-            self.depths,
-            self.stds,
-            self.low,
-            self.high,
-            self.low_stds,
-            self.high_stds,
-        )
+        return tuple(vars(self).values())
 
 
 def even_aspects(count: int) -> np.ndarray:
