@@ -87,6 +87,11 @@ class OpenTrack:
         chosen = slice(start, start + count)
         return replace(self, scans=self.scans[chosen], rows=self.rows[chosen])
 
+    def velocity(self, scans: Scans) -> tuple[np.ndarray, float]:
+        """The velocity (2,) m/s of the middles of its points, and its error, see `line`."""
+        places = np.array([scans.points_world[rows].mean(axis=0) for rows in self.rows])
+        return line(scans.times[self.scans], places)[1:]
+
 
 def clusters_of(scans: Scans, k: int, longest: float, apart: float = 0.0) -> list[np.ndarray]:
     """Rows (n,) of the scans' arrays of each cluster of scan k that is at most `longest` m long.
@@ -231,7 +236,7 @@ def _state_of(
     if of_sensor:
         heading, velocity = sensors[ks[0], 2], line(scans.times[near], sensors[near, :2])[1]
     else:
-        _, velocity, _ = line(times, np.array([each.mean(axis=0) for each in points]))
+        velocity, _ = one.velocity(scans)
         headed = float(np.hypot(*velocity)) >= HEADED
         heading = float(np.arctan2(velocity[1], velocity[0])) if headed else _longest(points)
         stds[2] = stds[2] if headed else max(stds[2], UNKNOWN_HEADING)

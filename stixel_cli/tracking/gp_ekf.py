@@ -6,7 +6,7 @@ State: x, y, heading, their rates, then the radii at the basis angles; world fra
 """
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from annotated_types import Ge, Gt, Le, Lt
@@ -71,8 +71,6 @@ class GpEkfParameters:
     measurement_std: Annotated[float, Ge(1e-6), Le(10)]
     gate_probability: Annotated[float, Gt(0), Lt(1)] | None
     lag: Annotated[int, Ge(0)] | None
-    contour_points: ClassVar[int] = 120
-    """Number M of points of the contour that is reported: no estimate depends on it."""
 
 
 NO_DIRECTION = 1e-3
@@ -146,7 +144,7 @@ def track(
             steps.append(Step(mean, covariance, *predicted, last, transitions[interval]))
 
     def reported(*states: np.ndarray) -> Track:
-        return filtered.track(contours_of(*states, process, tracker.contour_points), states)
+        return filtered.track(contours_of(*states, process), states)
 
     means, covariances = filtered.states
     track = reported(means, covariances)
@@ -197,7 +195,7 @@ def _updated(
 
 
 def contours_of(
-    means: np.ndarray, covariances: np.ndarray, process: ContourProcess, points: int
+    means: np.ndarray, covariances: np.ndarray, process: ContourProcess, points: int = 120
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Contours (K, M, 2) m, directions (K, M, 2) and std (K, M) m of K states; see `Track`.
 

@@ -71,15 +71,18 @@ class PriorShape:
             )
 
 
+EVEN = np.linspace(0.0, 2.0 * np.pi, 720, endpoint=False)
+"""Angles over which a shape is summed up, rad."""
+
+
 def mean_radius(prior: PriorShape) -> float:
     """Mean of the class's radius over all directions, m."""
-    return float(prior_radii(prior, np.linspace(0.0, 2.0 * np.pi, 720, endpoint=False)).mean())
+    return float(prior_radii(prior, EVEN).mean())
 
 
 def fullness_of(prior: PriorShape) -> float:
     """Area of the class's shape over that of its box: 1 for a rectangle, pi / 4 for an ellipse."""
-    radii = prior_radii(prior, np.linspace(0.0, 2.0 * np.pi, 720, endpoint=False))
-    return float(np.pi * np.mean(radii**2) / (prior.length * prior.width))
+    return float(np.pi * np.mean(prior_radii(prior, EVEN) ** 2) / (prior.length * prior.width))
 
 
 def prior_radii(prior: PriorShape, angles: np.ndarray) -> np.ndarray:

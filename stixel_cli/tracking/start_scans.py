@@ -9,7 +9,7 @@ from stixel_cli.geometry.pose import wrap_angle
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.parameters import parameters
 from stixel_cli.tracking.contour.class_size import SIZES, possible_sizes
-from stixel_cli.tracking.followed import LARGEST, SLACK, OpenTrack, follow, line, state_of
+from stixel_cli.tracking.followed import LARGEST, SLACK, OpenTrack, follow, state_of
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.track import InitialState
 
@@ -155,7 +155,6 @@ def _doubt(scans: Scans, one: OpenTrack, alone: bool) -> float | None:
     """The standard error of a cluster's speed as a share of it; None if it may stand still."""
     if len(one.scans) < LEAST_SCANS:
         return None
-    places = np.array([scans.points_world[rows].mean(axis=0) for rows in one.rows])
-    _, velocity, error = line(scans.times[one.scans], places)
+    velocity, error = one.velocity(scans)
     speed = float(np.hypot(*velocity))
     return error / speed if speed >= (SLOWEST if alone else max(SLOWEST, CERTAIN * error)) else None

@@ -153,11 +153,11 @@ def used_rows(used: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     return offsets, np.concatenate([np.zeros(0, np.int64), *used]).astype(np.int64)
 
 
-def contour_directions(headings: np.ndarray, points: int) -> tuple[np.ndarray, np.ndarray]:
+def contour_directions(headings: np.ndarray, points: int = 120) -> tuple[np.ndarray, np.ndarray]:
     """Where a reported contour has its points, seen from the centre.
 
-    Angles (M,) rad from the heading on, even over a full turn, M = `points`; and unit vectors
-    (K, M, 2) in the world that lead there at the `headings` (K,) rad.
+    Angles (M,) rad from the heading on, even over a full turn, M = `points`, of which no estimate
+    depends; and unit vectors (K, M, 2) in the world that lead there at the `headings` (K,) rad.
     """
     angles = 2.0 * np.pi * np.arange(points) / points
     bearings = headings[:, None] + angles

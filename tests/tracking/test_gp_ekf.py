@@ -251,7 +251,7 @@ def test_nis_has_one_degree_of_freedom_per_point():
 def test_contour_and_std_match_the_regression(tracker):
     """The band is that of the point where a fixed ray meets the contour, to first order."""
     found = track(scans_of(seen_car(4, 30)), *tracker)
-    count = tracker[2].contour_points
+    count = found.contours_world.shape[1]
     angles = 2.0 * np.pi * np.arange(count) / count
     parameters = tracker[2]
     process = contour_process(

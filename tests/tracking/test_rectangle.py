@@ -224,7 +224,7 @@ def test_stated_deviation_is_that_along_rays_to_first_order(seed):
     root = 0.02 * random.standard_normal((8, 8))
     covariance = root @ root.T
     sharp = dataclasses.replace(CAR, corner_radius=0.0)
-    _, directions, std = contours_of(mean[None], covariance[None], sharp, 24)
+    _, directions, std = contours_of(mean[None], covariance[None], sharp, points=24)
 
     def ranges(state):
         ring = shapely.LinearRing(0.5 * CORNERS * state[6:] @ rotation(state[2]).T + state[:2])

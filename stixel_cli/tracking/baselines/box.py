@@ -11,7 +11,7 @@ follows the predicted state: the gain of a tracker from its scans is the differe
 """
 
 from dataclasses import replace
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from annotated_types import Ge, Gt, Le
@@ -45,8 +45,6 @@ class BoxParameters:
     centroid_std: Annotated[float, Ge(0), Le(10)]
     gate: Annotated[float, Ge(0), Le(100)]
     least_speed: Annotated[float, Gt(0), Le(100)]
-    contour_points: ClassVar[int] = 120
-    """Number M of points of the contour that is reported: no estimate depends on it."""
 
 
 def track(scans: Scans, initial: InitialState, prior: PriorShape, tracker: BoxParameters) -> Track:
@@ -82,7 +80,7 @@ def track(scans: Scans, initial: InitialState, prior: PriorShape, tracker: BoxPa
         filtered.add(states, spread, np.flatnonzero(inside), nis, degrees=2)
 
     means, covariances = filtered.states
-    angles, directions = contour_directions(means[:, 2], tracker.contour_points)
+    angles, directions = contour_directions(means[:, 2])
     radii = box_radii(half, angles)
     shift = shift_variances(directions, covariances)
     size = np.abs(np.cos(angles)) * half[0] * prior.length_std

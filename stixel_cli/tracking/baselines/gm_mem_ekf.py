@@ -17,7 +17,7 @@ that of a Gaussian's moments. Each side that the sensor sees gives a posterior; 
 mean and the covariance of their mixture replaces them. The points are used one by one.
 """
 
-from typing import Annotated, ClassVar, Literal, NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 from annotated_types import Ge, Gt, Le, Lt
@@ -51,8 +51,6 @@ class GmMemEkfParameters:
     heading_noise: Annotated[float, Ge(0), Le(100)]
     size_noise: Annotated[float, Ge(0), Le(100)]
     gate_probability: Annotated[float, Gt(0), Lt(1)] | None
-    contour_points: ClassVar[int] = 240
-    """Number M of points of the contour that is reported: no estimate depends on it."""
 
 
 MIDDLES = 0.99 * np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
@@ -125,7 +123,7 @@ def track(
         states = _eight_states(estimate, heading, tracker.heading_noise)
         heading = states[0][2]
         filtered.add(*states, indices, nis, degrees=2 * len(indices))
-    return filtered.track(contours_of(*filtered.states, prior, tracker.contour_points))
+    return filtered.track(contours_of(*filtered.states, prior))
 
 
 def side_weights(estimate: Estimate, sensor: np.ndarray) -> np.ndarray:

@@ -23,7 +23,7 @@ takes; the estimate X that is reported and predicted is V / (alpha + 3), as the 
 Over an interval T, X stays and alpha becomes alpha e^(-T / tau).
 """
 
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from annotated_types import Ge, Gt, Le, Lt
@@ -67,8 +67,6 @@ class LidarRandomMatrixParameters:
     prior_weight: Annotated[float, Ge(1), Le(1e6)]
     forgetting_time: Annotated[float, Gt(0), Le(1e6)]
     gate_probability: Annotated[float, Gt(0), Lt(1)] | None
-    contour_points: ClassVar[int] = 240
-    """Number M of points of the contour that is reported: no estimate depends on it."""
 
 
 FEWEST_PAIRS = 4
@@ -119,7 +117,7 @@ def track(
         states = _eight_states(*states, extension, weight, heading)
         heading = states[0][2]
         filtered.add(*states, indices, nis, degrees=2)
-    return filtered.track(contours_of(*filtered.states, prior, tracker.contour_points))
+    return filtered.track(contours_of(*filtered.states, prior))
 
 
 def update_extension(

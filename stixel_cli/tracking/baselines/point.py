@@ -14,7 +14,7 @@ the same side is seen, so no such filter can be consistent.
 """
 
 from dataclasses import replace
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from annotated_types import Ge, Gt, Le, Lt
@@ -25,7 +25,7 @@ from stixel_cli.tracking.association import associate
 from stixel_cli.tracking.centre import GREATEST_VARIANCE, MOVING, predict, six_states, update
 from stixel_cli.tracking.loop import Filtered
 from stixel_cli.tracking.motion import intervals, transition
-from stixel_cli.tracking.prior import PriorShape, prior_radii
+from stixel_cli.tracking.prior import EVEN, PriorShape, prior_radii
 from stixel_cli.tracking.smoothing import Step, smooth
 from stixel_cli.tracking.track import InitialState, Track, contour_directions, shift_variances
 
@@ -51,12 +51,6 @@ class PointParameters:
     gate_probability: Annotated[float, Gt(0), Lt(1)] | None
     least_speed: Annotated[float, Gt(0), Le(100)]
     lag: Annotated[int, Ge(0)] | None
-    contour_points: ClassVar[int] = 120
-    """Number M of points of the contour that is reported: no estimate depends on it."""
-
-
-DIRECTIONS = 720
-"""Even directions over which the prior's shape is summed up."""
 
 
 def class_circle(prior: PriorShape) -> tuple[float, float]:
@@ -65,7 +59,7 @@ def class_circle(prior: PriorShape) -> tuple[float, float]:
     The std is that of the class's radius round the circle, over all directions: the shape's
     own, and the part that the prior's kernel adds.
     """
-    radii = prior_radii(prior, 2.0 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS)
+    radii = prior_radii(prior, EVEN)
     radius = np.sqrt(np.mean(radii**2))
     variance = np.mean((radii - radius) ** 2) + prior.sigma_f**2 + prior.sigma_r**2
     return float(radius), float(np.sqrt(variance))
@@ -105,7 +99,7 @@ def track(
         for k, interval in enumerate(intervals(scans.times)):
             states[k], spreads[k] = six_states(means[k], covariances[k], heading, interval, *motion)
             heading = (states[k, 2], spreads[k, 2, 2])
-        _, directions = contour_directions(states[:, 2], tracker.contour_points)
+        _, directions = contour_directions(states[:, 2])
         shift = shift_variances(directions, spreads)
         contours = states[:, None, :2] + radius * directions, directions, np.sqrt(std**2 + shift)
         return filtered.track(contours, (states, spreads))

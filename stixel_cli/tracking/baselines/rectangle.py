@@ -20,7 +20,7 @@ velocity across the heading is measured as 0 ± slip. Rows with a large normalis
 left out.
 """
 
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from annotated_types import Ge, Gt, Le, Lt
@@ -60,8 +60,6 @@ class RectangleParameters:
     side_std: Annotated[float, Ge(1e-6), Le(10)]
     corner_std: Annotated[float, Ge(1e-6), Le(10)]
     gate_probability: Annotated[float, Gt(0), Lt(1)] | None
-    contour_points: ClassVar[int] = 240
-    """Number M of points of the contour that is reported: no estimate depends on it."""
 
 
 LEAST_SIZE = 0.1
@@ -111,8 +109,7 @@ def track(
             mean, covariance, nis = update(mean, covariance, measured, tracker.side_std)
             degrees = len(measured.innovations)
         filtered.add(mean, covariance, indices, nis, degrees)
-    points = tracker.contour_points
-    return filtered.track(contours_of(*filtered.states, prior, points, tracker.side_std))
+    return filtered.track(contours_of(*filtered.states, prior, tracker.side_std))
 
 
 def predict(

@@ -17,8 +17,8 @@ def contours_of(
     means: np.ndarray,
     covariances: np.ndarray,
     prior: PriorShape,
-    points: int,
     side_std: float = 0.0,
+    points: int = 240,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Contours (K, M, 2) m, directions (K, M, 2) and std (K, M) m of K rectangles; see `Track`.
 

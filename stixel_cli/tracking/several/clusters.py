@@ -120,9 +120,8 @@ def confirmed(scans: Scans, one: OpenTrack, length: float) -> int | None:
 
 def _is_fast(scans: Scans, one: OpenTrack, chosen: slice) -> bool:
     """Whether a track in the chosen scans is faster than a static object with errors."""
-    times, poses = scans.times[one.scans[chosen]], scans.sensor_poses_world[one.scans[chosen], :2]
-    places = np.array([scans.points_world[rows].mean(axis=0) for rows in one.rows[chosen]])
-    _, velocity, error = line(times, places)
-    _, of_sensor, _ = line(times, poses)
+    recent = replace(one, scans=one.scans[chosen], rows=one.rows[chosen])
+    velocity, error = recent.velocity(scans)
+    of_sensor = line(scans.times[recent.scans], scans.sensor_poses_world[recent.scans, :2])[1]
     least = max(least_speed(float(np.hypot(*of_sensor))), CERTAIN * error)
     return float(np.hypot(*velocity)) >= least
