@@ -84,16 +84,16 @@ def track(
     try:
         for scan in filtered:
             adapted.predict(float(scan.interval))
-            now, noises = adapted.estimate(), scan.covariances + added
-            turn = rotation(now.mean[2])
-            spread = now.covariance[:2, :2] + turn @ size @ turn.T + noises
-            near = associate(scan.points, now.mean[:2], spread, tracker.gate_probability)
+            mean, covariance, contour = adapted.estimate()
+            turn, noises = rotation(mean[2]), scan.covariances + added
+            spread = covariance[:2, :2] + turn @ size @ turn.T + noises
+            near = associate(scan.points, mean[:2], spread, tracker.gate_probability)
             near = near if len(near) >= least else near[:0]
             if len(near):
                 adapted.update(scan.points[near], noises[near])
-                now = adapted.estimate()
-            filtered.add(now.mean, now.covariance, near, degrees=0)
-            contours.append(now.contour)
+                mean, covariance, contour = adapted.estimate()
+            filtered.add(mean, covariance, near, degrees=0)
+            contours.append(contour)
     except np.linalg.LinAlgError as error:
         raise ValueError(f"{tracker.name} of PyRecEst failed at scan {scan.k}: {error}") from error
     means, covariances = filtered.states

@@ -1,6 +1,5 @@
 """The filters of PyRecEst, with the class's prior and an initial state, behind one interface."""
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -8,15 +7,10 @@ from scipy.linalg import block_diag
 
 from stixel_cli.geometry.pose import rotation, wrap_angle
 from stixel_cli.tracking.baselines.pyrecest import PyRecEstParameters
+from stixel_cli.tracking.centre import MOVING, PLACE
 from stixel_cli.tracking.motion import process_noise, transition
 from stixel_cli.tracking.prior import PriorShape, prior_radii
 from stixel_cli.tracking.track import InitialState, contour_directions
-
-PLANE = np.array([0, 1, 3, 4])
-"""Indices of x, y and their rates in the six states."""
-
-CENTRE = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]])
-"""From x, y and their rates to x, y."""
 
 EXTENT_WEIGHT = 10.0
 """Degrees of freedom above the least with which the class's size counts."""
@@ -27,14 +21,8 @@ LEAST_AXIS = 0.05
 UNKNOWN_HEADING_STD = 0.3
 """Of a tracker that does not estimate it, rad."""
 
-
-@dataclass(frozen=True)
-class Estimate:
-    """Mean (6,) and covariance (6, 6) of the six states, and the contour (M, 2) m in the world."""
-
-    mean: np.ndarray
-    covariance: np.ndarray
-    contour: np.ndarray
+Estimate = tuple[np.ndarray, np.ndarray, np.ndarray]
+"""Mean (6,) and covariance (6, 6) of the six states, and the contour (M, 2) m in the world."""
 
 
 class StarConvex:
@@ -101,7 +89,7 @@ class StarConvex:
         matrix[3, 2:4] = -values[3] * sine, cosine
         matrix[4, 2:4] = values[3] * cosine, sine
         contour = np.asarray(self._filter.get_contour_points(self._tracker.contour_points))
-        return Estimate(mean, matrix @ spread @ matrix.T, contour)
+        return mean, matrix @ spread @ matrix.T, contour
 
 
 class FourierSeries:
@@ -163,7 +151,7 @@ class FourierSeries:
         covariance[:2, :2] = np.asarray(self._filter.covariance)[self._count :, self._count :]
         covariance[2, 2] = max(covariance[2, 2], UNKNOWN_HEADING_STD**2)
         contour = np.asarray(self._filter.get_contour_points(self._tracker.contour_points))
-        return Estimate(mean, covariance, contour)
+        return mean, covariance, contour
 
 
 class Ellipse:
@@ -182,7 +170,7 @@ class Ellipse:
         from pyrecest.filters.vbrm_tracker import VBRMTracker
 
         self._tracker, self._name = tracker, tracker.name
-        start = (initial.mean[PLANE].copy(), initial.covariance[np.ix_(PLANE, PLANE)])
+        start = (initial.mean[MOVING].copy(), initial.covariance[np.ix_(MOVING, MOVING)])
         heading, heading_variance = float(initial.mean[2]), float(initial.covariance[2, 2])
         axes = 0.5 * np.array([prior.length, prior.width])
         variance = prior.sigma_f**2 + prior.sigma_r**2
@@ -194,20 +182,18 @@ class Ellipse:
         if self._name in ("mem_qkf", "mem_ekf_star"):
             kind = MEMQKFTracker if self._name == "mem_qkf" else MEMEKFStarTracker
             shape = np.diag([heading_variance, variance, variance])
-            self._filter: Any = kind(*start, oriented, shape, measurement_matrix=CENTRE)
+            self._filter: Any = kind(*start, oriented, shape, measurement_matrix=PLACE)
         elif self._name == "vbrm":
-            self._filter = VBRMTracker(
-                *start, oriented, heading_variance, measurement_matrix=CENTRE
-            )
+            self._filter = VBRMTracker(*start, oriented, heading_variance, measurement_matrix=PLACE)
         elif self._name == "ggiw":
-            self._filter = GGIWTracker(*start, extent, weight, 10.0, 1.0, CENTRE)
+            self._filter = GGIWTracker(*start, extent, weight, 10.0, 1.0, PLACE)
         else:
             scale = EXTENT_WEIGHT * extent
-            self._filter = FactorizedGIWRandomMatrixTracker(*start, weight, scale, CENTRE)
+            self._filter = FactorizedGIWRandomMatrixTracker(*start, weight, scale, PLACE)
 
     def predict(self, interval: float) -> None:
         """Move the state by `interval` s."""
-        chosen, tracker = np.ix_(PLANE, PLANE), self._tracker
+        chosen, tracker = np.ix_(MOVING, MOVING), self._tracker
         matrix = transition(interval)[chosen]
         noise = process_noise(interval, tracker.sigma_q, 0.0)[chosen] + 1e-12 * np.eye(4)
         turned = tracker.sigma_q_psi**2 * interval
@@ -224,7 +210,7 @@ class Ellipse:
     def update(self, points: np.ndarray, noises: np.ndarray) -> None:
         """Correct the state by points (n, 2) m with covariances (n, 2, 2) m²."""
         # Two points are read as columns.
-        self._filter.update(points.T, CENTRE, noises.mean(axis=0))
+        self._filter.update(points.T, PLACE, noises.mean(axis=0))
         if self._name == "mem_ekf_star":
             # Its update can make a semi-axis negative, which its prediction refuses.
             semi_axes = self._filter.shape_state[1:]
@@ -245,13 +231,13 @@ class Ellipse:
             semi = 2.0 * np.sqrt(np.maximum(roots[::-1], 0.0))
             angle, angle_variance = np.arctan2(*vectors[::-1, 1]), UNKNOWN_HEADING_STD**2
         mean = np.zeros(6)
-        mean[PLANE], mean[2] = values, _forwards(float(angle), values[2:], self._heading)
+        mean[MOVING], mean[2] = values, _forwards(float(angle), values[2:], self._heading)
         covariance = np.diag([0.0, 0.0, angle_variance, 0.0, 0.0, self._tracker.sigma_q_psi**2])
-        covariance[np.ix_(PLANE, PLANE)] = spread
+        covariance[np.ix_(MOVING, MOVING)] = spread
         # Counter-clockwise; the first axis is along the heading.
         angles, _ = contour_directions(mean[2:3], self._tracker.contour_points)
         points = np.stack([np.cos(angles), np.sin(angles)], axis=1) * np.abs(semi)
-        return Estimate(mean, covariance, mean[:2] + points @ rotation(mean[2]).T)
+        return mean, covariance, mean[:2] + points @ rotation(mean[2]).T
 
 
 def _forwards(angle: float, velocity: np.ndarray, heading: float) -> float:
