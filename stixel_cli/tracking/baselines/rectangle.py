@@ -98,7 +98,7 @@ def track(
                     scan.sensor,
                     fullness,
                     tracker.corner_std,
-                    scans.field_of_view,
+                    scan.field_of_view,
                 ),
                 slip_row(mean, tracker.slip),
             )
