@@ -6,6 +6,7 @@ from functools import cache
 # Before NumPy is imported: with two threads for each of two test processes, BLAS mostly waits.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+import hypothesis
 import pytest
 import typer.main
 from browser import open_page as open_page
@@ -13,6 +14,10 @@ from rendered_clip import clip as clip
 from short_runs import marks_of, runs_with
 
 from stixel_cli.engine.cache_folder import make_folder
+
+# The same examples in every run, and no fault because the machine is busy.
+hypothesis.settings.register_profile("same", derandomize=True, deadline=None, max_examples=20)
+hypothesis.settings.load_profile("same")
 
 # Typer makes all commands anew for each command line of a process, of which the tests have many.
 typer.main.get_command = cache(typer.main.get_command)

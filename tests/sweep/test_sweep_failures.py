@@ -30,7 +30,6 @@ def test_a_result_that_is_gone_after_its_computation_is_one_line(tmp_path, monke
         sweep([*FEW, "seed=0,1"], results=tmp_path / "results", cache=tmp_path / "cache")
 
 
-@pytest.mark.drawn
 def test_a_failing_run_stops_no_other_and_resume_retries_it(sweeps, bad_mesh):
     axes = (f"road_user.mesh=null,{bad_mesh}", "seed=0,1", "tracker.sigma_q=0.5,0.6")
     swept = sweeps.run(*FEW, *axes, "--name", "mine", code=1)

@@ -6,7 +6,7 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import sqrtm
-from seen_targets import moved, scans_seen, start_at, turning
+from seen_targets import scans_seen, start_at, turning
 from tracking_cases import CAR, START, scans_of, seen_car
 
 from stixel_cli.config.compose import compose
@@ -138,19 +138,6 @@ def test_ellipse_converges_to_that_of_points_all_round():
     assert 0.3 < nees.mean() / 2.0 < 2.0
 
 
-def test_no_point_and_clutter_only_predict():
-    far = np.array([[60.0, 60.0], [-40.0, 2.0]])
-    clutter = track(scans_of([far, EMPTY, far[:1]]), START, CAR, TRACKER)
-    empty = track(scans_of([EMPTY] * 3), START, CAR, TRACKER)
-    np.testing.assert_array_equal(clutter.means, empty.means)
-    np.testing.assert_array_equal(clutter.contours_world, empty.contours_world)
-    mean = START.mean[MOVING] + 0.3 * np.array([*START.mean[3:5], 0.0, 0.0])
-    np.testing.assert_allclose(empty.means[-1, MOVING], mean)
-    assert np.isnan(empty.nis).all() and not empty.nis_degrees_of_freedom.any()
-    # The longer ago the last point, the less is known of centre and size.
-    assert np.all(np.diff(empty.contour_std, axis=0) > 0.0)
-
-
 @pytest.mark.parametrize("count", [1, 2])
 def test_few_points_move_the_centre_and_hardly_the_ellipse(count):
     points = [scan[:count] for scan in seen_car(10, 20)]
@@ -160,22 +147,6 @@ def test_few_points_move_the_centre_and_hardly_the_ellipse(count):
     np.testing.assert_allclose(sizes[0], [CAR.width / 2, CAR.length / 2], rtol=0.1)
     assert np.isfinite(result.covariances).all() and np.isfinite(result.contour_std).all()
     np.testing.assert_array_equal(np.diff(result.used_offsets), count)
-
-
-@pytest.mark.parametrize(("angle", "shift"), [(0.9, (20.0, -7.0)), (-2.0, (3.0, 40.0))])
-def test_track_is_invariant_to_rigid_motions_of_the_world(angle, shift):
-    poses = turning(20, 4.0, 0.3)
-    scans, initial = scans_seen(rectangle_outline(), poses, noise=0.05), start_at(poses)
-    plain = track(scans, initial, CAR, TRACKER)
-    other = track(*moved(scans, initial, angle, shift), CAR, TRACKER)
-    turn = rotation(angle)
-    np.testing.assert_array_equal(other.used_points, plain.used_points)
-    np.testing.assert_allclose(other.means[:, :2], plain.means[:, :2] @ turn.T + shift, atol=1e-8)
-    np.testing.assert_allclose(
-        other.contours_world, plain.contours_world @ turn.T + shift, atol=1e-7
-    )
-    np.testing.assert_allclose(other.contour_std, plain.contour_std, atol=1e-8)
-    np.testing.assert_allclose(other.nis, plain.nis, atol=1e-7)
 
 
 def rectangle_outline():
@@ -194,7 +165,6 @@ def test_on_a_car_seen_from_one_side_the_centre_is_near_that_side():
     assert np.hypot(*(result.means[-1, 3:5] - (poses[-1] - poses[-2])[:2] / 0.1)) < 1.0
 
 
-@settings(derandomize=True, deadline=None, max_examples=20)
 @given(seed=SEEDS)
 def test_update_of_the_extension_is_covariant_and_positive(seed):
     random = np.random.default_rng(seed)
@@ -213,7 +183,7 @@ def test_update_of_the_extension_is_covariant_and_positive(seed):
     assert np.linalg.eigvalsh(plain).min() > 0.0
 
 
-@settings(derandomize=True, deadline=None, max_examples=10)
+@settings(max_examples=10)
 @given(seed=SEEDS)
 def test_stated_deviation_is_that_of_random_centres_and_extensions(seed):
     """Along rays from the estimated centre, with the inverse Wishart density of the paper."""
