@@ -102,8 +102,11 @@ class Reader:
                 path.parent.mkdir(parents=True, exist_ok=True)
                 path.write_text(block.content, encoding="utf-8")
         elif block.language == "sh":
-            done = self._run(block.content.strip())
-            assert done.returncode == 0, done.stdout + done.stderr
+            lines = block.content.strip().splitlines()
+            plain = all(line.startswith("stixel ") for line in lines)
+            for script in lines if plain else [block.content]:
+                done = self._run(script)
+                assert done.returncode == 0, done.stdout + done.stderr
         elif block.language == "console":
             self._type(block)
         elif block.language == "python":
@@ -127,7 +130,7 @@ class Reader:
                 assert matches(shown, stated), f"$ {command}\n{shown}"
 
     def _run(self, script: str) -> subprocess.CompletedProcess:
-        if script.startswith("stixel ") and not set(script) & set(";|>&$\n"):
+        if script.startswith("stixel ") and not set(script) & set(";|>&\n"):
             return _call(script)
         return subprocess.run(
             ["bash", "-euo", "pipefail", "-c", script],

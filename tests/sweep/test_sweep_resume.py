@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from runs_of import TETRAHEDRON
 
 from stixel_cli.cli.app import main
 
@@ -90,11 +91,6 @@ def test_nodes_are_counted_as_they_are_in_the_cache(sweeps, folder, tmp_path, mo
     assert sweeps.run("--resume", folder)["nodes"] == {"computed": 0, "cached": 11}
     monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "empty"))
     assert sweeps.run("--resume", folder)["nodes"] == {"computed": 0, "cached": 0}
-
-
-TETRAHEDRON = "v -2 -1 0\nv 2 -1 0\nv 2 1 0\nv -2 1 0\nv 0 0 {}\nf 1 3 2\nf 1 4 3\n" + "".join(
-    f"f {a} {b} 5\n" for a, b in ((1, 2), (2, 3), (3, 4), (4, 1))
-)
 
 
 def test_relative_file_names_work_from_another_working_directory(
