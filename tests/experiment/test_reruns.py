@@ -105,7 +105,7 @@ def test_an_edit_is_named_by_verify_and_by_resume(checkout, edited):
     edited("tracking/motion.py", transition, f"UNUSED = 1\n\n\n{transition}")
     done = stixel(checkout, "verify", "results/first", "--cached")
     assert "stixel_cli.tracking.motion was edited" in done.stdout
-    edited("tracking/motion.py", "UNUSED = 1\n\n\n", "")
+    edited("tracking/motion.py", transition, transition)
 
     edited("tracking/start.py", "generator(seed,", "generator(seed + 1,")
     run = checkout / "results/mine/runs/0001"
