@@ -15,11 +15,13 @@ import time
 
 import psutil
 import pytest
-from small import FOLDER, IMAGES, sized
+from small import FOLDER, sized
 
 RUN = "`stixel run`, whole process"
 STUDY = "`stixel study`, whole process"
-SIZE = sized((), ("path.duration=0.1", "pictures.frames=[]", *IMAGES, "executor=threads"))
+SMALL = ("measurement=fabricated", "path.duration=0.1", "pictures.frames=[]", "executor=threads")
+SIZE = sized((), SMALL)
+FABRICATED = sized(("measurement=fabricated",), SMALL)
 TINY_STUDY = ("study", "rq2", "road_user=car", "path=turn", "seed=range(0,2)")
 TINY_STUDY += (
     f"measurement=fabricated{sized(',lidar', '')}",
@@ -119,9 +121,7 @@ def test_cold_fabricated_run(benchmark, folders, tmp_path_factory):
     measure(
         benchmark,
         RUN,
-        lambda: process(
-            tmp_path_factory.mktemp("cold"), folders[0], "run", *SIZE, "measurement=fabricated"
-        ),
+        lambda: process(tmp_path_factory.mktemp("cold"), folders[0], "run", *FABRICATED),
         rounds=3,
     )
 

@@ -98,7 +98,7 @@ def main() -> None:
     show(*["---"] * (2 + len(heads)))
     rows = []
     for occluder in OCCLUDERS[: sized(None, 1)]:
-        for road_user in ROAD_USERS[: sized(None, 2)]:
+        for road_user in ROAD_USERS[: sized(None, 1)]:
             scenes = []
             for seed in range(options.first, options.first + options.seeds):
                 scene = [f"road_user={road_user}", "path=crossing", f"world.occluder={occluder}"]

@@ -27,6 +27,7 @@ APPROACH = [
     *("path.sample_time=0.25", "path.duration=9.75"),
 ]
 RIGS = sized(("default", "long_range", "kitti"), ("default",))
+USERS = sized(("car", "pedestrian"), ("car",))
 WAYS = ("second_match", "phase_table", "parabola")
 KITTI = Rig(1242, 375, None, 721.5377, 609.5593, 172.854, 0.5327254, 1.65, 0.0, None)
 DATA = Path(os.environ.get("STIXEL_DATA", Path(__file__).parents[1] / "../shared/data"))
@@ -59,7 +60,7 @@ def fit() -> np.ndarray:
     count = np.zeros(16)
     for rig in RIGS:
         for seed in sized((1000, 1001), (1000,)):
-            for user in ("car", "pedestrian"):
+            for user in USERS:
                 run = f"rig={rig} road_user={user} seed={seed} world.seed={seed}".split()
                 for configuration, pairs, *_ in rendered_frames(run, sized((8, 18, 30), (18,))):
                     raw = matched(configuration, pairs, "parabola").raw(0)
@@ -81,7 +82,7 @@ def rendered_errors(rig: str) -> dict[str, dict[str, np.ndarray]]:
     """Errors px of each way on seed 0: of all pixels, of the target, and of it beyond `FAR` m."""
     errors = {way: {"all": [], "target": [], "far target": []} for way in WAYS}
     frames = sized(range(2, 38, 4), (14,))
-    for user in ("car", "pedestrian"):
+    for user in USERS:
         run = f"rig={rig} road_user={user} seed=0".split()
         for configuration, pairs, true, ids, depth in rendered_frames(run, frames):
             inside = cv2.erode((ids == TARGET_ID).astype(np.uint8), np.ones((5, 5))) > 0

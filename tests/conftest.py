@@ -6,13 +6,16 @@ from functools import cache
 # Before NumPy is imported: with two threads for each of two test processes, BLAS mostly waits.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+import hypothesis
 import pytest
 import typer.main
 from browser import open_page as open_page
 from rendered_clip import clip as clip
 from short_runs import marks_of, runs_with
 
-from stixel_cli.engine.cache_folder import make_folder
+# The same examples in every run, and no fault because the machine is busy.
+hypothesis.settings.register_profile("same", derandomize=True, deadline=None, max_examples=20)
+hypothesis.settings.load_profile("same")
 
 # Typer makes all commands anew for each command line of a process, of which the tests have many.
 typer.main.get_command = cache(typer.main.get_command)
@@ -20,19 +23,14 @@ typer.main.get_command = cache(typer.main.get_command)
 
 @pytest.fixture(scope="session")
 def shared_cache(tmp_path_factory):
-    """A cache folder for the whole session: tests of runs share what they have in common.
+    """A cache folder for the whole session, all workers of xdist included.
 
-    Workers of xdist have a cache each, and share what Hydra has composed.
+    Tests of runs share what they have in common, such as a rendered scene.
     """
-    cache = tmp_path_factory.mktemp("cache")
     session = tmp_path_factory.getbasetemp()
     if "PYTEST_XDIST_WORKER" in os.environ:
         session = session.parent
-    composed = session / "configurations"
-    composed.mkdir(exist_ok=True)
-    make_folder(cache, "configurations").rmdir()
-    (cache / "configurations").symlink_to(composed, target_is_directory=True)
-    return cache
+    return session / "cache"
 
 
 @pytest.fixture(scope="session", autouse=True)

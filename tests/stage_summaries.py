@@ -62,23 +62,17 @@ def coverage_summary(errors: StixelErrors, frames: np.ndarray) -> dict[str, floa
     """Sum up how the target is covered in the chosen `frames` (n,) bool.
 
     Returns:
-        columns: the target's, a frame; stixels: on it, a frame; missed: share of its columns in no
-        stixel; elsewhere: share in a stixel that is off by more than `GROSS` px; unseen: share of
-        the columns that show any of it in no stixel of it; overhang: columns
-        beside all that is seen of it a frame that get its disparity; hanging: stixels a frame that
-        cover such.
+        columns: the target's, a frame; elsewhere: share of them in a stixel that is off by more
+        than `GROSS` px; overhang: columns beside all that is seen of it a frame that get its
+        disparity; hanging: stixels a frame that cover such.
     """
     seen = frames & (errors.columns > 0)
-    count, columns = float(seen.sum()), float(errors.columns[seen].sum())
-    covered, matched = float(errors.covered[seen].sum()), float(errors.matched[seen].sum())
+    count, columns = seen.sum(), errors.columns[seen].sum()
     return {
         "columns": _ratio(columns, count),
-        "stixels": _ratio(float(np.diff(errors.offsets)[seen].sum()), count),
-        "missed": _ratio(columns - covered, columns),
-        "elsewhere": _ratio(covered - matched, columns),
-        "unseen": _ratio(float(errors.unseen[seen].sum()), float(errors.shown[seen].sum())),
-        "overhang": _ratio(float(errors.overhang[seen].sum()), count),
-        "hanging": _ratio(float(errors.hanging[seen].sum()), count),
+        "elsewhere": _ratio((errors.covered - errors.matched)[seen].sum(), columns),
+        "overhang": _ratio(errors.overhang[seen].sum(), count),
+        "hanging": _ratio(errors.hanging[seen].sum(), count),
     }
 
 
@@ -145,48 +139,34 @@ def stixel_summary(
     """Sum up the stixels whose true depth is in [low, high) m.
 
     Returns:
-        stixels; gross: share whose disparity is off by more than `GROSS` px; of the others: bias,
-        rms, spread (standard deviation round the bias), median_abs: m in depth, bias_px, rms_px,
-        all against the front face; square_bias, square_rms, slanted_bias, slanted_rms: m against
-        the own pixels, by face; sigma: mean stated, m; nees: mean
-        square of error / σ (1 is consistent); within_1, within_2: share within one and two σ;
-        lateral_bias, lateral_rms: m; top_bias, top_rms, base_bias, base_rms: px; height_bias,
-        height_rms: m.
+        stixels; gross: share whose disparity is off by more than `GROSS` px; of the others: spread:
+        standard deviation of the depth's error, m; sigma: mean stated, m; nees: mean square of
+        error / σ (1 is consistent); within_1, within_2: share within one and two σ; and `…_bias`
+        and `…_rms` of depth, lateral and height, m, of disparity, top and base, px, and of the
+        depth of the own pixels, m, by face: square, slanted.
     """
     chosen = (errors.true_depth >= low) & (errors.true_depth < high)
     fine = chosen & (np.abs(errors.disparity) <= GROSS)
-    depth, sigma = errors.depth[fine], errors.sigma[fine]
-    ratio = depth / sigma
-    square, slanted = (
-        errors.own_depth[fine & errors.square],
-        errors.own_depth[fine & errors.slanted],
-    )
+    ratio = errors.depth[fine] / errors.sigma[fine]
+    values = {
+        name: getattr(errors, name)[fine]
+        for name in ("depth", "disparity", "lateral", "top", "base", "height")
+    }
+    values |= {face: errors.own_depth[fine & getattr(errors, face)] for face in _FACES}
     return {
         "stixels": float(chosen.sum()),
         "gross": _ratio(chosen.sum() - fine.sum(), chosen.sum()),
-        "bias": _mean(depth),
-        "rms": _root_mean_square(depth),
-        "spread": float(depth.std()) if len(depth) else float("nan"),
-        "median_abs": float(np.median(np.abs(depth))) if len(depth) else float("nan"),
-        "bias_px": _mean(errors.disparity[fine]),
-        "rms_px": _root_mean_square(errors.disparity[fine]),
-        "square_bias": _mean(square),
-        "square_rms": _root_mean_square(square),
-        "slanted_bias": _mean(slanted),
-        "slanted_rms": _root_mean_square(slanted),
-        "sigma": _mean(sigma),
+        "spread": float(np.std(values["depth"])) if fine.any() else float("nan"),
+        "sigma": _mean(errors.sigma[fine]),
         "nees": _mean(ratio**2),
         "within_1": _mean(np.abs(ratio) <= 1.0),
         "within_2": _mean(np.abs(ratio) <= 2.0),
-        "lateral_bias": _mean(errors.lateral[fine]),
-        "lateral_rms": _root_mean_square(errors.lateral[fine]),
-        "top_bias": _mean(errors.top[fine]),
-        "top_rms": _root_mean_square(errors.top[fine]),
-        "base_bias": _mean(errors.base[fine]),
-        "base_rms": _root_mean_square(errors.base[fine]),
-        "height_bias": _mean(errors.height[fine]),
-        "height_rms": _root_mean_square(errors.height[fine]),
+        **{f"{name}_bias": _mean(one) for name, one in values.items()},
+        **{f"{name}_rms": _root_mean_square(one) for name, one in values.items()},
     }
+
+
+_FACES = ("square", "slanted")
 
 
 def _ratio(part: float, whole: float) -> float:

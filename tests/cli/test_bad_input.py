@@ -1,5 +1,6 @@
 """Bad command lines, most of them made from the schema: one line, exit code 2, nothing written."""
 
+import re
 import subprocess
 import sys
 from itertools import pairwise
@@ -26,9 +27,6 @@ SENTENCES = {
     "road_user=cyclst": f"did you mean road_user=cyclist? (options: {', '.join(USERS)})",
     "road_user=bike": f"road_user: unknown option 'bike' (options: {', '.join(USERS)})",
     "tracker=own": "for your own, give a function: tracker=MODULE:FUNCTION",
-    "road_user=null": "road_user: unknown option 'null' (options:",
-    "road_user=[car]": 'road_user: ["car"]: one option is needed (options:',
-    "rig={width: 3}": 'rig: {"width": 3}: one option is needed',
     "tracker.class=fixed": "tracker.class: unknown key; it is called tracker.road_user",
     "measurement.sees=contour": "measurement.sees: unknown key; it is called tracker.sees",
     "measurement.file=a.csv": "measurement.file: unknown key; it is called measurement.path",
@@ -37,8 +35,6 @@ SENTENCES = {
     "+x=3": "x: unknown key; `stixel run --help`",
     "+rig.width=300": "+rig.width=300: rig.width already exists: leave out the +",
     "+rig=kitti": "+rig=kitti: rig already exists: leave out the +",
-    "~rig.width": "~rig.width: cannot be removed",
-    "~path": "~path: cannot be removed",
     "rig@x=kitti": "rig@x=kitti: no package (@) can be given; write rig=…",
     "path.kind=circle": "path.kind: follows from the option of path",
     "measurement.rays=9": "measurement.rays: unknown key with measurement=stixels; it "
@@ -54,73 +50,48 @@ SENTENCES = {
     "measurement.disparity_std=1": "did you mean measurement.noise.disparity_std?",
     "measurement/noise.range_std=1": "did you mean measurement.noise.range_std?",
     "renderer.light=3": "renderer.light: is a group of keys: give one of them",
-    "rig.baseline=-0.3": "rig.baseline: -0.3 is out of range: must be ≥ 0.001 and ≤ 5",
-    "road.least_height=3.5": "road.least_height: 3.5 is out of range: must be ≥ 0 and < 3",
-    "free_space.free_cost=2": "free_space.free_cost: 2 is out of range: must be > 0 and < 1.5",
-    "rig.width=3.5": "rig.width: 3.5 is a float: must be a whole number ≥ 64",
-    "rig.width=wide": "rig.width: 'wide' is text: must be a whole number ≥ 64 and ≤ 4096",
-    "rig.width='640'": "rig.width: '640' is text",
-    "rig.width=": "rig.width: '' is empty",
-    "rig.width=true": "rig.width: true is a boolean",
-    "rig.width=null": "rig.width: has no value: must be a whole number ≥ 64",
-    "source=folder": "source.sample_time: has no value: must be a number ≥ 0.001",
-    "rig.width=[1]": "rig.width: [1] is a list",
-    "tracker.length_scale=1e-12": "tracker.length_scale: 1e-12 is out of range: must be ≥ 0.001",
-    "rig.baseline=nan": "rig.baseline: NaN is not finite",
-    "rig.baseline=inf": "rig.baseline: Infinity is not finite",
-    "seed=-1": "seed: -1 is out of range: must be ≥ 0",
-    "stereo.disparities=100": "stereo.disparities: 100 does not fit: must be a whole number ≥ 16",
     "path.side=lft": "path.side: 'lft' is not known: must be one of left, right; did you mean left",
-    "path.start=[1]": "path.start[1]: is missing",
-    "path.start=[1,a]": "path.start[1]: 'a' is text",
-    "pictures.frames=3": "pictures.frames: 3 is a whole number: must be a list",
-    "seed=0,1": "seed: 0,1 has several values: one run needs one",
-    "path=turn,circle": "path: turn,circle has several values",
-    "rig.width=range(64,90)": "rig.width: range(64,90) has several values",
-    "seed=choice(1,2)": "seed: choice(1,2) has several values",
-    "path=glob(*)": "path: glob(*) has several values",
     "rig.width": "rig.width: a value is missing: write rig.width=VALUE",
     "road_user": f"road_user: an option is missing: write road_user={'|'.join(USERS)}",
     "kitti": "kitti: is an option: write rig=kitti",
     "car": "car: is an option: write road_user=car",
-    "~tracker": "~tracker: cannot be removed: it always needs an option",
     "default": "'default': must be KEY=VALUE",
     "rig.widht": "'rig.widht': must be KEY=VALUE; did you mean rig.width=…?",
     "=3": "=3: the key before the = is missing",
     "": "'': a KEY=VALUE is needed",
     " ": "' ': a KEY=VALUE is needed",
-    "rig.width=[": "rig.width=[: [ and ] do not match",
-    "rig.width={a:1": "rig.width={a:1: { and } do not match",
-    "rig.width='a": "rig.width='a: the quote ' is not closed",
     "rig..width=3": "rig..width: unknown key; did you mean rig.width?",
     "rig.width=${": "{ and } do not match",
     "rig.width=${nope}": "rig.width: refers to nope, an unknown key",
     "rig.width=${rig.widht}": "did you mean ${rig.width}?",
-    "rig.width=${rig.width}": "rig.width: Recursive interpolation",
-    "rig.width=${pace}": "rig.width: {",
-    "rig.width=${nope:3}": "rig.width: Unsupported interpolation type nope",
-    "rig.width=${oc.env:NO_SUCH_VARIABLE}": "NO_SUCH_VARIABLE",
     "rig.width=${oc.deprecated:rig.height}": "oc.deprecated only warns: write ${KEY}",
-    "rig.width=???": "rig.width: ??? is a missing value",
-    "rig=???": "rig: unknown option '???'",
-    "rig=${road_user}": "rig: unknown option '${road_user}'",
     "hydra.run.dir=x": "Hydra's own settings have no effect here",
     "hydra/launcher=x": "Hydra's own settings have no effect here",
     "+hydra.x=1": "Hydra's own settings have no effect here",
-    "defaults=3": "defaults: unknown key",
-    "_self_=3": "_self_: unknown key",
     "seed.x=3": "seed.x: unknown key; did you mean seed?",
     "rig._recursive_=true": "rig._recursive_: unknown key; rig has width, height",
     "seed=1\nrig.width=3": "seed=1\\nrig.width=3: is several overrides in one text",
     "rig.width=\udcff": "is not UTF-8 text",
     "\x1b[31m=3": "\\x1b[31m",
     "rig.width=" + "9" * 5000: "rig.width=999",
-    "stereo.nearest=5e-324": "stereo.nearest: at 4.94066e-324 m the disparity is inf px",
     "pictures.frames=[" + "0," * 6000 + "0]": "more than 5000 values: use range(",
     "road_user.mesh=" + "x " * 60_000: "longer than 100000 characters",
     "rig.width=" + "[" * 3000: "[ and ] do not match",
     "x" * 5000 + "=1": "unknown key",
 }
+WRONG = [
+    "road_user=null", "road_user=[car]", "rig={width: 3}", "~rig.width", "~path",
+    "rig.baseline=-0.3", "road.least_height=3.5", "free_space.free_cost=2", "rig.width=3.5",
+    "rig.width=wide", "rig.width='640'", "rig.width=", "rig.width=true", "rig.width=null",
+    "source=folder", "rig.width=[1]", "tracker.length_scale=1e-12", "rig.baseline=nan",
+    "rig.baseline=inf", "seed=-1", "stereo.disparities=100", "path.start=[1]",
+    "path.start=[1,a]", "pictures.frames=3", "seed=0,1", "path=turn,circle",
+    "rig.width=range(64,90)", "seed=choice(1,2)", "path=glob(*)", "~tracker", "rig.width=[",
+    "rig.width={a:1", "rig.width='a", "rig.width=${rig.width}", "rig.width=${pace}",
+    "rig.width=${nope:3}", "rig.width=${oc.env:NO_SUCH_VARIABLE}", "rig.width=???",
+    "rig=???", "rig=${road_user}", "defaults=3", "_self_=3", "stereo.nearest=5e-324",
+]  # fmt: skip
+"""Values, options and texts that cannot be; what is said begins with the key."""
 
 
 def say_one_line(words, capsys, command="run"):
@@ -145,6 +116,12 @@ def _nothing_is_written(tmp_path, monkeypatch):
 @pytest.mark.parametrize("text", SENTENCES, ids=lambda text: ascii(text)[:40])
 def test_one_line_says_it(text, capsys):
     assert SENTENCES[text] in say_one_line([text], capsys)
+
+
+@pytest.mark.parametrize("text", WRONG)
+def test_one_line_begins_with_the_key(text, capsys):
+    key = text.lstrip("~").partition("=")[0]
+    assert re.match(rf"stixel: ~?{re.escape(key)}\b", say_one_line([text], capsys))
 
 
 @pytest.mark.parametrize(
@@ -179,7 +156,7 @@ def test_near_misses_of_options(group, capsys):
             assert f"{group}={option}" in say_one_line(words, capsys)
 
 
-@pytest.mark.parametrize("name", list(known_keys())[::3])
+@pytest.mark.parametrize("name", list(known_keys())[::9])
 def test_near_misses_of_keys(name, capsys):
     assert "unknown key" in say_one_line([f"{name}q=1"], capsys)
     assert "give it once" in say_one_line([f"{name}=1", f"{name}=1"], capsys)
@@ -202,7 +179,7 @@ def wrong_value(key) -> Any:
     return "{a: 1}" if words.startswith("text") else "-1e9" if "number" in words else "xyzzy"
 
 
-@pytest.mark.parametrize("name", list(known_keys())[::4])
+@pytest.mark.parametrize("name", list(known_keys())[::8])
 def test_wrong_values(name, capsys):
     key = known_keys()[name][0]
     choice = chosen(key)
@@ -216,7 +193,7 @@ FOLDERS = ("verify", "report --format md", "report --format pdf", "report")
 COMMANDS = (*OVERRIDES, *FOLDERS, "ls", "doctor")
 
 
-@pytest.mark.parametrize("name", list(known_keys())[1::6])
+@pytest.mark.parametrize("name", list(known_keys())[1::18])
 @pytest.mark.parametrize("command", ["sweep", "explain"])
 def test_one_wrong_value_of_many_is_named_before_anything_runs(command, name, capsys):
     key = known_keys()[name][0]
@@ -226,7 +203,7 @@ def test_one_wrong_value_of_many_is_named_before_anything_runs(command, name, ca
     assert name in said
 
 
-@pytest.mark.parametrize("name", list(known_keys())[2::6])
+@pytest.mark.parametrize("name", list(known_keys())[2::18])
 def test_near_misses_of_keys_with_several_values(name, capsys):
     miss = name[:-2] + name[-1] + name[-2] if name[-1] != name[-2] else name + "q"
     said = say_one_line(["seed=0,1", f"{miss}=1,2"], capsys, "sweep")

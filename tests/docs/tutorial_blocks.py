@@ -102,8 +102,11 @@ class Reader:
                 path.parent.mkdir(parents=True, exist_ok=True)
                 path.write_text(block.content, encoding="utf-8")
         elif block.language == "sh":
-            done = self._bash(block.content)
-            assert done.returncode == 0, done.stdout + done.stderr
+            lines = block.content.strip().splitlines()
+            plain = all(line.startswith("stixel ") for line in lines)
+            for script in lines if plain else [block.content]:
+                done = self._run(script)
+                assert done.returncode == 0, done.stdout + done.stderr
         elif block.language == "console":
             self._type(block)
         elif block.language == "python":
@@ -120,14 +123,15 @@ class Reader:
         assert block.content.startswith("$ ")
         for entry in block.content.removeprefix("$ ").split("\n$ "):
             command, _, stated = entry.partition("\n")
-            plain = command.startswith("stixel ") and not set(command) & set(";|>&")
-            done = _call(command) if plain else self._bash(command)
+            done = self._run(command)
             assert done.returncode == status, f"{command}\n{done.stdout}{done.stderr}"
             shown = done.stderr if status else done.stdout
             if stated.strip():
                 assert matches(shown, stated), f"$ {command}\n{shown}"
 
-    def _bash(self, script: str) -> subprocess.CompletedProcess:
+    def _run(self, script: str) -> subprocess.CompletedProcess:
+        if script.startswith("stixel ") and not set(script) & set(";|>&\n"):
+            return _call(script)
         return subprocess.run(
             ["bash", "-euo", "pipefail", "-c", script],
             cwd=self.folder,

@@ -247,6 +247,8 @@ def test_the_store_of_the_configuration(monkeypatch, tmp_path):
     monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "named"))
     store = open_store(CacheParameters(None, "2GB"))
     assert (store.folder, store.max_size) == (default_cache_folder(), 2_000_000_000)
+    monkeypatch.delenv("STIXEL_CACHE")
+    assert default_cache_folder().name == "stixel"
     store = open_store(CacheParameters(str(tmp_path / "own"), None))
     assert (store.folder, store.max_size) == (tmp_path / "own", None)
     with pytest.raises(ValueError, match=r"^cache.max_size: '2 XB' is not .*, or null$"):

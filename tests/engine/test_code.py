@@ -1,6 +1,5 @@
 """What is part of a stage's code: every module that its module reaches through imports."""
 
-import ast
 import sys
 
 import pytest
@@ -267,10 +266,3 @@ def test_an_index_sees_files_as_they_were(project):
     before = index.code([root])
     project.edit("helpers", "FACTOR = 3.0", "FACTOR = 4.0")
     assert index.code([root]) == before != CodeIndex().code([root])
-
-
-def test_the_digest_is_of_the_tree_alone(project, code):
-    path = project.package / "helpers.py"
-    before = code("helpers").digest
-    path.write_text(ast.unparse(ast.parse(path.read_text())))
-    assert code("helpers").digest == before

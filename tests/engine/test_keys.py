@@ -46,7 +46,7 @@ def spelled(value):
     return (type(value).__name__, repr(value))
 
 
-@settings(derandomize=True, deadline=None, max_examples=200)
+@settings(max_examples=200)
 @given(plain, plain)
 def test_digests_agree_exactly_when_values_do(one, other):
     same = digest(canonical(one)) == digest(canonical(other))
@@ -81,20 +81,6 @@ def test_the_same_in_every_graph(project):
     project.forget()
     assert keys(project.graph(), *ALL) == first
     assert len(set(first)) == len(first)
-
-
-def test_a_setting_changes_the_stage_and_its_dependents(project):
-    before, after = project.graph(), project.graph(factor=2.5)
-    assert keys(before, "numbers") == keys(after, "numbers")
-    for name in ALL[1:]:
-        assert not set(keys(before, name)) & set(keys(after, name))
-
-
-def test_the_seed_changes_only_stages_that_draw_random_numbers(project):
-    before, after = project.graph(), project.graph(seed=2)
-    others = [name for name in ALL if name != "gather"]
-    assert keys(before, *others) == keys(after, *others)
-    assert keys(before, "gather") != keys(after, "gather")
 
 
 def test_other_pictures_leave_the_rest_alone(project):
@@ -134,19 +120,3 @@ def test_a_file_without_an_end_is_refused(project, tmp_path):
         stage = replace(project.stages()[0], files=(file,))
         with pytest.raises(UserError, match=f"{file}: not a regular file"):
             build_graph([stage], FRAMES, CHUNK)
-
-
-def test_the_version_of_a_package_counts(project, monkeypatch):
-    before = project.graph()
-    monkeypatch.setattr("stixel_cli.engine.versions.installed_version", lambda name: "0.0")
-    after = project.graph()
-    assert keys(before, "numbers") != keys(after, "numbers")
-
-
-def test_an_edit_changes_the_stage_and_its_dependents(project):
-    before = project.graph()
-    project.edit("helpers", "FACTOR = 3.0", "FACTOR = 4.0")
-    project.forget()
-    after = project.graph()
-    assert keys(before, "numbers") == keys(after, "numbers")
-    assert not set(keys(before, *ALL[1:])) & set(keys(after, *ALL[1:]))

@@ -13,7 +13,7 @@ import pytest
 
 from stixel_cli.engine.cache_folder import collector_lock
 from stixel_cli.engine.errors import CacheError, MissingEntry
-from stixel_cli.engine.store import META, VALUE, Store, default_cache_folder
+from stixel_cli.engine.store import META, VALUE, Store
 
 KEY = "ab" + "0" * 62
 
@@ -230,26 +230,6 @@ def test_one_holds_the_lock_and_no_file_is_left(store):
         thread.join()
     assert most == [1] * 9
     assert list((store.folder / "locks").iterdir()) == []
-
-
-def test_the_lock_of_a_killed_process_does_not_block(store):
-    script = f"""
-import os, signal
-from stixel_cli.engine.store import Store
-with Store({str(store.folder)!r}).lock({KEY!r}):
-    os.kill(os.getpid(), signal.SIGKILL)
-"""
-    assert subprocess.run([sys.executable, "-c", script]).returncode == -9
-    assert (store.folder / "locks" / f"{KEY}.lock").exists()
-    with store.lock(KEY):
-        pass
-
-
-def test_the_folder_is_named_by_the_environment(monkeypatch, tmp_path):
-    monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "here"))
-    assert default_cache_folder() == tmp_path / "here"
-    monkeypatch.delenv("STIXEL_CACHE")
-    assert default_cache_folder().name == "stixel"
 
 
 @pytest.mark.parametrize("fault", [errno.ENOSYS, errno.ENOLCK])

@@ -30,25 +30,26 @@ def checkout(tmp_path_factory):
 
 def computed(checkout: Path, *overrides: str) -> set[str]:
     """Names of the steps that a run in `checkout` computes."""
-    stages = stixel(checkout, *overrides)["stages"]
+    stages = json.loads(stixel(checkout, "run", "--json", *SMALL, *overrides).stdout)["stages"]
     return {stage["name"] for stage in stages if stage["status"] == "computed"}
 
 
-def stixel(checkout: Path, *arguments: str) -> dict:
+def stixel(checkout: Path, *words: str, code: int = 0) -> subprocess.CompletedProcess:
+    """A command line in `checkout`, which must end with `code`."""
     environment = os.environ | {
         "PYTHONPATH": str(checkout),
         "STIXEL_CACHE": str(checkout / "cache"),
     }
     done = subprocess.run(
-        [sys.executable, "-m", "stixel_cli", "run", "--json", *SMALL, *arguments],
+        [sys.executable, "-m", "stixel_cli", *words],
         cwd=checkout,
         env=environment,
         capture_output=True,
         text=True,
         check=False,
     )
-    assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout)
+    assert done.returncode == code, done.stderr + done.stdout
+    return done
 
 
 @pytest.fixture
@@ -94,3 +95,33 @@ def test_an_edited_docstring_or_comment_reruns_nothing(checkout, edited):
     edited("stixels/height.py", '"""Height segmentation: ', '# Why not.\n"""Edited. ')
     edited("tracking/kernel.py", "import numpy as np", "import numpy as np  # the usual name")
     assert computed(checkout) == set()
+
+
+def test_an_edit_is_named_by_verify_and_by_resume(checkout, edited):
+    few = ("measurement=fabricated", "path.duration=0.3", "pictures.frames=[]", "executor=threads")
+    stixel(checkout, "run", *few, "--name", "first")
+    stixel(checkout, "sweep", *few, "seed=0,1", "--name", "mine")
+    transition = "def transition(interval: float) -> np.ndarray:"
+    edited("tracking/motion.py", transition, f"UNUSED = 1\n\n\n{transition}")
+    done = stixel(checkout, "verify", "results/first", "--cached")
+    assert "stixel_cli.tracking.motion was edited" in done.stdout
+    edited("tracking/motion.py", transition, transition)
+
+    edited("tracking/start.py", "generator(seed,", "generator(seed + 1,")
+    run = checkout / "results/mine/runs/0001"
+    found = json.loads(stixel(checkout, "verify", str(run), "--cached", "--json", code=1).stdout)
+    assert found["first_by_key"]["stage"] == found["first_by_value"]["stage"] == "start"
+    edit = "stixel_cli.tracking.start was edited"
+    assert found["first_by_value"]["causes"] == [edit]
+    assert "values differ, by up to" in found["first_by_value"]["what"]
+    assert "metrics.json" in {file["file"] for file in found["files"]}
+    # Outside its sweep's folder a run has keys but no code digests.
+    alone = shutil.copytree(run, checkout / "alone" / "run")
+    found = json.loads(stixel(checkout, "verify", str(alone), "--cached", "--json", code=1).stdout)
+    assert found["first_by_value"]["stage"] == "start"
+    assert found["first_by_value"]["causes"] == [
+        "unknown code changes: the folder does not record its code"
+    ]
+    done = stixel(checkout, "sweep", "--resume", "results/mine")
+    assert f"will be recomputed (start: {edit})" in done.stderr
+    assert "2 of 2 finished runs" in done.stderr

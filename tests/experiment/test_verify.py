@@ -3,8 +3,6 @@
 import json
 import os
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +16,6 @@ from stixel_cli.results.lineage import Lineage, StageLineage, lineage_tree, read
 
 pytestmark = pytest.mark.drawn
 
-ROOT = Path(__file__).resolve().parents[2]
 FABRICATED = ("measurement=fabricated", "path.duration=0.5", "pictures.frames=[0]")
 REPEATED = ("metrics.json", "scans.csv", "scans.npz", "track.csv", "track.npz", "scores.npz")
 
@@ -285,49 +282,6 @@ def test_lineage_goes_through_a_file(tmp_path):
     (tmp_path / "lineage.json").write_text(json.dumps(lineage_tree(lineage)))
     assert read_lineage(tmp_path) == lineage
     assert read_lineage(tmp_path / "nothing") is None
-
-
-def test_edited_code_is_named(tmp_path):
-    """A helper edited in a checkout: first one that changes no result, then one that does."""
-    for name in ("stixel_cli", "conf", "pipelines"):
-        shutil.copytree(ROOT / name, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__"))
-    shutil.copy(ROOT / "pyproject.toml", tmp_path)
-    environment = os.environ | {"PYTHONPATH": str(tmp_path), "STIXEL_CACHE": str(tmp_path / "c")}
-
-    def stixel(*words):
-        return subprocess.run(
-            [sys.executable, "-m", "stixel_cli", *words],
-            cwd=tmp_path,
-            env=environment,
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-
-    done = stixel("run", *FABRICATED, "executor=threads", "--name", "first")
-    assert done.returncode == 0, done.stderr
-    motion = tmp_path / "stixel_cli" / "tracking" / "motion.py"
-    text = motion.read_text()
-    name = next(line for line in text.splitlines() if line.startswith("def "))[4:].partition("(")[0]
-    head, mark, rest = text.partition(f"def {name}(")
-    body = rest.index('"""', rest.index('"""') + 3) + 3
-    motion.write_text(head + mark + rest[:body] + "\n    pass" + rest[body:])
-    done = stixel("verify", "results/first", "--cached")
-    assert done.returncode == 0, done.stderr + done.stdout
-    assert "stixel_cli.tracking.motion was edited" in done.stdout
-    motion.write_text(text)
-
-    scores = tmp_path / "stixel_cli" / "tracking" / "start.py"
-    text = scores.read_text()
-    assert "def noisy_start(" in text
-    scores.write_text(text.replace("generator(seed,", "generator(seed + 1,"))
-    done = stixel("verify", "results/first", "--cached", "--json")
-    assert done.returncode == 1, done.stderr + done.stdout
-    found = json.loads(done.stdout)
-    assert found["first_by_key"]["stage"] == found["first_by_value"]["stage"] == "start"
-    assert found["first_by_value"]["causes"] == ["stixel_cli.tracking.start was edited"]
-    assert "values differ, by up to" in found["first_by_value"]["what"]
-    assert {"track.npz", "metrics.json"} <= {file["file"] for file in found["files"]}
 
 
 def test_rerun_answers_as_run_does(folder, capsys, tmp_path):

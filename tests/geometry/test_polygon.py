@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from stixel_cli.geometry.polygon import first_hits
@@ -9,7 +9,6 @@ from stixel_cli.geometry.polygon import first_hits
 SQUARE = np.array([[1.0, -1.0], [1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0]])
 
 
-@settings(derandomize=True, deadline=None, max_examples=30)
 @given(seed=st.integers(0, 2**31))
 def test_hits_are_those_of_another_program(seed):
     """Of a star with arms: where a long line first crosses its area."""

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from stixel_cli.geometry.pose import (
@@ -31,7 +31,6 @@ def test_ego_y_axis_points_along_heading():
     np.testing.assert_allclose(moved, [[5, 7], [4, 6]], atol=1e-12)
 
 
-@settings(derandomize=True, deadline=None, max_examples=30)
 @given(poses)
 def test_frame_transforms_are_inverse(pose):
     for there, back in ((world_from_target, target_from_world), (world_from_ego, ego_from_world)):
@@ -40,7 +39,6 @@ def test_frame_transforms_are_inverse(pose):
                           np.linalg.norm(np.diff(POINTS, axis=0), axis=1)).all()  # fmt: skip
 
 
-@settings(derandomize=True, deadline=None, max_examples=20)
 @given(st.floats(-7, 7))
 def test_rotated_covariances_match_rotated_vectors(angle):
     spread = np.array([[2.0, 0.3], [0.3, 0.5]])
@@ -58,7 +56,6 @@ def test_wrap_angle_returns_known_values(angle, wrapped):
     assert wrap_angle(angle) == pytest.approx(wrapped)
 
 
-@settings(derandomize=True, deadline=None, max_examples=50)
 @given(st.floats(-1e3, 1e3))
 def test_wrapped_angles_keep_their_direction(angle):
     wrapped = float(wrap_angle(angle))

@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from projection import project, unproject
 
@@ -46,7 +46,6 @@ def test_principal_point_defaults_to_the_image_centre():
     assert (given_point.u0, given_point.v0) == (300.0, 0.0)
 
 
-@settings(derandomize=True, deadline=None, max_examples=40)
 @given(st.floats(-20, 20), st.floats(-5, 5), st.floats(0.5, 80))
 def test_unproject_inverts_project(x, y, z):
     point = np.array([[x, y, z]])
@@ -72,7 +71,6 @@ def test_positive_pitch_points_the_camera_at_the_road():
     assert foot[1] == pytest.approx(RIG.camera_height / np.tan(np.radians(1.0)))
 
 
-@settings(derandomize=True, deadline=None, max_examples=20)
 @given(st.floats(-50, 50), st.floats(-50, 50), st.floats(-7, 7), st.floats(-30, 30))
 def test_world_from_camera_is_rigid_and_located_at_the_ego_pose(x, y, heading, pitch):
     transform = replace(RIG, pitch=pitch).world_from_camera(np.array([x, y, heading]))

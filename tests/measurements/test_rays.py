@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from stixel_cli.measurements.rays import first_crossings, spread_rays
@@ -34,7 +34,6 @@ def concave_star(seed, centre, size):
     return centre + radii[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
 
 
-@settings(derandomize=True, deadline=None, max_examples=60)
 @given(
     seed=st.integers(0, 2**31),
     distance=st.floats(0.0, 30.0),

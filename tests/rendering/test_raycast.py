@@ -5,7 +5,7 @@ import box_scene
 import numpy as np
 import pytest
 from box_scene import LIGHT, RAYCAST, RIG, objects, quad, road, scenario, speckle, target_mesh
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from projection import unproject
 
@@ -271,7 +271,6 @@ def test_shading_accepts_an_empty_list(static):
     assert len(RayTree(np.eye(3), np.array([[0, 1, 2]])).blocked(np.empty((0, 6)))) == 0
 
 
-@settings(derandomize=True, deadline=None, max_examples=60)
 @given(st.integers(0, 10_000))
 def test_hull_rectangle_contains_every_pixel_of_the_hull(seed):
     random = np.random.default_rng(seed)

@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from box_scene import AHEAD, LIGHT, RAYCAST, RIG, objects, quad, scenario, speckle, target_mesh
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from stixel_cli.rendering import supersampling, tracing
@@ -54,7 +54,6 @@ def test_the_rasteriser_meets_the_triangles_that_the_ray_caster_meets():
     assert same >= 0.9999 and near >= 0.9999
 
 
-@settings(derandomize=True, deadline=None, max_examples=30)
 @given(st.integers(0, 10_000))
 def test_triangles_around_the_camera_are_rasterised_as_they_are_cast(seed):
     """Some are in front of it, some behind, and some reach from the one side to the other."""

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import scene_presets
 import shapely
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.ndimage import binary_fill_holes
 
@@ -151,7 +151,6 @@ def test_star_convexity_of_known_shapes():
     assert not is_star_convex(hooked)
 
 
-@settings(derandomize=True, deadline=None, max_examples=30)
 @given(st.lists(st.floats(0.3, 2.0), min_size=5, max_size=12))
 def test_star_convexity_agrees_with_lines_of_sight(radii):
     angles = 2.0 * np.pi * np.arange(len(radii)) / len(radii)

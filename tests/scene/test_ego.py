@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 import scene_presets
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from stixel_cli.config.compose import compose
@@ -34,7 +34,6 @@ def test_turning_ego_completes_a_quarter_turn():
     np.testing.assert_allclose(poses, expected, atol=1e-12)
 
 
-@settings(derandomize=True, deadline=None, max_examples=20)
 @given(st.floats(0, 30), st.floats(-90, 90), st.floats(0.1, 20))
 def test_ego_moves_along_its_heading(speed, yaw_rate, time):
     ego, step = Turning("turning", speed, yaw_rate), 1e-5

@@ -132,7 +132,7 @@ def test_depart_is_a_straight_line():
     np.testing.assert_allclose(rates, [[0, 2, 0]] * 3, atol=1e-12)
 
 
-@settings(derandomize=True, deadline=None, max_examples=15)
+@settings(max_examples=15)
 @given(
     st.floats(-180, 180),
     st.floats(-90, 90),
@@ -231,7 +231,7 @@ def test_two_waypoints_give_a_straight_line():
     np.testing.assert_allclose(rates[:, 2], 0.0, atol=1e-12)
 
 
-@settings(derandomize=True, deadline=None, max_examples=15)
+@settings(max_examples=15)
 @given(
     st.lists(st.tuples(st.floats(-30, 30), st.floats(1, 60)), min_size=2, max_size=7),
     st.floats(0.0, 20.0),

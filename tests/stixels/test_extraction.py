@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from projection import project
 
@@ -317,7 +317,6 @@ def brute_groups(columns, obstacle, window, first_rows, foot, base, grouping):
     return found
 
 
-@settings(derandomize=True, deadline=None, max_examples=40)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 6), st.integers(1, 23))
 def test_groups_match_a_brute_force_search(seed, stixel_width, width):
     rng = np.random.default_rng(seed)

@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numba import njit
 
@@ -110,7 +110,6 @@ def least_cost(cost, base, tied):
     return done + (total.min() if total is not None else 0.0)
 
 
-@settings(derandomize=True, deadline=None, max_examples=60)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 25), st.integers(1, 30))
 def test_tops_have_the_least_cost(seed, width, rows):
     rng = np.random.default_rng(seed)

@@ -2,7 +2,7 @@ import itertools
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from stixel_cli.stixels.nearest_obstacle import add_temporal, cell_costs, cheapest_path, refine
@@ -25,7 +25,6 @@ def least_cost(costs, depths, cost, limit):
     return total.min()
 
 
-@settings(derandomize=True, deadline=None, max_examples=60)
 @given(
     st.integers(0, 2**32 - 1),
     st.integers(1, 30),
@@ -82,7 +81,6 @@ def brute_costs(column, inverse_requirement, bound, free_cost):
     return [*costs, free_cost]
 
 
-@settings(derandomize=True, deadline=None, max_examples=40)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 25))
 def test_cell_costs_subtract_the_background(seed, rows):
     rng = np.random.default_rng(seed)

@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from stixel_cli.stixels.displayed_grid import picture_grid
@@ -25,7 +25,6 @@ def normal(x, std):
     return np.exp(-0.5 * (x / std) ** 2) / np.sqrt(2 * np.pi * std**2)
 
 
-@settings(derandomize=True, deadline=None, max_examples=20)
 @given(st.integers(0, 2**32 - 1))
 def test_histograms_count_the_obstacle_pixels(seed):
     rng = np.random.default_rng(seed)

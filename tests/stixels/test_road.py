@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from constants import with_constants
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from projection import project, unproject
 
@@ -28,7 +28,6 @@ def pixels_of_level(rig, points_level):
     return project(rig, np.asarray(points_level) @ rig.level_from_camera)
 
 
-@settings(derandomize=True, deadline=None, max_examples=30)
 @given(st.sampled_from([PITCHED, TALL_PIXELS]), st.floats(-0.2, 0.2), st.floats(0.5, 4.0))
 def test_road_line_and_camera_pose_are_inverse(rig, pitch, height):
     assert pitch_and_height(road_line(pitch, height, rig), rig) == pytest.approx(

@@ -108,7 +108,8 @@ def study_sweep(key, values):
 
 
 def test_a_folder_is_named_after_its_overrides(studies, toy):
-    file = toy()
+    cars = [{"road_user": ["car"], "path": ["turn"]}]
+    file = toy(study_toy.changed(("sweeps", "first", "zipped"), cars))
     assert studies.run(file, "executor.workers=2")["folder"] == str(studies.results / "toy")
     few = studies.run(file, "seed=range(0,2)", "path.duration=0.2")
     assert few["folder"] == str(studies.results / "toy-path.duration=0.2-seed=0,1")

@@ -17,6 +17,9 @@ from stixel_cli.report.metrics import number
 from stixel_cli.studies import run as study_run
 from stixel_cli.sweeps import run as sweep_run
 
+ONE = ("road_user=car", "seed=0")
+"""One scenario of the toy study and one seed: two runs of each sweep."""
+
 
 def test_a_study_computes_its_sweeps_and_writes_its_report(studies, toy, capsys):
     file = toy()
@@ -54,14 +57,13 @@ def test_a_study_computes_its_sweeps_and_writes_its_report(studies, toy, capsys)
     assert all(seconds >= 0.0 for seconds in run.cpu_seconds.values())
     with pytest.raises(KeyError):
         run.load("render")
+    assert_tables_and_text_have_the_values_of_the_runs(folder, answer)
     # A sweep of a study is a sweep like any other.
     assert main(["sweep", "--resume", str(folder / "sweeps/first")]) == 0
     assert "8 of 8 runs done; nodes: 0 computed" in capsys.readouterr().out
 
 
-def test_tables_and_text_have_the_values_of_the_runs(studies, toy):
-    answer = studies.run(toy())
-    folder = studies.results / "toy"
+def assert_tables_and_text_have_the_values_of_the_runs(folder, answer):
     runs = pd.read_csv(folder / "sweeps/first/runs.csv")
     means = runs.groupby(["road_user", "tracker"])["iou_mean"].mean()
     tables = {file.name for file in (folder / "tables").iterdir()}
@@ -87,16 +89,16 @@ def test_tables_and_text_have_the_values_of_the_runs(studies, toy):
 
 
 def test_a_second_command_computes_nothing(studies, toy, own_cache):
-    file = toy()
-    assert studies.run(file)["nodes"]["computed"] > 0
+    words = (toy(), *ONE, "--name", "toy")
+    assert studies.run(*words)["nodes"]["computed"] > 0
     folder = studies.results / "toy"
     before = {path: path.read_bytes() for path in (folder / "tables").iterdir()}
-    again = studies.run(file, "--workers", 1)
+    again = studies.run(*words, "--workers", 1)
     assert again["complete"] and again["nodes"]["computed"] == 0
     assert before == {path: path.read_bytes() for path in (folder / "tables").iterdir()}
     # Results other than the scores are only in the store.
     shutil.rmtree(own_cache)
-    last = studies.run(file)
+    last = studies.run(*words)
     assert last["complete"] and last["nodes"]["computed"] > 0
     assert len(toy.seen[-1].sweeps["first"].runs[0].load("scans")) == 3
     assert before == {path: path.read_bytes() for path in (folder / "tables").iterdir()}
@@ -104,11 +106,11 @@ def test_a_second_command_computes_nothing(studies, toy, own_cache):
 
 def test_recomputed_runs_are_reported(studies, toy, monkeypatch):
     file = toy()
-    studies.run(file)
+    studies.run(file, *ONE)
     assert "computed again" not in studies.error
     monkeypatch.setattr(keys, "LAYOUT", keys.LAYOUT + 1)
-    assert studies.run(file)["complete"]
-    assert "first: 8 of 8 finished runs are out of date" in studies.error
+    assert studies.run(file, *ONE)["complete"]
+    assert "first: 2 of 2 finished runs are out of date" in studies.error
     assert "second: 2 of 2 finished runs are out of date" in studies.error
 
 
@@ -173,12 +175,12 @@ def test_an_interrupted_study_can_be_resumed(studies, toy, monkeypatch, own_cach
 
     with monkeypatch.context() as patched:
         patched.setattr(sweep_run, "execute", interrupted)
-        assert studies.run(file, code=130) is None
+        assert studies.run(file, *ONE, "--name", "toy", code=130) is None
     assert "interrupted in sweep first" in studies.error
     assert f"resume with: stixel study {file}" in studies.error
     assert "no answer" in (studies.results / "toy/report.html").read_text()
     assert sweep_run.execute is execution.execute
-    assert studies.run(file)["complete"]
+    assert studies.run(file, *ONE, "--name", "toy")["complete"]
 
 
 def test_overrides_replace_values_of_sweeps(studies, toy):

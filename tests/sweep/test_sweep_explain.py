@@ -49,13 +49,12 @@ def test_each_node_once_with_the_runs_that_need_it(sweeps, explained, capsys):
 @pytest.mark.parametrize(
     ("command", "words"),
     [
-        ("run", ()),
-        ("run", ("tracker.sigma_f=0.5",)),
+        pytest.param("run", (), marks=pytest.mark.drawn),
+        pytest.param("run", ("tracker.sigma_f=0.5",), marks=pytest.mark.drawn),
         ("sweep", ("seed=0,1",)),
         ("sweep", ("path=choice(turn)",)),
     ],
 )
-@pytest.mark.drawn
 def test_explain_dry_run_and_the_command_itself_agree(command, words, sweeps, explained, capsys):
     if words == ("tracker.sigma_f=0.5",):
         assert main(["run", *FEW, "--results", str(sweeps.results)]) == 0

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from runs_of import TETRAHEDRON
 
 from stixel_cli import sweep
 from stixel_cli.engine.cache_folder import make_folder
@@ -30,7 +31,6 @@ def test_a_result_that_is_gone_after_its_computation_is_one_line(tmp_path, monke
         sweep([*FEW, "seed=0,1"], results=tmp_path / "results", cache=tmp_path / "cache")
 
 
-@pytest.mark.drawn
 def test_a_failing_run_stops_no_other_and_resume_retries_it(sweeps, bad_mesh):
     axes = (f"road_user.mesh=null,{bad_mesh}", "seed=0,1", "tracker.sigma_q=0.5,0.6")
     swept = sweeps.run(*FEW, *axes, "--name", "mine", code=1)
@@ -60,7 +60,7 @@ def test_a_failing_run_stops_no_other_and_resume_retries_it(sweeps, bad_mesh):
     again = sweeps.run("--resume", folder, code=1)
     assert [row["status"] for row in again["runs"]] == statuses
     assert again["nodes"]["computed"] == 0
-    bad_mesh.write_text(TETRAHEDRON, encoding="utf-8")
+    bad_mesh.write_text(TETRAHEDRON.format(1.5), encoding="utf-8")
     mended = sweeps.run("--resume", folder)
     assert mended["complete"]
     assert mended["runs"][:4] == swept["runs"][:4]
@@ -68,21 +68,6 @@ def test_a_failing_run_stops_no_other_and_resume_retries_it(sweeps, bad_mesh):
     assert not (folder / "failed").exists()
     assert {path.name for path in folder.iterdir()} >= {*STATISTICS}
     assert sweeps.run("--resume", folder)["nodes"]["computed"] == 0
-
-
-TETRAHEDRON = """
-v -2 -1 0
-v 2 -1 0
-v 2 1 0
-v -2 1 0
-v 0 0 1.5
-f 1 3 2
-f 1 4 3
-f 1 2 5
-f 2 3 5
-f 3 4 5
-f 4 1 5
-"""
 
 
 def test_resume_recomputes_removed_and_damaged_runs(sweeps):
@@ -185,16 +170,6 @@ def test_an_unwritable_folder_ends_the_sweep_in_one_line(sweeps, monkeypatch):
     assert list((sweeps.results / "mine/runs").iterdir()) == []
 
 
-def test_changed_code_recomputes_the_runs(sweeps, monkeypatch):
-    from stixel_cli.engine import keys
-
-    sweeps.run(*FEW, "seed=0,1", "--name", "mine")
-    monkeypatch.setattr(keys, "LAYOUT", keys.LAYOUT + 1)
-    again = sweeps.run("--resume", sweeps.results / "mine")
-    assert again["nodes"]["computed"] > 0
-    assert again["complete"]
-
-
 def test_a_full_disk_leaves_no_empty_folder(sweeps, monkeypatch):
     make_folder(sweeps.results.parent / "cache", "tmp")
 
@@ -214,5 +189,5 @@ def test_fail_fast_stops_at_the_first_failed_run(sweeps, bad_mesh):
     swept = sweeps.run(*FEW, *axes, "--fail-fast", "--name", "mine", code=1)
     assert [row["status"] for row in swept["runs"]] == ["failed"] + ["missing"] * 3
     assert sweeps.error.splitlines()[-1].startswith("stixel sweep --resume")
-    bad_mesh.write_text(TETRAHEDRON, encoding="utf-8")
+    bad_mesh.write_text(TETRAHEDRON.format(1.5), encoding="utf-8")
     assert sweeps.run("--resume", sweeps.results / "mine", "--fail-fast")["complete"]

@@ -1,18 +1,15 @@
 """Going on with a sweep: elsewhere, and after what it was made of has changed."""
 
 import json
-import os
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 import yaml
+from runs_of import TETRAHEDRON
 
 from stixel_cli.cli.app import main
 
-ROOT = Path(__file__).resolve().parents[2]
 FEW = ("measurement=fabricated", "path.duration=0.3")
 TWO = (*FEW, "seed=0,1")
 LOCAL = ("executor=local", "executor.workers=2", "executor.time_limit=100")
@@ -96,11 +93,6 @@ def test_nodes_are_counted_as_they_are_in_the_cache(sweeps, folder, tmp_path, mo
     assert sweeps.run("--resume", folder)["nodes"] == {"computed": 0, "cached": 0}
 
 
-TETRAHEDRON = "v -2 -1 0\nv 2 -1 0\nv 2 1 0\nv -2 1 0\nv 0 0 {}\nf 1 3 2\nf 1 4 3\n" + "".join(
-    f"f {a} {b} 5\n" for a, b in ((1, 2), (2, 3), (3, 4), (4, 1))
-)
-
-
 def test_relative_file_names_work_from_another_working_directory(
     sweeps, tmp_path, capsys, monkeypatch
 ):
@@ -169,47 +161,6 @@ def test_resume_names_changed_settings_and_missing_lineages(sweeps, monkeypatch)
     sweeps.run("--resume", folder)
     assert "2 of 2 finished runs" in sweeps.error
     assert "(no usable lineage in its folder)" in sweeps.error
-
-
-def test_edited_code_is_named_by_resume_and_by_verify_of_a_run(tmp_path):
-    for name in ("stixel_cli", "conf", "pipelines"):
-        shutil.copytree(ROOT / name, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__"))
-    shutil.copy(ROOT / "pyproject.toml", tmp_path)
-    environment = os.environ | {"PYTHONPATH": str(tmp_path), "STIXEL_CACHE": str(tmp_path / "c")}
-
-    def stixel(*words, code):
-        done = subprocess.run(
-            [sys.executable, "-m", "stixel_cli", *words],
-            cwd=tmp_path,
-            env=environment,
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        assert done.returncode == code, done.stderr + done.stdout
-        return done
-
-    stixel("sweep", *TWO, "executor=threads", "--name", "mine", code=0)
-    start = tmp_path / "stixel_cli" / "tracking" / "start.py"
-    text = start.read_text()
-    assert "generator(seed," in text
-    start.write_text(text.replace("generator(seed,", "generator(seed + 1,"))
-    run = tmp_path / "results/mine/runs/0001"
-    found = json.loads(stixel("verify", str(run), "--cached", "--json", code=1).stdout)
-    assert found["first_by_key"]["stage"] == found["first_by_value"]["stage"] == "start"
-    edited = "stixel_cli.tracking.start was edited"
-    assert found["first_by_value"]["causes"] == [edited]
-    assert "by up to" in found["first_by_value"]["what"]
-    # Outside its sweep's folder a run has keys but no code digests.
-    alone = shutil.copytree(run, tmp_path / "alone" / "run")
-    found = json.loads(stixel("verify", str(alone), "--cached", "--json", code=1).stdout)
-    assert found["first_by_value"]["stage"] == "start"
-    assert found["first_by_value"]["causes"] == [
-        "unknown code changes: the folder does not record its code"
-    ]
-    done = stixel("sweep", "--resume", "results/mine", code=0)
-    assert f"will be recomputed (start: {edited})" in done.stderr
-    assert "2 of 2 finished runs" in done.stderr
 
 
 def test_runs_refer_to_one_file_of_code(folder, sweeps):

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import chi2
 from tracking_cases import poses_of_turn, scans_of, seen_car
@@ -38,7 +38,6 @@ def test_contour_without_area_has_no_moments():
     assert not moments.any()
 
 
-@settings(derandomize=True, deadline=None, max_examples=40)
 @given(seed=st.integers(0, 2**31), probability=st.floats(0.01, 0.999), each=st.booleans())
 def test_gate_matches_the_normal_density(seed, probability, each):
     random = np.random.default_rng(seed)

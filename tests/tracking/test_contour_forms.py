@@ -6,7 +6,7 @@ import json
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from seen_targets import SENSOR, scans_seen, seen, start_at, turning
 from tracking_cases import CAR, scans_of
@@ -49,7 +49,6 @@ def overlap(result, outline, poses, k=-1):
     return estimated.intersection(true).area / estimated.union(true).area
 
 
-@settings(derandomize=True, deadline=None, max_examples=30)
 @given(seed=st.integers(0, 2**31))
 def test_slopes_of_the_residual_are_those_of_rays_cast_on_the_outline(seed):
     random = np.random.default_rng(seed)
@@ -80,7 +79,6 @@ def test_slopes_of_the_residual_are_those_of_rays_cast_on_the_outline(seed):
     assert np.median(np.abs(changes - slopes @ nodes)) < 0.05 * np.abs(changes).max() + 1e-4
 
 
-@settings(derandomize=True, deadline=None, max_examples=20)
 @given(seed=st.integers(0, 2**31))
 def test_reported_centre_is_the_middle_of_the_box_and_linear_in_the_residual(seed):
     random = np.random.default_rng(seed)

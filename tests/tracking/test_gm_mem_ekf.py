@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from seen_targets import moved, scans_seen, start_at, turning
+from seen_targets import scans_seen, start_at, turning
 from tracking_cases import CAR, START, scans_of
 
 from stixel_cli.config.compose import compose
@@ -50,7 +50,7 @@ def test_sides_that_face_the_sensor_count(bearing, weights):
     np.testing.assert_allclose(side_weights(estimate, sensor), np.divide(weights, np.sum(weights)))
 
 
-@settings(derandomize=True, deadline=None, max_examples=15)
+@settings(max_examples=15)
 @given(seed=SEEDS)
 def test_moments_are_those_of_random_shapes_and_points(seed):
     """With one side, the gains are the linear regressions of the model's samples."""
@@ -104,7 +104,6 @@ def test_the_more_probable_side_decides():
     np.testing.assert_allclose(mixed.shape, alone.shape, atol=1e-3)
 
 
-@settings(derandomize=True, deadline=None, max_examples=25)
 @given(seed=SEEDS)
 def test_posterior_is_positive_and_turns_with_the_world(seed):
     random = np.random.default_rng(seed)
@@ -143,29 +142,6 @@ def test_track_of_a_car_seen_from_one_side():
     assert (np.hypot(*result.means[:, :2].T) - seen).min() > 0.2
     assert np.hypot(*(result.means[:10, :2] - poses[:10, :2]).T).max() < 1.0
     np.testing.assert_array_equal(result.nis_degrees_of_freedom, 2 * np.diff(result.used_offsets))
-
-
-@pytest.mark.parametrize(("angle", "shift"), [(0.9, (20.0, -7.0)), (-2.0, (3.0, 40.0))])
-def test_track_is_invariant_to_rigid_motions_of_the_world(angle, shift):
-    poses = turning(15, 4.0, 0.3)
-    scans, initial = scans_seen(rectangle(4.2, 1.7), poses, noise=0.05), start_at(poses)
-    plain = track(scans, initial, CAR, TRACKER)
-    other = track(*moved(scans, initial, angle, shift), CAR, TRACKER)
-    turn = rotation(angle)
-    np.testing.assert_array_equal(other.used_points, plain.used_points)
-    np.testing.assert_allclose(other.means[:, :2], plain.means[:, :2] @ turn.T + shift, atol=1e-6)
-    np.testing.assert_allclose(
-        other.contours_world, plain.contours_world @ turn.T + shift, atol=1e-5
-    )
-
-
-def test_without_points_it_predicts():
-    far = np.array([[60.0, 60.0], [-40.0, 2.0]])
-    clutter = track(scans_of([far, EMPTY, far[:1]]), START, CAR, TRACKER)
-    empty = track(scans_of([EMPTY] * 3), START, CAR, TRACKER)
-    np.testing.assert_array_equal(clutter.means, empty.means)
-    np.testing.assert_allclose(empty.means[:, 6:], [[CAR.length, CAR.width]] * 3)
-    assert np.isnan(empty.nis).all() and not empty.nis_degrees_of_freedom.any()
 
 
 def test_the_heading_is_the_axis_nearest_to_the_motion():

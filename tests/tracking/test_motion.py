@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import block_diag
 
@@ -22,7 +22,6 @@ def test_transition_and_noise_equal_the_kronecker_products():
     np.testing.assert_allclose(process_noise(0.2, 1.5, 0.3), expected)
 
 
-@settings(derandomize=True, deadline=None, max_examples=20)
 @given(seed=st.integers(0, 2**31), alpha=st.sampled_from([0.0, 1e-4, 2.0]))
 def test_prediction_matches_the_dense_formula(seed, alpha):
     random = np.random.default_rng(seed)

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from seen_targets import SENSOR, moved, scans_of, scans_seen, start_at, turning
+from seen_targets import SENSOR, scans_of, scans_seen, start_at, turning
 
 from stixel_cli.config.compose import compose
-from stixel_cli.geometry.pose import rotation
 from stixel_cli.measurements.scans import FieldOfView, Scans
 from stixel_cli.measurements.shared_errors import SharedErrors
 from stixel_cli.tracking.contour.class_shape import class_shape
@@ -147,19 +146,6 @@ def test_an_unknown_class_has_the_prior_s_shape_and_its_own_points():
     rays, stds = side.rays(points, np.tile(0.01 * np.eye(2), (2, 1, 1)), np.zeros(3), np.zeros(3))
     assert not stds.any()
     assert rays.points_world == pytest.approx(points)
-
-
-@pytest.mark.parametrize(("angle", "shift"), [(0.0, 30.0), (2.1, 0.0), (-1.3, -7.0)])
-def test_no_frame_of_the_world_matters(angle, shift):
-    scans = scans_seen(CAR, POSES[:6], noise=0.03)
-    configuration = configured()
-    start = start_at(POSES[:6])
-    turn = rotation(angle)
-    elsewhere, there = moved(scans, start, angle, np.array([shift, -shift]))
-    before = track(scans, start, configuration.prior, configuration.tracker)
-    after = track(elsewhere, there, configuration.prior, configuration.tracker)
-    expected = before.means[:, :2] @ turn.T + [shift, -shift]
-    assert after.means[:, :2] == pytest.approx(expected, abs=1e-6)
 
 
 @given(

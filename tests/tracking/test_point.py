@@ -3,14 +3,13 @@ import dataclasses
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import expm
 from tracking_cases import CAR, START, poses_of_turn, scans_of, seen_car
 
-from stixel_cli.geometry.pose import rotation, wrap_angle
 from stixel_cli.tracking.baselines.point import PointParameters, class_circle, track
-from stixel_cli.tracking.centre import GREATEST_VARIANCE, MOVING, predict, six_states
+from stixel_cli.tracking.centre import GREATEST_VARIANCE, MOVING, six_states
 from stixel_cli.tracking.prior import prior_radii
 from stixel_cli.tracking.track import InitialState
 
@@ -82,29 +81,6 @@ def test_symmetric_scans_of_straight_motion_give_the_true_centre():
     np.testing.assert_allclose(result.nis, 0.0, atol=1e-20)
 
 
-def test_baseline_predicts_at_empty_scans():
-    result = track(scans_of([np.zeros((0, 2))] * 5), START, CAR, TRACKER)
-    mean, covariance = START.mean[MOVING], START.covariance[np.ix_(MOVING, MOVING)]
-    for k in range(5):
-        mean, covariance = predict(mean, covariance, 0.1, TRACKER.sigma_q)
-        np.testing.assert_allclose(result.means[k, MOVING], mean)
-        np.testing.assert_allclose(result.covariances[k][np.ix_(MOVING, MOVING)], covariance)
-    assert np.isnan(result.nis).all()
-    assert not result.nis_degrees_of_freedom.any()
-    assert len(result.used_points) == 0
-
-
-def test_baseline_predicts_at_scans_with_only_clutter():
-    far = np.array([[60.0, 60.0], [-40.0, 2.0]])
-    gated = dataclasses.replace(TRACKER, gate_probability=0.99)
-    clutter = track(scans_of([far, np.zeros((0, 2)), far[:1]]), START, CAR, gated)
-    empty = track(scans_of([np.zeros((0, 2))] * 3), START, CAR, gated)
-    np.testing.assert_array_equal(clutter.means, empty.means)
-    np.testing.assert_array_equal(clutter.covariances, empty.covariances)
-    assert len(clutter.used_points) == 0
-    assert np.isnan(clutter.nis).all()
-
-
 @pytest.mark.parametrize("shape", ["rectangle", "ellipse"])
 def test_baseline_contour_is_a_circle_with_the_area_of_the_prior(shape):
     prior = dataclasses.replace(CAR, shape=shape)
@@ -154,33 +130,6 @@ def test_baseline_gate_rejects_clutter():
     assert len(everything.used_points) == 10 * 32
 
 
-@settings(derandomize=True, deadline=None, max_examples=25)
-@given(seed=SEEDS, angle=st.floats(-3.0, 3.0), x=st.floats(-50, 50), y=st.floats(-50, 50))
-def test_baseline_track_is_invariant_to_rigid_motions_of_the_world(seed, angle, x, y):
-    points = seen_car(12, 15, seed=seed)
-    gated = dataclasses.replace(TRACKER, gate_probability=0.99)
-    plain = track(scans_of(points), START, CAR, gated)
-    turn, shift = rotation(angle), np.array([x, y])
-    both = np.eye(6)
-    both[:2, :2] = both[3:5, 3:5] = turn
-    moved_start = both @ START.mean
-    moved_start[:3] += [x, y, angle]
-    initial = InitialState(moved_start, both @ START.covariance @ both.T)
-    moved = track(scans_of([p @ turn.T + shift for p in points]), initial, CAR, gated)
-    np.testing.assert_array_equal(moved.used_points, plain.used_points)
-    np.testing.assert_allclose(moved.means[:, :2], plain.means[:, :2] @ turn.T + shift, atol=1e-8)
-    np.testing.assert_allclose(moved.means[:, 3:5], plain.means[:, 3:5] @ turn.T, atol=1e-8)
-    np.testing.assert_allclose(
-        wrap_angle(moved.means[:, 2] - plain.means[:, 2] - angle), 0.0, atol=1e-8
-    )
-    np.testing.assert_allclose(moved.covariances, both @ plain.covariances @ both.T, atol=1e-8)
-    np.testing.assert_allclose(moved.nis, plain.nis, atol=1e-8)
-    np.testing.assert_allclose(
-        moved.contours_world, plain.contours_world @ turn.T + shift, atol=1e-7
-    )
-
-
-@settings(derandomize=True, deadline=None, max_examples=25)
 @given(seed=SEEDS)
 def test_heading_variance_matches_its_linearisation(seed):
     random = np.random.default_rng(seed)

@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from stixel_cli.geometry.pose import rotation, world_from_target
@@ -46,7 +46,6 @@ def some_state(random):
     return np.array([*(sensor[:2] + away), heading, *random.uniform(-0.2, 0.2, 2)]), sensor
 
 
-@settings(derandomize=True, deadline=None, max_examples=30)
 @given(seed=SEEDS)
 def test_expected_ranges_are_those_of_rays_cast_on_the_scaled_outline(seed):
     state, sensor = some_state(np.random.default_rng(seed))
@@ -98,7 +97,6 @@ def test_distances_across_a_ray_are_metres_of_the_world(factors):
         assert sorted(insets[0]) == pytest.approx([-0.3, 2.0 * half[beside] + 0.3])
 
 
-@settings(derandomize=True, deadline=None, max_examples=20)
 @given(seed=SEEDS, angle=st.floats(-3, 3))
 def test_expectation_is_invariant_to_rigid_motions_of_the_world(seed, angle):
     random = np.random.default_rng(seed)

@@ -4,7 +4,6 @@ import runpy
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 from stixel_cli.tracking.kernel import contour_process, kernel
 
@@ -65,28 +64,6 @@ def test_recursion_approximates_the_regression_between_the_basis_points():
     np.testing.assert_allclose(found, expected, atol=0.05 * NOISE)
     np.testing.assert_allclose(std, expected_std, atol=0.05 * NOISE)
     assert np.sqrt(np.mean((found - contour(at)) ** 2)) < 0.5 * NOISE
-
-
-def test_unmeasured_angles_keep_the_prior_std():
-    process = contour_process(50, np.pi / 8, 1.0, 0.5, 1e-6)
-    angles = np.linspace(-1.0, 1.0, 40)
-    mean, covariance = learn(process, [(angles, contour(angles))])
-    _, std = radius(mean, covariance, np.array([0.0, np.pi]), process)
-    assert std[0] < 0.05
-    # The exponential part is unknown there; the mean radius has been learnt in part.
-    assert 1.0 < std[1] < np.hypot(1.0, 0.5)
-
-
-def test_order_of_the_batches_does_not_change_the_result():
-    process = contour_process(30, np.pi / 8, 1.0, 0.5, 1e-6)
-    random = np.random.default_rng(3)
-    batches = []
-    for _ in range(4):
-        angles = random.uniform(0.0, 2.0 * np.pi, 5)
-        batches.append((angles, contour(angles)))
-    forward, backward = learn(process, batches), learn(process, batches[::-1])
-    assert forward[0] == pytest.approx(backward[0], abs=1e-8)
-    assert forward[1] == pytest.approx(backward[1], abs=1e-8)
 
 
 def test_example_writes_its_picture(tmp_path, monkeypatch):

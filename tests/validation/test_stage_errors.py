@@ -20,7 +20,6 @@ from stage_summaries import (
     column_summary,
     coverage_summary,
     disparity_summary,
-    histogram_median,
     phase_bias,
     pooled,
     stixel_summary,
@@ -237,12 +236,3 @@ def test_pooling_adds_frames_and_duplicates_do_not_change_means():
     narrow = replace(errors, columns=replace(errors.columns, true=errors.columns.true[:, :9]))
     with pytest.raises(ValueError, match="different widths"):
         pooled([errors, narrow])
-
-
-def test_median_is_interpolated_within_a_bin():
-    histogram = np.zeros(128, int)
-    assert np.isnan(histogram_median(histogram))
-    histogram[64] = 10
-    assert histogram_median(histogram) == pytest.approx(1 / 64)
-    histogram[65] = 30
-    assert histogram_median(histogram) == pytest.approx(1 / 32 + 1 / 96)

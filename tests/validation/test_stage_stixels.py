@@ -39,9 +39,9 @@ def test_injected_stixel_errors_are_measured():
     )
     of = stixel_summary(stixel_errors(bad, 0, truth, rig, GROSS))
     expected = {
-        "bias_px": 0.25,
-        "bias": -0.5,
-        "rms": 0.5,
+        "disparity_bias": 0.25,
+        "depth_bias": -0.5,
+        "depth_rms": 0.5,
         "spread": 0.0,
         "square_bias": -0.5,
         "nees": 1.0,
@@ -54,7 +54,7 @@ def test_injected_stixel_errors_are_measured():
     assert {name: of[name] for name in expected} == pytest.approx(expected, abs=1e-9)
     gone = replace(good, disparity=good.disparity - 1.5)
     errors = stixel_errors(gone, 0, truth, rig, GROSS)
-    assert stixel_summary(errors)["gross"] == 1.0 and np.isnan(stixel_summary(errors)["rms"])
+    assert stixel_summary(errors)["gross"] == 1.0 and np.isnan(stixel_summary(errors)["depth_rms"])
     assert errors.matched[0] == 0 and errors.covered[0] > 0
 
 
