@@ -10,6 +10,7 @@ PAGES = sorted(
     page
     for pattern in ("*.md", "docs/**/*.md", "results/README.md", "stixel_cli/**/*.md")
     for page in ROOT.glob(pattern)
+    if page.name != "settings.md"  # `make setup` writes it; a clone has none to link to
 )
 _LINK = re.compile(r"!?\[[^\]]*\]\(([^)\s]+)\)")
 
