@@ -1,7 +1,7 @@
 """Write the README's table of trackers at home and away: STIXEL_DATA=DIR python docs/home_away.py
 
 Cars only. At home, rendered scenes of the generator from whose other seeds `contour` learned its
-classes; away, recordings in DIR: `kitti_tracking` and `pandaset`. Finished runs come from the cache.
+classes; away, recordings in DIR: `kitti_tracking` and `pandaset`. Finished runs are cached.
 """
 
 import os
@@ -65,9 +65,7 @@ def cell(answers: dict[str, Answer], tracker: str) -> str:
 def table(columns: dict[str, tuple[Runs, str]]) -> str:
     """A Markdown table, one row a tracker; of each column its runs and the units of its means."""
     answers = {
-        name: {
-            metric: runs.ask(compare="tracker", over=over, metric=metric) for metric in METRICS
-        }
+        name: {metric: runs.ask(compare="tracker", over=over, metric=metric) for metric in METRICS}
         for name, (runs, over) in columns.items()
     }
     lines = [f"| tracker | {' | '.join(columns)} |", f"|---|{'---|' * len(columns)}"]
