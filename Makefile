@@ -37,9 +37,11 @@ setup: .venv/kernels .venv/schemas
 	$(BIN)/python -m stixel_cli.machine.kernels
 	@touch $@
 
-# The JSON Schemas that the first lines of the files of conf/ and pipelines/ name, for editors.
-.venv/schemas: .venv/installed $(shell find conf stixel_cli -name '*.yaml' -o -name '*.py')
+# From the schema: docs/settings.md, and for editors the JSON Schemas that the first lines of the
+# files of conf/ and pipelines/ name.
+.venv/schemas: .venv/installed docs/settings.py $(shell find conf stixel_cli -name '*.yaml' -o -name '*.py')
 	$(BIN)/stixel describe --schema conf/schema > /dev/null
+	$(BIN)/python docs/settings.py
 	@touch $@
 
 # Without ARGS, two more trackers on the same scans follow, from the cache.

@@ -1,6 +1,6 @@
 """Clusters of stixels by DBSCAN and HDBSCAN against true objects: `python bench/bench_objects.py`.
 
-It prints the table of docs/decisions.md. An object is found if one cluster has more than 80 % of
+It prints a table. An object is found if one cluster has more than 80 % of
 its stixels, and more than 80 % of that cluster's stixels are the object's. Rendered: the target and
 all things of the scene with four stixels or more, from the rendered ids. Clip 0005 of KITTI
 tracking, where the folder named by STIXEL_DATA has it: stixels inside the labelled boxes, enlarged

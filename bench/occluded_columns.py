@@ -6,8 +6,7 @@ Crossings of a car, a cyclist and a pedestrian behind each occluder; seed, shape
 same number. Columns in which the target has 8 visible pixels or more count. A column has a point if
 a stixel that covers it, inside the gates of the measurement, has a disparity within 1 px of those
 of the target's pixels there. "Behind" are the columns that show the occluder, too. With --tracks,
-two trackers run in place of that: mean IoU, and the runs that lost the target. The tables are in
-docs/decisions.md.
+two trackers run in place of that: mean IoU, and the runs that lost the target.
 """
 
 import argparse

@@ -10,7 +10,6 @@ import io
 import shlex
 import sys
 from dataclasses import dataclass
-from itertools import zip_longest
 from pathlib import Path
 
 from stixel_cli.config.folders import group_options
@@ -21,6 +20,13 @@ QUALITY = 72
 
 NEAR = {"car": "[-0.4,13]", "cyclist": "[-0.2,7.5]", "pedestrian": "[0,6.5]"}
 """Start of each road user for its picture, m; a new one starts where the car does."""
+
+CARGO_BIKE = (
+    "cargo_bike",
+    "cyclist",
+    ["road_user.mesh=pipelines/studies/shapes/cyclist/cargo_bike.obj"],
+)
+"""The mesh of the second tutorial: name of the picture, road user, overrides."""
 
 STAGES = {
     "left": "Left image.",
@@ -61,13 +67,13 @@ def sections() -> dict[str, list[Entry]]:
             for stage, caption in STAGES.items()
         ],
         "Road users": [
-            Entry(f"road_user_{user}", f"`road_user={user}`",
-                  [f"road_user={user}", "path=crossing",
+            Entry(f"road_user_{name}", f"`road_user={user}`",
+                  [f"road_user={user}", *mesh, "path=crossing",
                    f"path.start={NEAR.get(user, NEAR['car'])}",
                    "path.heading=-35", "path.duration=0.2", "rig.horizontal_fov=32",
                    "pictures.frames=[0]"],
                   "k0000/left.png")
-            for user in users
+            for name, user, mesh in [*((user, user, []) for user in users), CARGO_BIKE]
         ],
         "Paths": [
             Entry(f"path_{path}", f"`path={path}`", [f"path={path}", *FABRICATED], "path.png")
@@ -128,23 +134,26 @@ def page() -> str:
     lines = [
         "# Gallery",
         "",
-        "The pictures are from the `figures/` of runs; the command of a run is below its last one.",
-        "`python docs/gallery.py` writes this page and all its pictures.",
+        "Pictures from the `figures/` of runs, below the command, to which a caption adds.",
+        "`python docs/gallery.py` writes them and this page.",
     ]
     for heading, entries in sections().items():
-        lines += ["", f"## {heading}"]
-        for entry, following in zip_longest(entries, entries[1:]):
-            lines += [
-                "",
-                f"![{entry.caption.strip('`')}]({FOLDER}/{entry.name}.webp)",
-                "",
-                f"{entry.caption.removesuffix('.')}: `{entry.source}`",
-            ]
-            if following is None or following.overrides != entry.overrides:
-                command = shlex.join(["stixel", "run", *entry.overrides])
-                lines[-1] += " of"
-                lines += ["", "```sh", command, "```"]
+        shared = shared_overrides(entries)
+        command = shlex.join(["stixel", "run", *shared])
+        sources = {entry.source for entry in entries}
+        if len(sources) == 1:
+            command += f"  # figures/{entries[0].source}"
+        lines += ["", f"## {heading}", "", "```sh", command, "```"]
+        for entry in entries:
+            added = shlex.join(one for one in entry.overrides if one not in shared)
+            caption = f"`{added}`" if added else entry.caption
+            lines += ["", caption, "", f"![{entry.name}]({FOLDER}/{entry.name}.webp)"]
     return "\n".join(lines) + "\n"
+
+
+def shared_overrides(entries: list[Entry]) -> list[str]:
+    """Overrides that all entries of a section have."""
+    return [one for one in entries[0].overrides if all(one in e.overrides for e in entries)]
 
 
 def small_file(png: bytes) -> bytes:

@@ -1,4 +1,4 @@
-"""Write the answers and tables of studies into docs/studies.md, docs/accuracy.md and the README.
+"""Write the answers and tables of studies into docs/studies.md and docs/accuracy.md.
 
 Run it as: python docs/studies.py FOLDER...
 """
@@ -11,7 +11,7 @@ from typing import Any
 import yaml
 
 DOCS = Path(__file__).parent
-README, PAGE, ACCURACY = DOCS.parent / "README.md", DOCS / "studies.md", DOCS / "accuracy.md"
+PAGE, ACCURACY = DOCS / "studies.md", DOCS / "accuracy.md"
 BEGIN, END = "<!-- from the studies -->", "<!-- end -->"
 TABLES = ("ablation", "ablation_lidar", "wrong_class", "wrong_class_lidar", "simulated", "held_out")
 """Questions of `stixel study accuracy` whose tables are in docs/accuracy.md."""
@@ -21,10 +21,8 @@ def main(folders: list[Path]) -> None:
     """Replace what is between the two comments of each page."""
     write(PAGE, "\n".join(answer(folder) for folder in folders))
     for folder in folders:
-        if folder.name == "rq2":
-            write(README, tables(folder, ("on_stixels",)))
         if folder.name == "accuracy":
-            write(ACCURACY, tables(folder, TABLES))
+            write(ACCURACY, tables(folder))
 
 
 def write(page: Path, content: str) -> None:
@@ -49,11 +47,11 @@ def answer(folder: Path) -> str:
     return "\n".join([*lines, *(f"- {text}" for text in report["answer"]), ""])
 
 
-def tables(folder: Path, questions: tuple[str, ...]) -> str:
-    """The tables of some questions, each with what it says."""
+def tables(folder: Path) -> str:
+    """The tables of `TABLES`, each with its name."""
     study = request(folder)
     parts = [f"`{study['command']}`, revision {study['git']['revision'][:7]}.\n"]
-    for name in questions:
+    for name in TABLES:
         for file in sorted((folder / "tables").glob(f"{name}*.md")):
             parts += [f"{file.stem.replace('-', ', ', 1).replace('_', ' ')}:\n", file.read_text()]
     return "\n".join(parts)

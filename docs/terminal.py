@@ -3,7 +3,6 @@
     python docs/terminal.py [NAME …]
 
 The commands run in an empty folder, with an empty cache. Without names it writes all pictures.
-The README gets the seconds of its run from the picture.
 """
 
 import os
@@ -15,14 +14,12 @@ import sys
 from io import StringIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from xml.etree import ElementTree
 
 from rich.console import Console
 from rich.terminal_theme import MONOKAI
 from rich.text import Text
 
 FIGURES = Path(__file__).parent / "figures"
-README = Path(__file__).parents[1] / "README.md"
 WIDTH = 100
 """Characters of a line."""
 
@@ -96,23 +93,12 @@ def picture(commands: list[str]) -> str:
     return re.sub(r"[ \t]+$", "", svg, flags=re.MULTILINE)
 
 
-def seconds(svg: str) -> str:
-    """The seconds that the run in a picture took, as its last lines state them."""
-    words = "".join(ElementTree.fromstring(svg).itertext()).replace("\xa0", " ")
-    return re.search(r"([\d.]+) s\W", words.partition("computed")[2]).group(1)
-
-
 def main(names: list[str]) -> None:
     """Write the pictures of these names, or all."""
     for name in names or PICTURES:
         if name not in PICTURES:
             raise SystemExit(f"{name}: unknown picture; there are {', '.join(PICTURES)}")
-        svg = picture(PICTURES[name])
-        (FIGURES / f"{name}.svg").write_text(svg, encoding="utf-8")
-        if name == "terminal_run":
-            text = README.read_text(encoding="utf-8")
-            told = re.sub(r"experiment in \S+ s", f"experiment in {seconds(svg)} s", text)
-            README.write_text(told, encoding="utf-8")
+        (FIGURES / f"{name}.svg").write_text(picture(PICTURES[name]), encoding="utf-8")
 
 
 if __name__ == "__main__":

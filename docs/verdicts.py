@@ -2,7 +2,7 @@
 
     python docs/verdicts.py
 
-It prints the table in docs/theory.md: 200 runs on fabricated scans, without images. Offset and
+It prints a table: 200 runs on fabricated scans, without images. Offset and
 outline disturb a perfect track; start disturbs the exact initial position of `tracker=contour`.
 """
 

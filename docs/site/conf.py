@@ -20,7 +20,6 @@ NAVIGATION = {
         "docs/tutorials/7_stixels_of_your_own_images",
     ],
     "How to": [
-        "docs/editors",
         "docs/real-data",
         "docs/tune",
         "docs/cluster",
@@ -44,7 +43,7 @@ NAVIGATION = {
         "docs/several_targets",
         "docs/decisions",
     ],
-    "Project": ["CONTRIBUTING", "CHANGELOG", "docs/package"],
+    "Project": ["CONTRIBUTING", "CHANGELOG"],
 }
 """Caption to pages, in the order of the site's navigation; the tests hold it complete."""
 

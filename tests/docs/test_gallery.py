@@ -40,11 +40,14 @@ def test_pictures_are_output_of_script_and_small():
     assert sum(file.stat().st_size for file in files) < MOST_BYTES
 
 
-def test_every_command_is_on_the_page_and_valid():
+@pytest.mark.parametrize("heading", gallery.sections())
+def test_every_command_is_on_the_page_and_valid(heading):
     text = (DOCS / "gallery.md").read_text(encoding="utf-8")
-    for entry in ENTRIES:
+    section = text.partition(f"## {heading}\n")[2].partition("\n## ")[0]
+    entries = gallery.sections()[heading]
+    for entry in entries:
         check_overrides(read_overrides(entry.overrides, TYPED))
-        assert shlex.join(["stixel", "run", *entry.overrides]) in text
+        assert all(shlex.quote(override) in section for override in entry.overrides)
 
 
 @pytest.mark.parametrize("group", gallery.sections().values(), ids=gallery.sections())

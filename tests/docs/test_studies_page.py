@@ -1,4 +1,4 @@
-"""docs/studies.py takes the answers and the trackers' table from the data of reports."""
+"""docs/studies.py takes the answers and the tables from the data of reports."""
 
 import json
 import runpy
@@ -10,23 +10,27 @@ SCRIPT = Path(__file__).parents[2] / "docs" / "studies.py"
 
 
 def test_pages_have_the_answers_and_the_tables(tmp_path):
-    folder = tmp_path / "rq2"
+    folder = tmp_path / "accuracy"
     (folder / "tables").mkdir(parents=True)
     (folder / "report.json").write_text(json.dumps({"answer": ["Car: 0.12 <m>.", "Details."]}))
-    (folder / "tables/on_stixels-car.md").write_text("| contour | 0.93 |\n")
-    (folder / "tables/on_lidar-car.md").write_text("| contour | 0.99 |\n")
-    study = {"title": "RQ2", "command": "stixel study rq2", "git": {"revision": "0123456789"}}
+    (folder / "tables/held_out-car.md").write_text("| contour | 0.93 |\n")
+    (folder / "tables/peers-car.md").write_text("| contour | 0.99 |\n")
+    study = {
+        "title": "How",
+        "command": "stixel study accuracy",
+        "git": {"revision": "0123456789"},
+    }
     (folder / "study.yaml").write_text(yaml.safe_dump(study))
     script = runpy.run_path(str(SCRIPT))
     places = script["main"].__globals__
-    for name in ("PAGE", "README"):
+    for name in ("PAGE", "ACCURACY"):
         page = tmp_path / f"{name}.md"
         page.write_text(f"before\n{script['BEGIN']}\nold\n{script['END']}\nafter\n")
         places[name] = page
     script["main"]([folder])
     assert places["PAGE"].read_text() == (
-        f"before\n{script['BEGIN']}\n\n### RQ2\n\n`stixel study rq2`, revision 0123456:\n\n"
+        f"before\n{script['BEGIN']}\n\n### How\n\n`stixel study accuracy`, revision 0123456:\n\n"
         f"- Car: 0.12 <m>.\n- Details.\n\n{script['END']}\nafter\n"
     )
-    text = places["README"].read_text()
-    assert "on stixels, car:\n\n| contour | 0.93 |\n" in text and "0.99" not in text
+    text = places["ACCURACY"].read_text()
+    assert "held out, car:\n\n| contour | 0.93 |\n" in text and "0.99" not in text

@@ -25,12 +25,6 @@ def test_picture(name):
     assert set(re.findall(r"https?://[^\s\"]+", text)) == {"http://www.w3.org/2000/svg"}
 
 
-def test_the_readme_has_the_seconds_of_the_picture():
-    svg = (DOCS / "figures" / "terminal_run.svg").read_text(encoding="utf-8")
-    (told,) = re.findall(r"experiment in (\S+) s", terminal.README.read_text(encoding="utf-8"))
-    assert told == terminal.seconds(svg), "run python docs/terminal.py terminal_run"
-
-
 def test_overrides_of_the_first_picture_are_valid():
     for command in terminal.PICTURES["terminal_run"]:
         check_overrides(read_overrides([w for w in shlex.split(command)[2:] if "=" in w], TYPED))

@@ -1,4 +1,4 @@
-"""Every block of the tutorials runs, in order, with the output that the page shows."""
+"""The blocks of "Start here" and the tutorials run, in order, with the output that is shown."""
 
 import os
 import sys
@@ -8,13 +8,13 @@ import pytest
 from tutorial_blocks import LANGUAGES, Reader, apply_diff, matches, read_blocks
 
 ROOT = Path(__file__).parents[2]
-PAGES = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
+PAGES = [ROOT / "docs" / "README.md", *sorted((ROOT / "docs" / "tutorials").glob("*.md"))]
 DRAWN = ("1_first_run", "5_results_in_python")
 """Those whose blocks show pictures of runs, or their stage."""
 
 
 def test_they_are_in_order():
-    assert [page.name[:2] for page in PAGES] == ["1_", "2_", "3_", "4_", "5_", "6_", "7_"]
+    assert [page.name[:2] for page in PAGES] == ["RE", "1_", "2_", "3_", "4_", "5_", "6_", "7_"]
 
 
 @pytest.mark.parametrize(
@@ -51,6 +51,10 @@ def test_tutorial(page, tmp_path, monkeypatch):
 def test_output_is_compared():
     assert matches("a 0.25 m  \nb\nc\n", "a 0.2… m\n…\nc")
     assert matches("a\n", "…\na\n…\n")
+    assert matches("a 0.26 m   \n", "a  0.25 m")
+    assert matches("a 12.9 m\n", "a 12.0 m")
+    assert not matches("a 0.35 m\n", "a 0.25 m")
+    assert not matches("13 nodes of 0.2.1\n", "12 nodes of 0.2.1")
     assert not matches("a 0.35 m\n", "a 0.2… m")
     assert not matches("a\nb\n", "a")
     assert not matches("", "a")

@@ -8,9 +8,11 @@
     ```LANGUAGE file=PATH  file that the reader saves
     ```diff file=PATH      edit of a file: its lines without `+` occur once in the file, together
 
-In output, `…` matches any text within a line; on a line of its own it matches any lines.
+In output, `…` matches any text within a line; on a line of its own it matches any lines. A number
+with a decimal point may differ by a tenth, or by two of its last digit; several spaces are as one.
 """
 
+import math
 import os
 import re
 import shlex
@@ -23,6 +25,7 @@ from pathlib import Path
 from stixel_cli.cli.app import main
 
 _FENCE = re.compile(r"^```(\w+)([^\n]*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+_LOOSE = re.compile(r"…|(?<![\w.])\d+\.\d*(?![\w.…])| +")
 LANGUAGES = {"sh", "console", "python", "text", "yaml", "diff"}
 
 
@@ -52,15 +55,28 @@ def read_blocks(page: Path) -> list[Block]:
 
 
 def matches(printed: str, stated: str) -> bool:
-    """Whether output matches the page, apart from spaces at the ends of lines."""
-    pattern = ""
+    """Whether output matches the page: its texts, and its numbers within their tolerance."""
+    pattern, numbers = "", []
     for line in stated.rstrip().splitlines():
         if line.strip() == "…":
             pattern += r"(?:.*\n)*?"
-        else:
-            pattern += ".*".join(map(re.escape, line.rstrip().split("…"))) + r"\n"
-    lines = [line.rstrip() for line in printed.rstrip().splitlines()]
-    return re.fullmatch(pattern, "".join(f"{line}\n" for line in lines)) is not None
+            continue
+        texts = _LOOSE.split(line.rstrip())
+        pattern += re.escape(texts[0])
+        for loose, text in zip(_LOOSE.findall(line.rstrip()), texts[1:], strict=True):
+            numbers += [loose] if "." in loose else []
+            pattern += {"…": ".*", " ": " +"}.get(loose[0], r"(\d+\.?\d*)") + re.escape(text)
+        pattern += r" *\n"
+    found = re.fullmatch(pattern, "".join(f"{line}\n" for line in printed.rstrip().splitlines()))
+    return found is not None and all(
+        math.isclose(float(one), float(number), rel_tol=0.1, abs_tol=2.01 * last_digit(number))
+        for one, number in zip(found.groups(), numbers, strict=True)
+    )
+
+
+def last_digit(number: str) -> float:
+    """What one more in the last digit of a decimal number is: 0.01 of "0.25"."""
+    return 10.0 ** -len(number.partition(".")[2])
 
 
 def apply_diff(path: Path, diff: str) -> None:
