@@ -32,7 +32,6 @@ class ScansStart:
         motion: `scans`: heading and velocity are those of the cluster over time; `sensor`: those of
             the sensor, as of a car that drives ahead of it.
         duration: the cluster is followed for this time, s.
-        cluster_points: least number of points of a cluster.
         position: standard deviation of x and of y, m; the others are standard deviations too.
         heading: rad.
         velocity: of the rates of x and of y, m/s.
@@ -44,12 +43,13 @@ class ScansStart:
     range: tuple[Metres, Metres] | None
     motion: Literal["scans", "sensor"]
     duration: Annotated[float, Gt(0), Le(60)]
-    cluster_points: Annotated[int, Ge(1), Le(100)]
     position: Annotated[float, Gt(0), Le(100)]
     heading: Annotated[float, Gt(0), Le(3.2)]
     velocity: Annotated[float, Gt(0), Le(100)]
     heading_rate: Annotated[float, Gt(0), Le(10)]
 
+    cluster_points: ClassVar[int] = 2
+    """Least number of points of a cluster."""
     cluster_distance: ClassVar[float] = 0.8
     """DBSCAN's least radius, m: less than the gap between two road users."""
 

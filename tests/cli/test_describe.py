@@ -61,7 +61,7 @@ def test_a_group(capsys):
 
 def test_an_option(capsys):
     said = printed(capsys, "stereo=bm")
-    assert "stereo.block_size" in said and "stereo.p1" not in said
+    assert "stereo.block_size" in said and "stereo.disparities_at_full_size" not in said
     assert "measurement.noise.disparity_std" in printed(capsys, "measurement/noise=stereo")
 
 

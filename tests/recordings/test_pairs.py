@@ -37,8 +37,8 @@ from stixel_cli.validation.pair_errors import (
 RIG = street_rig()
 OFFSET = 0.3
 BOXES = [(-0.9, 0.9, 9.0, 1.5), (2.0, 3.8, 5.0, 1.5)]
-ROAD = RigRoad(kind="rig", least_height=0.25)
-FREE_SPACE = FreeSpaceParameters(0.3, 1.0, 0.2, 8.0, 0.03, 3.0)
+ROAD = RigRoad(kind="rig")
+FREE_SPACE = FreeSpaceParameters(0.3, 0.2, 0.03)
 LABEL = "Car 0.00 0 0.0 100.0 50.0 200.0 100.0 1.5 1.8 4.0 0.0 1.6 11.0 -1.5708"
 
 

@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from constants import with_constants
 
 from stixel_cli.config.compose import compose
 from stixel_cli.errors import ConfigurationError
@@ -80,7 +81,7 @@ def test_of_several_clusters_inside_the_one_nearest_to_the_middle_is_taken():
 
 
 def test_a_single_point_in_a_single_scan_starts_a_track_with_unknown_motion():
-    start = dataclasses.replace(START, bearing=(-10.0, 10.0), cluster_points=1)
+    start = with_constants(dataclasses.replace(START, bearing=(-10.0, 10.0)), cluster_points=1)
     state = start_from_scans(scans_of([np.array([[0.0, 9.0]])]), start, PRIOR)
     assert np.isfinite(state.mean).all()
     assert np.sqrt(state.covariance[3, 3]) >= 10.0
