@@ -55,18 +55,13 @@ class FrameStixels:
     def to_frame(self) -> "pandas.DataFrame":
         """A table with one row per stixel; `stixel assess --stixels` reads it as CSV.
 
-        Columns `left` to `right` - 1 and rows `top` to `base`, px; `disparity`, px, compensated for
-        the pitch; `depth` and `height`, m; the ground point `x` (right), `y` (ahead), m, and its
-        covariance `var_xx`, `var_xy`, `var_yy`, m².
+        Its columns are those of `results.tables.stixel_columns`, without k.
         """
         import pandas
 
-        names = ("left", "right", "top", "base", "disparity", "depth", "height")
-        table = pandas.DataFrame({name: getattr(self.stixels, name) for name in names})
-        table[["x", "y"]] = self.points
-        flat = self.stixels.covariances_ego.reshape(-1, 4)
-        table[["var_xx", "var_xy", "var_yy"]] = flat[:, [0, 1, 3]]
-        return table
+        from stixel_cli.results.tables import stixel_columns
+
+        return pandas.DataFrame(stixel_columns([self.stixels])).drop(columns="k")
 
     def to_scan(self, pose: np.ndarray = (0.0, 0.0, STRAIGHT_AHEAD), time: float = 0.0) -> "Scans":
         """One scan for a tracker: the ground points inside the gates of height and range.

@@ -34,7 +34,7 @@ def pair(clip):
 
 
 def composed(left, right, calibration):
-    files = (f"source.folder={left}", f"source.right={right}", f"source.calibration={calibration}")
+    files = (f"source.left={left}", f"source.right={right}", f"source.calibration={calibration}")
     return compose(
         ["source=pair", *files, "road_user=car", "start.range=[1,80]", "executor=threads"]
     )

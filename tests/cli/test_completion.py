@@ -65,8 +65,7 @@ def test_keys():
     assert "rig.width=" in offered
     assert "rig.kind=" not in offered
     assert complete_override("rig.wid") == ["rig.width=", "rig.width=640"]
-    scanner = "measurement.scanner.mount"
-    assert complete_override(scanner)[0] == f"{scanner}_height="
+    assert complete_override("rig.camera_h")[0] == "rig.camera_height="
     assert "seed=" in complete_override("se")
 
 
