@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from stixel_cli.engine.cleanup import clear, collect
+from stixel_cli.engine.cleanup import collect
 from stixel_cli.engine.explain import by_stage, explain
 from stixel_cli.engine.graph import build_graph
 from stixel_cli.engine.store import VALUE
@@ -174,10 +174,8 @@ def test_a_removed_result(project, reasons):
         "numbers": "numbers: removed from the cache to save space"
     }
     project.run(graph)
-    clear(project.store)
-    assert reasons(graph, ["numbers"]) == {
-        "numbers": "numbers: removed from the cache when it was cleared"
-    }
+    collect(project.store, -1)
+    assert reasons(graph, ["numbers"]) == {"numbers": "numbers: removed from the cache"}
 
 
 def test_a_damaged_result(project, reasons):
