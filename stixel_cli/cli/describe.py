@@ -69,7 +69,7 @@ def describe(
             _print_metric(name)
             return 0
         if group not in known_keys():
-            raise ConfigurationError(unknown_key(group))
+            raise ConfigurationError(unknown_key(group, others=METRICS))
         _print_key(group)
     elif "=" in name and check_option(group, option):
         columns = (f"key of {name}", "default", "range", "meaning")

@@ -83,6 +83,7 @@ SENTENCES = {
     "car": "car: is an option: write road_user=car",
     "~tracker": "~tracker: cannot be removed: it always needs an option",
     "default": "'default': must be KEY=VALUE",
+    "tracker:contour": "must be KEY=VALUE; did you mean tracker=contour?",
     "rig.widht": "'rig.widht': must be KEY=VALUE; did you mean rig.width=…?",
     "=3": "=3: the key before the = is missing",
     "": "'': a KEY=VALUE is needed",

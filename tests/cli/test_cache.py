@@ -152,7 +152,7 @@ def test_clear_asks_on_a_terminal(store, monkeypatch, words, code, kept):
         (("gc", "--older-than", "old"), "--older-than: 'old' is not a valid age: write"),
         (("gc", "--older-than", "30"), "--older-than: '30' is not a valid age"),
         ((), "missing command"),
-        (("lss",), "did you mean 'ls'?"),
+        (("lss",), "did you mean ls?"),
         (("verify", "all"), "unexpected extra argument"),
     ],
 )

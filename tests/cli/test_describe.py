@@ -65,6 +65,11 @@ def test_an_option(capsys):
     assert "measurement.noise.disparity_std" in printed(capsys, "measurement/noise=stereo")
 
 
+def test_a_wrong_name_may_mean_a_metric(capsys):
+    assert main(["describe", "NEES"]) == 2
+    assert "did you mean nees_position_mean or" in capsys.readouterr().err
+
+
 def test_all_groups(capsys):
     said = printed(capsys)
     assert all(f"\n{group} " in said for group in group_options() if "/" not in group)
