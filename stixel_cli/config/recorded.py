@@ -219,7 +219,7 @@ def _height_of_road(
 ) -> float:
     """Height in m of the cameras above the road that the recording's images show."""
     # OpenCV and Numba are imported for it.
-    from stixel_cli.config.road_pose import compared_rows, road_pose
+    from stixel_cli.calibration.road_pose import compared_rows, road_pose
     from stixel_cli.stixels.seen_road import MIDDLE, NO_ROAD
 
     size = recording.width, recording.height

@@ -11,8 +11,8 @@ import pytest
 from made_street import poses_ahead, stereo_view, street_rig
 
 from stixel_cli import compose, stixels_from_pair, sweep
+from stixel_cli.calibration.road_pose import compared_rows, road_pose
 from stixel_cli.cli.app import main
-from stixel_cli.config.road_pose import compared_rows, road_pose
 from stixel_cli.errors import UserError
 from stixel_cli.export.kitti_folder import calibration_text
 from stixel_cli.images import encode_png
