@@ -69,6 +69,7 @@ def unknown_key(
     if not hint and group in group_options():
         its = [key.removeprefix(within) for key in candidates if key.startswith(within)]
         hint = f"; {group} has {', '.join(its) or 'no keys'}"
+        hint = hint if len(its) < 20 else f"; `stixel describe {group}` lists its keys"
     elif not hint:
         hint = "; `stixel run --help` lists the groups, `stixel run --dry-run` every key"
     return f"{name}: unknown key{hint}"

@@ -171,7 +171,7 @@ def test_a_removed_result(project, reasons):
     graph = project.graph()
     collect(project.store, max_size=0)
     assert reasons(graph, ["numbers"]) == {
-        "numbers": "numbers: removed from the cache to save space"
+        "numbers": "numbers: removed from the cache"
     }
     project.run(graph)
     collect(project.store, -1)
@@ -189,7 +189,7 @@ def test_a_damaged_result(project, reasons):
     assert reasons(graph) == expected
     project.run(graph)
     collect(project.store, max_size=10**9, older_than=-1)
-    assert reasons(graph, ["gather"])["gather"] == "gather: removed from the cache by age"
+    assert reasons(graph, ["gather"])["gather"] == "gather: removed from the cache"
 
 
 def test_other_frames(project, reasons):
