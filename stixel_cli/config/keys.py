@@ -126,8 +126,11 @@ def _typed(value: Any) -> str:
     """A value as one would type it; `0.6 of prior.sigma_f` for one that another key gives."""
     if isinstance(value, str) and (reference := re.fullmatch(r"\$\{([\w.]+)\}", value)):
         group = innermost_group(reference[1])
-        values = option_values(group, default_option(group))
-        return f"{_typed(values[reference[1][len(group) + 1 :]])} of {reference[1]}"
+        values = option_values(group, default_option(group)) if group else {}
+        found = values.get(reference[1][len(group) + 1 :])
+        # A user's own preset may refer to anything.
+        plain = "that" if found is None or "${" in str(found) else value_text(found)
+        return f"{plain} of {reference[1]}"
     return value_text(value)
 
 

@@ -68,6 +68,9 @@ def value_text(value: Any) -> str:
     return str(value)
 
 
+LONGEST = 100
+"""Characters of a word that are compared; the time is quadratic."""
+
 LEAST_LIKENESS = 0.65
 """Names are suggested from this likeness on: of `rnu` and `run`, not of `version` and `verify`."""
 
@@ -93,7 +96,7 @@ def likeness(word: str, name: str) -> float:
 
 def suggestion(word: str, names: Iterable[str], form: str = "{}") -> str:
     """`; did you mean …?` for the names that are most like `word`; empty if none is like it."""
-    scores = {name: likeness(word, name) for name in names}
+    scores = {name: likeness(word[:LONGEST], name) for name in names}
     best = max(scores.values(), default=0.0)
     near = [name for name, score in scores.items() if score == best >= LEAST_LIKENESS]
     shown = " or ".join(name if "=" in name else form.format(name) for name in near[:4])
