@@ -23,9 +23,9 @@ def argument(help: str, metavar: str, complete: Callable[[str], Any]) -> Any:
 
 
 def new_file(output: Path | None) -> Path | None:
-    """`output`; UserError if the file exists."""
+    """`output`, a file or folder; UserError if it exists."""
     if output is not None and output.exists():
-        raise UserError(f"--output: {output} exists and is not overwritten; name another file")
+        raise UserError(f"--output: {output} exists and is not overwritten; name another")
     return output
 
 

@@ -6,7 +6,14 @@ from typing import Annotated
 import typer
 
 from stixel_cli.cli.completion import complete_override
-from stixel_cli.cli.options import RigFile, Workers, argument, recording_overrides, with_workers
+from stixel_cli.cli.options import (
+    RigFile,
+    Workers,
+    argument,
+    new_file,
+    recording_overrides,
+    with_workers,
+)
 from stixel_cli.cli.terminal import say
 from stixel_cli.errors import UserError
 
@@ -49,9 +56,7 @@ def stixels(
     if not given:
         raise UserError("stixels needs two images, LEFT and RIGHT, or the folder of a recording")
     named = Path(next((word for word in arguments if "=" not in word), "run")).resolve()
-    target = Path(f"stixels-{named.stem}") if output is None else output
-    if target.exists():
-        raise UserError(f"--output: {target} exists and is not overwritten; name another folder")
+    target = new_file(Path(f"stixels-{named.stem}") if output is None else output)
     composition = compose(with_workers(given, workers))
     wanted = ["stixels", "camera_pictures"]
     with computed_stages(composition, wanted, make_progress()) as (_, load):
