@@ -91,7 +91,7 @@ def likeness(word: str, name: str) -> float:
         alike = max(alike, 0.7)
     if not (group and outer):
         return 0.95 * alike if outer else alike
-    return 0.9 * alike + 0.1 * SequenceMatcher(None, group, outer).ratio()
+    return 0.8 * alike + 0.2 * SequenceMatcher(None, group, outer).ratio()
 
 
 def suggestion(word: str, names: Iterable[str], form: str = "{}") -> str:

@@ -170,9 +170,7 @@ def test_a_stored_input_is_followed_to_its_change(project, reasons):
 def test_a_removed_result(project, reasons):
     graph = project.graph()
     collect(project.store, max_size=0)
-    assert reasons(graph, ["numbers"]) == {
-        "numbers": "numbers: removed from the cache"
-    }
+    assert reasons(graph, ["numbers"]) == {"numbers": "numbers: removed from the cache"}
     project.run(graph)
     collect(project.store, -1)
     assert reasons(graph, ["numbers"]) == {"numbers": "numbers: removed from the cache"}
