@@ -63,12 +63,11 @@ def stixels(
         chunks, drawn = map(load, wanted)
     if not chunks:
         raise UserError(f"measurement: {composition.choices['measurement']} has no stixels")
-    files = {"stixels.csv": csv_text(stixel_columns(chunks))}
-    for pictures in drawn:
-        for path, data in pictures.files.items():
-            frame, _, name = path.partition("/")
-            if name == "stixels.png":
-                files[f"{frame}.png"] = data
+    files = {path: data for one in drawn for path, data in one.files.items()}
+    files = {
+        path.replace("/stixels", ""): data for path, data in files.items() if "/stixels" in path
+    }
+    files["stixels.csv"] = csv_text(stixel_columns(chunks))
     write_whole_folder(target.absolute(), files)
     say(target)
     return 0

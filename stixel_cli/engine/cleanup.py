@@ -48,19 +48,16 @@ class Collection:
     in_use: int
 
 
-def keep_limit(store: Store) -> Collection | None:
-    """Remove entries until the store's own limit is kept; None if there was nothing to do.
+def keep_limit(store: Store) -> None:
+    """Remove entries until the store's own limit is kept.
 
     A store that cannot be written, or that another process cleans up at this moment, is left as is.
     """
     if store.max_size is None:
-        return None
-    try:
-        if sum(one.size for one in entry_folders(store)) <= store.max_size:
-            return None
-        return collect(store, store.max_size)
-    except CacheError:
-        return None
+        return
+    with suppress(CacheError):
+        if sum(one.size for one in entry_folders(store)) > store.max_size:
+            collect(store, store.max_size)
 
 
 def collect(
