@@ -3,7 +3,7 @@
 python docs/settings.py
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from stixel_cli.config.descriptions import (
@@ -14,12 +14,9 @@ from stixel_cli.config.descriptions import (
     settings_of_top,
 )
 from stixel_cli.config.folders import (
-    EXPERIMENT,
     group_options,
     options_default_first,
-    options_of_kind,
 )
-from stixel_cli.config.folders import option_values as values_of
 from stixel_cli.config.keys import Key
 
 PAGE = Path(__file__).parent / "settings.md"
@@ -45,7 +42,7 @@ def _lines() -> Iterator[str]:
     yield ""
     yield "Without a group:"
     yield ""
-    yield from _table(settings_of_top(), "")
+    yield from _table({"": settings_of_top()})
     for group in [*groups(), *(name for name in group_options() if "/" in name)]:
         yield from _section(group)
 
@@ -54,31 +51,34 @@ def _section(group: str) -> Iterator[str]:
     yield ""
     yield f"## {group}"
     yield ""
-    for option in options_default_first(group):
+    options = options_default_first(group)
+    for option in options:
         yield f"- `{group}={option}`: {_cell(meaning_of_option(group, option))}"
-    if group == EXPERIMENT:
+    if not any(keys_of_option(group, option) for option in options):
         return
-    shown = set()
-    for option in options_default_first(group):
-        kind = values_of(group, option).get("kind", "")
-        if kind in shown:
-            continue
-        shown.add(kind)
-        found = keys_of_option(group, option)
-        if found:
-            yield ""
-            same = options_of_kind(group, kind) if kind else options_default_first(group)
-            yield f"Keys of {' '.join(f'`{one}`' for one in same)}:"
-            yield ""
-            yield from _table(found, option)
+    yield ""
+    yield from _table({option: keys_of_option(group, option) for option in options})
 
 
-def _table(found: list[Key], option: str) -> Iterator[str]:
-    yield "| key | default | range | meaning |"
-    yield "|---|---|---|---|"
-    for one in found:
-        default = one.values.get(option, one.default)
-        yield f"| `{one.name}` | {_cell(default)} | {_cell(one.range)} | {_cell(one.meaning)} |"
+def _table(keys: Mapping[str, Sequence[Key]]) -> Iterator[str]:
+    """The rows of the keys of each option: one for those that mean the same."""
+    rows: dict[tuple[str, ...], dict[str, list[str]]] = {}
+    for option, found in keys.items():
+        for key in found:
+            row = rows.setdefault((key.name, key.range, key.meaning), {})
+            row.setdefault(key.values.get(option, key.default), []).append(f"`{option}`")
+    yield "| key | options | default | range | meaning |"
+    yield "|---|---|---|---|---|"
+    for (name, range_, meaning), values in rows.items():
+        options = [option for same in values.values() for option in same]
+        others = [f"`{option}`" for option in keys if f"`{option}`" not in options]
+        which = " ".join(options)
+        if len(others) < len(options):
+            which = f"all but {' '.join(others)}" if others else ""
+        default = next(iter(values))
+        if len(values) > 1:
+            default = "; ".join(f"{value}: {' '.join(same)}" for value, same in values.items())
+        yield f"| `{name}` | {which} | {_cell(default)} | {_cell(range_)} | {_cell(meaning)} |"
 
 
 def _cell(text: str) -> str:

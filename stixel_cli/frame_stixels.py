@@ -1,6 +1,8 @@
 """The stixels of one image pair: as arrays, a table, a scan, a file and a picture."""
 
 from dataclasses import dataclass
+from functools import cache
+from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,6 +15,42 @@ if TYPE_CHECKING:
     import pandas
 
     from stixel_cli.measurements.scans import Scans
+
+
+@cache
+def real_image_parameters() -> SimpleNamespace:
+    """The parameters of the groups from real images to scans, as `source=pair` composes them.
+
+    They are the values of `conf/`, with what `conf/recorded.yaml` sets for real images; a test
+    compares them with those of `compose(["source=pair", …])`. Hydra is not imported.
+    """
+    from stixel_cli.config import folders
+    from stixel_cli.measurements.stixels import StixelsParameters
+    from stixel_cli.stereo.sgm import SgmParameters
+    from stixel_cli.stixels import parameters
+
+    # Where `conf/` chooses another option by default, its schema belongs here.
+    schemas = {
+        "stereo": SgmParameters,
+        "road": parameters.EstimatedRoad,
+        "occupancy": parameters.PolarOccupancy,
+        "free_space": parameters.FreeSpaceParameters,
+        "height": parameters.HeightParameters,
+        "extraction": parameters.ExtractionParameters,
+        "measurement": StixelsParameters,
+    }
+    suitable = folders.values_beside_groups("recorded")["source"]
+    options = suitable["options"]
+    suiting = folders.values_that_suit(suitable, options | {"source": "pair", "auto": False})
+    sections = {
+        group: folders.option_values(group, options.get(group) or folders.configured_option(group))
+        for group in schemas
+    }
+    for key, value in suiting.items():
+        group, _, name = key.partition(".")
+        if group in sections:
+            sections[group][name] = value
+    return SimpleNamespace(**{group: schemas[group](**v) for group, v in sections.items()})
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -55,25 +93,19 @@ class FrameStixels:
     def to_frame(self) -> "pandas.DataFrame":
         """A table with one row per stixel; `stixel assess --stixels` reads it as CSV.
 
-        Columns `left` to `right` - 1 and rows `top` to `base`, px; `disparity`, px, compensated for
-        the pitch; `depth` and `height`, m; the ground point `x` (right), `y` (ahead), m, and its
-        covariance `var_xx`, `var_xy`, `var_yy`, m².
+        Its columns are those of `results.tables.stixel_columns`, without k.
         """
         import pandas
 
-        names = ("left", "right", "top", "base", "disparity", "depth", "height")
-        table = pandas.DataFrame({name: getattr(self.stixels, name) for name in names})
-        table[["x", "y"]] = self.points
-        flat = self.stixels.covariances_ego.reshape(-1, 4)
-        table[["var_xx", "var_xy", "var_yy"]] = flat[:, [0, 1, 3]]
-        return table
+        from stixel_cli.results.tables import stixel_columns
+
+        return pandas.DataFrame(stixel_columns([self.stixels])).drop(columns="k")
 
     def to_scan(self, pose: np.ndarray = (0.0, 0.0, STRAIGHT_AHEAD), time: float = 0.0) -> "Scans":
         """One scan for a tracker: the ground points inside the gates of height and range.
 
         `pose` (3,) is that of the camera in the world: x m, y m, heading rad. `time` is in s.
         """
-        from stixel_cli.config.real_images import real_image_parameters
         from stixel_cli.measurements.stixels import gather_scans
         from stixel_cli.scene.scenario import EgoMotion
 

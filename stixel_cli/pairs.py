@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stixel_cli.errors import ArgumentError, UserError
-from stixel_cli.frame_stixels import FrameStixels
+from stixel_cli.frame_stixels import FrameStixels, real_image_parameters
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD
 from stixel_cli.geometry.rig import Rig
 
@@ -105,7 +105,6 @@ def stixels_from_disparity(
         >>> round(float(table.query("100 <= left and right <= 140")["depth"].median()), 1)
         25.0
     """
-    from stixel_cli.config.real_images import real_image_parameters
     from stixel_cli.stereo.disparities import INVALID, SUBPIXELS, Disparities
     from stixel_cli.stereo.matching import disparity_count
 
@@ -150,7 +149,6 @@ def check_rows(pair: tuple[np.ndarray, np.ndarray], rig: Rig, check_rectificatio
 
 def matched(pair: tuple[np.ndarray, np.ndarray], rig: Rig) -> "Disparities":
     """Disparities of a pair of grey images (H, W) uint8, by semi-global matching on one thread."""
-    from stixel_cli.config.real_images import real_image_parameters
     from stixel_cli.rendering.frames import StereoPairs
     from stixel_cli.stereo import sgm
 
@@ -169,7 +167,6 @@ def stixels_of(
 
     Without a `pair` of images the disparities are not refined.
     """
-    from stixel_cli.config.real_images import real_image_parameters
     from stixel_cli.rendering.frames import StereoPairs
     from stixel_cli.scene.scenario import EgoMotion
     from stixel_cli.stixels.extraction import extract_stixels
@@ -231,7 +228,6 @@ def rig_of(rig: RigLike, shape: tuple[int, int], any_height: bool = False) -> Ri
     """
     from pydantic import ValidationError
 
-    from stixel_cli.config.real_images import real_image_parameters
     from stixel_cli.recordings.rig_files import counterpart, our_names, read_named_calibration
     from stixel_cli.recordings.types import vertical_angle
     from stixel_cli.stixels.seen_road import MIDDLE

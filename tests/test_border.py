@@ -48,6 +48,7 @@ COMPOSES = {
     "api.py": "arguments of the user's program",
     "cli/assess.py": "words of its command line",
     "cli/run.py": "words of its command line",
+    "cli/stixels.py": "words of its command line",
     "cli/machine.py": "the default configuration",
     "machine/kernels.py": "constants",
     "benchmark/run.py": "constants",

@@ -23,6 +23,7 @@ from stixel_cli.cli.new import app as new
 from stixel_cli.cli.plan import explain
 from stixel_cli.cli.report import report
 from stixel_cli.cli.run import help_of_run, run
+from stixel_cli.cli.stixels import stixels
 from stixel_cli.cli.study import study
 from stixel_cli.cli.sweep import sweep
 from stixel_cli.cli.terminal import escaping, say
@@ -41,7 +42,12 @@ _GROUPS: dict[str, dict[str, Callable[..., int] | typer.Typer]] = {
         "explain": explain,
     },
     "Check results and this machine": {"verify": verify, "doctor": doctor, "cache": cache},
-    "Data in and out, code of your own": {"assess": assess, "export": export, "new": new},
+    "Data in and out, code of your own": {
+        "stixels": stixels,
+        "assess": assess,
+        "export": export,
+        "new": new,
+    },
 }
 """Heading of the help to its commands, in the order in which they are printed."""
 

@@ -1,14 +1,22 @@
 """`stixel assess`: how good the stixels of one pair of images are."""
 
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from stixel_cli.cli.completion import complete_override
-from stixel_cli.cli.options import Json, Workers, argument, new_file, with_workers, without_target
+from stixel_cli.cli.options import (
+    Json,
+    RigFile,
+    Workers,
+    argument,
+    new_file,
+    recording_overrides,
+    with_workers,
+)
 from stixel_cli.cli.terminal import print_json, print_table, say
 from stixel_cli.errors import UserError
 
@@ -17,9 +25,9 @@ def assess(
     arguments: Annotated[
         list[str] | None,
         argument(
-            "The left and the right image, or a recording (source.folder=DIR …); "
-            "then overrides as for run.",
-            "LEFT RIGHT [OVERRIDE]",
+            "The left and the right image, or the folder or bag of a recording; then overrides as "
+            "for run.",
+            "LEFT RIGHT|RECORDING [OVERRIDE]",
             complete_override,
         ),
     ] = None,
@@ -29,14 +37,7 @@ def assess(
             help="Stixels of another tool: .stx1, its CSV, or that of to_frame().", metavar="FILE"
         ),
     ] = None,
-    calib: Annotated[
-        Path | None,
-        typer.Option(
-            "--calib",
-            help="Calibration: of KITTI, Middlebury, ROS, OpenCV, or a rig.yaml.",
-            metavar="FILE",
-        ),
-    ] = None,
+    rig: RigFile = None,
     disparity: Annotated[
         Path | None,
         typer.Option(
@@ -73,12 +74,12 @@ def assess(
 
     \b
     Examples:
-      stixel assess left.png right.png --calib rig.yaml
-      stixel assess left.png right.png --calib 000074.txt --disparity disp_occ/000074_10.png
-      stixel assess source.folder=DIR source.sequence=000074
-      stixel assess left.png right.png --calib rig.yaml --disparity true.png --stixels other.stx1
+      stixel assess left.png right.png --rig rig.yaml
+      stixel assess left.png right.png --rig 000074.txt --disparity disp_occ/000074_10.png
+      stixel assess DIR source.sequence=000074
+      stixel assess left.png right.png --rig rig.yaml --disparity true.png --stixels other.stx1
       stixel assess --stixels other.stx1
-      stixel assess --calibrate source.folder=DIR source.sequence=0005 --output rig.yaml
+      stixel assess --calibrate DIR source.sequence=0005 --output rig.yaml
     """
     from stixel_cli.border import write_new
     from stixel_cli.config.compose import compose
@@ -90,19 +91,18 @@ def assess(
     from stixel_cli.report.compare import unused_page
 
     arguments = arguments or []
-    named = {"--calib": calib, "--disparity": disparity, "--labels": labels}
-    given = [*_pair(arguments, named), *(text for text in arguments if "=" in text)]
+    files = {"calibration": rig, "disparity": disparity, "labels": labels}
+    given = recording_overrides("assess", arguments, files)
     if not given and stixels is None:
         raise UserError("assess needs two images, LEFT and RIGHT, a recording, or --stixels FILE")
     if calibrate:
         if stixels is not None:
             raise UserError("--calibrate needs images: leave out --stixels")
-        _calibrate(with_workers(without_target(given), workers), output, json)
+        _calibrate(with_workers(given, workers), output, json)
         return 0
     composition = None
     if given:
-        given = [*without_target(given), "pictures.frames=[0]"]
-        composition = compose(with_workers(given, workers))
+        composition = compose(with_workers([*given, "pictures.frames=[0]"], workers))
     if stixels is None:
         assessment = assessed(composition, make_progress())
     else:
@@ -113,7 +113,8 @@ def assess(
         return 0
     page = unused_page(Path("assess.html")) if output is None else output
     command = [word for word in ("stixel", "assess", *arguments) if word]
-    for name, file in (named | {"--stixels": stixels}).items():
+    options = ("--rig", rig), ("--disparity", disparity), ("--labels", labels)
+    for name, file in (*options, ("--stixels", stixels)):
         command += [] if file is None else [name, str(file)]
     write_new(page, page_html(assessment, shlex.join(command)))
     print_table(("value", "", "unit"), value_rows(assessment), right=(1,))
@@ -145,24 +146,3 @@ def _calibrate(overrides: Sequence[str], output: Path | None, json: bool) -> Non
         found.text,
         *(f"median residual {name}: {median:.2f} px" for name, median in medians.items()),
     )
-
-
-def _pair(arguments: Sequence[str], named: Mapping[str, Path | None]) -> list[str]:
-    """The overrides that name the files of a pair; [] for a recording."""
-    from stixel_cli.config.texts import override_text
-
-    images = [text for text in arguments if "=" not in text]
-    if not images:
-        if any(named.values()):
-            raise UserError("--calib, --disparity and --labels belong to two images: LEFT RIGHT")
-        return []
-    if len(images) != 2:
-        raise UserError(
-            f"assess needs two images, LEFT and RIGHT, got {len(images)}: {images[0]} …"
-        )
-    if named["--calib"] is None:
-        raise UserError("--calib: is required with two images: KITTI's file or a rig.yaml")
-    files = {"folder": images[0], "right": images[1], "calibration": named["--calib"]}
-    files |= {"disparity": named["--disparity"], "labels": named["--labels"]}
-    given = {f"source.{key}": str(file) for key, file in files.items() if file is not None}
-    return ["source=pair", *(override_text(key, file) for key, file in given.items())]

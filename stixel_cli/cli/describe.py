@@ -37,7 +37,7 @@ def describe(
 ) -> int:
     """Explain a setting or a metric, or list all groups.
 
-    It prints meaning, unit, range, default, options, and the stages that read the setting; of a
+    It prints meaning with unit, range, default, options, and the stages that read the setting; of a
     metric, which values are better and what it is compared with.
 
     With JSON Schemas an editor completes and checks a YAML file that begins, for example, with
@@ -69,7 +69,7 @@ def describe(
             _print_metric(name)
             return 0
         if group not in known_keys():
-            raise ConfigurationError(unknown_key(group))
+            raise ConfigurationError(unknown_key(group, others=METRICS))
         _print_key(group)
     elif "=" in name and check_option(group, option):
         columns = (f"key of {name}", "default", "range", "meaning")
@@ -142,7 +142,7 @@ def _print_key(name: str) -> None:
     for i, key in enumerate(describe_key(name)):
         if i:
             say("")
-        rows = [("unit", key.unit), ("range", key.range), ("default", _values(key))]
+        rows = [("range", key.range), ("default", _values(key))]
         rows.append(("belongs to", " ".join(key.belongs_to)))
         rows.append(("read by", _listed([*readers(name), *key.followers])))
         print_table((name, key.meaning), [row for row in rows if row[1]])

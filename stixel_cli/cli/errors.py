@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from stixel_cli.config.folders import group_options
+from stixel_cli.config.texts import suggestion
 from stixel_cli.errors import UserError, printable_path
 
 CRASHED = 1
@@ -165,11 +166,13 @@ def usage_line(error: Any, words: Sequence[str]) -> str:
     """A usage error of the command line `words`: the fault, the nearest option, what to read."""
     text = " ".join(error.format_message().split()).rstrip(".?")
     text = (text[:1].lower() + text[1:]).replace(": Input should be ", ": must be ")
-    text = text.partition(", unable to parse")[0].replace(". Did you mean", "; did you mean")
+    text = text.partition(", unable to parse")[0].partition(". Did you mean")[0]
     context = getattr(error, "ctx", None)
     wrong = getattr(error, "option_name", None)
     if wrong and "no such option" in text:
         text = f"no such option {wrong}{_near_option(wrong, context)}"
+    elif text.startswith("no such command"):
+        text += suggestion(words[-1], context.command.commands)
     if words[0] in REPLACED:
         return f"{words[0]} is gone: use stixel {REPLACED[words[0]]}"
     if text.startswith("no such command") and "=" in words[0]:
@@ -178,13 +181,10 @@ def usage_line(error: Any, words: Sequence[str]) -> str:
         text = f"{text[: LONGEST_USAGE - 1]}…"
     # Of an option without its argument, the parser does not name the command.
     where = context.command_path if context is not None else f"stixel {words[0]}"
-    mark = "?" if "; did you mean" in text and not text.endswith("?") else ""
-    return f"{text}{mark} (see {where} --help)"
+    return f"{text} (see {where} --help)"
 
 
 def _near_option(wrong: str, context: Any) -> str:
-    from difflib import get_close_matches
-
     key = wrong.lstrip("-")
     if wrong in MULTIRUN:
         return "; `stixel sweep KEY=1,2,3` runs all combinations of several values"
@@ -192,5 +192,4 @@ def _near_option(wrong: str, context: Any) -> str:
         return f"; did you mean {key}=… without the dashes?"
     parameters = context.command.params if context else []
     options = [name for parameter in parameters for name in parameter.opts]
-    near = get_close_matches(wrong, [*options, "--help"], 1)
-    return f"; did you mean {near[0]}?" if near else ""
+    return suggestion(wrong, [*options, "--help"])

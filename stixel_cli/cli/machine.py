@@ -121,7 +121,8 @@ def gc(
 ) -> int:
     """Remove least recently used results.
 
-    It also removes the remains of killed processes. Results that a running process uses are kept.
+    It also removes what processes left that were killed over an hour ago. Results that a running
+    process uses are kept.
 
     Example: stixel cache gc --max-size 10GB --older-than 30d
     """
@@ -150,14 +151,14 @@ def clear(
 
     It asks for confirmation. Without a terminal, --yes is required.
     """
-    from stixel_cli.engine.cleanup import clear as clear_store
+    from stixel_cli.engine.cleanup import collect
 
     store = local_store()
     if not yes and not _confirmed(store):
         tell("nothing was removed")
         return 1
-    done = clear_store(store)
-    _print_collection(store, done, "removed", json)
+    # An empty cache, too, is larger than this.
+    _print_collection(store, collect(store, -1), "removed", json)
     return 0
 
 
@@ -205,18 +206,11 @@ def _print_collection(store: "Store", done: "Collection", verb: str, json: bool)
     from stixel_cli.engine.parameters import show_size
 
     if json:
-        sizes = {k: getattr(done, k) for k in ("removed_size", "kept", "kept_size", "in_use")}
-        removed = [vars(entry) for entry in done.removed]
-        print_json({"folder": str(store.folder), "removed": removed, **sizes})
+        print_json({"folder": str(store.folder), **vars(done)})
         return
-    by_reason: dict[str, list[int]] = {}
-    for entry in done.removed:
-        by_reason.setdefault(entry.reason, []).append(entry.size)
-    for reason, sizes in by_reason.items():
-        say(f"{reason}: {len(sizes)} {verb}, {show_size(sum(sizes))}")
     used = f", {done.in_use} of them in use" if done.in_use else ""
     say(
-        f"{store.folder}: {show_size(done.removed_size)} {verb}; "
+        f"{store.folder}: {done.removed} results, {show_size(done.removed_size)}, {verb}; "
         f"{done.kept} results, {show_size(done.kept_size)}, kept{used}"
     )
 

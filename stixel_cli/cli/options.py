@@ -1,7 +1,7 @@
 """Arguments and options that several commands share."""
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -13,7 +13,7 @@ from stixel_cli.cli.completion import (
     complete_run_or_override,
 )
 from stixel_cli.config.folders import trust_presets, use_presets
-from stixel_cli.config.texts import split_override
+from stixel_cli.config.texts import override_text, split_override
 from stixel_cli.errors import UserError, printable_path
 
 
@@ -23,9 +23,9 @@ def argument(help: str, metavar: str, complete: Callable[[str], Any]) -> Any:
 
 
 def new_file(output: Path | None) -> Path | None:
-    """`output`; UserError if the file exists."""
+    """`output`, a file or folder; UserError if it exists."""
     if output is not None and output.exists():
-        raise UserError(f"--output: {output} exists and is not overwritten; name another file")
+        raise UserError(f"--output: {output} exists and is not overwritten; name another")
     return output
 
 
@@ -54,11 +54,38 @@ def with_workers(overrides: Sequence[str], workers: int | None) -> list[str]:
     return [*overrides, *([] if workers is None else [f"executor.workers={workers}"])]
 
 
-def without_target(overrides: Sequence[str]) -> list[str]:
-    """`overrides` with what a recording without a target needs; no stixel depends on it."""
-    needed = {"road_user": "car", "start": "scans", "start.bearing": "[-45,45]"}
-    names = {split_override(text)[0] for text in overrides}
-    return [*overrides, *(f"{k}={v}" for k, v in needed.items() if k not in names)]
+def recording_overrides(
+    command: str, words: Sequence[str], files: Mapping[str, Path | None]
+) -> list[str]:
+    """The overrides of words that name LEFT and RIGHT, a recording or overrides; [] of no words.
+
+    With what a recording without a target needs: no stixel depends on it. `files` has the keys of
+    `source` that belong to two images, with their files; the calibration is required.
+
+    Raises:
+        UserError: for another number of files than one or two, or options that do not belong.
+    """
+    named = [word for word in words if "=" not in word]
+    given = {key: file for key, file in files.items() if file is not None}
+    if len(named) == 2:
+        if "calibration" not in given:
+            raise UserError("--rig: is required with two images: KITTI's file or a rig.yaml")
+        settings = {"source": "pair", "source.left": named[0], "source.right": named[1]}
+        settings |= {f"source.{key}": str(file) for key, file in given.items()}
+    elif given:
+        raise UserError("--rig, --disparity and --labels belong to two images: LEFT RIGHT")
+    elif len(named) > 2:
+        raise UserError(
+            f"{command} needs two images, LEFT and RIGHT, or one recording, got {len(named)}: "
+            f"{printable_path(named[0])} …"
+        )
+    else:
+        settings = {"source.folder": named[0]} if named else {}
+    typed = [word for word in words if "=" in word]
+    needed = {"road_user": "car", "start": "scans", "start.bearing": [-45, 45]} if words else {}
+    names = {split_override(text)[0] for text in typed}
+    settings |= {key: value for key, value in needed.items() if key not in names}
+    return [*typed, *(override_text(key, value) for key, value in settings.items())]
 
 
 Overrides = Annotated[
@@ -76,6 +103,15 @@ SweepOverrides = Annotated[
         "As in `stixel run`, plus several values: KEY=1,2 KEY=range(1,9,2) GROUP=glob(*).",
         "OVERRIDES",
         complete_override,
+    ),
+]
+RigFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--rig",
+        "--calib",
+        help="Calibration of two images: of KITTI, Middlebury, ROS, OpenCV, or a rig.yaml.",
+        metavar="FILE",
     ),
 ]
 Folder = Annotated[Path, argument("Result folder of a run.", "FOLDER", complete_folder)]

@@ -22,6 +22,7 @@ from stixel_cli.config.annotations import (
 )
 from stixel_cli.config.folders import (
     EXPERIMENT,
+    default_option,
     group_options,
     innermost_group,
     option_values,
@@ -30,12 +31,6 @@ from stixel_cli.config.folders import (
 )
 from stixel_cli.config.schema import Configuration
 from stixel_cli.config.texts import value_text
-
-_UNITS = (
-    *("rad/s^1.5", "m/s^1.5", "px per px", "degrees/s", "m/s²", "m/s", "rad/s", "1/rad", "1/s"),
-    *("1/m", "px²", "m²", "px", "m", "s", "rad", "degrees", "grey levels"),
-)
-_UNIT = re.compile(rf"(?:^|, )({'|'.join(map(re.escape, _UNITS))})(?=$|[.,;:])")
 
 
 @dataclass(frozen=True)
@@ -78,12 +73,6 @@ class Key:
     def meaning(self) -> str:
         """What the value is, with its unit."""
         return attribute_texts(self.schema).get(self.field, "")
-
-    @property
-    def unit(self) -> str:
-        """The unit in the meaning; "" without one."""
-        unit = _UNIT.search(self.meaning)
-        return unit[1] if unit else ""
 
     @property
     def range(self) -> str:
@@ -134,9 +123,14 @@ def _options(group: str, kind: str | None) -> list[str]:
 
 
 def _typed(value: Any) -> str:
-    """A value as one would type it; `that of prior.sigma_f` for an interpolation."""
+    """A value as one would type it; `0.6 of prior.sigma_f` for one that another key gives."""
     if isinstance(value, str) and (reference := re.fullmatch(r"\$\{([\w.]+)\}", value)):
-        return f"that of {reference[1]}"
+        group = innermost_group(reference[1])
+        values = option_values(group, default_option(group)) if group else {}
+        found = values.get(reference[1][len(group) + 1 :])
+        # A user's own preset may refer to anything.
+        plain = "that" if found is None or "${" in str(found) else value_text(found)
+        return f"{plain} of {reference[1]}"
     return value_text(value)
 
 

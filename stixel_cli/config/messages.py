@@ -2,13 +2,13 @@
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
-from difflib import SequenceMatcher
 from pathlib import Path
 from typing import Any
 
 from stixel_cli.config import keys
 from stixel_cli.config.annotations import choices, describe
 from stixel_cli.config.folders import group_options, innermost_group, options_of_kind
+from stixel_cli.config.texts import suggestion
 from stixel_cli.errors import UserError, counted, printable
 
 _OUT_OF_RANGE = {
@@ -16,68 +16,6 @@ _OUT_OF_RANGE = {
     *("too_short", "too_long"),
 }
 LONGEST_REASON = 200
-_NEAR = 0.6
-_FAR = 0.5
-_SIMILAR = 0.75
-_MOST_SUGGESTIONS = 4
-
-
-def nearest(word: str, candidates: Iterable[str]) -> list[str]:
-    """The candidates that `word` most likely means; several if they are equally near.
-
-    Whole names are compared, and also their last parts, because people forget or mistake the group
-    (`widht`, `camera.baseline`) and shorten (`rig.fov`). Where no last part is similar, keys whose
-    last part has the same first word are near too (`range_deviation`: `range_std`).
-    """
-    candidates, word = list(candidates), word.lower()
-    group, _, last = word.rpartition(".")
-    # A matcher caches its second word.
-    whole, its_last, its_group = (SequenceMatcher(None, "", part) for part in (word, last, group))
-    scores = {}
-    for candidate in candidates:
-        candidate_group, _, candidate_last = candidate.rpartition(".")
-        score = _likeness(whole, candidate)
-        if candidate_group:
-            lasts = _likeness(its_last, candidate_last)
-            if last in candidate_last.split("_"):
-                lasts = max(lasts, 0.8)
-            if 0.9 * lasts > score - 0.01:
-                # Of equal last parts, the one in the nearer group.
-                score = max(score, 0.9 * lasts + 0.01 * _likeness(its_group, candidate_group))
-            elif candidate_group == group and lasts < _FAR:
-                score = 0.0  # Only the group is alike.
-        scores[candidate] = score
-    best = max(scores.values(), default=0.0)
-    near = [name for name, score in scores.items() if score == best] if best > _NEAR else []
-    if any(_likeness(its_last, name.rpartition(".")[2]) > _SIMILAR for name in near):
-        return near
-    first = last.partition("_")[0]
-    related = [n for n in candidates if n.rpartition(".")[2].partition("_")[0] == first]
-    outer = f"{group}.".partition(".")[0] + "."
-    related = (
-        [name for name in related if name.rpartition(".")[0] == group]
-        or [name for name in related if name.startswith(outer)]
-        or ([] if near else related)
-    )
-    related.sort(key=lambda name: -_likeness(its_last, name.rpartition(".")[2]))
-    return list(dict.fromkeys([*near, *related]))[:_MOST_SUGGESTIONS]
-
-
-def _likeness(matcher: SequenceMatcher, other: str) -> float:
-    matcher.set_seq1(other)
-    # The upper bounds take a tenth of the time of the ratio.
-    if matcher.real_quick_ratio() < _FAR or matcher.quick_ratio() < _FAR:
-        return 0.0
-    return matcher.ratio()
-
-
-def suggestion(word: str, candidates: Iterable[str], form: str = "{}") -> str:
-    """`; did you mean …?` for the nearest candidates, empty if nothing is near."""
-    near = [form.format(name) for name in nearest(word, candidates)]
-    if not near or len(near) > _MOST_SUGGESTIONS:
-        return ""
-    return f"; did you mean {' or '.join(near)}?"
-
 
 _REPLACED = {("measurement", "simulated"): "measurement=stixels"}
 _REPLACED |= {("tracker", "random_matrix"): "tracker=pyrecest tracker.name=ggiw"}
@@ -95,12 +33,15 @@ _OWN = {
 """Groups with options of the user's own, and how these are given."""
 
 
-def unknown_key(name: str, kinds: Mapping[str, str] | None = None) -> str:
+def unknown_key(
+    name: str, kinds: Mapping[str, str] | None = None, others: Iterable[str] = ()
+) -> str:
     """Message: unknown key, with the nearest ones.
 
     Args:
         name: as typed, with dots.
         kinds: the chosen variant of each group, if known.
+        others: further names that are valid here.
     """
     if name in _OTHER_KEYS:
         return f"{name}: unknown key; it is called {_OTHER_KEYS[name]}"
@@ -125,10 +66,11 @@ def unknown_key(name: str, kinds: Mapping[str, str] | None = None) -> str:
         if not key.startswith(within) or any(v.fits(dict(v.owners) | dict(kinds)) for v in variants)
     ]
     groups = [] if "." in name or name in group_options() else group_options()
-    hint = suggestion(name, [*groups, *candidates])
+    hint = suggestion(name, [*groups, *candidates, *others])
     if not hint and group in group_options():
         its = [key.removeprefix(within) for key in candidates if key.startswith(within)]
         hint = f"; {group} has {', '.join(its) or 'no keys'}"
+        hint = hint if len(its) < 20 else f"; `stixel describe {group}` lists its keys"
     elif not hint:
         hint = "; `stixel run --help` lists the groups, `stixel run --dry-run` every key"
     return f"{name}: unknown key{hint}"

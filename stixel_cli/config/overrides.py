@@ -166,7 +166,8 @@ def _refuse_malformed(text: str) -> None:
         # `car` is an option of three groups; the road user chooses the others.
         group = "road_user" if "road_user" in groups else groups[0]
         raise ConfigurationError(f"{bare}: is an option: write {group}={bare}")
-    hint = messages.suggestion(bare, [*group_options(), *known_keys()], form="{}=…")
+    options = [f"{group}={one}" for group, these in group_options().items() for one in these]
+    hint = messages.suggestion(bare, [*group_options(), *known_keys(), *options], form="{}=…")
     raise ConfigurationError(f"{messages.show(text)}: must be KEY=VALUE{hint}")
 
 

@@ -34,7 +34,7 @@ OF_THE_MOTION = {
 }
 """What a replayed motion gives."""
 
-FILE_KEYS = ("folder", "right", "calibration", "disparity", "labels")
+FILE_KEYS = ("folder", "left", "right", "calibration", "disparity", "labels")
 """Keys that name a folder or a file."""
 
 _SCHEMAS = {"source": Annotated[Source, Field(discriminator="kind")], "path": ReplayedPath}
@@ -74,11 +74,20 @@ def with_recording(
         resolved, choices = resolve(settings)
         if resolved["path"]["kind"] != "recorded":
             return resolved, choices
-    section = dict(resolved[group])
-    given = _parameters(group, section, typed, working_directory)
+    section, missing = dict(resolved[group]), []
+    given = _parameters(group, section, typed, working_directory, missing)
     _refuse_given(group, given.kind, typed)
     recording = files.open(given)
-    settings |= _suitable_settings(group, given, recording, typed)
+    settings |= _suitable_settings(group, given, recording, typed, missing)
+    if "ego" not in typed and recording.count > 1 and not recording.pose_files:
+        # One frame has no motion.
+        where = {"rosbag": " (source.odometry_topic)", "kitti_tracking": " (oxts/NNNN.txt)"}
+        missing.append(
+            f"ego: the recording has no poses of the ego car{where.get(given.kind, '')}; if it "
+            "does not move, choose ego=parked"
+        )
+    if missing:
+        raise ConfigurationError("; also ".join(missing))
     resolved, choices = resolve(settings)
     resolved[group] = section
     files.add(_completed(resolved, choices, given, recording, typed), recording)
@@ -99,9 +108,16 @@ def _refuse_given(group: str, kind: str, typed: Collection[str]) -> None:
 
 
 def _parameters(
-    group: str, section: dict[str, Any], typed: Collection[str], working_directory: str
+    group: str,
+    section: dict[str, Any],
+    typed: Collection[str],
+    working_directory: str,
+    missing: list[str],
 ) -> Recorded | ReplayedPath:
-    """The parameters in a resolved `section`, in which the names of files are made absolute."""
+    """The parameters in a resolved `section`, in which the names of files are made absolute.
+
+    Here and below, what the user must set is added to `missing`, so that one message names it all.
+    """
     for name in FILE_KEYS:
         if isinstance(section.get(name), str) and section[name] not in ("", *CALIBRATIONS):
             section[name] = folders.absolute(section[name], working_directory)
@@ -110,6 +126,9 @@ def _parameters(
         section["sequence"] = str(section["sequence"])
     # The duration follows from the files.
     content = section if group == "source" else section | {"duration": 1.0}
+    if section["sample_time"] is None:
+        missing.append(f"{group}.sample_time: is required, s from one frame to the next")
+        content = content | {"sample_time": 0.1}
     try:
         # As JSON, because strict validation of Python values takes only finished objects.
         parameters = TypeAdapter(_SCHEMAS[group]).validate_json(json.dumps(content))
@@ -124,7 +143,11 @@ def _parameters(
 
 
 def _suitable_settings(
-    group: str, given: Recorded | ReplayedPath, recording: Recording, typed: Mapping[str, Any]
+    group: str,
+    given: Recorded | ReplayedPath,
+    recording: Recording,
+    typed: Mapping[str, Any],
+    missing: list[str],
 ) -> dict[str, Any]:
     """The options and values that the recording needs and the user does not set.
 
@@ -139,33 +162,48 @@ def _suitable_settings(
         typed = {k: v for k, v in preset.items() if k not in options} | dict(typed)
     options["road_user"] = recording.road_user
     if "road_user" not in typed and recording.label is None:
-        raise ConfigurationError(
+        missing.append(
             "road_user: is required, because the recording has no labelled target (source.target)"
         )
-    if "road_user" not in typed and recording.road_user is None:
-        raise ConfigurationError(
+    elif "road_user" not in typed and recording.road_user is None:
+        missing.append(
             f"{group}.target: is a {messages.printable(recording.label)}, which no class "
             f"suits; the classes are of {', '.join(CLASS_OF_KITTI_TYPE)}; or choose a road_user"
         )
-    values = {} if group == "path" else _values(suitable, given, recording, options | dict(typed))
+    if group == "path":
+        values = {}
+    else:
+        values = _values(suitable, given, recording, options | dict(typed), missing)
     return {name: value for name, value in (options | values).items() if name not in typed}
 
 
 def _values(
-    suitable: Mapping[str, Any], source: Recorded, recording: Recording, chosen: Mapping[str, Any]
+    suitable: Mapping[str, Any],
+    source: Recorded,
+    recording: Recording,
+    chosen: Mapping[str, Any],
+    missing: list[str],
 ) -> dict[str, Any]:
     """Values for recorded images, by key; `chosen` has options and values by name."""
     calibration = recording.calibration
     if chosen["start"] != "scans" and recording.label is None:
-        raise ConfigurationError(
+        missing.append(
             f"start: {chosen['start']} needs a label (source.target); else choose start=scans"
         )
     facts = {**chosen, "source": recording.layout, "auto": recording.auto}
     values = folders.values_that_suit(suitable, facts)
     if calibration.camera_height is None and not {"rig", "rig.camera_height"} & chosen.keys():
-        values["rig.camera_height"] = _height_of_road(recording, source, chosen)
+        values["rig.camera_height"] = _height_of_road(recording, source, chosen, missing)
     if chosen["start"] == "scans" and recording.label:
         values["start.bearing"] = [round(bearing, 3) for bearing in recording.first_bearings]
+    elif (values | dict(chosen)).get("start.motion") == "sensor" and not (
+        {"start.bearing", "start.range"} & chosen.keys()
+    ):
+        every = ", or source.target=auto to track every moving object"
+        missing.append(
+            "start.bearing: is required, [lowest,highest] degrees of the target, or start.range"
+            + every * hasattr(source, "target")
+        )
     if chosen.get("tracker") == "contour":
         errors = suitable["errors"]
         # A disparity error e moves a point at range r by e r² / (f B); here at 10 m.
@@ -176,10 +214,12 @@ def _values(
     return values
 
 
-def _height_of_road(recording: Recording, source: Recorded, chosen: Mapping[str, Any]) -> float:
+def _height_of_road(
+    recording: Recording, source: Recorded, chosen: Mapping[str, Any], missing: list[str]
+) -> float:
     """Height in m of the cameras above the road that the recording's images show."""
     # OpenCV and Numba are imported for it.
-    from stixel_cli.config.road_pose import compared_rows, road_pose
+    from stixel_cli.calibration.road_pose import compared_rows, road_pose
     from stixel_cli.stixels.seen_road import MIDDLE, NO_ROAD
 
     size = recording.width, recording.height
@@ -190,7 +230,7 @@ def _height_of_road(recording: Recording, source: Recorded, chosen: Mapping[str,
     height, _ = road_pose(recording, rig)
     if math.isnan(height):
         cause = f"; {rows.fault}" if rows and rows.fault else ""
-        raise ConfigurationError(
+        missing.append(
             "rig.camera_height: is required, m above the road: the recording's files do not state "
             f"it, and {NO_ROAD}{cause}"
         )
@@ -216,13 +256,6 @@ def _completed(
         changes["duration"] = duration
     resolved[group] = resolved[group] | changes
     if "ego" not in typed:
-        # One frame has no motion.
-        if not recording.pose_files and recording.count > 1:
-            where = {"rosbag": " (source.odometry_topic)", "kitti_tracking": " (oxts/NNNN.txt)"}
-            raise ConfigurationError(
-                f"ego: the recording has no poses of the ego car{where.get(given.kind, '')}; if it "
-                "does not move, choose ego=parked"
-            )
         choices["ego"] = "source" if recording.pose_files else "parked"
         resolved["ego"] = {"kind": choices["ego"]}
     if group == "source":

@@ -1,7 +1,11 @@
-"""The text of an override: split, and written; no schema and no parser is imported."""
+"""Words that a user types: overrides, split and written, and the names that a wrong one means.
+
+No schema and no parser is imported.
+"""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from difflib import SequenceMatcher
 from pathlib import PurePath
 from typing import Any
 
@@ -62,3 +66,38 @@ def value_text(value: Any) -> str:
         case dict():
             return "{" + ",".join(f"{key}:{value_text(item)}" for key, item in value.items()) + "}"
     return str(value)
+
+
+LONGEST = 100
+"""Characters of a word that are compared; the time is quadratic."""
+
+LEAST_LIKENESS = 0.65
+"""Names are suggested from this likeness on: of `rnu` and `run`, not of `version` and `verify`."""
+
+
+def likeness(word: str, name: str) -> float:
+    """How likely `word` means `name`, 0 … 1.
+
+    The letters count, a whole word of the name (`rig.fov`), or its first word (`range_deviation`);
+    of names with dots those of the last parts, because people forget or mistake the group.
+    """
+    group, _, last = word.lower().rpartition(".")
+    outer, _, inner = name.lower().rpartition(".")
+    last, words = last if outer else word.lower(), inner.split("_")
+    alike = SequenceMatcher(None, last, inner).ratio()
+    if last in words:
+        alike = max(alike, 0.8)
+    elif last.partition("_")[0] == words[0]:
+        alike = max(alike, 0.7)
+    if not (group and outer):
+        return 0.95 * alike if outer else alike
+    return 0.8 * alike + 0.2 * SequenceMatcher(None, group, outer).ratio()
+
+
+def suggestion(word: str, names: Iterable[str], form: str = "{}") -> str:
+    """`; did you mean …?` for the names that are most like `word`; empty if none is like it."""
+    scores = {name: likeness(word[:LONGEST], name) for name in names}
+    best = max(scores.values(), default=0.0)
+    near = [name for name, score in scores.items() if score == best >= LEAST_LIKENESS]
+    shown = " or ".join(name if "=" in name else form.format(name) for name in near[:4])
+    return f"; did you mean {shown}?" if near else ""

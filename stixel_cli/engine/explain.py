@@ -18,8 +18,6 @@ Kind = Literal[
 MOST_NAMED = 4
 """Files of a stage that a cause names one by one."""
 
-WORDS = {"size": "to save space", "age": "by age", "cleared": "when it was cleared"}
-
 
 @dataclass(frozen=True)
 class Change:
@@ -45,7 +43,7 @@ class Change:
             case "new":
                 return f"new: no result of {self.what} is stored"
             case "evicted":
-                return f"removed from the cache {self.before}"
+                return "removed from the cache"
             case "damaged":
                 return "its stored result was damaged and removed"
             case "needed":
@@ -138,9 +136,7 @@ def _changes(graph: Graph, node: Node, memory: _Memory) -> list[Change]:
     name = node.stage.name
     known = memory.by_stage.get(name, [])
     if node.key in memory.removals:
-        reason = memory.removals[node.key]
-        kind = "damaged" if reason == "damaged" else "evicted"
-        return [Change(kind, name, WORDS.get(reason, reason))]
+        return [Change("damaged" if memory.removals[node.key] == "damaged" else "evicted", name)]
     if not known:
         return [Change("new", name)]
     own = [notes for notes in known if notes["key"] in memory.keys]

@@ -175,8 +175,8 @@ class Store:
         except OSError as error:
             raise cache_folder.unwritable(self.folder, error) from error
 
-    def remove(self, key: str, reason: str) -> bool:
-        """Remove an entry, and note the reason for `removals`; False if it cannot be removed.
+    def remove(self, key: str, damaged: bool = False) -> bool:
+        """Remove an entry, and note why for `removals`; False if it cannot be removed.
 
         It is renamed first, so that no reader sees half of it.
         """
@@ -189,11 +189,11 @@ class Store:
         shutil.rmtree(gone, ignore_errors=True)
         removals = self.folder / REMOVALS
         with suppress(OSError), open(removals, "a", opener=without_waiting) as file:
-            file.write(json.dumps([key, reason]) + "\n")
+            file.write(json.dumps([key, "damaged" if damaged else "removed"]) + "\n")
         return True
 
     def removals(self) -> dict[str, str]:
-        """Reason of the last removal by key: `damaged`, or as in `cleanup.Removed`."""
+        """Reason of the last removal by key: `damaged`, or another word of a cleanup."""
         lines: list[bytes] = []
         with suppress(UserError):
             lines = read_bytes(self.folder / REMOVALS).splitlines()[-REMEMBERED:]
@@ -241,7 +241,7 @@ class Store:
 
         If it cannot be removed, `save` reports why it cannot replace it.
         """
-        return MissingEntry(key, reason, removed=self.remove(key, "damaged"))
+        return MissingEntry(key, reason, removed=self.remove(key, damaged=True))
 
     def _put_in_place(self, partial: Path, entry: Path) -> None:
         try:
@@ -251,7 +251,7 @@ class Store:
                 # Another process stored the same result first.
                 return
             # A damaged entry, or one that was removed in part.
-            self.remove(entry.name, "damaged")
+            self.remove(entry.name, damaged=True)
             _move(partial, entry)
 
 

@@ -35,10 +35,11 @@ from stixel_cli.version import __version__
 CAMERA = "camera_frames"
 """The stage that prepares the camera's images for the playback page."""
 
-OBJECTS, TRACKS, LABEL_TRUTHS = "objects", "tracks", "label_truths"
+STIXELS, OBJECTS = "stixels", "objects"
+TRACKS, LABEL_TRUTHS = "tracks", "label_truths"
 CALIBRATION = "calibration"
-"""Stages of a recording: objects in its frames; tracks of moving objects, and their labels; what is
-known of its rig."""
+"""Stages of a recording: stixels and objects in its frames; tracks of moving objects, and their
+labels; what is known of its rig."""
 
 
 def run_experiment(
@@ -57,6 +58,7 @@ def run_experiment(
         camera: whether to load the camera's frames for the page; None: if there are pictures.
     """
     wanted = [*RESULTS, *(PICTURES if pictures else ()), OBJECTS, TRACKS, CALIBRATION]
+    wanted += [STIXELS] if composition.configuration.source.kind != "rendered" else []
     wanted += [CAMERA] if (pictures if camera is None else camera) else []
     store = open_store(composition.configuration.cache) if store is None else store
     with computed_stages(composition, wanted, progress, on_scores, store) as (done, load):
@@ -66,6 +68,7 @@ def run_experiment(
                 progress.note(doubt)
         drawn = [one for name in PICTURES for one in load(name)]
         frames, objects, tracks, truths = map(load, (CAMERA, OBJECTS, TRACKS, LABEL_TRUTHS))
+        stixels = load(STIXELS) if objects else ()
         calibration = next(iter(load(CALIBRATION)), None)
         lineage = lineage_of(done.graph, done.status, store)
     return RunResult(
@@ -77,6 +80,7 @@ def run_experiment(
         **results,
         pictures={path: data for one in drawn for path, data in one.files.items()},
         camera=tuple(frames),
+        stixels=tuple(stixels),
         objects=tuple(objects),
         tracks=next(iter(tracks), ()),
         truths=next(iter(truths), ()),

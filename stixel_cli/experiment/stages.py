@@ -178,11 +178,11 @@ def experiment_graph(composition: Composition) -> Graph:
 
 
 def compared_rows(composition: Composition) -> "Rows | None":
-    """As `config.road_pose.compared_rows`; None without recorded images."""
+    """As `calibration.road_pose.compared_rows`; None without recorded images."""
     source, rig = composition.configuration.source, composition.configuration.rig
     if source.kind == "rendered":
         return None
-    from stixel_cli.config.road_pose import compared_rows
+    from stixel_cli.calibration.road_pose import compared_rows
 
     return compared_rows(composition.recording, rig.far_disparity, source.check_rectification)
 
@@ -193,9 +193,10 @@ def notes_of(composition: Composition) -> Iterator[str]:
     if rows and rows.fault:
         yield rows.fault
     if configuration.source.kind != "rendered":
-        from stixel_cli.config.road_pose import contradiction
+        from stixel_cli.calibration.road_pose import contradiction
 
-        yield from filter(None, [contradiction(composition.recording, configuration)])
+        told = contradiction(composition.recording, configuration.rig, configuration.road)
+        yield from () if told is None else (told,)
     while composition.files.notes:
         yield composition.files.notes.pop(0)
 

@@ -1,7 +1,7 @@
 """Parameters that kinds of measurements share: scans without points, clutter, gates."""
 
 from dataclasses import replace
-from typing import Annotated, TypeVar
+from typing import Annotated, ClassVar, TypeVar
 
 from annotated_types import Ge, Gt, Le
 
@@ -37,13 +37,15 @@ class Gated(Disturbance):
     Attributes:
         height_min, height_max: of a point above the road, m: below are the ground, kerbs and errors
             of the road, above are walls, poles and trees.
-        range_min, range_max: distance from the sensor on the ground plane, m.
+        range_max: greatest distance from the sensor on the ground plane, m.
     """
 
     height_min: Annotated[float, Ge(0), Le(10)]
     height_max: Annotated[float, Gt(0), Le(100)]
-    range_min: Annotated[float, Ge(0), Le(1000)]
-    range_max: Annotated[float, Gt(0), Le(1000)]
+    range_max: Annotated[float, Gt(1), Le(1000)]
+
+    range_min: ClassVar[float] = 1.0
+    """Least distance from the sensor on the ground plane, m."""
 
     @property
     def gates(self) -> Gates:
@@ -51,14 +53,12 @@ class Gated(Disturbance):
         return self.height_min, self.height_max, self.range_min, self.range_max
 
     def check(self) -> None:
-        """Raise ValueError unless both gates are open."""
-        for name in ("height", "range"):
-            least, greatest = getattr(self, f"{name}_min"), getattr(self, f"{name}_max")
-            if greatest <= least:
-                raise ValueError(
-                    f"measurement.{name}_max: must be > measurement.{name}_min ({least} m), "
-                    f"got {greatest} m"
-                )
+        """Raise ValueError unless the gate of height is open."""
+        if self.height_max <= self.height_min:
+            raise ValueError(
+                f"measurement.height_max: must be > measurement.height_min ({self.height_min} m), "
+                f"got {self.height_max} m"
+            )
 
 
 def check_dropout(measurement: Disturbance) -> None:

@@ -31,7 +31,7 @@ class LidarParameters(Gated):
     returns: Literal["nearest", "all"]
 
     def check(self) -> None:
-        """Raise ValueError unless both gates are open and the layers go upwards."""
+        """Raise ValueError unless the gate of height is open and the layers go upwards."""
         scanner = self.scanner
         if scanner.elevation_highest < scanner.elevation_lowest:
             raise ValueError(

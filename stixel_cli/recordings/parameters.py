@@ -22,12 +22,22 @@ class Rendered:
 
 
 @parameters(kw_only=True)
+class _InFolder:
+    """A folder, or a file, that has the recording.
+
+    Attributes:
+        folder: that folder.
+    """
+
+    folder: str | None
+
+
+@parameters(kw_only=True)
 class Recorded:
     """A recording of a real stereo rig.
 
     Attributes:
-        kind: the layout of its folder.
-        folder: that folder.
+        kind: the layout of its files.
         frames: numbers of the frames, `first:stop`; null for all that the recording has.
         sample_time: time from one frame to the next, s.
         calibration: of the rig's disparity error. `motion`: by the motion of its camera, unless the
@@ -39,7 +49,6 @@ class Recorded:
     """
 
     kind: str
-    folder: str | None
     frames: str | None
     sample_time: Annotated[float, Ge(0.001), Le(10)]
     calibration: str = "motion"
@@ -57,9 +66,10 @@ class Recorded:
 
     def check(self) -> None:
         """Raise ValueError if a required value is missing or not valid."""
-        for name in self.required:
-            if not getattr(self, name):
-                raise ValueError(f"source.{name}: is required with source={self.kind}")
+        missing = [f"source.{name}" for name in self.required if not getattr(self, name)]
+        if missing:
+            others = f"; also {', '.join(missing[1:])}" if missing[1:] else ""
+            raise ValueError(f"{missing[0]}: is required with source={self.kind}{others}")
         if self.example and not re.fullmatch(rf"\d{{1,{len(self.example)}}}", self.sequence):
             raise ValueError(
                 f"source.sequence: must be a number such as {self.example}, got {self.sequence!r}"
@@ -68,7 +78,7 @@ class Recorded:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Labelled(Recorded):
+class Labelled(Recorded, _InFolder):
     """A clip that may have labels.
 
     Attributes:
@@ -115,7 +125,7 @@ class VirtualKitti(Labelled):
 
 
 @dataclass(frozen=True, kw_only=True)
-class KittiOdometry(Recorded):
+class KittiOdometry(Recorded, _InFolder):
     """KITTI's odometry benchmark, which has no labels.
 
     Attributes:
@@ -127,7 +137,7 @@ class KittiOdometry(Recorded):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Argoverse(Recorded):
+class Argoverse(Recorded, _InFolder):
     """Argoverse 2's sensor data set, the stereo cameras of one log.
 
     Attributes:
@@ -139,7 +149,7 @@ class Argoverse(Recorded):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Rosbag(Recorded):
+class Rosbag(Recorded, _InFolder):
     """A bag of ROS 1 or ROS 2; `folder` may be a file, too.
 
     Attributes:
@@ -157,7 +167,7 @@ class Rosbag(Recorded):
 
 
 @dataclass(frozen=True, kw_only=True)
-class KittiPair(Recorded):
+class KittiPair(Recorded, _InFolder):
     """One pair of KITTI's object, stereo 2012 or stereo 2015 benchmark.
 
     Attributes:
@@ -173,10 +183,10 @@ class KittiPair(Recorded):
 
 @dataclass(frozen=True, kw_only=True)
 class Pair(Recorded):
-    """One pair of images, each file named; `stixel assess` composes it.
+    """One pair of images, each file named; `stixel stixels` and `stixel assess` compose it.
 
     Attributes:
-        folder: the left image.
+        left: the left image.
         right: the right image.
         calibration: a file of KITTI, Middlebury, ROS or OpenCV, or a rig.yaml.
         disparity: the true disparities; null for none.
@@ -184,12 +194,13 @@ class Pair(Recorded):
     """
 
     kind: Literal["pair"]
+    left: str | None
     right: str | None
     calibration: str | None
     disparity: str | None
     labels: str | None
 
-    required = ("folder", "right", "calibration")
+    required = ("left", "right", "calibration")
 
 
 Source = (

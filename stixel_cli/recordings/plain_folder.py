@@ -41,7 +41,7 @@ def find_named_pair(source: Pair) -> Recording:
     calibration = read_named_calibration(Path(source.calibration))
     return recording_of_pair(
         source.kind,
-        (Path(source.folder), Path(source.right)),
+        (Path(source.left), Path(source.right)),
         calibration,
         None if source.labels is None else Path(source.labels),
         None if source.disparity is None else Path(source.disparity),

@@ -2,7 +2,7 @@
 
 from functools import cache
 from statistics import NormalDist
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 from annotated_types import Ge, Le
@@ -23,16 +23,17 @@ class Sensor:
 
     Attributes:
         read_noise: standard deviation in the dark, grey levels.
-        shot_noise: standard deviation that is added at full scale, grey levels.
-        right_gain: brightness of the right camera over that of the left.
         disparity_error: px by which disparities are too large, as by a rig that is out of
             calibration: as `rig.disparity_error`, which does not follow it.
     """
 
     read_noise: Annotated[float, Ge(0), Le(50)]
-    shot_noise: Annotated[float, Ge(0), Le(50)]
-    right_gain: Annotated[float, Ge(0.5), Le(2)]
     disparity_error: tuple[Pixels, Pixels, Pixels]
+
+    shot_noise: ClassVar[float] = 1.8
+    """Standard deviation that is added at full scale, grey levels."""
+    right_gain: ClassVar[float] = 1.01
+    """Brightness of the right camera over that of the left."""
 
 
 LUMA = np.array([0.299, 0.587, 0.114], dtype=np.float32)

@@ -14,9 +14,9 @@ from numba import njit
 
 from stixel_cli.rendering import shading
 from stixel_cli.rendering.camera_rays import Camera
+from stixel_cli.rendering.parameters import Light
 from stixel_cli.rendering.placement import SUN_COLOUR, sun_direction
 from stixel_cli.rendering.surfaces import Surfaces
-from stixel_cli.scene.parameters import Light
 
 SKY_COLOUR = np.array([0.86, 0.94, 1.10])
 GROUND_COLOUR = np.array([0.36, 0.35, 0.33])

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from stixel_cli.results.lineage import Lineage
     from stixel_cli.results.pictures import CameraFrames
     from stixel_cli.scene.scenario import Scenario
-    from stixel_cli.stixels.types import Objects
+    from stixel_cli.stixels.types import Objects, Stixels
     from stixel_cli.tracking.several.found import ObjectTrack
     from stixel_cli.tracking.track import Track
 
@@ -47,7 +47,8 @@ class RunResult:
         scenario, scans, track, scores: results of the stages of these names.
         pictures: path below `figures/` to the file's bytes.
         camera: chunks of the camera's frames, in order; empty for a run without images.
-        objects: chunks of the clusters of stixels, in order; empty unless images are recorded.
+        stixels, objects: chunks of the stixels and of their clusters, in order; empty unless images
+            are recorded.
         tracks: those of moving objects, with `source.target=auto`, which has no `track`.
         truths: those of all labels of the recording, with `source.target=auto`.
         calibration: what is known of the disparity error of a recording's rig.
@@ -74,6 +75,7 @@ class RunResult:
     scores: Scores | None = None
     pictures: Mapping[str, bytes] = field(default_factory=dict)
     camera: "tuple[CameraFrames, ...]" = ()
+    stixels: "tuple[Stixels, ...]" = ()
     objects: "tuple[Objects, ...]" = ()
     tracks: "tuple[ObjectTrack, ...]" = ()
     truths: "tuple[LabelTruth, ...]" = ()
@@ -162,9 +164,9 @@ class RunResult:
 
         `smoothed` has those of the smoothed track, if there is one.
         `ego` has the poses of the ego car, `truth` those of the target; a run without truth has no
-        `truth`. `objects` has one row per object of a recording, `tracks` one per
-        road user and scan, `labels` one per label of their class. All are in the world frame.
-        They are the columns of the CSV files.
+        `truth`. `stixels` (in the ego frame) and `objects` have one row per stixel and object of a
+        recording, `tracks` one per road user and scan, `labels` one per label of their class. All
+        others are in the world frame. They are the columns of the CSV files.
 
         `pandas.DataFrame(result.tables["track"])` is such a table.
         """
@@ -185,6 +187,7 @@ class RunResult:
         if scenario.known.any():
             found["truth"] = tables.truth_columns(scenario)
         if self.objects:
+            found["stixels"] = tables.stixel_columns(self.stixels)
             found["objects"] = tables.object_columns(self.objects, times, ego_poses)
         if self.tracks:
             found["tracks"] = tables.tracks_columns(self.tracks)

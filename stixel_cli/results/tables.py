@@ -10,7 +10,7 @@ from stixel_cli.geometry.pose import world_from_ego
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.results.ego_frame import STATE, pose_columns, state_columns
 from stixel_cli.scene.scenario import Scenario
-from stixel_cli.stixels.types import Objects
+from stixel_cli.stixels.types import Objects, Stixels
 from stixel_cli.tracking.several.found import ObjectTrack
 from stixel_cli.tracking.track import Track
 
@@ -110,6 +110,23 @@ def track_arrays(track: Track) -> dict[str, np.ndarray]:
 def class_columns(track: Track) -> dict[str, np.ndarray]:
     """The probability of each class, (K,); empty for a track without them."""
     return {f"{name}_probability": p for name, p in (track.class_probabilities or {}).items()}
+
+
+def stixel_columns(chunks: Sequence[Stixels]) -> dict[str, np.ndarray]:
+    """One row per stixel of chunks in order.
+
+    k; columns `left` to `right` - 1 and rows `top` to `base`, px; `disparity`, px, compensated for
+    the pitch; `depth` and `height`, m; the ground point `x` (right), `y` (ahead of the camera), m,
+    and its covariance `var_xx`, `var_xy`, `var_yy`, m².
+    """
+    names = ("left", "right", "top", "base", "disparity", "depth", "height")
+    own = {name: np.concatenate([getattr(one, name) for one in chunks]) for name in names}
+    x, y = np.concatenate([one.points_ego for one in chunks]).T
+    covariances = np.concatenate([one.covariances_ego.reshape(-1, 4) for one in chunks])
+    var_xx, var_xy, _, var_yy = covariances.T
+    counts = np.concatenate([np.diff(one.offsets) for one in chunks])
+    k = np.repeat(np.arange(len(counts)) + chunks[0].first, counts)
+    return {"k": k, **own, "x": x, "y": y, "var_xx": var_xx, "var_xy": var_xy, "var_yy": var_yy}
 
 
 def object_columns(

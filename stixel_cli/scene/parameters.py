@@ -1,7 +1,7 @@
-"""Parameters of target, road, background and light: the groups `road_user` and `world`."""
+"""Parameters of target, road and background: the groups `road_user` and `world`."""
 
 import os.path
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Literal
 
 from annotated_types import Ge, Gt, Le
 
@@ -83,24 +83,3 @@ class World:
     seed: Annotated[int, Ge(0), Le(1_000_000)]
     contrast: Annotated[float, Ge(0), Le(1)]
     occluder: Literal["none", "parked_car", "post", "hedge"] = "none"
-
-
-@parameters
-class Light:
-    """The light of the scene, in linear units: a white surface in full light shines with about 1.
-
-    Attributes:
-        sun_azimuth: direction of the sun, degrees counter-clockwise from the world's +x axis
-            (the ego car looks along +90 at k = 0).
-        sun_elevation: height of the sun above the horizon, degrees.
-        sun: irradiance of a surface that faces the sun, over pi.
-        ambient: irradiance from the sky of a surface that faces up, over pi.
-    """
-
-    sun_azimuth: Annotated[float, Ge(-180), Le(360)]
-    sun_elevation: Annotated[float, Ge(5), Le(90)]
-    sun: Annotated[float, Ge(0), Le(10)]
-    ambient: Annotated[float, Ge(0), Le(10)]
-
-    exposure: ClassVar[float] = 0.85
-    """Factor from light to the image's linear grey, with full scale 1: white stays below it."""

@@ -7,7 +7,7 @@ Headings are typed in degrees, counter-clockwise from +x: 90 drives away from th
 import math
 import re
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from annotated_types import Ge, Gt, Le, Len
 
@@ -171,14 +171,16 @@ class StopAndGo(_FromStart):
 
     Attributes:
         speed: of driving, m/s.
-        drive_time, ramp_time, stand_time: how long it drives, brakes (and pulls away: the same
-            time, constant acceleration) and waits, s.
     """
 
     kind: Literal["stop_and_go"]
-    drive_time: Annotated[float, Ge(0), Le(3600)]
-    ramp_time: Annotated[float, Ge(0.1), Le(60)]
-    stand_time: Annotated[float, Ge(0), Le(3600)]
+
+    drive_time: ClassVar[float] = 1.0
+    """How long it drives, s."""
+    ramp_time: ClassVar[float] = 1.5
+    """How long it brakes, and pulls away, at constant acceleration, s."""
+    stand_time: ClassVar[float] = 2.0
+    """How long it waits, s."""
 
 
 @dataclass(frozen=True, kw_only=True)

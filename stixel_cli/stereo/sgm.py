@@ -16,8 +16,6 @@ class SgmParameters(MatchingParameters):
     """Semi-global matching, Hirschmüller 2008, as OpenCV's StereoSGBM; it filters by x-derivative.
 
     Attributes:
-        mode: directions of the path cost: "sgbm" five, "hh" eight, "3way" three, "hh4" four.
-        p1, p2: penalty of a disparity change by one, and by more, between neighbours; p2 > p1.
         subpixel: also "phase_table": by a table fitted to this matcher, and a median, in half of
             the time of "second_match".
         disparities_at_full_size: number of disparities searched on whole images, px, a multiple of
@@ -27,20 +25,15 @@ class SgmParameters(MatchingParameters):
     """
 
     kind: Literal["sgm"]
-    mode: Literal["sgbm", "hh", "3way", "hh4"]
     block_size: Annotated[int, Ge(1), Le(21)]
-    p1: Annotated[int, Ge(0), Le(100000)]
-    p2: Annotated[int, Ge(0), Le(100000)]
     subpixel: Literal["parabola", "phase_table", "second_match"]
     disparities_at_full_size: Annotated[int, Ge(BLOCK), Le(1024), MultipleOf(BLOCK)] | None = None
 
     pre_filter_cap: ClassVar[int] = 63
-
-    def check(self, rig: Rig) -> None:
-        """Raise ValueError if the parameters contradict each other, or do not suit the rig."""
-        super().check(rig)
-        if self.p2 <= self.p1:
-            raise ValueError(f"stereo.p2: must be > stereo.p1 ({self.p1}), got {self.p2}")
+    p1: ClassVar[int] = 100
+    """Penalty of a disparity change by one between neighbours."""
+    p2: ClassVar[int] = 2400
+    """Penalty of a greater change between neighbours."""
 
 
 def match(pairs: StereoPairs, stereo: SgmParameters, rig: Rig, frames: range) -> Disparities:
@@ -51,13 +44,6 @@ def match(pairs: StereoPairs, stereo: SgmParameters, rig: Rig, frames: range) ->
     """
     import cv2
 
-    modes = {
-        "sgbm": cv2.STEREO_SGBM_MODE_SGBM,
-        "hh": cv2.STEREO_SGBM_MODE_HH,
-        "3way": cv2.STEREO_SGBM_MODE_SGBM_3WAY,
-        "hh4": cv2.STEREO_SGBM_MODE_HH4,
-    }
-
     def create(minimum: int, count: int) -> cv2.StereoSGBM:
         return cv2.StereoSGBM_create(
             minDisparity=minimum,
@@ -67,7 +53,7 @@ def match(pairs: StereoPairs, stereo: SgmParameters, rig: Rig, frames: range) ->
             P2=stereo.p2,
             preFilterCap=stereo.pre_filter_cap,
             speckleRange=stereo.speckle_range,
-            mode=modes[stereo.mode],
+            mode=cv2.STEREO_SGBM_MODE_SGBM_3WAY,  # The path cost has three directions.
         )
 
     return match_pairs(

@@ -3,14 +3,11 @@
 from dataclasses import dataclass
 from typing import Annotated, ClassVar, Literal
 
-from annotated_types import Ge, Gt, Le, Lt
+from annotated_types import Ge, Gt, Le
 
 from stixel_cli.parameters import parameters
 
-Height = Annotated[float, Ge(0), Lt(3)]
 Depth = Annotated[float, Gt(0), Le(500)]
-DepthStep = Annotated[float, Ge(0.02), Le(10)]
-Std = Annotated[float, Ge(0.05), Le(10)]
 
 
 @parameters(kw_only=True)
@@ -19,12 +16,12 @@ class _Road:
 
     Attributes:
         kind: where the road plane is taken from.
-        least_height: pixels higher above the road than this are obstacles, m.
     """
 
     kind: str
-    least_height: Height
 
+    least_height: ClassVar[float] = 0.25
+    """Pixels higher above the road than this are obstacles, m."""
     greatest_height: ClassVar[float] = 3.0
     """Pixels above it are overhanging and do not occupy, m: higher than any car or cyclist."""
     disparity_margin: ClassVar[float] = 1.0
@@ -67,15 +64,18 @@ class _Occupancy:
     Attributes:
         kind: which grid it is.
         nearest, farthest: depth of the first and the last row, m.
-        disparity_std: standard deviation of a disparity, px.
-        relief: standard deviation of an obstacle's surface in depth, m.
     """
 
     kind: str
     nearest: Depth
     farthest: Depth
-    disparity_std: Std
-    relief: Annotated[float, Ge(0), Le(10)]
+
+    disparity_std: ClassVar[float] = 0.5
+    """Standard deviation of a disparity, px."""
+    relief: ClassVar[float] = 0.25
+    """Standard deviation of an obstacle's surface in depth, m."""
+    depth_step: ClassVar[float] = 0.25
+    """Distance of two rows of a grid of depths, m."""
 
     def check(self) -> None:
         """Raise ValueError if the parameters contradict each other."""
@@ -88,38 +88,26 @@ class _Occupancy:
 
 @dataclass(frozen=True, kw_only=True)
 class PolarOccupancy(_Occupancy):
-    """Grid of image column and depth.
-
-    Attributes:
-        depth_step: distance of two rows, m.
-    """
+    """Grid of image column and depth."""
 
     kind: Literal["polar"]
-    depth_step: DepthStep
 
 
 @dataclass(frozen=True, kw_only=True)
 class ColumnDisparityOccupancy(_Occupancy):
-    """Grid of image column and disparity, whose ends are those of the two depths.
-
-    Attributes:
-        disparity_step: distance of two rows, px.
-    """
+    """Grid of image column and disparity, whose ends are those of the two depths."""
 
     kind: Literal["column_disparity"]
-    disparity_step: Annotated[float, Ge(0.05), Le(8)]
+
+    disparity_step: ClassVar[float] = 0.5
+    """Distance of two rows, px."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class CartesianOccupancy(_Occupancy):
-    """Grid of lateral position and depth on the ground plane.
-
-    Attributes:
-        depth_step: distance of two rows, m.
-    """
+    """Grid of lateral position and depth on the ground plane."""
 
     kind: Literal["cartesian"]
-    depth_step: DepthStep
 
     lateral_step: ClassVar[float] = 0.1
     """Width of a cell, m: a pixel of the default rig is as wide at 55 m."""
@@ -142,21 +130,21 @@ class FreeSpaceParameters:
 
     Attributes:
         obstacle_height: vertical extent of the least obstacle, m.
-        free_cost: cost of a column without any obstacle; below `cost_bound`.
         spatial_cost: cost of a step in depth between neighbouring columns, 1/m (C_s).
-        spatial_limit: greater steps cost no more, m (T_s).
         temporal_cost: cost of a step in depth since the last frame, 1/m (C_t); 0: no cost.
-        temporal_limit: greater steps cost no more, m (T_t).
     """
 
     obstacle_height: Annotated[float, Gt(0), Le(5)]
-    free_cost: Annotated[float, Gt(0), Lt(1.5)]
     spatial_cost: Annotated[float, Ge(0), Le(1000)]
-    spatial_limit: Annotated[float, Gt(0), Le(500)]
     temporal_cost: Annotated[float, Ge(0), Le(1000)]
-    temporal_limit: Annotated[float, Gt(0), Le(500)]
 
     # Limits that follow from the units: the other costs are relative to them.
+    free_cost: ClassVar[float] = 1.0
+    """Cost of a column without any obstacle: that of the smallest obstacle."""
+    spatial_limit: ClassVar[float] = 8.0
+    """Greater steps between neighbouring columns cost no more, m (T_s)."""
+    temporal_limit: ClassVar[float] = 3.0
+    """Greater steps since the last frame cost no more, m (T_t)."""
     obstacle_pixels: ClassVar[float] = 5.0
     """Least number of pixels of the least obstacle in a column: fewer are a matcher's error."""
     cost_bound: ClassVar[float] = 1.5
@@ -173,16 +161,17 @@ class HeightParameters:
 
     Attributes:
         depth_margin: surfaces this much behind the obstacle do not belong to it, m (ΔZ).
-        smoothness: cost of one row's step of the top between neighbouring columns (C_s).
-        depth_scale: neighbours this far apart in depth are not tied to each other, m (N_Z).
         hidden_rows: rows at an obstacle's upper edge to which a matcher gives the disparity of what
             is behind, about half of its block, px. They are added to the stixels' tops.
     """
 
     depth_margin: Annotated[float, Gt(0), Le(100)]
-    smoothness: Annotated[float, Ge(0), Le(1000)]
-    depth_scale: Annotated[float, Gt(0), Le(500)]
     hidden_rows: Annotated[int, Ge(0), Le(64)]
+
+    smoothness: ClassVar[float] = 2.0
+    """Cost of one row's step of the top between neighbouring columns (C_s)."""
+    depth_scale: ClassVar[float] = 5.0
+    """Neighbours this far apart in depth are not tied to each other, m (N_Z)."""
 
 
 @parameters
@@ -193,28 +182,28 @@ class ExtractionParameters:
         width: columns of a stixel, px. A part of an object that is narrower (`width` z / f metres)
             may make no stixel, such as a wheel seen end-on or a handlebar: half of a stixel's
             columns must have an obstacle, which is `free_space.obstacle_height` high.
-        smoothing: standard deviation of the kernel that smooths the histogram, px.
         front_margin: pixels more than this behind the front face are another surface, px: a
             windscreen behind a bonnet does not move the stixel. 1024: no split.
         refinement: weight of the disparity that aligns the stixel's patches in both images; the
             matcher's has the rest. 0: no alignment.
-        least_std: standard deviation of a stixel's disparity amid others of its object, px.
-        edge_std: what is added to it, in square, with fewer than three of the two neighbours on
-            either side: at an object's edge a matcher blends it with what is behind, px.
-        relief: standard deviation of a flat surface's depth, m. That of other surfaces is added:
-            how uneven the depths around a stixel are, and half of the step to its neighbours.
         layers: whether a column has only its nearest obstacle, or also what is visible behind it.
     """
 
     width: Annotated[int, Ge(1), Le(64)]
-    smoothing: Annotated[float, Ge(0.1), Le(4)]
     front_margin: Annotated[float, Gt(0), Le(1024)]
     refinement: Annotated[float, Ge(0), Le(1)]
-    least_std: Annotated[float, Ge(0), Le(5)]
-    edge_std: Annotated[float, Ge(0), Le(5)]
-    relief: Annotated[float, Ge(0), Le(5)]
     layers: Literal["one", "many"] = "one"
 
+    smoothing: ClassVar[float] = 0.2
+    """Standard deviation of the kernel that smooths the histogram, px."""
+    least_std: ClassVar[float] = 0.045
+    """Standard deviation of a stixel's disparity amid others of its object, px."""
+    edge_std: ClassVar[float] = 0.155
+    """What is added to it, in square, with fewer than three of the two neighbours on either side:
+    at an object's edge a matcher blends it with what is behind, px."""
+    relief: ClassVar[float] = 0.01
+    """Standard deviation of a flat surface's depth, m. That of other surfaces is added: how uneven
+    the depths around a stixel are, and half of the step to its neighbours."""
     least_height: ClassVar[float] = 0.25
     """Pixels lower above the road than this do not count, m: at the foot of an obstacle a matcher
     blends it with the road. It is that of `road`."""

@@ -37,7 +37,7 @@ def seen_road(disparities: Disparities, rig: Rig) -> tuple[float, float] | None:
     a v + b, a gives the height and b the pitch: an offset of the disparities adds to b, too, so
     they count as exact but for the error that the rig states.
     """
-    road = _AnyRoad(kind="estimated", least_height=0.25, pitch_range=10.0)
+    road = _AnyRoad(kind="estimated", pitch_range=10.0)
     step = max(1, round(rig.width / USUAL_WIDTH))
     raw, count = disparities.raw(0), disparities.count
     if step > 1:

@@ -65,7 +65,7 @@ def test_keys():
     assert "rig.width=" in offered
     assert "rig.kind=" not in offered
     assert complete_override("rig.wid") == ["rig.width=", "rig.width=640"]
-    assert complete_override("renderer.light.sun_e")[0] == "renderer.light.sun_elevation="
+    assert complete_override("rig.camera_h")[0] == "rig.camera_height="
     assert "seed=" in complete_override("se")
 
 

@@ -53,7 +53,6 @@ IMPOSSIBLE = {
         "stereo.block_size: must be smaller than the image, 128 × 64, got 65",
     ),
     "even block": (["stereo.block_size=4"], "stereo.block_size: must be odd"),
-    "penalties": (["stereo.p1=900", "stereo.p2=800"], "stereo.p2: must be > stereo.p1"),
     "no such mesh": (["road_user.mesh=/no/such/file.obj"], "road_user.mesh: "),
     "mesh is a folder": (["road_user.mesh=/"], "road_user.mesh: "),
     "mesh is empty": (["road_user.mesh="], "road_user.mesh: "),

@@ -312,7 +312,7 @@ def test_names_of_files_are_absolute_wherever_they_are_meant(tmp_path, monkeypat
     ("typed", "meant"),
     [
         ("measurement.noise.range_deviation", "measurement.noise.range_std"),
-        ("range_deviation", "measurement.range_bias_std"),
+        ("range_deviation", "measurement.noise.range_"),
         ("measurement.disparity_deviation", "measurement.noise.disparity_std"),
         ("start.position_deviation", "start.position"),
     ],

@@ -21,7 +21,7 @@ LINES = [
     ["seed=7", "tracker.sigma_f=0.25", "rig=kitti", "rig.height=370"],
     ["road_user=cyclist", "path=waypoints", "path.speed=${pace.turn_speed}"],
     ["pace=pedestrian", "path=circle", "road_user.contrast=0.25", "pictures.frames=[0,3]"],
-    ["path=waypoints", "path.points=[[0,12],[3,15.5]]", "++renderer.light.sun=1"],
+    ["path=waypoints", "path.points=[[0,12],[3,15.5]]", "++sensor.read_noise=1"],
     ["rig.height=${rig.width}", "measurement=fabricated", "measurement.rays=null"],
     ["measurement=fabricated", "measurement/noise=constant", "measurement.noise.range_std=1"],
     ["measurement.noise.disparity_std=0.2", "measurement=fabricated", "seed=3"],

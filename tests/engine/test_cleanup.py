@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from stixel_cli.engine.cache_folder import Lease, leased_keys
-from stixel_cli.engine.cleanup import clear, collect, keep_limit
+from stixel_cli.engine.cleanup import collect, keep_limit
 from stixel_cli.engine.entries import entries, entry_folders
 from stixel_cli.engine.errors import CacheError
 from stixel_cli.engine.parameters import CacheParameters, parse_age, parse_size, show_size
@@ -57,25 +57,20 @@ def test_the_least_recently_used_go_first(store):
     store.load(KEYS[0])
     collection = collect(store, max_size=3 * size + 100)
     assert left(store) == [KEYS[0], KEYS[3], KEYS[4]]
-    assert [(one.name, one.stage, one.reason) for one in collection.removed] == [
-        (KEYS[1], "stage1", "size"),
-        (KEYS[2], "stage0", "size"),
-    ]
-    assert (collection.kept, collection.in_use) == (3, 0)
+    assert (collection.removed, collection.kept, collection.in_use) == (2, 3, 0)
     assert collection.kept_size == sum(one.size for one in entries(store))
-    assert store.removals() == dict.fromkeys(KEYS[1:3], "size")
+    assert store.removals() == dict.fromkeys(KEYS[1:3], "removed")
     assert list((store.folder / "tmp").iterdir()) == []
 
 
 def test_by_age(store):
-    collection = collect(store, older_than=parse_age("60h"))
-    assert [one.reason for one in collection.removed] == ["age"] * 3
+    assert collect(store, older_than=parse_age("60h")).removed == 3
     assert left(store) == KEYS[3:]
 
 
 def test_a_dry_run_removes_nothing(store):
     collection = collect(store, max_size=0, dry_run=True)
-    assert len(collection.removed) == 5 and collection.removed_size > 40_000
+    assert collection.removed == 5 and collection.removed_size > 40_000
     assert left(store) == KEYS
     assert store.removals() == {}
 
@@ -84,10 +79,10 @@ def test_entries_in_use_stay(store):
     with Lease(store.folder, KEYS[:2]):
         collection = collect(store, max_size=0)
         assert left(store) == KEYS[:2] and collection.in_use == 2
-        assert clear(store).removed == ()
+        assert collect(store, -1).removed == 0
         assert left(store) == KEYS[:2]
     assert leased_keys(store.folder) == set()
-    clear(store)
+    collect(store, -1)
     assert left(store) == []
     assert list((store.folder / "leases").iterdir()) == []
 
@@ -128,38 +123,26 @@ def test_the_lease_of_another_process_holds_until_it_is_killed(store):
     assert left(store) == []
 
 
-def ended_process():
-    process = subprocess.Popen([sys.executable, "-c", ""])
-    process.wait()
-    return process.pid
-
-
-def test_orphans_of_killed_processes(store):
-    import socket
-
-    folder, host = store.folder / "tmp", socket.gethostname()
-    gone = folder / f"{KEYS[0][:16]}-{host}-{ended_process()}-1f"
-    running = folder / f"{KEYS[0][:16]}-{host}-{os.getpid()}-1f"
-    elsewhere = folder / f"{KEYS[0][:16]}-elsewhere-{ended_process()}-1f"
-    for path in (gone, running, elsewhere):
+def test_what_killed_processes_left(store):
+    folder, hours_ago = store.folder / "tmp", time.time() - 2 * 3600.0
+    fresh, old = (folder / f"{KEYS[0][:16]}-host-1-{i}f" for i in (1, 2))
+    for path in (fresh, old):
         path.mkdir()
         (path / VALUE).write_bytes(b"half")
-    long_ago = time.time() - 2 * 86400.0
-    old = folder / f"{KEYS[0][:16]}-elsewhere-1-2f"
-    old.mkdir()
-    os.utime(old, (long_ago, long_ago))
+    mark = folder / "limit-1"
+    mark.touch()
+    for path in (old, mark):
+        os.utime(path, (hours_ago, hours_ago))
     (store.folder / "locks").mkdir(exist_ok=True)
     lock = store.folder / "locks" / f"{KEYS[0]}.lock"
     lock.touch()
     held = store.folder / "locks" / f"{KEYS[1]}.lock"
     with store.lock(KEYS[1]):
-        removed = collect(store).removed
-        assert {(one.name, one.reason) for one in removed} == {
-            (gone.name, "orphan"),
-            (old.name, "orphan"),
-        }
-        assert not gone.exists() and not old.exists() and not lock.exists()
-        assert running.exists() and elsewhere.exists() and held.exists()
+        collect(store, dry_run=True)
+        assert old.exists()
+        collect(store)
+        assert not old.exists() and not lock.exists()
+        assert fresh.exists() and mark.exists() and held.exists()
     assert left(store) == KEYS
 
 
@@ -197,11 +180,10 @@ def test_a_bad_entry_that_cannot_be_removed(store, monkeypatch):
 
 
 def test_clear(store):
-    collection = clear(store)
-    assert (len(collection.removed), collection.kept) == (5, 0)
-    assert {one.reason for one in collection.removed} == {"cleared"}
+    collection = collect(store, -1)
+    assert (collection.removed, collection.kept) == (5, 0)
     assert entries(store) == []
-    assert clear(Store(store.folder / "nothing")).removed == ()
+    assert collect(Store(store.folder / "nothing"), -1).removed == 0
 
 
 def test_a_cache_that_cannot_be_written(store, monkeypatch):
@@ -209,12 +191,13 @@ def test_a_cache_that_cannot_be_written(store, monkeypatch):
         raise PermissionError(13, "Permission denied")
 
     monkeypatch.setattr("pathlib.Path.touch", refuse)
-    for action in (lambda: collect(store, max_size=0), lambda: clear(store)):
+    for action in (lambda: collect(store, max_size=0), lambda: collect(store, -1)):
         with pytest.raises(CacheError, match=r"cannot write in the cache .*: Permission denied"):
             action()
     assert left(store) == KEYS
     store.max_size = 1
-    assert keep_limit(store) is None, "left as it is, with no word"
+    keep_limit(store)
+    assert left(store) == KEYS, "as it is, with no word"
 
 
 def test_the_limit_is_kept_without_being_asked(project):

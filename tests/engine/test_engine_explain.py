@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from stixel_cli.engine.cleanup import clear, collect
+from stixel_cli.engine.cleanup import collect
 from stixel_cli.engine.explain import by_stage, explain
 from stixel_cli.engine.graph import build_graph
 from stixel_cli.engine.store import VALUE
@@ -170,14 +170,10 @@ def test_a_stored_input_is_followed_to_its_change(project, reasons):
 def test_a_removed_result(project, reasons):
     graph = project.graph()
     collect(project.store, max_size=0)
-    assert reasons(graph, ["numbers"]) == {
-        "numbers": "numbers: removed from the cache to save space"
-    }
+    assert reasons(graph, ["numbers"]) == {"numbers": "numbers: removed from the cache"}
     project.run(graph)
-    clear(project.store)
-    assert reasons(graph, ["numbers"]) == {
-        "numbers": "numbers: removed from the cache when it was cleared"
-    }
+    collect(project.store, -1)
+    assert reasons(graph, ["numbers"]) == {"numbers": "numbers: removed from the cache"}
 
 
 def test_a_damaged_result(project, reasons):
@@ -191,7 +187,7 @@ def test_a_damaged_result(project, reasons):
     assert reasons(graph) == expected
     project.run(graph)
     collect(project.store, max_size=10**9, older_than=-1)
-    assert reasons(graph, ["gather"])["gather"] == "gather: removed from the cache by age"
+    assert reasons(graph, ["gather"])["gather"] == "gather: removed from the cache"
 
 
 def test_other_frames(project, reasons):

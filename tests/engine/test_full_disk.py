@@ -76,7 +76,7 @@ def test_a_read_only_cache(project, disk):
     assert project.calls() == [], "said before anything runs"
     with pytest.raises(CacheError, match="Read-only file system"):
         collect(project.store, max_size=0)
-    assert len(collect(project.store, max_size=0, dry_run=True).removed) == 12
+    assert collect(project.store, max_size=0, dry_run=True).removed == 12
     remount("rw")
     project.run(project.graph(seed=2))
     assert project.calls() == ["gather"]
@@ -115,6 +115,8 @@ def test_kill_9_in_a_store(tmp_path):
     with store.lock(key):
         store.save(key, 1)
     assert store.load(key) == 1
-    (orphan,) = collect(store).removed
-    assert orphan.reason == "orphan" and list((store.folder / "tmp").iterdir()) == []
+    (left,) = (store.folder / "tmp").iterdir()
+    os.utime(left, (0, 0))
+    collect(store)
+    assert list((store.folder / "tmp").iterdir()) == []
     assert (store.entry(key) / VALUE).exists()

@@ -45,7 +45,6 @@ EXACT = LidarParameters(
     returns="nearest",
     height_min=0.3,
     height_max=2.5,
-    range_min=1.0,
     range_max=80.0,
 )
 TARGET = ((-1.5, -0.7, 0.0), (1.5, 0.7, 1.4))
@@ -323,7 +322,7 @@ def test_lidar_scan_can_be_empty_and_requires_a_pose():
         ),
         ("measurement.scanner.elevation_highest=-1.2", "4 layers need different"),
         ("measurement.height_max=0.2", "measurement.height_max: must be > measurement.height_min"),
-        ("measurement.range_min=90", "measurement.range_max: must be > measurement.range_min"),
+        ("measurement.range_max=1", "measurement.range_max: 1 is out of range: must be > 1"),
     ],
 )
 def test_impossible_scanner_gives_a_one_line_error(override, message):

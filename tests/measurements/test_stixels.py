@@ -16,7 +16,6 @@ GATES = StixelsParameters(
     clutter_rate=0.0,
     height_min=0.3,
     height_max=2.5,
-    range_min=1.0,
     range_max=40.0,
 )
 RIG = compose([]).configuration.rig
@@ -108,5 +107,3 @@ def test_empty_gates_are_rejected():
     GATES.check()
     with pytest.raises(ValueError, match=r"measurement\.height_max"):
         dataclasses.replace(GATES, height_max=0.2).check()
-    with pytest.raises(ValueError, match=r"measurement\.range_max"):
-        dataclasses.replace(GATES, range_max=0.5).check()

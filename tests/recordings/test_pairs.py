@@ -6,12 +6,13 @@ from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
+import pandas
 import pytest
 from made_street import poses_ahead, stereo_view, street_rig
 
 from stixel_cli import compose, stixels_from_pair, sweep
+from stixel_cli.calibration.road_pose import compared_rows, road_pose
 from stixel_cli.cli.app import main
-from stixel_cli.config.road_pose import compared_rows, road_pose
 from stixel_cli.errors import UserError
 from stixel_cli.export.kitti_folder import calibration_text
 from stixel_cli.images import encode_png
@@ -37,8 +38,8 @@ from stixel_cli.validation.pair_errors import (
 RIG = street_rig()
 OFFSET = 0.3
 BOXES = [(-0.9, 0.9, 9.0, 1.5), (2.0, 3.8, 5.0, 1.5)]
-ROAD = RigRoad(kind="rig", least_height=0.25)
-FREE_SPACE = FreeSpaceParameters(0.3, 1.0, 0.2, 8.0, 0.03, 3.0)
+ROAD = RigRoad(kind="rig")
+FREE_SPACE = FreeSpaceParameters(0.3, 0.2, 0.03)
 LABEL = "Car 0.00 0 0.0 100.0 50.0 200.0 100.0 1.5 1.8 4.0 0.0 1.6 11.0 -1.5708"
 
 
@@ -127,7 +128,7 @@ def test_true_disparities_are_read_and_a_wrong_file_is_refused(pair, images, tmp
 def test_an_empty_name_or_a_jpeg_is_no_file_of_disparities(pair, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     images = (
-        f"source.folder={pair}/image_0/000007_10.png",
+        f"source.left={pair}/image_0/000007_10.png",
         f"source.right={pair}/image_1/000007_10.png",
     )
     named = ("source=pair", *images, f"source.calibration={pair}/calib/000007.txt")
@@ -201,7 +202,7 @@ def test_rows_that_are_apart_are_said_once_or_refused(pair, images, tmp_path, mo
     with pytest.raises(UserError, match=r"^source: the rows"):
         files = ("apart/image_0/000007_10.png", "apart/image_1/000007_10.png")
         Path("rig.yaml").write_text("{fx: 260, fy: 260, cx: 158, cy: 56, baseline: 0.5}")
-        named = zip(("folder", "right", "calibration"), (*files, "rig.yaml"), strict=True)
+        named = zip(("left", "right", "calibration"), (*files, "rig.yaml"), strict=True)
         compose([*given[2:], "source=pair", *(f"source.{key}={file}" for key, file in named)])
 
 
@@ -215,6 +216,15 @@ def test_stixels_from_a_file_have_the_scores_of_ours(pair, tmp_path, monkeypatch
         grey(read_image(Path(left))), grey(read_image(Path(right))), calibration
     )
     found.to_frame().to_csv("ours.csv", index=False)
+    given = ["stixels", left, right, "--rig", calibration, "executor=threads"]
+    assert main([*given, "--output", "written"]) == 0
+    assert [file.name for file in sorted(Path("written").iterdir())] == ["k0000.png", "stixels.csv"]
+    written = pandas.read_csv("written/stixels.csv")
+    pandas.testing.assert_frame_equal(
+        written.drop(columns="k"), found.to_frame(), check_dtype=False
+    )
+    assert main([*given, "--output", "written"]) == 2
+    assert "written exists and is not overwritten" in capsys.readouterr().err
     given = ["assess", left, right, "--calib", calibration, "--disparity", truth]
     given += ["executor=threads", "--json"]
     scores = []
@@ -244,17 +254,19 @@ def test_stixels_from_a_file_have_the_scores_of_ours(pair, tmp_path, monkeypatch
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["left.png"], "assess needs two images, LEFT and RIGHT, got 1"),
-        (["left.png", "right.png"], "--calib: is required with two images"),
-        (["left.png", "right.png", "--calib", "rig.yaml"], "rig.yaml"),
+        (["left.png"], "source.folder: "),
+        (["a.png", "b.png", "c.png"], " needs two images, LEFT and RIGHT, or one recording, got 3"),
+        (["left.png", "right.png"], "--rig: is required with two images"),
+        (["left.png", "right.png", "--rig", "rig.yaml"], "rig.yaml"),
         (["source.folder=x", "--calib", "rig.yaml"], "belong to two images"),
     ],
 )
-def test_assess_refuses_wrong_arguments_in_one_line(arguments, said, tmp_path, monkeypatch, capsys):
+def test_wrong_arguments_are_refused_in_one_line(arguments, said, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    assert main(["assess", *arguments]) == 2
-    error = capsys.readouterr().err
-    assert said in error and error.count("\n") == 1
+    for command in ("assess", "stixels"):
+        assert main([command, *arguments]) == 2
+        error = capsys.readouterr().err
+        assert said in error and error.count("\n") == 1
 
 
 def stixel_at(left, disparity, top, base):

@@ -222,7 +222,8 @@ def test_without_a_target_class_and_start_are_required(clip):
     given = [one for one in of(clip) if not one.startswith("source.target=")]
     for more, said in (
         ([], r"road_user: is required, because the recording has no labelled target"),
-        (["road_user=car"], r"start\.bearing: start\.motion=sensor needs a bearing or a range"),
+        ([], r"; also start\.bearing: is required, .* or source\.target=auto to track every"),
+        (["ego=parked", "road_user=car"], r"^start\.bearing: is required, .*moving object$"),
         (["road_user=car", "start=default"], r"start: default needs a label"),
     ):
         with pytest.raises(ConfigurationError, match=said):
@@ -301,6 +302,8 @@ def test_a_clip_is_tracked_and_scored_and_keys_hold_no_path(clip, tmp_path, monk
     figures = {str(file.relative_to(tmp_path / "one")) for file in tmp_path.rglob("one/figures/*")}
     assert "figures/path.png" in figures and "figures/k0001" in figures
     assert not list((tmp_path / "one").rglob("00000*.png"))
+    with np.load(tmp_path / "one" / "stixels.npz") as stixels:
+        assert set(stixels["k"]) == set(range(5)) and (stixels["depth"] > 0.0).all()
     with np.load(tmp_path / "one" / "objects.npz") as objects:
         # The car is an object in every frame, near its rear's place.
         truth = small_scenario().target_poses_world

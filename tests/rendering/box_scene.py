@@ -1,12 +1,12 @@
 """A small scene for the renderers' tests: boxes on a plane, seen by a small rig."""
 
 import numpy as np
+from constants import with_constants
 
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.rendering.frames import BACKGROUND_ID, ROAD_ID
-from stixel_cli.rendering.parameters import RaycastParameters
+from stixel_cli.rendering.parameters import Light, RaycastParameters
 from stixel_cli.scene.mesh import Mesh, Part
-from stixel_cli.scene.parameters import Light
 from stixel_cli.scene.scenario import Scenario
 
 RIG = Rig(
@@ -21,8 +21,8 @@ RIG = Rig(
     pitch=2.0,
     vertical_fov=None,
 )
-LIGHT = Light(sun_azimuth=200.0, sun_elevation=40.0, sun=1.2, ambient=0.34)
-RAYCAST = RaycastParameters(kind="raycast", samples=2, light=LIGHT)
+LIGHT = Light(sun_elevation=40.0)
+RAYCAST = with_constants(RaycastParameters(kind="raycast"), samples=2, light=LIGHT)
 AHEAD = 0.5 * np.pi
 
 

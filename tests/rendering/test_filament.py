@@ -30,7 +30,7 @@ from stixel_cli.rendering.raycast import StaticScene, Target, render_frame
 from stixel_cli.rendering.surfaces import linear_from_srgb
 
 FILAMENT = with_constants(
-    FilamentParameters("filament", LIGHT), start_timeout=600, frame_timeout=600, attempts=3
+    FilamentParameters("filament"), light=LIGHT, start_timeout=600, frame_timeout=600, attempts=3
 )
 HASTY = with_constants(FILAMENT, start_timeout=0.1, frame_timeout=0.1, attempts=2)
 HANGS = (sys.executable, "-c", "import signal; signal.pause()")

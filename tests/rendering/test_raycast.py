@@ -5,6 +5,7 @@ import box_scene
 import numpy as np
 import pytest
 from box_scene import LIGHT, RAYCAST, RIG, objects, quad, road, scenario, speckle, target_mesh
+from constants import with_constants
 from hypothesis import given
 from hypothesis import strategies as st
 from projection import unproject
@@ -179,7 +180,7 @@ def test_sunlit_plane_does_not_shadow_itself():
 
 def test_edges_are_blended_and_thin_parts_between_pixel_centres_are_found(target):
     static = StaticScene([(ROAD_ID, road(speckle(1)))], RIG, RAYCAST)
-    plain = StaticScene([(ROAD_ID, road(speckle(1)))], RIG, replace(RAYCAST, samples=1))
+    plain = StaticScene([(ROAD_ID, road(speckle(1)))], RIG, with_constants(RAYCAST, samples=1))
     far = scenario()
     far.target_poses_world[:] = [0.13, 14.0, 0.0]
     smooth = render_frame(static, target, far, 0)[0]

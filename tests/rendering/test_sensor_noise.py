@@ -2,6 +2,7 @@ from dataclasses import fields
 
 import numpy as np
 import pytest
+from constants import with_constants
 from scipy.special import ndtr
 
 from stixel_cli.geometry.rig import Rig
@@ -17,10 +18,12 @@ from stixel_cli.rendering.sensor_noise import (
 )
 
 NOTHING = (0.0, 0.0, 0.0)
-SENSOR = Sensor(read_noise=1.2, shot_noise=1.8, right_gain=1.0, disparity_error=NOTHING)
-
-
+SENSOR = with_constants(Sensor(read_noise=1.2, disparity_error=NOTHING), right_gain=1.0)
 RIG = Rig(160, 120, 60.0, None, None, None, 0.3, 1.2, 0.0, None)
+
+
+def noise_free(disparity_error=NOTHING, right_gain=1.0):
+    return with_constants(Sensor(0.0, disparity_error), shot_noise=0.0, right_gain=right_gain)
 
 
 def flat(count: int, value: int, first: int = 0, shape=(120, 160)) -> RenderedFrames:
@@ -62,7 +65,7 @@ def test_image_without_noise_is_the_luma_with_gain_on_the_right():
     picture = np.random.default_rng(0).integers(0, 256, (40, 50, 3)).astype(np.uint8)
     depth, ids = np.ones((40, 50)), np.zeros((40, 50), dtype=np.uint8)
     rendered = RenderedFrames.from_frames(0, [(picture, picture, depth, ids)])
-    pairs = add_sensor_noise(rendered, Sensor(0.0, 0.0, 1.1, NOTHING), RIG, range(1), seed=0)
+    pairs = add_sensor_noise(rendered, noise_free(right_gain=1.1), RIG, range(1), seed=0)
     exact = picture @ np.array([0.299, 0.587, 0.114])
     assert np.abs(pairs.left[0] - exact).max() <= 0.5 + 1e-4
     assert np.abs(pairs.right[0] - np.minimum(1.1 * exact, 255)).max() <= 0.5 + 1e-4
@@ -76,9 +79,8 @@ def test_noise_is_normal():
     assert np.allclose(ndtr(deviates), below, rtol=1e-5, atol=1e-9)
     assert abs(deviates.std() - 1) < 2e-5
     # And every one of them can be drawn.
-    image = add_sensor_noise(
-        flat(1, 128), Sensor(12.0, 0.0, 1.0, NOTHING), RIG, range(1), seed=1
-    ).left[0]
+    dark = with_constants(Sensor(12.0, NOTHING), shot_noise=0.0)
+    image = add_sensor_noise(flat(1, 128), dark, RIG, range(1), seed=1).left[0]
     noise = (image.astype(float) - 128) / 12
     assert abs((noise**4).mean() - 3) < 0.15 and noise.max() > 3.5 and noise.min() < -3.5
 
@@ -126,7 +128,7 @@ def test_the_right_image_is_shifted_by_the_error_of_disparity(curve):
     depth = np.full((40, 160), RIG.depth_from_disparity(10.0))
     ids = np.zeros((40, 160), dtype=np.uint8)
     rendered = RenderedFrames.from_frames(0, [(picture(90.0), picture(80.0), depth, ids)])
-    pairs = add_sensor_noise(rendered, Sensor(0.0, 0.0, 1.0, curve), RIG, range(1), seed=0)
+    pairs = add_sensor_noise(rendered, noise_free(curve), RIG, range(1), seed=0)
     left, right = (image[0].astype(float).sum(axis=0) for image in (pairs.left, pairs.right))
     disparity = columns @ left / left.sum() - columns @ right / right.sum()
     x = (90.0 - RIG.u0) / RIG.focal

@@ -3,6 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import scene_presets
+from constants import with_constants
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad
@@ -165,19 +166,19 @@ def test_s_curve_positions_integrate_its_heading(heading, swing, wavelength, spe
 
 
 def stop_and_go(**times):
-    return StopAndGo(
+    path = StopAndGo(
         kind="stop_and_go",
         start=(0.0, 30.0),
         heading=-90.0,
         speed=4.0,
         duration=20.0,
         sample_time=0.1,
-        **times,
     )
+    return with_constants(path, **times) if times else path
 
 
 def test_stop_and_go_stops_and_keeps_its_heading():
-    path = stop_and_go(drive_time=1.0, ramp_time=1.5, stand_time=2.0)
+    path = stop_and_go()
     times = np.linspace(0.0, 20.0, 2001)
     length, speed = stop_and_go_profile(path, times)
     standing = (times % 6.0 > 2.5) & (times % 6.0 < 4.5)

@@ -21,10 +21,7 @@ STEREO = SgmParameters(
     kind="sgm",
     disparities=112,
     nearest=3.5,
-    mode="3way",
     block_size=5,
-    p1=100,
-    p2=2400,
     subpixel="phase_table",
     disparities_at_full_size=32,
 )

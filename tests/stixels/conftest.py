@@ -64,55 +64,46 @@ def as_disparities():
 
 @pytest.fixture(scope="session")
 def road():
-    return RigRoad(kind="rig", least_height=0.25)
+    return RigRoad(kind="rig")
 
 
 @pytest.fixture(scope="session")
 def estimated_road():
-    return with_constants(
-        EstimatedRoad(kind="estimated", least_height=0.25, pitch_range=2.0), column_step=2
-    )
+    return with_constants(EstimatedRoad(kind="estimated", pitch_range=2.0), column_step=2)
 
 
 @pytest.fixture(scope="session")
 def occupancies():
-    near_far = {"nearest": 3.0, "farthest": 50.0, "disparity_std": 0.5, "relief": 0.25}
+    near_far = {"nearest": 3.0, "farthest": 50.0}
     return {
-        "polar": PolarOccupancy(kind="polar", depth_step=0.25, **near_far),
-        "column_disparity": ColumnDisparityOccupancy(
-            kind="column_disparity", disparity_step=0.25, **near_far
+        "polar": PolarOccupancy(kind="polar", **near_far),
+        "column_disparity": with_constants(
+            ColumnDisparityOccupancy(kind="column_disparity", **near_far), disparity_step=0.25
         ),
         "cartesian": with_constants(
-            CartesianOccupancy(kind="cartesian", depth_step=0.25, **near_far),
-            half_width=30.0,
+            CartesianOccupancy(kind="cartesian", **near_far), half_width=30.0
         ),
     }
 
 
 @pytest.fixture(scope="session")
 def free_space():
-    return FreeSpaceParameters(
-        obstacle_height=0.3,
-        free_cost=1.0,
-        spatial_cost=0.2,
+    return with_constants(
+        FreeSpaceParameters(obstacle_height=0.3, spatial_cost=0.2, temporal_cost=0.1),
         spatial_limit=5.0,
-        temporal_cost=0.1,
-        temporal_limit=3.0,
     )
 
 
 @pytest.fixture(scope="session")
 def height():
-    return HeightParameters(depth_margin=3.0, smoothness=3.0, depth_scale=5.0, hidden_rows=0)
+    return with_constants(HeightParameters(depth_margin=3.0, hidden_rows=0), smoothness=3.0)
 
 
 @pytest.fixture(scope="session")
 def extraction():
-    return ExtractionParameters(
-        width=5,
+    return with_constants(
+        ExtractionParameters(width=5, front_margin=0.3, refinement=0.0),
         smoothing=0.35,
-        front_margin=0.3,
-        refinement=0.0,
         least_std=0.1,
         edge_std=0.1,
         relief=0.05,

@@ -1,7 +1,6 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
+from constants import with_constants
 from hypothesis import given
 from hypothesis import strategies as st
 from numba import njit
@@ -79,7 +78,7 @@ def test_smoothness_depends_on_the_depth_difference_of_neighbours(
     columns[:, 60:121] = np.rint(16.0 * obstacle)[:, None]
     columns[100, 50:60] = columns[100, 60]
     line = road_line(0.0, rig.camera_height, rig)
-    changed = replace(height, smoothness=smoothness)
+    changed = with_constants(height, smoothness=smoothness)
     tops = top_rows(columns, obstacle, base, line, rig, changed)
     assert tops[100] == top
     assert np.all(np.delete(tops, 100) == 60)

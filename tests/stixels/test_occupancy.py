@@ -2,6 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from constants import with_constants
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -44,7 +45,7 @@ def test_histograms_count_the_obstacle_pixels(seed):
 def test_occupancy_is_the_sum_of_the_likelihoods(rig, occupancies, kind):
     """Against equation (6) itself, pixel by pixel, averaged over the cell by sampling."""
     rng = np.random.default_rng(1)
-    grid = layout(replace(occupancies[kind], relief=0.0), rig, 64)
+    grid = layout(with_constants(occupancies[kind], relief=0.0), rig, 64)
     histogram = np.zeros((3, len(grid.likelihoods)), dtype=np.uint16)
     bins = rng.integers(8, 100, (3, 15))
     for u in range(3):
@@ -71,8 +72,8 @@ def test_small_cells_have_the_likelihood_at_their_centre():
 
 
 def test_relief_widens_only_near_cells(rig, occupancies):
-    flat = layout(replace(occupancies["polar"], relief=0.0), rig, 64)
-    rough = layout(replace(occupancies["polar"], relief=0.3), rig, 64)
+    flat = layout(with_constants(occupancies["polar"], relief=0.0), rig, 64)
+    rough = layout(with_constants(occupancies["polar"], relief=0.3), rig, 64)
     assert rough.peaks[0] < 0.6 * flat.peaks[0]
     assert rough.peaks[-1] == pytest.approx(flat.peaks[-1], rel=1e-2)
     # A peak is the most that a pixel gives.

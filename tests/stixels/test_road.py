@@ -51,7 +51,7 @@ def test_road_line_pitch_factors_and_base_rows_agree_with_the_projection(rig):
 @pytest.mark.parametrize("least, greatest", [(0.25, 3.0), (0.25, 1.0), (1.6, 2.0)])
 @pytest.mark.parametrize("rig", [PITCHED, replace(PITCHED, pitch=0.0), TALL_PIXELS])
 def test_obstacle_limits_match_heights_of_unprojected_pixels(rig, least, greatest):
-    road = with_constants(RigRoad(kind="rig", least_height=least), greatest_height=greatest)
+    road = with_constants(RigRoad(kind="rig"), least_height=least, greatest_height=greatest)
     line = road_line(rig.pitch_radians, rig.camera_height, rig)
     lowest, highest = obstacle_limits(line, rig, road, 64)
     v, raw = np.mgrid[: rig.height, 1 : 64 * 16]

@@ -138,7 +138,6 @@ def test_covariances_are_symmetric_and_positive(seed):
         assert (result.means[:, 6:] > 0.0).all()
 
 
-@settings(derandomize=True, deadline=None, max_examples=20)
 @given(seed=st.integers(0, 2**31))
 def test_update_of_the_extension_is_covariant_and_positive(seed):
     random = np.random.default_rng(seed)

@@ -11,16 +11,9 @@ from stixel_cli.stixels.types import FreeSpace, Stixels
 from stixel_cli.validation.stage_errors import stage_errors
 from stixel_cli.validation.stage_truth import frame_truth
 
-ROAD = RigRoad(kind="rig", least_height=0.25)
-GRID = PolarOccupancy(
-    kind="polar",
-    nearest=3.0,
-    farthest=50.0,
-    depth_step=0.25,
-    disparity_std=0.5,
-    relief=0.25,
-)
-PATH = FreeSpaceParameters(0.3, 1.0, 0.2, 5.0, 0.0, 3.0)
+ROAD = RigRoad(kind="rig")
+GRID = PolarOccupancy(kind="polar", nearest=3.0, farthest=50.0)
+PATH = FreeSpaceParameters(0.3, spatial_cost=0.2, temporal_cost=0.0)
 DISPARITY = 10.0
 """Pitch-compensated, of the target: a whole number, so the stored disparities are exact."""
 

@@ -200,7 +200,7 @@ def test_columns_below_the_threshold_and_false_positives_are_counted():
     found[:] = rig.disparity_from_depth(np.float64(80.0))
     assert has_surface(found, truth, rig, ROAD).all()
     assert not has_surface(np.full(rig.width, np.nan), truth, rig, ROAD).any()
-    low = with_constants(replace(ROAD, least_height=-2.0), greatest_height=-1.0)
+    low = with_constants(ROAD, least_height=-2.0, greatest_height=-1.0)
     assert not has_surface(found, truth, rig, low).any()
 
 

@@ -1,9 +1,8 @@
 """The truth with which each stage is compared."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
+from constants import with_constants
 from stage_scene import (
     DISPARITY,
     GRID,
@@ -48,7 +47,7 @@ def test_true_obstacles_exclude_low_small_and_far_objects_and_the_road():
     assert not truth_of(rig, depth=2.9).of_target.any()
     # What hangs higher than an obstacle may be is none, and the road is none at any height.
     depth, ids = scene(rig, 12.0, height=9.0)
-    high = frame_truth(depth, ids, rig, replace(ROAD, least_height=2.9), GRID, PATH)
+    high = frame_truth(depth, ids, rig, with_constants(ROAD, least_height=2.9), GRID, PATH)
     assert not high.of_target.any()
     road = np.where(ids == TARGET_ID, ROAD_ID, ids)
     assert np.isnan(frame_truth(depth, road, rig, ROAD, GRID, PATH).nearest_depth[50])

@@ -5,14 +5,13 @@ from functools import lru_cache
 
 import numpy as np
 
-from stixel_cli.config.schema import Configuration
 from stixel_cli.errors import UserError
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.pairs import matched
 from stixel_cli.recordings.stereo_images import read_pairs
 from stixel_cli.recordings.types import Recording
 from stixel_cli.stereo.rectification import Rows, compare_rows
-from stixel_cli.stixels.parameters import EstimatedRoad
+from stixel_cli.stixels.parameters import EstimatedRoad, RoadParameters
 from stixel_cli.stixels.seen_road import MIDDLE, seen_road
 
 
@@ -53,12 +52,11 @@ def _pair(recording: Recording, k: int) -> tuple[np.ndarray, np.ndarray]:
     return pairs.left[0], pairs.right[0]
 
 
-def contradiction(recording: Recording, configuration: Configuration) -> str | None:
+def contradiction(recording: Recording, rig: Rig, road: RoadParameters) -> str | None:
     """One line if the road is not where it is searched, or gave the rig's height; else None.
 
     It names the overrides that mend the rig, and what the estimate assumes.
     """
-    rig, road = configuration.rig, configuration.road
     height, pitch = road_pose(recording, replace(rig, camera_height=MIDDLE, pitch=0.0))
     right = {}
     if abs(height / rig.camera_height - 1.0) > EstimatedRoad.height_range:

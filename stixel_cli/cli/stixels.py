@@ -1,0 +1,73 @@
+"""`stixel stixels`: the stixels of two images or of a recording, as a table and pictures."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from stixel_cli.cli.completion import complete_override
+from stixel_cli.cli.options import (
+    RigFile,
+    Workers,
+    argument,
+    new_file,
+    recording_overrides,
+    with_workers,
+)
+from stixel_cli.cli.terminal import say
+from stixel_cli.errors import UserError
+
+
+def stixels(
+    arguments: Annotated[
+        list[str] | None,
+        argument(
+            "The left and the right image, or the folder or bag of a recording; then overrides as "
+            "for run.",
+            "LEFT RIGHT|RECORDING [OVERRIDE]",
+            complete_override,
+        ),
+    ] = None,
+    rig: RigFile = None,
+    output: Annotated[
+        Path | None,
+        typer.Option(help="New folder (default: stixels-NAME).", metavar="FOLDER"),
+    ] = None,
+    workers: Workers = None,
+) -> int:
+    """Write the stixels of two images, or of all frames of a recording, as a table and pictures.
+
+    stixels.csv has one row per stixel, kNNNN.png the stixels over the image of frame NNNN: of four
+    frames, or those of pictures.frames.
+
+    \b
+    Examples:
+      stixel stixels left.png right.png --rig rig.yaml
+      stixel stixels drive.mcap ego=parked
+      stixel stixels DIR source.sequence=0005 extraction.width=5
+    """
+    from stixel_cli.config.compose import compose
+    from stixel_cli.engine.progress import make_progress
+    from stixel_cli.experiment.stages import computed_stages
+    from stixel_cli.results.folder import csv_text, write_whole_folder
+    from stixel_cli.results.tables import stixel_columns
+
+    given = recording_overrides("stixels", arguments or [], {"calibration": rig})
+    if not given:
+        raise UserError("stixels needs two images, LEFT and RIGHT, or the folder of a recording")
+    named = Path(next((word for word in arguments if "=" not in word), "run")).resolve()
+    target = new_file(Path(f"stixels-{named.stem}") if output is None else output)
+    composition = compose(with_workers(given, workers))
+    wanted = ["stixels", "camera_pictures"]
+    with computed_stages(composition, wanted, make_progress()) as (_, load):
+        chunks, drawn = map(load, wanted)
+    if not chunks:
+        raise UserError(f"measurement: {composition.choices['measurement']} has no stixels")
+    files = {path: data for one in drawn for path, data in one.files.items()}
+    files = {
+        path.replace("/stixels", ""): data for path, data in files.items() if "/stixels" in path
+    }
+    files["stixels.csv"] = csv_text(stixel_columns(chunks))
+    write_whole_folder(target.absolute(), files)
+    say(target)
+    return 0
