@@ -36,8 +36,8 @@ def drawing(answer: Answer) -> bytes:
 def reliability(answer: Answer) -> bytes | None:
     """Share of scans whose true position is in the region that has the probability p, over p.
 
-    The error is in that region of a Gaussian where 1 - exp(-NEES / 2) <= p. The line of an option is
-    the mean of the units, with its interval: below the diagonal the errors are larger than stated.
+    The error is in that region of a Gaussian where 1 - exp(-NEES / 2) <= p. The line of an option
+    is the mean of the units, with its interval. Below the diagonal, errors are larger than stated.
     None without the runs' errors.
     """
     shares = {

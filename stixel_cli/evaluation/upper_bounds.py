@@ -1,56 +1,23 @@
-"""Upper bounds of the IoU that any tracker can reach."""
-
-from typing import Any
+"""The greatest IoU of the outline that a star-convex contour can have, such as `gp_ekf`'s."""
 
 import numpy as np
-import shapely
 
-from stixel_cli.evaluation.contour_errors import areas, overlaps
-from stixel_cli.evaluation.scan_errors import UpperBounds
-from stixel_cli.scene.contours import outline
-from stixel_cli.scene.mesh import corners
-from stixel_cli.scene.parameters import RoadUser
-from stixel_cli.scene.road_user import road_user_meshes
 from stixel_cli.scene.scenario import Scenario
 
 RAYS = 720
 """Rays from the centre along which the best star-convex contour is sought."""
 
 LIMB_SAMPLES = 4
-"""Poses of the limbs, even in their cycle, that an upper bound is the mean over."""
+"""Poses of the limbs, even in their cycle, that the upper bound is the mean over."""
 
 
-def find_upper_bounds(scenario: Scenario, road_user: RoadUser, measurement: Any) -> UpperBounds:
-    """The upper bounds for a target and the gates of a source of measurements.
-
-    The star-convex one is of the scenario's contours. The others are known if `measurement` gates
-    heights, and the gated part has an area. All are means over `LIMB_SAMPLES` poses of the limbs.
-    """
+def star_convex_upper_bound(scenario: Scenario) -> float:
+    """The mean over `LIMB_SAMPLES` poses of the limbs; NaN where the outline is unknown."""
+    if scenario.only_box or not scenario.known.any():
+        return np.nan
     contours = scenario.contours_target
-    chosen = slice(None, None, max(1, len(contours) // LIMB_SAMPLES))
-    contours = contours[chosen]
-    star_convex = float(np.mean([best_star_convex_iou(contour) for contour in contours]))
-    low, high = (getattr(measurement, name, None) for name in ("height_min", "height_max"))
-    if low is None or high is None:
-        return UpperBounds(star_convex, np.nan, np.nan, np.nan)
-    try:
-        parts = [
-            outline(between_heights(corners(mesh), low, high))
-            for mesh in road_user_meshes(road_user)[chosen]
-        ]
-    except ValueError:
-        return UpperBounds(star_convex, np.nan, np.nan, np.nan)
-    # The parts differ in their number of vertices.
-    gated = np.concatenate([areas(part[None]) for part in parts])
-    full = areas(contours)
-    (left, bottom), (right, top) = scenario.box_target
-    boxed = shapely.box(*shapely.bounds(gated).T)
-    return UpperBounds(
-        star_convex,
-        float(overlaps(gated, full).mean()),
-        float(overlaps(shapely.convex_hull(gated), shapely.convex_hull(full)).mean()),
-        float(overlaps(boxed, shapely.box(left, bottom, right, top)).mean()),
-    )
+    chosen = contours[:: max(1, len(contours) // LIMB_SAMPLES)]
+    return float(np.mean([best_star_convex_iou(contour) for contour in chosen]))
 
 
 def best_star_convex_iou(contour: np.ndarray) -> float:
@@ -92,29 +59,3 @@ def best_star_convex_iou(contour: np.ndarray) -> float:
             break
         share = float(found)
     return share
-
-
-def between_heights(triangles: np.ndarray, low: float, high: float) -> np.ndarray:
-    """The parts of `triangles` (T, 3, 3) m with low ≤ z ≤ high, as triangles (U, 3, 3)."""
-    lowest, highest = triangles[..., 2].min(axis=1), triangles[..., 2].max(axis=1)
-    whole = (lowest >= low) & (highest <= high)
-    found = list(triangles[whole])
-    for triangle in triangles[~whole & (highest >= low) & (lowest <= high)]:
-        polygon = _above(_above(triangle, low), -high, -1.0)
-        found += [polygon[[0, i, i + 1]] for i in range(1, len(polygon) - 1)]
-    return np.array(found).reshape(-1, 3, 3)
-
-
-def _above(polygon: np.ndarray, level: float, sign: float = 1.0) -> np.ndarray:
-    """The part (N, 3) of a convex polygon (M, 3) where sign · z ≥ level."""
-    heights = sign * polygon[:, 2] - level
-    kept = []
-    for i, height in enumerate(heights):
-        before = heights[i - 1]
-        if (height >= 0.0) != (before >= 0.0):
-            kept.append(
-                polygon[i - 1] + (before / (before - height)) * (polygon[i] - polygon[i - 1])
-            )
-        if height >= 0.0:
-            kept.append(polygon[i])
-    return np.array(kept).reshape(-1, 3)

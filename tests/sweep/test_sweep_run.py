@@ -28,7 +28,7 @@ def test_runs_share_what_they_have_in_common(sweeps, capsys):
     line = [*FEW, "seed=0,1", "tracker.sigma_q=0.5,0.6,0.7"]
     assert main(["sweep", "--dry-run", "--json", *line]) == 0
     planned = json.loads(capsys.readouterr().out)
-    shared = {"ego_motion": 1, "scenario": 1, "upper_bounds": 1, "scans": 2, "start": 2}
+    shared = {"ego_motion": 1, "scenario": 1, "scans": 2, "start": 2}
     assert stages_of(planned) == shared | {"track": 6, "scores": 6}
     assert planned["runs"] == 6
     assert planned["nodes"] == {"all": 19, "cached": 0, "to_run": 19}
