@@ -36,13 +36,12 @@ def drawing(answer: Answer) -> bytes:
 def reliability(answer: Answer) -> bytes | None:
     """Share of scans whose true position is in the region that has the probability p, over p.
 
-    The error is in that region of a Gaussian where 1 - exp(-NEES / 2) <= p. The line of an option
-    is the mean of the units, with its interval. Below the diagonal, errors are larger than stated.
-    None without the runs' errors.
+    The line of an option is the mean of the units, with its interval. Below the diagonal, errors
+    are larger than stated. None without the runs' errors.
     """
     shares = {
         option: [
-            np.mean([_shares_inside(errors) for _, errors in own], axis=0) for own in units.values()
+            np.mean([shares_inside(errors) for _, errors in own], axis=0) for own in units.values()
         ]
         for option, units in errors_of_runs(answer).items()
     }
@@ -56,11 +55,18 @@ def reliability(answer: Answer) -> bytes | None:
             charts.over_time(axes, PROBABILITIES, np.array(values), bounds=(0.0, 1.0), **look)
 
     x, y = "probability of the stated region", "share of positions in it"
-    return charts.chart([charts.Panel(draw, "", x, y, limits=(0.0, 1.0))])
+    return charts.chart(
+        [charts.Panel(draw, "Reliability of the position", x, y, limits=(0.0, 1.0))]
+    )
 
 
-def _shares_inside(errors: Mapping[str, np.ndarray]) -> np.ndarray:
-    nees = errors["nees_position"]
+def shares_inside(errors: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Share of a run's scans whose position is in the region of each of `PROBABILITIES`.
+
+    It is where 1 - exp(-NEES / 2) is at most the probability: NEES is chi-square of two degrees.
+    NaN without a NEES.
+    """
+    nees = errors.get("nees_position", np.empty(0))
     inside = 1.0 - np.exp(-nees[np.isfinite(nees), None]) <= PROBABILITIES
     return inside.mean(axis=0) if len(inside) else np.full(len(PROBABILITIES), np.nan)
 
