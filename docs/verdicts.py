@@ -17,7 +17,6 @@ import numpy as np
 
 from stixel_cli.config.compose import compose
 from stixel_cli.evaluation.evaluate import evaluate
-from stixel_cli.evaluation.upper_bounds import find_upper_bounds
 from stixel_cli.evaluation.verdict import WORDS, word
 from stixel_cli.geometry.pose import world_from_target
 from stixel_cli.measurements.fabricated import fabricate_scans
@@ -50,14 +49,14 @@ RUNS = (24, 24, 24, 24, 24, 24, 24, 16, 16)
 
 @cache
 def scene(user: str, path: str, seed: int) -> tuple[Any, ...]:
-    """Configuration, scenario, fabricated scans and upper bounds of two seconds."""
+    """Configuration, scenario and fabricated scans of two seconds."""
     overrides = [f"road_user={user}", f"path={path}", "path.duration=2", "measurement=fabricated"]
     overrides += ["tracker=contour", f"seed={seed}", f"road_user.shape_seed={seed}"]
     p = compose(overrides).configuration
     ego = ego_motion(p.ego, p.path.duration, p.path.sample_time)
     scenario = build_scenario(ego, p.road_user, p.path)
     scans = fabricate_scans(scenario, p.rig, p.measurement, seed)
-    return p, scenario, scans, find_upper_bounds(scenario, p.road_user, p.measurement)
+    return p, scenario, scans
 
 
 def perfect_track(scenario: Any, scans: Any, offset: np.ndarray, scale: np.ndarray) -> Track:
@@ -89,7 +88,7 @@ def perfect_track(scenario: Any, scans: Any, offset: np.ndarray, scale: np.ndarr
 
 def disturbed(what: str, amount: float, draw: np.random.Generator, at: tuple) -> dict[str, Any]:
     """The metrics of one run, disturbed by `amount` of the target's length and width."""
-    p, scenario, scans, upper_bounds = scene(*at)
+    p, scenario, scans = scene(*at)
     low, high = scenario.box_target
     angle = draw.uniform(0.0, 2.0 * np.pi)
     offset = amount * (high - low) * [np.cos(angle), np.sin(angle)]
@@ -105,7 +104,7 @@ def disturbed(what: str, amount: float, draw: np.random.Generator, at: tuple) ->
     else:
         offset, scale = (offset, np.ones(2)) if what == "offset" else (np.zeros(2), scale)
         track = perfect_track(scenario, scans, offset, scale)
-    return evaluate(track, scenario, scans, upper_bounds).metrics
+    return evaluate(track, scenario, scans).metrics
 
 
 def rows(seed: int = 0, part: int = 1) -> Iterator[tuple[tuple, Counter]]:

@@ -7,7 +7,6 @@ are the same; with more, the results differ by about 1e-12. Nothing is cached an
 
 from stixel_cli.evaluation.evaluate import evaluate
 from stixel_cli.evaluation.scores import Scores
-from stixel_cli.evaluation.upper_bounds import find_upper_bounds
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.measurements.stixels import gather_scans
 from stixel_cli.rendering.raycast import render
@@ -45,9 +44,7 @@ def follow_road_user(p, seed: int) -> tuple[Scans, Track, Scores]:
     stixels = extract_stixels(disparities, free_space, pairs, p.rig, p.height, p.extraction, frames)
     scans = gather_scans([stixels], ego, p.measurement, p.rig)
 
-    # The tracker starts at the noisy truth. Its track is compared with the truth, and with the
-    # greatest overlaps that any track could have.
+    # The tracker starts at the noisy truth. Its track is compared with the truth.
     initial = noisy_start(scenario, p.start, seed)
     track = gp_ekf.track(scans, initial, p.prior, p.tracker)
-    upper_bounds = find_upper_bounds(scenario, p.road_user, p.measurement)
-    return scans, track, evaluate(track, scenario, scans, upper_bounds)
+    return scans, track, evaluate(track, scenario, scans)

@@ -54,6 +54,7 @@ COMPOSES = {
     "benchmark/run.py": "constants",
     "experiment/class_shapes.py": "constants of a script of developers",
     "experiment/run.py": "executor and cache as typed",
+    "studies/wrong_poses.py": "constants",
 }
 """Modules that compose texts as if they were typed, and what the texts are."""
 

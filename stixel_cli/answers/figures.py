@@ -1,7 +1,10 @@
-"""Figures of an answer: the values with the paired differences, and a metric over an axis."""
+"""Figures of an answer: the values with the paired differences, and a metric over an axis.
+
+That of a NEES is a reliability diagram: a mean is that of few scans that are far off.
+"""
 
 import io
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import matplotlib.figure
 import numpy as np
@@ -9,14 +12,63 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from stixel_cli.answers.answer import Answer
+from stixel_cli.answers.over_time import errors_of_runs
 from stixel_cli.evaluation.intervals import LEAST_UNITS, mean_interval
 from stixel_cli.pictures import style
+from stixel_cli.report import charts
 
 BEST, TIED = "★ ", "≈ "
 """Before the best option, and before those that are not shown to differ from it."""
 _COLOUR, _MIDDLE = style.RUNS[0], style.RUNS[1]
 
+PROBABILITIES = np.linspace(0.05, 0.99, 48)
+"""At which the stated covariance of the position is compared with its errors."""
+
 Write = Callable[[matplotlib.figure.Figure], bytes]
+
+
+def drawing(answer: Answer) -> bytes:
+    """The figure of an answer on a page, an SVG."""
+    reliable = reliability(answer) if answer.question.metric == "nees_position_mean" else None
+    return reliable or differences(answer)
+
+
+def reliability(answer: Answer) -> bytes | None:
+    """Share of scans whose true position is in the region that has the probability p, over p.
+
+    The line of an option is the mean of the units, with its interval. Below the diagonal, errors
+    are larger than stated. None without the runs' errors.
+    """
+    shares = {
+        option: [
+            np.mean([shares_inside(errors) for _, errors in own], axis=0) for own in units.values()
+        ]
+        for option, units in errors_of_runs(answer).items()
+    }
+    if not shares:
+        return None
+
+    def draw(axes: Axes) -> None:
+        axes.plot([0.0, 1.0], [0.0, 1.0], color=style.TRUTH, linewidth=0.8, linestyle="--")
+        for i, (option, values) in enumerate(shares.items()):
+            look = charts.line_look(i) | {"label": option, "markevery": 0.2, "markersize": 3.5}
+            charts.over_time(axes, PROBABILITIES, np.array(values), bounds=(0.0, 1.0), **look)
+
+    x, y = "probability of the stated region", "share of positions in it"
+    return charts.chart(
+        [charts.Panel(draw, "Reliability of the position", x, y, limits=(0.0, 1.0))]
+    )
+
+
+def shares_inside(errors: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Share of a run's scans whose position is in the region of each of `PROBABILITIES`.
+
+    It is where 1 - exp(-NEES / 2) is at most the probability: NEES is chi-square of two degrees.
+    NaN without a NEES.
+    """
+    nees = errors.get("nees_position", np.empty(0))
+    inside = 1.0 - np.exp(-nees[np.isfinite(nees), None]) <= PROBABILITIES
+    return inside.mean(axis=0) if len(inside) else np.full(len(PROBABILITIES), np.nan)
 
 
 def differences(answer: Answer, write: Write = style.svg) -> bytes:

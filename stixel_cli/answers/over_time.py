@@ -19,28 +19,17 @@ SHARES = np.linspace(0.0, 1.0, 101)
 MOST_READ = 400
 """Most runs whose errors over time a page reads: two seconds."""
 
+Series = dict[str, np.ndarray]
+"""Fields of `Scores` to their values over time."""
+
 
 def over_time(answer: Answer) -> dict[str, Errors]:
     """Errors over time of the best options: of each, the mean of each unit's runs.
 
-    They are of the scenarios and units that the means are over. Over the time, if all runs have the
-    same times; else over the share of each run. {} without folders, with too many of them, or if a
-    file cannot be read.
+    Over the time, if all runs have the same times; else over the share of each run. {} where
+    `errors_of_runs` is.
     """
-    runs = answer.runs[answer.runs[STATUS] == DONE]
-    balanced = runs["scenario"].isin(answer.scenarios) & runs["unit"].isin(answer.values.index)
-    runs = runs[balanced]
-    options = answer.order[:MOST_LINES]
-    if FOLDER not in runs or len(runs[runs["option"].isin(options)]) > MOST_READ:
-        return {}
-    found: dict[str, dict[Any, list[tuple[np.ndarray, dict[str, np.ndarray]]]]] = {}
-    for option in options:
-        for _, run in runs[runs["option"] == option].iterrows():
-            try:
-                times, series = read_series(Path(str(run[FOLDER])) / "scores.npz")
-            except UserError:
-                return {}
-            found.setdefault(str(option), {}).setdefault(run["unit"], []).append((times, series))
+    found = errors_of_runs(answer)
     every = [one for units in found.values() for own in units.values() for one in own]
     if not every:
         return {}
@@ -50,6 +39,29 @@ def over_time(answer: Answer) -> dict[str, Errors]:
         option: (every[0][0] if same else SHARES, _stacked(units, names, same))
         for option, units in found.items()
     }
+
+
+def errors_of_runs(answer: Answer) -> dict[str, dict[Any, list[tuple[np.ndarray, Series]]]]:
+    """Times and errors of the runs of each unit of the best options.
+
+    They are of the scenarios and units that the means are over. {} without folders, with too many
+    of them, or if a file cannot be read.
+    """
+    runs = answer.runs[answer.runs[STATUS] == DONE]
+    balanced = runs["scenario"].isin(answer.scenarios) & runs["unit"].isin(answer.values.index)
+    runs = runs[balanced]
+    options = answer.order[:MOST_LINES]
+    if FOLDER not in runs or len(runs[runs["option"].isin(options)]) > MOST_READ:
+        return {}
+    found: dict[str, dict[Any, list[tuple[np.ndarray, Series]]]] = {}
+    for option in options:
+        for _, run in runs[runs["option"] == option].iterrows():
+            try:
+                errors = read_series(Path(str(run[FOLDER])) / "scores.npz")
+            except UserError:
+                return {}
+            found.setdefault(str(option), {}).setdefault(run["unit"], []).append(errors)
+    return found
 
 
 def _stacked(units: Mapping, names: set[str], same: bool) -> dict[str, np.ndarray]:

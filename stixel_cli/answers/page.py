@@ -52,7 +52,7 @@ def answers_page(
         title=title,
         counts=", ".join(f"{number} {state}" for state, number in states.items()),
         answers=[
-            (one.question.heading, one.sentence, _drawing(figures.differences(one), f"d{i}"))
+            (one.question.heading, one.sentence, _drawing(figures.drawing(one), f"d{i}"))
             for i, one in enumerate(answers)
         ],
         notes=[*first.notes, *remarks],

@@ -17,7 +17,7 @@ from stixel_cli.errors import UserError
 from stixel_cli.evaluation.evaluate import evaluate
 from stixel_cli.evaluation.intervals import chi_square_bounds
 from stixel_cli.evaluation.scores import Scores
-from stixel_cli.evaluation.upper_bounds import find_upper_bounds
+from stixel_cli.evaluation.upper_bounds import star_convex_upper_bound
 from stixel_cli.files import read_json
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.scenario import Scenario
@@ -71,8 +71,7 @@ def fixed_rows(data: Data) -> Iterator[dict[str, Any]]:
     for name in data.names:
         given = data.read(name)
         box[name] = {"iou_mean": sequence_scores(true_box(given.truth), given)["iou_mean"]}
-        bound = find_upper_bounds(given.truth, None, None).star_convex_upper_bound
-        star[name] = {"iou_mean": round(bound, 6)}
+        star[name] = {"iou_mean": round(star_convex_upper_bound(given.truth), 6)}
     for name, scores in (("true box", box), ("best star-convex contour", star)):
         about = {"tracker": {"name": name, "version": ""}, "benchmark": data.id, "tier": FIXED}
         yield _row(about, scores)

@@ -32,7 +32,10 @@ ENTRY_POINTS = {
 }
 """Groups of entry points in which installed packages name their functions."""
 
-STUDIES = ("accuracy", "motions", "robustness", "robustness_real", "rq1", "rq2", "rq3", "thesis")
+STUDIES = (
+    *("accuracy", "consistency", "motions", "robustness", "robustness_real"),
+    *("rq1", "rq2", "rq3", "thesis"),
+)
 """The shipped studies, in pipelines/studies/; any other file there is as one from anybody."""
 
 _PACKAGE = Path(__file__).resolve().parents[1]

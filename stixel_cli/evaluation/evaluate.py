@@ -10,7 +10,6 @@ errors is not finite; NIS and NEES are averaged over the scans that have one.
 from typing import Any
 
 import numpy as np
-import shapely
 
 from stixel_cli.evaluation.contour_errors import (
     COVERED,
@@ -25,8 +24,9 @@ from stixel_cli.evaluation.contour_errors import (
     seen_points,
 )
 from stixel_cli.evaluation.metric_table import METRICS, OF_CLASSES, OF_ESTIMATES, OF_SIZE, SMOOTHED
-from stixel_cli.evaluation.scan_errors import LOW_OVERLAP, NO_UPPER_BOUNDS, ScanErrors, UpperBounds
+from stixel_cli.evaluation.scan_errors import LOW_OVERLAP, ScanErrors
 from stixel_cli.evaluation.scores import Scores
+from stixel_cli.evaluation.upper_bounds import star_convex_upper_bound
 from stixel_cli.geometry.pose import wrap_angle
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.classes import ROAD_USER_CLASSES
@@ -54,18 +54,14 @@ def validate(track: Track, scenario: Scenario, scans: Scans) -> None:
 
 
 def evaluate(
-    track: Track,
-    scenario: Scenario,
-    scans: Scans,
-    upper_bounds: UpperBounds = NO_UPPER_BOUNDS,
-    road_user: str | None = None,
+    track: Track, scenario: Scenario, scans: Scans, road_user: str | None = None
 ) -> Scores:
     """Errors over time and their summary; see `Scores` for units.
 
-    `upper_bounds` are the greatest values that the overlaps can have, `road_user` is the true
-    class, None if it is unknown. Where the truth is unknown, errors over time are NaN and metrics
-    leave them out. Without any truth there are only the metrics of scans and track. The metrics of
-    a smoothed track have names of their own; all else is of the filtered one.
+    `road_user` is the true class, None if it is unknown. Where the truth is unknown, errors over
+    time are NaN and metrics leave them out. Without any truth there are only the metrics of scans
+    and track. The metrics of a smoothed track have names of their own; all else is of the filtered
+    one.
 
     Raises:
         ValueError: as `validate` does.
@@ -81,7 +77,7 @@ def evaluate(
     errors = ScanErrors(
         times=times[counted],
         **{name: values[counted] for name, values in over_time.items()},
-        **{name: np.full(counted.sum(), value) for name, value in vars(upper_bounds).items()},
+        star_convex_upper_bound=np.full(counted.sum(), star_convex_upper_bound(scenario)),
         nis=nis,
         points=np.diff(scans.offsets),
         points_used=np.diff(track.used_offsets),
@@ -101,7 +97,7 @@ def evaluate(
     if not counted.any():
         metrics = {name: value for name, value in metrics.items() if value is not None}
     if track.smoothed is not None:
-        later = evaluate(track.smoothed, scenario, scans, upper_bounds, road_user).metrics
+        later = evaluate(track.smoothed, scenario, scans, road_user).metrics
         later["lag"] = len(times) - 1 if track.smoothed.lag is None else track.smoothed.lag
         metrics |= {SMOOTHED + n: later[n] for n in (*OF_ESTIMATES, "lag") if n in later}
     return Scores(
@@ -230,13 +226,12 @@ def contour_errors(track: Track, scenario: Scenario) -> dict[str, np.ndarray]:
     length, width = (sides - (high - low)).T
     errors: dict[str, Any] = {"iou_box": iou_box, "length": length, "width": width}
     if scenario.only_box or not len(scans):
-        names = ("iou", "iou_hull", "gaussian_wasserstein", "hausdorff", "contour_distance")
+        names = ("iou", "gaussian_wasserstein", "hausdorff", "contour_distance")
         sides = ("seen_contour", "hidden_contour", "band_coverage", "hidden_band_coverage")
         missing = (*names, *sides)
         return errors | {name: np.full(len(truth), np.nan) for name in missing}
     # The true outlines are made once for each pose of the limbs.
     outlines, true_outlines = areas(estimated), areas(contours)
-    hulls, true_hulls = shapely.convex_hull(outlines), shapely.convex_hull(true_outlines)
     on_contours = even_points(contours)
     points = on_contours[limbs]
     to_true = boundary_distances(even_points(estimated), true)
@@ -255,7 +250,6 @@ def contour_errors(track: Track, scenario: Scenario) -> dict[str, np.ndarray]:
     covered = np.where(std > 0.0, np.abs(differences) <= COVERED * std, np.nan)
     return errors | {
         "iou": overlaps(outlines, true_outlines[limbs]),
-        "iou_hull": overlaps(hulls, true_hulls[limbs]),
         "gaussian_wasserstein": gaussian_wasserstein(estimated, true),
         "hausdorff": both.max(axis=1),
         "contour_distance": both.mean(axis=1),

@@ -6,7 +6,6 @@ from numbers import Real
 import numpy as np
 
 from stixel_cli.evaluation.evaluate import evaluate
-from stixel_cli.evaluation.scan_errors import NO_UPPER_BOUNDS, UpperBounds
 from stixel_cli.evaluation.scores import Scores
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.own_code import loaded
@@ -19,7 +18,6 @@ def evaluate_with_own(
     scenario: Scenario,
     scans: Scans,
     metrics: tuple[str, ...],
-    upper_bounds: UpperBounds = NO_UPPER_BOUNDS,
     road_user: str | None = None,
 ) -> Scores:
     """The scores of `evaluate`, and a metric for each of the user's functions, named as it.
@@ -29,7 +27,7 @@ def evaluate_with_own(
     Raises:
         ValueError: if a result is not a number, or a metric of its name exists.
     """
-    scores = evaluate(track, scenario, scans, upper_bounds, road_user)
+    scores = evaluate(track, scenario, scans, road_user)
     values = dict(scores.metrics)
     for name in metrics:
         value = loaded(name)(track, scenario, scans)

@@ -24,27 +24,6 @@ FARTHEST_CENTRE = 2.0
 
 
 @dataclass(frozen=True)
-class UpperBounds:
-    """IoUs with the true target, 0 … 1; NaN where they are not known.
-
-    Attributes:
-        star_convex_upper_bound: the outline's, of the best contour that is star-convex about the
-            target's centre. Its hull and its box can be exact.
-        heights_upper_bound, hull_heights_upper_bound, box_heights_upper_bound: of outline, convex
-            hull and box of the target's part within the gated heights, the only part that is
-            measured.
-    """
-
-    star_convex_upper_bound: float
-    heights_upper_bound: float
-    hull_heights_upper_bound: float
-    box_heights_upper_bound: float
-
-
-NO_UPPER_BOUNDS = UpperBounds(np.nan, np.nan, np.nan, np.nan)
-
-
-@dataclass(frozen=True)
 class ScanErrors:
     """Errors and counts of one track over its K scans.
 
@@ -55,12 +34,9 @@ class ScanErrors:
         times: s since the first scan of the run.
         centre: m.
         orientation: degrees in (-180, 180], estimated minus true.
-        iou, iou_hull, iou_box: intersection over union of the outlines, of their convex hulls, and
-            of the boxes along the estimated and the true heading, 0 … 1. Where only the true box is
-            known, those of outline and hull are NaN.
+        iou, iou_box: intersection over union of the outlines, and of the boxes along the estimated
+            and the true heading, 0 … 1. Where only the true box is known, the first is NaN.
         star_convex_upper_bound: the greatest IoU of the outline of a star-convex contour.
-        heights_upper_bound, hull_heights_upper_bound, box_heights_upper_bound: IoU of the part of
-            the target within the gated heights; NaN without a gate of heights.
         length, width: of the box, m, estimated minus true.
         speed: m/s, estimated minus true.
         yaw_rate: degrees/s, estimated minus true.
@@ -93,12 +69,8 @@ class ScanErrors:
     centre: np.ndarray
     orientation: np.ndarray
     iou: np.ndarray
-    iou_hull: np.ndarray
     iou_box: np.ndarray
     star_convex_upper_bound: np.ndarray
-    heights_upper_bound: np.ndarray
-    hull_heights_upper_bound: np.ndarray
-    box_heights_upper_bound: np.ndarray
     length: np.ndarray
     width: np.ndarray
     speed: np.ndarray

@@ -1,56 +1,23 @@
-"""Upper bounds of the IoU that any tracker can reach."""
-
-from typing import Any
+"""The greatest IoU of the outline that a star-convex contour can have, such as `gp_ekf`'s."""
 
 import numpy as np
-import shapely
 
-from stixel_cli.evaluation.contour_errors import areas, overlaps
-from stixel_cli.evaluation.scan_errors import UpperBounds
-from stixel_cli.scene.contours import outline
-from stixel_cli.scene.mesh import corners
-from stixel_cli.scene.parameters import RoadUser
-from stixel_cli.scene.road_user import road_user_meshes
 from stixel_cli.scene.scenario import Scenario
 
 RAYS = 720
 """Rays from the centre along which the best star-convex contour is sought."""
 
 LIMB_SAMPLES = 4
-"""Poses of the limbs, even in their cycle, that an upper bound is the mean over."""
+"""Poses of the limbs, even in their cycle, that the upper bound is the mean over."""
 
 
-def find_upper_bounds(scenario: Scenario, road_user: RoadUser, measurement: Any) -> UpperBounds:
-    """The upper bounds for a target and the gates of a source of measurements.
-
-    The star-convex one is of the scenario's contours. The others are known if `measurement` gates
-    heights, and the gated part has an area. All are means over `LIMB_SAMPLES` poses of the limbs.
-    """
+def star_convex_upper_bound(scenario: Scenario) -> float:
+    """The mean over `LIMB_SAMPLES` poses of the limbs; NaN where the outline is unknown."""
+    if scenario.only_box or not scenario.known.any():
+        return np.nan
     contours = scenario.contours_target
-    chosen = slice(None, None, max(1, len(contours) // LIMB_SAMPLES))
-    contours = contours[chosen]
-    star_convex = float(np.mean([best_star_convex_iou(contour) for contour in contours]))
-    low, high = (getattr(measurement, name, None) for name in ("height_min", "height_max"))
-    if low is None or high is None:
-        return UpperBounds(star_convex, np.nan, np.nan, np.nan)
-    try:
-        parts = [
-            outline(between_heights(corners(mesh), low, high))
-            for mesh in road_user_meshes(road_user)[chosen]
-        ]
-    except ValueError:
-        return UpperBounds(star_convex, np.nan, np.nan, np.nan)
-    # The parts differ in their number of vertices.
-    gated = np.concatenate([areas(part[None]) for part in parts])
-    full = areas(contours)
-    (left, bottom), (right, top) = scenario.box_target
-    boxed = shapely.box(*shapely.bounds(gated).T)
-    return UpperBounds(
-        star_convex,
-        float(overlaps(gated, full).mean()),
-        float(overlaps(shapely.convex_hull(gated), shapely.convex_hull(full)).mean()),
-        float(overlaps(boxed, shapely.box(left, bottom, right, top)).mean()),
-    )
+    chosen = contours[:: max(1, len(contours) // LIMB_SAMPLES)]
+    return float(np.mean([best_star_convex_iou(contour) for contour in chosen]))
 
 
 def best_star_convex_iou(contour: np.ndarray) -> float:
@@ -92,14 +59,3 @@ def best_star_convex_iou(contour: np.ndarray) -> float:
             break
         share = float(found)
     return share
-
-
-def between_heights(triangles: np.ndarray, low: float, high: float) -> np.ndarray:
-    """The parts of `triangles` (T, 3, 3) m with low ≤ z ≤ high, as triangles (U, 3, 3)."""
-    from trimesh.intersections import slice_faces_plane
-
-    vertices, faces = triangles.reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3)
-    for height, upwards in ((low, 1.0), (high, -1.0)):
-        normal, origin = np.array([0.0, 0.0, upwards]), np.array([0.0, 0.0, height])
-        vertices, faces, _ = slice_faces_plane(vertices, faces, normal, origin)
-    return vertices[faces]

@@ -22,7 +22,6 @@ SUMMARY = (
     "centre_rmse_m",
     "orientation_rmse_deg",
     "iou_mean",
-    "iou_hull_mean",
     "iou_box_mean",
     "low_overlap_share",
     "nees_position_mean",

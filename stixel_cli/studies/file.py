@@ -178,7 +178,8 @@ def read_study(path: Path, trusted: bool = False) -> StudyFile:
             raise ConfigurationError("sweeps: must be names, each with a sweep's entries")
         if not isinstance(questions, dict):
             raise ConfigurationError("questions: must be names, each with a question's entries")
-        origin = Origin(str(path), trusted)
+        is_ours = path in map(_shipped, STUDIES)
+        origin = TYPED if is_ours else Origin(str(path), trusted)
         called = _functions(content)
         is_shipped = called <= _functions(*map(read_yaml, map(_shipped, STUDIES)))
         code = [] if is_shipped else [f"{module}:{name}" for module, name in sorted(called)]

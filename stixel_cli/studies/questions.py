@@ -83,9 +83,9 @@ class Section:
     @cached_property
     def drawings(self) -> list[bytes]:
         """The figure of each group, an SVG, for the page and for a file of its own."""
-        from stixel_cli.answers.figures import differences
+        from stixel_cli.answers.figures import drawing
 
-        return [differences(own[0]) for _, own in self.groups]
+        return [drawing(own[0]) for _, own in self.groups]
 
 
 def study_question(name: Any, entries: Any, sweeps: Sequence[str]) -> StudyQuestion:

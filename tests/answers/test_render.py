@@ -60,3 +60,27 @@ def test_a_figure_over_an_axis_of_numbers():
     values = {name: {"turn": [0.1, 0.2]} for name in ("0.1", "x", "0.2")}
     assert figures.over_axis(of_values(values).ask()) is None
     assert np.isfinite(of_values(values).ask().table["mean"]).all()
+
+
+def test_the_shares_of_a_consistent_filter_are_the_probabilities():
+    # NEES / 2 of an exact filter has the distribution 1 - exp(-x).
+    half_nees = -np.log1p(-(np.arange(10_000) + 0.5) / 10_000)
+    known = figures.shares_inside({"nees_position": np.append(half_nees, np.nan)})
+    np.testing.assert_allclose(known, figures.PROBABILITIES, atol=1e-4)
+    # Errors are twice as large as stated.
+    larger = figures.shares_inside({"nees_position": 4.0 * half_nees})
+    np.testing.assert_allclose(larger, 1.0 - (1.0 - figures.PROBABILITIES) ** 0.25, atol=1e-4)
+    assert np.isnan(figures.shares_inside({})).all()
+
+
+def test_the_figure_of_a_nees_is_a_reliability_diagram(tmp_path):
+    runs = of_values({name: {"turn": [1.0] * 4} for name in "ab"})
+    folders = [tmp_path / str(i) for i in range(len(runs))]
+    for folder in folders:
+        folder.mkdir()
+        np.savez(folder / "scores.npz", t=np.arange(3.0), nees_position=np.ones(3))
+    frame = runs.frame.assign(folder=folders, nees_position_mean=1.0)
+    answer = type(runs)(frame, runs.axes).ask(metric="nees_position_mean")
+    assert figures.drawing(answer) == figures.reliability(answer) != figures.differences(answer)
+    (folders[0] / "scores.npz").unlink()
+    assert figures.drawing(answer) == figures.differences(answer)

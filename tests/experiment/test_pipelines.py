@@ -20,7 +20,7 @@ from stixel_cli.results.pictures import Pictures
 from stixel_cli.tracking.gp_ekf import GpEkfParameters
 
 TRUTH = {"scenario", "render"}
-MAY_SEE_TRUTH = {"render", "add_sensor_noise", "start", "upper_bounds", "scores"}
+MAY_SEE_TRUTH = {"render", "add_sensor_noise", "start", "scores"}
 MAY_SEE_TRUTH |= {"stage_errors", "point_errors"}
 
 

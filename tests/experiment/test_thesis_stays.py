@@ -2,7 +2,7 @@
 
 `golden/thesis_680ea67.json` are the `metrics.json` of that revision, of
 `stixel run experiment=thesis measurement=fabricated road_user=… path=s_curve`. Not in it: loss,
-which has another definition since, and upper bounds, which have another name. The experiment starts
+which has another definition since, and metrics that are gone. The experiment starts
 from radii of zero today (`prior.shape=none`, thesis (71b)), so the shapes of then are given here.
 """
 

@@ -28,12 +28,12 @@ def test_runs_share_what_they_have_in_common(sweeps, capsys):
     line = [*FEW, "seed=0,1", "tracker.sigma_q=0.5,0.6,0.7"]
     assert main(["sweep", "--dry-run", "--json", *line]) == 0
     planned = json.loads(capsys.readouterr().out)
-    shared = {"ego_motion": 1, "scenario": 1, "upper_bounds": 1, "scans": 2, "start": 2}
+    shared = {"ego_motion": 1, "scenario": 1, "scans": 2, "start": 2}
     assert stages_of(planned) == shared | {"track": 6, "scores": 6}
     assert planned["runs"] == 6
-    assert planned["nodes"] == {"all": 19, "cached": 0, "to_run": 19}
+    assert planned["nodes"] == {"all": 18, "cached": 0, "to_run": 18}
     swept = sweeps.run(*line, "--name", "a")
-    assert swept["nodes"] == {"computed": 19, "cached": 0}
+    assert swept["nodes"] == {"computed": 18, "cached": 0}
     assert swept["complete"]
     # One more value computes only its own nodes; the same values again compute nothing.
     more = sweeps.run(*FEW, "seed=0,1", "tracker.sigma_q=0.5,0.6,0.7,0.8")
@@ -41,7 +41,7 @@ def test_runs_share_what_they_have_in_common(sweeps, capsys):
     assert sweeps.run(*line)["nodes"]["computed"] == 0
     assert main(["sweep", "--dry-run", "--json", *line]) == 0
     planned = json.loads(capsys.readouterr().out)
-    assert planned["nodes"] == {"all": 19, "cached": 19, "to_run": 0}
+    assert planned["nodes"] == {"all": 18, "cached": 18, "to_run": 0}
     assert planned["runs_cached"] == 6
 
 

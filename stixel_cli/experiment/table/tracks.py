@@ -26,12 +26,6 @@ STAGES: dict[str, Definition] = {
         watched="scans",
     ),
     "track_each": Definition(only("tracking.several.track_each:track_each"), "once", calls="track"),
-    "upper_bounds": Definition(
-        only("evaluation.upper_bounds:find_upper_bounds"),
-        "once",
-        same("road_user", "measurement"),
-        files=("road_user.mesh",),
-    ),
     "label_truths": Definition(
         only("recordings.truth:label_truths"), "once", FROM_LABELS, recorded="label_files"
     ),
