@@ -5,6 +5,7 @@ That of a NEES is a reliability diagram: a mean is that of few scans that are fa
 
 import io
 from collections.abc import Callable, Mapping
+from typing import Any
 
 import matplotlib.figure
 import numpy as np
@@ -24,7 +25,7 @@ _COLOUR, _MIDDLE = style.RUNS[0], style.RUNS[1]
 PROBABILITIES = np.linspace(0.05, 0.99, 48)
 """At which the stated covariance of the position is compared with its errors."""
 
-Write = Callable[[matplotlib.figure.Figure], bytes]
+Write = Callable[[matplotlib.figure.Figure], Any]
 
 
 def drawing(answer: Answer) -> bytes:
@@ -71,10 +72,11 @@ def shares_inside(errors: Mapping[str, np.ndarray]) -> np.ndarray:
     return inside.mean(axis=0) if len(inside) else np.full(len(PROBABILITIES), np.nan)
 
 
-def differences(answer: Answer, write: Write = style.svg) -> bytes:
+def differences(answer: Answer, write: Write = style.svg) -> Any:
     """The units' values of each option with their mean, the best on top; below, the differences.
 
-    Bars are 95 % intervals. Options without a value are left out.
+    Bars are 95 % intervals. Options without a value are left out. Returns what `write` makes of the
+    figure.
     """
     order = [option for option in answer.order if option in answer.values]
     table, values = answer.table.loc[order], answer.values[order]

@@ -20,7 +20,7 @@ def test_a_folder_with_another_request_is_refused_without_name_or_fresh(studies,
     error = studies.refused(file, "road_user=car", "seed=1,2", *same)
     folder = studies.results / "same"
     # The difference comes first.
-    assert error.startswith(f"stixel: seed of sweep first: 0 in {folder}, 1,2 here (and 1 more); ")
+    assert error.startswith(f"stixel: sweeps.first.seed: 0 in {folder}, 1,2 here (and 1 more); ")
     assert "--name" in error and "--fresh" in error
     assert studies.run(file, "road_user=car", "seed=1", "--name", "other")["complete"]
     fresh = studies.run(file, "road_user=car", "seed=1", "--fresh", *same)
@@ -32,12 +32,7 @@ def test_a_folder_with_another_request_is_refused_without_name_or_fresh(studies,
     assert "at most 200 characters" in studies.refused(file, "--name", "a" * 201)
     for dry_run in ((), ("--dry-run",)):
         assert "--name: '' is not a valid folder name" in studies.refused(file, "--name=", *dry_run)
-    for content in (
-        "[1",
-        "[]",
-        "sweeps: 3",
-        "{study: toy, module: r, sweeps: {first: {fixed: 3}}}",
-    ):
+    for content in ("[1", "[]", "sweeps: 3"):
         (folder / "study.yaml").write_text(content)
         assert "study.yaml: not a valid study file" in studies.refused(file, *same)
 
@@ -90,21 +85,18 @@ def test_differences_between_requests_are_shown_briefly():
     }
     assert differences(before, before, "F") == []
     (text,) = differences(before, after, "F")
-    assert text.startswith("seed: …") and len(text) < 200
+    assert text.startswith("sweeps.first.seed: …") and len(text) < 200
     there, here = text.split(" in F, ")
     assert there.endswith("38,39") and here.endswith("38,77 here")
     assert differences(before, {**after, "study": "c"}, "F")[0] == "study: a in F, c here"
-    after["sweeps"]["first"] |= {
-        "fixed": ["path.duration=2"],
-        "axes": before["sweeps"]["first"]["axes"],
-    }
-    assert differences(before, after, "F") == ["path.duration: not set in F, 2 here"]
-    assert differences(after, before, "F") == ["path.duration: 2 in F, not set here"]
+    after["sweeps"]["first"] = before["sweeps"]["first"] | {"path.duration": "2"}
+    key = "sweeps.first.path.duration"
+    assert differences(before, after, "F") == [f"{key}: not set in F, 2 here"]
+    assert differences(after, before, "F") == [f"{key}: 2 in F, not set here"]
 
 
 def study_sweep(key, values):
-    axis = {"keys": [key], "steps": [[f"{key}={value}"] for value in values]}
-    return {"fixed": [], "axes": [axis], "leave_out": [], "results": [], "derive": None}
+    return {key: ",".join(map(str, values))}
 
 
 def test_a_folder_is_named_after_its_overrides(studies, toy):
@@ -138,7 +130,7 @@ def test_the_request_is_stored(studies, toy):
     answer = studies.run(toy(), "road_user=car", "seed=0")
     content = yaml.safe_load(Path(answer["folder"], "study.yaml").read_text())
     assert content["overrides"] == ["road_user=car", "seed=0"]
-    assert content["sweeps"]["first"]["results"] == ["scans", "track"]
+    assert content["sweeps"]["first"]["results"] == "['scans', 'track']"
     assert content["sweeps"]["second"]["derive"] == "widths"
     assert {"git", "versions", "machine", "command", "created"} <= set(content)
 

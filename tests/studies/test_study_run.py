@@ -110,8 +110,8 @@ def test_recomputed_runs_are_reported(studies, toy, monkeypatch):
     assert "computed again" not in studies.error
     monkeypatch.setattr(keys, "LAYOUT", keys.LAYOUT + 1)
     assert studies.run(file, *ONE)["complete"]
-    assert "first: 2 of 2 finished runs are out of date" in studies.error
-    assert "second: 2 of 2 finished runs are out of date" in studies.error
+    assert "first: 2 of 2 finished runs out of date" in studies.error
+    assert "second: 2 of 2 finished runs out of date" in studies.error
 
 
 def test_a_study_with_failed_runs_can_be_resumed(studies, toy, tmp_path):
@@ -222,7 +222,7 @@ def test_a_failing_study_does_not_stop_the_others(studies, toy, monkeypatch, tmp
     )
     answer = studies.run("all", "road_user=car", "seed=0", code=2)
     assert [one["complete"] for one in answer["studies"]] == [False, True]
-    assert re.search("bad.yaml: question: is required", studies.error)
+    assert re.search("bad.yaml: question: is missing", studies.error)
 
 
 def test_invalid_studies_are_reported_before_the_first_run(studies, toy, monkeypatch):
