@@ -12,37 +12,37 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 51_892
+TOTAL = 51_613
 """Greatest number of lines in all."""
 
-MODULES = 342
+MODULES = 341
 """Greatest number of modules, without `__init__`."""
 
 BUDGET = {
-    "": 2236,
-    "answers": 1058,
-    "benchmark": 1022,
-    "calibration": 503,
-    "cli": 3101,
-    "config": 3096,
-    "engine": 4594,
-    "evaluation": 1911,
-    "experiment": 1549,
+    "": 2261,
+    "answers": 1201,
+    "benchmark": 1018,
+    "calibration": 577,
+    "cli": 3191,
+    "config": 3050,
+    "engine": 4510,
+    "evaluation": 1726,
+    "experiment": 1548,
     "export": 657,
     "geometry": 413,
     "machine": 316,
-    "measurements": 2085,
+    "measurements": 2211,
     "pictures": 1445,
-    "recordings": 3056,
-    "rendering": 2349,
-    "report": 1063,
-    "results": 1534,
-    "scene": 3712,
-    "stereo": 600,
-    "stixels": 2357,
-    "studies": 2077,
-    "sweeps": 2561,
-    "tracking": 6899,
+    "recordings": 3067,
+    "rendering": 2361,
+    "report": 1062,
+    "results": 1531,
+    "scene": 3693,
+    "stereo": 586,
+    "stixels": 2346,
+    "studies": 2079,
+    "sweeps": 2486,
+    "tracking": 6580,
     "validation": 1698,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""

@@ -98,7 +98,7 @@ def track(
                     scan.sensor,
                     fullness,
                     tracker.corner_std,
-                    scan.field_of_view,
+                    scans.field_of_view,
                 ),
                 slip_row(mean, tracker.slip),
             )
