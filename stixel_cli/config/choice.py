@@ -61,10 +61,14 @@ def compose_options(chosen: tuple[tuple[str, str], ...], state: str) -> Choice:
 
     Hydra takes about 0.1 s, so the result is stored in the cache folder, under a digest of the
     options, of the files of `conf/` (`state`, see `conf_state`), of Hydra's version and the fields.
+    A sweep has many combinations of few options: each option is composed once, see `_joined`.
 
     Raises:
         ConfigurationError: in one line, if Hydra cannot compose the options.
     """
+    joined = _joined(chosen, state)
+    if joined is not None:
+        return joined
     versions = [version(name) for name in ("hydra-core", "omegaconf")]
     key = json.dumps([chosen, state, versions, list(Choice.__annotations__)])
     file = default_cache_folder() / FOLDER / f"{_digest(key)}.json"
@@ -88,6 +92,53 @@ def compose_options(chosen: tuple[tuple[str, str], ...], state: str) -> Choice:
     kinds = chosen_kinds(plain)
     lacking = [n for n, keys in known_keys().items() if not any(key.fits(kinds) for key in keys)]
     return Choice(_without(lacking, plain), choice.options)
+
+
+def _joined(chosen: tuple[tuple[str, str], ...], state: str) -> Choice | None:
+    """The choice of several groups, from those of each group alone.
+
+    A shipped file gives only its own group, `road_user` also the options of the groups that follow
+    it, and an experiment goes together with all groups that it sets. None for own presets, where
+    two would give one group, and where one group alone cannot be composed.
+    """
+    if len(chosen) < 2 or folders.PRESETS.folder is not None:
+        return None
+    experiment = dict(chosen).get(folders.EXPERIMENT)
+    its = {} if experiment is None else set_by_experiment(experiment)
+    together = dict.fromkeys(map(folders.outermost_group, its), folders.EXPERIMENT)
+    parts: dict[str, list[tuple[str, str]]] = {}
+    for group, option in chosen:
+        name = folders.outermost_group(group)
+        parts.setdefault(together.get(name, name), []).append((group, option))
+    if len(parts) < 2:
+        return None
+    default = compose_options((), state)
+    plain, options = dict(default.plain), dict(default.options)
+    given = {folders.outermost_group(group) for group, _ in chosen}
+    changed: set[str] = set()
+    try:
+        alone = {name: compose_options(tuple(own), state) for name, own in parts.items()}
+    except ConfigurationError:
+        return None
+    for name, choice in alone.items():
+        own = {name, *(together if name == folders.EXPERIMENT else ())}
+        followers = {
+            folders.outermost_group(group)
+            for group, option in choice.options.items()
+            if option != default.options.get(group)
+        }
+        own |= followers - given
+        if changed & own:
+            return None
+        changed |= own
+        plain |= {section: choice.plain[section] for section in own & choice.plain.keys()}
+        options = {
+            group: option
+            for both in (options, choice.options)
+            for group, option in both.items()
+            if (both is choice.options) == (folders.outermost_group(group) in own)
+        }
+    return Choice(plain, {g: options[g] for g in folders.group_options() if g in options})
 
 
 def _without(names: Collection[str], section: Mapping[str, Any], prefix: str = "") -> Any:

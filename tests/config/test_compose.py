@@ -10,6 +10,7 @@ from stixel_cli.border import TYPED
 from stixel_cli.config import choice
 from stixel_cli.config.compose import Composer, compose, from_resolved
 from stixel_cli.config.folders import (
+    conf_state,
     group_options,
     option_values,
     outer_options,
@@ -342,6 +343,29 @@ def test_a_stored_composition_needs_no_hydra(tmp_path, monkeypatch):
     monkeypatch.setattr(choice, "_by_hydra", None)
     choice.compose_options.cache_clear()
     assert compose(["rig=kitti"]) == expected
+
+
+@pytest.mark.parametrize(
+    "typed",
+    [
+        "measurement=fabricated measurement/noise=constant road_user=cyclist tracker=contour",
+        "measurement=lidar pace=car path=crossing prior=unknown road_user=pedestrian",
+    ],
+)
+def test_options_that_are_composed_singly_are_those_of_hydra(typed):
+    chosen = tuple(tuple(word.split("=")) for word in typed.split())
+    joined = choice.compose_options(chosen, conf_state())
+    assert joined == choice._by_hydra(typed.split())
+    assert list(joined.plain) == list(choice._by_hydra(typed.split()).plain)
+
+
+def test_shipped_options_give_their_own_group_alone():
+    folder = shipped_folder("conf")
+    for group, options in group_options().items():
+        for file in (folder / group / f"{o}.yaml" for o in options if group != "experiment"):
+            content = file.read_text("utf-8")
+            assert "override /" not in content and "@package" not in content, file
+            assert "${" not in content.partition("defaults:")[2].partition("_self_")[0], file
 
 
 def test_a_cache_that_cannot_be_written_is_no_fault(tmp_path, monkeypatch, default):
