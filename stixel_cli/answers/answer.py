@@ -9,6 +9,7 @@ the table, and count as lost. Without an interval nothing is claimed.
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -20,6 +21,9 @@ from stixel_cli.evaluation.metric_table import LOSS_RATE
 from stixel_cli.report.metrics import capital, with_interval
 from stixel_cli.results.reader import listed
 from stixel_cli.results.result import FAILED, MISSING, SKIPPED
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 MOST_NAMED = 4
 NO_VALUE = "–"
@@ -169,6 +173,18 @@ class Answer:
             index=_SCENARIO, columns=_OPTION, values=_VALUE, dropna=False, sort=False, observed=True
         )
         return found.reindex(columns=self.table.index)
+
+    def figure(self) -> "Figure":
+        """The values of each option, and below them the paired differences."""
+        from stixel_cli.answers.figures import differences
+
+        return differences(self, lambda figure: figure)
+
+    def to_latex(self, caption: str = "", label: str = "") -> str:
+        """The table of the options in LaTeX, for the package booktabs."""
+        from stixel_cli.answers.render import latex
+
+        return latex([self], caption, label)
 
     def _named(self, options: Sequence) -> str:
         parts = [f"{option} {self._value(option)}" for option in options[:MOST_NAMED]]

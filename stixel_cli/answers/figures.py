@@ -2,6 +2,7 @@
 
 import io
 from collections.abc import Callable
+from typing import Any
 
 import matplotlib.figure
 import numpy as np
@@ -16,13 +17,14 @@ BEST, TIED = "★ ", "≈ "
 """Before the best option, and before those that are not shown to differ from it."""
 _COLOUR, _MIDDLE = style.RUNS[0], style.RUNS[1]
 
-Write = Callable[[matplotlib.figure.Figure], bytes]
+Write = Callable[[matplotlib.figure.Figure], Any]
 
 
-def differences(answer: Answer, write: Write = style.svg) -> bytes:
+def differences(answer: Answer, write: Write = style.svg) -> Any:
     """The units' values of each option with their mean, the best on top; below, the differences.
 
-    Bars are 95 % intervals. Options without a value are left out.
+    Bars are 95 % intervals. Options without a value are left out. Returns what `write` makes of the
+    figure.
     """
     order = [option for option in answer.order if option in answer.values]
     table, values = answer.table.loc[order], answer.values[order]

@@ -1,12 +1,14 @@
-"""The runs in several folders, as a frame of which questions are asked."""
+"""What is asked of several runs, and the runs in several folders as a frame."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
 from stixel_cli.answers.answer import Answer
-from stixel_cli.answers.runs import SHOWN, Runs
+from stixel_cli.answers.runs import Runs
 from stixel_cli.errors import UserError
 from stixel_cli.evaluation.verdict import verdict
 from stixel_cli.report.compare import run_labels
@@ -14,6 +16,25 @@ from stixel_cli.results.differences import by_group, differing_settings, warning
 from stixel_cli.results.folder import PAGE
 from stixel_cli.results.reader import check_folder
 from stixel_cli.results.result import DONE, RunResult, read_scored_run
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What a page says of several runs: of a sweep, or of the runs in several folders.
+
+    Attributes:
+        answers: of one comparison, the main metric first.
+        remarks: on the runs, each in one sentence.
+        origin: `command`, `created` and `revision` of the runs; {} if they differ.
+        player: the page that plays the runs back, if there is one.
+    """
+
+    title: str
+    runs: Runs
+    answers: Sequence[Answer]
+    remarks: Sequence[str] = ()
+    origin: Mapping[str, Any] = field(default_factory=dict)
+    player: Path | None = None
 
 
 def compared_runs(runs: Sequence[RunResult], labels: Sequence[str]) -> Runs:
@@ -32,13 +53,14 @@ def compared_runs(runs: Sequence[RunResult], labels: Sequence[str]) -> Runs:
             **{name: pd.Series(values, dtype=float) for name, values in metrics.items()},
         }
     )
-    return Runs(frame.set_index("run", drop=False), ("run", *settings))
+    default = {"compare": "run", "within": (), "over": ()}
+    return Runs(frame.set_index("run", drop=False), ("run", *settings), default)
 
 
 def asked_runs(
     folders: Sequence[Path], metrics: Sequence[str] = (), reference: str | None = None
-) -> tuple[str, Runs, list[Answer], list[str]]:
-    """Title, runs, answers and remarks of the runs in two folders or more.
+) -> Asked:
+    """What is asked of the runs in two folders or more.
 
     Raises:
         UserError: for one folder, or one that is no result folder.
@@ -52,9 +74,7 @@ def asked_runs(
     labels = run_labels(folders)
     read = [read_scored_run(folder) for folder in folders]
     runs = compared_runs(read, labels)
-    names = metrics or [name for name in SHOWN if name in runs.metrics] or runs.metrics[:4]
-    parts = {"compare": "run", "within": (), "over": (), "reference": reference}
-    answers = [runs.ask(metric=name, **parts) for name in names]
     verdicts = zip(labels, read, strict=True)
     remarks = [f"{label}: {' '.join(verdict(run.metrics))}" for label, run in verdicts]
-    return f"Comparison of {len(read)} runs", runs, answers, [*warnings(read), *remarks]
+    answers = runs.answers(metrics, reference=reference)
+    return Asked(f"Comparison of {len(read)} runs", runs, answers, [*warnings(read), *remarks])

@@ -9,6 +9,7 @@ import numpy as np
 
 from stixel_cli.answers import figures, render
 from stixel_cli.answers.answer import Answer
+from stixel_cli.answers.folders import Asked
 from stixel_cli.answers.over_time import SHARES, over_time
 from stixel_cli.answers.question import ERROR, FOLDER, STATUS
 from stixel_cli.answers.runs import Runs
@@ -23,40 +24,28 @@ MOST_CELLS = 400
 """Most cells of the table of scenarios; more are in the table of runs."""
 
 
-def answers_page(
-    runs: Runs,
-    answers: Sequence[Answer],
-    title: str,
-    command: Sequence[str],
-    links: Mapping[str, str],
-    remarks: Sequence[str] = (),
-    origin: Mapping[str, Any] = {},
-    player: str = "",
-) -> str:
-    """The page of the answers of one comparison, the main metric first.
+def answers_page(asked: Asked, links: Mapping[str, str], command: Sequence[str]) -> str:
+    """The page of the answers of one comparison.
 
     Args:
-        title: of the page.
+        links: folder of a run, and the player, to its page, relative to this page.
         command: that writes it.
-        links: folder of a run to its page, relative to this page.
-        remarks: on the runs, each in one sentence.
-        origin: `command`, `created` and `revision` of the runs.
-        player: the page that plays the runs back, relative to this page; "" without one.
     """
+    runs, answers = asked.runs, asked.answers
     first, axes = answers[0], _axis_answers(runs, answers[0])
     curves = over_time(first)
     times = "share of the run" if any(t is SHARES for t, _ in curves.values()) else "t (s)"
     states = runs.frame[STATUS].value_counts()
     cells = render.overview(answers)
     return page_template(__package__, "answers.html").render(
-        title=title,
+        title=asked.title,
         counts=", ".join(f"{number} {state}" for state, number in states.items()),
         answers=[
             (one.question.heading, one.sentence, _drawing(figures.differences(one), f"d{i}"))
             for i, one in enumerate(answers)
         ],
-        notes=[*first.notes, *remarks],
-        player=player,
+        notes=[*first.notes, *asked.remarks],
+        player=links.get(str(asked.player), ""),
         cells=cells,
         worst=_worst(first, links),
         explanation=render.explanation(first),
@@ -68,7 +57,7 @@ def answers_page(
         ],
         over_time=error_curves(curves, x=times),
         data=json_in_html(_table(runs, links)),
-        origin=origin,
+        origin=asked.origin,
         command=shlex.join(command),
     )
 

@@ -132,6 +132,10 @@ def csv(answers: Sequence[Answer]) -> str:
     return frame(answers).to_csv(index=False, lineterminator="\n")
 
 
+TABLES = {"md": markdown, "tex": latex, "csv": csv}
+"""Format of a table to what writes it."""
+
+
 def records(answers: Sequence[Answer]) -> list[dict[str, object]]:
     """The rows of `frame` in plain types, None for a missing value."""
     table = frame(answers)

@@ -5,10 +5,10 @@ run, with its settings, its status and its metrics as columns. Nothing here know
 from.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
@@ -16,6 +16,9 @@ from stixel_cli.answers.answer import Answer, Groups, answered, grouped
 from stixel_cli.answers.question import STATUS, Question
 from stixel_cli.errors import UserError, printable
 from stixel_cli.evaluation.metric_table import MAIN, METRICS, main_first
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 SCENE = ("road_user", "path", "pace", "ego", "world", "road", "source", "measurement", "rig")
 """Groups whose axes are scenarios, unless nothing else differs between the runs."""
@@ -33,10 +36,12 @@ class Runs:
             may have: `folder` and `error`, texts. Metrics are numbers, NaN without a value.
         axes: the columns that differ between the runs, such as ("tracker", "path", "seed"); by
             default the columns before `status`.
+        default: the parts of the question that is asked where a call gives no others.
     """
 
     frame: pd.DataFrame
     axes: tuple[str, ...] = ()
+    default: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self):
         if STATUS not in self.frame:
@@ -105,17 +110,39 @@ class Runs:
         return Question(compare, within, over, metric, better, reference)
 
     def ask(self, **parts: Any) -> Answer:
-        """The answer of a question; `parts` as in `question`.
+        """The answer of a question; `parts` as in `question`, those that are None as by default.
 
         Raises:
             UserError: as in `question`; for a reference that is no option, or runs that are equal
                 in all of compare, within and over.
         """
-        question = self.question(**parts)
+        parts = {name: value for name, value in parts.items() if value is not None}
+        default = dict(self.default)
+        if {*parts} & {"compare", "within", "over"}:
+            # The options and scenarios follow from what is given; the units stay.
+            default = {name: own for name, own in default.items() if name == "over"}
+        question = self.question(**default | parts)
         named = question.compare, question.within, question.over
         if named not in self._groups:
             self._groups[named] = grouped(self.frame, question)
         return answered(self._groups[named], question)
+
+    answer = ask
+
+    def answers(self, metrics: Sequence[str] = (), **parts: Any) -> list[Answer]:
+        """The answers of one comparison by the given metrics, by default the main ones."""
+        names = metrics or [n for n in SHOWN if n in self.metrics] or self.metrics[:4]
+        return [self.ask(metric=name, **parts) for name in names]
+
+    def table(self, metrics: Sequence[str] = (), form: str = "md", **parts: Any) -> str:
+        """One table of the options and metrics, in Markdown (md), LaTeX (tex) or CSV (csv)."""
+        from stixel_cli.answers.render import TABLES
+
+        return TABLES[form](self.answers(metrics, **parts))
+
+    def figure(self, **parts: Any) -> "Figure":
+        """The figure of the answer of a question, see `Answer.figure`."""
+        return self.ask(**parts).figure()
 
     @cached_property
     def _groups(self) -> dict[tuple, Groups]:

@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 
 from stixel_cli.answers import render
+from stixel_cli.answers.folders import Asked
 from stixel_cli.answers.page import answers_page
 from stixel_cli.answers.runs import Runs
 from stixel_cli.benchmark import score
@@ -85,15 +86,11 @@ def _set_files(
     # Where no row is compared, such as the fixed ones alone, all are listed.
     asked = Runs(ranked if len(ranked) else frame, AXES)
     known = [metric for metric in SHOWN if metric in asked.metrics]
-    answers = [asked.ask(compare="tracker", over="seed", metric=metric) for metric in known]
+    answers = asked.answers(known, compare="tracker", over="seed")
     shown = set(frame.loc[frame["pack"].isin(played), "folder"])
-    page = answers_page(
-        runs,
-        answers,
-        f"Benchmark 1.0, data {name}, part {part}",
-        COMMAND,
-        {sequence: f"{sequence}.html" for sequence in shown},
-    )
+    links = {sequence: f"{sequence}.html" for sequence in shown}
+    title = f"Benchmark 1.0, data {name}, part {part}"
+    page = answers_page(Asked(title, runs, answers), links, COMMAND)
     return {
         f"{name}.html": page,
         f"{name}.csv": render.csv(answers),

@@ -61,10 +61,11 @@ def report(
       stixel report --play results/gp results/point
     """
     from stixel_cli.answers.figures import differences
+    from stixel_cli.answers.render import TABLES
     from stixel_cli.border import write_new
     from stixel_cli.report.compare import default_page
     from stixel_cli.results.folder import PAGE
-    from stixel_cli.sweeps.page import FIGURES, TABLES, asked_folders, sweep_page
+    from stixel_cli.sweeps.page import FIGURES, asked_folders, sweep_page
 
     forms = ("html", *TABLES, *FIGURES)
     if form not in forms:

@@ -108,7 +108,7 @@ def _report(result: "SweepResult", json: bool, seconds: float) -> None:
                 "nodes": {"computed": result.computed, "cached": result.cached},
                 "runs": result.records,
                 # Without a run there is nothing to ask.
-                "summary": records(result.answers(result.table.metrics)) if done else [],
+                "summary": records(result.table.answers(result.table.metrics)) if done else [],
             }
         )
     else:
@@ -128,7 +128,7 @@ def print_answers(result: "SweepResult") -> None:
     """Print the first answer, and the main metrics of the options, the best first."""
     from stixel_cli.answers.render import overview
 
-    answers = result.answers()
+    answers = result.table.answers()
     cells = overview(answers, intervals=1)
     say_wrapped(answers[0].sentence)
     for note in answers[0].notes:

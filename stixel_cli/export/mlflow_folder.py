@@ -99,7 +99,7 @@ class _Log:
 def _log_sweep(log: _Log, sweep: SweepResult) -> None:
     files = {path.name: path for path in sorted(sweep.folder.iterdir()) if path.is_file()}
     top = log.one(sweep.folder.name, {}, {}, files)
-    answers = sweep.answers(sweep.table.metrics)
+    answers = sweep.table.answers(sweep.table.metrics)
     by_option = answers[0].runs.groupby("option", sort=False).groups
     for option, indices in by_option.items():
         bounds = {"n": answers[0].units}

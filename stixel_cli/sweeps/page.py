@@ -1,14 +1,13 @@
 """What is asked of a stored sweep, or of several runs: pages, tables and figures to take."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from stixel_cli.answers import figures, render
 from stixel_cli.answers.answer import Answer
-from stixel_cli.answers.folders import asked_runs
-from stixel_cli.answers.runs import Runs
+from stixel_cli.answers.folders import Asked, asked_runs
 from stixel_cli.errors import UserError
 from stixel_cli.pictures import style
 from stixel_cli.results.folder import PAGE
@@ -16,37 +15,15 @@ from stixel_cli.results.lineage import shown_revision
 from stixel_cli.results.reader import SWEEP_FILE
 from stixel_cli.results.result import DONE
 from stixel_cli.sweeps.folder import PLAYER, SUMMARIES, SweepFolder
-from stixel_cli.sweeps.results import SweepResult, over_keys, question_over
+from stixel_cli.sweeps.results import SweepResult, over_keys
 
-TABLES = {"md": render.markdown, "tex": render.latex, "csv": render.csv}
-"""Format of a table to what writes it."""
 FIGURES = {"svg": style.svg, "pdf": figures.pdf, "png": style.png}
 """Format of a figure to what writes it."""
 
 
-@dataclass(frozen=True)
-class Asked:
-    """What a page says of several runs: of a sweep, or of the runs in several folders.
-
-    Attributes:
-        answers: of one comparison, the main metric first.
-        remarks: on the runs, each in one sentence.
-        origin: `command`, `created` and `revision` of the runs; {} if they differ.
-        player: the page that plays the runs back, if there is one.
-    """
-
-    title: str
-    runs: Runs
-    answers: Sequence[Answer]
-    remarks: Sequence[str] = ()
-    origin: Mapping[str, Any] = field(default_factory=dict)
-    player: Path | None = None
-
-
 def summary_files(result: SweepResult, notes: Mapping[str, Any]) -> dict[str, str]:
     """The summaries and the page by file name; `notes` are those of the sweep's request."""
-    every = result.answers(result.table.metrics)
-    shown = result.answers()
+    every, shown = result.table.answers(result.table.metrics), result.table.answers()
     page = result.folder / PAGE
     texts = (
         render.csv(every),
@@ -101,17 +78,13 @@ def asked_folders(
         for option, value in (("--over", over), ("--compare", compare)):
             if value is not None:
                 raise UserError(f"{option}: is for one sweep; these are runs")
-        return Asked(*asked_runs(folders, names, reference))
+        return asked_runs(folders, names, reference)
     result, notes = read_sweep(folders[0])
     if over is not None:
         result = replace(result, over=over_keys(over, result.axes))
-    names = names or [one.question.metric for one in result.answers()]
-    parts = question_over(result) | {"reference": reference}
-    if compare is not None:
-        # All other axes are scenarios.
-        parts["compare"] = compare.split(",")
-        parts.pop("within", None)
-    return of_sweep(result, notes, [result.table.ask(metric=name, **parts) for name in names])
+    compared = None if compare is None else compare.split(",")
+    answers = result.table.answers(names, compare=compared, reference=reference)
+    return of_sweep(result, notes, answers)
 
 
 def sweep_page(asked: Asked, page: Path, command: Sequence[str]) -> str:
@@ -121,13 +94,4 @@ def sweep_page(asked: Asked, page: Path, command: Sequence[str]) -> str:
     frame = asked.runs.frame
     folders = [Path(one) for one in frame["folder"].dropna()] if "folder" in frame else []
     links = page_links([*folders, *filter(None, [asked.player])], page, PAGE)
-    return answers_page(
-        asked.runs,
-        asked.answers,
-        asked.title,
-        command,
-        links,
-        asked.remarks,
-        asked.origin,
-        links.get(str(asked.player), ""),
-    )
+    return answers_page(asked, links, command)

@@ -100,20 +100,12 @@ class SweepResult:
         frame = pandas.DataFrame(rows)
         metrics = dict.fromkeys(name for run in self.runs for name in run.metrics)
         numbers = [name for name in metrics if name not in keys]
-        return Runs(frame.astype(dict.fromkeys(numbers, float)), tuple(keys))
+        typed = frame.astype(dict.fromkeys(numbers, float))
+        return Runs(typed, tuple(keys), question_over(self.over, self.axes))
 
     def ask(self, **parts: Any) -> "Answer":
         """The answer of a question about the runs, see `answers.runs.Runs.ask`."""
-        given = {} if parts.keys() & {"compare", "within", "over"} else question_over(self)
-        return self.table.ask(**given | parts)
-
-    def answers(self, metrics: Sequence[str] = ()) -> "list[Answer]":
-        """The answers of the default question by the given metrics, or by the main ones."""
-        from stixel_cli.answers.runs import SHOWN
-
-        known = self.table.metrics
-        names = metrics or [n for n in SHOWN if n in known] or known[:4]
-        return [self.ask(metric=name) for name in names]
+        return self.table.ask(**parts)
 
     def __repr__(self) -> str:
         """The numbers of runs and nodes, and the folder, in one line."""
@@ -135,19 +127,19 @@ class SweepResult:
         return sum(run.status == status for run in self.runs)
 
 
-def question_over(result: SweepResult) -> dict[str, Any]:
-    """The parts of a question whose means are over `result.over`; {} for the seed alone.
+def question_over(over: Sequence[str], axes: Axes) -> dict[str, Any]:
+    """The parts of a question whose means are over some keys of axes; {} for the seed alone.
 
     Seeds are units; where none is named, all named keys are. The other named keys are scenarios,
     and the keys that are not named are compared.
     """
-    if result.over == (SEED,):
+    if tuple(over) == (SEED,):
         return {}
-    axes = [axis for axis in result.axes if set(axis) & set(result.over)]
-    drawn = [axis for axis in axes if any(key.endswith(SEED) for key in axis)] or axes
-    named = [key for axis in axes for key in axis]
+    averaged = [axis for axis in axes if set(axis) & set(over)]
+    drawn = [axis for axis in averaged if any(key.endswith(SEED) for key in axis)] or averaged
+    named = [key for axis in averaged for key in axis]
     units = [key for axis in drawn for key in axis]
-    compare = [key for axis in result.axes for key in axis if key not in named]
+    compare = [key for axis in axes for key in axis if key not in named]
     return {
         "over": units,
         "within": [key for key in named if key not in units],

@@ -3,7 +3,7 @@
 import os
 import re
 import shlex
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -17,13 +17,11 @@ from stixel_cli.config.overrides import Override, parse
 from stixel_cli.config.own_options import with_own_values
 from stixel_cli.config.texts import override_text
 from stixel_cli.engine.plan import undeclared_reads
-from stixel_cli.errors import ConfigurationError, UserError
+from stixel_cli.errors import ConfigurationError
 from stixel_cli.experiment.run_names import joined_name
-from stixel_cli.results.differences import first_changed_stage
 from stixel_cli.results.folder import check_results, new_folder
-from stixel_cli.results.lineage import lineage_of, provenance, read_lineage
+from stixel_cli.results.lineage import provenance
 from stixel_cli.results.reader import SWEEP_FILE
-from stixel_cli.results.result import RunResult
 from stixel_cli.sweeps.design import Design
 from stixel_cli.sweeps.folder import SweepFolder, SweepRequest
 from stixel_cli.sweeps.graphs import SweepPlan, check_computable, planned_sweep
@@ -111,7 +109,7 @@ def resumed_sweep(
         overrides: of executor and cache; those of the folder are never used.
         names: where the names of code in the folder come from.
         visible: show progress on stderr, with the prefix `label`.
-        note: called with the number of finished runs that are out of date, and why.
+        note: called with the number of finished runs that are out of date.
         fail_fast: see `run_sweep`.
 
     Raises:
@@ -123,9 +121,13 @@ def resumed_sweep(
     plan = planned_sweep(runs, request.shuffle, request.pictures, request.nodes)
     origin = _origin(str(request.notes.get("command", path.name)))
     finished = folder.finished(len(runs))
-    outdated = outdated_runs(folder, plan.runs, finished)
-    if outdated is not None:
-        note(outdated)
+    there = [one for one in plan.runs if one.index in finished]
+    outdated = [one for one in there if not one.is_done_by(finished[one.index])]
+    if outdated:
+        note(
+            f"{len(outdated)} of {len(finished)} finished runs out of date, recomputed now; before "
+            f"that, stixel explain {path} says why"
+        )
     missing = frozenset(plan.missing)
     if not all(one.is_done_by(finished.get(one.index), missing) for one in plan.runs):
         command, revision = folder.resume_command(overrides), origin["git"]["revision"]
@@ -204,36 +206,3 @@ def resumed_overrides(
         given.append(parse(text, TYPED))
     check_overrides(parsed)
     return [[*(parse(t, origin) for t in own if not of_the_machine(t)), *given] for own in kept]
-
-
-def outdated_runs(
-    folder: SweepFolder, planned: Sequence[PlannedRun], finished: Mapping[int, RunResult]
-) -> str | None:
-    """One line that counts the finished runs that are out of date, and says why the first is.
-
-    None if none is.
-    """
-    there = [one for one in planned if one.index in finished]
-    outdated = [one for one in there if not one.is_done_by(finished[one.index])]
-    if not outdated:
-        return None
-    return (
-        f"{len(outdated)} of {len(finished)} finished runs "
-        f"{'is' if len(outdated) == 1 else 'are'} out of date and will be recomputed "
-        f"({_reason(folder, outdated[0])})"
-    )
-
-
-def _reason(folder: SweepFolder, one: PlannedRun) -> str:
-    """The first stage of a run whose key changed, and the cause."""
-    try:
-        before = read_lineage(folder.run(one.index))
-    except UserError:
-        before = None
-    if before is None:
-        return "no usable lineage in its folder"
-    after = lineage_of(one.graph, one.graph.ancestors(one.targets), None)
-    found = first_changed_stage(before, after, one.graph)
-    if found is None:
-        return "other results are required"
-    return f"{found.stage}: {', '.join(found.causes) or 'its inputs changed'}"

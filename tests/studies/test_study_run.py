@@ -110,8 +110,8 @@ def test_recomputed_runs_are_reported(studies, toy, monkeypatch):
     assert "computed again" not in studies.error
     monkeypatch.setattr(keys, "LAYOUT", keys.LAYOUT + 1)
     assert studies.run(file, *ONE)["complete"]
-    assert "first: 2 of 2 finished runs are out of date" in studies.error
-    assert "second: 2 of 2 finished runs are out of date" in studies.error
+    assert "first: 2 of 2 finished runs out of date" in studies.error
+    assert "second: 2 of 2 finished runs out of date" in studies.error
 
 
 def test_a_study_with_failed_runs_can_be_resumed(studies, toy, tmp_path):
