@@ -125,8 +125,8 @@ def resumed_sweep(
     outdated = [one for one in there if not one.is_done_by(finished[one.index])]
     if outdated:
         note(
-            f"{len(outdated)} of {len(finished)} finished runs out of date, recomputed now; before "
-            f"that, stixel explain {path} says why"
+            f"{len(outdated)} of {len(finished)} finished runs out of date, recomputed now (before "
+            f"that, stixel verify --cached {folder.run(outdated[0].index)} says why)"
         )
     missing = frozenset(plan.missing)
     if not all(one.is_done_by(finished.get(one.index), missing) for one in plan.runs):
