@@ -12,7 +12,7 @@ from stixel_cli.answers.runs import Runs
 from stixel_cli.errors import UserError
 from stixel_cli.evaluation.verdict import verdict
 from stixel_cli.report.compare import run_labels
-from stixel_cli.results.differences import by_group, differing_settings, warnings
+from stixel_cli.results.differences import differing_settings, warnings
 from stixel_cli.results.folder import PAGE
 from stixel_cli.results.reader import check_folder
 from stixel_cli.results.result import DONE, RunResult, read_scored_run
@@ -42,8 +42,15 @@ def compared_runs(runs: Sequence[RunResult], labels: Sequence[str]) -> Runs:
 
     Where a group is exchanged, such as the tracker, that is one column.
     """
-    differing, _ = differing_settings(runs)
-    settings = {row["key"]: row["values"] for row in by_group(differing)}
+    differing, settings = differing_settings(runs), {}
+    # Of another option or kind, from which the group's other keys follow.
+    exchanged = {key.removesuffix(".kind") for key in differing}
+    for key, values in differing.items():
+        group = key.partition(".")[0]
+        if group not in exchanged:
+            settings[key] = values
+        elif key in (group, f"{group}.kind"):
+            settings[group] = values
     names = dict.fromkeys(name for run in runs for name in run.metrics)
     metrics = {name: [run.metrics.get(name) for run in runs] for name in names}
     frame = pd.DataFrame(

@@ -170,7 +170,7 @@ def _compare(folders: Sequence[Path], code: bool, json: bool) -> None:
     labels = run_labels(folders)
     from_third = range(len(labels), 2, -1)
     runs = [read_run(folder) for folder in folders]
-    settings, _ = differing_settings(runs)
+    settings = differing_settings(runs)
     names = main_first(dict.fromkeys(name for run in runs for name in run.metrics))
     metrics = {name: [run.metrics.get(name) for run in runs] for name in names}
     differing = {name: values for name, values in metrics.items() if len(set(values)) > 1}
@@ -178,7 +178,7 @@ def _compare(folders: Sequence[Path], code: bool, json: bool) -> None:
     if json:
         answer = {
             "folders": [str(folder) for folder in folders],
-            "settings": {key: dict(zip(labels, values, strict=True)) for key, values in settings},
+            "settings": {k: dict(zip(labels, v, strict=True)) for k, v in settings.items()},
             "metrics": {k: dict(zip(labels, v, strict=True)) for k, v in differing.items()},
         }
         print_json(answer | ({"code": changed} if code else {}))
@@ -195,7 +195,7 @@ def _compare(folders: Sequence[Path], code: bool, json: bool) -> None:
         say("the metrics are the same")
     say("")
     if settings:
-        rows = [(key, *values) for key, values in settings]
+        rows = [(key, *values) for key, values in settings.items()]
         print_table(("setting", *labels), rows, leave_out=from_third)
     else:
         say("the settings are the same")

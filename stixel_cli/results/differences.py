@@ -168,8 +168,8 @@ def _with_git(*manifests: Mapping[str, Any]) -> str:
     return f"to see the difference: git diff {' '.join(revisions)}"
 
 
-def differing_settings(runs: Sequence[RunResult]) -> tuple[list[Any], list[tuple[str, str]]]:
-    """Different settings as (key, value of each run), and equal ones as (key, value)."""
+def differing_settings(runs: Sequence[RunResult]) -> dict[str, list[str]]:
+    """The settings that differ: key to the value of each run, as text."""
     flat = [flat_settings(run.settings) for run in runs]
     # The chosen option of each group whose settings have no `kind`.
     tables = [
@@ -179,31 +179,8 @@ def differing_settings(runs: Sequence[RunResult]) -> tuple[list[Any], list[tuple
     keys = list(dict.fromkeys(key for table in tables for key in table))
     groups = list(dict.fromkeys(key.partition(".")[0] for key in keys))
     keys.sort(key=lambda key: groups.index(key.partition(".")[0]))
-    values = [(key, [table.get(key, NO_VALUE) for table in tables]) for key in keys]
-    differing = [(key, of_runs) for key, of_runs in values if len(set(of_runs)) > 1]
-    return differing, [(key, of_runs[0]) for key, of_runs in values if len(set(of_runs)) == 1]
-
-
-def by_group(differing: Sequence[tuple[str, list[str]]]) -> list[dict[str, Any]]:
-    """Different settings as rows: key, values, and the settings `inside` an exchanged group.
-
-    A group is exchanged if its option or kind differs: its other keys follow from that.
-    """
-    names = {key for key, _ in differing}
-    rows: list[dict[str, Any]] = []
-    for key, values in differing:
-        group, _, rest = key.partition(".")
-        exchanged = f"{group}.kind" in names or group in names
-        if exchanged and rows and rows[-1]["key"] == group:
-            if rest != "kind":
-                rows[-1]["inside"].append((key, values))
-        elif exchanged:
-            shown = next(own for name, own in differing if name in (group, f"{group}.kind"))
-            inside = [] if rest in ("", "kind") else [(key, values)]
-            rows.append({"key": group, "values": shown, "inside": inside})
-        else:
-            rows.append({"key": key, "values": values, "inside": []})
-    return rows
+    values = {key: [table.get(key, NO_VALUE) for table in tables] for key in keys}
+    return {key: of_runs for key, of_runs in values.items() if len(set(of_runs)) > 1}
 
 
 _SCENE = ("road_user", "path", "ego", "world", "rig", "source")
