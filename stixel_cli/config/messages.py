@@ -9,7 +9,7 @@ from stixel_cli.config import keys
 from stixel_cli.config.annotations import choices, describe
 from stixel_cli.config.folders import group_options, innermost_group, options_of_kind
 from stixel_cli.config.texts import suggestion
-from stixel_cli.errors import UserError, counted, printable
+from stixel_cli.errors import ConfigurationError, counted, printable
 
 _OUT_OF_RANGE = {
     *("greater_than", "greater_than_equal", "less_than", "less_than_equal"),
@@ -157,11 +157,16 @@ def _describe_fault(fault: dict[str, Any], plain: dict[str, Any]) -> str:
 def plain_fault(fault: Mapping[str, Any]) -> str:
     """One of pydantic's errors in plain words, to follow the name of the entry."""
     words = {"missing": "is missing", "unexpected_keyword_argument": "is unknown"}
-    return words.get(fault["type"], fault["msg"].replace("Input should", "must"))
+    return words.get(fault["type"], re.sub("^(Input|String) should", "must", fault["msg"]))
 
 
-def validated(kind: type, content: Any, file: Path) -> Any:
-    """The content of a file as the dataclass `kind`; UserError in one line that names the entry."""
+def validated(kind: type, content: Any, where: Path | str, known: Iterable[str] = ()) -> Any:
+    """The content of a file, or of an entry of it, as the dataclass `kind`.
+
+    Raises:
+        ConfigurationError: in one line that begins with `where` and names the entry; for an unknown
+            one it suggests one of those `known`.
+    """
     from pydantic import TypeAdapter, ValidationError
 
     try:
@@ -172,10 +177,13 @@ def validated(kind: type, content: Any, file: Path) -> Any:
         return valid
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
-        where = ".".join(map(str, first["loc"])) or "content"
-        raise UserError(f"{file}: {printable(where)}: {plain_fault(first)}") from None
+        name = printable(".".join(map(str, first["loc"])) or "content")
+        hint = suggestion(str(first["loc"][-1]), known) if first["loc"] else ""
+        unknown = first["type"] == "unexpected_keyword_argument"
+        text = f"{where}: {name}: {plain_fault(first)}{hint if unknown else ''}"
+        raise ConfigurationError(text) from None
     except ValueError as fault:
-        raise UserError(f"{file}: {printable(str(fault), 200)}") from None
+        raise ConfigurationError(f"{where}: {printable(str(fault), 200)}") from None
 
 
 def describe_faults(

@@ -1,23 +1,46 @@
 """A sweep of a study's file."""
 
-import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field, fields
+from typing import Annotated, Any
+
+from pydantic import StringConstraints
 
 from stixel_cli.border import Origin
 from stixel_cli.config import messages
 from stixel_cli.config.texts import value_text
 from stixel_cli.errors import ConfigurationError
+from stixel_cli.parameters import parameters
 from stixel_cli.sweeps.design import Design
 from stixel_cli.sweeps.file import ENTRIES as SWEEP_ENTRIES
-from stixel_cli.sweeps.file import design_of, refuse_unknown
+from stixel_cli.sweeps.file import design_of
 
-NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{,59}")
+NAME = "^[A-Za-z][A-Za-z0-9_]{0,59}$"
 """Of a sweep or a question: it is in names of folders and files, and in messages."""
 
 Axes = Sequence[Mapping[str, list]]
 """Further axes of a sweep: each maps one key, or several zipped ones, to values."""
+
+
+@parameters
+class _Entries:
+    """The entries of a sweep that a sweep's own file does not have."""
+
+    name: Annotated[str, StringConstraints(pattern=NAME)]
+    results: tuple[str, ...] = ()
+    derive: str | None = None
+    axes_of: str | None = None
+    variants: dict[str, dict[str, Any]] = field(default_factory=dict)
+
+    def check(self) -> None:
+        """Raise ValueError for a variant with a key that the first one lacks."""
+        first = next(iter(self.variants.values()), {})
+        for name, own in self.variants.items():
+            unknown = next((key for key in own if key not in first), None)
+            if unknown is not None or not first:
+                raise ValueError(
+                    f"variants: {name}: {unknown} must have a value in the first variant too"
+                )
 
 
 @dataclass(frozen=True)
@@ -74,38 +97,13 @@ class SweepEntry:
 def sweep_entry(name: Any, entries: Any, origin: Origin) -> SweepEntry:
     """A sweep of the file; ConfigurationError in one line that names it and the entry."""
     where = f"sweeps: {messages.printable(str(name))}"
-    if not isinstance(name, str) or not NAME.fullmatch(name):
-        raise ConfigurationError(f"{where}: a name of 1 to 60 letters, digits and _ is needed")
     if not isinstance(entries, dict):
         raise ConfigurationError(f"{where}: must have a sweep's entries, as KEY: VALUE")
-    try:
-        refuse_unknown(entries, (*SWEEP_ENTRIES, "results", "derive", "axes_of", "variants"))
-        steps = entries.get("results") or []
-        if not isinstance(steps, list) or not all(isinstance(step, str) for step in steps):
-            raise ConfigurationError("results: must be a list of steps")
-        functions = {entry: entries.get(entry) for entry in ("derive", "axes_of")}
-        for entry, function in functions.items():
-            if not isinstance(function, str | None):
-                raise ConfigurationError(f"{entry}: must be the name of a function")
-        variants = _variants(entries.get("variants"))
-    except ConfigurationError as fault:
-        raise ConfigurationError(f"{where}: {fault}") from None
     content = {key: value for key, value in entries.items() if key in SWEEP_ENTRIES}
-    return SweepEntry(name, content, tuple(steps), **functions, variants=variants, origin=origin)
-
-
-def _variants(content: Any) -> dict[str, dict[str, Any]]:
-    """Variant to key to value; the first gives all keys, the others those that differ."""
-    if content is None:
-        return {}
-    if not isinstance(content, dict) or not all(isinstance(v, dict) for v in content.values()):
-        raise ConfigurationError("variants: must map names to keys with their values")
-    first = next(iter(content.values()), {})
-    for name, own in content.items():
-        unknown = next((key for key in own if key not in first), None)
-        if unknown is not None or (not own and not first):
-            raise ConfigurationError(
-                f"variants: {messages.printable(str(name))}: {unknown} must have a value "
-                "in the first variant too"
-            )
-    return {str(name): {**first, **own} for name, own in content.items()}
+    given = {k: v for k, v in entries.items() if k not in SWEEP_ENTRIES and v is not None}
+    known = [*SWEEP_ENTRIES, *(one.name for one in fields(_Entries))]
+    own = messages.validated(_Entries, {**given, "name": name}, where, known)
+    first = next(iter(own.variants.values()), {})
+    # The first variant gives all keys, the others those that differ.
+    variants = {variant: {**first, **values} for variant, values in own.variants.items()}
+    return SweepEntry(name, content, own.results, own.derive, own.axes_of, variants, origin)

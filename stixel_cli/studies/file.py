@@ -6,27 +6,45 @@ dotted name of an installed module. Only `stixel study` imports it.
 
 import traceback
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Annotated, Any
+
+from annotated_types import MinLen
+from pydantic import StringConstraints
 
 from stixel_cli.border import TYPED, Origin, admit, imported, imported_file
 from stixel_cli.config import messages
 from stixel_cli.config.folders import STUDIES, shipped_folder
 from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.files import read_yaml
+from stixel_cli.parameters import parameters
 from stixel_cli.studies.entry import Axes, SweepEntry, sweep_entry
 from stixel_cli.studies.questions import PLACE, StudyQuestion, study_question
 from stixel_cli.sweeps.file import ENTRIES as SWEEP_ENTRIES
-from stixel_cli.sweeps.file import is_study, read_mapping, refuse_unknown
+from stixel_cli.sweeps.file import is_study, read_mapping
 
 ALL = "all"
-TEXTS = ("title", "question", "text")
-ENTRIES = (*TEXTS, "module", "sweeps", "questions")
 FUNCTIONS = ("columns", "material")
 """Functions of a module that add to the report, if it has them."""
 _LONGEST_PATH = 200
+_Text = Annotated[str, StringConstraints(pattern=r"\S")]
+
+
+@parameters
+class _Content:
+    """The entries of a study's file."""
+
+    title: _Text
+    question: _Text
+    text: _Text
+    sweeps: Annotated[dict[str, Any], MinLen(1)]
+    questions: dict[str, Any] = field(default_factory=dict)
+    module: str = ""
+
+
+ENTRIES = tuple(one.name for one in fields(_Content))
 
 
 @dataclass(frozen=True)
@@ -166,18 +184,9 @@ def read_study(path: Path, trusted: bool = False) -> StudyFile:
     try:
         if "sweeps" not in content and not set(content) - set(SWEEP_ENTRIES):
             raise ConfigurationError(f"is a sweep, not a study: stixel sweep --from {_shown(path)}")
-        refuse_unknown(content, ENTRIES)
-        for name in TEXTS:
-            if not isinstance(content.get(name), str) or not content[name].strip():
-                raise ConfigurationError(f"{name}: is required and must be a string")
-        module_name = content.get("module") or ""
-        if not isinstance(module_name, str):
-            raise ConfigurationError("module: must be a string")
-        sweeps, questions = content.get("sweeps"), content.get("questions") or {}
-        if not isinstance(sweeps, dict) or not sweeps:
-            raise ConfigurationError("sweeps: must be names, each with a sweep's entries")
-        if not isinstance(questions, dict):
-            raise ConfigurationError("questions: must be names, each with a question's entries")
+        given = {key: value for key, value in content.items() if value is not None}
+        file = messages.validated(_Content, given, _shown(path), ENTRIES)
+        module_name, sweeps, questions = file.module, file.sweeps, file.questions
         origin = Origin(str(path), trusted)
         called = _functions(content)
         is_shipped = called <= _functions(*map(read_yaml, map(_shipped, STUDIES)))
@@ -190,15 +199,15 @@ def read_study(path: Path, trusted: bool = False) -> StudyFile:
             sweep.design()
         names = [sweep.name for sweep in sweeps]
         asked = tuple(study_question(name, one, names) for name, one in questions.items())
-        for place in PLACE.finditer(content["text"]):
+        for place in PLACE.finditer(file.text):
             if place[1] not in questions:
                 raise ConfigurationError(f"text: {messages.printable(place[0])}: is no question")
         module = None
         if module_name:
             module = _module(path.parent, module_name, TYPED if is_shipped else origin)
-        title, question = (" ".join(content[name].split()) for name in TEXTS[:2])
+        title, question = (" ".join(text.split()) for text in (file.title, file.question))
         study = StudyFile(
-            path, title, question, content["text"], module_name, module, sweeps, asked, not code
+            path, title, question, file.text, module_name, module, sweeps, asked, not code
         )
         for _, name in sorted(called):
             if name not in FUNCTIONS:

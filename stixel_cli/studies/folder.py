@@ -13,15 +13,12 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from stixel_cli.border import write_below, write_whole, written
-from stixel_cli.config.texts import split_override
 from stixel_cli.errors import UserError
 from stixel_cli.files import read_yaml
 from stixel_cli.results.folder import check_plain_name
 from stixel_cli.results.lineage import provenance
-from stixel_cli.results.reader import yaml_text
+from stixel_cli.results.reader import flat_settings, yaml_text
 from stixel_cli.studies.plan import StudyPlan
 from stixel_cli.studies.report import Report, files_of
 
@@ -61,10 +58,8 @@ class StudyFolder:
             raise UserError(f"{self.path}: exists and is not a study folder; choose another --name")
         if fresh:
             return False
-        # In the types that YAML returns.
-        wanted = yaml.safe_load(yaml_text(plan.request()))
         try:
-            found = differences(read_yaml(self.path / FILE), wanted, str(self.path))
+            found = differences(read_yaml(self.path / FILE), plan.request(), str(self.path))
         except (UserError, ValueError):
             raise UserError(
                 f"{self.path / FILE}: not a valid study file; start over with --fresh"
@@ -115,33 +110,15 @@ def differences(there: Mapping[str, Any], wanted: Mapping[str, Any], folder: str
     Raises:
         ValueError: if `there` is not a request.
     """
-    try:
-        before, after = _settings(there), _settings(wanted)
-    except (AttributeError, KeyError, TypeError, ValueError):
-        raise ValueError("not the request of a study") from None
-    found = []
-    for sweep, name in dict.fromkeys((*after, *before)):
-        old, new = (one.get((sweep, name), UNSET) for one in (before, after))
-        if old != new:
-            several = len(wanted["sweeps"]) > 1 or sweep not in wanted["sweeps"]
-            where = f" of sweep {sweep}" if sweep and several else ""
-            shown = _shown(old, new), _shown(new, old)
-            found.append(f"{name}{where}: {shown[0]} in {folder}, {shown[1]} here")
-    return found
-
-
-def _settings(request: Mapping[str, Any]) -> dict[tuple[str, str], str]:
-    """Sweep ("" for keys of the study) and key to the values as typed."""
-    found = {("", key): str(request[key]) for key in ("study", "module")}
-    for name, sweep in request["sweeps"].items():
-        pairs = map(split_override, sweep["fixed"])
-        found |= {(name, key): value for key, value in pairs}
-        for axis in sweep["axes"]:
-            steps = ([split_override(text)[1] for text in step] for step in axis["steps"])
-            texts = (own[0] if len(own) == 1 else f"({' '.join(own)})" for own in steps)
-            found[name, "+".join(axis["keys"])] = ",".join(texts)
-        found |= {(name, key): str(sweep[key]) for key in ("leave_out", "results", "derive")}
-    return found
+    if not isinstance(there, dict) or not isinstance(there.get("sweeps"), dict):
+        raise ValueError("not the request of a study")
+    before, after = flat_settings({key: there.get(key) for key in wanted}), flat_settings(wanted)
+    pairs = {key: (before.get(key, UNSET), after.get(key, UNSET)) for key in {**after, **before}}
+    return [
+        f"{key}: {_shown(old, new)} in {folder}, {_shown(new, old)} here"
+        for key, (old, new) in pairs.items()
+        if old != new
+    ]
 
 
 def _shown(value: str, other: str) -> str:

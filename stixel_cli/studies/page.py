@@ -83,15 +83,9 @@ def study_page(
         settings=render.Cells(
             ("sweep", "key", "values"),
             tuple(
-                row
-                for name, sweep in plan.request()["sweeps"].items()
-                for row in (
-                    (name, "fixed", " ".join(sweep["fixed"])),
-                    *(
-                        (name, " + ".join(axis["keys"]), ", ".join(map(" ".join, axis["steps"])))
-                        for axis in sweep["axes"]
-                    ),
-                )
+                (one.sweep.name, key, values.replace(",", ", "))
+                for one in plan.sweeps
+                for key, values in one.settings.items()
             ),
         ),
         seconds={name: number(value) for name, value in seconds.items()},

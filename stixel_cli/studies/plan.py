@@ -32,6 +32,21 @@ class PlannedSweep:
     design: Design
     plan: SweepPlan | None
 
+    @property
+    def settings(self) -> dict[str, str]:
+        """Each key, or axis, to its values as typed; and the entries that decide what is read."""
+        found = {o.key: o.value_text for o in self.design.fixed if not of_the_machine(o.key)}
+        for axis in self.design.axes:
+            single = len(axis.keys) == 1
+            steps = (
+                step[0].value_text if single else f"({' '.join(one.text for one in step)})"
+                for step in axis.steps
+            )
+            found[axis.name] = ",".join(steps)
+        left_out, results = map(dict, self.design.left_out), self.sweep.steps
+        further = {"leave_out": [*left_out], "results": [*results], "derive": self.sweep.derive}
+        return found | {name: str(value) for name, value in further.items() if value}
+
 
 @dataclass(frozen=True)
 class StudyPlan:
@@ -61,22 +76,7 @@ class StudyPlan:
         return {
             "study": self.study.name,
             "module": self.study.module_name,
-            "sweeps": {
-                one.sweep.name: {
-                    "fixed": [o.text for o in one.design.fixed if not of_the_machine(o.key)],
-                    "axes": [
-                        {
-                            "keys": list(axis.keys),
-                            "steps": [[value.text for value in step] for step in axis.steps],
-                        }
-                        for axis in one.design.axes
-                    ],
-                    "leave_out": [dict(entry) for entry in one.design.left_out],
-                    "results": list(one.sweep.steps),
-                    "derive": one.sweep.derive,
-                }
-                for one in self.sweeps
-            },
+            "sweeps": {one.sweep.name: one.settings for one in self.sweeps},
         }
 
 

@@ -2,11 +2,12 @@
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import pandas as pd
+from pydantic import BeforeValidator, StringConstraints
 
 from stixel_cli.answers.answer import Answer, combined
 from stixel_cli.answers.render import INTERVAL, Cells, overview
@@ -14,22 +15,29 @@ from stixel_cli.answers.runs import Runs
 from stixel_cli.config import messages
 from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.evaluation.metric_table import MAIN, METRICS
+from stixel_cli.parameters import parameters
 from stixel_cli.report.metrics import capital
 from stixel_cli.results.reader import listed
 from stixel_cli.studies.entry import NAME
-from stixel_cli.sweeps.file import refuse_unknown
 
-ENTRIES = (
-    *("heading", "note", "sweeps", "where", "by", "compare", "within", "over", "metrics"),
-    *("better", "reference"),
-)
 PLACE = re.compile(r"\{([A-Za-z_][A-Za-z0-9_]*)\}")
 """A question's name in a study's text."""
-DIRECTIONS = ("more", "less", "one")
-"""Values of `better`."""
 
 
-@dataclass(frozen=True)
+def _texts(given: Any) -> Any:
+    given = [given] if isinstance(given, str) else given
+    return tuple(given) if isinstance(given, list) else given
+
+
+def _values(given: Any) -> tuple[str, ...]:
+    return tuple(map(str, given if isinstance(given, list) else [given]))
+
+
+Texts = Annotated[tuple[str, ...], BeforeValidator(_texts)]
+"""A text, or a list of texts."""
+
+
+@parameters
 class StudyQuestion:
     """A question of a study's file.
 
@@ -42,18 +50,23 @@ class StudyQuestion:
         metrics: the main one first.
     """
 
-    name: str
+    name: Annotated[str, StringConstraints(pattern=NAME)]
     heading: str
-    note: str
-    sweeps: tuple[str, ...]
-    where: Mapping[str, tuple[str, ...]]
-    by: tuple[str, ...]
-    compare: tuple[str, ...]
-    within: tuple[str, ...] | None
-    over: tuple[str, ...] | None
-    metrics: tuple[str, ...]
-    better: str | None
-    reference: str | None
+    sweeps: Texts
+    note: str = ""
+    where: dict[str, Annotated[tuple[str, ...], BeforeValidator(_values)]] = field(
+        default_factory=dict
+    )
+    by: Texts = ()
+    compare: Texts = ("tracker",)
+    within: Texts | None = None
+    over: Texts | None = None
+    metrics: Texts = MAIN
+    better: Literal["more", "less", "one"] | None = None
+    reference: Annotated[str, BeforeValidator(str)] | None = None
+
+
+ENTRIES = tuple(one.name for one in fields(StudyQuestion) if one.name != "name")
 
 
 @dataclass(frozen=True)
@@ -91,50 +104,15 @@ class Section:
 def study_question(name: Any, entries: Any, sweeps: Sequence[str]) -> StudyQuestion:
     """A question of a file; ConfigurationError in one line that names it and the entry."""
     where = f"questions: {messages.printable(str(name))}"
-    if not isinstance(name, str) or not NAME.fullmatch(name):
-        raise ConfigurationError(f"{where}: a name of 1 to 60 letters, digits and _ is needed")
     if not isinstance(entries, dict):
         raise ConfigurationError(f"{where}: must have entries, as KEY: VALUE")
-    try:
-        refuse_unknown(entries, ENTRIES)
-    except ConfigurationError as fault:
-        raise ConfigurationError(f"{where}: {fault}") from None
-
-    def texts(entry: str, default: Sequence[str] | None) -> tuple[str, ...] | None:
-        given = default if entries.get(entry) is None else entries[entry]
-        given = [given] if isinstance(given, str) else given
-        if given is not None and not (
-            isinstance(given, list | tuple) and all(isinstance(one, str) for one in given)
-        ):
-            raise ConfigurationError(f"{where}: {entry}: must be a text, or a list of texts")
-        return None if given is None else tuple(given)
-
-    chosen = entries.get("where") or {}
-    if not isinstance(chosen, dict):
-        raise ConfigurationError(f"{where}: where: must map columns to values")
-    named = texts("sweeps", sweeps)
-    for one in (one for one in named if one not in sweeps):
+    given = {key: value for key, value in entries.items() if value is not None}
+    default = {"heading": str(name).replace("_", " ").capitalize(), "sweeps": [*sweeps]}
+    entries = {**default, **given, "name": name}
+    question = messages.validated(StudyQuestion, entries, where, ENTRIES)
+    for one in (one for one in question.sweeps if one not in sweeps):
         raise ConfigurationError(f"{where}: sweeps: there is no sweep {messages.printable(one)}")
-    reference, better = entries.get("reference"), entries.get("better")
-    if better not in (None, *DIRECTIONS):
-        raise ConfigurationError(f"{where}: better: must be one of {', '.join(DIRECTIONS)}")
-    return StudyQuestion(
-        name=name,
-        heading=str(entries.get("heading", name.replace("_", " ").capitalize())),
-        note=" ".join(str(entries.get("note", "")).split()),
-        sweeps=named,
-        where={
-            str(key): tuple(map(str, values if isinstance(values, list) else [values]))
-            for key, values in chosen.items()
-        },
-        by=texts("by", ()),
-        compare=texts("compare", ("tracker",)),
-        within=texts("within", None),
-        over=texts("over", None),
-        metrics=texts("metrics", MAIN),
-        better=better,
-        reference=None if reference is None else str(reference),
-    )
+    return replace(question, note=" ".join(question.note.split()))
 
 
 def asked(question: StudyQuestion, frames: Mapping[str, Runs]) -> Section:

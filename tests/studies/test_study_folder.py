@@ -90,21 +90,18 @@ def test_differences_between_requests_are_shown_briefly():
     }
     assert differences(before, before, "F") == []
     (text,) = differences(before, after, "F")
-    assert text.startswith("seed: …") and len(text) < 200
+    assert text.startswith("sweeps.first.seed: …") and len(text) < 200
     there, here = text.split(" in F, ")
     assert there.endswith("38,39") and here.endswith("38,77 here")
     assert differences(before, {**after, "study": "c"}, "F")[0] == "study: a in F, c here"
-    after["sweeps"]["first"] |= {
-        "fixed": ["path.duration=2"],
-        "axes": before["sweeps"]["first"]["axes"],
-    }
-    assert differences(before, after, "F") == ["path.duration: not set in F, 2 here"]
-    assert differences(after, before, "F") == ["path.duration: 2 in F, not set here"]
+    after["sweeps"]["first"] = before["sweeps"]["first"] | {"path.duration": "2"}
+    key = "sweeps.first.path.duration"
+    assert differences(before, after, "F") == [f"{key}: not set in F, 2 here"]
+    assert differences(after, before, "F") == [f"{key}: 2 in F, not set here"]
 
 
 def study_sweep(key, values):
-    axis = {"keys": [key], "steps": [[f"{key}={value}"] for value in values]}
-    return {"fixed": [], "axes": [axis], "leave_out": [], "results": [], "derive": None}
+    return {key: ",".join(map(str, values))}
 
 
 def test_a_folder_is_named_after_its_overrides(studies, toy):
@@ -138,7 +135,7 @@ def test_the_request_is_stored(studies, toy):
     answer = studies.run(toy(), "road_user=car", "seed=0")
     content = yaml.safe_load(Path(answer["folder"], "study.yaml").read_text())
     assert content["overrides"] == ["road_user=car", "seed=0"]
-    assert content["sweeps"]["first"]["results"] == ["scans", "track"]
+    assert content["sweeps"]["first"]["results"] == "['scans', 'track']"
     assert content["sweeps"]["second"]["derive"] == "widths"
     assert {"git", "versions", "machine", "command", "created"} <= set(content)
 
