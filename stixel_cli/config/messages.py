@@ -1,6 +1,7 @@
 """Messages about a configuration, in one line each: the key, the fault, and the valid values."""
 
 import json
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
