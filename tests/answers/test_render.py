@@ -54,6 +54,28 @@ def test_figures_repeat_to_the_byte(answers):
     assert figures.over_axis(answers[0]) is None
 
 
+def test_runs_and_answers_give_tables_and_figures_themselves(tmp_path):
+    runs = of_values({"a": {"turn": [0.9] * 4}, "b": {"turn": [0.5] * 4}})
+    runs = type(runs)(runs.frame.assign(**{CENTRE: 1.0 - runs.frame[IOU]}), runs.axes)
+    both = runs.answers([IOU, CENTRE])
+    for form, write in render.TABLES.items():
+        assert runs.table([IOU, CENTRE], form) == write(both)
+    assert runs.answer(metric=CENTRE).to_latex("A") == render.latex(both[1:], "A")
+    runs.figure(metric=CENTRE).savefig(tmp_path / "a.pdf")
+    assert (tmp_path / "a.pdf").read_bytes().startswith(b"%PDF")
+    assert len(both[0].figure().axes) == 2
+
+
+def test_a_question_of_its_own_keeps_the_units_of_the_default():
+    runs = of_values({"a": {"turn": [0.9] * 4, "hard": [0.8] * 4}})
+    default = {"compare": "tracker", "within": "seed", "over": "path"}
+    runs = type(runs)(runs.frame, runs.axes, default)
+    assert runs.ask().question.within == ("seed",)
+    assert runs.ask(compare="seed").question.over == ("path",)
+    assert runs.ask(compare="seed").question.within == ("tracker",)
+    assert runs.ask(over="seed").question.within == ("path",)
+
+
 def test_a_figure_over_an_axis_of_numbers():
     values = {str(v): {"turn": [v, 2 * v, v], "hard": [v, v, v]} for v in (0.1, 0.2, 0.4)}
     assert figures.over_axis(of_values(values).ask()).startswith(b"<?xml")
