@@ -121,14 +121,15 @@ class Answer:
             option for option in heard if option != (self.best if reference is None else reference)
         ]
         apart = [option for option in others if self._excludes_zero(option)]
-        same = [str(option) for option in others if option not in apart]
+        same = [self.name(option) for option in others if option not in apart]
         if reference is not None:
-            parts = [f"{option} {self._minus(option)}" for option in apart]
-            text = f"minus {reference}: {listed(parts)}" if parts else ""
-            tied = f"not shown to differ from {reference}: {listed(same)}" if same else ""
+            parts = [f"{self.name(option)} {self._minus(option)}" for option in apart]
+            named = self.name(reference)
+            text = f"minus {named}: {listed(parts)}" if parts else ""
+            tied = f"not shown to differ from {named}: {listed(same)}" if same else ""
             return f"{label}: {'; '.join(filter(None, (text, tied)))} ({self.over})."
         if not same:
-            following = f"{apart[0]} is next, {self._minus(apart[0])}"
+            following = f"{self.name(apart[0])} is next, {self._minus(apart[0])}"
             return f"{label}: {first} is the best ({self.over}); {following}."
         return f"{label}: {first} ({self.over}); not shown to differ: {listed(same)}."
 
@@ -141,15 +142,15 @@ class Answer:
         reference = self.question.reference
         if reference is not None:
             others = [option for option in heard if option != reference]
-            parts = [f"{option} {self._minus(option)}" for option in others[:MOST_NAMED]]
-            return f"{listed(parts)} against {reference} ({self._value(reference)})"
+            parts = [f"{self.name(option)} {self._minus(option)}" for option in others[:MOST_NAMED]]
+            return f"{listed(parts)} against {self.name(reference)} ({self._value(reference)})"
         if self.best is None or len(heard) == 1 or self.units < LEAST_UNITS:
             return self._named(heard)
-        same = [str(option) for option in heard[1:] if not self._excludes_zero(option)]
-        text = f"{heard[0]} {self._value(heard[0])}"
+        same = [self.name(option) for option in heard[1:] if not self._excludes_zero(option)]
+        text = self._named(heard[:1])
         if same:
             return f"{text}, not shown to differ from {listed(same)}"
-        return f"{text}, next {heard[1]} {self._minus(heard[1])}"
+        return f"{text}, next {self.name(heard[1])} {self._minus(heard[1])}"
 
     @property
     def worst(self) -> pd.DataFrame:
@@ -186,8 +187,13 @@ class Answer:
 
         return latex([self], caption, label)
 
+    def name(self, option: object) -> str:
+        """An option in a sentence: a number with its key, which tells it from the values."""
+        compare = self.question.compare
+        return _with_key(compare[0], option) if len(compare) == 1 else str(option)
+
     def _named(self, options: Sequence) -> str:
-        parts = [f"{option} {self._value(option)}" for option in options[:MOST_NAMED]]
+        parts = [f"{self.name(option)} {self._value(option)}" for option in options[:MOST_NAMED]]
         more = len(options) - MOST_NAMED
         return listed([*parts, f"{more} more"] if more > 0 else parts)
 
@@ -304,8 +310,16 @@ def combined(runs: pd.DataFrame, names: Sequence[str]) -> pd.Series:
         return columns[0]
     if not columns:
         return pd.Series("all", runs.index)
-    texts = [one.astype(str) for one in columns]
+    texts = [
+        [_with_key(name, value) for value in one] for name, one in zip(names, columns, strict=True)
+    ]
     return pd.Series([" ".join(row) for row in zip(*texts, strict=True)], runs.index)
+
+
+def _with_key(key: str, value: object) -> str:
+    text = str(value)
+    is_number = text.strip("+-")[:1].isdigit()
+    return f"{key.rpartition('.')[2]}={text}" if is_number else text
 
 
 def _rectangle(known: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

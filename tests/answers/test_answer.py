@@ -54,8 +54,8 @@ def test_only_what_every_value_of_an_axis_has_counts():
     np.testing.assert_allclose(answer.table["mean"], [0.605, 0.585, 0.575])
     assert (answer.best, answer.shown) == (0.15, True)
     assert answer.sentence == (
-        "Mean IoU, box: 0.15 0.605 [0.596, 0.614] is the best (4 seeds, each the mean of 2 road "
-        "users); 0.45 is next, −0.0200 [−0.0200, −0.0200]."
+        "Mean IoU, box: sigma_f=0.15 0.605 [0.596, 0.614] is the best (4 seeds, each the mean of 2 "
+        "road users); sigma_f=0.45 is next, −0.0200 [−0.0200, −0.0200]."
     )
     assert "4 combinations" in answer.notes[0]
 
