@@ -42,7 +42,8 @@ def test_the_page_has_the_answer_the_options_and_every_run(made):
     assert "12 done" in html
     # The mean of 0.9, 0.85, 0.8 and 0.75, each 0.2 above that of the next value and the same seed.
     assert re.search(
-        r"Mean IoU: 0.1 0.8\d \[0.70.* is the best \(4 seeds\); 0.4 is next, −0.2", html
+        r"Mean IoU: sigma_q=0.1 0.8\d \[0.70.* is the best \(4 seeds\); sigma_q=0.4 is next, −0.2",
+        html,
     )
     rows = re.findall(r"<tr><td.*?</tr>", html, re.DOTALL)
     assert [re.search(r'<td class="">(.*?)</td>', row)[1] for row in rows[:3]] == [*VALUES]
