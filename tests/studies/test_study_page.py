@@ -66,7 +66,7 @@ def test_the_page_has_its_provenance(page):
     html = page.read_text(encoding="utf-8")
     assert "stixel study" in html and "<code>road_user=car</code>" in html
     for text in (
-        "measurement=fabricated",
+        '<td class="">measurement</td><td class="">fabricated</td>',
         "scores ",
         "numpy",
         '<td class="">first</td><td class="">4</td><td class="">4</td>',

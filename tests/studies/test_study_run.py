@@ -222,7 +222,7 @@ def test_a_failing_study_does_not_stop_the_others(studies, toy, monkeypatch, tmp
     )
     answer = studies.run("all", "road_user=car", "seed=0", code=2)
     assert [one["complete"] for one in answer["studies"]] == [False, True]
-    assert re.search("bad.yaml: question: is required", studies.error)
+    assert re.search("bad.yaml: question: is missing", studies.error)
 
 
 def test_invalid_studies_are_reported_before_the_first_run(studies, toy, monkeypatch):
