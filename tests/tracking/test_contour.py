@@ -14,16 +14,18 @@ from stixel_cli.config.compose import compose
 from stixel_cli.geometry.pose import wrap_angle
 from stixel_cli.measurements.scans import FieldOfView
 from stixel_cli.tracking.association import uncut
+from stixel_cli.tracking.consider import JointCovariance
 from stixel_cli.tracking.contour.class_shape import class_shape, visible_shape, visible_table
 from stixel_cli.tracking.contour.contour import track
 from stixel_cli.tracking.contour.contour_filter import predict, start
-from stixel_cli.tracking.contour.contour_rays import rays_of
+from stixel_cli.tracking.contour.contour_rays import rays_of, sight_of
 from stixel_cli.tracking.contour.contour_report import (
     LEAST_OUTLINE_STD,
     SIDEWAYS,
     contours_of,
     reported,
 )
+from stixel_cli.tracking.contour.contour_update import SHAPE_ERRORS, update
 from stixel_cli.tracking.kalman import condition
 from stixel_cli.tracking.track import InitialState
 
@@ -264,6 +266,22 @@ def test_one_point_is_enough_for_an_update():
     result = track(scans_of(middle, covariances=noises), start_at(poses), CAR, STIXELS)
     np.testing.assert_array_equal(np.diff(result.used_offsets), 1)
     assert np.isfinite(result.means).all()
+
+
+@pytest.mark.parametrize("std", [0.05, 0.3, 1.0])
+def test_a_point_where_it_is_expected_is_likelier_than_clutter(std):
+    """Far points are uncertain by 1 m, and no reason to leave the class."""
+    points = np.stack([np.linspace(-0.6, 0.6, 12), np.full(12, 30.0)], axis=-1)
+    rays = rays_of(points, np.tile(std**2 * np.eye(2), (12, 1, 1)), SENSOR)
+    prior, sight = class_shape("car"), sight_of("car", TRACKER)
+    mean = np.array([0.0, 30.0 + 0.5 * prior.size[0], -np.pi / 2, 5.0, 0.0, 0.0, 0.0])
+    covariance = 1e-4 * np.eye(7)
+    joint = JointCovariance(covariance, np.full(SHAPE_ERRORS, 0.5))
+    likelihoods = [
+        update(mean, covariance, joint, rays.subset(np.arange(n)), sight, TRACKER)[-1]
+        for n in (6, 12)
+    ]
+    assert likelihoods[1] > likelihoods[0]
 
 
 @given(seed=SEEDS, count=st.integers(1, 30))

@@ -5,15 +5,15 @@ The classes are equally probable at first. After the scans up to k, the log weig
     sum of log likelihoods  -  d²/2  -  v²/2(s² + V)  -  log(s² + V)/2
 
 The likelihood is that of the measurements that the class's filter used, points and silhouettes, in
-1/m each. The classes gate different points, so each measurement is compared with clutter, whose
-density is 1/m: a class that leaves out a point pays for it as if it were clutter, and points that
-no class uses cancel. With clutter that is rarer, points of other objects next to a pedestrian make
-a car of it on lidar (tuning seeds; on stixels the density changes nothing from 0.1 to 1/m). Size
-and speed are facts of the state, not of a scan, so they count once: d is how far the estimated
-length or width is from the mean of the class, in its standard deviations; v is the speed, V its
-variance, and s how fast the class moves. Seen from the front, little but the speed separates
-cyclists from pedestrians. A start with the sensor's motion has a speed that says nothing yet: V is
-large.
+1/m each. The classes gate different points, so each measurement is compared with clutter that is
+even over the gate of the point (`gate_widths`), and has a density of 1/m at an end: a class that
+leaves out a point pays for it as if it were clutter, and points that no class uses cancel. At one
+density for all, the far points of a car, uncertain by 1 m, are less likely than clutter, and its
+front becomes a pedestrian. Size and speed are facts of the state, not of a scan, so they count
+once: d is how far the estimated length or width is from the mean of the class, in its standard
+deviations; v is the speed, V its variance, and s how fast the class moves. Seen from the front,
+little but the speed separates cyclists from pedestrians. A start with the sensor's motion has a
+speed that says nothing yet: V is large.
 """
 
 from collections.abc import Mapping
