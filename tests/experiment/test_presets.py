@@ -64,7 +64,7 @@ def preset(group, option):
 def test_every_preset_runs(group, option, results, capsys):
     if option == "pyrecest":
         pytest.importorskip("pyrecest")
-    few = FEW[:-1] if group != "rig" else ("path.duration=0.1",)
+    few = FEW[:-1] if group != "rig" else ("path.duration=0.2",)
     pictured = group in PICTURED or (group == "rig" and option in SIZES)
     pictures = "pictures.frames=[1]" if pictured else "pictures.frames=[]"
     outer = group.rpartition("/")[0]
