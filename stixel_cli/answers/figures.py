@@ -46,6 +46,7 @@ def reliability(answer: Answer) -> bytes | None:
         ]
         for option, units in errors_of_runs(answer).items()
     }
+    shares = {option: values for option, values in shares.items() if np.isfinite(values).any()}
     if not shares:
         return None
 

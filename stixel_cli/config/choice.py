@@ -156,8 +156,9 @@ def set_by_experiment(option: str) -> dict[str, Any]:
     """The groups and keys that an experiment's file sets, with their options and values."""
     content = folders.option_content(folders.EXPERIMENT, option)
     values = folders.option_values(folders.EXPERIMENT, option)
+    inner = content.get(INNER)
     return {
-        **content.get(INNER, {}),
+        **(inner if isinstance(inner, Mapping) else {}),
         **folders.chosen_options(content),
         **{name: v for name, v in values.items() if not name.startswith((INNER, SOURCES))},
     }

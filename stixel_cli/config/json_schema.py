@@ -64,7 +64,9 @@ def _settings(values: Mapping[str, Any]) -> dict[str, Any]:
     refer = {key: {"$ref": f"#/$defs/{key.replace('/', '-')}"} for key in values}
     axes = {key: _any_of([{"type": "array", "items": one}, text]) for key, one in refer.items()}
     named = {key.replace("/", "-"): one for key, one in values.items()}
-    return {"settings": _object(refer), "axes": _object(axes), **named}
+    # A user's own tracker or source of measurements has keys of its own.
+    own = {"patternProperties": {r"^(measurement|tracker)\.\w+$": {}}}
+    return {"settings": _object(refer) | own, "axes": _object(axes) | own, **named}
 
 
 def _section(variants: Iterable[type]) -> dict[str, Any]:
