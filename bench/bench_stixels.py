@@ -260,7 +260,8 @@ def viterbi(cost, steps):
 @pytest.mark.parametrize("mode", ["3way", "sgbm", "hh4", "hh"])
 def test_match_sgm(benchmark, pairs, mode):
     benchmark.group = "match"
-    stereo = replace(STEREO, mode=mode)
+    other = type("OtherMode", (type(STEREO),), {"mode": mode})
+    stereo = other(**vars(STEREO))
     benchmark.pedantic(sgm.match, args=(pairs, stereo, RIG, range(1)), rounds=3)
 
 

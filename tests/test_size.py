@@ -12,7 +12,7 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 51_613
+TOTAL = 51_617
 """Greatest number of lines in all."""
 
 MODULES = 341
@@ -20,11 +20,11 @@ MODULES = 341
 
 BUDGET = {
     "": 2261,
-    "answers": 1201,
+    "answers": 1202,
     "benchmark": 1018,
     "calibration": 577,
     "cli": 3191,
-    "config": 3050,
+    "config": 3053,
     "engine": 4510,
     "evaluation": 1726,
     "experiment": 1548,
