@@ -64,14 +64,14 @@ def number_of_cases(small: int) -> int:
 def no_computing(monkeypatch) -> None:
     """Let no command of this test compute; what is all in the cache is the real thing."""
 
-    def only_cached(graph, targets, store, **options):
+    def only_cached(graph, targets, store, *others, **options):
         if plan(graph, targets, store).missing:
             _computes.append("reached")
             raise _Computes("would compute")
-        return execute(graph, targets, store, **options)
+        return execute(graph, targets, store, *others, **options)
 
-    monkeypatch.setattr("stixel_cli.experiment.stages.execute", only_cached)
-    monkeypatch.setattr("stixel_cli.sweeps.run.execute", only_cached)
+    for module in ("experiment.stages", "sweeps.run", "benchmark.render"):
+        monkeypatch.setattr(f"stixel_cli.{module}.execute", only_cached)
 
 
 def settle(monkeypatch, folder: Path) -> Path:
