@@ -7,12 +7,11 @@ from typing import Annotated
 
 import typer
 
-from stixel_cli.cli.completion import complete_override
 from stixel_cli.cli.options import (
+    ImagesOrRecording,
     Json,
     RigFile,
     Workers,
-    argument,
     new_file,
     recording_overrides,
     with_workers,
@@ -22,15 +21,7 @@ from stixel_cli.errors import UserError
 
 
 def assess(
-    arguments: Annotated[
-        list[str] | None,
-        argument(
-            "The left and the right image, or the folder or bag of a recording; then overrides as "
-            "for run.",
-            "LEFT RIGHT|RECORDING [OVERRIDE]",
-            complete_override,
-        ),
-    ] = None,
+    arguments: ImagesOrRecording = None,
     stixels: Annotated[
         Path | None,
         typer.Option(

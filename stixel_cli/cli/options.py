@@ -114,6 +114,15 @@ RigFile = Annotated[
         metavar="FILE",
     ),
 ]
+ImagesOrRecording = Annotated[
+    list[str] | None,
+    argument(
+        "The left and the right image, or the folder or bag of a recording; then overrides as for "
+        "run.",
+        "LEFT RIGHT|RECORDING [OVERRIDE]",
+        complete_override,
+    ),
+]
 Folder = Annotated[Path, argument("Result folder of a run.", "FOLDER", complete_folder)]
 RunOrSweep = Annotated[
     Path, argument("Result folder of a run or a sweep.", "FOLDER", complete_folder)

@@ -5,11 +5,10 @@ from typing import Annotated
 
 import typer
 
-from stixel_cli.cli.completion import complete_override
 from stixel_cli.cli.options import (
+    ImagesOrRecording,
     RigFile,
     Workers,
-    argument,
     new_file,
     recording_overrides,
     with_workers,
@@ -19,15 +18,7 @@ from stixel_cli.errors import UserError
 
 
 def stixels(
-    arguments: Annotated[
-        list[str] | None,
-        argument(
-            "The left and the right image, or the folder or bag of a recording; then overrides as "
-            "for run.",
-            "LEFT RIGHT|RECORDING [OVERRIDE]",
-            complete_override,
-        ),
-    ] = None,
+    arguments: ImagesOrRecording = None,
     rig: RigFile = None,
     output: Annotated[
         Path | None,
