@@ -37,8 +37,8 @@ def describe(
 ) -> int:
     """Explain a setting or a metric, or list all groups.
 
-    It prints meaning with unit, range, default, options, and the stages that read the setting; of a
-    metric, which values are better and what it is compared with.
+    It prints the meaning with its unit, range, default, options, and the stages that read the
+    setting; of a metric, which values are better and what it is compared with.
 
     With JSON Schemas an editor completes and checks a YAML file that begins, for example, with
     `# yaml-language-server: $schema=schema/sweep.json`, a path from that file.

@@ -121,8 +121,8 @@ def gc(
 ) -> int:
     """Remove least recently used results.
 
-    It also removes what processes left that were killed over an hour ago. Results that a running
-    process uses are kept.
+    It also removes what killed processes left over an hour ago. Results that a running process
+    uses are kept.
 
     Example: stixel cache gc --max-size 10GB --older-than 30d
     """

@@ -57,9 +57,10 @@ def with_workers(overrides: Sequence[str], workers: int | None) -> list[str]:
 def recording_overrides(
     command: str, words: Sequence[str], files: Mapping[str, Path | None]
 ) -> list[str]:
-    """The overrides of words that name LEFT and RIGHT, a recording or overrides; [] of no words.
+    """The overrides that the words of a command line stand for; [] without words.
 
-    With what a recording without a target needs: no stixel depends on it. `files` has the keys of
+    Words without = are two images or one recording. Added is what a recording without a target
+    needs, on which no stixel depends. `files` has the keys of
     `source` that belong to two images, with their files; the calibration is required.
 
     Raises:
@@ -73,7 +74,8 @@ def recording_overrides(
         settings = {"source": "pair", "source.left": named[0], "source.right": named[1]}
         settings |= {f"source.{key}": str(file) for key, file in given.items()}
     elif given:
-        raise UserError("--rig, --disparity and --labels belong to two images: LEFT RIGHT")
+        option = next(iter(given)).replace("calibration", "rig")
+        raise UserError(f"--{option}: belongs to two images: give LEFT and RIGHT")
     elif len(named) > 2:
         raise UserError(
             f"{command} needs two images, LEFT and RIGHT, or one recording, got {len(named)}: "

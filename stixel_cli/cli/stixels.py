@@ -28,8 +28,8 @@ def stixels(
 ) -> int:
     """Write the stixels of two images, or of all frames of a recording, as a table and pictures.
 
-    stixels.csv has one row per stixel, kNNNN.png the stixels over the image of frame NNNN: of four
-    frames, or those of pictures.frames.
+    stixels.csv has one row per stixel; kNNNN.png shows the stixels over the image of frame NNNN, of
+    four frames, or of those of pictures.frames.
 
     \b
     Examples:
@@ -54,10 +54,9 @@ def stixels(
         chunks, drawn = map(load, wanted)
     if not chunks:
         raise UserError(f"measurement: {composition.choices['measurement']} has no stixels")
-    files = {path: data for one in drawn for path, data in one.files.items()}
-    files = {
-        path.replace("/stixels", ""): data for path, data in files.items() if "/stixels" in path
-    }
+    pictures = {path: data for one in drawn for path, data in one.files.items()}
+    shown = [path for path in pictures if path.endswith("/stixels.png")]
+    files = {path.replace("/stixels", ""): pictures[path] for path in shown}
     files["stixels.csv"] = csv_text(stixel_columns(chunks))
     write_whole_folder(target.absolute(), files)
     say(target)

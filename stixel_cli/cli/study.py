@@ -62,7 +62,7 @@ def study(
 
     \b
       accuracy  How accurate are the trackers, for each road user, measurement and path?
-      consistency  Are the trackers' errors as large as they state?
+      consistency  Is the stated uncertainty that of the errors?
       motions   Do the answers of RQ2 and RQ3 hold for real motion?
       robustness       How do the trackers do on other shapes, after gaps, from a wrong start?
       robustness_real  The same on recordings of real sensors.

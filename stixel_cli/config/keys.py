@@ -123,14 +123,14 @@ def _options(group: str, kind: str | None) -> list[str]:
 
 
 def _typed(value: Any) -> str:
-    """A value as one would type it; `0.6 of prior.sigma_f` for one that another key gives."""
+    """A value as one would type it; `0.6, from prior.sigma_f` for one that another key gives."""
     if isinstance(value, str) and (reference := re.fullmatch(r"\$\{([\w.]+)\}", value)):
         group = innermost_group(reference[1])
         values = option_values(group, default_option(group)) if group else {}
         found = values.get(reference[1][len(group) + 1 :])
         # A user's own preset may refer to anything.
-        plain = "that" if found is None or "${" in str(found) else value_text(found)
-        return f"{plain} of {reference[1]}"
+        known = found is not None and "${" not in str(found)
+        return f"{value_text(found)}, from {reference[1]}" if known else f"that of {reference[1]}"
     return value_text(value)
 
 

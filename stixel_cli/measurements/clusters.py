@@ -14,7 +14,7 @@ def cluster(
 ) -> np.ndarray:
     """The cluster (n,) of each point, from 0; -1 without a cluster.
 
-    Neighbours are in one cluster, of `least` points or more, 1 or 2: those of DBSCAN with the
+    Connected neighbours, `least` or more. With 1 or 2 they are the clusters of DBSCAN with the
     radius 1 (Ester, Kriegel, Sander, Xu 1996).
 
     Args:

@@ -23,10 +23,10 @@ class Rendered:
 
 @parameters(kw_only=True)
 class _InFolder:
-    """A folder, or a file, that has the recording.
+    """A recording in one folder or file.
 
     Attributes:
-        folder: that folder.
+        folder: path of it.
     """
 
     folder: str | None

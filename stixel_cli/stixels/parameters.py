@@ -204,9 +204,8 @@ class ExtractionParameters:
     relief: ClassVar[float] = 0.01
     """Standard deviation of a flat surface's depth, m. That of other surfaces is added: how uneven
     the depths around a stixel are, and half of the step to its neighbours."""
-    least_height: ClassVar[float] = 0.25
-    """Pixels lower above the road than this do not count, m: at the foot of an obstacle a matcher
-    blends it with the road. It is that of `road`."""
+    least_height: ClassVar[float] = _Road.least_height
+    """Pixels lower above the road do not count, m: a matcher blends them with the road."""
     greatest_height: ClassVar[float] = 2.0
     """Pixels higher above the road than this count only where there are too few below, m: a tree
     or a façade overhangs what stands on the road."""

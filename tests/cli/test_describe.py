@@ -25,7 +25,7 @@ def test_a_key(capsys):
     said = printed(capsys, "tracker.sigma_f")
     for text in ("standard deviation of the radius", "m", "a number > 0 and ≤ 20", "track"):
         assert text in said
-    assert "0.1 of prior.sigma_f" in said
+    assert "0.1, from prior.sigma_f" in said
     assert "tracker=gp_ekf" in said
 
 

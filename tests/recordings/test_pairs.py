@@ -258,7 +258,7 @@ def test_stixels_from_a_file_have_the_scores_of_ours(pair, tmp_path, monkeypatch
         (["a.png", "b.png", "c.png"], " needs two images, LEFT and RIGHT, or one recording, got 3"),
         (["left.png", "right.png"], "--rig: is required with two images"),
         (["left.png", "right.png", "--rig", "rig.yaml"], "rig.yaml"),
-        (["source.folder=x", "--calib", "rig.yaml"], "belong to two images"),
+        (["source.folder=x", "--calib", "rig.yaml"], "belongs to two images"),
     ],
 )
 def test_wrong_arguments_are_refused_in_one_line(arguments, said, tmp_path, monkeypatch, capsys):
