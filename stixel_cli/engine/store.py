@@ -193,7 +193,7 @@ class Store:
         return True
 
     def removals(self) -> dict[str, str]:
-        """Reason of the last removal by key: `damaged`, or another word of a cleanup."""
+        """Reason of the last removal by key: `damaged`, or `removed` by a cleanup."""
         lines: list[bytes] = []
         with suppress(UserError):
             lines = read_bytes(self.folder / REMOVALS).splitlines()[-REMEMBERED:]

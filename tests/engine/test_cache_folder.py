@@ -82,7 +82,7 @@ def test_files_of_others_in_a_cache_stay(tmp_path):
     (store.folder / "no").mkdir()
     keep_limit(store)
     collect(store, 0, 0.0)
-    done = collect(store, -1)
+    done = collect(store, 0)
     assert not store.has(KEY) and done.kept == 0
     assert all(file.exists() for file in others) and (store.folder / "no").is_dir()
 
@@ -115,7 +115,7 @@ def test_other_files_of_the_cache_do_not_block(tmp_path):
     (tmp_path / "evicted.jsonl").unlink()
     os.mkfifo(tmp_path / "evicted.jsonl")
     assert store.removals() == {}
-    assert collect(store, -1).removed == 1
+    assert collect(store, 0).removed == 1
 
 
 def test_a_value_that_has_grown_is_not_read(tmp_path):

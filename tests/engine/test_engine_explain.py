@@ -171,9 +171,6 @@ def test_a_removed_result(project, reasons):
     graph = project.graph()
     collect(project.store, max_size=0)
     assert reasons(graph, ["numbers"]) == {"numbers": "numbers: removed from the cache"}
-    project.run(graph)
-    collect(project.store, -1)
-    assert reasons(graph, ["numbers"]) == {"numbers": "numbers: removed from the cache"}
 
 
 def test_a_damaged_result(project, reasons):
