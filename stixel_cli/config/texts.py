@@ -99,5 +99,5 @@ def suggestion(word: str, names: Iterable[str], form: str = "{}") -> str:
     scores = {name: likeness(word[:LONGEST], name) for name in names}
     best = max(scores.values(), default=0.0)
     near = [name for name, score in scores.items() if score == best >= LEAST_LIKENESS]
-    shown = " or ".join(name if "=" in name else form.format(name) for name in near[:4])
+    shown = " or ".join(map(form.format, near[:4]))
     return f"; did you mean {shown}?" if near else ""
