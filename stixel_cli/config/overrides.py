@@ -35,13 +35,7 @@ _PLAIN = re.compile(
 )
 """Most overrides: one word or number. Hydra takes 0.2 s to import."""
 
-_SWEEPS = {
-    "choice": "choice(A,B)",
-    "range": "range(START,STOP,STEP)",
-    "glob": "glob(PATTERN)",
-    "sort": "sort(A,B)",
-    "interval": "range(START,STOP,STEP)",
-}
+_SWEEPS = ("choice", "range", "glob", "sort", "interval")
 
 
 @dataclass(frozen=True)
@@ -152,11 +146,9 @@ def _refuse_malformed(text: str) -> None:
     if "=" in bare or text.startswith("~"):
         return
     groups = [group for group, options in group_options().items() if bare in options]
-    if bare in group_options():
-        options = "|".join(group_options()[bare])
-        raise ConfigurationError(f"{bare}: an option is missing: write {bare}={options}")
-    if bare in known_keys():
-        raise ConfigurationError(f"{bare}: a value is missing: write {bare}=VALUE")
+    if bare in group_options() or bare in known_keys():
+        values = "|".join(group_options().get(bare, ("VALUE",)))
+        raise ConfigurationError(f"{bare}: a value is missing: write {bare}={values}")
     if bare.replace(".", "/") in group_options():
         raise ConfigurationError(messages.group_by_dots(bare, None))
     if groups and bare != "default":
@@ -185,7 +177,7 @@ def _unreadable(text: str) -> str:
             return f"{shown}: the quote {quote} is not closed"
     sweep = value.partition("(")[0]
     if sweep in _SWEEPS and not value.removeprefix(sweep)[1:-1].strip():
-        return f"{shown}: has no values: write {name}={_SWEEPS[sweep]}"
+        return f"{shown}: has no values: write {name}=A,B or {name}=range(START,STOP,STEP)"
     if value.startswith(",") or value.endswith(",") or ",," in value:
         return f"{shown}: a value is missing next to a comma"
     return f"""{shown}: cannot be read; quote text with special characters: KEY='"text"'"""
