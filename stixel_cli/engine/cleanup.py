@@ -14,14 +14,11 @@ from pathlib import Path
 
 from filelock import Timeout
 
-from stixel_cli.border import write_whole
 from stixel_cli.engine.cache_folder import collector_lock, file_lock, inside, leased_keys
 from stixel_cli.engine.entries import entry_folders
 from stixel_cli.engine.errors import CacheError
 from stixel_cli.engine.source_files import SOURCES
-from stixel_cli.engine.store import REMEMBERED, REMOVALS, Store
-from stixel_cli.errors import UserError
-from stixel_cli.files import read_bytes
+from stixel_cli.engine.store import Store
 
 _HOUR, _DAY = 3600.0, 86400.0
 
@@ -29,6 +26,7 @@ LEFT = (
     # To write a result takes less than an hour; a killed process leaves gigabytes.
     ("tmp", r"[0-9a-f]{16}-.+-\d+-[0-9a-f]+|gone-.+-\d+-[0-9a-f]{16}|probe-\d+-[0-9a-f]+", _HOUR),
     ("tmp", r"limit-.+", _DAY),
+    (".", r"evicted\.jsonl", _HOUR),
     (SOURCES, r"[0-9a-f]{32}\.py|\.?digests-[0-9a-f]{16}\.json(\.partial-\d+)?", 90 * _DAY),
 )
 """Folder, names of files, also of earlier versions, and seconds after which they are removed."""
@@ -129,7 +127,7 @@ def _leftovers(store: Store, everything: bool) -> Iterator[tuple[Path, int]]:
 
 
 def _tidy(store: Store) -> None:
-    """Remove unheld locks, empty folders, and old removals."""
+    """Remove unheld locks and empty folders."""
     for path in inside(store.folder / "locks"):
         if not re.fullmatch(r"[0-9a-f]{64}\.lock", path.name):
             continue
@@ -140,9 +138,6 @@ def _tidy(store: Store) -> None:
             with suppress(OSError):
                 path.unlink()
             lock.release()
-    with suppress(OSError, UserError):
-        lines = read_bytes(store.folder / REMOVALS).splitlines(keepends=True)
-        write_whole(store.folder / REMOVALS, b"".join(lines[-REMEMBERED:]))
     for folder in inside(store.folder):
         # Of the first digits of keys. `Store.save` creates them.
         if re.fullmatch("[0-9a-f]{2}", folder.name):

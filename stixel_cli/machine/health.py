@@ -131,21 +131,10 @@ def _cache(store: Store) -> list[Check]:
         checks = [
             _cache_folder(store, len(found)),
             Check("cache size", "ok", f"{size} in {len(found)} results, {limit}"),
-            _cache_entries(store),
         ]
     existing = next(p for p in (store.folder, *store.folder.parents) if p.exists())
     free = shutil.disk_usage(existing).free
     return [*checks, Check("disk free", "ok" if free >= LEAST_FREE else "fails", show_size(free))]
-
-
-def _cache_entries(store: Store) -> Check:
-    """Whether results are known to be damaged; their values are not read, which may take long."""
-    reasons = store.removals().items()
-    damaged = sum(reason == "damaged" and not store.has(key) for key, reason in reasons)
-    if not damaged:
-        return Check("cache entries", "ok", "no damaged results known")
-    text = f"{damaged} damaged results are recomputed when needed; stixel cache verify checks all"
-    return Check("cache entries", "limited", text)
 
 
 def _cache_folder(store: Store, stored: int) -> Check:

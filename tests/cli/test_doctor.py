@@ -8,7 +8,7 @@ import pytest
 
 from stixel_cli.cli.app import main
 from stixel_cli.engine.errors import CacheError
-from stixel_cli.engine.store import META, VALUE, Store
+from stixel_cli.engine.store import Store
 from stixel_cli.machine import health
 from stixel_cli.rendering.filament import probe_filament
 
@@ -108,18 +108,3 @@ def test_a_read_only_cache_serves_what_it_holds(renderers, tmp_path, monkeypatch
     store.entry("ab" * 32).rename(tmp_path / "gone")
     checks = {one.name: one for one in health.examine(store)}
     assert checks["cache folder"].status == "fails"
-
-
-def test_damaged_entries_are_counted(renderers, tmp_path, monkeypatch):
-    store = Store(tmp_path)
-    for key in ("ab" * 32, "cd" * 32):
-        store.save(key, 1, stage="scenario", label="scenario")
-    checks = {one.name: one for one in health.examine(store)}
-    assert checks["cache entries"].status == "ok"
-    (store.entry("ab" * 32) / META).write_text("{}")
-    (store.entry("cd" * 32) / VALUE).write_bytes(b"")
-    assert not store.verify("cd" * 32)
-    for _ in range(2):
-        checks = {one.name: one for one in health.examine(store)}
-        assert checks["cache entries"].status == "limited"
-        assert "2 damaged results are recomputed" in checks["cache entries"].text

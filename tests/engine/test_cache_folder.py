@@ -107,17 +107,6 @@ def test_durations_that_no_node_takes_are_ignored(project, seconds):
     assert Durations(project.store.folder).by_stage(nodes) == {}
 
 
-def test_other_files_of_the_cache_do_not_block(tmp_path):
-    store = Store(tmp_path)
-    store.save(KEY, 1, stage="a", label="a")
-    nested(tmp_path / "evicted.jsonl")
-    assert store.removals() == {}
-    (tmp_path / "evicted.jsonl").unlink()
-    os.mkfifo(tmp_path / "evicted.jsonl")
-    assert store.removals() == {}
-    assert collect(store, 0).removed == 1
-
-
 def test_a_value_that_has_grown_is_not_read(tmp_path):
     store = Store(tmp_path)
     store.save(KEY, 1)

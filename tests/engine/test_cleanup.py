@@ -60,7 +60,6 @@ def test_the_least_recently_used_go_first(store):
     assert left(store) == [KEYS[0], KEYS[3], KEYS[4]]
     assert (collection.removed, collection.kept, collection.in_use) == (2, 3, 0)
     assert collection.kept_size == sum(one.size for one in entries(store))
-    assert store.removals() == dict.fromkeys(KEYS[1:3], "removed")
     assert list((store.folder / "tmp").iterdir()) == []
 
 
@@ -73,7 +72,6 @@ def test_a_dry_run_removes_nothing(store):
     collection = collect(store, max_size=0, dry_run=True)
     assert collection.removed == 5 and collection.removed_size > 40_000
     assert left(store) == KEYS
-    assert store.removals() == {}
 
 
 def test_entries_in_use_stay(store):
@@ -164,7 +162,6 @@ def test_bad_entries_are_named_and_removed(store):
         "value.joblib is missing",
     ]
     assert left(store) == [KEYS[0], KEYS[2]] and all(fault.removed for _, fault in bad)
-    assert store.removals() == dict.fromkeys((KEYS[1], KEYS[3], KEYS[4]), "damaged")
 
 
 def test_a_bad_entry_that_cannot_be_removed(store, monkeypatch):
