@@ -82,10 +82,9 @@ SENTENCES = {
 }
 WRONG = [
     "road_user=null", "road_user=[car]", "rig={width: 3}", "~rig.width", "~path",
-    "rig.baseline=-0.3", "road.least_height=3.5", "free_space.free_cost=2", "rig.width=3.5",
-    "rig.width=wide", "rig.width='640'", "rig.width=", "rig.width=true", "rig.width=null",
+    "rig.baseline=-0.3", "rig.width='640'", "rig.width=", "rig.width=true", "rig.width=null",
     "source=folder", "rig.width=[1]", "tracker.length_scale=1e-12", "rig.baseline=nan",
-    "rig.baseline=inf", "seed=-1", "stereo.disparities=100", "path.start=[1]",
+    "rig.baseline=inf", "stereo.disparities=100", "path.start=[1]",
     "path.start=[1,a]", "pictures.frames=3", "seed=0,1", "path=turn,circle",
     "rig.width=range(64,90)", "seed=choice(1,2)", "path=glob(*)", "~tracker", "rig.width=[",
     "rig.width={a:1", "rig.width='a", "rig.width=${rig.width}", "rig.width=${pace}",
@@ -157,12 +156,6 @@ def test_near_misses_of_options(group, capsys):
             assert f"{group}={option}" in say_one_line(words, capsys)
 
 
-@pytest.mark.parametrize("name", list(known_keys())[::9])
-def test_near_misses_of_keys(name, capsys):
-    assert "unknown key" in say_one_line([f"{name}q=1"], capsys)
-    assert "give it once" in say_one_line([f"{name}=1", f"{name}=1"], capsys)
-
-
 def chosen(key) -> list[str]:
     """Options with which there is such a key."""
     return [f"{group}={options_of_kind(group, kind)[0]}" for group, kind in key.owners]
@@ -178,15 +171,6 @@ def wrong_value(key) -> Any:
     """A value of the wrong type, or far out of range, as it is typed."""
     words = describe(key.annotation)
     return "{a: 1}" if words.startswith("text") else "-1e9" if "number" in words else "xyzzy"
-
-
-@pytest.mark.parametrize("name", list(known_keys())[::8])
-def test_wrong_values(name, capsys):
-    key = known_keys()[name][0]
-    choice = chosen(key)
-    said = say_one_line([*choice, f"{name}={wrong_value(key)}"], capsys)
-    assert said.startswith(f"stixel: {name}")
-    assert "must be" in said
 
 
 OVERRIDES = ("run", "sweep", "sweep --dry-run", "explain")
