@@ -51,7 +51,7 @@ class DaskPool(Pool):
         self._threads = 0
         self._waiting_since: float | None = None
         self._noted = False
-        # What fails, also Ctrl-C, does not wait until the workers have started.
+        # What fails here, also Ctrl-C, closes what is open.
         with ExitStack() as opened:
             opened.enter_context(_silence())
             self._client = opened.enter_context(_client(executor))
