@@ -64,7 +64,6 @@ ALLOWED = {
     ("engine/store.py", "dump"): "an entry of the cache",
     ("engine/store.py", "write_bytes"): "an entry of the cache",
     ("engine/store.py", "touch"): "a probe of the cache",
-    ("engine/store.py", "open"): "the list of removed entries of the cache",
     ("engine/task.py", "save"): "of the store",
     ("cli/errors.py", "write_text"): "the log of a crash, named by time",
     ("cli/errors.py", "open"): "the null device",

@@ -58,6 +58,8 @@ def value_text(value: Any) -> str:
         case str():
             if _PLAIN_WORD.fullmatch(value) and value.lower() not in _WORDS_WITH_MEANING:
                 return value
+            if not {"'", "\\"}.intersection(value):
+                return f"'{value}'"  # Hydra takes 0.2 s to import.
             from hydra.core.override_parser.types import Quote, QuotedString
 
             return QuotedString(text=value, quote=Quote.single).with_quotes()
