@@ -103,6 +103,7 @@ def test_stored_configuration_comes_back(default):
         (lambda plain: plain["path"].update(kind="loop"), "path: its kind is unknown"),
         (lambda plain: plain.update(rig=3), "rig: 3 is a whole number"),
         (lambda plain: plain.update(rig=None), "rig: has no value"),
+        (lambda plain: plain.update(source=16), "a whole number: must be a group of keys"),
         (lambda plain: plain["rig"].update(baseline=-1), "must be ≥ 0.001 and ≤ 5"),
         (lambda plain: plain["road_user"].update(mesh="\udcff"), "not UTF-8"),
         (lambda plain: plain["road_user"].update(mesh=object), "not plain"),
