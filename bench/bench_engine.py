@@ -23,7 +23,7 @@ from stixel_cli.engine.execute import execute
 from stixel_cli.engine.explain import explain
 from stixel_cli.engine.graph import GraphBuilder, build_graph, merge
 from stixel_cli.engine.keys import Stage
-from stixel_cli.engine.parameters import DaskExecutor, LocalExecutor, ThreadsExecutor
+from stixel_cli.engine.parameters import LocalExecutor, ThreadsExecutor
 from stixel_cli.engine.plan import plan
 from stixel_cli.engine.store import Store
 
@@ -32,7 +32,6 @@ EXECUTORS = {
     "serial": None,
     "local": LocalExecutor("local", 2, None),
     "threads": ThreadsExecutor("threads", 2),
-    "dask": DaskExecutor("dask", 2, None, None),
 }
 STAGES = """
 import numpy as np
@@ -72,12 +71,9 @@ def test_plain_calls(benchmark, graph):
 
 
 @pytest.mark.benchmark(group="200 empty nodes")
-@pytest.mark.parametrize("executor", ["serial", "threads", "local", "dask"])
-def test_overhead_of_a_node(benchmark, graph, tmp_path, executor, monkeypatch):
+@pytest.mark.parametrize("executor", EXECUTORS)
+def test_overhead_of_a_node(benchmark, graph, tmp_path, executor):
     """Time with the start of the workers; the extra info has milliseconds per node."""
-    if executor == "dask":
-        pytest.importorskip("distributed")
-        monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     folders = (Store(tmp_path / f"cache-{i}") for i in itertools.count())
     # Unknown durations, so that `local` starts its workers.
     benchmark.pedantic(
@@ -89,12 +85,9 @@ def test_overhead_of_a_node(benchmark, graph, tmp_path, executor, monkeypatch):
 
 
 @pytest.mark.benchmark(group="400 more nodes")
-@pytest.mark.parametrize("executor", ["serial", "threads", "local", "dask"][: sized(None, 2)])
-def test_overhead_without_the_start(benchmark, tmp_path, executor, monkeypatch, graph):
+@pytest.mark.parametrize("executor", [*EXECUTORS][: sized(None, 2)])
+def test_overhead_without_the_start(benchmark, tmp_path, executor, graph):
     """Time per node of 600 nodes minus 200 nodes, so without the start of the workers."""
-    if executor == "dask":
-        pytest.importorskip("distributed")
-        monkeypatch.setenv("PYTHONPATH", str(tmp_path))
 
     def seconds(nodes, seed):
         stages = [

@@ -114,7 +114,6 @@ def sweep(
     file: Path | str | None = None,
     results: Path | str | None = None,
     name: str | None = None,
-    shuffle: int | None = None,
     pictures: bool = False,
     workers: int | None = None,
     cache: Path | str | None = None,
@@ -133,7 +132,6 @@ def sweep(
         file: with axes, seeds and excluded runs: a path, or the name of a shipped file.
         results: parent of the sweep's folder; None to write nothing.
         name: of that folder; None for a name from the file's name and the time.
-        shuffle: seed of the order of execution; None for the order of the axes.
         pictures: draw the pictures of every run.
         workers: None for the number in the configuration.
         cache: folder of the cache; None for the one in the configuration.
@@ -154,7 +152,7 @@ def sweep(
 
     texts = [*_texts((*overrides, settings), last_wins), *_of_this_machine(workers, cache)]
     file = None if file is None else str(file)
-    design = sweep_design(texts, file, shuffle, trust_code=trust_code)
+    design = sweep_design(texts, file, trust_code=trust_code)
     results = None if results is None else Path(results)
     result = new_sweep(design, results, name, pictures, visible=_visible())
     update_index(results)

@@ -3,7 +3,7 @@
 No other module imports by name, unpickles, connects to an address, or opens a file for writing,
 except where `tests/test_border.py` lists it with the reason. A name of code, a folder of pickles
 and an address come with their `Origin`, which decides; a path of output must lie below the folder
-that the command writes. docs/security.md has `RULES` as its table.
+that the command writes: docs/security.md has the rules.
 """
 
 import os
@@ -22,26 +22,6 @@ from stixel_cli.errors import ConfigurationError, UserError, printable, printabl
 
 if TYPE_CHECKING:
     from distributed import Client
-
-RULES = (
-    (
-        "run code: import a module",
-        "`tracker`, `measurement`, `metrics`, `code_folders`; `module` of a study",
-        "only with `--trust-code`, or from a result folder that you made here and did not change; "
-        "a study may use code of shipped ones",
-    ),
-    (
-        "unpickle results, or connect to a scheduler, which sends pickles",
-        "`cache.folder`, `executor.address`",
-        "only with `--trust-code`; never from a result folder: those of the command are used",
-    ),
-    (
-        "write a file",
-        "names of sequences, rows, tables, figures and further files",
-        "only below the folder that the command writes, never through a link out of it",
-    ),
-)
-"""What a name can do, where files have such names, and when one from a file may."""
 
 MOST_SHOWN = 2000
 """Characters of the names of code in one line: somebody reads them before he trusts them."""

@@ -259,8 +259,8 @@ def rig_of(rig: RigLike, shape: tuple[int, int], any_height: bool = False) -> Ri
         fault = min(error.errors(), key=lambda one: one["type"] != unexpected)
         got = "" if fault["type"] == "missing" else f", got {fault['input']!r}"
         name = "".join(f"{part}: " for part in fault["loc"])
-        names = [field.name for field in fields(Rig)] if fault["type"] == unexpected else ()
-        meant = counterpart(str(fault["loc"][-1]), names)
+        names = [field.name for field in fields(Rig)]
+        meant = counterpart(fault["loc"][-1], names) if fault["type"] == unexpected else ""
         raise ArgumentError(f"rig: {name}{plain_fault(fault)}{got}{meant}") from None
     except (TypeError, ValueError, UserError) as fault:
         raise ArgumentError(f"rig: {fault}".replace("rig: rig.", "rig: ")) from None

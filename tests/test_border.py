@@ -8,12 +8,11 @@ from pathlib import Path
 import pytest
 
 import stixel_cli
-from stixel_cli.border import RULES, TYPED, Origin, admit, forget_told, imported, write_below
+from stixel_cli.border import TYPED, Origin, admit, forget_told, imported, write_below
 from stixel_cli.config.overrides import Override
 from stixel_cli.errors import ConfigurationError, UserError
 
 PACKAGE = Path(stixel_cli.__file__).parent
-SECURITY = PACKAGE.parent / "docs" / "security.md"
 
 IMPORTS = {"import_module", "__import__", "spec_from_file_location", "exec", "eval", "run_path"}
 IMPORTS |= {"exec_module", "run_module", "resolve_name", "SourceFileLoader", "get_method"}
@@ -65,7 +64,6 @@ ALLOWED = {
     ("engine/store.py", "dump"): "an entry of the cache",
     ("engine/store.py", "write_bytes"): "an entry of the cache",
     ("engine/store.py", "touch"): "a probe of the cache",
-    ("engine/store.py", "open"): "the list of removed entries of the cache",
     ("engine/task.py", "save"): "of the store",
     ("cli/errors.py", "write_text"): "the log of a crash, named by time",
     ("cli/errors.py", "open"): "the null device",
@@ -138,12 +136,6 @@ def test_no_reader_of_files_calls_a_name_typed(nodes):
     assert composing == {*COMPOSES}
     with pytest.raises(TypeError):
         Override("tracker=evil:track", "tracker")
-
-
-def test_the_page_on_security_has_the_table():
-    lines = ["| what a name can do | where files have one | from a file |", "|---|---|---|"]
-    table = "\n".join([*lines, *(f"| {' | '.join(rule)} |" for rule in RULES)])
-    assert f"\n{table}\n" in SECURITY.read_text("utf-8"), table
 
 
 def test_a_name_from_a_file_needs_trust_and_is_told_once(capsys):

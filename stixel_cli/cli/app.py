@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from typing import Annotated, Any
 
 import typer
-from typer.core import TyperCommand, TyperGroup
+from typer.core import TyperGroup
 
 from stixel_cli.cli.assess import assess
 from stixel_cli.cli.bench import app as bench
@@ -22,7 +22,7 @@ from stixel_cli.cli.machine import doctor
 from stixel_cli.cli.new import app as new
 from stixel_cli.cli.plan import explain
 from stixel_cli.cli.report import report
-from stixel_cli.cli.run import help_of_run, run
+from stixel_cli.cli.run import run
 from stixel_cli.cli.stixels import stixels
 from stixel_cli.cli.study import study
 from stixel_cli.cli.sweep import sweep
@@ -68,13 +68,6 @@ class _Commands(TyperGroup):
             return super().invoke(context)
         except KeyboardInterrupt:
             raise Interrupted from None
-
-
-class _Run(TyperCommand):
-    def format_help(self, context: Any, formatter: Any) -> None:
-        """Look up the options only where they are printed."""
-        self.help = help_of_run()
-        super().format_help(context, formatter)
 
 
 # Without Rich the help takes half the time, and no boxes surround the one line of an error.
@@ -142,8 +135,7 @@ def stixel(
     \b
     Begin with:
       stixel run measurement=fabricated   a run of a few seconds
-      stixel run --help                   what can be chosen
-      stixel describe                     what each group means
+      stixel describe                     what can be chosen
     """
 
 
@@ -151,5 +143,4 @@ for _name, _command in ((n, c) for group in _GROUPS.values() for n, c in group.i
     if isinstance(_command, typer.Typer):
         app.add_typer(_command, name=_name)
     else:
-        _class = _Run if _command is run else None
-        app.command(_name, cls=_class)(_command)
+        app.command(_name)(_command)

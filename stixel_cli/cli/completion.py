@@ -1,8 +1,4 @@
-"""Shell completion of overrides, from the text of the files of `conf/`.
-
-Zsh and Fish show the schema's meaning next to each word. Bash cannot, and completes without reading
-the schema.
-"""
+"""Shell completion of overrides, from the text of the files of `conf/`; no schema is read."""
 
 import os
 
@@ -19,54 +15,13 @@ from stixel_cli.config.folders import (
 from stixel_cli.config.texts import override_text, split_override
 from stixel_cli.errors import UserError
 
-Words = list[str] | list[tuple[str, str]]
-"""Words to complete to; for a shell that shows it, each with its meaning."""
 
-_SHOW_MEANING = ("complete_zsh", "complete_fish")
-"""Values of Typer's variable in shells that show a text next to a word."""
-
-
-def complete_override(incomplete: str) -> Words:
+def complete_override(incomplete: str) -> list[str]:
     """Complete to groups with their options, or to keys with their values.
 
-    After a comma, as in a sweep, complete to a further option of the group.
+    After a comma, as in a sweep, complete to a further option of the group. Bash splits words at
+    `=` and expects the part after it.
     """
-    return _with_meaning(_overrides(incomplete))
-
-
-def complete_setting(incomplete: str) -> Words:
-    """Complete to groups, options and keys, without values."""
-    words = _overrides(incomplete)
-    return _with_meaning([w.removesuffix("=") for w in words if w.endswith("=") or "." not in w])
-
-
-def _with_meaning(words: list[str]) -> Words:
-    if os.environ.get("_STIXEL_COMPLETE") not in _SHOW_MEANING:
-        return words
-    from textwrap import shorten
-
-    # Typer breaks longer texts into lines, which Zsh would show as words.
-    return [(word, shorten(_meaning(word), 72, placeholder=" …")) for word in words]
-
-
-def _meaning(word: str) -> str:
-    """What `stixel describe` prints first of a group, an option or a key; "" if it has no text."""
-    from stixel_cli.config.descriptions import describe_key, meaning_of_group, meaning_of_option
-
-    key, values = split_override(word)
-    option = values.rpartition(",")[2]
-    if option in group_options().get(key, ()):
-        return meaning_of_option(key, option)
-    if key in group_options():
-        return meaning_of_group(key)
-    try:
-        return describe_key(key)[0].meaning
-    except KeyError:
-        return ""
-
-
-def _overrides(incomplete: str) -> list[str]:
-    """The words of `complete_override`. Bash splits words at `=` and expects the part after it."""
     words, group = _words_in_bash(incomplete)
     before = f"{group}=" if group else ""
     try:
@@ -76,10 +31,16 @@ def _overrides(incomplete: str) -> list[str]:
     return [word.removeprefix(before) for word in matches if word != before]
 
 
+def complete_setting(incomplete: str) -> list[str]:
+    """Complete to groups, options and keys, without values."""
+    words = complete_override(incomplete)
+    return [w.removesuffix("=") for w in words if w.endswith("=") or "." not in w]
+
+
 def complete_study(incomplete: str) -> list[str]:
     """Complete to names of studies, and to overrides as in a sweep."""
     studies = [name for name in (*STUDIES, "all") if name.startswith(incomplete)]
-    return studies + (_overrides(incomplete) if incomplete else [])
+    return studies + (complete_override(incomplete) if incomplete else [])
 
 
 def complete_folder(incomplete: str) -> list[str]:
@@ -104,7 +65,7 @@ def complete_folder(incomplete: str) -> list[str]:
 
 def complete_run_or_override(incomplete: str) -> list[str]:
     """Complete to result folders and overrides."""
-    return [*_overrides(incomplete), *complete_folder(incomplete)]
+    return [*complete_override(incomplete), *complete_folder(incomplete)]
 
 
 def _words_in_bash(incomplete: str) -> tuple[list[str], str]:

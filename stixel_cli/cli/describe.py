@@ -9,7 +9,13 @@ import typer
 from stixel_cli.cli.completion import complete_setting
 from stixel_cli.cli.options import argument
 from stixel_cli.cli.terminal import print_table, say
-from stixel_cli.config.folders import default_option, group_options, options_default_first
+from stixel_cli.config.folders import (
+    ENTRY_POINTS,
+    default_option,
+    group_options,
+    installed_functions,
+    options_default_first,
+)
 from stixel_cli.config.texts import split_override
 from stixel_cli.errors import ConfigurationError, UserError
 
@@ -98,7 +104,8 @@ def _print_groups() -> None:
     from stixel_cli.config.descriptions import groups, meaning_of_group, settings_of_top
 
     rows = [
-        (name, " ".join(options_default_first(name)), meaning_of_group(name)) for name in groups()
+        (name, " ".join([*options_default_first(name), *_installed(name)]), meaning_of_group(name))
+        for name in groups()
     ]
     print_table(("group", "options (default first)", "meaning"), rows)
     say("")
@@ -144,6 +151,7 @@ def _print_key(name: str) -> None:
             say("")
         rows = [("range", key.range), ("default", _values(key))]
         rows.append(("belongs to", " ".join(key.belongs_to)))
+        rows.append(("of installed packages", " ".join(_installed(name))))
         rows.append(("read by", _listed([*readers(name), *key.followers])))
         print_table((name, key.meaning), [row for row in rows if row[1]])
 
@@ -165,6 +173,11 @@ def _print_metric(name: str) -> None:
         ("over runs", row.over_runs or "the mean, with its 95 % interval"),
     ]
     print_table((name, row.label), [row for row in rows if row[1]])
+
+
+def _installed(name: str) -> list[str]:
+    """The functions of installed packages that are options of a group or values of a key."""
+    return [*installed_functions(name)] if name in ENTRY_POINTS else []
 
 
 def _values(key: "Key") -> str:

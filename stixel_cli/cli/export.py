@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from stixel_cli.cli.options import Folder, TrustCode, Workers
+from stixel_cli.cli.options import Folder, TrustCode, Workers, new_file
 from stixel_cli.cli.run import stored_run
 from stixel_cli.cli.terminal import say
 from stixel_cli.errors import UserError
@@ -58,7 +58,7 @@ def export(
     known = NAMES.split("|")
     if format not in known:
         raise UserError(f"--format: {format!r} is not known: must be one of {', '.join(known)}")
-    target = Path(f"{folder.resolve().name}-{format}") if output is None else output
+    target = new_file(Path(f"{folder.resolve().name}-{format}") if output is None else output)
     if format == "mlflow":
         export_mlflow(folder.resolve(), target.absolute())
     else:

@@ -6,8 +6,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from stixel_cli.cli.completion import complete_folder
 from stixel_cli.cli.errors import tell
 from stixel_cli.cli.options import Json, argument
@@ -28,9 +26,6 @@ def ls(
         list[Path] | None,
         argument("Folder to search (default: results), runs or a sweep.", "DIR", complete_folder),
     ] = None,
-    code: Annotated[
-        bool, typer.Option("--code", help="Also print the difference of the source of two runs.")
-    ] = False,
     json: Json = False,
 ) -> int:
     """List runs and sweeps, show one, or compare several.
@@ -48,10 +43,8 @@ def ls(
     from stixel_cli.results.reader import MANIFEST, SWEEP_FILE
 
     folders = folders or [Path("results")]
-    if code and len(folders) != 2:
-        raise UserError(f"--code compares two result folders, got {len(folders)}")
     if len(folders) > 1:
-        _compare(folders, code, json)
+        _compare(folders, json)
     elif (folders[0] / SWEEP_FILE).exists():
         _show_sweep(folders[0], json)
     elif (folders[0] / MANIFEST).exists():
@@ -159,12 +152,12 @@ def _show_sweep(folder: Path, json: bool) -> None:
         _list(folder / "runs", json)
 
 
-def _compare(folders: Sequence[Path], code: bool, json: bool) -> None:
+def _compare(folders: Sequence[Path], json: bool) -> None:
     """Print the settings and metrics in which runs differ."""
     from stixel_cli.evaluation.metric_table import main_first, metric
     from stixel_cli.report.compare import run_labels
     from stixel_cli.report.metrics import shown_value
-    from stixel_cli.results.differences import code_differences, differing_settings
+    from stixel_cli.results.differences import differing_settings
     from stixel_cli.results.result import read_run
 
     labels = run_labels(folders)
@@ -174,14 +167,13 @@ def _compare(folders: Sequence[Path], code: bool, json: bool) -> None:
     names = main_first(dict.fromkeys(name for run in runs for name in run.metrics))
     metrics = {name: [run.metrics.get(name) for run in runs] for name in names}
     differing = {name: values for name, values in metrics.items() if len(set(values)) > 1}
-    changed = code_differences(*folders, tuple(labels)) if code else []
     if json:
         answer = {
             "folders": [str(folder) for folder in folders],
             "settings": {k: dict(zip(labels, v, strict=True)) for k, v in settings.items()},
             "metrics": {k: dict(zip(labels, v, strict=True)) for k, v in differing.items()},
         }
-        print_json(answer | ({"code": changed} if code else {}))
+        print_json(answer)
         return
     if differing:
         rows = []
@@ -199,9 +191,6 @@ def _compare(folders: Sequence[Path], code: bool, json: bool) -> None:
         print_table(("setting", *labels), rows, leave_out=from_third)
     else:
         say("the settings are the same")
-    if code:
-        say("")
-        say(*(changed or ["the code is the same"]))
 
 
 def _provenance(run: "RunResult") -> list[tuple[str, str]]:

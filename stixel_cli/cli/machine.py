@@ -9,7 +9,7 @@ import typer
 from stixel_cli.cli.errors import tell
 from stixel_cli.cli.options import Json
 from stixel_cli.cli.terminal import print_json, print_table, say
-from stixel_cli.errors import UserError
+from stixel_cli.errors import UserError, counted
 
 if TYPE_CHECKING:
     from stixel_cli.engine.cleanup import Collection
@@ -157,8 +157,7 @@ def clear(
     if not yes and not _confirmed(store):
         tell("nothing was removed")
         return 1
-    # An empty cache, too, is larger than this.
-    _print_collection(store, collect(store, -1), "removed", json)
+    _print_collection(store, collect(store, max_size=0), "removed", json)
     return 0
 
 
@@ -197,9 +196,7 @@ def _confirmed(store: "Store") -> bool:
         )
     listed = entry_folders(store)
     size = show_size(sum(entry.size for entry in listed))
-    sys.stderr.write(f"remove {len(listed)} results, {size}, from {store.folder}? [y/N] ")
-    sys.stderr.flush()
-    return sys.stdin.readline().strip().lower() in ("y", "yes")
+    return typer.confirm(f"remove {len(listed)} results, {size}, from {store.folder}?", err=True)
 
 
 def _print_collection(store: "Store", done: "Collection", verb: str, json: bool) -> None:
@@ -213,6 +210,9 @@ def _print_collection(store: "Store", done: "Collection", verb: str, json: bool)
         f"{store.folder}: {done.removed} results, {show_size(done.removed_size)}, {verb}; "
         f"{done.kept} results, {show_size(done.kept_size)}, kept{used}"
     )
+    if done.left:
+        left, size = counted(done.left, "item"), show_size(done.left_size)
+        say(f"no results, such as files of killed processes: {left}, {size}, {verb}")
 
 
 def _ago(moment: float) -> str:

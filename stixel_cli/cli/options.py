@@ -126,9 +126,6 @@ ImagesOrRecording = Annotated[
     ),
 ]
 Folder = Annotated[Path, argument("Result folder of a run.", "FOLDER", complete_folder)]
-RunOrSweep = Annotated[
-    Path, argument("Result folder of a run or a sweep.", "FOLDER", complete_folder)
-]
 Folders = Annotated[list[Path], argument("Result folders of runs.", "FOLDER", complete_folder)]
 Name = Annotated[
     str | None,

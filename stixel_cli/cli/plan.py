@@ -160,7 +160,7 @@ def _asked(
     if folder and (folder / SWEEP_FILE).exists():
         request = SweepFolder(folder).request()
         runs = stored_runs(request, (), TYPED, imports=False)
-        plan = planned_sweep(runs, None, request.pictures, request.nodes)
+        plan = planned_sweep(runs, request.pictures, request.nodes)
         return plan, [read_lineage(run) for run in folder.glob("runs/*")]
     if folder:
         stored = read_stored_run(folder)
@@ -168,7 +168,7 @@ def _asked(
     design = sweep_design(what, file, one_is_enough=True, trust_code=trust_code)
     runs = design_runs(design)
     if design.axes:
-        return planned_sweep(runs, None, pictures=False), ()
+        return planned_sweep(runs, pictures=False), ()
     return planned_run(runs[0].composition), ()
 
 

@@ -1,7 +1,6 @@
 """`stixel run`: run one experiment."""
 
 import sys
-import textwrap
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -11,8 +10,6 @@ import typer
 from stixel_cli.cli import options
 from stixel_cli.cli.errors import tell
 from stixel_cli.cli.terminal import print_json, print_table, say, say_wrapped
-from stixel_cli.config.folders import ENTRY_POINTS, group_options, installed_functions
-from stixel_cli.errors import UserError
 
 if TYPE_CHECKING:
     from stixel_cli.config.compose import Composition
@@ -43,7 +40,24 @@ def run(
 ) -> int:
     """Run one experiment.
 
-    `help_of_run` is the rest of its help.
+    It renders the scene, measures the road user, tracks it, scores the track and draws pictures.
+    Stages whose results are in the cache are not computed again.
+
+    With a result folder in place of overrides, it repeats the run of that folder. The new folder is
+    FOLDER-rerun, and the time. Executor and cache are those of this machine, all other settings are
+    those of the folder.
+
+    `stixel describe` lists all groups with their options, `stixel describe GROUP` its keys. A
+    tracker, a measurement and metrics may be your own functions, tracker=MODULE:FUNCTION.
+
+    \b
+    Examples:
+      stixel run
+      stixel run road_user=pedestrian path=crossing
+      stixel run measurement=fabricated tracker.length_scale=0.6 seed=3
+      stixel run rig=kitti stereo=bm --name kitti-bm
+      stixel run path=waypoints 'path.points=[[0,12],[3,15],[0,20]]' --workers 2
+      stixel run results/kitti-bm
     """
     from stixel_cli.config.compose import compose
     from stixel_cli.engine.progress import make_progress
@@ -89,62 +103,6 @@ def _print_plan(composition: "Composition", json: bool) -> None:
         return
     sys.stdout.write(yaml.safe_dump(composition.resolved, sort_keys=False, allow_unicode=True))
     print_plan(plan)
-
-
-def help_of_run() -> str:
-    """The help of `stixel run`, with the groups of `conf/`."""
-    try:
-        groups = group_options()
-        installed = {group: installed_functions(group) for group in ENTRY_POINTS}
-    except (OSError, UserError):
-        groups, installed = {}, {}
-    names = [f"{group}={'|'.join(points)}" for group, points in installed.items() if points]
-    many = [
-        line.replace("| ", "|")
-        for name, these in groups.items()
-        if len(these) > 1
-        for line in textwrap.wrap(
-            f"{name}={'| '.join(these)}", 90, initial_indent="  ", subsequent_indent="    "
-        )
-    ]
-    single = ", ".join(name for name, these in groups.items() if len(these) == 1)
-    one_option = textwrap.wrap(
-        f"with one option each: {single}", 76, initial_indent="  ", subsequent_indent="    "
-    )
-    groups_text = "\n".join([*many, *one_option])
-    user = "  tracker=MODULE:FUNCTION measurement=MODULE:FUNCTION metrics=[MODULE:FUNCTION,…]"
-    user_text = "\n".join([user, *(f"  of installed packages: {text}" for text in names)])
-    return f"""Run one experiment.
-
-It renders the scene, measures the road user, tracks it, scores the track and draws pictures.
-Stages whose results are in the cache are not computed again.
-
-With a result folder in place of overrides, it repeats the run of that folder. The new folder is
-FOLDER-rerun, and the time. Executor and cache are those of this machine, all other settings are
-those of the folder.
-
-\b
-Groups and their options:
-{groups_text}
-
-\b
-Your own (tutorial 4):
-{user_text}
-
-\b
-Keys of the chosen options, for example:
-  rig.width rig.horizontal_fov rig.baseline path.speed path.duration
-  tracker.basis_points tracker.length_scale tracker.sigma_f seed
-  (stixel describe KEY explains one, stixel run --dry-run prints all of them)
-
-\b
-Examples:
-  stixel run
-  stixel run road_user=pedestrian path=crossing
-  stixel run measurement=fabricated tracker.length_scale=0.6 seed=3
-  stixel run rig=kitti stereo=bm --name kitti-bm
-  stixel run path=waypoints 'path.points=[[0,12],[3,15],[0,20]]' --workers 2
-  stixel run results/kitti-bm"""
 
 
 def stored_run(folder: Path, workers: int | None, trust_code: bool) -> "RunResult":

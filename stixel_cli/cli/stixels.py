@@ -22,7 +22,9 @@ def stixels(
     rig: RigFile = None,
     output: Annotated[
         Path | None,
-        typer.Option(help="New folder (default: stixels-NAME).", metavar="FOLDER"),
+        typer.Option(
+            help="New folder (default: named after the image or the recording).", metavar="FOLDER"
+        ),
     ] = None,
     workers: Workers = None,
 ) -> int:
@@ -46,9 +48,10 @@ def stixels(
     given = recording_overrides("stixels", arguments or [], {"calibration": rig})
     if not given:
         raise UserError("stixels needs two images, LEFT and RIGHT, or the folder of a recording")
-    named = Path(next((word for word in arguments if "=" not in word), "run")).resolve()
-    target = new_file(Path(f"stixels-{named.stem}") if output is None else output)
     composition = compose(with_workers(given, workers))
+    source = composition.resolved["source"]
+    named = Path(source.get("left") or source.get("folder") or "run").stem
+    target = new_file(Path(f"stixels-{named}") if output is None else output)
     wanted = ["stixels", "camera_pictures"]
     with computed_stages(composition, wanted, make_progress()) as (_, load):
         chunks, drawn = map(load, wanted)

@@ -27,10 +27,6 @@ def sweep(
     name: options.Name = None,
     results: options.Results = Path("results"),
     workers: options.Workers = None,
-    shuffle: Annotated[
-        int | None,
-        typer.Option(min=0, metavar="SEED", help="Shuffle the order of the runs with this seed."),
-    ] = None,
     resume: Annotated[
         Path | None,
         typer.Option(
@@ -74,20 +70,20 @@ def sweep(
     started = time.perf_counter()
     words = options.with_workers(overrides or [], workers)
     if resume is not None:
-        given = {"--from": file, "--name": name, "--shuffle": shuffle}
-        given |= {"--over": over, "--pictures": pictures or None, "--dry-run": dry_run or None}
+        given = {"--from": file, "--name": name, "--over": over}
+        given |= {"--pictures": pictures or None, "--dry-run": dry_run or None}
         for option in (option for option, value in given.items() if value is not None):
             raise UserError(f"--resume continues the sweep of that folder: leave out {option}")
         names = origin_of(resume, trust_code)
         result = resumed_sweep(resume, words, names, True, note=tell, fail_fast=fail_fast)
     elif dry_run:
         check_results(results, name)
-        design = sweep_design(words, file, shuffle, trust_code=trust_code, over=over or SEED)
-        plan = planned_sweep(design_runs(design, imports=False), shuffle, pictures)
+        design = sweep_design(words, file, trust_code=trust_code, over=over or SEED)
+        plan = planned_sweep(design_runs(design, imports=False), pictures)
         print_plan(plan, design.axes, json)
         return 0
     else:
-        design = sweep_design(words, file, shuffle, trust_code=trust_code, over=over or SEED)
+        design = sweep_design(words, file, trust_code=trust_code, over=over or SEED)
         result = new_sweep(design, results, name, pictures, True, tell, not json, fail_fast)
     _report(result, json, time.perf_counter() - started)
     update_index(result.folder.absolute().parent)

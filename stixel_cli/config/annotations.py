@@ -79,6 +79,8 @@ def choices(annotation: Any) -> tuple[str, ...]:
 def describe(annotation: Any) -> str:
     """The valid values of a key in words: `a number > 0 and ≤ 5, or null`."""
     members = alternatives(annotation)
+    if len(classes_in(annotation)) > 1:
+        return "a group of keys"  # The kind decides which.
     if len(members) > 1:
         return ", or ".join(map(describe, members))
     bare = _bare(annotation)

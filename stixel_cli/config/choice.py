@@ -104,8 +104,8 @@ def _joined(chosen: tuple[tuple[str, str], ...], state: str) -> Choice | None:
     if len(chosen) < 2 or folders.PRESETS.folder is not None:
         return None
     experiment = dict(chosen).get(folders.EXPERIMENT)
-    its = {} if experiment is None else set_by_experiment(experiment)
-    together = dict.fromkeys(map(folders.outermost_group, its), folders.EXPERIMENT)
+    set_together = () if experiment is None else set_by_experiment(experiment)
+    together = dict.fromkeys(map(folders.outermost_group, set_together), folders.EXPERIMENT)
     parts: dict[str, list[tuple[str, str]]] = {}
     for group, option in chosen:
         name = folders.outermost_group(group)
@@ -113,31 +113,23 @@ def _joined(chosen: tuple[tuple[str, str], ...], state: str) -> Choice | None:
     if len(parts) < 2:
         return None
     default = compose_options((), state)
-    plain, options = dict(default.plain), dict(default.options)
-    given = {folders.outermost_group(group) for group, _ in chosen}
-    changed: set[str] = set()
-    try:
-        alone = {name: compose_options(tuple(own), state) for name, own in parts.items()}
-    except ConfigurationError:
-        return None
-    for name, choice in alone.items():
-        own = {name, *(together if name == folders.EXPERIMENT else ())}
-        followers = {
-            folders.outermost_group(group)
-            for group, option in choice.options.items()
-            if option != default.options.get(group)
-        }
-        own |= followers - given
-        if changed & own:
+    plain, options = default.plain, default.options
+    given, changed = {folders.outermost_group(group) for group, _ in chosen}, set[str]()
+    for name, own in parts.items():
+        try:
+            alone = compose_options(tuple(own), state)
+        except ConfigurationError:
             return None
-        changed |= own
-        plain |= {section: choice.plain[section] for section in own & choice.plain.keys()}
-        options = {
-            group: option
-            for both in (options, choice.options)
-            for group, option in both.items()
-            if (both is choice.options) == (folders.outermost_group(group) in own)
-        }
+        differing = (g for g, o in alone.options.items() if o != default.options.get(g))
+        groups = {*map(folders.outermost_group, differing)} - given
+        groups |= {name, *(together if name == folders.EXPERIMENT else ())}
+        if changed & groups:
+            return None
+        changed |= groups
+        plain = plain | {section: alone.plain[section] for section in groups & alone.plain.keys()}
+        # An inner group of another option goes with its outer one.
+        options = {g: o for g, o in options.items() if folders.outermost_group(g) not in groups}
+        options |= {g: o for g, o in alone.options.items() if folders.outermost_group(g) in groups}
     return Choice(plain, {g: options[g] for g in folders.group_options() if g in options})
 
 

@@ -73,7 +73,7 @@ def unknown_key(
         hint = f"; {group} has {', '.join(its) or 'no keys'}"
         hint = hint if len(its) < 20 else f"; `stixel describe {group}` lists its keys"
     elif not hint:
-        hint = "; `stixel run --help` lists the groups, `stixel run --dry-run` every key"
+        hint = "; `stixel describe` lists the groups, `stixel run --dry-run` every key"
     return f"{name}: unknown key{hint}"
 
 

@@ -3,7 +3,6 @@
 Hydra's parser is not public: the project pins Hydra.
 """
 
-import copy
 import itertools
 import re
 from collections.abc import Iterator
@@ -36,13 +35,7 @@ _PLAIN = re.compile(
 )
 """Most overrides: one word or number. Hydra takes 0.2 s to import."""
 
-_SWEEPS = {
-    "choice": "choice(A,B)",
-    "range": "range(START,STOP,STEP)",
-    "glob": "glob(PATTERN)",
-    "sort": "sort(A,B)",
-    "interval": "range(START,STOP,STEP)",
-}
+_SWEEPS = ("choice", "range", "glob", "sort", "interval")
 
 
 @dataclass(frozen=True)
@@ -78,17 +71,15 @@ class Override:
         """`+`, `++` or `~` before the key; "" without one."""
         return self.text[: len(self.text) - len(self.text.lstrip("+~"))]
 
-    def singles(self, shuffled: bool = False) -> "list[Override]":
+    def singles(self) -> "list[Override]":
         """Overrides of one value each, in order; for one value only itself.
 
-        `shuffled`: whether the order of the runs will be random, which allows `shuffle(…)`.
-
         Raises:
-            ConfigurationError: for no values, too many, or an interval.
+            ConfigurationError: for no values, too many, an interval, or a random order.
         """
         if self.sweep is None:
             return [self]
-        texts = _single_texts(self, shuffled)
+        texts = _single_texts(self)
         if not texts:
             options = group_options().get(self.key, ())
             hint = f" (options: {', '.join(options)})" if options else ""
@@ -155,11 +146,9 @@ def _refuse_malformed(text: str) -> None:
     if "=" in bare or text.startswith("~"):
         return
     groups = [group for group, options in group_options().items() if bare in options]
-    if bare in group_options():
-        options = "|".join(group_options()[bare])
-        raise ConfigurationError(f"{bare}: an option is missing: write {bare}={options}")
-    if bare in known_keys():
-        raise ConfigurationError(f"{bare}: a value is missing: write {bare}=VALUE")
+    if bare in group_options() or bare in known_keys():
+        values = "|".join(group_options().get(bare, ("VALUE",)))
+        raise ConfigurationError(f"{bare}: a value is missing: write {bare}={values}")
     if bare.replace(".", "/") in group_options():
         raise ConfigurationError(messages.group_by_dots(bare, None))
     if groups and bare != "default":
@@ -167,7 +156,8 @@ def _refuse_malformed(text: str) -> None:
         group = "road_user" if "road_user" in groups else groups[0]
         raise ConfigurationError(f"{bare}: is an option: write {group}={bare}")
     options = [f"{group}={one}" for group, these in group_options().items() for one in these]
-    hint = messages.suggestion(bare, [*group_options(), *known_keys(), *options], form="{}=…")
+    hint = messages.suggestion(bare, [*group_options(), *known_keys()], form="{}=…")
+    hint = hint or messages.suggestion(bare, options)
     raise ConfigurationError(f"{messages.show(text)}: must be KEY=VALUE{hint}")
 
 
@@ -187,13 +177,13 @@ def _unreadable(text: str) -> str:
             return f"{shown}: the quote {quote} is not closed"
     sweep = value.partition("(")[0]
     if sweep in _SWEEPS and not value.removeprefix(sweep)[1:-1].strip():
-        return f"{shown}: has no values: write {name}={_SWEEPS[sweep]}"
+        return f"{shown}: has no values: write {name}=A,B or {name}=range(START,STOP,STEP)"
     if value.startswith(",") or value.endswith(",") or ",," in value:
         return f"{shown}: a value is missing next to a comma"
     return f"""{shown}: cannot be read; quote text with special characters: KEY='"text"'"""
 
 
-def _single_texts(override: Override, shuffled: bool) -> list[str]:
+def _single_texts(override: Override) -> list[str]:
     """The values of an override of several values as texts, at most `MOST_VALUES` + 1."""
     from hydra.core.override_parser.types import FloatRange, Glob, IntervalSweep, RangeSweep
     from hydra.errors import HydraException
@@ -206,11 +196,7 @@ def _single_texts(override: Override, shuffled: bool) -> list[str]:
             f"{name}=range({value.start:g},{value.end:g},STEP), or values separated by commas"
         )
     if getattr(value, "shuffle", False):
-        if not shuffled:
-            raise ConfigurationError(f"{line}: shuffle(…) needs --shuffle SEED")
-        sweep = copy.deepcopy(sweep)
-        value = sweep.value()
-        value.shuffle = False
+        raise ConfigurationError(f"{line}: the order of runs is that of the values: no shuffle(…)")
     try:
         if isinstance(value, Glob):
             if name not in group_options():

@@ -6,7 +6,7 @@ them where the user sets nothing is in `conf/recorded.yaml`.
 
 import json
 import math
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -74,11 +74,17 @@ def with_recording(
         resolved, choices = resolve(settings)
         if resolved["path"]["kind"] != "recorded":
             return resolved, choices
-    section, missing = dict(resolved[group]), []
-    given = _parameters(group, section, typed, working_directory, missing)
+    section = _with_full_names(resolved[group], working_directory)
+    given = _parameters(group, section, typed)
     _refuse_given(group, given.kind, typed)
     recording = files.open(given)
-    settings |= _suitable_settings(group, given, recording, typed, missing)
+    suitable = folders.values_beside_groups("recorded")[group]
+    options = _options(group, suitable["options"], recording)
+    fixed = _fixed(group, options, typed)
+    chosen = options | fixed
+    if group == "source":
+        chosen = _values(suitable, given, recording, chosen) | chosen
+    missing = [*_missing(section, given, recording, chosen, fixed)]
     if "ego" not in typed and recording.count > 1 and not recording.pose_files:
         # One frame has no motion.
         where = {"rosbag": " (source.odometry_topic)", "kitti_tracking": " (oxts/NNNN.txt)"}
@@ -88,6 +94,7 @@ def with_recording(
         )
     if missing:
         raise ConfigurationError("; also ".join(missing))
+    settings |= {name: value for name, value in chosen.items() if name not in fixed}
     resolved, choices = resolve(settings)
     resolved[group] = section
     files.add(_completed(resolved, choices, given, recording, typed), recording)
@@ -107,28 +114,25 @@ def _refuse_given(group: str, kind: str, typed: Collection[str]) -> None:
                 raise ConfigurationError(f"{name}: with path=recorded, {reason}")
 
 
-def _parameters(
-    group: str,
-    section: dict[str, Any],
-    typed: Collection[str],
-    working_directory: str,
-    missing: list[str],
-) -> Recorded | ReplayedPath:
-    """The parameters in a resolved `section`, in which the names of files are made absolute.
-
-    Here and below, what the user must set is added to `missing`, so that one message names it all.
-    """
+def _with_full_names(section: Mapping[str, Any], working_directory: str) -> dict[str, Any]:
+    """A resolved section in which the names of files are absolute."""
+    section = dict(section)
     for name in FILE_KEYS:
         if isinstance(section.get(name), str) and section[name] not in ("", *CALIBRATIONS):
             section[name] = folders.absolute(section[name], working_directory)
     if type(section.get("sequence")) is int:
         # A name: 0005 is text to Hydra, but 12 is a number.
         section["sequence"] = str(section["sequence"])
-    # The duration follows from the files.
-    content = section if group == "source" else section | {"duration": 1.0}
-    if section["sample_time"] is None:
-        missing.append(f"{group}.sample_time: is required, s from one frame to the next")
-        content = content | {"sample_time": 0.1}
+    return section
+
+
+def _parameters(
+    group: str, section: Mapping[str, Any], typed: Collection[str]
+) -> Recorded | ReplayedPath:
+    """The parameters in a section; what it lacks is reported after the recording was opened."""
+    content = {**section, "sample_time": section["sample_time"] or 0.1}
+    if group == "path":
+        content["duration"] = 1.0  # It follows from the files.
     try:
         # As JSON, because strict validation of Python values takes only finished objects.
         parameters = TypeAdapter(_SCHEMAS[group]).validate_json(json.dumps(content))
@@ -142,39 +146,59 @@ def _parameters(
     return parameters
 
 
-def _suitable_settings(
-    group: str,
+def _options(group: str, suitable: Mapping[str, str], recording: Recording) -> dict[str, Any]:
+    """The options that suit the recording."""
+    start = {"start": "scans"} if group == "source" and not recording.label else {}
+    return {**suitable, **start, "road_user": recording.road_user}
+
+
+def _fixed(group: str, options: Mapping[str, Any], typed: Mapping[str, Any]) -> dict[str, Any]:
+    """What the user sets, by an experiment's file too; that does not replace suitable options."""
+    if group == "path" or folders.EXPERIMENT not in typed:
+        return dict(typed)
+    preset = set_by_experiment(typed[folders.EXPERIMENT])
+    kept = {k: v for k, v in preset.items() if k == "road_user" or k not in options}
+    return kept | dict(typed)
+
+
+def _missing(
+    section: Mapping[str, Any],
     given: Recorded | ReplayedPath,
     recording: Recording,
-    typed: Mapping[str, Any],
-    missing: list[str],
-) -> dict[str, Any]:
-    """The options and values that the recording needs and the user does not set.
+    chosen: Mapping[str, Any],
+    fixed: Collection[str],
+) -> Iterator[str]:
+    """What the user must set, one text each; `chosen` has options and values, some of them `fixed`.
 
-    Those of an experiment's file count as set; they do not replace the options that suit.
+    One message names it all.
     """
-    suitable = folders.values_beside_groups("recorded")[group]
-    options = dict(suitable["options"])
-    if group == "source" and not recording.label:
-        options["start"] = "scans"
-    if group == "source" and folders.EXPERIMENT in typed:
-        preset = set_by_experiment(typed[folders.EXPERIMENT])
-        typed = {k: v for k, v in preset.items() if k not in options} | dict(typed)
-    options["road_user"] = recording.road_user
-    if "road_user" not in typed and recording.label is None:
-        missing.append(
-            "road_user: is required, because the recording has no labelled target (source.target)"
-        )
-    elif "road_user" not in typed and recording.road_user is None:
-        missing.append(
+    group = "path" if isinstance(given, ReplayedPath) else "source"
+    if section["sample_time"] is None:
+        yield f"{group}.sample_time: is required, s from one frame to the next"
+    if "road_user" not in fixed and recording.label is None:
+        yield "road_user: is required, because the recording has no labelled target (source.target)"
+    elif "road_user" not in fixed and recording.road_user is None:
+        yield (
             f"{group}.target: is a {messages.printable(recording.label)}, which no class "
             f"suits; the classes are of {', '.join(CLASS_OF_KITTI_TYPE)}; or choose a road_user"
         )
     if group == "path":
-        values = {}
-    else:
-        values = _values(suitable, given, recording, options | dict(typed), missing)
-    return {name: value for name, value in (options | values).items() if name not in typed}
+        return
+    if chosen["start"] != "scans" and recording.label is None:
+        yield f"start: {chosen['start']} needs a label (source.target); else choose start=scans"
+    height = chosen.get("rig.camera_height")
+    if isinstance(height, float) and math.isnan(height):
+        why = _height_of_road(recording, given, chosen)[1]
+        yield (
+            "rig.camera_height: is required, m above the road: the recording's files do not state "
+            f"it, and {why}"
+        )
+    if chosen.get("start.motion") == "sensor" and not (
+        {"start.bearing", "start.range"} & chosen.keys()
+    ):
+        text = "start.bearing: is required, [lowest,highest] degrees of the target, or start.range"
+        every = ", or source.target=auto to track every moving object"
+        yield text + every if hasattr(given, "target") else text
 
 
 def _values(
@@ -182,28 +206,15 @@ def _values(
     source: Recorded,
     recording: Recording,
     chosen: Mapping[str, Any],
-    missing: list[str],
 ) -> dict[str, Any]:
     """Values for recorded images, by key; `chosen` has options and values by name."""
     calibration = recording.calibration
-    if chosen["start"] != "scans" and recording.label is None:
-        missing.append(
-            f"start: {chosen['start']} needs a label (source.target); else choose start=scans"
-        )
     facts = {**chosen, "source": recording.layout, "auto": recording.auto}
     values = folders.values_that_suit(suitable, facts)
     if calibration.camera_height is None and not {"rig", "rig.camera_height"} & chosen.keys():
-        values["rig.camera_height"] = _height_of_road(recording, source, chosen, missing)
+        values["rig.camera_height"] = _height_of_road(recording, source, chosen)[0]
     if chosen["start"] == "scans" and recording.label:
         values["start.bearing"] = [round(bearing, 3) for bearing in recording.first_bearings]
-    elif (values | dict(chosen)).get("start.motion") == "sensor" and not (
-        {"start.bearing", "start.range"} & chosen.keys()
-    ):
-        every = ", or source.target=auto to track every moving object"
-        missing.append(
-            "start.bearing: is required, [lowest,highest] degrees of the target, or start.range"
-            + every * hasattr(source, "target")
-        )
     if chosen.get("tracker") == "contour":
         errors = suitable["errors"]
         # A disparity error e moves a point at range r by e r² / (f B); here at 10 m.
@@ -215,26 +226,20 @@ def _values(
 
 
 def _height_of_road(
-    recording: Recording, source: Recorded, chosen: Mapping[str, Any], missing: list[str]
-) -> float:
-    """Height in m of the cameras above the road that the recording's images show."""
+    recording: Recording, source: Recorded, chosen: Mapping[str, Any]
+) -> tuple[float, str]:
+    """Height in m of the cameras above the road that the images show; NaN, and why, without one."""
     # OpenCV and Numba are imported for it.
     from stixel_cli.calibration.road_pose import compared_rows, road_pose
     from stixel_cli.stixels.seen_road import MIDDLE, NO_ROAD
 
     size = recording.width, recording.height
-    rig = recording.calibration.rig_values(*size) | {"camera_height": MIDDLE}
-    rig |= {k.removeprefix("rig."): v for k, v in chosen.items() if k.startswith("rig.")}
-    rig = rig_of(rig, size[::-1])
+    rig = recording.calibration.rig_values(*size)
+    set_by_user = {k.removeprefix("rig."): v for k, v in chosen.items() if k.startswith("rig.")}
+    rig = rig_of(rig | set_by_user | {"camera_height": MIDDLE}, size[::-1])
     rows = compared_rows(recording, rig.far_disparity, source.check_rectification)
     height, _ = road_pose(recording, rig)
-    if math.isnan(height):
-        cause = f"; {rows.fault}" if rows and rows.fault else ""
-        missing.append(
-            "rig.camera_height: is required, m above the road: the recording's files do not state "
-            f"it, and {NO_ROAD}{cause}"
-        )
-    return round(height, 2)
+    return round(height, 2), f"{NO_ROAD}; {rows.fault}" if rows and rows.fault else NO_ROAD
 
 
 def _completed(

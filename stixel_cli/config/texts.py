@@ -58,6 +58,8 @@ def value_text(value: Any) -> str:
         case str():
             if _PLAIN_WORD.fullmatch(value) and value.lower() not in _WORDS_WITH_MEANING:
                 return value
+            if not {"'", "\\"}.intersection(value):
+                return f"'{value}'"  # Hydra takes 0.2 s to import.
             from hydra.core.override_parser.types import Quote, QuotedString
 
             return QuotedString(text=value, quote=Quote.single).with_quotes()
@@ -99,5 +101,5 @@ def suggestion(word: str, names: Iterable[str], form: str = "{}") -> str:
     scores = {name: likeness(word[:LONGEST], name) for name in names}
     best = max(scores.values(), default=0.0)
     near = [name for name, score in scores.items() if score == best >= LEAST_LIKENESS]
-    shown = " or ".join(name if "=" in name else form.format(name) for name in near[:4])
+    shown = " or ".join(map(form.format, near[:4]))
     return f"; did you mean {shown}?" if near else ""

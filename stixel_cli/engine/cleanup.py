@@ -7,26 +7,27 @@ files with other names than the store makes.
 import re
 import shutil
 import time
+from collections.abc import Iterator
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
+from pathlib import Path
 
 from filelock import Timeout
 
-from stixel_cli.border import write_whole
 from stixel_cli.engine.cache_folder import collector_lock, file_lock, inside, leased_keys
 from stixel_cli.engine.entries import entry_folders
 from stixel_cli.engine.errors import CacheError
-from stixel_cli.engine.store import REMEMBERED, REMOVALS, Store
-from stixel_cli.errors import UserError
-from stixel_cli.files import read_bytes
+from stixel_cli.engine.source_files import SOURCES
+from stixel_cli.engine.store import Store
 
 _HOUR, _DAY = 3600.0, 86400.0
 
 LEFT = (
-    # To write a result takes less than this; a killed process leaves gigabytes.
+    # To write a result takes less than an hour; a killed process leaves gigabytes.
     ("tmp", r"[0-9a-f]{16}-.+-\d+-[0-9a-f]+|gone-.+-\d+-[0-9a-f]{16}|probe-\d+-[0-9a-f]+", _HOUR),
     ("tmp", r"limit-.+", _DAY),
-    ("sources", r"[0-9a-f]{32}\.py|\.?digests-[0-9a-f]{16}\.json(\.partial-\d+)?", 90 * _DAY),
+    (".", r"evicted\.jsonl", _HOUR),
+    (SOURCES, r"[0-9a-f]{32}\.py|\.?digests-[0-9a-f]{16}\.json(\.partial-\d+)?", 90 * _DAY),
 )
 """Folder, names of files, also of earlier versions, and seconds after which they are removed."""
 
@@ -39,6 +40,8 @@ class Collection:
         removed, removed_size: number and bytes of the entries that were, or would be, removed.
         kept, kept_size: number and bytes of the entries that remain.
         in_use: number of entries that a running process uses.
+        left, left_size: number and bytes of the files of killed processes and earlier versions that
+            were, or would be, removed, too.
     """
 
     removed: int
@@ -46,6 +49,8 @@ class Collection:
     kept: int
     kept_size: int
     in_use: int
+    left: int
+    left_size: int
 
 
 def keep_limit(store: Store) -> None:
@@ -70,7 +75,8 @@ def collect(
 
     Args:
         store: to clean up. Entries in use stay.
-        max_size: remove the least recently used entries until the rest takes at most these bytes.
+        max_size: remove the least recently used entries until the rest takes at most these bytes;
+            with 0 all, and the digests of source files.
         older_than: remove entries that were not used for these seconds.
         dry_run: report what would be removed, and remove nothing.
 
@@ -78,7 +84,7 @@ def collect(
         CacheError: the store cannot be read or written.
     """
     if not store.folder.is_dir():
-        return Collection(0, 0, 0, 0, 0)
+        return Collection(0, 0, 0, 0, 0, 0, 0)
     if not dry_run:
         store.check_writable()
     with ExitStack() as held:
@@ -94,24 +100,34 @@ def collect(
         now, kept = time.time(), len(found)
         for one in found:
             old = older_than is not None and now - one.last_use > older_than
-            large = max_size is not None and size > max_size
+            large = max_size is not None and (size > max_size or max_size == 0)
             if (old or large) and one.key not in used and (dry_run or store.remove(one.key)):
                 size -= one.size
                 kept -= 1
+        left = dict(_leftovers(store, everything=max_size == 0))
         if not dry_run:
+            for path in left:
+                with suppress(OSError):
+                    shutil.rmtree(path) if path.is_dir() else path.unlink()
             _tidy(store)
         in_use = sum(one.key in used for one in found)
-    return Collection(len(found) - kept, whole - size, kept, size, in_use)
+    sizes = whole - size, kept, size, in_use
+    return Collection(len(found) - kept, *sizes, len(left), sum(left.values()))
+
+
+def _leftovers(store: Store, everything: bool) -> Iterator[tuple[Path, int]]:
+    """What is `LEFT`, with its bytes; with `everything` new digests too."""
+    for folder, names, seconds in LEFT:
+        least = 0.0 if everything and folder == SOURCES else seconds
+        for path in inside(store.folder / folder):
+            with suppress(OSError):
+                if re.fullmatch(names, path.name) and time.time() - path.stat().st_mtime >= least:
+                    files = [path, *path.rglob("*")] if path.is_dir() else [path]
+                    yield path, sum(file.stat().st_size for file in files if file.is_file())
 
 
 def _tidy(store: Store) -> None:
-    """Remove unheld locks, empty folders, old removals, and what is `LEFT`."""
-    for folder, names, seconds in LEFT:
-        for path in inside(store.folder / folder):
-            with suppress(OSError):
-                old = time.time() - path.stat().st_mtime > seconds
-                if old and re.fullmatch(names, path.name):
-                    shutil.rmtree(path) if path.is_dir() else path.unlink()
+    """Remove unheld locks and empty folders."""
     for path in inside(store.folder / "locks"):
         if not re.fullmatch(r"[0-9a-f]{64}\.lock", path.name):
             continue
@@ -122,9 +138,6 @@ def _tidy(store: Store) -> None:
             with suppress(OSError):
                 path.unlink()
             lock.release()
-    with suppress(OSError, UserError):
-        lines = read_bytes(store.folder / REMOVALS).splitlines(keepends=True)
-        write_whole(store.folder / REMOVALS, b"".join(lines[-REMEMBERED:]))
     for folder in inside(store.folder):
         # Of the first digits of keys. `Store.save` creates them.
         if re.fullmatch("[0-9a-f]{2}", folder.name):

@@ -1,13 +1,11 @@
-"""Workers of Dask: those of a running scheduler, or of one that is started on this machine.
+"""Workers of a running Dask scheduler.
 
 Nodes and outcomes contain names, settings and keys, but no arrays. Results are exchanged through
 the store, which all workers must share.
 """
 
 import logging
-import os
 import pickle
-import signal
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
@@ -18,9 +16,8 @@ from uuid import uuid4
 
 from stixel_cli.border import TYPED, connected, unpickled_bytes
 from stixel_cli.engine.errors import ExecutorError, WorkerDied
-from stixel_cli.engine.limits import ENVIRONMENT
 from stixel_cli.engine.parameters import PROGRAM, DaskExecutor
-from stixel_cli.engine.pools import Pool, settle, without_interrupts
+from stixel_cli.engine.pools import Pool, settle
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -30,16 +27,6 @@ PATIENCE = 20.0
 
 COUNT_INTERVAL = 2.0
 """Seconds between two counts of the workers."""
-
-SETTINGS = {
-    "distributed.deploy.lost-worker-timeout": "1h",
-    "distributed.worker.profile.enabled": False,
-}
-"""Settings of Dask: time that a crashed worker has to restart; no samples of the running code.
-
-After 15 s, the default, Dask gives the worker up. On a loaded machine no worker would be left, and
-the run would wait forever.
-"""
 
 LONG_PATIENCE = 600.0
 """Seconds to wait for a worker if a scheduler has none."""
@@ -54,18 +41,17 @@ class DaskPool(Pool):
     kills = True
 
     def __init__(self, executor: DaskExecutor):
-        """Connect to the executor's address, or start a cluster on this machine.
+        """Connect to the executor's address.
 
         Raises:
             ExecutorError: Dask is not installed, or no scheduler answers; one line.
         """
         self._workers = executor.workers
-        self._is_own = executor.address is None
         self._counted = 0.0
         self._threads = 0
         self._waiting_since: float | None = None
         self._noted = False
-        # What fails, also Ctrl-C, does not wait until the workers have started.
+        # What fails here, also Ctrl-C, closes what is open.
         with ExitStack() as opened:
             opened.enter_context(_silence())
             self._client = opened.enter_context(_client(executor))
@@ -105,7 +91,7 @@ class DaskPool(Pool):
                 error = self._lost() if status == "cancelled" else WorkerDied("no outcome came")
                 future.set_exception(future.task.exception() if status == "error" else error)
         self._count()
-        if self._threads or self._is_own:
+        if self._threads:
             self._waiting_since, self._noted = None, False
             return
         now = time.monotonic()
@@ -120,7 +106,7 @@ class DaskPool(Pool):
             self._noted = True
 
     def _count(self) -> None:
-        if not self._is_own and time.monotonic() - self._counted > COUNT_INTERVAL:
+        if time.monotonic() - self._counted > COUNT_INTERVAL:
             with suppress(Exception):
                 # If the scheduler is lost, the running tasks fail.
                 self._threads = sum(self._client.nthreads().values())
@@ -161,7 +147,7 @@ class DaskPool(Pool):
         return isinstance(error, (WorkerDied, _distributed().scheduler.KilledWorker))
 
     def close(self) -> None:
-        """Disconnect from the scheduler, and end a cluster on this machine."""
+        """Disconnect from the scheduler."""
         self._opened.close()
 
     def _lost(self) -> ExecutorError:
@@ -182,73 +168,31 @@ def _run(call: bytes) -> None:
 
 
 def probe_scheduler(executor: DaskExecutor) -> None:
-    """Check that Dask is installed and, with an address, that a scheduler answers.
-
-    Raises:
-        ExecutorError: one of these fails; one line.
-    """
-    _distributed()
-    if executor.address is not None:
-        with _silence(), _client(executor):
-            pass
+    """Raise ExecutorError, in one line, unless Dask is installed and the scheduler answers."""
+    with _silence(), _client(executor):
+        pass
 
 
 @contextmanager
 def _client(executor: DaskExecutor) -> Iterator["Client"]:
-    """A client of the scheduler at the executor's address, or of one on this machine."""
+    """A client of the scheduler at the executor's address."""
     _distributed()
-    with ExitStack() as opened:
-        try:
-            address = executor.address
-            if address is None:
-                address = opened.enter_context(local_cluster(executor.workers))
-            client = connected(address, TYPED, PATIENCE)
-        except UNREACHABLE as error:
-            where = "on this machine" if executor.address is None else f"at {executor.address}"
-            reason = " ".join(f"{type(error).__name__}: {error}".split())[:200]
-            text = f"executor.address: no Dask scheduler {where} ({reason})"
-            raise ExecutorError(text) from error
-        try:
-            yield client
-        finally:
-            with suppress(Exception):
-                client.close(timeout=1.0)
-
-
-@contextmanager
-def local_cluster(workers: int) -> Iterator[str]:
-    """A scheduler and workers of one thread each, reached from this machine only; its address.
-
-    Dask does not retry a task that crashed its worker: the engine does. At the end the workers are
-    killed, with all tasks that still run.
-    """
-    import dask
-
-    with dask.config.set(SETTINGS):
-        # Its threads, and the workers that they start, inherit the blocked signal: Ctrl-C reaches
-        # the whole process group, and only this process handles it.
-        with without_interrupts():
-            cluster = _distributed().LocalCluster(
-                n_workers=workers,
-                threads_per_worker=1,
-                processes=True,
-                host="127.0.0.1",
-                dashboard_address="127.0.0.1:0",
-                memory_limit=0,
-                scheduler_kwargs={"allowed_failures": 0},
-                silence_logs=logging.CRITICAL,
-                env=ENVIRONMENT,
-            )
-        try:
-            yield cluster.scheduler_address
-        finally:
-            for nanny in cluster.workers.values():
-                nanny.auto_restart = False
-                with suppress(OSError, TypeError):
-                    # It has no number while it restarts.
-                    os.kill(nanny.pid, signal.SIGKILL)
-            with suppress(Exception):
-                cluster.close()
+    if executor.address is None:
+        raise ExecutorError(
+            "executor.address: is required with executor=dask, such as tcp://10.0.0.7:8786; "
+            "executor=local starts processes on this machine"
+        )
+    try:
+        client = connected(executor.address, TYPED, PATIENCE)
+    except UNREACHABLE as error:
+        reason = " ".join(f"{type(error).__name__}: {error}".split())[:200]
+        text = f"executor.address: no Dask scheduler at {executor.address} ({reason})"
+        raise ExecutorError(text) from error
+    try:
+        yield client
+    finally:
+        with suppress(Exception):
+            client.close(timeout=1.0)
 
 
 def _distributed() -> ModuleType:

@@ -11,9 +11,7 @@ from stixel_cli.engine.keys import differences, plain
 from stixel_cli.engine.plan import plan
 from stixel_cli.engine.store import Store
 
-Kind = Literal[
-    "new", "evicted", "damaged", "needed", "setting", "seed", "file", "code", "version", "input"
-]
+Kind = Literal["new", "evicted", "needed", "setting", "seed", "file", "code", "version", "input"]
 
 MOST_NAMED = 4
 """Files of a stage that a cause names one by one."""
@@ -24,9 +22,9 @@ class Change:
     """One reason to compute a node.
 
     Attributes:
-        kind: `new` (no result of the stage is stored), `evicted` or `damaged` (the result was
-            stored once), `needed` (nothing changed, but the result is not stored), or what differs
-            from the most similar stored result: a `setting`, the `seed`, a `file`, the `code`, a
+        kind: `new` (no result of the stage is stored), `evicted` (the result before is no longer
+            stored), `needed` (nothing changed, but the result is not stored), or what differs from
+            the most similar stored result: a `setting`, the `seed`, a `file`, the `code`, a
             `version` or an `input`.
         what: key of the setting, module, distribution, or stage of the input.
         before, after: value in the most similar stored result, and now; "" for a setting that is
@@ -44,8 +42,6 @@ class Change:
                 return f"new: no result of {self.what} is stored"
             case "evicted":
                 return "removed from the cache"
-            case "damaged":
-                return "its stored result was damaged and removed"
             case "needed":
                 return "its result is not stored"
             case "code" if self.before == "changed":
@@ -120,7 +116,7 @@ def by_stage(explanations: Iterable[Explanation]) -> list[tuple[list[Explanation
 
 
 class _Memory:
-    """Notes of stored entries, and reasons of removed ones."""
+    """Notes of stored entries; keys and modules of the results before."""
 
     def __init__(self, store: Store, stages: set[str], before: tuple[Any, Mapping[str, str]]):
         self.keys, self.modules = before
@@ -129,16 +125,15 @@ class _Memory:
         for notes in stored_notes(store, stages, self.keys):
             self.by_key[notes["key"]] = notes
             self.by_stage.setdefault(notes["stage"], []).append(notes)
-        self.removals = store.removals()
 
 
 def _changes(graph: Graph, node: Node, memory: _Memory) -> list[Change]:
     name = node.stage.name
     known = memory.by_stage.get(name, [])
-    if node.key in memory.removals:
-        return [Change("damaged" if memory.removals[node.key] == "damaged" else "evicted", name)]
     if not known:
         return [Change("new", name)]
+    if node.key in memory.keys:
+        return [Change("evicted", name)]
     own = [notes for notes in known if notes["key"] in memory.keys]
     nearest = min(own or known, key=lambda notes: _distance(node, notes))
     if memory.modules and not own:

@@ -47,8 +47,6 @@ class Stage:
         own: whether `modules` are the user's own code: an error there is reported with its place.
         keys: argument name -> key of the setting in the configuration, if it differs from the
             argument. Used to explain changes; not part of the result's key.
-        watched: an input whose `watched(begin)` gives the same value, but calls `begin` with a text
-            at each step of the function, such as a scan. A slow step is reported. "": none.
         amount: of work for a frame, or for the one node, such as the megapixels of an image or the
             number of scans. Only for estimates of the time; not part of the key.
     """
@@ -66,7 +64,6 @@ class Stage:
     folders: tuple[Path, ...] = ()
     own: bool = False
     keys: Mapping[str, str] = field(default_factory=dict)
-    watched: str = ""
     amount: float = 1.0
 
     def check(self) -> None:

@@ -120,14 +120,12 @@ class ThreadsExecutor:
 
 @parameters
 class DaskExecutor:
-    """Workers of Dask; requires the optional dependencies `dask`.
+    """Workers of a running Dask scheduler; requires the optional dependencies `dask`.
 
     Attributes:
-        workers: number of processes of a cluster on this machine; with an address, number of nodes
-            that are submitted at a time.
+        workers: least number of nodes that are submitted at a time.
         time_limit: see `LocalExecutor`.
-        address: of a running scheduler, such as tcp://10.0.0.7:8786; null to start a cluster on
-            this machine.
+        address: of the scheduler, such as tcp://10.0.0.7:8786; required.
     """
 
     kind: Literal["dask"]

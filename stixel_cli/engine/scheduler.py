@@ -77,7 +77,6 @@ class Run:
         self._skipped: set[str] = set()
         self._tries: Counter[str] = Counter()
         self._deaths: Counter[str] = Counter()
-        self._noted: set[str] = set()
         self._in_flight: dict[Future, str] = {}
         self._suspects: deque[str] = deque()
         """Nodes that were running when a worker crashed. Each is retried on its own."""
@@ -247,11 +246,6 @@ class Run:
             self.seconds[key] = self.seconds.get(key, 0.0) + outcome.seconds
             self._written += outcome.size
         self._done.add(key)
-        function = node.stage.settings.get("function", node.stage.function)
-        known = function in self._noted or node.stage.name in self.progress.compiling
-        if outcome.note and not known:
-            self._noted.add(function)
-            self.progress.note(f"{function} {outcome.note}")
         self.progress.finished(node, outcome.seconds)
         return True
 

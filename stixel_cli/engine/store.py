@@ -23,14 +23,10 @@ from stixel_cli.engine.errors import CacheError, MissingEntry
 from stixel_cli.engine.parameters import CacheParameters, default_cache_folder, parse_size
 from stixel_cli.engine.source_files import content_digest
 from stixel_cli.errors import UserError
-from stixel_cli.files import GREATEST_TEXT, read_bytes, without_waiting
+from stixel_cli.files import GREATEST_TEXT, read_bytes
 
 VALUE = "value.joblib"
 META = "meta.json"
-REMOVALS = "evicted.jsonl"
-
-REMEMBERED = 20_000
-"""Number of removed keys that are remembered, to explain why a node is computed again."""
 
 MAPPED = 32 * 2**20
 """Bytes of a value from which on its arrays are memory maps when it is loaded."""
@@ -175,8 +171,8 @@ class Store:
         except OSError as error:
             raise cache_folder.unwritable(self.folder, error) from error
 
-    def remove(self, key: str, damaged: bool = False) -> bool:
-        """Remove an entry, and note why for `removals`; False if it cannot be removed.
+    def remove(self, key: str) -> bool:
+        """Remove an entry; False if it cannot be removed.
 
         It is renamed first, so that no reader sees half of it.
         """
@@ -187,22 +183,7 @@ class Store:
         except (OSError, CacheError):
             return False
         shutil.rmtree(gone, ignore_errors=True)
-        removals = self.folder / REMOVALS
-        with suppress(OSError), open(removals, "a", opener=without_waiting) as file:
-            file.write(json.dumps([key, "damaged" if damaged else "removed"]) + "\n")
         return True
-
-    def removals(self) -> dict[str, str]:
-        """Reason of the last removal by key: `damaged`, or another word of a cleanup."""
-        lines: list[bytes] = []
-        with suppress(UserError):
-            lines = read_bytes(self.folder / REMOVALS).splitlines()[-REMEMBERED:]
-        reasons = {}
-        for line in lines:
-            with suppress(ValueError, TypeError, RecursionError):
-                key, reason, *_ = json.loads(line)
-                reasons[str(key)] = str(reason)
-        return reasons
 
     def _content(self, key: str) -> bytes | None:
         """The checked bytes of a value; None for one to be mapped, whose file is checked."""
@@ -241,7 +222,7 @@ class Store:
 
         If it cannot be removed, `save` reports why it cannot replace it.
         """
-        return MissingEntry(key, reason, removed=self.remove(key, damaged=True))
+        return MissingEntry(key, reason, removed=self.remove(key))
 
     def _put_in_place(self, partial: Path, entry: Path) -> None:
         try:
@@ -251,7 +232,7 @@ class Store:
                 # Another process stored the same result first.
                 return
             # A damaged entry, or one that was removed in part.
-            self.remove(entry.name, damaged=True)
+            self.remove(entry.name)
             _move(partial, entry)
 
 

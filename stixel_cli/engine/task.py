@@ -1,4 +1,4 @@
-"""Compute and store a node in a worker, or a result that is no node.
+"""Compute and store a node in a worker.
 
 A node travels between processes with its names, settings and keys, never with arrays.
 """
@@ -7,47 +7,19 @@ import pickle
 import time
 import traceback
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import Any, Literal
 
 from stixel_cli.border import unpickled_bytes
-from stixel_cli.engine.code import CodeIndex
-from stixel_cli.engine.errors import CacheError, MissingEntry
+from stixel_cli.engine.errors import MissingEntry
 from stixel_cli.engine.graph import Node
-from stixel_cli.engine.keys import CHUNKED, LAYOUT, digest
+from stixel_cli.engine.keys import CHUNKED
 from stixel_cli.engine.limits import TimeLimit, limited, one_thread
-from stixel_cli.engine.loaded_code import may_run_here, planned_function
-from stixel_cli.engine.source_files import save_digests
+from stixel_cli.engine.loaded_code import planned_function
 from stixel_cli.engine.store import Store
-from stixel_cli.engine.versions import check_versions, python_version
-
-SLOW = 5.0
-"""Seconds of one step of a stage above which it is reported."""
-
-
-class Steps:
-    """The slowest step of a stage, as seconds and text; `begin` ends the step before."""
-
-    def __init__(self, clock: Callable[[], float] = time.perf_counter):
-        self._clock, self._began, self._text = clock, 0.0, ""
-        self.slowest = (0.0, "")
-
-    def begin(self, text: str) -> None:
-        """Begin the step `text`, unless it is the present one."""
-        if text != self._text:
-            now = self._clock()
-            if self._text:
-                self.slowest = max(self.slowest, (now - self._began, self._text))
-            self._began, self._text = now, text
-
-    @property
-    def note(self) -> str:
-        """What took long, in one line; empty if no step did."""
-        seconds, text = self.slowest
-        return f"took {seconds:.0f} s for {text}" if seconds > SLOW else ""
+from stixel_cli.engine.versions import check_versions
 
 
 @dataclass(frozen=True)
@@ -61,7 +33,6 @@ class Outcome:
         size: bytes that were stored.
         error: MissingEntry of the missing input, or the stage's error.
         traceback_text: see `StageFailure`.
-        note: what took long in a computed node; "" for nothing.
     """
 
     status: Literal["computed", "cached", "missing", "failed"]
@@ -69,7 +40,6 @@ class Outcome:
     size: int = 0
     error: Exception | None = None
     traceback_text: str = ""
-    note: str = ""
 
 
 class ChunkSequence(Sequence):
@@ -100,8 +70,8 @@ def run_node(node: Node, folder: Path, limit: TimeLimit | None = None) -> Outcom
                 return Outcome("cached")
             started = time.perf_counter()
             with limited(limit):
-                size, note = _compute(node, store)
-            return Outcome("computed", time.perf_counter() - started, size, note=note)
+                size = _compute(node, store)
+            return Outcome("computed", time.perf_counter() - started, size)
     except Exception as error:
         seconds = time.perf_counter() - started
         if isinstance(error, MissingEntry) and error.key in node.sources:
@@ -109,21 +79,18 @@ def run_node(node: Node, folder: Path, limit: TimeLimit | None = None) -> Outcom
         return Outcome("failed", seconds, error=_portable(error), traceback_text=_own_part(error))
 
 
-def _compute(node: Node, store: Store) -> tuple[int, str]:
-    """Load, call and store; return the size of the result in bytes, and a note on slow steps."""
+def _compute(node: Node, store: Store) -> int:
+    """Load, call and store; return the size of the result in bytes."""
     # CPU time of this thread does not depend on the load of the machine. It does not include
     # processes that the function starts.
     started, cpu_started = time.perf_counter(), time.thread_time()
     check_versions(node.identity.content)
-    code, watched = node.identity.code, node.stage.watched
+    code = node.identity.code
     function = planned_function(node.stage.function, code)
-    arguments, steps = _arguments(node, store), Steps()
-    if watched:
-        arguments[watched] = arguments[watched].watched(steps.begin)
+    arguments = _arguments(node, store)
     with one_thread():
         value = function(**arguments)
-    steps.begin("the end")
-    size = store.save(
+    return store.save(
         node.key,
         value,
         **node.identity.content,
@@ -132,9 +99,10 @@ def _compute(node: Node, store: Store) -> tuple[int, str]:
         inputs={name: list(keys) for name, keys in node.inputs.items()},
         previous=node.previous,
         modules=code.modules,
-        **_times(started, cpu_started),
+        seconds=round(time.perf_counter() - started, 4),
+        cpu_seconds=round(time.thread_time() - cpu_started, 6),
+        created=round(time.time(), 3),
     )
-    return size, steps.note
 
 
 def _arguments(node: Node, store: Store) -> dict[str, Any]:
@@ -159,15 +127,6 @@ def _arguments(node: Node, store: Store) -> dict[str, Any]:
     return arguments
 
 
-def _times(started: float, cpu_started: float) -> dict[str, float]:
-    """The notes on the time of a result that is computed now."""
-    return {
-        "seconds": round(time.perf_counter() - started, 4),
-        "cpu_seconds": round(time.thread_time() - cpu_started, 6),
-        "created": round(time.time(), 3),
-    }
-
-
 def _own_part(error: Exception) -> str:
     """The traceback without the first frames, which are of this module."""
     trace = error.__traceback__
@@ -189,36 +148,3 @@ def _portable(error: Exception) -> Exception:
     except Exception:
         pass
     return RuntimeError(f"{type(error).__name__}: {error}")
-
-
-def remembered(
-    store: Store, name: str, modules: Sequence[str], content: Any, compute: Callable[[], Any]
-) -> Any:
-    """The stored result for the same code and the same `content`; else that of `compute()`.
-
-    Nothing is stored in a store that is read-only, or if this process runs other code than the
-    files have by now.
-
-    Args:
-        store: of the results.
-        name: what it is, in the place of a stage's name.
-        modules: the code of `compute`, with all that it imports.
-        content: all else that the result depends on, a JSON tree; lists where the order matters.
-        compute: a pure function of `content`.
-    """
-    code = CodeIndex(store.folder).code(modules)
-    # Otherwise each process parses these modules: only they may be missing in the store.
-    save_digests(store.folder)
-    if not may_run_here(code):
-        return compute()
-    versions = {"python": python_version(), **code.versions}
-    key = digest([LAYOUT, name, code.digest, versions, content])
-    with suppress(MissingEntry):
-        return store.load(key)
-    started, cpu_started = time.perf_counter(), time.thread_time()
-    value = compute()
-    with suppress(CacheError):
-        store.save(
-            key, value, stage=name, label=name, modules=code.modules, **_times(started, cpu_started)
-        )
-    return value

@@ -21,13 +21,11 @@ from stixel_cli.experiment.run_names import differences, joined_name
 from stixel_cli.experiment.stages import RESULTS, compared_rows, computed_stages, experiment_graph
 from stixel_cli.experiment.table.table import PICTURES
 from stixel_cli.geometry.rig_calibration import RigCalibration
-from stixel_cli.measurements.file_truth import heading_note
 from stixel_cli.report.playback import playback_html
 from stixel_cli.results.folder import check_results, new_folder, write_folder
 from stixel_cli.results.lineage import lineage_of, provenance, read_lineage
 from stixel_cli.results.made_here import origin_of
 from stixel_cli.results.result import RunResult, read_run
-from stixel_cli.scene.road_user import road_user_doubt
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.tracking.file import FileTrackParameters, track_doubts
 from stixel_cli.version import __version__
@@ -91,12 +89,18 @@ def run_experiment(
 def _doubts(configuration: Configuration, results: Mapping[str, Any]) -> Iterator[str]:
     """What is probably wrong with the user's files, one line each; `results` are of `RESULTS`."""
     scenario, tracker = results["scenario"], configuration.tracker
-    measurement = configuration.measurement
+    measurement, user = configuration.measurement, configuration.road_user
     if measurement.kind == "file":
+        # Shapely is imported for it.
+        from stixel_cli.measurements.file_truth import heading_note
+
         doubt = heading_note(scenario, measurement.angle_unit)
         yield from () if doubt is None else (doubt,)
-    elif configuration.source.kind == "rendered":
-        doubt = road_user_doubt(configuration.road_user)
+    elif user.mesh is not None and configuration.source.kind == "rendered":
+        # So is trimesh.
+        from stixel_cli.scene.mesh_file import mesh_doubt
+
+        doubt = mesh_doubt(user.mesh, user.mesh_scale, user.mesh_up)
         yield from () if doubt is None else (doubt,)
     if isinstance(tracker, FileTrackParameters):
         scans, track = results["scans"], results["track"]

@@ -132,7 +132,6 @@ def _stage(composition: Composition, path: Path, name: str, wiring: dict[str, st
         ),
         gives_files=bool(definition.recorded),
         keys=definition.reads,
-        watched=definition.watched,
         amount=_amount(composition, definition),
     )
     if not definition.calls:

@@ -2,7 +2,6 @@
 
 import csv
 import io
-import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -145,18 +144,11 @@ def export(
         What the format's function returns.
 
     Raises:
-        UserError: if the folder exists or cannot be written, the run lacks what the format needs
-            or cannot be repeated, or the format's package is not installed.
+        UserError: if the folder cannot be written or exists by then, the run lacks what the format
+            needs or cannot be repeated, or the format's package is not installed.
         StageFailure: if a stage fails.
     """
-    refuse_existing(folder)
     stage, noun = NEEDED.get(format, ("track", "track"))
     if stage not in {one.name for one in pipeline_stages(stored.composition)}:
         raise UserError(f"{stored.folder}: has no {noun} to export")
     return FORMATS[format](stored, folder, progress)
-
-
-def refuse_existing(folder: Path) -> None:
-    """Raise UserError if a folder to write exists."""
-    if os.path.lexists(folder):
-        raise UserError(f"--output: {folder} exists; choose another folder")

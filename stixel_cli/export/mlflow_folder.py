@@ -8,7 +8,6 @@ from typing import Any
 
 from stixel_cli.answers.answer import known
 from stixel_cli.errors import UserError, printable_path
-from stixel_cli.export.export import refuse_existing
 from stixel_cli.results.folder import PAGE, whole_folder
 from stixel_cli.results.reader import SWEEP_FILE, flat_settings, read_config
 from stixel_cli.results.result import DONE, RunResult, read_run
@@ -38,7 +37,6 @@ def export_mlflow(folder: Path, target: Path) -> None:
     is_sweep = (folder / SWEEP_FILE).exists()
     run = None if is_sweep else read_run(folder)
     sweep = read_sweep(folder)[0] if is_sweep else None
-    refuse_existing(target)
     with whole_folder(target) as partial:
         client = MlflowClient(tracking_uri=f"sqlite:///{partial / DATABASE}")
         try:

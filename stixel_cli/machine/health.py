@@ -43,20 +43,16 @@ class Check:
 
 
 def examine(
-    store: Store,
-    raycast: Callable[[], str | None] | None = None,
-    filament: Callable[[], str | None] | None = None,
-    begins: Callable[[float, str], object] = lambda share, text: None,
+    store: Store, begins: Callable[[float, str], object] = lambda share, text: None
 ) -> list[Check]:
     """Run all checks; the renderers run in child processes with a time limit.
 
-    `raycast` and `filament` return why the renderer does not work, None if it works. Before each
-    slow part `begins` is called with the share that is done and what begins.
+    Before each slow part `begins` is called with the share that is done and what begins.
     """
     begins(0.0, "raycast draws a picture; the first time it compiles")
-    of_raycast = _renderer("raycast", raycast or probe_raycast, "fails")
+    of_raycast = _renderer("raycast", probe_raycast(), "fails")
     begins(0.4, "filament draws a picture")
-    of_filament = _renderer("filament", filament or _probe_filament, "absent")
+    of_filament = _renderer("filament", _probe_filament(), "absent")
     begins(0.8, "the cache is listed")
     return [*_software(), *_processors(), of_raycast, of_filament, *_cache(store)]
 
@@ -89,22 +85,17 @@ def _probe_filament() -> str | None:
     return probe_filament(timeout=RENDERER_TIMEOUT)
 
 
-def _renderer(
-    name: str, probe: Callable[[], str | None], otherwise: Literal["absent", "fails"]
-) -> Check:
-    reason = probe()
+def _renderer(name: str, reason: str | None, otherwise: Literal["absent", "fails"]) -> Check:
+    """The check of a renderer; the `reason` why it does not work is None if it works."""
     return Check(f"renderer {name}", "ok" if reason is None else otherwise, reason or "works")
 
 
 def _software() -> list[Check]:
     versions = package_versions()
     revision = shown_revision(git_state()) or "no checkout"
-    supported = sys.version_info >= (3, 11)
     return [
         Check("stixel", "ok", f"{versions['stixel']} ({revision})"),
-        Check("Python", "ok", versions["python"])
-        if supported
-        else Check("Python", "fails", f"{versions['python']}: Python 3.11 or later is required"),
+        Check("Python", "ok", versions["python"]),
         Check("system", "ok", f"{platform.system()} {platform.release()} {platform.machine()}"),
         *(
             Check(name, "ok", version)
@@ -126,10 +117,7 @@ def _dask() -> Check:
 
 def _processors() -> list[Check]:
     usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    return [
-        Check("cores", "ok", f"{usable} usable of {os.cpu_count()}"),
-        Check("threads", "ok", "one thread per stage; the libraries' own settings are ignored"),
-    ]
+    return [Check("cores", "ok", f"{usable} usable of {os.cpu_count()}")]
 
 
 def _cache(store: Store) -> list[Check]:
@@ -143,21 +131,10 @@ def _cache(store: Store) -> list[Check]:
         checks = [
             _cache_folder(store, len(found)),
             Check("cache size", "ok", f"{size} in {len(found)} results, {limit}"),
-            _cache_entries(store),
         ]
     existing = next(p for p in (store.folder, *store.folder.parents) if p.exists())
     free = shutil.disk_usage(existing).free
     return [*checks, Check("disk free", "ok" if free >= LEAST_FREE else "fails", show_size(free))]
-
-
-def _cache_entries(store: Store) -> Check:
-    """Whether results are known to be damaged; their values are not read, which may take long."""
-    reasons = store.removals().items()
-    damaged = sum(reason == "damaged" and not store.has(key) for key, reason in reasons)
-    if not damaged:
-        return Check("cache entries", "ok", "no damaged results known")
-    text = f"{damaged} damaged results are recomputed when needed; stixel cache verify checks all"
-    return Check("cache entries", "limited", text)
 
 
 def _cache_folder(store: Store, stored: int) -> Check:

@@ -1,9 +1,7 @@
 """Scans: the input of every tracker, from any sensor."""
 
-from collections.abc import Callable, Sequence
-from copy import copy
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -123,22 +121,6 @@ class Scans:
         before, poses = max(k - 1, 0), self.sensor_poses_world
         rates = pose_rates(poses[before], poses[k], self.times[k] - self.times[before])
         return self.shared_errors.directions(points_world, poses[k], rates)
-
-    def watched(self, begin: Callable[[str], None]) -> "Scans":
-        """The same scans, which call `begin` with k and the number of points in `rows(k)`."""
-        twin = copy(self)
-
-        def rows(k: int) -> slice:
-            found = self.rows(k)
-            begin(f"scan k = {k} of {found.stop - found.start} points")
-            return found
-
-        object.__setattr__(twin, "rows", rows)
-        return twin
-
-    def __getstate__(self) -> dict[str, Any]:
-        # A tracker may send its scans to processes of its own.
-        return {name: value for name, value in vars(self).items() if name != "rows"}
 
 
 def points_along(

@@ -109,7 +109,7 @@ class FrameView:
             depth = self.rig.depth_from_disparity(np.arange(highest + 1) / SUBPIXELS)
         colours = np.rint(255.0 * style.depth_colours(depth)).astype(np.uint8)
         table = np.concatenate([[_rgb(style.INVALID)], colours])
-        return table[np.maximum(raw, -1) + 1]
+        return table.take(np.maximum(raw, -1) + 1, axis=0)
 
     @cached_property
     def free_space_image(self) -> np.ndarray:
@@ -123,9 +123,11 @@ class FrameView:
         free = np.isnan(self.obstacle_disparity) | (base_row < 0)
         first = np.where(free, self.horizon_row, base_row + 1)
         rows = np.arange(len(image))[:, None]
-        known = (rows > self.free_space.unknown_row[i])[..., None]
-        tinted = np.where(known, _tinted(image, style.FREE), _tinted(image, style.UNKNOWN))
-        return np.where((rows >= first[None, :])[..., None], tinted, image)
+        image = image.copy()
+        for colour, known in ((style.FREE, True), (style.UNKNOWN, False)):
+            space = (rows >= first) & ((rows > self.free_space.unknown_row[i]) == known)
+            cv2.copyTo(_tinted(self.grey_image, colour), space.astype(np.uint8), image)
+        return image
 
     @cached_property
     def height_image(self) -> np.ndarray:
@@ -187,5 +189,4 @@ def _rgb(colour: str) -> np.ndarray:
 def _tinted(image: np.ndarray, colour: str) -> np.ndarray:
     """An RGB image (H, W, 3) uint8 blended with a colour."""
     levels = 0.55 * np.arange(256)[:, None] + 0.45 * 255.0 * np.array(to_rgb(colour))
-    table = np.rint(levels).astype(np.uint8)
-    return np.stack([table[image[..., channel], channel] for channel in range(3)], axis=-1)
+    return cv2.LUT(image, np.rint(levels).astype(np.uint8)[None])

@@ -6,7 +6,6 @@ A file is a `rig.yaml` of ours, one of KITTI's, Middlebury's `calib.txt` (Schars
 """
 
 from collections.abc import Collection, Mapping
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -64,10 +63,9 @@ def our_names(given: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def counterpart(name: str, known: Collection[str]) -> str:
-    """`; did you mean …?` with the likeliest of the `known` names; "" without a similar one."""
+    """`; did you mean …?` with ours of the `known` names, or else all of these."""
     meant = [ours for ours in known if name.lower() in COUNTERPARTS.get(ours, ())]
-    meant += get_close_matches(name.lower(), known, n=1)
-    return f"; did you mean {meant[0]}?" if meant else ""
+    return f"; did you mean {meant[0]}?" if meant else f"; it has {', '.join(known)}"
 
 
 def read_named_calibration(file: Path) -> Calibration:
@@ -105,7 +103,7 @@ def read_rig(file: Path) -> Calibration:
     known = NEEDED + OPTIONAL + ERROR_VALUES
     for name, value in content.items():
         if name not in known:
-            meant = counterpart(str(name), known) or f"; it has {', '.join(known)}"
+            meant = counterpart(str(name), known)
             raise UserError(f"{file}: {printable(str(name))}: unknown{meant}")
         listed = value if name in ERROR_VALUES and isinstance(value, list) else [value]
         if any(isinstance(one, bool) or not isinstance(one, int | float) for one in listed):

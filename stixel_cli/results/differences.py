@@ -3,7 +3,6 @@
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,8 +10,8 @@ import numpy as np
 from stixel_cli.engine.graph import Graph, Node
 from stixel_cli.errors import printable
 from stixel_cli.evaluation.metric_table import NO_VALUE
-from stixel_cli.results.lineage import Lineage, StageLineage, read_lineage, settings_digest
-from stixel_cli.results.reader import flat_settings, read_manifest
+from stixel_cli.results.lineage import Lineage, StageLineage, settings_digest
+from stixel_cli.results.reader import flat_settings
 from stixel_cli.results.result import RunResult
 
 
@@ -133,39 +132,6 @@ def _settings_with_files(node: Node, before: StageLineage) -> str:
     then, paths = before.files or {}, [str(path) for path in node.stage.files]
     files = [then[path] for path in paths] if set(paths) == set(then) else None
     return settings_digest(node.identity.content, files)
-
-
-def code_differences(one: Path, other: Path, labels: tuple[str, str]) -> list[str]:
-    """A line for each module of two runs, named by `labels`, whose code differs.
-
-    Raises:
-        UserError: a file of a folder is damaged.
-    """
-    codes = []
-    for folder, label in zip((one, other), labels, strict=True):
-        lineage = read_lineage(folder)
-        if lineage is None or lineage.code is None:
-            return [f"{label}: the folder does not record its code"]
-        codes.append(lineage.code)
-    before, after = codes
-    found = []
-    for module in sorted({*before, *after}):
-        if module not in after or module not in before:
-            found.append(f"{module}: only in {labels[module in after]}")
-        elif before[module] != after[module]:
-            found.append(f"{module}: differs")
-    how = _with_git(read_manifest(one), read_manifest(other))
-    return [*found, how] if found and how else found
-
-
-def _with_git(*manifests: Mapping[str, Any]) -> str:
-    """How git shows the difference, if both runs are of revisions without changes."""
-    states = [manifest.get("git") for manifest in manifests]
-    clean = (isinstance(git, dict) and git.get("dirty") is False for git in states)
-    revisions = [str(git.get("revision") or "")[:12] for git in states] if all(clean) else []
-    if "" in revisions or len(set(revisions)) < 2:
-        return ""
-    return f"to see the difference: git diff {' '.join(revisions)}"
 
 
 def differing_settings(runs: Sequence[RunResult]) -> dict[str, list[str]]:

@@ -73,15 +73,6 @@ def road_user_meshes(road_user: RoadUser) -> tuple[Mesh, ...]:
     return _built_in(road_user)
 
 
-def road_user_doubt(road_user: RoadUser) -> str | None:
-    """What is probably wrong with the axes of the user's mesh, and what to set; None if nothing."""
-    if road_user.mesh is None:
-        return None
-    from stixel_cli.scene.mesh_file import mesh_doubt
-
-    return mesh_doubt(road_user.mesh, road_user.mesh_scale, road_user.mesh_up)
-
-
 # Every chunk of frames asks for them.
 @lru_cache(maxsize=2)
 def _built_in(road_user: RoadUser) -> tuple[Mesh, ...]:

@@ -89,7 +89,7 @@ class SweepEntry:
                 zipped = [*(zipped or []), keys]
         try:
             content = {**self.content, "axes": axes, "zipped": zipped}
-            return design_of(content, False, self.origin)
+            return design_of(content, self.origin)
         except ConfigurationError as fault:
             raise ConfigurationError(f"sweeps: {self.name}: {fault}") from None
 

@@ -118,7 +118,7 @@ def derived_design(one: PlannedSweep, axes: Axes) -> Design:
 def _plan(sweep: SweepEntry, design: Design) -> SweepPlan:
     try:
         check_size(design, one_is_enough=True)
-        plan = planned_sweep(design_runs(design), None, False, sweep.steps)
+        plan = planned_sweep(design_runs(design), False, sweep.steps)
     except ConfigurationError as fault:
         raise ConfigurationError(f"sweep {sweep.name}: {fault}") from None
     for step in sweep.steps:

@@ -45,7 +45,6 @@ class Design:
         axes: the runs are all combinations of their steps; the last axis varies fastest.
         left_out: combinations to leave out, each as keys of axes with their values.
         file: that names them; "" if there is no file.
-        shuffle: seed of the order of execution; None for the order of the axes.
         words: of the command line that gives this design, without `stixel sweep`.
         over: keys of the axes that means are over.
     """
@@ -54,7 +53,6 @@ class Design:
     axes: tuple[Axis, ...]
     left_out: tuple[Mapping[str, Any], ...] = ()
     file: str = ""
-    shuffle: int | None = None
     words: tuple[str, ...] = ()
     over: tuple[str, ...] = (SEED,)
 
@@ -102,22 +100,17 @@ def has(overrides: Iterable[Override], key: str, value: Any) -> bool:
     )
 
 
-def design_from_line(overrides: Sequence[str], shuffled: bool) -> Design:
-    """The design of overrides on the command line.
+def design_from_line(overrides: Sequence[str]) -> Design:
+    """The design of overrides on the command line; ConfigurationError for an invalid one.
 
-    Args:
-        overrides: in Hydra's grammar; those with several values are the axes.
-        shuffled: whether the order is random, see `Override.singles`.
-
-    Raises:
-        ConfigurationError: for an invalid override.
+    They are in Hydra's grammar; those with several values are the axes.
     """
     fixed, axes = [], []
     for override in read_overrides(overrides, TYPED):
         if override.sweep is None:
             fixed.append(override)
         else:
-            values = override.singles(shuffled)
+            values = override.singles()
             refuse_equal(values)
             axes.append(Axis((override.key,), tuple((one,) for one in values)))
     return Design(tuple(fixed), tuple(axes))

@@ -43,13 +43,13 @@ def is_study(path: Path) -> bool:
     return re.search("^sweeps:", read_text(path), re.M) is not None
 
 
-def read_design(path: Path, shuffled: bool, trusted: bool) -> Design:
+def read_design(path: Path, trusted: bool) -> Design:
     """The design in a file, whose names of code count as `trusted`; UserError if it is wrong."""
     content = read_mapping(path, ENTRIES)
     try:
         if "sweeps" in content:
             raise ConfigurationError(f"is a study, not a sweep: stixel study {path.stem}")
-        design = design_of(content, shuffled, Origin(str(path), trusted))
+        design = design_of(content, Origin(str(path), trusted))
         return replace(design, file=str(path))
     except ConfigurationError as fault:
         where = messages.printable(str(path), 200)
@@ -57,7 +57,7 @@ def read_design(path: Path, shuffled: bool, trusted: bool) -> Design:
         raise ConfigurationError(text if where in text else f"{where}: {text}") from None
 
 
-def design_of(content: Mapping[Any, Any], shuffled: bool, origin: Origin) -> Design:
+def design_of(content: Mapping[Any, Any], origin: Origin) -> Design:
     """The design of entries that `origin` has; ConfigurationError in one line names the entry."""
     refuse_unknown(content, ENTRIES)
     given = _entry(content, "fixed", {}).items()
@@ -66,14 +66,14 @@ def design_of(content: Mapping[Any, Any], shuffled: bool, origin: Origin) -> Des
         if override.sweep is not None:
             raise ConfigurationError(f"fixed: {override.text}: one value is needed")
     given = _entry(content, "axes", {}).items()
-    axes = [_axis("axes", {key: values}, shuffled, origin) for key, values in given]
+    axes = [_axis("axes", {key: values}, origin) for key, values in given]
     for number, keys in enumerate(_entry(content, "zipped", []), start=1):
         where = f"zipped: entry {number}"
         if not isinstance(keys, dict) or len(keys) < 2:
             raise ConfigurationError(f"{where}: must map two keys or more to values")
-        axes.append(_axis(where, keys, shuffled, origin))
+        axes.append(_axis(where, keys, origin))
     if content.get("grids") is not None:
-        axes.append(_union(_entry(content, "grids", []), shuffled, origin))
+        axes.append(_union(_entry(content, "grids", []), origin))
     seeds = content.get("seeds")
     if isinstance(seeds, int) and not isinstance(seeds, bool):
         if not 1 <= seeds <= MOST_VALUES:
@@ -81,7 +81,7 @@ def design_of(content: Mapping[Any, Any], shuffled: bool, origin: Origin) -> Des
             raise ConfigurationError(f"seeds: {most}, got {seeds}")
         seeds = list(range(seeds))
     if seeds is not None:
-        axes.append(_axis("seeds", {SEED: seeds}, shuffled, origin))
+        axes.append(_axis("seeds", {SEED: seeds}, origin))
     swept = [key for axis in axes for key in axis.keys]
     for key, count in Counter([*(one.key for one in fixed), *swept]).items():
         if count > 1:
@@ -139,8 +139,8 @@ def _entry(content: Mapping[str, Any], name: str, default: Any) -> Any:
     return value
 
 
-def _axis(where: str, keys: Mapping[str, Any], shuffled: bool, origin: Origin) -> Axis:
-    columns = {k: _values(where, k, values, shuffled, origin) for k, values in keys.items()}
+def _axis(where: str, keys: Mapping[str, Any], origin: Origin) -> Axis:
+    columns = {k: _values(where, k, values, origin) for k, values in keys.items()}
     if len(columns) == 1:
         refuse_equal(*columns.values())
     if len(set(map(len, columns.values()))) > 1:
@@ -154,7 +154,7 @@ def _axis(where: str, keys: Mapping[str, Any], shuffled: bool, origin: Origin) -
     return Axis(tuple(keys), steps)
 
 
-def _union(grids: Sequence[Any], shuffled: bool, origin: Origin) -> Axis:
+def _union(grids: Sequence[Any], origin: Origin) -> Axis:
     """The points of several grids as one axis: in order, those of two grids once."""
     designs = []
     for number, grid in enumerate(grids, start=1):
@@ -163,7 +163,7 @@ def _union(grids: Sequence[Any], shuffled: bool, origin: Origin) -> Axis:
             raise ConfigurationError(f"{where}: must have some of {', '.join(GRID)}")
         try:
             refuse_unknown(grid, GRID)
-            designs.append(design_of(grid, shuffled, origin))
+            designs.append(design_of(grid, origin))
         except ConfigurationError as fault:
             raise ConfigurationError(f"{where}: {fault}") from None
         if SEED in (one.key for one in designs[-1].overrides):
@@ -179,7 +179,7 @@ def _union(grids: Sequence[Any], shuffled: bool, origin: Origin) -> Axis:
     return Axis(tuple(keys), tuple(dict.fromkeys(points)))
 
 
-def _values(where: str, key: Any, values: Any, shuffled: bool, origin: Origin) -> list[Override]:
+def _values(where: str, key: Any, values: Any, origin: Origin) -> list[Override]:
     if not isinstance(key, str):
         raise ConfigurationError(f"{where}: {messages.show(key)} is not a key")
     if isinstance(values, list):
@@ -190,7 +190,7 @@ def _values(where: str, key: Any, values: Any, shuffled: bool, origin: Origin) -
         # As on the command line: a,b or choice(…), range(…), glob(…).
         parsed = parse(f"{key}={values}", origin)
         if parsed.sweep is not None:
-            return parsed.singles(shuffled)
+            return parsed.singles()
     raise ConfigurationError(
         f"{where}: {key}: {messages.show(values)} is one value: write a list [a, b], or a sweep "
         "such as range(0,1,0.1)"

@@ -41,7 +41,6 @@ class SweepRequest:
 
     Attributes:
         working_directory: to which relative file names in the overrides refer.
-        shuffle: seed of the order of execution; None for the order of the indices.
         pictures: whether pictures are drawn.
         nodes: of the pipelines; their results are required in addition to the scores.
         axes: the keys of each axis.
@@ -51,7 +50,6 @@ class SweepRequest:
     """
 
     working_directory: str
-    shuffle: int | None
     pictures: bool
     nodes: tuple[str, ...]
     axes: tuple[tuple[str, ...], ...]

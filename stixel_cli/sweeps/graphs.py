@@ -14,7 +14,7 @@ from stixel_cli.experiment.run import CAMERA, OBJECTS, TRACKS
 from stixel_cli.experiment.stages import CHUNK_SIZE, RESULTS, pipeline_stages, scan_count
 from stixel_cli.experiment.table.table import PICTURES
 from stixel_cli.sweeps.design import SEED
-from stixel_cli.sweeps.runs import PlannedRun, equal_runs, shuffled_runs
+from stixel_cli.sweeps.runs import PlannedRun, equal_runs
 
 
 @dataclass(frozen=True)
@@ -162,15 +162,15 @@ def check_axes(planned: Sequence[PlannedRun]) -> list[str]:
 
 
 def planned_sweep(
-    runs: Sequence[PlannedRun], shuffle: int | None, pictures: bool, nodes: Sequence[str] = ()
+    runs: Sequence[PlannedRun], pictures: bool, nodes: Sequence[str] = ()
 ) -> SweepPlan:
-    """The plan of runs in the order of execution, with notes on their axes.
+    """The plan of runs, with notes on their axes.
 
     UserError if no stage reads an axis, or a file or the cache cannot be read.
     """
     planned = plan_runs(runs, pictures, nodes)
     store = open_store(runs[0].composition.configuration.cache)
-    return plan_sweep(shuffled_runs(planned, shuffle), store, check_axes(planned))
+    return plan_sweep(planned, store, check_axes(planned))
 
 
 def planned_run(composition: Composition, pictures: bool = True) -> SweepPlan:

@@ -1,6 +1,5 @@
 """The runs of a sweep, composed and validated from overrides or a file."""
 
-import random
 from collections import Counter
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
@@ -26,7 +25,7 @@ class PlannedRun:
     """One run of a sweep, to be computed.
 
     Attributes:
-        index: from 0, in the order of the axes; shuffling does not change it.
+        index: from 0, in the order of the axes.
         settings: the keys that differ between runs, each with its value as typed.
         composition: validated.
         graph: of this run only; None before `graphs.plan_runs`.
@@ -98,7 +97,6 @@ class PlannedRun:
 def sweep_design(
     overrides: Sequence[str],
     file: str | None = None,
-    shuffle_seed: int | None = None,
     one_is_enough: bool = False,
     trust_code: bool = False,
     over: str = SEED,
@@ -108,7 +106,6 @@ def sweep_design(
     Args:
         overrides: in Hydra's grammar; several values of a key make an axis.
         file: a path, or a name in `pipelines/studies`; see `stixel_cli.sweeps.file`.
-        shuffle_seed: of the order of execution; None for the order of the axes.
         one_is_enough: accept a design of a single run.
         trust_code: accept user-defined code that the file names.
         over: keys of the axes that means are over, separated by commas.
@@ -117,20 +114,17 @@ def sweep_design(
         ConfigurationError: for an invalid override, a key in both, code that is not trusted, or
             means over an axis that is not swept.
     """
-    shuffled = shuffle_seed is not None
     design, words = Design((), ()), [*overrides]
     if file is not None:
-        design = read_design(find_file(file), shuffled, trust_code)
+        design = read_design(find_file(file), trust_code)
         words += ["--from", file]
-    if shuffle_seed is not None:
-        words += ["--shuffle", str(shuffle_seed)]
-    design = joined(design, design_from_line(overrides, shuffled))
+    design = joined(design, design_from_line(overrides))
     check_overrides(design.overrides)
     check_size(design, one_is_enough)
     if over != SEED:
         words += ["--over", over]
     keys = over_keys(over, [a.keys for a in design.axes])
-    return replace(design, shuffle=shuffle_seed, words=tuple(words), over=keys)
+    return replace(design, words=tuple(words), over=keys)
 
 
 def design_runs(design: Design, imports: bool = True) -> list[PlannedRun]:
@@ -198,14 +192,6 @@ def _composed(
         if left_out[key] == count:
             raise
         return _composed(kept, keys, composer, left_out, count)
-
-
-def shuffled_runs(runs: Sequence[Any], seed: int | None) -> list[Any]:
-    """The runs in a random order; in their own order if `seed` is None."""
-    runs = list(runs)
-    if seed is not None:
-        random.Random(seed).shuffle(runs)
-    return runs
 
 
 def setting_label(settings: Mapping[str, str]) -> str:

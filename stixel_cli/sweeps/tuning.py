@@ -145,7 +145,7 @@ class Tuning:
             ends = [str(found.low), str(found.high)]
         runs = [self._runs({key: end}, False, 1)[0] for end in ends]
         if len(ends) > 1:
-            planned_sweep([replace(one, index=i) for i, one in enumerate(runs)], None, False)
+            planned_sweep([replace(one, index=i) for i, one in enumerate(runs)], False)
         return found
 
     def overrides(self, settings: Mapping[str, str]) -> list[Override]:
@@ -204,7 +204,7 @@ class Tuning:
         if not runs:
             return
         plan = plan_sweep(plan_runs(runs), open_store(runs[0].composition.configuration.cache))
-        request = SweepRequest("", None, False, (), (), (), {"command": ""})
+        request = SweepRequest("", False, (), (), (), {"command": ""})
         results = run_sweep(plan, request, None, True, label).runs
         for trial in (one for one in trials if one in of):
             own = [run for run, owner in zip(results, of, strict=True) if owner is trial]

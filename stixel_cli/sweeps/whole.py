@@ -118,7 +118,7 @@ def resumed_sweep(
     folder = SweepFolder(path)
     request = folder.request()
     runs = stored_runs(request, overrides, names, imports=True)
-    plan = planned_sweep(runs, request.shuffle, request.pictures, request.nodes)
+    plan = planned_sweep(runs, request.pictures, request.nodes)
     origin = _origin(str(request.notes.get("command", path.name)))
     finished = folder.finished(len(runs))
     there = [one for one in plan.runs if one.index in finished]
@@ -146,11 +146,10 @@ def _requested(
 ) -> tuple[SweepPlan, SweepRequest]:
     """The plan and the request of a design."""
     runs = design_runs(design)
-    plan = planned_sweep(runs, design.shuffle, pictures, nodes)
+    plan = planned_sweep(runs, pictures, nodes)
     request = SweepRequest(
         axes=tuple(axis.keys for axis in design.axes),
         runs=tuple(with_own_values(o.overrides, o.composition.resolved) for o in runs),
-        shuffle=design.shuffle,
         pictures=pictures,
         nodes=tuple(nodes),
         working_directory=os.getcwd(),

@@ -12,7 +12,7 @@ import typer
 from stixel_cli import __version__
 from stixel_cli.cli.app import app, main
 from stixel_cli.cli.errors import REPLACED
-from stixel_cli.config.folders import STUDIES, group_options
+from stixel_cli.config.folders import STUDIES
 from stixel_cli.engine.errors import StageFailure
 from stixel_cli.errors import UserError
 
@@ -63,19 +63,6 @@ def test_an_old_command_names_the_new_one(word, more, tmp_path, monkeypatch, cap
     known = {*params, *getattr(COMMANDS[command], "commands", ())}
     assert {one for one in options if one.startswith("-") or one == "class"} <= known
     assert not list(tmp_path.iterdir())
-
-
-def test_help_of_run_shows_groups_and_examples(capsys):
-    assert main(["run", "--help"]) == 0
-    answer = capsys.readouterr().out
-    users = "|".join(group_options()["road_user"])
-    for text in (f"road_user={users}", "--dry-run", "Examples:", "tracker"):
-        assert text in answer
-
-
-def test_help_of_report(capsys):
-    assert main(["report", "-h"]) == 0
-    assert "a page, a table or a figure" in capsys.readouterr().out
 
 
 COMMANDS = typer.main.get_command(app).commands
@@ -156,6 +143,8 @@ def test_exit_code_of_the_body_is_the_command_s(stand_in):
         (["run", "--seed=3"], "did you mean seed=… without the dashes?"),
         (["run", "--rig.width", "3"], "did you mean rig.width=… without the dashes?"),
         (["run", "--road_user=car"], "did you mean road_user=…"),
+        (["run", "-m", "seed=1,2"], "`stixel sweep KEY=1,2,3`"),
+        (["run", "--multirun", "seed=1,2"], "`stixel sweep KEY=1,2,3`"),
         (["--verison"], "did you mean --version?"),
         (["run", "--xyzzy"], "no such option --xyzzy (see stixel run --help)"),
         (["run", "--name"], "requires an argument (see stixel run --help)"),
@@ -324,29 +313,9 @@ def test_streams_and_folders_that_a_shell_takes_away(line, code, said, printed, 
     assert printed in done.stdout
 
 
-@pytest.mark.parametrize("option", ["-m", "--multirun"])
-def test_hydras_options_for_several_runs_point_to_sweep(option, capsys):
-    assert main(["run", option, "seed=1,2"]) == 2
-    said = capsys.readouterr().err
-    assert "`stixel sweep KEY=1,2,3`" in said and said.count("\n") == 1
-
-
 def test_an_unknown_road_user_points_to_the_mesh(capsys):
     assert main(["run", "road_user=truck"]) == 2
     said = capsys.readouterr().err
     assert "road_user.mesh=FILE" in said and "car, cyclist, pedestrian" in said
     assert main(["run", "stereo=sgmm"]) == 2
     assert "mesh" not in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
-    ("command", "text"),
-    [
-        ("run", "The new folder is FOLDER-rerun, and the time"),
-        ("assess", "default: assess.html"),
-        ("ls", "A run: its origin, scores and stages"),
-    ],
-)
-def test_the_help_says_what_a_command_does(command, text, capsys):
-    assert main([command, "--help"]) == 0
-    assert text in " ".join(capsys.readouterr().out.split())

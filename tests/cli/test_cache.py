@@ -131,9 +131,7 @@ class Terminal(io.StringIO):
         return True
 
 
-@pytest.mark.parametrize(
-    ("words", "code", "kept"), [("\n", 1, 6), ("no\n", 1, 6), ("", 1, 6), ("Y\n", 0, 0)]
-)
+@pytest.mark.parametrize(("words", "code", "kept"), [("\n", 1, 6), ("no\n", 1, 6), ("Y\n", 0, 0)])
 def test_clear_asks_on_a_terminal(store, monkeypatch, words, code, kept):
     screen = Terminal()
     monkeypatch.setattr("sys.stdin", Terminal(words))

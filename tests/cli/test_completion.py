@@ -46,18 +46,8 @@ def test_options_of_a_group():
     assert complete_override("nothing=") == []
 
 
-@pytest.mark.parametrize("shell", ["zsh", "fish"])
-def test_shells_that_show_a_text_get_the_meaning_of_the_schema(monkeypatch, shell):
-    monkeypatch.setenv("_STIXEL_COMPLETE", f"complete_{shell}")
-    assert dict(complete_override(""))["road_user="].startswith("the target")
-    assert dict(complete_override("tracker="))["tracker=point"].startswith("The baseline")
-    assert ("rig.width=640", "image size, px") in complete_override("rig.wid")
-    assert dict(complete_setting("rig.wid")) == {"rig.width": "image size, px"}
-    assert dict(complete_override("se"))["seed="]
-    assert max(len(text) for _, text in complete_override("tracker=")) <= 72
-    assert dict(complete_override("tracker=gp_ekf,po"))["tracker=gp_ekf,point"].startswith(
-        "The base"
-    )
+def test_settings_to_describe_have_no_values():
+    assert complete_setting("rig.wid") == ["rig.width"]
 
 
 def test_keys():

@@ -103,7 +103,6 @@ RUN = {
 }
 READS = {
     "ls": ("config.yaml", "manifest.json", "metrics.json"),
-    "ls --code": ("config.yaml", "manifest.json", "metrics.json"),
     "report": ("config.yaml", "manifest.json", "metrics.json", "scores.npz"),
     "explain": ("config.yaml", "manifest.json", "metrics.json", "lineage.json"),
     "run": ("config.yaml", "manifest.json", "metrics.json", "lineage.json"),
@@ -163,7 +162,7 @@ CASES = [
 @pytest.mark.parametrize(("command", "name", "kind"), CASES)
 def test_a_run_is_refused(results, capsys, command, name, kind):
     RUN[name][kind](results / "run" / name)
-    words = [results / "whole"] if command in ("ls --code", "report") else []
+    words = [results / "whole"] if command == "report" else []
     before = sorted(results.rglob("*"))
     said = one_line(capsys, *command.split(), results / "run", *words)
     assert Path(name).name in said
@@ -207,7 +206,6 @@ ASKED = YAMLS | {
     "no runs": value("runs", []),
     "odd run": value("runs", [["[" * 1000 + "=seed=", "seed=0"]]),
     "nodes": value("nodes", 3),
-    "shuffle": value("shuffle", "x"),
     "pictures": value("pictures", 1),
 }
 

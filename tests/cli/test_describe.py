@@ -3,7 +3,6 @@
 import pytest
 
 from stixel_cli.cli.app import main
-from stixel_cli.cli.completion import complete_setting
 from stixel_cli.config.descriptions import (
     describe_key,
     keys_of_option,
@@ -102,13 +101,6 @@ def test_every_group_option_and_key_has_a_meaning_and_a_value():
         for one in describe_key(name):
             assert one.meaning and one.range, one
             assert one.values, one
-
-
-def test_completion(monkeypatch):
-    monkeypatch.delenv("COMP_WORDS", raising=False)
-    assert complete_setting("tracker.sigma_f") == ["tracker.sigma_f"]
-    assert "tracker=point" in complete_setting("tracker")
-    assert "rig" in complete_setting("r")
 
 
 def test_a_metric_is_described_with_unit_better_values_and_baseline(capsys):

@@ -66,7 +66,7 @@ def test_ls_shows_what_differs_and_the_swept_values(tmp_path, capsys):
 
 
 def make_sweep(folder, axes, runs):
-    request = SweepRequest("", None, False, (), axes, runs, {})
+    request = SweepRequest("", False, (), axes, runs, {})
     SweepFolder(folder).create(request)
 
 

@@ -53,20 +53,8 @@ def named(key):
     return "-".join([key.name, *(kind for _, kind in key.owners)])
 
 
-OF_A_RECORDING = {("path", "source"), ("path", "recorded"), ("tracker", "file")} | {
-    ("source", kind)
-    for kind in (
-        "kitti_tracking",
-        "kitti_raw",
-        "kitti_odometry",
-        "kitti_pair",
-        "virtual_kitti",
-        "argoverse",
-        "rosbag",
-        "folder",
-        "pair",
-    )
-}
+OF_A_RECORDING = {("path", "source"), ("path", "recorded"), ("tracker", "file")}
+OF_A_RECORDING |= {("source", kind) for kind in group_options()["source"] if kind != "rendered"}
 """Variants that need a folder: see tests/recordings."""
 
 KEYS = [

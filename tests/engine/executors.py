@@ -1,6 +1,6 @@
 """Executors by name; "serial" is this process."""
 
-from stixel_cli.engine.parameters import DaskExecutor, LocalExecutor, ThreadsExecutor
+from stixel_cli.engine.parameters import LocalExecutor, ThreadsExecutor
 
 
 def executors(workers=2):
@@ -8,7 +8,6 @@ def executors(workers=2):
         "serial": None,
         "local": LocalExecutor("local", workers, None),
         "threads": ThreadsExecutor("threads", workers),
-        "dask": DaskExecutor("dask", workers, None, None),
     }
 
 

@@ -14,6 +14,7 @@ from stixel_cli.engine.cleanup import collect, keep_limit
 from stixel_cli.engine.entries import entries, entry_folders
 from stixel_cli.engine.errors import CacheError
 from stixel_cli.engine.parameters import CacheParameters, parse_age, parse_size, show_size
+from stixel_cli.engine.source_files import save_digests
 from stixel_cli.engine.store import VALUE, Store, default_cache_folder, open_store
 
 KEYS = [f"{i:02x}" * 32 for i in range(1, 6)]
@@ -59,7 +60,6 @@ def test_the_least_recently_used_go_first(store):
     assert left(store) == [KEYS[0], KEYS[3], KEYS[4]]
     assert (collection.removed, collection.kept, collection.in_use) == (2, 3, 0)
     assert collection.kept_size == sum(one.size for one in entries(store))
-    assert store.removals() == dict.fromkeys(KEYS[1:3], "removed")
     assert list((store.folder / "tmp").iterdir()) == []
 
 
@@ -72,17 +72,14 @@ def test_a_dry_run_removes_nothing(store):
     collection = collect(store, max_size=0, dry_run=True)
     assert collection.removed == 5 and collection.removed_size > 40_000
     assert left(store) == KEYS
-    assert store.removals() == {}
 
 
 def test_entries_in_use_stay(store):
     with Lease(store.folder, KEYS[:2]):
         collection = collect(store, max_size=0)
         assert left(store) == KEYS[:2] and collection.in_use == 2
-        assert collect(store, -1).removed == 0
-        assert left(store) == KEYS[:2]
     assert leased_keys(store.folder) == set()
-    collect(store, -1)
+    collect(store, 0)
     assert left(store) == []
     assert list((store.folder / "leases").iterdir()) == []
 
@@ -138,9 +135,9 @@ def test_what_killed_processes_left(store):
     lock.touch()
     held = store.folder / "locks" / f"{KEYS[1]}.lock"
     with store.lock(KEYS[1]):
-        collect(store, dry_run=True)
-        assert old.exists()
-        collect(store)
+        found = collect(store, dry_run=True)
+        assert (found.left, found.left_size) == (1, len(b"half")) and old.exists()
+        assert collect(store) == found
         assert not old.exists() and not lock.exists()
         assert fresh.exists() and mark.exists() and held.exists()
     assert left(store) == KEYS
@@ -165,7 +162,6 @@ def test_bad_entries_are_named_and_removed(store):
         "value.joblib is missing",
     ]
     assert left(store) == [KEYS[0], KEYS[2]] and all(fault.removed for _, fault in bad)
-    assert store.removals() == dict.fromkeys((KEYS[1], KEYS[3], KEYS[4]), "damaged")
 
 
 def test_a_bad_entry_that_cannot_be_removed(store, monkeypatch):
@@ -180,10 +176,12 @@ def test_a_bad_entry_that_cannot_be_removed(store, monkeypatch):
 
 
 def test_clear(store):
-    collection = collect(store, -1)
-    assert (collection.removed, collection.kept) == (5, 0)
-    assert entries(store) == []
-    assert collect(Store(store.folder / "nothing"), -1).removed == 0
+    save_digests(store.folder)
+    assert list((store.folder / "sources").iterdir())
+    collection = collect(store, 0)
+    assert (collection.removed, collection.kept, collection.left) == (5, 0, 1)
+    assert entries(store) == [] and not list((store.folder / "sources").iterdir())
+    assert collect(Store(store.folder / "nothing"), 0).removed == 0
 
 
 def test_a_cache_that_cannot_be_written(store, monkeypatch):
@@ -191,9 +189,8 @@ def test_a_cache_that_cannot_be_written(store, monkeypatch):
         raise PermissionError(13, "Permission denied")
 
     monkeypatch.setattr("pathlib.Path.touch", refuse)
-    for action in (lambda: collect(store, max_size=0), lambda: collect(store, -1)):
-        with pytest.raises(CacheError, match=r"cannot write in the cache .*: Permission denied"):
-            action()
+    with pytest.raises(CacheError, match=r"cannot write in the cache .*: Permission denied"):
+        collect(store, max_size=0)
     assert left(store) == KEYS
     store.max_size = 1
     keep_limit(store)

@@ -1,5 +1,6 @@
 """A real Dask scheduler with two worker processes on loopback; the same loop, the same bytes."""
 
+import logging
 import os
 import signal
 import subprocess
@@ -12,11 +13,12 @@ from textwrap import dedent
 import pytest
 from executors import EXECUTORS
 
-from stixel_cli.engine.dask_pool import DaskPool, local_cluster
+from stixel_cli.engine.dask_pool import DaskPool
 from stixel_cli.engine.errors import CodeChanged, ExecutorError, StageFailure, WorkerDied
 from stixel_cli.engine.execute import execute
 from stixel_cli.engine.graph import build_graph
 from stixel_cli.engine.keys import Stage
+from stixel_cli.engine.limits import ENVIRONMENT
 from stixel_cli.engine.parameters import PROGRAM, DaskExecutor
 from stixel_cli.engine.plan import probe
 from stixel_cli.engine.store import Store
@@ -77,8 +79,17 @@ def cluster(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("PYTHONPATH", path)
         patch.syspath_prepend(folder)
-        with local_cluster(2) as address:
-            yield address
+        with distributed.LocalCluster(
+            n_workers=2,
+            threads_per_worker=1,
+            host="127.0.0.1",
+            dashboard_address="127.0.0.1:0",
+            memory_limit=0,
+            scheduler_kwargs={"allowed_failures": 0},
+            silence_logs=logging.CRITICAL,
+            env=ENVIRONMENT,
+        ) as started:
+            yield started.scheduler_address
 
 
 def graph_of(folder):
@@ -264,10 +275,15 @@ def test_no_scheduler_there(project, monkeypatch):
         execute(project.graph(), ["numbers"], project.store, executor=executor)
 
 
+def test_no_address_is_refused(project):
+    with pytest.raises(ExecutorError, match=r"executor\.address: is required"):
+        execute(project.graph(), ["numbers"], project.store, executor=executor_at(None))
+
+
 def test_dask_is_not_installed(project, monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(ExecutorError, match=r"requires Dask: pip install 'stixel\[dask\]'"):
-        execute(project.graph(), ["numbers"], project.store, executor=EXECUTORS["dask"])
+        execute(project.graph(), ["numbers"], project.store, executor=executor_at("tcp://a:1"))
 
 
 @pytest.fixture

@@ -67,7 +67,7 @@ def test_a_read_only_cache(project, disk):
     remount("ro")
     assert _status(project.run(graph)) == "cached"
     assert project.store.load(graph.of_stage("show")[0].key)[0] == 0
-    for executor in ("local", "threads", "dask"):
+    for executor in ("local", "threads"):
         # Nothing is to be done, so that nobody is called to do it.
         assert _status(project.run(graph, executor=executor)) == "cached"
     wrong = r"^cannot write in the cache .*: Read-only file system; it lacks 1 of the results "

@@ -180,7 +180,7 @@ def test_what_cannot_be_exported_is_refused_in_one_line(rendered, tmp_path, caps
     capsys.readouterr()
     for words, said in (
         (["--format", "xyz"], "'xyz' is not known: must be one of kitti, csv, tum, stx1, rerun"),
-        (["--format", "tum", "--output", str(tmp_path)], "exists; choose another folder"),
+        (["--format", "tum", "--output", str(tmp_path)], "exists and is not overwritten"),
     ):
         assert main(["export", str(rendered), *words]) == 2
         error = capsys.readouterr().err

@@ -82,4 +82,4 @@ def test_run_and_an_output_that_exists(results, tmp_path, capsys):
     assert one.data.metrics == {name: v for name, v in stored.items() if v is not None}
     assert one.info.artifact_uri == (out / f"artifacts/{one.info.run_id}/artifacts").as_uri()
     assert main(command) == 2
-    assert "exists; choose another folder" in capsys.readouterr().err
+    assert "exists and is not overwritten" in capsys.readouterr().err

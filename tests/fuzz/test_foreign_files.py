@@ -42,11 +42,11 @@ SMALL = 12
 OF_A_CLIP = (
     "run --dry-run source.folder=clip source.sequence=0003 source.target=0",
     "run --json --dry-run source.folder=clip source.sequence=0003 source.target=auto road_user=car",
-    "plan source.folder=clip source.sequence=0003 source.target=0",
+    "explain source.folder=clip source.sequence=0003 source.target=0",
 )
 OF_A_DRIVE = (
     "run --dry-run source.folder=drives/2011_09_26_drive_0001_sync source.target=0",
-    "plan source.folder=drives/2011_09_26_drive_0001_sync source.target=auto road_user=car",
+    "explain source.folder=drives/2011_09_26_drive_0001_sync source.target=auto road_user=car",
     "run --dry-run source.folder=drives/official source.sequence=0003 source.target=0",
 )
 OF_A_LOG = (

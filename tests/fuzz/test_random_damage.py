@@ -13,16 +13,16 @@ SMALL = 40
 
 TINY = ("measurement=fabricated", "path.duration=0.3", "executor=threads")
 COMMANDS = (
-    "show run",
-    "show --json run",
+    "ls run",
+    "ls --json run",
     "explain run",
     "explain --json run",
-    "compare run other",
-    "compare --json run other",
+    "ls run other",
+    "ls --json run other",
     "report run other",
-    "play run",
-    "play run other",
-    "rerun --json run",
+    "report --play run",
+    "report --play run other",
+    "run --json run",
     "verify --cached run",
     "verify --json --cached run",
     "verify run",
@@ -30,24 +30,23 @@ COMMANDS = (
     "ls --json .",
 )
 OF_A_SWEEP = (
-    "show sweep",
-    "show --json sweep",
+    "ls sweep",
+    "ls --json sweep",
     "explain sweep",
     "sweep --resume sweep",
     "sweep --json --resume sweep",
-    "compare sweep/runs/0000 other",
-    "play sweep/runs/0000",
+    "ls sweep/runs/0000 other",
+    "report --play sweep/runs/0000",
     "verify --cached sweep/runs/0000",
     "explain sweep/runs/0000",
-    "show sweep/runs/0000",
-    "rerun sweep/runs/0000",
+    "ls sweep/runs/0000",
+    "run sweep/runs/0000",
     "ls --json .",
 )
 OF_A_FILE = (
-    "plan --from axes.yaml",
-    "plan --json --from axes.yaml",
+    "explain --from axes.yaml",
     "sweep --dry-run --from axes.yaml",
-    "sweep --dry-run --from axes.yaml --shuffle 1 road_user=car,pedestrian",
+    "sweep --dry-run --from axes.yaml road_user=car,pedestrian",
 )
 AXES = """\
 fixed: {measurement: fabricated, path.duration: 0.3}
@@ -67,7 +66,7 @@ OF_A_STUDY = (
     "study --results . small.yaml",
     "study --json --results . small.yaml",
     "study --fresh --results . small.yaml",
-    "show small/sweeps/first",
+    "ls small/sweeps/first",
     "explain small/sweeps/first",
     "sweep --resume small/sweeps/first",
     "ls --json small",

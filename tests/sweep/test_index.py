@@ -35,7 +35,7 @@ def make_run(folder, iou, tracker="gp_ekf", created="2026-01-01T00:00:00+00:00")
 def make_sweep(folder):
     runs = tuple((f"tracker={name}", "seed=0") for name in ("gp_ekf", "contour", "point"))
     axes = (("tracker",),)
-    SweepFolder(folder).create(SweepRequest("/", None, False, (), axes, runs, {"command": "x"}))
+    SweepFolder(folder).create(SweepRequest("/", False, (), axes, runs, {"command": "x"}))
     for i, iou in enumerate((0.5, 0.9)):
         make_folder(folder / f"runs/{i:04d}", metrics={"iou_mean": iou, "track_lost": 1 - i})
 

@@ -28,7 +28,7 @@ def made(tmp_path_factory):
     runs = tuple((f"tracker.sigma_q={v}", f"seed={s}") for v in VALUES for s in SEEDS)
     axes = (("tracker.sigma_q",), ("seed",))
     notes = {"command": "stixel sweep tracker.sigma_q=0.1,0.4,1.6", "created": "2026"}
-    folder.create(SweepRequest(str(root), None, False, (), axes, runs, notes))
+    folder.create(SweepRequest(str(root), False, (), axes, runs, notes))
     for index in range(len(runs)):
         metrics = {"track_lost": 0.0, "nis_mean": 0.5 + index, "iou_mean": 0.9 - 0.05 * index}
         make_folder(folder.run(index), index, metrics=metrics)

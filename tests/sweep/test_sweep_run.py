@@ -192,7 +192,7 @@ def test_pictures_only_on_request(sweeps):
 
 def test_the_printed_summary(sweeps, capsys):
     line = [*FEW, "seed=0,1", "tracker.sigma_q=1,2", "--results", str(sweeps.results)]
-    assert main(["sweep", *line, "--name", "mine", "--shuffle", "3"]) == 0
+    assert main(["sweep", *line, "--name", "mine"]) == 0
     said = capsys.readouterr().out
     assert "4 of 4 runs done" in said
     assert said.splitlines()[-1] == str(sweeps.results / "mine" / "index.html")

@@ -28,7 +28,6 @@ class Definition:
             the key.
         calls: another stage whose function this one calls: it gets the function's name as
             `function` and its settings as `settings`; "" for no stage.
-        watched: the input that tells the steps of the function, see `Stage`.
     """
 
     functions: Mapping[str, str]
@@ -41,7 +40,6 @@ class Definition:
     pictures: bool = False
     code: tuple[str, ...] = ()
     calls: str = ""
-    watched: str = ""
 
 
 FROM_LABELS = {"rig": "rig", "tables": "recording.tables"}

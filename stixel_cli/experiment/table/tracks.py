@@ -23,7 +23,6 @@ STAGES: dict[str, Definition] = {
         same("prior", "tracker"),
         chosen_by="tracker",
         files=(*FILES_OF_PRIOR, "tracker.path"),
-        watched="scans",
     ),
     "track_each": Definition(only("tracking.several.track_each:track_each"), "once", calls="track"),
     "label_truths": Definition(
@@ -86,7 +85,6 @@ OWN: dict[str, Definition] = {
         {"prior": "prior", "function": "tracker.function", "parameters": "tracker.parameters"},
         files=FILES_OF_PRIOR,
         code=("tracker.function",),
-        watched="scans",
     ),
     "scores": Definition(
         only("evaluation.own_metrics:evaluate_with_own"),
