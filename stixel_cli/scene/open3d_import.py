@@ -2,7 +2,6 @@
 
 import ctypes
 import importlib.util
-import os
 import sys
 from importlib.machinery import EXTENSION_SUFFIXES
 from pathlib import Path
@@ -14,11 +13,10 @@ _loaded: list[ModuleType] = []
 
 
 def import_open3d() -> ModuleType:
-    """All of Open3D, ready for use without a display and on a machine that lacks libusb.
+    """All of Open3D, ready for use on a machine that lacks libusb.
 
     Open3D's wheels link libusb-1.0, which a fresh machine does not have: the package
-    `libusb_package` ships it, and loaded first with its symbols global it serves. The Filament
-    renderer asks for a display unless EGL_PLATFORM is set before the import.
+    `libusb_package` ships it, and loaded first with its symbols global it serves.
     """
     _prepare()
     import open3d
@@ -44,7 +42,6 @@ def import_open3d_bindings() -> ModuleType:
 
 
 def _prepare() -> None:
-    os.environ.setdefault("EGL_PLATFORM", "surfaceless")
     import libusb_package
 
     library = libusb_package.get_library_path()

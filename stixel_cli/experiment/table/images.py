@@ -1,6 +1,6 @@
 """Stages from the scenario to the stixels and to the scans of each kind of measurement."""
 
-from stixel_cli.config.schema import Renderer, StereoParameters
+from stixel_cli.config.schema import StereoParameters
 from stixel_cli.experiment.table.definition import FROM_LABELS, Definition, by_kind, only, same
 
 RECTIFICATION = "recording.calibration.rectification"
@@ -18,10 +18,9 @@ STAGES: dict[str, Definition] = {
         files=("road_user.mesh",),
     ),
     "render": Definition(
-        by_kind(Renderer, "render"),
+        only("rendering.raycast:render"),
         "map",
         same("road_user", "world", "rig", "renderer"),
-        chosen_by="renderer",
         files=("road_user.mesh",),
     ),
     "add_sensor_noise": Definition(
