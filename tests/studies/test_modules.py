@@ -83,12 +83,10 @@ def errors_of(bias, count=400, scans=4):
         spacing=1.0,
         scans=scan,
         columns=columns,
-        true_ranges=np.full(count, 10.0),
         along=bias - 0.4 * disparities,
         disparities=disparities,
         range_sensitivities=np.full(count, -0.4),
         inside=np.minimum(columns, columns[::-1]) + 1.0,
-        column_scans=scan,
         covered=np.ones(count, bool),
         reach_left=np.zeros(scans),
         reach_right=np.zeros(scans),
@@ -114,10 +112,7 @@ def test_runs_of_rq3_have_the_statistics_of_their_points():
     loaded = []
 
     def run(bias):
-        configuration = SimpleNamespace(rig=SimpleNamespace(focal=400.0))
-        return SimpleNamespace(
-            load=lambda stage: loaded.append(stage) or errors_of(bias), configuration=configuration
-        )
+        return SimpleNamespace(load=lambda stage: loaded.append(stage) or errors_of(bias))
 
     runs = frame(
         road_user=["car"] * 3, path=["turn"] * 3, tracker=["a", "b", "a"], seed=["0", "0", "1"]
