@@ -118,13 +118,6 @@ class PlainFolder(Labelled):
 
 
 @dataclass(frozen=True, kw_only=True)
-class VirtualKitti(Labelled):
-    """Virtual KITTI 2, one variation of a scene."""
-
-    kind: Literal["virtual_kitti"]
-
-
-@dataclass(frozen=True, kw_only=True)
 class KittiOdometry(Recorded, _InFolder):
     """KITTI's odometry benchmark, which has no labels.
 
@@ -210,7 +203,6 @@ Source = (
     | KittiOdometry
     | PlainFolder
     | KittiPair
-    | VirtualKitti
     | Argoverse
     | Rosbag
     | Pair
