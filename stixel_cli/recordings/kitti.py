@@ -27,8 +27,12 @@ move.
 from pathlib import Path
 
 from stixel_cli.errors import UserError
-from stixel_cli.recordings.assembly import assembled_recording, numbered_images, root_of
-from stixel_cli.recordings.image_files import image_size
+from stixel_cli.recordings.assembly import (
+    assembled_pair,
+    assembled_recording,
+    numbered_images,
+    root_of,
+)
 from stixel_cli.recordings.kitti_raw_tables import CAMERAS
 from stixel_cli.recordings.kitti_tables import PAIRS, read_calibration
 from stixel_cli.recordings.parameters import (
@@ -37,7 +41,7 @@ from stixel_cli.recordings.parameters import (
     KittiRaw,
     KittiTracking,
 )
-from stixel_cli.recordings.types import Calibration, Recording, Tables
+from stixel_cli.recordings.types import Recording, Tables
 
 BENCHMARKS = (
     ("image_2/{}.png", "image_3/{}.png", "calib/{}.txt", "label_2/{}.txt", None),
@@ -137,7 +141,7 @@ def find_pair(source: KittiPair) -> Recording:
         if left.is_file():
             existing = [file if file and file.is_file() else None for file in truth]
             calibrated = read_calibration(calibration, cameras)
-            return recording_of_pair(source.kind, (left, right), calibrated, *existing)
+            return assembled_pair(source, (left, right), calibrated, *existing)
     images = " or ".join(files[0].format(name) for files in BENCHMARKS)
     raise UserError(f"source.sequence: {root} has no {images}")
 
@@ -146,35 +150,3 @@ def _png_or_jpeg(file: Path) -> Path:
     """The file, or the JPEG that is in its place."""
     jpeg = (file.with_suffix(ending) for ending in (".jpg", ".jpeg", ".JPG", ".JPEG"))
     return next((one for one in (file, *jpeg) if one.is_file()), file)
-
-
-def recording_of_pair(
-    layout: str,
-    images: tuple[Path, Path],
-    calibration: Calibration,
-    labels: Path | None,
-    disparity: Path | None,
-) -> Recording:
-    """The recording of one pair of images, without time and motion, and their optional truth."""
-    left, right = images
-    size = image_size(left)
-    others = {right: image_size(right)}
-    if disparity is not None:
-        others[disparity] = image_size(disparity, of_disparities=True)
-    for file, other in others.items():
-        if other != size:
-            raise UserError(
-                f"{file}: {other[0]} × {other[1]} px, but {left.name} has {size[0]} × {size[1]} px"
-            )
-    return Recording(
-        layout=layout,
-        frames=range(1),
-        left=(left,),
-        right=(right,),
-        width=size[0],
-        height=size[1],
-        calibration=calibration,
-        tables=Tables(left_camera=calibration.left_camera),
-        label_files=() if labels is None else (labels,),
-        true_disparities=() if disparity is None else (disparity,),
-    )
