@@ -52,7 +52,7 @@ STAGES: dict[str, Definition] = {
     ),
     "calibrated_rig": Definition(only("calibration.calibrated_rig:calibrated_rig"), "once"),
     "occupancy": Definition(
-        only("stixels.frame_grid:picture_grid"), "pick", same("rig", "road", "occupancy")
+        only("stixels.displayed_grid:picture_grid"), "pick", same("rig", "road", "occupancy")
     ),
     "camera_pictures": Definition(
         only("pictures.camera:camera_pictures"), "pick", same("rig"), pictures=True
