@@ -4,6 +4,7 @@ import cv2
 import numpy as np
 import pytest
 from constants import with_constants
+from projection import nearest_of
 
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.images import ImageStack
@@ -26,15 +27,10 @@ FRAMES = range(7, 9)
 RIG = Rig(160, 96, 60.0, None, None, None, 0.3, 1.2, 0.0, None)
 
 
-def nearest_of(end):
-    """The least depth, m, for which all disparities below `end` px are searched."""
-    return RIG.focal * RIG.baseline / (end - 1.5)
-
-
 SGM = with_constants(
     SgmParameters(
         kind="sgm",
-        nearest=nearest_of(32),
+        nearest=nearest_of(RIG, 32),
         block_size=3,
         subpixel="parabola",
         disparities_at_full_size=None,
@@ -47,7 +43,7 @@ SGM = with_constants(
 BM = with_constants(
     BmParameters(
         kind="bm",
-        nearest=nearest_of(32),
+        nearest=nearest_of(RIG, 32),
         block_size=9,
         subpixel="parabola",
     ),
@@ -90,7 +86,7 @@ def test_bm_finds_the_plane_up_to_the_left_border(pairs):
 def test_minimum_disparity_shifts_the_range(pairs, stereo, match):
     found = []
     for least in (16, 8):
-        near = replace(stereo, nearest=nearest_of(16 + least))
+        near = replace(stereo, nearest=nearest_of(RIG, 16 + least))
         found.append(match(pairs, with_constants(near, minimum_disparity=least), RIG, FRAMES))
     above, below = found
     assert (above.count, below.count) == (32, 24)
