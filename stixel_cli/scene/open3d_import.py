@@ -12,18 +12,6 @@ _lock = Lock()
 _loaded: list[ModuleType] = []
 
 
-def import_open3d() -> ModuleType:
-    """All of Open3D, ready for use on a machine that lacks libusb.
-
-    Open3D's wheels link libusb-1.0, which a fresh machine does not have: the package
-    `libusb_package` ships it, and loaded first with its symbols global it serves.
-    """
-    _prepare()
-    import open3d
-
-    return open3d
-
-
 def import_open3d_bindings() -> ModuleType:
     """Open3D's compiled part: `core`, `geometry`, `io`, `t`, `utility`.
 
@@ -38,10 +26,18 @@ def import_open3d_bindings() -> ModuleType:
                 _loaded.extend(_load(_bindings_file()))
             if _loaded:
                 return _loaded[0]
-    return import_open3d()
+    prepare()
+    import open3d
+
+    return open3d
 
 
-def _prepare() -> None:
+def prepare() -> None:
+    """Make Open3D ready for its import on a machine that lacks libusb.
+
+    Its wheels link libusb-1.0, which a fresh machine does not have: the package `libusb_package`
+    ships it, and loaded first with its symbols global it serves.
+    """
     import libusb_package
 
     library = libusb_package.get_library_path()
@@ -66,7 +62,7 @@ def _load(file: Path | None) -> list[ModuleType]:
     """The module in the file; nothing if it does not load."""
     if file is None:
         return []
-    _prepare()
+    prepare()
     # The name that Open3D itself gives it.
     name = "open3d.cpu.pybind" if file.parent.name == "cpu" else "open3d.pybind"
     spec = importlib.util.spec_from_file_location(name, file)
