@@ -3,6 +3,7 @@
 import json
 import logging
 import re
+import struct
 import warnings
 from collections.abc import Callable
 from contextlib import suppress
@@ -19,7 +20,7 @@ from stixel_cli.scene.mesh_references import file_beside, referred_files
 from stixel_cli.scene.shapes import cube_uvs
 from stixel_cli.scene.textures import paint
 
-FORMATS = (".glb", ".gltf", ".obj", ".stl")
+FORMATS = (".glb", ".gltf", ".obj", ".off", ".ply", ".stl")
 """Suffixes of the files that are read: those whose readers in trimesh need no other package."""
 
 IMAGES = ("BMP", "GIF", "JPEG", "PNG", "TGA", "TIFF", "WEBP")
@@ -49,6 +50,8 @@ def read_parts(
         raise ValueError(f"its suffix must be one of {', '.join(FORMATS)}; export it as .glb")
     if suffix == ".obj":
         content = _plain_obj(content.decode("utf-8", "replace")).encode()
+    elif suffix == ".ply":
+        content = _plain_ply(content)
     elif suffix in (".glb", ".gltf"):
         _check_gltf(content, sum(f.stat().st_size for f in (path, *referred_files(path))))
     import trimesh
@@ -67,8 +70,9 @@ def read_parts(
         meshes = [(scene.geometry[name], pose) for pose, name in nodes]
         meshes = [one for one in meshes if isinstance(one[0], trimesh.Trimesh)]
         count = sum(len(mesh.faces) for mesh, _ in meshes)
-        if not 1 <= count <= MOST_TRIANGLES:
-            raise ValueError(f"{count} triangles, must be 1 to {MOST_TRIANGLES}")
+        least = int(re.sub(rb"#.*", b"", content).split()[2]) if suffix == ".off" else 1
+        if not least <= count <= MOST_TRIANGLES:
+            raise ValueError(f"{count} triangles, must be {least} to {MOST_TRIANGLES}")
         textures: dict[int, np.ndarray] = {}
         return tuple(_part(*one, placed, contrast, textures) for one in meshes if len(one[0].faces))
 
@@ -192,6 +196,85 @@ def _plain_obj(text: str) -> str:
         if number > counts[kind]:
             raise ValueError(f"a face has the index {number} of {kind}, of {counts[kind]}")
     return "\n".join(lines)
+
+
+_TYPES = {
+    **{"char": "b", "uchar": "B", "short": "h", "ushort": "H", "int": "i", "uint": "I"},
+    **{"int8": "b", "uint8": "B", "int16": "h", "uint16": "H", "int32": "i", "uint32": "I"},
+    **{"float": "f", "double": "d", "float32": "f", "float64": "d"},
+}
+"""The letter of `struct` for each type of a .ply."""
+
+
+def _plain_ply(content: bytes) -> bytes:
+    """The .ply itself, or as text if its faces differ in their number of corners.
+
+    Of a binary file, trimesh takes the number of the first face for all.
+    """
+    head, end, body = content.partition(b"end_header")
+    if b"format ascii" in head:
+        _check_ply(head, body)
+        return content
+    order, start = "<" if b"binary_little" in head else ">", body.find(b"\n") + 1
+    elements = [
+        (int(one.split()[1]), re.findall(r"\n\s*property\s+(?:list\s+(\w+)\s+)?(\w+)", one))
+        for one in re.split(r"\n\s*element\s+", head.decode("utf-8", "replace"))[1:]
+    ]
+    if _has_equal_rows(body, start, order, elements):
+        return content
+    lines = [re.sub(rb"binary_\w+", b"ascii", head) + end]
+    for count, kinds in elements:
+        for _ in range(count):
+            values: list[float] = []
+            for of_list, kind in kinds:
+                length = 1
+                if of_list:
+                    (length,) = struct.unpack_from(order + _TYPES[of_list], body, start)
+                    start += struct.calcsize(_TYPES[of_list])
+                    values.append(length)
+                row = f"{order}{length}{_TYPES[kind]}"
+                values += struct.unpack_from(row, body, start)
+                start += struct.calcsize(row)
+            lines.append(" ".join(map(repr, values)).encode())
+    return b"\n".join(lines)
+
+
+def _has_equal_rows(body: bytes, start: int, order: str, elements: list) -> bool:
+    """Whether all lists of a property of a binary .ply have the length of its first one."""
+    for count, kinds in elements:
+        fields, place = [], start
+        for i, (of_list, kind) in enumerate(kinds if count else ()):
+            length = 1
+            if of_list:
+                (length,) = struct.unpack_from(order + _TYPES[of_list], body, place)
+                fields.append((f"length {i}", order + _TYPES[of_list]))
+                place += struct.calcsize(_TYPES[of_list])
+            fields.append((f"values {i}", order + _TYPES[kind], (length,)))
+            place += length * struct.calcsize(_TYPES[kind])
+        size = count * (place - start)
+        if start + size > len(body):
+            return False
+        rows = np.frombuffer(body[start : start + size], np.dtype(fields)) if size else None
+        for name, *_ in fields:
+            if name.startswith("length") and (rows[name] != rows[name][0]).any():
+                return False
+        start += size
+    return True
+
+
+def _check_ply(head: bytes, body: bytes) -> None:
+    """Check the rows of a .ply in text: trimesh takes the form of the first row for all."""
+    rows = iter(body.splitlines()[1:])
+    for element in re.split(rb"\n\s*element\s+", head)[1:]:
+        name, count = element.split()[:2]
+        are_lists = [kind == b"list" for kind in re.findall(rb"\n\s*property\s+(\w+)", element)]
+        for row in range(int(count)):
+            values = [float(word) for word in next(rows, b"").split()]
+            place = 0
+            for is_list in are_lists:
+                place += 1 + (int(values[place]) if is_list else 0)
+            if place != len(values):
+                raise ValueError(f"row {row} of {name.decode()} is not as its head declares")
 
 
 def _check_gltf(content: bytes, size: int) -> None:

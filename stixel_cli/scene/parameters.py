@@ -23,7 +23,7 @@ class RoadUser:
         contrast: how strong the texture of paint and cloth is, 0 (plain) … 1; stereo fails on 0.
         shape_seed: seed that draws a body and its size within the class, or null for the standard
             shape.
-        mesh: file with a mesh of your own (.glb, .gltf, .obj or .stl; m) or null.
+        mesh: file with a mesh of your own (.glb, .gltf, .obj, .off, .ply or .stl; m) or null.
         mesh_scale: factor on the mesh's coordinates: 0.001 for a file in millimetres.
         mesh_forward: axis of the mesh's file that points forward.
         mesh_up: axis of the mesh's file that points up: y in all .glb and .gltf, and many .obj.

@@ -98,14 +98,25 @@ FACES += [(0, 2, 6), (0, 6, 4), (1, 5, 7), (1, 7, 3)]
 
 
 def write_meshes(folder: Path) -> None:
-    """A box as text, and as binary .stl and .glb."""
+    """A box as text, and as binary .ply, .stl and .glb."""
     vertices = "".join("{} {} {}\n".format(*one) for one in BOX)
+    faces = "".join("3 {} {} {}\n".format(*one) for one in FACES)
+    head = (
+        "ply\nformat {} 1.0\nelement vertex 8\nproperty float x\nproperty float y\n"
+        f"property float z\nelement face {len(FACES)}\n"
+        "property list uchar int vertex_indices\nend_header\n"
+    )
     lines = "".join("f {}/1 {}/1 {}/1\n".format(*(i + 1 for i in one)) for one in FACES)
     vertices_of_obj = "".join(f"v {one}\n" for one in vertices.splitlines())
     obj = f"mtllib box.mtl\n{vertices_of_obj}vt 0.5 0.5\nusemtl coat\n{lines}"
     cv2.imwrite(str(folder / "coat.png"), np.full((4, 4, 3), 90, np.uint8))
     (folder / "box.obj").write_text(obj)
     (folder / "box.mtl").write_text("newmtl coat\nmap_Kd coat.png\n")
+    (folder / "box.off").write_text(f"OFF\n8 {len(FACES)} 0\n{vertices}{faces}")
+    (folder / "box.ply").write_text(head.format("ascii") + vertices + faces)
+    rows = [b"\3" + np.array(one, "<i4").tobytes() for one in FACES]
+    binary = np.array(BOX, "<f4").tobytes() + b"".join(rows)
+    (folder / "binary.ply").write_bytes(head.format("binary_little_endian").encode() + binary)
     corners = np.array(BOX, "<f4")[np.array(FACES)]
     rows = [bytes(12) + one.tobytes() + bytes(2) for one in corners]
     count = np.array(len(FACES), "<u4").tobytes()

@@ -1,8 +1,8 @@
 import json
 import os
-import re
 import struct
 import zlib
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -81,8 +81,14 @@ def test_a_texture_that_is_too_large_to_decode_gives_a_one_line_error(tmp_path):
 
 
 def test_user_mesh_keeps_vertex_colours(tmp_path):
-    path = tmp_path / "wedge.obj"
-    path.write_text(re.sub(r"^(v .*)$", r"\1 0.98 0.04 0.04", wedge(), flags=re.MULTILINE))
+    path = tmp_path / "wedge.ply"
+    path.write_text(
+        "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\n"
+        "property float z\nproperty uchar red\nproperty uchar green\nproperty uchar blue\n"
+        "element face 4\nproperty list uchar int vertex_indices\nend_header\n"
+        "1 1 3 250 10 10\n3 1 3 250 10 10\n1 2 3 250 10 10\n1 1 4 250 10 10\n"
+        "3 0 2 1\n3 0 1 3\n3 1 2 3\n3 2 0 3\n"
+    )
     (part,) = load_mesh(str(path), 0.5).parts
     u, v = part.uvs[:, 0, 0], part.uvs[:, 0, 1]
     height, width = part.texture.shape[:2]
@@ -93,19 +99,30 @@ def test_user_mesh_keeps_vertex_colours(tmp_path):
 BOX = [(x, y, z) for x in (-2, 2) for y in (-1, 1) for z in (0, 1.5)]
 TRIANGLES = [(0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1)]
 TRIANGLES += [(2, 3, 7), (2, 7, 6), (0, 2, 6), (0, 6, 4), (1, 5, 7), (1, 7, 3)]
-OBJ = "box.obj"
+OBJ, OFF, PLY = "box.obj", "box.off", "box.ply"
 
 
-def box(change=lambda vertex: vertex, last=(1, 7, 3)):
-    """The text of a box, its vertices changed and its last triangle."""
-    vertices = ["v " + " ".join(map(str, change(vertex))) + "\n" for vertex in BOX]
+def box(name, change=lambda vertex: vertex, last=(1, 7, 3), count=8):
+    """The text of a box in the format of `name`, its vertices changed and its last triangle."""
+    vertices = [" ".join(map(str, change(vertex))) + "\n" for vertex in BOX]
     faces = [*TRIANGLES[:-1], last]
-    return "".join(vertices + ["f {} {} {}\n".format(*(i + 1 for i in face)) for face in faces])
+    if name == OBJ:
+        lines = ["f {} {} {}\n".format(*(i + 1 for i in face)) for face in faces]
+        return "".join([f"v {vertex}" for vertex in vertices] + lines)
+    lines = "".join(vertices) + "".join("3 {} {} {}\n".format(*face) for face in faces)
+    if name == OFF:
+        return f"OFF\n{count} {len(faces)} 0\n{lines}"
+    return (
+        f"ply\nformat ascii 1.0\nelement vertex {count}\nproperty float x\nproperty float y\n"
+        f"property float z\nelement face {len(faces)}\nproperty list uchar int vertex_indices\n"
+        f"end_header\n{lines}"
+    )
 
 
-def test_user_mesh_far_from_the_origin_is_centred(tmp_path):
-    path = tmp_path / OBJ
-    path.write_text(box(lambda v: (v[0] + 1e6, *v[1:])))
+@pytest.mark.parametrize("name", [OBJ, OFF, PLY])
+def test_user_mesh_far_from_the_origin_is_centred(tmp_path, name):
+    path = tmp_path / name
+    path.write_text(box(name, lambda v: (v[0] + 1e6, *v[1:])))
     np.testing.assert_allclose(bounding_box(load_mesh(str(path), 0.5)), [[-2, -1, 0], [2, 1, 1.5]])
 
 
@@ -124,18 +141,35 @@ def test_user_mesh_in_millimetres_and_turned(tmp_path, forward, corner):
     assert contour == {(x, y), (-x, y), (x, -y)}
 
 
+SHORT = {
+    "vertex.ply": box(PLY).replace("-2 -1 1.5\n", "-2 -1\n"),
+    "vertex.off": box(OFF).replace("-2 -1 1.5\n", "-2 -1\n"),
+    "head.off": box(OFF).replace("OFF", "\ufeffOFF"),
+}
+
+
+@pytest.mark.parametrize("name", SHORT)
+def test_a_short_line_gives_a_mesh_or_one_line(tmp_path, capfd, name):
+    path = tmp_path / name
+    path.write_text(SHORT[name])
+    with suppress(ValueError):
+        load_mesh(str(path), 0.5)
+    assert capfd.readouterr() == ("", "")
+
+
 def test_a_changed_mesh_is_read_again_though_its_size_and_time_are_the_same(tmp_path):
     path = tmp_path / OBJ
-    path.write_text(box())
+    path.write_text(box(OBJ))
     load_mesh(str(path), 0.5)
     time = path.stat().st_mtime_ns
-    path.write_text(box(lambda v: (v[0] + (v[0] > 0), *v[1:])))
+    path.write_text(box(OBJ, lambda v: (v[0] + (v[0] > 0), *v[1:])))
     os.utime(path, ns=(time, time))
     assert bounding_box(load_mesh(str(path), 0.5))[1, 0] == 2.5
 
 
 DAMAGED = [
-    (OBJ, box(**change), message)
+    (name, box(name, **change), message)
+    for name in (OBJ, OFF, PLY)
     for change, message in (
         ({"change": lambda v: (*v[:2], 0)}, r"is 4 × 2 × 0 m large; each side must be 0.1 to 30 m"),
         ({"change": lambda v: (v[0], 0, v[2])}, r"is 4 × 0 × 1.5 m large"),
@@ -150,18 +184,28 @@ DAMAGED = [
         ({"last": (1, 7, -10)}, "cannot be read"),
     )
 ]
+DAMAGED += [
+    (name, box(name, count=count), "cannot be read")
+    for name in (OFF, PLY)
+    for count in (2 * 10**9, 9, 7, -8)
+]
+DAMAGED += [
+    (name, "".join(box(name).splitlines(keepends=True)[:-1]), "cannot be read")
+    for name in (OFF, PLY)
+]
 
 
 @pytest.mark.parametrize(
     ("name", "text", "message"),
     [
         ("absent.obj", None, "absent.obj is missing"),
-        ("text.ply", "ply\n", "export it as .glb"),
+        ("text.ply", "this is no mesh\n", "cannot be read"),
         ("text.glb", "this is no mesh\n", "cannot be read"),
         ("deep.gltf", "[" * 100_000, "cannot be read"),
         ("strange.xyz", "1 2 3\n", "export it as .glb"),
         ("scene.dae", "<COLLADA/>\n", "export it as .glb"),
         ("empty.obj", "", "cannot be read"),
+        ("wide.off", "OFF \x008\x00 12 0\n", "cannot be read"),
         ("points.obj", "v 0 0 0\nv 1 0 0\n", "0 triangles"),
         ("large.obj", wedge().replace("v 3 1 3", "v 3000 1 3"), "0.1 to 30 m"),
         ("small.obj", "v 0 0 0\nv 0.01 0 0\nv 0 0.01 0\nv 0 0 0.01\nf 1 3 2\n", "0.1 to 30 m"),
@@ -217,6 +261,37 @@ def test_wavefront_faces_of_every_form(tmp_path, form):
     a, b = np.diff(corners(mesh), axis=1).transpose(1, 0, 2)
     area = 0.5 * np.linalg.norm(np.cross(a, b), axis=1).sum()
     assert area == pytest.approx(34.0 + 8.0 * form.startswith("six corners"))
+
+
+MIXED = [*TRIANGLES[:2], *QUADS[1:]]
+"""Quads and two triangles, as Blender writes them."""
+CUT = [*QUADS[:4], (0, 2, 6), (0, 6, 2, 6, 4), *QUADS[5:]]
+"""A triangle and a face of five corners: as many bytes as if all were quads."""
+
+
+@pytest.mark.parametrize("order", ["ascii", "binary_little_endian", "binary_big_endian"])
+@pytest.mark.parametrize("polygons", [QUADS, MIXED, CUT])
+def test_ply_of_polygons(tmp_path, order, polygons):
+    path = tmp_path / PLY
+    head = (
+        f"ply\nformat {order} 1.0\nelement vertex 8\nproperty float x\nproperty float y\n"
+        f"property float z\nelement face {len(polygons)}\n"
+        "property list uchar int vertex_indices\nend_header\n"
+    )
+    end = "><"["little" in order]
+    if order == "ascii":
+        rows = [" ".join(map(str, row)) for row in (*BOX, *((len(q), *q) for q in polygons))]
+        body = "".join(f"{row}\n" for row in rows).encode()
+    else:
+        body = np.array(BOX, f"{end}f4").tobytes()
+        body += b"".join(bytes([len(q)]) + np.array(q, f"{end}i4").tobytes() for q in polygons)
+    path.write_bytes(head.encode() + body)
+    mesh = load_mesh(str(path), 0.5)
+    found = {frozenset(one) for one in mesh.parts[0].triangles.tolist()}
+    assert found == {
+        frozenset((q[0], *q[i : i + 2])) for q in polygons for i in range(1, len(q) - 1)
+    }
+    np.testing.assert_allclose(bounding_box(mesh), [[-2, -1, 0], [2, 1, 1.5]])
 
 
 def test_stl(tmp_path):
@@ -348,7 +423,7 @@ def test_a_picture_that_pillow_would_give_to_another_program_is_refused(tmp_path
 )
 def test_a_mesh_in_another_unit_gets_the_scale_to_set(tmp_path, factor, message):
     path = tmp_path / OBJ
-    path.write_text(box(lambda v: [factor * x for x in v]))
+    path.write_text(box(OBJ, lambda v: [factor * x for x in v]))
     with pytest.raises(ValueError, match=message):
         load_mesh(str(path), 0.5)
 
@@ -360,7 +435,7 @@ def test_the_axis_that_is_up(tmp_path):
         ("x", lambda v: (v[0], v[2], -v[1])),
         ("z", lambda v: (v[1], v[2], v[0])),
     ):
-        path.write_text(box(change))
+        path.write_text(box(OBJ, change))
         user = RoadUser("car", 4.5, 1.8, 1.5, 0.6, None, str(path), 1.0, forward, "y")
         np.testing.assert_allclose(
             bounding_box(road_user_meshes(user)[0]), [[-2, -1, 0], [2, 1, 1.5]], atol=1e-9
@@ -380,7 +455,7 @@ def test_the_axis_that_is_up(tmp_path):
 )
 def test_a_mesh_that_lies_or_floats_gets_a_line(tmp_path, change, up, doubt):
     path = tmp_path / OBJ
-    path.write_text(box(change))
+    path.write_text(box(OBJ, change))
     found = mesh_doubt(str(path), 1.0, up)
     assert found is None if doubt is None else doubt in found
     if doubt is not None:
@@ -416,6 +491,8 @@ def test_referred_files_lists_existing_references(folder):
     }
     (folder / "car.gltf").write_text(json.dumps(tree))
     assert names(folder, "car.gltf") == {"data.bin", "a b.png"}
+    (folder / "car.ply").write_bytes(b"ply\ncomment TextureFile a b.png\nend_header\n\xff\x00")
+    assert names(folder, "car.ply") == {"a b.png"}
 
 
 @pytest.mark.parametrize(

@@ -99,7 +99,7 @@ def test_mesh_is_repeatable():
 
 
 def test_missing_mesh_file_is_rejected_before_the_run():
-    road_user = RoadUser("car", 4.5, 1.8, 1.5, 0.6, None, "nowhere/mesh.obj", 1.0, "x")
+    road_user = RoadUser("car", 4.5, 1.8, 1.5, 0.6, None, "nowhere/mesh.ply", 1.0, "x")
     with pytest.raises(ValueError, match=r"road_user\.mesh: file not found"):
         road_user.check()
 
