@@ -12,6 +12,7 @@ LAYOUTS = {
     "kitti_tracking": (kitti.is_tracking, kitti.find_tracking),
     "kitti_odometry": (kitti.is_odometry, kitti.find_odometry),
     "kitti_pair": (kitti.is_pair, kitti.find_pair),
+    "virtual_kitti": (kitti.is_virtual, kitti.find_virtual),
     "argoverse": (argoverse.is_layout, argoverse.find_recording),
     "rosbag": (rosbag.is_layout, rosbag.find_recording),
     "folder": (plain_folder.is_layout, plain_folder.find_recording),
@@ -50,6 +51,6 @@ def guess_layout(folder: Path) -> str:
         f"source.folder: {folder}: not a known layout: image_02 (source=kitti_tracking), "
         "image_02/data (source=kitti_raw), "
         "image_0 and calib.txt (source=kitti_odometry), image_2 and calib (source=kitti_pair), "
-        "sensors/cameras/stereo_front_left (source=argoverse), metadata.yaml (source=rosbag) or "
-        "rig.yaml (source=folder) is missing"
+        "frames/rgb/Camera_0 (source=virtual_kitti), sensors/cameras/stereo_front_left "
+        "(source=argoverse), metadata.yaml (source=rosbag) or rig.yaml (source=folder) is missing"
     )

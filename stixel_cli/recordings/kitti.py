@@ -1,4 +1,4 @@
-"""Clips and pairs of KITTI's benchmarks.
+"""Clips and pairs of KITTI's benchmarks, and the scenes of Virtual KITTI 2 that are made like them.
 
 Geiger, Lenz, Urtasun 2012, *Are we ready for autonomous driving?*. Tracking: below the folder, or
 below its `training/`, are `image_02/0005/000000.png`, `image_03/0005/…`, `calib/0005.txt`,
@@ -22,6 +22,11 @@ Of one pair of images, below the folder of a benchmark, or below its `training/`
 
 Labels and true disparities are optional. There is one frame, without time, so the ego car does not
 move.
+
+Of Virtual KITTI 2 (Cabon, Murray, Humenberger 2020), below the folder of one variation of a scene,
+such as `Scene01/clone`: `frames/rgb/Camera_0/rgb_00000.jpg` (left), `frames/rgb/Camera_1/…`
+(right), and of the package `textgt`: `intrinsic.txt`, `extrinsic.txt`, `pose.txt`, `bbox.txt`,
+`info.txt`.
 """
 
 from pathlib import Path
@@ -40,8 +45,10 @@ from stixel_cli.recordings.parameters import (
     KittiPair,
     KittiRaw,
     KittiTracking,
+    VirtualKitti,
 )
 from stixel_cli.recordings.types import Recording, Tables
+from stixel_cli.recordings.virtual_kitti_tables import read_calibration as read_virtual_calibration
 
 BENCHMARKS = (
     ("image_2/{}.png", "image_3/{}.png", "calib/{}.txt", "label_2/{}.txt", None),
@@ -51,6 +58,8 @@ BENCHMARKS = (
 )  # fmt: skip
 """Left and right image, calibration, labels and true disparities, by the number of a pair; their
 cameras are the `PAIRS` of the same place."""
+
+VIRTUAL_IMAGES = Path("frames/rgb")
 
 
 def is_tracking(folder: Path) -> bool:
@@ -72,6 +81,11 @@ def is_pair(folder: Path) -> bool:
     """Whether the folder has the layout of one of the benchmarks of pairs."""
     root = root_of(folder, "image_2", "image_0")
     return any(all((root / file).parent.is_dir() for file in files[:3]) for files in BENCHMARKS)
+
+
+def is_virtual(folder: Path) -> bool:
+    """Whether the folder is a variation of a scene of Virtual KITTI."""
+    return (folder / VIRTUAL_IMAGES / "Camera_0").is_dir()
 
 
 def find_tracking(source: KittiTracking) -> Recording:
@@ -150,3 +164,17 @@ def _png_or_jpeg(file: Path) -> Path:
     """The file, or the JPEG that is in its place."""
     jpeg = (file.with_suffix(ending) for ending in (".jpg", ".jpeg", ".JPG", ".JPEG"))
     return next((one for one in (file, *jpeg) if one.is_file()), file)
+
+
+def find_virtual(source: VirtualKitti) -> Recording:
+    """The recording of a variation of a scene of Virtual KITTI."""
+    root = Path(source.folder)
+    folders = (root / VIRTUAL_IMAGES / camera for camera in ("Camera_0", "Camera_1"))
+    return assembled_recording(
+        source,
+        read_virtual_calibration(root / "intrinsic.txt", root / "extrinsic.txt"),
+        numbered_images(*folders, names=r"rgb_(\d{5})\.jpg", example="rgb_00000.jpg"),
+        poses=(root / "extrinsic.txt",),
+        labels=tuple(root / name for name in ("pose.txt", "bbox.txt", "info.txt")),
+        tables=Tables("virtual_kitti"),
+    )

@@ -118,6 +118,13 @@ class PlainFolder(Labelled):
 
 
 @dataclass(frozen=True, kw_only=True)
+class VirtualKitti(Labelled):
+    """Virtual KITTI 2, one variation of a scene."""
+
+    kind: Literal["virtual_kitti"]
+
+
+@dataclass(frozen=True, kw_only=True)
 class KittiOdometry(Recorded, _InFolder):
     """KITTI's odometry benchmark, which has no labels.
 
@@ -203,6 +210,7 @@ Source = (
     | KittiOdometry
     | PlainFolder
     | KittiPair
+    | VirtualKitti
     | Argoverse
     | Rosbag
     | Pair

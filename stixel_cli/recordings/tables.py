@@ -10,6 +10,7 @@ from stixel_cli.recordings import (
     bag_messages,
     kitti_raw_tables,
     kitti_tables,
+    virtual_kitti_tables,
 )
 from stixel_cli.recordings.types import Labels, Tables, Tracks
 
@@ -17,6 +18,7 @@ READERS = {
     "kitti": (kitti_tables.read_poses, kitti_tables.read_labels),
     "kitti_oxts": (kitti_raw_tables.read_poses, kitti_tables.read_labels),
     "kitti_raw": (kitti_raw_tables.read_poses, kitti_raw_tables.read_labels),
+    "virtual_kitti": (virtual_kitti_tables.read_poses, virtual_kitti_tables.read_labels),
     "argoverse": (argoverse_tables.read_poses, argoverse_tables.read_labels),
     "rosbag": (bag_messages.read_poses, None),
 }

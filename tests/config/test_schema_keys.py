@@ -60,6 +60,7 @@ OF_A_RECORDING = {("path", "source"), ("path", "recorded"), ("tracker", "file")}
         "kitti_raw",
         "kitti_odometry",
         "kitti_pair",
+        "virtual_kitti",
         "argoverse",
         "rosbag",
         "folder",
