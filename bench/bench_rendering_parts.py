@@ -86,7 +86,7 @@ def test_import_of_open3d(benchmark):
         "import, in a new process",
         5,
         resource.RUSAGE_CHILDREN,
-        whole=lambda: imports(f"{module} prepare; prepare(); import open3d"),
+        whole=lambda: imports(f"{module} import_open3d; import_open3d()"),
         bindings=lambda: imports(f"{module} import_open3d_bindings; import_open3d_bindings()"),
         stixels_from_pair=lambda: imports("from stixel_cli import stixels_from_pair"),
     )

@@ -93,6 +93,13 @@ def sections() -> dict[str, list[Entry]]:
             # Rigs with a date are those of recordings, and look like `kitti`.
             for rig in options["rig"] if not rig[-1].isdigit()
         ],
+        "Renderers": [
+            Entry(f"renderer_{renderer}", f"`renderer={renderer}`",
+                  [f"renderer={renderer}", "path=crossing", "path.start=[-3,11]",
+                   "path.duration=0.2", "pictures.frames=[0]"],
+                  "k0000/left.png")
+            for renderer in options["renderer"]
+        ],
         "Matchers": [
             Entry(f"stereo_{stereo}", f"`stereo={stereo}`", [f"stereo={stereo}", *STREET],
                   "k0015/disparity.png")

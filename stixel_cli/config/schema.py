@@ -28,7 +28,7 @@ from stixel_cli.measurements.stixels import StixelsParameters
 from stixel_cli.own_code import OwnCode
 from stixel_cli.parameters import parameters
 from stixel_cli.recordings.parameters import Source
-from stixel_cli.rendering.parameters import RaycastParameters
+from stixel_cli.rendering.parameters import FilamentParameters, RaycastParameters
 from stixel_cli.rendering.sensor_noise import Sensor
 from stixel_cli.results.pictures import PicturesParameters
 from stixel_cli.scene.classes import ROAD_USER_CLASSES
@@ -57,6 +57,7 @@ from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.start import NO_TRUTH, TruthStart
 from stixel_cli.tracking.start_scans import ScansStart
 
+Renderer = RaycastParameters | FilamentParameters
 StereoParameters = SgmParameters | BmParameters
 MeasurementParameters = StixelsParameters | FabricatedParameters | LidarParameters | FileParameters
 Start = TruthStart | ScansStart
@@ -96,7 +97,7 @@ class Configuration:
         ego: motion of the ego car.
         rig: stereo cameras: image size, focal length, baseline.
         world: the street around the target.
-        renderer: the ray caster.
+        renderer: ray caster, or Open3D's Filament.
         sensor: noise of the rendered images.
         stereo: semi-global or block matching.
         road: road plane from the rig's pose, or estimated from the disparity.
@@ -120,7 +121,7 @@ class Configuration:
     ego: Annotated[Ego, _BY_KIND]
     rig: Rig
     world: World
-    renderer: RaycastParameters
+    renderer: Annotated[Renderer, _BY_KIND]
     sensor: Sensor
     stereo: Annotated[StereoParameters, _BY_KIND]
     road: Annotated[RoadParameters, _BY_KIND]

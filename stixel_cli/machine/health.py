@@ -45,18 +45,20 @@ class Check:
 def examine(
     store: Store,
     raycast: Callable[[], str | None] | None = None,
+    filament: Callable[[], str | None] | None = None,
     begins: Callable[[float, str], object] = lambda share, text: None,
 ) -> list[Check]:
-    """Run all checks; the renderer runs in a child process with a time limit.
+    """Run all checks; the renderers run in child processes with a time limit.
 
-    `raycast` returns why the renderer does not work, None if it works. Before each slow part
-    `begins` is called with the share that is done and what begins.
+    `raycast` and `filament` return why the renderer does not work, None if it works. Before each
+    slow part `begins` is called with the share that is done and what begins.
     """
     begins(0.0, "raycast draws a picture; the first time it compiles")
-    reason = (raycast or probe_raycast)()
-    of_raycast = Check("renderer raycast", "fails" if reason else "ok", reason or "works")
+    of_raycast = _renderer("raycast", raycast or probe_raycast, "fails")
+    begins(0.4, "filament draws a picture")
+    of_filament = _renderer("filament", filament or _probe_filament, "absent")
     begins(0.8, "the cache is listed")
-    return [*_software(), *_processors(), of_raycast, *_cache(store)]
+    return [*_software(), *_processors(), of_raycast, of_filament, *_cache(store)]
 
 
 def probe_raycast(
@@ -79,6 +81,19 @@ def probe_raycast(
         return None
     lines = [line.strip() for line in child.stderr.splitlines() if line.strip()]
     return lines[-1] if lines else f"its process ended with exit code {child.returncode}"
+
+
+def _probe_filament() -> str | None:
+    from stixel_cli.rendering.filament import probe_filament
+
+    return probe_filament(timeout=RENDERER_TIMEOUT)
+
+
+def _renderer(
+    name: str, probe: Callable[[], str | None], otherwise: Literal["absent", "fails"]
+) -> Check:
+    reason = probe()
+    return Check(f"renderer {name}", "ok" if reason is None else otherwise, reason or "works")
 
 
 def _software() -> list[Check]:

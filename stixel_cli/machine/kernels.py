@@ -53,7 +53,7 @@ def _compiled(source: Path) -> bool:
 TINY = ("rig.width=96", "rig.height=64", "path.duration=0.2")
 TINY += ("pictures.frames=[0]",)
 
-OPTIONS = ("road=estimated", "occupancy=cartesian")
+OPTIONS = ("renderer=raycast", "road=estimated", "occupancy=cartesian")
 """They call the kernels of the default options too."""
 
 

@@ -1,1 +1,1 @@
-"""Images of the scene: the ray caster and the sensors' noise."""
+"""Images of the scene: the ray caster, Filament and the sensors' noise."""

@@ -1,4 +1,4 @@
-"""Content of the world for the ray caster and the lidar: numbered objects, the target, the sun."""
+"""Content of the world for both renderers: numbered objects, the target, the sun."""
 
 import numpy as np
 

@@ -2,6 +2,7 @@
 
 import ctypes
 import importlib.util
+import os
 import sys
 from importlib.machinery import EXTENSION_SUFFIXES
 from pathlib import Path
@@ -10,6 +11,19 @@ from types import ModuleType
 
 _lock = Lock()
 _loaded: list[ModuleType] = []
+
+
+def import_open3d() -> ModuleType:
+    """All of Open3D, ready for use without a display and on a machine that lacks libusb.
+
+    Open3D's wheels link libusb-1.0, which a fresh machine does not have: the package
+    `libusb_package` ships it, and loaded first with its symbols global it serves. The Filament
+    renderer asks for a display unless EGL_PLATFORM is set before the import.
+    """
+    _prepare()
+    import open3d
+
+    return open3d
 
 
 def import_open3d_bindings() -> ModuleType:
@@ -26,18 +40,11 @@ def import_open3d_bindings() -> ModuleType:
                 _loaded.extend(_load(_bindings_file()))
             if _loaded:
                 return _loaded[0]
-    prepare()
-    import open3d
-
-    return open3d
+    return import_open3d()
 
 
-def prepare() -> None:
-    """Make Open3D ready for its import on a machine that lacks libusb.
-
-    Its wheels link libusb-1.0, which a fresh machine does not have: the package `libusb_package`
-    ships it, and loaded first with its symbols global it serves.
-    """
+def _prepare() -> None:
+    os.environ.setdefault("EGL_PLATFORM", "surfaceless")
     import libusb_package
 
     library = libusb_package.get_library_path()
@@ -62,7 +69,7 @@ def _load(file: Path | None) -> list[ModuleType]:
     """The module in the file; nothing if it does not load."""
     if file is None:
         return []
-    prepare()
+    _prepare()
     # The name that Open3D itself gives it.
     name = "open3d.cpu.pybind" if file.parent.name == "cpu" else "open3d.pybind"
     spec = importlib.util.spec_from_file_location(name, file)

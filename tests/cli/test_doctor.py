@@ -1,4 +1,4 @@
-"""`stixel doctor`, with stand-ins for renderer that die or hang."""
+"""`stixel doctor`, with stand-ins for renderers that die or hang."""
 
 import json
 import sys
@@ -10,6 +10,7 @@ from stixel_cli.cli.app import main
 from stixel_cli.engine.errors import CacheError
 from stixel_cli.engine.store import META, VALUE, Store
 from stixel_cli.machine import health
+from stixel_cli.rendering.filament import probe_filament
 
 HANGS = (sys.executable, "-c", "import time; time.sleep(60)")
 DIES = (sys.executable, "-c", "import os; os.abort()")
@@ -21,11 +22,12 @@ def works():
 
 
 @pytest.fixture
-def renderer(monkeypatch):
-    """A stand-in for the renderer: it works, if nothing else is said."""
+def renderers(monkeypatch):
+    """Stand-ins for the renderers: both work, if nothing else is said."""
 
-    def stand_in(raycast=works):
+    def stand_in(raycast=works, filament=works):
         monkeypatch.setattr(health, "probe_raycast", raycast)
+        monkeypatch.setattr(health, "_probe_filament", filament)
 
     stand_in()
     return stand_in
@@ -39,21 +41,26 @@ def doctor(capsys):
     return code, {check["name"]: check for check in answer["checks"]}
 
 
-def test_all_is_well(renderer, capsys, tmp_path, monkeypatch):
+def test_all_is_well(renderers, capsys, tmp_path, monkeypatch):
     monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "cache"))
     code, checks = doctor(capsys)
     assert code == 0
-    assert {"stixel", "Python", "cores", "threads", "renderer raycast"} <= set(checks)
+    assert {"stixel", "Python", "cores", "threads", "renderer raycast", "renderer filament"} <= set(
+        checks
+    )
     assert {"numpy", "cache folder", "cache size", "disk free"} <= set(checks)
     assert not (tmp_path / "cache").exists()
     assert main(["doctor"]) == 0
     said, told = capsys.readouterr()
     assert "the default experiment can run here" in said
-    assert "raycast draws a picture" in told
+    assert "raycast draws a picture" in told and "filament draws" in told
 
 
-def test_rays_may_not_be_absent(renderer, capsys):
-    renderer(raycast=lambda: "libusb-1.0.so.0: no such file")
+def test_filament_may_be_absent_and_rays_may_not(renderers, capsys):
+    renderers(filament=lambda: "filament did not start within 60 s")
+    code, checks = doctor(capsys)
+    assert (code, checks["renderer filament"]["status"]) == (0, "absent")
+    renderers(raycast=lambda: "libusb-1.0.so.0: no such file")
     code, checks = doctor(capsys)
     assert (code, checks["renderer raycast"]["status"]) == (1, "fails")
     assert main(["doctor"]) == 1
@@ -62,6 +69,7 @@ def test_rays_may_not_be_absent(renderer, capsys):
 
 def test_a_renderer_that_hangs_is_left():
     assert "within 0.5 s" in health.probe_raycast(0.5, HANGS)
+    assert "within 0.5 s" in probe_filament(0.5, HANGS)
 
 
 def test_a_renderer_that_dies_is_survived():
@@ -73,22 +81,22 @@ def test_rays_are_cast_in_a_process_of_their_own():
     assert health.probe_raycast(600.0) is None
 
 
-def test_a_cache_that_cannot_be_written_fails(renderer, tmp_path):
+def test_a_cache_that_cannot_be_written_fails(renderers, tmp_path):
     (tmp_path / "file").write_text("mine")
-    checks = {one.name: one for one in health.examine(Store(tmp_path / "file"), works)}
+    checks = {one.name: one for one in health.examine(Store(tmp_path / "file"), works, works)}
     assert checks["cache folder"].status == "fails"
-    below = {one.name: one for one in health.examine(Store(tmp_path / "file" / "a"), works)}
+    below = {one.name: one for one in health.examine(Store(tmp_path / "file" / "a"), works, works)}
     assert below["cache folder"].status == "fails"
 
 
-def test_a_full_disk_fails(renderer, tmp_path, monkeypatch):
+def test_a_full_disk_fails(renderers, tmp_path, monkeypatch):
     usage = namedtuple("usage", "total used free")
     monkeypatch.setattr("shutil.disk_usage", lambda folder: usage(10, 9, 1))
-    checks = {one.name: one for one in health.examine(Store(tmp_path), works)}
+    checks = {one.name: one for one in health.examine(Store(tmp_path), works, works)}
     assert checks["disk free"].status == "fails"
 
 
-def test_a_read_only_cache_serves_what_it_holds(renderer, tmp_path, monkeypatch):
+def test_a_read_only_cache_serves_what_it_holds(renderers, tmp_path, monkeypatch):
     store = Store(tmp_path)
 
     def refuse(self):
@@ -96,24 +104,24 @@ def test_a_read_only_cache_serves_what_it_holds(renderer, tmp_path, monkeypatch)
 
     store.save("ab" * 32, 1, stage="scenario", label="scenario")
     monkeypatch.setattr(Store, "check_writable", refuse)
-    checks = {one.name: one for one in health.examine(store, works)}
+    checks = {one.name: one for one in health.examine(store, works, works)}
     assert checks["cache folder"].status == "limited"
     assert "Read-only file system; only cached experiments can run" in checks["cache folder"].text
     store.entry("ab" * 32).rename(tmp_path / "gone")
-    checks = {one.name: one for one in health.examine(store, works)}
+    checks = {one.name: one for one in health.examine(store, works, works)}
     assert checks["cache folder"].status == "fails"
 
 
-def test_damaged_entries_are_counted(renderer, tmp_path, monkeypatch):
+def test_damaged_entries_are_counted(renderers, tmp_path, monkeypatch):
     store = Store(tmp_path)
     for key in ("ab" * 32, "cd" * 32):
         store.save(key, 1, stage="scenario", label="scenario")
-    checks = {one.name: one for one in health.examine(store, works)}
+    checks = {one.name: one for one in health.examine(store, works, works)}
     assert checks["cache entries"].status == "ok"
     (store.entry("ab" * 32) / META).write_text("{}")
     (store.entry("cd" * 32) / VALUE).write_bytes(b"")
     assert not store.verify("cd" * 32)
     for _ in range(2):
-        checks = {one.name: one for one in health.examine(store, works)}
+        checks = {one.name: one for one in health.examine(store, works, works)}
         assert checks["cache entries"].status == "limited"
         assert "2 damaged results are recomputed" in checks["cache entries"].text

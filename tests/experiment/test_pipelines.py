@@ -99,6 +99,8 @@ def test_a_stage_reaches_neither_another_stage_nor_the_engine(function):
 
 
 def test_an_options_function_is_in_the_module_of_its_kind():
+    # The parameters of Filament are in `rendering/parameters.py`.
+    assert TABLE["render"].functions["filament"] == "stixel_cli.rendering.filament:render"
     assert TABLE["match"].functions["bm"] == "stixel_cli.stereo.bm:match"
     assert TABLE["track"].functions["point"] == "stixel_cli.tracking.baselines.point:track"
 
@@ -146,6 +148,9 @@ DECLARED = {
     # The user's own functions: their modules, see `Definition.code`.
     "stixel_cli.own_code": "code",
     "stixel_cli.border": "code",
+    # The child process runs filament_process, which the module imports; the files are its answers.
+    "stixel_cli.rendering.filament": "stixel_cli.rendering.filament_process",
+    "stixel_cli.rendering.filament_process": "stixel_cli.rendering.filament_process",
     # It loads a part of Open3D, which it also imports: the key has its version.
     "stixel_cli.scene.open3d_import": "stixel_cli.scene.open3d_import",
 }

@@ -19,7 +19,7 @@ def cast(library):
     return hits["t_hit"].numpy().tobytes() + hits["primitive_ids"].numpy().tobytes()
 import sys
 from stixel_cli.scene import open3d_import
-from stixel_cli.scene.open3d_import import import_open3d_bindings, prepare
+from stixel_cli.scene.open3d_import import import_open3d, import_open3d_bindings
 """
 
 LIGHT = "assert not {'open3d', 'sklearn', 'pandas', 'dash'} & sys.modules.keys()"
@@ -50,13 +50,14 @@ def test_a_ray_caster_does_not_load_the_viewers_of_open3d():
     )
 
 
-def test_all_of_open3d_can_be_imported_after_its_bindings():
-    run(f"bindings = import_open3d_bindings()\nbefore = cast(bindings)\nimport open3d\n{WHOLE}")
+@pytest.mark.parametrize("statement", ["import open3d", "open3d = import_open3d()"])
+def test_all_of_open3d_can_be_imported_after_its_bindings(statement):
+    run(f"bindings = import_open3d_bindings()\nbefore = cast(bindings)\n{statement}\n{WHOLE}")
 
 
 def test_where_open3d_is_imported_already_that_is_used():
     run(
-        "prepare()\nimport open3d\nbefore = cast(open3d)\n"
+        "open3d = import_open3d()\nbefore = cast(open3d)\n"
         f"bindings = import_open3d_bindings()\nassert bindings is open3d\n{WHOLE}"
     )
 

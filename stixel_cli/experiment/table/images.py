@@ -1,6 +1,6 @@
 """Stages from the scenario to the stixels and to the scans of each kind of measurement."""
 
-from stixel_cli.config.schema import StereoParameters
+from stixel_cli.config.schema import Renderer, StereoParameters
 from stixel_cli.experiment.table.definition import FROM_LABELS, Definition, by_kind, only, same
 
 RECTIFICATION = "recording.calibration.rectification"
@@ -18,9 +18,10 @@ STAGES: dict[str, Definition] = {
         files=("road_user.mesh",),
     ),
     "render": Definition(
-        only("rendering.raycast:render"),
+        by_kind(Renderer, "render"),
         "map",
         same("road_user", "world", "rig", "renderer"),
+        chosen_by="renderer",
         files=("road_user.mesh",),
     ),
     "add_sensor_noise": Definition(

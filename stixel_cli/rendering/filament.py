@@ -1,0 +1,200 @@
+"""Open3D's rasteriser, run in a child process with a timeout and a restart after a failure."""
+
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from stixel_cli.errors import UserError
+from stixel_cli.geometry.rig import Rig
+from stixel_cli.rendering import placement
+from stixel_cli.rendering.camera_rays import Camera, rig_cameras
+from stixel_cli.rendering.filament_process import REASON, main
+from stixel_cli.rendering.frames import TARGET_ID, RenderedFrames
+from stixel_cli.rendering.parameters import FilamentParameters
+from stixel_cli.scene.mesh import Mesh
+from stixel_cli.scene.parameters import RoadUser, World
+from stixel_cli.scene.road_user import road_user_meshes
+from stixel_cli.scene.scenario import Scenario
+
+COMMAND = (sys.executable, "-m", main.__module__)
+"""The child process; the folder that it works in, or `--probe`, follows."""
+
+LOOK_EVERY = 0.02
+"""How often the parent looks for the child's files, s."""
+
+
+class RendererUnavailable(UserError, RuntimeError):
+    """Filament cannot start or continue; the message gives the reason in one line."""
+
+
+def render(
+    scenario: Scenario,
+    road_user: RoadUser,
+    world: World,
+    rig: Rig,
+    renderer: FilamentParameters,
+    frames: range,
+) -> RenderedFrames:
+    """Render `frames` of the scenario without noise, as `raycast.render` does.
+
+    Depth is Filament's own depth image, ids are its own rendering in flat colours.
+
+    Raises:
+        RendererUnavailable: if the child hung or died `renderer.attempts` times.
+    """
+    objects = placement.numbered_objects(world, placement.motion_of(world, scenario))
+    meshes = road_user_meshes(road_user)
+    scene = describe_scene(scenario, objects, meshes, rig, renderer, frames)
+    return RenderedFrames.from_frames(frames.start, rendered(scene, renderer, COMMAND))
+
+
+def describe_scene(
+    scenario: Scenario,
+    objects: Iterable[tuple[int, Mesh]],
+    targets: Sequence[Mesh],
+    rig: Rig,
+    renderer: FilamentParameters,
+    frames: range,
+) -> dict[str, np.ndarray]:
+    """The arrays that the child reads.
+
+    `objects` are (id, Mesh) of the world, `targets` the meshes of the target in its own frame, one
+    for each pose of the limbs.
+    """
+    arrays: dict[str, np.ndarray] = {}
+    numbers: dict[int, int] = {}  # of textures, by identity
+    texture_of, ids, limb_poses = [], [], []
+    used = np.unique(scenario.limb_poses[frames.start : frames.stop])
+    moving = [(TARGET_ID, targets[pose], pose) for pose in used]
+    for identity, mesh, limb_pose in [*((*one, -1) for one in objects), *moving]:
+        for part in mesh.parts:
+            number = numbers.setdefault(id(part.texture), len(numbers))
+            arrays[f"texture_{number}"] = part.texture
+            arrays[f"corners_{len(ids)}"] = part.vertices[part.triangles]
+            arrays[f"uvs_{len(ids)}"] = part.uvs
+            texture_of.append(number)
+            ids.append(identity)
+            limb_poses.append(limb_pose)
+    light = renderer.light
+    poses = [rig_cameras(rig, scenario.ego_poses_world[k]) for k in frames]
+    return arrays | {
+        "size": np.array([rig.width, rig.height]),
+        "intrinsics": np.array(
+            [[rig.focal, rig.focal_v, u, rig.v0] for u in (rig.u0, rig.u0_right)]
+        ),
+        "parts": np.array(len(ids)),
+        "texture_of": np.array(texture_of),
+        "ids": np.array(ids),
+        "limb_pose_of": np.array(limb_poses),
+        "limb_poses": scenario.limb_poses[frames.start : frames.stop],
+        "sun": placement.sun_direction(light),
+        "sun_colour": placement.SUN_COLOUR,
+        "light": light.exposure * np.array([light.sun, light.ambient]),
+        "frames": np.array(frames),
+        "cameras": np.array([[_transform(camera) for camera in pair] for pair in poses]),
+        "target_poses": np.array(
+            [placement.world_from_target_3d(scenario.target_poses_world[k]) for k in frames]
+        ),
+    }
+
+
+def rendered(
+    scene: dict[str, np.ndarray], renderer: FilamentParameters, command: Sequence[str]
+) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]:
+    """Yield (left, right, depth, ids) of each frame of `scene`, restarting the child as needed.
+
+    Raises:
+        RendererUnavailable: if the child hung or died `renderer.attempts` times.
+    """
+    with tempfile.TemporaryDirectory(prefix="stixel-filament-") as name:
+        folder = Path(name)
+        np.savez(folder / "scene.npz", **scene)
+        child, failures = None, 0
+        try:
+            for k in scene["frames"]:
+                result = folder / f"frame_{k}.npz"
+                while not result.exists():
+                    if child is None:
+                        child = _start((*command, name), folder)
+                    problem = _await(child, folder / "ready", renderer.start_timeout, "start")
+                    problem = problem or _await(child, result, renderer.frame_timeout, "render")
+                    if problem:
+                        _stop(child)
+                        child, failures = None, failures + 1
+                        if failures == renderer.attempts:
+                            raise RendererUnavailable(
+                                f"{problem} ({failures} attempts); renderer=raycast needs no driver"
+                            )
+                with np.load(result, allow_pickle=False) as file:
+                    frame = file["left"], file["right"], file["depth"], file["ids"]
+                # An empty file stays: a restarted child must not render the frame again.
+                result.write_bytes(b"")
+                yield frame
+        finally:
+            if child is not None:
+                _stop(child)
+
+
+def probe_filament(timeout: float, command: tuple[str, ...] = COMMAND) -> str | None:
+    """Reason why Filament cannot start here, in one line; None if it renders within `timeout` s."""
+    with tempfile.TemporaryDirectory(prefix="stixel-filament-") as name:
+        child = _start((*command, "--probe"), Path(name))
+        try:
+            child.wait(timeout=timeout)
+        except subprocess.TimeoutExpired:
+            return f"filament did not start within {timeout:g} s"
+        finally:
+            _stop(child)
+        return _death(child, Path(name)) if child.returncode else None
+
+
+def _start(command: tuple[str, ...], folder: Path) -> subprocess.Popen:
+    (folder / "ready").unlink(missing_ok=True)
+    environment = {**os.environ, "EGL_PLATFORM": "surfaceless"}
+    with (folder / "log").open("wb") as log:
+        return subprocess.Popen(
+            command, stdin=subprocess.DEVNULL, stdout=log, stderr=log, env=environment
+        )
+
+
+def _await(child: subprocess.Popen, file: Path, timeout: float, task: str) -> str | None:
+    """Wait for `file`; None as soon as it is there, else the failure in one line."""
+    for _ in range(max(1, round(timeout / LOOK_EVERY))):
+        if file.exists():
+            return None
+        try:
+            child.wait(timeout=LOOK_EVERY)
+        except subprocess.TimeoutExpired:
+            continue
+        # It may have finished between the two looks.
+        return None if file.exists() else _death(child, file.parent)
+    return f"filament did not {task} within {timeout:g} s"
+
+
+def _death(child: subprocess.Popen, folder: Path) -> str:
+    """Why the child ended, in one line: the reason that it printed, or its signal and last line."""
+    lines = (folder / "log").read_text(errors="replace").splitlines()
+    lines = [line.strip() for line in lines if line.strip()]
+    for line in lines:
+        if line.startswith(REASON):
+            return f"filament cannot start: {line.removeprefix(REASON)}"
+    code = child.returncode
+    end = f"signal {-code}" if code < 0 else f"exit code {code}"
+    return f"filament's process died with {end}" + (f": {lines[-1]}" if lines else "")
+
+
+def _stop(child: subprocess.Popen) -> None:
+    if child.poll() is None:
+        child.kill()
+    child.wait()
+
+
+def _transform(camera: Camera) -> np.ndarray:
+    transform = np.eye(4)
+    transform[:3, :3], transform[:3, 3] = camera.rotation, camera.origin
+    return transform

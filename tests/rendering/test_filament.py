@@ -1,0 +1,169 @@
+import subprocess
+import sys
+from types import SimpleNamespace
+
+import cv2
+import numpy as np
+import pytest
+from box_scene import LIGHT, RAYCAST, RIG, objects, scenario, target_mesh
+from constants import with_constants
+
+from stixel_cli.errors import UserError
+from stixel_cli.rendering import filament_process
+from stixel_cli.rendering.filament import (
+    COMMAND,
+    RendererUnavailable,
+    describe_scene,
+    probe_filament,
+    rendered,
+)
+from stixel_cli.rendering.filament_process import (
+    ID_STEPS,
+    encoded,
+    identities,
+    identity_colour,
+    main,
+)
+from stixel_cli.rendering.frames import SKY_ID, TARGET_ID
+from stixel_cli.rendering.parameters import FilamentParameters
+from stixel_cli.rendering.raycast import StaticScene, Target, render_frame
+from stixel_cli.rendering.surfaces import linear_from_srgb
+
+FILAMENT = with_constants(
+    FilamentParameters("filament"), light=LIGHT, start_timeout=600, frame_timeout=600, attempts=3
+)
+HASTY = with_constants(FILAMENT, start_timeout=0.1, frame_timeout=0.1, attempts=2)
+HANGS = (sys.executable, "-c", "import signal; signal.pause()")
+DIES = (sys.executable, "-c", "import os, sys; print('no driver', file=sys.stderr); os.abort()")
+SAYS_WHY = (sys.executable, "-c", "import sys; sys.exit('stixel: no EGL: not here')")
+
+STAND_IN = """
+import sys
+from pathlib import Path
+import numpy as np
+folder = Path(sys.argv[-1])
+with np.load(folder / "scene.npz") as scene:
+    frames = scene["frames"]
+(folder / "ready").touch()
+for k in frames:
+    result = folder / f"frame_{k}.npz"
+    if result.exists():
+        continue
+    part = folder / "part.npz"
+    np.savez(part, left=np.full(3, k), right=1, depth=2, ids=3)
+    part.rename(result)
+    # Every child dies after one frame.
+    raise SystemExit(7)
+"""
+
+
+def describe(frames: range) -> dict[str, np.ndarray]:
+    return describe_scene(scenario(), objects(), [target_mesh()], RIG, FILAMENT, frames)
+
+
+@pytest.fixture(scope="module")
+def runs():
+    problem = probe_filament(60.0)
+    if problem:
+        pytest.skip(problem)
+    return [list(rendered(describe(f), FILAMENT, COMMAND)) for f in (range(3), range(2, 3))]
+
+
+def test_filament_agrees_with_the_ray_caster(runs):
+    static, target = StaticScene(objects(), RIG, RAYCAST), Target([target_mesh()])
+    for k in range(3):
+        left, right, depth, ids = runs[0][k]
+        cast_left, cast_right, cast_depth, cast_ids = render_frame(static, target, scenario(), k)
+        one, other = ids == TARGET_ID, cast_ids == TARGET_ID
+        # A silhouette within 1 px: where they differ, it is at an edge of the other one.
+        edge = cv2.morphologyEx(other.astype(np.uint8), cv2.MORPH_GRADIENT, np.ones((3, 3))) > 0
+        assert not np.any((one != other) & ~edge)
+        both = cv2.erode((one & other).astype(np.uint8), np.ones((3, 3))) > 0
+        assert both.sum() > 150
+        assert np.abs(depth[both] - cast_depth[both]).max() < 0.01
+        assert (ids != cast_ids).mean() < 0.005
+        assert np.all(np.isinf(depth) == (ids == SKY_ID))
+        shown = ids != SKY_ID
+        for picture, cast in ((left, cast_left), (right, cast_right)):
+            grey, cast_grey = picture[shown].mean(axis=1), cast[shown].mean(axis=1)
+            assert np.corrcoef(grey, cast_grey)[0, 1] > 0.8
+            assert abs(grey.mean() - cast_grey.mean()) < 15
+
+
+def test_filament_gives_the_same_bytes_in_another_process_and_chunk(runs):
+    for one, other in zip(runs[0][2], runs[1][0], strict=True):
+        assert np.array_equal(one, other)
+
+
+def test_hanging_child_gives_a_one_line_error():
+    with pytest.raises(RendererUnavailable, match=r"did not start within 0\.1 s \(2 attempts\)"):
+        next(rendered(describe(range(1)), HASTY, HANGS))
+    assert probe_filament(0.1, HANGS) == "filament did not start within 0.1 s"
+
+
+def test_crashed_child_reports_its_signal_and_last_output():
+    patient = with_constants(FILAMENT, start_timeout=60.0, attempts=2)
+    with pytest.raises(RendererUnavailable) as caught:
+        next(rendered(describe(range(1)), patient, DIES))
+    assert isinstance(caught.value, UserError)
+    assert str(caught.value) == (
+        "filament's process died with signal 6: no driver (2 attempts); "
+        "renderer=raycast needs no driver"
+    )
+    assert probe_filament(60.0, DIES).endswith("signal 6: no driver")
+
+
+def test_child_reports_a_missing_requirement():
+    assert probe_filament(60.0, SAYS_WHY) == "filament cannot start: no EGL: not here"
+
+
+def test_child_that_crashes_half_way_is_restarted_and_continues():
+    patient = with_constants(FILAMENT, start_timeout=60.0, frame_timeout=60.0, attempts=5)
+    command = (sys.executable, "-c", STAND_IN)
+    frames = list(rendered(describe(range(3)), patient, command))
+    assert [int(frame[0][0]) for frame in frames] == [0, 1, 2]
+
+
+def test_child_stops_when_no_more_frames_are_requested(monkeypatch):
+    children = []
+    start = subprocess.Popen
+
+    def remember(*args, **kwargs):
+        children.append(start(*args, **kwargs))
+        return children[-1]
+
+    monkeypatch.setattr(subprocess, "Popen", remember)
+    patient = with_constants(FILAMENT, start_timeout=60.0, attempts=2)
+    stays = STAND_IN.replace("raise SystemExit(7)", "import signal; signal.pause()")
+    frames = rendered(describe(range(2)), patient, (sys.executable, "-c", stays))
+    next(frames)
+    frames.close()
+    assert [child.returncode for child in children] == [-9]
+
+
+def test_ids_survive_the_encoding_as_colours():
+    ids = np.arange(256)
+    colours = np.array([identity_colour(int(identity))[:3] for identity in ids])
+    # What the driver stores: linear light in eight bits, give or take one.
+    light = linear_from_srgb(np.rint(255 * colours).astype(np.uint8))
+    for wrong in (-1, 0, 1):
+        stored = np.clip(np.rint(255 * light) + wrong, 0, 255).astype(np.uint8)
+        assert np.array_equal(identities(stored[None])[0], ids)
+    assert ID_STEPS**3 >= 256
+    assert np.allclose(encoded(np.array([0.0, 1.0])), [0.0, 1.0])
+
+
+@pytest.mark.parametrize(
+    ("version", "needs"), [("0.19.0", "EGL: libEGL.so.1"), ("0.20.0", "Vulkan (0.19, ")]
+)
+def test_child_without_a_driver_names_the_version_that_needs_it(
+    version, needs, monkeypatch, capsys
+):
+    def missing(name):
+        raise OSError(f"{name}: cannot open shared object file")
+
+    monkeypatch.setattr("ctypes.CDLL", missing)
+    library = SimpleNamespace(__version__=version)
+    monkeypatch.setattr(filament_process, "import_open3d", lambda: library)
+    assert main(["--probe"]) == 3
+    assert capsys.readouterr().err.startswith(f"stixel: Open3D {version} needs {needs}")
