@@ -44,6 +44,8 @@ ROOT = Path(__file__).parents[1]
 COUNT = sized(128, 32)
 CAMERA = sized((1242, 375, None, 721.5377, 609.5593, 172.854), (310, 94, None, 180.4, 152.4, 43.2))
 RIG = Rig(*CAMERA, 0.5327254, 1.65, 0.0, None)
+NEAREST = RIG.focal * RIG.baseline / (COUNT - 1.5)
+"""m, for which `COUNT` disparities are searched."""
 FOLDER = Path(os.environ.get("STIXEL_DATA", ROOT / "../shared/data")) / "kitti2015"
 
 
@@ -52,8 +54,8 @@ def shipped(schema, option):
     return TypeAdapter(schema).validate_json(json.dumps(yaml.safe_load(text)))
 
 
-STEREO = replace(shipped(StereoParameters, "stereo/sgm"), disparities=COUNT)
-BLOCKS = replace(shipped(StereoParameters, "stereo/bm"), disparities=COUNT)
+STEREO = replace(shipped(StereoParameters, "stereo/sgm"), nearest=NEAREST)
+BLOCKS = replace(shipped(StereoParameters, "stereo/bm"), nearest=NEAREST)
 FREE_SPACE = shipped(FreeSpaceParameters, "free_space/default")
 HEIGHT = shipped(HeightParameters, "height/default")
 EXTRACTION = shipped(ExtractionParameters, "extraction/default")

@@ -1,12 +1,11 @@
 """The stixels of one image pair: as arrays, a table, a scan, a file and a picture."""
 
 from dataclasses import dataclass
-from functools import cache
-from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stixel_cli.config.real_images import real_image_parameters
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.stixels.types import FreeSpace, Stixels
@@ -15,42 +14,6 @@ if TYPE_CHECKING:
     import pandas
 
     from stixel_cli.measurements.scans import Scans
-
-
-@cache
-def real_image_parameters() -> SimpleNamespace:
-    """The parameters of the groups from real images to scans, as `source=pair` composes them.
-
-    They are the values of `conf/`, with what `conf/recorded.yaml` sets for real images; a test
-    compares them with those of `compose(["source=pair", …])`. Hydra is not imported.
-    """
-    from stixel_cli.config import folders
-    from stixel_cli.measurements.stixels import StixelsParameters
-    from stixel_cli.stereo.sgm import SgmParameters
-    from stixel_cli.stixels import parameters
-
-    # Where `conf/` chooses another option by default, its schema belongs here.
-    schemas = {
-        "stereo": SgmParameters,
-        "road": parameters.EstimatedRoad,
-        "occupancy": parameters.PolarOccupancy,
-        "free_space": parameters.FreeSpaceParameters,
-        "height": parameters.HeightParameters,
-        "extraction": parameters.ExtractionParameters,
-        "measurement": StixelsParameters,
-    }
-    suitable = folders.values_beside_groups("recorded")["source"]
-    options = suitable["options"]
-    suiting = folders.values_that_suit(suitable, options | {"source": "pair", "auto": False})
-    sections = {
-        group: folders.option_values(group, options.get(group) or folders.configured_option(group))
-        for group in schemas
-    }
-    for key, value in suiting.items():
-        group, _, name = key.partition(".")
-        if group in sections:
-            sections[group][name] = value
-    return SimpleNamespace(**{group: schemas[group](**v) for group, v in sections.items()})
 
 
 @dataclass(frozen=True, repr=False, eq=False)

@@ -20,3 +20,8 @@ def unproject(rig: Rig, measurements: np.ndarray) -> np.ndarray:
     x = (u - rig.u0) * z / rig.focal
     y = (v - rig.v0) * z / rig.focal_v
     return np.stack([x, y, z], axis=-1)
+
+
+def nearest_of(rig: Rig, end: int) -> float:
+    """The least depth, m, for which all disparities below `end` px are searched."""
+    return rig.focal * rig.baseline / (end - 1.5)

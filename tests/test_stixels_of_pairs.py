@@ -12,8 +12,8 @@ import pytest
 from rendered_clip import assert_same, results_of_run
 
 from stixel_cli import StixelStream, compose, stixels_from_disparity, stixels_from_pair
+from stixel_cli.config.real_images import real_image_parameters
 from stixel_cli.errors import ArgumentError, UserError
-from stixel_cli.frame_stixels import real_image_parameters
 from stixel_cli.pairs import check_rows, grey_pair
 from stixel_cli.stereo.rectification import compare_rows
 

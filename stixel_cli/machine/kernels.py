@@ -50,7 +50,7 @@ def _compiled(source: Path) -> bool:
     return any(index.stat().st_mtime >= changed for index in found)
 
 
-TINY = ("rig.width=96", "rig.height=64", "stereo.disparities=16", "path.duration=0.2")
+TINY = ("rig.width=96", "rig.height=64", "path.duration=0.2")
 TINY += ("pictures.frames=[0]",)
 
 OPTIONS = ("renderer=raycast", "road=estimated", "occupancy=cartesian")
@@ -91,6 +91,7 @@ def call_stixel_kernels() -> None:
     from stixel_cli.rendering.frames import StereoPairs
     from stixel_cli.scene.ego import ego_motion
     from stixel_cli.stereo.disparities import Disparities
+    from stixel_cli.stereo.matching import disparity_count
     from stixel_cli.stixels.extraction import extract_stixels
     from stixel_cli.stixels.free_space import find_free_space
 
@@ -98,7 +99,7 @@ def call_stixel_kernels() -> None:
     ego = ego_motion(p.ego, p.path.duration, p.path.sample_time)
     frames, random = range(2), np.random.default_rng(0)
     raw = random.integers(0, 200, (2, p.rig.height, p.rig.width)).astype(np.int16)
-    disparities = Disparities.from_raw(0, p.stereo.disparities, raw)
+    disparities = Disparities.from_raw(0, disparity_count(p.stereo, p.rig), raw)
     free_space = find_free_space(
         disparities, ego, p.rig, p.road, p.occupancy, p.free_space, frames, None
     )

@@ -26,6 +26,9 @@ class Disturbance:
     clutter_rate: Annotated[float, Ge(0), Le(1000)]
 
 
+RANGE_MIN = 1.0
+"""Least distance from the sensor on the ground plane, m."""
+
 Gates = tuple[float, float, float, float]
 """Least and greatest height above the road, least and greatest range, m."""
 
@@ -42,10 +45,9 @@ class Gated(Disturbance):
 
     height_min: Annotated[float, Ge(0), Le(10)]
     height_max: Annotated[float, Gt(0), Le(100)]
-    range_max: Annotated[float, Gt(1), Le(1000)]
+    range_max: Annotated[float, Gt(RANGE_MIN), Le(1000)]
 
-    range_min: ClassVar[float] = 1.0
-    """Least distance from the sensor on the ground plane, m."""
+    range_min: ClassVar[float] = RANGE_MIN
 
     @property
     def gates(self) -> Gates:

@@ -43,8 +43,10 @@ def assembled_recording(
         UserError: if a file is missing or not valid.
     """
     tables = tables or Tables()
-    auto = source.target == "auto"
-    target = None if auto else source.target
+    # One pair of images has no target: its labels are no tracks.
+    target = getattr(source, "target", None)
+    auto = target == "auto"
+    target = None if auto else target
     limits: dict[str, tuple[int, int]] = {}
     if target is not None:
         track = labels_of(labels, tables, target)
@@ -78,6 +80,28 @@ def assembled_recording(
         auto=auto,
         **of_target,
     )
+
+
+def assembled_pair(
+    source: Recorded,
+    images: tuple[Path, Path],
+    calibration: Calibration,
+    labels: Path | None,
+    disparity: Path | None,
+) -> Recording:
+    """The recording of one pair of images, without time and motion, and their optional truth."""
+    left, right = ({0: image} for image in images)
+    recording = assembled_recording(source, calibration, (left, right), poses=())
+    true_disparities = () if disparity is None else (disparity,)
+    for file in true_disparities:
+        width, height = image_size(file, of_disparities=True)
+        if (width, height) != (recording.width, recording.height):
+            raise UserError(
+                f"{file}: {width} × {height} px, but {images[0].name} has "
+                f"{recording.width} × {recording.height} px"
+            )
+    label_files = () if labels is None else (labels,)
+    return replace(recording, label_files=label_files, true_disparities=true_disparities)
 
 
 def _existing(files: tuple[Path, ...]) -> tuple[Path, ...]:

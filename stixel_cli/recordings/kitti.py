@@ -32,8 +32,12 @@ such as `Scene01/clone`: `frames/rgb/Camera_0/rgb_00000.jpg` (left), `frames/rgb
 from pathlib import Path
 
 from stixel_cli.errors import UserError
-from stixel_cli.recordings.assembly import assembled_recording, numbered_images, root_of
-from stixel_cli.recordings.image_files import image_size
+from stixel_cli.recordings.assembly import (
+    assembled_pair,
+    assembled_recording,
+    numbered_images,
+    root_of,
+)
 from stixel_cli.recordings.kitti_raw_tables import CAMERAS
 from stixel_cli.recordings.kitti_tables import PAIRS, read_calibration
 from stixel_cli.recordings.parameters import (
@@ -43,7 +47,7 @@ from stixel_cli.recordings.parameters import (
     KittiTracking,
     VirtualKitti,
 )
-from stixel_cli.recordings.types import Calibration, Recording, Tables
+from stixel_cli.recordings.types import Recording, Tables
 from stixel_cli.recordings.virtual_kitti_tables import read_calibration as read_virtual_calibration
 
 BENCHMARKS = (
@@ -151,7 +155,7 @@ def find_pair(source: KittiPair) -> Recording:
         if left.is_file():
             existing = [file if file and file.is_file() else None for file in truth]
             calibrated = read_calibration(calibration, cameras)
-            return recording_of_pair(source.kind, (left, right), calibrated, *existing)
+            return assembled_pair(source, (left, right), calibrated, *existing)
     images = " or ".join(files[0].format(name) for files in BENCHMARKS)
     raise UserError(f"source.sequence: {root} has no {images}")
 
@@ -173,36 +177,4 @@ def find_virtual(source: VirtualKitti) -> Recording:
         poses=(root / "extrinsic.txt",),
         labels=tuple(root / name for name in ("pose.txt", "bbox.txt", "info.txt")),
         tables=Tables("virtual_kitti"),
-    )
-
-
-def recording_of_pair(
-    layout: str,
-    images: tuple[Path, Path],
-    calibration: Calibration,
-    labels: Path | None,
-    disparity: Path | None,
-) -> Recording:
-    """The recording of one pair of images, without time and motion, and their optional truth."""
-    left, right = images
-    size = image_size(left)
-    others = {right: image_size(right)}
-    if disparity is not None:
-        others[disparity] = image_size(disparity, of_disparities=True)
-    for file, other in others.items():
-        if other != size:
-            raise UserError(
-                f"{file}: {other[0]} × {other[1]} px, but {left.name} has {size[0]} × {size[1]} px"
-            )
-    return Recording(
-        layout=layout,
-        frames=range(1),
-        left=(left,),
-        right=(right,),
-        width=size[0],
-        height=size[1],
-        calibration=calibration,
-        tables=Tables(left_camera=calibration.left_camera),
-        label_files=() if labels is None else (labels,),
-        true_disparities=() if disparity is None else (disparity,),
     )

@@ -10,8 +10,7 @@ that `rig_files` reads.
 
 from pathlib import Path
 
-from stixel_cli.recordings.assembly import assembled_recording, numbered_images
-from stixel_cli.recordings.kitti import recording_of_pair
+from stixel_cli.recordings.assembly import assembled_pair, assembled_recording, numbered_images
 from stixel_cli.recordings.parameters import Pair, PlainFolder
 from stixel_cli.recordings.rig_files import read_named_calibration, read_rig
 from stixel_cli.recordings.types import Recording
@@ -38,11 +37,10 @@ def find_recording(source: PlainFolder) -> Recording:
 
 def find_named_pair(source: Pair) -> Recording:
     """The recording of a pair whose files are named."""
-    calibration = read_named_calibration(Path(source.calibration))
-    return recording_of_pair(
-        source.kind,
+    return assembled_pair(
+        source,
         (Path(source.left), Path(source.right)),
-        calibration,
+        read_named_calibration(Path(source.calibration)),
         None if source.labels is None else Path(source.labels),
         None if source.disparity is None else Path(source.disparity),
     )

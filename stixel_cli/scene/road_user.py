@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from stixel_cli.randomness import generator
-from stixel_cli.scene.car import car
-from stixel_cli.scene.car_shape import HATCHBACK, drawn_car
+from stixel_cli.scene.car import HATCHBACK, car, drawn_car
 from stixel_cli.scene.cyclist import STANDARD as STANDARD_CYCLIST
 from stixel_cli.scene.cyclist import cyclist, drawn_cyclist, pedalling
 from stixel_cli.scene.mesh import Mesh, fitted, grounded

@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
-from annotated_types import Ge, Gt, Le, MultipleOf
+from annotated_types import Gt, Le
 
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.images import ImageStack
@@ -21,9 +21,8 @@ class MatchingParameters:
 
     Attributes:
         kind: which matcher it is.
-        disparities: number of disparities searched, px, a multiple of 16; null: as many as an
-            object `nearest` metres away needs with the rig at hand.
-        nearest: least depth that must be measurable, m; read where `disparities` is null.
+        nearest: least depth that must be measurable, m: so many disparities are searched as an
+            object there needs with the rig at hand.
         block_size: side of the matched block, px, odd, below the image's sides.
         subpixel: how the pull of the sub-pixel parabola to whole pixels is corrected. "parabola":
             not at all; "second_match": by the mean with a second match, whose right image is moved
@@ -31,7 +30,6 @@ class MatchingParameters:
     """
 
     kind: str
-    disparities: Annotated[int, Ge(16), Le(1024), MultipleOf(16)] | None
     nearest: Annotated[float, Gt(0), Le(100)]
     block_size: int
     subpixel: str
@@ -59,13 +57,9 @@ class MatchingParameters:
                 f"stereo.block_size: must be smaller than the image, {rig.width} × {rig.height}, "
                 f"got {self.block_size}"
             )
-        if self.disparities is not None and self.disparities >= rig.width:
-            raise ValueError(
-                f"stereo.disparities: must be < rig.width ({rig.width}), got {self.disparities}"
-            )
         # In Python floats, because NumPy's warn on overflow.
         greatest = float(rig.focal) * float(rig.baseline) / float(self.nearest)
-        if self.disparities is None and greatest >= rig.width:
+        if greatest >= rig.width:
             raise ValueError(
                 f"stereo.nearest: at {self.nearest:g} m the disparity is {greatest:.0f} px; it "
                 f"must be < rig.width ({rig.width})"
@@ -77,13 +71,11 @@ BLOCK = 16
 
 
 def disparity_count(stereo: MatchingParameters, rig: Rig) -> int:
-    """Number of disparities to search, a multiple of 16.
+    """Number of disparities to search, a multiple of `BLOCK`.
 
-    `stereo.disparities` where it is given, else enough for the depth `stereo.nearest` with this
-    rig, thesis (3), and one more for the sub-pixel parabola's neighbour.
+    Enough for the depth `stereo.nearest` with this rig, thesis (3), and one more for the sub-pixel
+    parabola's neighbour.
     """
-    if stereo.disparities is not None:
-        return stereo.disparities
     greatest = float(rig.disparity_from_depth(stereo.nearest)) - stereo.minimum_disparity + 1.0
     return BLOCK * max(1, int(np.ceil(greatest / BLOCK)))
 

@@ -190,7 +190,7 @@ def group_fields(
     neighbours, step = surroundings(left, depth, extraction.width)
     scatter = step + unevenness(left, depth, extraction.width)
     variance = np.where(neighbours < 3, extraction.edge_std**2, 0.0) + extraction.least_std**2
-    depth_variance = (depth / disparity) ** 2 * variance + scatter + extraction.relief**2
+    depth_variance = (depth / disparity) ** 2 * variance + scatter + extraction.surface_std**2
     ray = np.stack([bearing / upright, np.ones_like(depth)], axis=1)
     covariances = depth_variance[:, None, None] * ray[:, :, None] * ray[:, None, :]
     covariances[:, 0, 0] += (depth_camera * (right - left) / rig.focal) ** 2 / 12.0

@@ -201,7 +201,7 @@ class ExtractionParameters:
     edge_std: ClassVar[float] = 0.155
     """What is added to it, in square, with fewer than three of the two neighbours on either side:
     at an object's edge a matcher blends it with what is behind, px."""
-    relief: ClassVar[float] = 0.01
+    surface_std: ClassVar[float] = 0.01
     """Standard deviation of a flat surface's depth, m. That of other surfaces is added: how uneven
     the depths around a stixel are, and half of the step to its neighbours."""
     least_height: ClassVar[float] = _Road.least_height

@@ -1,6 +1,6 @@
 """`stixel study rq1`: the errors of each stage, one row for each run and class of range."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import pandas as pd
@@ -9,17 +9,13 @@ from stixel_cli.answers.runs import Runs
 from stixel_cli.results.result import RunResult
 from stixel_cli.studies.data import StudyData
 from stixel_cli.studies.report import Material, rows_of
-from stixel_cli.validation.stage_tables import stage_tables
+from stixel_cli.validation.stage_errors import GROSS
 
 SW_DEPTH, SW_STD = 28.0, 0.1
 """Badino, Franke, Pfeiffer 2009 state an uncertainty below 0.1 m at 28 m."""
 RANGES = ((5.0, 10.0), (10.0, 20.0), (20.0, 30.0), (25.0, 31.0), (30.0, 40.0), (40.0, 50.0))
 """Classes of the range, m: of a stixel its own true depth, else the target's. The class 25 to 31 m
 is that in which The Stixel World is compared."""
-INSIDE = 0
-"""Zone of the pixels inside the target, see `stage_errors.ZONES`."""
-
-Tables = Mapping[str, pd.DataFrame]
 
 
 def columns(name: str, runs: Runs, results: Sequence[RunResult]) -> Runs:
@@ -52,47 +48,40 @@ def material(data: StudyData) -> Material:
 
 
 def _rows(run: RunResult) -> list[dict[str, object]]:
-    tables: dict[str, list[pd.DataFrame]] = {}
-    for record in run.load("stage_errors"):
-        made = stage_tables(record, run.configuration.rig, "target")
-        for name, table in made.items():
-            frame = pd.DataFrame(table)
-            if "depth" not in frame:
-                frame["depth"] = record.target_depth[frame["frame"]]
-            tables.setdefault(name, []).append(frame)
-    whole = {name: pd.concat(own, ignore_index=True) for name, own in tables.items()}
+    records = run.load("stage_errors")
+    frames, stixels = (
+        pd.concat([pd.DataFrame(getattr(record, name)) for record in records], ignore_index=True)
+        for name in ("frames", "stixels")
+    )
     found = []
     for low, high in RANGES:
-        own = {n: t[t["depth"].between(low, high, inclusive="left")] for n, t in whole.items()}
-        found.append({"range": f"{low:g}–{high:g} m", **stage_metrics(own)})
+        own = (t[t["depth"].between(low, high, inclusive="left")] for t in (frames, stixels))
+        found.append({"range": f"{low:g}–{high:g} m", **stage_metrics(*own)})
     return found
 
 
-def stage_metrics(tables: Tables) -> dict[str, float]:
-    """Metrics of the stages from tables as of `stage_tables`; NaN where nothing is measured.
+def stage_metrics(frames: pd.DataFrame, stixels: pd.DataFrame) -> dict[str, float]:
+    """Metrics of the stages from tables of `StageErrors`; NaN where nothing is measured.
 
     Errors are found minus true. Gross errors have their own share, and are in no other metric.
     """
-    every, frames = tables["every_stixel"], tables["frames"]
-    stixels = every[every["gross"] == 0.0]
-    pixels = tables["pixels"][tables["pixels"]["zone"] == INSIDE]
-    target, columns = frames[frames["columns"] > 0], tables["columns"]
-    path = columns[(columns["step"] == "path") & columns["of_target"]]
+    gross = stixels["disparity"].abs() > GROSS
+    fine, inside = stixels[~gross], frames["valid"] - frames["gross"]
     return {
-        "depth_bias_m": _mean(stixels["error"]),
-        "depth_rms_m": _rms(stixels["error"]),
-        "own_pixels_rms_m": _rms(stixels["square"]),
-        "stixel_disparity_rms_px": _rms(stixels["disparity"]),
-        "stixel_gross_share": _mean(every["gross"]),
-        "squared_error_over_variance": _mean(stixels["ratio²"]),
-        "height_bias_m": _mean(stixels["height"]),
-        "lateral_rms_m": _rms(stixels["lateral"]),
-        "columns_without_stixel_share": _share(target["uncovered"], target["columns"]),
-        "missed_columns_share": _mean(path["missed"]),
-        "pixel_density_share": _share(pixels["valid"], pixels["pixels"]),
-        "pixel_gross_share": _share(pixels["gross"], pixels["valid"]),
-        "pixel_bias_px": _share(pixels["total"], pixels["fine"]),
-        "pixel_rms_px": float(np.sqrt(_share(pixels["squares"], pixels["fine"]))),
+        "depth_bias_m": _mean(fine["error"]),
+        "depth_rms_m": _rms(fine["error"]),
+        "own_pixels_rms_m": _rms(fine["square"]),
+        "stixel_disparity_rms_px": _rms(fine["disparity"]),
+        "stixel_gross_share": _mean(gross),
+        "squared_error_over_variance": _mean((fine["error"] / fine["sigma"]) ** 2),
+        "height_bias_m": _mean(fine["height"]),
+        "lateral_rms_m": _rms(fine["lateral"]),
+        "columns_without_stixel_share": _share(frames["uncovered"], frames["columns"]),
+        "missed_columns_share": _share(frames["missed"], frames["columns"]),
+        "pixel_density_share": _share(frames["valid"], frames["pixels"]),
+        "pixel_gross_share": _share(frames["gross"], frames["valid"]),
+        "pixel_bias_px": _share(frames["total"], inside),
+        "pixel_rms_px": float(np.sqrt(_share(frames["squares"], inside))),
     }
 
 

@@ -77,8 +77,7 @@ def columns(name: str, runs: Runs, results: Sequence[RunResult]) -> Runs:
         if key not in loaded:
             loaded[key] = run.load("point_errors")
     lag = neighbour_columns(list(loaded.values()))
-    focal = results[0].configuration.rig.focal
-    found = {key: point_statistics(errors, focal, lag) for key, errors in loaded.items()}
+    found = {key: point_statistics(errors, lag) for key, errors in loaded.items()}
     axes = tuple(axis for axis in runs.axes if not axis.startswith("measurement"))
     return with_columns(
         Runs(runs.frame, axes),

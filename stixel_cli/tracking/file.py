@@ -1,4 +1,4 @@
-"""A track from a file: that of a tracker in any other program, see `measurements.track_table`."""
+"""A track from a file: that of a tracker in any other program, see `tracking.track_table`."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -9,17 +9,6 @@ from annotated_types import Ge
 
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD, rectangle, rotation, wrap_angle
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.measurements.track_table import (
-    POSE,
-    RADII,
-    RATES,
-    SIZE,
-    STDS,
-    VARIANCES,
-    Table,
-    matched_rows,
-    read_track,
-)
 from stixel_cli.measurements.units import seconds, unit_and_epoch
 from stixel_cli.parameters import parameters
 from stixel_cli.tracking.motion import intervals
@@ -31,13 +20,24 @@ from stixel_cli.tracking.track import (
     directions_of,
     shift_variances,
 )
+from stixel_cli.tracking.track_table import (
+    POSE,
+    RADII,
+    RATES,
+    SIZE,
+    STDS,
+    VARIANCES,
+    Table,
+    matched_rows,
+    read_track,
+)
 
 FRAMES = ("world", "camera")
 
 
 @parameters
 class FileTrackParameters:
-    """The track of another program, from a file. `measurements.track_table` describes the files.
+    """The track of another program, from a file. `tracking.track_table` describes the files.
 
     Attributes:
         path: the file: a table, a trajectory of TUM, or results of KITTI tracking; required.

@@ -43,14 +43,12 @@ class PointErrors:
             neighbours.
         scans: (N,) int64, the scan of each point; within a scan by column.
         columns: (N,) px.
-        true_ranges: (N,) m, along the point's ray to the contour.
         along: (N,) m, error of the range.
         disparities: (N,) px, error of the disparity.
         range_sensitivities: (N,) m/px, change of range with disparity.
         inside: (N,) px from the nearer end of the silhouette; negative outside it.
-        column_scans: (C,) int64, the scan of each column of the image, a pixel wide round its
-            pixels' middles, that is in the silhouette from its left to its right.
-        covered: (C,) whether a point of the target is within half of `spacing`.
+        covered: (C,) whether a point of the target is within half of `spacing` of each column of
+            the image, a pixel wide round its pixels' middles, in the silhouette of each scan.
         reach_left, reach_right: (K,) px, how far the scan's points, half of `spacing` round the
             outermost, go beyond either end of the silhouette; negative if they fall short; NaN
             where that end is not in the image, or no point is the target's.
@@ -63,12 +61,10 @@ class PointErrors:
     spacing: float
     scans: np.ndarray
     columns: np.ndarray
-    true_ranges: np.ndarray
     along: np.ndarray
     disparities: np.ndarray
     range_sensitivities: np.ndarray
     inside: np.ndarray
-    column_scans: np.ndarray
     covered: np.ndarray
     reach_left: np.ndarray
     reach_right: np.ndarray
@@ -107,12 +103,10 @@ def point_errors(scans: Scans, scenario: Scenario, rig: Rig) -> PointErrors:
         spacing=spacing,
         scans=scan,
         columns=column,
-        true_ranges=rows[2],
-        along=rows[3],
-        disparities=rows[4],
-        range_sensitivities=rows[5],
-        inside=rows[6],
-        column_scans=its_columns[0].astype(np.int64),
+        along=rows[2],
+        disparities=rows[3],
+        range_sensitivities=rows[4],
+        inside=rows[5],
         covered=_covered(its_columns[0], its_columns[1], scan, column, spacing),
         reach_left=reach[0],
         reach_right=reach[1],
@@ -124,8 +118,8 @@ def point_errors(scans: Scans, scenario: Scenario, rig: Rig) -> PointErrors:
 def _of_scan(
     contour: np.ndarray, points: np.ndarray, rig: Rig
 ) -> tuple[np.ndarray, np.ndarray, tuple[float, float, float], int]:
-    """Rows of the target's points (6, n) and its columns (1, c), the silhouette's span, clutter."""
-    unseen = np.zeros((6, 0)), np.zeros((1, 0)), (np.nan, np.nan, np.nan), 0
+    """Rows of the target's points (5, n) and its columns (1, c), the silhouette's span, clutter."""
+    unseen = np.zeros((5, 0)), np.zeros((1, 0)), (np.nan, np.nan, np.nan), 0
     if contour[:, 0].min() < _BEHIND:
         return unseen
     left, right = -0.5 - rig.u0, rig.width - 0.5 - rig.u0
@@ -156,7 +150,7 @@ def _of_scan(
     inside = np.minimum(column - low, high - column)
     own = (np.abs(disparity) <= DISPARITY_REACH) & (np.abs(along) <= RANGE_REACH)
     own |= np.abs(disparity) <= GROSS
-    rows = np.vstack([column, true, along, disparity, sensitivity, inside])[:, own]
+    rows = np.vstack([column, along, disparity, sensitivity, inside])[:, own]
 
     ends = seeing[[0, -1]]
     # f / (r cos²) at a bearing, the inverse of the metres r cos² / f across one column.

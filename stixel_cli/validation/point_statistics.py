@@ -18,33 +18,23 @@ _DIGITS = 4
 """Of the fitted parameters."""
 
 
-def point_statistics(errors: PointErrors, focal: float, lag: float) -> dict[str, float | None]:
+def point_statistics(errors: PointErrors, lag: float) -> dict[str, float | None]:
     """Statistics of one run's points by name; None without values.
 
     `bias_along`, `std`, m: mean and standard deviation of the error along the ray;
-    `bias_disparity`, `std_disparity`, px: of the disparity's. `bias_across`: shift of both ends to
-    the right, m at the mean range. `neighbours`: correlation of the disparity's errors `lag`
-    columns apart; `scans`: of successive scans' means. `reach`, px: beyond the silhouette's ends.
-    `beside`: share of points outside the silhouette; `missed`: of the target's columns without a
-    point. `points`, `clutter`: numbers a scan.
-
-    Args:
-        errors: of the run.
-        focal: focal length, px.
-        lag: columns.
+    `bias_disparity`, `std_disparity`, px: of the disparity's. `neighbours`: correlation of the
+    disparity's errors `lag` columns apart; `scans`: of successive scans' means. `reach`, px: beyond
+    the silhouette's ends. `missed`: share of the target's columns without a point. `points`,
+    `clutter`: numbers a scan.
     """
-    shift = finite_mean(0.5 * (errors.reach_right - errors.reach_left))
-    reach = finite_mean(errors.true_ranges)
     return {
         "bias_along": finite_mean(errors.along),
         "bias_disparity": finite_mean(errors.disparities),
         "std": std(errors.along),
         "std_disparity": std(errors.disparities),
-        "bias_across": None if shift is None or reach is None else shift * reach / focal,
-        "neighbours": correlogram([errors], [lag])[0],
+        "neighbours": _neighbour_correlation(errors, lag),
         "scans": _scan_correlation(errors),
         "reach": finite_mean(np.concatenate([errors.reach_left, errors.reach_right])),
-        "beside": finite_mean(errors.inside < 0.0),
         "missed": finite_mean(1.0 - errors.covered),
         "points": len(errors.scans) / len(errors.times),
         "clutter": finite_mean(errors.clutter),
@@ -76,32 +66,24 @@ def neighbour_columns(runs: Sequence[PointErrors]) -> float:
     return float(np.median(spacings)) if spacings else 1.0
 
 
-def correlogram(runs: Sequence[PointErrors], lags: Sequence[float]) -> list[float | None]:
-    """Correlation of the disparity's error at lags, columns within half a column.
+def _neighbour_correlation(run: PointErrors, lag: float) -> float | None:
+    """Correlation of the disparity's error at a `lag`, columns within half a column.
 
-    The mean error of each run is subtracted; points outside the silhouette are left out.
+    The mean error is subtracted; points outside the silhouette are left out.
     """
-    products: list[list[np.ndarray]] = [[] for _ in lags]
-    squares = []
-    for run in runs:
-        own = run.inside > 0.0
-        if not own.any():
-            continue
-        rest = run.disparities - run.disparities[own].mean()
-        squares.append(rest[own] ** 2)
-        for step in range(1, len(rest)):
-            apart = run.columns[step:] - run.columns[:-step]
-            same = (run.scans[step:] == run.scans[:-step]) & own[step:] & own[:-step]
-            if not same.any() or apart[same].min() > max(lags) + 0.5:
-                break
-            product = rest[step:] * rest[:-step]
-            for i, lag in enumerate(lags):
-                products[i].append(product[same & (np.abs(apart - lag) < 0.5)])
-    power = float(np.concatenate(squares).mean()) if squares else 0.0
-    found = [np.concatenate(p) if p else np.zeros(0) for p in products]
-    # Blocks of columns are rarely closer than a block's width, which leaves too few pairs.
-    fewest = max(2.0, 0.1 * max((len(p) for p in found), default=0))
-    return [float(p.mean()) / power if len(p) >= fewest and power > 0.0 else None for p in found]
+    own = run.inside > 0.0
+    if not own.any():
+        return None
+    rest = run.disparities - run.disparities[own].mean()
+    products = [np.zeros(0)]
+    for step in range(1, len(rest)):
+        apart = run.columns[step:] - run.columns[:-step]
+        same = (run.scans[step:] == run.scans[:-step]) & own[step:] & own[:-step]
+        if not same.any() or apart[same].min() > lag + 0.5:
+            break
+        products.append((rest[step:] * rest[:-step])[same & (np.abs(apart - lag) < 0.5)])
+    found, power = np.concatenate(products), float(np.mean(rest[own] ** 2))
+    return float(found.mean()) / power if len(found) >= 2 and power > 0.0 else None
 
 
 def fit_noise(runs: Sequence[PointErrors]) -> FittedNoise:

@@ -1,99 +1,58 @@
 """Errors of the steps from disparity to stixels against the rendered truth, frame by frame.
 
-The records are compact and additive, so that frames of many runs can be pooled and binned by range
-afterwards. Errors are found minus true.
+The tables are small, so that frames of many runs can be pooled and binned by range afterwards.
+Errors are found minus true.
 """
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.rendering.frames import ROAD_ID, SKY_ID, TARGET_ID, RenderedFrames
+from stixel_cli.rendering.frames import RenderedFrames
 from stixel_cli.stereo.disparities import Disparities
-from stixel_cli.stixels.nearest_obstacle import nearest_obstacle
-from stixel_cli.stixels.occupancy import Layout, layout
 from stixel_cli.stixels.parameters import FreeSpaceParameters, OccupancyParameters, RoadParameters
 from stixel_cli.stixels.types import FreeSpace, Stixels
-from stixel_cli.validation.stage_stixels import StixelErrors, stixel_errors
 from stixel_cli.validation.stage_truth import FrameTruth, frame_truth
 
 GROSS = 1.0
 """An error of more than this is gross, px."""
 
 BORDER = 2
-"""Pixels this near to another object are the border: half the default matcher's block, px."""
+"""Pixels this near to another object are not inside: half the default matcher's block, px."""
 
-ZONES = ("target, inside", "target, border", "other obstacles, inside")
-PHASES = 10
-HISTOGRAM_EDGES = np.linspace(-2.0, 2.0, 129)
-"""Bins of the disparity errors, 1/32 px; values outside are in the first and the last bin."""
+SQUARE = 0.2
+"""The depths of a square face's pixels are within this, m, from the 10 % to the 90 % quantile."""
 
-
-@dataclass(frozen=True)
-class DisparityErrors:
-    """Sums over the pixels of each zone of `ZONES`, for n frames.
-
-    Attributes:
-        pixels, valid, gross: (n, 3) int64; pixels of the zone, those with a disparity, and those
-            of them that are off by more than `GROSS`.
-        total, squares: (n, 3) px and px², sums over the valid pixels that are not gross.
-        histogram: (n, 3, 128) int32 of the valid pixels' errors, see `HISTOGRAM_EDGES`.
-        phase_count, phase_total: (n, 3, `PHASES`), number and sum of the same pixels' errors, by
-            the fractional part of the true disparity.
-    """
-
-    pixels: np.ndarray
-    valid: np.ndarray
-    gross: np.ndarray
-    total: np.ndarray
-    squares: np.ndarray
-    histogram: np.ndarray
-    phase_count: np.ndarray
-    phase_total: np.ndarray
-
-
-@dataclass(frozen=True)
-class ColumnErrors:
-    """Nearest obstacles by column in n frames: pitch-compensated disparities in px, NaN where free.
-
-    Attributes:
-        of_target: (n, W) bool, whether the true nearest obstacle is the target.
-        true: (n, W) float32.
-        grid: (n, W) float32, the cell that the occupancy grid by itself would choose, column by
-            column, without the path's ties to the neighbours and to the last frame.
-        path: (n, W) float32, the obstacle of the free space.
-        grid_there, path_there: (n, W) bool, whether any surface is in the column at the disparity
-            of `grid` and `path`, even a small or low one, or one beyond the grid's range.
-    """
-
-    of_target: np.ndarray
-    true: np.ndarray
-    grid: np.ndarray
-    path: np.ndarray
-    grid_there: np.ndarray
-    path_there: np.ndarray
+STIXEL_COLUMNS = ("depth", "disparity", "error", "square", "sigma", "lateral", "height")
 
 
 @dataclass(frozen=True)
 class StageErrors:
-    """Errors of all stages in frames `first`, `first` + 1, ….
+    """Errors of all stages in n frames `first`, `first` + 1, ….
 
     Attributes:
         first: index k of the first frame.
-        target_depth: (n,) m, true depth along the road of the target's nearest column; NaN where no
-            column's nearest obstacle is the target.
-        target_pixels: (n,) int64, how many pixels show the target.
-        disparity, columns, stixels: of the steps.
+        frames: columns (n,) by name. `depth`: m, true depth along the road of the target's nearest
+            column, NaN without one. Of the pixels inside the target: `pixels`; `valid`, with a
+            disparity; `gross`, of these, off by more than `GROSS`; `total` and `squares`, sums of
+            the errors of the others, px and px². Of the image's columns: `columns`, whose nearest
+            obstacle is the target; `missed`, in which free space has no obstacle, or one more than
+            `GROSS` px farther; `uncovered`, without a stixel.
+        stixels: columns (S,) by name, one row for each stixel on the target: the target is the
+            nearest obstacle in at least half of its columns. `depth`: m, the true one along the
+            road, of the front face, which is the median nearest obstacle of its columns on the
+            target (`stage_truth.frame_truth`); `disparity`, px, and `error`, m: errors against
+            that; `square`: m, error of the depth against the median of the target's pixels in the
+            stixel's area, NaN if their depths are not within `SQUARE`; `sigma`: m, the stated
+            standard deviation in depth; `lateral`: m, error of the point to the right; `height`:
+            m, error of the top's height above the road.
     """
 
     first: int
-    target_depth: np.ndarray
-    target_pixels: np.ndarray
-    disparity: DisparityErrors
-    columns: ColumnErrors
-    stixels: StixelErrors
+    frames: dict[str, np.ndarray]
+    stixels: dict[str, np.ndarray]
 
 
 def stage_errors(
@@ -107,163 +66,102 @@ def stage_errors(
     free_space: FreeSpaceParameters,
     frames: range,
 ) -> StageErrors:
-    """Errors of `frames` of disparities, grid, free space (`obstacles`), height and stixels."""
-    grid = layout(occupancy, rig, disparities.count)
-    truths, disparity, columns, of_stixels = [], [], [], []
+    """Errors of `frames` of disparities, free space (`obstacles`), height and stixels."""
+    rows, of_stixels = [], []
     for k in frames:
         i = k - rendered.first
         truth = frame_truth(rendered.depth(i), rendered.ids[i], rig, road, occupancy, free_space)
-        raw = disparities.raw(k - disparities.first)
-        found = disparities.pixels(k - disparities.first)
-        line = obstacles.road[k - obstacles.first]
-        alone = grid_choice(raw, line, road, grid, free_space)
-        truths.append((_nearest(truth), int(np.sum(truth.ids == TARGET_ID))))
-        disparity.append(disparity_errors(found, truth))
+        nearest = truth.nearest_depth[truth.of_target]
+        covered, errors = stixel_errors(stixels, k - stixels.first, truth, rig)
+        of_stixels += errors
         path = obstacles.disparity[k - obstacles.first]
-        columns.append(column_errors(alone, path, truth, rig, road))
-        of_stixels.append(stixel_errors(stixels, k - stixels.first, truth, rig, GROSS))
+        rows.append(
+            {
+                "depth": nearest.min() if len(nearest) else np.nan,
+                **disparity_errors(disparities.pixels(k - disparities.first), truth),
+                "columns": len(nearest),
+                "missed": np.sum(missed_columns(path, truth, rig)),
+                "uncovered": np.sum(truth.of_target & ~covered),
+            }
+        )
+    by_name = np.array(of_stixels, dtype=np.float64).reshape(-1, len(STIXEL_COLUMNS)).T
     return StageErrors(
         first=frames.start,
-        target_depth=np.array([depth for depth, _ in truths], dtype=np.float64),
-        target_pixels=np.array([pixels for _, pixels in truths], dtype=np.int64),
-        disparity=_stacked(DisparityErrors, disparity),
-        columns=_stacked(ColumnErrors, columns),
-        stixels=StixelErrors.joined(of_stixels),
+        frames={name: np.array([row[name] for row in rows]) for name in rows[0]},
+        stixels=dict(zip(STIXEL_COLUMNS, by_name, strict=True)),
     )
 
 
-def zones(ids: np.ndarray) -> np.ndarray:
-    """Index in `ZONES` (H, W) int8 of each pixel, -1 for road, sky and other objects' borders.
-
-    A pixel is inside an object if all within `BORDER` rows and columns show the same one.
-    """
+def inside_target(truth: FrameTruth) -> np.ndarray:
+    """Whether all within `BORDER` rows and columns of each pixel (H, W) show the target."""
     side = np.ones((2 * BORDER + 1, 2 * BORDER + 1), dtype=np.uint8)
-    inside = cv2.erode(ids, side) == cv2.dilate(ids, side)
-    of_target = ids == TARGET_ID
-    other = inside & ~of_target & (ids != ROAD_ID) & (ids != SKY_ID)
-    return np.select([of_target & inside, of_target, other], [0, 1, 2], -1).astype(np.int8)
+    return cv2.erode(truth.on_target.astype(np.uint8), side) > 0
 
 
-def disparity_errors(found: np.ndarray, truth: FrameTruth) -> DisparityErrors:
-    """Sums for one frame, without the leading n. `found` (H, W) px, NaN where invalid."""
-    zone = zones(truth.ids)
-    count, bins = len(ZONES), len(HISTOGRAM_EDGES) - 1
-    looked_at = zone >= 0
-    zone, true = zone[looked_at].astype(np.int64), truth.disparity[looked_at]
-    error = found[looked_at].astype(np.float64) - true
-    valid = np.isfinite(error)
-    pixels = np.bincount(zone, minlength=count)
-    zone, true, error = zone[valid], true[valid], error[valid]
-    gross = np.abs(error) > GROSS
-    bin_ = np.clip(np.searchsorted(HISTOGRAM_EDGES, error, side="right") - 1, 0, bins - 1)
-    fine, small = zone[~gross], error[~gross]
-    phase = np.minimum((true[~gross] % 1.0 * PHASES).astype(np.int64), PHASES - 1)
+def disparity_errors(found: np.ndarray, truth: FrameTruth) -> dict[str, float]:
+    """The columns of `StageErrors.frames` on pixels; `found` (H, W) px, NaN where invalid."""
+    inside = inside_target(truth)
+    error = found[inside].astype(np.float64) - truth.disparity[inside]
+    error = error[np.isfinite(error)]
+    fine = error[np.abs(error) <= GROSS]
+    return {
+        "pixels": np.sum(inside),
+        "valid": len(error),
+        "gross": len(error) - len(fine),
+        "total": np.sum(fine),
+        "squares": np.sum(fine**2),
+    }
 
-    def by_phase(weights=None):
-        flat = np.bincount(fine * PHASES + phase, weights, minlength=count * PHASES)
-        return flat.reshape(count, PHASES)
 
-    return DisparityErrors(
-        pixels=pixels,
-        valid=np.bincount(zone, minlength=count),
-        gross=np.bincount(zone[gross], minlength=count),
-        total=np.bincount(fine, small, minlength=count),
-        squares=np.bincount(fine, small**2, minlength=count),
-        histogram=np.bincount(zone * bins + bin_, minlength=count * bins)
-        .reshape(count, bins)
-        .astype(np.int32),
-        phase_count=by_phase(),
-        phase_total=by_phase(small),
+def missed_columns(path: np.ndarray, truth: FrameTruth, rig: Rig) -> np.ndarray:
+    """Which columns (W,) miss the target: free space has no obstacle, or one too far.
+
+    `path` (W,) px is pitch-compensated, NaN where free.
+    """
+    true = rig.disparity_from_depth(truth.nearest_depth).astype(np.float32)
+    error = path.astype(np.float64) - true.astype(np.float64)
+    return truth.of_target & ~(error >= -GROSS)
+
+
+def stixel_errors(
+    stixels: Stixels, index: int, truth: FrameTruth, rig: Rig
+) -> tuple[np.ndarray, list[tuple[float, ...]]]:
+    """Which columns (W,) have a stixel in a frame, and the `STIXEL_COLUMNS` of those on the target.
+
+    Of stixels with the same columns only the nearest, the first, counts.
+    """
+    rows = stixels.rows(index)
+    nearest = rows.start + np.flatnonzero(np.diff(stixels.left[rows], prepend=-1))
+    covered, errors = np.zeros(rig.width, dtype=bool), []
+    for s in nearest:
+        left, right = stixels.left[s], stixels.right[s]
+        covered[left:right] = True
+        if 2 * truth.of_target[left:right].sum() >= right - left:
+            errors.append(_errors_of(stixels, s, truth, rig))
+    return covered, errors
+
+
+def _errors_of(stixels: Stixels, s: int, truth: FrameTruth, rig: Rig) -> tuple[float, ...]:
+    """The values of `STIXEL_COLUMNS` of stixel `s`."""
+    left, right = stixels.left[s], stixels.right[s]
+    u = np.arange(left, right)[truth.of_target[left:right]]
+    area = slice(stixels.top[s], stixels.base[s] + 1), slice(left, right)
+    surface, square = truth.depth[area][truth.on_target[area]], np.nan
+    if surface.size and np.subtract(*np.percentile(surface, [90, 10])) <= SQUARE:
+        square = stixels.depth[s] - np.median(surface)
+    tops = np.argmax(truth.on_target[:, u], axis=0)
+    # The upper edge of the topmost row that shows it, upright at that pixel's own depth.
+    down = (tops - 0.5 - rig.v0) / rig.focal_v
+    cosine, sine = np.cos(rig.pitch_radians), np.sin(rig.pitch_radians)
+    below = (cosine * down + sine) / (cosine - sine * down)
+    edge = rig.camera_height - below * truth.depth[tops, u]
+    depth = np.median(truth.nearest_depth[u])
+    return (
+        depth,
+        stixels.disparity[s] - np.median(rig.disparity_from_depth(truth.nearest_depth[u])),
+        stixels.depth[s] - depth,
+        square,
+        np.sqrt(stixels.covariances_ego[s, 1, 1]),
+        stixels.points_ego[s, 0] - truth.nearest_lateral[u].mean(),
+        stixels.height[s] - np.median(edge),
     )
-
-
-def grid_choice(
-    raw: np.ndarray,
-    line: np.ndarray,
-    road: RoadParameters,
-    grid: Layout,
-    free_space: FreeSpaceParameters,
-) -> np.ndarray:
-    """Pitch-compensated disparity (W,) px that the grid chooses in each column; NaN where free.
-
-    Free space without its ties: E_s of Badino, Franke, Mester 2007 set to zero, no last frame.
-    `raw` (H, W) int16 disparities, `line` (2,) the road's disparity a v + b.
-    """
-    untied = replace(free_space, spatial_cost=0.0)
-    return nearest_obstacle(cv2.transpose(raw), line, None, road, grid, untied)
-
-
-def column_errors(
-    grid: np.ndarray, path: np.ndarray, truth: FrameTruth, rig: Rig, road: RoadParameters
-) -> ColumnErrors:
-    """The columns (W,) of one frame: choices of the grid and of the path next to the truth."""
-    return ColumnErrors(
-        of_target=truth.of_target,
-        true=rig.disparity_from_depth(truth.nearest_depth).astype(np.float32),
-        grid=grid.astype(np.float32),
-        path=path.astype(np.float32),
-        grid_there=has_surface(grid, truth, rig, road),
-        path_there=has_surface(path, truth, rig, road),
-    )
-
-
-def has_surface(found: np.ndarray, truth: FrameTruth, rig: Rig, road: RoadParameters) -> np.ndarray:
-    """Whether each column (W,) shows a surface above the road within `GROSS` px of `found`.
-
-    `found` (W,) px is pitch-compensated, NaN where free. Every pixel below the clearance height
-    counts that is neither road nor sky.
-    """
-    standing = (truth.ids != ROAD_ID) & (truth.ids != SKY_ID)
-    with np.errstate(invalid="ignore"):
-        standing &= truth.height <= road.greatest_height
-        near = np.abs(rig.disparity_from_depth(truth.depth) - found) <= GROSS
-    return (standing & near).any(axis=0)
-
-
-def _nearest(truth: FrameTruth) -> float:
-    depths = truth.nearest_depth[truth.of_target]
-    return float(depths.min()) if len(depths) else float("nan")
-
-
-def _stacked(kind, records):
-    names = [field.name for field in fields(kind)]
-    return kind(**{name: np.stack([getattr(r, name) for r in records]) for name in names})
-
-
-@dataclass(frozen=True)
-class ColumnKinds:
-    """The result of each column; bool arrays of any one shape.
-
-    Attributes:
-        real: has a true nearest obstacle.
-        hit: its obstacle was found within `GROSS` px.
-        missed: it has one, and no obstacle was found, or one more than `GROSS` px farther.
-        below_threshold: an obstacle was found where the column has no true one, or more than
-            `GROSS` px nearer than the true one, at a surface below the threshold: smaller than the
-            least obstacle, or beyond the grid's range.
-        false_positive: the same, without a surface there.
-    """
-
-    real: np.ndarray
-    hit: np.ndarray
-    missed: np.ndarray
-    below_threshold: np.ndarray
-    false_positive: np.ndarray
-
-
-def column_kinds(true: np.ndarray, found: np.ndarray, there: np.ndarray) -> ColumnKinds:
-    """Kinds of columns of pitch-compensated disparities in px, any shape, NaN where free.
-
-    See `ColumnErrors`.
-    """
-    real, any_ = np.isfinite(true), np.isfinite(found)
-    error = found.astype(np.float64) - true.astype(np.float64)
-    with np.errstate(invalid="ignore"):
-        extra = any_ & (~real | (error > GROSS))
-        return ColumnKinds(
-            real=real,
-            hit=np.abs(error) <= GROSS,
-            missed=real & (~any_ | (error < -GROSS)),
-            below_threshold=extra & there,
-            false_positive=extra & ~there,
-        )

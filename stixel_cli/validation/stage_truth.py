@@ -20,7 +20,6 @@ class FrameTruth:
     Attributes:
         disparity: (H, W) px, f B / z of the image; 0 where there is nothing.
         depth: (H, W) m along the road; inf without a surface.
-        height: (H, W) m above the road, of the pixels' centres.
         ids: (H, W) uint8, as in `RenderedFrames`.
         nearest_depth: (W,) m along the road, of each column's nearest obstacle; NaN where free.
         nearest_lateral: (W,) m to the right of the camera, of the same point.
@@ -29,7 +28,6 @@ class FrameTruth:
 
     disparity: np.ndarray
     depth: np.ndarray
-    height: np.ndarray
     ids: np.ndarray
     nearest_depth: np.ndarray
     nearest_lateral: np.ndarray
@@ -80,7 +78,6 @@ def frame_truth(
     return FrameTruth(
         disparity=rig.disparity_from_depth(depth_camera),
         depth=depth,
-        height=height,
         ids=ids,
         nearest_depth=np.where(found, nearest, np.nan),
         nearest_lateral=np.where(found, lateral, np.nan),

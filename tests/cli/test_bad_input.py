@@ -84,7 +84,7 @@ WRONG = [
     "road_user=null", "road_user=[car]", "rig={width: 3}", "~rig.width", "~path",
     "rig.baseline=-0.3", "rig.width='640'", "rig.width=", "rig.width=true", "rig.width=null",
     "source=folder", "rig.width=[1]", "tracker.length_scale=1e-12", "rig.baseline=nan",
-    "rig.baseline=inf", "stereo.disparities=100", "path.start=[1]",
+    "rig.baseline=inf", "stereo.nearest=0", "path.start=[1]",
     "path.start=[1,a]", "pictures.frames=3", "seed=0,1", "path=turn,circle",
     "rig.width=range(64,90)", "seed=choice(1,2)", "path=glob(*)", "~tracker", "rig.width=[",
     "rig.width={a:1", "rig.width='a", "rig.width=${rig.width}", "rig.width=${pace}",

@@ -40,10 +40,6 @@ IMPOSSIBLE = {
         ["rig.principal_v=480"],
         "rig.principal_v: must be 0 to 479 (the image), got 480",
     ),
-    "more disparities than columns": (
-        ["rig.width=100", "stereo.disparities=112"],
-        "stereo.disparities: must be < rig.width (100), got 112",
-    ),
     "disparity larger than the image": (
         ["stereo.nearest=0.1"],
         "stereo.nearest: at 0.1 m the disparity is 1663 px; it must be < rig.width (640)",

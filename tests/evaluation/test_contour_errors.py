@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 import shapely
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.linalg import sqrtm
 from scipy.spatial.distance import directed_hausdorff
 
@@ -219,3 +221,48 @@ def test_errors_of_one_scan_do_not_depend_on_the_others():
     expected = (poses**2).mean(axis=1)
     expected[[0, 5]] = np.nan
     np.testing.assert_allclose(found, expected, rtol=1e-12)
+
+
+CORNER = np.array([[0, 0], [2, 0], [2, 2], [0, 2]], float)
+
+
+@pytest.mark.parametrize(
+    ("true", "estimated", "score"),
+    [
+        (CORNER, CORNER, 1.0),
+        (CORNER, CORNER[::-1], 1.0),
+        (CORNER, np.add(CORNER, [1, 0]), 1.0 / 3.0),
+        (CORNER, np.add(CORNER, [1, 1]), 1.0 / 7.0),
+        (CORNER, CORNER * 0.5, 0.25),
+        (CORNER, np.add(CORNER, [5, 0]), 0.0),
+        (CORNER, np.add(CORNER, [2, 0]), 0.0),
+        (CORNER, CORNER * 0.0, 0.0),
+        (CORNER, CORNER * np.nan, 0.0),
+        # A bow tie is two triangles of area 1.
+        (CORNER, CORNER[[0, 1, 3, 2]], 0.5),
+        # An L of area 3.
+        (np.array([[0, 0], [2, 0], [2, 1], [1, 1], [1, 2], [0, 2]], float), CORNER, 0.75),
+    ],
+)
+def test_iou_of_known_polygons(true, estimated, score):
+    found = intersections_over_unions(estimated[None], true[None])
+    np.testing.assert_allclose(found, [score], rtol=0, atol=1e-12)
+
+
+def test_iou_does_not_depend_on_the_scale():
+    """A pedestrian's area is well below 1 m²."""
+    for scale in (0.01, 0.3, 50.0):
+        found = intersections_over_unions(scale * CORNER[None] + scale, scale * CORNER[None])
+        np.testing.assert_allclose(found, [1.0 / 7.0], rtol=0, atol=1e-12)
+
+
+@given(seed=st.integers(0, 2**31), angle=st.floats(-4, 4), shift=st.floats(-100, 100))
+def test_iou_is_invariant_to_rigid_motions(seed, angle, shift):
+    random = np.random.default_rng(seed)
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    first, second = random.uniform(-1, 1, (2, 1, 7, 2))
+    plain = intersections_over_unions(first, second)
+    moved = intersections_over_unions(first @ turn.T + shift, second @ turn.T + shift)
+    np.testing.assert_allclose(moved, plain, atol=1e-9)
+    np.testing.assert_allclose(intersections_over_unions(second, first), plain, atol=1e-12)
+    assert 0.0 <= plain[0] <= 1.0

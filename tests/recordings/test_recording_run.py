@@ -23,7 +23,7 @@ from stixel_cli.experiment.stages import pipeline_stages, scan_count
 from stixel_cli.recordings import assembly
 from stixel_cli.recordings.parameters import KittiTracking
 
-SMALL = ("stereo.disparities=48", "stereo.nearest=6", "occupancy.nearest=3")
+SMALL = ("stereo.nearest=1.6", "occupancy.nearest=3")
 HERE = "executor=threads"
 
 

@@ -195,8 +195,8 @@ def test_a_sweep_over_targets_and_measurements(motion, tmp_path, monkeypatch, ca
 @pytest.mark.drawn
 def test_images_are_rendered_along_the_way(motion, tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "cache"))
-    tiny = ("rig.width=160", "rig.height=96", "rig.focal_length=150", "stereo.disparities=48")
-    tiny += ("stereo.nearest=6", "occupancy.nearest=3", "path.frames=0:5", "pictures.frames=[3]")
+    tiny = ("rig.width=160", "rig.height=96", "rig.focal_length=150", "stereo.nearest=1.6")
+    tiny += ("occupancy.nearest=3", "path.frames=0:5", "pictures.frames=[3]")
     words = of(motion, *tiny, "executor=threads")
     assert main(["run", *words, "--results", str(tmp_path), "--name", "one"]) == 0, (
         capsys.readouterr().err

@@ -21,8 +21,7 @@ from stixel_cli.recordings.stereo_images import read_left, read_pairs
 pytest.importorskip("rosbags", reason="needs pip install 'stixel[rosbag]'")
 
 SMALL = (
-    "stereo.disparities=48",
-    "stereo.nearest=6",
+    "stereo.nearest=1.6",
     "occupancy.nearest=3",
     "rig.camera_height=1.65",
 )

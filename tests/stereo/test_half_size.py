@@ -4,6 +4,7 @@ import cv2
 import numpy as np
 import pytest
 from constants import with_constants
+from projection import nearest_of
 
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.images import ImageStack
@@ -17,15 +18,16 @@ FAR, NEAR = 12, 90
 BOX = slice(20, 75), slice(180, 260)
 """Rows and columns of the near plane in the left image."""
 
+RIG = Rig(321, 97, 200.0, None, None, None, 0.5, 1.2, 0.0, None)
+
+
 STEREO = SgmParameters(
     kind="sgm",
-    disparities=112,
-    nearest=3.5,
+    nearest=nearest_of(RIG, 112),
     block_size=5,
     subpixel="phase_table",
     disparities_at_full_size=32,
 )
-RIG = Rig(321, 97, 200.0, None, None, None, 0.5, 1.2, 0.0, None)
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +49,7 @@ def shrunk(box, pixels):
 @pytest.mark.parametrize("subpixel", ["parabola", "phase_table", "second_match"])
 @pytest.mark.parametrize(("minimum", "count"), [(0, 112), (9, 96)])
 def test_near_and_far_planes_are_found(pairs, subpixel, minimum, count):
-    stereo = replace(STEREO, subpixel=subpixel, disparities=count)
+    stereo = replace(STEREO, subpixel=subpixel, nearest=nearest_of(RIG, minimum + count))
     stereo = with_constants(stereo, minimum_disparity=minimum)
     disparities = sgm.match(pairs, stereo, RIG, range(1))
     assert disparities.count == minimum + count
@@ -83,7 +85,7 @@ def test_a_near_plane_is_found_up_to_the_left_border():
 
 
 def test_a_small_range_is_searched_at_full_size_only(pairs):
-    small = replace(STEREO, disparities=32)
+    small = replace(STEREO, nearest=nearest_of(RIG, 32))
     found = sgm.match(pairs, small, RIG, range(1))
     plain = sgm.match(pairs, replace(small, disparities_at_full_size=None), RIG, range(1))
     assert found.stored.encoded == plain.stored.encoded

@@ -4,6 +4,7 @@ import cv2
 import numpy as np
 import pytest
 from constants import with_constants
+from projection import nearest_of
 
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.images import ImageStack
@@ -22,11 +23,14 @@ from stixel_cli.stereo.matching import (
 from stixel_cli.stereo.sgm import SgmParameters
 
 SHIFT = 10
+FRAMES = range(7, 9)
+RIG = Rig(160, 96, 60.0, None, None, None, 0.3, 1.2, 0.0, None)
+
+
 SGM = with_constants(
     SgmParameters(
         kind="sgm",
-        disparities=32,
-        nearest=3.5,
+        nearest=nearest_of(RIG, 32),
         block_size=3,
         subpixel="parabola",
         disparities_at_full_size=None,
@@ -39,15 +43,12 @@ SGM = with_constants(
 BM = with_constants(
     BmParameters(
         kind="bm",
-        disparities=32,
-        nearest=3.5,
+        nearest=nearest_of(RIG, 32),
         block_size=9,
         subpixel="parabola",
     ),
     speckle_window=0,
 )
-FRAMES = range(7, 9)
-RIG = Rig(160, 96, 60.0, None, None, None, 0.3, 1.2, 0.0, None)
 
 
 @pytest.fixture(scope="module")
@@ -83,9 +84,11 @@ def test_bm_finds_the_plane_up_to_the_left_border(pairs):
 
 @pytest.mark.parametrize("stereo, match", [(SGM, sgm.match), (BM, bm.match)])
 def test_minimum_disparity_shifts_the_range(pairs, stereo, match):
-    stereo = replace(stereo, disparities=16)
-    above = match(pairs, with_constants(stereo, minimum_disparity=16), RIG, FRAMES)
-    below = match(pairs, with_constants(stereo, minimum_disparity=8), RIG, FRAMES)
+    found = []
+    for least in (16, 8):
+        near = replace(stereo, nearest=nearest_of(RIG, 16 + least))
+        found.append(match(pairs, with_constants(near, minimum_disparity=least), RIG, FRAMES))
+    above, below = found
     assert (above.count, below.count) == (32, 24)
     raw = above.raw(0)
     assert np.all((raw == INVALID) | (raw >= 16 * 16))
@@ -103,7 +106,7 @@ def test_matching_is_repeatable_and_restores_the_threads(pairs, stereo, match):
 
 @pytest.mark.parametrize("stereo", [SGM, BM])
 def test_disparity_count_follows_the_rig(stereo):
-    derived = replace(stereo, disparities=None)
+    derived = replace(stereo, nearest=3.5)
     count = disparity_count(derived, RIG)
     assert count % 16 == 0
     assert count > RIG.disparity_from_depth(3.5) >= count - 17
@@ -118,8 +121,7 @@ def test_disparity_count_follows_the_rig(stereo):
 def test_disparity_count_includes_one_value_beyond_the_nearest_point(greatest, minimum, count):
     """The sub-pixel parabola at `greatest` px needs the one behind it."""
     nearest = RIG.focal * RIG.baseline / greatest
-    derived = replace(SGM, disparities=None, nearest=nearest)
-    derived = with_constants(derived, minimum_disparity=minimum)
+    derived = with_constants(replace(SGM, nearest=nearest), minimum_disparity=minimum)
     assert disparity_count(derived, RIG) == count
 
 

@@ -106,5 +106,5 @@ def extraction():
         smoothing=0.35,
         least_std=0.1,
         edge_std=0.1,
-        relief=0.05,
+        surface_std=0.05,
     )

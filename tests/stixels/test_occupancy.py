@@ -6,7 +6,7 @@ from constants import with_constants
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stixel_cli.stixels.displayed_grid import picture_grid
+from stixel_cli.stixels.frame_grid import picture_grid
 from stixel_cli.stixels.occupancy import (
     BINS_PER_PIXEL,
     accumulate,

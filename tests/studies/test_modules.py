@@ -21,25 +21,17 @@ def frame(**columns):
 
 
 def test_metrics_of_the_stages_of_rq1():
-    nan = np.nan
-    stixels = {
-        "gross": [0.0, 0.0, 1.0], "error": [0.3, -0.1, 9.0], "square": [0.1, nan, 9.0],
-        "disparity": [0.6, 0.8, 5.0], "ratio²": [1.0, 3.0, 9.0], "height": [0.1, 0.3, 9.0],
-        "lateral": [0.0, 0.2, 9.0],
-    }  # fmt: skip
-    tables = {
-        "every_stixel": pd.DataFrame(stixels),
-        "frames": pd.DataFrame({"columns": [10, 0, 30], "uncovered": [1, 0, 3]}),
-        "pixels": pd.DataFrame(
-            {"zone": [0, 1], "valid": [80, 1], "pixels": [100, 1], "gross": [20, 1], "total": 30.0,
-             "fine": [60, 1], "squares": [15.0, 1.0]}
-        ),
-        "columns": pd.DataFrame(
-            {"step": ["path", "path", "path", "grid"], "of_target": [True, True, False, True],
-             "missed": [1.0, 0.0, 1.0, 1.0]}
-        ),
-    }  # fmt: skip
-    found = rq1.stage_metrics(tables)
+    stixels = pd.DataFrame(
+        {"error": [0.3, -0.1, 9.0], "square": [0.1, np.nan, 9.0], "disparity": [0.6, 0.8, 5.0],
+         "sigma": [0.3, 0.1 / np.sqrt(3.0), 1.0], "height": [0.1, 0.3, 9.0],
+         "lateral": [0.0, 0.2, 9.0]}
+    )  # fmt: skip
+    frames = pd.DataFrame(
+        {"columns": [10, 0, 30], "uncovered": [1, 0, 3], "missed": [15, 0, 5], "valid": [80, 0, 0],
+         "pixels": [100, 0, 0], "gross": [20, 0, 0], "total": [30.0, 0.0, 0.0],
+         "squares": [15.0, 0.0, 0.0]}
+    )  # fmt: skip
+    found = rq1.stage_metrics(frames, stixels)
     assert found == pytest.approx(
         {
             "depth_bias_m": 0.1,
@@ -58,7 +50,7 @@ def test_metrics_of_the_stages_of_rq1():
             "pixel_rms_px": 0.5,
         }
     )
-    nothing = rq1.stage_metrics({name: table[:0] for name, table in tables.items()})
+    nothing = rq1.stage_metrics(frames[:0], stixels[:0])
     assert np.isnan([*nothing.values()]).all()
 
 
@@ -91,12 +83,10 @@ def errors_of(bias, count=400, scans=4):
         spacing=1.0,
         scans=scan,
         columns=columns,
-        true_ranges=np.full(count, 10.0),
         along=bias - 0.4 * disparities,
         disparities=disparities,
         range_sensitivities=np.full(count, -0.4),
         inside=np.minimum(columns, columns[::-1]) + 1.0,
-        column_scans=scan,
         covered=np.ones(count, bool),
         reach_left=np.zeros(scans),
         reach_right=np.zeros(scans),
@@ -122,10 +112,7 @@ def test_runs_of_rq3_have_the_statistics_of_their_points():
     loaded = []
 
     def run(bias):
-        configuration = SimpleNamespace(rig=SimpleNamespace(focal=400.0))
-        return SimpleNamespace(
-            load=lambda stage: loaded.append(stage) or errors_of(bias), configuration=configuration
-        )
+        return SimpleNamespace(load=lambda stage: loaded.append(stage) or errors_of(bias))
 
     runs = frame(
         road_user=["car"] * 3, path=["turn"] * 3, tracker=["a", "b", "a"], seed=["0", "0", "1"]

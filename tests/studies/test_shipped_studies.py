@@ -72,7 +72,7 @@ def with_module(study, sweep, runs):
         motion = runs.frame["path"] + runs.frame.get("path.target", pd.Series("", runs.frame.index))
         return with_columns(Runs(runs.frame, tuple(axes)), motion=motion)
     if study.module is rq1 and "stage_errors" in sweep.steps:
-        metrics = rq1.stage_metrics(EMPTY)
+        metrics = rq1.stage_metrics(*EMPTY)
         each = [{"range": f"{a:g}–{b:g} m", **dict.fromkeys(metrics, 0.5)} for a, b in rq1.RANGES]
         return rows_of(runs, [each] * len(runs), ("range",))
     if study.module is rq3:
@@ -85,14 +85,10 @@ def columns_of(*names):
     return pd.DataFrame({name: np.zeros(0) for name in names})
 
 
-EMPTY = {
-    "every_stixel": columns_of(
-        "gross", "error", "square", "disparity", "ratio²", "height", "lateral"
-    ),
-    "frames": columns_of("columns", "uncovered"),
-    "pixels": columns_of("zone", "valid", "pixels", "gross", "total", "fine", "squares"),
-    "columns": columns_of("step", "of_target", "missed").astype({"of_target": bool}),
-}
+EMPTY = (
+    columns_of("valid", "pixels", "gross", "total", "squares", "columns", "missed", "uncovered"),
+    columns_of("disparity", "error", "square", "sigma", "lateral", "height"),
+)
 
 
 @pytest.mark.parametrize("name", STUDIES)

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from constants import with_constants
 from stage_scene import (
     DISPARITY,
     GRID,
@@ -16,59 +15,40 @@ from stage_scene import (
     scene,
     truth_of,
 )
-from stage_summaries import (
-    column_summary,
-    coverage_summary,
-    disparity_summary,
-    phase_bias,
-    pooled,
-    stixel_summary,
-)
 
 from stixel_cli.rendering.frames import TARGET_ID, RenderedFrames
 from stixel_cli.stereo.disparities import Disparities
-from stixel_cli.stixels.occupancy import layout
 from stixel_cli.stixels.road import road_line
 from stixel_cli.stixels.types import FreeSpace
 from stixel_cli.validation.stage_errors import (
-    GROSS,
-    ZONES,
-    column_errors,
+    STIXEL_COLUMNS,
     disparity_errors,
-    grid_choice,
-    has_surface,
+    inside_target,
+    missed_columns,
     stage_errors,
-    zones,
+    stixel_errors,
 )
 
 
+def columns_of(errors):
+    values = np.array(errors).reshape(-1, len(STIXEL_COLUMNS)).T
+    return dict(zip(STIXEL_COLUMNS, values, strict=True))
+
+
 def test_perfect_inputs_give_no_errors():
-    rig, truth, errors = perfect_errors()
-    frames = np.array([True])
+    _, truth, errors = perfect_errors()
     assert errors.first == 4
-    assert errors.target_depth == pytest.approx(truth.nearest_depth[truth.of_target].min())
-    assert errors.target_pixels[0] == np.sum(truth.ids == TARGET_ID)
-    for zone in range(2):
-        of = disparity_summary(errors.disparity, frames, zone)
-        assert of["pixels"] > 0 and of["density"] == 1.0 and of["gross"] == 0.0
-        # The depth is rendered to a quarter of a millimetre.
-        assert abs(of["bias"]) < 1e-3 and of["rms"] < 1e-3
-    of = errors.columns
-    assert of.path_there.all()
-    columns = column_summary(of.true, of.path, of.path_there, rig)
-    assert columns["columns"] == rig.width
-    assert columns["missed"] == columns["below_threshold"] == columns["false_positive"] == 0.0
-    assert columns["rms"] < 1e-3 and columns["rms_m"] < 1e-3
-    stixels = stixel_summary(errors.stixels)
-    assert stixels.pop("stixels") == np.diff(errors.stixels.offsets)[0] > 3
-    assert stixels.pop("sigma") == 0.5
-    assert stixels.pop("within_1") == stixels.pop("within_2") == 1.0
-    # The target is one square face.
-    assert np.isnan([stixels.pop("slanted_bias"), stixels.pop("slanted_rms")]).all()
-    assert all(abs(value) < 1e-3 for value in stixels.values()), stixels
-    cover = coverage_summary(errors.stixels, frames)
-    assert cover["columns"] == truth.of_target.sum() and cover["elsewhere"] == 0.0
-    assert cover["overhang"] == cover["hanging"] == 0.0
+    frame = {name: value for name, (value,) in errors.frames.items()}
+    assert frame["depth"] == pytest.approx(truth.nearest_depth[truth.of_target].min())
+    assert frame["pixels"] == frame["valid"] > 0 and frame["gross"] == 0
+    # The depth is rendered to a quarter of a millimetre.
+    assert abs(frame["total"]) < 1e-3 * frame["pixels"] and frame["squares"] < 1e-3
+    assert frame["columns"] == truth.of_target.sum() and frame["missed"] == 0
+    stixels = {**errors.stixels}
+    assert len(stixels["depth"]) > 3 and (stixels.pop("sigma") == 0.5).all()
+    assert stixels.pop("depth") == pytest.approx(truth.nearest_depth[48])
+    for name, values in stixels.items():
+        assert np.abs(values).max() < 1e-3, name
 
 
 def test_stage_errors_use_the_frame_number_in_every_chunk():
@@ -104,135 +84,85 @@ def test_stage_errors_use_the_frame_number_in_every_chunk():
         range(6, 7),
     )
     assert errors.first == 6
-    for name in ("disparity", "columns", "stixels"):
-        ours, theirs = vars(getattr(errors, name)), vars(getattr(alone, name))
-        for field in ours:
-            np.testing.assert_array_equal(ours[field], theirs[field], err_msg=f"{name}.{field}")
+    for ours, theirs in ((errors.frames, alone.frames), (errors.stixels, alone.stixels)):
+        for name in theirs:
+            np.testing.assert_array_equal(ours[name], theirs[name], err_msg=name)
 
 
 @pytest.mark.parametrize("shift", [-8, 5])
 def test_disparity_offset_is_measured_as_bias(shift):
-    rig, _, errors = perfect_errors(shift)
-    of = disparity_summary(errors.disparity, np.array([True]), 0)
-    assert of["bias"] == pytest.approx(shift / 16, abs=1e-3)
-    assert of["rms"] == pytest.approx(abs(shift) / 16, abs=1e-3)
-    assert of["median"] == pytest.approx(shift / 16, abs=1 / 32)
-    of = errors.columns
-    columns = column_summary(of.true, of.path, of.path_there, rig)
-    assert columns["bias"] == pytest.approx(shift / 16, abs=1e-3)
-    metres = rig.depth_from_disparity(DISPARITY + shift / 16) - rig.depth_from_disparity(DISPARITY)
-    chosen = (one[of.of_target] for one in (of.true, of.path, of.path_there))
-    target = column_summary(*chosen, rig)
-    assert target["bias_m"] == pytest.approx(metres, abs=1e-3)
+    _, _, errors = perfect_errors(shift)
+    fine = errors.frames["valid"] - errors.frames["gross"]
+    assert errors.frames["total"] / fine == pytest.approx(shift / 16, abs=1e-3)
+    assert np.sqrt(errors.frames["squares"] / fine) == pytest.approx(abs(shift) / 16, abs=1e-3)
 
 
-def test_gross_errors_are_counted_and_excluded_from_bias_and_rms():
-    rig = make_rig()
-    truth = truth_of(rig)
+def test_gross_errors_are_counted_and_not_summed():
+    truth = truth_of(make_rig())
     found = truth.disparity.copy()
-    inside = np.argwhere(zones(truth.ids) == 0)
+    inside = np.argwhere(inside_target(truth))
     for (v, u), error in zip(inside, (0.5, -0.25, 1.5, -3.0, np.nan), strict=False):
         found[v, u] += error
     record = disparity_errors(found, truth)
-    assert record.valid[0] == len(inside) - 1 and record.gross[0] == 2
-    assert record.total[0] == pytest.approx(0.25)
-    assert record.squares[0] == pytest.approx(0.25 + 0.0625)
-    assert record.histogram[0].sum() == record.valid[0]
-    assert record.phase_count[0].sum() == record.valid[0] - 2
-    assert record.phase_total[0].sum() == pytest.approx(0.25)
+    assert record["pixels"] == len(inside) == record["valid"] + 1 and record["gross"] == 2
+    assert record["total"] == pytest.approx(0.25)
+    assert record["squares"] == pytest.approx(0.25 + 0.0625)
 
 
-def test_sums_match_a_plain_loop_over_the_pixels():
-    rng = np.random.default_rng(5)
+def test_columns_are_missed_without_an_obstacle_or_with_a_farther_one():
     rig = make_rig()
     truth = truth_of(rig)
-    truth = replace(truth, disparity=truth.disparity + rng.random(truth.disparity.shape))
-    found = truth.disparity + rng.normal(0.0, 0.8, truth.disparity.shape)
-    found[rng.random(found.shape) < 0.2] = np.nan
-    record, zone = disparity_errors(found, truth), zones(truth.ids)
-    count = np.zeros((len(ZONES), 10))
-    total = np.zeros((len(ZONES), 10))
-    gross = np.zeros(len(ZONES))
-    for v, u in np.argwhere((zone >= 0) & np.isfinite(found)):
-        error = found[v, u] - truth.disparity[v, u]
-        if abs(error) > GROSS:
-            gross[zone[v, u]] += 1
-            continue
-        phase = int(10 * (truth.disparity[v, u] % 1.0))
-        count[zone[v, u], phase] += 1
-        total[zone[v, u], phase] += error
-    assert np.array_equal(record.gross, gross)
-    assert np.array_equal(record.phase_count, count)
-    assert record.phase_total == pytest.approx(total)
+    path = np.full(rig.width, np.nan)
+    path[40:45] = DISPARITY + np.array([0.5, -2.0, 2.0, -0.5, -1.5])
+    assert np.flatnonzero(missed_columns(path, truth, rig)).tolist() == [41, 44, *range(45, 58)]
 
 
-def test_choice_of_the_grid_ignores_smoothness_and_time():
+def test_injected_stixel_errors_are_measured():
     rig = make_rig()
-    line = road_line(0.0, rig.camera_height, rig)
-    raw = np.full((rig.height, rig.width), -1, np.int16)
-    raw[25:40, :] = 16 * 8
-    # One column has an obstacle of its own far in front: ties cost more than this cell.
-    raw[25:40, 50] = 16 * 20
-    grid = layout(GRID, rig, 64)
-    tied = replace(PATH, spatial_cost=5.0)
-    alone = grid_choice(raw, line, ROAD, grid, tied)
-    assert alone[50] == pytest.approx(20.0, abs=0.3)
-    assert np.delete(alone, 50) == pytest.approx(8.0, abs=0.3)
-
-
-def test_columns_below_the_threshold_and_false_positives_are_counted():
-    rig = make_rig()
-    depth = rig.depth_from_disparity(DISPARITY)
-    # 0.35 m high: within the height gate it is less than the least obstacle of 0.3 m.
-    truth = truth_of(rig, depth=depth, height=0.35, wall=80.0)
-    shows = (truth.ids == TARGET_ID).any(axis=0)
-    assert shows.any() and np.isnan(truth.nearest_depth).all()
-    found = np.full(rig.width, DISPARITY)
-    of = column_errors(found, found + 1.5, truth, rig, ROAD)
-    assert np.array_equal(of.grid_there, shows) and not of.path_there.any()
-    columns = column_summary(of.true, of.grid, of.grid_there, rig)
-    assert (
-        columns["below_threshold"] == shows.mean()
-        and columns["false_positive"] == 1.0 - shows.mean()
+    truth = truth_of(rig)
+    good = perfect_stixels(rig, truth)
+    bad = replace(
+        good,
+        disparity=good.disparity + 0.25,
+        depth=good.depth - 0.5,
+        height=good.height + 0.125,
+        points_ego=good.points_ego + np.array([0.0625, -0.5]),
     )
-    # Of the wall, beyond the grid's range, there is something too; of the road and above there is
-    # nothing that stands.
-    found[:] = rig.disparity_from_depth(np.float64(80.0))
-    assert has_surface(found, truth, rig, ROAD).all()
-    assert not has_surface(np.full(rig.width, np.nan), truth, rig, ROAD).any()
-    low = with_constants(ROAD, least_height=-2.0, greatest_height=-1.0)
-    assert not has_surface(found, truth, rig, low).any()
+    covered, errors = stixel_errors(bad, 0, truth, rig)
+    assert covered.sum() == 3 * len(errors)
+    expected = {"disparity": 0.25, "error": -0.5, "square": -0.5, "sigma": 0.5}
+    expected |= {"lateral": 0.0625, "height": 0.125}
+    for name, value in expected.items():
+        assert columns_of(errors)[name] == pytest.approx(value, abs=1e-9), name
 
 
-def test_columns_are_classified_as_missed_below_threshold_or_false_positive():
-    nan = np.nan
-    true = np.array([10.0, 10.0, 10.0, 10.0, nan, nan, 10.0, 10.0, 10.0])
-    found = np.array([10.5, nan, 8.0, 12.0, nan, 5.0, 9.5, 7.0, 8.5])
-    there = np.array([True, False, True, False, False, True, True, True, False])
-    of = column_summary(true, found, there, make_rig())
-    assert of["missed"] == pytest.approx(4 / 7)
-    assert of["false_positive"] == of["below_threshold"] == pytest.approx(1 / 9)
-    assert of["bias"] == 0.0 and of["rms"] == pytest.approx(0.5)
-    empty = column_summary(np.zeros(0), np.zeros(0), np.zeros(0, bool), make_rig())
-    assert all(np.isnan(value) for name, value in empty.items() if name != "columns")
+def test_stixel_with_half_its_columns_on_the_target_belongs_to_it():
+    rig = make_rig()
+    truth = truth_of(rig)
+    good = perfect_stixels(rig, truth)
+    # Columns 40 to 57 are the target's: of six columns two, three, and four are.
+    for shift, count in ((-4, 0), (-3, 1), (-2, 1)):
+        first = {name: getattr(good, name)[:1] for name in ("top", "base", "disparity", "depth")}
+        first |= {"height": good.height[:1], "points_ego": good.points_ego[:1]}
+        one = replace(
+            good,
+            offsets=np.array([0, 1]),
+            left=np.array([40 + shift]),
+            right=np.array([46 + shift]),
+            covariances_ego=good.covariances_ego[:1],
+            **first,
+        )
+        assert len(stixel_errors(one, 0, truth, rig)[1]) == count
 
 
-def test_pooling_adds_frames_and_duplicates_do_not_change_means():
-    _, _, errors = perfect_errors(5)
-    twice = pooled([errors, errors])
-    assert len(twice.target_depth) == 2 and len(twice.stixels.offsets) == 3
-    one = disparity_summary(errors.disparity, np.array([True]), 2)
-    both = disparity_summary(twice.disparity, np.array([True, True]), 2)
-    assert both.pop("pixels") == 2 * one.pop("pixels") and both == pytest.approx(one)
-    of_one, of_both = stixel_summary(errors.stixels), stixel_summary(twice.stixels)
-    assert of_both.pop("stixels") == 2 * of_one.pop("stixels")
-    assert of_both == pytest.approx(of_one, nan_ok=True)
-    assert stixel_summary(twice.stixels, 20.0, 30.0)["stixels"] == 0.0
-    centres, mean, count = phase_bias(twice.disparity, 0)
-    assert centres[0] == pytest.approx(0.05) and count.sum() > 0
-    assert mean[count > 0] == pytest.approx(5 / 16, abs=1e-3)
-    with pytest.raises(ValueError, match="no record"):
-        pooled([])
-    narrow = replace(errors, columns=replace(errors.columns, true=errors.columns.true[:, :9]))
-    with pytest.raises(ValueError, match="different widths"):
-        pooled([errors, narrow])
+def test_a_stepped_face_is_not_square():
+    rig = make_rig()
+    truth = truth_of(rig)
+    good = perfect_stixels(rig, truth)
+    assert columns_of(stixel_errors(good, 0, truth, rig)[1])["square"] == pytest.approx(0.0)
+    # The lower third of the target is a metre nearer, as a bonnet is.
+    rows = np.flatnonzero((truth.ids == TARGET_ID)[:, 48])
+    depth = truth.depth.copy()
+    depth[rows[-len(rows) // 3] :] -= 1.0
+    errors = stixel_errors(good, 0, replace(truth, depth=depth), rig)[1]
+    assert np.isnan(columns_of(errors)["square"]).all()
