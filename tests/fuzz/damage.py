@@ -108,7 +108,7 @@ def damage(file: Path, rng: random.Random) -> None:
     if how < 0.15:
         rng.choice(_REPLACED)(file)
     elif how < 0.35:
-        rng.choice(_BYTES)(file, rng)
+        rng.choice(_BYTES if file.stat().st_size else (_random,))(file, rng)
     else:
         inside = {".json": _tree, ".yaml": _tree, ".npz": damage_arrays}.get(file.suffix, _text)
         inside(file, rng)
