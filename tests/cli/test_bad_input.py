@@ -33,6 +33,7 @@ SENTENCES = {
     "measurement=simulated": "measurement: simulated is gone: use measurement=stixels",
     "tracker=random_matrix": "random_matrix is gone: use tracker=pyrecest tracker.name=ggiw",
     "+x=3": "x: unknown key; `stixel describe`",
+    "stereo.disparities=64": "stereo.disparities: unknown key; it is called stereo.nearest, m",
     "+rig.width=300": "+rig.width=300: rig.width already exists: leave out the +",
     "+rig=kitti": "+rig=kitti: rig already exists: leave out the +",
     "rig@x=kitti": "rig@x=kitti: no package (@) can be given; write rig=…",
