@@ -14,7 +14,7 @@ from matplotlib.axes import Axes
 
 from stixel_cli.answers.answer import Answer
 from stixel_cli.answers.over_time import errors_of_runs
-from stixel_cli.evaluation.intervals import LEAST_UNITS, mean_interval
+from stixel_cli.evaluation.intervals import LEAST_UNITS
 from stixel_cli.pictures import style
 from stixel_cli.report import charts
 
@@ -112,9 +112,9 @@ def differences(answer: Answer, write: Write = style.svg) -> Any:
         return write(figure)
 
 
-def over_axis(answer: Answer, write: Write = style.svg) -> bytes | None:
-    """The mean over the values of the compared axis; None unless these are three numbers or more
-    with a value.
+def over_axis(answer: Answer) -> bytes | None:
+    """The mean over the values of the compared axis, an SVG; None unless these are three numbers or
+    more with a value.
 
     The thick line is the mean of the units, over the scenarios and units that every value has, with
     its interval; thin lines are the scenarios.
@@ -124,33 +124,24 @@ def over_axis(answer: Answer, write: Write = style.svg) -> bytes | None:
     numbers = pd.to_numeric(pd.Series([*answer.values.columns]), errors="coerce")
     if len(numbers) < 3 or not np.isfinite(numbers).all() or len(answer.question.compare) > 1:
         return None
-    places = numbers.to_numpy(float)
-    order = np.argsort(places)
-    columns = [answer.values.columns[i] for i in order]
-    places, values = places[order], answer.values[columns]
+    order = np.argsort(numbers)
+    columns, places = answer.values.columns[order], numbers.to_numpy(float)[order]
     scenes = answer.by_scenario().loc[[*answer.scenarios], columns]
-    ends = mean_interval(values, answer.question.row.bounds)
-    with style.drawing({"axes.grid": True, **style.LEGIBLE}):
-        figure = style.new_figure(style.NARROW, 2.7)
-        axes = figure.subplots()
+    values, row = answer.values[columns].to_numpy(), answer.question.row
+
+    def draw(axes: Axes) -> None:
         if len(scenes) > 1:
             axes.plot(places, scenes.to_numpy().T, color=style.UNUSED, linewidth=0.6)
-        axes.plot(places, values.mean(), "o-", color=_COLOUR, markersize=3.5)
-        if len(values) >= LEAST_UNITS:
-            axes.fill_between(
-                places, ends["low"], ends["high"], color=_COLOUR, alpha=0.2, linewidth=0.0
-            )
-        axes.set_xlabel(answer.question.compare[0])
-        axes.set_ylabel(answer.question.heading)
+        shown = values if answer.units >= LEAST_UNITS else values.mean(axis=0, keepdims=True)
+        look = {"color": _COLOUR, "marker": "o", "markersize": 3.5}
+        charts.over_time(axes, places, shown, bounds=row.bounds, **look)
         if places[0] > 0.0 and _is_geometric(places):
             axes.set_xscale("log")
             axes.minorticks_off()
             axes.set_xticks(places, [f"{place:g}" for place in places])
-        if answer.question.row.better == "one":
-            axes.axhline(1.0, color=style.UNUSED, linewidth=0.8, linestyle="--")
-            style.log_axis(axes)
-        style.place(figure, [axes])
-        return write(figure)
+
+    x, y = answer.question.compare[0], answer.question.heading
+    return charts.chart([charts.Panel(draw, "", x, y, ratio=row.better == "one")])
 
 
 def pdf(figure: matplotlib.figure.Figure) -> bytes:

@@ -47,7 +47,7 @@ def answers_page(asked: Asked, links: Mapping[str, str], command: Sequence[str])
         notes=[*first.notes, *asked.remarks],
         player=links.get(str(asked.player), ""),
         cells=cells,
-        worst=_worst(first, links),
+        worst=worst_runs(first, links),
         explanation=render.explanation(first),
         scenarios=_scenarios(first),
         axes=[
@@ -77,7 +77,7 @@ def _drawing(svg: bytes, name: str) -> Any:
     return drawing_for_page(svg.decode(), name)
 
 
-def _worst(answer: Answer, links: Mapping[str, str]) -> list[tuple[str, str]]:
+def worst_runs(answer: Answer, links: Mapping[str, str]) -> list[tuple[str, str]]:
     """Name and link of the worst run of the option of each row; ("", "") without one."""
     worst = answer.worst
     rows = []

@@ -165,7 +165,7 @@ def _asked(
     if folder:
         stored = read_stored_run(folder)
         return planned_run(stored.composition, has_pictures(stored)), [stored.lineage]
-    design = sweep_design(what, file, one_is_enough=True, trust_code=trust_code)
+    design = sweep_design(what, file, trust_code, one_is_enough=True)
     runs = design_runs(design)
     if design.axes:
         return planned_sweep(runs, pictures=False), ()

@@ -58,8 +58,6 @@ class RunResult:
         failure: of a run that failed or was skipped: why; of a listed one: why it is not readable.
         planned: the run before it was computed; in a sweep only.
         variant: in a study, name of the sweep's variant; "" if it has none.
-        cpu_seconds: in a study, stage to the CPU seconds that its results took; NaN if they are not
-            recorded.
         load: in a study, returns the result of a stage that the sweep's `results` names, or the
             list of the results of its chunks. It reads the store at each call.
     """
@@ -86,7 +84,6 @@ class RunResult:
     failure: Exception | None = None
     planned: Any = None
     variant: str = ""
-    cpu_seconds: Mapping[str, float] = field(default_factory=dict)
     load: Callable[[str], Any] | None = None
     plot: ClassVar[Callable[..., Any]]
     """Draws the run from above, `plot(ax=None)`: `stixel_cli.plot`, which sets it."""

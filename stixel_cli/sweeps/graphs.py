@@ -9,11 +9,10 @@ from stixel_cli.config.folders import of_the_machine
 from stixel_cli.engine.graph import Graph, GraphBuilder, merge
 from stixel_cli.engine.plan import Durations, plan, probe
 from stixel_cli.engine.store import Store, open_store
-from stixel_cli.errors import ConfigurationError
+from stixel_cli.errors import ConfigurationError, counted
 from stixel_cli.experiment.run import CAMERA, OBJECTS, TRACKS
 from stixel_cli.experiment.stages import CHUNK_SIZE, RESULTS, pipeline_stages, scan_count
 from stixel_cli.experiment.table.table import PICTURES
-from stixel_cli.sweeps.design import SEED
 from stixel_cli.sweeps.runs import PlannedRun, equal_runs
 
 
@@ -43,7 +42,7 @@ class SweepPlan:
         missing: ids of the nodes to compute, each after its inputs.
         stages: by stage, in the order of the data.
         unmeasured: names of stages with missing nodes whose function was never measured.
-        notes: on axes that the stages of some runs ignore.
+        notes: on runs that give equal results.
     """
 
     runs: tuple[PlannedRun, ...]
@@ -120,11 +119,10 @@ def joined_seconds(plans: Iterable[SweepPlan]) -> tuple[float, list[str]]:
 
 
 def check_axes(planned: Sequence[PlannedRun]) -> list[str]:
-    """Refuse an axis that no stage reads; return notes on axes that the stages of some runs ignore.
+    """Refuse an axis that no stage reads; return a note on runs that give equal results.
 
     Runs whose results have the same keys give the same results, whatever their settings are.
     """
-    notes = []
     keys = list(planned[0].settings)
     for key in filter(of_the_machine, keys):
         raise ConfigurationError(f"{key}: it does not affect results, so it cannot be swept")
@@ -133,12 +131,9 @@ def check_axes(planned: Sequence[PlannedRun]) -> list[str]:
         for one in planned:
             others = tuple(v for name, v in one.settings.items() if name != key)
             groups[others].append(one.targets)
-        several = {others: targets for others, targets in groups.items() if len(targets) > 1}
-        if not several:
-            # Zipped with another key, which is checked in its place.
-            continue
-        idle = [others for others, targets in several.items() if len(set(targets)) == 1]
-        if len(idle) == len(several):
+        several = [targets for targets in groups.values() if len(targets) > 1]
+        # Without several, the key is zipped with another one, which is checked in its place.
+        if several and all(len({*targets}) == 1 for targets in several):
             choices = planned[0].composition.choices
             why = (
                 ": a sweep draws pictures only with --pictures"
@@ -147,24 +142,19 @@ def check_axes(planned: Sequence[PlannedRun]) -> list[str]:
                 f"path={choices.get('path')}: all runs would be equal"
             )
             raise ConfigurationError(f"{key}: no stage reads it{why}")
-        if idle and key != SEED:
-            labels = (name for name in keys if name != key)
-            first = " ".join(f"{k}={v}" for k, v in zip(labels, idle[0], strict=True))
-            notes.append(
-                f"{key}: no stage reads it in {len(idle)} of {len(several)} settings of the other "
-                f"axes ({first}), so their runs give equal results"
-            )
-    equal = () if notes else equal_runs(planned, lambda run: run.targets)
-    for one, other in equal:
-        labels = f"{one.label} and {other.label}"
-        return [f"runs {one.index} and {other.index} give equal results: {labels}"]
-    return notes
+    equal = [*equal_runs(planned, lambda run: run.targets)]
+    if not equal:
+        return []
+    one, other = equal[0]
+    more = f" (and {counted(len(equal) - 1, 'more pair')})" if len(equal) > 1 else ""
+    labels = f"{one.label} and {other.label}"
+    return [f"runs {one.index} and {other.index} give equal results: {labels}{more}"]
 
 
 def planned_sweep(
     runs: Sequence[PlannedRun], pictures: bool, nodes: Sequence[str] = ()
 ) -> SweepPlan:
-    """The plan of runs, with notes on their axes.
+    """The plan of runs, with a note on equal ones.
 
     UserError if no stage reads an axis, or a file or the cache cannot be read.
     """

@@ -17,6 +17,9 @@ if TYPE_CHECKING:
     from stixel_cli.answers.answer import Answer
     from stixel_cli.answers.runs import Runs
 
+_NOT_ASKED = (SEED, "overrides", "failed_stage")
+"""Columns of `runs.csv` that are neither settings nor metrics, unless the seed is swept."""
+
 Axes = tuple[tuple[str, ...], ...]
 """Axes of a sweep, each as its keys."""
 
@@ -53,7 +56,7 @@ class SweepResult:
                     "run": run.index,
                     "status": run.status,
                     **run.setting,
-                    "seed": run.seed,
+                    SEED: run.manifest.get("seed", ""),
                     "overrides": " ".join(map(shlex.quote, run.overrides)),
                     "folder": None if None in (at, self.folder) else f"{at}/{run.index:04d}",
                     "failed_stage": getattr(failure, "stage", None),
@@ -84,23 +87,16 @@ class SweepResult:
 
         from stixel_cli.answers.runs import Runs
 
-        settings = [run.setting | {SEED: run.manifest.get("seed", "")} for run in self.runs]
-        keys = [key for axis in self.axes for key in axis]
-        keys = [key for key in keys if any(key in one for one in settings)] or [SEED]
         rows = [
-            {key: one.get(key, NOT_GIVEN) for key in keys}
-            | {
-                "status": run.status,
-                "folder": None if row["folder"] is None else str(self.folder / row["folder"]),
-                "error": None if run.failure is None else " ".join(str(run.failure).split()),
-            }
-            | {name: value for name, value in run.metrics.items() if name not in keys}
-            for run, one, row in zip(self.runs, settings, self.rows, strict=True)
+            row | {"folder": None if row["folder"] is None else str(self.folder / row["folder"])}
+            for row in self.rows
         ]
-        frame = pandas.DataFrame(rows)
-        metrics = dict.fromkeys(name for run in self.runs for name in run.metrics)
-        numbers = [name for name in metrics if name not in keys]
-        typed = frame.astype(dict.fromkeys(numbers, float))
+        keys = [key for axis in self.axes for key in axis if any(key in row for row in rows)]
+        keys = keys or [SEED]
+        frame = pandas.DataFrame(rows).set_index("run")
+        numbers = dict.fromkeys(name for run in self.runs for name in run.metrics)
+        typed = frame.astype({name: float for name in numbers if name not in keys})
+        typed = typed.drop(columns=[name for name in _NOT_ASKED if name not in keys])
         return Runs(typed, tuple(keys), question_over(self.over, self.axes))
 
     def ask(self, **parts: Any) -> "Answer":
