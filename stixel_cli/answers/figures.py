@@ -18,7 +18,7 @@ from stixel_cli.evaluation.intervals import LEAST_UNITS
 from stixel_cli.pictures import style
 from stixel_cli.report import charts
 
-BEST, TIED = "★ ", "≈ "
+BEST, TIED = "★", "≈"
 """Before the best option, and before those that are not shown to differ from it."""
 _COLOUR, _MIDDLE = style.RUNS[0], style.RUNS[1]
 
@@ -32,6 +32,18 @@ def drawing(answer: Answer) -> bytes:
     """The figure of an answer on a page, an SVG."""
     reliable = reliability(answer) if answer.question.metric == "nees_position_mean" else None
     return reliable or differences(answer)
+
+
+def legend(answer: Answer) -> str:
+    """What the marks of the figure of `differences` mean, those that it has."""
+    marks = {_mark(answer, option) for option in answer.values}
+    bars = ", bars: 95 % intervals" if answer.units >= LEAST_UNITS else ""
+    texts = {
+        f"Grey: the units; dots: means{bars}": answer.units > 1,
+        f"{BEST}: all others differ": BEST in marks,
+        f"{TIED}: not shown to differ": TIED in marks,
+    }
+    return "; ".join(text for text, occurs in texts.items() if occurs)
 
 
 def reliability(answer: Answer) -> bytes | None:
@@ -82,7 +94,7 @@ def differences(answer: Answer, write: Write = style.svg) -> Any:
     order = [option for option in answer.order if option in answer.values]
     table, values = answer.table.loc[order], answer.values[order]
     paired = bool(table["minus"].notna().any())
-    names = [_mark(answer, option) + str(option) for option in order]
+    names = [f"{_mark(answer, option)} {option}".strip() for option in order]
     width = max(style.NARROW, 4.0 + 0.085 * max(map(len, names), default=0))
     with style.drawing({"axes.spines.left": False, **style.LEGIBLE}):
         height = (1 + paired) * (0.7 + 0.2 * len(order))

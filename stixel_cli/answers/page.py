@@ -41,7 +41,12 @@ def answers_page(asked: Asked, links: Mapping[str, str], command: Sequence[str])
         title=asked.title,
         counts=", ".join(f"{number} {state}" for state, number in states.items()),
         answers=[
-            (one.question.heading, one.sentence, _drawing(figures.drawing(one), f"d{i}"))
+            (
+                one.question.heading,
+                one.sentence,
+                _drawing(figures.drawing(one), f"d{i}"),
+                figures.legend(one),
+            )
             for i, one in enumerate(answers)
         ],
         notes=[*first.notes, *asked.remarks],
