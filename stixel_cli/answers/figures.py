@@ -25,8 +25,6 @@ _COLOUR, _MIDDLE = style.RUNS[0], style.RUNS[1]
 PROBABILITIES = np.linspace(0.05, 0.99, 48)
 """At which the stated covariance of the position is compared with its errors."""
 
-Write = Callable[[matplotlib.figure.Figure], Any]
-
 
 def drawing(answer: Answer) -> bytes:
     """The figure of an answer on a page, an SVG."""
@@ -85,7 +83,9 @@ def shares_inside(errors: Mapping[str, np.ndarray]) -> np.ndarray:
     return inside.mean(axis=0) if len(inside) else np.full(len(PROBABILITIES), np.nan)
 
 
-def differences(answer: Answer, write: Write = style.svg) -> Any:
+def differences(
+    answer: Answer, write: Callable[[matplotlib.figure.Figure], Any] = style.svg
+) -> Any:
     """The units' values of each option with their mean, the best on top; below, the differences.
 
     Bars are 95 % intervals. Options without a value are left out. Returns what `write` makes of the

@@ -34,7 +34,7 @@ def error_curves(lines: Mapping[str, Errors], x: str) -> list[tuple[str, Drawing
         if known:
             parts = [known[i : i + MOST_LINES] for i in range(0, len(known), MOST_LINES)]
             panels = [_panel(error, part, _limits(error, known), x) for part in parts]
-            svg = charts.chart(panels).decode()
+            svg = charts.chart(panels)
             drawn.append((SERIES[error].label, drawing_for_page(svg, f"t{len(drawn)}")))
     return drawn
 

@@ -39,9 +39,9 @@ class Drawing:
     least: int
 
 
-def drawing_for_page(text: str, name: str) -> Drawing:
+def drawing_for_page(drawing: bytes, name: str) -> Drawing:
     """An SVG file as a page shows it; `name` makes its ids unique."""
-    svg, points = svg_for_page(text, name)
+    svg, points = svg_for_page(drawing.decode(), name)
     least = math.ceil(_LEAST_TEXT * points / smallest_text(svg))
     return Drawing(Markup(svg), max(least, round(points * _PIXELS_A_POINT)), least)
 

@@ -27,6 +27,9 @@ if TYPE_CHECKING:
 DONE, FAILED, SKIPPED, MISSING = "done", "failed", "skipped", "missing"
 """Status of a run; `skipped`: a node failed in another run; `missing`: not run yet."""
 
+GROUPS = ("road_user", "path", "measurement", "tracker")
+"""The groups of a configuration by which runs are told apart."""
+
 
 @dataclass(frozen=True)
 class RunResult:
@@ -92,8 +95,7 @@ class RunResult:
         """The choices, the seed, the first sentence of the verdict and the folder, in one line."""
         from stixel_cli.evaluation.verdict import verdict
 
-        groups = ("road_user", "path", "measurement", "tracker")
-        words = [self.choice(group) for group in groups if group in self.settings]
+        words = [self.choice(group) for group in GROUPS if group in self.settings]
         words.append(f"seed {self.settings.get('seed')}")
         return f"<RunResult {' '.join(words)}: {verdict(self.metrics)[0]} {self.folder or ''}>"
 

@@ -5,11 +5,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from stixel_cli.answers import render
 from stixel_cli.answers.page import page_links, worst_runs
-from stixel_cli.report.metrics import number
 from stixel_cli.report.page import drawing_for_page, page_template
 from stixel_cli.results.folder import PAGE
 from stixel_cli.results.lineage import provenance, shown_revision
@@ -60,7 +57,7 @@ def study_page(
         if report
         else [],
         tables=[
-            (heading, render.Cells(tuple(table), tuple(tuple(map(_text, r)) for r in table.values)))
+            (heading, render.cells_of(table))
             for heading, table in (report.material.tables.items() if report else ())
         ],
         explanation=render.explanation(),
@@ -93,31 +90,23 @@ def study_page(
 
 def _section(section: Section, place: int, page: Path) -> dict[str, Any]:
     """What the template shows of a question."""
-    cells = section.cells
     worst = []
     for _, answers in section.groups:
         folders = [Path(str(folder)) for folder in answers[0].worst.get("folder", [])]
         links = page_links([one for one in folders if one.exists()], page, PAGE)
         worst += worst_runs(answers[0], links)
     return {
-        "heading": section.question.heading,
-        "note": section.question.note,
+        "question": section.question,
         "sentences": [
             (label, [one.sentence for one in answers], answers[0].notes)
             for label, answers in section.groups
         ],
-        "cells": cells,
+        "cells": section.cells,
         "worst": worst,
         "figures": [
-            (label, drawing_for_page(drawing.decode(), f"q{place}g{i}"))
+            (label, drawing_for_page(drawing, f"q{place}g{i}"))
             for i, ((label, _), drawing) in enumerate(
                 zip(section.groups, section.drawings, strict=True)
             )
         ],
     }
-
-
-def _text(value: Any) -> str:
-    if isinstance(value, float | np.floating):
-        return number(float(value))
-    return str(value)

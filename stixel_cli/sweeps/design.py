@@ -56,11 +56,6 @@ class Design:
     over: tuple[str, ...] = (SEED,)
 
     @property
-    def leave_out(self) -> str:
-        """Location of the entry `leave_out`, for messages."""
-        return f"{messages.printable(self.file, 200)}: leave_out" if self.file else "leave_out"
-
-    @property
     def overrides(self) -> list[Override]:
         """Every override, of the axes too."""
         return [*self.fixed, *self.swept]
@@ -77,10 +72,6 @@ class Design:
 
     def combinations(self) -> Iterator[tuple[Override, ...]]:
         """The overrides of each run that differ, without combinations that are left out."""
-        for key, value in (pair for entry in self.left_out for pair in entry.items()):
-            if not has(self.swept, key, value):
-                shown = f"{key}={messages.show(value)}"
-                raise ConfigurationError(f"{self.leave_out}: no run has {shown}")
         for steps in itertools.product(*(axis.steps for axis in self.axes)):
             run = tuple(itertools.chain(*steps))
             if not any(

@@ -18,7 +18,7 @@ from stixel_cli.config.texts import override_text
 from stixel_cli.errors import ConfigurationError
 from stixel_cli.files import check_plain, read_text, read_yaml_text
 from stixel_cli.parameters import parameters
-from stixel_cli.sweeps.design import SEED, Axis, Design, refuse_equal
+from stixel_cli.sweeps.design import SEED, Axis, Design, has, refuse_equal
 
 _MOST_ENTRIES = 50_000
 """Values of a file, aliases expanded: OmegaConf takes 5 s for these."""
@@ -97,10 +97,13 @@ def _design(content: _Content, origin: Origin) -> Design:
     for key, count in Counter([*(one.key for one in fixed), *swept]).items():
         if count > 1:
             raise ConfigurationError(f"{key}: is given twice: give it once")
-    for key in (key for entry in content.leave_out for key in entry if key not in swept):
-        shown, hint = messages.printable(key), messages.suggestion(key, swept)
-        raise ConfigurationError(f"leave_out: {shown} is not on any axis{hint}")
     design = Design(fixed, tuple(axes), tuple(content.leave_out))
+    for key, value in (pair for entry in content.leave_out for pair in entry.items()):
+        if key not in swept:
+            shown, hint = messages.printable(key), messages.suggestion(key, swept)
+            raise ConfigurationError(f"leave_out: {shown} is not on any axis{hint}")
+        if not has(design.swept, key, value):
+            raise ConfigurationError(f"leave_out: no run has {key}={messages.show(value)}")
     check_overrides(design.overrides)
     return design
 

@@ -1,7 +1,7 @@
 """The plan of a sweep: its runs as one graph, in which they share the nodes they have in common."""
 
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from stixel_cli.config.compose import Composition
@@ -41,7 +41,6 @@ class SweepPlan:
         needed: ids of the nodes that the runs need.
         missing: ids of the nodes to compute, each after its inputs.
         stages: by stage, in the order of the data.
-        unmeasured: names of stages with missing nodes whose function was never measured.
         notes: on runs that give equal results.
     """
 
@@ -50,19 +49,12 @@ class SweepPlan:
     needed: frozenset[str]
     missing: tuple[str, ...]
     stages: tuple[StagePlan, ...]
-    unmeasured: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
 
     def complete_runs(self) -> int:
         """Number of runs whose results are all in the store."""
         missing = set(self.missing)
         return sum(missing.isdisjoint(run.targets) for run in self.runs)
-
-    def seconds(self, workers: int) -> float | None:
-        """Estimated time if the work divides evenly among the workers, without the unmeasured
-        stages; None if all are."""
-        known = [s.seconds for s in self.stages if s.to_run and s.seconds is not None]
-        return sum(known) / workers if known or not self.missing else None
 
 
 def plan_runs(
@@ -90,13 +82,11 @@ def plan_sweep(runs: Sequence[PlannedRun], store: Store, notes: Sequence[str] = 
     targets = list(dict.fromkeys(target for run in runs for target in run.targets))
     found = plan(graph, targets, store, verify=False)
     missing, durations, stages = set(found.missing), Durations(store.folder), []
-    unmeasured: list[str] = []
     for name, all_keys in graph.stages.items():
         keys = [key for key in all_keys if key in found.needed]
         to_run = [graph.nodes[key] for key in keys if key in missing]
         if keys:
             seconds, unknown = durations.estimate(to_run)
-            unmeasured += unknown
             known = seconds if seconds or not unknown else None
             stages.append(StagePlan(name, len(keys), len(keys) - len(to_run), len(to_run), known))
     return SweepPlan(
@@ -105,17 +95,22 @@ def plan_sweep(runs: Sequence[PlannedRun], store: Store, notes: Sequence[str] = 
         found.needed,
         found.missing,
         tuple(stages),
-        tuple(unmeasured),
         tuple(notes),
     )
 
 
-def joined_seconds(plans: Iterable[SweepPlan]) -> tuple[float, list[str]]:
-    """Estimated seconds, on one worker, of plans that share results, and unmeasured stages."""
-    plans = list(plans)
+def estimated(plans: Sequence[SweepPlan]) -> tuple[float | None, list[str]]:
+    """Seconds of plans that share results, and the names of stages that were never measured.
+
+    The work divides evenly among the workers. The time is that of the other stages; None if all
+    are unmeasured.
+    """
     nodes = {key: plan.graph.nodes[key] for plan in plans for key in plan.missing}
-    store = open_store(plans[0].runs[0].composition.configuration.cache)
-    return Durations(store.folder).estimate(nodes.values())
+    configuration = plans[0].runs[0].composition.configuration
+    store = open_store(configuration.cache)
+    seconds, unmeasured = Durations(store.folder).estimate(nodes.values())
+    known = seconds / configuration.executor.workers if seconds or not unmeasured else None
+    return known, unmeasured
 
 
 def check_axes(planned: Sequence[PlannedRun]) -> list[str]:

@@ -20,13 +20,10 @@ from stixel_cli.files import read_text
 from stixel_cli.report.static_page import filled_page
 from stixel_cli.results.folder import PAGE
 from stixel_cli.results.reader import MANIFEST, SWEEP_FILE, find_folders
-from stixel_cli.results.result import DONE, RunResult, listed_run
+from stixel_cli.results.result import DONE, GROUPS, RunResult, listed_run
 from stixel_cli.sweeps.design import NOT_GIVEN
 from stixel_cli.sweeps.folder import TABLE, SweepFolder
 from stixel_cli.version import __version__
-
-GROUPS = ("road_user", "path", "measurement", "tracker")
-"""The groups by whose options the page groups its rows."""
 
 REPORT = "report.html"
 """The page of a study."""

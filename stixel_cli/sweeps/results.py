@@ -17,12 +17,6 @@ if TYPE_CHECKING:
     from stixel_cli.answers.answer import Answer
     from stixel_cli.answers.runs import Runs
 
-_NOT_ASKED = (SEED, "overrides", "failed_stage")
-"""Columns of `runs.csv` that are neither settings nor metrics, unless the seed is swept."""
-
-Axes = tuple[tuple[str, ...], ...]
-"""Axes of a sweep, each as its keys."""
-
 
 @dataclass(frozen=True)
 class SweepResult:
@@ -41,7 +35,7 @@ class SweepResult:
     runs: tuple[RunResult, ...]
     computed: int = 0
     cached: int = 0
-    axes: Axes = ()
+    axes: tuple[tuple[str, ...], ...] = ()
     over: tuple[str, ...] = (SEED,)
 
     @property
@@ -96,7 +90,8 @@ class SweepResult:
         frame = pandas.DataFrame(rows).set_index("run")
         numbers = dict.fromkeys(name for run in self.runs for name in run.metrics)
         typed = frame.astype({name: float for name in numbers if name not in keys})
-        typed = typed.drop(columns=[name for name in _NOT_ASKED if name not in keys])
+        rest = (name for name in (SEED, "overrides", "failed_stage") if name not in keys)
+        typed = typed.drop(columns=[*rest])
         return Runs(typed, tuple(keys), question_over(self.over, self.axes))
 
     def ask(self, **parts: Any) -> "Answer":
@@ -123,7 +118,7 @@ class SweepResult:
         return sum(run.status == status for run in self.runs)
 
 
-def question_over(over: Sequence[str], axes: Axes) -> dict[str, Any]:
+def question_over(over: Sequence[str], axes: Sequence[Sequence[str]]) -> dict[str, Any]:
     """The parts of a question whose means are over some keys of axes; {} for the seed alone.
 
     Seeds are units; where none is named, all named keys are. The other named keys are scenarios,

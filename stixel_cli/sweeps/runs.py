@@ -134,7 +134,7 @@ def design_runs(design: Design, imports: bool = True) -> list[PlannedRun]:
     """
     each = [(*design.fixed, *changes) for changes in design.combinations()]
     if not each:
-        raise ConfigurationError(f"{design.leave_out}: every run is left out")
+        raise ConfigurationError("leave_out: every run is left out")
     runs = compose_runs(each, design.keys, Composer(imports=imports))
     # One composer made them, so equal groups are one object.
     groups = equal_runs(runs, lambda r: (*map(id, vars(r.composition.configuration).values()),))

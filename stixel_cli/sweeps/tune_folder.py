@@ -8,7 +8,7 @@ from annotated_types import Ge, Le
 
 from stixel_cli.answers.answer import Answer
 from stixel_cli.answers.figures import differences
-from stixel_cli.answers.render import Cells
+from stixel_cli.answers.render import Cells, cells_of
 from stixel_cli.border import write_below, written
 from stixel_cli.config.folders import group_options, of_the_machine
 from stixel_cli.config.messages import validated
@@ -58,12 +58,8 @@ def write_outcome(folder: Path, tuning: Tuning, command: str) -> tuple[Trial, li
         title=folder.resolve().name,
         chosen=best,
         gain=[(label(one.question.metric), one.sentence) for one in gain],
-        gain_figures=[
-            drawing_for_page(differences(one).decode(), f"g{i}") for i, one in enumerate(gain)
-        ],
-        cells=Cells(
-            tuple(trials), tuple(tuple(map(_text, row)) for row in trials.itertuples(index=False))
-        ),
+        gain_figures=[drawing_for_page(differences(one), f"g{i}") for i, one in enumerate(gain)],
+        cells=cells_of(trials),
         parameters=_parameters(tuning, best),
         command=command,
     )
@@ -92,10 +88,6 @@ def trials_frame(tuning: Tuning) -> pd.DataFrame:
         | dict(zip(tuning.objectives, one.means.tolist() if one.values.size else (), strict=False))
         for one in (tuning.default, *tuning.trials)
     )
-
-
-def _text(value: Any) -> str:
-    return number(value) if isinstance(value, float) else "–" if value is None else str(value)
 
 
 def preset_text(tuning: Tuning, trial: Trial, command: str) -> str:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from result_folders import TETRAHEDRON
 from study_toy import changed
 
 from stixel_cli.cli.app import main
@@ -136,33 +137,10 @@ def test_a_study_with_failed_runs_can_be_resumed(studies, toy, tmp_path):
     page = (folder / "report.html").read_text()
     assert "no answer" in page and "bad.obj" in page and command in page
     assert not (folder / "tables").exists() and not toy.seen
-    mesh.write_text(_BOX, encoding="utf-8")
+    mesh.write_text(TETRAHEDRON.format(1.5), encoding="utf-8")
     answer = studies.run(file, "seed=0")
     assert answer["complete"] and answer["sweeps"]["first"]["done"] == 8
     assert "no answer" not in (folder / "report.html").read_text()
-
-
-_BOX = """v -2 -0.9 0
-v 2 -0.9 0
-v 2 0.9 0
-v -2 0.9 0
-v -2 -0.9 1.5
-v 2 -0.9 1.5
-v 2 0.9 1.5
-v -2 0.9 1.5
-f 1 3 2
-f 1 4 3
-f 5 6 7
-f 5 7 8
-f 1 2 6
-f 1 6 5
-f 2 3 7
-f 2 7 6
-f 3 4 8
-f 3 8 7
-f 4 1 5
-f 4 5 8
-"""
 
 
 def test_an_interrupted_study_can_be_resumed(studies, toy, monkeypatch, own_cache):

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from runs_of import TETRAHEDRON
+from result_folders import TETRAHEDRON
 
 from stixel_cli.cli.app import main
 

@@ -208,7 +208,7 @@ def test_the_shipped_study_is_valid():
         ("seeds: 2\nleave_out: [{seed: 7}]", "study.yaml: leave_out: no run has seed=7"),
         (
             "seeds: 2\nleave_out: [{seed: 0}, {seed: 1}]",
-            "study.yaml: leave_out: every run is left out",
+            "leave_out: every run is left out",
         ),
         ("seeds: 2\nleave_out: [seed]", "leave_out.0: must be an object"),
         ("- 1", "must have the entries"),
