@@ -86,7 +86,9 @@ def _set_files(
     # Where no row is compared, such as the fixed ones alone, all are listed.
     asked = Runs(ranked if len(ranked) else frame, AXES)
     known = [metric for metric in SHOWN if metric in asked.metrics]
-    answers = asked.answers(known, compare="tracker", over="seed")
+    # A seed of one sensor is no unit of the others' scenarios.
+    within = AXES[1 + (frame.groupby("seed")["sensor"].nunique().max() == 1) : -1]
+    answers = asked.answers(known, compare="tracker", within=within, over="seed")
     shown = set(frame.loc[frame["pack"].isin(played), "folder"])
     links = {sequence: f"{sequence}.html" for sequence in shown}
     title = f"Benchmark 1.0, data {name}, part {part}"

@@ -45,7 +45,6 @@ class StudyData:
     Their runs also have `scores`, `load` and `variant`.
     """
 
-    name: str
     sweeps: Mapping[str, SweepResult]
 
 

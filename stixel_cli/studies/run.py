@@ -147,9 +147,7 @@ class _Run:
         )
 
     def _data(self) -> StudyData:
-        study = self.plan.study
-        complete = {name: result for name, result in self.results.items() if result.complete}
-        return StudyData(study.name, complete)
+        return StudyData({name: own for name, own in self.results.items() if own.complete})
 
     def _report(self) -> Report:
         study = self.plan.study

@@ -71,9 +71,10 @@ class SweepRequest:
         return yaml_text(content)
 
     def check(self) -> None:
-        """Raise ValueError for a request without runs, or an axis of the machine."""
-        if not self.runs or any(map(of_the_machine, self.keys)):
-            raise ValueError("runs: are missing, or an axis affects no result")
+        """Raise ValueError for a request without runs, or an axis that none has, or no result."""
+        given = {split_override(text)[0] for run in self.runs for text in run}
+        if not given or not given.issuperset(self.keys) or any(map(of_the_machine, self.keys)):
+            raise ValueError("axes: must be keys of the runs that affect results")
 
 
 _ENTRIES = [field.name for field in fields(SweepRequest) if field.name != "notes"]

@@ -65,6 +65,13 @@ def test_the_page_compares_what_is_comparable():
     assert "smoothed (not causal)" in page and "smoothed" not in text
 
 
+def test_a_part_whose_seeds_each_have_one_sensor_is_compared_over_them():
+    names = [one.name for one in whole_set() if one.part == "hard"]
+    files = bench_pages([row(name, np.full(len(names), 0.5), names=names) for name in "ab"])
+    table = pd.read_csv(io.StringIO(files[f"{'a' * 12}-hard.csv"]))
+    assert set(table["units"]) == {5} and set(table["mean"][:2]) == {0.5}
+
+
 def test_fresh_rows_and_other_processors():
     here = rows()[:2]
     there = [one | {"benchmark": "b" * 64} for one in rows()[:2]]

@@ -43,7 +43,6 @@ def test_a_study_computes_its_sweeps_and_writes_its_report(studies, toy, capsys)
     assert (folder / "extra/note.txt").read_text() == "kept\n"
     (data,) = toy.seen
     first, second = data.sweeps["first"], data.sweeps["second"]
-    assert data.name == "toy"
     assert tuple(first.runs[0].planned.settings) == ("tracker", "road_user", "path", "seed")
     # The second sweep's axis depends on the number of runs of the first.
     assert [run.setting for run in second.runs] == [
