@@ -74,13 +74,6 @@ def test_all_combinations_with_the_seed_running_fastest():
     assert runs[1].setting == {"path": "turn"}
 
 
-def test_a_group_inside_another_is_swept():
-    noises = [f"measurement/noise={noise}" for noise in ("stereo", "constant")]
-    assert labels(FABRICATED, "measurement/noise=stereo,constant") == noises
-    with pytest.raises(ConfigurationError, match=r"no such group with measurement=stixels.*run 0"):
-        sweep_runs(["measurement/noise=stereo,constant"])
-
-
 @pytest.mark.parametrize(
     ("line", "said"),
     [
