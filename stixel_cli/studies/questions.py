@@ -150,7 +150,8 @@ def asked(question: StudyQuestion, frames: Mapping[str, Runs]) -> Section:
 def _check_columns(question: StudyQuestion, whole: pd.DataFrame) -> None:
     """Refuse a name that is no column, where `Runs.ask` does not."""
     metrics = (name for name in question.metrics if name not in METRICS)
-    for name in (name for name in (*question.where, *question.by, *metrics) if name not in whole):
+    named = (*question.where, *question.by, *question.compare, *metrics)
+    for name in (name for name in named if name not in whole):
         raise UserError(
             f"questions: {question.name}: {messages.printable(name)}: no such column of the runs"
             f"{messages.suggestion(name, [*whole])}"
