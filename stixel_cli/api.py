@@ -152,7 +152,7 @@ def sweep(
 
     texts = [*_texts((*overrides, settings), last_wins), *_of_this_machine(workers, cache)]
     file = None if file is None else str(file)
-    design = sweep_design(texts, file, trust_code=trust_code)
+    design = sweep_design(texts, file, trust_code)
     results = None if results is None else Path(results)
     result = new_sweep(design, results, name, pictures, visible=_visible())
     update_index(results)

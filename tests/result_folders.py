@@ -15,6 +15,11 @@ CONFIG = {
     "tracker": {"kind": "gp_ekf", "basis_points": 50},
 }
 
+TETRAHEDRON = "v -2 -1 0\nv 2 -1 0\nv 2 1 0\nv -2 1 0\nv 0 0 {}\nf 1 3 2\nf 1 4 3\n" + "".join(
+    f"f {a} {b} 5\n" for a, b in ((1, 2), (2, 3), (3, 4), (4, 1))
+)
+"""A mesh whose height, m, is to be filled in."""
+
 
 def make_folder(folder, seed=0, config=None, metrics=None, series=None, manifest=None):
     """Write the result folder `folder`; the other arguments replace what is plain."""

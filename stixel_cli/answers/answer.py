@@ -17,7 +17,7 @@ import pandas as pd
 from stixel_cli.answers.question import LOST, STATUS, Question
 from stixel_cli.errors import UserError, counted, printable
 from stixel_cli.evaluation.intervals import LEAST_UNITS, mean_interval, share_interval
-from stixel_cli.evaluation.metric_table import LOSS_RATE
+from stixel_cli.evaluation.metric_table import LOSS_RATE, NO_VALUE
 from stixel_cli.report.metrics import capital, with_interval
 from stixel_cli.results.reader import listed
 from stixel_cli.results.result import FAILED, MISSING, SKIPPED
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MOST_NAMED = 4
-NO_VALUE = "–"
 _OPTION, _SCENARIO, _UNIT, _VALUE = "option", "scenario", "unit", "value"
 
 
@@ -107,50 +106,33 @@ class Answer:
     @cached_property
     def sentence(self) -> str:
         """The answer in one sentence, with its numbers."""
-        heard = [option for option in self.order if np.isfinite(self.table.loc[option, "mean"])]
         label = capital(self.question.row.short_label)
-        if not heard:
-            return f"{label}: no run has a value."
-        reference = self.question.reference
-        first = self._named(heard[:1] if self.best is not None else heard)
-        if len(heard) == 1 or (self.best is None and reference is None):
-            return f"{label}: {first} ({self.over})."
-        if self.units < LEAST_UNITS:
-            return f"{label}: {self._named(heard)} ({self.lacking})."
-        others = [
-            option for option in heard if option != (self.best if reference is None else reference)
-        ]
-        apart = [option for option in others if self._excludes_zero(option)]
-        same = [self.name(option) for option in others if option not in apart]
-        if reference is not None:
-            parts = [f"{self.name(option)} {self._minus(option)}" for option in apart]
-            named = self.name(reference)
-            text = f"minus {named}: {listed(parts)}" if parts else ""
-            tied = f"not shown to differ from {named}: {listed(same)}" if same else ""
-            return f"{label}: {'; '.join(filter(None, (text, tied)))} ({self.over})."
-        if not same:
-            following = f"{self.name(apart[0])} is next, {self._minus(apart[0])}"
-            return f"{label}: {first} is the best ({self.over}); {following}."
-        return f"{label}: {first} ({self.over}); not shown to differ: {listed(same)}."
+        return f"{label}: {self._said(f' ({self.lacking or self.over})', ';')}."
 
     @property
     def brief(self) -> str:
-        """The answer in a few words: the best with its value, and what differs from it."""
+        """The answer without its metric and units, to follow a label in a longer sentence."""
+        return self._said("", ",")
+
+    def _said(self, over: str, then: str) -> str:
+        """What the values show, `over` which units, and `then` between two of its parts."""
         heard = [option for option in self.order if np.isfinite(self.table.loc[option, "mean"])]
-        if not heard:
-            return "no value"
         reference = self.question.reference
+        if not heard:
+            return "no run has a value"
+        if len(heard) == 1 or self.lacking or (self.best is None and reference is None):
+            return self._named(heard) + over
         if reference is not None:
             others = [option for option in heard if option != reference]
             parts = [f"{self.name(option)} {self._minus(option)}" for option in others[:MOST_NAMED]]
-            return f"{listed(parts)} against {self.name(reference)} ({self._value(reference)})"
-        if self.best is None or len(heard) == 1 or self.units < LEAST_UNITS:
-            return self._named(heard)
+            return (
+                f"{listed(parts)} against {self.name(reference)} ({self._value(reference)}){over}"
+            )
+        first, second = self._named(heard[:1]), heard[1]
         same = [self.name(option) for option in heard[1:] if not self._excludes_zero(option)]
-        text = self._named(heard[:1])
         if same:
-            return f"{text}, not shown to differ from {listed(same)}"
-        return f"{text}, next {self.name(heard[1])} {self._minus(heard[1])}"
+            return f"{first}{over}{then} not shown to differ: {listed(same)}"
+        return f"{first} is the best{over}{then} {self.name(second)} is next, {self._minus(second)}"
 
     @property
     def worst(self) -> pd.DataFrame:

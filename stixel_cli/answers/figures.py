@@ -14,24 +14,34 @@ from matplotlib.axes import Axes
 
 from stixel_cli.answers.answer import Answer
 from stixel_cli.answers.over_time import errors_of_runs
-from stixel_cli.evaluation.intervals import LEAST_UNITS, mean_interval
+from stixel_cli.evaluation.intervals import LEAST_UNITS
 from stixel_cli.pictures import style
 from stixel_cli.report import charts
 
-BEST, TIED = "★ ", "≈ "
+BEST, TIED = "★", "≈"
 """Before the best option, and before those that are not shown to differ from it."""
 _COLOUR, _MIDDLE = style.RUNS[0], style.RUNS[1]
 
 PROBABILITIES = np.linspace(0.05, 0.99, 48)
 """At which the stated covariance of the position is compared with its errors."""
 
-Write = Callable[[matplotlib.figure.Figure], Any]
-
 
 def drawing(answer: Answer) -> bytes:
     """The figure of an answer on a page, an SVG."""
     reliable = reliability(answer) if answer.question.metric == "nees_position_mean" else None
     return reliable or differences(answer)
+
+
+def legend(answer: Answer) -> str:
+    """What the marks of the figure of `differences` mean, those that it has."""
+    marks = {_mark(answer, option) for option in answer.values}
+    bars = ", bars: 95 % intervals" if answer.units >= LEAST_UNITS else ""
+    texts = {
+        f"Grey: the units; dots: means{bars}": answer.units > 1,
+        f"{BEST}: all others differ": BEST in marks,
+        f"{TIED}: not shown to differ": TIED in marks,
+    }
+    return "; ".join(text for text, occurs in texts.items() if occurs)
 
 
 def reliability(answer: Answer) -> bytes | None:
@@ -73,7 +83,9 @@ def shares_inside(errors: Mapping[str, np.ndarray]) -> np.ndarray:
     return inside.mean(axis=0) if len(inside) else np.full(len(PROBABILITIES), np.nan)
 
 
-def differences(answer: Answer, write: Write = style.svg) -> Any:
+def differences(
+    answer: Answer, write: Callable[[matplotlib.figure.Figure], Any] = style.svg
+) -> Any:
     """The units' values of each option with their mean, the best on top; below, the differences.
 
     Bars are 95 % intervals. Options without a value are left out. Returns what `write` makes of the
@@ -82,7 +94,7 @@ def differences(answer: Answer, write: Write = style.svg) -> Any:
     order = [option for option in answer.order if option in answer.values]
     table, values = answer.table.loc[order], answer.values[order]
     paired = bool(table["minus"].notna().any())
-    names = [_mark(answer, option) + str(option) for option in order]
+    names = [f"{_mark(answer, option)} {option}".strip() for option in order]
     width = max(style.NARROW, 4.0 + 0.085 * max(map(len, names), default=0))
     with style.drawing({"axes.spines.left": False, **style.LEGIBLE}):
         height = (1 + paired) * (0.7 + 0.2 * len(order))
@@ -112,9 +124,9 @@ def differences(answer: Answer, write: Write = style.svg) -> Any:
         return write(figure)
 
 
-def over_axis(answer: Answer, write: Write = style.svg) -> bytes | None:
-    """The mean over the values of the compared axis; None unless these are three numbers or more
-    with a value.
+def over_axis(answer: Answer) -> bytes | None:
+    """The mean over the values of the compared axis, an SVG; None unless these are three numbers or
+    more with a value.
 
     The thick line is the mean of the units, over the scenarios and units that every value has, with
     its interval; thin lines are the scenarios.
@@ -124,33 +136,24 @@ def over_axis(answer: Answer, write: Write = style.svg) -> bytes | None:
     numbers = pd.to_numeric(pd.Series([*answer.values.columns]), errors="coerce")
     if len(numbers) < 3 or not np.isfinite(numbers).all() or len(answer.question.compare) > 1:
         return None
-    places = numbers.to_numpy(float)
-    order = np.argsort(places)
-    columns = [answer.values.columns[i] for i in order]
-    places, values = places[order], answer.values[columns]
+    order = np.argsort(numbers)
+    columns, places = answer.values.columns[order], numbers.to_numpy(float)[order]
     scenes = answer.by_scenario().loc[[*answer.scenarios], columns]
-    ends = mean_interval(values, answer.question.row.bounds)
-    with style.drawing({"axes.grid": True, **style.LEGIBLE}):
-        figure = style.new_figure(style.NARROW, 2.7)
-        axes = figure.subplots()
+    values, row = answer.values[columns].to_numpy(), answer.question.row
+
+    def draw(axes: Axes) -> None:
         if len(scenes) > 1:
             axes.plot(places, scenes.to_numpy().T, color=style.UNUSED, linewidth=0.6)
-        axes.plot(places, values.mean(), "o-", color=_COLOUR, markersize=3.5)
-        if len(values) >= LEAST_UNITS:
-            axes.fill_between(
-                places, ends["low"], ends["high"], color=_COLOUR, alpha=0.2, linewidth=0.0
-            )
-        axes.set_xlabel(answer.question.compare[0])
-        axes.set_ylabel(answer.question.heading)
+        shown = values if answer.units >= LEAST_UNITS else values.mean(axis=0, keepdims=True)
+        look = {"color": _COLOUR, "marker": "o", "markersize": 3.5}
+        charts.over_time(axes, places, shown, bounds=row.bounds, **look)
         if places[0] > 0.0 and _is_geometric(places):
             axes.set_xscale("log")
             axes.minorticks_off()
             axes.set_xticks(places, [f"{place:g}" for place in places])
-        if answer.question.row.better == "one":
-            axes.axhline(1.0, color=style.UNUSED, linewidth=0.8, linestyle="--")
-            style.log_axis(axes)
-        style.place(figure, [axes])
-        return write(figure)
+
+    x, y = answer.question.compare[0], answer.question.heading
+    return charts.chart([charts.Panel(draw, "", x, y, ratio=row.better == "one")])
 
 
 def pdf(figure: matplotlib.figure.Figure) -> bytes:

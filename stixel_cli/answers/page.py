@@ -1,5 +1,6 @@
 """The page of many runs: the answer, option by option; its scenarios; all runs."""
 
+import os
 import shlex
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -36,22 +37,26 @@ def answers_page(asked: Asked, links: Mapping[str, str], command: Sequence[str])
     curves = over_time(first)
     times = "share of the run" if any(t is SHARES for t, _ in curves.values()) else "t (s)"
     states = runs.frame[STATUS].value_counts()
-    cells = render.overview(answers)
     return page_template(__package__, "answers.html").render(
         title=asked.title,
         counts=", ".join(f"{number} {state}" for state, number in states.items()),
         answers=[
-            (one.question.heading, one.sentence, _drawing(figures.drawing(one), f"d{i}"))
+            (
+                one.question.heading,
+                one.sentence,
+                drawing_for_page(figures.drawing(one), f"d{i}"),
+                figures.legend(one),
+            )
             for i, one in enumerate(answers)
         ],
         notes=[*first.notes, *asked.remarks],
         player=links.get(str(asked.player), ""),
-        cells=cells,
-        worst=_worst(first, links),
+        cells=render.overview(answers),
+        worst=worst_runs(first, links),
         explanation=render.explanation(first),
         scenarios=_scenarios(first),
         axes=[
-            (one.question.named, one.sentence, _drawing(drawn, f"a{i}"))
+            (one.question.named, one.sentence, drawing_for_page(drawn, f"a{i}"))
             for i, one in enumerate(axes)
             if (drawn := figures.over_axis(one)) is not None
         ],
@@ -73,11 +78,7 @@ def _axis_answers(runs: Runs, answer: Answer) -> list[Answer]:
     ]
 
 
-def _drawing(svg: bytes, name: str) -> Any:
-    return drawing_for_page(svg.decode(), name)
-
-
-def _worst(answer: Answer, links: Mapping[str, str]) -> list[tuple[str, str]]:
+def worst_runs(answer: Answer, links: Mapping[str, str]) -> list[tuple[str, str]]:
     """Name and link of the worst run of the option of each row; ("", "") without one."""
     worst = answer.worst
     rows = []
@@ -99,15 +100,9 @@ def _scenarios(answer: Answer) -> render.Cells | None:
     table = answer.by_scenario()[answer.order]
     if len(table) < 2 or table.size > MOST_CELLS:
         return None
-    texts = [[number(v if np.isfinite(v) else None) for v in row] for row in table.to_numpy()]
-    return render.Cells(
-        (" ".join(answer.question.within), *map(str, table.columns)),
-        tuple(
-            (str(scene) if scene in answer.scenarios else f"{scene} (left out)", *row)
-            for scene, row in zip(table.index, texts, strict=True)
-        ),
-        numbers=tuple(range(1, 1 + len(table.columns))),
-    )
+    names = [s if s in answer.scenarios else f"{s} (left out)" for s in table.index]
+    table.insert(0, " ".join(answer.question.within), names, allow_duplicates=True)
+    return render.cells_of(table)
 
 
 def _table(runs: Runs, links: Mapping[str, str]) -> dict[str, Any]:
@@ -146,8 +141,6 @@ def _plain(value: Any) -> Any:
 
 def page_links(folders: Sequence[Path], page: Path, index: str) -> dict[str, str]:
     """Each run's own page, or else its folder, relative to the folder of `page`; by folder."""
-    import os
-
     links = {}
     for folder in folders:
         target = folder / index if (folder / index).exists() else folder

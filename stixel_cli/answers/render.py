@@ -45,6 +45,14 @@ class Cells:
     numbers: tuple[int, ...] = ()
 
 
+def cells_of(table: pd.DataFrame) -> Cells:
+    """A table of texts and numbers, which have three significant digits, without its index."""
+    texts = table.map(lambda one: number(one) if isinstance(one, float | None) else str(one))
+    numbers = [i for i, kind in enumerate(table.dtypes) if pd.api.types.is_numeric_dtype(kind)]
+    rows = tuple(texts.itertuples(index=False, name=None))
+    return Cells(tuple(map(str, texts.columns)), rows, numbers=tuple(numbers))
+
+
 def overview(answers: Sequence[Answer], intervals: int | None = None) -> Cells:
     """One row an option, in the order of the first answer, one column a metric.
 

@@ -20,12 +20,12 @@ from stixel_cli.report.page import page_template
 from stixel_cli.results.result import DONE
 
 AXES = ("tracker", "sensor", "road_user", "case", "seed")
-METRICS = ("iou_mean", "iou_box_mean", "centre_rmse_m", "orientation_rmse_deg")
-"""Of the page, the main one first."""
-SHOWN = (*METRICS, "track_lost", score.CONSISTENT, score.TIME)
-"""Metrics of the page."""
+SHOWN = (
+    *("iou_mean", "iou_box_mean", "centre_rmse_m", "orientation_rmse_deg", "track_lost"),
+    *(score.CONSISTENT, score.TIME),
+)
+"""Metrics of the page, the main one first."""
 RANKED = "ranked"
-COMMAND = ("stixel", "bench", "page")
 
 
 def kind_of(row: Mapping[str, Any]) -> str:
@@ -86,11 +86,13 @@ def _set_files(
     # Where no row is compared, such as the fixed ones alone, all are listed.
     asked = Runs(ranked if len(ranked) else frame, AXES)
     known = [metric for metric in SHOWN if metric in asked.metrics]
-    answers = asked.answers(known, compare="tracker", over="seed")
+    # A seed of one sensor is no unit of the others' scenarios.
+    within = AXES[1 + (frame.groupby("seed")["sensor"].nunique().max() == 1) : -1]
+    answers = asked.answers(known, compare="tracker", within=within, over="seed")
     shown = set(frame.loc[frame["pack"].isin(played), "folder"])
     links = {sequence: f"{sequence}.html" for sequence in shown}
     title = f"Benchmark 1.0, data {name}, part {part}"
-    page = answers_page(Asked(title, runs, answers), links, COMMAND)
+    page = answers_page(Asked(title, runs, answers), links, ("stixel", "bench", "page"))
     return {
         f"{name}.html": page,
         f"{name}.csv": render.csv(answers),

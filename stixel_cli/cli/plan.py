@@ -43,7 +43,7 @@ def print_plan(plan: "SweepPlan", axes: "Sequence[Axis]" = (), json: bool = Fals
     ]
     print_table(("stage", "nodes", "cached", "to run", "time"), rows, right=(1, 2, 3, 4))
     counts, seconds = content["nodes"], content["seconds"]
-    estimate = estimate_text(seconds, content["workers"], plan.unmeasured)
+    estimate = estimate_text(seconds, content["workers"], content["unmeasured"])
     say(
         f"{counted(content['runs'], 'run')}, {content['runs_cached']} complete; "
         f"{counted(counts['all'], 'node')}, {counts['cached']} cached, {counts['to_run']} to run"
@@ -64,8 +64,9 @@ def estimate_text(seconds: float | None, workers: int, unmeasured: Sequence[str]
 
 def plan_content(plan: "SweepPlan", axes: "Sequence[Axis]" = ()) -> dict[str, Any]:
     """A plan in plain types."""
-    configuration = plan.runs[0].composition.configuration
-    seconds = plan.seconds(configuration.executor.workers)
+    from stixel_cli.sweeps.graphs import estimated
+
+    seconds, unmeasured = estimated([plan])
     return {
         "runs": len(plan.runs),
         "runs_cached": plan.complete_runs(),
@@ -75,8 +76,8 @@ def plan_content(plan: "SweepPlan", axes: "Sequence[Axis]" = ()) -> dict[str, An
             "to_run": len(plan.missing),
         },
         "seconds": None if seconds is None else round(seconds, 1),
-        "unmeasured": list(plan.unmeasured),
-        "workers": configuration.executor.workers,
+        "unmeasured": unmeasured,
+        "workers": plan.runs[0].composition.configuration.executor.workers,
         "axes": [{"keys": list(axis.keys), "values": len(axis.steps)} for axis in axes],
         "notes": list(plan.notes),
         "stages": [
@@ -165,7 +166,7 @@ def _asked(
     if folder:
         stored = read_stored_run(folder)
         return planned_run(stored.composition, has_pictures(stored)), [stored.lineage]
-    design = sweep_design(what, file, one_is_enough=True, trust_code=trust_code)
+    design = sweep_design(what, file, trust_code, one_is_enough=True)
     runs = design_runs(design)
     if design.axes:
         return planned_sweep(runs, pictures=False), ()

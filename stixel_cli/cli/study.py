@@ -205,15 +205,14 @@ def _planned(plan: "StudyPlan", json: bool) -> dict[str, Any]:
 
 def _total(plans: "Iterable[StudyPlan]") -> str:
     """The estimated time of studies, in which they compute each shared result once."""
-    from stixel_cli.sweeps.graphs import joined_seconds
+    from stixel_cli.sweeps.graphs import estimated
 
     parts = [part for plan in plans for part in plan.sweeps]
     known = [part.plan for part in parts if part.plan is not None]
-    seconds, unmeasured = joined_seconds(known)
+    seconds, unmeasured = estimated(known)
     workers = known[0].runs[0].composition.configuration.executor.workers
     derived = len(parts) - len(known)
-    known_seconds = seconds / workers if seconds or not unmeasured else None
-    text = estimate_text(known_seconds, workers, unmeasured)
+    text = estimate_text(seconds, workers, unmeasured)
     return text + (f", and without {counted(derived, 'derived sweep')}" if derived else "")
 
 

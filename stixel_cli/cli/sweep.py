@@ -78,12 +78,12 @@ def sweep(
         result = resumed_sweep(resume, words, names, True, note=tell, fail_fast=fail_fast)
     elif dry_run:
         check_results(results, name)
-        design = sweep_design(words, file, trust_code=trust_code, over=over or SEED)
+        design = sweep_design(words, file, trust_code, over or SEED)
         plan = planned_sweep(design_runs(design, imports=False), pictures)
         print_plan(plan, design.axes, json)
         return 0
     else:
-        design = sweep_design(words, file, trust_code=trust_code, over=over or SEED)
+        design = sweep_design(words, file, trust_code, over or SEED)
         result = new_sweep(design, results, name, pictures, True, tell, not json, fail_fast)
     _report(result, json, time.perf_counter() - started)
     update_index(result.folder.absolute().parent)

@@ -196,7 +196,7 @@ def _single_texts(override: Override) -> list[str]:
             f"{name}=range({value.start:g},{value.end:g},STEP), or values separated by commas"
         )
     if getattr(value, "shuffle", False):
-        raise ConfigurationError(f"{line}: the order of runs is that of the values: no shuffle(…)")
+        raise ConfigurationError(f"{line}: shuffle(…) is not supported: the order has no effect")
     try:
         if isinstance(value, Glob):
             if name not in group_options():

@@ -72,15 +72,14 @@ def chart(panels: Sequence[Panel]) -> bytes:
         return style.svg(figure)
 
 
-def line_style(i: int) -> str:
-    """Line style of the i-th line: style and colour are unique among the first 32 lines."""
-    return DASHES[(i + i // len(style.RUNS)) % len(DASHES)]
-
-
 def line_look(i: int) -> dict[str, Any]:
-    """Colour, line style and mark of the i-th line: it is known without its colour, too."""
+    """Colour, line style and mark of the i-th line: it is known without its colour, too.
+
+    Line style and colour are unique among the first 32 lines.
+    """
+    dash = DASHES[(i + i // len(style.RUNS)) % len(DASHES)]
     marker = MARKERS[i % len(MARKERS)]
-    return {"color": style.RUNS[i % len(style.RUNS)], "linestyle": line_style(i), "marker": marker}
+    return {"color": style.RUNS[i % len(style.RUNS)], "linestyle": dash, "marker": marker}
 
 
 def over_time(

@@ -18,26 +18,23 @@ Errors = tuple[np.ndarray, Mapping[str, np.ndarray]]
 """Times (K,), s, and each of the `SERIES` that is known, (n, K) of n runs, in its own unit."""
 
 
-def error_curves(
-    lines: Mapping[str, Errors], legend: bool = True, x: str = "t (s)"
-) -> list[tuple[str, Drawing]]:
+def error_curves(lines: Mapping[str, Errors], x: str) -> list[tuple[str, Drawing]]:
     """(title, drawing) of each error that a line has, first those that a page shows at once.
 
     A line is the mean of its runs, with its interval at each time, see `charts.over_time`. The
-    i-th line has colour `var(--run-i)`; with a `legend` it also has marks and its name. `x`
-    is the label of the times.
+    i-th line has colour `var(--run-i)`. `x` is the label of the times.
     """
     looks = {label: charts.line_look(i) | {"linewidth": 1.6} for i, label in enumerate(lines)}
     for label, look in looks.items():
-        shown = {"label": label if len(lines) > 1 else "", "markevery": 0.25, "markersize": 3.5}
-        look.update(shown if legend else {"marker": ""})
+        name = label if len(lines) > 1 else ""
+        look |= {"label": name, "markevery": 0.25, "markersize": 3.5}
     drawn = []
     for error in sorted(SERIES, key=lambda error: error not in ("iou", "centre_error")):
         known = [(t, of[error], looks[label]) for label, (t, of) in lines.items() if error in of]
         if known:
             parts = [known[i : i + MOST_LINES] for i in range(0, len(known), MOST_LINES)]
             panels = [_panel(error, part, _limits(error, known), x) for part in parts]
-            svg = charts.chart(panels).decode()
+            svg = charts.chart(panels)
             drawn.append((SERIES[error].label, drawing_for_page(svg, f"t{len(drawn)}")))
     return drawn
 

@@ -13,28 +13,11 @@ MAIN = (
 """The metrics that a run prints unless all are asked for."""
 
 
-def format_value(value: float | int | None) -> str:
-    """A value with three or four significant digits; a dash if there is none."""
-    if value is None or not math.isfinite(value):
-        return NO_VALUE
-    if isinstance(value, int):
-        return str(value)
-    if value == 0.0 or 0.001 <= abs(value) < 1000.0:
-        digits = 3 if abs(value) < 10.0 else 2 if abs(value) < 100.0 else 1
-        return f"{value:.{digits}f}"
-    return f"{value:.3g}"
-
-
 def shown_value(name: str, value: float | int | None) -> str:
     """The value of a metric as text, without its unit: in per cent where tables show that."""
     if metric(name).percent and value is not None:
         return f"{100.0 * value:.1f}"
-    return format_value(value)
-
-
-def with_value(metrics: Mapping[str, float | int | None]) -> dict[str, float | int]:
-    """The metrics that have a value: tables leave out the others."""
-    return {name: value for name, value in metrics.items() if value is not None}
+    return number(value)
 
 
 def in_order(metrics: Mapping[str, float | int | None]) -> dict[str, float | int | None]:
@@ -63,7 +46,7 @@ def label_rows(labels: Iterable[LabelScore]) -> list[tuple[str, ...]]:
             f"{one.range_m:.1f}",
             f"{one.speed_m_s:.1f}",
             f"{one.tracked_frames} of {one.frames}",
-            *(format_value(value) for value in (one.found_scans, one.iou_box, one.centre_m)),
+            *(number(value) for value in (one.found_scans, one.iou_box, one.centre_m)),
             str(one.tracks),
             str(one.switches),
         )
@@ -85,7 +68,8 @@ def score_table(
 
     The values of a smoothed track are beside those of the filtered one.
     """
-    shown = {name: shown_value(name, value) for name, value in with_value(metrics).items()}
+    known = {name: value for name, value in metrics.items() if value is not None}
+    shown = {name: shown_value(name, value) for name, value in known.items()}
     smoothed = smoothed_label(metrics)
     rows = []
     for name in (name for name in shown if not name.startswith(SMOOTHED)):

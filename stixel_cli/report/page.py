@@ -3,7 +3,6 @@
 import base64
 import math
 import re
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -40,9 +39,9 @@ class Drawing:
     least: int
 
 
-def drawing_for_page(text: str, name: str) -> Drawing:
+def drawing_for_page(drawing: bytes, name: str) -> Drawing:
     """An SVG file as a page shows it; `name` makes its ids unique."""
-    svg, points = svg_for_page(text, name)
+    svg, points = svg_for_page(drawing.decode(), name)
     least = math.ceil(_LEAST_TEXT * points / smallest_text(svg))
     return Drawing(Markup(svg), max(least, round(points * _PIXELS_A_POINT)), least)
 
@@ -89,9 +88,7 @@ def svg_for_page(text: str, name: str) -> tuple[str, float]:
     return text, float(width[1]) if width else 504.0
 
 
-def page_template(
-    package: str, name: str, filters: Mapping[str, Callable[..., Any]] | None = None
-) -> jinja2.Template:
+def page_template(package: str, name: str) -> jinja2.Template:
     """`templates/NAME.j2` of a package; a name without a value is an error."""
     places = [jinja2.PackageLoader(one) for one in (package, __package__)]
     environment = jinja2.Environment(
@@ -101,7 +98,6 @@ def page_template(
         lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
     )
-    environment.filters |= filters or {}
     environment.globals["run_colours"] = style.RUNS
     return environment.get_template(f"{name}.j2")
 

@@ -1,4 +1,4 @@
-"""Differences of runs: of values, of keys with their causes, of source and of settings."""
+"""Differences of runs: of values, of keys with their causes, and of settings."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence

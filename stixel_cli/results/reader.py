@@ -121,10 +121,6 @@ def find_folders(root: Path) -> list[Path]:
     """
     if not root.is_dir():
         raise UserError(f"{printable_path(root)}: no such folder")
-    try:
-        os.listdir(root)
-    except OSError as error:
-        raise UserError(f"{root}: cannot be read: {error.strerror}") from error
     return list(_find(root, 0))
 
 
@@ -132,7 +128,9 @@ def _find(folder: Path, depth: int) -> Iterator[Path]:
     try:
         with os.scandir(folder) as entries:
             inside = {entry.name: entry.is_dir(follow_symlinks=False) for entry in entries}
-    except OSError:
+    except OSError as error:
+        if depth == 0:
+            raise UserError(f"{folder}: cannot be read: {error.strerror}") from error
         return
     if MANIFEST in inside or (SWEEP_FILE in inside and depth > 0):
         yield folder

@@ -27,6 +27,9 @@ if TYPE_CHECKING:
 DONE, FAILED, SKIPPED, MISSING = "done", "failed", "skipped", "missing"
 """Status of a run; `skipped`: a node failed in another run; `missing`: not run yet."""
 
+GROUPS = ("road_user", "path", "measurement", "tracker")
+"""The groups of a configuration by which runs are told apart."""
+
 
 @dataclass(frozen=True)
 class RunResult:
@@ -58,8 +61,6 @@ class RunResult:
         failure: of a run that failed or was skipped: why; of a listed one: why it is not readable.
         planned: the run before it was computed; in a sweep only.
         variant: in a study, name of the sweep's variant; "" if it has none.
-        cpu_seconds: in a study, stage to the CPU seconds that its results took; NaN if they are not
-            recorded.
         load: in a study, returns the result of a stage that the sweep's `results` names, or the
             list of the results of its chunks. It reads the store at each call.
     """
@@ -86,7 +87,6 @@ class RunResult:
     failure: Exception | None = None
     planned: Any = None
     variant: str = ""
-    cpu_seconds: Mapping[str, float] = field(default_factory=dict)
     load: Callable[[str], Any] | None = None
     plot: ClassVar[Callable[..., Any]]
     """Draws the run from above, `plot(ax=None)`: `stixel_cli.plot`, which sets it."""
@@ -95,8 +95,7 @@ class RunResult:
         """The choices, the seed, the first sentence of the verdict and the folder, in one line."""
         from stixel_cli.evaluation.verdict import verdict
 
-        groups = ("road_user", "path", "measurement", "tracker")
-        words = [self.choice(group) for group in groups if group in self.settings]
+        words = [self.choice(group) for group in GROUPS if group in self.settings]
         words.append(f"seed {self.settings.get('seed')}")
         return f"<RunResult {' '.join(words)}: {verdict(self.metrics)[0]} {self.folder or ''}>"
 

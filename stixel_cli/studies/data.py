@@ -1,20 +1,15 @@
 """The data of a study's report: its complete sweeps with their runs."""
 
-import math
 import os
-from collections import defaultdict
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from stixel_cli.config.folders import shipped_folder
-from stixel_cli.engine.errors import MissingEntry
 from stixel_cli.engine.store import Store
-from stixel_cli.errors import MissingData, UserError
-from stixel_cli.evaluation.scores import SERIES, Scores
-from stixel_cli.results.reader import read_series
-from stixel_cli.results.result import RunResult
+from stixel_cli.errors import MissingData
+from stixel_cli.results.result import RunResult, read_scored_run
 from stixel_cli.studies.entry import SweepEntry
 from stixel_cli.sweeps.folder import SweepFolder
 from stixel_cli.sweeps.results import SweepResult
@@ -47,49 +42,13 @@ def shipped_meshes(name: str) -> list[dict[str, list]]:
 class StudyData:
     """Input of a study's report: the complete sweeps by name, in the order of the study's file.
 
-    Their runs also have `scores`, `cpu_seconds`, `load` and `variant`.
+    Their runs also have `scores`, `load` and `variant`.
     """
 
-    name: str
-    title: str
-    question: str
     sweeps: Mapping[str, SweepResult]
 
 
-class NodeSeconds(dict[str, float]):
-    """Recorded CPU seconds of nodes in a store, each read once; NaN for one without a record."""
-
-    def __init__(self, store: Store):
-        super().__init__()
-        self._store = store
-
-    def __missing__(self, key: str) -> float:
-        """Read those of a node; its result may have been removed."""
-        try:
-            self[key] = float(self._store.meta(key).get("cpu_seconds", math.nan))
-        except MissingEntry:
-            self[key] = math.nan
-        return self[key]
-
-    def by_stage(self, runs: Iterable[RunResult]) -> dict[str, float]:
-        """CPU seconds by stage of the nodes that runs of sweeps need, each counted once.
-
-        NaN for a stage with a node whose CPU seconds are unknown.
-        """
-        stage_of: dict[str, str] = {}
-        for graph, targets in ((run.planned.graph, run.planned.targets) for run in runs):
-            needed = graph.ancestors(targets)
-            for name, keys in graph.stages.items():
-                stage_of.update((key, name) for key in keys if key in needed)
-        total: dict[str, float] = defaultdict(float)
-        for key, name in stage_of.items():
-            total[name] += self[key]
-        return dict(total)
-
-
-def with_stages(
-    result: SweepResult, entry: SweepEntry, store: Store, seconds: NodeSeconds
-) -> SweepResult:
+def with_stages(result: SweepResult, entry: SweepEntry, store: Store) -> SweepResult:
     """A complete sweep, whose runs have what a report reads of their stages.
 
     Raises:
@@ -102,15 +61,9 @@ def with_stages(
             values = [store.load(node.key) for node in nodes]
             return values[0] if nodes[0].stage.pattern == "once" else values
 
-        file = SweepFolder(result.folder).run(run.index) / "scores.npz"
-        times, series = read_series(file)
-        missing = [name for name in SERIES if name not in series]
-        if missing:
-            raise UserError(f"{file}: {missing[0]} is missing")
         return replace(
             run,
-            scores=Scores(times=times, **series, metrics=dict(run.metrics)),
-            cpu_seconds=seconds.by_stage([run]),
+            scores=read_scored_run(SweepFolder(result.folder).run(run.index)).scores,
             load=load,
             variant=entry.variant_of(run.setting),
         )

@@ -87,11 +87,8 @@ class SweepEntry:
                 axes = {**(axes or {}), **keys}
             else:
                 zipped = [*(zipped or []), keys]
-        try:
-            content = {**self.content, "axes": axes, "zipped": zipped}
-            return design_of(content, self.origin)
-        except ConfigurationError as fault:
-            raise ConfigurationError(f"sweeps: {self.name}: {fault}") from None
+        content = {**self.content, "axes": axes, "zipped": zipped}
+        return design_of(content, f"sweeps: {self.name}", self.origin)
 
 
 def sweep_entry(name: Any, entries: Any, origin: Origin) -> SweepEntry:

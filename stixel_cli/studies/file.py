@@ -5,7 +5,7 @@ dotted name of an installed module. Only `stixel study` imports it.
 """
 
 import traceback
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from types import ModuleType
@@ -18,7 +18,6 @@ from stixel_cli.border import TYPED, Origin, admit, imported, imported_file
 from stixel_cli.config import messages
 from stixel_cli.config.folders import STUDIES, shipped_folder
 from stixel_cli.errors import ConfigurationError, UserError
-from stixel_cli.files import read_yaml
 from stixel_cli.parameters import parameters
 from stixel_cli.studies.entry import Axes, SweepEntry, sweep_entry
 from stixel_cli.studies.questions import PLACE, StudyQuestion, study_question
@@ -57,7 +56,7 @@ class StudyFile:
         module_name: as in the file; "" without a module.
         module: its functions that `derive` and `axes_of` name return further axes; see also
             `FUNCTIONS`. None without a module.
-        is_shipped: whether the functions that it uses are of shipped studies.
+        is_shipped: whether it is one of the shipped studies.
     """
 
     path: Path
@@ -133,24 +132,6 @@ def _shipped(name: str) -> Path:
     return shipped_folder("pipelines") / "studies" / f"{name}.yaml"
 
 
-def _functions(*contents: Mapping[str, Any]) -> set[tuple[str, str]]:
-    """The functions that studies call: module and name."""
-    return {
-        (" ".join(str(content["module"]).split()), name)
-        for content in contents
-        if content.get("module")
-        for name in (
-            *FUNCTIONS,
-            *(
-                entries[entry]
-                for entries in content["sweeps"].values()
-                for entry in ("derive", "axes_of")
-                if isinstance(entries, dict) and isinstance(entries.get(entry), str)
-            ),
-        )
-    }
-
-
 def find_study(name: str) -> Path:
     """The file of a study: a path to a YAML file, or the name of a shipped study.
 
@@ -186,13 +167,13 @@ def read_study(path: Path, trusted: bool = False) -> StudyFile:
             raise ConfigurationError(f"is a sweep, not a study: stixel sweep --from {_shown(path)}")
         given = {key: value for key, value in content.items() if value is not None}
         file = messages.validated(_Content, given, _shown(path), ENTRIES)
-        module_name, sweeps, questions = file.module, file.sweeps, file.questions
-        origin = TYPED if path in map(_shipped, STUDIES) else Origin(str(path), trusted)
-        called = _functions(content)
-        is_shipped = called <= _functions(*map(read_yaml, map(_shipped, STUDIES)))
-        code = [] if is_shipped else [f"{module}:{name}" for module, name in sorted(called)]
-        admit((name, origin) for name in code)
-        sweeps = tuple(sweep_entry(name, entries, origin) for name, entries in sweeps.items())
+        module_name, questions = file.module, file.questions
+        is_shipped = path in map(_shipped, STUDIES)
+        origin = TYPED if is_shipped else Origin(str(path), trusted)
+        sweeps = tuple(sweep_entry(name, entries, origin) for name, entries in file.sweeps.items())
+        functions = [f for sweep in sweeps for f in (sweep.derive, sweep.axes_of) if f]
+        if module_name:
+            admit((f"{module_name}:{name}", origin) for name in (*FUNCTIONS, *functions))
         if sweeps[0].derive is not None:
             raise ConfigurationError(f"sweeps: {sweeps[0].name}: derive: no earlier sweep")
         for sweep in sweeps:
@@ -204,14 +185,13 @@ def read_study(path: Path, trusted: bool = False) -> StudyFile:
                 raise ConfigurationError(f"text: {messages.printable(place[0])}: is no question")
         module = None
         if module_name:
-            module = _module(path.parent, module_name, TYPED if is_shipped else origin)
+            module = _module(path.parent, module_name, origin)
         title, question = (" ".join(text.split()) for text in (file.title, file.question))
         study = StudyFile(
-            path, title, question, file.text, module_name, module, sweeps, asked, not code
+            path, title, question, file.text, module_name, module, sweeps, asked, is_shipped
         )
-        for _, name in sorted(called):
-            if name not in FUNCTIONS:
-                study.function(name)
+        for name in functions:
+            study.function(name)
     except ConfigurationError as fault:
         where = _shown(path)
         text = str(fault)

@@ -5,12 +5,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import yaml
-
 from stixel_cli.answers import render
-from stixel_cli.answers.page import page_links
-from stixel_cli.report.metrics import number
+from stixel_cli.answers.page import page_links, worst_runs
 from stixel_cli.report.page import drawing_for_page, page_template
 from stixel_cli.results.folder import PAGE
 from stixel_cli.results.lineage import provenance, shown_revision
@@ -51,10 +47,9 @@ def study_page(
     """The page of a study, the file `page`; without a report, it lists the missing runs.
 
     `origin`: `command` line that makes the report; when it was `created`, UTC; the `seeds` of each
-    sweep's runs; the resolved `configuration` of the first run; `stage_cpu_seconds`, those of each
-    stage's results, NaN if one is unknown.
+    sweep's runs.
     """
-    made, seconds = provenance(), origin["stage_cpu_seconds"]
+    made = provenance()
     return page_template(__package__, "study.html").render(
         plan=plan,
         answer=report and report.answer,
@@ -62,7 +57,7 @@ def study_page(
         if report
         else [],
         tables=[
-            (heading, render.Cells(tuple(table), tuple(tuple(map(_text, r)) for r in table.values)))
+            (heading, render.cells_of(table))
             for heading, table in (report.material.tables.items() if report else ())
         ],
         explanation=render.explanation(),
@@ -88,48 +83,30 @@ def study_page(
                 for key, values in one.settings.items()
             ),
         ),
-        seconds={name: number(value) for name, value in seconds.items()},
         revision=shown_revision(made["git"]) or "–",
         made=made,
-        configuration=yaml.safe_dump(
-            dict(origin["configuration"]), sort_keys=False, allow_unicode=True
-        ),
     )
 
 
 def _section(section: Section, place: int, page: Path) -> dict[str, Any]:
     """What the template shows of a question."""
-    cells = section.cells
     worst = []
     for _, answers in section.groups:
-        found = answers[0].worst
-        folders = [Path(str(folder)) for folder in found.get("folder", [])]
+        folders = [Path(str(folder)) for folder in answers[0].worst.get("folder", [])]
         links = page_links([one for one in folders if one.exists()], page, PAGE)
-        worst += [
-            ("open", links.get(str(found.loc[option].get("folder")), ""))
-            if option in found.index
-            else ("", "")
-            for option in answers[0].order
-        ]
+        worst += worst_runs(answers[0], links)
     return {
-        "heading": section.question.heading,
-        "note": section.question.note,
+        "question": section.question,
         "sentences": [
             (label, [one.sentence for one in answers], answers[0].notes)
             for label, answers in section.groups
         ],
-        "cells": cells,
+        "cells": section.cells,
         "worst": worst,
         "figures": [
-            (label, drawing_for_page(drawing.decode(), f"q{place}g{i}"))
+            (label, drawing_for_page(drawing, f"q{place}g{i}"))
             for i, ((label, _), drawing) in enumerate(
                 zip(section.groups, section.drawings, strict=True)
             )
         ],
     }
-
-
-def _text(value: Any) -> str:
-    if isinstance(value, float | np.floating):
-        return number(float(value))
-    return str(value)

@@ -148,22 +148,14 @@ def asked(question: StudyQuestion, frames: Mapping[str, Runs]) -> Section:
 
 
 def _check_columns(question: StudyQuestion, whole: pd.DataFrame) -> None:
-    entries = {
-        "where": question.where,
-        "by": question.by,
-        "compare": question.compare,
-        "within": question.within or (),
-        "over": question.over or (),
-        "metrics": [name for name in question.metrics if name not in METRICS],
-    }
-    for entry, names in entries.items():
-        unknown = next((name for name in names if name not in whole), None)
-        if unknown is not None:
-            hint = messages.suggestion(unknown, [*whole])
-            raise UserError(
-                f"questions: {question.name}: {entry}: {messages.printable(unknown)}: "
-                f"no such column of the runs{hint}"
-            )
+    """Refuse a name that is no column, where `Runs.ask` does not."""
+    metrics = (name for name in question.metrics if name not in METRICS)
+    named = (*question.where, *question.by, *question.compare, *metrics)
+    for name in (name for name in named if name not in whole):
+        raise UserError(
+            f"questions: {question.name}: {messages.printable(name)}: no such column of the runs"
+            f"{messages.suggestion(name, [*whole])}"
+        )
 
 
 def _parts(question: StudyQuestion, runs: Runs) -> dict[str, Any]:

@@ -12,13 +12,10 @@ from stixel_cli.answers import render
 from stixel_cli.answers.question import STATUS
 from stixel_cli.answers.runs import Runs
 from stixel_cli.errors import UserError, printable
-from stixel_cli.results.result import RunResult
+from stixel_cli.results.result import GROUPS, RunResult
 from stixel_cli.studies.data import StudyData
 from stixel_cli.studies.questions import PLACE, Section, StudyQuestion, asked
 from stixel_cli.sweeps.results import SweepResult
-
-GROUPS = ("road_user", "path", "measurement", "tracker")
-"""Groups of the configuration that every frame of runs has as columns."""
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from stixel_cli.engine.store import open_store
 from stixel_cli.errors import UserError
 from stixel_cli.results.reader import SWEEP_FILE
 from stixel_cli.results.result import SKIPPED
-from stixel_cli.studies.data import NodeSeconds, StudyData, with_stages
+from stixel_cli.studies.data import StudyData, with_stages
 from stixel_cli.studies.file import FUNCTIONS
 from stixel_cli.studies.folder import PAGE, StudyFolder
 from stixel_cli.studies.page import SweepState, study_page
@@ -100,9 +100,8 @@ class _Run:
         self.plan, self.folder, self.command, self.tell = plan, folder, command, tell
         self.results: dict[str, SweepResult] = {}
         self.started = time.perf_counter()
-        self.first = next(p.plan.runs[0].composition for p in plan.sweeps if p.plan)
-        self.store = open_store(self.first.configuration.cache)
-        self.node_seconds = NodeSeconds(self.store)
+        first = next(p.plan.runs[0].composition for p in plan.sweeps if p.plan)
+        self.store = open_store(first.configuration.cache)
 
     def compute(self, one: PlannedSweep) -> None:
         """Compute a sweep's missing runs, unless its axes depend on an incomplete sweep."""
@@ -118,7 +117,7 @@ class _Run:
         with self._leased():
             result = self._sweep(one, design)
         if result.complete:
-            result = with_stages(result, one.sweep, self.store, self.node_seconds)
+            result = with_stages(result, one.sweep, self.store)
         self.results[one.sweep.name] = result
 
     def report(self) -> StudyResult:
@@ -128,18 +127,13 @@ class _Run:
         if all(state.complete for state in states):
             with self._leased():
                 report = self._report()
-        runs = [run for result in self.results.values() for run in result.runs]
-        elapsed = time.perf_counter() - self.started
         origin = {
             "command": self.command,
             "created": datetime.now(UTC).isoformat(timespec="seconds"),
-            "elapsed": elapsed,
             "seeds": {
                 name: sorted({run.seed for run in result.runs})
                 for name, result in self.results.items()
             },
-            "configuration": self.first.resolved,
-            "stage_cpu_seconds": self.node_seconds.by_stage(runs),
         }
         html = study_page(self.plan, states, report, origin, self.folder.path / PAGE)
         return StudyResult(
@@ -149,13 +143,11 @@ class _Run:
             report=report,
             computed=sum(result.computed for result in self.results.values()),
             cached=sum(result.cached for result in self.results.values()),
-            seconds=elapsed,
+            seconds=time.perf_counter() - self.started,
         )
 
     def _data(self) -> StudyData:
-        study = self.plan.study
-        complete = {name: result for name, result in self.results.items() if result.complete}
-        return StudyData(study.name, study.title, study.question, complete)
+        return StudyData({name: own for name, own in self.results.items() if own.complete})
 
     def _report(self) -> Report:
         study = self.plan.study

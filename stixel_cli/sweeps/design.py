@@ -14,7 +14,7 @@ from stixel_cli.errors import ConfigurationError
 
 SEED = "seed"
 NOT_GIVEN = "–"
-"""Shown as the value of a key that a run of a union of grids leaves at its default."""
+"""Shown as the value of a key that the run's option of a group lacks."""
 
 
 @dataclass(frozen=True)
@@ -23,8 +23,7 @@ class Axis:
 
     Attributes:
         keys: one key, or several zipped keys.
-        steps: for each value of the axis an override of each key, followed by any overrides that
-            only this step has. A step of a union of grids may lack keys: it leaves the default.
+        steps: for each value of the axis an override of each key.
     """
 
     keys: tuple[str, ...]
@@ -57,11 +56,6 @@ class Design:
     over: tuple[str, ...] = (SEED,)
 
     @property
-    def leave_out(self) -> str:
-        """Location of the entry `leave_out`, for messages."""
-        return f"{messages.printable(self.file, 200)}: leave_out" if self.file else "leave_out"
-
-    @property
     def overrides(self) -> list[Override]:
         """Every override, of the axes too."""
         return [*self.fixed, *self.swept]
@@ -78,10 +72,6 @@ class Design:
 
     def combinations(self) -> Iterator[tuple[Override, ...]]:
         """The overrides of each run that differ, without combinations that are left out."""
-        for key, value in (pair for entry in self.left_out for pair in entry.items()):
-            if not has(self.swept, key, value):
-                shown = f"{key}={messages.show(value)}"
-                raise ConfigurationError(f"{self.leave_out}: no run has {shown}")
         for steps in itertools.product(*(axis.steps for axis in self.axes)):
             run = tuple(itertools.chain(*steps))
             if not any(
@@ -101,9 +91,10 @@ def has(overrides: Iterable[Override], key: str, value: Any) -> bool:
 
 
 def design_from_line(overrides: Sequence[str]) -> Design:
-    """The design of overrides on the command line; ConfigurationError for an invalid one.
+    """The design of a line in Hydra's grammar: overrides with several values are the axes.
 
-    They are in Hydra's grammar; those with several values are the axes.
+    Raises:
+        ConfigurationError: for an invalid override.
     """
     fixed, axes = [], []
     for override in read_overrides(overrides, TYPED):

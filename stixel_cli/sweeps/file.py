@@ -1,11 +1,13 @@
-"""A sweep from a file: YAML with `fixed`, `axes`, `zipped`, `seeds`, `leave_out` and `grids`."""
+"""A sweep from a file: YAML with `fixed`, `axes`, `zipped`, `seeds` and `leave_out`."""
 
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import field, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+from annotated_types import MinLen
 
 from stixel_cli.border import Origin
 from stixel_cli.config import messages
@@ -15,13 +17,25 @@ from stixel_cli.config.overrides import MOST_VALUES, Override, parse
 from stixel_cli.config.texts import override_text
 from stixel_cli.errors import ConfigurationError
 from stixel_cli.files import check_plain, read_text, read_yaml_text
-from stixel_cli.sweeps.design import SEED, Axis, Design, refuse_equal
+from stixel_cli.parameters import parameters
+from stixel_cli.sweeps.design import SEED, Axis, Design, has, refuse_equal
 
 _MOST_ENTRIES = 50_000
 """Values of a file, aliases expanded: OmegaConf takes 5 s for these."""
 
-GRID = ("fixed", "axes", "zipped", "leave_out")
-ENTRIES = ("fixed", "axes", "zipped", "seeds", "leave_out", "grids")
+
+@parameters
+class _Content:
+    """The entries of a sweep's file; the values of a key are a list, or a sweep as typed."""
+
+    fixed: dict[str, Any] = field(default_factory=dict)
+    axes: dict[str, Any] = field(default_factory=dict)
+    zipped: list[Annotated[dict[str, Any], MinLen(2)]] = field(default_factory=list)
+    seeds: Any = None
+    leave_out: list[Annotated[dict[str, Any], MinLen(1)]] = field(default_factory=list)
+
+
+ENTRIES = tuple(one.name for one in fields(_Content))
 
 
 def find_file(name: str) -> Path:
@@ -46,35 +60,32 @@ def is_study(path: Path) -> bool:
 def read_design(path: Path, trusted: bool) -> Design:
     """The design in a file, whose names of code count as `trusted`; UserError if it is wrong."""
     content = read_mapping(path, ENTRIES)
-    try:
-        if "sweeps" in content:
-            raise ConfigurationError(f"is a study, not a sweep: stixel study {path.stem}")
-        design = design_of(content, Origin(str(path), trusted))
-        return replace(design, file=str(path))
-    except ConfigurationError as fault:
+    if "sweeps" in content:
         where = messages.printable(str(path), 200)
-        text = str(fault)
-        raise ConfigurationError(text if where in text else f"{where}: {text}") from None
+        raise ConfigurationError(f"{where}: is a study, not a sweep: stixel study {path.stem}")
+    return replace(design_of(content, str(path), Origin(str(path), trusted)), file=str(path))
 
 
-def design_of(content: Mapping[Any, Any], origin: Origin) -> Design:
-    """The design of entries that `origin` has; ConfigurationError in one line names the entry."""
-    refuse_unknown(content, ENTRIES)
-    given = _entry(content, "fixed", {}).items()
-    fixed = tuple(parse(override_text(key, value), origin) for key, value in given)
+def design_of(content: Mapping[Any, Any], where: str, origin: Origin) -> Design:
+    """The design of entries that `origin` has; ConfigurationError in one line after `where`."""
+    where = messages.printable(where, 200)
+    given = {key: value for key, value in content.items() if value is not None}
+    entries = messages.validated(_Content, given, where, ENTRIES)
+    try:
+        return _design(entries, origin)
+    except ConfigurationError as fault:
+        raise ConfigurationError(f"{where}: {fault}") from None
+
+
+def _design(content: _Content, origin: Origin) -> Design:
+    fixed = tuple(parse(override_text(key, value), origin) for key, value in content.fixed.items())
     for override in fixed:
         if override.sweep is not None:
             raise ConfigurationError(f"fixed: {override.text}: one value is needed")
-    given = _entry(content, "axes", {}).items()
-    axes = [_axis("axes", {key: values}, origin) for key, values in given]
-    for number, keys in enumerate(_entry(content, "zipped", []), start=1):
-        where = f"zipped: entry {number}"
-        if not isinstance(keys, dict) or len(keys) < 2:
-            raise ConfigurationError(f"{where}: must map two keys or more to values")
-        axes.append(_axis(where, keys, origin))
-    if content.get("grids") is not None:
-        axes.append(_union(_entry(content, "grids", []), origin))
-    seeds = content.get("seeds")
+    axes = [_axis("axes", {key: values}, origin) for key, values in content.axes.items()]
+    for number, keys in enumerate(content.zipped, start=1):
+        axes.append(_axis(f"zipped: entry {number}", keys, origin))
+    seeds = content.seeds
     if isinstance(seeds, int) and not isinstance(seeds, bool):
         if not 1 <= seeds <= MOST_VALUES:
             most = f"must be a number from 1 to {MOST_VALUES} or a list"
@@ -86,7 +97,13 @@ def design_of(content: Mapping[Any, Any], origin: Origin) -> Design:
     for key, count in Counter([*(one.key for one in fixed), *swept]).items():
         if count > 1:
             raise ConfigurationError(f"{key}: is given twice: give it once")
-    design = Design(fixed, tuple(axes), tuple(_left_out(content, swept)))
+    design = Design(fixed, tuple(axes), tuple(content.leave_out))
+    for key, value in (pair for entry in content.leave_out for pair in entry.items()):
+        if key not in swept:
+            shown, hint = messages.printable(key), messages.suggestion(key, swept)
+            raise ConfigurationError(f"leave_out: {shown} is not on any axis{hint}")
+        if not has(design.swept, key, value):
+            raise ConfigurationError(f"leave_out: no run has {key}={messages.show(value)}")
     check_overrides(design.overrides)
     return design
 
@@ -119,28 +136,8 @@ def read_mapping(path: Path, entries: Sequence[str]) -> dict[str, Any]:
     return content
 
 
-def refuse_unknown(content: Mapping[Any, Any], entries: Sequence[str]) -> None:
-    """Raise ConfigurationError for a name that is not in `entries`; it suggests the nearest."""
-    for name in content:
-        if name not in entries:
-            hint = messages.suggestion(str(name), entries) or f" (entries: {', '.join(entries)})"
-            raise ConfigurationError(f"{messages.printable(str(name))}: no such entry{hint}")
-
-
-def _entry(content: Mapping[str, Any], name: str, default: Any) -> Any:
-    """An entry of the type of its default, a mapping or a list."""
-    value = default if content.get(name) is None else content[name]
-    if isinstance(default, list) and not isinstance(value, list):
-        raise ConfigurationError(f"{name}: must be a list of mappings from keys to values")
-    if isinstance(default, dict) and not (
-        isinstance(value, dict) and all(isinstance(key, str) for key in value)
-    ):
-        raise ConfigurationError(f"{name}: must map keys of the configuration to values")
-    return value
-
-
 def _axis(where: str, keys: Mapping[str, Any], origin: Origin) -> Axis:
-    columns = {k: _values(where, k, values, origin) for k, values in keys.items()}
+    columns = {key: _values(where, key, values, origin) for key, values in keys.items()}
     if len(columns) == 1:
         refuse_equal(*columns.values())
     if len(set(map(len, columns.values()))) > 1:
@@ -154,34 +151,7 @@ def _axis(where: str, keys: Mapping[str, Any], origin: Origin) -> Axis:
     return Axis(tuple(keys), steps)
 
 
-def _union(grids: Sequence[Any], origin: Origin) -> Axis:
-    """The points of several grids as one axis: in order, those of two grids once."""
-    designs = []
-    for number, grid in enumerate(grids, start=1):
-        where = f"grids: entry {number}"
-        if not isinstance(grid, dict) or not grid:
-            raise ConfigurationError(f"{where}: must have some of {', '.join(GRID)}")
-        try:
-            refuse_unknown(grid, GRID)
-            designs.append(design_of(grid, origin))
-        except ConfigurationError as fault:
-            raise ConfigurationError(f"{where}: {fault}") from None
-        if SEED in (one.key for one in designs[-1].overrides):
-            raise ConfigurationError(f"{where}: write {SEED}s once, next to grids")
-    keys = list(dict.fromkeys(one.key for design in designs for one in design.overrides))
-    if not keys:
-        raise ConfigurationError("grids: must be a list of one grid or more")
-    points = (
-        tuple(sorted((*design.fixed, *changes), key=lambda one: keys.index(one.key)))
-        for design in designs
-        for changes in design.combinations()
-    )
-    return Axis(tuple(keys), tuple(dict.fromkeys(points)))
-
-
-def _values(where: str, key: Any, values: Any, origin: Origin) -> list[Override]:
-    if not isinstance(key, str):
-        raise ConfigurationError(f"{where}: {messages.show(key)} is not a key")
+def _values(where: str, key: str, values: Any, origin: Origin) -> list[Override]:
     if isinstance(values, list):
         if not values:
             raise ConfigurationError(f"{where}: {key} has no values")
@@ -195,15 +165,3 @@ def _values(where: str, key: Any, values: Any, origin: Origin) -> list[Override]
         f"{where}: {key}: {messages.show(values)} is one value: write a list [a, b], or a sweep "
         "such as range(0,1,0.1)"
     )
-
-
-def _left_out(content: Mapping[str, Any], swept: Sequence[str]) -> list[dict[str, Any]]:
-    entries = _entry(content, "leave_out", [])
-    for number, entry in enumerate(entries, start=1):
-        where = f"leave_out: entry {number}"
-        if not isinstance(entry, dict) or not entry:
-            raise ConfigurationError(f"{where}: must map keys to the values to leave out")
-        for key in (key for key in entry if key not in swept):
-            shown, hint = messages.printable(str(key)), messages.suggestion(str(key), swept)
-            raise ConfigurationError(f"{where}: {shown} is not on any axis{hint}")
-    return entries

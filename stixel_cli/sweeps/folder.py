@@ -10,20 +10,21 @@ code/                  code digests to which the runs' lineage.json refer
 failed/0007/ …         config.yaml, failure.json, traceback.txt
 """
 
-import json
 import shlex
 import shutil
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
 from stixel_cli.border import check_below, write_below, written
 from stixel_cli.config.folders import PRESETS, of_the_machine
+from stixel_cli.config.messages import validated
 from stixel_cli.config.texts import split_override
 from stixel_cli.errors import UserError, printable, printable_path
 from stixel_cli.files import read_json, read_yaml
+from stixel_cli.parameters import parameters
 from stixel_cli.results.folder import write_whole_folder
 from stixel_cli.results.reader import SWEEP_FILE, read_manifest, read_metrics, yaml_text
 from stixel_cli.results.result import FAILED, MISSING, SKIPPED, RunResult
@@ -35,7 +36,7 @@ PLAYER = "play.html"
 RUNS = "runs"
 
 
-@dataclass(frozen=True)
+@parameters
 class SweepRequest:
     """The content of `sweep.yaml`.
 
@@ -69,6 +70,12 @@ class SweepRequest:
         del content["notes"]
         return yaml_text(content)
 
+    def check(self) -> None:
+        """Raise ValueError for a request without runs, or an axis that none has, or no result."""
+        given = {split_override(text)[0] for run in self.runs for text in run}
+        if not given or not given.issuperset(self.keys) or any(map(of_the_machine, self.keys)):
+            raise ValueError("axes: must be keys of the runs that affect results")
+
 
 _ENTRIES = [field.name for field in fields(SweepRequest) if field.name != "notes"]
 
@@ -85,8 +92,6 @@ class SweepFolder:
 
     def request(self) -> SweepRequest:
         """The content of `sweep.yaml`; UserError if this is not the folder of a sweep."""
-        from pydantic import TypeAdapter
-
         file = self.path / SWEEP_FILE
         if not self.path.is_dir():
             raise UserError(f"{printable_path(self.path)}: no such folder")
@@ -95,22 +100,10 @@ class SweepFolder:
                 f"{printable_path(self.path)}: not the folder of a sweep ({SWEEP_FILE} is missing)"
             )
         content = read_yaml(file)
-        try:
-            own = {name: content.pop(name) for name in _ENTRIES if name != "over"}
-            own["over"] = content.pop("over", [SEED])
-            # Strict JSON accepts lists for tuples and converts nothing else.
-            text = json.dumps(own | {"notes": content})
-            request = TypeAdapter(SweepRequest).validate_json(text, strict=True)
-            if not request.runs or any(map(of_the_machine, request.keys)):
-                raise ValueError("no runs, or an axis that affects no result")
-        except (AttributeError, KeyError, TypeError, ValueError):
-            raise UserError(f"{file}: not a valid {SWEEP_FILE} of this version of stixel") from None
-        for index, overrides in enumerate(request.runs):
-            given = {split_override(text)[0] for text in overrides}
-            # A run of a union of grids may lack some of the keys, but not all.
-            for axis in (axis for axis in request.axes if axis and given.isdisjoint(axis)):
-                raise UserError(f"{file}: run {index} has no value for {axis[0][:60]}, an axis")
-        return request
+        if not isinstance(content, dict):
+            raise UserError(f"{file}: must have the entries {', '.join(_ENTRIES)}")
+        own = {name: content.pop(name) for name in _ENTRIES if name in content}
+        return validated(SweepRequest, own | {"notes": content}, file)
 
     def resume_command(self, overrides: Iterable[str]) -> str:
         """The command line that resumes the sweep, with those of a run's overrides it needs."""

@@ -1,7 +1,7 @@
 """The plan of a sweep: its runs as one graph, in which they share the nodes they have in common."""
 
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from stixel_cli.config.compose import Composition
@@ -9,11 +9,10 @@ from stixel_cli.config.folders import of_the_machine
 from stixel_cli.engine.graph import Graph, GraphBuilder, merge
 from stixel_cli.engine.plan import Durations, plan, probe
 from stixel_cli.engine.store import Store, open_store
-from stixel_cli.errors import ConfigurationError
+from stixel_cli.errors import ConfigurationError, counted
 from stixel_cli.experiment.run import CAMERA, OBJECTS, TRACKS
 from stixel_cli.experiment.stages import CHUNK_SIZE, RESULTS, pipeline_stages, scan_count
 from stixel_cli.experiment.table.table import PICTURES
-from stixel_cli.sweeps.design import SEED
 from stixel_cli.sweeps.runs import PlannedRun, equal_runs
 
 
@@ -42,8 +41,7 @@ class SweepPlan:
         needed: ids of the nodes that the runs need.
         missing: ids of the nodes to compute, each after its inputs.
         stages: by stage, in the order of the data.
-        unmeasured: names of stages with missing nodes whose function was never measured.
-        notes: on axes that the stages of some runs ignore.
+        notes: on runs that give equal results.
     """
 
     runs: tuple[PlannedRun, ...]
@@ -51,19 +49,12 @@ class SweepPlan:
     needed: frozenset[str]
     missing: tuple[str, ...]
     stages: tuple[StagePlan, ...]
-    unmeasured: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
 
     def complete_runs(self) -> int:
         """Number of runs whose results are all in the store."""
         missing = set(self.missing)
         return sum(missing.isdisjoint(run.targets) for run in self.runs)
-
-    def seconds(self, workers: int) -> float | None:
-        """Estimated time if the work divides evenly among the workers, without the unmeasured
-        stages; None if all are."""
-        known = [s.seconds for s in self.stages if s.to_run and s.seconds is not None]
-        return sum(known) / workers if known or not self.missing else None
 
 
 def plan_runs(
@@ -91,13 +82,11 @@ def plan_sweep(runs: Sequence[PlannedRun], store: Store, notes: Sequence[str] = 
     targets = list(dict.fromkeys(target for run in runs for target in run.targets))
     found = plan(graph, targets, store, verify=False)
     missing, durations, stages = set(found.missing), Durations(store.folder), []
-    unmeasured: list[str] = []
     for name, all_keys in graph.stages.items():
         keys = [key for key in all_keys if key in found.needed]
         to_run = [graph.nodes[key] for key in keys if key in missing]
         if keys:
             seconds, unknown = durations.estimate(to_run)
-            unmeasured += unknown
             known = seconds if seconds or not unknown else None
             stages.append(StagePlan(name, len(keys), len(keys) - len(to_run), len(to_run), known))
     return SweepPlan(
@@ -106,25 +95,29 @@ def plan_sweep(runs: Sequence[PlannedRun], store: Store, notes: Sequence[str] = 
         found.needed,
         found.missing,
         tuple(stages),
-        tuple(unmeasured),
         tuple(notes),
     )
 
 
-def joined_seconds(plans: Iterable[SweepPlan]) -> tuple[float, list[str]]:
-    """Estimated seconds, on one worker, of plans that share results, and unmeasured stages."""
-    plans = list(plans)
+def estimated(plans: Sequence[SweepPlan]) -> tuple[float | None, list[str]]:
+    """Seconds of plans that share results, and the names of stages that were never measured.
+
+    The work divides evenly among the workers. The time is that of the other stages; None if all
+    are unmeasured.
+    """
     nodes = {key: plan.graph.nodes[key] for plan in plans for key in plan.missing}
-    store = open_store(plans[0].runs[0].composition.configuration.cache)
-    return Durations(store.folder).estimate(nodes.values())
+    configuration = plans[0].runs[0].composition.configuration
+    store = open_store(configuration.cache)
+    seconds, unmeasured = Durations(store.folder).estimate(nodes.values())
+    known = seconds / configuration.executor.workers if seconds or not unmeasured else None
+    return known, unmeasured
 
 
 def check_axes(planned: Sequence[PlannedRun]) -> list[str]:
-    """Refuse an axis that no stage reads; return notes on axes that the stages of some runs ignore.
+    """Refuse an axis that no stage reads; return a note on runs that give equal results.
 
     Runs whose results have the same keys give the same results, whatever their settings are.
     """
-    notes = []
     keys = list(planned[0].settings)
     for key in filter(of_the_machine, keys):
         raise ConfigurationError(f"{key}: it does not affect results, so it cannot be swept")
@@ -133,12 +126,9 @@ def check_axes(planned: Sequence[PlannedRun]) -> list[str]:
         for one in planned:
             others = tuple(v for name, v in one.settings.items() if name != key)
             groups[others].append(one.targets)
-        several = {others: targets for others, targets in groups.items() if len(targets) > 1}
-        if not several:
-            # Zipped with another key, which is checked in its place.
-            continue
-        idle = [others for others, targets in several.items() if len(set(targets)) == 1]
-        if len(idle) == len(several):
+        several = [targets for targets in groups.values() if len(targets) > 1]
+        # Without several, the key is zipped with another one, which is checked in its place.
+        if several and all(len({*targets}) == 1 for targets in several):
             choices = planned[0].composition.choices
             why = (
                 ": a sweep draws pictures only with --pictures"
@@ -147,24 +137,19 @@ def check_axes(planned: Sequence[PlannedRun]) -> list[str]:
                 f"path={choices.get('path')}: all runs would be equal"
             )
             raise ConfigurationError(f"{key}: no stage reads it{why}")
-        if idle and key != SEED:
-            labels = (name for name in keys if name != key)
-            first = " ".join(f"{k}={v}" for k, v in zip(labels, idle[0], strict=True))
-            notes.append(
-                f"{key}: no stage reads it in {len(idle)} of {len(several)} settings of the other "
-                f"axes ({first}), so their runs give equal results"
-            )
-    equal = () if notes else equal_runs(planned, lambda run: run.targets)
-    for one, other in equal:
-        labels = f"{one.label} and {other.label}"
-        return [f"runs {one.index} and {other.index} give equal results: {labels}"]
-    return notes
+    equal = [*equal_runs(planned, lambda run: run.targets)]
+    if not equal:
+        return []
+    one, other = equal[0]
+    more = f" (and {counted(len(equal) - 1, 'more pair')})" if len(equal) > 1 else ""
+    labels = f"{one.label} and {other.label}"
+    return [f"runs {one.index} and {other.index} give equal results: {labels}{more}"]
 
 
 def planned_sweep(
     runs: Sequence[PlannedRun], pictures: bool, nodes: Sequence[str] = ()
 ) -> SweepPlan:
-    """The plan of runs, with notes on their axes.
+    """The plan of runs, with a note on equal ones.
 
     UserError if no stage reads an axis, or a file or the cache cannot be read.
     """

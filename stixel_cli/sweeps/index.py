@@ -20,12 +20,10 @@ from stixel_cli.files import read_text
 from stixel_cli.report.static_page import filled_page
 from stixel_cli.results.folder import PAGE
 from stixel_cli.results.reader import MANIFEST, SWEEP_FILE, find_folders
-from stixel_cli.results.result import DONE, RunResult, listed_run
+from stixel_cli.results.result import DONE, GROUPS, RunResult, listed_run
+from stixel_cli.sweeps.design import NOT_GIVEN
 from stixel_cli.sweeps.folder import TABLE, SweepFolder
 from stixel_cli.version import __version__
-
-GROUPS = ("road_user", "path", "measurement", "tracker")
-"""The groups by whose options the page groups its rows."""
 
 REPORT = "report.html"
 """The page of a study."""
@@ -126,8 +124,7 @@ def _known_rows(page: Path) -> dict[str, tuple]:
 def _row(root: Path, folder: Path, known: dict[str, tuple]) -> tuple[str, str, list, list]:
     """Name, link, stamp and values of a folder."""
     name = folder.relative_to(root).as_posix()
-    pages = (folder / PAGE, folder.with_name(f"report-{folder.name}.html"), folder)
-    found = next(page for page in pages if page.exists())
+    found = folder / PAGE if (folder / PAGE).exists() else folder
     link = _link(found.relative_to(root).as_posix() + "/" * (found == folder))
     files = (folder / file for file in (MANIFEST, "metrics.json", SWEEP_FILE, TABLE))
     stamp = [file.stat().st_mtime_ns if file.is_file() else 0 for file in files]
@@ -188,7 +185,7 @@ def _swept(folder: Path) -> str:
     request = SweepFolder(folder).request()
     given = [dict(map(split_override, overrides)) for overrides in request.runs]
     axes = [
-        swept_setting(keys, list(dict.fromkeys(run[keys[0]] for run in given)))
+        swept_setting(keys, list(dict.fromkeys(run.get(keys[0], NOT_GIVEN) for run in given)))
         for keys in request.axes
         if keys
     ]

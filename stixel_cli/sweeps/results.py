@@ -17,9 +17,6 @@ if TYPE_CHECKING:
     from stixel_cli.answers.answer import Answer
     from stixel_cli.answers.runs import Runs
 
-Axes = tuple[tuple[str, ...], ...]
-"""Axes of a sweep, each as its keys."""
-
 
 @dataclass(frozen=True)
 class SweepResult:
@@ -38,7 +35,7 @@ class SweepResult:
     runs: tuple[RunResult, ...]
     computed: int = 0
     cached: int = 0
-    axes: Axes = ()
+    axes: tuple[tuple[str, ...], ...] = ()
     over: tuple[str, ...] = (SEED,)
 
     @property
@@ -53,7 +50,7 @@ class SweepResult:
                     "run": run.index,
                     "status": run.status,
                     **run.setting,
-                    "seed": run.seed,
+                    SEED: run.manifest.get("seed", ""),
                     "overrides": " ".join(map(shlex.quote, run.overrides)),
                     "folder": None if None in (at, self.folder) else f"{at}/{run.index:04d}",
                     "failed_stage": getattr(failure, "stage", None),
@@ -84,23 +81,17 @@ class SweepResult:
 
         from stixel_cli.answers.runs import Runs
 
-        settings = [run.setting | {SEED: run.manifest.get("seed", "")} for run in self.runs]
-        keys = [key for axis in self.axes for key in axis]
-        keys = [key for key in keys if any(key in one for one in settings)] or [SEED]
         rows = [
-            {key: one.get(key, NOT_GIVEN) for key in keys}
-            | {
-                "status": run.status,
-                "folder": None if row["folder"] is None else str(self.folder / row["folder"]),
-                "error": None if run.failure is None else " ".join(str(run.failure).split()),
-            }
-            | {name: value for name, value in run.metrics.items() if name not in keys}
-            for run, one, row in zip(self.runs, settings, self.rows, strict=True)
+            row | {"folder": None if row["folder"] is None else str(self.folder / row["folder"])}
+            for row in self.rows
         ]
-        frame = pandas.DataFrame(rows)
-        metrics = dict.fromkeys(name for run in self.runs for name in run.metrics)
-        numbers = [name for name in metrics if name not in keys]
-        typed = frame.astype(dict.fromkeys(numbers, float))
+        keys = [key for axis in self.axes for key in axis if any(key in row for row in rows)]
+        keys = keys or [SEED]
+        frame = pandas.DataFrame(rows).set_index("run")
+        numbers = dict.fromkeys(name for run in self.runs for name in run.metrics)
+        typed = frame.astype({name: float for name in numbers if name not in keys})
+        rest = (name for name in (SEED, "overrides", "failed_stage") if name not in keys)
+        typed = typed.drop(columns=[*rest])
         return Runs(typed, tuple(keys), question_over(self.over, self.axes))
 
     def ask(self, **parts: Any) -> "Answer":
@@ -127,7 +118,7 @@ class SweepResult:
         return sum(run.status == status for run in self.runs)
 
 
-def question_over(over: Sequence[str], axes: Axes) -> dict[str, Any]:
+def question_over(over: Sequence[str], axes: Sequence[Sequence[str]]) -> dict[str, Any]:
     """The parts of a question whose means are over some keys of axes; {} for the seed alone.
 
     Seeds are units; where none is named, all named keys are. The other named keys are scenarios,

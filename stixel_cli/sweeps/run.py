@@ -21,7 +21,7 @@ from stixel_cli.sweeps.folder import SUMMARIES, TABLE, SweepFolder, SweepRequest
 from stixel_cli.sweeps.graphs import SweepPlan
 from stixel_cli.sweeps.page import summary_files
 from stixel_cli.sweeps.results import SweepResult
-from stixel_cli.sweeps.run_files import RunLineages, failure_files, remove_unused_code, run_files
+from stixel_cli.sweeps.run_files import RunLineages, failure_files, run_files
 from stixel_cli.sweeps.runs import PlannedRun
 
 
@@ -43,7 +43,7 @@ def run_sweep(
     """Compute the missing nodes of a sweep and write its results. A failing run stops no other.
 
     Args:
-        plan: the runs, in the order of execution.
+        plan: the runs, in the order of their indices.
         request: has the axes, and the notes for the manifest of every run.
         folder: of the sweep, with its `sweep.yaml`; None to write nothing.
         visible: show progress on stderr.
@@ -73,10 +73,7 @@ def run_sweep(
             f"interrupted: {len(sweep.runs)} of {len(plan.runs)} runs are done; computed results "
             f"are kept{resume}"
         ) from None
-    result = sweep.write_tables()
-    if folder is not None:
-        remove_unused_code(folder)
-    return result
+    return sweep.write_tables()
 
 
 class SweepProgress(Progress):
@@ -262,8 +259,9 @@ class _Sweep:
 
     def write_tables(self) -> SweepResult:
         """Write `runs.csv`, and the summaries of complete settings."""
-        in_order = sorted(self.plan.runs, key=lambda planned: planned.index)
-        runs = tuple(self.runs.get(one.index) or one.result(status=MISSING) for one in in_order)
+        runs = tuple(
+            self.runs.get(one.index) or one.result(status=MISSING) for one in self.plan.runs
+        )
         folder = None if self.folder is None else self.folder.path
         request = self.request
         result = SweepResult(

@@ -97,18 +97,18 @@ class PlannedRun:
 def sweep_design(
     overrides: Sequence[str],
     file: str | None = None,
-    one_is_enough: bool = False,
     trust_code: bool = False,
     over: str = SEED,
+    one_is_enough: bool = False,
 ) -> Design:
     """The design of a command line and a file.
 
     Args:
         overrides: in Hydra's grammar; several values of a key make an axis.
         file: a path, or a name in `pipelines/studies`; see `stixel_cli.sweeps.file`.
-        one_is_enough: accept a design of a single run.
         trust_code: accept user-defined code that the file names.
         over: keys of the axes that means are over, separated by commas.
+        one_is_enough: accept a design of a single run.
 
     Raises:
         ConfigurationError: for an invalid override, a key in both, code that is not trusted, or
@@ -134,7 +134,7 @@ def design_runs(design: Design, imports: bool = True) -> list[PlannedRun]:
     """
     each = [(*design.fixed, *changes) for changes in design.combinations()]
     if not each:
-        raise ConfigurationError(f"{design.leave_out}: every run is left out")
+        raise ConfigurationError("leave_out: every run is left out")
     runs = compose_runs(each, design.keys, Composer(imports=imports))
     # One composer made them, so equal groups are one object.
     groups = equal_runs(runs, lambda r: (*map(id, vars(r.composition.configuration).values()),))
@@ -151,24 +151,28 @@ def compose_runs(
 ) -> list[PlannedRun]:
     """The runs of the overrides of each, of one value each; `keys` differ between them.
 
-    Where options of a group differ, a run leaves out keys that only others of the options have.
+    Where options of a group differ, a run leaves out keys that only others of the options have:
+    its setting of such a key is `NOT_GIVEN`, and runs that differ in such keys alone are one.
 
     ConfigurationError in one line that names the first invalid run by its settings.
     """
-    runs: list[PlannedRun] = []
+    runs: dict[Hashable, PlannedRun] = {}
     left_out: Counter[str] = Counter()
-    for index, parsed in enumerate(each):
+    for parsed in each:
         values = {one.key: one.value_text for one in parsed}
-        settings = {key: values.get(key, NOT_GIVEN) for key in keys}
         try:
             composition = _composed(parsed, keys, composer, left_out, len(each))
         except ConfigurationError as fault:
-            if not settings:
+            if not keys:
                 raise
-            named = setting_label(settings)
-            raise ConfigurationError(f"{fault} (run {index}: {named})") from None
-        runs.append(PlannedRun(index, settings, composition))
-    return runs
+            named = setting_label({key: values.get(key, NOT_GIVEN) for key in keys})
+            raise ConfigurationError(f"{fault} (run {len(runs)}: {named})") from None
+        given = composition.keys
+        settings = {key: values[key] if key in given else NOT_GIVEN for key in keys}
+        shown = (*settings.values(),)
+        mark = shown if NOT_GIVEN in shown else len(runs)
+        runs.setdefault(mark, PlannedRun(len(runs), settings, composition))
+    return [*runs.values()]
 
 
 def _composed(
@@ -187,9 +191,8 @@ def _composed(
     except BelongsElsewhere as fault:
         key, kept = fault.key, [one for one in parsed if one.key != fault.key]
         left_out[key] += 1
-        if len(kept) == len(parsed) or key in keys or key.partition(".")[0] not in keys:
-            raise
-        if left_out[key] == count:
+        group, dot, _ = key.partition(".")
+        if not dot or group not in keys or len(kept) == len(parsed) or left_out[key] == count:
             raise
         return _composed(kept, keys, composer, left_out, count)
 

@@ -1,25 +1,20 @@
 """The folder of a tuning: `trials.csv`, a page, and a preset of the chosen trial."""
 
-from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
-import numpy as np
 import pandas as pd
 from annotated_types import Ge, Le
-from matplotlib.axes import Axes
 
 from stixel_cli.answers.answer import Answer
 from stixel_cli.answers.figures import differences
-from stixel_cli.answers.render import Cells
+from stixel_cli.answers.render import Cells, cells_of
 from stixel_cli.border import write_below, written
 from stixel_cli.config.folders import group_options, of_the_machine
 from stixel_cli.config.messages import validated
 from stixel_cli.evaluation.metric_table import metric
 from stixel_cli.files import read_yaml
 from stixel_cli.parameters import parameters
-from stixel_cli.pictures import style
-from stixel_cli.report.charts import Panel, chart
 from stixel_cli.report.metrics import number
 from stixel_cli.report.page import drawing_for_page, page_template
 from stixel_cli.results.folder import PAGE, write_whole_folder
@@ -63,16 +58,9 @@ def write_outcome(folder: Path, tuning: Tuning, command: str) -> tuple[Trial, li
         title=folder.resolve().name,
         chosen=best,
         gain=[(label(one.question.metric), one.sentence) for one in gain],
-        gain_figures=[
-            drawing_for_page(differences(one).decode(), f"g{i}") for i, one in enumerate(gain)
-        ],
-        cells=Cells(
-            tuple(trials), tuple(tuple(map(_text, row)) for row in trials.itertuples(index=False))
-        ),
-        figures=[
-            (title, drawing_for_page(chart([panel]).decode(), f"t{i}"))
-            for i, (title, panel) in enumerate(_panels(tuning).items())
-        ],
+        gain_figures=[drawing_for_page(differences(one), f"g{i}") for i, one in enumerate(gain)],
+        cells=cells_of(trials),
+        parameters=_parameters(tuning, best),
         command=command,
     )
     files = {"preset/experiment/tuned.yaml": preset_text(tuning, best, command)}
@@ -102,10 +90,6 @@ def trials_frame(tuning: Tuning) -> pd.DataFrame:
     )
 
 
-def _text(value: Any) -> str:
-    return number(value) if isinstance(value, float) else "–" if value is None else str(value)
-
-
 def preset_text(tuning: Tuning, trial: Trial, command: str) -> str:
     """The experiment with the options and values of a trial, without seeds."""
     given = [*tuning.fixed, *tuning.overrides(trial.settings)]
@@ -128,35 +112,15 @@ def preset_text(tuning: Tuning, trial: Trial, command: str) -> str:
     return f"# @package _global_\n{yaml_text(content)}"
 
 
-def _panels(tuning: Tuning) -> dict[str, Panel]:
-    """The objectives over the trials, the front of two, and the importance of each parameter."""
-    tried = [one for one in tuning.trials if one.values.size and "failed" not in one.state]
-    means, labels = np.array([one.means for one in tried]), [*map(label, tuning.objectives)]
-
-    def points(columns: np.ndarray, axes: Axes) -> None:
-        for state, color in (("complete", style.RUNS[0]), ("stopped", style.UNUSED)):
-            own = [i for i, one in enumerate(tried) if one.state == state]
-            axes.plot(*columns[own].T, "o", color=color, markersize=3.0, label=state)
-
-    def history(i: int, axes: Axes) -> None:
-        points(np.column_stack([[int(one.name) for one in tried], means[:, i]]), axes)
-        axes.axhline(tuning.default.means[i], color=style.TRUTH, linestyle="--", label="default")
-
-    def pareto(axes: Axes) -> None:
-        points(means, axes)
-        axes.plot(*tuning.default.means, "*", color=style.TRUTH, label="default")
-        axes.plot(*np.transpose([one.means for one in tuning.front()]), color=style.RUNS[2])
-
-    panels = {
-        f"History: {x}": Panel(partial(history, i), "", "trial", x) for i, x in enumerate(labels)
-    }
-    if len(labels) == 2:
-        panels["Front"] = Panel(pareto, "", *labels)
-    for i, name in enumerate(labels):
-        shares = _importance(tuning, i)
-        bars = partial(Axes.barh, y=[*shares], width=[*shares.values()], color=style.RUNS[0])
-        panels |= {f"Importance: {name}": Panel(bars, x="share of the variance")} if shares else {}
-    return panels
+def _parameters(tuning: Tuning, trial: Trial) -> Cells:
+    """The values of a trial, with the importance of each parameter for each objective."""
+    shares = [_importance(tuning, i) for i in range(len(tuning.objectives))]
+    names = (f"importance for {metric(name).short_label}" for name in tuning.objectives)
+    rows = (
+        (key, value, *(number(own.get(key), 2) for own in shares))
+        for key, value in trial.settings.items()
+    )
+    return Cells(("parameter", "value", *names), tuple(rows), numbers=(2, 3))
 
 
 def _importance(tuning: Tuning, i: int) -> dict[str, float]:

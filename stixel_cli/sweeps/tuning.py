@@ -23,6 +23,7 @@ from stixel_cli.config.override_checks import check_overrides, refuse_twice
 from stixel_cli.config.overrides import Override, parse
 from stixel_cli.engine.store import open_store
 from stixel_cli.errors import ConfigurationError, UserError, printable
+from stixel_cli.evaluation.intervals import LEAST_UNITS
 from stixel_cli.evaluation.metric_table import METRICS, metric
 from stixel_cli.results.result import DONE
 from stixel_cli.sweeps.design import SEED
@@ -35,8 +36,6 @@ FIRST_SEED = 1000
 """Of those to tune on: reports use the seeds below."""
 BATCH = 4
 """Trials that are asked for together, whatever the number of workers."""
-LEAST_SEEDS = 4
-"""Seeds after which a clearly worse trial stops: an interval needs as many."""
 
 
 @dataclass
@@ -114,7 +113,8 @@ class Tuning:
         # One shape has no variance.
         several = [axis[0] for axis in axes[1:] if len(axis) > 1]
         self._drawn = {SEED, *(one.key for one in several if is_drawn(one))}
-        self._first = LEAST_SEEDS * len(self._levels[False]) // len(axes[0])
+        # A clearly worse trial stops after these runs: an interval needs as many seeds.
+        self._first = LEAST_UNITS * len(self._levels[False]) // len(axes[0])
         self.parameters = {one.key: self._distribution(one, tuned) for one in tuned}
 
     def _distribution(self, override: Override, tuned: Sequence[Override]) -> Any:

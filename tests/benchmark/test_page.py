@@ -4,11 +4,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from stixel_cli.answers.runs import Runs
 from stixel_cli.benchmark.data import sha256
-from stixel_cli.benchmark.page import AXES, bench_pages, kind_of, score_frame
+from stixel_cli.benchmark.page import bench_pages, kind_of
 from stixel_cli.benchmark.score import METRIC_VERSION, write_row
-from stixel_cli.benchmark.sequences import FROZEN, named, whole_set
+from stixel_cli.benchmark.sequences import named, whole_set
 from stixel_cli.cli.app import main
 
 NAMES = [one.name for one in whole_set(mini=True)]
@@ -66,18 +65,11 @@ def test_the_page_compares_what_is_comparable():
     assert "smoothed (not causal)" in page and "smoothed" not in text
 
 
-def test_many_seeds_show_a_better_tracker_and_no_difference_of_equal_ones():
-    names = [one.name for one in whole_set(mini=False) if one.part == FROZEN]
-    base = NOISE.uniform(0.5, 0.7, len(names))
-    jitter = NOISE.normal(0.0, 0.05, len(names))
-    ious = {"gp_ekf": base, "equal": base + jitter - jitter.mean(), "better": base + 0.1}
-    made = [row(name, own, names=names) for name, own in ious.items()]
-    frame = score_frame(made)
-    answer = Runs(frame, AXES).ask(compare="tracker", over="seed", metric="iou_mean")
-    assert (answer.best, answer.shown) == ("better", True) and answer.units >= 4
-    assert answer.table.loc["gp_ekf", "minus"] == pytest.approx(-0.1)
-    equal = Runs(frame[frame["tracker"] != "better"], AXES)
-    assert not equal.ask(compare="tracker", over="seed", metric="iou_mean").shown
+def test_a_part_whose_seeds_each_have_one_sensor_is_compared_over_them():
+    names = [one.name for one in whole_set() if one.part == "hard"]
+    files = bench_pages([row(name, np.full(len(names), 0.5), names=names) for name in "ab"])
+    table = pd.read_csv(io.StringIO(files[f"{'a' * 12}-hard.csv"]))
+    assert set(table["units"]) == {5} and set(table["mean"][:2]) == {0.5}
 
 
 def test_fresh_rows_and_other_processors():

@@ -207,6 +207,7 @@ def test_sweeps_of_options(group, capsys):
     ("words", "said"),
     [
         (["seed=interval(0,1)"], "interval"),
+        (["seed=shuffle(0,1)"], "not supported"),
         (["seed=0,1", "~rig"], "cannot be removed"),
         (["+seed=0,1"], "leave out the +"),
         (["+tracker.news=0,1"], "unknown key"),

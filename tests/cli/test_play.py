@@ -143,7 +143,7 @@ def test_results_that_come_out_differently_are_said(results, tmp_path, capsys):
         (("one", "faster"), "path.speed is 3 in one and 7.5 in faster"),
         (("one", "one"), "two arguments name the same folder"),
         (("none",), "no such folder"),
-        (("sweep",), "not a valid sweep.yaml"),
+        (("sweep",), "sweep.yaml: "),
     ],
 )
 def test_what_cannot_be_played_is_refused_in_one_line(results, folders, said, capsys):

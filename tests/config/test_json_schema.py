@@ -72,7 +72,6 @@ def test_entries_of_sweeps_and_studies_are_those_of_their_readers():
         ("experiment.json", {"path": {"duration": "long"}}),
         ("sweep.json", {"axes": {"tracker.sigma_f": [0.1, "wide"]}}),
         ("sweep.json", {"axis": {}}),
-        ("sweep.json", {"grids": [{"seeds": 2}]}),
         ("study.json", {"title": "t", "question": "q", "text": "t", "module": "m"}),
     ],
 )
@@ -87,7 +86,6 @@ def test_a_fault_is_found(name, content):
         ("rig.json", {"width": "${oc.env:WIDTH}"}),
         ("path.json", {"kind": "turn", "start": ["${pace.x}", 1.0]}),
         ("sweep.json", {"axes": {"tracker": ["contour", "mine:track"], "seed": "range(0,3)"}}),
-        ("sweep.json", {"grids": [{"axes": {"tracker.sigma_q": [1.0]}}, {"fixed": {"seed": 1}}]}),
     ],
 )
 def test_interpolations_and_options_of_ones_own_are_accepted(name, content):

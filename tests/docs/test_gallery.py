@@ -1,29 +1,20 @@
 """The gallery is the output of its script, and its commands are valid."""
 
-import importlib.util
 import io
 import shlex
-from pathlib import Path
 
 import pytest
+from test_settings_page import DOCS, load_script
 
 from stixel_cli import compose
 from stixel_cli.border import TYPED
 from stixel_cli.config.override_checks import check_overrides, read_overrides
 from stixel_cli.experiment.stages import pictured_frames, scan_count
 
-DOCS = Path(__file__).parents[2] / "docs"
 MOST_BYTES = 1_800_000
 
 
-def load_script():
-    spec = importlib.util.spec_from_file_location("gallery", DOCS / "gallery.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-gallery = load_script()
+gallery = load_script("gallery")
 ENTRIES = [entry for group in gallery.sections().values() for entry in group]
 
 

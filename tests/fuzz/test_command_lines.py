@@ -35,7 +35,7 @@ RIGHT = (
     "run --dry-run --json path=waypoints path.points=[[0,12],[3,15],[0,20]] --workers 2",
     "run --dry-run measurement=fabricated measurement/noise=constant tracker.length_scale=0.6",
     "run --dry-run rig=kitti stereo=bm --name kitti-bm seed=3",
-    "sweep --dry-run tracker.length_scale=0.2,0.4 seed=range(0,3)",
+    "sweep --dry-run tracker.length_scale=0.2,0.4 seed=range(0,3) --pictures",
     "sweep --dry-run --from prior_width seed=choice(1,2) measurement=fabricated",
     "sweep --dry-run road_user=glob(*) path=turn,s_curve measurement=fabricated",
     "sweep --dry-run --json tracker.sigma_f=range(0.1,0.5,0.2) tracker=gp_ekf --pictures",

@@ -19,6 +19,7 @@ from stixel_cli.pictures import style
 from stixel_cli.pictures.camera_frames import WIDEST, camera_frames
 from stixel_cli.pictures.consistency import normalised_chi_square_bounds
 from stixel_cli.report import playback
+from stixel_cli.report.metrics import number
 from stixel_cli.report.playback import playback_data, playback_html
 from stixel_cli.report.static_page import json_in_html
 
@@ -58,12 +59,12 @@ def test_main_numbers_are_beside_those_of_the_points():
     (played,) = playback_data([replace(run, metrics=metrics)], "a run")["runs"]
     iou, centre, nees = played["headline"]
     assert iou == ["mean IoU", "0.500", "baseline: 0.250"]
-    assert nees == ["mean NEES / 2", "2.000", "consistent: 1.000"]
+    assert nees == ["mean NEES / 2", "2.00", "consistent: 1.00"]
     used, offsets = run.track.used_points, run.track.used_offsets
     means = [run.scans.points_world[used[a:b]].mean(axis=0) for a, b in pairwise(offsets) if b > a]
     true = run.scenario.target_poses_world[np.diff(offsets) > 0, :2]
     rmse = np.sqrt(np.mean(np.sum((np.array(means) - true) ** 2, axis=1)))
-    assert centre[2:] == [f"mean of its points: {rmse:.3f} m"]
+    assert centre[2:] == [f"mean of its points: {number(rmse)} m"]
 
 
 def test_ellipse_matches_its_covariance():

@@ -1,53 +1,8 @@
 """Tiny studies by the real command line, and one with a report made for the tests."""
 
-import json
-
 import pytest
 import study_toy
-
-from stixel_cli.cli.app import main
-
-
-class Studies:
-    """Runs `stixel study` and reads what it leaves."""
-
-    def __init__(self, results, capsys):
-        self.results = results
-        self._capsys = capsys
-        self.error = ""
-
-    def run(self, *arguments, code=0):
-        """What the command prints as JSON, after it has ended with `code`."""
-        self._capsys.readouterr()
-        found = main(
-            [
-                "study",
-                *map(str, arguments),
-                "--json",
-                "--trust-code",
-                "--results",
-                str(self.results),
-            ]
-        )
-        said = self._capsys.readouterr()
-        # What --trust-code lets through is told first.
-        lines = [f"{line}\n" for line in said.err.splitlines() if "(--trust-code)" not in line]
-        self.error = "".join(lines)
-        assert found == code, said.err
-        return json.loads(said.out) if said.out else None
-
-    @property
-    def messages(self):
-        """The lines on stderr, without those of the progress on a slow machine."""
-        return [line for line in self.error.splitlines() if " nodes cached" not in line]
-
-    def refused(self, *arguments):
-        """The one line of a refused command; nothing is written."""
-        before = sorted(self.results.rglob("*"))
-        assert self.run(*arguments, code=2) is None
-        assert self.error.count("\n") == 1, self.error
-        assert sorted(self.results.rglob("*")) == before
-        return self.error
+from json_commands import JsonCommand
 
 
 @pytest.fixture
@@ -59,7 +14,7 @@ def own_cache(tmp_path, monkeypatch):
 
 @pytest.fixture
 def studies(tmp_path, capsys):
-    return Studies(tmp_path / "results", capsys)
+    return JsonCommand("study", tmp_path / "results", capsys, "--trust-code")
 
 
 @pytest.fixture

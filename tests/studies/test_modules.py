@@ -57,7 +57,7 @@ def test_metrics_of_the_stages_of_rq1():
 def test_the_required_disparity_depends_on_the_rig():
     rig = Rig(640, 480, 60.0, None, None, None, 0.3, 1.2, 0.0, None)
     runs = [SimpleNamespace(configuration=SimpleNamespace(rig=rig))] * 2
-    data = StudyData("rq1", "", "", {"rigs": SimpleNamespace(runs=runs)})
+    data = StudyData({"rigs": SimpleNamespace(runs=runs)})
     (table,) = rq1.material(data).tables.values()
     (row,) = table.to_dict("records")
     needed = row["needed σ of the disparity (px)"]

@@ -14,11 +14,12 @@ from stixel_cli.config.folders import STUDIES, shipped_folder
 from stixel_cli.config.texts import override_text, split_override
 from stixel_cli.evaluation.metric_table import MAIN
 from stixel_cli.evaluation.metric_table import METRICS as KNOWN
+from stixel_cli.results.result import GROUPS
 from stixel_cli.scene.mesh_file import load_mesh
 from stixel_cli.studies import robustness, rq1, rq3
 from stixel_cli.studies.file import find_study, read_study
 from stixel_cli.studies.questions import asked
-from stixel_cli.studies.report import GROUPS, answer_text, rows_of, with_columns
+from stixel_cli.studies.report import answer_text, rows_of, with_columns
 
 MESHES = sorted((shipped_folder("pipelines") / "studies" / "meshes").glob("*/*.obj"))
 TABLES = "/data/{}/scans.csv"

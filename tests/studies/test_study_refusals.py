@@ -30,7 +30,7 @@ TINY = ("road_user=car", "seed=0")
         (
             "columns(name, runs, results)",
             "return rows_of(runs, [[{'iou_mean': 1.0}] * 2] * len(runs), ())",
-            "questions: trackers: metrics: points_of_scans: no such column",
+            "questions: trackers: points_of_scans: no such column",
         ),
     ],
 )
@@ -152,10 +152,10 @@ def test_a_wrong_module_is_refused(studies, toy, tmp_path, name, content, error)
 @pytest.mark.parametrize(
     ("entry", "value", "error"),
     [
-        ("compare", "traker", "questions: trackers: compare: traker: no such column"),
-        ("where", {"traker": "point"}, "questions: trackers: where: traker: no such column"),
-        ("by", "road", "questions: trackers: by: road: no such column"),
-        ("metrics", ["iou_men"], "questions: trackers: metrics: iou_men: no such column"),
+        ("compare", "traker", "questions: trackers: traker: no such column"),
+        ("where", {"traker": "point"}, "questions: trackers: traker: no such column"),
+        ("by", "road", "questions: trackers: road: no such column"),
+        ("metrics", ["iou_men"], "questions: trackers: iou_men: no such column"),
     ],
 )
 def test_a_question_about_no_column_is_refused(studies, toy, entry, value, error):

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from result_folders import TETRAHEDRON
 from study_toy import changed
 
 from stixel_cli.cli.app import main
@@ -42,7 +43,6 @@ def test_a_study_computes_its_sweeps_and_writes_its_report(studies, toy, capsys)
     assert (folder / "extra/note.txt").read_text() == "kept\n"
     (data,) = toy.seen
     first, second = data.sweeps["first"], data.sweeps["second"]
-    assert (data.name, data.title) == ("toy", "A <toy> & its title")
     assert tuple(first.runs[0].planned.settings) == ("tracker", "road_user", "path", "seed")
     # The second sweep's axis depends on the number of runs of the first.
     assert [run.setting for run in second.runs] == [
@@ -53,8 +53,6 @@ def test_a_study_computes_its_sweeps_and_writes_its_report(studies, toy, capsys)
     scans, track = run.load("scans"), run.load("track")
     assert np.array_equal(scans.times, run.scores.times)
     assert len(track.means) == len(scans)
-    assert {"scenario", "scans", "track", "scores"} <= set(run.cpu_seconds)
-    assert all(seconds >= 0.0 for seconds in run.cpu_seconds.values())
     with pytest.raises(KeyError):
         run.load("render")
     assert_tables_and_text_have_the_values_of_the_runs(folder, answer)
@@ -138,33 +136,10 @@ def test_a_study_with_failed_runs_can_be_resumed(studies, toy, tmp_path):
     page = (folder / "report.html").read_text()
     assert "no answer" in page and "bad.obj" in page and command in page
     assert not (folder / "tables").exists() and not toy.seen
-    mesh.write_text(_BOX, encoding="utf-8")
+    mesh.write_text(TETRAHEDRON.format(1.5), encoding="utf-8")
     answer = studies.run(file, "seed=0")
     assert answer["complete"] and answer["sweeps"]["first"]["done"] == 8
     assert "no answer" not in (folder / "report.html").read_text()
-
-
-_BOX = """v -2 -0.9 0
-v 2 -0.9 0
-v 2 0.9 0
-v -2 0.9 0
-v -2 -0.9 1.5
-v 2 -0.9 1.5
-v 2 0.9 1.5
-v -2 0.9 1.5
-f 1 3 2
-f 1 4 3
-f 5 6 7
-f 5 7 8
-f 1 2 6
-f 1 6 5
-f 2 3 7
-f 2 7 6
-f 3 4 8
-f 3 8 7
-f 4 1 5
-f 4 5 8
-"""
 
 
 def test_an_interrupted_study_can_be_resumed(studies, toy, monkeypatch, own_cache):

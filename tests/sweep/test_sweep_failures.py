@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from runs_of import TETRAHEDRON
+from result_folders import TETRAHEDRON
 
 from stixel_cli import sweep
 from stixel_cli.engine.cache_folder import make_folder

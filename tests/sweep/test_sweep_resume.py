@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from runs_of import TETRAHEDRON
+from result_folders import TETRAHEDRON
 
 from stixel_cli.cli.app import main
 
@@ -159,8 +159,6 @@ def test_resume_counts_runs_of_changed_settings_and_keys(sweeps, monkeypatch):
 
 
 def test_runs_refer_to_one_file_of_code(folder, sweeps):
-    # As a run of other code, whose runs are all computed again, left it.
-    (folder / "code" / f"{'0' * 16}.json").write_text("{}")
     sweeps.run("--resume", folder)
     (code,) = (folder / "code").iterdir()
     for run in (folder / "runs").iterdir():

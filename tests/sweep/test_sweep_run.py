@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 import yaml
 
-from stixel_cli import sweep
 from stixel_cli.cli.app import main
 from stixel_cli.config.compose import compose, from_resolved
 from stixel_cli.evaluation.intervals import between_bounds
@@ -43,28 +42,6 @@ def test_runs_share_what_they_have_in_common(sweeps, capsys):
     planned = json.loads(capsys.readouterr().out)
     assert planned["nodes"] == {"all": 18, "cached": 18, "to_run": 0}
     assert planned["runs_cached"] == 6
-
-
-def test_two_hundred_tracker_runs_compute_their_scans_once():
-    from runs_of import sweep_runs
-
-    from stixel_cli.sweeps.graphs import plan_runs, plan_sweep
-
-    runs = sweep_runs(["tracker.sigma_q=range(0.5,2.5,0.01)"])
-    plan = plan_sweep(plan_runs(runs), store=_Empty())
-    counts = {stage.name: stage.nodes for stage in plan.stages}
-    assert len(runs) == 200
-    assert counts["render"] == counts["match"] == counts["stixels"] == 10
-    assert counts["scans"] == counts["start"] == 1
-    assert counts["track"] == counts["scores"] == 200
-    assert not {name for name in counts if "pictures" in name}
-
-
-class _Empty:
-    folder = Path("nowhere")
-
-    def has(self, key):
-        return False
 
 
 @pytest.mark.drawn
@@ -143,31 +120,15 @@ def test_the_summaries_are_those_of_the_seeds(sweeps):
     [
         (["--resume", "nowhere"], "nowhere: no such folder"),
         (["--resume", "."], "not the folder of a sweep (sweep.yaml is missing)"),
-        (["--resume", ".", "--from", "x"], "leave out --from"),
-        (["--resume", ".", "--dry-run"], "leave out --dry-run"),
-        (["seed=0,1", "seed=2"], "seed: is given twice"),
-        ([*FEW, "sensor.read_noise=0,1"], "no stage reads it"),
-        (["seed=3"], "nothing to sweep"),
         ([*FEW, "seed=0,1", "--name", "a/b"], "is not a valid folder name"),
         ([*FEW, "seed=0,1", "--name", "a/b", "--dry-run"], "is not a valid folder name"),
         ([*FEW, "seed=0,1", "--name", "", "--dry-run"], "is not a valid folder name"),
-        (["--from", "nowhere"], "no such file"),
     ],
 )
 def test_a_refused_command_prints_one_line_and_writes_nothing(sweeps, arguments, said, monkeypatch):
     sweeps.results.mkdir()
     monkeypatch.chdir(sweeps.results)
     assert said in sweeps.refused(*arguments)
-
-
-def test_a_wrong_sweep_yaml_is_refused_in_one_line(sweeps):
-    sweeps.run(*FEW, "seed=0,1", "--name", "mine")
-    file = sweeps.results / "mine" / "sweep.yaml"
-    before_runs = file.read_text().replace("\nruns:", "\npoints:").replace("\nnodes:", "\nsteps:")
-    for text in ("", "[]", "runs: 3", "a: [", "axes: []\nruns: []\nnodes: []", before_runs):
-        file.write_text(text)
-        said = sweeps.refused("--resume", file.parent)
-        assert "not a valid sweep.yaml" in said or "not valid YAML" in said
 
 
 def test_dry_run_writes_nothing(sweeps, capsys):
@@ -221,14 +182,6 @@ def test_json_has_the_full_folder_and_show_fits_the_terminal(sweeps, tmp_path, c
     assert max(map(len, said.splitlines())) <= 100
     assert "hydra-core" in said
     assert "world=street" in said
-
-
-def test_from_python_nothing_is_written(sweeps, tmp_path):
-    result = sweep([*FEW, "seed=0,1"])
-    assert result.complete
-    assert result.folder is None
-    assert [record["seed"] for record in result.records] == [0, 1]
-    assert not sweeps.results.exists()
 
 
 def test_a_taken_name_is_refused_before_anything_is_planned(sweeps, monkeypatch):
