@@ -11,14 +11,15 @@ SHORT = {
     "drawn": {
         "stixel_cli.experiment.run.PICTURES": (),
         "stixel_cli.sweeps.page.sweep_page": lambda *_, **given: "",
+        "stixel_cli.studies.run.study_page": lambda *_: "",
     },
     "workers": {"stixel_cli.engine.plan.Durations.estimate": lambda *_: (0.0, [])},
 }
 """What is replaced unless a test or its module has the mark.
 
-Drawing, and processes that import all libraries, take nearly all of a short run's time. Runs and
-sweeps draw nothing without `drawn`; without `workers` all work of `executor=local` counts as small,
-and is done in this process.
+Drawing, and processes that import all libraries, take nearly all of a short run's time. Runs,
+sweeps and studies draw nothing without `drawn`; without `workers` all work of `executor=local`
+counts as small, and is done in this process.
 """
 
 

@@ -10,6 +10,8 @@ from stixel_cli.pictures import style
 from stixel_cli.report.metrics import decimals, number, quantity
 from stixel_cli.report.page import drawing_for_page, smallest_text, svg_for_page
 
+pytestmark = pytest.mark.drawn
+
 
 @pytest.fixture(scope="module")
 def page(tmp_path_factory, shared_cache):
