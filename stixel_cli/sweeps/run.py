@@ -21,7 +21,7 @@ from stixel_cli.sweeps.folder import SUMMARIES, TABLE, SweepFolder, SweepRequest
 from stixel_cli.sweeps.graphs import SweepPlan
 from stixel_cli.sweeps.page import summary_files
 from stixel_cli.sweeps.results import SweepResult
-from stixel_cli.sweeps.run_files import RunLineages, failure_files, run_files
+from stixel_cli.sweeps.run_files import RunLineages, failure_files, remove_unused_code, run_files
 from stixel_cli.sweeps.runs import PlannedRun
 
 
@@ -73,7 +73,10 @@ def run_sweep(
             f"interrupted: {len(sweep.runs)} of {len(plan.runs)} runs are done; computed results "
             f"are kept{resume}"
         ) from None
-    return sweep.write_tables()
+    result = sweep.write_tables()
+    if folder is not None:
+        remove_unused_code(folder)
+    return result
 
 
 class SweepProgress(Progress):

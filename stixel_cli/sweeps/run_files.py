@@ -4,6 +4,7 @@ import json
 import shlex
 import traceback
 from collections.abc import Mapping
+from contextlib import suppress
 from functools import lru_cache
 from typing import Any
 
@@ -11,13 +12,15 @@ from stixel_cli.config.folders import PRESETS
 from stixel_cli.engine.execute import Execution
 from stixel_cli.engine.keys import digest
 from stixel_cli.engine.store import Store
+from stixel_cli.errors import UserError
 from stixel_cli.evaluation.scores import Scores
+from stixel_cli.files import read_json
 from stixel_cli.results import lineage
 from stixel_cli.results.folder import arrays_content
 from stixel_cli.results.reader import json_text, yaml_text
 from stixel_cli.results.result import RunResult
 from stixel_cli.results.tables import score_columns
-from stixel_cli.sweeps.folder import SweepFolder
+from stixel_cli.sweeps.folder import RUNS, SweepFolder
 from stixel_cli.sweeps.runs import PlannedRun
 
 
@@ -105,3 +108,16 @@ class RunLineages:
             self._folder.write({f"{lineage.CODE_FOLDER}/{path}": files[path] for path in files})
             self._written.add(name)
         return lineage.compact_json(lineage.lineage_tree(found, name))
+
+
+def remove_unused_code(folder: SweepFolder) -> None:
+    """Remove code files that no run refers to any more; those that cannot be removed stay."""
+    files = list((folder.path / lineage.CODE_FOLDER).glob("*.json"))
+    if len(files) < 2:
+        return
+    used = set()
+    for run in (folder.path / RUNS).glob("[0-9]*"):
+        with suppress(UserError):
+            used.add(str(read_json(run / lineage.FILE).get("code")))
+    unused = [one for one in files if one.stem not in used]
+    folder.remove(f"{lineage.CODE_FOLDER}/{n}" for one in unused for n in (one.name, one.stem))
