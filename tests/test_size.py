@@ -12,16 +12,16 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 50_784
+TOTAL = 50_632
 """Greatest number of lines in all."""
 
-MODULES = 339
+MODULES = 340
 """Greatest number of modules, without `__init__`."""
 
 BUDGET = {
-    "": 2204,
-    "answers": 1202,
-    "benchmark": 1018,
+    "": 2223,
+    "answers": 1188,
+    "benchmark": 1020,
     "calibration": 577,
     "cli": 3091,
     "config": 3081,
@@ -35,14 +35,14 @@ BUDGET = {
     "pictures": 1446,
     "recordings": 3059,
     "rendering": 2361,
-    "report": 1062,
-    "results": 1497,
+    "report": 1038,
+    "results": 1494,
     "scene": 3680,
     "stereo": 578,
     "stixels": 2345,
-    "studies": 2067,
-    "sweeps": 2462,
-    "tracking": 6698,
+    "studies": 1923,
+    "sweeps": 2345,
+    "tracking": 6827,
     "validation": 1294,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""

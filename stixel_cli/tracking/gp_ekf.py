@@ -173,6 +173,9 @@ def _updated(
     if tracker.measurement_covariance == "isotropic":
         noises = tracker.measurement_std**2 * np.eye(2)
     indices = _associated(points, noises, mean, covariance, process, tracker)
+    if side is not None:
+        others = side.others(rays, mean, stated.position)
+        indices = indices[~others[indices]]
     if side is not None and len(indices):
         indices = side.target(rays, shape_stds, indices, mean, covariance)
     if not len(indices):

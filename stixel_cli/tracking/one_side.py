@@ -13,6 +13,7 @@ import numpy as np
 from stixel_cli.geometry.pose import rotation
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.tracking.association import uncut
+from stixel_cli.tracking.background import Background
 from stixel_cli.tracking.contour.class_shape import (
     MODE_ANGLES,
     class_shape,
@@ -44,6 +45,9 @@ factor on the covariance of the pose."""
 END_STD = 0.2
 """Of the places of the first and the last point at the ends of the outline, m."""
 
+RECENT = 3
+"""A target is unseen if so many of the last scans had no point of it."""
+
 LEAST_SLANT = 0.2
 """Cosine between radius and normal of an outline, below which the radius changes no more."""
 
@@ -73,6 +77,7 @@ class OneSide:
         self._process, self._field_of_view = process, scans.field_of_view
         self._known = prior.road_user != "unknown"
         self._tables, self._by_height = None, False
+        self._background, self._unseen = Background(), RECENT
         self.radii = prior_radii(prior, process.basis_angles)
         self.basis_angles = process.basis_angles
         self.radii_covariance, self.limbs = None, np.zeros((0, len(self.radii)))
@@ -134,6 +139,15 @@ class OneSide:
             rays, stds = replace(rays, ranges=rays.ranges - missed), visible[3]
         return rays, stds
 
+    def others(self, rays: Rays, mean: np.ndarray, position: np.ndarray) -> np.ndarray:
+        """Which points of a scan are known to be other objects' than that of the `mean`: (n,).
+
+        `position` (2, 2) m² is the covariance of its place.
+        """
+        spread = np.sqrt(max(np.trace(position), 0.0))
+        unseen, self._unseen = self._unseen >= RECENT, self._unseen + 1
+        return self._background.others(rays, mean[:2], mean[2 * SEEN :].max(), spread, unseen)
+
     def target(
         self,
         rays: Rays,
@@ -171,6 +185,7 @@ class OneSide:
         if self._known:
             placed = mean[:SEEN] + step
             inside &= self._outside(rays.points_world[candidates], placed) < OUTSIDE
+        self._unseen = 0 if inside.any() else self._unseen
         return candidates[inside]
 
     def _outside(self, points_world: np.ndarray, pose: np.ndarray) -> np.ndarray:

@@ -6,12 +6,11 @@ from seen_targets import SENSOR, scans_seen, seen, start_at, turning
 from tracking_cases import CAR, scans_of
 
 from stixel_cli.config.compose import compose
-from stixel_cli.geometry.pose import world_from_target, wrap_angle
+from stixel_cli.geometry.pose import wrap_angle
 from stixel_cli.tracking.consider import JointCovariance
 from stixel_cli.tracking.contour import contour_filter, contour_recovery
 from stixel_cli.tracking.contour.class_shape import class_shape
 from stixel_cli.tracking.contour.contour import track
-from stixel_cli.tracking.contour.contour_filter import CONFIRMED
 from stixel_cli.tracking.contour.contour_rays import rays_of, sight_of
 from stixel_cli.tracking.contour.contour_recovery import RECENT, clusters_of, is_inconsistent
 from stixel_cli.tracking.contour.contour_report import box_sizes
@@ -65,21 +64,22 @@ def test_a_wrong_detection_is_given_up_again(monkeypatch):
     """A target turned by 70 degrees fits one scan, and the next ones contradict it."""
     poses = turning(20, 4.0, 0.0)
     scans = scans_seen(CAR_SHAPE.outline, poses, noise=0.03)
-    plain = track(scans, start_at(poses), KNOWN, TRACKER)
     detect_again = contour_recovery.detect_again
 
     def turned(*arguments):
-        indices, (mean, *rest, likelihood) = detect_again(*arguments)
         widen = float(arguments[-2])
-        turn = widen * np.radians(70) * np.eye(len(mean))[2]
-        return indices, (mean + turn, *rest, likelihood + 50.0 * widen)
+        turn = widen * np.radians(70) * np.eye(len(arguments[0]))[2]
+        return [
+            (indices, (mean + turn, *rest, likelihood + 50.0 * widen))
+            for indices, (mean, *rest, likelihood) in detect_again(*arguments)
+        ]
 
     monkeypatch.setattr(contour_filter, "is_inconsistent", lambda nis, degrees: len(nis) == 8)
     monkeypatch.setattr(contour_filter, "detect_again", turned)
     result = track(scans, start_at(poses), KNOWN, TRACKER)
     errors = np.abs(wrap_angle(result.means[:, 2] - poses[:, 2]))
     assert errors[7] > np.radians(45)
-    np.testing.assert_array_equal(result.means[7 + CONFIRMED :], plain.means[7 + CONFIRMED :])
+    assert errors[8:].max() < np.radians(1)
 
 
 def test_a_track_is_inconsistent_after_enough_scans_with_a_great_innovation():
@@ -106,22 +106,6 @@ def test_the_cluster_of_the_points_has_their_neighbours_but_nothing_larger_than_
     rays = rays_of(both, np.tile(1e-4 * np.eye(2), (15, 1, 1)), SENSOR)
     (found,) = clusters_of(rays, np.array([5, 6, 13]), sight, True)
     np.testing.assert_array_equal(found, [12, 13, 14])
-
-
-@pytest.mark.parametrize("road_user", ["cyclist", "pedestrian"])
-def test_a_target_that_is_hidden_is_not_the_car_that_hides_it(road_user):
-    """It passes behind a parked car, 7 m nearer; a car's filter does not take the car either."""
-    shape, speed = class_shape(road_user), {"cyclist": 4.0, "pedestrian": 1.5}[road_user]
-    begin = {"cyclist": -6.0, "pedestrian": -4.5}[road_user]
-    poses = np.column_stack([begin + 0.1 * speed * np.arange(50), np.full(50, 18.0), np.zeros(50)])
-    car = world_from_target(CAR_SHAPE.outline, np.array([1.0, 11.0, 0.0]))
-    scans = scans_seen(shape.outline, poses, noise=0.03, before=car)
-    prior = compose([f"road_user={road_user}"]).configuration.prior
-    result = track(scans, start_at(poses), prior, TRACKER)
-    assert result.class_replaced is None
-    used = np.diff(result.used_offsets)
-    assert used[0] > 5 and (used[25:] == 0).any()
-    assert np.hypot(*(result.means[:, :2] - poses[:, :2]).T).max() < 1.0
 
 
 def test_the_update_begins_again_from_turns_to_both_sides():

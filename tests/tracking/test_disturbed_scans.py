@@ -208,10 +208,10 @@ def test_only_a_class_that_is_not_contradicted_looks_for_its_target_again(user, 
     filters, recovers = {}, {}
     step = ClassFilter.step
 
-    def recorded(one, interval, rays, again, allowed=None):
+    def recorded(one, interval, rays, again):
         filters[id(one)] = one
         recovers[id(one), len(one.log_weights)] = again
-        return step(one, interval, rays, again, allowed)
+        return step(one, interval, rays, again)
 
     monkeypatch.setattr(ClassFilter, "step", recorded)
     of_prior.__wrapped__(user, "unknown", "lidar")

@@ -246,8 +246,8 @@ def test_a_target_that_was_looked_for_again_is_not_smoothed_across(monkeypatch):
     detect_again = contour_recovery.detect_again
 
     def likelier(*arguments):
-        indices, (*state, likelihood) = detect_again(*arguments)
-        return indices, (*state, likelihood + 50.0)
+        results = detect_again(*arguments)
+        return [(indices, (*state, odds + 50.0)) for indices, (*state, odds) in results]
 
     monkeypatch.setattr(contour_filter, "is_inconsistent", lambda nis, degrees: len(nis) == 10)
     monkeypatch.setattr(contour_filter, "detect_again", likelier)

@@ -8,6 +8,7 @@ import numpy as np
 
 from stixel_cli.measurements.scans import FieldOfView, Scans
 from stixel_cli.scene.classes import ROAD_USER_CLASSES
+from stixel_cli.tracking.background import Background
 from stixel_cli.tracking.contour.class_probabilities import (
     CONTRADICTED,
     RULED_OUT,
@@ -82,6 +83,8 @@ class ClassBank:
                         start, of_class, *seen, shared_errors + 1
                     )
         self._kept, self._best = dict(self._filters), 0.0
+        self._background = Background()
+        self._start = next((key for key in self._filters if key[0] == self._own), None)
         self._assumed, self._chosen, self._log_weights = self._own, [], []
 
     def step(
@@ -99,21 +102,28 @@ class ClassBank:
         stated = np.zeros((len(offsets), 2, 0)) if shared is None else shared
         shared = _with_bias(stated, offsets, self._bias_std)
         rays = rays_of(points_world, covariances, sensor, field_of_view, shared, heights)
-        # Once the target is hidden, what appears may be of another class: the reported one looks.
-        leader = self._kept.get(self._chosen[-1]) if self._chosen else None
-        allowed = leader.step(interval, rays, True) if leader and leader.unseen else None
+        leader = self._kept.get(self._chosen[-1] if self._chosen else self._start)
+        if leader:
+            others = self._background.others(rays, *leader.expected(interval), leader.unseen)
+            rays = replace(rays, others=others)
+        if leader and leader.unseen and self._chosen:
+            # What appears may be of another class: the reported one looks.
+            used = leader.step(interval, rays, True)
+            rays = replace(rays, others=~np.isin(np.arange(len(points_world)), used))
+        else:
+            leader = None
         for one in self._kept.values():
             # Re-detection costs thirteen updates; skip it for classes that the scans rule out.
             probable = not one.log_weights or one.log_weights[-1] > self._best - CONTRADICTED
-            if allowed is None or one is not leader:
-                one.step(interval, rays, probable, allowed)
+            if one is not leader:
+                one.step(interval, rays, probable)
         self._choose()
         self._best = max(one.log_weights[-1] for one in self._kept.values())
         self._kept = {
             (road_user, form): one
             for (road_user, form), one in self._kept.items()
             if one.log_weights[-1] >= self._best - RULED_OUT
-            or (one.sight.residual and road_user == self._own)
+            or road_user == (self._own if one.sight.residual else self._assumed)
         }
 
     def _choose(self) -> None:
@@ -121,9 +131,11 @@ class ClassBank:
         weights = {}
         for (road_user, form), one in self._kept.items():
             weight = one.log_weights[-1] + FORM_ODDS.get(form, 0.0)
-            # Another class's points stretch or shrink the size before they contradict the shape.
-            other = one.sight.residual and self._own not in (None, road_user)
-            far = other and one.size_deviations[-1] > GREATEST_DEVIATION
+            # Another class's points stretch or shrink the size before they contradict the shape;
+            # and a class that the scans contradict, too, names nothing better.
+            other = self._own not in (None, road_user)
+            far = one.sight.residual and one.size_deviations[-1] > GREATEST_DEVIATION
+            far = other and (far or one.inconsistent)
             weights[road_user, form] = -1e9 if far else weight
         of_class: dict[str, np.ndarray] = {}
         for (road_user, _), weight in weights.items():

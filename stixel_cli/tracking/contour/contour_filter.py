@@ -48,6 +48,7 @@ from stixel_cli.tracking.contour.contour_recovery import (
     RECENT,
     detect_again,
     is_inconsistent,
+    rivals,
     turned,
 )
 from stixel_cli.tracking.contour.contour_report import SIDEWAYS, box_sizes, contours_of, reported
@@ -62,9 +63,6 @@ SIZE_TIME = 10.0
 
 LONGEST_GAP = 1e6
 """s without a scan, after which a smoothed track begins anew."""
-
-CONFIRMED = 5
-"""The likelier of two hypotheses is kept after so many scans; 10 gained nothing on tuning seeds."""
 
 
 class ClassFilter:
@@ -97,7 +95,7 @@ class ClassFilter:
         memories = [FIELD_TIME] * SHAPE_ERRORS + [np.inf] * sensor_errors
         joint = JointCovariance(covariance, np.array(memories))
         self._hypotheses = [Hypothesis.unseen((mean, covariance, joint))]
-        self._age, self._size = 0, len(mean)
+        self._size = len(mean)
         self._reported: list[Hypothesis] = []
         self._covariances: list[np.ndarray] = []
         self._nis: list[float] = []
@@ -110,29 +108,36 @@ class ClassFilter:
         """Whether none of the last scans, or no scan yet, had points of the target."""
         return not np.isfinite(self._nis[-RECENT:]).any()
 
-    def step(
-        self, interval: float, rays: Rays, recovers: bool, allowed: np.ndarray | None = None
-    ) -> np.ndarray:
+    @property
+    def inconsistent(self) -> bool:
+        """Whether the last scans contradict the track."""
+        return is_inconsistent(np.array(self._nis[-RECENT:]), np.array(self._degrees[-RECENT:]))
+
+    def expected(self, interval: float) -> tuple[np.ndarray, float, float]:
+        """Place (2,) m an `interval` in s later, half of the class's diagonal, the place's std."""
+        mean, covariance, _ = self._hypotheses[0].state
+        later, matrix, noise = predict(mean, interval, self._tracker, self._of_class)
+        variances = np.diag(matrix @ covariance @ matrix.T + noise)[:2]
+        half = 0.5 * float(np.hypot(*self.sight.table.extents))
+        return later[:2], half, np.sqrt(max(variances.sum(), 0.0))
+
+    def step(self, interval: float, rays: Rays, recovers: bool) -> np.ndarray:
         """The next scan, an `interval` in s after the one before, with the `rays` of its points.
 
         `recovers`: whether the filter looks for the target again where the scans contradict it.
-        `allowed` (m,): indices of the only points that may be the target's; None: all. The result
-        (n,) are those of the points that were used.
+        The result (n,) are indices of the points that were used.
         """
         first = self.unseen
-        steps = [self._advanced(one, interval, rays, allowed) for one in self._hypotheses]
+        steps = [self._advanced(one, interval, rays) for one in self._hypotheses]
         best = max(steps, key=attrgetter("log_likelihood"))
         if best.degrees:
-            self._age += 1
-            single = recovers and len(steps) == 1
             nis, degrees = [*self._nis, best.nis], [*self._degrees, best.degrees]
-            if first or (single and is_inconsistent(np.array(nis), np.array(degrees))):
-                detected = self._detected(best, rays, first)
+            contradicted = is_inconsistent(np.array(nis), np.array(degrees))
+            if first or (recovers and len(steps) == 1 and contradicted):
                 # A turned or shifted target may be an error that only later scans contradict.
-                steps, self._age = [detected] if first else [best, detected], 1
-            elif self._age >= CONFIRMED:
-                steps = [best]
-            best = max(steps, key=attrgetter("log_likelihood"))
+                steps = [*self._detected(best, rays, first), *([] if first else steps)]
+        steps = rivals(steps)
+        best = steps[0]
         mean, covariance, joint = best.state
         # After a gap of years a variance may be below zero by rounding.
         fastest = mean[3] + 2.0 * np.sqrt(max(covariance[3, 3], 0.0))
@@ -156,9 +161,7 @@ class ClassFilter:
         self.log_weights.append(weight)
         return best.indices
 
-    def _advanced(
-        self, one: Hypothesis, interval: float, rays: Rays, allowed: np.ndarray | None
-    ) -> Hypothesis:
+    def _advanced(self, one: Hypothesis, interval: float, rays: Rays) -> Hypothesis:
         """The hypothesis an `interval` in s later, updated with the points that it associates."""
         mean, covariance, joint = one.state
         mean, matrix, noise = predict(mean, interval, self._tracker, self._of_class)
@@ -169,8 +172,6 @@ class ClassFilter:
         indices = associate(
             rays, mean[SEEN], covariance[np.ix_(SEEN, SEEN)], self.sight, self._tracker
         )
-        if allowed is not None:
-            indices = np.intersect1d(indices, allowed)
         advanced = Hypothesis.unseen(prediction, one.log_likelihood)
         if len(indices):
             taken = rays.subset(indices)
@@ -182,20 +183,21 @@ class ClassFilter:
         before = None if self._tracker.lag == 0 else one
         return replace(advanced, before=before, transition=linked)
 
-    def _detected(self, one: Hypothesis, rays: Rays, first: bool) -> Hypothesis:
-        """The hypothesis with the most likely place of its target, see `detect_again`.
+    def _detected(self, one: Hypothesis, rays: Rays, first: bool) -> list[Hypothesis]:
+        """Hypotheses with the likely places of the target, see `detect_again`.
 
         `first`: at the first scan with points, or the first after a gap.
         """
         after_gap = first and bool(self._reported)
-        result = detect_again(
+        results = detect_again(
             *one.predicted, rays, one.indices, self.sight, self._tracker, not first, after_gap
         )
-        if result is None:
+        if not results:
             unseen = Hypothesis.unseen(one.predicted, one.log_likelihood_before)
-            return replace(unseen, before=one.before, transition=one.transition)
-        found = Hypothesis.updated(one.predicted, one.log_likelihood_before, *result)
-        return replace(found, before=one.before)
+            return [replace(unseen, before=one.before, transition=one.transition)]
+        before = one.predicted, one.log_likelihood_before
+        found = [Hypothesis.updated(*before, *result) for result in results]
+        return [replace(each, before=one.before) for each in found]
 
     def latest(self) -> Track:
         """`track` of the last scan alone, at time 0."""

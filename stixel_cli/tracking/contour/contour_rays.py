@@ -82,6 +82,7 @@ class Rays:
         field_of_view: of the sensor; None: unknown.
         hidden: whether a nearer object hides what is beside the first and the last ray.
         levels: (n,) of the points' heights, see `levels_of`; 0 where heights are unknown.
+        others: (n,) whether a point is known to be another object's.
     """
 
     sensor: np.ndarray
@@ -93,6 +94,7 @@ class Rays:
     shared_along: np.ndarray
     shared_across: np.ndarray
     levels: np.ndarray
+    others: np.ndarray
     field_of_view: FieldOfView | None = None
     hidden: tuple[bool, bool] = (False, False)
 
@@ -180,6 +182,7 @@ def rays_of(
         np.maximum(across, 0.0),
         *(np.einsum("ni,nim->nm", axes, shared) for axes in (directions, normals_of(directions))),
         np.zeros(len(offsets)) if heights is None else levels_of(heights),
+        np.zeros(len(offsets), bool),
         field_of_view,
     )
 
@@ -216,7 +219,7 @@ def associate(
     fits = np.abs(errors) < NEAR_RANGE + tracker.gate_std * np.sqrt(variance)
     beside = np.sqrt(np.maximum(across + turned, 0.0))
     meets = misses[0] < NEAR_ACROSS + tracker.gate_std * beside
-    inside = fits & meets
+    inside = fits & meets & ~rays.others
     if sight.residual and inside.any():
         inside &= _of_target(segments(rays), inside)
     return np.flatnonzero(inside)

@@ -15,12 +15,13 @@ from copy import deepcopy
 
 import numpy as np
 
-from stixel_cli.geometry.pose import rotation
+from stixel_cli.geometry.pose import rotation, wrap_angle
 from stixel_cli.measurements.clusters import cluster
 from stixel_cli.tracking.consider import JointCovariance
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
 from stixel_cli.tracking.contour.contour_rays import Rays, Sight
 from stixel_cli.tracking.contour.contour_update import Posterior, update
+from stixel_cli.tracking.contour.hypothesis import Hypothesis
 from stixel_cli.tracking.contour.residual import NODES
 
 RECENT, INCONSISTENT = 3, 1.5
@@ -34,6 +35,12 @@ WIDE = np.diag([0.3, 0.3, 0.35, 1.0, 0.5, 0.0, 0.0]) ** 2
 
 SHIFTS = (-1.0, -0.5, 0.5, 1.0)
 """Places across the rays from which it begins, too, m."""
+
+UNLIKELY, MOST = 20.0, 4
+"""Log odds against a hypothesis beyond which it is given up; so many are kept at most."""
+
+SAME = 0.3, 0.2
+"""Two hypotheses are one if they are no farther apart, m and rad."""
 
 LARGEST = 1.3
 """A cluster is the target if it is at most this many times the class's diagonal long."""
@@ -58,12 +65,12 @@ def detect_again(
     tracker: ContourParameters,
     widen: bool,
     after_gap: bool,
-) -> tuple[np.ndarray, Posterior] | None:
-    """The points of the target (m,) and the posterior of a prediction that is inconsistent.
+) -> list[tuple[np.ndarray, Posterior]]:
+    """Points of the target (m,) and posteriors of a prediction that is inconsistent.
 
     `mean` (d,), `covariance` (d, d) and `joint` are the prediction, `indices` (n,) its points.
     `widen`: whether the prediction may be wrong by more than its covariance. `after_gap`: the
-    points may be another object's: None if all of them are of objects longer than the class.
+    points may be another object's: nothing if all of them are of objects longer than the class.
     """
     clusters = clusters_of(rays, indices, sight, after_gap)
     wide, joint = covariance.copy(), deepcopy(joint)
@@ -85,9 +92,27 @@ def detect_again(
             with np.errstate(invalid="ignore"):
                 posterior = update(mean, wide, joint, taken, sight, tracker, begin)
             results.append((found, posterior))
-    if not results:
-        return None
-    return max(results, key=lambda result: np.nan_to_num(result[1][-1], nan=-np.inf))
+    return results
+
+
+def rivals(hypotheses: list[Hypothesis]) -> list[Hypothesis]:
+    """The likeliest of the `hypotheses`, and those that later scans may prefer to it."""
+
+    def odds(one: Hypothesis) -> float:
+        return np.nan_to_num(one.log_likelihood - one.missed, nan=-np.inf)
+
+    kept: list[Hypothesis] = []
+    for one in sorted(hypotheses, key=odds, reverse=True):
+        likely = not kept or odds(one) > odds(kept[0]) - UNLIKELY
+        if likely and len(kept) < MOST and all(_apart(one, other) for other in kept):
+            kept.append(one)
+    return kept
+
+
+def _apart(one: Hypothesis, other: Hypothesis) -> bool:
+    """Whether two hypotheses are of different places or headings."""
+    change = one.state[0][:3] - other.state[0][:3]
+    return bool(np.hypot(*change[:2]) > SAME[0] or np.abs(wrap_angle(change[2])) > SAME[1])
 
 
 def turned(
@@ -119,6 +144,7 @@ def clusters_of(rays: Rays, indices: np.ndarray, sight: Sight, after_gap: bool) 
     bearings = np.stack([np.cos(rays.bearings), np.sin(rays.bearings)], axis=-1)
     variances = rays.stds[:, None, None] ** 2 * np.eye(2)
     labels = cluster(rays.ranges[:, None] * bearings, variances, least=1)
+    labels[rays.others] = -1
     longest = LARGEST * np.hypot(*sight.table.extents)
     here = np.unique(labels[indices])
     together = np.flatnonzero(np.isin(labels, here))

@@ -44,14 +44,18 @@ GREATEST_STEP = np.array([0.3, 0.3, 0.2])
 MISS_STD = 0.05
 """A ray with a point of the target should meet its shape: standard deviation, m."""
 
+CLUTTER = 3.0
+"""Log odds against a ray that passes by the shape, at most: then its point is clutter."""
+
 SIZE_STEP = 0.3
 """Greatest change of a factor of the size in one iteration, relative: slopes are local."""
 
 CONVERGED = 2e-3
 """The iteration ends when no state moves by more than this."""
 
-Posterior = tuple[np.ndarray, np.ndarray, JointCovariance, float, int, float]
-"""Mean, covariance of the gain, joint covariance, NIS, its degrees of freedom, log likelihood."""
+Posterior = tuple[np.ndarray, np.ndarray, JointCovariance, float, int, float, float]
+"""Mean, covariance of the gain, joint covariance, NIS, its degrees of freedom, log odds against the
+rays that pass by the shape, log likelihood of all others."""
 
 
 def update(
@@ -136,11 +140,13 @@ def update(
     whole = np.hstack([matrix[rows], shared])
     _, _, nis, likelihood = condition(joint.matrix, whole, own, innovation)
     likelihood += np.log(gate_widths(rays, tracker)).sum()
+    missed = np.maximum(linear.misses, 0.0) ** 2 / (MISS_STD**2 + rays.across_variances)
+    missed = np.minimum(0.5 * missed, CLUTTER).sum()
     misses = np.hstack([miss_matrix, np.zeros((len(miss_matrix), shared.shape[1]))])
     whole, gain = np.vstack([whole, misses]), posterior @ (pulls.T / noise)
     joint = deepcopy(joint)
     joint.correct(gain, whole, np.concatenate([own, miss_variances]))
-    return iterate, posterior, joint, nis, len(own), likelihood
+    return iterate, posterior, joint, nis, len(own), float(missed), likelihood
 
 
 def constant_errors(joint: JointCovariance) -> np.ndarray:

@@ -24,6 +24,8 @@ class Hypothesis:
         log_likelihood_before: of all before this one.
         indices: of the scan's points that were used.
         nis, degrees: of the scan; NaN and 0 without points.
+        missed: log odds against the scan's rays that pass by the shape. A class whose shape is too
+            small pays no more for them than for clutter, a place of one shape does.
         before: the hypothesis that was predicted; None before the first scan.
         transition: (d, d) Jacobian of that prediction; None where the filter began anew.
     """
@@ -35,6 +37,7 @@ class Hypothesis:
     indices: np.ndarray
     nis: float = np.nan
     degrees: int = 0
+    missed: float = 0.0
     before: "Hypothesis | None" = None
     transition: np.ndarray | None = None
 
@@ -60,6 +63,6 @@ class Hypothesis:
         cls, predicted: State, before: float, indices: np.ndarray, posterior: Posterior
     ) -> "Hypothesis":
         """The hypothesis with the `posterior` of the points at `indices`."""
-        *state, nis, degrees, stated = posterior
+        *state, nis, degrees, missed, stated = posterior
         after = before + stated
-        return cls(tuple(state), predicted, after, before, indices, nis, degrees)
+        return cls(tuple(state), predicted, after, before, indices, nis, degrees, missed)

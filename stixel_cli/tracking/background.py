@@ -1,0 +1,59 @@
+"""What stood elsewhere while the target was tracked is not the target.
+
+A target that is hidden is lost to sight and not gone. Its covariance grows, and soon the gate holds
+what hides it, which fits a road user as well as any. But that stood there before, while the target
+was known to be somewhere else; so only points at new places are candidates.
+"""
+
+import numpy as np
+
+from stixel_cli.tracking.contour.contour_rays import Rays, segments
+
+CELL = 0.25
+"""Places are remembered once in each square of this side, m."""
+
+NEAR = 0.5
+"""A point is at a remembered place if it is within so many metres and two standard deviations."""
+
+APART = 0.5
+"""An object is another one if it is farther by this, m, than any point of the target may be."""
+
+
+GATE = 3.0
+"""Standard deviations of the place by which the target's points may be off."""
+
+KNOWN = 1.0
+"""Where the place is known to so many metres, ranges tell a target from what is beside it."""
+
+
+class Background:
+    """Places in the world, m, where points were that cannot have been the target's."""
+
+    def __init__(self) -> None:
+        self._places = np.zeros((0, 2))
+
+    def others(
+        self, rays: Rays, place: np.ndarray, half: float, spread: float, unseen: bool
+    ) -> np.ndarray:
+        """Which points of a scan are known to be other objects': (n,).
+
+        The target is at `place` (2,) m with a standard deviation of `spread` m, and reaches `half`
+        m from there; `unseen`: no scan before this one, or none of the last ones, had its points.
+        """
+        points, reach = rays.points_world, half + GATE * spread
+        self._learn(points, segments(rays), place, reach + APART)
+        if not (unseen or GATE * spread > KNOWN) or not len(self._places) or not len(points):
+            return np.zeros(len(points), bool)
+        from scipy.spatial import cKDTree
+
+        return cKDTree(self._places).query(points)[0] < NEAR + 2.0 * rays.stds
+
+    def _learn(
+        self, points_world: np.ndarray, labels: np.ndarray, place: np.ndarray, reach: float
+    ) -> None:
+        """Remember the points (n, 2) m of the objects, labelled from 0 on, beyond `reach`, m."""
+        nearest = np.full(labels.max(initial=-1) + 1, np.inf)
+        np.minimum.at(nearest, labels, np.hypot(*(points_world - place).T))
+        places = np.concatenate([self._places, points_world[nearest[labels] > reach]])
+        _, first = np.unique(np.round(places / CELL), axis=0, return_index=True)
+        self._places = places[first]
