@@ -75,16 +75,13 @@ STUDY = """\
 title: A small study
 question: Which?
 text: "IoU: {widths}."
-module: stixel_cli.studies.rq3
 sweeps:
   first:
     fixed: {measurement: fabricated, path.duration: 0.3, executor: threads}
     axes: {tracker.sigma_f: [0.7, 0.8]}
     seeds: 2
-    results: [point_errors]
   second:
     zipped: [{path: [turn, circle], road_user: [car, cyclist]}]
-    derive: fitted_noise
 questions:
   widths: {sweeps: first, compare: tracker.sigma_f, metrics: [iou_mean], reference: "0.7"}
 """
