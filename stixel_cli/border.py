@@ -23,25 +23,6 @@ from stixel_cli.errors import ConfigurationError, UserError, printable, printabl
 if TYPE_CHECKING:
     from distributed import Client
 
-RULES = (
-    (
-        "run code: import a module",
-        "`tracker`, `measurement`, `metrics`, `code_folders`; `module` of a study",
-        "only with `--trust-code`, or from a result folder that you made here and did not change",
-    ),
-    (
-        "unpickle results, or connect to a scheduler, which sends pickles",
-        "`cache.folder`, `executor.address`",
-        "only with `--trust-code`; never from a result folder: those of the command are used",
-    ),
-    (
-        "write a file",
-        "names of sequences, rows, tables, figures and further files",
-        "only below the folder that the command writes, never through a link out of it",
-    ),
-)
-"""What a name can do, where files have such names, and when one from a file may."""
-
 MOST_SHOWN = 2000
 """Characters of the names of code in one line: somebody reads them before he trusts them."""
 

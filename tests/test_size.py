@@ -12,14 +12,14 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 50_632
+TOTAL = 50_610
 """Greatest number of lines in all."""
 
 MODULES = 340
 """Greatest number of modules, without `__init__`."""
 
 BUDGET = {
-    "": 2223,
+    "": 2204,
     "answers": 1188,
     "benchmark": 1020,
     "calibration": 577,
@@ -42,7 +42,7 @@ BUDGET = {
     "stixels": 2345,
     "studies": 1923,
     "sweeps": 2345,
-    "tracking": 6827,
+    "tracking": 6824,
     "validation": 1294,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""

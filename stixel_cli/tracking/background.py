@@ -18,7 +18,6 @@ NEAR = 0.5
 APART = 0.5
 """An object is another one if it is farther by this, m, than any point of the target may be."""
 
-
 GATE = 3.0
 """Standard deviations of the place by which the target's points may be off."""
 

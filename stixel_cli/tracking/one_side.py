@@ -22,6 +22,7 @@ from stixel_cli.tracking.contour.class_shape import (
     visible_table,
 )
 from stixel_cli.tracking.contour.contour_rays import Rays, rays_of, segments, telling
+from stixel_cli.tracking.contour.contour_recovery import RECENT
 from stixel_cli.tracking.contour.ray_table import expected, outline_table
 from stixel_cli.tracking.gp_ekf_update import SEEN, Linearisation, linearise
 from stixel_cli.tracking.kalman import correct
@@ -44,9 +45,6 @@ factor on the covariance of the pose."""
 
 END_STD = 0.2
 """Of the places of the first and the last point at the ends of the outline, m."""
-
-RECENT = 3
-"""A target is unseen if so many of the last scans had no point of it."""
 
 LEAST_SLANT = 0.2
 """Cosine between radius and normal of an outline, below which the radius changes no more."""

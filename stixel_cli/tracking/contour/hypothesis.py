@@ -24,8 +24,8 @@ class Hypothesis:
         log_likelihood_before: of all before this one.
         indices: of the scan's points that were used.
         nis, degrees: of the scan; NaN and 0 without points.
-        missed: log odds against the scan's rays that pass by the shape. A class whose shape is too
-            small pays no more for them than for clutter, a place of one shape does.
+        missed: log odds against the scan's rays that pass by the shape. They count between places
+            of one class, and not between classes, whose sizes may be wrong.
         before: the hypothesis that was predicted; None before the first scan.
         transition: (d, d) Jacobian of that prediction; None where the filter began anew.
     """
