@@ -12,7 +12,7 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 50_610
+TOTAL = 50_608
 """Greatest number of lines in all."""
 
 MODULES = 340
@@ -42,7 +42,7 @@ BUDGET = {
     "stixels": 2345,
     "studies": 1923,
     "sweeps": 2345,
-    "tracking": 6824,
+    "tracking": 6822,
     "validation": 1294,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""

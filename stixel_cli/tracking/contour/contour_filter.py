@@ -33,7 +33,6 @@ Student distribution, e the normalised error at the current iterate (Lange, Litt
 from collections.abc import Sequence
 from copy import deepcopy
 from dataclasses import replace
-from operator import attrgetter
 
 import numpy as np
 
@@ -128,16 +127,15 @@ class ClassFilter:
         The result (n,) are indices of the points that were used.
         """
         first = self.unseen
-        steps = [self._advanced(one, interval, rays) for one in self._hypotheses]
-        best = max(steps, key=attrgetter("log_likelihood"))
+        steps = rivals([self._advanced(one, interval, rays) for one in self._hypotheses])
+        best = steps[0]
         if best.degrees:
             nis, degrees = [*self._nis, best.nis], [*self._degrees, best.degrees]
             contradicted = is_inconsistent(np.array(nis), np.array(degrees))
             if first or (recovers and len(steps) == 1 and contradicted):
                 # A turned or shifted target may be an error that only later scans contradict.
-                steps = [*self._detected(best, rays, first), *([] if first else steps)]
-        steps = rivals(steps)
-        best = steps[0]
+                steps = rivals([*self._detected(best, rays, first), *([] if first else steps)])
+                best = steps[0]
         mean, covariance, joint = best.state
         # After a gap of years a variance may be below zero by rounding.
         fastest = mean[3] + 2.0 * np.sqrt(max(covariance[3, 3], 0.0))
