@@ -41,11 +41,9 @@ def classes_in(annotation: Any) -> list[type]:
     return [m for m in members if dataclasses.is_dataclass(m) and not issubclass(m, OwnCode)]
 
 
-def kind_of(schema: type) -> str | None:
-    """The kind of a variant; None if the class has several kinds or none."""
-    annotation = fields_of(schema).get("kind")
-    values = get_args(_bare(annotation)) if annotation is not None else ()
-    return values[0] if len(values) == 1 else None
+def kinds_of(schema: type) -> tuple[str, ...]:
+    """The kinds of a variant; () for a class without a `kind`."""
+    return get_args(_bare(fields_of(schema).get("kind")))
 
 
 @cache

@@ -18,7 +18,7 @@ from stixel_cli.config.annotations import (
     describe,
     element,
     fields_of,
-    kind_of,
+    kinds_of,
 )
 from stixel_cli.config.folders import (
     EXPERIMENT,
@@ -153,9 +153,9 @@ def _walk(
     """The keys of a schema, and the variants of its groups with their classes as annotations."""
     for name, annotation in fields_of(schema).items():
         variants = classes_in(annotation)
-        for variant in variants:
-            kind = kind_of(variant) if len(variants) > 1 else None
-            group = (prefix + name).replace(".", "/")
+        group = (prefix + name).replace(".", "/")
+        several = [(one, kind) for one in variants for kind in kinds_of(one)]
+        for variant, kind in several if len(variants) > 1 else [(one, None) for one in variants]:
             of_variant = owners if kind is None else (*owners, (group, kind))
             yield Key(prefix + name, variant, of_variant, schema)
             yield from _walk(variant, f"{prefix}{name}.", of_variant)
@@ -194,7 +194,7 @@ def locate(path: tuple[str | int, ...]) -> tuple[str, Any]:
     name = ""
     for part in path:
         schemas = classes_in(annotation)
-        of_kind = [schema for schema in schemas if kind_of(schema) == part]
+        of_kind = [schema for schema in schemas if part in kinds_of(schema)]
         if len(schemas) > 1 and of_kind:
             annotation = of_kind[0]
         elif len(schemas) > 1 and part == "own":

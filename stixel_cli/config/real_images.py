@@ -21,7 +21,7 @@ def real_image_parameters() -> SimpleNamespace:
     schemas = {
         "stereo": SgmParameters,
         "road": parameters.EstimatedRoad,
-        "occupancy": parameters.PolarOccupancy,
+        "occupancy": parameters.OccupancyParameters,
         "free_space": parameters.FreeSpaceParameters,
         "height": parameters.HeightParameters,
         "extraction": parameters.ExtractionParameters,

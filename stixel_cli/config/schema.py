@@ -125,7 +125,7 @@ class Configuration:
     sensor: Sensor
     stereo: Annotated[StereoParameters, _BY_KIND]
     road: Annotated[RoadParameters, _BY_KIND]
-    occupancy: Annotated[OccupancyParameters, _BY_KIND]
+    occupancy: OccupancyParameters
     free_space: FreeSpaceParameters
     height: HeightParameters
     extraction: ExtractionParameters

@@ -43,9 +43,8 @@ from stixel_cli.recordings.kitti_tables import PAIRS, read_calibration
 from stixel_cli.recordings.parameters import (
     KittiOdometry,
     KittiPair,
-    KittiRaw,
     KittiTracking,
-    VirtualKitti,
+    LabelledFolder,
 )
 from stixel_cli.recordings.types import Recording, Tables
 from stixel_cli.recordings.virtual_kitti_tables import read_calibration as read_virtual_calibration
@@ -111,7 +110,7 @@ def clip_poses(root: Path, name: str) -> tuple[Tables, tuple[Path, ...]]:
     return Tables("kitti_oxts"), (calibration, calibration, calibration, packets)
 
 
-def find_raw(source: KittiRaw) -> Recording:
+def find_raw(source: LabelledFolder) -> Recording:
     """The recording of a drive of the raw data."""
     root = Path(source.folder)
     # The drives of a day share the calibration.
@@ -166,7 +165,7 @@ def _png_or_jpeg(file: Path) -> Path:
     return next((one for one in (file, *jpeg) if one.is_file()), file)
 
 
-def find_virtual(source: VirtualKitti) -> Recording:
+def find_virtual(source: LabelledFolder) -> Recording:
     """The recording of a variation of a scene of Virtual KITTI."""
     root = Path(source.folder)
     folders = (root / VIRTUAL_IMAGES / camera for camera in ("Camera_0", "Camera_1"))

@@ -104,24 +104,10 @@ class KittiTracking(Labelled):
 
 
 @dataclass(frozen=True, kw_only=True)
-class KittiRaw(Labelled):
-    """A synchronised and rectified drive of KITTI's raw data; `folder` is the drive's."""
+class LabelledFolder(Labelled):
+    """A drive of KITTI's raw data, a variation of a scene of Virtual KITTI 2, or a plain folder."""
 
-    kind: Literal["kitti_raw"]
-
-
-@dataclass(frozen=True, kw_only=True)
-class PlainFolder(Labelled):
-    """A folder with `rig.yaml`, the images in `left/` and `right/`, and optional truth."""
-
-    kind: Literal["folder"]
-
-
-@dataclass(frozen=True, kw_only=True)
-class VirtualKitti(Labelled):
-    """Virtual KITTI 2, one variation of a scene."""
-
-    kind: Literal["virtual_kitti"]
+    kind: Literal["kitti_raw", "virtual_kitti", "folder"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -206,11 +192,9 @@ class Pair(Recorded):
 Source = (
     Rendered
     | KittiTracking
-    | KittiRaw
+    | LabelledFolder
     | KittiOdometry
-    | PlainFolder
     | KittiPair
-    | VirtualKitti
     | Argoverse
     | Rosbag
     | Pair

@@ -11,7 +11,7 @@ that `rig_files` reads.
 from pathlib import Path
 
 from stixel_cli.recordings.assembly import assembled_pair, assembled_recording, numbered_images
-from stixel_cli.recordings.parameters import Pair, PlainFolder
+from stixel_cli.recordings.parameters import LabelledFolder, Pair
 from stixel_cli.recordings.rig_files import read_named_calibration, read_rig
 from stixel_cli.recordings.types import Recording
 
@@ -23,7 +23,7 @@ def is_layout(folder: Path) -> bool:
     return (folder / RIG).is_file()
 
 
-def find_recording(source: PlainFolder) -> Recording:
+def find_recording(source: LabelledFolder) -> Recording:
     """The recording of the folder."""
     root = Path(source.folder)
     return assembled_recording(

@@ -11,17 +11,7 @@ import numpy as np
 
 from stixel_cli.scene.contours import moving_target
 from stixel_cli.scene.parameters import RoadUser
-from stixel_cli.scene.path_parameters import (
-    Approach,
-    Circle,
-    Crossing,
-    Depart,
-    Path,
-    SCurve,
-    StopAndGo,
-    Turn,
-    Waypoints,
-)
+from stixel_cli.scene.path_parameters import Arc, Line, Path, SCurve, StopAndGo, Waypoints
 from stixel_cli.scene.scenario import EgoMotion, Scenario
 
 if TYPE_CHECKING:  # see `waypoint_spline`
@@ -90,7 +80,7 @@ def stop_and_go_profile(path: StopAndGo, times: np.ndarray) -> tuple[np.ndarray,
     return rounds * lengths[-1] + length, speed
 
 
-def _line(path: Approach | Depart | Crossing, times):
+def _line(path: Line, times):
     speed = np.full_like(times, path.speed)
     return _straight_on(path, path.speed * times), np.zeros_like(times), speed
 
@@ -107,10 +97,8 @@ def _straight_on(path, length):
     return np.stack([x, y, np.full_like(length, heading)], axis=1)
 
 
-def _turn(path: Turn | Circle, times):
-    radius = path.radius
-    if radius is None:
-        radius = path.closing_radius
+def _arc(path: Arc, times):
+    radius = path.closing_radius if path.radius is None else path.radius
     curvature = (1.0 if path.side == "left" else -1.0) / radius
     first = np.radians(path.heading)
     heading = first + path.speed * times * curvature
@@ -229,12 +217,9 @@ def _panel_integrals(function: Callable, panels: np.ndarray) -> np.ndarray:
 
 
 _FUNCTIONS = {
-    Approach: _line,
-    Depart: _line,
-    Crossing: _line,
-    Turn: _turn,
+    Line: _line,
+    Arc: _arc,
     SCurve: _s_curve,
     StopAndGo: _stop_and_go,
-    Circle: _turn,
     Waypoints: _waypoints,
 }

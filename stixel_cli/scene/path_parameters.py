@@ -26,10 +26,6 @@ Radius = Annotated[float, Ge(LEAST_RADIUS), Le(GREATEST_RADIUS)]
 Side = Literal["left", "right"]
 
 
-def _direction(heading: float) -> tuple[float, float]:
-    return math.cos(math.radians(heading)), math.sin(math.radians(heading))
-
-
 @parameters(kw_only=True)
 class _Driven:
     """Parameters of every path: speed, duration and sample time.
@@ -87,67 +83,67 @@ def _check_start(start: Point, key: str) -> None:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Approach(_FromStart):
-    """Straight towards the camera."""
+class Line(_FromStart):
+    """A straight line: towards the camera, away from it, or across from left to right."""
 
-    kind: Literal["approach"]
-
-    def check(self) -> None:
-        """Raise ValueError if the values contradict each other."""
-        super().check()
-        along_x, along_y = _direction(self.heading)
-        if self.start[0] * along_x + self.start[1] * along_y >= 0.0:
-            raise ValueError(
-                f"path.heading: {self.heading:g} degrees from path.start does not approach "
-                "the camera; path=approach must (-90 is straight towards it)"
-            )
-
-
-@dataclass(frozen=True, kw_only=True)
-class Depart(_FromStart):
-    """Straight away from the camera."""
-
-    kind: Literal["depart"]
+    kind: Literal["approach", "depart", "crossing"]
 
     def check(self) -> None:
         """Raise ValueError if the values contradict each other."""
         super().check()
-        along_x, along_y = _direction(self.heading)
-        if self.start[0] * along_x + self.start[1] * along_y <= 0.0:
-            raise ValueError(
-                f"path.heading: {self.heading:g} degrees from path.start approaches "
-                "the camera; path=depart must not (90 is straight away from it)"
-            )
+        along_x, along_y = (
+            math.cos(math.radians(self.heading)),
+            math.sin(math.radians(self.heading)),
+        )
+        away = self.start[0] * along_x + self.start[1] * along_y
+        fits, fault = {
+            "approach": (
+                away < 0.0,
+                "from path.start does not approach the camera; path=approach must "
+                "(-90 is straight towards it)",
+            ),
+            "depart": (
+                away > 0.0,
+                "from path.start approaches the camera; path=depart must not "
+                "(90 is straight away from it)",
+            ),
+            "crossing": (
+                along_x > 0.0,
+                "does not go from left to right; path=crossing must (0 is straight across)",
+            ),
+        }[self.kind]
+        if not fits:
+            raise ValueError(f"path.heading: {self.heading:g} degrees {fault}")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Crossing(_FromStart):
-    """Straight across, from left to right."""
-
-    kind: Literal["crossing"]
-
-    def check(self) -> None:
-        """Raise ValueError if the values contradict each other."""
-        super().check()
-        if _direction(self.heading)[0] <= 0.0:
-            raise ValueError(
-                f"path.heading: {self.heading:g} degrees does not go from left to right; "
-                "path=crossing must (0 is straight across)"
-            )
-
-
-@dataclass(frozen=True, kw_only=True)
-class Turn(_FromStart):
-    """A constant turn.
+class Arc(_FromStart):
+    """A constant turn, or a circle: every side of the road user is seen.
 
     Attributes:
         side: where it turns to.
-        radius: m.
+        radius: m; null is the radius with which a circle closes in `duration`; it must be in
+            the same bounds.
     """
 
-    kind: Literal["turn"]
+    kind: Literal["turn", "circle"]
     side: Side
-    radius: Radius
+    radius: Radius | None
+
+    @property
+    def closing_radius(self) -> float:
+        """Radius in m with which the circle closes in `duration`."""
+        return self.speed * self.duration / (2.0 * math.pi)
+
+    def check(self) -> None:
+        """Raise ValueError if the values contradict each other."""
+        super().check()
+        if self.radius is None and not LEAST_RADIUS <= self.closing_radius <= GREATEST_RADIUS:
+            raise ValueError(
+                f"path.duration: {self.duration:g} s with path.speed={self.speed:g} m/s closes a "
+                f"circle of radius {self.closing_radius:.2g} m; it must be {LEAST_RADIUS:g} to "
+                f"{GREATEST_RADIUS:g} m, or set path.radius"
+            )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -181,36 +177,6 @@ class StopAndGo(_FromStart):
     """How long it brakes, and pulls away, at constant acceleration, s."""
     stand_time: ClassVar[float] = 2.0
     """How long it waits, s."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Circle(_FromStart):
-    """A circle: every side of the road user is seen.
-
-    Attributes:
-        side: where it turns to.
-        radius: m; null is the radius with which the circle closes in `duration`; it must be in
-            the same bounds.
-    """
-
-    kind: Literal["circle"]
-    side: Side
-    radius: Radius | None
-
-    @property
-    def closing_radius(self) -> float:
-        """Radius in m with which the circle closes in `duration`."""
-        return self.speed * self.duration / (2.0 * math.pi)
-
-    def check(self) -> None:
-        """Raise ValueError if the values contradict each other."""
-        super().check()
-        if self.radius is None and not LEAST_RADIUS <= self.closing_radius <= GREATEST_RADIUS:
-            raise ValueError(
-                f"path.duration: {self.duration:g} s with path.speed={self.speed:g} m/s closes a "
-                f"circle of radius {self.closing_radius:.2g} m; it must be {LEAST_RADIUS:g} to "
-                f"{GREATEST_RADIUS:g} m, or set path.radius"
-            )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -296,5 +262,4 @@ class ReplayedPath:
             raise ValueError(f"path.sequence: must be a number such as 0005, got {self.sequence!r}")
 
 
-HandMadePath = Approach | Depart | Crossing | Turn | SCurve | StopAndGo | Circle | Waypoints
-Path = HandMadePath | ReplayedPath | RecordedPath
+Path = Line | Arc | SCurve | StopAndGo | Waypoints | ReplayedPath | RecordedPath

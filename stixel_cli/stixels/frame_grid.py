@@ -5,7 +5,7 @@ import numpy as np
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.stereo.disparities import Disparities
 from stixel_cli.stixels.occupancy import accumulate, layout
-from stixel_cli.stixels.parameters import CartesianOccupancy, OccupancyParameters, RoadParameters
+from stixel_cli.stixels.parameters import OccupancyParameters, RoadParameters
 from stixel_cli.stixels.types import FreeSpace, OccupancyGrid
 
 
@@ -29,6 +29,6 @@ def picture_grid(
         depths=grid.depths,
         disparities=grid.disparities,
         laterals=grid.laterals
-        if isinstance(occupancy, CartesianOccupancy)
+        if occupancy.kind == "cartesian"
         else np.arange(rig.width, dtype=np.float32),
     )

@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 
 from stixel_cli.stixels.occupancy import BINS_PER_PIXEL, Layout, accumulate, to_polar
-from stixel_cli.stixels.parameters import CartesianOccupancy, FreeSpaceParameters, RoadParameters
+from stixel_cli.stixels.parameters import FreeSpaceParameters, RoadParameters
 
 
 def nearest_obstacle(
@@ -29,7 +29,7 @@ def nearest_obstacle(
         grid: `layout` for these disparities.
     """
     histogram, values = accumulate(columns, line, road, grid)
-    if isinstance(grid.occupancy, CartesianOccupancy):
+    if grid.occupancy.kind == "cartesian":
         values = to_polar(values, grid)
     rig = grid.rig
     # An obstacle of height h has f_v h / z = (f_v / f_u) h d / B rows.

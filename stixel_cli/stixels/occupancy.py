@@ -16,12 +16,7 @@ from scipy.special import ndtr
 
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.stereo.disparities import SUBPIXELS
-from stixel_cli.stixels.parameters import (
-    CartesianOccupancy,
-    ColumnDisparityOccupancy,
-    OccupancyParameters,
-    RoadParameters,
-)
+from stixel_cli.stixels.parameters import OccupancyParameters, RoadParameters
 from stixel_cli.stixels.road import obstacle_limits, pitch_factors
 
 BINS_PER_PIXEL = 2
@@ -61,7 +56,7 @@ class Layout:
 @lru_cache(maxsize=1)
 def layout(occupancy: OccupancyParameters, rig: Rig, count: int) -> Layout:
     """Layout of a grid for a rig and the number of disparities searched; not to be changed."""
-    if isinstance(occupancy, ColumnDisparityOccupancy):
+    if occupancy.kind == "column_disparity":
         step = occupancy.disparity_step
         near, far = rig.disparity_from_depth(np.array([occupancy.nearest, occupancy.farthest]))
         disparities = far + step * np.arange(int((near - far) / step + 1e-9), -1.0, -1.0)
@@ -74,7 +69,7 @@ def layout(occupancy: OccupancyParameters, rig: Rig, count: int) -> Layout:
         disparities = rig.disparity_from_depth(depths)
         upper, lower = rig.disparity_from_depth(np.stack([depths - half, depths + half]))
     laterals = np.zeros(0)
-    if isinstance(occupancy, CartesianOccupancy):
+    if occupancy.kind == "cartesian":
         cells = int(occupancy.half_width / occupancy.lateral_step)
         laterals = occupancy.lateral_step * np.arange(-cells, cells + 1)
     depths = rig.depth_from_disparity(disparities)
@@ -134,7 +129,7 @@ def accumulate(
     scale = pitch_factors(line, rig) * np.float32(BINS_PER_PIXEL / SUBPIXELS)
     histogram = column_histograms(columns, lowest, highest, scale, bins)
     polar = fill(histogram, grid.likelihoods, grid.first, grid.last)
-    if not isinstance(occupancy, CartesianOccupancy):
+    if occupancy.kind != "cartesian":
         return histogram, polar
     widths = rig.focal * occupancy.lateral_step / grid.depths.astype(np.float64)
     starts = rig.u0 - 0.5 * len(grid.laterals) * widths

@@ -58,15 +58,16 @@ RoadParameters = RigRoad | EstimatedRoad
 
 
 @parameters(kw_only=True)
-class _Occupancy:
-    """Parameters of every occupancy grid.
+class OccupancyParameters:
+    """An occupancy grid.
 
     Attributes:
-        kind: which grid it is.
+        kind: its coordinates: image column and depth; lateral position and depth on the ground
+            plane; or image column and disparity, with the ends of the two depths.
         nearest, farthest: depth of the first and the last row, m.
     """
 
-    kind: str
+    kind: Literal["polar", "cartesian", "column_disparity"]
     nearest: Depth
     farthest: Depth
 
@@ -76,6 +77,15 @@ class _Occupancy:
     """Standard deviation of an obstacle's surface in depth, m."""
     depth_step: ClassVar[float] = 0.25
     """Distance of two rows of a grid of depths, m."""
+    disparity_step: ClassVar[float] = 0.5
+    """Distance of two rows of a grid of disparities, px."""
+    lateral_step: ClassVar[float] = 0.1
+    """Width of a Cartesian grid's cell, m: a pixel of the default rig is as wide at 55 m."""
+    half_width: ClassVar[float] = 40.0
+    """A Cartesian grid reaches this far to the left and to the right, m: about
+    half of the default rig's view at 60 m."""
+    column_std: ClassVar[float] = 1.0
+    """Standard deviation of a pixel's column in a Cartesian grid, px."""
 
     def check(self) -> None:
         """Raise ValueError if the parameters contradict each other."""
@@ -84,41 +94,6 @@ class _Occupancy:
                 f"occupancy.nearest: must be < occupancy.farthest ({self.farthest}), "
                 f"got {self.nearest}"
             )
-
-
-@dataclass(frozen=True, kw_only=True)
-class PolarOccupancy(_Occupancy):
-    """Grid of image column and depth."""
-
-    kind: Literal["polar"]
-
-
-@dataclass(frozen=True, kw_only=True)
-class ColumnDisparityOccupancy(_Occupancy):
-    """Grid of image column and disparity, whose ends are those of the two depths."""
-
-    kind: Literal["column_disparity"]
-
-    disparity_step: ClassVar[float] = 0.5
-    """Distance of two rows, px."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class CartesianOccupancy(_Occupancy):
-    """Grid of lateral position and depth on the ground plane."""
-
-    kind: Literal["cartesian"]
-
-    lateral_step: ClassVar[float] = 0.1
-    """Width of a cell, m: a pixel of the default rig is as wide at 55 m."""
-    half_width: ClassVar[float] = 40.0
-    """The grid reaches this far to the left and to the right, m: about
-    half of the default rig's view at 60 m."""
-    column_std: ClassVar[float] = 1.0
-    """Standard deviation of a pixel's column, px."""
-
-
-OccupancyParameters = PolarOccupancy | ColumnDisparityOccupancy | CartesianOccupancy
 
 
 @parameters

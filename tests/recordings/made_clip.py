@@ -9,7 +9,7 @@ from stixel_cli.geometry.pose import ego_from_world, rectangle
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.images import ImageStack
 from stixel_cli.recordings.motion import recorded_motion
-from stixel_cli.recordings.parameters import PlainFolder
+from stixel_cli.recordings.parameters import LabelledFolder
 from stixel_cli.recordings.truth import recorded_scenario
 from stixel_cli.rendering.frames import StereoPairs
 from stixel_cli.scene.ego import Turning, ego_motion
@@ -90,7 +90,7 @@ def plain_folder(clip, folder):
     (folder / "rig.yaml").write_text(
         "focal_length: 150\nprincipal_u: 78\nprincipal_v: 40\nbaseline: 0.5\ncamera_height: 1.65\n"
     )
-    return PlainFolder(kind="folder", folder=str(folder), target=0, frames=None, sample_time=0.1)
+    return LabelledFolder(kind="folder", folder=str(folder), target=0, frames=None, sample_time=0.1)
 
 
 def truth_of(found):

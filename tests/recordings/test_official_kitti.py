@@ -16,7 +16,7 @@ from stixel_cli.recordings.find import find_recording, guess_layout
 from stixel_cli.recordings.kitti_raw_tables import read_poses
 from stixel_cli.recordings.kitti_tables import read_calibration, read_labels
 from stixel_cli.recordings.kitti_tables import read_poses as read_own_poses
-from stixel_cli.recordings.parameters import KittiRaw, KittiTracking
+from stixel_cli.recordings.parameters import KittiTracking, LabelledFolder
 
 DATA = Path(os.environ.get("STIXEL_DATA", "../shared/data"))
 CLIP = DATA / "kitti_tracking/training"
@@ -42,7 +42,7 @@ def tracking(folder, **changes):
 
 def raw(folder, **changes):
     values = {"target": 0, "frames": None, "sample_time": 0.1}
-    return KittiRaw(kind="kitti_raw", folder=str(folder), **values | changes)
+    return LabelledFolder(kind="kitti_raw", folder=str(folder), **values | changes)
 
 
 def same_truth(found, expected):

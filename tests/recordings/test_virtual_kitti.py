@@ -13,7 +13,7 @@ from stixel_cli.config.compose import compose
 from stixel_cli.errors import UserError
 from stixel_cli.recordings.find import find_recording, guess_layout
 from stixel_cli.recordings.image_files import grey, image_size, read_image, rgb
-from stixel_cli.recordings.parameters import KittiTracking, VirtualKitti
+from stixel_cli.recordings.parameters import KittiTracking, LabelledFolder
 from stixel_cli.recordings.stereo_images import read_pairs
 
 
@@ -34,7 +34,7 @@ def copy(folders, tmp_path):
 
 def source(folder, **changes):
     values = {"target": 4, "frames": None, "sample_time": 0.1}
-    return VirtualKitti(kind="virtual_kitti", folder=str(folder), **values | changes)
+    return LabelledFolder(kind="virtual_kitti", folder=str(folder), **values | changes)
 
 
 def test_a_variation_has_the_recording_of_the_clip_it_was_made_from(folders):

@@ -11,7 +11,7 @@ from scipy.integrate import quad
 from stixel_cli.geometry.pose import world_from_target
 from stixel_cli.scene.ego import Parked, ego_motion
 from stixel_cli.scene.path import path_poses, stop_and_go_profile, waypoint_spline
-from stixel_cli.scene.path_parameters import Circle, Depart, SCurve, StopAndGo, Waypoints
+from stixel_cli.scene.path_parameters import Arc, Line, SCurve, StopAndGo, Waypoints
 
 EVERY = [(kind, path) for kind in scene_presets.ROAD_USERS for path in scene_presets.PATHS]
 
@@ -107,7 +107,7 @@ def test_preset_circle_closes_within_its_duration(kind):
 
 
 def test_circle_follows_given_side_and_radius():
-    path = Circle(
+    path = Arc(
         kind="circle",
         start=(0.0, 20.0),
         heading=0.0,
@@ -123,7 +123,7 @@ def test_circle_follows_given_side_and_radius():
 
 
 def test_depart_is_a_straight_line():
-    path = Depart(
+    path = Line(
         kind="depart", start=(1.0, 10.0), heading=90.0, speed=2.0, duration=5.0, sample_time=0.1
     )
     poses, rates = path_poses(path, np.array([0.0, 1.0, 2.5]))

@@ -8,13 +8,11 @@ from stixel_cli.geometry.rig import Rig
 from stixel_cli.images import ImageStack
 from stixel_cli.stereo.disparities import Disparities
 from stixel_cli.stixels.parameters import (
-    CartesianOccupancy,
-    ColumnDisparityOccupancy,
     EstimatedRoad,
     ExtractionParameters,
     FreeSpaceParameters,
     HeightParameters,
-    PolarOccupancy,
+    OccupancyParameters,
     RigRoad,
 )
 
@@ -74,15 +72,12 @@ def estimated_road():
 
 @pytest.fixture(scope="session")
 def occupancies():
-    near_far = {"nearest": 3.0, "farthest": 50.0}
+    steps = {"polar": {}, "column_disparity": {"disparity_step": 0.25}}
     return {
-        "polar": PolarOccupancy(kind="polar", **near_far),
-        "column_disparity": with_constants(
-            ColumnDisparityOccupancy(kind="column_disparity", **near_far), disparity_step=0.25
-        ),
-        "cartesian": with_constants(
-            CartesianOccupancy(kind="cartesian", **near_far), half_width=30.0
-        ),
+        kind: with_constants(
+            OccupancyParameters(kind=kind, nearest=3.0, farthest=50.0), **constants
+        )
+        for kind, constants in (steps | {"cartesian": {"half_width": 30.0}}).items()
     }
 
 

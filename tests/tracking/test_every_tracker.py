@@ -10,7 +10,7 @@ import pytest
 from seen_targets import moved, scans_seen, start_at, turning
 from tracking_cases import START, scans_of
 
-from stixel_cli.config.annotations import kind_of
+from stixel_cli.config.annotations import kinds_of
 from stixel_cli.config.compose import compose
 from stixel_cli.config.schema import Tracker
 from stixel_cli.evaluation.evaluate import evaluate
@@ -23,7 +23,10 @@ from stixel_cli.tracking.track import check_finite
 OUTLINE = np.array([[2.1, 0.85], [-2.1, 0.85], [-2.1, -0.85], [2.1, -0.85]])
 EMPTY = np.zeros((0, 2))
 # `tracker=file` reads its track.
-KINDS = ["no_data", *(kind for kind in map(kind_of, get_args(Tracker)) if kind != "file")]
+KINDS = [
+    "no_data",
+    *(kind for one in get_args(Tracker) for kind in kinds_of(one) if kind != "file"),
+]
 # The peers are not ours to mend.
 WAYS = [
     *(kind for kind in KINDS if kind != "pyrecest"),

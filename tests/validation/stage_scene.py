@@ -5,14 +5,14 @@ import numpy as np
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.rendering.frames import BACKGROUND_ID, ROAD_ID, SKY_ID, TARGET_ID, RenderedFrames
 from stixel_cli.stereo.disparities import Disparities
-from stixel_cli.stixels.parameters import FreeSpaceParameters, PolarOccupancy, RigRoad
+from stixel_cli.stixels.parameters import FreeSpaceParameters, OccupancyParameters, RigRoad
 from stixel_cli.stixels.road import base_rows, road_line
 from stixel_cli.stixels.types import FreeSpace, Stixels
 from stixel_cli.validation.stage_errors import stage_errors
 from stixel_cli.validation.stage_truth import frame_truth
 
 ROAD = RigRoad(kind="rig")
-GRID = PolarOccupancy(kind="polar", nearest=3.0, farthest=50.0)
+GRID = OccupancyParameters(kind="polar", nearest=3.0, farthest=50.0)
 PATH = FreeSpaceParameters(0.3, spatial_cost=0.2, temporal_cost=0.0)
 DISPARITY = 10.0
 """Pitch-compensated, of the target: a whole number, so the stored disparities are exact."""

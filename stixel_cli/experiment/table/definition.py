@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, get_args
 
-from stixel_cli.config.annotations import kind_of
+from stixel_cli.config.annotations import kinds_of
 
 
 @dataclass(frozen=True)
@@ -58,8 +58,8 @@ def by_kind(options: Any, name: str) -> dict[str, str]:
     """
     functions = {}
     for option in get_args(options):
-        folder, kind = option.__module__.rpartition(".")[0], kind_of(option)
-        functions[kind] = f"{folder}.{kind}:{name}"
+        folder = option.__module__.rpartition(".")[0]
+        functions |= {kind: f"{folder}.{kind}:{name}" for kind in kinds_of(option)}
     return functions
 
 
