@@ -207,7 +207,7 @@ def grey_pair(*images: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def rig_over_road(rig: RigLike, shape: tuple[int, int], disparities: "Disparities") -> Rig:
     """As `rig_of`; a height that the rig does not state is that of the road in `disparities`."""
     from stixel_cli.recordings.rig_files import read_named_calibration
-    from stixel_cli.stixels.seen_road import NO_ROAD, seen_road
+    from stixel_cli.stixels.road import NO_ROAD, seen_road
 
     valid = rig_of(rig, shape, any_height=True)
     if isinstance(rig, Path | str):
@@ -231,7 +231,7 @@ def rig_of(rig: RigLike, shape: tuple[int, int], any_height: bool = False) -> Ri
 
     from stixel_cli.recordings.rig_files import counterpart, our_names, read_named_calibration
     from stixel_cli.recordings.types import vertical_angle
-    from stixel_cli.stixels.seen_road import MIDDLE
+    from stixel_cli.stixels.road import MIDDLE
 
     size = {"width": shape[1], "height": shape[0]}
     try:

@@ -12,7 +12,7 @@ import numpy as np
 
 from stixel_cli.errors import ArgumentError
 from stixel_cli.geometry.pose import pose_rates
-from stixel_cli.measurements.shared_errors import NO_SHARED_ERRORS, SharedErrors
+from stixel_cli.measurements.scans import NO_SHARED_ERRORS, SharedErrors
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.track import InitialState
 

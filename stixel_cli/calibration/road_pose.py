@@ -12,7 +12,7 @@ from stixel_cli.recordings.stereo_images import read_pairs
 from stixel_cli.recordings.types import Recording
 from stixel_cli.stereo.rectification import Rows, compare_rows
 from stixel_cli.stixels.parameters import EstimatedRoad, RoadParameters
-from stixel_cli.stixels.seen_road import MIDDLE, seen_road
+from stixel_cli.stixels.road import MIDDLE, seen_road
 
 
 @lru_cache

@@ -231,7 +231,7 @@ def _height_of_road(
     """Height in m of the cameras above the road that the images show; NaN, and why, without one."""
     # OpenCV and Numba are imported for it.
     from stixel_cli.calibration.road_pose import compared_rows, road_pose
-    from stixel_cli.stixels.seen_road import MIDDLE, NO_ROAD
+    from stixel_cli.stixels.road import MIDDLE, NO_ROAD
 
     size = recording.width, recording.height
     rig = recording.calibration.rig_values(*size)

@@ -28,7 +28,7 @@ from stixel_cli.measurements.disturbance_parameters import Disturbance, is_distu
 from stixel_cli.measurements.file import FileParameters
 from stixel_cli.own_code import OwnCode
 from stixel_cli.remembered import remembered
-from stixel_cli.scene.mesh_references import referred_files
+from stixel_cli.scene.mesh_reading import referred_files
 from stixel_cli.scene.path_parameters import ReplayedPath
 from stixel_cli.scene.scenario import Scenario
 

@@ -16,14 +16,16 @@ from annotated_types import Ge, Gt, Le
 from stixel_cli.errors import UserError, counted
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD
 from stixel_cli.measurements.disturbance_parameters import Disturbance
-from stixel_cli.measurements.scans import FieldOfView, Scans
-from stixel_cli.measurements.shared_errors import NO_SHARED_ERRORS, SharedErrors
-from stixel_cli.measurements.tables import MOST_SCANS, indices, read_table, refuse_rows
-from stixel_cli.measurements.units import (
+from stixel_cli.measurements.scans import NO_SHARED_ERRORS, FieldOfView, Scans, SharedErrors
+from stixel_cli.measurements.tables import (
+    MOST_SCANS,
     AngleUnit,
     TimeUnit,
     in_radians,
+    indices,
+    read_table,
     refuse_other_times,
+    refuse_rows,
     scan_indices,
     seconds,
     unit_and_epoch,

@@ -15,8 +15,14 @@ import shapely
 from stixel_cli.errors import UserError
 from stixel_cli.geometry.pose import rectangle
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.measurements.tables import indices, read_table
-from stixel_cli.measurements.units import AngleUnit, TimeUnit, in_radians, scan_indices
+from stixel_cli.measurements.tables import (
+    AngleUnit,
+    TimeUnit,
+    in_radians,
+    indices,
+    read_table,
+    scan_indices,
+)
 from stixel_cli.scene.scenario import Scenario
 
 RATES = ("x_rate", "y_rate", "heading_rate")

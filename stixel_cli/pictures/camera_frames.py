@@ -8,7 +8,7 @@ from stixel_cli.pictures.frame_view import FrameView
 from stixel_cli.rendering.frames import StereoPairs
 from stixel_cli.results.pictures import CameraFrames
 from stixel_cli.stereo.disparities import Disparities
-from stixel_cli.stixels.frame_grid import picture_grid
+from stixel_cli.stixels.occupancy import picture_grid
 from stixel_cli.stixels.parameters import OccupancyParameters, RoadParameters
 from stixel_cli.stixels.types import FreeSpace, Stixels
 

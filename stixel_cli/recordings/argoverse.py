@@ -27,11 +27,6 @@ NAMES = r"(\d{1,18})\.jpg"
 EXAMPLE = "315966070549927216.jpg"
 
 
-def is_layout(folder: Path) -> bool:
-    """Whether the folder has this layout."""
-    return (folder / IMAGES / CAMERAS[0]).is_dir()
-
-
 def find_recording(source: Argoverse) -> Recording:
     """The recording of a log."""
     root = Path(source.folder)

@@ -61,32 +61,6 @@ cameras are the `PAIRS` of the same place."""
 VIRTUAL_IMAGES = Path("frames/rgb")
 
 
-def is_tracking(folder: Path) -> bool:
-    """Whether the folder has the layout of the tracking benchmark."""
-    return (root_of(folder, "image_02") / "image_02").is_dir()
-
-
-def is_raw(folder: Path) -> bool:
-    """Whether the folder is a drive of the raw data."""
-    return (folder / "image_02/data").is_dir()
-
-
-def is_odometry(folder: Path) -> bool:
-    """Whether the folder has the layout of the odometry benchmark."""
-    return (folder / "image_0").is_dir() and (folder / "calib.txt").is_file()
-
-
-def is_pair(folder: Path) -> bool:
-    """Whether the folder has the layout of one of the benchmarks of pairs."""
-    root = root_of(folder, "image_2", "image_0")
-    return any(all((root / file).parent.is_dir() for file in files[:3]) for files in BENCHMARKS)
-
-
-def is_virtual(folder: Path) -> bool:
-    """Whether the folder is a variation of a scene of Virtual KITTI."""
-    return (folder / VIRTUAL_IMAGES / "Camera_0").is_dir()
-
-
 def find_tracking(source: KittiTracking) -> Recording:
     """The recording of a clip of the tracking benchmark."""
     root, name = root_of(Path(source.folder), "image_02"), f"{int(source.sequence):04d}"

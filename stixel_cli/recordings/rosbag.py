@@ -22,10 +22,9 @@ from stixel_cli.recordings.types import Recording, Tables
 METADATA = "metadata.yaml"
 
 
-def is_layout(folder: Path) -> bool:
-    """Whether this is a bag, which may be a file."""
-    named = folder.suffix in (".bag", ".mcap", ".db3") and folder.is_file()
-    return named or (folder / METADATA).is_file()
+def is_bag(file: Path) -> bool:
+    """Whether this is a bag in one file."""
+    return file.suffix in (".bag", ".mcap", ".db3") and file.is_file()
 
 
 def find_recording(source: Rosbag) -> Recording:

@@ -6,9 +6,8 @@ from stixel_cli.geometry.pose import rotation
 from stixel_cli.rendering.frames import BACKGROUND_ID, ROAD_ID
 from stixel_cli.rendering.parameters import Light
 from stixel_cli.scene.mesh import Mesh
-from stixel_cli.scene.occluder import occluder
 from stixel_cli.scene.parameters import World
-from stixel_cli.scene.roadside import roadside_objects
+from stixel_cli.scene.roadside import occluder, roadside_objects
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.scene.world import world_objects
 

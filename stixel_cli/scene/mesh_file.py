@@ -11,8 +11,7 @@ from stixel_cli.errors import UserError, printable
 from stixel_cli.files import GREATEST_ARRAYS, read_bytes
 from stixel_cli.geometry.pose import rotation
 from stixel_cli.scene.mesh import Mesh, bounding_box, corners, grounded
-from stixel_cli.scene.mesh_reading import read_parts
-from stixel_cli.scene.mesh_references import referred_files
+from stixel_cli.scene.mesh_reading import read_parts, referred_files
 
 LEAST_SIDE, GREATEST_SIDE = 0.1, 30.0
 """Of the box around a road user, m: nothing flat, and no file in millimetres."""

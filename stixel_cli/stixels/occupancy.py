@@ -15,9 +15,10 @@ from numba import njit
 from scipy.special import ndtr
 
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.stereo.disparities import SUBPIXELS
+from stixel_cli.stereo.disparities import SUBPIXELS, Disparities
 from stixel_cli.stixels.parameters import OccupancyParameters, RoadParameters
 from stixel_cli.stixels.road import obstacle_limits, pitch_factors
+from stixel_cli.stixels.types import FreeSpace, OccupancyGrid
 
 BINS_PER_PIXEL = 2
 """Resolution of the columns' histograms of disparities."""
@@ -242,3 +243,28 @@ def _spread_laterally(values, polar, starts, widths, std):
                 after = math.erf((edge + (i + 1) * step - u) * root)
                 values[i, j] += share * (after - before)
                 before = after
+
+
+def picture_grid(
+    disparities: Disparities,
+    free_space: FreeSpace,
+    rig: Rig,
+    road: RoadParameters,
+    occupancy: OccupancyParameters,
+    frame: int,
+) -> OccupancyGrid:
+    """The occupancy grid of frame `frame`, with the road line that free space was found with."""
+    index = frame - disparities.first
+    columns = np.ascontiguousarray(disparities.raw(index).T)
+    line = free_space.road[frame - free_space.first]
+    grid = layout(occupancy, rig, disparities.count)
+    _, values = accumulate(columns, line, road, grid)
+    return OccupancyGrid(
+        kind=occupancy.kind,
+        values=np.ascontiguousarray(values.T),
+        depths=grid.depths,
+        disparities=grid.disparities,
+        laterals=grid.laterals
+        if occupancy.kind == "cartesian"
+        else np.arange(rig.width, dtype=np.float32),
+    )

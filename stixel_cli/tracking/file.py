@@ -9,7 +9,7 @@ from annotated_types import Ge
 
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD, rectangle, rotation, wrap_angle
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.measurements.units import seconds, unit_and_epoch
+from stixel_cli.measurements.tables import seconds, unit_and_epoch
 from stixel_cli.parameters import parameters
 from stixel_cli.tracking.motion import intervals
 from stixel_cli.tracking.prior import PriorShape

@@ -12,8 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from stixel_cli.errors import UserError
-from stixel_cli.measurements.tables import indices, read_table, refuse_rows
-from stixel_cli.measurements.units import refuse_other_times
+from stixel_cli.measurements.tables import indices, read_table, refuse_other_times, refuse_rows
 from stixel_cli.recordings.kitti_tables import numbers, read_labels, text_rows
 from stixel_cli.recordings.times import unit_rotations
 

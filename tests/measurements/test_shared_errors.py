@@ -5,8 +5,7 @@ import pytest
 
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD, rotation
 from stixel_cli.measurements.disturbance import disturb_scans
-from stixel_cli.measurements.scans import Scans
-from stixel_cli.measurements.shared_errors import SharedErrors
+from stixel_cli.measurements.scans import Scans, SharedErrors
 
 SENSOR = np.array([3.0, -2.0, 1.2])
 RATES = np.array([4.0, 1.0, 0.3])

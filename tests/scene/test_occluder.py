@@ -11,9 +11,9 @@ from stixel_cli.errors import UserError
 from stixel_cli.rendering.placement import motion_of, numbered_objects
 from stixel_cli.scene.ego import ego_motion
 from stixel_cli.scene.mesh import corners
-from stixel_cli.scene.occluder import CLEARANCE, occluder
 from stixel_cli.scene.parameters import World
 from stixel_cli.scene.path import build_scenario
+from stixel_cli.scene.roadside import CLEARANCE, occluder
 
 NONE = World("street", 1, 1.0)
 OCCLUDERS = ("parked_car", "post", "hedge")

@@ -11,7 +11,7 @@ from stixel_cli.images import ImageStack
 from stixel_cli.rendering.frames import StereoPairs
 from stixel_cli.stereo import sgm
 from stixel_cli.stereo.disparities import INVALID
-from stixel_cli.stereo.half_size import HOLE, combined, halved, halved_range
+from stixel_cli.stereo.matching import HOLE, combined, halved, halved_range
 from stixel_cli.stereo.sgm import SgmParameters
 
 FAR, NEAR = 12, 90

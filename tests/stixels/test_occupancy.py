@@ -6,7 +6,6 @@ from constants import with_constants
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stixel_cli.stixels.frame_grid import picture_grid
 from stixel_cli.stixels.occupancy import (
     BINS_PER_PIXEL,
     accumulate,
@@ -14,6 +13,7 @@ from stixel_cli.stixels.occupancy import (
     column_histograms,
     fill,
     layout,
+    picture_grid,
     spread_laterally,
     to_polar,
 )

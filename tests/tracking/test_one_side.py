@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 from seen_targets import SENSOR, scans_of, scans_seen, start_at, turning
 
 from stixel_cli.config.compose import compose
-from stixel_cli.measurements.scans import FieldOfView, Scans
-from stixel_cli.measurements.shared_errors import SharedErrors
+from stixel_cli.measurements.scans import FieldOfView, Scans, SharedErrors
 from stixel_cli.tracking.contour.class_shape import class_shape
 from stixel_cli.tracking.gp_ekf import track
 from stixel_cli.tracking.kernel import contour_process
