@@ -24,9 +24,6 @@ from stixel_cli.scene.scenario import Scenario
 COMMAND = (sys.executable, "-m", main.__module__)
 """The child process; the folder that it works in, or `--probe`, follows."""
 
-LOOK_EVERY = 0.02
-"""How often the parent looks for the child's files, s."""
-
 
 class RendererUnavailable(UserError, RuntimeError):
     """Filament cannot start or continue; the message gives the reason in one line."""
@@ -112,68 +109,53 @@ def rendered(
         RendererUnavailable: if the child hung or died `renderer.attempts` times.
     """
     with tempfile.TemporaryDirectory(prefix="stixel-filament-") as name:
-        folder = Path(name)
+        folder, timeouts = Path(name), (renderer.start_timeout, renderer.frame_timeout)
         np.savez(folder / "scene.npz", **scene)
-        child, failures = None, 0
-        try:
-            for k in scene["frames"]:
-                result = folder / f"frame_{k}.npz"
-                while not result.exists():
-                    if child is None:
-                        child = _start((*command, name), folder)
-                    problem = _await(child, folder / "ready", renderer.start_timeout, "start")
-                    problem = problem or _await(child, result, renderer.frame_timeout, "render")
-                    if problem:
-                        _stop(child)
-                        child, failures = None, failures + 1
-                        if failures == renderer.attempts:
-                            raise RendererUnavailable(
-                                f"{problem} ({failures} attempts); renderer=raycast needs no driver"
-                            )
-                with np.load(result, allow_pickle=False) as file:
-                    frame = file["left"], file["right"], file["depth"], file["ids"]
-                # An empty file stays: a restarted child must not render the frame again.
-                result.write_bytes(b"")
-                yield frame
-        finally:
-            if child is not None:
-                _stop(child)
+        for _ in range(renderer.attempts):
+            problem = _run((*command, name), folder, *timeouts)
+            if problem is None:
+                break
+        else:
+            raise RendererUnavailable(
+                f"{problem} ({renderer.attempts} attempts); renderer=raycast needs no driver"
+            )
+        for k in scene["frames"]:
+            with np.load(folder / f"frame_{k}.npz", allow_pickle=False) as file:
+                yield file["left"], file["right"], file["depth"], file["ids"]
 
 
 def probe_filament(timeout: float, command: tuple[str, ...] = COMMAND) -> str | None:
     """Reason why Filament cannot start here, in one line; None if it renders within `timeout` s."""
     with tempfile.TemporaryDirectory(prefix="stixel-filament-") as name:
-        child = _start((*command, "--probe"), Path(name))
-        try:
-            child.wait(timeout=timeout)
-        except subprocess.TimeoutExpired:
-            return f"filament did not start within {timeout:g} s"
-        finally:
-            _stop(child)
-        return _death(child, Path(name)) if child.returncode else None
+        return _run((*command, "--probe"), Path(name), timeout, timeout)
 
 
-def _start(command: tuple[str, ...], folder: Path) -> subprocess.Popen:
-    (folder / "ready").unlink(missing_ok=True)
-    environment = {**os.environ, "EGL_PLATFORM": "surfaceless"}
+def _run(
+    command: Sequence[str], folder: Path, start_timeout: float, frame_timeout: float
+) -> str | None:
+    """Run a child that writes files into `folder`; None if it ends well, else the failure.
+
+    It hangs if it writes nothing within the first or, after that, the second timeout, s.
+    """
     with (folder / "log").open("wb") as log:
-        return subprocess.Popen(
+        environment = {**os.environ, "EGL_PLATFORM": "surfaceless"}
+        child = subprocess.Popen(
             command, stdin=subprocess.DEVNULL, stdout=log, stderr=log, env=environment
         )
-
-
-def _await(child: subprocess.Popen, file: Path, timeout: float, task: str) -> str | None:
-    """Wait for `file`; None as soon as it is there, else the failure in one line."""
-    for _ in range(max(1, round(timeout / LOOK_EVERY))):
-        if file.exists():
-            return None
-        try:
-            child.wait(timeout=LOOK_EVERY)
-        except subprocess.TimeoutExpired:
-            continue
-        # It may have finished between the two looks.
-        return None if file.exists() else _death(child, file.parent)
-    return f"filament did not {task} within {timeout:g} s"
+    task, timeout, written = "start", start_timeout, len([*folder.iterdir()])
+    try:
+        while child.returncode is None:
+            try:
+                child.wait(timeout=timeout)
+            except subprocess.TimeoutExpired:
+                before, written = written, len([*folder.iterdir()])
+                if written == before:
+                    return f"filament did not {task} within {timeout:g} s"
+                task, timeout = "render", frame_timeout
+    finally:
+        child.kill()
+        child.wait()
+    return _death(child, folder) if child.returncode else None
 
 
 def _death(child: subprocess.Popen, folder: Path) -> str:
@@ -186,12 +168,6 @@ def _death(child: subprocess.Popen, folder: Path) -> str:
     code = child.returncode
     end = f"signal {-code}" if code < 0 else f"exit code {code}"
     return f"filament's process died with {end}" + (f": {lines[-1]}" if lines else "")
-
-
-def _stop(child: subprocess.Popen) -> None:
-    if child.poll() is None:
-        child.kill()
-    child.wait()
 
 
 def _transform(camera: Camera) -> np.ndarray:

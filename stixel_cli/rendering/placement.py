@@ -35,22 +35,15 @@ def numbered_objects(world: World, motion: Motion = ()) -> list[tuple[int, Mesh]
     Raises:
         ValueError: if there are more objects than ids.
     """
-    numbered, count = [], 0
-    poses = np.array(motion).reshape(-1, 5)
+    poses, ids = np.array(motion).reshape(-1, 5), [ROAD_ID, *range(BACKGROUND_ID, 256)]
     ways = poses[:, :3], poses[:, 3:]
     objects = world_objects(world) if world.kind == "street" else roadside_objects(world, *ways)
-    for item in objects:
-        if item.kind == "road":
-            numbered.append((ROAD_ID, item.mesh))
-        else:
-            numbered.append((BACKGROUND_ID + count, item.mesh))
-            count += 1
+    meshes = [mesh for _, mesh in objects]
     if world.occluder != "none":
-        numbered.append((BACKGROUND_ID + count, occluder(world, *ways)))
-        count += 1
-    if BACKGROUND_ID + count > 256:
-        raise ValueError(f"world: {count} objects, but at most {256 - BACKGROUND_ID} have an id")
-    return numbered
+        meshes.append(occluder(world, *ways))
+    if len(meshes) > len(ids):
+        raise ValueError(f"world: {len(meshes)} objects, but at most {len(ids)} have an id")
+    return list(zip(ids, meshes, strict=False))
 
 
 def world_from_target_3d(pose_world: np.ndarray) -> np.ndarray:

@@ -19,7 +19,6 @@ from stixel_cli.scene.background import Materials, flat
 from stixel_cli.scene.mesh import Mesh, bounding_box, corners, moved
 from stixel_cli.scene.parameters import World
 from stixel_cli.scene.textures import asphalt
-from stixel_cli.scene.world import WorldObject
 
 BEHIND, AHEAD = 30.0, 90.0
 """The roadside reaches as far before the start and beyond the end of the ego car's way, m."""
@@ -41,7 +40,7 @@ PAINTS = ((150, 38, 34), (172, 174, 170), (60, 94, 70), (52, 66, 104))
 
 def roadside_objects(
     world: World, ego_poses_world: np.ndarray, targets_world: np.ndarray
-) -> tuple[WorldObject, ...]:
+) -> list[tuple[str, Mesh]]:
     """As `world.world_objects`: the road first, then the background, nearest to the start first.
 
     Args:
@@ -67,10 +66,7 @@ def roadside_objects(
     made += [("woods", mesh) for mesh in _woods(low + 6.0, high - 6.0, materials)]
     made.sort(key=lambda named: float(np.hypot(*bounding_box(named[1])[:, :2].mean(axis=0))))
     ground = flat("asphalt", [(*low, *high)], 0.0, asphalt(world.contrast), 7.3)
-    return (
-        WorldObject("road", "road", Mesh((ground,))),
-        *(WorldObject(name, "background", mesh) for name, mesh in made),
-    )
+    return [("road", Mesh((ground,))), *made]
 
 
 def _way(poses: np.ndarray) -> np.ndarray:

@@ -5,9 +5,6 @@ World frame: x right, y forward, z up, m; the ego car starts at the origin. The 
 4 m, are on all sides, so a camera that turns sees obstacles in every direction.
 """
 
-from dataclasses import dataclass
-from typing import Literal
-
 import numpy as np
 
 from stixel_cli.randomness import generator
@@ -84,23 +81,8 @@ WOODS = (
 )
 
 
-@dataclass(frozen=True)
-class WorldObject:
-    """An object of the world that does not move.
-
-    Attributes:
-        name: of the object.
-        kind: the road, or background.
-        mesh: in the world frame.
-    """
-
-    name: str
-    kind: Literal["road", "background"]
-    mesh: Mesh
-
-
-def world_objects(world: World) -> tuple[WorldObject, ...]:
-    """Everything but the target and the sky: the road first, then the background, nearest first.
+def world_objects(world: World) -> list[tuple[str, Mesh]]:
+    """Names and meshes of all but the target and the sky: the road, then what is nearest, first.
 
     The background's order is the order of its ids. The same `world` gives the same bytes.
     """
@@ -111,10 +93,7 @@ def world_objects(world: World) -> tuple[WorldObject, ...]:
         *_furniture(world.contrast, materials),
     ]
     made.sort(key=lambda named: _distance(named[1]))
-    return (
-        WorldObject("road", "road", ground(world.contrast)),
-        *(WorldObject(name, "background", mesh) for name, mesh in made),
-    )
+    return [("road", ground(world.contrast)), *made]
 
 
 def _distance(mesh: Mesh) -> float:

@@ -26,7 +26,6 @@ from stixel_cli.rendering.surfaces import (
 from stixel_cli.rendering.tracing import Body, Shot
 from stixel_cli.scene.mesh import Mesh, scaled
 from stixel_cli.scene.parameters import World
-from stixel_cli.scene.world import WorldObject
 
 POSE = np.array([0.0, 0.0, box_scene.AHEAD])
 
@@ -61,9 +60,7 @@ def test_frame_bytes_do_not_depend_on_chunk_or_partial_rendering(target, moving)
 
 
 def test_render_does_not_depend_on_the_chunks(monkeypatch):
-    world = tuple(
-        WorldObject(str(i), "road" if i == ROAD_ID else "background", mesh) for i, mesh in objects()
-    )
+    world = [(str(i), mesh) for i, mesh in objects()]
     monkeypatch.setattr("stixel_cli.rendering.placement.world_objects", lambda _: world)
     monkeypatch.setattr(raycast, "road_user_meshes", lambda _: [target_mesh()])
     rest = {"scenario": scenario(), "road_user": None, "world": World("street", 1, 1.0)}
