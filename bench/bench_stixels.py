@@ -28,7 +28,7 @@ from stixel_cli.rendering.frames import StereoPairs
 from stixel_cli.stereo import bm, sgm
 from stixel_cli.stixels.extraction import stixels_of_frame
 from stixel_cli.stixels.free_space import expected_depth, obstacle_base, unknown_rows
-from stixel_cli.stixels.height import top_rows
+from stixel_cli.stixels.height import Frame, top_rows
 from stixel_cli.stixels.nearest_obstacle import cell_costs, cheapest_path, nearest_obstacle
 from stixel_cli.stixels.occupancy import column_histograms, fill, layout
 from stixel_cli.stixels.parameters import (
@@ -117,9 +117,8 @@ def segment(raw, expected, road, occupancy, grid, images=None, layers="one"):
     if images is None:
         extraction = replace(extraction, refinement=0.0)
     unknown_rows(columns, base, line, road, grid, FREE_SPACE)
-    stixels = stixels_of_frame(
-        columns, obstacle, base, line, COUNT, RIG, HEIGHT, extraction, images
-    )
+    frame = Frame(columns, COUNT, obstacle, base, line, RIG)
+    stixels = stixels_of_frame(frame, HEIGHT, extraction, images)
     return obstacle, base, line, stixels
 
 
@@ -172,19 +171,19 @@ def test_step(benchmark, raw, pairs, step):
     weigh = (fill(*fill_grid), (1 / need).astype(np.float32), *bounds)
     depths = np.append(grid.depths, 2 * grid.depths[-1] - grid.depths[-2])
     limits = np.float32(FREE_SPACE.spatial_cost), np.float32(FREE_SPACE.spatial_limit)
-    frame = columns, obstacle, base, line, COUNT, RIG, HEIGHT
+    frame = Frame(columns, COUNT, obstacle, base, line, RIG)
     images = pairs.left[0], pairs.right[0]
     work = {
         "histogram": lambda: column_histograms(*count),
         "grid": lambda: fill(*fill_grid),
         "costs": lambda: cell_costs(*weigh),
         "path": (lambda costs: lambda: cheapest_path(costs, depths, *limits))(cell_costs(*weigh)),
-        "height": lambda: top_rows(columns, obstacle, base, line, RIG, HEIGHT),
+        "height": lambda: top_rows(frame, HEIGHT),
         "unknown": lambda: unknown_rows(columns, base, line, road, grid, FREE_SPACE),
-        "stixels": lambda: stixels_of_frame(*frame, replace(EXTRACTION, refinement=0.0)),
-        "refined stixels": lambda: stixels_of_frame(*frame, EXTRACTION, images),
+        "stixels": lambda: stixels_of_frame(frame, HEIGHT, replace(EXTRACTION, refinement=0.0)),
+        "refined stixels": lambda: stixels_of_frame(frame, HEIGHT, EXTRACTION, images),
         "refined stixels, many layers": lambda: stixels_of_frame(
-            *frame, replace(EXTRACTION, layers="many"), images
+            frame, HEIGHT, replace(EXTRACTION, layers="many"), images
         ),
     }
     benchmark(work[step])
@@ -200,7 +199,10 @@ def test_disparity_to_stixels_plain(benchmark, raw):
     depth = RIG.focal * RIG.baseline / fast[both]
     assert np.mean(np.abs(RIG.focal * RIG.baseline / obstacle[both] - depth) < 1.0) > 0.95
     columns = cv2.transpose(raw)
-    assert np.mean(np.abs(top_rows(columns, fast, base, line, RIG, HEIGHT) - top) <= 3) > 0.8
+    assert (
+        np.mean(np.abs(top_rows(Frame(columns, COUNT, fast, base, line, RIG), HEIGHT) - top) <= 3)
+        > 0.8
+    )
 
 
 def plain(raw, road, occupancy, grid):

@@ -5,13 +5,13 @@ import numpy as np
 
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.rendering.frames import StereoPairs
-from stixel_cli.stereo.disparities import SUBPIXELS, Disparities
-from stixel_cli.stixels.grouping import group_columns
-from stixel_cli.stixels.height import depth_windows, top_rows
+from stixel_cli.stereo.disparities import Disparities
+from stixel_cli.stixels.grouping import Grouping, Layer, group_columns
+from stixel_cli.stixels.height import Frame, depth_windows, top_rows
 from stixel_cli.stixels.layers import layers_behind
 from stixel_cli.stixels.parameters import ExtractionParameters, HeightParameters
 from stixel_cli.stixels.refinement import aligned
-from stixel_cli.stixels.road import base_rows, pitch_and_height, pitch_factors
+from stixel_cli.stixels.road import base_rows, pitch_and_height
 from stixel_cli.stixels.types import SAME_OBJECT, FreeSpace, Stixels
 
 BINS_PER_PIXEL = 8
@@ -34,23 +34,18 @@ def extract_stixels(
     found = []
     for k in frames:
         i = k - free_space.first
-        columns = cv2.transpose(disparities.raw(k - disparities.first))
+        frame = Frame(
+            columns=cv2.transpose(disparities.raw(k - disparities.first)),
+            count=disparities.count,
+            obstacle=free_space.disparity[i],
+            base_row=free_space.base_row[i],
+            line=free_space.road[i],
+            rig=rig,
+        )
         images = None
         if extraction.refinement > 0:
             images = pairs.left[k - pairs.first], pairs.right[k - pairs.first]
-        found.append(
-            stixels_of_frame(
-                columns,
-                free_space.disparity[i],
-                free_space.base_row[i],
-                free_space.road[i],
-                disparities.count,
-                rig,
-                height,
-                extraction,
-                images,
-            )
-        )
+        found.append(stixels_of_frame(frame, height, extraction, images))
     offsets = np.cumsum([0] + [len(f["left"]) for f in found], dtype=np.int64)
     empty = group_fields(np.zeros((0, 4)), np.zeros((0, 2)), np.array([1.0, 0.0]), rig, extraction)
     arrays = {
@@ -60,48 +55,48 @@ def extract_stixels(
 
 
 def stixels_of_frame(
-    columns: np.ndarray,
-    obstacle: np.ndarray,
-    base_row: np.ndarray,
-    line: np.ndarray,
-    count: int,
-    rig: Rig,
+    frame: Frame,
     height: HeightParameters,
     extraction: ExtractionParameters,
     images: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> dict[str, np.ndarray]:
     """Stixels of one frame, the fields of `Stixels` by name; of the same columns the nearest first.
 
-    Args:
-        columns: (W, H) int16 raw disparities, column by column.
-        obstacle, base_row: (W,) a frame of `FreeSpace`.
-        line: (2,) the road's disparity a v + b, px.
-        count: number of disparities searched.
-        images: left and right (H, W) uint8, read where `extraction.refinement` is not 0.
+    `images` are left and right (H, W) uint8, read where `extraction.refinement` is not 0.
     """
-    tops = top_rows(columns, obstacle, base_row, line, rig, height)
-    scale = pitch_factors(line, rig) / np.float32(SUBPIXELS)
-    foot = rows_at_height(obstacle, base_row, rig, extraction.least_height)
-    layers = [(obstacle, tops, foot, base_row)]
+    rig, columns = frame.rig, frame.columns
+    grouping = Grouping(
+        extraction.width,
+        BINS_PER_PIXEL,
+        smoothing_kernel(extraction.smoothing),
+        extraction.least_pixels,
+        # A height h has f_v h / z = (f_v / f) h d / B rows.
+        extraction.front_height / rig.baseline * rig.focal_v / rig.focal,
+        extraction.front_margin,
+    )
+    foot = rows_at_height(frame.obstacle, frame.base_row, rig, extraction.least_height)
+    layers = [(frame.obstacle, top_rows(frame, height), foot, frame.base_row)]
     if extraction.layers == "many":
-        margins = (height.depth_margin, extraction.least_height)
         behind = layers_behind(
-            columns, obstacle, base_row, line, scale, count, rig, extraction.width, margins
+            frame, extraction.width, height.depth_margin, extraction.least_height
         )
         layers += [(further, top, base, base) for further, top, base in behind]
     found: list[dict[str, np.ndarray]] = []
-    for layer in layers:
-        areas, values = areas_of_layer(columns, layer, scale, count, rig, height, extraction)
+    for obstacle, tops, foot, base_row in layers:
+        window = depth_windows(obstacle, rig, height.depth_margin)
+        head = np.maximum(tops, rows_at_height(obstacle, base_row, rig, extraction.greatest_height))
+        layer = Layer(obstacle, window, tops, head, foot, base_row)
+        areas, values = group_columns(columns, frame.scale, frame.count, layer, grouping)
         if found:
             # Only behind a stixel, so that the first one of a group's columns is the nearest.
             behind_one = np.isin(areas[:, 0], found[0]["left"])
             areas, values = areas[behind_one], values[behind_one]
         if extraction.refinement > 0:
-            given = np.ascontiguousarray(values[:, 0])
-            refined = aligned(images, columns, areas, given, scale, rig.disparity_errors())
+            given, errors = np.ascontiguousarray(values[:, 0]), rig.disparity_errors()
+            refined = aligned(images, columns, areas, given, frame.scale, errors)
             values[:, 0] += extraction.refinement * (refined - given)
         areas[:, 2] = np.maximum(areas[:, 2] - height.hidden_rows, 0)
-        fields = group_fields(areas, values, line, rig, extraction)
+        fields = group_fields(areas, values, frame.line, rig, extraction)
         if found:
             # Its foot is hidden.
             fields["base"] = np.minimum(fields["base"], areas[:, 3]).astype(np.int32)
@@ -110,37 +105,6 @@ def stixels_of_frame(
         return found[0]
     order = np.argsort(np.concatenate([fields["left"] for fields in found]), kind="stable")
     return {name: np.concatenate([fields[name] for fields in found])[order] for name in found[0]}
-
-
-def areas_of_layer(
-    columns: np.ndarray,
-    layer: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
-    scale: np.ndarray,
-    count: int,
-    rig: Rig,
-    height: HeightParameters,
-    extraction: ExtractionParameters,
-) -> tuple[np.ndarray, np.ndarray]:
-    """`group_columns` of a layer: its obstacles, top rows, foot rows and base rows, (W,) each."""
-    obstacle, tops, foot, base_row = layer
-    return group_columns(
-        columns,
-        obstacle,
-        depth_windows(obstacle, rig, height.depth_margin),
-        tops,
-        np.maximum(tops, rows_at_height(obstacle, base_row, rig, extraction.greatest_height)),
-        foot,
-        base_row,
-        scale,
-        extraction.width,
-        BINS_PER_PIXEL * count + 1,
-        BINS_PER_PIXEL,
-        smoothing_kernel(extraction.smoothing),
-        extraction.least_pixels,
-        # A height h has f_v h / z = (f_v / f) h d / B rows.
-        extraction.front_height / rig.baseline * rig.focal_v / rig.focal,
-        extraction.front_margin,
-    )
 
 
 def rows_at_height(

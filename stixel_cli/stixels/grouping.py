@@ -4,6 +4,8 @@ Loops stand in for NumPy's sort, argmax and sums, and the caller makes the array
 compile those for seconds.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 
@@ -11,22 +13,45 @@ LEAST_ROWS = 5
 """A front face has at least this many rows."""
 
 
+class Layer(NamedTuple):
+    """Obstacles of a frame's columns.
+
+    Attributes:
+        obstacle, window: (W,) float32 px; obstacle is NaN in free columns.
+        tops, base_row: (W,) int32 rows of the obstacle, both inclusive.
+        head, foot: (W,) int32 first and last row whose pixels count, inclusive.
+    """
+
+    obstacle: np.ndarray
+    window: np.ndarray
+    tops: np.ndarray
+    head: np.ndarray
+    foot: np.ndarray
+    base_row: np.ndarray
+
+
+class Grouping(NamedTuple):
+    """How columns are grouped.
+
+    Attributes:
+        stixel_width: columns of a group.
+        bins_per_pixel: of the histogram.
+        kernel: (2 r + 1,) float64 that the histogram is smoothed with.
+        least_pixels: groups with fewer pixels in the window are no stixel.
+        front_rows: rows of a front face for each px of its disparity.
+        front_margin: px.
+    """
+
+    stixel_width: int
+    bins_per_pixel: int
+    kernel: np.ndarray
+    least_pixels: int
+    front_rows: float
+    front_margin: float
+
+
 def group_columns(
-    columns: np.ndarray,
-    obstacle: np.ndarray,
-    window: np.ndarray,
-    tops: np.ndarray,
-    head: np.ndarray,
-    foot: np.ndarray,
-    base_row: np.ndarray,
-    scale: np.ndarray,
-    stixel_width: int,
-    bins: int,
-    bins_per_pixel: int,
-    kernel: np.ndarray,
-    least_pixels: int,
-    front_rows: float,
-    front_margin: float,
+    columns: np.ndarray, scale: np.ndarray, count: int, layer: Layer, grouping: Grouping
 ) -> tuple[np.ndarray, np.ndarray]:
     """Areas and disparities of one frame's stixels.
 
@@ -38,80 +63,37 @@ def group_columns(
     is the maximum of the rest.
 
     Args:
-        columns: (W, H) int16 raw disparities; pitch-compensated disparity is raw * scale[v] px.
-        obstacle, window: (W,) float32 px; obstacle is NaN in free columns.
-        tops, base_row: (W,) int32 rows of the obstacle, both inclusive.
-        head, foot: (W,) int32 first and last row whose pixels count, inclusive.
-        scale: (H,) float32.
-        stixel_width: columns of a group.
-        bins, bins_per_pixel: of the histogram.
-        kernel: (2 r + 1,) float64 that the histogram is smoothed with.
-        least_pixels: groups with fewer pixels in the window are no stixel.
-        front_rows: rows of a front face for each px of its disparity.
-        front_margin: px.
+        columns, scale, count: as in `Frame`.
+        layer: the obstacles.
+        grouping: how they are grouped.
 
     Returns:
         areas (S, 4) int64: left, right (exclusive), top, base; values (S, 2) float64: disparity
         px, mean row of the pixels in the window.
     """
     width, height = columns.shape
-    groups = (width + stixel_width - 1) // stixel_width
+    groups = (width + grouping.stixel_width - 1) // grouping.stixel_width
     areas = np.empty((groups, 4), dtype=np.int64)
     values = np.empty((groups, 2), dtype=np.float64)
-    found = _group_columns(
-        areas,
-        values,
-        np.zeros(bins, dtype=np.int32),
-        np.empty(stixel_width, dtype=np.int64),
-        np.zeros(height, dtype=np.int64),
-        np.zeros(height, dtype=np.float64),
-        columns,
-        obstacle,
-        window,
-        (head, tops),
-        # With the type of `obstacle`, one kernel finds the median of both.
-        tops.astype(np.float32),
-        foot,
-        base_row,
-        scale,
-        stixel_width,
-        bins_per_pixel,
-        kernel,
-        least_pixels,
-        front_rows,
-        front_margin,
-    )
+    histogram = np.zeros(grouping.bins_per_pixel * count + 1, dtype=np.int32)
+    members = np.empty(grouping.stixel_width, dtype=np.int64)
+    memory = histogram, members, np.zeros(height, dtype=np.int64), np.zeros(height)
+    # With the type of `obstacle`, one kernel finds the median of both.
+    tops = layer.tops.astype(np.float32)
+    found = _group_columns(areas, values, memory, columns, scale, layer, tops, grouping)
     return areas[:found], values[:found]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _group_columns(
-    areas,
-    values,
-    histogram,
-    members,
-    row_count,
-    row_total,
-    columns,
-    obstacle,
-    window,
-    first_rows,
-    top_values,
-    foot,
-    base_row,
-    scale,
-    stixel_width,
-    bins_per_pixel,
-    kernel,
-    least_pixels,
-    front_rows,
-    front_margin,
-):
+def _group_columns(areas, values, memory, columns, scale, layer, top_values, grouping):
     """Write the result of `group_columns`, and return how many stixels it has.
 
-    `histogram` (bins,), `row_count` and `row_total` (H,) are zero, `members` has the length
-    `stixel_width`.
+    `memory`: a histogram (bins,), members (stixel_width,), counts and sums of rows (H,); all zero
+    but the members.
     """
+    histogram, members, row_count, row_total = memory
+    obstacle, window, tops, head, foot, base_row = layer
+    stixel_width, bins_per_pixel, kernel, least_pixels, front_rows, front_margin = grouping
     width, found = len(columns), 0
     for left in range(0, width, stixel_width):
         right = min(left + stixel_width, width)
@@ -119,7 +101,7 @@ def _group_columns(
         if kept == 0:
             continue
         centre, reach = obstacle[middle], window[middle]
-        for starts in first_rows:
+        for starts in (head, tops):
             least, most, first, last, rows = _vote(
                 columns, members, kept, starts, foot, scale, centre, reach, bins_per_pixel,
                 histogram, row_count, row_total,

@@ -3,6 +3,9 @@
 After Badino, Franke, Pfeiffer 2009, *The Stixel World*.
 """
 
+from dataclasses import dataclass
+from functools import cached_property
+
 import numpy as np
 from numba import njit
 
@@ -10,6 +13,31 @@ from stixel_cli.geometry.rig import Rig
 from stixel_cli.stereo.disparities import SUBPIXELS
 from stixel_cli.stixels.parameters import HeightParameters
 from stixel_cli.stixels.road import pitch_factors
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One frame's disparities, and the road and the nearest obstacles in them.
+
+    Attributes:
+        columns: (W, H) int16 raw disparities, column by column.
+        count: number of disparities searched.
+        obstacle, base_row: (W,) a frame of `FreeSpace`.
+        line: (2,) the road's disparity a v + b, px.
+        rig: the cameras.
+    """
+
+    columns: np.ndarray
+    count: int
+    obstacle: np.ndarray
+    base_row: np.ndarray
+    line: np.ndarray
+    rig: Rig
+
+    @cached_property
+    def scale(self) -> np.ndarray:
+        """(H,) float32: the pitch-compensated disparity of a pixel is raw * scale[v] px."""
+        return pitch_factors(self.line, self.rig) / np.float32(SUBPIXELS)
 
 
 def depth_windows(obstacle: np.ndarray, rig: Rig, depth_margin: float) -> np.ndarray:
@@ -20,24 +48,11 @@ def depth_windows(obstacle: np.ndarray, rig: Rig, depth_margin: float) -> np.nda
     return (obstacle - behind).astype(np.float32)
 
 
-def top_rows(
-    columns: np.ndarray,
-    obstacle: np.ndarray,
-    base_row: np.ndarray,
-    line: np.ndarray,
-    rig: Rig,
-    height: HeightParameters,
-) -> np.ndarray:
-    """Topmost row (W,) int32 of each column's obstacle, -1 where the column is free.
-
-    Args:
-        columns: (W, H) int16 raw disparities, column by column.
-        obstacle, base_row: (W,) a frame of `FreeSpace`.
-        line: (2,) the road's disparity a v + b, px.
-    """
+def top_rows(frame: Frame, height: HeightParameters) -> np.ndarray:
+    """Topmost row (W,) int32 of each column's obstacle, -1 where the column is free."""
+    obstacle, base_row, rig = frame.obstacle, frame.base_row, frame.rig
     window = depth_windows(obstacle, rig, height.depth_margin)
-    scale = pitch_factors(line, rig) / np.float32(SUBPIXELS)
-    cost = membership_costs(columns, obstacle, window, base_row, scale)
+    cost = membership_costs(frame.columns, obstacle, window, base_row, frame.scale)
     depth = (rig.focal * rig.baseline / obstacle).astype(np.float32)
     tied = height.smoothness * np.maximum(0.0, 1.0 - np.abs(np.diff(depth)) / height.depth_scale)
     # Columns next to a free column are not tied.

@@ -11,8 +11,7 @@ in the rows.
 import numpy as np
 from numba import njit
 
-from stixel_cli.geometry.rig import Rig
-from stixel_cli.stixels.height import depth_windows
+from stixel_cli.stixels.height import Frame, depth_windows
 from stixel_cli.stixels.road import pitch_and_height, pitch_factors
 
 BEHIND = 2
@@ -47,33 +46,21 @@ BINS_PER_PIXEL = 2
 
 
 def layers_behind(
-    columns: np.ndarray,
-    obstacle: np.ndarray,
-    base_row: np.ndarray,
-    line: np.ndarray,
-    scale: np.ndarray,
-    count: int,
-    rig: Rig,
-    stixel_width: int,
-    margins: tuple[float, float],
+    frame: Frame, stixel_width: int, depth_margin: float, least_height: float
 ) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """For each layer behind the nearest obstacles: disparity, top and base row of each column.
 
     Args:
-        columns: (W, H) int16 raw disparities; pitch-compensated disparity is raw * scale[v] px.
-        obstacle, base_row: (W,) a frame of `FreeSpace`.
-        line: (2,) the road's disparity a v + b, px.
-        scale: (H,) float32.
-        count: number of disparities searched.
+        frame: whose nearest obstacles are known.
         stixel_width: columns of a group; they have the same layers.
-        margins: m, least difference in depth of two layers, and least height above the road.
+        depth_margin: least difference in depth of two layers, m.
+        least_height: of an object above the road, m.
 
     Returns:
         (W,) float32 px, NaN without such an object, and int32 rows, both inclusive, base -1
         without.
     """
-    width, height = columns.shape
-    depth_margin, least_height = margins
+    rig, line, (width, height) = frame.rig, frame.line, frame.columns.shape
     found = np.full((BEHIND, width), np.nan, dtype=np.float32)
     tops, bases = np.full((2, BEHIND, width), -1, dtype=np.int32)
     _, camera_height = pitch_and_height(line, rig)
@@ -83,12 +70,12 @@ def layers_behind(
     # A height h has f_v h / z = (f_v / f) h d / B rows.
     extent = GREATEST_HEIGHT / rig.baseline * (rig.focal_v / rig.focal)
     _find_layers(
-        found, tops, bases, np.zeros(BINS_PER_PIXEL * count + 2, dtype=np.int32),
+        found, tops, bases, np.zeros(BINS_PER_PIXEL * frame.count + 2, dtype=np.int32),
         np.empty(LABELS + 1, dtype=np.float32), *np.empty((2, LABELS + 3), dtype=np.float32),
-        np.empty((height, LABELS + 3), dtype=np.uint8), columns, obstacle, base_row,
-        depth_windows(obstacle, rig, depth_margin), of_road.astype(np.float32),
-        lowest.astype(np.float32), scale, stixel_width, extent, rig.focal * rig.baseline,
-        depth_margin,
+        np.empty((height, LABELS + 3), dtype=np.uint8), frame.columns, frame.obstacle,
+        frame.base_row, depth_windows(frame.obstacle, rig, depth_margin),
+        of_road.astype(np.float32), lowest.astype(np.float32), frame.scale, stixel_width, extent,
+        rig.focal * rig.baseline, depth_margin,
     )  # fmt: skip
     return list(zip(found, tops, bases, strict=True))
 

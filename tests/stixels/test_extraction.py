@@ -17,7 +17,14 @@ from stixel_cli.stixels.extraction import (
     unevenness,
 )
 from stixel_cli.stixels.free_space import find_free_space
-from stixel_cli.stixels.grouping import LEAST_ROWS, front_face, group_columns, histogram_peak
+from stixel_cli.stixels.grouping import (
+    LEAST_ROWS,
+    Grouping,
+    Layer,
+    front_face,
+    group_columns,
+    histogram_peak,
+)
 from stixel_cli.stixels.road import base_rows, road_line
 from stixel_cli.stixels.types import SAME_OBJECT
 
@@ -235,16 +242,8 @@ def test_histogram_peak_is_the_parabola_through_the_smoothed_maximum():
         assert histogram_peak(histogram, kernel) == pytest.approx(expected, abs=1e-6)
 
 
-GROUPING = {
-    "scale": np.full(40, 1 / 16, dtype=np.float32),
-    "stixel_width": 5,
-    "bins": 32 * BINS_PER_PIXEL + 1,
-    "bins_per_pixel": BINS_PER_PIXEL,
-    "kernel": smoothing_kernel(0.35),
-    "least_pixels": 10,
-    "front_rows": 0.6,
-    "front_margin": 0.3,
-}
+SCALE = np.full(40, 1 / 16, dtype=np.float32)
+GROUPING = Grouping(5, BINS_PER_PIXEL, smoothing_kernel(0.35), 10, front_rows=0.6, front_margin=0.3)
 
 
 def test_group_follows_its_median_column():
@@ -255,13 +254,15 @@ def test_group_follows_its_median_column():
     window = np.full(5, 2.0, dtype=np.float32)
     tops = np.array([10, 10, 8, 9, 8], dtype=np.int32)
     base = np.array([34, 34, 29, 29, 29], dtype=np.int32)
-    areas, values = group_columns(columns, obstacle, window, tops, tops, base, base, **GROUPING)
+    layer = Layer(obstacle, window, tops, tops, base, base)
+    areas, values = group_columns(columns, SCALE, 32, layer, GROUPING)
     assert areas.tolist() == [[0, 5, 8, 29]]
     assert values[0, 0] == pytest.approx(10.25, abs=1e-3)
     assert values[0, 1] == pytest.approx((22 * 18.5 + 21 * 19 + 22 * 18.5) / 65)
     base[1:4] = -1
     obstacle[1:4] = np.nan
-    few, _ = group_columns(columns, obstacle, window, base - 20, base - 20, base, base, **GROUPING)
+    layer = Layer(obstacle, window, base - 20, base - 20, base, base)
+    few, _ = group_columns(columns, SCALE, 32, layer, GROUPING)
     assert len(few) == 0
 
 
@@ -278,12 +279,12 @@ def brute_front(pixels, columns, extent):
     return (max(full) if full else np.mean([d for d, _ in pixels])), face
 
 
-def brute_groups(columns, obstacle, window, first_rows, foot, base, grouping):
+def brute_groups(columns, layer, grouping):
     """The stixels one by one, straight from the definition: the rows of areas and of values."""
-    tops, head = first_rows
+    obstacle, window, tops, head, foot, base = layer
     found = []
-    for left in range(0, len(columns), grouping["stixel_width"]):
-        group = np.arange(left, min(left + grouping["stixel_width"], len(columns)))
+    for left in range(0, len(columns), grouping.stixel_width):
+        group = np.arange(left, min(left + grouping.stixel_width, len(columns)))
         standing = group[base[group] >= 0]
         if 2 * len(standing) < len(group) or len(standing) == 0:
             continue
@@ -292,24 +293,24 @@ def brute_groups(columns, obstacle, window, first_rows, foot, base, grouping):
         members = [u for u in standing if abs(obstacle[u] - obstacle[middle]) <= window[middle]]
         for first in (head, tops):
             pixels = [
-                (columns[u, v] * grouping["scale"][v], v)
+                (columns[u, v] * SCALE[v], v)
                 for u in members
                 for v in range(first[u], foot[u] + 1)
                 if columns[u, v] >= 0
             ]
             pixels = [(d, v) for d, v in pixels if abs(d - obstacle[middle]) < window[middle]]
-            if len(pixels) >= grouping["least_pixels"]:
+            if len(pixels) >= grouping.least_pixels:
                 break
-        if len(pixels) < grouping["least_pixels"]:
+        if len(pixels) < grouping.least_pixels:
             continue
-        front = brute_front(pixels, len(members), obstacle[middle] * grouping["front_rows"])
+        front = brute_front(pixels, len(members), obstacle[middle] * grouping.front_rows)
         rows = [v for _, v in pixels]
-        start = int(np.ceil((front[0] - grouping["front_margin"]) * BINS_PER_PIXEL))
+        start = int(np.ceil((front[0] - grouping.front_margin) * BINS_PER_PIXEL))
         near = [(d, v) for d, v in pixels if int(d * BINS_PER_PIXEL + 0.5) >= start]
         pixels = near if 2 * len(near) >= front[1] * len(members) else pixels
         bins = np.array([int(d * BINS_PER_PIXEL + 0.5) for d, _ in pixels])
         histogram = np.bincount(bins - bins.min()).astype(np.int32)
-        disparity = (histogram_peak(histogram, grouping["kernel"]) + bins.min()) / BINS_PER_PIXEL
+        disparity = (histogram_peak(histogram, grouping.kernel) + bins.min()) / BINS_PER_PIXEL
         top = sorted(tops[members])[len(members) // 2]
         area = (group[0], group[-1] + 1, top, base[middle])
         mean_row = np.mean(rows)
@@ -330,9 +331,10 @@ def test_groups_match_a_brute_force_search(seed, stixel_width, width):
     base = (foot + 2).astype(np.int32)
     free = rng.random(width) < 0.3
     obstacle[free], tops[free], foot[free], base[free] = np.nan, -1, -1, -1
-    grouping = {**GROUPING, "stixel_width": stixel_width}
-    areas, values = group_columns(columns, obstacle, window, tops, head, foot, base, **grouping)
-    expected = brute_groups(columns, obstacle, window, (tops, head), foot, base, grouping)
+    grouping = GROUPING._replace(stixel_width=stixel_width)
+    layer = Layer(obstacle, window, tops, head, foot, base)
+    areas, values = group_columns(columns, SCALE, 32, layer, grouping)
+    expected = brute_groups(columns, layer, grouping)
     assert areas.tolist() == [list(area) for area, _ in expected]
     np.testing.assert_allclose(values, np.reshape([v for _, v in expected], (-1, 2)), rtol=1e-6)
 
@@ -369,7 +371,7 @@ def test_blended_foot_does_not_move_the_stixel(pipeline, rig, render, as_dispari
 
 
 def stepped(rows_near, rows_far, near=20.0, far=18.0, width=5):
-    """Columns (W, H) of a bonnet below a cabin, and the arguments of `group_columns`."""
+    """Columns (W, H) of a bonnet below a cabin, and the layer of both."""
     columns = np.full((width, 60), -1, dtype=np.int16)
     columns[:, 50 - rows_near : 50] = round(16 * near)
     columns[:, 50 - rows_near - rows_far : 50 - rows_near] = round(16 * far)
@@ -377,16 +379,15 @@ def stepped(rows_near, rows_far, near=20.0, far=18.0, width=5):
     base = np.full(width, 49, dtype=np.int32)
     window = np.full(width, 4.0, dtype=np.float32)
     obstacle = np.full(width, near, dtype=np.float32)
-    grouping = {**GROUPING, "scale": np.full(60, 1 / 16, dtype=np.float32)}
-    return columns, obstacle, window, tops, tops, base, base, grouping
+    return columns, Layer(obstacle, window, tops, tops, base, base)
 
 
 @pytest.mark.parametrize(("rows_near", "expected"), [(30, 20.0), (13, 20.0), (4, 18.67)])
 def test_stixel_is_split_where_its_relief_shows(rows_near, expected):
     """The bonnet decides, though the cabin behind it has more pixels, if it is high enough."""
-    *arrays, grouping = stepped(rows_near, rows_far=20)
-    areas, values = group_columns(*arrays, **grouping)
-    assert len(areas) == 1 and areas[0, 2] == arrays[3][0]
+    columns, layer = stepped(rows_near, rows_far=20)
+    areas, values = group_columns(columns, np.repeat(SCALE[:1], 60), 32, layer, GROUPING)
+    assert len(areas) == 1 and areas[0, 2] == layer.tops[0]
     if rows_near >= 12:
         assert values[0, 0] == pytest.approx(expected, abs=1e-3)
     else:

@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 from numba import njit
 
 from stixel_cli.stixels.height import (
+    Frame,
     _power_of_two,
     cheapest_tops,
     depth_windows,
@@ -79,7 +80,7 @@ def test_smoothness_depends_on_the_depth_difference_of_neighbours(
     columns[100, 50:60] = columns[100, 60]
     line = road_line(0.0, rig.camera_height, rig)
     changed = with_constants(height, smoothness=smoothness)
-    tops = top_rows(columns, obstacle, base, line, rig, changed)
+    tops = top_rows(Frame(columns, 64, obstacle, base, line, rig), changed)
     assert tops[100] == top
     assert np.all(np.delete(tops, 100) == 60)
 
