@@ -13,7 +13,7 @@ import numpy as np
 from stixel_cli import compose
 from stixel_cli.experiment.stages import computed_stages
 from stixel_cli.recordings.tables import read_labels
-from stixel_cli.scene.classes import CLASS_OF_KITTI_TYPE
+from stixel_cli.scene.parameters import CLASS_OF_KITTI_TYPE
 from stixel_cli.validation.pair_errors import column_rays, label_face
 
 GREATEST_ERROR = 3.0

@@ -148,7 +148,7 @@ def _array(name: str, value: Any, shape: tuple[int | None, ...]) -> np.ndarray:
 
 def _at_pose(pose: np.ndarray, road_user: str) -> InitialState:
     """The state of a target at a `pose` (3,), whose motion is not known."""
-    from stixel_cli.scene.classes import CLASS_ROWS
+    from stixel_cli.scene.parameters import CLASS_ROWS
 
     known = [CLASS_ROWS[road_user]] if road_user in CLASS_ROWS else CLASS_ROWS.values()
     speed = max(row.speed for row in known)
@@ -161,7 +161,7 @@ def _parameters(road_user: str, settings: dict[str, Any]) -> "tuple[PriorShape, 
     from pydantic import TypeAdapter, ValidationError
 
     from stixel_cli.config import folders
-    from stixel_cli.scene.classes import ROAD_USER_CLASSES
+    from stixel_cli.scene.parameters import ROAD_USER_CLASSES
     from stixel_cli.tracking.contour.contour_parameters import ContourParameters
 
     classes = (*ROAD_USER_CLASSES, "unknown")

@@ -22,8 +22,7 @@ from stixel_cli.recordings.find import guess_layout
 from stixel_cli.recordings.parameters import CALIBRATIONS, Recorded, Source
 from stixel_cli.recordings.rig_files import read_named_calibration
 from stixel_cli.recordings.types import Recording
-from stixel_cli.scene.classes import CLASS_OF_KITTI_TYPE
-from stixel_cli.scene.path_parameters import ReplayedPath
+from stixel_cli.scene.parameters import CLASS_OF_KITTI_TYPE, ReplayedPath
 
 OF_THE_SCENE = ("path", "ego", "renderer", "world", "sensor")
 """Groups of the rendered scene, which recorded images do not have."""

@@ -19,11 +19,11 @@ from pydantic import Field, TypeAdapter
 from stixel_cli.engine.parameters import CacheParameters, Executor
 from stixel_cli.errors import ConfigurationError
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.measurements.disturbance_parameters import check_dropout
 from stixel_cli.measurements.fabricated import FabricatedParameters
 from stixel_cli.measurements.file import FileParameters
 from stixel_cli.measurements.lidar import LidarParameters
 from stixel_cli.measurements.own import OwnMeasurement
+from stixel_cli.measurements.parameters import check_dropout
 from stixel_cli.measurements.stixels import StixelsParameters
 from stixel_cli.own_code import OwnCode
 from stixel_cli.parameters import parameters
@@ -31,10 +31,8 @@ from stixel_cli.recordings.parameters import Source
 from stixel_cli.rendering.parameters import FilamentParameters, RaycastParameters
 from stixel_cli.rendering.sensor_noise import Sensor
 from stixel_cli.results.pictures import PicturesParameters
-from stixel_cli.scene.classes import ROAD_USER_CLASSES
 from stixel_cli.scene.ego import Ego
-from stixel_cli.scene.parameters import RoadUser, World
-from stixel_cli.scene.path_parameters import Path
+from stixel_cli.scene.parameters import ROAD_USER_CLASSES, Path, RoadUser, World
 from stixel_cli.stereo.bm import BmParameters
 from stixel_cli.stereo.sgm import SgmParameters
 from stixel_cli.stixels.parameters import (

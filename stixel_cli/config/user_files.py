@@ -7,7 +7,7 @@ from stixel_cli.config.schema import Configuration
 from stixel_cli.errors import UserError
 from stixel_cli.measurements.file import FileParameters
 from stixel_cli.scene.ego import Parked
-from stixel_cli.scene.path_parameters import ReplayedPath
+from stixel_cli.scene.parameters import ReplayedPath
 
 if TYPE_CHECKING:
     from stixel_cli.recordings.types import Recording

@@ -29,7 +29,7 @@ from stixel_cli.evaluation.scores import Scores
 from stixel_cli.evaluation.upper_bounds import star_convex_upper_bound
 from stixel_cli.geometry.pose import wrap_angle
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.scene.classes import ROAD_USER_CLASSES
+from stixel_cli.scene.parameters import ROAD_USER_CLASSES
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.tracking.track import Track, check_finite
 

@@ -27,7 +27,7 @@ from stixel_cli.evaluation.scan_errors import (
     time_to_divergence,
     time_to_loss,
 )
-from stixel_cli.scene.classes import ROAD_USER_CLASSES
+from stixel_cli.scene.parameters import ROAD_USER_CLASSES
 
 NO_VALUE = "–"
 """Shown in the place of a missing value."""

@@ -24,7 +24,7 @@ from stixel_cli.recordings.stereo_images import read_left
 from stixel_cli.recordings.tables import read_labels
 from stixel_cli.recordings.types import Recording
 from stixel_cli.report.assess import ERROR_MAP, LABELS, Assessment, error_map
-from stixel_cli.scene.classes import CLASS_OF_KITTI_TYPE
+from stixel_cli.scene.parameters import CLASS_OF_KITTI_TYPE
 from stixel_cli.stixels.types import FreeSpace, Stixels
 from stixel_cli.validation.pair_errors import (
     area_errors,

@@ -24,8 +24,8 @@ from stixel_cli.config.schema import Configuration
 from stixel_cli.errors import UserError
 from stixel_cli.experiment.run import run_experiment
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.scene.classes import ROAD_USER_CLASSES
 from stixel_cli.scene.ego import ego_motion
+from stixel_cli.scene.parameters import ROAD_USER_CLASSES
 from stixel_cli.scene.path import build_scenario
 from stixel_cli.scene.road_user import road_user_meshes
 from stixel_cli.scene.scenario import Scenario

@@ -24,12 +24,12 @@ from stixel_cli.experiment.table.images import REPLAYED
 from stixel_cli.experiment.table.table import TABLE
 from stixel_cli.experiment.table.tracks import OWN
 from stixel_cli.files import read_yaml
-from stixel_cli.measurements.disturbance_parameters import Disturbance, is_disturbed, undisturbed
 from stixel_cli.measurements.file import FileParameters
+from stixel_cli.measurements.parameters import Disturbance, is_disturbed, undisturbed
 from stixel_cli.own_code import OwnCode
 from stixel_cli.remembered import remembered
 from stixel_cli.scene.mesh_reading import referred_files
-from stixel_cli.scene.path_parameters import ReplayedPath
+from stixel_cli.scene.parameters import ReplayedPath
 from stixel_cli.scene.scenario import Scenario
 
 if TYPE_CHECKING:

@@ -17,7 +17,7 @@ from stixel_cli.export.stixel_files import export_stx1
 from stixel_cli.results.ego_frame import STATE, state_columns
 from stixel_cli.results.folder import csv_text, write_whole_folder
 from stixel_cli.results.result import RunResult
-from stixel_cli.scene.classes import ROAD_USER_CLASSES
+from stixel_cli.scene.parameters import ROAD_USER_CLASSES
 from stixel_cli.tracking.motion import intervals
 
 COLUMNS: dict[str, tuple[str, str]] = {

@@ -18,7 +18,7 @@ from stixel_cli.images import encode_png
 from stixel_cli.rendering.frames import StereoPairs
 from stixel_cli.results.folder import whole_folder
 from stixel_cli.results.result import RunResult
-from stixel_cli.scene.classes import CLASS_ROWS
+from stixel_cli.scene.parameters import CLASS_ROWS
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.stereo.disparities import INVALID, SUBPIXELS, Disparities
 

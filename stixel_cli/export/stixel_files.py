@@ -8,7 +8,7 @@ from stixel_cli.border import write_below
 from stixel_cli.engine.progress import Progress
 from stixel_cli.experiment.stages import computed_stages
 from stixel_cli.export.stx1 import stixel_world
-from stixel_cli.measurements.disturbance_parameters import Gates
+from stixel_cli.measurements.parameters import Gates
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.measurements.stixel_file import stx1_library
 from stixel_cli.results.folder import whole_folder

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.scene.classes import CLASS_ROWS
+from stixel_cli.scene.parameters import CLASS_ROWS
 from stixel_cli.stixels.types import Stixels
 
 TARGET, OTHER = 0, -1

@@ -15,7 +15,7 @@ from annotated_types import Ge, Gt, Le
 
 from stixel_cli.errors import UserError, counted
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD
-from stixel_cli.measurements.disturbance_parameters import Disturbance
+from stixel_cli.measurements.parameters import Disturbance
 from stixel_cli.measurements.scans import NO_SHARED_ERRORS, FieldOfView, Scans, SharedErrors
 from stixel_cli.measurements.tables import (
     MOST_SCANS,

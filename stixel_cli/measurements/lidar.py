@@ -5,8 +5,7 @@ from typing import Annotated, Literal
 import numpy as np
 from annotated_types import Ge, Le
 
-from stixel_cli.measurements.disturbance_parameters import Gated
-from stixel_cli.measurements.scanner import LidarReturns, Scanner
+from stixel_cli.measurements.parameters import Gated, LidarReturns, Scanner
 from stixel_cli.measurements.scans import FieldOfView, Scans, points_along
 from stixel_cli.parameters import parameters
 from stixel_cli.randomness import generator

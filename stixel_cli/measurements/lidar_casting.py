@@ -11,7 +11,7 @@ from functools import lru_cache
 import numpy as np
 
 from stixel_cli.geometry.pose import rotation
-from stixel_cli.measurements.scanner import LidarReturns, Scanner
+from stixel_cli.measurements.parameters import LidarReturns, Scanner
 from stixel_cli.rendering.placement import Motion, motion_of, numbered_objects, world_from_target_3d
 from stixel_cli.rendering.surfaces import RayTree
 from stixel_cli.scene.mesh import Mesh, corners

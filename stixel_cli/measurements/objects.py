@@ -3,7 +3,7 @@
 import numpy as np
 
 from stixel_cli.measurements.clusters import cluster
-from stixel_cli.measurements.disturbance_parameters import Gates
+from stixel_cli.measurements.parameters import Gates
 from stixel_cli.stixels.types import Objects, Stixels
 
 

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from stixel_cli.measurements.disturbance_parameters import Disturbance
+from stixel_cli.measurements.parameters import Disturbance
 from stixel_cli.measurements.scans import FieldOfView, Scans
 from stixel_cli.own_code import OwnCode, further_arguments, loaded
 from stixel_cli.parameters import parameters

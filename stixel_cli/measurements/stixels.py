@@ -7,7 +7,7 @@ import numpy as np
 
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD, rotate_covariances, world_from_ego
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.measurements.disturbance_parameters import Gated
+from stixel_cli.measurements.parameters import Gated
 from stixel_cli.measurements.scans import FieldOfView, Scans, SharedErrors
 from stixel_cli.parameters import parameters
 from stixel_cli.scene.scenario import EgoMotion

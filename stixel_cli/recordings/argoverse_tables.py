@@ -19,7 +19,7 @@ from stixel_cli.recordings.kitti_tables import labels_in, seen_box
 from stixel_cli.recordings.times import GREATEST_GAP, poses_at, unit_rotations
 from stixel_cli.recordings.types import Calibration, Rectification, Tracks
 from stixel_cli.remembered import remembered
-from stixel_cli.scene.classes import CLASS_ROWS
+from stixel_cli.scene.parameters import CLASS_ROWS
 
 CAMERAS = ("stereo_front_left", "stereo_front_right")
 

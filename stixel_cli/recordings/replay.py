@@ -22,8 +22,7 @@ from stixel_cli.recordings.parameters import chosen_frames
 from stixel_cli.recordings.tables import labels_of, read_poses
 from stixel_cli.recordings.times import check_steps
 from stixel_cli.recordings.types import Recording, Tables
-from stixel_cli.scene.parameters import RoadUser
-from stixel_cli.scene.path_parameters import ReplayedPath
+from stixel_cli.scene.parameters import ReplayedPath, RoadUser
 from stixel_cli.scene.scenario import EgoMotion, Scenario
 
 if TYPE_CHECKING:

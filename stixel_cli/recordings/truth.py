@@ -12,7 +12,7 @@ from stixel_cli.geometry.pose import label_pose, rectangle
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.recordings.tables import labels_of, read_labels
 from stixel_cli.recordings.types import Labels, LabelTruth, Tables
-from stixel_cli.scene.classes import CLASS_OF_KITTI_TYPE
+from stixel_cli.scene.parameters import CLASS_OF_KITTI_TYPE
 from stixel_cli.scene.scenario import EgoMotion, Scenario
 
 HALF_WINDOW = 2

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from stixel_cli.images import ImageStack
-from stixel_cli.scene.classes import CLASS_OF_KITTI_TYPE
+from stixel_cli.scene.parameters import CLASS_OF_KITTI_TYPE
 from stixel_cli.scene.scenario import Scenario
 
 ERROR_VALUES = ("disparity_error", "disparity_error_std")

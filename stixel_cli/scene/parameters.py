@@ -1,12 +1,54 @@
-"""Parameters of target, road and background: the groups `road_user` and `world`."""
+"""Classes of road users, and parameters of the groups `road_user`, `world` and `path`.
 
+Positions are in the world frame: the ego car's ground plane at k = 0, x right, y forward, m.
+Headings are typed in degrees, counter-clockwise from +x: 90 drives away from the camera.
+"""
+
+import math
 import os.path
-from typing import Annotated, Literal
+import re
+from dataclasses import dataclass
+from typing import Annotated, ClassVar, Literal, get_args
 
-from annotated_types import Ge, Gt, Le
+from annotated_types import Ge, Gt, Le, Len
 
 from stixel_cli.parameters import parameters
-from stixel_cli.scene.classes import RoadUserClass
+
+RoadUserClass = Literal["car", "cyclist", "pedestrian"]
+
+
+@dataclass(frozen=True)
+class ClassRow:
+    """Names of a class in other formats, and its speed.
+
+    Attributes:
+        kitti_types: types of KITTI's labels that are of this class; exported labels have the first.
+        stx1_type: type of pyStixel-lib's segmentation.
+        speed: root mean square speed, m/s.
+        reverse_speed: it drives or walks backwards no faster, m/s.
+        argoverse_category: of Argoverse's labels; None without one: its BICYCLIST is only the
+            rider, and the BICYCLE has a label of its own.
+    """
+
+    kitti_types: tuple[str, ...]
+    stx1_type: str
+    speed: float
+    reverse_speed: float
+    argoverse_category: str | None = None
+
+
+CLASS_ROWS: dict[RoadUserClass, ClassRow] = {
+    "car": ClassRow(("Car", "Van"), "TYPE_CAR", 12.0, 3.0, "REGULAR_VEHICLE"),
+    "cyclist": ClassRow(("Cyclist",), "TYPE_BICYCLIST", 5.0, 0.3),
+    "pedestrian": ClassRow(
+        ("Pedestrian", "Person_sitting"), "TYPE_PEDESTRIAN", 1.2, 0.3, "PEDESTRIAN"
+    ),
+}
+
+ROAD_USER_CLASSES: tuple[RoadUserClass, ...] = get_args(RoadUserClass)
+
+CLASS_OF_KITTI_TYPE = {kitti: name for name, row in CLASS_ROWS.items() for kitti in row.kitti_types}
+"""The class of road user of each type of KITTI's labels that has one."""
 
 
 @parameters
@@ -83,3 +125,255 @@ class World:
     seed: Annotated[int, Ge(0), Le(1_000_000)]
     contrast: Annotated[float, Ge(0), Le(1)]
     occluder: Literal["none", "parked_car", "post", "hedge"] = "none"
+
+
+MOST_SCANS = 100_000
+
+Coordinate = Annotated[float, Ge(-1000), Le(1000)]
+Point = tuple[Coordinate, Coordinate]
+Degrees = Annotated[float, Ge(-360), Le(360)]
+Speed = Annotated[float, Gt(0), Le(60)]
+Duration = Annotated[float, Gt(0), Le(3600)]
+SampleTime = Annotated[float, Ge(0.001), Le(10)]
+LEAST_RADIUS, GREATEST_RADIUS = 0.5, 1000.0
+Radius = Annotated[float, Ge(LEAST_RADIUS), Le(GREATEST_RADIUS)]
+Side = Literal["left", "right"]
+
+
+@parameters(kw_only=True)
+class _Driven:
+    """Parameters of every path: speed, duration and sample time.
+
+    Attributes:
+        kind: which path it is.
+        speed: m/s.
+        duration: s.
+        sample_time: time from one scan to the next, s.
+    """
+
+    kind: str
+    speed: Speed
+    duration: Duration
+    sample_time: SampleTime
+
+    def check(self) -> None:
+        """Raise ValueError if the values contradict each other."""
+        if self.sample_time > self.duration:
+            raise ValueError(
+                f"path.sample_time: must be <= path.duration ({self.duration:g} s), "
+                f"got {self.sample_time:g} s"
+            )
+        if self.duration / self.sample_time > MOST_SCANS:
+            raise ValueError(
+                f"path.duration: {self.duration:g} s with path.sample_time={self.sample_time:g} s "
+                f"gives more than {MOST_SCANS} scans"
+            )
+
+
+@dataclass(frozen=True, kw_only=True)
+class _FromStart(_Driven):
+    """Further parameters of the paths that are not a list of points.
+
+    Attributes:
+        start: first position, m.
+        heading: first heading, degrees.
+    """
+
+    start: Point
+    heading: Degrees
+
+    def check(self) -> None:
+        """Raise ValueError if the values contradict each other."""
+        super().check()
+        _check_start(self.start, "path.start")
+
+
+def _check_start(start: Point, key: str) -> None:
+    if start[1] <= 0.0:
+        raise ValueError(
+            f"{key}: the path starts behind the camera, at ({start[0]:g}, {start[1]:g}); "
+            "the second coordinate (forward) must be above 0"
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Line(_FromStart):
+    """A straight line: towards the camera, away from it, or across from left to right."""
+
+    kind: Literal["approach", "depart", "crossing"]
+
+    def check(self) -> None:
+        """Raise ValueError if the values contradict each other."""
+        super().check()
+        along_x, along_y = (
+            math.cos(math.radians(self.heading)),
+            math.sin(math.radians(self.heading)),
+        )
+        away = self.start[0] * along_x + self.start[1] * along_y
+        fits, fault = {
+            "approach": (
+                away < 0.0,
+                "from path.start does not approach the camera; path=approach must "
+                "(-90 is straight towards it)",
+            ),
+            "depart": (
+                away > 0.0,
+                "from path.start approaches the camera; path=depart must not "
+                "(90 is straight away from it)",
+            ),
+            "crossing": (
+                along_x > 0.0,
+                "does not go from left to right; path=crossing must (0 is straight across)",
+            ),
+        }[self.kind]
+        if not fits:
+            raise ValueError(f"path.heading: {self.heading:g} degrees {fault}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Arc(_FromStart):
+    """A constant turn, or a circle: every side of the road user is seen.
+
+    Attributes:
+        side: where it turns to.
+        radius: m; null is the radius with which a circle closes in `duration`; it must be in
+            the same bounds.
+    """
+
+    kind: Literal["turn", "circle"]
+    side: Side
+    radius: Radius | None
+
+    @property
+    def closing_radius(self) -> float:
+        """Radius in m with which the circle closes in `duration`."""
+        return self.speed * self.duration / (2.0 * math.pi)
+
+    def check(self) -> None:
+        """Raise ValueError if the values contradict each other."""
+        super().check()
+        if self.radius is None and not LEAST_RADIUS <= self.closing_radius <= GREATEST_RADIUS:
+            raise ValueError(
+                f"path.duration: {self.duration:g} s with path.speed={self.speed:g} m/s closes a "
+                f"circle of radius {self.closing_radius:.2g} m; it must be {LEAST_RADIUS:g} to "
+                f"{GREATEST_RADIUS:g} m, or set path.radius"
+            )
+
+
+@dataclass(frozen=True, kw_only=True)
+class SCurve(_FromStart):
+    """Swings to the left and to the right of a straight line: heading + swing sin(2π s / λ).
+
+    Attributes:
+        heading: mean heading, degrees, which is the first one too.
+        swing: greatest angle to it, degrees; negative swings to the right first.
+        wavelength: λ, length along the path of one swing to both sides, m.
+    """
+
+    kind: Literal["s_curve"]
+    swing: Annotated[float, Ge(-90), Le(90)]
+    wavelength: Annotated[float, Ge(1), Le(1000)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class StopAndGo(_FromStart):
+    """A straight line on which the road user drives, brakes, waits, and pulls away, in turn.
+
+    Attributes:
+        speed: of driving, m/s.
+    """
+
+    kind: Literal["stop_and_go"]
+
+    drive_time: ClassVar[float] = 1.0
+    """How long it drives, s."""
+    ramp_time: ClassVar[float] = 1.5
+    """How long it brakes, and pulls away, at constant acceleration, s."""
+    stand_time: ClassVar[float] = 2.0
+    """How long it waits, s."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Waypoints(_Driven):
+    """A cubic spline through the user's points at constant speed, then straight on.
+
+    Attributes:
+        points: at least two positions, m; the path starts at the first.
+    """
+
+    kind: Literal["waypoints"]
+    points: Annotated[tuple[Point, ...], Len(0, 1000)]
+
+    def check(self) -> None:
+        """Raise ValueError if the values contradict each other."""
+        super().check()
+        if len(self.points) < 2:
+            raise ValueError(f"path.points: must have at least two points, got {len(self.points)}")
+        if not all(math.isfinite(value) for point in self.points for value in point):
+            raise ValueError("path.points: every coordinate must be finite")
+        _check_start(self.points[0], "path.points")
+        chords = [
+            (b[0] - a[0], b[1] - a[1]) for a, b in zip(self.points, self.points[1:], strict=False)
+        ]
+        lengths = [math.hypot(*chord) for chord in chords]
+        for i, length in enumerate(lengths):
+            if length < 0.01:
+                raise ValueError(f"path.points: points {i} and {i + 1} are the same")
+        for i in range(1, len(chords)):
+            dot = chords[i - 1][0] * chords[i][0] + chords[i - 1][1] * chords[i][1]
+            if dot < -0.98 * lengths[i - 1] * lengths[i]:
+                raise ValueError(f"path.points: the path turns back on itself at point {i}")
+
+
+@parameters
+class RecordedPath:
+    """The target moves as in the recording; composed for it, so no option has this kind.
+
+    Attributes:
+        duration: of all frames, s.
+        sample_time: time from one frame to the next, s.
+    """
+
+    kind: Literal["source"]
+    duration: Duration
+    sample_time: SampleTime
+
+
+@parameters
+class ReplayedPath:
+    """The target and the ego car move as in a clip of KITTI tracking or a log of Argoverse 2.
+
+    Images are not needed. Smoothing splines over time give the target's place and heading in the
+    world. The poses of the ego car are not smoothed.
+
+    Attributes:
+        folder: with `label_02`, `oxts` (or `ego_poses`) and `calib`, or the one above its
+            `training`; or the log's folder, with `annotations.feather`.
+        sequence: number of KITTI's clip, such as 0005; null for a log.
+        target: track id in the labels; track_uuid of a log.
+        frames: numbers of the frames, `first:stop`; null for all of the track. Frames without a
+            label are interpolated.
+        smoothing: changes of this period keep half of their amplitude, faster ones less, s.
+        duration: of all frames, s.
+        sample_time: time from one frame to the next, s.
+    """
+
+    kind: Literal["recorded"]
+    folder: str | None
+    sequence: str | None
+    target: Annotated[int, Ge(0)] | str | None
+    frames: str | None
+    smoothing: Annotated[float, Ge(0), Le(60)]
+    duration: Duration
+    sample_time: SampleTime
+
+    def check(self) -> None:
+        """Raise ValueError if a needed value is missing or not valid."""
+        for name in ("folder", "target"):
+            if getattr(self, name) in (None, ""):
+                raise ValueError(f"path.{name}: is required with path={self.kind}")
+        if self.sequence is not None and not re.fullmatch(r"\d{1,4}", self.sequence):
+            raise ValueError(f"path.sequence: must be a number such as 0005, got {self.sequence!r}")
+
+
+Path = Line | Arc | SCurve | StopAndGo | Waypoints | ReplayedPath | RecordedPath

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stixel_cli.scene.contours import moving_target
-from stixel_cli.scene.parameters import RoadUser
-from stixel_cli.scene.path_parameters import Arc, Line, Path, SCurve, StopAndGo, Waypoints
+from stixel_cli.scene.parameters import Arc, Line, Path, RoadUser, SCurve, StopAndGo, Waypoints
 from stixel_cli.scene.scenario import EgoMotion, Scenario
 
 if TYPE_CHECKING:  # see `waypoint_spline`

@@ -12,7 +12,7 @@ from stixel_cli.recordings.argoverse import ANNOTATIONS
 from stixel_cli.recordings.replay import find_motion, label_root, sequences
 from stixel_cli.recordings.tables import read_labels, read_poses
 from stixel_cli.results.result import RunResult
-from stixel_cli.scene.classes import CLASS_OF_KITTI_TYPE
+from stixel_cli.scene.parameters import CLASS_OF_KITTI_TYPE
 from stixel_cli.studies.data import DATA, data_folder
 from stixel_cli.studies.report import with_columns
 

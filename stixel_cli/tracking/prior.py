@@ -6,7 +6,7 @@ import numpy as np
 from annotated_types import Ge, Gt, Le
 
 from stixel_cli.parameters import parameters
-from stixel_cli.scene.classes import ROAD_USER_CLASSES, RoadUserClass
+from stixel_cli.scene.parameters import ROAD_USER_CLASSES, RoadUserClass
 
 NEED_SHAPE = ("point", "rectangle", "pyrecest", "lidar_random_matrix", "gm_mem_ekf")
 """Trackers that read the shape's radii."""

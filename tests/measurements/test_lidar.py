@@ -16,7 +16,7 @@ from stixel_cli.measurements.lidar_casting import (
     cast_lidar,
     ray_tree,
 )
-from stixel_cli.measurements.scanner import LidarReturns, Scanner
+from stixel_cli.measurements.parameters import LidarReturns, Scanner
 from stixel_cli.measurements.scans import FieldOfView
 from stixel_cli.scene.mesh import Mesh, corners
 from stixel_cli.scene.open3d_import import import_open3d_bindings

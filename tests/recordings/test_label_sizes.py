@@ -8,7 +8,7 @@ import pytest
 
 from stixel_cli.config.folders import values_beside_groups
 from stixel_cli.recordings.kitti_tables import read_labels
-from stixel_cli.scene.classes import CLASS_OF_KITTI_TYPE
+from stixel_cli.scene.parameters import CLASS_OF_KITTI_TYPE
 
 
 def test_the_sizes_of_cars_are_those_of_the_labels():

@@ -9,8 +9,7 @@ from pydantic import Field, TypeAdapter
 
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.scene.ego import Ego
-from stixel_cli.scene.parameters import RoadUser, World
-from stixel_cli.scene.path_parameters import Path
+from stixel_cli.scene.parameters import Path, RoadUser, World
 
 CONF = FilePath(__file__).parents[2] / "conf"
 

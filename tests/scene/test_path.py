@@ -10,8 +10,8 @@ from scipy.integrate import quad
 
 from stixel_cli.geometry.pose import world_from_target
 from stixel_cli.scene.ego import Parked, ego_motion
+from stixel_cli.scene.parameters import Arc, Line, SCurve, StopAndGo, Waypoints
 from stixel_cli.scene.path import path_poses, stop_and_go_profile, waypoint_spline
-from stixel_cli.scene.path_parameters import Arc, Line, SCurve, StopAndGo, Waypoints
 
 EVERY = [(kind, path) for kind in scene_presets.ROAD_USERS for path in scene_presets.PATHS]
 

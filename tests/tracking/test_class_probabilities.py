@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from stixel_cli.config.compose import compose
-from stixel_cli.scene.classes import CLASS_ROWS, ROAD_USER_CLASSES
+from stixel_cli.scene.parameters import CLASS_ROWS, ROAD_USER_CLASSES
 from stixel_cli.tracking.contour.class_probabilities import (
     CONTRADICTED,
     log_weight,

@@ -14,7 +14,7 @@ from tracking_cases import CAR, scans_of
 from stixel_cli.config.compose import compose
 from stixel_cli.geometry.pose import rotation, world_from_target
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.scene.classes import ROAD_USER_CLASSES
+from stixel_cli.scene.parameters import ROAD_USER_CLASSES
 from stixel_cli.tracking.consider import JointCovariance
 from stixel_cli.tracking.contour.class_shape import class_shape
 from stixel_cli.tracking.contour.class_size import CLASS_SHAPES, class_size

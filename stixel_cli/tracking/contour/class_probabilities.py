@@ -21,7 +21,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from stixel_cli.geometry.pose import rotation
-from stixel_cli.scene.classes import CLASS_ROWS, ROAD_USER_CLASSES, ClassRow
+from stixel_cli.scene.parameters import CLASS_ROWS, ROAD_USER_CLASSES, ClassRow
 from stixel_cli.tracking.contour.class_size import ClassSize
 from stixel_cli.tracking.track import InitialState
 

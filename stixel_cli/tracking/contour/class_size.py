@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from stixel_cli.scene.classes import ROAD_USER_CLASSES, RoadUserClass
+from stixel_cli.scene.parameters import ROAD_USER_CLASSES, RoadUserClass
 from stixel_cli.tracking.prior import PriorShape
 
 FILES = ["class_shapes.json"]

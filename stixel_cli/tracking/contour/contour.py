@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from stixel_cli.measurements.scans import FieldOfView, Scans
-from stixel_cli.scene.classes import ROAD_USER_CLASSES
+from stixel_cli.scene.parameters import ROAD_USER_CLASSES
 from stixel_cli.tracking.background import Background
 from stixel_cli.tracking.contour.class_probabilities import (
     CONTRADICTED,
