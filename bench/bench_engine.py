@@ -220,7 +220,7 @@ def test_write_and_read(benchmark, tmp_path, scores, how, what):
 FUNCTIONS = [
     "stixel_cli.scene.path:build_scenario",
     "stixel_cli.rendering.raycast:render",
-    "stixel_cli.stereo.sgm:match",
+    "stixel_cli.stereo.matching:match",
     "stixel_cli.stixels.free_space:find_free_space",
     "stixel_cli.stixels.extraction:extract_stixels",
     "stixel_cli.tracking.gp_ekf:track",

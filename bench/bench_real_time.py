@@ -25,7 +25,6 @@ from stixel_cli.rendering.raycast import render
 from stixel_cli.rendering.sensor_noise import add_sensor_noise
 from stixel_cli.scene.ego import ego_motion
 from stixel_cli.scene.path import build_scenario
-from stixel_cli.stereo import sgm
 from stixel_cli.stixels.extraction import extract_stixels
 from stixel_cli.stixels.free_space import find_free_space
 from stixel_cli.tracking import gp_ekf
@@ -69,7 +68,7 @@ def follow(recorded, cores):
 
     def match(k):
         pairs = pair_of(k)
-        return pairs, sgm.match(pairs, p.stereo, p.rig, range(k, k + 1))
+        return pairs, match(pairs, p.stereo, p.rig, range(k, k + 1))
 
     started = time.perf_counter()
     stixels, free_space = [], None

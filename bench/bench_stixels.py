@@ -25,7 +25,7 @@ from stixel_cli.geometry.rig import Rig
 from stixel_cli.images import ImageStack, encode_png
 from stixel_cli.recordings.image_files import grey, read_image
 from stixel_cli.rendering.frames import StereoPairs
-from stixel_cli.stereo import bm, sgm
+from stixel_cli.stereo.matching import match
 from stixel_cli.stixels.extraction import stixels_of_frame
 from stixel_cli.stixels.free_space import expected_depth, obstacle_base, unknown_rows
 from stixel_cli.stixels.height import Frame, top_rows
@@ -103,7 +103,7 @@ def made_street():
 
 @pytest.fixture(scope="module")
 def raw(pairs):
-    return sgm.match(pairs, STEREO, RIG, range(1)).raw(0)
+    return match(pairs, STEREO, RIG, range(1)).raw(0)
 
 
 def segment(raw, expected, road, occupancy, grid, images=None, layers="one"):
@@ -266,12 +266,12 @@ def test_match_sgm(benchmark, pairs, mode):
     benchmark.group = "match"
     other = type("OtherMode", (type(STEREO),), {"mode": mode})
     stereo = other(**vars(STEREO))
-    benchmark.pedantic(sgm.match, args=(pairs, stereo, RIG, range(1)), rounds=3)
+    benchmark.pedantic(match, args=(pairs, stereo, RIG, range(1)), rounds=3)
 
 
 def test_match_bm(benchmark, pairs):
     benchmark.group = "match"
-    benchmark.pedantic(bm.match, args=(pairs, BLOCKS, RIG, range(1)), rounds=3)
+    benchmark.pedantic(match, args=(pairs, BLOCKS, RIG, range(1)), rounds=3)
 
 
 IMAGES = (
@@ -294,7 +294,7 @@ def test_images_to_stixels(benchmark, pairs, raw, subpixel, at_full_size):
     stereo = replace(STEREO, subpixel=subpixel, disparities_at_full_size=at_full_size)
 
     def frame():
-        found = sgm.match(pairs, stereo, RIG, range(1)).raw(0)
+        found = match(pairs, stereo, RIG, range(1)).raw(0)
         segment(found, expected, road, occupancy, grid)
         return found
 

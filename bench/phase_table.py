@@ -18,8 +18,7 @@ from stixel_cli.experiment.stages import pipeline_stages
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.images import ImageStack
 from stixel_cli.rendering.frames import TARGET_ID, StereoPairs
-from stixel_cli.stereo import sgm
-from stixel_cli.stereo.matching import PHASE_TABLE
+from stixel_cli.stereo.matching import PHASE_TABLE, match
 from stixel_cli.validation.stage_errors import GROSS
 
 APPROACH = [
@@ -52,7 +51,7 @@ def rendered_frames(overrides, frames):
 def matched(configuration, pairs, subpixel):
     stereo = replace(configuration.stereo, subpixel=subpixel)
     frames = range(pairs.first, pairs.first + 1)
-    return sgm.match(pairs, stereo, configuration.rig, frames)
+    return match(pairs, stereo, configuration.rig, frames)
 
 
 def fit() -> np.ndarray:

@@ -13,7 +13,7 @@ from stixel_cli.rendering.raycast import render
 from stixel_cli.rendering.sensor_noise import add_sensor_noise
 from stixel_cli.scene.ego import ego_motion
 from stixel_cli.scene.path import build_scenario
-from stixel_cli.stereo import sgm
+from stixel_cli.stereo.matching import match
 from stixel_cli.stixels.extraction import extract_stixels
 from stixel_cli.stixels.free_space import find_free_space
 from stixel_cli.tracking import gp_ekf
@@ -37,7 +37,7 @@ def follow_road_user(p, seed: int) -> tuple[Scans, Track, Scores]:
     pairs = add_sensor_noise(rendered, p.sensor, p.rig, frames, seed)
 
     # Disparity; occupancy grid and free space; height and stixels; points on the ground.
-    disparities = sgm.match(pairs, p.stereo, p.rig, frames)
+    disparities = match(pairs, p.stereo, p.rig, frames)
     free_space = find_free_space(
         disparities, ego, p.rig, p.road, p.occupancy, p.free_space, frames, previous=None
     )

@@ -151,10 +151,10 @@ def check_rows(pair: tuple[np.ndarray, np.ndarray], rig: Rig, check_rectificatio
 def matched(pair: tuple[np.ndarray, np.ndarray], rig: Rig) -> "Disparities":
     """Disparities of a pair of grey images (H, W) uint8, by semi-global matching on one thread."""
     from stixel_cli.rendering.frames import StereoPairs
-    from stixel_cli.stereo import sgm
+    from stixel_cli.stereo.matching import match
 
     pairs = StereoPairs(FRAME.start, *((image,) for image in pair))
-    return sgm.match(pairs, real_image_parameters().stereo, rig, FRAME)
+    return match(pairs, real_image_parameters().stereo, rig, FRAME)
 
 
 def stixels_of(

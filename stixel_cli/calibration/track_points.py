@@ -8,8 +8,7 @@ import numpy as np
 from stixel_cli.calibration.tracks import MOST_STEPS, Pair, Tracks, followed, gathered
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.rendering.frames import StereoPairs
-from stixel_cli.stereo import bm, sgm
-from stixel_cli.stereo.matching import MatchingParameters
+from stixel_cli.stereo.matching import MatchingParameters, match
 
 MOST_FIRST = 8
 """First images of pairs in a recording: so many take two seconds, and more show little more."""
@@ -36,7 +35,6 @@ def track_points(
     if count < 2:
         return gathered(found)
     left = lru_cache(MOST_STEPS + 1)(lambda k: chunk(k // size).left[k % size])
-    match = {"sgm": sgm.match, "bm": bm.match}[stereo.kind]
     for k in np.unique(np.linspace(0, count - 2, MOST_FIRST).astype(int)).tolist():
         pair = StereoPairs(k, (left(k),), (chunk(k // size).right[k % size],))
         disparity = match(pair, stereo, rig, range(k, k + 1)).pixels(0)

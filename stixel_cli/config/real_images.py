@@ -14,7 +14,7 @@ def real_image_parameters() -> SimpleNamespace:
     compares them with those of `compose(["source=pair", …])`. Hydra is not imported.
     """
     from stixel_cli.measurements.stixels import StixelsParameters
-    from stixel_cli.stereo.sgm import SgmParameters
+    from stixel_cli.stereo.matching import SgmParameters
     from stixel_cli.stixels import parameters
 
     # Where `conf/` chooses another option by default, its schema belongs here.

@@ -33,8 +33,7 @@ from stixel_cli.rendering.sensor_noise import Sensor
 from stixel_cli.results.pictures import PicturesParameters
 from stixel_cli.scene.ego import Ego
 from stixel_cli.scene.parameters import ROAD_USER_CLASSES, Path, RoadUser, World
-from stixel_cli.stereo.bm import BmParameters
-from stixel_cli.stereo.sgm import SgmParameters
+from stixel_cli.stereo.matching import StereoParameters
 from stixel_cli.stixels.parameters import (
     ExtractionParameters,
     FreeSpaceParameters,
@@ -56,7 +55,6 @@ from stixel_cli.tracking.start import NO_TRUTH, TruthStart
 from stixel_cli.tracking.start_scans import ScansStart
 
 Renderer = RaycastParameters | FilamentParameters
-StereoParameters = SgmParameters | BmParameters
 MeasurementParameters = StixelsParameters | FabricatedParameters | LidarParameters | FileParameters
 Start = TruthStart | ScansStart
 Tracker = (

@@ -1,17 +1,24 @@
-"""Shared by both matchers: the range of disparities, the padded border and the threads."""
+"""Stereo matching by OpenCV: semi-global, or of blocks.
 
-from collections.abc import Callable
+Semi-global matching is that of Hirschmüller 2008, block matching that of Konolige 1997. Large
+disparities may come from images of half the size, which also check the small ones.
+"""
+
 from contextlib import contextmanager
-from typing import Annotated, Any, ClassVar
+from dataclasses import dataclass
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
-from annotated_types import Gt, Le
+from annotated_types import Ge, Gt, Le, MultipleOf
 
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.images import ImageStack
 from stixel_cli.parameters import parameters
 from stixel_cli.rendering.frames import StereoPairs
 from stixel_cli.stereo.disparities import INVALID, SUBPIXELS, Disparities
+
+BLOCK = 16
+"""OpenCV searches a multiple of this many disparities."""
 
 
 @parameters(kw_only=True)
@@ -65,8 +72,46 @@ class MatchingParameters:
             )
 
 
-BLOCK = 16
-"""OpenCV searches a multiple of this many disparities."""
+@dataclass(frozen=True, kw_only=True)
+class SgmParameters(MatchingParameters):
+    """Semi-global matching, Hirschmüller 2008, as OpenCV's StereoSGBM; it filters by x-derivative.
+
+    Attributes:
+        subpixel: also "phase_table": by a table fitted to this matcher, and a median, in half of
+            the time of "second_match".
+        disparities_at_full_size: number of disparities searched on whole images, px, a multiple of
+            16; null, or a number that is not below that of all disparities: all. Images of half the
+            size then give the larger ones, and check the others. The check of left and right and
+            the speckles are then in pixels of these images.
+    """
+
+    kind: Literal["sgm"]
+    block_size: Annotated[int, Ge(1), Le(21)]
+    subpixel: Literal["parabola", "phase_table", "second_match"]
+    disparities_at_full_size: Annotated[int, Ge(BLOCK), Le(1024), MultipleOf(BLOCK)] | None = None
+
+    pre_filter_cap: ClassVar[int] = 63
+    p1: ClassVar[int] = 100
+    """Penalty of a disparity change by one between neighbours."""
+    p2: ClassVar[int] = 2400
+    """Penalty of a greater change between neighbours."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class BmParameters(MatchingParameters):
+    """Block matching, Konolige 1997, as OpenCV's StereoBM; it filters by x-derivative."""
+
+    kind: Literal["bm"]
+    block_size: Annotated[int, Ge(5), Le(255)]
+    subpixel: Literal["parabola", "second_match"]
+
+    disparities_at_full_size: ClassVar[None] = None
+    pre_filter_cap: ClassVar[int] = 31
+    texture_threshold: ClassVar[int] = 10
+    """Blocks whose summed filter response is below it are invalid: OpenCV's own value."""
+
+
+StereoParameters = SgmParameters | BmParameters
 
 
 def disparity_count(stereo: MatchingParameters, rig: Rig) -> int:
@@ -79,23 +124,14 @@ def disparity_count(stereo: MatchingParameters, rig: Rig) -> int:
     return BLOCK * max(1, int(np.ceil(greatest / BLOCK)))
 
 
-def match_pairs(
-    pairs: StereoPairs,
-    frames: range,
-    create: Callable[[int, int], Any],
-    stereo: MatchingParameters,
-    rig: Rig,
-    at_full_size: int | None = None,
-) -> Disparities:
-    """Disparities of the pairs of `frames` by OpenCV matchers.
+def match(pairs: StereoPairs, stereo: StereoParameters, rig: Rig, frames: range) -> Disparities:
+    """Disparities of the left views of `frames`, 1/16 px, on one thread.
 
-    The errors of the `rig`'s disparities are corrected, rounded to 1/16 px. If the cameras'
-    principal points differ, the right image is first moved by that distance, in whole px.
-
-    Args:
-        create: makes a matcher for a least disparity and a number of them, px.
-        at_full_size: number of disparities searched on whole images; the others are searched on
-            images of half the size. None: all.
+    The left border keeps its disparities as far as the right image reaches: a point in column u
+    with a disparity above u is outside the right image, so it is invalid. Block matching loses half
+    a block at the other three borders. The errors of the `rig`'s disparities are corrected, rounded
+    to 1/16 px. If the cameras' principal points differ, the right image is first moved by that
+    distance, in whole px.
     """
     minimum, count = stereo.minimum_disparity, disparity_count(stereo, rig)
     greatest = minimum + count
@@ -103,10 +139,11 @@ def match_pairs(
     errors = np.rint(SUBPIXELS * (rig.disparity_errors() - shift)).astype(np.int16)
     columns = np.arange(rig.width, dtype=np.int32)
     moved = np.clip(columns - shift, 0, rig.width - 1)
-    full, half = create(minimum, count), None
+    full, half = _matcher(stereo, minimum, count), None
+    at_full_size = stereo.disparities_at_full_size
     if at_full_size is not None and at_full_size < count:
-        full = create(minimum, at_full_size)
-        half = create(*halved_range(minimum, count, BLOCK))
+        full = _matcher(stereo, minimum, at_full_size)
+        half = _matcher(stereo, *halved_range(minimum, count, BLOCK))
     raw = []
     with one_thread():
         for k in frames:
@@ -125,6 +162,30 @@ def match_pairs(
     # Images in memory are those of a single call, whose disparities nobody stores.
     make = Disparities.from_raw if isinstance(pairs.left, ImageStack) else Disparities.in_memory
     return make(frames.start, greatest, raw)
+
+
+def _matcher(stereo: StereoParameters, minimum: int, count: int) -> Any:
+    """OpenCV's matcher for `count` disparities from `minimum` px on."""
+    import cv2
+
+    if stereo.kind == "sgm":
+        return cv2.StereoSGBM_create(
+            minDisparity=minimum,
+            numDisparities=count,
+            blockSize=stereo.block_size,
+            P1=stereo.p1,
+            P2=stereo.p2,
+            preFilterCap=stereo.pre_filter_cap,
+            speckleRange=stereo.speckle_range,
+            mode=cv2.STEREO_SGBM_MODE_SGBM_3WAY,  # The path cost has three directions.
+        )
+    matcher = cv2.StereoBM_create(numDisparities=count, blockSize=stereo.block_size)
+    matcher.setMinDisparity(minimum)
+    matcher.setPreFilterType(cv2.StereoBM_PREFILTER_XSOBEL)
+    matcher.setPreFilterCap(stereo.pre_filter_cap)
+    matcher.setTextureThreshold(stereo.texture_threshold)
+    matcher.setSpeckleRange(stereo.speckle_range)
+    return matcher
 
 
 def _find(

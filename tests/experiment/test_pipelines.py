@@ -91,7 +91,7 @@ def test_a_stage_reaches_neither_another_stage_nor_the_engine(function):
         holders.remove("stixel_cli.evaluation.evaluate")
     if own == "stixel_cli.calibration.track_points":
         # It matches the few images that it needs, before the rig of the others is known.
-        holders -= {"stixel_cli.stereo.sgm", "stixel_cli.stereo.bm"}
+        holders.remove("stixel_cli.stereo.matching")
     assert not holders & reached(function)
     frame = ("engine", "experiment", "config", "cli", "sweeps", "studies")
     above = tuple(f"stixel_cli.{folder}" for folder in frame)
@@ -101,7 +101,6 @@ def test_a_stage_reaches_neither_another_stage_nor_the_engine(function):
 def test_an_options_function_is_in_the_module_of_its_kind():
     # The parameters of Filament are in `rendering/parameters.py`.
     assert TABLE["render"].functions["filament"] == "stixel_cli.rendering.filament:render"
-    assert TABLE["match"].functions["bm"] == "stixel_cli.stereo.bm:match"
     assert TABLE["track"].functions["point"] == "stixel_cli.tracking.baselines.point:track"
 
 

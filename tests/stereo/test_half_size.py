@@ -9,10 +9,8 @@ from projection import nearest_of
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.images import ImageStack
 from stixel_cli.rendering.frames import StereoPairs
-from stixel_cli.stereo import sgm
 from stixel_cli.stereo.disparities import INVALID
-from stixel_cli.stereo.matching import HOLE, combined, halved, halved_range
-from stixel_cli.stereo.sgm import SgmParameters
+from stixel_cli.stereo.matching import HOLE, SgmParameters, combined, halved, halved_range, match
 
 FAR, NEAR = 12, 90
 BOX = slice(20, 75), slice(180, 260)
@@ -51,7 +49,7 @@ def shrunk(box, pixels):
 def test_near_and_far_planes_are_found(pairs, subpixel, minimum, count):
     stereo = replace(STEREO, subpixel=subpixel, nearest=nearest_of(RIG, minimum + count))
     stereo = with_constants(stereo, minimum_disparity=minimum)
-    disparities = sgm.match(pairs, stereo, RIG, range(1))
+    disparities = match(pairs, stereo, RIG, range(1))
     assert disparities.count == minimum + count
     raw = disparities.raw(0)
     assert raw.shape == (97, 321) and raw.dtype == np.int16
@@ -77,7 +75,7 @@ def test_a_near_plane_is_found_up_to_the_left_border():
     dots = cv2.GaussianBlur(dots, (3, 3), 0)
     views = dots[:, :320], dots[:, NEAR:]
     pair = StereoPairs(0, *(ImageStack.from_images([view]) for view in views))
-    raw = sgm.match(pair, STEREO, replace(RIG, width=320, height=64), range(1)).raw(0)
+    raw = match(pair, STEREO, replace(RIG, width=320, height=64), range(1)).raw(0)
     assert np.all(raw <= 16 * np.arange(320))
     assert np.all(raw[:, : NEAR - 1] == INVALID)
     assert np.mean(raw[:, NEAR : NEAR + 4] != INVALID) > 0.5
@@ -86,14 +84,14 @@ def test_a_near_plane_is_found_up_to_the_left_border():
 
 def test_a_small_range_is_searched_at_full_size_only(pairs):
     small = replace(STEREO, nearest=nearest_of(RIG, 32))
-    found = sgm.match(pairs, small, RIG, range(1))
-    plain = sgm.match(pairs, replace(small, disparities_at_full_size=None), RIG, range(1))
+    found = match(pairs, small, RIG, range(1))
+    plain = match(pairs, replace(small, disparities_at_full_size=None), RIG, range(1))
     assert found.stored.encoded == plain.stored.encoded
 
 
 def test_matching_at_two_sizes_is_repeatable_and_restores_the_threads(pairs):
     threads = cv2.getNumThreads()
-    first, second = (sgm.match(pairs, STEREO, RIG, range(1)) for _ in range(2))
+    first, second = (match(pairs, STEREO, RIG, range(1)) for _ in range(2))
     assert first.stored.encoded == second.stored.encoded
     assert cv2.getNumThreads() == threads
 
@@ -101,7 +99,7 @@ def test_matching_at_two_sizes_is_repeatable_and_restores_the_threads(pairs):
 def test_tiny_images_are_matched_at_two_sizes():
     views = (np.zeros((3, 5), dtype=np.uint8),) * 2
     pair = StereoPairs(0, *(ImageStack.from_images([view]) for view in views))
-    found = sgm.match(pair, STEREO, replace(RIG, width=5, height=3), range(1))
+    found = match(pair, STEREO, replace(RIG, width=5, height=3), range(1))
     assert found.raw(0).shape == (3, 5)
 
 

@@ -19,8 +19,8 @@ from stixel_cli.recordings.image_files import read_disparity
 from stixel_cli.recordings.kitti_tables import read_calibration
 from stixel_cli.rendering.frames import StereoPairs
 from stixel_cli.scene.scenario import EgoMotion
-from stixel_cli.stereo import sgm
 from stixel_cli.stereo.disparities import INVALID, SUBPIXELS, Disparities
+from stixel_cli.stereo.matching import match
 from stixel_cli.stixels.extraction import extract_stixels
 from stixel_cli.stixels.free_space import find_free_space
 from stixel_cli.stixels.parameters import (
@@ -81,7 +81,7 @@ def processed(rig, left, right, road="rig", **stereo):
     pairs = StereoPairs(0, *(ImageStack.from_images([image]) for image in grey))
     frames = range(1)
     parameters = replace(shipped(StereoParameters, "stereo/sgm"), **stereo)
-    disparities = sgm.match(pairs, parameters, rig, frames)
+    disparities = match(pairs, parameters, rig, frames)
     free_space = free_space_of(disparities, rig, road)
     return free_space, extract_stixels(
         disparities,
@@ -276,7 +276,7 @@ def test_the_roll_of_the_road_does_not_matter(data, name):
     rig, left, right, truth = pair_with_truth(data, name)
     grey = [cv2.imread(str(path), cv2.IMREAD_GRAYSCALE) for path in (left, right)]
     pairs = StereoPairs(0, *(ImageStack.from_images([image]) for image in grey))
-    level = sgm.match(pairs, shipped(StereoParameters, "stereo/sgm"), rig, range(1))
+    level = match(pairs, shipped(StereoParameters, "stereo/sgm"), rig, range(1))
     raw, road = level.raw(0), shipped(RoadParameters, "road/estimated")
     line = find_road(np.ascontiguousarray(raw.T), level.count, rig, road)
     rows = rows_per_column(raw, rig, line)

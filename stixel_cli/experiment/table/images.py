@@ -1,6 +1,6 @@
 """Stages from the scenario to the stixels and to the scans of each kind of measurement."""
 
-from stixel_cli.config.schema import Renderer, StereoParameters
+from stixel_cli.config.schema import Renderer
 from stixel_cli.experiment.table.definition import FROM_LABELS, Definition, by_kind, only, same
 
 RECTIFICATION = "recording.calibration.rectification"
@@ -27,9 +27,7 @@ STAGES: dict[str, Definition] = {
     "add_sensor_noise": Definition(
         only("rendering.sensor_noise:add_sensor_noise"), "map", same("sensor", "rig"), seeded=True
     ),
-    "match": Definition(
-        by_kind(StereoParameters, "match"), "map", same("rig", "stereo"), chosen_by="stereo"
-    ),
+    "match": Definition(only("stereo.matching:match"), "map", same("rig", "stereo")),
     "free_space": Definition(
         only("stixels.free_space:find_free_space"),
         "fold",
