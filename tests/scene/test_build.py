@@ -31,14 +31,6 @@ def test_scenario_contains_the_ground_truth(kind):
     assert scenario.star_convex == all(map(is_star_convex, scenario.contours_target))
 
 
-def test_scenario_is_repeatable():
-    path, road_user = scene_presets.path("turn", "car"), scene_presets.road_user("car")
-    motion = ego_motion(scene_presets.ego("parked"), path.duration, path.sample_time)
-    first, again = (build_scenario(motion, road_user, path) for _ in range(2))
-    assert first.contours_target.tobytes() == again.contours_target.tobytes()
-    assert first.target_poses_world.tobytes() == again.target_poses_world.tobytes()
-
-
 def test_scenario_rejects_an_impossible_path():
     path = replace(scene_presets.path("turn", "car"), start=(0.0, -3.0))
     motion = ego_motion(scene_presets.ego("parked"), 1.0, 0.1)

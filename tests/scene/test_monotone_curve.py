@@ -25,8 +25,3 @@ def test_many_curves_are_those_of_scipy_to_the_bit():
         x, y = np.cumsum(random.uniform(0.01, 2.0, 8)), random.normal(size=8).round(1)
         at = random.uniform(x[0], x[-1], 200)
         assert np.array_equal(MonotoneCurve(x, y)(at), PchipInterpolator(x, y)(at))
-
-
-def test_the_curve_does_not_overshoot():
-    x, y = POINTS["rising"]
-    assert np.all(np.diff(MonotoneCurve(x, y)(np.linspace(x[0], x[-1], 500))) >= 0.0)

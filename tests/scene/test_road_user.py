@@ -91,13 +91,6 @@ def test_every_class_has_a_mesh_of_its_own():
     assert len({corners(mesh).tobytes() for mesh in meshes}) == len(kinds)
 
 
-def test_mesh_is_repeatable():
-    first, again = (road_user_meshes(parameters("cyclist"))[0] for _ in range(2))
-    for one, other in zip(first.parts, again.parts, strict=True):
-        assert one.vertices.tobytes() == other.vertices.tobytes()
-        assert one.texture.tobytes() == other.texture.tobytes()
-
-
 def test_missing_mesh_file_is_rejected_before_the_run():
     road_user = RoadUser("car", 4.5, 1.8, 1.5, 0.6, None, "nowhere/mesh.ply", 1.0, "x")
     with pytest.raises(ValueError, match=r"road_user\.mesh: file not found"):

@@ -89,13 +89,6 @@ def test_a_small_range_is_searched_at_full_size_only(pairs):
     assert found.stored.encoded == plain.stored.encoded
 
 
-def test_matching_at_two_sizes_is_repeatable_and_restores_the_threads(pairs):
-    threads = cv2.getNumThreads()
-    first, second = (match(pairs, STEREO, RIG, range(1)) for _ in range(2))
-    assert first.stored.encoded == second.stored.encoded
-    assert cv2.getNumThreads() == threads
-
-
 def test_tiny_images_are_matched_at_two_sizes():
     views = (np.zeros((3, 5), dtype=np.uint8),) * 2
     pair = StereoPairs(0, *(ImageStack.from_images([view]) for view in views))

@@ -96,7 +96,7 @@ def test_minimum_disparity_shifts_the_range(pairs, stereo):
     assert np.all(np.abs(centre[centre != INVALID] - 16 * SHIFT) <= 2)
 
 
-@pytest.mark.parametrize("stereo", [SGM, BM])
+@pytest.mark.parametrize("stereo", [SGM, BM, replace(SGM, disparities_at_full_size=16)])
 def test_matching_is_repeatable_and_restores_the_threads(pairs, stereo):
     threads = cv2.getNumThreads()
     first, second = (match(pairs, stereo, RIG, FRAMES) for _ in range(2))

@@ -122,13 +122,3 @@ def test_tops_have_the_least_cost(seed, width, rows):
     assert np.array_equal(tops >= 0, base >= 0)
     assert np.all(tops <= base)
     assert total_cost(tops, cost, tied) == pytest.approx(least_cost(cost, base, tied), abs=1e-3)
-
-
-def test_mirrored_image_gives_mirrored_tops():
-    rng = np.random.default_rng(9)
-    cost = rng.normal(0, 5, (30, 20)).astype(np.float32)
-    base = rng.integers(5, 20, 30).astype(np.int32)
-    tied = rng.random(29).astype(np.float32)
-    tops = cheapest_tops(cost.copy(), base, tied)
-    mirrored = cheapest_tops(np.ascontiguousarray(cost[::-1]), base[::-1].copy(), tied[::-1].copy())
-    assert np.array_equal(tops[::-1], mirrored)

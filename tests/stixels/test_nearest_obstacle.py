@@ -55,17 +55,6 @@ def test_path_is_the_cheapest_of_all_paths():
         assert tuple(path) == min(cost_of, key=cost_of.get)
 
 
-def test_mirrored_grid_gives_a_mirrored_path():
-    rng = np.random.default_rng(4)
-    costs = rng.random((40, 20)).astype(np.float32)
-    depths = np.linspace(3, 20, 20, dtype=np.float32)
-    path, mirrored = (
-        cheapest_path(c, depths, np.float32(0.1), np.float32(4.0))
-        for c in (costs, np.ascontiguousarray(costs[::-1]))
-    )
-    assert np.array_equal(path[::-1], mirrored)
-
-
 def brute_costs(column, inverse_requirement, bound, free_cost):
     evidence = column * inverse_requirement
     rows = len(evidence)
