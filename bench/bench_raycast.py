@@ -91,12 +91,12 @@ def test_plain_pair_with_four_rays_everywhere(benchmark, scene):
     def pair():
         pose = world_from_target_3d(scenario.target_poses_world[0])
         bodies = static.body, Body(target.surfaces(0), pose)
-        pictures, light = [], static.renderer.light
+        pictures = []
         rows, columns = np.divmod(np.arange(static.rig.height * static.rig.width), static.rig.width)
         right, down = sample_offsets(2)
         u, v = np.add.outer(columns, right).ravel(), np.add.outer(rows, down).ravel()
         cameras = rig_cameras(static.rig, scenario.ego_poses_world[0])
-        shots = [Shot(bodies, camera, light) for camera in cameras]
+        shots = [Shot(bodies, camera) for camera in cameras]
         for shot in shots:
             hits = nearest(shot, u, v)
             linear = light_of(shot, hits, sunlit(shot, hits, (0, 1)), 0.5)

@@ -46,7 +46,7 @@ def render(
     """
     objects = placement.numbered_objects(world, placement.motion_of(world, scenario))
     meshes = road_user_meshes(road_user)
-    scene = describe_scene(scenario, objects, meshes, rig, renderer, frames)
+    scene = describe_scene(scenario, objects, meshes, rig, frames)
     return RenderedFrames.from_frames(frames.start, rendered(scene, renderer, COMMAND))
 
 
@@ -55,7 +55,6 @@ def describe_scene(
     objects: Iterable[tuple[int, Mesh]],
     targets: Sequence[Mesh],
     rig: Rig,
-    renderer: FilamentParameters,
     frames: range,
 ) -> dict[str, np.ndarray]:
     """The arrays that the child reads.
@@ -77,7 +76,6 @@ def describe_scene(
             texture_of.append(number)
             ids.append(identity)
             limb_poses.append(limb_pose)
-    light = renderer.light
     poses = [rig_cameras(rig, scenario.ego_poses_world[k]) for k in frames]
     return arrays | {
         "size": np.array([rig.width, rig.height]),
@@ -89,9 +87,9 @@ def describe_scene(
         "ids": np.array(ids),
         "limb_pose_of": np.array(limb_poses),
         "limb_poses": scenario.limb_poses[frames.start : frames.stop],
-        "sun": placement.sun_direction(light),
+        "sun": placement.SUN,
         "sun_colour": placement.SUN_COLOUR,
-        "light": light.exposure * np.array([light.sun, light.ambient]),
+        "light": placement.EXPOSURE * np.array([placement.SUNLIGHT, placement.AMBIENT]),
         "frames": np.array(frames),
         "cameras": np.array([[_transform(camera) for camera in pair] for pair in poses]),
         "target_poses": np.array(

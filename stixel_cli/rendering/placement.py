@@ -4,7 +4,6 @@ import numpy as np
 
 from stixel_cli.geometry.pose import rotation
 from stixel_cli.rendering.frames import BACKGROUND_ID, ROAD_ID
-from stixel_cli.rendering.parameters import Light
 from stixel_cli.scene.mesh import Mesh
 from stixel_cli.scene.parameters import World
 from stixel_cli.scene.roadside import occluder, roadside_objects
@@ -13,6 +12,24 @@ from stixel_cli.scene.world import world_objects
 
 SUN_COLOUR = np.array([1.0, 0.96, 0.88])
 """Linear red, green and blue of the sun's light."""
+
+SUNLIGHT, AMBIENT = 1.2, 0.34
+"""Irradiance over pi of a surface that faces the sun, and from the sky of one that faces up: a
+white surface in full light shines with about 1."""
+
+EXPOSURE = 0.85
+"""Factor from light to the image's linear grey, with full scale 1: white stays below it."""
+
+_AZIMUTH, _ELEVATION = np.radians(200.0), np.radians(38.0)
+SUN = np.array(
+    [
+        np.cos(_ELEVATION) * np.cos(_AZIMUTH),
+        np.cos(_ELEVATION) * np.sin(_AZIMUTH),
+        np.sin(_ELEVATION),
+    ]
+)
+"""Unit vector in the world towards the sun: 200° counter-clockwise from the +x axis (the ego car
+looks along +90° at k = 0), 38° above the horizon."""
 
 
 Motion = tuple[tuple[float, ...], ...]
@@ -52,10 +69,3 @@ def world_from_target_3d(pose_world: np.ndarray) -> np.ndarray:
     transform[:2, :2] = rotation(pose_world[2])
     transform[:2, 3] = pose_world[:2]
     return transform
-
-
-def sun_direction(light: Light) -> np.ndarray:
-    """Unit vector (3,) in the world towards the sun."""
-    azimuth, elevation = np.radians(light.sun_azimuth), np.radians(light.sun_elevation)
-    flat = np.cos(elevation)
-    return np.array([flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)])

@@ -44,7 +44,7 @@ def render(
         road_user: what the target is.
         world: road and background.
         rig: the cameras.
-        renderer: samples and light.
+        renderer: samples.
         frames: consecutive frame indices.
     """
     target = Target(road_user_meshes(road_user))
@@ -71,7 +71,7 @@ class StaticScene:
             # Let go of the old views first: two pairs need not be in memory.
             self._pose, self._views = None, []
             self._views = [
-                static_view(Shot((self.body,), camera, self.renderer.light), self.renderer.samples)
+                static_view(Shot((self.body,), camera), self.renderer.samples)
                 for camera in rig_cameras(self.rig, ego_pose_world)
             ]
             self._pose = ego_pose_world.tobytes()

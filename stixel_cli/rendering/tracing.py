@@ -7,15 +7,13 @@ a ray's parameter is the depth in m.
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numba import njit
 
 from stixel_cli.rendering import shading
 from stixel_cli.rendering.camera_rays import Camera
-from stixel_cli.rendering.parameters import Light
-from stixel_cli.rendering.placement import SUN_COLOUR, sun_direction
+from stixel_cli.rendering.placement import AMBIENT, EXPOSURE, SUN, SUN_COLOUR, SUNLIGHT
 from stixel_cli.rendering.surfaces import Surfaces
 
 SKY_COLOUR = np.array([0.86, 0.94, 1.10])
@@ -41,22 +39,15 @@ class Body:
 
 @dataclass(frozen=True)
 class Shot:
-    """Bodies, camera and light: a picture depends on nothing else.
+    """Bodies and camera: a picture depends on nothing else.
 
     Attributes:
         bodies: the static scene, then the target, if it has one.
         camera: in the world.
-        light: of sun and sky.
     """
 
     bodies: tuple[Body, ...]
     camera: Camera
-    light: Light
-
-    @cached_property
-    def sun(self) -> np.ndarray:
-        """Unit vector (3,) in the world towards the sun."""
-        return sun_direction(self.light)
 
 
 @dataclass(frozen=True)
@@ -119,7 +110,7 @@ def sunlit(shot: Shot, hits: Hits, blockers: Iterable[int]) -> np.ndarray:
     for index, body in enumerate(shot.bodies):
         rays, facing = np.empty((count, 6), dtype=np.float32), np.empty(count, dtype=np.int64)
         pinhole = shot.camera.seen_from(body.world_from_body).pinhole
-        sun = body.world_from_body[:3, :3].T @ shot.sun
+        sun = body.world_from_body[:3, :3].T @ SUN
         normals = body.surfaces.normals
         count_facing = sun_rays(
             rays, facing, np.empty(3), hits.arrays, index, pinhole, normals, sun
@@ -143,13 +134,13 @@ def light_of(shot: Shot, hits: Hits, lit: np.ndarray, spread: np.ndarray | float
 
     The samples meet `hits`, which see the sun where `lit` (n,) bool is true.
     """
-    light, camera = shot.light, shot.camera
+    camera = shot.camera
     result = np.empty((len(lit), 3), dtype=np.float32)
     spread = np.full(len(lit), spread, dtype=np.float64)
     lights = (
-        light.exposure * light.sun * SUN_COLOUR,
-        light.exposure * light.ambient * SKY_COLOUR,
-        light.exposure * light.ambient * GROUND_COLOUR,
+        EXPOSURE * SUNLIGHT * SUN_COLOUR,
+        EXPOSURE * AMBIENT * SKY_COLOUR,
+        EXPOSURE * AMBIENT * GROUND_COLOUR,
     )
     for index, body in enumerate(shot.bodies):
         surfaces, textures = body.surfaces, body.surfaces.textures
@@ -163,10 +154,10 @@ def light_of(shot: Shot, hits: Hits, lit: np.ndarray, spread: np.ndarray | float
             camera.seen_from(body.world_from_body).pinhole,
             (surfaces.normals, surfaces.uv_gradients, surfaces.texture),
             (textures.texels, textures.levels, textures.first_level),
-            (body.world_from_body[:3, :3].T @ shot.sun, *lights),
+            (body.world_from_body[:3, :3].T @ SUN, *lights),
         )
     rotation, _, *lens = camera.pinhole
-    sky = light.exposure * ZENITH, light.exposure * HORIZON
+    sky = EXPOSURE * ZENITH, EXPOSURE * HORIZON
     shading.sky_light(result, hits.u, hits.v, hits.body, rotation, *lens, camera.stretch, *sky)
     return result
 

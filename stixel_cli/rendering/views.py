@@ -12,6 +12,7 @@ import numpy as np
 from stixel_cli.rendering import tracing
 from stixel_cli.rendering.edges import edge_pixels, unclear_pixels
 from stixel_cli.rendering.frames import SKY_ID
+from stixel_cli.rendering.placement import SUN
 from stixel_cli.rendering.supersampling import Centres, rasterised, sample_offsets, supersampled
 from stixel_cli.rendering.surfaces import srgb_from_linear
 from stixel_cli.rendering.tracing import Body, Hits, Shot
@@ -169,8 +170,8 @@ def _touched_rectangles(shot: Shot, corners_target: np.ndarray):
     static, target = shot.bodies
     corners = corners_target @ target.world_from_body[:3, :3].T + target.world_from_body[:3, 3]
     floor = min(static.surfaces.corners[:, :, 2].min(), corners[:, 2].min())
-    fall = (corners[:, 2] - floor) / shot.sun[2]
-    swept = np.concatenate([corners, corners - fall[:, None] * shot.sun])
+    fall = (corners[:, 2] - floor) / SUN[2]
+    swept = np.concatenate([corners, corners - fall[:, None] * SUN])
     return shot.camera.rectangle_of(corners, MARGIN), shot.camera.rectangle_of(swept, MARGIN)
 
 

@@ -5,7 +5,7 @@ from constants import with_constants
 
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.rendering.frames import BACKGROUND_ID, ROAD_ID
-from stixel_cli.rendering.parameters import Light, RaycastParameters
+from stixel_cli.rendering.parameters import RaycastParameters
 from stixel_cli.scene.mesh import Mesh, Part
 from stixel_cli.scene.scenario import Scenario
 
@@ -21,8 +21,7 @@ RIG = Rig(
     pitch=2.0,
     vertical_fov=None,
 )
-LIGHT = Light(sun_elevation=40.0)
-RAYCAST = with_constants(RaycastParameters(kind="raycast"), samples=2, light=LIGHT)
+RAYCAST = with_constants(RaycastParameters(kind="raycast"), samples=2)
 AHEAD = 0.5 * np.pi
 
 

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 import cv2
 import numpy as np
 import pytest
-from box_scene import LIGHT, RAYCAST, RIG, objects, scenario, target_mesh
+from box_scene import RAYCAST, RIG, objects, scenario, target_mesh
 from constants import with_constants
 
 from stixel_cli.errors import UserError
@@ -29,7 +29,7 @@ from stixel_cli.rendering.raycast import StaticScene, Target, render_frame
 from stixel_cli.rendering.surfaces import linear_from_srgb
 
 FILAMENT = with_constants(
-    FilamentParameters("filament"), light=LIGHT, start_timeout=600, frame_timeout=600, attempts=3
+    FilamentParameters("filament"), start_timeout=600, frame_timeout=600, attempts=3
 )
 HASTY = with_constants(FILAMENT, start_timeout=0.1, frame_timeout=0.1, attempts=2)
 HANGS = (sys.executable, "-c", "import signal; signal.pause()")
@@ -57,7 +57,7 @@ for k in frames:
 
 
 def describe(frames: range) -> dict[str, np.ndarray]:
-    return describe_scene(scenario(), objects(), [target_mesh()], RIG, FILAMENT, frames)
+    return describe_scene(scenario(), objects(), [target_mesh()], RIG, frames)
 
 
 @pytest.fixture(scope="module")

@@ -4,16 +4,16 @@ from dataclasses import replace
 import box_scene
 import numpy as np
 import pytest
-from box_scene import LIGHT, RAYCAST, RIG, objects, quad, road, scenario, speckle, target_mesh
+from box_scene import RAYCAST, RIG, objects, quad, road, scenario, speckle, target_mesh
 from constants import with_constants
 from hypothesis import given
 from hypothesis import strategies as st
 from projection import unproject
 
-from stixel_cli.rendering import raycast, tracing
+from stixel_cli.rendering import placement, raycast, tracing
 from stixel_cli.rendering.camera_rays import NEAR, rig_cameras
 from stixel_cli.rendering.frames import ROAD_ID, SKY_ID, TARGET_ID
-from stixel_cli.rendering.placement import sun_direction, world_from_target_3d
+from stixel_cli.rendering.placement import world_from_target_3d
 from stixel_cli.rendering.raycast import StaticScene, Target, render_frame
 from stixel_cli.rendering.shading import shade
 from stixel_cli.rendering.surfaces import (
@@ -153,7 +153,7 @@ def test_target_shadow_darkens_only_shadowed_pixels(static, target):
     camera = rig_cameras(RIG, POSE)[0]
     lit = static.views(POSE)[0]
     picture, _, _, ids = render_frame(static, target, scenario(), 0)
-    sun = sun_direction(LIGHT)
+    sun = placement.SUN
     pose = world_from_target_3d(scenario().target_poses_world[0])
     above = pose[:3, :3] @ np.array([0.0, 0.0, 0.5]) + pose[:3, 3]
     # The point of the road whose way to the sun leads through the middle of the body.
@@ -221,9 +221,8 @@ def test_texture_is_averaged_over_the_pixel_area():
     columns = np.floor((points[:, 0] + 9) / 18 * 3 * 64).astype(int) % 64
     rows = np.floor((8 - points[:, 2]) / 14 * 3 * 64).astype(int) % 64
     mean = linear_from_srgb(texture)[rows, columns].reshape(len(pixels), -1, 3).mean(axis=1)
-    ambient = LIGHT.exposure * LIGHT.ambient * 0.5 * (0.86 + 0.36)
-    sun = sun_direction(LIGHT)
-    red = ambient + LIGHT.exposure * LIGHT.sun * max(0.0, -sun[1])
+    ambient = placement.EXPOSURE * placement.AMBIENT * 0.5 * (0.86 + 0.36)
+    red = ambient + placement.EXPOSURE * placement.SUNLIGHT * max(0.0, -placement.SUN[1])
     seen = view.plain[pixels, 0] / red
     assert np.corrcoef(seen, mean[:, 0])[0, 1] > 0.97
     assert abs(seen.mean() / mean[:, 0].mean() - 1.0) < 0.03
@@ -234,7 +233,7 @@ def test_texture_of_the_target_is_nearer_to_the_mean_over_the_pixel(monkeypatch)
     wall = Mesh((quad([(-9, 12, -6), (9, 12, -6), (9, 12, 8), (-9, 12, 8)], speckle(9, 256), 3.0),))
     meshes = road(speckle(1)), wall
     bodies = tuple(Body(build_surfaces([(3, mesh)]), np.eye(4)) for mesh in meshes)
-    shot = Shot(bodies, rig_cameras(RIG, POSE)[0], LIGHT)
+    shot = Shot(bodies, rig_cameras(RIG, POSE)[0])
     rows, columns = np.divmod(np.arange(96 * 128), 128)
     hits = tracing.nearest(shot, columns.astype(float), rows.astype(float))
     seen = np.flatnonzero(hits.body == 1)[::7]

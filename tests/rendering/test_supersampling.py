@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from box_scene import AHEAD, LIGHT, RAYCAST, RIG, objects, quad, scenario, speckle, target_mesh
+from box_scene import AHEAD, RAYCAST, RIG, objects, quad, scenario, speckle, target_mesh
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -26,7 +26,7 @@ def street() -> tuple[list[Body], Camera]:
     car = RoadUser("car", 4.5, 1.8, 1.5, 1.0, None, None, 1.0, "x")
     pose = world_from_target_3d(np.array([-1.0, 9.0, 0.4]))
     bodies = (Body(static, np.eye(4)), Body(build_surfaces([(2, road_user_meshes(car)[0])]), pose))
-    return Shot(bodies, rig_cameras(RIG, POSE)[0], LIGHT)
+    return Shot(bodies, rig_cameras(RIG, POSE)[0])
 
 
 def agreement(shot, rows, columns, samples) -> tuple[float, float]:
@@ -64,7 +64,7 @@ def test_triangles_around_the_camera_are_rasterised_as_they_are_cast(seed):
     parts = [Part(corners, one, uvs, speckle(1), "triangle") for corners in points]
     body = Body(build_surfaces([(3, Mesh(tuple(parts)))]), np.eye(4))
     camera = rig_cameras(RIG, POSE)[0]
-    shot = Shot((body,), camera, LIGHT)
+    shot = Shot((body,), camera)
     rows, columns = np.divmod(np.arange(0, camera.height * camera.width, 7), camera.width)
     same, near = agreement(shot, rows, columns, 2)
     # One sample of the thousands may be on an edge, where single precision decides for the other.
@@ -74,7 +74,7 @@ def test_triangles_around_the_camera_are_rasterised_as_they_are_cast(seed):
 def test_two_triangles_with_a_common_edge_leave_no_sample_between_them():
     corners = [(-5, 6, -4), (5.3, 7, -4), (5.1, 7, 4.7), (-5.2, 6, 4.7)]
     body = Body(build_surfaces([(3, Mesh((quad(corners, speckle(1)),)))]), np.eye(4))
-    shot = Shot((body,), rig_cameras(replace(RIG, pitch=0.0), POSE)[0], LIGHT)
+    shot = Shot((body,), rig_cameras(replace(RIG, pitch=0.0), POSE)[0])
     rows, columns = (grid.ravel() for grid in np.mgrid[10:80, 20:100])
     _, found = rasterised(shot, rows, columns, *sample_offsets(8))
     assert set(np.unique(found)) == {0, 1}
@@ -86,7 +86,7 @@ def edges():
     static, target = StaticScene(objects(), RIG, RAYCAST), Target([target_mesh()])
     camera = rig_cameras(RIG, POSE)[0]
     pose = world_from_target_3d(scenario().target_poses_world[0])
-    shot = Shot((static.body, Body(target.surfaces(0), pose)), camera, LIGHT)
+    shot = Shot((static.body, Body(target.surfaces(0), pose)), camera)
     rows, columns = np.divmod(np.arange(camera.height * camera.width), camera.width)
     hits = tracing.nearest(shot, columns.astype(float), rows.astype(float))
     lit = tracing.sunlit(shot, hits, (0, 1))
@@ -128,7 +128,7 @@ def test_a_shadows_edge_inside_a_triangle_is_blended(edges):
     _, found = rasterised(shot, centres.rows, centres.columns, *sample_offsets(4))
     one = (found == found[:, :1]).all(axis=1) & (found[:, 0] >= 0)
     unlike = np.flatnonzero(one & (np.abs(exact - centres.light).max(axis=1) > 0.1))
-    assert len(unlike) > 20
+    assert len(unlike) > 15
     some = centres.at(unlike)
     at_shadow = np.ones(len(unlike), dtype=bool)
     blended = supersampled(shot, some, at_shadow, 8)
