@@ -4,13 +4,13 @@ import ctypes
 import importlib.util
 import os
 import sys
+from contextlib import suppress
 from importlib.machinery import EXTENSION_SUFFIXES
 from pathlib import Path
 from threading import Lock
 from types import ModuleType
 
 _lock = Lock()
-_loaded: list[ModuleType] = []
 
 
 def import_open3d() -> ModuleType:
@@ -34,13 +34,21 @@ def import_open3d_bindings() -> ModuleType:
     layout than expected, or is imported already, this is the whole of Open3D. The functions are
     the same ones, and a later `import open3d` adds the rest to them.
     """
+    file = _bindings_file()
+    if file is None or "open3d" in sys.modules:
+        return import_open3d()
+    # The name that Open3D itself gives it, for a later `import open3d`: the compiled part can be
+    # initialised only once.
+    name = "open3d.cpu.pybind" if file.parent.name == "cpu" else "open3d.pybind"
     with _lock:
-        if "open3d" not in sys.modules:
-            if not _loaded:
-                _loaded.extend(_load(_bindings_file()))
-            if _loaded:
-                return _loaded[0]
-    return import_open3d()
+        if name not in sys.modules:
+            _prepare()
+            spec = importlib.util.spec_from_file_location(name, file)
+            with suppress(ImportError):
+                bindings = importlib.util.module_from_spec(spec)
+                spec.loader.exec_module(bindings)
+                sys.modules[name] = bindings
+    return sys.modules.get(name) or import_open3d()
 
 
 def _prepare() -> None:
@@ -63,21 +71,3 @@ def _bindings_file() -> Path | None:
     found = [folder / f"pybind{suffix}" for folder in folders for suffix in EXTENSION_SUFFIXES]
     # The CUDA version chooses between two compiled parts, and only one may be loaded.
     return None if (package / "cuda").exists() else next((f for f in found if f.is_file()), None)
-
-
-def _load(file: Path | None) -> list[ModuleType]:
-    """The module in the file; nothing if it does not load."""
-    if file is None:
-        return []
-    _prepare()
-    # The name that Open3D itself gives it.
-    name = "open3d.cpu.pybind" if file.parent.name == "cpu" else "open3d.pybind"
-    spec = importlib.util.spec_from_file_location(name, file)
-    try:
-        bindings = importlib.util.module_from_spec(spec)
-        spec.loader.exec_module(bindings)
-    except ImportError:
-        return []
-    # For a later `import open3d`: the compiled part can be initialised only once.
-    sys.modules[name] = bindings
-    return [bindings]
