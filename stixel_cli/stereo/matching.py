@@ -41,8 +41,6 @@ class MatchingParameters:
     subpixel: str
 
     # OpenCV's checks of a match, at values that its documentation recommends.
-    minimum_disparity: ClassVar[int] = 0
-    """The least disparity searched, px: far obstacles have one near 0."""
     left_right_difference: ClassVar[int] = 1
     """Greatest difference of the left and the right view's disparity, px."""
     pre_filter_cap: ClassVar[int]
@@ -120,7 +118,7 @@ def disparity_count(stereo: MatchingParameters, rig: Rig) -> int:
     Enough for the depth `stereo.nearest` with this rig, thesis (3), and one more for the sub-pixel
     parabola's neighbour.
     """
-    greatest = float(rig.disparity_from_depth(stereo.nearest)) - stereo.minimum_disparity + 1.0
+    greatest = float(rig.disparity_from_depth(stereo.nearest)) + 1.0
     return BLOCK * max(1, int(np.ceil(greatest / BLOCK)))
 
 
@@ -133,17 +131,15 @@ def match(pairs: StereoPairs, stereo: StereoParameters, rig: Rig, frames: range)
     to 1/16 px. If the cameras' principal points differ, the right image is first moved by that
     distance, in whole px.
     """
-    minimum, count = stereo.minimum_disparity, disparity_count(stereo, rig)
-    greatest = minimum + count
-    shift = round(rig.far_disparity)
+    count, shift = disparity_count(stereo, rig), round(rig.far_disparity)
     errors = np.rint(SUBPIXELS * (rig.disparity_errors() - shift)).astype(np.int16)
     columns = np.arange(rig.width, dtype=np.int32)
     moved = np.clip(columns - shift, 0, rig.width - 1)
-    full, half = _matcher(stereo, minimum, count), None
+    full, half = _matcher(stereo, count), None
     at_full_size = stereo.disparities_at_full_size
     if at_full_size is not None and at_full_size < count:
-        full = _matcher(stereo, minimum, at_full_size)
-        half = _matcher(stereo, *halved_range(minimum, count, BLOCK))
+        full = _matcher(stereo, at_full_size)
+        half = _matcher(stereo, BLOCK * -(-count // (2 * BLOCK)))
     raw = []
     with one_thread():
         for k in frames:
@@ -152,25 +148,25 @@ def match(pairs: StereoPairs, stereo: StereoParameters, rig: Rig, frames: range)
             found = _find(full, left, right, stereo, checked=half is None)
             if half is not None:
                 near = _find(half, halved(left), halved(right), stereo, checked=True)
-                found = combined(found, near, minimum + at_full_size, greatest)
+                found = combined(found, near, at_full_size, count)
             # In the leftmost columns a large disparity points into the border, outside the image.
             outside = found > SUBPIXELS * (columns - max(shift, 0))
             if shift < 0:  # So does a small one in the rightmost columns.
                 outside |= found < SUBPIXELS * (columns - (rig.width - 1 + shift))
             found[outside] = INVALID
-            raw.append(corrected(found, errors, greatest) if errors.any() else found)
+            raw.append(corrected(found, errors, count) if errors.any() else found)
     # Images in memory are those of a single call, whose disparities nobody stores.
     make = Disparities.from_raw if isinstance(pairs.left, ImageStack) else Disparities.in_memory
-    return make(frames.start, greatest, raw)
+    return make(frames.start, count, raw)
 
 
-def _matcher(stereo: StereoParameters, minimum: int, count: int) -> Any:
-    """OpenCV's matcher for `count` disparities from `minimum` px on."""
+def _matcher(stereo: StereoParameters, count: int) -> Any:
+    """OpenCV's matcher for `count` disparities from 0 px on: far obstacles have one near 0."""
     import cv2
 
     if stereo.kind == "sgm":
         return cv2.StereoSGBM_create(
-            minDisparity=minimum,
+            minDisparity=0,
             numDisparities=count,
             blockSize=stereo.block_size,
             P1=stereo.p1,
@@ -180,7 +176,6 @@ def _matcher(stereo: StereoParameters, minimum: int, count: int) -> Any:
             mode=cv2.STEREO_SGBM_MODE_SGBM_3WAY,  # The path cost has three directions.
         )
     matcher = cv2.StereoBM_create(numDisparities=count, blockSize=stereo.block_size)
-    matcher.setMinDisparity(minimum)
     matcher.setPreFilterType(cv2.StereoBM_PREFILTER_XSOBEL)
     matcher.setPreFilterCap(stereo.pre_filter_cap)
     matcher.setTextureThreshold(stereo.texture_threshold)
@@ -216,14 +211,13 @@ def _match(matcher: Any, left: np.ndarray, right: np.ndarray) -> np.ndarray:
     import cv2
 
     # A matcher reports nothing in so many columns on the left: they are put there and cut off.
-    minimum = matcher.getMinDisparity()
-    border = minimum + matcher.getNumDisparities()
+    border = matcher.getNumDisparities()
     if isinstance(matcher, cv2.StereoBM):
         border += matcher.getBlockSize() // 2
     widen = ((0, 0), (border, 0))
     raw = matcher.compute(np.pad(left, widen, mode="edge"), np.pad(right, widen, mode="edge"))
     raw = raw[:, border:]
-    return np.where(raw < minimum * SUBPIXELS, np.int16(INVALID), raw)
+    return np.where(raw < 0, np.int16(INVALID), raw)
 
 
 def corrected(raw: np.ndarray, errors: np.ndarray, count: int) -> np.ndarray:
@@ -316,12 +310,6 @@ def halved(image: np.ndarray) -> np.ndarray:
     height, width = image.shape
     even = cv2.copyMakeBorder(image, 0, height % 2, 0, width % 2, cv2.BORDER_REPLICATE)
     return cv2.resize(even, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
-
-
-def halved_range(minimum: int, count: int, step: int) -> tuple[int, int]:
-    """Least disparity and their number, a multiple of `step`, at half the size."""
-    least = minimum // 2
-    return least, step * -(-(minimum + count - 2 * least) // (2 * step))
 
 
 def combined(full: np.ndarray, half: np.ndarray, end: int, greatest: int) -> np.ndarray:

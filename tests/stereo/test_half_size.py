@@ -3,14 +3,13 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from constants import with_constants
 from projection import nearest_of
 
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.images import ImageStack
 from stixel_cli.rendering.frames import StereoPairs
 from stixel_cli.stereo.disparities import INVALID
-from stixel_cli.stereo.matching import HOLE, SgmParameters, combined, halved, halved_range, match
+from stixel_cli.stereo.matching import HOLE, SgmParameters, combined, halved, match
 
 FAR, NEAR = 12, 90
 BOX = slice(20, 75), slice(180, 260)
@@ -45,12 +44,10 @@ def shrunk(box, pixels):
 
 
 @pytest.mark.parametrize("subpixel", ["parabola", "phase_table", "second_match"])
-@pytest.mark.parametrize(("minimum", "count"), [(0, 112), (9, 96)])
-def test_near_and_far_planes_are_found(pairs, subpixel, minimum, count):
-    stereo = replace(STEREO, subpixel=subpixel, nearest=nearest_of(RIG, minimum + count))
-    stereo = with_constants(stereo, minimum_disparity=minimum)
+def test_near_and_far_planes_are_found(pairs, subpixel):
+    stereo = replace(STEREO, subpixel=subpixel)
     disparities = match(pairs, stereo, RIG, range(1))
-    assert disparities.count == minimum + count
+    assert disparities.count == 112
     raw = disparities.raw(0)
     assert raw.shape == (97, 321) and raw.dtype == np.int16
     valid = raw != INVALID
@@ -99,14 +96,6 @@ def test_tiny_images_are_matched_at_two_sizes():
 def test_an_image_is_halved_by_means_of_two_by_two_pixels():
     image = np.array([[0, 4, 8, 8, 7], [4, 8, 8, 8, 7], [10, 20, 30, 40, 50]], dtype=np.uint8)
     assert halved(image).tolist() == [[4, 8, 7], [15, 35, 50]]
-
-
-@pytest.mark.parametrize(("minimum", "count"), [(0, 16), (0, 208), (5, 48), (16, 96), (31, 112)])
-def test_the_range_at_half_the_size_has_all_disparities(minimum, count):
-    least, number = halved_range(minimum, count, 16)
-    assert number % 16 == 0
-    assert 2 * least <= minimum and minimum + count <= 2 * (least + number)
-    assert 2 * (least + number - 16) < minimum + count
 
 
 def test_both_sizes_are_combined_pixel_by_pixel():
