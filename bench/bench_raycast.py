@@ -15,9 +15,8 @@ from pydantic import TypeAdapter
 from small import sized
 
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.rendering.camera_rays import rig_cameras
 from stixel_cli.rendering.parameters import RaycastParameters
-from stixel_cli.rendering.placement import numbered_objects, world_from_target_3d
+from stixel_cli.rendering.placement import numbered_objects, rig_cameras, world_from_target_3d
 from stixel_cli.rendering.raycast import StaticScene, Target, render_frame
 from stixel_cli.rendering.supersampling import sample_offsets
 from stixel_cli.rendering.surfaces import srgb_from_linear

@@ -20,11 +20,10 @@ from small import sized
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.images import encode_png
 from stixel_cli.rendering import tracing
-from stixel_cli.rendering.camera_rays import rig_cameras
 from stixel_cli.rendering.edges import edge_pixels
 from stixel_cli.rendering.frames import DEPTH_STEP
 from stixel_cli.rendering.parameters import RaycastParameters
-from stixel_cli.rendering.placement import numbered_objects, world_from_target_3d
+from stixel_cli.rendering.placement import numbered_objects, rig_cameras, world_from_target_3d
 from stixel_cli.rendering.raycast import StaticScene, Target, render_frame
 from stixel_cli.rendering.sensor_noise import LUMA, grey_levels, normal_quantiles
 from stixel_cli.rendering.supersampling import Centres, sample_offsets, supersampled

@@ -12,10 +12,10 @@ import numpy as np
 from stixel_cli.errors import UserError
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.rendering import placement
-from stixel_cli.rendering.camera_rays import Camera, rig_cameras
 from stixel_cli.rendering.filament_process import REASON, main
 from stixel_cli.rendering.frames import TARGET_ID, RenderedFrames
 from stixel_cli.rendering.parameters import FilamentParameters
+from stixel_cli.rendering.placement import Camera, rig_cameras
 from stixel_cli.scene.mesh import Mesh
 from stixel_cli.scene.parameters import RoadUser, World
 from stixel_cli.scene.road_user import road_user_meshes

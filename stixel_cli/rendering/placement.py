@@ -1,14 +1,17 @@
-"""Content of the world for both renderers: numbered objects, the target, the sun."""
+"""Content of the world for both renderers: numbered objects, the target, the sun, the cameras."""
+
+from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 
 from stixel_cli.geometry.pose import rotation
+from stixel_cli.geometry.rig import Rig
 from stixel_cli.rendering.frames import BACKGROUND_ID, ROAD_ID
 from stixel_cli.scene.mesh import Mesh
 from stixel_cli.scene.parameters import World
-from stixel_cli.scene.roadside import occluder, roadside_objects
 from stixel_cli.scene.scenario import Scenario
-from stixel_cli.scene.world import world_objects
+from stixel_cli.scene.world import occluder, roadside_objects, world_objects
 
 SUN_COLOUR = np.array([1.0, 0.96, 0.88])
 """Linear red, green and blue of the sun's light."""
@@ -69,3 +72,101 @@ def world_from_target_3d(pose_world: np.ndarray) -> np.ndarray:
     transform[:2, :2] = rotation(pose_world[2])
     transform[:2, 3] = pose_world[:2]
     return transform
+
+
+NEAR = 0.05
+"""Points nearer to the camera than this along its axis, m, are not on the screen."""
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A pinhole camera; pixel (u, v) has its centre at integer coordinates.
+
+    Attributes:
+        rotation: (3, 3), from the camera (x right, y down, z forward) to the frame; its second
+            column is times `stretch`, so that one focal length serves both axes of a ray.
+        origin: (3,) m, the camera's centre in the frame.
+        focal: focal length, px.
+        u0, v0: principal point, px.
+        width, height: image size, px.
+        stretch: f_u / f_v, 1 for square pixels.
+    """
+
+    rotation: np.ndarray
+    origin: np.ndarray
+    focal: float
+    u0: float
+    v0: float
+    width: int
+    height: int
+    stretch: float
+
+    def seen_from(self, world_from_body: np.ndarray) -> "Camera":
+        """This camera of the world in the frame of a body with the pose (4, 4)."""
+        turn, shift = world_from_body[:3, :3], world_from_body[:3, 3]
+        return replace(
+            self,
+            rotation=np.ascontiguousarray(turn.T @ self.rotation),
+            origin=np.ascontiguousarray(turn.T @ (self.origin - shift)),
+        )
+
+    @property
+    def pinhole(self) -> tuple[np.ndarray, np.ndarray, float, float, float]:
+        """The camera as kernels take it: rotation, origin, focal, u0, v0."""
+        return self.rotation, self.origin, self.focal, self.u0, self.v0
+
+    @property
+    def projection(self) -> np.ndarray:
+        """(3, 3): (points - `origin`) times this is (x, y, z) with u = f x / z, v = f y / z."""
+        return self.rotation / np.array([1.0, self.stretch**2, 1.0])
+
+    def project(self, points: np.ndarray) -> np.ndarray:
+        """(n, 3) = (u px, v px, depth m) of points (n, 3) in m in the camera's frame of reference.
+
+        Points behind the camera have a depth that is not positive and no meaningful pixel.
+        """
+        camera = (points - self.origin) @ self.projection
+        depth = camera[:, 2]
+        safe = np.where(depth > 0, depth, 1.0)
+        u = self.focal * camera[:, 0] / safe + self.u0
+        v = self.focal * camera[:, 1] / safe + self.v0
+        return np.stack([u, v, depth], axis=1)
+
+    def rectangle_of(self, points: np.ndarray, margin: int) -> tuple[int, int, int, int]:
+        """Pixels that the convex hull of `points` (n, 3) can touch, grown by `margin` px.
+
+        Returns (row of the top, past the bottom, column of the left, past the right), cut at the
+        image; empty (equal numbers) where nothing of the hull is in front of the camera.
+        """
+        depth = (points - self.origin) @ self.rotation[:, 2]
+        front = [points[depth >= NEAR]]
+        # The hull, cut at the near plane, has its corners there on segments between the points.
+        for i, j in combinations(range(len(points)), 2):
+            if (depth[i] < NEAR) != (depth[j] < NEAR):
+                share = (NEAR - depth[i]) / (depth[j] - depth[i])
+                front.append((points[i] + share * (points[j] - points[i]))[None])
+        corners = np.concatenate(front)
+        if len(corners) == 0:
+            return 0, 0, 0, 0
+        u, v, _ = self.project(corners).T
+        left, right = np.floor(u.min()) - margin, np.ceil(u.max()) + margin + 1
+        top, bottom = np.floor(v.min()) - margin, np.ceil(v.max()) + margin + 1
+        top, bottom = (int(np.clip(row, 0, self.height)) for row in (top, bottom))
+        left, right = (int(np.clip(column, 0, self.width)) for column in (left, right))
+        if top >= bottom or left >= right:
+            return 0, 0, 0, 0
+        return top, bottom, left, right
+
+
+def rig_cameras(rig: Rig, ego_pose_world: np.ndarray) -> tuple[Camera, Camera]:
+    """Left and right camera in the world of a rig on the ego car at `ego_pose_world` (3,)."""
+    transform = rig.world_from_camera(ego_pose_world)
+    stretch = float(rig.focal / rig.focal_v)
+    rotation = transform[:3, :3] * [1.0, stretch, 1.0]
+    left = transform[:3, 3].copy()
+    right = left + rotation[:, 0] * rig.baseline
+    size = rig.width, rig.height
+    return tuple(
+        Camera(rotation, origin, float(rig.focal), float(u0), float(rig.v0), *size, stretch)
+        for origin, u0 in ((left, rig.u0), (right, rig.u0_right))
+    )

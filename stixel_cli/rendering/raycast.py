@@ -7,10 +7,15 @@ from itertools import product
 import numpy as np
 
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.rendering.camera_rays import rig_cameras
 from stixel_cli.rendering.frames import TARGET_ID, RenderedFrames
 from stixel_cli.rendering.parameters import RaycastParameters
-from stixel_cli.rendering.placement import Motion, motion_of, numbered_objects, world_from_target_3d
+from stixel_cli.rendering.placement import (
+    Motion,
+    motion_of,
+    numbered_objects,
+    rig_cameras,
+    world_from_target_3d,
+)
 from stixel_cli.rendering.surfaces import Surfaces, build_surfaces, with_other_vertices
 from stixel_cli.rendering.tracing import Body, Shot
 from stixel_cli.rendering.views import StaticView, static_view, view_with_target

@@ -12,8 +12,7 @@ import numpy as np
 from numba import njit
 
 from stixel_cli.rendering import shading
-from stixel_cli.rendering.camera_rays import Camera
-from stixel_cli.rendering.placement import AMBIENT, EXPOSURE, SUN, SUN_COLOUR, SUNLIGHT
+from stixel_cli.rendering.placement import AMBIENT, EXPOSURE, SUN, SUN_COLOUR, SUNLIGHT, Camera
 from stixel_cli.rendering.surfaces import Surfaces
 
 SKY_COLOUR = np.array([0.86, 0.94, 1.10])

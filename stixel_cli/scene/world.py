@@ -1,18 +1,29 @@
-"""The layout of the `street` world: a town square with a street that leads off ahead.
+"""The layouts of the worlds: houses, trees and lower things on or along the ego car's way.
 
-World frame: x right, y forward, z up, m; the ego car starts at the origin. The square is free for
-|x| < 12.8, y < 28.5; so is the street, |x| < 5, beyond. Houses, trees and lamp posts, higher than
-4 m, are on all sides, so a camera that turns sees obstacles in every direction.
+`street` is a town square with a street that leads off ahead. The square is free for |x| < 12.8,
+y < 28.5; so is the street, |x| < 5, beyond. Houses, trees and lamp posts, higher than 4 m, are on
+all sides, so a camera that turns sees obstacles in every direction.
+
+`roadside` and `fenced` have houses and trees along the ego car's way, and lower things before them:
+lamp posts, parked cars, hedges and bollards, or fences and hedges. They leave free the way and, at
+every time, the view from the ego car to the target. So any motion fits, over any length.
+
+With `world.occluder`, one thing stands between the ego car and the target, in any world. World
+frame: x right, y forward, z up, m; the ego car starts at the origin.
 """
 
-import numpy as np
+from collections.abc import Iterator
 
+import numpy as np
+import shapely
+
+from stixel_cli.errors import UserError
 from stixel_cli.randomness import generator
 from stixel_cli.scene import background
-from stixel_cli.scene.background import Materials, ground
-from stixel_cli.scene.mesh import Mesh
+from stixel_cli.scene.background import Materials, flat, ground
+from stixel_cli.scene.mesh import Mesh, bounding_box, corners, moved
 from stixel_cli.scene.parameters import World
-from stixel_cli.scene.textures import leaves, mottled, roof_tiles
+from stixel_cli.scene.textures import asphalt, leaves, mottled, roof_tiles
 
 HOUSES = (
     # x0, y0, x1, y1, height of the walls, ridge
@@ -134,3 +145,185 @@ def _furniture(contrast: float, materials: Materials):
         yield "sign", background.sign(place, metal, plate)
     for x, y, heading, colour in PARKED:
         yield "parked car", background.parked_car((x, y), np.radians(heading), colour, contrast)
+
+
+BEHIND, AHEAD = 30.0, 90.0
+"""The roadside reaches as far before the start and beyond the end of the ego car's way, m."""
+
+SPACING, MOST_SLOTS = 13.0, 50
+"""Distance of slots along the way, m, and their greatest number; each has two objects a side."""
+
+ROAD = 5.5
+"""Half the width of the road, m."""
+
+VIEW = 3.5
+"""Distance of all objects from the line between the ego car and the target's centre, m."""
+
+MARGIN = 160.0
+"""The asphalt reaches as far beyond the way, m; woods close the view 15 m before its edge."""
+
+PAINTS = ((150, 38, 34), (172, 174, 170), (60, 94, 70), (52, 66, 104))
+
+
+def roadside_objects(
+    world: World, ego_poses_world: np.ndarray, targets_world: np.ndarray
+) -> list[tuple[str, Mesh]]:
+    """As `world.world_objects`: the road first, then the background, nearest to the start first.
+
+    Args:
+        world: its seed draws the layout.
+        ego_poses_world: (K, 3) x m, y m, heading rad.
+        targets_world: (K, 2) m, the target's centre.
+    """
+    draws, materials = generator(world.seed, "roadside"), Materials(world.seed, world.contrast)
+    way = _way(ego_poses_world)
+    pairs = np.stack([ego_poses_world[:, :2], targets_world], axis=1)
+    free = shapely.union_all(
+        [shapely.LineString(way).buffer(ROAD), *shapely.buffer(shapely.linestrings(pairs), VIEW)]
+    )
+    made: list[tuple[str, Mesh]] = []
+    for name, mesh in _along(way, world, materials, draws):
+        vertices = np.concatenate([one.vertices for one in mesh.parts])
+        footprint = shapely.convex_hull(shapely.multipoints(vertices[:, :2]))
+        if not footprint.intersects(free):
+            made.append((name, mesh))
+            free = free.union(footprint)
+    places = np.concatenate([way, *pairs])
+    low, high = places.min(axis=0) - MARGIN, places.max(axis=0) + MARGIN
+    made += [("woods", mesh) for mesh in _woods(low + 6.0, high - 6.0, materials)]
+    made.sort(key=lambda named: float(np.hypot(*bounding_box(named[1])[:, :2].mean(axis=0))))
+    ground = flat("asphalt", [(*low, *high)], 0.0, asphalt(world.contrast), 7.3)
+    return [("road", Mesh((ground,))), *made]
+
+
+def _way(poses: np.ndarray) -> np.ndarray:
+    """The ego car's way (n, 2) m, a metre or more between its points, longer at both ends."""
+    kept = [poses[0, :2]]
+    for place in poses[1:, :2]:
+        if np.hypot(*(place - kept[-1])) >= 1.0:
+            kept.append(place)
+    first, last = (np.array([np.cos(h), np.sin(h)]) for h in poses[[0, -1], 2])
+    return np.array([poses[0, :2] - BEHIND * first, *kept, kept[-1] + AHEAD * last])
+
+
+def _along(
+    way: np.ndarray, world: World, materials: Materials, draws: np.random.Generator
+) -> Iterator[tuple[str, Mesh]]:
+    """Objects on both sides of the way, where they would be if nothing had to be left free."""
+    line = shapely.LineString(way)
+    spacing = max(SPACING, line.length / MOST_SLOTS)
+    for at in np.arange(0.5 * spacing, line.length, spacing):
+        here, further = (line.interpolate(s) for s in (at, at + 1.0))
+        direction = np.arctan2(further.y - here.y, further.x - here.x)
+        # In an object's own frame, y points away from the road.
+        for turn in (direction, direction + np.pi):
+            for name, mesh in _slot(world, materials, draws):
+                yield name, moved(mesh, np.array([here.x, here.y, 0.0]), turn)
+
+
+def _slot(
+    world: World, materials: Materials, draws: np.random.Generator
+) -> Iterator[tuple[str, Mesh]]:
+    """Something tall at the back, something low in front; x along the road, y away from it, m."""
+    if draws.uniform() < 0.6:
+        half, near = 0.5 * draws.uniform(8.0, 12.0), draws.uniform(12.0, 16.0)
+        front = materials.fronts[draws.integers(len(materials.fronts))]
+        height = draws.uniform(6.5, 9.0)
+        low, high = (-half, near), (half, near + 9.0)
+        yield "house", background.house(low, high, height, front, materials.roof, "x")
+    else:
+        place = (draws.uniform(-3.0, 3.0), draws.uniform(11.0, 16.0))
+        height = draws.uniform(5.5, 8.0)
+        yield "tree", background.tree(draws, place, height, materials.bark, materials.leaves)
+    if world.kind == "fenced":
+        yield _fence_or_hedge(materials, draws)
+        return
+    place = (draws.uniform(-4.0, 4.0), draws.uniform(6.8, 8.5))
+    kind = draws.integers(4)
+    if kind == 0:
+        paint = PAINTS[draws.integers(len(PAINTS))]
+        yield "parked car", background.parked_car(place, 0.0, paint, world.contrast)
+    elif kind == 1:
+        post = background.lamp_post(place, 6.2, (0.0, -1.2), materials.metal, materials.glass)
+        yield "lamp post", post
+    elif kind == 2:
+        x, y = place
+        low, high = (x - 3.0, y, 0.0), (x + 3.0, y + 0.9, draws.uniform(0.9, 1.4))
+        yield "hedge", background.hedge(low, high, materials.leaves)
+    else:
+        yield "bollard", background.bollard(place, materials.metal)
+
+
+def _fence_or_hedge(materials: Materials, draws: np.random.Generator) -> tuple[str, Mesh]:
+    """Along the road, 5 to 12 m long."""
+    half, near = 0.5 * draws.uniform(5.0, 12.0), draws.uniform(5.8, 7.0)
+    low, high = (-half, near, 0.0), (half, near + 0.7, draws.uniform(0.9, 1.6))
+    if draws.uniform() < 0.5:
+        return "hedge", background.hedge(low, high, materials.leaves)
+    return "fence", background.fence(low[:2], high[0], high[2], materials.bark)
+
+
+def _woods(low: np.ndarray, high: np.ndarray, materials: Materials) -> Iterator[Mesh]:
+    """Four rows of trees on the border of a rectangle."""
+    (x0, y0), (x1, y1) = low, high
+    for rectangle in (
+        (x0, y1 - 9.0, x1, y1),
+        (x0, y0, x1, y0 + 9.0),
+        (x0, y0, x0 + 9.0, y1),
+        (x1 - 9.0, y0, x1, y1),
+    ):
+        yield background.woods(*rectangle, materials.woods)
+
+
+CLEARANCE = 2.0
+"""Distance of the occluder from the ways of the ego car and of the target's centre, m."""
+
+DRAWS = 100
+"""So many places are tried."""
+
+
+def occluder(world: World, ego_poses_world: np.ndarray, targets_world: np.ndarray) -> Mesh:
+    """A parked car, a post or a hedge on the line from the camera to the target, in the world.
+
+    `world.seed` draws when the target's centre is behind its middle, and how far along that line
+    it is: 50 to 65 %. A hedge is as long as to hide the centre for 25 to 42 % of the time, and 0.9
+    to 1.6 m high: a high one hides all of the target. A post is a lamp post or a bollard.
+
+    Args:
+        ego_poses_world: (K, 3) x m, y m, heading rad.
+        targets_world: (K, 2) m, the target's centre.
+
+    Raises:
+        UserError: if no place is far enough from the ways of both.
+    """
+    draws, materials = generator(world.seed, "occluder"), Materials(world.seed, world.contrast)
+    eyes, last = ego_poses_world[:, :2], len(targets_world) - 1
+    ways = shapely.multipoints(np.concatenate([eyes, targets_world]))
+    for _ in range(DRAWS):
+        middle, half = draws.uniform(0.4, 0.6), 0.5 * draws.uniform(0.25, 0.42)
+        span = np.rint(last * np.array([middle - half, middle, middle + half])).astype(int)
+        sights = targets_world[span] - eyes[span]
+        start, place, end = eyes[span] + draws.uniform(0.5, 0.65) * sights
+        length = max(1.5, float(np.hypot(*(end - start))))
+        mesh = _mesh(world, length, materials, draws)
+        across = np.arctan2(sights[1, 1], sights[1, 0]) - 0.5 * np.pi
+        mesh = moved(mesh, np.array([*place, 0.0]), across)
+        footprint = shapely.convex_hull(shapely.multipoints(corners(mesh).reshape(-1, 3)[:, :2]))
+        if footprint.distance(ways) > CLEARANCE:
+            return mesh
+    raise UserError(
+        f"world.occluder: no place for {world.occluder} between the camera and the target is "
+        f"{CLEARANCE:g} m from the ways of both; choose none, or path=crossing"
+    )
+
+
+def _mesh(world: World, length: float, materials: Materials, draws: np.random.Generator) -> Mesh:
+    """Centred on the origin, along x."""
+    if world.occluder == "parked_car":
+        return background.parked_car((0.0, 0.0), 0.0, (52, 66, 104), world.contrast)
+    if world.occluder == "hedge":
+        low, high = (-0.5 * length, -0.4, 0.0), (0.5 * length, 0.4, draws.uniform(0.9, 1.6))
+        return background.hedge(low, high, materials.leaves)
+    if draws.uniform() < 0.5:
+        return background.bollard((0.0, 0.0), materials.metal)
+    return background.lamp_post((0.0, 0.0), 6.2, (1.6, 0.0), materials.metal, materials.glass)

@@ -24,7 +24,7 @@ from stixel_cli.recordings.rig_files import read_named_calibration
 from stixel_cli.recordings.stereo_images import read_left, read_pairs
 from stixel_cli.recordings.truth import recorded_scenario, slopes
 from stixel_cli.recordings.types import Tables
-from stixel_cli.rendering.camera_rays import rig_cameras
+from stixel_cli.rendering.placement import rig_cameras
 
 
 @pytest.fixture(scope="module")

@@ -11,9 +11,8 @@ from hypothesis import strategies as st
 from projection import unproject
 
 from stixel_cli.rendering import placement, raycast, tracing
-from stixel_cli.rendering.camera_rays import NEAR, rig_cameras
 from stixel_cli.rendering.frames import ROAD_ID, SKY_ID, TARGET_ID
-from stixel_cli.rendering.placement import world_from_target_3d
+from stixel_cli.rendering.placement import NEAR, rig_cameras, world_from_target_3d
 from stixel_cli.rendering.raycast import StaticScene, Target, render_frame
 from stixel_cli.rendering.shading import shade
 from stixel_cli.rendering.surfaces import (

@@ -7,8 +7,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from stixel_cli.rendering import supersampling, tracing
-from stixel_cli.rendering.camera_rays import Camera, rig_cameras
-from stixel_cli.rendering.placement import numbered_objects, world_from_target_3d
+from stixel_cli.rendering.placement import (
+    Camera,
+    numbered_objects,
+    rig_cameras,
+    world_from_target_3d,
+)
 from stixel_cli.rendering.raycast import StaticScene, Target
 from stixel_cli.rendering.supersampling import Centres, rasterised, sample_offsets, supersampled
 from stixel_cli.rendering.surfaces import build_surfaces

@@ -13,7 +13,7 @@ from stixel_cli.scene.ego import ego_motion
 from stixel_cli.scene.mesh import corners
 from stixel_cli.scene.parameters import World
 from stixel_cli.scene.path import build_scenario
-from stixel_cli.scene.roadside import CLEARANCE, occluder
+from stixel_cli.scene.world import CLEARANCE, occluder
 
 NONE = World("street", 1, 1.0)
 OCCLUDERS = ("parked_car", "post", "hedge")

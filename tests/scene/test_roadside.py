@@ -5,8 +5,8 @@ import shapely
 from stixel_cli.rendering.placement import motion_of, numbered_objects
 from stixel_cli.scene.mesh import bounding_box, corners
 from stixel_cli.scene.parameters import World
-from stixel_cli.scene.roadside import ROAD, VIEW, roadside_objects
 from stixel_cli.scene.scenario import Scenario
+from stixel_cli.scene.world import ROAD, VIEW, roadside_objects
 
 WORLD = World("roadside", 1, 1.0)
 
