@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from stixel_cli.errors import UserError
-from stixel_cli.recordings.image_files import image_size
+from stixel_cli.recordings.image_files import image_size, read_disparity
 from stixel_cli.recordings.parameters import Recorded, chosen_frames
 from stixel_cli.recordings.tables import labels_of, read_poses
 from stixel_cli.recordings.types import Calibration, Recording, Rectification, Tables
@@ -94,7 +94,7 @@ def assembled_pair(
     recording = assembled_recording(source, calibration, (left, right), poses=())
     true_disparities = () if disparity is None else (disparity,)
     for file in true_disparities:
-        width, height = image_size(file, of_disparities=True)
+        height, width = read_disparity(file).shape
         if (width, height) != (recording.width, recording.height):
             raise UserError(
                 f"{file}: {width} × {height} px, but {images[0].name} has "

@@ -22,16 +22,14 @@ GREATEST_SIDE = 4096
 _JPEG_END = b"\xff\xd9"
 
 
-def image_size(file: Path, of_disparities: bool = False) -> tuple[int, int]:
+def image_size(file: Path) -> tuple[int, int]:
     """Width and height in px of a PNG, or of a JPEG of 8-bit grey or RGB values; reads its head.
-
-    With `of_disparities`, of a grey PNG of 16 bits.
 
     Raises:
         UserError: if it is missing, or another kind of file.
     """
     with opened(file, GREATEST_IMAGE) as stream:
-        return size_in(file, stream, of_disparities)
+        return size_in(file, stream)
 
 
 def read_image(file: Path) -> np.ndarray:
@@ -65,19 +63,18 @@ def read_disparity(file: Path) -> np.ndarray:
     Raises:
         UserError: if it is missing, damaged, or not a grey PNG of 16 bits.
     """
-    image = decoded(file, read_bytes(file, GREATEST_IMAGE), of_disparities=True)
+    image = read_image(file)
+    if image.ndim != 2 or image.dtype != np.uint16:
+        raise UserError(f"{file}: not a grey PNG of 16 bits: 256 per px of disparity")
     return np.where(image > 0, image / np.float32(256.0), np.float32(np.nan))
 
 
-def decoded(file: Path | str, data: bytes, of_disparities: bool = False) -> np.ndarray:
-    """As `read_image`, of `data` that may be in a file with other content, too.
-
-    `file` names it in messages. With `of_disparities`, a grey PNG of 16 bits, (H, W) uint16.
-    """
+def decoded(file: Path | str, data: bytes) -> np.ndarray:
+    """As `read_image`, of `data` that may be in a file with other content; `file` names it."""
     import cv2
     from PIL.PngImagePlugin import PngImageFile
 
-    width, height = size_in(file, BytesIO(data), of_disparities)
+    width, height = size_in(file, BytesIO(data))
     # libpng and libjpeg write own lines to stderr about a damaged file, so it is checked first.
     if data.startswith(PNG):
         try:
@@ -88,14 +85,13 @@ def decoded(file: Path | str, data: bytes, of_disparities: bool = False) -> np.n
     elif not data.rstrip(b"\0\r\n").endswith(_JPEG_END):
         raise UserError(f"{file}: a damaged or incomplete JPEG image")
     image = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), cv2.IMREAD_UNCHANGED)
-    kinds = (np.uint16,) if of_disparities else (np.uint8, np.uint16)
     shapes = ((height, width), (height, width, 3), (height, width, 4))
-    if image is None or image.dtype not in kinds or image.shape not in shapes:
+    if image is None or image.dtype not in (np.uint8, np.uint16) or image.shape not in shapes:
         raise UserError(f"{file}: cannot be decoded as an image")
     return image if image.ndim == 2 else np.ascontiguousarray(image[..., :3])
 
 
-def size_in(file: Path | str, stream: BinaryIO, of_disparities: bool = False) -> tuple[int, int]:
+def size_in(file: Path | str, stream: BinaryIO) -> tuple[int, int]:
     """Width and height in px of the image in `stream`, whose head is checked; as in `decoded`."""
     from PIL.JpegImagePlugin import JpegImageFile
     from PIL.PngImagePlugin import PngImageFile
@@ -104,8 +100,8 @@ def size_in(file: Path | str, stream: BinaryIO, of_disparities: bool = False) ->
     if head.startswith(LFS):
         raise UserError(f"{file}: a Git LFS pointer, not an image: fetch it with git lfs pull")
     png = head.startswith(PNG)
-    if not png and (of_disparities or not head.startswith(JPEG)):
-        is_jpeg = str(file).lower().endswith((".jpg", ".jpeg")) and not of_disparities
+    if not png and not head.startswith(JPEG):
+        is_jpeg = str(file).lower().endswith((".jpg", ".jpeg"))
         raise UserError(f"{file}: not a {'JPEG' if is_jpeg else 'PNG'} image")
     stream.seek(0)
     try:
@@ -117,9 +113,6 @@ def size_in(file: Path | str, stream: BinaryIO, of_disparities: bool = False) ->
     check_sides(file, *image.size)
     if image.mode == "CMYK":
         raise UserError(f"{file}: a JPEG in CMYK: must be grey or RGB")
-    # Bits per channel, and 0 for grey.
-    if of_disparities and (head[24], head[25]) != (16, 0):
-        raise UserError(f"{file}: not a grey PNG of 16 bits: 256 per px of disparity")
     return image.size
 
 

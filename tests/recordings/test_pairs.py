@@ -135,7 +135,7 @@ def test_an_empty_name_or_a_jpeg_is_no_file_of_disparities(pair, tmp_path, monke
     with pytest.raises(UserError, match=r"\.: "):
         compose([*named, "source.disparity=''"])
     (tmp_path / "true.jpg").write_bytes(b"\xff\xd8\xff")
-    with pytest.raises(UserError, match=r"true\.jpg: not a PNG image"):
+    with pytest.raises(UserError, match=r"true\.jpg: a damaged or incomplete JPEG"):
         compose([*named, f"source.disparity={tmp_path}/true.jpg"])
 
 
