@@ -28,7 +28,7 @@ from stixel_cli.measurements.file import FileParameters
 from stixel_cli.measurements.parameters import Disturbance, is_disturbed, undisturbed
 from stixel_cli.own_code import OwnCode
 from stixel_cli.remembered import remembered
-from stixel_cli.scene.mesh_reading import referred_files
+from stixel_cli.scene.mesh_file import referred_files
 from stixel_cli.scene.parameters import ReplayedPath
 from stixel_cli.scene.scenario import Scenario
 

@@ -1,17 +1,32 @@
-"""A road user from the user's own mesh file."""
+"""A road user from the user's own mesh file.
 
+trimesh reads it; what trimesh passes over is checked or mended here: faults, and files referred to.
+"""
+
+import json
+import logging
+import re
+import struct
+import warnings
 from collections.abc import Callable
+from contextlib import suppress
 from functools import lru_cache
 from hashlib import sha256
+from io import BytesIO
+from itertools import pairwise
 from pathlib import Path
+from typing import Any
+from urllib.parse import unquote
 
 import numpy as np
 
 from stixel_cli.errors import UserError, printable
-from stixel_cli.files import GREATEST_ARRAYS, read_bytes
+from stixel_cli.files import GREATEST_ARRAYS, GREATEST_TEXT, read_bytes
 from stixel_cli.geometry.pose import rotation
-from stixel_cli.scene.mesh import Mesh, bounding_box, corners, grounded
-from stixel_cli.scene.mesh_reading import read_parts, referred_files
+from stixel_cli.remembered import remembered
+from stixel_cli.scene.mesh import Mesh, Part, bounding_box, corners, grounded
+from stixel_cli.scene.shapes import cube_uvs
+from stixel_cli.scene.textures import paint
 
 LEAST_SIDE, GREATEST_SIDE = 0.1, 30.0
 """Of the box around a road user, m: nothing flat, and no file in millimetres."""
@@ -116,3 +131,334 @@ def _other_units(longest: float) -> str:
         for unit, metres in UNITS.items()
         if 0.5 < longest * metres < 15.0
     )
+
+
+FORMATS = (".glb", ".gltf", ".obj", ".off", ".ply", ".stl")
+"""Suffixes of the files that are read: those whose readers in trimesh need no other package."""
+
+IMAGES = ("BMP", "GIF", "JPEG", "PNG", "TGA", "TIFF", "WEBP")
+"""Formats of textures, in Pillow's names. It starts other programs to read some formats."""
+
+MOST_NODES, MOST_TRIANGLES = 10_000, 10_000_000
+"""Of a file, whose nodes may place one part many times."""
+
+PAINT = (66, 108, 160)
+"""Colour of what has none in the file."""
+
+
+def read_parts(
+    path: Path, placed: Callable[[np.ndarray], np.ndarray], contrast: float
+) -> tuple[Part, ...]:
+    """The surfaces in the mesh file `path`; their vertices (V, 3) are `placed`.
+
+    They have the file's textures, or colours (as one of each triangle), or are painted with
+    `contrast`. Faces of more than three corners are split from their first corner. Materials,
+    textures and buffers are read from the folder of the file and those below it, no others.
+
+    Raises:
+        Exception: of any class, if the file is damaged, too large or of an unknown format.
+    """
+    suffix, content = path.suffix.lower(), read_bytes(path, GREATEST_ARRAYS)
+    if suffix not in FORMATS:
+        raise ValueError(f"its suffix must be one of {', '.join(FORMATS)}; export it as .glb")
+    if suffix == ".obj":
+        content = _plain_obj(content.decode("utf-8", "replace")).encode()
+    elif suffix == ".ply":
+        content = _plain_ply(content)
+    elif suffix in (".glb", ".gltf"):
+        _check_gltf(content, sum(f.stat().st_size for f in (path, *referred_files(path))))
+    import trimesh
+    from PIL import Image
+
+    # It logs what it leaves out, which Python prints if there is no handler.
+    logging.getLogger("trimesh").addHandler(logging.NullHandler())
+    with warnings.catch_warnings(action="ignore"):
+        # NumPy warns of text that is no number, and leaves out what follows.
+        warnings.filterwarnings("error", "string or file could not be read")
+        for file in referred_files(path):
+            with suppress(OSError):
+                Image.open(file).close()  # trimesh passes over pictures that are too large.
+        scene = trimesh.load_scene(BytesIO(content), suffix[1:], _Beside(path), process=False)
+        nodes = [scene.graph[node] for node in scene.graph.nodes_geometry]
+        meshes = [(scene.geometry[name], pose) for pose, name in nodes]
+        meshes = [one for one in meshes if isinstance(one[0], trimesh.Trimesh)]
+        count = sum(len(mesh.faces) for mesh, _ in meshes)
+        least = int(re.sub(rb"#.*", b"", content).split()[2]) if suffix == ".off" else 1
+        if not least <= count <= MOST_TRIANGLES:
+            raise ValueError(f"{count} triangles, must be {least} to {MOST_TRIANGLES}")
+        textures: dict[int, np.ndarray] = {}
+        return tuple(_part(*one, placed, contrast, textures) for one in meshes if len(one[0].faces))
+
+
+class _Beside:
+    """trimesh's way to other files: only to those that a stage's key has, see `referred_files`."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def get(self, name: str) -> bytes:
+        """The content of a file; OSError if the mesh refers to no such file."""
+        file = file_beside(self.path, name)
+        if file is None or file not in referred_files(self.path):
+            raise FileNotFoundError(name)
+        return read_bytes(file, GREATEST_ARRAYS)
+
+    __getitem__ = get
+
+
+def _part(
+    mesh: Any,
+    pose: np.ndarray,
+    placed: Callable[[np.ndarray], np.ndarray],
+    contrast: float,
+    textures: dict[int, np.ndarray],
+) -> Part:
+    """A mesh of trimesh where `pose` (4, 4) places it; `textures` has those of earlier parts."""
+    triangles, count = mesh.faces, len(mesh.vertices)
+    # NumPy takes a negative index for one from the end.
+    wrong = triangles[(triangles < 0) | (triangles >= count)]
+    if len(wrong):
+        raise ValueError(f"a triangle has the vertex {wrong[0]}, counted from 0, of {count}")
+    triangles = np.array(triangles, dtype=np.int32)
+    vertices, visual = _single(mesh.vertices), mesh.visual
+    if not (pose == np.eye(4)).all():
+        vertices = vertices @ pose[:3, :3].T + pose[:3, 3]
+        if np.linalg.det(pose[:3, :3]) < 0.0:
+            triangles = triangles[:, ::-1]
+    vertices = placed(vertices)
+    uvs, texture, name = cube_uvs(vertices, triangles, 1.1), paint(PAINT, contrast), "body"
+    if visual.kind == "texture" and visual.uv is not None and len(visual.uv) == count:
+        material = visual.material
+        image = getattr(material, "image", None) or getattr(material, "baseColorTexture", None)
+        if image is not None:
+            uvs, name = _single(visual.uv)[triangles], "textured"
+            if id(image) not in textures:
+                textures[id(image)] = _texture(image)
+            texture = textures[id(image)]
+    elif visual.kind in ("vertex", "face"):
+        uvs, texture = _coloured(visual.face_colors[:, :3])
+        name = "coloured"
+    if not (np.isfinite(vertices).all() and np.isfinite(uvs).all()):
+        raise ValueError("a coordinate or texture coordinate is not finite")
+    return Part(vertices, triangles, uvs, texture, name)
+
+
+def _single(values: np.ndarray) -> np.ndarray:
+    """`values` of single precision, as in binary formats: the sum of their wholes and fractions.
+
+    Assimp, which read meshes before, rounded text so: pictures stay the same to the byte.
+    """
+    wholes = np.trunc(values)
+    return (wholes.astype(np.float32) + (values - wholes).astype(np.float32)).astype(np.float64)
+
+
+def _texture(image: Any) -> np.ndarray:
+    """A picture of Pillow as RGB, its lowest row first; sides are powers of two, 2048 at most."""
+    import cv2
+    from PIL import Image
+
+    if image.format not in IMAGES:
+        raise ValueError(f"a texture in {image.format}, must be in one of {', '.join(IMAGES)}")
+    if image.width * image.height > Image.MAX_IMAGE_PIXELS:
+        most = Image.MAX_IMAGE_PIXELS // 10**6
+        raise ValueError(f"a texture of {image.width} × {image.height}, must be {most} Mpx at most")
+    rows = np.ascontiguousarray(np.asarray(image.convert("RGB"))[::-1])
+    sides = [min(2048, 1 << max(0, int(side - 1).bit_length())) for side in image.size]
+    return cv2.resize(rows, sides, interpolation=cv2.INTER_AREA)
+
+
+def _coloured(colours: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Coordinates (T, 3, 2) of triangles in a texture with a texel for each of `colours` (T, 3)."""
+    number, width = np.arange(len(colours)), 256
+    height = 1 << int(number[-1] // width).bit_length()
+    texture = np.zeros((height, width, 3), dtype=np.uint8)
+    texture.reshape(-1, 3)[number] = colours
+    middles = np.stack([(number % width + 0.5) / width, (number // width + 0.5) / height], axis=-1)
+    return np.repeat(middles[:, None], 3, axis=1), texture
+
+
+def _plain_obj(text: str) -> str:
+    """A Wavefront file with triangles of positive indices for its faces.
+
+    trimesh counts a negative index from the end of the file, and takes the form of the first face
+    for that of others with as many numbers.
+    """
+    counts, greatest = {"v": 0, "vt": 0}, {"v": 0, "vt": 0}
+
+    def absolute(kind: str, index: str) -> str:
+        number = int(index) + (counts[kind] + 1 if index.startswith("-") else 0)
+        if number < 1:
+            raise ValueError(f"a face has the index {index} of {kind}")
+        greatest[kind] = max(greatest[kind], number)
+        return str(number)
+
+    lines = []
+    for line in re.sub(r"\\\r?\n", " ", text).splitlines():
+        kind, *words = line.partition("#")[0].split() or [""]
+        if kind in counts:
+            counts[kind] += 1
+            lines.append(" ".join([kind, *words]))
+        elif kind in ("mtllib", "usemtl"):
+            lines.append(line.strip())
+        elif kind == "f":
+            indices = [word.split("/")[:2] for word in words]
+            kinds = ("v", "vt") if all(len(one) == 2 and one[1] for one in indices) else ("v",)
+            first, *rest = ("/".join(map(absolute, kinds, one)) for one in indices)
+            lines += [f"f {first} {second} {third}" for second, third in pairwise(rest)]
+    for kind, number in greatest.items():
+        if number > counts[kind]:
+            raise ValueError(f"a face has the index {number} of {kind}, of {counts[kind]}")
+    return "\n".join(lines)
+
+
+_TYPES = {
+    **{"char": "b", "uchar": "B", "short": "h", "ushort": "H", "int": "i", "uint": "I"},
+    **{"int8": "b", "uint8": "B", "int16": "h", "uint16": "H", "int32": "i", "uint32": "I"},
+    **{"float": "f", "double": "d", "float32": "f", "float64": "d"},
+}
+"""The letter of `struct` for each type of a .ply."""
+
+
+def _plain_ply(content: bytes) -> bytes:
+    """The .ply itself, or as text if its faces differ in their number of corners.
+
+    Of a binary file, trimesh takes the number of the first face for all.
+    """
+    head, end, body = content.partition(b"end_header")
+    if b"format ascii" in head:
+        _check_ply(head, body)
+        return content
+    order, start = "<" if b"binary_little" in head else ">", body.find(b"\n") + 1
+    elements = [
+        (int(one.split()[1]), re.findall(r"\n\s*property\s+(?:list\s+(\w+)\s+)?(\w+)", one))
+        for one in re.split(r"\n\s*element\s+", head.decode("utf-8", "replace"))[1:]
+    ]
+    if _has_equal_rows(body, start, order, elements):
+        return content
+    lines = [re.sub(rb"binary_\w+", b"ascii", head) + end]
+    for count, kinds in elements:
+        for _ in range(count):
+            values: list[float] = []
+            for of_list, kind in kinds:
+                length = 1
+                if of_list:
+                    (length,) = struct.unpack_from(order + _TYPES[of_list], body, start)
+                    start += struct.calcsize(_TYPES[of_list])
+                    values.append(length)
+                row = f"{order}{length}{_TYPES[kind]}"
+                values += struct.unpack_from(row, body, start)
+                start += struct.calcsize(row)
+            lines.append(" ".join(map(repr, values)).encode())
+    return b"\n".join(lines)
+
+
+def _has_equal_rows(body: bytes, start: int, order: str, elements: list) -> bool:
+    """Whether all lists of a property of a binary .ply have the length of its first one."""
+    for count, kinds in elements:
+        fields, place = [], start
+        for i, (of_list, kind) in enumerate(kinds if count else ()):
+            length = 1
+            if of_list:
+                (length,) = struct.unpack_from(order + _TYPES[of_list], body, place)
+                fields.append((f"length {i}", order + _TYPES[of_list]))
+                place += struct.calcsize(_TYPES[of_list])
+            fields.append((f"values {i}", order + _TYPES[kind], (length,)))
+            place += length * struct.calcsize(_TYPES[kind])
+        size = count * (place - start)
+        if start + size > len(body):
+            return False
+        rows = np.frombuffer(body[start : start + size], np.dtype(fields)) if size else None
+        for name, *_ in fields:
+            if name.startswith("length") and (rows[name] != rows[name][0]).any():
+                return False
+        start += size
+    return True
+
+
+def _check_ply(head: bytes, body: bytes) -> None:
+    """Check the rows of a .ply in text: trimesh takes the form of the first row for all."""
+    rows = iter(body.splitlines()[1:])
+    for element in re.split(rb"\n\s*element\s+", head)[1:]:
+        name, count = element.split()[:2]
+        are_lists = [kind == b"list" for kind in re.findall(rb"\n\s*property\s+(\w+)", element)]
+        for row in range(int(count)):
+            values = [float(word) for word in next(rows, b"").split()]
+            place = 0
+            for is_list in are_lists:
+                place += 1 + (int(values[place]) if is_list else 0)
+            if place != len(values):
+                raise ValueError(f"row {row} of {name.decode()} is not as its head declares")
+
+
+def _check_gltf(content: bytes, size: int) -> None:
+    """Check what a glTF file of `size` bytes, buffers included, makes trimesh allocate."""
+    start, stop = 0, len(content)
+    if content.startswith(b"glTF"):
+        start, stop = 20, 20 + int.from_bytes(content[12:16], "little")
+    if stop - start > GREATEST_TEXT:
+        raise ValueError(f"its JSON has {stop - start} bytes, must be {GREATEST_TEXT} at most")
+    tree = json.loads(content[start:stop])
+    accessors, nodes = tree.get("accessors", []), tree.get("nodes", [])
+    if not all("bufferView" in one and "sparse" not in one for one in accessors):
+        raise ValueError("compressed or sparse geometry: export it without compression")
+    count = sum(one["count"] for one in accessors)
+    if count > size or len(nodes) > MOST_NODES:
+        raise ValueError(
+            f"{count} elements and {len(nodes)} nodes, must be {size} and {MOST_NODES} at most"
+        )
+
+
+ENDS = re.compile(rb"\.(?:mtl|bin|png|jpe?g|bmp|tga|webp|gif|tiff?)\b", re.IGNORECASE)
+"""Ends of the names that are looked for."""
+
+LONGEST = 255
+"""Bytes of a line, up to the end of a name, in which the name is looked for."""
+
+
+def referred_files(path: Path) -> tuple[Path, ...]:
+    """Existing files that the mesh file `path` refers to, directly or through a material.
+
+    They are in the folder of `path` or in one below it: others are left out.
+    """
+    referred: dict[Path, None] = {}
+    pending = [path]
+    while pending:
+        file = pending.pop(0)
+        try:
+            names = _names(file)
+        except UserError:
+            # The reader of the mesh reports files that cannot be read.
+            continue
+        for name in names:
+            other = file_beside(path, name)
+            if other is not None and other not in referred and other != path:
+                referred[other] = None
+                pending += [other] if other.suffix.lower() == ".mtl" else []
+    return tuple(referred)
+
+
+def file_beside(path: Path, line: str) -> Path | None:
+    """The regular file in the folder of `path`, or in one below, whose name ends `line`, if any.
+
+    A line has a name that may have blanks, or several names, or options and a name.
+    """
+    words = unquote(line.replace("\\", "/")).split()
+    for start in range(len(words)):
+        file = path.parent / " ".join(words[start:])
+        try:
+            if file.is_file() and file.resolve().is_relative_to(path.parent.resolve()):
+                return file
+        except (OSError, ValueError):
+            continue  # Too long for a name, or with a null byte.
+    return None
+
+
+@remembered
+def _names(path: Path) -> tuple[str, ...]:
+    """Lines that end with a name, read once for all runs of a sweep."""
+    content = read_bytes(path, GREATEST_ARRAYS)
+    lines = (
+        content[max(0, found.end() - LONGEST) : found.end()] for found in ENDS.finditer(content)
+    )
+    ends = (re.split(rb"[\r\n\"]", line)[-1] for line in lines)
+    return tuple(dict.fromkeys(end.decode("utf-8", "replace") for end in ends))

@@ -131,7 +131,6 @@ READER = "stixel_cli.files"
 DECLARED = {
     # The user's mesh and what it refers to: the stage's files, see `Definition.files`.
     "stixel_cli.scene.mesh_file": "files",
-    "stixel_cli.scene.mesh_reading": "files",
     # The files of a recording: the stage gets their names, and its key has their digests.
     "stixel_cli.recordings.image_files": "recorded",
     "stixel_cli.recordings.kitti_tables": "recorded",

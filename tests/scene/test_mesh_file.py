@@ -13,8 +13,7 @@ from stixel_cli.engine.graph import build_graph
 from stixel_cli.experiment.stages import pipeline_stages, scan_count
 from stixel_cli.scene.contours import outline
 from stixel_cli.scene.mesh import bounding_box, corners
-from stixel_cli.scene.mesh_file import load_mesh, mesh_doubt
-from stixel_cli.scene.mesh_reading import referred_files
+from stixel_cli.scene.mesh_file import load_mesh, mesh_doubt, referred_files
 from stixel_cli.scene.parameters import RoadUser
 from stixel_cli.scene.road_user import road_user_meshes
 
