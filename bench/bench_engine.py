@@ -16,9 +16,8 @@ from small import sized
 
 from stixel_cli.api import run
 from stixel_cli.engine import source_files
-from stixel_cli.engine.cleanup import keep_limit
 from stixel_cli.engine.code import CodeIndex
-from stixel_cli.engine.entries import entries
+from stixel_cli.engine.entries import entries, keep_limit
 from stixel_cli.engine.execute import execute
 from stixel_cli.engine.explain import explain
 from stixel_cli.engine.graph import GraphBuilder, build_graph, merge

@@ -92,7 +92,7 @@ def describe(
 
 def _write_schemas(folder: Path) -> None:
     from stixel_cli.border import write_below, written
-    from stixel_cli.config.json_schema import schema_files
+    from stixel_cli.config.descriptions import schema_files
 
     files = schema_files()
     with written(folder):

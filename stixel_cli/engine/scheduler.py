@@ -15,7 +15,7 @@ from typing import Literal, get_args
 
 from stixel_cli.engine import errors
 from stixel_cli.engine.cache_folder import Lease
-from stixel_cli.engine.cleanup import keep_limit
+from stixel_cli.engine.entries import keep_limit
 from stixel_cli.engine.limits import TimeLimit, mark_text, one_thread
 from stixel_cli.engine.plan import Plan, missing_nodes
 from stixel_cli.engine.pools import Pool, SerialPool, deferred_interrupts, error_of

@@ -47,7 +47,7 @@ def open_store(parameters: CacheParameters) -> "Store":
 class Store:
     """Results in a folder that several processes may share. `save` creates the folder.
 
-    `execute` keeps the limit `max_size`, in bytes: see `stixel_cli.engine.cleanup`.
+    `execute` keeps the limit `max_size`, in bytes: see `stixel_cli.engine.entries`.
     """
 
     def __init__(self, folder: Path | str, max_size: int | None = None):

@@ -13,7 +13,7 @@ from stixel_cli.experiment.run import run_experiment
 from stixel_cli.experiment.stages import computed_stages, pipeline_stages
 from stixel_cli.export.kitti_folder import export_kitti
 from stixel_cli.export.rerun_log import export_rerun
-from stixel_cli.export.stixel_files import export_stx1
+from stixel_cli.export.stx1 import export_stx1
 from stixel_cli.results.ego_frame import STATE, state_columns
 from stixel_cli.results.folder import csv_text, write_whole_folder
 from stixel_cli.results.result import RunResult

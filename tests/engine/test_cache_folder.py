@@ -8,7 +8,7 @@ import pytest
 from stixel_cli.cli.app import main
 from stixel_cli.engine import cache_folder
 from stixel_cli.engine.cache_folder import MARK, is_marked, make_folder
-from stixel_cli.engine.cleanup import collect, keep_limit
+from stixel_cli.engine.entries import collect, keep_limit
 from stixel_cli.engine.errors import CacheError, MissingEntry
 from stixel_cli.engine.parameters import CacheParameters
 from stixel_cli.engine.plan import DURATIONS, Durations

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from stixel_cli.engine.cache_folder import Lease, leased_keys
-from stixel_cli.engine.cleanup import collect, keep_limit
-from stixel_cli.engine.entries import entries, entry_folders
+from stixel_cli.engine.entries import collect, entries, entry_folders, keep_limit
 from stixel_cli.engine.errors import CacheError
 from stixel_cli.engine.parameters import CacheParameters, parse_age, parse_size, show_size
 from stixel_cli.engine.source_files import save_digests

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from stixel_cli.engine.cleanup import collect
+from stixel_cli.engine.entries import collect
 from stixel_cli.engine.explain import by_stage, explain
 from stixel_cli.engine.graph import build_graph
 

@@ -16,8 +16,7 @@ import pytest
 from executors import EXECUTORS
 
 from stixel_cli.engine import pools, scheduler
-from stixel_cli.engine.cleanup import collect
-from stixel_cli.engine.entries import entries
+from stixel_cli.engine.entries import collect, entries
 from stixel_cli.engine.errors import CacheError, StageFailure, WorkerDied
 from stixel_cli.engine.execute import execute
 from stixel_cli.engine.store import VALUE, Store

@@ -57,7 +57,7 @@ STAGES: dict[str, Definition] = {
         only("pictures.camera:camera_pictures"), "pick", same("rig"), pictures=True
     ),
     "camera_frames": Definition(
-        only("pictures.camera_frames:camera_frames"), "map", same("rig", "road", "occupancy")
+        only("pictures.camera:camera_frames"), "map", same("rig", "road", "occupancy")
     ),
     "track_pictures": Definition(
         only("pictures.birds_eye:track_pictures"),
@@ -66,12 +66,12 @@ STAGES: dict[str, Definition] = {
         pictures=True,
     ),
     "moving_pictures": Definition(
-        only("pictures.moving_objects:moving_pictures"),
+        only("pictures.birds_eye:moving_pictures"),
         "pick",
         same("field_of_view"),
         pictures=True,
     ),
-    "rig_pictures": Definition(only("pictures.rig_error:rig_pictures"), "once", pictures=True),
+    "rig_pictures": Definition(only("pictures.over_time:rig_pictures"), "once", pictures=True),
     "run_pictures": Definition(
         only("pictures.over_time:run_pictures"), "once", same("field_of_view"), pictures=True
     ),
