@@ -19,7 +19,7 @@ from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.evaluation.scores import Scores
 from stixel_cli.experiment.run_names import differences, joined_name
 from stixel_cli.experiment.stages import RESULTS, compared_rows, computed_stages, experiment_graph
-from stixel_cli.experiment.table.table import PICTURES
+from stixel_cli.experiment.table import PICTURES
 from stixel_cli.geometry.rig_calibration import RigCalibration
 from stixel_cli.report.playback import playback_html
 from stixel_cli.results.folder import check_results, new_folder, write_folder

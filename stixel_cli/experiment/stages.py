@@ -19,10 +19,8 @@ from stixel_cli.engine.progress import Progress
 from stixel_cli.engine.store import Store, open_store
 from stixel_cli.errors import UserError
 from stixel_cli.evaluation.scores import Scores
-from stixel_cli.experiment.table.definition import Definition
-from stixel_cli.experiment.table.images import REPLAYED
-from stixel_cli.experiment.table.table import TABLE
-from stixel_cli.experiment.table.tracks import OWN
+from stixel_cli.experiment.definition import Definition
+from stixel_cli.experiment.table import OWN, REPLAYED, TABLE
 from stixel_cli.files import read_yaml
 from stixel_cli.measurements.disturbance_parameters import Disturbance, is_disturbed, undisturbed
 from stixel_cli.measurements.file import FileParameters
