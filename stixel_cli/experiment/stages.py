@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from stixel_cli.config.compose import Composition
 from stixel_cli.config.folders import shipped_folder
+from stixel_cli.config.real_images import real_image_parameters
 from stixel_cli.config.schema import Configuration
 from stixel_cli.engine.cache_folder import Lease
 from stixel_cli.engine.errors import StageFailure
@@ -192,7 +193,8 @@ def notes_of(composition: Composition) -> Iterator[str]:
     if configuration.source.kind != "rendered":
         from stixel_cli.calibration.road_pose import contradiction
 
-        told = contradiction(composition.recording, configuration.rig, configuration.road)
+        stereo, road = real_image_parameters().stereo, configuration.road
+        told = contradiction(composition.recording, configuration.rig, road, stereo)
         yield from () if told is None else (told,)
     while composition.files.notes:
         yield composition.files.notes.pop(0)

@@ -18,9 +18,9 @@ from stixel_cli.experiment.stages import computed_stages
 from stixel_cli.export.kitti_folder import calibration_text
 from stixel_cli.geometry.rig_calibration import UNKNOWN_STD
 from stixel_cli.images import encode_png
+from stixel_cli.live.stream import StixelStream
 from stixel_cli.recordings.types import Tables
 from stixel_cli.rendering.frames import StereoPairs
-from stixel_cli.stream import StixelStream
 
 RIG = street_rig()
 CURVE = (-0.5, 0.3, -2.0)
@@ -239,7 +239,7 @@ def test_rendered_images_need_no_calibration(capsys):
 
 
 def test_a_stream_calibrates_its_rig_as_it_drives(monkeypatch):
-    monkeypatch.setattr("stixel_cli.stream.CALIBRATED", (2,))
+    monkeypatch.setattr("stixel_cli.live.stream.CALIBRATED", (2,))
     tracks = tracks_of(CURVE)
     monkeypatch.setattr("stixel_cli.calibration.tracks.gathered", lambda _: tracks)
     views = street(poses_ahead(4, 1.0), replace(RIG, disparity_error=CURVE))

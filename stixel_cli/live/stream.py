@@ -11,10 +11,10 @@ import numpy as np
 
 from stixel_cli.config.real_images import real_image_parameters
 from stixel_cli.errors import ArgumentError
-from stixel_cli.frame_stixels import FrameStixels
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD, planar_poses
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.pairs import (
+from stixel_cli.live.frame_stixels import FrameStixels
+from stixel_cli.live.pairs import (
     RigLike,
     check_rows,
     grey_pair,
