@@ -74,7 +74,7 @@ def assess(
     """
     from stixel_cli.border import write_new
     from stixel_cli.config.compose import compose
-    from stixel_cli.engine.progress import make_progress
+    from stixel_cli.engine.progress import Progress
     from stixel_cli.experiment.assess import assess as assessed
     from stixel_cli.experiment.assess import assess_stixels
     from stixel_cli.measurements.stixel_file import read_stixels
@@ -95,9 +95,9 @@ def assess(
     if given:
         composition = compose(with_workers([*given, "pictures.frames=[0]"], workers))
     if stixels is None:
-        assessment = assessed(composition, make_progress())
+        assessment = assessed(composition, Progress(visible=True))
     else:
-        assessment = assess_stixels(read_stixels(stixels), composition, make_progress())
+        assessment = assess_stixels(read_stixels(stixels), composition, Progress(visible=True))
     if json:
         names = ("values", "seconds", "rig")
         print_json({name: dict(getattr(assessment, name)) for name in names})
@@ -117,12 +117,12 @@ def _calibrate(overrides: Sequence[str], output: Path | None, json: bool) -> Non
     """Print the disparity error of a recording's rig; write the rig with it to `output`."""
     from stixel_cli.border import write_new
     from stixel_cli.config.compose import compose
-    from stixel_cli.engine.progress import make_progress
+    from stixel_cli.engine.progress import Progress
     from stixel_cli.experiment.assess import calibrate as estimate
     from stixel_cli.recordings.rig_files import rig_text
 
     composition = compose(overrides)
-    found = estimate(composition, make_progress())
+    found = estimate(composition, Progress(visible=True))
     if output is not None:
         write_new(output, rig_text(found.rig, found.text))
     medians = {"before": found.median_before, "after": found.median_after}

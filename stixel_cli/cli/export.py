@@ -51,7 +51,7 @@ def export(
       stixel export results/contour --format csv
       stixel export results/my_sweep --format mlflow
     """
-    from stixel_cli.engine.progress import make_progress
+    from stixel_cli.engine.progress import Progress
     from stixel_cli.export.export import export as write
     from stixel_cli.export.mlflow_folder import export_mlflow
 
@@ -63,7 +63,7 @@ def export(
         export_mlflow(folder.resolve(), target.absolute())
     else:
         stored = stored_run(folder, workers, trust_code)
-        answer = write(stored, target.absolute(), format, make_progress())
+        answer = write(stored, target.absolute(), format, Progress(visible=True))
     say(target)
     if format == "kitti":
         say(shlex.join(["stixel", "run", *answer]))

@@ -60,9 +60,8 @@ def run(
       stixel run results/kitti-bm
     """
     from stixel_cli.config.compose import compose
-    from stixel_cli.engine.progress import make_progress
+    from stixel_cli.engine.progress import Progress
     from stixel_cli.experiment.run import record_run
-    from stixel_cli.machine.kernels import uncompiled
     from stixel_cli.results.folder import check_results
     from stixel_cli.sweeps.index import update_index
 
@@ -81,7 +80,7 @@ def run(
         composition,
         results,
         name,
-        progress=make_progress(uncompiled(), advice=not json),
+        progress=Progress(visible=True, advice=not json),
         on_scores=None if json else partial(print_scores, verbose),
         rerun_of=folder,
     )

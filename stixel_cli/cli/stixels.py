@@ -40,7 +40,7 @@ def stixels(
       stixel stixels DIR source.sequence=0005 extraction.width=5
     """
     from stixel_cli.config.compose import compose
-    from stixel_cli.engine.progress import make_progress
+    from stixel_cli.engine.progress import Progress
     from stixel_cli.experiment.stages import computed_stages
     from stixel_cli.results.folder import csv_text, write_whole_folder
     from stixel_cli.results.tables import stixel_columns
@@ -53,7 +53,7 @@ def stixels(
     named = Path(source.get("left") or source.get("folder") or "run").stem
     target = new_file(Path(f"stixels-{named}") if output is None else output)
     wanted = ["stixels", "camera_pictures"]
-    with computed_stages(composition, wanted, make_progress()) as (_, load):
+    with computed_stages(composition, wanted, Progress(visible=True)) as (_, load):
         chunks, drawn = map(load, wanted)
     if not chunks:
         raise UserError(f"measurement: {composition.choices['measurement']} has no stixels")
