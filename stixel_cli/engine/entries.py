@@ -1,6 +1,5 @@
 """Entries of the store: list and verify them; remove them by age and size, and what was left."""
 
-import json
 import os
 import re
 import shutil
@@ -16,23 +15,19 @@ from filelock import Timeout
 from stixel_cli.engine.cache_folder import collector_lock, file_lock, inside, leased_keys
 from stixel_cli.engine.errors import CacheError, MissingEntry
 from stixel_cli.engine.source_files import SOURCES
-from stixel_cli.engine.store import META, Store
-from stixel_cli.errors import UserError
-from stixel_cli.files import read_bytes
+from stixel_cli.engine.store import Store
 
 COMPARED = 2000
 """Maximum number of notes per stage that `stored_notes` yields."""
 
 _KEY = re.compile(r"[0-9a-f]{64}")
-_STAGE = re.compile(rb'"stage": ("(?:[^"\\]|\\.)*")')
-_LABEL = re.compile(rb'"label": ("(?:[^"\\]|\\.)*")')
 
 
 @dataclass(frozen=True)
 class Entry:
     """An entry; `size` in bytes, `last_use` in seconds since the epoch.
 
-    `entry_folders` reads neither `stage` nor `label`.
+    `stage` and `label` are those of its notes; `entry_folders` reads neither.
     """
 
     key: str
@@ -76,24 +71,18 @@ def entries(
     """
     found = []
     for folder in entry_folders(store):
-        stage, label = stage_and_label(folder.path)
-        entry = replace(folder, stage=stage, label=label)
+        entry = folder
         try:
-            store.check(entry.key) if values else store.meta(entry.key)
+            notes = store.meta(folder.key)
+            entry = replace(folder, stage=notes["stage"], label=notes["label"])
+            if values:
+                store.check(entry.key)
             found.append(entry)
         except MissingEntry as fault:
             # An entry that another process has removed meanwhile is not damaged.
             if damaged is not None and (fault.removed or entry.path.exists()):
                 damaged.append((entry, fault))
     return found
-
-
-def stage_and_label(entry: Path) -> tuple[str, str]:
-    """Stage and label in the notes of an entry, found without parsing them; "?" if unreadable."""
-    with suppress(UserError, ValueError, TypeError):
-        notes = read_bytes(entry / META)
-        return json.loads(_STAGE.search(notes)[1]), json.loads(_LABEL.search(notes)[1])
-    return "?", "?"
 
 
 def stored_notes(
@@ -106,11 +95,12 @@ def stored_notes(
     """
     counts: dict[str, int] = {}
     for one in reversed(entry_folders(store)):
-        stage, _ = stage_and_label(one.path)
-        counts[stage] = counts.get(stage, 0) + 1
-        if one.key in keys or (stage in stages and counts[stage] <= COMPARED):
-            with suppress(MissingEntry):
-                yield store.meta(one.key)
+        with suppress(MissingEntry):
+            notes = store.meta(one.key)
+            stage = notes["stage"]
+            counts[stage] = counts.get(stage, 0) + 1
+            if one.key in keys or (stage in stages and counts[stage] <= COMPARED):
+                yield notes
 
 
 def _folders(folder: Path) -> list[os.DirEntry]:

@@ -14,7 +14,7 @@ from stixel_cli.config.schema import Configuration
 from stixel_cli.engine.cache_folder import Lease
 from stixel_cli.engine.errors import StageFailure
 from stixel_cli.engine.execute import Execution, execute
-from stixel_cli.engine.graph import Graph, build_graph
+from stixel_cli.engine.graph import Graph, GraphBuilder
 from stixel_cli.engine.keys import Stage
 from stixel_cli.engine.progress import Progress
 from stixel_cli.engine.store import Store, open_store
@@ -172,7 +172,7 @@ def experiment_graph(composition: Composition) -> Graph:
     """The graph of an experiment's nodes."""
     folder = open_store(composition.configuration.cache).folder
     stages = pipeline_stages(composition)
-    return build_graph(stages, scan_count(composition), CHUNK_SIZE, folder)
+    return GraphBuilder(folder).build(stages, scan_count(composition), CHUNK_SIZE)
 
 
 def compared_rows(composition: Composition) -> "Rows | None":

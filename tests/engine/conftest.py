@@ -12,7 +12,7 @@ from executors import executors
 
 from stixel_cli.engine import loaded_code
 from stixel_cli.engine.execute import execute
-from stixel_cli.engine.graph import build_graph
+from stixel_cli.engine.graph import GraphBuilder
 from stixel_cli.engine.keys import Stage
 from stixel_cli.engine.progress import Progress
 from stixel_cli.engine.store import VALUE, Store
@@ -216,7 +216,7 @@ class Project:
         ]
 
     def graph(self, **changes):
-        return build_graph(self.stages(**changes), FRAMES, CHUNK)
+        return GraphBuilder().build(self.stages(**changes), FRAMES, CHUNK)
 
     def run(self, graph=None, targets=("gather", "show"), executor="serial", workers=2, **options):
         """Execute, by default in this process, with the code as it is on the disk."""

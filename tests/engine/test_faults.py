@@ -199,7 +199,7 @@ SCRIPT = """
     import sys
     from pathlib import Path
     from stixel_cli.engine.execute import execute
-    from stixel_cli.engine.graph import build_graph
+    from stixel_cli.engine.graph import GraphBuilder
     from stixel_cli.engine.parameters import LocalExecutor, ThreadsExecutor
     from stixel_cli.engine.progress import Progress
     from stixel_cli.engine.keys import Stage
@@ -215,8 +215,8 @@ SCRIPT = """
 
     stage = Stage("wait", "{name}.waiting:wait", "map", {{}}, {{"folder": {folder!r}}})
     try:
-        execute(build_graph([stage], 2, 1), ["wait"], Store({cache!r}), executor={executor!r},
-                progress=Planned())
+        graph = GraphBuilder().build([stage], 2, 1)
+        execute(graph, ["wait"], Store({cache!r}), executor={executor!r}, progress=Planned())
     except KeyboardInterrupt:
         print("interrupted")
     """
