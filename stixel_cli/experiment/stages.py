@@ -20,8 +20,7 @@ from stixel_cli.engine.progress import Progress
 from stixel_cli.engine.store import Store, open_store
 from stixel_cli.errors import UserError
 from stixel_cli.evaluation.scores import Scores
-from stixel_cli.experiment.definition import Definition
-from stixel_cli.experiment.table import OWN, REPLAYED, TABLE
+from stixel_cli.experiment.table import OWN, REPLAYED, TABLE, Definition
 from stixel_cli.files import read_yaml
 from stixel_cli.measurements.disturbance_parameters import Disturbance, is_disturbed, undisturbed
 from stixel_cli.measurements.file import FileParameters

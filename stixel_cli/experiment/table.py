@@ -4,18 +4,76 @@ A definition names the function, the settings that each of its arguments takes, 
 runs over the frames. Each node of `pipelines/*.yaml` names its stage and its inputs.
 """
 
-from stixel_cli.config.schema import Renderer, StereoParameters, Tracker
-from stixel_cli.experiment.definition import FROM_LABELS, Definition, by_kind, only, same
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal, get_args
 
-RECTIFICATION = "recording.calibration.rectification"
+from stixel_cli.config.annotations import kind_of
+from stixel_cli.config.schema import Renderer, StereoParameters, Tracker
+
+
+@dataclass(frozen=True)
+class Definition:
+    """One stage of the table.
+
+    Attributes:
+        functions: "module:function" to call, by the `kind` of the settings that `chosen_by` names;
+            a stage with one implementation has the single key "".
+        pattern: how it runs over the frames, see `stixel_cli.engine.keys.Stage`.
+        reads: argument name to the dotted path of its settings in the configuration.
+        chosen_by: dotted path of the settings whose `kind` selects the function; "" if there is no
+            choice.
+        seeded: whether it draws random numbers, and so needs the experiment's seed.
+        files: dotted paths of the settings that are files, of those that the chosen option has.
+            Their content, and that of the files they refer to, is part of the key.
+        recorded: the files of the recording that the function gets as `files`, an attribute of
+            `Recording`, before those of `files`; "" for no file.
+        pictures: whether it draws: its result is a `Pictures`.
+        code: dotted paths of the settings that name the user's own functions: their code is part of
+            the key.
+        calls: another stage whose function this one calls: it gets the function's name as
+            `function` and its settings as `settings`; "" for no stage.
+    """
+
+    functions: Mapping[str, str]
+    pattern: Literal["once", "map", "fold", "pick"]
+    reads: Mapping[str, str] = field(default_factory=dict)
+    chosen_by: str = ""
+    seeded: bool = False
+    files: tuple[str, ...] = ()
+    recorded: str = ""
+    pictures: bool = False
+    code: tuple[str, ...] = ()
+    calls: str = ""
+
+
+def only(function: str) -> dict[str, str]:
+    """The `functions` of a stage with one implementation."""
+    return {"": f"stixel_cli.{function}"}
+
+
+def by_kind(options: Any, name: str) -> dict[str, str]:
+    """The function `name` of each option of a union, by kind.
+
+    It is in `KIND.py`, in the folder of the option's parameters.
+    """
+    functions = {}
+    for option in get_args(options):
+        folder, kind = option.__module__.rpartition(".")[0], kind_of(option)
+        functions[kind] = f"{folder}.{kind}:{name}"
+    return functions
+
+
+def same(*paths: str) -> dict[str, str]:
+    """The `reads` of arguments with the names of their settings, `path.duration` of `duration`."""
+    return {path.rpartition(".")[2]: path for path in paths}
+
 
 FILES_OF_PRIOR = ("prior.class_file", "prior.outline")
 
 TABLE: dict[str, Definition] = {
     "ego_motion": Definition(
-        only("scene.ego:ego_motion"),
-        "once",
-        {"ego": "ego", "duration": "path.duration", "sample_time": "path.sample_time"},
+        only("scene.ego:ego_motion"), "once", same("ego", "path.duration", "path.sample_time")
     ),
     "scenario": Definition(
         only("scene.path:build_scenario"),
@@ -47,35 +105,31 @@ TABLE: dict[str, Definition] = {
     "recorded_motion": Definition(
         only("recordings.motion:recorded_motion"),
         "once",
-        {
-            "rig": "rig",
-            "tables": "recording.tables",
-            "count": "recording.count",
-            "sample_time": "source.sample_time",
-            "pose_scale": "source.pose_scale",
-        },
+        same(
+            "rig", "recording.tables", "recording.count", "source.sample_time", "source.pose_scale"
+        ),
         recorded="pose_files",
     ),
     "recorded_scenario": Definition(
         only("recordings.truth:recorded_scenario"),
         "once",
-        FROM_LABELS | {"target": "recording.target"},
+        same("rig", "recording.tables", "recording.target"),
         recorded="truth_files",
     ),
     "read_pairs": Definition(
         only("recordings.stereo_images:read_pairs"),
         "map",
-        {"rectification": RECTIFICATION, "messages": "recording.messages"},
+        same("recording.calibration.rectification", "recording.messages"),
         recorded="images",
     ),
     "read_left": Definition(
         only("recordings.stereo_images:read_left"),
         "pick",
-        {"rectification": RECTIFICATION, "messages": "recording.messages"},
+        same("recording.calibration.rectification", "recording.messages"),
         recorded="left",
     ),
     "objects": Definition(
-        only("measurements.objects:find_objects"), "map", {"gates": "measurement.gates"}
+        only("measurements.objects:find_objects"), "map", same("measurement.gates")
     ),
     "gather_scans": Definition(
         only("measurements.stixels:gather_scans"), "once", same("measurement", "rig")
@@ -89,12 +143,7 @@ TABLE: dict[str, Definition] = {
     "cast_lidar": Definition(
         only("measurements.lidar_casting:cast_lidar"),
         "once",
-        {
-            "road_user": "road_user",
-            "world": "world",
-            "scanner": "measurement.scanner",
-            "camera_field": "rig.field_of_view",
-        },
+        same("road_user", "world", "measurement.scanner") | {"camera_field": "rig.field_of_view"},
         files=("road_user.mesh",),
     ),
     "lidar_scans": Definition(
@@ -106,43 +155,35 @@ TABLE: dict[str, Definition] = {
     "read_scans": Definition(
         only("measurements.file:read_scans"),
         "once",
-        {
-            "path": "measurement.path",
-            "ego": "measurement.ego",
-            "range_std": "measurement.range_std",
-            "horizontal_fov": "measurement.horizontal_fov",
-            "time_unit": "measurement.time_unit",
-            "angle_unit": "measurement.angle_unit",
-            "shared_errors": "measurement.shared_errors",
-            "road_z": "measurement.road_z",
-        },
+        same(
+            "measurement.path",
+            "measurement.ego",
+            "measurement.range_std",
+            "measurement.horizontal_fov",
+            "measurement.time_unit",
+            "measurement.angle_unit",
+            "measurement.shared_errors",
+            "measurement.road_z",
+        ),
         files=("measurement.path", "measurement.ego"),
     ),
     "read_truth": Definition(
         only("measurements.file_truth:read_truth"),
         "once",
-        {
-            "truth": "measurement.truth",
-            "time_unit": "measurement.time_unit",
-            "angle_unit": "measurement.angle_unit",
-        },
+        same("measurement.truth", "measurement.time_unit", "measurement.angle_unit"),
         files=("measurement.truth",),
     ),
     "own_scans": Definition(
         only("measurements.own:own_scans"),
         "once",
-        {"function": "measurement.function", "parameters": "measurement.parameters"},
+        same("measurement.function", "measurement.parameters"),
         seeded=True,
         code=("measurement.function",),
     ),
     "disturb_scans": Definition(
         only("measurements.disturbance:disturb_scans"),
         "once",
-        {
-            "dropout": "measurement.dropout",
-            "clutter_rate": "measurement.clutter_rate",
-            "range_max": "range_max",
-        },
+        same("measurement.dropout", "measurement.clutter_rate", "range_max"),
         seeded=True,
     ),
     "truth_start": Definition(
@@ -152,9 +193,7 @@ TABLE: dict[str, Definition] = {
         only("tracking.start_scans:start_from_scans"), "once", same("start", "prior")
     ),
     "find_tracks": Definition(
-        only("tracking.several.clusters:find_tracks"),
-        "once",
-        {"prior": "prior", "std": "start.std"},
+        only("tracking.several.clusters:find_tracks"), "once", same("prior", "start.std")
     ),
     "track": Definition(
         by_kind(Tracker, "track"),
@@ -165,7 +204,10 @@ TABLE: dict[str, Definition] = {
     ),
     "track_each": Definition(only("tracking.several.track_each:track_each"), "once", calls="track"),
     "label_truths": Definition(
-        only("recordings.truth:label_truths"), "once", FROM_LABELS, recorded="label_files"
+        only("recordings.truth:label_truths"),
+        "once",
+        same("rig", "recording.tables"),
+        recorded="label_files",
     ),
     "label_scores": Definition(
         only("evaluation.label_scores:score_tracks"), "once", {"road_user": "road_user.kind"}
@@ -180,12 +222,12 @@ TABLE: dict[str, Definition] = {
     "track_points": Definition(
         only("calibration.track_points:track_points"),
         "once",
-        same("rig", "stereo") | {"by_motion": "source.by_motion"},
+        same("rig", "stereo", "source.by_motion"),
     ),
     "calibrate_rig": Definition(
         only("calibration.motion_fit:calibrate_rig"),
         "once",
-        {"rig": "rig", "tables": "recording.tables", "by_motion": "source.by_motion"},
+        same("rig", "recording.tables", "source.by_motion"),
         recorded="pose_files",
     ),
     "calibrated_rig": Definition(only("calibration.calibrated_rig:calibrated_rig"), "once"),
@@ -205,10 +247,7 @@ TABLE: dict[str, Definition] = {
         pictures=True,
     ),
     "moving_pictures": Definition(
-        only("pictures.birds_eye:moving_pictures"),
-        "pick",
-        same("field_of_view"),
-        pictures=True,
+        only("pictures.birds_eye:moving_pictures"), "pick", same("field_of_view"), pictures=True
     ),
     "rig_pictures": Definition(only("pictures.over_time:rig_pictures"), "once", pictures=True),
     "run_pictures": Definition(
@@ -220,22 +259,13 @@ REPLAYED: dict[str, Definition] = {
     "ego_motion": Definition(
         only("recordings.motion:replayed_motion"),
         "once",
-        {
-            "tables": "recording.tables",
-            "count": "recording.count",
-            "sample_time": "path.sample_time",
-        },
+        same("recording.tables", "recording.count", "path.sample_time"),
         recorded="pose_files",
     ),
     "scenario": Definition(
         only("recordings.replay:replayed_scenario"),
         "once",
-        {
-            "road_user": "road_user",
-            "tables": "recording.tables",
-            "target": "path.target",
-            "smoothing": "path.smoothing",
-        },
+        same("road_user", "recording.tables", "path.target", "path.smoothing"),
         files=("road_user.mesh",),
         recorded="truth_files",
     ),
@@ -246,14 +276,14 @@ OWN: dict[str, Definition] = {
     "track": Definition(
         only("tracking.own:track"),
         "once",
-        {"prior": "prior", "function": "tracker.function", "parameters": "tracker.parameters"},
+        same("prior", "tracker.function", "tracker.parameters"),
         files=FILES_OF_PRIOR,
         code=("tracker.function",),
     ),
     "scores": Definition(
         only("evaluation.own_metrics:evaluate_with_own"),
         "once",
-        {"metrics": "metrics", "road_user": "true_class"},
+        same("metrics") | {"road_user": "true_class"},
         code=("metrics",),
     ),
 }
