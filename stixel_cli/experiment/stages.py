@@ -112,6 +112,7 @@ def _stage(composition: Composition, path: Path, name: str, wiring: dict[str, st
     files = [Path(name) for name in given if name is not None]
     made = Stage(
         name=name,
+        amount=_amount(composition, definition),
         function=definition.functions[kind],
         pattern=definition.pattern,
         inputs=inputs,
@@ -130,7 +131,6 @@ def _stage(composition: Composition, path: Path, name: str, wiring: dict[str, st
         ),
         gives_files=bool(definition.recorded),
         keys=definition.reads,
-        amount=_amount(composition, definition),
     )
     if not definition.calls:
         return made
@@ -169,9 +169,9 @@ def _setting(composition: Composition, path: str) -> Any:
 
 def experiment_graph(composition: Composition) -> Graph:
     """The graph of an experiment's nodes."""
+    stages, count = pipeline_stages(composition), scan_count(composition)
     folder = open_store(composition.configuration.cache).folder
-    stages = pipeline_stages(composition)
-    return GraphBuilder(folder).build(stages, scan_count(composition), CHUNK_SIZE)
+    return GraphBuilder(folder).build(stages, count, CHUNK_SIZE)
 
 
 def compared_rows(composition: Composition) -> "Rows | None":
@@ -226,9 +226,9 @@ def computed_stages(
         StageFailure: if a stage fails for another reason; finished nodes stay in the store.
     """
     configuration = composition.configuration
-    store = open_store(configuration.cache) if store is None else store
     try:
         graph = experiment_graph(composition)
+        store = open_store(configuration.cache) if store is None else store
         for text in notes_of(composition) if progress is not None else ():
             progress.note(text)
         wanted = [name for name in wanted if name in graph.stages]
