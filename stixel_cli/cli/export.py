@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from stixel_cli.cli.options import Folder, TrustCode, Workers, new_file
+from stixel_cli.cli.options import Folder, NewFolder, TrustCode, Workers, new_file
 from stixel_cli.cli.run import stored_run
 from stixel_cli.cli.terminal import say
 from stixel_cli.errors import UserError
@@ -32,12 +32,7 @@ def export(
             show_default=False,
         ),
     ],
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            help="New folder (default: named after the run and the format).", show_default=False
-        ),
-    ] = None,
+    output: NewFolder = None,
     workers: Workers = None,
     trust_code: TrustCode = False,
 ) -> int:

@@ -3,9 +3,7 @@
 import sys
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from stixel_cli.cli import options
 from stixel_cli.cli.errors import tell
@@ -29,12 +27,7 @@ def run(
     workers: options.Workers = None,
     json: options.Json = False,
     verbose: options.Verbose = False,
-    dry_run: Annotated[
-        bool,
-        typer.Option(
-            "--dry-run", help="Print the configuration and the missing nodes; compute nothing."
-        ),
-    ] = False,
+    dry_run: options.DryRun = False,
     trust_code: options.TrustCode = False,
     config_dir: options.ConfigDir = None,
 ) -> int:
