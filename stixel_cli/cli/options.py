@@ -7,11 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from stixel_cli.cli.completion import (
-    complete_folder,
-    complete_override,
-    complete_run_or_override,
-)
+from stixel_cli.cli.completion import complete_folder, complete_override, complete_run_or_override
 from stixel_cli.config.folders import trust_presets, use_presets
 from stixel_cli.config.texts import override_text, split_override
 from stixel_cli.errors import UserError, printable_path

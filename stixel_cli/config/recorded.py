@@ -203,10 +203,7 @@ def _missing(
 
 
 def _values(
-    suitable: Mapping[str, Any],
-    source: Recorded,
-    recording: Recording,
-    chosen: Mapping[str, Any],
+    suitable: Mapping[str, Any], source: Recorded, recording: Recording, chosen: Mapping[str, Any]
 ) -> dict[str, Any]:
     """Values for recorded images, by key; `chosen` has options and values by name."""
     calibration = recording.calibration

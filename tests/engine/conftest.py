@@ -188,13 +188,7 @@ class Project:
         gain = importlib.import_module(f"{self.name}.nouns").Gain(factor, offset)
         return [
             Stage("numbers", self.function("numbers"), "once", {}, {"count": count}),
-            Stage(
-                "double",
-                self.function("double"),
-                "map",
-                {"numbers": "numbers"},
-                {"gain": gain},
-            ),
+            Stage("double", self.function("double"), "map", {"numbers": "numbers"}, {"gain": gain}),
             Stage("running", self.function("running"), "fold", {"doubled": "double"}, {}),
             Stage(
                 "gather",

@@ -157,7 +157,7 @@ DECLARED = {
 
 DECLARED_OF = {
     # Here it reads the results of a tracker, not those of a recording: `tracker.path`.
-    ("stixel_cli.tracking.file:track", "stixel_cli.recordings.kitti_tables"): "files",
+    ("stixel_cli.tracking.file:track", "stixel_cli.recordings.kitti_tables"): "files"
 }
 """What declares the files of a module in one function, where that differs from `DECLARED`."""
 

@@ -26,9 +26,7 @@ DEFINITIONS = {
     "road_users": ["car"],
     "sensors": {"fabricated": {"measurement": "fabricated", "path.duration": 1.2}},
     "mini_seeds": [0, 1],
-    "parts": {
-        "frozen": {"seeds": {"fabricated": [0, 1]}, "cases": {"turn": {"path": "turn"}}},
-    },
+    "parts": {"frozen": {"seeds": {"fabricated": [0, 1]}, "cases": {"turn": {"path": "turn"}}}},
 }
 VALUES = (
     *("../evil", "/tmp/evil", "x" * 5000, "", "\u202e", "1", "nan", "a" * 64, "\x1b[31m"),
