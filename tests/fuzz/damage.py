@@ -17,7 +17,7 @@ _MARK = "@here@"
 PLAIN = (
     *words(r"""
     null true false 0 -1 3.5 1e308 -0.0 5e-324 "" "x" "\u0000" [] {} [[]] [1,null] {"":1}
-    {"a":{"b":[1,{}]}} "../../x" "/dev/zero" "\ud800" "\u202e\u2028" "\u001b[31m" "\n\n"
+    {"a":{"b":[1,{}]}} "../../x" "/tmp/evil" "/dev/zero" "\ud800" "\u202e\u2028" "\u001b[31m" "\n\n"
     "[red]x[/red]" "nan" "1" 2026 1e400 -1e400 "<script>alert(1)</script>"
     """),
     *("9" * 25, "9" * 400, "9" * 5000, '"' + "x" * 100_000 + '"', "[" * 300 + "]" * 300),
@@ -45,7 +45,9 @@ def damage(file: Path, rng: random.Random) -> None:
     elif how < 0.35:
         rng.choice(_BYTES if file.stat().st_size else (_random,))(file, rng)
     else:
-        inside = {".json": _tree, ".yaml": _tree, ".npz": damage_arrays}.get(file.suffix, _text)
+        inside = {".json": damage_tree, ".yaml": damage_tree, ".npz": damage_arrays}.get(
+            file.suffix, _text
+        )
         inside(file, rng)
 
 
@@ -124,7 +126,7 @@ def _text(file: Path, rng: random.Random) -> None:
     file.write_text("\n".join(lines), encoding="utf-8")
 
 
-def _tree(file: Path, rng: random.Random) -> None:
+def damage_tree(file: Path, rng: random.Random) -> None:
     """One or two places of the tree are of another type, away, or more."""
     is_json = file.suffix == ".json"
     text = file.read_text(encoding="utf-8")
