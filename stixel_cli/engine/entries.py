@@ -117,7 +117,7 @@ _HOUR, _DAY = 3600.0, 86400.0
 
 LEFT = (
     # To write a result takes less than an hour; a killed process leaves gigabytes.
-    ("tmp", r"[0-9a-f]{16}-.+-\d+-[0-9a-f]+|gone-.+-\d+-[0-9a-f]{16}|probe-\d+-[0-9a-f]+", _HOUR),
+    ("tmp", r"([0-9a-f]{16}|gone|probe)-.+-\d+-[0-9a-f]+", _HOUR),
     ("tmp", r"limit-.+", _DAY),
     (".", r"evicted\.jsonl", _HOUR),
     (SOURCES, r"[0-9a-f]{32}\.py|\.?digests-[0-9a-f]{16}\.json(\.partial-\d+)?", 90 * _DAY),
