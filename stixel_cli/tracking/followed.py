@@ -12,8 +12,8 @@ import numpy as np
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD, ego_from_world, rotate_covariances, rotation
 from stixel_cli.measurements.clusters import GAP, cluster
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.tracking.centre import predict, update
-from stixel_cli.tracking.motion import intervals, transition
+from stixel_cli.tracking.kalman import update
+from stixel_cli.tracking.motion import intervals, predict_place, transition
 from stixel_cli.tracking.track import InitialState
 
 RAYS_APART, WIDEST = 2.0, 3.0
@@ -138,7 +138,7 @@ def follow_scan(
     ]
     alive = [one for one in tracks if not one.ended]
     for one in alive:
-        one.mean, one.covariance = predict(one.mean, one.covariance, interval, ACCELERATION)
+        one.mean, one.covariance = predict_place(one.mean, one.covariance, interval, ACCELERATION)
     pairs = assign([(one.mean, one.covariance) for one in alive], places, noise)
     for i, one in enumerate(alive):
         j = pairs.get(i)

@@ -26,11 +26,11 @@ from stixel_cli.geometry.pose import rotation, wrap_angle
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.parameters import parameters
 from stixel_cli.randomness import generator
-from stixel_cli.tracking import centre
+from stixel_cli.tracking import kalman
 from stixel_cli.tracking.association import associate
-from stixel_cli.tracking.baselines.rectangle_contour import QUARTER, contours_of, forward_axis
-from stixel_cli.tracking.centre import GREATEST_VARIANCE, MOVING
+from stixel_cli.tracking.baselines.rectangle_contour import QUARTER, contours_of, rectangle_states
 from stixel_cli.tracking.loop import Filtered
+from stixel_cli.tracking.motion import GREATEST_VARIANCE, MOVING, predict_place
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.track import InitialState, Track
 
@@ -105,10 +105,11 @@ def track(
     )
     noise_densities = np.array([tracker.heading_noise, *[tracker.size_noise] * 2]) ** 2
 
+    turn_rate_variance = min(tracker.heading_noise**2, GREATEST_VARIANCE)
     heading, filtered = float(initial.mean[2]), Filtered(scans, 8)
     for scan in filtered:
         estimate = Estimate(
-            *centre.predict(estimate.state, estimate.covariance, scan.interval, tracker.sigma_q),
+            *predict_place(estimate.state, estimate.covariance, scan.interval, tracker.sigma_q),
             estimate.shape,
             estimate.shape_covariance + scan.interval * np.diag(noise_densities),
         )
@@ -120,7 +121,7 @@ def track(
         for i in generator(0, "gm_mem_ekf", scan.k).permutation(indices):
             estimate, distance = update(estimate, scan.points[i], scan.covariances[i], weights)
             nis += distance
-        states = _eight_states(estimate, heading, tracker.heading_noise)
+        states = rectangle_states(estimate[:2], estimate[2:], heading, turn_rate_variance)
         heading = states[0][2]
         filtered.add(*states, indices, nis, degrees=2 * len(indices))
     return filtered.track(contours_of(*filtered.states, prior))
@@ -177,7 +178,7 @@ def _of_side(
     noise = (matrix * variances) @ matrix.T + of_shape + noise
     spread = covariance[:2, :2] + noise
     innovation = point - state[:2] - matrix @ middle
-    *kinematic, distance = centre.update(state, covariance, innovation, noise)
+    *kinematic, distance = kalman.update(state, covariance, innovation, noise)
 
     # The squares of the innovation: their mean and covariance, and their slope by the shape.
     (xx, xy), (_, yy) = spread
@@ -211,21 +212,3 @@ def _merged(
     away = means - mean
     whole = np.einsum("j,jab->ab", shares, covariances + away[:, :, None] * away[:, None, :])
     return mean, 0.5 * (whole + whole.T)
-
-
-def _eight_states(
-    estimate: Estimate, heading: float, heading_noise: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Mean (8,) and covariance (8, 8) of the track; `heading` is the one before."""
-    mean, covariance = np.zeros(8), np.zeros((8, 8))
-    forwards, swapped = forward_axis(estimate.shape[0], estimate.state[2:], heading)
-    order = np.array([0, 2, 1]) if swapped else np.array([0, 1, 2])
-    factors = np.array([1.0, 2.0, 2.0])
-    mean[MOVING], mean[[2, 6, 7]] = estimate.state, factors * estimate.shape[order]
-    mean[2] = forwards
-    shape = np.outer(factors, factors) * estimate.shape_covariance[np.ix_(order, order)]
-    covariance[np.ix_(MOVING, MOVING)] = estimate.covariance
-    covariance[np.ix_([2, 6, 7], [2, 6, 7])] = shape
-    covariance[2, 2] = min(covariance[2, 2], GREATEST_VARIANCE)
-    covariance[5, 5] = min(heading_noise**2, GREATEST_VARIANCE)
-    return mean, covariance

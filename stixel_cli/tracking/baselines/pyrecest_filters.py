@@ -7,8 +7,8 @@ from scipy.linalg import block_diag
 
 from stixel_cli.geometry.pose import rotation, wrap_angle
 from stixel_cli.tracking.baselines.pyrecest import PyRecEstParameters
-from stixel_cli.tracking.centre import MOVING, PLACE
-from stixel_cli.tracking.motion import process_noise, transition
+from stixel_cli.tracking.kalman import PLACE
+from stixel_cli.tracking.motion import MOVING, process_noise, transition
 from stixel_cli.tracking.prior import PriorShape, prior_radii
 from stixel_cli.tracking.track import InitialState, contour_directions
 
