@@ -10,7 +10,7 @@ from stixel_cli.pairs import FRAME
 from stixel_cli.recordings.image_files import grey, read_image
 from stixel_cli.stereo.disparities import Disparities
 from stixel_cli.stream import HISTORY
-from stixel_cli.tracking.several.found import LEAST_SCANS
+from stixel_cli.tracking.followed import LEAST_SCANS
 
 
 @pytest.fixture

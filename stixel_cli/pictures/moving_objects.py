@@ -8,7 +8,7 @@ from stixel_cli.pictures import ground, style
 from stixel_cli.recordings.types import LabelTruth
 from stixel_cli.results.pictures import Pictures
 from stixel_cli.stixels.types import Objects
-from stixel_cli.tracking.several.found import ObjectTrack
+from stixel_cli.tracking.track import ObjectTrack
 
 
 def moving_pictures(

@@ -11,8 +11,7 @@ from stixel_cli.measurements.scans import Scans
 from stixel_cli.results.ego_frame import STATE, pose_columns, state_columns
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.stixels.types import Objects, Stixels
-from stixel_cli.tracking.several.found import ObjectTrack
-from stixel_cli.tracking.track import Track
+from stixel_cli.tracking.track import ObjectTrack, Track
 
 
 def scan_columns(scans: Scans) -> dict[str, np.ndarray]:

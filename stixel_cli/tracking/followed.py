@@ -57,13 +57,25 @@ UNKNOWN_HEADING, UNKNOWN_SPEED = 1.5, 10.0
 """Standard deviations of what the scans do not show: rad and m/s."""
 
 
+SLOWEST, OF_SENSOR = 0.3, 0.05
+"""A road user is faster than this, m/s, plus this share of the sensor's speed: the error of the
+sensor's motion moves all that stands still."""
+
+LEAST_SCANS = 6
+"""A road user that moves is in so many scans, or more."""
+
+
+def least_speed(of_sensor: float) -> float:
+    """The speed, m/s, of the slowest road user that moves, given that of the sensor."""
+    return SLOWEST + OF_SENSOR * of_sensor
+
+
 @dataclass
 class OpenTrack:
     """A cluster over time, while it is followed.
 
     Attributes:
-        scans: those that have the cluster, ascending.
-        rows: for each of them the rows (n_k,) of the scans' arrays.
+        rows: of each scan that has the cluster, ascending, the rows (n_k,) of the scans' arrays.
         mean, covariance: (4,), (4, 4) of place and velocity, m and m/s, at the last scan.
         missed: scans in a row without the cluster.
         begun: whether it has passed M of N.
@@ -71,8 +83,7 @@ class OpenTrack:
         number: of the road user, where tracks are numbered.
     """
 
-    scans: list[int]
-    rows: list[np.ndarray]
+    rows: dict[int, np.ndarray]
     mean: np.ndarray
     covariance: np.ndarray
     missed: int = 0
@@ -82,15 +93,14 @@ class OpenTrack:
 
     def within(self, scans: Scans, first: int, duration: float) -> "OpenTrack":
         """The track in scan `first` and those of the next `duration` s."""
-        start, until = self.scans.index(first), scans.times[first] + duration + 1e-9
-        count = int(np.sum(scans.times[self.scans[start:]] <= until))
-        chosen = slice(start, start + count)
-        return replace(self, scans=self.scans[chosen], rows=self.rows[chosen])
+        until = scans.times[first] + duration + 1e-9
+        inside = [k for k in self.rows if k >= first and scans.times[k] <= until]
+        return replace(self, rows={k: self.rows[k] for k in inside})
 
     def velocity(self, scans: Scans) -> tuple[np.ndarray, float]:
         """The velocity (2,) m/s of the middles of its points, and its error, see `line`."""
-        places = np.array([scans.points_world[rows].mean(axis=0) for rows in self.rows])
-        return line(scans.times[self.scans], places)[1:]
+        places = [scans.points_world[rows].mean(axis=0) for rows in self.rows.values()]
+        return line(scans.times[[*self.rows]], np.array(places))[1:]
 
 
 def clusters_of(scans: Scans, k: int, longest: float, apart: float = 0.0) -> list[np.ndarray]:
@@ -147,10 +157,8 @@ def follow_scan(
         else:
             innovation = places[j] - one.mean[:2]
             one.mean, one.covariance, _ = update(one.mean, one.covariance, innovation, noise[j])
-            one.scans.append(k)
-            one.rows.append(clusters[j])
-            recent = sum(scan > k - WINDOW for scan in one.scans)
-            one.begun |= recent >= BEGIN
+            one.rows[k] = clusters[j]
+            one.begun |= sum(scan > k - WINDOW for scan in one.rows) >= BEGIN
             one.missed = 0
     taken = set(pairs.values())
     for j, rows in enumerate(clusters):
@@ -158,7 +166,7 @@ def follow_scan(
             covariance = np.diag([0.0, 0.0, SPEED**2, SPEED**2])
             covariance[:2, :2] = noise[j]
             mean = np.array([*places[j], 0.0, 0.0])
-            tracks.append(OpenTrack([k], [rows], mean, covariance))
+            tracks.append(OpenTrack({k: rows}, mean, covariance))
 
 
 def assign(
@@ -193,7 +201,7 @@ def assign(
 def _miss(one: OpenTrack, k: int) -> None:
     """Count a scan without the cluster; the track ends if it has not begun and cannot any more."""
     one.missed += 1
-    late = not one.begun and k - one.scans[0] + 1 >= WINDOW
+    late = not one.begun and k - min(one.rows) + 1 >= WINDOW
     one.ended = late or one.missed >= END
 
 
@@ -230,8 +238,8 @@ def _state_of(
 ) -> InitialState:
     """The state with one `size` (2,) m."""
     of_sensor, sensors, stds = motion == "sensor", scans.sensor_poses_world, np.array(std)
-    ks = one.scans[:1] if of_sensor else one.scans
-    points = [scans.points_world[rows] for rows in one.rows[: len(ks)]]
+    ks = [*one.rows][: 1 if of_sensor else None]
+    points = [scans.points_world[one.rows[k]] for k in ks]
     times, near = scans.times[ks], slice(max(ks[0] - 1, 0), ks[0] + 2)
     if of_sensor:
         heading, velocity = sensors[ks[0], 2], line(scans.times[near], sensors[near, :2])[1]

@@ -101,10 +101,10 @@ def _target(scans: Scans, start: ScansStart, sizes: np.ndarray) -> OpenTrack:
     longest = LARGEST * float(np.hypot(*sizes.T).max()) + 2.0 * SLACK
     tracks = follow(scans, longest, _angle_of_rays(scans))
     # A cluster that is alone in its scans may move with any doubt: nothing else can be the target.
-    alone = sum(len(one.scans) for one in tracks) == len({k for one in tracks for k in one.scans})
+    alone = sum(len(one.rows) for one in tracks) == len({k for one in tracks for k in one.rows})
     chosen = start.bearing is not None or start.range is not None
     for k in range(len(scans)):
-        here = [one.within(scans, k, start.duration) for one in tracks if k in one.scans]
+        here = [one.within(scans, k, start.duration) for one in tracks if k in one.rows]
         values = [
             _from_middle(scans, one, start) if chosen else _doubt(scans, one, alone) for one in here
         ]
@@ -134,8 +134,9 @@ def _angle_of_rays(scans: Scans) -> float:
 
 def _from_middle(scans: Scans, one: OpenTrack, start: ScansStart) -> float | None:
     """Distance of the first cluster, m, from the middle of the bounds; None outside of them."""
-    sensor_pose_world = scans.sensor_poses_world[one.scans[0]]
-    offset = scans.points_world[one.rows[0]].mean(axis=0) - sensor_pose_world[:2]
+    k, rows = next(iter(one.rows.items()))
+    sensor_pose_world = scans.sensor_poses_world[k]
+    offset = scans.points_world[rows].mean(axis=0) - sensor_pose_world[:2]
     distance = float(np.hypot(*offset))
     bearing = np.degrees(wrap_angle(np.arctan2(offset[1], offset[0]) - sensor_pose_world[2]))
     for value, bounds in ((bearing, start.bearing), (distance, start.range)):
@@ -153,7 +154,7 @@ def _from_middle(scans: Scans, one: OpenTrack, start: ScansStart) -> float | Non
 
 def _doubt(scans: Scans, one: OpenTrack, alone: bool) -> float | None:
     """The standard error of a cluster's speed as a share of it; None if it may stand still."""
-    if len(one.scans) < LEAST_SCANS:
+    if len(one.rows) < LEAST_SCANS:
         return None
     velocity, error = one.velocity(scans)
     speed = float(np.hypot(*velocity))
