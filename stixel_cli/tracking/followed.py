@@ -12,7 +12,7 @@ import numpy as np
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD, ego_from_world, rotate_covariances, rotation
 from stixel_cli.measurements.clusters import GAP, cluster
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.tracking.kalman import update
+from stixel_cli.tracking.kalman import mixture, update
 from stixel_cli.tracking.motion import intervals, predict_place, transition
 from stixel_cli.tracking.track import InitialState
 
@@ -225,18 +225,14 @@ def state_of(
             the first scan of the cluster, which alone gives the place.
     """
     states = [_state_of(scans, one, size, std, motion) for size in sizes]
-    if len(states) == 1:
-        return states[0]
-    means = np.array([state.mean for state in states])
-    mean = means.mean(axis=0)
-    spread = (means - mean).T @ (means - mean) / len(means)
-    return InitialState(mean, np.mean([state.covariance for state in states], axis=0) + spread)
+    means, covariances = (np.stack(part) for part in zip(*states, strict=True))
+    return InitialState(*mixture(np.full(len(sizes), 1.0 / len(sizes)), means, covariances))
 
 
 def _state_of(
     scans: Scans, one: OpenTrack, size: np.ndarray, std: tuple[float, ...], motion: str
-) -> InitialState:
-    """The state with one `size` (2,) m."""
+) -> tuple[np.ndarray, np.ndarray]:
+    """Mean (6,) and covariance (6, 6) with one `size` (2,) m."""
     of_sensor, sensors, stds = motion == "sensor", scans.sensor_poses_world, np.array(std)
     ks = [*one.rows][: 1 if of_sensor else None]
     points = [scans.points_world[one.rows[k]] for k in ks]
@@ -256,8 +252,7 @@ def _state_of(
         velocity = of_centres
         stds[3:5] = min(float(np.hypot(stds[3], error)), max(stds[3], UNKNOWN_SPEED))
     back = transition(scans.times[0] - intervals(scans.times)[0] - times.mean())
-    mean = back @ np.array([*centre, heading, *velocity, 0.0])
-    return InitialState(mean=mean, covariance=back @ np.diag(stds**2) @ back.T)
+    return back @ [*centre, heading, *velocity, 0.0], back @ np.diag(stds**2) @ back.T
 
 
 def line(times: np.ndarray, places: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:

@@ -58,3 +58,16 @@ def update(
     updated = keep @ covariance @ keep.T + gain @ noise @ gain.T
     nis = float(innovation @ np.linalg.solve(innovation_covariance, innovation))
     return mean + gain @ innovation, 0.5 * (updated + updated.T), nis
+
+
+def mixture(
+    shares: np.ndarray, means: np.ndarray, covariances: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Mean (d,) and covariance (d, d) of n Gaussians with `shares` (n,), whose sum is 1.
+
+    Their `means` are (n, d), their `covariances` (n, d, d).
+    """
+    mean = shares @ means
+    away = means - mean
+    whole = np.einsum("j,jab->ab", shares, covariances + away[:, :, None] * away[:, None, :])
+    return mean, 0.5 * (whole + whole.T)

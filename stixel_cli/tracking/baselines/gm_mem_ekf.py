@@ -65,6 +65,9 @@ not at all."""
 
 ASIDE_WEIGHT = 0.8
 
+SQUARES = np.array([0, 1, 0]), np.array([0, 1, 1])
+"""The factors of v_x², v_y² and v_x v_y."""
+
 LEAST_HALF = 0.1
 """Least half size, m."""
 
@@ -152,7 +155,7 @@ def update(
     shares = np.exp(logarithms - logarithms.max())
     shares /= shares.sum()
     parts = [np.stack(part) for part in zip(*(one[0] for one in posteriors), strict=True)]
-    kinematic, shape = _merged(shares, *parts[:2]), _merged(shares, *parts[2:])
+    kinematic, shape = (kalman.mixture(shares, *parts[i : i + 2]) for i in (0, 2))
     shape[0][1:] = np.maximum(shape[0][1:], LEAST_HALF)
     return Estimate(*kinematic, *shape), posteriors[int(shares.argmax())][2]
 
@@ -162,15 +165,12 @@ def _of_side(
 ) -> tuple[Estimate, float, float]:
     """Posterior if the `point` is of this `side`, its log likelihood and its NIS."""
     state, covariance, shape, shape_covariance = estimate
-    (cosine, sine), (length, width) = (np.cos(shape[0]), np.sin(shape[0])), shape[1:]
-    matrix = np.array([[cosine * length, -sine * width], [sine * length, cosine * width]])
+    turn = rotation(shape[0])
+    matrix = turn * shape[1:]
     # Derivatives of S's elements by the shape, (2, 2, 3).
-    slopes = np.array(
-        [
-            [[-sine * length, cosine, 0.0], [-cosine * width, 0.0, -sine]],
-            [[cosine * length, sine, 0.0], [-sine * width, 0.0, cosine]],
-        ]
-    )
+    slopes = np.zeros((2, 2, 3))
+    slopes[..., 0] = turn @ rotation(QUARTER) * shape[1:]
+    slopes[:, 0, 1], slopes[:, 1, 2] = turn.T
     middle, variances = MIDDLES[side], VARIANCES[side]
     of_shape = np.einsum(
         "h,ahp,pq,bhq->ab", variances + middle**2, slopes, shape_covariance, slopes
@@ -181,20 +181,12 @@ def _of_side(
     *kinematic, distance = kalman.update(state, covariance, innovation, noise)
 
     # The squares of the innovation: their mean and covariance, and their slope by the shape.
-    (xx, xy), (_, yy) = spread
-    x, y = innovation
-    squares = np.array([x * x - xx, y * y - yy, x * y - xy])
-    moments = np.array(
-        [
-            [2.0 * xx * xx, 2.0 * xy * xy, 2.0 * xx * xy],
-            [2.0 * xy * xy, 2.0 * yy * yy, 2.0 * yy * xy],
-            [2.0 * xx * xy, 2.0 * yy * xy, xx * yy + xy * xy],
-        ]
-    )
+    i, j = SQUARES
+    squares = innovation[i] * innovation[j] - spread[i, j]
+    firsts, seconds = i[:, None], j[:, None]
+    moments = spread[firsts, i] * spread[seconds, j] + spread[firsts, j] * spread[seconds, i]
     products = np.einsum("ah,h,bhp->abp", matrix, variances, slopes)
-    jacobian = np.stack(
-        [2.0 * products[0, 0], 2.0 * products[1, 1], products[0, 1] + products[1, 0]]
-    )
+    jacobian = products[i, j] + products[j, i]
     shape_gain = np.linalg.solve(moments, jacobian @ shape_covariance).T
     posterior = Estimate(
         *kinematic,
@@ -202,13 +194,3 @@ def _of_side(
         shape_covariance - shape_gain @ jacobian @ shape_covariance,
     )
     return posterior, -0.5 * (distance + float(np.log(np.linalg.det(spread)))), distance
-
-
-def _merged(
-    shares: np.ndarray, means: np.ndarray, covariances: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Mean and covariance of a mixture of Gaussians, stacked, with these `shares`."""
-    mean = shares @ means
-    away = means - mean
-    whole = np.einsum("j,jab->ab", shares, covariances + away[:, :, None] * away[:, None, :])
-    return mean, 0.5 * (whole + whole.T)
