@@ -25,6 +25,7 @@ from stixel_cli.recordings.times import unit_rotations
 from stixel_cli.tracking.motion import intervals
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.track import (
+    STATE,
     InitialState,
     Track,
     contour_directions,
@@ -35,8 +36,8 @@ from stixel_cli.tracking.track import (
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-POSE, RATES = ["x", "y", "heading"], ["x_rate", "y_rate", "heading_rate"]
-STDS = [f"std_{name}" for name in POSE + RATES]
+POSE, RATES = [*STATE[:3]], [*STATE[3:]]
+STDS = [f"std_{name}" for name in STATE]
 VARIANCES, SIZE = ["var_xx", "var_xy", "var_yy"], ["length", "width"]
 RADII = [f"radius_{number}" for number in range(720)]
 

@@ -153,7 +153,9 @@ def follow_scan(
     for i, one in enumerate(alive):
         j = pairs.get(i)
         if j is None:
-            _miss(one, k)
+            one.missed += 1
+            too_late = not one.begun and k - min(one.rows) + 1 >= WINDOW
+            one.ended = too_late or one.missed >= END
         else:
             innovation = places[j] - one.mean[:2]
             one.mean, one.covariance, _ = update(one.mean, one.covariance, innovation, noise[j])
@@ -196,13 +198,6 @@ def assign(
         row[near] = squared[near] + np.log(np.linalg.det(spread[near])) - PAIR
     found = zip(*linear_sum_assignment(costs), strict=True)
     return {int(i): int(j) for i, j in found if costs[i, j] < 0.0}
-
-
-def _miss(one: OpenTrack, k: int) -> None:
-    """Count a scan without the cluster; the track ends if it has not begun and cannot any more."""
-    one.missed += 1
-    late = not one.begun and k - min(one.rows) + 1 >= WINDOW
-    one.ended = late or one.missed >= END
 
 
 def state_of(

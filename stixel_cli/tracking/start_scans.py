@@ -135,21 +135,18 @@ def _angle_of_rays(scans: Scans) -> float:
 def _from_middle(scans: Scans, one: OpenTrack, start: ScansStart) -> float | None:
     """Distance of the first cluster, m, from the middle of the bounds; None outside of them."""
     k, rows = next(iter(one.rows.items()))
-    sensor_pose_world = scans.sensor_poses_world[k]
-    offset = scans.points_world[rows].mean(axis=0) - sensor_pose_world[:2]
-    distance = float(np.hypot(*offset))
-    bearing = np.degrees(wrap_angle(np.arctan2(offset[1], offset[0]) - sensor_pose_world[2]))
-    for value, bounds in ((bearing, start.bearing), (distance, start.range)):
-        if bounds is not None and not bounds[0] <= value <= bounds[1]:
+    pose, bounds = scans.sensor_poses_world[k], (start.bearing, start.range)
+    offset = scans.points_world[rows].mean(axis=0) - pose[:2]
+    bearing = float(np.degrees(wrap_angle(np.arctan2(offset[1], offset[0]) - pose[2])))
+    place = bearing, float(np.hypot(*offset))
+    for value, limits in zip(place, bounds, strict=True):
+        if limits is not None and not limits[0] <= value <= limits[1]:
             return None
-    middle_bearing = bearing if start.bearing is None else 0.5 * sum(start.bearing)
-    middle_range = distance if start.range is None else 0.5 * sum(start.range)
-    return float(
-        np.abs(
-            distance * np.exp(1j * np.radians(bearing))
-            - middle_range * np.exp(1j * np.radians(middle_bearing))
-        )
-    )
+    middle = [
+        0.5 * sum(limits or (value, value)) for value, limits in zip(place, bounds, strict=True)
+    ]
+    here, there = (distance * np.exp(1j * np.radians(angle)) for angle, distance in (place, middle))
+    return float(np.abs(here - there))
 
 
 def _doubt(scans: Scans, one: OpenTrack, alone: bool) -> float | None:
