@@ -35,9 +35,6 @@ PAIR = 1e3
 PLACE = 0.3
 """Standard deviation of a cluster's centroid from scan to scan, m: another part is seen."""
 
-SPEED = 10.0
-"""Standard deviation of a new track's velocity along each axis, m/s."""
-
 ACCELERATION = 3.0
 """Process noise, m/s^1.5."""
 
@@ -165,7 +162,7 @@ def follow_scan(
     taken = set(pairs.values())
     for j, rows in enumerate(clusters):
         if j not in taken:
-            covariance = np.diag([0.0, 0.0, SPEED**2, SPEED**2])
+            covariance = np.diag([0.0, 0.0, UNKNOWN_SPEED**2, UNKNOWN_SPEED**2])
             covariance[:2, :2] = noise[j]
             mean = np.array([*places[j], 0.0, 0.0])
             tracks.append(OpenTrack({k: rows}, mean, covariance))

@@ -9,7 +9,7 @@ from stixel_cli.geometry.pose import wrap_angle
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.parameters import parameters
 from stixel_cli.tracking.contour.class_size import SIZES, possible_sizes
-from stixel_cli.tracking.followed import LARGEST, SLACK, OpenTrack, follow, state_of
+from stixel_cli.tracking.followed import LARGEST, SLACK, SLOWEST, OpenTrack, follow, state_of
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.track import InitialState
 
@@ -64,10 +64,8 @@ class ScansStart:
                 )
 
 
-SLOWEST = 0.3
-"""A cluster moves if it is faster, m/s, and by `CERTAIN` standard errors of its speed."""
-
 CERTAIN = 6.0
+"""A cluster moves if it is faster than `SLOWEST`, and by so many standard errors of its speed."""
 
 LEAST_SCANS = 3
 """Scans of a cluster from which a motion can be seen."""
