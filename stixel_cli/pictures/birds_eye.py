@@ -16,8 +16,7 @@ from stixel_cli.recordings.types import LabelTruth
 from stixel_cli.results.pictures import Pictures
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.stixels.types import Objects
-from stixel_cli.tracking.several.found import ObjectTrack
-from stixel_cli.tracking.track import Track
+from stixel_cli.tracking.track import ObjectTrack, Track
 
 
 def track_pictures(

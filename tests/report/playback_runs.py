@@ -18,7 +18,7 @@ from stixel_cli.pictures.camera import camera_frames
 from stixel_cli.recordings.types import LabelTruth
 from stixel_cli.results.result import RunResult
 from stixel_cli.stixels.types import Objects
-from stixel_cli.tracking.several.found import ObjectTrack
+from stixel_cli.tracking.track import ObjectTrack
 
 SCANS = 12
 OVER_SCANS = (

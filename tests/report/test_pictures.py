@@ -24,7 +24,7 @@ from stixel_cli.pictures.over_time import run_pictures
 from stixel_cli.pictures.path_figure import path_figure, spaced_frames
 from stixel_cli.recordings.types import LabelTruth
 from stixel_cli.stixels.types import Objects, OccupancyGrid
-from stixel_cli.tracking.several.found import ObjectTrack
+from stixel_cli.tracking.track import ObjectTrack
 
 VIEW = make_rig().field_of_view
 
