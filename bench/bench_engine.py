@@ -16,12 +16,11 @@ from small import sized
 
 from stixel_cli.api import run
 from stixel_cli.engine import source_files
-from stixel_cli.engine.cleanup import keep_limit
 from stixel_cli.engine.code import CodeIndex
-from stixel_cli.engine.entries import entries
+from stixel_cli.engine.entries import entries, keep_limit
 from stixel_cli.engine.execute import execute
 from stixel_cli.engine.explain import explain
-from stixel_cli.engine.graph import GraphBuilder, build_graph, merge
+from stixel_cli.engine.graph import GraphBuilder, merge
 from stixel_cli.engine.keys import Stage
 from stixel_cli.engine.parameters import LocalExecutor, ThreadsExecutor
 from stixel_cli.engine.plan import plan
@@ -53,7 +52,7 @@ def graph(tmp_path, monkeypatch):
         Stage("make", "bench_stages:make", "map", {}, {}, seed=1),
         Stage("add", "bench_stages:add", "fold", {"made": "make"}, {}),
     ]
-    return build_graph(stages, NODES // 2, 1)
+    return GraphBuilder().build(stages, NODES // 2, 1)
 
 
 def plain(graph):
@@ -96,7 +95,12 @@ def test_overhead_without_the_start(benchmark, tmp_path, executor, graph):
         ]
         store = Store(tmp_path / f"cache-{nodes}-{seed}")
         started = time.perf_counter()
-        execute(build_graph(stages, nodes // 2, 1), ["add"], store, executor=EXECUTORS[executor])
+        execute(
+            GraphBuilder().build(stages, nodes // 2, 1),
+            ["add"],
+            store,
+            executor=EXECUTORS[executor],
+        )
         return time.perf_counter() - started
 
     found = [(seconds(3 * NODES, i) - seconds(NODES, i)) / (2 * NODES) for i in range(sized(3, 1))]
@@ -147,7 +151,7 @@ def test_plan_of_many_points(benchmark, points, tmp_path, how):
 
     def one_by_one():
         for stages in points[:50]:
-            graph = build_graph(stages, 60, 10)
+            graph = GraphBuilder().build(stages, 60, 10)
             plan(graph, list(graph.stages), store, verify=False)
 
     if how == "merged":

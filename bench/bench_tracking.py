@@ -20,7 +20,7 @@ from stixel_cli.tracking import gp_ekf
 from stixel_cli.tracking.contour import contour
 from stixel_cli.tracking.gp_ekf import GpEkfParameters, track
 from stixel_cli.tracking.gp_ekf_update import linearise, update
-from stixel_cli.tracking.kernel import contour_process, kernel
+from stixel_cli.tracking.kernel import ContourProcess, kernel
 from stixel_cli.tracking.motion import predict, process_noise, transition
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.start import noisy_start
@@ -49,7 +49,7 @@ TRACKER = GpEkfParameters(
 START = InitialState(
     np.array([7.5, 12.0, 0.1, 5.0, 0.5, 0.2]), np.diag([0.1, 0.1, 0.01, 0.25, 0.25, 0.01])
 )
-PROCESS = contour_process(50, np.pi / 8, 2.0, 0.8, 1e-6)
+PROCESS = ContourProcess(50, np.pi / 8, 2.0, 0.8, 1e-6)
 
 
 @pytest.fixture(autouse=True)

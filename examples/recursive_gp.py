@@ -21,7 +21,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from stixel_cli.randomness import generator
-from stixel_cli.tracking.kernel import ContourProcess, contour_process
+from stixel_cli.tracking.kernel import ContourProcess
 
 STD = 0.08  # of a measured radius, m
 PER_BATCH = 10
@@ -103,7 +103,7 @@ def draw(plane, function, angles, mean, std, seen_angles, seen_radii):
 
 def main(picture: Path) -> None:
     """Estimate the contour and draw it after some of the batches."""
-    process = contour_process(
+    process = ContourProcess(
         basis_points=50, length_scale=np.pi / 8, sigma_f=0.5, sigma_r=1.5, jitter=1e-6
     )
     mean, covariance = start(process)

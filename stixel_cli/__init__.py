@@ -2,7 +2,7 @@
 
 From Python: `from stixel_cli import compose, load, plot, run, sweep, track`, see `stixel_cli.api`;
 trackers that take one scan after the other are in `stixel_cli.trackers`; for
-stixels of your own images, `from stixel_cli import stixels_from_pair`, see `stixel_cli.pairs`.
+stixels of your own images, `from stixel_cli import stixels_from_pair`, see `stixel_cli.live.pairs`.
 """
 
 from stixel_cli.version import __version__
@@ -11,8 +11,8 @@ _MODULES = {
     "stixel_cli.api": ("compose", "load", "plot", "run", "sweep", "track"),
     "stixel_cli.evaluation.evaluate": ("evaluate",),
     "stixel_cli.measurements.scans": ("Scans",),
-    "stixel_cli.pairs": ("stixels_from_disparity", "stixels_from_pair"),
-    "stixel_cli.stream": ("StixelStream",),
+    "stixel_cli.live.pairs": ("stixels_from_disparity", "stixels_from_pair"),
+    "stixel_cli.live.stream": ("StixelStream",),
     "stixel_cli.answers.runs": ("Runs",),
 }
 _FUNCTIONS = sorted(name for names in _MODULES.values() for name in names)

@@ -3,7 +3,7 @@ from stixel_cli.api import load as load
 from stixel_cli.api import plot as plot
 from stixel_cli.api import run as run
 from stixel_cli.api import sweep as sweep
-from stixel_cli.pairs import stixels_from_disparity as stixels_from_disparity
-from stixel_cli.pairs import stixels_from_pair as stixels_from_pair
-from stixel_cli.stream import StixelStream as StixelStream
+from stixel_cli.live.pairs import stixels_from_disparity as stixels_from_disparity
+from stixel_cli.live.pairs import stixels_from_pair as stixels_from_pair
+from stixel_cli.live.stream import StixelStream as StixelStream
 from stixel_cli.version import __version__ as __version__

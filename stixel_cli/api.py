@@ -16,11 +16,10 @@ from typing import TYPE_CHECKING, Any
 from stixel_cli.config.compose import Composition, from_resolved
 from stixel_cli.config.compose import compose as compose_overrides
 from stixel_cli.config.texts import mapping_texts, override_text, split_override
-from stixel_cli.engine.progress import Progress, make_progress
+from stixel_cli.engine.progress import Progress
 from stixel_cli.errors import UserError
 from stixel_cli.evaluation.scores import Scores
 from stixel_cli.experiment.run import read_stored_run, record_run
-from stixel_cli.machine.kernels import uncompiled
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.results.arrays import with_arrays
 from stixel_cli.results.reader import SWEEP_FILE
@@ -103,7 +102,7 @@ def run(
     else:
         composition = compose(_texts((*experiment, settings), last_wins), machine)
     results = None if results is None else Path(results)
-    progress = make_progress(uncompiled(), advice=True) if _visible() else Progress()
+    progress = Progress(visible=_visible(), advice=_visible())
     made = record_run(composition, results, name, progress)
     update_index(results)
     return made

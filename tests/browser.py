@@ -49,11 +49,11 @@ class OpenedPage:
 OpenPage = Callable[..., OpenedPage]
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def open_page() -> Iterator[OpenPage]:
     """Function (file, width=1440, height=900, dark=False, touch=False, still=False) -> OpenedPage.
 
-    `still` is a user's wish for little motion. One browser a module.
+    `still` is a user's wish for little motion. One browser a session.
     """
     program = next(filter(None, map(shutil.which, NAMES)), None)
     if program is None:

@@ -5,7 +5,7 @@ from importlib import import_module
 
 import pytest
 
-MODULES = ("stixel_cli.api", "stixel_cli.pairs", "stixel_cli.measurements.scans")
+MODULES = ("stixel_cli.api", "stixel_cli.live.pairs", "stixel_cli.measurements.scans")
 
 
 @pytest.mark.parametrize("name", MODULES)

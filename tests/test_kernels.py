@@ -37,3 +37,21 @@ def test_a_kernel_takes_nothing_from_another_file(path):
     for kernel in kernels:
         used = {node.id for node in ast.walk(kernel) if isinstance(node, ast.Name)}
         assert not used & imported, kernel.name
+
+
+SCALARS = {"float32", "float64", "int32", "int64", "uint64"}
+SCALARS |= {"ceil", "floor", "isnan", "log2", "sqrt"}
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
+def test_kernels_make_no_arrays(path):
+    """Numba compiles an allocation or a sum of an array as slowly as a loop: 5 s of all kernels."""
+    dear = []
+    for function in ast.parse(path.read_text("utf-8")).body:
+        if any("njit" in ast.unparse(d) for d in getattr(function, "decorator_list", ())):
+            calls = [node.func for node in ast.walk(function) if isinstance(node, ast.Call)]
+            methods = {ast.unparse(call) for call in calls if isinstance(call, ast.Attribute)}
+            allowed = {f"np.{scalar}" for scalar in SCALARS} | {"math.erf"}
+            # The decorator is a call of a name.
+            dear += [f"{function.name}: {call}" for call in methods - allowed]
+    assert not dear, dear

@@ -9,6 +9,7 @@ PACKAGE = Path(stixel_cli.__file__).parent
 
 ORDER = (
     "cli",
+    "live",
     "benchmark",
     "studies",
     "export",

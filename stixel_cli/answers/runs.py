@@ -125,7 +125,9 @@ class Runs:
         named = question.compare, question.within, question.over
         if named not in self._groups:
             self._groups[named] = grouped(self.frame, question)
-        return answered(self._groups[named], question)
+        if question not in self._answers:
+            self._answers[question] = answered(self._groups[named], question)
+        return self._answers[question]
 
     answer = ask
 
@@ -147,6 +149,11 @@ class Runs:
     @cached_property
     def _groups(self) -> dict[tuple, Groups]:
         """The groups by the columns of a question: its metrics share them."""
+        return {}
+
+    @cached_property
+    def _answers(self) -> dict[Question, Answer]:
+        """The answers so far: the table, the page and the terminal ask the same."""
         return {}
 
 

@@ -7,23 +7,26 @@ import numpy as np
 
 from stixel_cli.errors import UserError
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.pairs import matched
 from stixel_cli.recordings.stereo_images import read_pairs
 from stixel_cli.recordings.types import Recording
+from stixel_cli.rendering.frames import StereoPairs
+from stixel_cli.stereo.matching import SgmParameters, match
 from stixel_cli.stereo.rectification import Rows, compare_rows
 from stixel_cli.stixels.parameters import EstimatedRoad, RoadParameters
 from stixel_cli.stixels.road import MIDDLE, seen_road
 
 
 @lru_cache
-def road_pose(recording: Recording, rig: Rig) -> tuple[float, float]:
+def road_pose(recording: Recording, rig: Rig, stereo: SgmParameters) -> tuple[float, float]:
     """Height in m above the road, and pitch in degrees, of the cameras: medians of three frames.
 
-    They are searched round those of the `rig`, as `seen_road` has it; NaN without a road.
+    They are searched round those of the `rig`, as `seen_road` has it, in disparities of `stereo`;
+    NaN without a road.
     """
     found = []
     for k in (recording.count * np.array([1, 3, 5]) // 6).tolist():
-        seen = seen_road(matched(_pair(recording, k), rig), rig)
+        disparities = match(_pairs(recording, k), stereo, rig, range(k, k + 1))
+        seen = seen_road(disparities, rig)
         found += [] if seen is None else [seen]
     pitch, height = np.median(found, axis=0) if found else (np.nan, np.nan)
     return float(height), float(np.degrees(pitch))
@@ -37,7 +40,8 @@ def compared_rows(recording: Recording, far_disparity: float, check: bool) -> Ro
         UserError: for a pair that is to be refused, if `check`, `source.check_rectification`.
     """
     for k in (recording.count * np.array([3, 1, 5]) // 6).tolist():
-        rows = compare_rows(*_pair(recording, k), far_disparity)
+        pairs = _pairs(recording, k)
+        rows = compare_rows(pairs.left[0], pairs.right[0], far_disparity)
         if rows is not None:
             if rows.refused and check:
                 raise UserError(f"source: {rows.fault}; or set source.check_rectification=false")
@@ -45,19 +49,20 @@ def compared_rows(recording: Recording, far_disparity: float, check: bool) -> Ro
     return None
 
 
-def _pair(recording: Recording, k: int) -> tuple[np.ndarray, np.ndarray]:
+def _pairs(recording: Recording, k: int) -> StereoPairs:
     """The grey images of frame `k`."""
-    calibration, frame = recording.calibration, range(k, k + 1)
-    pairs = read_pairs(recording.images, frame, calibration.rectification, recording.messages)
-    return pairs.left[0], pairs.right[0]
+    rectification = recording.calibration.rectification
+    return read_pairs(recording.images, range(k, k + 1), rectification, recording.messages)
 
 
-def contradiction(recording: Recording, rig: Rig, road: RoadParameters) -> str | None:
+def contradiction(
+    recording: Recording, rig: Rig, road: RoadParameters, stereo: SgmParameters
+) -> str | None:
     """One line if the road is not where it is searched, or gave the rig's height; else None.
 
     It names the overrides that mend the rig, and what the estimate assumes.
     """
-    height, pitch = road_pose(recording, replace(rig, camera_height=MIDDLE, pitch=0.0))
+    height, pitch = road_pose(recording, replace(rig, camera_height=MIDDLE, pitch=0.0), stereo)
     right = {}
     if abs(height / rig.camera_height - 1.0) > EstimatedRoad.height_range:
         right["camera_height"] = f"{height:.2f}"

@@ -7,28 +7,20 @@ from typing import Annotated
 
 import typer
 
-from stixel_cli.cli.options import (
-    ImagesOrRecording,
-    Json,
-    RigFile,
-    Workers,
-    new_file,
-    recording_overrides,
-    with_workers,
-)
+from stixel_cli.cli import options
 from stixel_cli.cli.terminal import print_json, print_table, say
 from stixel_cli.errors import UserError
 
 
 def assess(
-    arguments: ImagesOrRecording = None,
+    arguments: options.ImagesOrRecording = None,
     stixels: Annotated[
         Path | None,
         typer.Option(
             help="Stixels of another tool: .stx1, its CSV, or that of to_frame().", metavar="FILE"
         ),
     ] = None,
-    rig: RigFile = None,
+    rig: options.RigFile = None,
     disparity: Annotated[
         Path | None,
         typer.Option(
@@ -48,11 +40,11 @@ def assess(
             metavar="FILE",
             help="Output file (default: assess.html). With --calibrate: also write the rig to it, "
             "for source.calibration=FILE with other recordings of the same camera.",
-            callback=new_file,
+            callback=options.new_file,
         ),
     ] = None,
-    workers: Workers = None,
-    json: Json = False,
+    workers: options.Workers = None,
+    json: options.Json = False,
 ) -> int:
     """Assess the stixels of one pair of images, or those in a file, on one page.
 
@@ -74,7 +66,7 @@ def assess(
     """
     from stixel_cli.border import write_new
     from stixel_cli.config.compose import compose
-    from stixel_cli.engine.progress import make_progress
+    from stixel_cli.engine.progress import Progress
     from stixel_cli.experiment.assess import assess as assessed
     from stixel_cli.experiment.assess import assess_stixels
     from stixel_cli.measurements.stixel_file import read_stixels
@@ -83,29 +75,29 @@ def assess(
 
     arguments = arguments or []
     files = {"calibration": rig, "disparity": disparity, "labels": labels}
-    given = recording_overrides("assess", arguments, files)
+    given = options.recording_overrides("assess", arguments, files)
     if not given and stixels is None:
         raise UserError("assess needs two images, LEFT and RIGHT, a recording, or --stixels FILE")
     if calibrate:
         if stixels is not None:
             raise UserError("--calibrate needs images: leave out --stixels")
-        _calibrate(with_workers(given, workers), output, json)
+        _calibrate(options.with_workers(given, workers), output, json)
         return 0
     composition = None
     if given:
-        composition = compose(with_workers([*given, "pictures.frames=[0]"], workers))
+        composition = compose(options.with_workers([*given, "pictures.frames=[0]"], workers))
     if stixels is None:
-        assessment = assessed(composition, make_progress())
+        assessment = assessed(composition, Progress(visible=True))
     else:
-        assessment = assess_stixels(read_stixels(stixels), composition, make_progress())
+        assessment = assess_stixels(read_stixels(stixels), composition, Progress(visible=True))
     if json:
         names = ("values", "seconds", "rig")
         print_json({name: dict(getattr(assessment, name)) for name in names})
         return 0
     page = unused_page(Path("assess.html")) if output is None else output
     command = [word for word in ("stixel", "assess", *arguments) if word]
-    options = ("--rig", rig), ("--disparity", disparity), ("--labels", labels)
-    for name, file in (*options, ("--stixels", stixels)):
+    named = {"--rig": rig, "--disparity": disparity, "--labels": labels, "--stixels": stixels}
+    for name, file in named.items():
         command += [] if file is None else [name, str(file)]
     write_new(page, page_html(assessment, shlex.join(command)))
     print_table(("value", "", "unit"), value_rows(assessment), right=(1,))
@@ -117,12 +109,12 @@ def _calibrate(overrides: Sequence[str], output: Path | None, json: bool) -> Non
     """Print the disparity error of a recording's rig; write the rig with it to `output`."""
     from stixel_cli.border import write_new
     from stixel_cli.config.compose import compose
-    from stixel_cli.engine.progress import make_progress
+    from stixel_cli.engine.progress import Progress
     from stixel_cli.experiment.assess import calibrate as estimate
     from stixel_cli.recordings.rig_files import rig_text
 
     composition = compose(overrides)
-    found = estimate(composition, make_progress())
+    found = estimate(composition, Progress(visible=True))
     if output is not None:
         write_new(output, rig_text(found.rig, found.text))
     medians = {"before": found.median_before, "after": found.median_after}

@@ -92,7 +92,7 @@ def describe(
 
 def _write_schemas(folder: Path) -> None:
     from stixel_cli.border import write_below, written
-    from stixel_cli.config.json_schema import schema_files
+    from stixel_cli.config.descriptions import schema_files
 
     files = schema_files()
     with written(folder):
@@ -116,7 +116,7 @@ def _print_groups() -> None:
 
 def _print_group(group: str) -> None:
     from stixel_cli.config.descriptions import meaning_of_group, meaning_of_option
-    from stixel_cli.experiment.table.table import readers
+    from stixel_cli.experiment.table import readers
 
     rows = [("read by", _listed(readers(group.replace("/", "."))))]
     print_table((group, meaning_of_group(group)), rows)
@@ -144,7 +144,7 @@ def _print_keys(group: str, option: str) -> None:
 
 def _print_key(name: str) -> None:
     from stixel_cli.config.descriptions import describe_key
-    from stixel_cli.experiment.table.table import readers
+    from stixel_cli.experiment.table import readers
 
     for i, key in enumerate(describe_key(name)):
         if i:

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from stixel_cli.cli.options import Folder, TrustCode, Workers, new_file
+from stixel_cli.cli.options import Folder, NewFolder, TrustCode, Workers, new_file
 from stixel_cli.cli.run import stored_run
 from stixel_cli.cli.terminal import say
 from stixel_cli.errors import UserError
@@ -32,12 +32,7 @@ def export(
             show_default=False,
         ),
     ],
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            help="New folder (default: named after the run and the format).", show_default=False
-        ),
-    ] = None,
+    output: NewFolder = None,
     workers: Workers = None,
     trust_code: TrustCode = False,
 ) -> int:
@@ -51,7 +46,7 @@ def export(
       stixel export results/contour --format csv
       stixel export results/my_sweep --format mlflow
     """
-    from stixel_cli.engine.progress import make_progress
+    from stixel_cli.engine.progress import Progress
     from stixel_cli.export.export import export as write
     from stixel_cli.export.mlflow_folder import export_mlflow
 
@@ -63,7 +58,7 @@ def export(
         export_mlflow(folder.resolve(), target.absolute())
     else:
         stored = stored_run(folder, workers, trust_code)
-        answer = write(stored, target.absolute(), format, make_progress())
+        answer = write(stored, target.absolute(), format, Progress(visible=True))
     say(target)
     if format == "kitti":
         say(shlex.join(["stixel", "run", *answer]))

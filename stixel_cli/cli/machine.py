@@ -12,8 +12,7 @@ from stixel_cli.cli.terminal import print_json, print_table, say
 from stixel_cli.errors import UserError, counted
 
 if TYPE_CHECKING:
-    from stixel_cli.engine.cleanup import Collection
-    from stixel_cli.engine.entries import Entry
+    from stixel_cli.engine.entries import Collection, Entry
     from stixel_cli.engine.errors import MissingEntry
     from stixel_cli.engine.store import Store
 
@@ -126,7 +125,7 @@ def gc(
 
     Example: stixel cache gc --max-size 10GB --older-than 30d
     """
-    from stixel_cli.engine.cleanup import collect
+    from stixel_cli.engine.entries import collect
     from stixel_cli.engine.parameters import parse_age, parse_size
 
     store = local_store()
@@ -151,7 +150,7 @@ def clear(
 
     It asks for confirmation. Without a terminal, --yes is required.
     """
-    from stixel_cli.engine.cleanup import collect
+    from stixel_cli.engine.entries import collect
 
     store = local_store()
     if not yes and not _confirmed(store):

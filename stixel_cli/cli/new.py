@@ -52,12 +52,7 @@ def tracker(
 @app.command("class")
 def learn_shape(
     meshes: Annotated[
-        list[str],
-        typer.Argument(
-            help="Meshes of the class.",
-            metavar="MESH…",
-            show_default=False,
-        ),
+        list[str], typer.Argument(help="Meshes of the class.", metavar="MESH…", show_default=False)
     ],
     output: Annotated[
         Path, typer.Option(help="New class file, .json.", metavar="FILE", show_default=False)

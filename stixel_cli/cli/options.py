@@ -7,11 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from stixel_cli.cli.completion import (
-    complete_folder,
-    complete_override,
-    complete_run_or_override,
-)
+from stixel_cli.cli.completion import complete_folder, complete_override, complete_run_or_override
 from stixel_cli.config.folders import trust_presets, use_presets
 from stixel_cli.config.texts import override_text, split_override
 from stixel_cli.errors import UserError, printable_path
@@ -137,6 +133,19 @@ Output = Annotated[
         metavar="FILE", help="Output file (default: named after the runs).", callback=new_file
     ),
 ]
+Resume = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FOLDER",
+        help="Resume that folder: run what is missing or failed; accepts overrides of executor and "
+        "cache only.",
+        autocompletion=complete_folder,
+    ),
+]
+NewFolder = Annotated[
+    Path | None,
+    typer.Option("--output", metavar="FOLDER", help="New folder (default: named after its input)."),
+]
 Results = Annotated[
     Path, typer.Option(metavar="DIR", help="Folder in which to create the result folder.")
 ]
@@ -152,7 +161,9 @@ Verbose = Annotated[
 DryRun = Annotated[
     bool,
     typer.Option(
-        "--dry-run", help="Print what would be computed, and how long it takes; compute nothing."
+        "--dry-run",
+        help="Print what would be computed, and how long it takes; of one run also the "
+        "configuration. Compute nothing.",
     ),
 ]
 FromFile = Annotated[

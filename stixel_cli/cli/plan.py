@@ -1,7 +1,6 @@
 """`stixel explain`, and what --dry-run prints: what would be computed, how long, and why."""
 
 from collections.abc import Sequence
-from itertools import groupby
 from typing import TYPE_CHECKING, Annotated, Any
 
 from stixel_cli.border import TYPED
@@ -11,7 +10,6 @@ from stixel_cli.cli.terminal import print_json, print_table, say
 from stixel_cli.errors import UserError, counted
 
 if TYPE_CHECKING:
-    from stixel_cli.engine.explain import Explanation
     from stixel_cli.results.lineage import Lineage
     from stixel_cli.sweeps.design import Axis
     from stixel_cli.sweeps.graphs import SweepPlan
@@ -102,9 +100,8 @@ def explain(
     """Explain why results would be recomputed.
 
     For each missing node, the reason is one of: new, setting, function, version, evicted, input.
-    The nodes of a sweep (several values, a file, or a sweep's folder) are listed once, with the
-    runs that need them. Pictures are included for one run, and for the folder of a sweep
-    that has them.
+    The nodes of a sweep (several values, a file, or a sweep's folder) are listed once. Pictures are
+    included for one run, and for the folder of a sweep that has them.
 
     \b
     Examples:
@@ -124,18 +121,20 @@ def explain(
         keys |= {key for stage in lineage.stages.values() for key in stage.keys}
         code |= lineage.code or {}
     missing = explain_nodes(plan.graph, store, targets, (keys, code))
-    is_sweep = len(plan.runs) > 1
-    needed_by = _needed_by(plan, {node.key for node in missing}) if is_sweep else {}
     if json:
-        print_json([_as_json(node, needed_by.get(node.key)) for node in missing])
+        print_json(
+            [
+                {"key": one.key, "stage": one.stage, "node": one.label}
+                | {"why": [vars(change) | {"text": str(change)} for change in one.changes]}
+                for one in missing
+            ]
+        )
         return 0
     for group, text in by_stage(missing):
         first, last = group[0].label, group[-1].label
         labels = first if first == last else f"{first} … {last}"
         labels += f", {len(group)} nodes" if len(group) > 1 else ""
-        runs = sorted({index for node in group for index in needed_by.get(node.key, ())})
-        where = f" ({shown_runs(runs, len(plan.runs))})" if is_sweep else ""
-        say(f"{labels}{where}: {text}")
+        say(f"{labels}: {text}")
     if not missing:
         current = keys <= plan.graph.nodes.keys()
         other = "" if current else "; the folder has results of other code or files"
@@ -171,34 +170,3 @@ def _asked(
     if design.axes:
         return planned_sweep(runs, pictures=False), ()
     return planned_run(runs[0].composition), ()
-
-
-def _needed_by(plan: "SweepPlan", missing: set[str]) -> dict[str, list[int]]:
-    """Indices of the runs that need each missing node."""
-    needed: dict[str, list[int]] = {}
-    for run in plan.runs:
-        # The sources of a cached node are not needed, missing or not.
-        for key in run.graph.ancestors(missing.intersection(run.targets), missing):
-            needed.setdefault(key, []).append(run.index)
-    return needed
-
-
-def shown_runs(runs: Sequence[int], count: int) -> str:
-    """Indices in ascending order, as `runs 0-4, 7`; `all 8 runs` for all of them."""
-    if len(runs) == count:
-        return f"all {count} runs"
-    # Consecutive numbers differ from their positions by the same amount.
-    ranges = [list(part) for _, part in groupby(enumerate(runs), lambda at: at[1] - at[0])]
-    ends = [(part[0][1], part[-1][1]) for part in ranges]
-    shown = ", ".join(str(a) if a == b else f"{a}-{b}" for a, b in ends)
-    return f"run{'' if len(runs) == 1 else 's'} {shown}"
-
-
-def _as_json(node: "Explanation", runs: Sequence[int] | None) -> dict:
-    return {
-        "key": node.key,
-        "stage": node.stage,
-        "node": node.label,
-        **({} if runs is None else {"runs": sorted(runs)}),
-        "why": [vars(change) | {"text": str(change)} for change in node.changes],
-    }

@@ -108,7 +108,7 @@ def _play(folders: list[Path], output: Path | None, workers: int | None, trust_c
     if output is not None and not output.parent.is_dir():
         raise UserError(f"--output: the folder {output.parent} does not exist")
     from stixel_cli.border import write_new
-    from stixel_cli.engine.progress import make_progress
+    from stixel_cli.engine.progress import Progress
     from stixel_cli.experiment.playback import folders_page
     from stixel_cli.report.compare import default_page, run_labels
     from stixel_cli.results.folder import PAGE
@@ -122,7 +122,7 @@ def _play(folders: list[Path], output: Path | None, workers: int | None, trust_c
     runs = sorted((folders[0] / "runs").glob("[0-9]*")) if is_sweep else folders
     labels = run_labels(runs)
     stored = [stored_run(folder, workers, trust_code) for folder in runs]
-    page, notes = folders_page(stored, labels, make_progress())
+    page, notes = folders_page(stored, labels, Progress(visible=True))
     for note in notes:
         tell(note)
     file = output or (folders[0] / PAGE if is_sweep else default_page(folders, "play"))

@@ -3,9 +3,7 @@
 import sys
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from stixel_cli.cli import options
 from stixel_cli.cli.errors import tell
@@ -29,12 +27,7 @@ def run(
     workers: options.Workers = None,
     json: options.Json = False,
     verbose: options.Verbose = False,
-    dry_run: Annotated[
-        bool,
-        typer.Option(
-            "--dry-run", help="Print the configuration and the missing nodes; compute nothing."
-        ),
-    ] = False,
+    dry_run: options.DryRun = False,
     trust_code: options.TrustCode = False,
     config_dir: options.ConfigDir = None,
 ) -> int:
@@ -60,9 +53,8 @@ def run(
       stixel run results/kitti-bm
     """
     from stixel_cli.config.compose import compose
-    from stixel_cli.engine.progress import make_progress
+    from stixel_cli.engine.progress import Progress
     from stixel_cli.experiment.run import record_run
-    from stixel_cli.machine.kernels import uncompiled
     from stixel_cli.results.folder import check_results
     from stixel_cli.sweeps.index import update_index
 
@@ -81,7 +73,7 @@ def run(
         composition,
         results,
         name,
-        progress=make_progress(uncompiled(), advice=not json),
+        progress=Progress(visible=True, advice=not json),
         on_scores=None if json else partial(print_scores, verbose),
         rerun_of=folder,
     )

@@ -1,32 +1,17 @@
 """`stixel stixels`: the stixels of two images or of a recording, as a table and pictures."""
 
 from pathlib import Path
-from typing import Annotated
 
-import typer
-
-from stixel_cli.cli.options import (
-    ImagesOrRecording,
-    RigFile,
-    Workers,
-    new_file,
-    recording_overrides,
-    with_workers,
-)
+from stixel_cli.cli import options
 from stixel_cli.cli.terminal import say
 from stixel_cli.errors import UserError
 
 
 def stixels(
-    arguments: ImagesOrRecording = None,
-    rig: RigFile = None,
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            help="New folder (default: named after the image or the recording).", metavar="FOLDER"
-        ),
-    ] = None,
-    workers: Workers = None,
+    arguments: options.ImagesOrRecording = None,
+    rig: options.RigFile = None,
+    output: options.NewFolder = None,
+    workers: options.Workers = None,
 ) -> int:
     """Write the stixels of two images, or of all frames of a recording, as a table and pictures.
 
@@ -40,20 +25,20 @@ def stixels(
       stixel stixels DIR source.sequence=0005 extraction.width=5
     """
     from stixel_cli.config.compose import compose
-    from stixel_cli.engine.progress import make_progress
+    from stixel_cli.engine.progress import Progress
     from stixel_cli.experiment.stages import computed_stages
     from stixel_cli.results.folder import csv_text, write_whole_folder
     from stixel_cli.results.tables import stixel_columns
 
-    given = recording_overrides("stixels", arguments or [], {"calibration": rig})
+    given = options.recording_overrides("stixels", arguments or [], {"calibration": rig})
     if not given:
         raise UserError("stixels needs two images, LEFT and RIGHT, or the folder of a recording")
-    composition = compose(with_workers(given, workers))
+    composition = compose(options.with_workers(given, workers))
     source = composition.resolved["source"]
     named = Path(source.get("left") or source.get("folder") or "run").stem
-    target = new_file(Path(f"stixels-{named}") if output is None else output)
+    target = options.new_file(Path(f"stixels-{named}") if output is None else output)
     wanted = ["stixels", "camera_pictures"]
-    with computed_stages(composition, wanted, make_progress()) as (_, load):
+    with computed_stages(composition, wanted, Progress(visible=True)) as (_, load):
         chunks, drawn = map(load, wanted)
     if not chunks:
         raise UserError(f"measurement: {composition.choices['measurement']} has no stixels")

@@ -8,18 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from stixel_cli.cli import options
 from stixel_cli.cli.completion import complete_study
 from stixel_cli.cli.errors import tell
-from stixel_cli.cli.options import (
-    ConfigDir,
-    DryRun,
-    Json,
-    Results,
-    TrustCode,
-    Workers,
-    argument,
-    with_workers,
-)
 from stixel_cli.cli.plan import estimate_text, plan_content, print_plan
 from stixel_cli.cli.terminal import console, print_json, say, say_wrapped
 from stixel_cli.config.folders import STUDIES
@@ -35,7 +26,7 @@ INCOMPLETE = 1
 def study(
     words: Annotated[
         list[str] | None,
-        argument(
+        options.argument(
             "A study of pipelines/studies, or all; then overrides as in `stixel sweep`.",
             "STUDY [OVERRIDES]",
             complete_study,
@@ -48,15 +39,15 @@ def study(
             metavar="<str>",
         ),
     ] = None,
-    results: Results = Path("results"),
-    workers: Workers = None,
+    results: options.Results = Path("results"),
+    workers: options.Workers = None,
     fresh: Annotated[
         bool, typer.Option("--fresh", help="Start over: delete the content of the study's folder.")
     ] = False,
-    dry_run: DryRun = False,
-    trust_code: TrustCode = False,
-    json: Json = False,
-    config_dir: ConfigDir = None,
+    dry_run: options.DryRun = False,
+    trust_code: options.TrustCode = False,
+    json: options.Json = False,
+    config_dir: options.ConfigDir = None,
 ) -> int:
     """Run a study and write its report, tables and figures.
 
@@ -88,10 +79,10 @@ def study(
     from stixel_cli.sweeps.index import update_index
 
     chosen, *overrides = _checked(words or [], name)
-    overrides = with_workers(overrides, workers)
-    options = [] if name is None else ["--name", name]
-    options += [] if results == Path("results") else ["--results", str(results)]
-    options += ["--trust-code"] if trust_code else []
+    overrides = options.with_workers(overrides, workers)
+    repeated = [] if name is None else ["--name", name]
+    repeated += [] if results == Path("results") else ["--results", str(results)]
+    repeated += ["--trust-code"] if trust_code else []
 
     def plan(study: str) -> "StudyPlan":
         return plan_study(read_study(find_study(study), trust_code), overrides)
@@ -102,7 +93,7 @@ def study(
         if dry_run:
             StudyFolder(folder).check(planned, fresh)
             return _planned(planned, json), 0
-        command = shlex.join(["stixel", "study", study, *overrides, *options])
+        command = shlex.join(["stixel", "study", study, *overrides, *repeated])
         result = run_study(planned, folder, command, fresh, tell)
         if not json:
             _print(planned, result)

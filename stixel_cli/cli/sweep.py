@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from stixel_cli.cli import options
-from stixel_cli.cli.completion import complete_folder
 from stixel_cli.cli.errors import tell
 from stixel_cli.cli.plan import print_plan
 from stixel_cli.cli.terminal import print_json, print_table, say, say_wrapped
@@ -27,15 +26,7 @@ def sweep(
     name: options.Name = None,
     results: options.Results = Path("results"),
     workers: options.Workers = None,
-    resume: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FOLDER",
-            help="Resume a sweep: run what is missing or failed; accepts overrides of executor "
-            "and cache only.",
-            autocompletion=complete_folder,
-        ),
-    ] = None,
+    resume: options.Resume = None,
     over: options.Over = None,
     pictures: options.Pictures = False,
     fail_fast: Annotated[

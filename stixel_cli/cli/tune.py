@@ -9,12 +9,9 @@ import typer
 
 from stixel_cli.border import TYPED
 from stixel_cli.cli import options
-from stixel_cli.cli.completion import complete_folder
 from stixel_cli.cli.terminal import print_json, say, say_wrapped
 from stixel_cli.config.folders import PRESETS, of_the_machine
 from stixel_cli.errors import UserError
-
-_Resume = typer.Option(metavar="FOLDER", help="Continue.", autocompletion=complete_folder)
 
 
 def tune(
@@ -30,7 +27,7 @@ def tune(
     name: options.Name = None,
     results: options.Results = Path("results"),
     workers: options.Workers = None,
-    resume: Annotated[Path | None, _Resume] = None,
+    resume: options.Resume = None,
     trust_code: options.TrustCode = False,
     json: options.Json = False,
     config_dir: options.ConfigDir = None,

@@ -34,7 +34,7 @@ def verify(
     """
     import tempfile
 
-    from stixel_cli.engine.progress import make_progress
+    from stixel_cli.engine.progress import Progress
     from stixel_cli.engine.store import Store, open_store
     from stixel_cli.experiment.verify import verify_run
     from stixel_cli.results.lineage import provenance
@@ -42,7 +42,7 @@ def verify(
     stored = stored_run(folder, workers, trust_code)
     tell_changed_code(stored)
     store = open_store(stored.composition.configuration.cache)
-    progress = make_progress()
+    progress = Progress(visible=True)
     if cached:
         verification = verify_run(stored, store, store, provenance(), progress)
     else:

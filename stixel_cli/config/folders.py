@@ -8,6 +8,7 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
+from glob import glob
 from pathlib import Path
 from typing import Any
 
@@ -155,16 +156,19 @@ def option_file(group: str, option: str) -> Path:
 
 
 def conf_state() -> str:
-    """A digest of the names and contents of all files of `conf/` and of the user's own presets."""
+    """The names, and digests of the contents, of all files of `conf/` and of own presets."""
+    return "\n".join(
+        f"{folder if folder == PRESETS.folder else ''} {name} {_content_digest(folder / name)}"
+        for folder in _roots()
+        for name in sorted(glob("**/*.yaml", root_dir=folder, recursive=True))
+    )
+
+
+@remembered
+def _content_digest(path: Path) -> str:
     from hashlib import sha256
 
-    digest = sha256()
-    for folder in _roots():
-        digest.update(f"{folder if folder == PRESETS.folder else ''}\n".encode())
-        for path in sorted(folder.rglob("*.yaml")):
-            content = path.read_bytes()
-            digest.update(f"{path.relative_to(folder)}\n{len(content)}\n".encode() + content)
-    return digest.hexdigest()
+    return sha256(path.read_bytes()).hexdigest()
 
 
 @cache

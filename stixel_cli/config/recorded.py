@@ -15,9 +15,10 @@ from pydantic import Field, TypeAdapter, ValidationError
 
 from stixel_cli.config import folders, messages
 from stixel_cli.config.choice import set_by_experiment
+from stixel_cli.config.real_images import real_image_parameters
 from stixel_cli.config.user_files import UserFiles
 from stixel_cli.errors import ConfigurationError
-from stixel_cli.pairs import rig_of
+from stixel_cli.geometry.rig import Rig
 from stixel_cli.recordings.find import guess_layout
 from stixel_cli.recordings.parameters import CALIBRATIONS, Recorded, Source
 from stixel_cli.recordings.rig_files import read_named_calibration
@@ -201,10 +202,7 @@ def _missing(
 
 
 def _values(
-    suitable: Mapping[str, Any],
-    source: Recorded,
-    recording: Recording,
-    chosen: Mapping[str, Any],
+    suitable: Mapping[str, Any], source: Recorded, recording: Recording, chosen: Mapping[str, Any]
 ) -> dict[str, Any]:
     """Values for recorded images, by key; `chosen` has options and values by name."""
     calibration = recording.calibration
@@ -235,9 +233,14 @@ def _height_of_road(
     size = recording.width, recording.height
     rig = recording.calibration.rig_values(*size)
     set_by_user = {k.removeprefix("rig."): v for k, v in chosen.items() if k.startswith("rig.")}
-    rig = rig_of(rig | set_by_user | {"camera_height": MIDDLE}, size[::-1])
+    rig = messages.validated(Rig, rig | set_by_user | {"camera_height": MIDDLE}, "rig")
+    stereo = real_image_parameters().stereo
+    try:
+        stereo.check(rig)
+    except ValueError as fault:
+        raise ConfigurationError(str(fault)) from None
     rows = compared_rows(recording, rig.far_disparity, source.check_rectification)
-    height, _ = road_pose(recording, rig)
+    height, _ = road_pose(recording, rig, stereo)
     return round(height, 2), f"{NO_ROAD}; {rows.fault}" if rows and rows.fault else NO_ROAD
 
 

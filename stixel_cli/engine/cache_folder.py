@@ -69,6 +69,11 @@ def make_folder(root: Path, name: str) -> Path:
     return path
 
 
+def new_name() -> str:
+    """A name that no other process, and no other call, gives."""
+    return f"{socket.gethostname()}-{os.getpid()}-{time.monotonic_ns():x}"
+
+
 def inside(folder: Path) -> list[Path]:
     """What is in the folder, in order; empty if it is missing or cannot be read."""
     with suppress(OSError):
@@ -112,8 +117,7 @@ class Lease:
 
     def take(self, keys: Iterable[str]) -> None:
         """Lease `keys` instead of the previous ones. Their entries may not exist yet."""
-        name = f"{socket.gethostname()}-{os.getpid()}-{time.monotonic_ns():x}"
-        path = self._folder / LEASES / f"{name}.keys"
+        path = self._folder / LEASES / f"{new_name()}.keys"
         with suppress(OSError, CacheError):
             make_folder(self._folder, LEASES)
             # A cleanup that has started has read the leases already: wait for its end.

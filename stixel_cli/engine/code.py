@@ -211,7 +211,8 @@ class _Walk:
         else:
             module = self._find(target)
             submodule = f"{target}.{attribute}"
-            if self._find(submodule) is not None:
+            can_have = module is None or module.is_package
+            if can_have and self._find(submodule) is not None:
                 yield from self._below(submodule)
                 if module is not None and not module.is_empty:
                     yield target

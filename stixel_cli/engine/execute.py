@@ -29,12 +29,14 @@ class Execution:
         status: by node id, of the targets and all nodes that they depend on.
         seconds: by node id, of the nodes that this execution computed.
         failures: by node id, of the failed nodes; only with `keep_going`.
+        store: that has the results; None in the record of a part.
     """
 
     graph: Graph
     status: Mapping[str, Status]
     seconds: Mapping[str, float]
     failures: Mapping[str, StageFailure] = field(default_factory=dict)
+    store: Store | None = None
 
     def failure_of(self, targets: Sequence[str]) -> tuple[str, StageFailure] | None:
         """The first failed node that `targets` depend on, and its failure; None if none failed.
@@ -131,7 +133,7 @@ def execute(
             progress.close()
             durations.learn(graph, run.seconds)
         run.keep_limit()
-    return Execution(graph, run.statuses(), run.seconds, run.failures)
+    return Execution(graph, run.statuses(), run.seconds, run.failures, store)
 
 
 def _prepare(nodes: Sequence[Node], store: Store, progress: Progress) -> None:

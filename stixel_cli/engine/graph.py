@@ -130,25 +130,11 @@ def merge(graphs: Iterable[Graph]) -> Graph:
     return Graph(nodes, {name: tuple(stages[name]) for name in order})
 
 
-def build_graph(
-    stages: Sequence[Stage], frame_count: int, chunk_size: int, store_folder: Path | None = None
-) -> Graph:
-    """Build the graph of `stages` over the frames 0 … `frame_count` - 1, in chunks of `chunk_size`.
-
-    No stage is imported or computed. The store at `store_folder`, if given, may know the digests of
-    source files already. For many graphs see `GraphBuilder`.
-
-    Raises:
-        ValueError: the stages are not valid; one line.
-        LookupError, TypeError, UserError: see `stage_identity`.
-    """
-    return GraphBuilder(store_folder).build(stages, frame_count, chunk_size)
-
-
 class GraphBuilder:
-    """Builds many graphs. Identities and nodes that they share are computed once.
+    """Builds graphs. Identities and nodes that they share are computed once.
 
-    Code and external files are read once: make a new builder to see later edits.
+    Code and external files are read once: make a new builder to see later edits. The store at
+    `store_folder`, if given, may know the digests of source files already.
     """
 
     def __init__(self, store_folder: Path | None = None):
@@ -157,7 +143,14 @@ class GraphBuilder:
         self._nodes: dict[tuple, dict[str, Node]] = {}
 
     def build(self, stages: Sequence[Stage], frame_count: int, chunk_size: int) -> Graph:
-        """See `build_graph`."""
+        """The graph of `stages` over the frames 0 … `frame_count` - 1, in chunks of `chunk_size`.
+
+        No stage is imported or computed.
+
+        Raises:
+            ValueError: the stages are not valid; one line.
+            LookupError, TypeError, UserError: see `stage_identity`.
+        """
         if frame_count < 1 or chunk_size < 1:
             raise ValueError(f"no frames: {frame_count} frames in chunks of {chunk_size}")
         one = _OneGraph(frame_count, chunk_size)

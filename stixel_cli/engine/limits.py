@@ -22,17 +22,8 @@ from typing import Any
 
 from stixel_cli.engine.errors import ExecutorError, TimeLimitExceeded, unwritable
 
-_LIBRARIES = dict.fromkeys(
-    (
-        "OMP_NUM_THREADS",
-        "OPENBLAS_NUM_THREADS",
-        "MKL_NUM_THREADS",
-        "BLIS_NUM_THREADS",
-        "VECLIB_MAXIMUM_THREADS",
-        "OPENCV_FOR_THREADS_NUM",
-    ),
-    "1",
-)
+_LIBRARIES = {f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS", "MKL", "BLIS")}
+_LIBRARIES |= {"VECLIB_MAXIMUM_THREADS": "1", "OPENCV_FOR_THREADS_NUM": "1"}
 
 ENVIRONMENT = {**_LIBRARIES, "NUMBA_NUM_THREADS": "1"}
 """Environment of a new process. Libraries read it when they are loaded."""

@@ -3,7 +3,7 @@
 import sys
 import time
 from collections import Counter
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from stixel_cli.engine.errors import StageFailure
@@ -98,16 +98,11 @@ class Progress:
 
     Args:
         visible: whether to show the counts.
-        uncompiled: modules whose machine code is not cached: the first node of a stage that reaches
-            one of them compiles it.
         advice: whether to note files that the user's code may read without declaring them.
     """
 
-    def __init__(
-        self, visible: bool = False, uncompiled: Collection[str] = (), advice: bool = False
-    ):
+    def __init__(self, visible: bool = False, advice: bool = False):
         self.display, self.visible, self.advice = Display(), visible, advice
-        self.uncompiled = frozenset(uncompiled)
         # By the name of the stage.
         self.total: Counter[str] = Counter()
         self.done: Counter[str] = Counter()
@@ -115,7 +110,6 @@ class Progress:
         self.frames_done: Counter[str] = Counter()
         self.seconds: Counter[str] = Counter()
         self.running: dict[str, str] = {}
-        self.compiling: set[str] = set()
         self.failures = 0
         self.cached = 0
         self.began = time.monotonic()
@@ -141,16 +135,12 @@ class Progress:
 
     def started(self, node: Node) -> None:
         """Count a node as running. A node whose worker crashed starts a second time."""
-        name = node.stage.name
-        self.running[node.key] = name
-        if name not in self.done and not self.uncompiled.isdisjoint(node.identity.code.modules):
-            self.compiling.add(name)
+        self.running[node.key] = node.stage.name
 
     def finished(self, node: Node, seconds: float) -> None:
         """Count a node as done: its result is in the store."""
         name = node.stage.name
         self.running.pop(node.key, None)
-        self.compiling.discard(name)
         self.done[name] += 1
         self.frames_done[name] += node.frame_count
         self.seconds[name] += seconds
@@ -230,8 +220,6 @@ class Progress:
 
     def _stage_text(self, name: str) -> str:
         """`match 20/100 frames`; only the name of a stage that does not run over frames."""
-        if name in self.compiling:
-            return f"{name}: compiling (first run only)"
         total = self.frames_total[name]
         return f"{name} {self.frames_done[name]}/{total} frames" if total else name
 
@@ -246,8 +234,3 @@ def crash_note(labels: Sequence[str], retry: bool) -> str:
         return f"a worker crashed while running {names}"
     each = f"{names} on its own" if len(labels) == 1 else "each on its own"
     return f"a worker crashed while running {names}; retrying {each}"
-
-
-def make_progress(uncompiled: Collection[str] = (), advice: bool = False) -> Progress:
-    """Progress that is shown; `uncompiled` and `advice` as in `Progress`."""
-    return Progress(True, uncompiled, advice)

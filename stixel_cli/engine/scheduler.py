@@ -1,9 +1,6 @@
 """The loop that submits nodes to a pool of workers and collects their outcomes."""
 
 import heapq
-import os
-import socket
-import time
 import traceback
 from collections import Counter, deque
 from collections.abc import Callable, Collection, Iterable
@@ -14,8 +11,8 @@ from graphlib import TopologicalSorter
 from typing import Literal, get_args
 
 from stixel_cli.engine import errors
-from stixel_cli.engine.cache_folder import Lease
-from stixel_cli.engine.cleanup import keep_limit
+from stixel_cli.engine.cache_folder import Lease, new_name
+from stixel_cli.engine.entries import keep_limit
 from stixel_cli.engine.limits import TimeLimit, mark_text, one_thread
 from stixel_cli.engine.plan import Plan, missing_nodes
 from stixel_cli.engine.pools import Pool, SerialPool, deferred_interrupts, error_of
@@ -71,7 +68,7 @@ class Run:
 
     def __post_init__(self):
         self.graph = self.planned.graph
-        self._name = f"{socket.gethostname()}-{os.getpid()}-{time.monotonic_ns():x}"
+        self._name = new_name()
         self._written = 0
         self._done: set[str] = set()
         self._skipped: set[str] = set()

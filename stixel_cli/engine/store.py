@@ -9,8 +9,6 @@ import io
 import json
 import os
 import shutil
-import socket
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from hashlib import sha256
@@ -47,7 +45,7 @@ def open_store(parameters: CacheParameters) -> "Store":
 class Store:
     """Results in a folder that several processes may share. `save` creates the folder.
 
-    `execute` keeps the limit `max_size`, in bytes: see `stixel_cli.engine.cleanup`.
+    `execute` keeps the limit `max_size`, in bytes: see `stixel_cli.engine.entries`.
     """
 
     def __init__(self, folder: Path | str, max_size: int | None = None):
@@ -117,8 +115,7 @@ class Store:
         """
         import joblib
 
-        partial = self.folder / "tmp" / f"{key[:16]}-{socket.gethostname()}-{os.getpid()}"
-        partial = partial.with_name(f"{partial.name}-{time.monotonic_ns():x}")
+        partial = self.folder / "tmp" / f"{key[:16]}-{cache_folder.new_name()}"
         try:
             cache_folder.make_folder(self.folder, "tmp")
             partial.mkdir()
@@ -159,8 +156,8 @@ class Store:
 
     def check_writable(self) -> None:
         """Raise CacheError if entries cannot be written or locked."""
-        name = f"probe-{os.getpid()}-{time.monotonic_ns():x}"
         try:
+            name = f"probe-{cache_folder.new_name()}"
             probe = cache_folder.make_folder(self.folder, "tmp") / name
             probe.touch()
             try:
@@ -176,9 +173,8 @@ class Store:
 
         It is renamed first, so that no reader sees half of it.
         """
-        gone = f"gone-{socket.gethostname()}-{os.getpid()}-{key[:16]}"
         try:
-            gone = cache_folder.make_folder(self.folder, "tmp") / gone
+            gone = cache_folder.make_folder(self.folder, "tmp") / f"gone-{cache_folder.new_name()}"
             self.entry(key).rename(gone)
         except (OSError, CacheError):
             return False

@@ -15,9 +15,8 @@ from stixel_cli.evaluation.scores import LabelScore, Scores
 from stixel_cli.geometry.pose import target_from_world
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.recordings.types import LabelTruth
-from stixel_cli.tracking.followed import line
-from stixel_cli.tracking.several.found import LEAST_SCANS, ObjectTrack, least_speed
-from stixel_cli.tracking.track import Track
+from stixel_cli.tracking.followed import LEAST_SCANS, least_speed, line
+from stixel_cli.tracking.track import ObjectTrack, Track
 
 NEVER = 1e3
 """m, more than any allowed distance."""

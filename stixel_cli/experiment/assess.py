@@ -22,7 +22,6 @@ from stixel_cli.pictures.frame_view import painted
 from stixel_cli.recordings.image_files import read_disparity
 from stixel_cli.recordings.stereo_images import read_left
 from stixel_cli.recordings.tables import read_labels
-from stixel_cli.recordings.types import Recording
 from stixel_cli.report.assess import ERROR_MAP, LABELS, Assessment, error_map
 from stixel_cli.scene.parameters import CLASS_OF_KITTI_TYPE
 from stixel_cli.stixels.types import FreeSpace, Stixels
@@ -52,7 +51,6 @@ def assess(composition: Composition, progress: Progress | None = None) -> Assess
         StageFailure: if a stage fails.
     """
     configuration = composition.configuration
-    recording = composition.recording
     if configuration.source.kind == "rendered":
         raise UserError(
             "assess needs a recording or two images; rendered runs are scored by stixel run"
@@ -60,30 +58,18 @@ def assess(composition: Composition, progress: Progress | None = None) -> Assess
     wanted = ["camera_pictures", "rig_pictures", "calibration"]
     with computed_stages(composition, wanted, progress) as (_, load):
         first = {name: load(name)[0] for name in (*STAGES, *wanted)}
-    free_space, image = first["free_space"], first["pairs"].left[0]
-    truth = _truth_of(recording)
-    values = _against_truth(first["stixels"], free_space, truth, composition)
-    rows = compared_rows(composition)
-    values |= {
+    image, rows = first["pairs"].left[0], compared_rows(composition)
+    values = {
         "row_difference_px": rows and rows.difference,
-        "unknown_share": float((free_space.unknown_row[0] >= 0).mean()),
+        "unknown_share": float((first["free_space"].unknown_row[0] >= 0).mean()),
         "disparity_share": float((first["match"].raw(0) >= 0).mean()),
     }
     drawn = first["camera_pictures"].files | first["rig_pictures"].files
     pictures = {Path(name).stem: data for name, data in drawn.items() if name.endswith(".png")}
-    if truth is not None:
-        level = compensated(truth, configuration.rig, configuration.road)
-        errors = area_errors(first["stixels"], 0, level, configuration.rig)
-        pictures[ERROR_MAP] = error_map(image, first["stixels"], errors)
     rig = {"text": first["calibration"].text, **first["calibration"].values}
     seconds = _seconds(composition, first["calibration"].rig)
-    return Assessment(dict.fromkeys(LABELS) | values, pictures, seconds, rig)
-
-
-def _truth_of(recording: Recording) -> np.ndarray | None:
-    """True disparities (H, W) px of the first frame, NaN where unknown; None without them."""
-    files = recording.true_disparities
-    return read_disparity(files[0]) if files else None
+    found = _against_truth(first["stixels"], first["free_space"], image, pictures, composition)
+    return Assessment(dict.fromkeys(LABELS) | found | values, pictures, seconds, rig)
 
 
 def _seconds(composition: Composition, rig: Rig) -> dict[str, float]:
@@ -136,21 +122,18 @@ def assess_stixels(
     nearest = nearest_disparity(stixels, 0, rig.width)[None]
     nothing = np.full(nearest.shape, -1, dtype=np.int32)
     free_space = FreeSpace(0, nearest.astype(np.float32), nothing, np.zeros((1, 2)))
-    truth = _truth_of(recording)
-    values = _against_truth(stixels, free_space, truth, composition)
-    if truth is not None:
-        level = compensated(truth, rig, composition.configuration.road)
-        pictures[ERROR_MAP] = error_map(image, stixels, area_errors(stixels, 0, level, rig))
+    values = _against_truth(stixels, free_space, image, pictures, composition)
     return Assessment(dict.fromkeys(LABELS) | values, pictures, {})
 
 
 def _against_truth(
     stixels: Stixels,
     free_space: FreeSpace,
-    truth: np.ndarray | None,
+    image: np.ndarray,
+    pictures: dict[str, bytes],
     composition: Composition,
 ) -> dict[str, Any]:
-    """The values of the first frame."""
+    """The values of the first frame; adds the map of errors to `pictures` if the truth is known."""
     configuration, recording = composition.configuration, composition.recording
     rig = configuration.rig
     covered = np.isfinite(nearest_disparity(stixels, 0, rig.width))
@@ -160,8 +143,10 @@ def _against_truth(
         "free_share": float(np.isnan(free_space.disparity[0]).mean()),
     }
     obstacles = np.full(rig.width, np.nan)
-    if truth is not None:
+    if recording.true_disparities:
+        truth = read_disparity(recording.true_disparities[0])
         errors = area_errors(stixels, 0, compensated(truth, rig, configuration.road), rig)
+        pictures[ERROR_MAP] = error_map(image, stixels, errors)
         obstacles = true_obstacles(truth, rig, configuration.road, configuration.free_space)
         seen = np.isfinite(obstacles)
         found = found_columns(stixels, 0, obstacles, rig)

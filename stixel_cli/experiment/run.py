@@ -14,12 +14,12 @@ from stixel_cli.config.folders import OF_THE_MACHINE, PRESETS
 from stixel_cli.config.own_options import admit_code, check_parameters, functions_of
 from stixel_cli.config.schema import Configuration
 from stixel_cli.engine.progress import Progress
-from stixel_cli.engine.store import Store, open_store
+from stixel_cli.engine.store import Store
 from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.evaluation.scores import Scores
 from stixel_cli.experiment.run_names import differences, joined_name
 from stixel_cli.experiment.stages import RESULTS, compared_rows, computed_stages, experiment_graph
-from stixel_cli.experiment.table.table import PICTURES
+from stixel_cli.experiment.table import PICTURES
 from stixel_cli.geometry.rig_calibration import RigCalibration
 from stixel_cli.report.playback import playback_html
 from stixel_cli.results.folder import check_results, new_folder, write_folder
@@ -58,7 +58,6 @@ def run_experiment(
     wanted = [*RESULTS, *(PICTURES if pictures else ()), OBJECTS, TRACKS, CALIBRATION]
     wanted += [STIXELS] if composition.configuration.source.kind != "rendered" else []
     wanted += [CAMERA] if (pictures if camera is None else camera) else []
-    store = open_store(composition.configuration.cache) if store is None else store
     with computed_stages(composition, wanted, progress, on_scores, store) as (done, load):
         results = {name: next(iter(load(name)), None) for name in RESULTS}
         if progress is not None and progress.advice:
@@ -68,7 +67,7 @@ def run_experiment(
         frames, objects, tracks, truths = map(load, (CAMERA, OBJECTS, TRACKS, LABEL_TRUTHS))
         stixels = load(STIXELS) if objects else ()
         calibration = next(iter(load(CALIBRATION)), None)
-        lineage = lineage_of(done.graph, done.status, store)
+        lineage = lineage_of(done.graph, done.status, done.store)
     return RunResult(
         settings=composition.resolved,
         manifest={"choices": composition.choices, "stages": done.stage_records()},

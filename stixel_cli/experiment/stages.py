@@ -9,20 +9,18 @@ from typing import TYPE_CHECKING, Any
 
 from stixel_cli.config.compose import Composition
 from stixel_cli.config.folders import shipped_folder
+from stixel_cli.config.real_images import real_image_parameters
 from stixel_cli.config.schema import Configuration
 from stixel_cli.engine.cache_folder import Lease
 from stixel_cli.engine.errors import StageFailure
 from stixel_cli.engine.execute import Execution, execute
-from stixel_cli.engine.graph import Graph, build_graph
+from stixel_cli.engine.graph import Graph, GraphBuilder
 from stixel_cli.engine.keys import Stage
 from stixel_cli.engine.progress import Progress
 from stixel_cli.engine.store import Store, open_store
 from stixel_cli.errors import UserError
 from stixel_cli.evaluation.scores import Scores
-from stixel_cli.experiment.table.definition import Definition
-from stixel_cli.experiment.table.images import REPLAYED
-from stixel_cli.experiment.table.table import TABLE
-from stixel_cli.experiment.table.tracks import OWN
+from stixel_cli.experiment.table import OWN, REPLAYED, TABLE, Definition
 from stixel_cli.files import read_yaml
 from stixel_cli.measurements.file import FileParameters
 from stixel_cli.measurements.parameters import Disturbance, is_disturbed, undisturbed
@@ -114,6 +112,7 @@ def _stage(composition: Composition, path: Path, name: str, wiring: dict[str, st
     files = [Path(name) for name in given if name is not None]
     made = Stage(
         name=name,
+        amount=_amount(composition, definition),
         function=definition.functions[kind],
         pattern=definition.pattern,
         inputs=inputs,
@@ -132,7 +131,6 @@ def _stage(composition: Composition, path: Path, name: str, wiring: dict[str, st
         ),
         gives_files=bool(definition.recorded),
         keys=definition.reads,
-        amount=_amount(composition, definition),
     )
     if not definition.calls:
         return made
@@ -171,9 +169,9 @@ def _setting(composition: Composition, path: str) -> Any:
 
 def experiment_graph(composition: Composition) -> Graph:
     """The graph of an experiment's nodes."""
+    stages, count = pipeline_stages(composition), scan_count(composition)
     folder = open_store(composition.configuration.cache).folder
-    stages = pipeline_stages(composition)
-    return build_graph(stages, scan_count(composition), CHUNK_SIZE, folder)
+    return GraphBuilder(folder).build(stages, count, CHUNK_SIZE)
 
 
 def compared_rows(composition: Composition) -> "Rows | None":
@@ -194,7 +192,8 @@ def notes_of(composition: Composition) -> Iterator[str]:
     if configuration.source.kind != "rendered":
         from stixel_cli.calibration.road_pose import contradiction
 
-        told = contradiction(composition.recording, configuration.rig, configuration.road)
+        stereo, road = real_image_parameters().stereo, configuration.road
+        told = contradiction(composition.recording, configuration.rig, road, stereo)
         yield from () if told is None else (told,)
     while composition.files.notes:
         yield composition.files.notes.pop(0)
@@ -227,9 +226,9 @@ def computed_stages(
         StageFailure: if a stage fails for another reason; finished nodes stay in the store.
     """
     configuration = composition.configuration
-    store = open_store(configuration.cache) if store is None else store
     try:
         graph = experiment_graph(composition)
+        store = open_store(configuration.cache) if store is None else store
         for text in notes_of(composition) if progress is not None else ():
             progress.note(text)
         wanted = [name for name in wanted if name in graph.stages]

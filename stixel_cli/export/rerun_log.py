@@ -8,7 +8,7 @@ import numpy as np
 from stixel_cli.engine.progress import Progress
 from stixel_cli.errors import UserError
 from stixel_cli.experiment.run import run_experiment
-from stixel_cli.pictures.camera_frames import WIDEST
+from stixel_cli.pictures.camera import WIDEST
 from stixel_cli.pictures.style import depth_colours
 from stixel_cli.results.folder import whole_folder
 from stixel_cli.results.pictures import CameraFrames

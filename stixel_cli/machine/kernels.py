@@ -1,16 +1,14 @@
-"""The modules with Numba kernels: which are still to be compiled, and `make setup` compiles them.
+"""The modules with Numba kernels, which `make setup` compiles.
 
 A kernel is compiled when it is called, and kept next to its source, for the types of that call.
 So this module, as a program, renders a tiny picture of two boxes, and takes stixels from a tiny
-disparity image. A run only asks for the names: what the kernels need is imported where it is used.
+disparity image.
 """
 
 import gc
-import os
 import sys
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING
 
@@ -19,39 +17,7 @@ import numpy as np
 if TYPE_CHECKING:
     from stixel_cli.config.schema import Configuration
 
-PACKAGE = Path(__file__).resolve().parents[1]
-
-KERNELS = (
-    "geometry.polygon",
-    *("rendering.edges", "rendering.rasteriser", "rendering.shading", "rendering.tracing"),
-    *("stixels.free_space", "stixels.grouping", "stixels.height", "stixels.layers"),
-    *("stixels.nearest_obstacle", "stixels.occupancy", "stixels.refinement", "stixels.road"),
-    "tracking.contour.ray_table",
-)
-"""Modules of the package that import `njit`. A run need not read all files to know them."""
-
-
-def uncompiled() -> frozenset[str]:
-    """Full names of the modules whose kernels the next run compiles.
-
-    Numba keeps compiled kernels next to the source, unless its environment or the folder's
-    permissions say otherwise: then nothing is known, and the result is empty.
-    """
-    if os.environ.get("NUMBA_CACHE_DIR") or not os.access(PACKAGE, os.W_OK):
-        return frozenset()
-    files = {name: PACKAGE.joinpath(*name.split(".")).with_suffix(".py") for name in KERNELS}
-    return frozenset(f"stixel_cli.{name}" for name, file in files.items() if not _compiled(file))
-
-
-def _compiled(source: Path) -> bool:
-    """Whether there is an index of Numba's cache that is not older than the source."""
-    changed = source.stat().st_mtime
-    found = (source.parent / "__pycache__").glob(f"{source.stem}.*.nbi")
-    return any(index.stat().st_mtime >= changed for index in found)
-
-
-TINY = ("rig.width=96", "rig.height=64", "path.duration=0.2")
-TINY += ("pictures.frames=[0]",)
+TINY = ("rig.width=96", "rig.height=64", "path.duration=0.2", "pictures.frames=[0]")
 
 OPTIONS = ("renderer=raycast", "road=estimated", "occupancy=cartesian")
 """They call the kernels of the default options too."""

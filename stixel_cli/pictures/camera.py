@@ -1,5 +1,6 @@
-"""Pictures of one frame: the camera image and the results of the stages."""
+"""Pictures of the camera: of one frame with the results of the stages; small ones for playback."""
 
+import cv2
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
@@ -14,9 +15,11 @@ from stixel_cli.pictures import style
 from stixel_cli.pictures.frame_view import FrameView
 from stixel_cli.recordings.types import LeftImage
 from stixel_cli.rendering.frames import RenderedFrames, StereoPairs
-from stixel_cli.results.pictures import Pictures
+from stixel_cli.results.pictures import CameraFrames, Pictures
 from stixel_cli.scene.scenario import EgoMotion
 from stixel_cli.stereo.disparities import Disparities
+from stixel_cli.stixels.occupancy import picture_grid
+from stixel_cli.stixels.parameters import OccupancyParameters, RoadParameters
 from stixel_cli.stixels.types import FreeSpace, Objects, OccupancyGrid, Stixels
 
 TITLES = {
@@ -147,3 +150,63 @@ def _label_depths(axes: Axes, depths: np.ndarray) -> None:
         if all(abs(row - other) >= 0.07 * len(depths) for other in ticks.values()):
             ticks[value] = row
     axes.set_yticks(list(ticks.values()), [str(value) for value in ticks])
+
+
+WIDEST = 512
+"""Wider images are reduced to this width, px. Averaging removes the noise, which JPEG cannot."""
+
+_VIEW = (".webp", 400, (cv2.IMWRITE_WEBP_QUALITY, 40))
+IMAGES = {"grey": (".jpg", WIDEST, (cv2.IMWRITE_JPEG_QUALITY, 70))}
+IMAGES |= dict.fromkeys(("disparity", "grid", "free_space"), _VIEW)
+"""Format, greatest width in px and quality of the images of a `FrameView` that the page shows."""
+
+
+def camera_frames(
+    pairs: StereoPairs,
+    disparities: Disparities,
+    free_space: FreeSpace,
+    stixels: Stixels,
+    rig: Rig,
+    road: RoadParameters,
+    occupancy: OccupancyParameters,
+    frames: range,
+) -> CameraFrames:
+    """The left images of `frames` and what was found in them, in small, and their stixels.
+
+    Args:
+        pairs, disparities, free_space, stixels: all contain all of `frames`.
+        rig, road, occupancy: those of the grid.
+        frames: indices k.
+    """
+    views = [
+        FrameView(k, 0.0, rig, None, pairs, disparities, grid, free_space, stixels, None)
+        for k in frames
+        for grid in [picture_grid(disparities, free_space, rig, road, occupancy, k)]
+    ]
+    first = frames.start - stixels.first
+    offsets = stixels.offsets[first : first + len(frames) + 1]
+    rows = slice(offsets[0], offsets[-1])
+    return CameraFrames(
+        first=frames.start,
+        width=rig.width,
+        height=rig.height,
+        images={
+            name: tuple(_encoded(getattr(view, f"{name}_image"), *how) for view in views)
+            for name, how in IMAGES.items()
+        },
+        offsets=(offsets - offsets[0]).astype(np.int64),
+        left=stixels.left[rows],
+        right=stixels.right[rows],
+        top=stixels.top[rows],
+        base=stixels.base[rows],
+        depth=stixels.depth[rows],
+    )
+
+
+def _encoded(image: np.ndarray, extension: str, widest: int, quality: tuple[int, int]) -> bytes:
+    """An RGB image (H, W, 3) uint8 as a file, made smaller if it is wider than `widest`."""
+    height, width = image.shape[:2]
+    if width > widest:
+        size = (widest, max(1, round(height * widest / width)))
+        image = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+    return cv2.imencode(extension, image[..., ::-1], quality)[1].tobytes()

@@ -13,7 +13,7 @@ from matplotlib.typing import ColorType
 
 from stixel_cli.geometry.pose import world_from_ego
 from stixel_cli.pictures import style
-from stixel_cli.pictures.consistency import ellipse_axes
+from stixel_cli.pictures.uncertainty import ellipse_axes
 from stixel_cli.stixels.types import Objects
 
 BAND_REACH = 4

@@ -12,7 +12,7 @@ from matplotlib.patheffects import withStroke
 
 from stixel_cli.geometry.pose import target_from_world
 from stixel_cli.pictures import ground, style
-from stixel_cli.pictures.consistency import target_radius
+from stixel_cli.pictures.uncertainty import target_radius
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.tracking.track import Track
 

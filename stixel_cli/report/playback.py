@@ -16,7 +16,7 @@ from stixel_cli.evaluation.scan_errors import LOW_OVERLAP
 from stixel_cli.evaluation.scores import SERIES
 from stixel_cli.evaluation.verdict import LEAST_ODDS, badges, verdict
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.pictures.consistency import normalised_chi_square_bounds, target_radius
+from stixel_cli.pictures.uncertainty import normalised_chi_square_bounds, target_radius
 from stixel_cli.report.metrics import LABEL_COLUMNS, label_rows
 from stixel_cli.report.playback_values import (
     ellipses,

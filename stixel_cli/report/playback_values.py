@@ -12,8 +12,7 @@ import numpy as np
 
 from stixel_cli.evaluation.metric_table import SMOOTHED, Metric, metric
 from stixel_cli.geometry.pose import wrap_angle
-from stixel_cli.pictures.consistency import ellipse_axes
-from stixel_cli.pictures.tracker_noise import tracker_noise
+from stixel_cli.pictures.uncertainty import ellipse_axes, tracker_noise
 from stixel_cli.report.metrics import shown_value, smoothed_label
 from stixel_cli.results.lineage import shown_revision
 from stixel_cli.results.result import RunResult

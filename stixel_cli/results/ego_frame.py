@@ -5,24 +5,15 @@ from collections.abc import Mapping
 import numpy as np
 
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD, rotation, wrap_angle
+from stixel_cli.tracking.track import state_columns
 
 Table = Mapping[str, np.ndarray]
-
-STATE = ("x", "y", "heading", "x_rate", "y_rate", "heading_rate")
-"""Columns of the motion in a track's table."""
 
 
 def pose_columns(times: np.ndarray, poses_world: np.ndarray) -> dict[str, np.ndarray]:
     """Poses (K, 3) in the world at `times` (K,) s as a table: k, t (s), x, y (m), heading (rad)."""
     x, y, heading = poses_world.T
     return {"k": np.arange(len(times)), "t": times, "x": x, "y": y, "heading": heading}
-
-
-def state_columns(means: np.ndarray, covariances: np.ndarray) -> dict[str, np.ndarray]:
-    """The `STATE` and its std_… as columns, from means (K, 6 or more) and their covariances."""
-    std = np.sqrt(np.diagonal(covariances, axis1=1, axis2=2))
-    columns = {name: means[:, i] for i, name in enumerate(STATE)}
-    return columns | {f"std_{name}": std[:, i] for i, name in enumerate(STATE)}
 
 
 def scans_in_ego_frame(scans: Table, ego: Table) -> dict[str, np.ndarray]:

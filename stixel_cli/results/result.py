@@ -21,8 +21,7 @@ if TYPE_CHECKING:
     from stixel_cli.results.pictures import CameraFrames
     from stixel_cli.scene.scenario import Scenario
     from stixel_cli.stixels.types import Objects, Stixels
-    from stixel_cli.tracking.several.found import ObjectTrack
-    from stixel_cli.tracking.track import Track
+    from stixel_cli.tracking.track import ObjectTrack, Track
 
 DONE, FAILED, SKIPPED, MISSING = "done", "failed", "skipped", "missing"
 """Status of a run; `skipped`: a node failed in another run; `missing`: not run yet."""

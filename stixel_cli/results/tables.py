@@ -8,11 +8,10 @@ import numpy as np
 from stixel_cli.evaluation.scores import LabelScore, Scores
 from stixel_cli.geometry.pose import world_from_ego
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.results.ego_frame import STATE, pose_columns, state_columns
+from stixel_cli.results.ego_frame import pose_columns
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.stixels.types import Objects, Stixels
-from stixel_cli.tracking.several.found import ObjectTrack
-from stixel_cli.tracking.track import Track
+from stixel_cli.tracking.track import STATE, ObjectTrack, Track, state_columns
 
 
 def scan_columns(scans: Scans) -> dict[str, np.ndarray]:

@@ -12,7 +12,7 @@ from stixel_cli.engine.store import Store, open_store
 from stixel_cli.errors import ConfigurationError, counted
 from stixel_cli.experiment.run import CAMERA, OBJECTS, TRACKS
 from stixel_cli.experiment.stages import CHUNK_SIZE, RESULTS, pipeline_stages, scan_count
-from stixel_cli.experiment.table.table import PICTURES
+from stixel_cli.experiment.table import PICTURES
 from stixel_cli.sweeps.runs import PlannedRun, equal_runs
 
 

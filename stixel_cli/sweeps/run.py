@@ -4,7 +4,6 @@ from collections import ChainMap, defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from importlib import import_module
-from typing import Any
 
 from stixel_cli.engine.errors import CacheError, MissingEntry, StageFailure
 from stixel_cli.engine.execute import execute
@@ -14,7 +13,6 @@ from stixel_cli.engine.progress import Progress
 from stixel_cli.engine.store import open_store
 from stixel_cli.errors import UserError
 from stixel_cli.experiment.stages import notes_of
-from stixel_cli.machine.kernels import uncompiled
 from stixel_cli.results.folder import figure_files
 from stixel_cli.results.result import DONE, FAILED, MISSING, SKIPPED, RunResult
 from stixel_cli.sweeps.folder import SUMMARIES, TABLE, SweepFolder, SweepRequest
@@ -89,7 +87,7 @@ class SweepProgress(Progress):
         done: int = 0,
         label: str = "",
         prepare: Callable[[], None] = lambda: None,
-        **shown: Any,
+        visible: bool = False,
     ):
         """Start with no run of `waiting` done.
 
@@ -100,9 +98,9 @@ class SweepProgress(Progress):
             done: number of runs that are already done.
             label: prefix of the counts.
             prepare: called once, as soon as the first nodes run: the workers start meanwhile.
-            shown: `visible` and `uncompiled`, as in `Progress`.
+            visible: as in `Progress`.
         """
-        super().__init__(**shown)
+        super().__init__(visible)
         self.runs_total = done + len(waiting)
         self.runs_done, self.runs_failed = done, 0
         self.node_seconds: dict[str, float] = {}
@@ -147,13 +145,10 @@ class SweepProgress(Progress):
         """The time left and all counts in one line; of nodes first, which grow steadily."""
         failed = f", {self.runs_failed} failed" if self.runs_failed else ""
         nodes_failed = f", {self.failures} failed" if self.failures else ""
-        text = (
+        return (
             f"{self._label}{self.text_left}{self.all_done}/{self.all_total} nodes{nodes_failed}; "
             f"{self.runs_done}/{self.runs_total} runs{failed}; {self.cached} nodes cached"
         )
-        if self.compiling:
-            text += f"; {', '.join(sorted(self.compiling))}: compiling (first run only)"
-        return text
 
     def _done(self, target: str) -> None:
         for run in self._waiting_for.get(target, ()):
@@ -206,8 +201,7 @@ class _Sweep:
         executor = waiting[0].composition.configuration.executor
         graph = self.plan.graph
         firsts = [graph.nodes[keys[0]] for keys in graph.stages.values() if keys]
-        shown = {"visible": True, "uncompiled": uncompiled()} if visible else {}
-        progress = SweepProgress(waiting, self.take, len(self.runs), label, self._prepare, **shown)
+        progress = SweepProgress(waiting, self.take, len(self.runs), label, self._prepare, visible)
         for text in dict.fromkeys(text for one in waiting for text in notes_of(one.composition)):
             progress.note(text)
         progress.expect(Durations(self.store.folder).by_stage(firsts), executor.workers)

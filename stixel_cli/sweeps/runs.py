@@ -10,7 +10,7 @@ from stixel_cli.config.messages import LONGEST_REASON, printable
 from stixel_cli.config.override_checks import check_overrides
 from stixel_cli.config.overrides import Override
 from stixel_cli.errors import BelongsElsewhere, ConfigurationError
-from stixel_cli.experiment.table.table import PICTURES
+from stixel_cli.experiment.table import PICTURES
 from stixel_cli.results.result import RunResult
 from stixel_cli.sweeps.design import NOT_GIVEN, SEED, Design, check_size, design_from_line, joined
 from stixel_cli.sweeps.file import find_file, read_design

@@ -1,43 +1,64 @@
-"""A track from a file: that of a tracker in any other program, see `tracking.track_table`."""
+"""A track from a file: that of a tracker in any other program.
+
+A table (`.csv`, `.npz`) like a run's `track.csv` has the columns x, y (m), heading (rad), and k or
+t (s). It may have x_rate, y_rate, heading_rate (m/s, rad/s); std_x … std_heading_rate, or var_xx,
+var_xy, var_yy (m²); length and width (m); and radius_0, radius_1, … (m): the contour at even angles
+over one turn, counter-clockwise from the heading. In a text file, rows of 8 numbers are a
+trajectory in TUM's format, all others results of KITTI's tracking benchmark.
+"""
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from annotated_types import Ge
 
+from stixel_cli.errors import UserError
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD, rectangle, rotation, wrap_angle
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.measurements.tables import seconds, unit_and_epoch
+from stixel_cli.measurements.tables import (
+    indices,
+    read_table,
+    refuse_other_times,
+    refuse_rows,
+    seconds,
+    unit_and_epoch,
+)
 from stixel_cli.parameters import parameters
+from stixel_cli.recordings.kitti_tables import numbers, read_labels, text_rows
+from stixel_cli.recordings.times import unit_rotations
 from stixel_cli.tracking.motion import intervals
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.track import (
+    STATE,
     InitialState,
     Track,
     contour_directions,
     directions_of,
     shift_variances,
 )
-from stixel_cli.tracking.track_table import (
-    POSE,
-    RADII,
-    RATES,
-    SIZE,
-    STDS,
-    VARIANCES,
-    Table,
-    matched_rows,
-    read_track,
-)
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+POSE, RATES = [*STATE[:3]], [*STATE[3:]]
+STDS = [f"std_{name}" for name in STATE]
+VARIANCES, SIZE = ["var_xx", "var_xy", "var_yy"], ["length", "width"]
+RADII = [f"radius_{number}" for number in range(720)]
+
+TABLES, TUM = (".csv", ".npz"), ("t", "x", "y", "z", "qx", "qy", "qz", "qw")
+"""Suffixes of tables; columns of a trajectory."""
+
+UPRIGHT = 0.8
+"""Cosine between the z axes of a trajectory's poses and of its world, below which z is not up."""
 
 FRAMES = ("world", "camera")
 
 
 @parameters
 class FileTrackParameters:
-    """The track of another program, from a file. `tracking.track_table` describes the files.
+    """The track of another program, from a file.
 
     Attributes:
         path: the file: a table, a trajectory of TUM, or results of KITTI tracking; required.
@@ -71,7 +92,7 @@ class FileTrackParameters:
 def track(
     scans: Scans, initial: InitialState, prior: PriorShape, tracker: FileTrackParameters
 ) -> Track:
-    """The track in the file at the times of `scans`, which take rows as `matched_rows` states.
+    """The track in the file at the times of `scans`, which take rows as `rows_of_scans` states.
 
     A scan without a row keeps the previous estimate; before the first row, the first one. Missing
     rates are 0, and a missing size or contour is that of `prior`. Missing variances are 0, and the
@@ -80,16 +101,15 @@ def track(
     Raises:
         UserError: in one line that names file, place and cause.
     """
-    table, rows = _of_scans(scans, tracker)
-    held = np.maximum.accumulate(np.where(rows >= 0, np.arange(len(rows)), np.argmax(rows >= 0)))
-    rows, count = rows[held], len(scans)
-    sensors = scans.sensor_poses_world[held]
-    means, covariances = states = _states(table, rows, sensors, tracker.frame)
-    sizes = _columns(table, SIZE)[rows] if SIZE[0] in table else None
-    radii = [name for name in RADII if name in table]
-    if radii:
-        _, directions = contour_directions(means[:, 2], len(radii))
-        contours = means[:, None, :2] + _columns(table, radii)[rows][:, :, None] * directions
+    table, count = rows_of_scans(scans, tracker), len(scans)
+    before = np.searchsorted(table.index, np.arange(count), side="right") - 1
+    table = table.iloc[np.maximum(before, 0)]
+    means, covariances = states = _states(table, scans, tracker.frame)
+    sizes = table[SIZE].to_numpy() if SIZE[0] in table else None
+    radii = table[table.columns.intersection(RADII)].to_numpy()
+    if radii.size:
+        _, directions = contour_directions(means[:, 2], radii.shape[1])
+        contours = means[:, None, :2] + radii[:, :, None] * directions
     else:
         boxes = np.array([[prior.length, prior.width]]) if sizes is None else sizes
         corners = 0.5 * boxes[:, None] * rectangle(2.0, 2.0)
@@ -102,36 +122,114 @@ def track(
     return replace(found, box_sizes=sizes, uses_scans=False)
 
 
-def _of_scans(scans: Scans, tracker: FileTrackParameters) -> tuple[Table, np.ndarray]:
-    """The table of the file and its `matched_rows`; times since 1970 become those of the scans."""
-    file = Path(tracker.path)
-    table = read_track(file, tracker.id)
-    t = table.get("t")
-    if t is not None and scans.epoch is not None and unit_and_epoch(t, None)[1] is not None:
-        table = table | {"t": seconds(file, t, None, scans.epoch)}
-    near = 0.5 * intervals(scans.times) + 1e-9
-    return table, matched_rows(file, table, scans.times, near, tracker.first_frame)
+def read_track(file: Path, track_id: int | None) -> "DataFrame":
+    """The track in a file, one row or more; `track_id` is that of KITTI's results.
 
-
-def _states(
-    table: Table, rows: np.ndarray, sensors: np.ndarray, frame: str
-) -> tuple[np.ndarray, np.ndarray]:
-    """Means (n, 6) and covariances (n, 6, 6) in the world of `rows` (n,) of the table.
-
-    Its poses are in the `frame`; the sensor is at `sensors` (n, 3) in the world.
+    Raises:
+        UserError: in one line that names file, place and cause.
     """
-    means, covariances = np.zeros((len(rows), 6)), np.zeros((len(rows), 6, 6))
-    means[:, :3] = _columns(table, POSE)[rows]
+    from pandas import DataFrame
+
+    if file.name.endswith(TABLES):
+        groups = (["k"], ["t"], RATES, STDS, VARIANCES, SIZE, *([name] for name in RADII))
+        columns = read_table(file, POSE, groups)
+    else:
+        rows = [(row, words) for row, words in text_rows(file) if not words[0].startswith("#")]
+        of_tum = bool(rows) and len(rows[0][1]) == len(TUM)
+        columns = _from_tum(file, rows) if of_tum else _from_kitti(file, track_id)
+    if columns.keys().isdisjoint(("k", "t", "frame")):
+        raise UserError(f"{file}: the column k or t is missing")
+    if len(columns["x"]) == 0:
+        raise UserError(f"{file}: has no rows, so there is no track")
+    for name in columns.keys() & {*SIZE, *RADII}:
+        refuse_rows(file, columns[name] <= 0.0, lambda _, name=name: f"{name} must be > 0")
+    for name in columns.keys() & {*STDS}:
+        refuse_rows(file, columns[name] < 0.0, lambda _, name=name: f"{name} must be >= 0")
+    radii = [name for name in RADII if name in columns]
+    if radii and (len(radii) < 3 or radii[-1] != RADII[len(radii) - 1]):
+        raise UserError(f"{file}: radius_0, radius_1, … must be three or more without a gap")
+    return DataFrame(columns)
+
+
+def _from_tum(file: Path, rows: list[tuple[int, list[str]]]) -> dict[str, np.ndarray]:
+    values = np.array([numbers(file, row, words, len(TUM)) for row, words in rows])
+    turns = unit_rotations(file, values[:, [7, 4, 5, 6]])
+    if np.median(turns[:, 2, 2]) < UPRIGHT:
+        raise UserError(f"{file}: z is not up: must be x y z qx qy qz qw (w last) with x ahead")
+    heading = np.unwrap(np.arctan2(turns[:, 1, 0], turns[:, 0, 0]))
+    return dict(zip(TUM, values.T, strict=True)) | {"heading": heading}
+
+
+def _from_kitti(file: Path, track_id: int | None) -> dict[str, np.ndarray]:
+    labels = read_labels(file)
+    known = ", ".join(map(str, labels)) or "none"
+    if track_id is None and len(labels) == 1:
+        (track_id,) = labels
+    if track_id not in labels:
+        raise UserError(f"tracker.id: must be one of the tracks in {file}: {known}; got {track_id}")
+    found = labels[track_id]
+    x, _, y = found.places.T
+    _, width, length = found.sizes.T
+    columns = {"frame": found.frames, "x": x, "y": y, "heading": -found.yaws}
+    return columns | {"length": length, "width": width}
+
+
+def rows_of_scans(scans: Scans, tracker: FileTrackParameters) -> "DataFrame":
+    """The rows of the file that belong to scans, at most one each, by scan in ascending order.
+
+    The index is the scan. A row belongs to the scan of its k, or of its frame; without both, the
+    row that is the nearest in time belongs to a scan, at most half an interval away. Times since
+    1970 become those of the scans.
+
+    Raises:
+        UserError: if a k is no scan or is given twice, is at another time, or no row belongs.
+    """
+    file, times = Path(tracker.path), scans.times
+    table, near = read_track(file, tracker.id), 0.5 * intervals(times) + 1e-9
+    t = table["t"].to_numpy() if "t" in table else None
+    if t is not None and scans.epoch is not None and unit_and_epoch(t, None)[1] is not None:
+        table["t"] = t = seconds(file, t, None, scans.epoch)
+    if "frame" in table:
+        k = table["frame"] - tracker.first_frame
+        chosen = (k >= 0) & (k < len(times))
+        if not chosen.any():
+            raise UserError(f"{file}: the track has no frame from {tracker.first_frame} on")
+        return table[chosen].set_index(k[chosen])
+    if "k" in table:
+        k = indices(file, "k", table["k"].to_numpy(), len(times))
+        refuse_rows(file, np.bincount(k)[k] > 1, lambda i: f"k = {k[i]} is given twice")
+        if t is not None:
+            refuse_other_times(file, k, t, times[k], near[k])
+        return table.set_index(k).sort_index()
+    order = np.argsort(t, kind="stable")
+    t = t[order]
+    nearest = np.searchsorted(0.5 * (t[1:] + t[:-1]), times)
+    (k,) = np.nonzero(np.abs(t[nearest] - times) <= near)
+    if not len(k):
+        raise UserError(
+            f"{file}: no t within half an interval of a scan: t goes from {t[0]:.6g} to "
+            f"{t[-1]:.6g} s, the scans from {times[0]:.6g} to {times[-1]:.6g} s"
+        )
+    return table.iloc[order[nearest[k]]].set_index(k)
+
+
+def _states(table: "DataFrame", scans: Scans, frame: str) -> tuple[np.ndarray, np.ndarray]:
+    """Means (n, 6) and covariances (n, 6, 6) in the world of the n rows of a table.
+
+    Its index is the scan, and its poses are in the `frame`.
+    """
+    means, covariances = np.zeros((len(table), 6)), np.zeros((len(table), 6, 6))
+    means[:, :3] = table[POSE]
     if RATES[0] in table:
-        means[:, 3:] = _columns(table, RATES)[rows]
+        means[:, 3:] = table[RATES]
     if STDS[0] in table:
-        covariances[:, range(6), range(6)] = _columns(table, STDS)[rows] ** 2
+        covariances[:, range(6), range(6)] = table[STDS] ** 2
     if VARIANCES[0] in table:
-        covariances[:, [0, 0, 1, 1], [0, 1, 0, 1]] = _columns(table, VARIANCES)[rows][
-            :, [0, 1, 1, 2]
-        ]
+        xx, xy, yy = VARIANCES
+        covariances[:, [0, 0, 1, 1], [0, 1, 0, 1]] = table[[xx, xy, xy, yy]]
     if frame == "camera":
-        turns = np.tile(np.eye(6), (len(rows), 1, 1))
+        sensors = scans.sensor_poses_world[table.index]
+        turns = np.tile(np.eye(6), (len(table), 1, 1))
         turns[:, :2, :2] = turns[:, 3:5, 3:5] = _turns(sensors[:, 2] - STRAIGHT_AHEAD)
         means = (turns @ means[:, :, None])[:, :, 0]
         means[:, :3] += sensors - [0.0, 0.0, STRAIGHT_AHEAD]
@@ -142,10 +240,6 @@ def _states(
 def _turns(angles: np.ndarray) -> np.ndarray:
     """Rotation matrices (n, 2, 2) by `angles` (n,) rad."""
     return np.moveaxis(rotation(angles), -1, 0)
-
-
-def _columns(table: Table, names: tuple[str, ...] | list[str]) -> np.ndarray:
-    return np.stack([table[name] for name in names], axis=1)
 
 
 LEAST_OFFSET, FAR = 0.001, 2.0
@@ -159,43 +253,35 @@ def track_doubts(
 
     `track` is that of the file, `truth` (K, 3) the true poses in the world, NaN where unknown.
     """
-    table, rows = _of_scans(scans, tracker)
-    given = rows >= 0
-    doubts = []
-    if not given.all():
-        missing = f"{np.sum(~given)} of {len(rows)} scans have no row"
-        doubts.append(f"{missing}: each keeps the previous estimate")
+    table, doubts = rows_of_scans(scans, tracker), []
+    missing = len(scans) - len(table)
+    if missing:
+        of_all = f"{missing} of {len(scans)} scans have no row"
+        doubts.append(f"{of_all}: each keeps the previous estimate")
     if "t" in table:
-        offset = float(np.median(table["t"][rows[given]] - scans.times[given]))
+        offset = float(np.median(table["t"] - scans.times[table.index]))
         if abs(offset) > LEAST_OFFSET:
             doubts.append(f"its times differ by {offset:+.3f} s (median) from those of the scans")
-    if SIZE[0] in table and np.median(table["length"]) < np.median(table["width"]):
+    if SIZE[0] in table and table["length"].median() < table["width"].median():
         doubts.append("length and width are probably exchanged")
-    if np.abs(table["heading"]).max() > 4.0 * np.pi:
+    if table["heading"].abs().max() > 4.0 * np.pi:
         doubts.append("the headings are probably in degrees: must be in radians")
-    known = given & np.isfinite(truth).all(axis=1)
-    if known.any():
-        distances = {}
-        for name, columns in (
-            ("as they are", table),
-            ("exchanged", table | {"x": table["y"], "y": table["x"]}),
-        ):
+    table = table[np.isfinite(truth[table.index]).all(axis=1)]
+    if len(table):
+        true, distances = truth[table.index], {}
+        exchanged = table.rename(columns={"x": "y", "y": "x"})
+        for name, rows in (("as they are", table), ("exchanged", exchanged)):
             for frame in FRAMES:
-                sensors = scans.sensor_poses_world[known]
-                means, _ = _states(columns, rows[known], sensors, frame)
-                away = means[:, :2] - truth[known, :2]
+                away = _states(rows, scans, frame)[0][:, :2] - true[:, :2]
                 distances[name, frame] = float(np.median(np.hypot(*away.T)))
-        far, (name, frame) = (
-            distances["as they are", tracker.frame],
-            min(distances, key=distances.get),
-        )
-        near = distances[name, frame]
-        if far > max(FAR, 4.0 * near):
+        far, best = distances["as they are", tracker.frame], min(distances, key=distances.get)
+        if far > max(FAR, 4.0 * distances[best]):
+            name, frame = best
             doubts.append(
                 f"with x and y (of KITTI: x and z) {name} and tracker.frame={frame} the median "
-                f"distance to the truth would be {near:.2g} m instead of {far:.2g} m"
+                f"distance to the truth would be {distances[best]:.2g} m instead of {far:.2g} m"
             )
-        turned = wrap_angle(track.means[known, 2] - truth[known, 2])
+        turned = wrap_angle(track.means[table.index, 2] - true[:, 2])
         angle = 90 * round(np.degrees(np.median(np.abs(turned))) / 90)
         if angle:
             doubts.append(f"the headings are probably off by {angle}°")

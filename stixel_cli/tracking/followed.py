@@ -12,8 +12,8 @@ import numpy as np
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD, ego_from_world, rotate_covariances, rotation
 from stixel_cli.measurements.clusters import GAP, cluster
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.tracking.centre import predict, update
-from stixel_cli.tracking.motion import intervals, transition
+from stixel_cli.tracking.kalman import mixture, update
+from stixel_cli.tracking.motion import intervals, predict_place, transition
 from stixel_cli.tracking.track import InitialState
 
 RAYS_APART, WIDEST = 2.0, 3.0
@@ -35,9 +35,6 @@ PAIR = 1e3
 PLACE = 0.3
 """Standard deviation of a cluster's centroid from scan to scan, m: another part is seen."""
 
-SPEED = 10.0
-"""Standard deviation of a new track's velocity along each axis, m/s."""
-
 ACCELERATION = 3.0
 """Process noise, m/s^1.5."""
 
@@ -57,13 +54,25 @@ UNKNOWN_HEADING, UNKNOWN_SPEED = 1.5, 10.0
 """Standard deviations of what the scans do not show: rad and m/s."""
 
 
+SLOWEST, OF_SENSOR = 0.3, 0.05
+"""A road user is faster than this, m/s, plus this share of the sensor's speed: the error of the
+sensor's motion moves all that stands still."""
+
+LEAST_SCANS = 6
+"""A road user that moves is in so many scans, or more."""
+
+
+def least_speed(of_sensor: float) -> float:
+    """The speed, m/s, of the slowest road user that moves, given that of the sensor."""
+    return SLOWEST + OF_SENSOR * of_sensor
+
+
 @dataclass
 class OpenTrack:
     """A cluster over time, while it is followed.
 
     Attributes:
-        scans: those that have the cluster, ascending.
-        rows: for each of them the rows (n_k,) of the scans' arrays.
+        rows: of each scan that has the cluster, ascending, the rows (n_k,) of the scans' arrays.
         mean, covariance: (4,), (4, 4) of place and velocity, m and m/s, at the last scan.
         missed: scans in a row without the cluster.
         begun: whether it has passed M of N.
@@ -71,8 +80,7 @@ class OpenTrack:
         number: of the road user, where tracks are numbered.
     """
 
-    scans: list[int]
-    rows: list[np.ndarray]
+    rows: dict[int, np.ndarray]
     mean: np.ndarray
     covariance: np.ndarray
     missed: int = 0
@@ -82,15 +90,14 @@ class OpenTrack:
 
     def within(self, scans: Scans, first: int, duration: float) -> "OpenTrack":
         """The track in scan `first` and those of the next `duration` s."""
-        start, until = self.scans.index(first), scans.times[first] + duration + 1e-9
-        count = int(np.sum(scans.times[self.scans[start:]] <= until))
-        chosen = slice(start, start + count)
-        return replace(self, scans=self.scans[chosen], rows=self.rows[chosen])
+        until = scans.times[first] + duration + 1e-9
+        inside = [k for k in self.rows if k >= first and scans.times[k] <= until]
+        return replace(self, rows={k: self.rows[k] for k in inside})
 
     def velocity(self, scans: Scans) -> tuple[np.ndarray, float]:
         """The velocity (2,) m/s of the middles of its points, and its error, see `line`."""
-        places = np.array([scans.points_world[rows].mean(axis=0) for rows in self.rows])
-        return line(scans.times[self.scans], places)[1:]
+        places = [scans.points_world[rows].mean(axis=0) for rows in self.rows.values()]
+        return line(scans.times[[*self.rows]], np.array(places))[1:]
 
 
 def clusters_of(scans: Scans, k: int, longest: float, apart: float = 0.0) -> list[np.ndarray]:
@@ -138,27 +145,27 @@ def follow_scan(
     ]
     alive = [one for one in tracks if not one.ended]
     for one in alive:
-        one.mean, one.covariance = predict(one.mean, one.covariance, interval, ACCELERATION)
+        one.mean, one.covariance = predict_place(one.mean, one.covariance, interval, ACCELERATION)
     pairs = assign([(one.mean, one.covariance) for one in alive], places, noise)
     for i, one in enumerate(alive):
         j = pairs.get(i)
         if j is None:
-            _miss(one, k)
+            one.missed += 1
+            too_late = not one.begun and k - min(one.rows) + 1 >= WINDOW
+            one.ended = too_late or one.missed >= END
         else:
             innovation = places[j] - one.mean[:2]
             one.mean, one.covariance, _ = update(one.mean, one.covariance, innovation, noise[j])
-            one.scans.append(k)
-            one.rows.append(clusters[j])
-            recent = sum(scan > k - WINDOW for scan in one.scans)
-            one.begun |= recent >= BEGIN
+            one.rows[k] = clusters[j]
+            one.begun |= sum(scan > k - WINDOW for scan in one.rows) >= BEGIN
             one.missed = 0
     taken = set(pairs.values())
     for j, rows in enumerate(clusters):
         if j not in taken:
-            covariance = np.diag([0.0, 0.0, SPEED**2, SPEED**2])
+            covariance = np.diag([0.0, 0.0, UNKNOWN_SPEED**2, UNKNOWN_SPEED**2])
             covariance[:2, :2] = noise[j]
             mean = np.array([*places[j], 0.0, 0.0])
-            tracks.append(OpenTrack([k], [rows], mean, covariance))
+            tracks.append(OpenTrack({k: rows}, mean, covariance))
 
 
 def assign(
@@ -190,13 +197,6 @@ def assign(
     return {int(i): int(j) for i, j in found if costs[i, j] < 0.0}
 
 
-def _miss(one: OpenTrack, k: int) -> None:
-    """Count a scan without the cluster; the track ends if it has not begun and cannot any more."""
-    one.missed += 1
-    late = not one.begun and k - one.scans[0] + 1 >= WINDOW
-    one.ended = late or one.missed >= END
-
-
 def state_of(
     scans: Scans, one: OpenTrack, sizes: np.ndarray, std: tuple[float, ...], motion: str
 ) -> InitialState:
@@ -217,21 +217,17 @@ def state_of(
             the first scan of the cluster, which alone gives the place.
     """
     states = [_state_of(scans, one, size, std, motion) for size in sizes]
-    if len(states) == 1:
-        return states[0]
-    means = np.array([state.mean for state in states])
-    mean = means.mean(axis=0)
-    spread = (means - mean).T @ (means - mean) / len(means)
-    return InitialState(mean, np.mean([state.covariance for state in states], axis=0) + spread)
+    means, covariances = (np.stack(part) for part in zip(*states, strict=True))
+    return InitialState(*mixture(np.full(len(sizes), 1.0 / len(sizes)), means, covariances))
 
 
 def _state_of(
     scans: Scans, one: OpenTrack, size: np.ndarray, std: tuple[float, ...], motion: str
-) -> InitialState:
-    """The state with one `size` (2,) m."""
+) -> tuple[np.ndarray, np.ndarray]:
+    """Mean (6,) and covariance (6, 6) with one `size` (2,) m."""
     of_sensor, sensors, stds = motion == "sensor", scans.sensor_poses_world, np.array(std)
-    ks = one.scans[:1] if of_sensor else one.scans
-    points = [scans.points_world[rows] for rows in one.rows[: len(ks)]]
+    ks = [*one.rows][: 1 if of_sensor else None]
+    points = [scans.points_world[one.rows[k]] for k in ks]
     times, near = scans.times[ks], slice(max(ks[0] - 1, 0), ks[0] + 2)
     if of_sensor:
         heading, velocity = sensors[ks[0], 2], line(scans.times[near], sensors[near, :2])[1]
@@ -248,8 +244,7 @@ def _state_of(
         velocity = of_centres
         stds[3:5] = min(float(np.hypot(stds[3], error)), max(stds[3], UNKNOWN_SPEED))
     back = transition(scans.times[0] - intervals(scans.times)[0] - times.mean())
-    mean = back @ np.array([*centre, heading, *velocity, 0.0])
-    return InitialState(mean=mean, covariance=back @ np.diag(stds**2) @ back.T)
+    return back @ [*centre, heading, *velocity, 0.0], back @ np.diag(stds**2) @ back.T
 
 
 def line(times: np.ndarray, places: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:

@@ -17,7 +17,7 @@ from stixel_cli.parameters import parameters
 from stixel_cli.tracking import motion
 from stixel_cli.tracking.association import associate, contour_moments
 from stixel_cli.tracking.gp_ekf_update import SEEN, fill_pose_columns, linearise, update
-from stixel_cli.tracking.kernel import ContourProcess, contour_process
+from stixel_cli.tracking.kernel import ContourProcess
 from stixel_cli.tracking.loop import Filtered, Scan
 from stixel_cli.tracking.prior import PriorShape, mean_radius, prior_radii
 from stixel_cli.tracking.smoothing import Step, smooth
@@ -89,7 +89,7 @@ def track(
     """
     from scipy.linalg import block_diag
 
-    process = contour_process(
+    process = ContourProcess(
         tracker.basis_points,
         tracker.length_scale,
         tracker.sigma_f,

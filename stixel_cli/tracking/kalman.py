@@ -1,6 +1,12 @@
-"""A Kalman update with independent errors, in information form: no covariance is inverted."""
+"""Kalman updates: of a measured place, and of many scalars with independent errors.
+
+The latter is in information form, so no covariance is inverted.
+"""
 
 import numpy as np
+
+PLACE = np.eye(2, 4)
+"""The place as a function of the four states of place and velocity."""
 
 
 def condition(
@@ -32,3 +38,36 @@ def correct(
         posterior = np.linalg.pinv(scale) @ covariance
     posterior = 0.5 * (posterior + posterior.T)
     return posterior @ (weighted @ innovation), posterior, scale
+
+
+def update(
+    mean: np.ndarray,
+    covariance: np.ndarray,
+    innovation: np.ndarray,
+    noise: np.ndarray,
+    matrix: np.ndarray = PLACE,
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Mean (4,), covariance (4, 4) and NIS with an `innovation` (2,) m of covariance `noise` m².
+
+    `matrix` (2, 4) is the measurement's derivative by the state of place and velocity. The
+    covariance is updated in Joseph's form, which keeps it positive.
+    """
+    innovation_covariance = matrix @ covariance @ matrix.T + noise
+    gain = np.linalg.solve(innovation_covariance, matrix @ covariance).T
+    keep = np.eye(4) - gain @ matrix
+    updated = keep @ covariance @ keep.T + gain @ noise @ gain.T
+    nis = float(innovation @ np.linalg.solve(innovation_covariance, innovation))
+    return mean + gain @ innovation, 0.5 * (updated + updated.T), nis
+
+
+def mixture(
+    shares: np.ndarray, means: np.ndarray, covariances: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Mean (d,) and covariance (d, d) of n Gaussians with `shares` (n,), whose sum is 1.
+
+    Their `means` are (n, d), their `covariances` (n, d, d).
+    """
+    mean = shares @ means
+    away = means - mean
+    whole = np.einsum("j,jab->ab", shares, covariances + away[:, :, None] * away[:, None, :])
+    return mean, 0.5 * (whole + whole.T)

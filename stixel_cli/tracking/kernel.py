@@ -9,6 +9,7 @@ Gaussian process*.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -29,28 +30,53 @@ def kernel(
 class ContourProcess:
     """The process, and what regression from its basis points needs at every scan.
 
-    Build it with `contour_process`.
-
     Attributes:
-        basis_angles: (N,) u^f in rad, even in [0, 2 pi).
-        basis_directions: (N, 2) unit vectors (cos u^f, sin u^f).
-        covariance: (N, N) K = k(u^f, u^f) in m², without jitter.
-        inverse: (N, N) (K + jitter I)⁻¹.
+        basis_points: N, at even angles.
         length_scale, sigma_f, sigma_r: of the kernel; rad, m, m.
+        jitter: m², goes only into the inverse of K.
         mean_radius: the process's mean function, a constant, m; thesis, 5.4. The regression is that
             of the radii's differences from it.
     """
 
-    basis_angles: np.ndarray
-    basis_directions: np.ndarray
-    covariance: np.ndarray
-    inverse: np.ndarray
+    basis_points: int
     length_scale: float
     sigma_f: float
     sigma_r: float
-    mean_radius: float
-    _weights: np.ndarray
-    _offset: np.ndarray
+    jitter: float
+    mean_radius: float = 0.0
+
+    @cached_property
+    def basis_angles(self) -> np.ndarray:
+        """u^f (N,) rad, even in [0, 2 pi)."""
+        return 2.0 * np.pi * np.arange(self.basis_points) / self.basis_points
+
+    @cached_property
+    def basis_directions(self) -> np.ndarray:
+        """Unit vectors (cos u^f, sin u^f), (N, 2)."""
+        return np.stack([np.cos(self.basis_angles), np.sin(self.basis_angles)], axis=-1)
+
+    @cached_property
+    def covariance(self) -> np.ndarray:
+        """K = k(u^f, u^f), (N, N) m², without jitter."""
+        angles = self.basis_angles
+        return kernel(angles, angles, self.length_scale, self.sigma_f, self.sigma_r)
+
+    @cached_property
+    def inverse(self) -> np.ndarray:
+        """(K + jitter I)⁻¹, (N, N).
+
+        Raises:
+            numpy.linalg.LinAlgError: if the jitter is too small for K to be inverted.
+        """
+        from scipy.linalg import cho_factor, cho_solve
+
+        identity = np.eye(self.basis_points)
+        inverse = cho_solve(cho_factor(self.covariance + self.jitter * identity), identity)
+        return 0.5 * (inverse + inverse.T)
+
+    @cached_property
+    def _weights(self) -> tuple[np.ndarray, np.ndarray]:
+        return self.sigma_f**2 * self.inverse, self.sigma_r**2 * self.inverse.sum(axis=0)
 
     def correlations(self, directions: np.ndarray) -> np.ndarray:
         """exp(-2 sin²((u - u^f_i) / 2) / l²), shape (n, N).
@@ -70,8 +96,9 @@ class ContourProcess:
         H^f = k(u, u^f) K⁻¹ and R^f = k(u, u) - k(u, u^f) K⁻¹ k(u^f, u), from the `correlations`
         (n, N) of the directions. `out` (n, N) takes H^f.
         """
-        matrix = np.matmul(correlations, self._weights, out=out)
-        matrix += self._offset
+        weights, offset = self._weights
+        matrix = np.matmul(correlations, weights, out=out)
+        matrix += offset
         explained = self.sigma_f**2 * np.einsum("ij,ij->i", correlations, matrix)
         explained += self.sigma_r**2 * (matrix @ np.ones(matrix.shape[1]))
         # Only rounding makes it negative, at a basis angle.
@@ -98,37 +125,3 @@ class ContourProcess:
         """H^f (n, N) and R^f (n,) in m² at `angles` (n,) rad."""
         directions = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
         return self.regression(self.correlations(directions))
-
-
-def contour_process(
-    basis_points: int,
-    length_scale: float,
-    sigma_f: float,
-    sigma_r: float,
-    jitter: float,
-    mean_radius: float = 0.0,
-) -> ContourProcess:
-    """The process on `basis_points` even angles; `jitter` (m²) goes only into the inverse of K.
-
-    Raises:
-        numpy.linalg.LinAlgError: if the jitter is too small for K to be inverted.
-    """
-    from scipy.linalg import cho_factor, cho_solve
-
-    angles = 2.0 * np.pi * np.arange(basis_points) / basis_points
-    covariance = kernel(angles, angles, length_scale, sigma_f, sigma_r)
-    identity = np.eye(basis_points)
-    inverse = cho_solve(cho_factor(covariance + jitter * identity), identity)
-    inverse = 0.5 * (inverse + inverse.T)
-    return ContourProcess(
-        basis_angles=angles,
-        basis_directions=np.stack([np.cos(angles), np.sin(angles)], axis=-1),
-        covariance=covariance,
-        inverse=inverse,
-        length_scale=length_scale,
-        sigma_f=sigma_f,
-        sigma_r=sigma_r,
-        mean_radius=mean_radius,
-        _weights=sigma_f**2 * inverse,
-        _offset=sigma_r**2 * inverse.sum(axis=0),
-    )

@@ -1,12 +1,22 @@
 """Constant velocity and turn rate for the pose, forgetting for the radii; thesis (62), (72).
 
-State order: x, y, heading, their three rates, then the N radii. Units m, rad, s.
+State order: x, y, heading, their three rates, then the N radii. Units m, rad, s. A target without a
+heading of its own has the four states `MOVING`, moved by a white acceleration: Bar-Shalom, Li &
+Kirubarajan 2001, chapter 5 and (6.2.2).
 """
 
 import numpy as np
 
+from stixel_cli.geometry.pose import wrap_angle
+
 POSE, RATES = np.arange(3), np.arange(3, 6)
 """Indices of the pose and its rates in the state."""
+
+MOVING = np.array([0, 1, 3, 4])
+"""Indices of x, y and their rates in a track's first six states."""
+
+GREATEST_VARIANCE = np.pi**2 / 3.0
+"""Variance of an angle that is quite unknown, rad²: even over a full turn."""
 
 
 def intervals(times: np.ndarray) -> np.ndarray:
@@ -65,14 +75,14 @@ def predict(
     interval: float,
     noise: np.ndarray,
     forgetting_rate: float,
-    radii_covariance: np.ndarray,
+    radii_covariance: np.ndarray | None = None,
     mean_radius: float = 0.0,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Mean (6 + N,) and covariance (6 + N, 6 + N) one `interval` in s later; thesis (71), (75).
 
     F^f = e^(-alpha T) I and Q^f = (1 - e^(-2 alpha T)) K, with `forgetting_rate` alpha in 1/s and
-    `radii_covariance` K (N, N) in m². The radii return to `mean_radius`, m. `noise` is Q̄. F is
-    never formed: it scales blocks.
+    `radii_covariance` K (N, N) in m², which nothing needs where alpha is 0. The radii return to
+    `mean_radius`, m. `noise` is Q̄. F is never formed: it scales blocks.
     """
     decay = np.exp(-forgetting_rate * interval)
     pose = transition(interval)
@@ -87,3 +97,63 @@ def predict(
     if forgetting_rate > 0.0:
         predicted[6:, 6:] += -np.expm1(-2.0 * forgetting_rate * interval) * radii_covariance
     return predicted_mean, predicted
+
+
+def predict_place(
+    mean: np.ndarray, covariance: np.ndarray, interval: float, sigma_q: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Mean (4,) and covariance (4, 4) one `interval` in s on: thesis (62) without the heading."""
+    chosen = np.ix_(MOVING, MOVING)
+    matrix = transition(interval)[chosen]
+    noise = process_noise(interval, sigma_q, 0.0)[chosen]
+    return matrix @ mean, matrix @ covariance @ matrix.T + noise
+
+
+def six_states(
+    mean: np.ndarray,
+    covariance: np.ndarray,
+    heading: tuple[float, float],
+    interval: float,
+    sigma_q: float,
+    least_speed: float,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Mean (6,) and covariance (6, 6) of x, y, heading and their rates, as a track has them.
+
+    The heading is the velocity's direction; below `least_speed`, m/s, it is kept, with its
+    variance. Motion is straight, so the rate of the heading is 0, see `turn_rate_variance` for one
+    `interval`, s. The covariance of the six is linearised at the mean.
+
+    `heading` is that of the scan before, rad, and its variance, rad². The heading is unwound: no
+    jump of a full turn is between two scans. No variance of an angle exceeds that of one which is
+    unknown.
+    """
+    velocity = mean[2:]
+    speed = float(np.hypot(*velocity))
+    # Rows of x, y, heading and their rates as functions of the four.
+    matrix = np.zeros((6, 4))
+    matrix[MOVING, np.arange(4)] = 1.0
+    kept_variance = 0.0
+    if speed >= least_speed:
+        turned = wrap_angle(np.arctan2(velocity[1], velocity[0]) - heading[0])
+        angle = heading[0] + float(turned)
+        slope = np.array([-velocity[1], velocity[0]]) / speed**2
+        variance = float(slope @ covariance[2:, 2:] @ slope)
+        matrix[2, 2:] = slope / np.sqrt(max(1.0, variance / GREATEST_VARIANCE))
+    else:
+        angle, kept_variance = heading
+    states = np.zeros(6)
+    states[MOVING], states[2] = mean, angle
+    spread = matrix @ covariance @ matrix.T
+    spread[2, 2] += kept_variance
+    spread[5, 5] = turn_rate_variance(speed, interval, sigma_q, least_speed)
+    return states, spread
+
+
+def turn_rate_variance(speed: float, interval: float, sigma_q: float, least_speed: float) -> float:
+    """Variance, rad²/s², of a velocity's mean turn rate over an `interval` in s.
+
+    sigma_q² / (T v²), by a white acceleration across the motion, with a `speed` v, m/s, of at least
+    `least_speed`. It is at most `GREATEST_VARIANCE`.
+    """
+    turning = interval * max(speed, least_speed) ** 2
+    return min(sigma_q**2 / turning, GREATEST_VARIANCE) if turning > 0.0 else GREATEST_VARIANCE

@@ -9,7 +9,7 @@ from stixel_cli.geometry.pose import wrap_angle
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.parameters import parameters
 from stixel_cli.tracking.contour.class_size import SIZES, possible_sizes
-from stixel_cli.tracking.followed import LARGEST, SLACK, OpenTrack, follow, state_of
+from stixel_cli.tracking.followed import LARGEST, SLACK, SLOWEST, OpenTrack, follow, state_of
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.track import InitialState
 
@@ -64,10 +64,8 @@ class ScansStart:
                 )
 
 
-SLOWEST = 0.3
-"""A cluster moves if it is faster, m/s, and by `CERTAIN` standard errors of its speed."""
-
 CERTAIN = 6.0
+"""A cluster moves if it is faster than `SLOWEST`, and by so many standard errors of its speed."""
 
 LEAST_SCANS = 3
 """Scans of a cluster from which a motion can be seen."""
@@ -101,10 +99,10 @@ def _target(scans: Scans, start: ScansStart, sizes: np.ndarray) -> OpenTrack:
     longest = LARGEST * float(np.hypot(*sizes.T).max()) + 2.0 * SLACK
     tracks = follow(scans, longest, _angle_of_rays(scans))
     # A cluster that is alone in its scans may move with any doubt: nothing else can be the target.
-    alone = sum(len(one.scans) for one in tracks) == len({k for one in tracks for k in one.scans})
+    alone = sum(len(one.rows) for one in tracks) == len({k for one in tracks for k in one.rows})
     chosen = start.bearing is not None or start.range is not None
     for k in range(len(scans)):
-        here = [one.within(scans, k, start.duration) for one in tracks if k in one.scans]
+        here = [one.within(scans, k, start.duration) for one in tracks if k in one.rows]
         values = [
             _from_middle(scans, one, start) if chosen else _doubt(scans, one, alone) for one in here
         ]
@@ -134,26 +132,24 @@ def _angle_of_rays(scans: Scans) -> float:
 
 def _from_middle(scans: Scans, one: OpenTrack, start: ScansStart) -> float | None:
     """Distance of the first cluster, m, from the middle of the bounds; None outside of them."""
-    sensor_pose_world = scans.sensor_poses_world[one.scans[0]]
-    offset = scans.points_world[one.rows[0]].mean(axis=0) - sensor_pose_world[:2]
-    distance = float(np.hypot(*offset))
-    bearing = np.degrees(wrap_angle(np.arctan2(offset[1], offset[0]) - sensor_pose_world[2]))
-    for value, bounds in ((bearing, start.bearing), (distance, start.range)):
-        if bounds is not None and not bounds[0] <= value <= bounds[1]:
+    k, rows = next(iter(one.rows.items()))
+    pose, bounds = scans.sensor_poses_world[k], (start.bearing, start.range)
+    offset = scans.points_world[rows].mean(axis=0) - pose[:2]
+    bearing = float(np.degrees(wrap_angle(np.arctan2(offset[1], offset[0]) - pose[2])))
+    place = bearing, float(np.hypot(*offset))
+    for value, limits in zip(place, bounds, strict=True):
+        if limits is not None and not limits[0] <= value <= limits[1]:
             return None
-    middle_bearing = bearing if start.bearing is None else 0.5 * sum(start.bearing)
-    middle_range = distance if start.range is None else 0.5 * sum(start.range)
-    return float(
-        np.abs(
-            distance * np.exp(1j * np.radians(bearing))
-            - middle_range * np.exp(1j * np.radians(middle_bearing))
-        )
-    )
+    middle = [
+        0.5 * sum(limits or (value, value)) for value, limits in zip(place, bounds, strict=True)
+    ]
+    here, there = (distance * np.exp(1j * np.radians(angle)) for angle, distance in (place, middle))
+    return float(np.abs(here - there))
 
 
 def _doubt(scans: Scans, one: OpenTrack, alone: bool) -> float | None:
     """The standard error of a cluster's speed as a share of it; None if it may stand still."""
-    if len(one.scans) < LEAST_SCANS:
+    if len(one.rows) < LEAST_SCANS:
         return None
     velocity, error = one.velocity(scans)
     speed = float(np.hypot(*velocity))

@@ -10,6 +10,10 @@ if TYPE_CHECKING:
     import pandas
 
 
+STATE = ("x", "y", "heading", "x_rate", "y_rate", "heading_rate")
+"""Columns of a target's motion in tables: m, rad, and their rates, m/s, rad/s."""
+
+
 @dataclass(frozen=True)
 class InitialState:
     """Initialisation of a tracker: the true pose and rates with noise.
@@ -97,11 +101,8 @@ class Track:
         """
         import pandas
 
-        table = pandas.DataFrame({"k": np.arange(len(self.times)), "t": self.times})
-        names = ["x", "y", "heading", "x_rate", "y_rate", "heading_rate"]
-        table[names] = np.concatenate([self.poses, self.means[:, 3:6]], axis=1)
-        variances = np.diagonal(self.covariances, axis1=1, axis2=2)[:, :6]
-        table[[f"std_{name}" for name in names]] = np.sqrt(np.maximum(variances, 0.0))
+        columns = {"k": np.arange(len(self.times)), "t": self.times}
+        table = pandas.DataFrame(columns | state_columns(self.means, self.covariances))
         table[["length", "width"]] = self.boxes
         table["points_used"] = np.diff(self.used_offsets)
         table["normalised_nis"] = self.normalised_nis
@@ -142,6 +143,44 @@ class Track:
             nis,
             degrees,
         )
+
+
+@dataclass(frozen=True)
+class FoundTrack:
+    """A cluster of points that moves like a road user.
+
+    Attributes:
+        rows: of each scan that has the cluster, ascending, the rows (n_k,) of the scans' arrays; no
+            other track has them.
+        confirmed: the scan up to which it was followed until it was clear that it moves.
+        initial: the state one sample before the first of these scans.
+    """
+
+    rows: dict[int, np.ndarray]
+    confirmed: int
+    initial: InitialState
+
+
+@dataclass(frozen=True)
+class ObjectTrack:
+    """The track of one road user.
+
+    Attributes:
+        first: the first of its scans.
+        confirmed: as in `FoundTrack`.
+        track: from the first scan to its last. `used_points` are rows of all scans' arrays.
+    """
+
+    first: int
+    confirmed: int
+    track: Track
+
+
+def state_columns(means: np.ndarray, covariances: np.ndarray) -> dict[str, np.ndarray]:
+    """The `STATE` and its std_… as columns, from means (K, 6 or more) and their covariances."""
+    std = np.sqrt(np.maximum(np.diagonal(covariances, axis1=1, axis2=2), 0.0))
+    columns = {name: means[:, i] for i, name in enumerate(STATE)}
+    return columns | {f"std_{name}": std[:, i] for i, name in enumerate(STATE)}
 
 
 def used_rows(used: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:

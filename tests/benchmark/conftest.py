@@ -1,5 +1,7 @@
 """A benchmark of a few fabricated scans: its definitions are a file, so others can be given."""
 
+import shutil
+from contextlib import contextmanager
 from itertools import count
 from types import SimpleNamespace
 
@@ -35,21 +37,40 @@ def _no_tracker_is_late(monkeypatch):
     monkeypatch.setattr("stixel_cli.benchmark.run.time", clock)
 
 
-@pytest.fixture
-def small_bench(tmp_path, monkeypatch):
-    """The working directory, with small definitions in place of version 1.0."""
-    folder = tmp_path / "definitions"
-    folder.mkdir()
-    (folder / "sequences.yaml").write_text(yaml.safe_dump(DEFINITIONS), encoding="utf-8")
-    monkeypatch.setattr(sequences, "bench_folder", lambda: folder)
-    sequences.definitions.cache_clear()
-    monkeypatch.chdir(tmp_path)
-    yield tmp_path
+@contextmanager
+def small_definitions(place):
+    """The working directory `place`, with small definitions in place of version 1.0."""
+    folder = place / "definitions"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sequences, "bench_folder", lambda: folder)
+        patch.chdir(place)
+        sequences.definitions.cache_clear()
+        yield
     sequences.definitions.cache_clear()
 
 
+@pytest.fixture(scope="session")
+def computed(tmp_path_factory):
+    """Small definitions, their mini set `data`, and a pack of gp_ekf; each test has a copy."""
+    place = tmp_path_factory.mktemp("bench")
+    (place / "definitions").mkdir()
+    text = yaml.safe_dump(DEFINITIONS)
+    (place / "definitions" / "sequences.yaml").write_text(text, encoding="utf-8")
+    with small_definitions(place):
+        assert main(["bench", "render", "--mini", "--data", "data"]) == 0
+        assert main(["bench", "run", "gp_ekf", "--data", "data"]) == 0
+    return place
+
+
 @pytest.fixture
-def rendered(small_bench):
-    """The folder of its mini set."""
-    assert main(["bench", "render", "--mini", "--data", "data"]) == 0
-    return small_bench / "data"
+def packed(computed, tmp_path):
+    """The working directory with the mini set, a pack of gp_ekf, `gp_ekf.zip`, and its folder."""
+    shutil.copytree(computed, tmp_path, dirs_exist_ok=True)
+    with small_definitions(tmp_path):
+        yield tmp_path
+
+
+@pytest.fixture
+def rendered(packed):
+    """The folder of the mini set."""
+    return packed / "data"

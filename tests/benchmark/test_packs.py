@@ -23,13 +23,6 @@ SCHEMA = Path(__file__).parents[2] / "pipelines" / "bench" / "pack.schema.json"
 
 
 @pytest.fixture
-def packed(rendered, capsys):
-    """The working directory with a pack of gp_ekf, `gp_ekf.zip`, and its folder."""
-    assert main(["bench", "run", "gp_ekf", "--data", "data"]) == 0, capsys.readouterr().err
-    return rendered.parent
-
-
-@pytest.fixture
 def refused(capsys):
     """Runs a command that must be refused in one line, and returns that line."""
 
@@ -275,7 +268,7 @@ def test_an_edited_row_is_refused(packed):
 
 
 def test_a_pack_draws_fresh_seeds_and_only_they_make_its_row_fresh(packed, refused, monkeypatch):
-    monkeypatch.setattr(sequences, "FRESH_SEEDS", 2)
+    monkeypatch.setattr(sequences, "FRESH_SEEDS", 1)
     assert "its seeds are not those" in refused("score", "gp_ekf.zip", "--fresh-of", "gp_ekf.zip")
     assert main(["bench", "score", "gp_ekf.zip", "--data", "data", "--rows", "rows"]) == 0
     assert main(["bench", "render", "--fresh", "gp_ekf.zip", "--data", "fresh"]) == 0

@@ -1,13 +1,15 @@
 import io
+import shutil
 
 import numpy as np
 import pandas as pd
 import pytest
 
+from stixel_cli.benchmark import sequences
 from stixel_cli.benchmark.data import sha256
 from stixel_cli.benchmark.page import bench_pages, kind_of
 from stixel_cli.benchmark.score import METRIC_VERSION, write_row
-from stixel_cli.benchmark.sequences import named, whole_set
+from stixel_cli.benchmark.sequences import bench_folder, named, whole_set
 from stixel_cli.cli.app import main
 
 NAMES = [one.name for one in whole_set(mini=True)]
@@ -94,14 +96,22 @@ def test_a_row_that_names_a_file_elsewhere_is_refused(key, place, tmp_path, monk
     folder = tmp_path / "work"
     write_row(edited, folder / "rows")
     monkeypatch.chdir(folder)
+    sequences.definitions()
+    monkeypatch.setattr(sequences, "bench_folder", lambda: folder)
     assert main(["bench", "page", "--rows", "rows", "--output", "site"]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert key in line or "not the name of a sequence" in line
     assert not (folder / "site").exists() and not list(tmp_path.rglob("evil*"))
 
 
-def test_bench_page_reads_the_rows_of_a_folder(tmp_path, monkeypatch):
+def test_bench_page_reads_the_rows_of_a_folder_and_those_that_are_shipped(tmp_path, monkeypatch):
+    shipped = bench_folder()
+    (tmp_path / "shipped").mkdir()
+    shutil.copy(shipped / "sequences.yaml", tmp_path / "shipped")
+    write_row(rows()[0], tmp_path / "shipped" / "rows")
+    write_row(rows()[1], tmp_path / "rows")
     monkeypatch.chdir(tmp_path)
-    write_row(rows()[0], tmp_path / "rows")
+    monkeypatch.setattr(sequences, "bench_folder", lambda: tmp_path / "shipped")
     assert main(["bench", "page", "--rows", "rows", "--output", "site"]) == 0
-    assert "gp_ekf" in (tmp_path / "site" / f"{'a' * 12}.html").read_text(encoding="utf-8")
+    page = (tmp_path / "site" / f"{'a' * 12}.html").read_text(encoding="utf-8")
+    assert "gp_ekf" in page and "equal" in page

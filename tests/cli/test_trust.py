@@ -114,7 +114,7 @@ def study_file(folder, **entries):
         ({"module": "stixel_cli.evil.py"}, "stixel_cli.evil.py:columns"),
         ({"module": "./evil.py"}, "evil.py:columns"),
         ({"module": "evil"}, "evil:columns"),
-        ({"module": "stixel_cli.engine.cleanup"}, "stixel_cli.engine.cleanup:columns"),
+        ({"module": "stixel_cli.engine.entries"}, "stixel_cli.engine.entries:columns"),
     ],
 )
 def test_a_study_of_others_runs_no_code(entries, named, evil, tmp_path, capsys):

@@ -9,11 +9,7 @@ import yaml
 from stixel_cli.border import TYPED
 from stixel_cli.config import choice
 from stixel_cli.config.compose import Composer, compose, from_resolved
-from stixel_cli.config.folders import (
-    group_options,
-    option_values,
-    shipped_folder,
-)
+from stixel_cli.config.folders import group_options, option_values, shipped_folder
 from stixel_cli.config.override_checks import read_overrides
 from stixel_cli.config.texts import override_text
 from stixel_cli.errors import ConfigurationError, UserError
@@ -296,12 +292,31 @@ def test_a_key_with_the_same_first_word_is_suggested(typed, meant):
 def test_compositions_are_stored_and_damaged_ones_are_ignored(tmp_path, monkeypatch):
     monkeypatch.setenv("STIXEL_CACHE", str(tmp_path))
     choice.compose_options.cache_clear()
-    composed = compose(["rig=kitti"])
+    composed = compose()
     (stored,) = (tmp_path / choice.FOLDER).iterdir()
-    for content in (stored.read_bytes(), stored.read_bytes().replace(b"1242", b"1243"), b"\xff"):
+    for content in (stored.read_bytes(), stored.read_bytes().replace(b"640", b"641"), b"\xff"):
         stored.write_bytes(content)
         choice.compose_options.cache_clear()
-        assert compose(["rig=kitti"]) == composed
+        assert compose() == composed
+
+
+@pytest.mark.parametrize(
+    "chosen",
+    [
+        {"tracker": "gp_ekf_thesis"},
+        {"measurement": "fabricated", "measurement/noise": "constant"},
+        {"prior": "unknown"},
+        {"source": "pair"},
+    ],
+    ids=str,
+)
+def test_the_file_of_a_group_alone_gives_what_all_groups_together_give(chosen):
+    alone = choice.compose_options(tuple(chosen.items()), "as if the files had changed")
+    together = choice._by_hydra("config", [f"{group}={one}" for group, one in chosen.items()])
+    assert alone == together and [*alone.options] == [*together.options]
+    assert {
+        name: [*values] for name, values in alone.plain.items() if isinstance(values, dict)
+    } == {name: [*values] for name, values in together.plain.items() if isinstance(values, dict)}
 
 
 def test_a_stored_composition_needs_no_hydra(tmp_path, monkeypatch):

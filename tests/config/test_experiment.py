@@ -187,11 +187,16 @@ EXPERIMENTS = [option for option in group_options()[EXPERIMENT] if option != "no
 
 
 def others_of(experiment):
-    """Group and option, for all options of each group in which the experiment sets anything."""
+    """Group and option, of each kind in the groups in which the experiment sets anything."""
     groups = {name.partition(".")[0] for name in set_by_experiment(experiment)}
-    options = [(g, o) for g in group_options() if g in groups for o in group_options()[g]]
-    # It needs a file.
-    return [one for one in options if one != ("tracker", "file")]
+    for group in group_options():
+        of_kind = {}
+        for option in group_options()[group] if group in groups else ():
+            kind = option_values(group, option).get("kind", "")
+            # It needs a file.
+            if (group, kind) != ("tracker", "file"):
+                of_kind.setdefault(kind, option)
+        yield from ((group, option) for option in of_kind.values())
 
 
 @pytest.mark.parametrize(
@@ -240,8 +245,9 @@ def test_values_of_the_users_own_experiment(own_conf):
 def test_a_fault_in_an_experiment_is_one_line(content, named, own_conf):
     (own_conf / "mine.yaml").write_text(f"# @package _global_\n{content}\n")
     group_options.cache_clear()
+    around = ["measurement=fabricated"] if "measurement" in content else []
     with pytest.raises(ConfigurationError, match=named) as fault:
-        compose(["experiment=mine", "measurement=fabricated"])
+        compose(["experiment=mine", *around])
     assert "\n" not in str(fault.value)
 
 

@@ -12,7 +12,7 @@ from executors import executors
 
 from stixel_cli.engine import loaded_code
 from stixel_cli.engine.execute import execute
-from stixel_cli.engine.graph import build_graph
+from stixel_cli.engine.graph import GraphBuilder
 from stixel_cli.engine.keys import Stage
 from stixel_cli.engine.progress import Progress
 from stixel_cli.engine.store import VALUE, Store
@@ -188,13 +188,7 @@ class Project:
         gain = importlib.import_module(f"{self.name}.nouns").Gain(factor, offset)
         return [
             Stage("numbers", self.function("numbers"), "once", {}, {"count": count}),
-            Stage(
-                "double",
-                self.function("double"),
-                "map",
-                {"numbers": "numbers"},
-                {"gain": gain},
-            ),
+            Stage("double", self.function("double"), "map", {"numbers": "numbers"}, {"gain": gain}),
             Stage("running", self.function("running"), "fold", {"doubled": "double"}, {}),
             Stage(
                 "gather",
@@ -216,7 +210,7 @@ class Project:
         ]
 
     def graph(self, **changes):
-        return build_graph(self.stages(**changes), FRAMES, CHUNK)
+        return GraphBuilder().build(self.stages(**changes), FRAMES, CHUNK)
 
     def run(self, graph=None, targets=("gather", "show"), executor="serial", workers=2, **options):
         """Execute, by default in this process, with the code as it is on the disk."""

@@ -8,7 +8,7 @@ import pytest
 from stixel_cli.cli.app import main
 from stixel_cli.engine import cache_folder
 from stixel_cli.engine.cache_folder import MARK, is_marked, make_folder
-from stixel_cli.engine.cleanup import collect, keep_limit
+from stixel_cli.engine.entries import collect, keep_limit
 from stixel_cli.engine.errors import CacheError, MissingEntry
 from stixel_cli.engine.parameters import CacheParameters
 from stixel_cli.engine.plan import DURATIONS, Durations
@@ -35,8 +35,7 @@ def home(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    "words",
-    [("cache", "gc"), ("cache", "clear", "--yes"), ("cache", "ls"), ("run", *SMALL)],
+    "words", [("cache", "gc"), ("cache", "clear", "--yes"), ("cache", "ls"), ("run", *SMALL)]
 )
 def test_a_folder_with_other_files_is_refused_and_left_alone(home, words, capsys, monkeypatch):
     monkeypatch.chdir(home[0].parents[2])

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from stixel_cli.engine.cache_folder import Lease, leased_keys
-from stixel_cli.engine.cleanup import collect, keep_limit
-from stixel_cli.engine.entries import entries, entry_folders
+from stixel_cli.engine.entries import collect, entries, entry_folders, keep_limit
 from stixel_cli.engine.errors import CacheError
 from stixel_cli.engine.parameters import CacheParameters, parse_age, parse_size, show_size
 from stixel_cli.engine.source_files import save_digests
@@ -236,28 +235,13 @@ def test_the_store_of_the_configuration(monkeypatch, tmp_path):
 
 
 def test_sizes_and_ages():
-    assert [parse_size(text) for text in ("1kB", "1.5 GB", "2GiB", "7", "0")] == [
-        1000,
-        1_500_000_000,
-        2 * 2**30,
-        7,
-        0,
-    ]
-    assert [parse_age(text) for text in ("90s", "10min", "12h", "30d", "2w")] == [
-        90.0,
-        600.0,
-        43200.0,
-        2_592_000.0,
-        1_209_600.0,
-    ]
+    sizes = {"1kB": 1000, "1.5 GB": 1_500_000_000, "2GiB": 2 * 2**30, "7": 7, "0": 0}
+    assert {text: parse_size(text) for text in sizes} == sizes
+    ages = {"90s": 90.0, "10min": 600.0, "12h": 43200.0, "30d": 2_592_000.0, "2w": 1_209_600.0}
+    assert {text: parse_age(text) for text in ages} == ages
     for parse in (parse_size, parse_age):
         for text in ("", "x", "-1GB", "1 m", "1e3", "nan", "10 G B", "1d2h", "١GB"):
             with pytest.raises(ValueError, match="write "):
                 parse(text)
-    assert [show_size(size) for size in (0, 999, 4200, 99_960, 4_249_000_000)] == [
-        "0 B",
-        "999 B",
-        "4.2 KB",
-        "100 KB",
-        "4.2 GB",
-    ]
+    shown = {0: "0 B", 999: "999 B", 4200: "4.2 KB", 99_960: "100 KB", 4_249_000_000: "4.2 GB"}
+    assert {size: show_size(size) for size in shown} == shown

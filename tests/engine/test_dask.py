@@ -16,7 +16,7 @@ from executors import EXECUTORS
 from stixel_cli.engine.dask_pool import DaskPool
 from stixel_cli.engine.errors import CodeChanged, ExecutorError, StageFailure, WorkerDied
 from stixel_cli.engine.execute import execute
-from stixel_cli.engine.graph import build_graph
+from stixel_cli.engine.graph import GraphBuilder
 from stixel_cli.engine.keys import Stage
 from stixel_cli.engine.limits import ENVIRONMENT
 from stixel_cli.engine.parameters import PROGRAM, DaskExecutor
@@ -97,7 +97,7 @@ def graph_of(folder):
         Stage("slow", "dask_steps.steps:slow", "map", {}, {"folder": str(folder)}, seed=3),
         Stage("total", "dask_steps.steps:total", "fold", {"slow": "slow"}, {}),
     ]
-    return build_graph(stages, FRAMES, 1)
+    return GraphBuilder().build(stages, FRAMES, 1)
 
 
 def executor_at(cluster, time_limit=300.0):
@@ -105,7 +105,7 @@ def executor_at(cluster, time_limit=300.0):
 
 
 def single(name):
-    return build_graph([Stage(name, f"dask_steps.steps:{name}", "map", {}, {})], 4, 1)
+    return GraphBuilder().build([Stage(name, f"dask_steps.steps:{name}", "map", {}, {})], 4, 1)
 
 
 def test_a_worker_is_killed_in_the_midst_and_the_bytes_are_those_of_local(
@@ -222,7 +222,12 @@ def test_a_worker_with_other_versions_is_refused(cluster, project, monkeypatch):
     monkeypatch.setattr("stixel_cli.engine.versions.installed_version", lambda name: "0.0")
     stage = Stage("hang", "dask_steps.steps:hang", "map", {}, {})
     with pytest.raises(CodeChanged, match=r"has numpy \S+, .* planned with 0\.0"):
-        execute(build_graph([stage], 1, 1), ["hang"], project.store, executor=executor_at(cluster))
+        execute(
+            GraphBuilder().build([stage], 1, 1),
+            ["hang"],
+            project.store,
+            executor=executor_at(cluster),
+        )
 
 
 def test_a_scheduler_that_is_lost(project, tmp_path):
@@ -262,7 +267,7 @@ def test_a_scheduler_that_is_lost(project, tmp_path):
     try:
         with pytest.raises(ExecutorError, match=f"the Dask scheduler at {address} was lost"):
             executor = DaskExecutor("dask", 1, None, address)
-            execute(build_graph([stage], 2, 1), ["wait"], project.store, executor=executor)
+            execute(GraphBuilder().build([stage], 2, 1), ["wait"], project.store, executor=executor)
     finally:
         killer.join()
         process.communicate(timeout=600)

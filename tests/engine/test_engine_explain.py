@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import pytest
 
-from stixel_cli.engine.cleanup import collect
+from stixel_cli.engine.entries import collect
 from stixel_cli.engine.explain import by_stage, explain
-from stixel_cli.engine.graph import build_graph
+from stixel_cli.engine.graph import GraphBuilder
 
 FRAMES, CHUNK = 10, 4
 
@@ -53,7 +53,7 @@ def test_a_setting_has_the_name_of_its_key(project, reasons):
         replace(stages[1], keys={"gain": "world.gain"}) if one is stages[1] else one
         for one in stages
     ]
-    graph = build_graph(named, FRAMES, CHUNK)
+    graph = GraphBuilder().build(named, FRAMES, CHUNK)
     assert graph.nodes.keys() == project.graph(factor=2.5).nodes.keys(), "no part of the key"
     assert reasons(graph, ["double"])["double[4:8]"] == (
         "double[4:8]: world.gain.factor changed from 2.0 to 2.5"
@@ -65,11 +65,11 @@ def test_a_setting_that_only_one_of_the_two_has(project, reasons):
     project.forget()
     (stage, *_) = project.stages()
     with_start = replace(stage, settings={"count": FRAMES, "start": 1.0})
-    graph = build_graph([with_start], FRAMES, CHUNK)
+    graph = GraphBuilder().build([with_start], FRAMES, CHUNK)
     assert reasons(graph)["numbers"].startswith("numbers: start is read now; code: ")
     project.run(graph, ["numbers"])
     forget_numbers_without_start(project)
-    graph = build_graph([replace(stage, settings={"count": 7})], FRAMES, CHUNK)
+    graph = GraphBuilder().build([replace(stage, settings={"count": 7})], FRAMES, CHUNK)
     assert reasons(graph)["numbers"] == (
         "numbers: count changed from 10 to 7; start is no longer read"
     )
@@ -88,7 +88,7 @@ def test_another_function(project, reasons):
     name = project.name
     stage = project.stages()[0]
     other = replace(stage, function=project.function("other"), settings={"rig": 3})
-    graph = build_graph([other], FRAMES, CHUNK)
+    graph = GraphBuilder().build([other], FRAMES, CHUNK)
     # What the other function reads is no change of its own.
     assert reasons(graph)["numbers"] == (
         f"numbers: its function changed from {name}.numbers:numbers to {name}.other:other"
@@ -101,9 +101,11 @@ def test_the_nearest_has_the_same_function(project):
     project.forget()
     numbers = project.stages()[0]
     twin = replace(project.stages()[1], function=project.function("twin"))
-    project.run(build_graph([numbers, twin], FRAMES, CHUNK), ["double"])
-    project.run(build_graph([numbers, project.stages(factor=9.0)[1]], 4, CHUNK), ["double"])
-    graph = build_graph([numbers, stage], FRAMES, CHUNK)
+    project.run(GraphBuilder().build([numbers, twin], FRAMES, CHUNK), ["double"])
+    project.run(
+        GraphBuilder().build([numbers, project.stages(factor=9.0)[1]], 4, CHUNK), ["double"]
+    )
+    graph = GraphBuilder().build([numbers, stage], FRAMES, CHUNK)
     found = {
         one.label: f"{one.label}: {one.text}" for one in explain(graph, project.store, ["double"])
     }
@@ -145,9 +147,9 @@ def test_a_file(project, tmp_path):
     mesh = tmp_path / "mesh"
     mesh.write_text("a")
     stage = replace(project.stages()[0], files=(mesh,))
-    project.run(build_graph([stage], FRAMES, CHUNK), ["numbers"])
+    project.run(GraphBuilder().build([stage], FRAMES, CHUNK), ["numbers"])
     mesh.write_text("b")
-    (one,) = explain(build_graph([stage], FRAMES, CHUNK), project.store)
+    (one,) = explain(GraphBuilder().build([stage], FRAMES, CHUNK), project.store)
     assert one.text == f"the content of {mesh} changed"
 
 

@@ -16,8 +16,7 @@ import pytest
 from executors import EXECUTORS
 
 from stixel_cli.engine import pools, scheduler
-from stixel_cli.engine.cleanup import collect
-from stixel_cli.engine.entries import entries
+from stixel_cli.engine.entries import collect, entries
 from stixel_cli.engine.errors import CacheError, StageFailure, WorkerDied
 from stixel_cli.engine.execute import execute
 from stixel_cli.engine.store import VALUE, Store
@@ -200,7 +199,7 @@ SCRIPT = """
     import sys
     from pathlib import Path
     from stixel_cli.engine.execute import execute
-    from stixel_cli.engine.graph import build_graph
+    from stixel_cli.engine.graph import GraphBuilder
     from stixel_cli.engine.parameters import LocalExecutor, ThreadsExecutor
     from stixel_cli.engine.progress import Progress
     from stixel_cli.engine.keys import Stage
@@ -216,8 +215,8 @@ SCRIPT = """
 
     stage = Stage("wait", "{name}.waiting:wait", "map", {{}}, {{"folder": {folder!r}}})
     try:
-        execute(build_graph([stage], 2, 1), ["wait"], Store({cache!r}), executor={executor!r},
-                progress=Planned())
+        graph = GraphBuilder().build([stage], 2, 1)
+        execute(graph, ["wait"], Store({cache!r}), executor={executor!r}, progress=Planned())
     except KeyboardInterrupt:
         print("interrupted")
     """

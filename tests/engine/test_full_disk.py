@@ -7,8 +7,7 @@ import sys
 
 import pytest
 
-from stixel_cli.engine.cleanup import collect
-from stixel_cli.engine.entries import entries
+from stixel_cli.engine.entries import collect, entries
 from stixel_cli.engine.errors import CacheError
 from stixel_cli.engine.parameters import LocalExecutor
 from stixel_cli.engine.store import VALUE, Store

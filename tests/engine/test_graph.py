@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from stixel_cli.engine.graph import build_graph
+from stixel_cli.engine.graph import GraphBuilder
 
 
 def labels(graph, name):
@@ -63,10 +63,10 @@ def test_refuses_stages_that_contradict(project, index, changes, message):
     stages = project.stages()
     stages[index] = replace(stages[index], **changes)
     with pytest.raises(ValueError, match=message):
-        build_graph(stages, 10, 4)
+        GraphBuilder().build(stages, 10, 4)
 
 
 @pytest.mark.parametrize(("frames", "chunk"), [(0, 4), (10, 0)])
 def test_refuses_nothing_to_run_over(project, frames, chunk):
     with pytest.raises(ValueError, match="no frames"):
-        build_graph(project.stages(), frames, chunk)
+        GraphBuilder().build(project.stages(), frames, chunk)

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stixel_cli.engine.graph import build_graph
+from stixel_cli.engine.graph import GraphBuilder
 from stixel_cli.engine.keys import canonical, digest
 from stixel_cli.errors import UserError
 
@@ -97,7 +97,7 @@ def test_every_part_of_a_stage_counts(project, tmp_path):
     stage = replace(project.stages()[0], files=(file,))
 
     def key(stage):
-        return build_graph([stage], FRAMES, CHUNK).of_stage(stage.name)[0].key
+        return GraphBuilder().build([stage], FRAMES, CHUNK).of_stage(stage.name)[0].key
 
     found = [
         key(stage),
@@ -119,4 +119,4 @@ def test_a_file_without_an_end_is_refused(project, tmp_path):
     for file in (tmp_path / "fifo", Path("/dev/zero")):
         stage = replace(project.stages()[0], files=(file,))
         with pytest.raises(UserError, match=f"{file}: not a regular file"):
-            build_graph([stage], FRAMES, CHUNK)
+            GraphBuilder().build([stage], FRAMES, CHUNK)

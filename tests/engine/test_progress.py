@@ -8,7 +8,7 @@ import pytest
 
 from stixel_cli.engine import progress as progress_module
 from stixel_cli.engine.plan import Durations
-from stixel_cli.engine.progress import Display, Progress, crash_note, make_progress
+from stixel_cli.engine.progress import Display, Progress, crash_note
 
 FRAMES = 10
 """Of the graph of `project`."""
@@ -39,7 +39,7 @@ def feed(progress, project, clock, step):
 
 
 def test_lines(project, clock, capsys):
-    feed(make_progress(), project, clock, 3.0)
+    feed(Progress(visible=True), project, clock, 3.0)
     captured = capsys.readouterr()
     assert captured.out == ""
     assert captured.err.splitlines() == [
@@ -61,7 +61,7 @@ def test_an_equal_line_is_not_repeated_soon(clock, capsys):
 
 
 def test_the_time_left(project, clock, capsys):
-    lines = make_progress()
+    lines = Progress(visible=True)
     lines.expect({"double": 30.0, "running": 60.0}, 2)
     graph = project.graph()
     nodes = [*graph.of_stage("double"), *graph.of_stage("running")]
@@ -117,7 +117,7 @@ def test_estimates_are_of_the_work_and_leave_out_what_was_never_measured(project
 @pytest.mark.parametrize("terminal", [False, True])
 def test_a_short_execution_shows_nothing(project, clock, capsys, monkeypatch, terminal):
     monkeypatch.setattr(sys.stderr, "isatty", lambda: terminal)
-    feed(make_progress(), project, clock, 0.01)
+    feed(Progress(visible=True), project, clock, 0.01)
     captured = capsys.readouterr()
     assert (captured.out, captured.err) == ("", "stixel: recomputed\n")
 
@@ -133,27 +133,12 @@ def test_a_bar_on_a_terminal(project, clock, capsys):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("sys.stderr", terminal)
         patch.setenv("TERM", "xterm")
-        bar = make_progress()
+        bar = Progress(visible=True)
         bar.expect({stage: 60.0 for stage in project.graph().stages}, 1)
         feed(bar, project, clock, 2.0)
     assert "about 2 s left; grid 1/2 frames" in terminal.getvalue()
     assert "%" in terminal.getvalue() and "recomputed" in terminal.getvalue()
     assert capsys.readouterr().out == ""
-
-
-def test_a_stage_that_compiles_says_so(project, clock):
-    graph = project.graph()
-    first, second, *_ = graph.of_stage("double")
-    reached = next(iter(first.identity.code.modules))
-    progress = Progress(uncompiled=[reached])
-    progress.begin([first, second], cached=0)
-    progress.started(first)
-    assert progress.text == "double: compiling (first run only)"
-    progress.finished(first, 2.0)
-    assert progress.text == "about 2 s left"
-    assert progress.share == 0.5
-    progress.started(second)
-    assert "; double " in progress.text and "compiling" not in progress.text
 
 
 def test_the_note_on_a_crashed_worker():

@@ -10,8 +10,7 @@ from stixel_cli.geometry.pose import rectangle
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.recordings.types import LabelTruth
 from stixel_cli.scene.scenario import Scenario
-from stixel_cli.tracking.several.found import ObjectTrack
-from stixel_cli.tracking.track import Track
+from stixel_cli.tracking.track import ObjectTrack, Track
 
 COUNT = 10
 TIMES = 0.1 * np.arange(COUNT)

@@ -41,12 +41,7 @@ def keys(*words: str) -> tuple[str, str]:
 
 @pytest.mark.parametrize(
     "word",
-    [
-        "seed=1",
-        "measurement.range_std=0.03",
-        "measurement.height_min=0.5",
-        "rig.baseline=1.0",
-    ],
+    ["seed=1", "measurement.range_std=0.03", "measurement.height_min=0.5", "rig.baseline=1.0"],
 )
 def test_seeds_noise_gates_and_stereo_share_the_returns(word):
     returns, scans = keys()

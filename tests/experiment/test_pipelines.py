@@ -13,9 +13,7 @@ from stixel_cli.config.folders import group_options
 from stixel_cli.engine.code import CodeIndex
 from stixel_cli.engine.keys import GIVEN
 from stixel_cli.experiment.stages import pictured_frames, pipeline_stages, scan_count
-from stixel_cli.experiment.table.images import REPLAYED
-from stixel_cli.experiment.table.table import PICTURES, TABLE
-from stixel_cli.experiment.table.tracks import OWN
+from stixel_cli.experiment.table import OWN, PICTURES, REPLAYED, TABLE
 from stixel_cli.results.pictures import Pictures
 from stixel_cli.tracking.gp_ekf import GpEkfParameters
 
@@ -105,7 +103,8 @@ def test_an_options_function_is_in_the_module_of_its_kind():
 
 
 SHARED = {f"stixel_cli.recordings.{name}" for name in ("motion", "stereo_images", "truth")}
-"""Of two stages each, which read the same files of a recording in the same way."""
+SHARED |= {f"stixel_cli.pictures.{name}" for name in ("birds_eye", "camera", "over_time")}
+"""Of two stages each, which read the same files of a recording in the same way, or draw alike."""
 
 
 def test_each_stage_has_a_module_of_its_own():
@@ -155,7 +154,7 @@ DECLARED = {
 
 DECLARED_OF = {
     # Here it reads the results of a tracker, not those of a recording: `tracker.path`.
-    ("stixel_cli.tracking.file:track", "stixel_cli.recordings.kitti_tables"): "files",
+    ("stixel_cli.tracking.file:track", "stixel_cli.recordings.kitti_tables"): "files"
 }
 """What declares the files of a module in one function, where that differs from `DECLARED`."""
 

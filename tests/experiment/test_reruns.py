@@ -1,4 +1,4 @@
-"""What is computed again, and what is not: real stages, real command line, edited code."""
+"""What would be computed again, and what not: real stages, real command line, edited code."""
 
 import json
 import os
@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-SMALL = ["path.duration=0.6", "rig.width=160", "rig.height=120", "pictures.frames=[1]"]
+SMALL = ["path.duration=0.3", "rig.width=160", "rig.height=120", "pictures.frames=[1]"]
 SMALL += ["executor=threads"]  # each run is a process of its own already
 AFTER_SCANS = {"track", "scores", "track_pictures", "run_pictures"}
 
@@ -24,14 +24,14 @@ def checkout(tmp_path_factory):
     for name in ("stixel_cli", "conf", "pipelines"):
         shutil.copytree(ROOT / name, folder / name, ignore=leave)
     shutil.copy(ROOT / "pyproject.toml", folder)
-    computed(folder)
+    stixel(folder, "run", *SMALL)
     return folder
 
 
-def computed(checkout: Path, *overrides: str) -> set[str]:
-    """Names of the steps that a run in `checkout` computes."""
-    stages = json.loads(stixel(checkout, "run", "--json", *SMALL, *overrides).stdout)["stages"]
-    return {stage["name"] for stage in stages if stage["status"] == "computed"}
+def to_compute(checkout: Path, *overrides: str) -> set[str]:
+    """Names of the stages that a run in `checkout` would compute."""
+    plan = json.loads(stixel(checkout, "run", "--dry-run", "--json", *SMALL, *overrides).stdout)
+    return {stage["name"] for stage in plan["stages"] if stage["to_run"]}
 
 
 def stixel(checkout: Path, *words: str, code: int = 0) -> subprocess.CompletedProcess:
@@ -69,41 +69,38 @@ def edited(checkout):
 
 
 def test_a_second_identical_run_computes_nothing(checkout):
-    assert computed(checkout) == set()
+    assert to_compute(checkout) == set()
 
 
 def test_a_tracker_parameter_recomputes_track_scores_and_the_tracks_pictures(checkout):
-    assert computed(checkout, "tracker.sigma_q=0.7") == AFTER_SCANS
+    assert to_compute(checkout, "tracker.sigma_q=0.7") == AFTER_SCANS
 
 
 def test_the_seed_recomputes_what_draws_and_what_depends_on_it(checkout):
-    again = computed(checkout, "seed=5")
+    again = to_compute(checkout, "seed=5")
     assert {"add_sensor_noise", "match", "start", "track"} <= again
     assert again.isdisjoint({"scenario", "render", "ego_motion"})
 
 
 def test_an_edited_helper_reruns_its_stage_and_what_depends_on_it(checkout, edited):
     edited("stixels/height.py", "behind = focal_baseline /", "behind = 1.0 * focal_baseline /")
-    assert (
-        computed(checkout) == {"stixels", "scans", "camera_pictures", "camera_frames"} | AFTER_SCANS
-    )
-    # The edit changed no result, but keys do not know that.
-    assert computed(checkout) == set()
+    stages = {"stixels", "scans", "camera_pictures", "camera_frames"}
+    # The edit changes no result, but keys do not know that.
+    assert to_compute(checkout) == stages | AFTER_SCANS
 
 
 def test_an_edited_docstring_or_comment_reruns_nothing(checkout, edited):
     edited("stixels/height.py", '"""Height segmentation: ', '# Why not.\n"""Edited. ')
     edited("tracking/kernel.py", "import numpy as np", "import numpy as np  # the usual name")
-    assert computed(checkout) == set()
+    assert to_compute(checkout) == set()
 
 
 def test_an_edit_is_named_by_verify_and_by_resume(checkout, edited):
     few = ("measurement=fabricated", "path.duration=0.3", "pictures.frames=[]", "executor=threads")
-    stixel(checkout, "run", *few, "--name", "first")
     stixel(checkout, "sweep", *few, "seed=0,1", "--name", "mine")
     transition = "def transition(interval: float) -> np.ndarray:"
     edited("tracking/motion.py", transition, f"UNUSED = 1\n\n\n{transition}")
-    done = stixel(checkout, "verify", "results/first", "--cached")
+    done = stixel(checkout, "verify", "results/mine/runs/0000", "--cached")
     assert "stixel_cli.tracking.motion was edited" in done.stdout
     edited("tracking/motion.py", transition, transition)
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from stixel_cli.export.stixel_files import used_stixels
+from stixel_cli.export.stx1 import used_stixels
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.stixels.types import Stixels
 

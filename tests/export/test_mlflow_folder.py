@@ -4,7 +4,6 @@ import json
 import shutil
 
 import pytest
-from mlflow.tracking import MlflowClient
 
 from stixel_cli.cli.app import main
 
@@ -24,6 +23,8 @@ def results(tmp_path_factory):
 
 
 def logged(folder):
+    from mlflow.tracking import MlflowClient  # it takes seconds: not at collection
+
     client = MlflowClient(tracking_uri=f"sqlite:///{folder / 'mlflow.db'}")
     (experiment,) = client.search_experiments(filter_string="name = 'stixel'")
     runs = client.search_runs([experiment.experiment_id])

@@ -10,93 +10,28 @@ from typing import Any
 
 import yaml
 from damaged_arrays import damage_arrays
+from odd_values import words
 
 _MARK = "@here@"
 
 PLAIN = (
-    *(
-        "null",
-        "true",
-        "false",
-        "0",
-        "-1",
-        "3.5",
-        "1e308",
-        "-0.0",
-        "5e-324",
-        '""',
-        '"x"',
-        '"\\u0000"',
-    ),
-    *(
-        "[]",
-        "{}",
-        "[[]]",
-        "[1, null]",
-        '{"": 1}',
-        '{"a": {"b": [1, {}]}}',
-        '"../../x"',
-        '"/dev/zero"',
-    ),
-    *(
-        '"\\ud800"',
-        '"\\u202e\\u2028"',
-        '"\\u001b[31m"',
-        '"\\n\\n"',
-        '"[red]x[/red]"',
-        '"nan"',
-        '"1"',
-    ),
-    *("9" * 25, "9" * 400, "9" * 5000, '"' + "x" * 100_000 + '"', "[" * 300 + "]" * 300, "2026"),
-    *(
-        '"' + "é" * 3000 + '"',
-        "[" + "0," * 5000 + "0]",
-        "1e400",
-        "-1e400",
-        '"<script>alert(1)</script>"',
-    ),
+    *words(r"""
+    null true false 0 -1 3.5 1e308 -0.0 5e-324 "" "x" "\u0000" [] {} [[]] [1,null] {"":1}
+    {"a":{"b":[1,{}]}} "../../x" "/tmp/evil" "/dev/zero" "\ud800" "\u202e\u2028" "\u001b[31m" "\n\n"
+    "[red]x[/red]" "nan" "1" 2026 1e400 -1e400 "<script>alert(1)</script>"
+    """),
+    *("9" * 25, "9" * 400, "9" * 5000, '"' + "x" * 100_000 + '"', "[" * 300 + "]" * 300),
+    *('"' + "é" * 3000 + '"', "[" + "0," * 5000 + "0]"),
 )
 """Values as JSON, and YAML, has them."""
 
 IN_JSON = ("NaN", "-Infinity", "[" * 100_000, '{"a":' * 100_000, "[" * 900 + "]" * 900, "01", "")
 IN_YAML = (
-    *(
-        ".nan",
-        "-.inf",
-        "2026-01-01",
-        "2026-01-01T00:00:00Z",
-        "0o17",
-        "1:30:00",
-        "!!set {a, b}",
-        "0x10",
-    ),
-    *(
-        "!!binary aGFsbG8=",
-        "!!python/object/apply:os.mkdir [unpickled]",
-        "!nothing x",
-        "&a [*a]",
-        "*b",
-    ),
-    *(
-        "{1: 2}",
-        "{null: 1}",
-        "{[a]: 1}",
-        "{2026-01-01: 1}",
-        "{true: 1}",
-        "? x",
-        "- - -",
-        "~",
-        "=",
-        "<<",
-    ),
-    *(
-        "[" * 100_000,
-        "{a: " * 100_000,
-        "[" * 900 + "]" * 900,
-        "{<<: {a: 1}}",
-        "!!omap [a: 1]",
-        "${seed}",
-    ),
+    *words(".nan -.inf 2026-01-01 2026-01-01T00:00:00Z 0o17 1:30:00 0x10 ~ = << ${seed} *b"),
+    *("!!set {a, b}", "!!binary aGFsbG8=", "!!python/object/apply:os.mkdir [unpickled]"),
+    *("!nothing x", "&a [*a]", "{1: 2}", "{null: 1}", "{[a]: 1}", "{2026-01-01: 1}", "{true: 1}"),
+    *("? x", "- - -", "[" * 100_000, "{a: " * 100_000, "[" * 900 + "]" * 900, "{<<: {a: 1}}"),
+    "!!omap [a: 1]",
     "{a: &a [x,x,x,x,x,x,x,x], b: &b [*a,*a,*a,*a,*a,*a,*a,*a], c: &c [*b,*b,*b,*b,*b,*b,*b,*b], "
     "d: &d [*c,*c,*c,*c,*c,*c,*c,*c], e: &e [*d,*d,*d,*d,*d,*d,*d,*d], f: [*e,*e,*e,*e,*e,*e,*e]}",
 )
@@ -110,7 +45,9 @@ def damage(file: Path, rng: random.Random) -> None:
     elif how < 0.35:
         rng.choice(_BYTES if file.stat().st_size else (_random,))(file, rng)
     else:
-        inside = {".json": _tree, ".yaml": _tree, ".npz": damage_arrays}.get(file.suffix, _text)
+        inside = {".json": damage_tree, ".yaml": damage_tree, ".npz": damage_arrays}.get(
+            file.suffix, _text
+        )
         inside(file, rng)
 
 
@@ -137,13 +74,8 @@ def _huge(file: Path) -> None:
     os.truncate(file, 2**36)
 
 
-_REPLACED = (
-    *(Path.unlink, _folder, _fifo, _huge),
-    *map(
-        _link,
-        ("/dev/zero", "/dev/null", "nowhere", "{file}", "{parent}", "/dev/tty", "/proc/self/mem"),
-    ),
-)
+LINKS = ("/dev/zero", "/dev/null", "nowhere", "{file}", "{parent}", "/dev/tty", "/proc/self/mem")
+_REPLACED = (Path.unlink, _folder, _fifo, _huge, *map(_link, LINKS))
 
 
 def _cut(file: Path, rng: random.Random) -> None:
@@ -194,7 +126,7 @@ def _text(file: Path, rng: random.Random) -> None:
     file.write_text("\n".join(lines), encoding="utf-8")
 
 
-def _tree(file: Path, rng: random.Random) -> None:
+def damage_tree(file: Path, rng: random.Random) -> None:
     """One or two places of the tree are of another type, away, or more."""
     is_json = file.suffix == ".json"
     text = file.read_text(encoding="utf-8")

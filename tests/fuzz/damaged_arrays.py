@@ -25,12 +25,12 @@ def damage_arrays(file: Path, rng: random.Random) -> None:
         arrays = dict(stored)
     name = rng.choice(list(arrays))
     if rng.random() < 0.5:
-        arrays[name] = rng.choice(_ARRAYS)(arrays[name])
+        arrays[name] = rng.choice(ARRAYS)(arrays[name])
         if rng.random() < 0.1:
             del arrays[name]
         np.savez_compressed(file, **arrays)
         return
-    members = {f"{one}.npy": _npy(array) for one, array in arrays.items()}
+    members = {f"{one}.npy": npy(array) for one, array in arrays.items()}
     rng.choice(_MEMBERS)(members, f"{name}.npy")
     with zipfile.ZipFile(file, "w", rng.choice((0, 8, 12, 14))) as archive:
         for one, data in members.items():
@@ -50,7 +50,8 @@ def _patch(file: Path, place: int, value: int) -> None:
     file.write_bytes(data)
 
 
-def _npy(array: np.ndarray) -> bytes:
+def npy(array: np.ndarray) -> bytes:
+    """An array as NumPy writes it."""
     stream = io.BytesIO()
     np.save(stream, array)
     return stream.getvalue()
@@ -111,7 +112,7 @@ def _with(value: float) -> Callable[[np.ndarray], np.ndarray]:
 
 
 _TYPES = ("c16", "U3", "S3", "?", "O", "M8[s]", "m8[s]", "u1", "f2")
-_ARRAYS: tuple[Callable[[np.ndarray], Any], ...] = (
+ARRAYS: tuple[Callable[[np.ndarray], Any], ...] = (
     *map(_with, (np.nan, np.inf, -np.inf, 1e308, -1e308, 5e-324, -1.0, 2.0**63)),
     *(lambda a, t=t: np.zeros(np.shape(a), t) for t in _TYPES),
     *(lambda a, s=s: np.zeros(s) for s in ((), (0,), (1,), (2, 2), (1000,), (3, 0), (1, 1, 1))),

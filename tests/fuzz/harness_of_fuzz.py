@@ -9,12 +9,8 @@ import io
 import json
 import os
 import random
-import resource
 import sys
-import time
 import traceback
-import warnings
-from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,13 +20,9 @@ from stixel_cli.engine.execute import execute
 from stixel_cli.engine.plan import plan
 from stixel_cli.errors import UserError
 
-BATCH = 200
-"""Cases of one child process, in a long run."""
-
 LONGEST_CASE = 120
-"""Seconds after which a case of a long run hangs, and its child ends with its frames."""
+"""Seconds after which a case of a long run hangs, and the run ends with its frames."""
 
-MOST_MEMORY = 4 * 2**30
 LONGEST_LINE = 1000
 """Characters of a line on stderr, over those that were typed."""
 
@@ -98,8 +90,8 @@ def answer(words: list[str]) -> Answer:
     return Answer(code, *(s.buffer.getvalue().decode("utf-8") for s in (out, err)))
 
 
-def complaint(kind: "Kind", words: list[str]) -> tuple[str, int]:
-    """What is wrong with the answer to `words`, "" if nothing; and the exit code, -1 for none.
+def complaint(kind: "Kind", words: list[str]) -> str:
+    """What is wrong with the answer to `words`, "" if nothing.
 
     What the command left in the working folder is removed.
     """
@@ -108,18 +100,18 @@ def complaint(kind: "Kind", words: list[str]) -> tuple[str, int]:
     try:
         got = kind.answer(words)
     except BaseException as error:
-        return "".join(traceback.format_exception(error)), -1
+        return "".join(traceback.format_exception(error))
     after = _content(kind.place)
     changed = sorted(name for name in after | before if after.get(name) != before.get(name))
     _remove([name for name in changed if name not in before])
     # It says what a study lacks, so it is written where a part fails too.
     changed = [name for name in changed if not name.endswith("/report.html")]
     if _computes:
-        return "", got.code
+        return ""
     wrong = _fault(words, got) or kind.also(words, got)
     if not wrong and changed and not (kind.may_write and got.code == 0):
         wrong = f"changed: {changed}; exit code {got.code}: {got.err}"
-    return wrong, got.code
+    return wrong
 
 
 def _fault(words: list[str], got: Answer) -> str:
@@ -196,70 +188,18 @@ class Kind:
 def run_cases(kind: Kind, small: int) -> list[str]:
     """The complaints about `small` cases; of a long run, about all its cases, told on stderr.
 
-    A long run has a child process for each batch, so that one that dies or hangs names its case.
+    A case of a long run that hangs or dies is the last one that it told.
     """
-    count = number_of_cases(small)
-    if "STIXEL_FUZZ" not in os.environ:
-        found = [_case(kind, i)[0] for i in range(count)]
-        return [one for one in found if one]
-    started, codes, commands, found = time.monotonic(), Counter(), Counter(), []
-    i = 0
-    while i < count:
-        last = i
-        for record in _child(kind, range(i, min(i + BATCH, count))):
-            last = record["case"]
-            if "code" not in record:
-                continue
-            codes[record["code"]] += 1
-            commands[record["command"]] += 1
-            if record["complaint"]:
-                sys.__stderr__.write(record["complaint"] + "\n")
-                found.append(record["complaint"])
-            i = last + 1
-        if i <= last:
-            found.append(f"{kind.name} {last}: the process died or hung, see above")
-            sys.__stderr__.write(found[-1] + "\n")
-            i = last + 1
-    seconds = time.monotonic() - started
-    told = (
-        f"{kind.name}: {count} cases, {seconds:.0f} s, exit codes {dict(codes)}, {dict(commands)}"
-    )
-    sys.__stderr__.write(f"{told}; {len(found)} complaints\n")
+    found, long_run = [], "STIXEL_FUZZ" in os.environ
+    for i in range(number_of_cases(small)):
+        words = kind.make(random.Random(f"{kind.name} {i}"), kind.place)
+        shown = f"{kind.name} {i}: stixel {' '.join(ascii(word)[:300] for word in words)}"
+        if long_run:
+            sys.__stderr__.write(f"{shown}\n")
+            faulthandler.dump_traceback_later(LONGEST_CASE, exit=True, file=sys.__stderr__)
+        wrong = complaint(kind, words)
+        if wrong:
+            found.append(f"{shown}: {wrong}")
+            sys.__stderr__.write(f"{found[-1]}\n" if long_run else "")
+    faulthandler.cancel_dump_traceback_later()
     return found
-
-
-def _case(kind: Kind, i: int) -> tuple[str, int, str]:
-    """Complaint, exit code and command of a case."""
-    words = kind.make(random.Random(f"{kind.name} {i}"), kind.place)
-    wrong, code = complaint(kind, words)
-    shown = f"{kind.name} {i}: stixel {' '.join(ascii(word)[:300] for word in words)}"
-    command = next((word for word in words if word[:1].isalpha()), "")[:10]
-    return (f"{shown}: {wrong}" if wrong else ""), code, command
-
-
-def _child(kind: Kind, numbers: range):
-    """What a child process tells of its cases, each before it runs and after."""
-    reading, writing = os.pipe()
-    with warnings.catch_warnings():
-        # Python 3.12 warns where other threads run; a child that hangs for it is named.
-        warnings.simplefilter("ignore", DeprecationWarning)
-        child = os.fork()
-    if child:
-        os.close(writing)
-        with open(reading, encoding="utf-8") as lines:
-            yield from map(json.loads, lines)
-        os.waitpid(child, 0)
-        return
-    try:
-        os.close(reading)
-        resource.setrlimit(resource.RLIMIT_AS, (MOST_MEMORY, MOST_MEMORY))
-        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-        with open(writing, "w", encoding="utf-8", buffering=1) as told:
-            for i in numbers:
-                told.write(json.dumps({"case": i}) + "\n")
-                faulthandler.dump_traceback_later(LONGEST_CASE, exit=True, file=sys.__stderr__)
-                wrong, code, command = _case(kind, i)
-                record = {"case": i, "complaint": wrong, "code": code, "command": command}
-                told.write(json.dumps(record) + "\n")
-    finally:
-        os._exit(0)

@@ -1,6 +1,5 @@
 """Packs and rows of the benchmark with damaged places, by the commands that read them."""
 
-import copy
 import io
 import json
 import random
@@ -11,6 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from damage import damage_tree
+from damaged_arrays import ARRAYS, npy
 from harness_of_fuzz import Kind, run_cases, settle
 
 from stixel_cli.benchmark import sequences
@@ -26,39 +27,17 @@ DEFINITIONS = {
     "road_users": ["car"],
     "sensors": {"fabricated": {"measurement": "fabricated", "path.duration": 1.2}},
     "mini_seeds": [0, 1],
-    "parts": {
-        "frozen": {"seeds": {"fabricated": [0, 1]}, "cases": {"turn": {"path": "turn"}}},
-    },
+    "parts": {"frozen": {"seeds": {"fabricated": [0, 1]}, "cases": {"turn": {"path": "turn"}}}},
 }
-VALUES = (
-    *("../evil", "/tmp/evil", "x" * 5000, "", "\u202e", "1", "nan", "a" * 64, "\x1b[31m"),
-    *(None, True, -1, 0, 3.5, 1e308, 1e9, float("nan"), float("inf"), 10**400, [], {}, [[]]),
-    *([None], [1e308], {"a": {"b": 1}}, {"name": "x", "version": ""}),
-)
-NUMBERS = (np.nan, np.inf, -np.inf, 1e308, -1e308, 1e9, 1e10, 5e-324, 0.0, -1.0)
 
 
-def damaged(tree, rng):
-    """The tree as JSON with one to three places of another value, away, or far too deep."""
-    tree = json.loads(json.dumps(tree))
-    for _ in range(rng.choice((1, 1, 2, 3))):
-        place = tree
-        while True:
-            keys = list(place) if isinstance(place, dict) else list(range(len(place)))
-            if not keys:
-                break
-            key = rng.choice(keys)
-            if not isinstance(place[key], dict | list) or rng.random() < 0.4:
-                if rng.random() < 0.15:
-                    del place[key]
-                else:
-                    # A copy: a later place may be inside of it.
-                    place[key] = copy.deepcopy(rng.choice(VALUES))
-                break
-            place = place[key]
-    text = json.dumps(tree)
-    if rng.random() < 0.05:
-        text = text.replace("1", "[" * 100_000 + "]" * 100_000, 1)
+def damaged(text, rng, place):
+    """A JSON text with one or two places of another value, away, or far too deep."""
+    file = place / "damaged.json"
+    file.write_text(text, encoding="utf-8")
+    damage_tree(file, rng)
+    text = file.read_text(encoding="utf-8")
+    file.unlink()
     return text
 
 
@@ -104,22 +83,10 @@ def draw_pack(rng, place, contents):
     """Score or play a pack with a damaged manifest or array."""
     contents = dict(contents)
     if rng.random() < 0.5:
-        contents["manifest.json"] = damaged(json.loads(contents["manifest.json"]), rng)
+        contents["manifest.json"] = damaged(contents["manifest.json"].decode(), rng, place)
     else:
         name = rng.choice([name for name in contents if name.endswith(".npy")])
-        array = np.load(io.BytesIO(contents[name]))
-        if rng.random() < 0.2:
-            array = array.astype(rng.choice(("f2", "i8", "u1", "?", "c16", "S3")))
-        if rng.random() < 0.2:
-            array = array.reshape(-1)
-        elif array.size and array.dtype.kind == "f":
-            with np.errstate(all="ignore"):
-                flat = array.reshape(-1)
-                flat[[rng.randrange(flat.size) for _ in range(rng.choice((1, 3, 99)))]] = (
-                    rng.choice(NUMBERS)
-                )
-        np.save(buffer := io.BytesIO(), array)
-        contents[name] = buffer.getvalue()
+        contents[name] = npy(rng.choice(ARRAYS)(np.load(io.BytesIO(contents[name]))))
         if rng.random() < 0.1:
             del contents[name]
     write_pack(place, contents, rng)
@@ -137,7 +104,7 @@ def draw_words(rng, place, original):
         words = draw_pack(rng, place, members(original / "no_data.zip"))
     else:
         files = sorted((original / "originals").iterdir())
-        text = damaged(json.loads(rng.choice(files).read_text()), rng)
+        text = damaged(rng.choice(files).read_text(), rng, place)
         digest = sha256(text.encode()).hexdigest()[:16]
         (place / "rows" / f"{digest}.json").write_text(text)
         words = ["page"]

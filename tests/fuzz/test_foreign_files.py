@@ -4,10 +4,8 @@ Commands that compose read the recordings and the presets; the readers of images
 are called as the stages call them.
 """
 
-import json
 import random
 import shutil
-import struct
 import sys
 import warnings
 from pathlib import Path
@@ -15,17 +13,19 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+import trimesh
 from damage import damage, restore
 from harness_of_fuzz import Answer, Kind, answer, run_cases, settle
+from PIL import Image
 
 from stixel_cli.config.compose import compose
 from stixel_cli.config.folders import use_presets
 from stixel_cli.errors import UserError
 from stixel_cli.images import eight_bits
+from stixel_cli.live.pairs import rig_of
 from stixel_cli.measurements.file import read_scans
 from stixel_cli.measurements.file_truth import read_truth
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.pairs import rig_of
 from stixel_cli.recordings.image_files import image_size, read_image
 from stixel_cli.scene.mesh_file import load_mesh
 from stixel_cli.tracking.file import FileTrackParameters, track, track_doubts
@@ -91,77 +91,22 @@ TRACKS = {
     "0000.txt": "0 3 Car 0 0 0 1 2 3 4 1.5 2 4 1 1.6 9 0.1\n"
     "1 3 Car 0 0 0 1 2 3 4 1.5 2 4 2 1.6 9 0.1\n",
 }
-BOX = [(x, y, z) for x in (-2, 2) for y in (-1, 1) for z in (0, 1.5)]
-OF_MESH = {"box.mtl": "box.obj", "coat.png": "box.obj", "gltf.bin": "box.gltf"}
-FACES = [(0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1), (2, 3, 7), (2, 7, 6)]
-FACES += [(0, 2, 6), (0, 6, 4), (1, 5, 7), (1, 7, 3)]
+OF_MESH = {"material.mtl": "box.obj", "material_0.png": "box.obj"}
+OF_MESH |= {f"gltf_buffer_{i}.bin": "model.gltf" for i in range(5)}
+"""Files that meshes refer to."""
 
 
 def write_meshes(folder: Path) -> None:
-    """A box as text, and as binary .ply, .stl and .glb."""
-    vertices = "".join("{} {} {}\n".format(*one) for one in BOX)
-    faces = "".join("3 {} {} {}\n".format(*one) for one in FACES)
-    head = (
-        "ply\nformat {} 1.0\nelement vertex 8\nproperty float x\nproperty float y\n"
-        f"property float z\nelement face {len(FACES)}\n"
-        "property list uchar int vertex_indices\nend_header\n"
-    )
-    lines = "".join("f {}/1 {}/1 {}/1\n".format(*(i + 1 for i in one)) for one in FACES)
-    vertices_of_obj = "".join(f"v {one}\n" for one in vertices.splitlines())
-    obj = f"mtllib box.mtl\n{vertices_of_obj}vt 0.5 0.5\nusemtl coat\n{lines}"
-    cv2.imwrite(str(folder / "coat.png"), np.full((4, 4, 3), 90, np.uint8))
-    (folder / "box.obj").write_text(obj)
-    (folder / "box.mtl").write_text("newmtl coat\nmap_Kd coat.png\n")
-    (folder / "box.off").write_text(f"OFF\n8 {len(FACES)} 0\n{vertices}{faces}")
-    (folder / "box.ply").write_text(head.format("ascii") + vertices + faces)
-    rows = [b"\3" + np.array(one, "<i4").tobytes() for one in FACES]
-    binary = np.array(BOX, "<f4").tobytes() + b"".join(rows)
-    (folder / "binary.ply").write_bytes(head.format("binary_little_endian").encode() + binary)
-    corners = np.array(BOX, "<f4")[np.array(FACES)]
-    rows = [bytes(12) + one.tobytes() + bytes(2) for one in corners]
-    count = np.array(len(FACES), "<u4").tobytes()
-    (folder / "box.stl").write_bytes(bytes(80) + count + b"".join(rows))
-    write_gltf(folder)
-
-
-def write_gltf(folder: Path) -> None:
-    """The box as .gltf with a buffer, and as .glb, with its texture in both."""
-    image = cv2.imencode(".png", np.full((4, 4, 3), 90, np.uint8))[1].tobytes()
-    chunks = [
-        np.array(BOX, "<f4").tobytes(),
-        np.full((8, 2), 0.5, "<f4").tobytes(),
-        np.array(FACES, "<u2").tobytes(),
-        image,
-    ]
-    data = b"".join(chunks)
-    starts = np.cumsum([0] + [len(chunk) for chunk in chunks]).tolist()
-    primitive = {"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2, "material": 0}
-    tree = {
-        "asset": {"version": "2.0"},
-        "scenes": [{"nodes": [0]}],
-        "nodes": [{"mesh": 0, "translation": [0, 0, 1], "scale": [1, 1, 1]}],
-        "meshes": [{"primitives": [primitive]}],
-        "materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}],
-        "textures": [{"source": 0}],
-        "images": [{"bufferView": 3, "mimeType": "image/png"}],
-        "accessors": [
-            {"bufferView": 0, "componentType": 5126, "count": 8, "type": "VEC3"},
-            {"bufferView": 1, "componentType": 5126, "count": 8, "type": "VEC2"},
-            {"bufferView": 2, "componentType": 5123, "count": 3 * len(FACES), "type": "SCALAR"},
-        ],
-        "bufferViews": [
-            {"buffer": 0, "byteOffset": start, "byteLength": len(chunk)}
-            for start, chunk in zip(starts, chunks, strict=False)
-        ],
-        "buffers": [{"byteLength": len(data), "uri": "gltf.bin"}],
-    }
-    (folder / "gltf.bin").write_bytes(data)
-    (folder / "box.gltf").write_text(json.dumps(tree))
-    del tree["buffers"][0]["uri"]
-    text = json.dumps(tree).encode()
-    body = struct.pack("<I4s", len(text), b"JSON") + text
-    body += struct.pack("<I4s", len(data), b"BIN\0") + data
-    (folder / "box.glb").write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body)
+    """A box in every format that is read, with a texture where it may have one."""
+    mesh = trimesh.creation.box((4.0, 2.0, 1.5))
+    mesh.export(folder / "binary.ply")
+    (folder / "box.ply").write_bytes(mesh.export(file_type="ply", encoding="ascii"))
+    image = Image.fromarray(np.full((4, 4, 3), 90, np.uint8))
+    mesh.visual = trimesh.visual.TextureVisuals(np.full((8, 2), 0.5), image=image)
+    for name in ("box.obj", "box.off", "box.stl", "box.glb"):
+        mesh.export(folder / name)
+    for name, data in mesh.export(file_type="gltf").items():
+        (folder / name).write_bytes(data)
 
 
 @pytest.fixture(scope="module")

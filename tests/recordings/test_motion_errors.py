@@ -18,9 +18,9 @@ from stixel_cli.experiment.stages import computed_stages
 from stixel_cli.export.kitti_folder import calibration_text
 from stixel_cli.geometry.rig_calibration import UNKNOWN_STD
 from stixel_cli.images import encode_png
+from stixel_cli.live.stream import StixelStream
 from stixel_cli.recordings.types import Tables
 from stixel_cli.rendering.frames import StereoPairs
-from stixel_cli.stream import StixelStream
 
 RIG = street_rig()
 CURVE = (-0.5, 0.3, -2.0)
@@ -100,13 +100,13 @@ def test_far_points_that_contradict_near_ones_are_said():
 @pytest.mark.parametrize(
     ("tracks", "reason"),
     [
-        (tracks_of(CURVE, count=5), "6 pairs of images are needed"),
-        (tracks_of(CURVE, columns=(120, 310)), "left third of the image has too few points"),
-        (tracks_of((0.0, 0.0, 0.0), noise=0.3), "held out fit no better"),
+        ({"curve": CURVE, "count": 5}, "6 pairs of images are needed"),
+        ({"curve": CURVE, "columns": (120, 310)}, "left third of the image has too few points"),
+        ({"curve": (0.0, 0.0, 0.0), "noise": 0.3}, "held out fit no better"),
     ],
 )
 def test_a_rig_is_left_alone_and_the_line_says_why(tracks, reason):
-    found = calibrated(tracks)
+    found = calibrated(tracks_of(**tracks))
     assert reason in found.text and "not corrected" in found.text
     assert found.rig.disparity_error == (0.0, 0.0, 0.0)
     assert np.all(np.array(found.rig.disparity_error_std) <= UNKNOWN_STD)
@@ -115,22 +115,18 @@ def test_a_rig_is_left_alone_and_the_line_says_why(tracks, reason):
 
 def street(poses, rig=RIG, plain=False):
     """Pairs of images of the street, or of one without any texture."""
-    views = [stereo_view(rig, pose, [(-0.9, 0.9, 24.0, 1.5)])[:2] for pose in poses]
-    views = [(np.full_like(a, 90), np.full_like(b, 90)) if plain else (a, b) for a, b in views]
-    return views
+    if plain:
+        return [(np.full((rig.height, rig.width), 90, np.uint8),) * 2 for _ in poses]
+    return [stereo_view(rig, pose, [(-0.9, 0.9, 24.0, 1.5)])[:2] for pose in poses]
 
 
 @pytest.mark.parametrize(
-    "views",
-    [
-        street(poses_ahead(12, 0.0)),
-        street(poses_ahead(12, 1.0), plain=True),
-        street(poses_ahead(3, 1.0)),
-    ],
+    ("count", "step", "plain"),
+    [(7, 0.0, False), (7, 1.0, True), (3, 1.0, False)],
     ids=["standing camera", "featureless road", "three frames"],
 )
-def test_images_that_show_nothing_change_nothing(views):
-    pairs = [StereoPairs(0, *zip(*views, strict=True))]
+def test_images_that_show_nothing_change_nothing(count, step, plain):
+    pairs = [StereoPairs(0, *zip(*street(poses_ahead(count, step), plain=plain), strict=True))]
     tracks = track_points(pairs, STEREO, RIG, by_motion=True)
     found = calibrated(tracks)
     assert "6 pairs of images are needed" in found.text
@@ -239,7 +235,7 @@ def test_rendered_images_need_no_calibration(capsys):
 
 
 def test_a_stream_calibrates_its_rig_as_it_drives(monkeypatch):
-    monkeypatch.setattr("stixel_cli.stream.CALIBRATED", (2,))
+    monkeypatch.setattr("stixel_cli.live.stream.CALIBRATED", (2,))
     tracks = tracks_of(CURVE)
     monkeypatch.setattr("stixel_cli.calibration.tracks.gathered", lambda _: tracks)
     views = street(poses_ahead(4, 1.0), replace(RIG, disparity_error=CURVE))

@@ -16,7 +16,7 @@ from stixel_cli.cli.app import main
 from stixel_cli.errors import UserError
 from stixel_cli.export.kitti_folder import calibration_text
 from stixel_cli.images import encode_png
-from stixel_cli.pairs import stixels_from_disparity
+from stixel_cli.live.pairs import stixels_from_disparity
 from stixel_cli.recordings.find import find_recording, guess_layout
 from stixel_cli.recordings.image_files import grey, read_disparity, read_image
 from stixel_cli.recordings.kitti_tables import read_labels

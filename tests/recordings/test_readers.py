@@ -11,6 +11,7 @@ from made_files import RIG_FILES, png_of
 
 from stixel_cli.calibration.road_pose import compared_rows, contradiction, road_pose
 from stixel_cli.config.compose import compose
+from stixel_cli.config.real_images import real_image_parameters
 from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.export.kitti_folder import calibration_text
 from stixel_cli.geometry.rig import Rig
@@ -400,7 +401,8 @@ def test_what_a_plain_folder_does_not_state_is_required_or_seen(clip, tmp_path):
     def said(*more):
         composition = compose([*words, *more])
         configuration = composition.configuration
-        return contradiction(composition.recording, configuration.rig, configuration.road)
+        stereo, road = real_image_parameters().stereo, configuration.road
+        return contradiction(composition.recording, configuration.rig, road, stereo)
 
     assert compose(words).configuration.rig.camera_height == pytest.approx(1.65, rel=0.03)
     assert re.search(r"height: not given.* 1\.6\d m; rig\.disparity_error=\[0\.0, ", said())

@@ -14,11 +14,11 @@ from report_nouns import (
 )
 
 from stixel_cli.config.compose import compose
-from stixel_cli.pictures.camera_frames import camera_frames
+from stixel_cli.pictures.camera import camera_frames
 from stixel_cli.recordings.types import LabelTruth
 from stixel_cli.results.result import RunResult
 from stixel_cli.stixels.types import Objects
-from stixel_cli.tracking.several.found import ObjectTrack
+from stixel_cli.tracking.track import ObjectTrack
 
 SCANS = 12
 OVER_SCANS = (

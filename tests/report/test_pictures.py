@@ -18,14 +18,13 @@ from report_nouns import (
 from stixel_cli.config.compose import compose
 from stixel_cli.images import decode_png
 from stixel_cli.pictures import ground, style
-from stixel_cli.pictures.birds_eye import track_pictures
+from stixel_cli.pictures.birds_eye import moving_pictures, track_pictures
 from stixel_cli.pictures.camera import camera_pictures
-from stixel_cli.pictures.moving_objects import moving_pictures
 from stixel_cli.pictures.over_time import run_pictures
 from stixel_cli.pictures.path_figure import path_figure, spaced_frames
 from stixel_cli.recordings.types import LabelTruth
 from stixel_cli.stixels.types import Objects, OccupancyGrid
-from stixel_cli.tracking.several.found import ObjectTrack
+from stixel_cli.tracking.track import ObjectTrack
 
 VIEW = make_rig().field_of_view
 

@@ -16,8 +16,8 @@ from report_nouns import make_camera_nouns, make_rig
 from scipy.stats import chi2
 
 from stixel_cli.pictures import style
-from stixel_cli.pictures.camera_frames import WIDEST, camera_frames
-from stixel_cli.pictures.consistency import normalised_chi_square_bounds
+from stixel_cli.pictures.camera import WIDEST, camera_frames
+from stixel_cli.pictures.uncertainty import normalised_chi_square_bounds
 from stixel_cli.report import playback
 from stixel_cli.report.metrics import number
 from stixel_cli.report.playback import playback_data, playback_html

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from stixel_cli.results.tables import track_arrays, track_columns, tracks_columns
-from stixel_cli.tracking.several.found import ObjectTrack
-from stixel_cli.tracking.track import Track
+from stixel_cli.tracking.track import ObjectTrack, Track
 
 COUNT = 3
 

@@ -25,7 +25,7 @@ def scenario_of(kind, path="approach", **changes):
 
 
 @pytest.mark.parametrize("kind", WALKERS)
-@pytest.mark.parametrize("shape_seed", [None, 1000, 8600102])
+@pytest.mark.parametrize("shape_seed", [None, 8600102])
 def test_outline_of_each_pose_is_that_of_its_mesh(kind, shape_seed):
     """`outline` projects all triangles of one mesh; both simplify by 1 mm.
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from stixel_cli.config.compose import compose
-from stixel_cli.engine.graph import build_graph
+from stixel_cli.engine.graph import GraphBuilder
 from stixel_cli.experiment.stages import pipeline_stages, scan_count
 from stixel_cli.scene.contours import outline
 from stixel_cli.scene.mesh import bounding_box, corners
@@ -511,7 +511,7 @@ def test_changed_texture_changes_the_keys_of_stages_that_read_the_mesh(folder):
         overrides = [f"road_user.mesh={folder / 'car.obj'}"]
         composition = compose(overrides)
         count = scan_count(composition)
-        return build_graph(pipeline_stages(composition), count, count).stages
+        return GraphBuilder().build(pipeline_stages(composition), count, count).stages
 
     before = keys()
     (folder / "beside.png").write_bytes(b"2")

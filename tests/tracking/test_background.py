@@ -18,7 +18,7 @@ PARKED = world_from_target(class_shape("car").outline, np.array([0.0, 8.0, 0.0])
 
 def passing(user):
     """Poses of a road user that goes from the left to the right behind the parked car."""
-    count, speed = {"cyclist": (60, 4.0), "pedestrian": (90, 2.0)}[user]
+    count, speed = {"cyclist": (44, 4.0), "pedestrian": (64, 2.0)}[user]
     xs = -0.5 * 0.1 * speed * count + 0.1 * speed * np.arange(count)
     return np.column_stack([xs, np.full(count, 16.0), np.zeros(count)])
 

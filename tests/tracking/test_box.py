@@ -5,7 +5,7 @@ import pytest
 from tracking_cases import CAR, START, scans_of
 
 from stixel_cli.geometry.pose import world_from_target
-from stixel_cli.tracking.baselines.box import BoxParameters, box_radii, track, visible_centroid
+from stixel_cli.tracking.baselines.box import BoxParameters, track, visible_centroid
 
 TRACKER = BoxParameters(
     kind="box",
@@ -42,11 +42,6 @@ def test_two_sides_count_with_the_angles_under_which_they_are_seen():
         shares[0] * np.array([-2.1, 0.0]) + shares[1] * np.array([0.0, 0.85])
     ) / shares.sum()
     np.testing.assert_allclose(visible_centroid(HALF, sensor), expected)
-
-
-def test_radii_are_those_of_the_box():
-    angles = np.array([0.0, np.pi / 2, np.arctan2(0.85, 2.1), np.pi])
-    np.testing.assert_allclose(box_radii(HALF, angles), [2.1, 0.85, np.hypot(2.1, 0.85), 2.1])
 
 
 def scans_of_a_rear(count=20):

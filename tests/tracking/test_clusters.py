@@ -8,10 +8,9 @@ from scans_of_clusters import CONFIGURATION, LONGEST, PRIOR, STD, WALL, car, sca
 
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD
 from stixel_cli.measurements.scans import FieldOfView
-from stixel_cli.tracking.followed import BEGIN, END, assign, follow
+from stixel_cli.tracking.followed import BEGIN, END, LEAST_SCANS, assign, follow
 from stixel_cli.tracking.motion import transition
 from stixel_cli.tracking.several.clusters import find_tracks
-from stixel_cli.tracking.several.found import LEAST_SCANS
 from stixel_cli.tracking.several.track_each import own_scans, track_each
 
 
@@ -30,8 +29,8 @@ def two_cars(count):
 def test_each_of_two_cars_that_pass_has_its_track_and_no_point_is_in_both():
     scans = two_cars(15)
     found = find_tracks(scans, PRIOR, STD)
-    assert [len(one.scans) for one in found] == [15, 15]
-    rows = [np.concatenate(one.rows) for one in found]
+    assert [len(one.rows) for one in found] == [15, 15]
+    rows = [np.concatenate([*one.rows.values()]) for one in found]
     np.testing.assert_array_equal(scans.points_world[rows[0]], [
         point for k in range(15) for point in car((0.0, 10.0), (0.0, 6.0), k)
     ])  # fmt: skip
@@ -79,14 +78,14 @@ def seen_in(scans_seen, count):
 def test_a_track_begins_by_m_of_n_and_ends_without_clusters(seen, scans):
     assert BEGIN == 3
     tracks = [one for one in follow(seen_in(seen, 20), LONGEST) if one.begun]
-    assert [[one.scans[0], one.scans[-1]] for one in tracks] == scans
+    assert [[min(one.rows), max(one.rows)] for one in tracks] == scans
 
 
 def test_what_stands_still_and_what_is_seen_shortly_is_no_road_user():
     assert find_tracks(scans_of([WALL] * 12), PRIOR, STD) == ()
     assert find_tracks(seen_in(range(LEAST_SCANS - 1), 12), PRIOR, STD) == ()
     (one,) = find_tracks(seen_in(range(4, 4 + LEAST_SCANS), 12), PRIOR, STD)
-    assert one.scans.tolist() == list(range(4, 4 + LEAST_SCANS))
+    assert [*one.rows] == list(range(4, 4 + LEAST_SCANS))
     with pytest.raises(ValueError, match=r"source\.target: auto finds no cluster"):
         track_each((), seen_in(range(4), 12), "", {})
 
@@ -108,7 +107,8 @@ def test_a_thing_larger_than_the_class_is_no_road_user():
 def test_the_tracker_gets_the_points_of_its_own_road_user():
     scans = dataclasses.replace(two_cars(12), field_of_view=FieldOfView(-0.5, 0.6))
     found = find_tracks(scans, PRIOR, STD)
-    later = dataclasses.replace(found[1], scans=found[1].scans[2::2], rows=found[1].rows[2::2])
+    some = [*found[1].rows][2::2]
+    later = dataclasses.replace(found[1], rows={k: found[1].rows[k] for k in some})
     own, rows = own_scans(scans, later)
     assert own.field_of_view == scans.field_of_view
     assert len(own) == 9 and np.diff(own.offsets).tolist() == [8, 0] * 4 + [8]

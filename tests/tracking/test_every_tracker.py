@@ -50,15 +50,15 @@ def tracker_of(words):
 
 def seen_twice(words, change):
     """The tracks of a car that turns, and of what `change` makes of its scans and its start."""
-    poses = turning(20, 4.0, 0.3)
+    poses = turning(12, 4.0, 0.3)
     given = scans_seen(OUTLINE, poses, noise=0.05), start_at(poses)
     track = tracker_of(words)
     return track(*given), track(*change(*given))
 
 
 @pytest.mark.parametrize("words", WAYS)
-@pytest.mark.parametrize(("angle", "shift"), [(0.9, (20.0, -7.0)), (-2.0, (3.0, 40.0))])
-def test_no_frame_of_the_world_matters(words, angle, shift):
+def test_no_frame_of_the_world_matters(words):
+    angle, shift = -2.0, (3.0, 40.0)
     turn = rotation(angle)
     plain, other = seen_twice(words, lambda *given: moved(*given, angle, np.array(shift)))
     np.testing.assert_array_equal(other.used_points, plain.used_points)

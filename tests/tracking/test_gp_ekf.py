@@ -11,12 +11,12 @@ from stixel_cli.geometry.pose import world_from_target
 from stixel_cli.tracking import gp_ekf
 from stixel_cli.tracking.gp_ekf import contours_of, track
 from stixel_cli.tracking.gp_ekf_update import innovation_variances, linearise, update
-from stixel_cli.tracking.kernel import contour_process
+from stixel_cli.tracking.kernel import ContourProcess
 from stixel_cli.tracking.prior import PriorShape, mean_radius, prior_radii
 from stixel_cli.tracking.track import InitialState
 
 SEEDS = st.integers(0, 2**31)
-PROCESS = contour_process(16, 0.5, 1.0, 0.5, 1e-6)
+PROCESS = ContourProcess(16, 0.5, 1.0, 0.5, 1e-6)
 
 
 def some_state(random, process=PROCESS):
@@ -187,7 +187,7 @@ def test_contour_and_std_match_the_regression(tracker):
     count = found.contours_world.shape[1]
     angles = 2.0 * np.pi * np.arange(count) / count
     parameters = tracker[2]
-    process = contour_process(
+    process = ContourProcess(
         parameters.basis_points, parameters.length_scale, 1.0, 0.4, parameters.jitter
     )
     matrix, variances = process.at(angles)

@@ -1,6 +1,7 @@
 """Points whose heights are known: those of a real lidar, which sees bonnet, windscreen and roof."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -21,16 +22,25 @@ from stixel_cli.tracking.start import noisy_start
 SENSOR = np.array([0.0, 0.0, np.pi / 2])
 
 
-def seen(returns, *overrides):
-    """Configuration, ground truth and scans of a car on the 64-layer lidar."""
-    p = compose(
-        ["measurement=lidar_64", f"measurement.returns={returns}", "path.duration=3", *overrides]
-    ).configuration
+def configured(*overrides):
+    return compose(["measurement=lidar_64", "path.duration=2", *overrides]).configuration
+
+
+@cache
+def cast():
+    """The motion of the sensor, the ground truth and the beams of the 64-layer lidar on a car."""
+    p = configured()
     motion = ego_motion(p.ego, p.path.duration, p.path.sample_time)
     scenario = build_scenario(motion, p.road_user, p.path)
     field = p.rig.field_of_view
-    beams = cast_lidar(scenario, p.road_user, p.world, p.measurement.scanner, field)
-    return p, scenario, lidar_scans(beams, motion, p.measurement, field, seed=0)
+    scanner = p.measurement.scanner
+    return motion, scenario, cast_lidar(scenario, p.road_user, p.world, scanner, field)
+
+
+def seen(returns, *overrides):
+    """Configuration, ground truth and scans of the beams."""
+    p, (motion, scenario, beams) = configured(f"measurement.returns={returns}", *overrides), cast()
+    return p, scenario, lidar_scans(beams, motion, p.measurement, p.rig.field_of_view, seed=0)
 
 
 @pytest.mark.parametrize("tracker", ["contour", "gp_ekf"])

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stixel_cli.tracking.kernel import contour_process, kernel
+from stixel_cli.tracking.kernel import ContourProcess, kernel
 
 LENGTH = np.pi / 8
 SIGMA = 1.7
@@ -24,7 +24,7 @@ def test_kernel_is_periodic_and_symmetric_with_the_variance_on_the_diagonal(angl
 @pytest.mark.parametrize("basis_points", [4, 20, 50])
 @pytest.mark.parametrize("sigma_r", [0.0, 0.8])
 def test_regression_matches_the_textbook(basis_points, sigma_r):
-    process = contour_process(basis_points, LENGTH, SIGMA, sigma_r, 1e-6)
+    process = ContourProcess(basis_points, LENGTH, SIGMA, sigma_r, 1e-6)
     basis, angles = process.basis_angles, np.linspace(-7.0, 7.0, 61)
     matrix, variance = process.at(angles)
     cross = kernel(angles, basis, LENGTH, SIGMA, sigma_r)
@@ -37,7 +37,7 @@ def test_regression_matches_the_textbook(basis_points, sigma_r):
 
 
 def test_slope_is_the_derivative_of_the_regression():
-    process = contour_process(30, LENGTH, SIGMA, 0.8, 1e-6)
+    process = ContourProcess(30, LENGTH, SIGMA, 0.8, 1e-6)
     radii = 2.0 + 0.3 * np.cos(2.0 * process.basis_angles) + 0.1 * np.sin(process.basis_angles)
     angles, step = np.linspace(-3.0, 3.0, 40), 1e-4
     directions = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
@@ -47,7 +47,7 @@ def test_slope_is_the_derivative_of_the_regression():
 
 
 def test_regression_interpolates_the_basis_points():
-    process = contour_process(30, LENGTH, SIGMA, 0.8, 1e-9)
+    process = ContourProcess(30, LENGTH, SIGMA, 0.8, 1e-9)
     matrix, variance = process.at(process.basis_angles)
     np.testing.assert_allclose(matrix, np.eye(30), atol=1e-5)
     np.testing.assert_allclose(variance, 0.0, atol=1e-6)

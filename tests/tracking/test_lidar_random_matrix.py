@@ -15,8 +15,7 @@ from stixel_cli.tracking.baselines.lidar_random_matrix import (
     track,
     update_extension,
 )
-from stixel_cli.tracking.centre import MOVING, predict
-from stixel_cli.tracking.motion import intervals
+from stixel_cli.tracking.motion import MOVING, intervals, predict_place
 
 TRACKERS = {
     name: compose([f"tracker={name}"]).configuration.tracker
@@ -76,7 +75,7 @@ def paper(scans, initial, prior, tracker):
     v = tracker.prior_weight + 6.0
     scale = (v - 3.0) * turn @ np.diag([prior.length**2, prior.width**2]) @ turn.T / 4.0
     for k, interval in enumerate(intervals(scans.times)):
-        x, p = predict(x, p, interval, tracker.sigma_q)
+        x, p = predict_place(x, p, interval, tracker.sigma_q)
         before, v = v, 6.0 + np.exp(-interval / tracker.forgetting_time) * (v - 6.0)
         scale = (v - 3.0) / (before - 3.0) * scale
         y = scans.points_world[scans.rows(k)]

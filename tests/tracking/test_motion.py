@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import block_diag
 
-from stixel_cli.tracking.kernel import contour_process
+from stixel_cli.tracking.kernel import ContourProcess
 from stixel_cli.tracking.motion import intervals, predict, process_noise, transition
 
 
@@ -25,7 +25,7 @@ def test_transition_and_noise_equal_the_kronecker_products():
 @given(seed=st.integers(0, 2**31), alpha=st.sampled_from([0.0, 1e-4, 2.0]))
 def test_prediction_matches_the_dense_formula(seed, alpha):
     random = np.random.default_rng(seed)
-    process = contour_process(8, 0.5, 1.0, 0.5, 1e-6)
+    process = ContourProcess(8, 0.5, 1.0, 0.5, 1e-6)
     mean = random.standard_normal(14)
     root = random.standard_normal((14, 14))
     interval = random.uniform(0.01, 1.0)
@@ -39,7 +39,7 @@ def test_prediction_matches_the_dense_formula(seed, alpha):
 
 
 def test_unmeasured_radii_keep_the_prior_covariance():
-    process = contour_process(8, 0.5, 1.0, 0.5, 1e-6)
+    process = ContourProcess(8, 0.5, 1.0, 0.5, 1e-6)
     mean, covariance = np.ones(14), np.eye(14)
     covariance[6:, 6:] = process.covariance
     for _ in range(50):

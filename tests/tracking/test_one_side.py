@@ -12,7 +12,7 @@ from stixel_cli.config.compose import compose
 from stixel_cli.measurements.scans import FieldOfView, Scans, SharedErrors
 from stixel_cli.tracking.contour.class_shape import class_shape
 from stixel_cli.tracking.gp_ekf import track
-from stixel_cli.tracking.kernel import contour_process
+from stixel_cli.tracking.kernel import ContourProcess
 from stixel_cli.tracking.motion import tied_to_velocity, velocity_across
 from stixel_cli.tracking.one_side import END_STD, OneSide, size_slopes
 
@@ -69,7 +69,7 @@ def test_a_neighbour_behind_a_car_is_left_out():
 
 def side_of(prior, seen_by="stixels", field_of_view=None):
     """Its contour process, and the side of a sensor with one scan and no points."""
-    process = contour_process(50, np.pi / 8, 0.1, 0.05, 1e-6)
+    process = ContourProcess(50, np.pi / 8, 0.1, 0.05, 1e-6)
     scans = replace(scans_of([np.zeros((0, 2))]), field_of_view=field_of_view)
     return process, OneSide(prior, seen_by, process, scans)
 

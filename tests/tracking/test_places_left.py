@@ -8,11 +8,9 @@ from scans_of_clusters import LONGEST, PRIOR, STD, car, scans_of
 
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD
 from stixel_cli.measurements.scans import FieldOfView
-from stixel_cli.tracking.followed import follow
+from stixel_cli.tracking.followed import LEAST_SCANS, follow
 from stixel_cli.tracking.several import clusters
-from stixel_cli.tracking.several.clusters import confirmed, find_tracks
-from stixel_cli.tracking.several.found import LEAST_SCANS
-from stixel_cli.tracking.several.places_left import free_and_occupied
+from stixel_cli.tracking.several.clusters import confirmed, find_tracks, free_and_occupied
 
 COUNT, SPEED = 20, 8.0
 DRIVEN = 0.1 * SPEED * np.arange(COUNT)
@@ -44,7 +42,7 @@ def driving(points_of_each):
 def test_a_fence_that_slides_along_is_no_track(parts):
     scans = driving([fence(y, *parts) for y in DRIVEN])
     (sliding,) = follow(scans, LONGEST)
-    assert len(sliding.scans) == COUNT and sliding.mean[3] == pytest.approx(SPEED, abs=0.5)
+    assert len(sliding.rows) == COUNT and sliding.mean[3] == pytest.approx(SPEED, abs=0.5)
     assert find_tracks(scans, PRIOR, STD) == ()
 
 
@@ -75,7 +73,7 @@ def test_a_followed_car_with_the_speed_of_the_ego_is_a_track():
     )
     (one,) = find_tracks(scans, PRIOR, STD)
     assert one.confirmed == LEAST_SCANS - 1
-    assert len(one.scans) == COUNT and all(len(rows) == 8 for rows in one.rows)
+    assert len(one.rows) == COUNT and all(len(rows) == 8 for rows in one.rows.values())
 
 
 def test_two_clusters_of_one_car_are_one_track_and_two_cars_abreast_are_two():
@@ -88,9 +86,11 @@ def test_two_clusters_of_one_car_are_one_track_and_two_cars_abreast_are_two():
     scans = driving(torn)
     assert len(follow(scans, LONGEST)) == 2
     (one,) = find_tracks(scans, PRIOR, STD)
-    np.testing.assert_array_equal(np.concatenate(one.rows), np.arange(len(scans.points_world)))
+    np.testing.assert_array_equal(
+        np.concatenate([*one.rows.values()]), np.arange(len(scans.points_world))
+    )
     abreast = driving([np.concatenate([points, points + np.array([3.2, 0.0])]) for points in rear])
-    assert [len(found.scans) for found in find_tracks(abreast, PRIOR, STD)] == [COUNT, COUNT]
+    assert [len(found.rows) for found in find_tracks(abreast, PRIOR, STD)] == [COUNT, COUNT]
 
 
 def test_a_parked_car_is_left_behind_without_a_track_and_one_that_drives_off_has_one():
@@ -98,7 +98,7 @@ def test_a_parked_car_is_left_behind_without_a_track_and_one_that_drives_off_has
     starts = 6
     scans = driving([car((2.5, 20.0), (0.0, 9.0), max(0, k - starts)) for k in range(COUNT)])
     (one,) = find_tracks(scans, PRIOR, STD)
-    assert one.scans[0] == 0 and one.confirmed > starts
+    assert min(one.rows) == 0 and one.confirmed > starts
 
 
 def test_places_are_free_occupied_hidden_or_out_of_view():

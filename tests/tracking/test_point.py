@@ -9,7 +9,7 @@ from scipy.linalg import expm
 from tracking_cases import CAR, START, poses_of_turn, scans_of, seen_car
 
 from stixel_cli.tracking.baselines.point import PointParameters, class_circle, track
-from stixel_cli.tracking.centre import GREATEST_VARIANCE, MOVING, six_states
+from stixel_cli.tracking.motion import GREATEST_VARIANCE, MOVING, six_states
 from stixel_cli.tracking.prior import prior_radii
 from stixel_cli.tracking.track import InitialState
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from stixel_cli.tracking.kernel import contour_process, kernel
+from stixel_cli.tracking.kernel import ContourProcess, kernel
 
 NOISE = 0.05
 EXAMPLE = Path(__file__).parents[2] / "examples" / "recursive_gp.py"
@@ -36,7 +36,7 @@ def learn(process, batches):
 
 def test_recursion_is_exact_at_the_basis_points():
     """Thesis, below (49): exact where the inputs are a subset of the basis points."""
-    process = contour_process(32, np.pi / 8, 1.0, 0.5, 1e-9)
+    process = ContourProcess(32, np.pi / 8, 1.0, 0.5, 1e-9)
     random = np.random.default_rng(1)
     batches = []
     for _ in range(6):
@@ -50,7 +50,7 @@ def test_recursion_is_exact_at_the_basis_points():
 
 
 def test_recursion_approximates_the_regression_between_the_basis_points():
-    process = contour_process(50, np.pi / 8, 1.0, 0.5, 1e-6)
+    process = ContourProcess(50, np.pi / 8, 1.0, 0.5, 1e-6)
     random = np.random.default_rng(2)
     batches = []
     for _ in range(20):

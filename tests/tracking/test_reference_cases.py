@@ -6,7 +6,7 @@ from tracking_cases import GOLDEN, scans_of
 
 from stixel_cli.tracking.gp_ekf import GpEkfParameters, track
 from stixel_cli.tracking.gp_ekf_update import linearise, update
-from stixel_cli.tracking.kernel import contour_process
+from stixel_cli.tracking.kernel import ContourProcess
 from stixel_cli.tracking.motion import predict, process_noise, transition
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.track import InitialState
@@ -19,7 +19,7 @@ def case(request):
 
 
 def process_of(case):
-    return contour_process(
+    return ContourProcess(
         len(case["uf"]),
         float(case["length_scale"]),
         float(case["sigma_f"]),

@@ -12,10 +12,9 @@ from stixel_cli.config.compose import compose
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.tracking import gp_ekf
 from stixel_cli.tracking.baselines import point
-from stixel_cli.tracking.centre import MOVING
 from stixel_cli.tracking.contour import contour, contour_filter, contour_recovery
 from stixel_cli.tracking.contour.class_shape import class_shape
-from stixel_cli.tracking.motion import process_noise, transition
+from stixel_cli.tracking.motion import MOVING, process_noise, transition
 from stixel_cli.tracking.smoothing import Step, smooth
 
 COUNT, SIZE = 12, 3

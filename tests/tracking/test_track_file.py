@@ -10,8 +10,7 @@ from stixel_cli.config.compose import compose
 from stixel_cli.errors import UserError
 from stixel_cli.geometry.pose import ego_from_world
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.tracking.file import FileTrackParameters, track
-from stixel_cli.tracking.file import _of_scans as of_scans
+from stixel_cli.tracking.file import FileTrackParameters, rows_of_scans, track
 from stixel_cli.tracking.file import track_doubts as doubts_of
 
 COUNT = 11
@@ -158,8 +157,7 @@ def test_results_of_kitti(tmp_path, scans):
     with pytest.raises(UserError, match=r"tracker\.id: .*: 31; got 7"):
         read(path, scans, "camera", 7)
     later = FileTrackParameters("file", str(path), 31, 4, "camera")
-    _, rows = of_scans(scans, later)
-    assert rows.tolist() == [4, 5, 6, 7, 8, 9, 10, -1, -1, -1, -1]
+    assert rows_of_scans(scans, later).index.tolist() == [0, 1, 2, 3, 4, 5, 6]
     path.write_text(path.read_text() + path.read_text().replace(" 31 Car", " 5 Car"))
     with pytest.raises(UserError, match=r"tracker\.id: .*: 5, 31; got None"):
         read(path, scans, "camera")
@@ -215,8 +213,7 @@ def test_a_scan_without_a_row_keeps_the_estimate_before(tmp_path, scans):
     expected = TRUTH[[2, 2, 2, 3, 3, 3, 3, 7, 7, 7, 7]]
     np.testing.assert_allclose(found.means[:, :3], expected, atol=1e-7)
     assert "8 of 11 scans have no row" in doubts(path, scans)[0]
-    _, rows = of_scans(scans, parameters(path))
-    assert rows.tolist() == [-1, -1, 0, 1, -1, -1, -1, 2, -1, -1, -1]
+    assert rows_of_scans(scans, parameters(path)).index.tolist() == [2, 3, 7]
 
 
 FAULTS = {

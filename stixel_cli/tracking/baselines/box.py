@@ -1,6 +1,6 @@
 """The baseline of box trackers: the centroid of the visible sides, and the box of the class.
 
-State: x, y and their rates, m and m/s, world frame; see `centre`. The heading is the
+State: x, y and their rates, m and m/s, world frame. The heading is the
 velocity's direction. Length and width are those of the class, and nothing of them is estimated.
 
 The measurement is the centroid of the points in the gate: the predicted box, larger by a margin. A
@@ -19,8 +19,10 @@ from annotated_types import Ge, Gt, Le
 from stixel_cli.geometry.pose import rotation, target_from_world
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.parameters import parameters
-from stixel_cli.tracking.centre import GREATEST_VARIANCE, MOVING, predict, six_states, update
+from stixel_cli.tracking.baselines.rectangle_contour import radii_of
+from stixel_cli.tracking.kalman import update
 from stixel_cli.tracking.loop import Filtered
+from stixel_cli.tracking.motion import GREATEST_VARIANCE, MOVING, predict_place, six_states
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.track import InitialState, Track, contour_directions, shift_variances
 
@@ -57,7 +59,7 @@ def track(scans: Scans, initial: InitialState, prior: PriorShape, tracker: BoxPa
     half = 0.5 * np.array([prior.length, prior.width])
     motion, filtered, nis = (tracker.sigma_q, tracker.least_speed), Filtered(scans, 6), np.nan
     for scan in filtered:
-        mean, covariance = predict(mean, covariance, scan.interval, tracker.sigma_q)
+        mean, covariance = predict_place(mean, covariance, scan.interval, tracker.sigma_q)
         states, _ = six_states(mean, covariance, heading, scan.interval, *motion)
         points = target_from_world(scan.points, states[:3])
         inside = (np.abs(points) <= half + tracker.gate).all(axis=1) & tracker.use_scans
@@ -81,15 +83,11 @@ def track(scans: Scans, initial: InitialState, prior: PriorShape, tracker: BoxPa
 
     means, covariances = filtered.states
     angles, directions = contour_directions(means[:, 2])
-    radii = box_radii(half, angles)
-    shift = shift_variances(directions, covariances)
-    size = np.abs(np.cos(angles)) * half[0] * prior.length_std
-    size = np.hypot(size, np.abs(np.sin(angles)) * half[1] * prior.width_std)
-    contours = (
-        means[:, None, :2] + radii[:, None] * directions,
-        directions,
-        np.sqrt(size**2 + shift),
-    )
+    body = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    radii, _ = radii_of(body, 2.0 * half)
+    size = np.hypot(*(body * half * [prior.length_std, prior.width_std]).T)
+    std = np.sqrt(size**2 + shift_variances(directions, covariances))
+    contours = means[:, None, :2] + radii[:, None] * directions, directions, std
     return replace(filtered.track(contours), uses_scans=tracker.use_scans)
 
 
@@ -114,9 +112,3 @@ def visible_centroid(half: np.ndarray, sensor: np.ndarray) -> np.ndarray:
         angle = np.arctan2(abs(one[0] * other[1] - one[1] * other[0]), one @ other)
         total, weight = total + angle * middle, weight + angle
     return total / weight if weight > 0.0 else total
-
-
-def box_radii(half: np.ndarray, angles: np.ndarray) -> np.ndarray:
-    """Radii (n,) m of a box at `angles` (n,) rad from its length; `half` is half of its size, m."""
-    ends = np.stack([np.abs(np.cos(angles)) / half[0], np.abs(np.sin(angles)) / half[1]])
-    return 1.0 / ends.max(axis=0)

@@ -26,11 +26,11 @@ from stixel_cli.geometry.pose import rotation, wrap_angle
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.parameters import parameters
 from stixel_cli.randomness import generator
-from stixel_cli.tracking import centre
+from stixel_cli.tracking import kalman
 from stixel_cli.tracking.association import associate
-from stixel_cli.tracking.baselines.rectangle_contour import QUARTER, contours_of, forward_axis
-from stixel_cli.tracking.centre import GREATEST_VARIANCE, MOVING
+from stixel_cli.tracking.baselines.rectangle_contour import QUARTER, contours_of, rectangle_states
 from stixel_cli.tracking.loop import Filtered
+from stixel_cli.tracking.motion import GREATEST_VARIANCE, MOVING, predict_place
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.track import InitialState, Track
 
@@ -64,6 +64,9 @@ FACING, ASIDE = np.pi / 8.0, 3.0 * np.pi / 8.0
 not at all."""
 
 ASIDE_WEIGHT = 0.8
+
+SQUARES = np.array([0, 1, 0]), np.array([0, 1, 1])
+"""The factors of v_x², v_y² and v_x v_y."""
 
 LEAST_HALF = 0.1
 """Least half size, m."""
@@ -105,10 +108,11 @@ def track(
     )
     noise_densities = np.array([tracker.heading_noise, *[tracker.size_noise] * 2]) ** 2
 
+    turn_rate_variance = min(tracker.heading_noise**2, GREATEST_VARIANCE)
     heading, filtered = float(initial.mean[2]), Filtered(scans, 8)
     for scan in filtered:
         estimate = Estimate(
-            *centre.predict(estimate.state, estimate.covariance, scan.interval, tracker.sigma_q),
+            *predict_place(estimate.state, estimate.covariance, scan.interval, tracker.sigma_q),
             estimate.shape,
             estimate.shape_covariance + scan.interval * np.diag(noise_densities),
         )
@@ -120,7 +124,7 @@ def track(
         for i in generator(0, "gm_mem_ekf", scan.k).permutation(indices):
             estimate, distance = update(estimate, scan.points[i], scan.covariances[i], weights)
             nis += distance
-        states = _eight_states(estimate, heading, tracker.heading_noise)
+        states = rectangle_states(estimate[:2], estimate[2:], heading, turn_rate_variance)
         heading = states[0][2]
         filtered.add(*states, indices, nis, degrees=2 * len(indices))
     return filtered.track(contours_of(*filtered.states, prior))
@@ -151,7 +155,7 @@ def update(
     shares = np.exp(logarithms - logarithms.max())
     shares /= shares.sum()
     parts = [np.stack(part) for part in zip(*(one[0] for one in posteriors), strict=True)]
-    kinematic, shape = _merged(shares, *parts[:2]), _merged(shares, *parts[2:])
+    kinematic, shape = (kalman.mixture(shares, *parts[i : i + 2]) for i in (0, 2))
     shape[0][1:] = np.maximum(shape[0][1:], LEAST_HALF)
     return Estimate(*kinematic, *shape), posteriors[int(shares.argmax())][2]
 
@@ -161,15 +165,12 @@ def _of_side(
 ) -> tuple[Estimate, float, float]:
     """Posterior if the `point` is of this `side`, its log likelihood and its NIS."""
     state, covariance, shape, shape_covariance = estimate
-    (cosine, sine), (length, width) = (np.cos(shape[0]), np.sin(shape[0])), shape[1:]
-    matrix = np.array([[cosine * length, -sine * width], [sine * length, cosine * width]])
+    turn = rotation(shape[0])
+    matrix = turn * shape[1:]
     # Derivatives of S's elements by the shape, (2, 2, 3).
-    slopes = np.array(
-        [
-            [[-sine * length, cosine, 0.0], [-cosine * width, 0.0, -sine]],
-            [[cosine * length, sine, 0.0], [-sine * width, 0.0, cosine]],
-        ]
-    )
+    slopes = np.zeros((2, 2, 3))
+    slopes[..., 0] = turn @ rotation(QUARTER) * shape[1:]
+    slopes[:, 0, 1], slopes[:, 1, 2] = turn.T
     middle, variances = MIDDLES[side], VARIANCES[side]
     of_shape = np.einsum(
         "h,ahp,pq,bhq->ab", variances + middle**2, slopes, shape_covariance, slopes
@@ -177,23 +178,15 @@ def _of_side(
     noise = (matrix * variances) @ matrix.T + of_shape + noise
     spread = covariance[:2, :2] + noise
     innovation = point - state[:2] - matrix @ middle
-    *kinematic, distance = centre.update(state, covariance, innovation, noise)
+    *kinematic, distance = kalman.update(state, covariance, innovation, noise)
 
     # The squares of the innovation: their mean and covariance, and their slope by the shape.
-    (xx, xy), (_, yy) = spread
-    x, y = innovation
-    squares = np.array([x * x - xx, y * y - yy, x * y - xy])
-    moments = np.array(
-        [
-            [2.0 * xx * xx, 2.0 * xy * xy, 2.0 * xx * xy],
-            [2.0 * xy * xy, 2.0 * yy * yy, 2.0 * yy * xy],
-            [2.0 * xx * xy, 2.0 * yy * xy, xx * yy + xy * xy],
-        ]
-    )
+    i, j = SQUARES
+    squares = innovation[i] * innovation[j] - spread[i, j]
+    firsts, seconds = i[:, None], j[:, None]
+    moments = spread[firsts, i] * spread[seconds, j] + spread[firsts, j] * spread[seconds, i]
     products = np.einsum("ah,h,bhp->abp", matrix, variances, slopes)
-    jacobian = np.stack(
-        [2.0 * products[0, 0], 2.0 * products[1, 1], products[0, 1] + products[1, 0]]
-    )
+    jacobian = products[i, j] + products[j, i]
     shape_gain = np.linalg.solve(moments, jacobian @ shape_covariance).T
     posterior = Estimate(
         *kinematic,
@@ -201,31 +194,3 @@ def _of_side(
         shape_covariance - shape_gain @ jacobian @ shape_covariance,
     )
     return posterior, -0.5 * (distance + float(np.log(np.linalg.det(spread)))), distance
-
-
-def _merged(
-    shares: np.ndarray, means: np.ndarray, covariances: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Mean and covariance of a mixture of Gaussians, stacked, with these `shares`."""
-    mean = shares @ means
-    away = means - mean
-    whole = np.einsum("j,jab->ab", shares, covariances + away[:, :, None] * away[:, None, :])
-    return mean, 0.5 * (whole + whole.T)
-
-
-def _eight_states(
-    estimate: Estimate, heading: float, heading_noise: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Mean (8,) and covariance (8, 8) of the track; `heading` is the one before."""
-    mean, covariance = np.zeros(8), np.zeros((8, 8))
-    forwards, swapped = forward_axis(estimate.shape[0], estimate.state[2:], heading)
-    order = np.array([0, 2, 1]) if swapped else np.array([0, 1, 2])
-    factors = np.array([1.0, 2.0, 2.0])
-    mean[MOVING], mean[[2, 6, 7]] = estimate.state, factors * estimate.shape[order]
-    mean[2] = forwards
-    shape = np.outer(factors, factors) * estimate.shape_covariance[np.ix_(order, order)]
-    covariance[np.ix_(MOVING, MOVING)] = estimate.covariance
-    covariance[np.ix_([2, 6, 7], [2, 6, 7])] = shape
-    covariance[2, 2] = min(covariance[2, 2], GREATEST_VARIANCE)
-    covariance[5, 5] = min(heading_noise**2, GREATEST_VARIANCE)
-    return mean, covariance

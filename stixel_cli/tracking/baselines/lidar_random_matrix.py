@@ -36,10 +36,11 @@ from stixel_cli.tracking.baselines.rectangle_contour import (
     LEAST_SPEED,
     QUARTER,
     contours_of,
-    forward_axis,
+    rectangle_states,
 )
-from stixel_cli.tracking.centre import MOVING, predict, six_states, update
+from stixel_cli.tracking.kalman import update
 from stixel_cli.tracking.loop import Filtered
+from stixel_cli.tracking.motion import MOVING, predict_place, turn_rate_variance
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.track import InitialState, Track
 
@@ -94,7 +95,7 @@ def track(
 
     filtered, nis = Filtered(scans, 8), np.nan
     for scan in filtered:
-        mean, covariance = predict(mean, covariance, scan.interval, tracker.sigma_q)
+        mean, covariance = predict_place(mean, covariance, scan.interval, tracker.sigma_q)
         weight = max(weight * np.exp(-scan.interval / tracker.forgetting_time), LEAST_WEIGHT)
         # A rectangle's area has a third of its squared half sizes as second moments.
         spread = covariance[:2, :2] + extension / 3.0 + scan.covariances
@@ -111,10 +112,11 @@ def track(
             mean, covariance, nis = update(mean, covariance, innovation, noise)
             weight += len(points)
             extension = weight / (weight + 3.0) * wide
-        states = six_states(
-            mean, covariance, (heading, 0.0), scan.interval, tracker.sigma_q, LEAST_SPEED
+        speed = float(np.hypot(*mean[2:]))
+        turning = turn_rate_variance(speed, scan.interval, tracker.sigma_q, LEAST_SPEED)
+        states = rectangle_states(
+            (mean, covariance), _shape_of(extension, weight), heading, turning
         )
-        states = _eight_states(*states, extension, weight, heading)
         heading = states[0][2]
         filtered.add(*states, indices, nis, degrees=2)
     return filtered.track(contours_of(*filtered.states, prior))
@@ -168,26 +170,17 @@ def measured_centre(
     return middle + away.mean() * direction
 
 
-def _eight_states(
-    states: np.ndarray, spread: np.ndarray, extension: np.ndarray, weight: float, heading: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Mean (8,) and covariance (8, 8) of the track, from its six `states` with their `spread`.
+def _shape_of(extension: np.ndarray, weight: float) -> tuple[np.ndarray, np.ndarray]:
+    """Mean (3,) and covariance (3, 3) of the longer axis's angle, rad, and of the half sizes, m.
 
-    The heading is along the sides, and independent of the velocity; `heading` is the one before.
     To first order an inverse Wishart density gives a half size a, b the variance
     a² / (2 (alpha + 3)), and the direction a² b² / ((alpha + 3) (a² - b²)²), which is at most that
     of a direction that is quite unknown within a quarter turn.
     """
     squares, axes = np.linalg.eigh(extension)
-    angle = float(np.arctan2(axes[1, 1], axes[0, 1]))
-    forwards, swapped = forward_axis(angle, states[3:5], heading)
-    size = 2.0 * np.sqrt(squares if swapped else squares[::-1])
-    mean, covariance = np.concatenate([states, size]), np.zeros((8, 8))
-    mean[2] = forwards
-    covariance[:6, :6] = spread
-    covariance[2], covariance[:, 2] = 0.0, 0.0
-    apart = (weight + 3.0) * (squares[1] - squares[0]) ** 2
+    squares, along = squares[::-1], axes[:, 1]
+    apart = (weight + 3.0) * (squares[0] - squares[1]) ** 2
     unknown = QUARTER**2 / 12.0
-    covariance[2, 2] = squares.prod() / max(apart, squares.prod() / unknown)
-    covariance[6, 6], covariance[7, 7] = size**2 / (2.0 * (weight + 3.0))
-    return mean, covariance
+    of_angle = squares.prod() / max(apart, squares.prod() / unknown)
+    mean = np.array([np.arctan2(along[1], along[0]), *np.sqrt(squares)])
+    return mean, np.diag([of_angle, *squares / (2.0 * (weight + 3.0))])

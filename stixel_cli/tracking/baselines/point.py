@@ -22,9 +22,16 @@ from annotated_types import Ge, Gt, Le, Lt
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.parameters import parameters
 from stixel_cli.tracking.association import associate
-from stixel_cli.tracking.centre import GREATEST_VARIANCE, MOVING, predict, six_states, update
+from stixel_cli.tracking.kalman import update
 from stixel_cli.tracking.loop import Filtered
-from stixel_cli.tracking.motion import intervals, transition
+from stixel_cli.tracking.motion import (
+    GREATEST_VARIANCE,
+    MOVING,
+    intervals,
+    predict_place,
+    six_states,
+    transition,
+)
 from stixel_cli.tracking.prior import EVEN, PriorShape, prior_radii
 from stixel_cli.tracking.smoothing import Step, smooth
 from stixel_cli.tracking.track import InitialState, Track, contour_directions, shift_variances
@@ -80,7 +87,9 @@ def track(
     filtered, nis = Filtered(scans, 4), np.nan
     steps: list[Step] = []
     for scan in filtered:
-        mean, covariance = predicted = predict(mean, covariance, scan.interval, tracker.sigma_q)
+        mean, covariance = predicted = predict_place(
+            mean, covariance, scan.interval, tracker.sigma_q
+        )
         spread = covariance[:2, :2] + lone * np.eye(2)
         indices = associate(scan.points, mean[:2], spread, tracker.gate_probability)
         if len(indices):

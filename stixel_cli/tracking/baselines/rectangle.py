@@ -20,20 +20,19 @@ velocity across the heading is measured as 0 ± slip. Rows with a large normalis
 left out.
 """
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 from annotated_types import Ge, Gt, Le, Lt
 
-from stixel_cli.geometry.pose import rotation
-from stixel_cli.measurements.scans import Scans
+from stixel_cli.geometry.pose import rotation, target_from_world, wrap_angle
+from stixel_cli.measurements.scans import FieldOfView, Scans
 from stixel_cli.parameters import parameters
-from stixel_cli.tracking.association import associate
-from stixel_cli.tracking.baselines.rectangle_contour import contours_of
-from stixel_cli.tracking.baselines.rectangle_sides import Rows, joined, measure, slip_row
+from stixel_cli.tracking.association import associate, uncut
+from stixel_cli.tracking.baselines.rectangle_contour import NORMALS, contours_of
 from stixel_cli.tracking.kalman import condition
 from stixel_cli.tracking.loop import Filtered
-from stixel_cli.tracking.motion import process_noise, transition
+from stixel_cli.tracking.motion import predict, process_noise, velocity_across
 from stixel_cli.tracking.prior import PriorShape, fullness_of
 from stixel_cli.tracking.track import InitialState, Track
 
@@ -65,6 +64,26 @@ class RectangleParameters:
 LEAST_SIZE = 0.1
 """Least length and width, m."""
 
+CORNERS = np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
+"""Signs of the corners, counter-clockwise."""
+
+ENDS_POINTS = 3
+"""With fewer points than this, the distance of neighbouring rays is not known: no ends."""
+
+
+class Rows(NamedTuple):
+    """Linearised measurements: m scalars.
+
+    Attributes:
+        innovations: (m,) measured minus predicted.
+        matrix: (m, 12) derivatives by the eight states and by the errors of the four sides.
+        variances: (m,) of the errors that are independent.
+    """
+
+    innovations: np.ndarray
+    matrix: np.ndarray
+    variances: np.ndarray
+
 
 def track(
     scans: Scans, initial: InitialState, prior: PriorShape, tracker: RectangleParameters
@@ -83,24 +102,23 @@ def track(
 
     filtered = Filtered(scans, 8)
     for scan in filtered:
-        mean, covariance = predict(mean, covariance, scan.interval, tracker)
+        noise = process_noise(scan.interval, tracker.sigma_q, tracker.sigma_q_psi)
+        # The size stays, as radii do that nothing forgets.
+        mean, covariance = predict(mean, covariance, scan.interval, noise, 0.0)
         noises, nis, degrees = scan.covariances + tracker.measurement_std**2 * np.eye(2), np.nan, 0
         turn = rotation(mean[2])
         area = turn @ np.diag(mean[6:] ** 2 / 12.0) @ turn.T
         spread = covariance[:2, :2] + area + noises
         indices = associate(scan.points, mean[:2], spread, tracker.gate_probability)
         if len(indices):
-            measured = joined(
-                measure(
-                    mean,
-                    scan.points[indices],
-                    noises[indices],
-                    scan.sensor,
-                    fullness,
-                    tracker.corner_std,
-                    scans.field_of_view,
-                ),
-                slip_row(mean, tracker.slip),
+            measured = measure(
+                mean,
+                scan.points[indices],
+                noises[indices],
+                scan.sensor,
+                fullness,
+                tracker,
+                scans.field_of_view,
             )
             kept = inside(covariance, measured, tracker)
             indices = indices[kept[: len(indices)]]
@@ -112,15 +130,91 @@ def track(
     return filtered.track(contours_of(*filtered.states, prior, tracker.side_std))
 
 
-def predict(
-    mean: np.ndarray, covariance: np.ndarray, interval: float, tracker: RectangleParameters
-) -> tuple[np.ndarray, np.ndarray]:
-    """Mean (8,) and covariance (8, 8) one `interval` in s later; thesis (62), (72)."""
-    matrix = np.eye(8)
-    matrix[:6, :6] = transition(interval)
-    predicted = matrix @ covariance @ matrix.T
-    predicted[:6, :6] += process_noise(interval, tracker.sigma_q, tracker.sigma_q_psi)
-    return matrix @ mean, predicted
+def measure(
+    mean: np.ndarray,
+    points_world: np.ndarray,
+    noises: np.ndarray,
+    sensor_pose: np.ndarray,
+    fullness: float,
+    tracker: RectangleParameters,
+    field_of_view: FieldOfView | None,
+) -> Rows:
+    """The rows of points (n, 2) m with covariances (n, 2, 2) m², n > 0, at the state `mean` (8,).
+
+    First one for each point, then the two ends of the target where they can be used, then the
+    velocity across the heading. `sensor_pose` (3,) is that of the sensor in the world, `fullness`
+    the area of the class's shape over that of its box, `field_of_view` as in `Scans`.
+    """
+    turn = rotation(mean[2])
+    body = target_from_world(points_world, mean[:3])
+    sides = sides_of(body, mean[6:], visible_sides(mean, sensor_pose[:2]))
+    normals = NORMALS[sides]
+    # The mean distance of a shape's side from its middle is this part of that of its box.
+    half = 0.5 * fullness
+    points = np.zeros((len(body), 12))
+    points[:, :2] = -normals @ turn.T
+    # The point in the target's frame turns back where the heading turns.
+    points[:, 2] = normals[:, 0] * body[:, 1] - normals[:, 1] * body[:, 0]
+    points[np.arange(len(body)), 6 + sides // 2] = -half
+    points[np.arange(len(body)), 8 + sides] = -1.0
+    distances = np.einsum("ni,ni->n", normals, body) - half * mean[6 + sides // 2]
+    across = normals @ turn.T
+    variances = np.einsum("ni,nij,nj->n", across, noises, across)
+
+    ends = _ends(mean, points_world, noises, sensor_pose, tracker.corner_std, field_of_view)
+    speed, of_speed = velocity_across(np.append(mean, np.zeros(4)))
+    slip = Rows(np.array([-speed]), of_speed[None], np.array([tracker.slip**2]))
+    parts = zip(Rows(-distances, points, variances), ends, slip, strict=True)
+    return Rows(*(np.concatenate(part) for part in parts))
+
+
+def visible_sides(mean: np.ndarray, sensor_world: np.ndarray) -> np.ndarray:
+    """Which sides (4,) of the rectangle `mean` (8,) a sensor at `sensor_world` (2,) m sees.
+
+    A sensor inside of the rectangle sees all.
+    """
+    sensor = target_from_world(sensor_world[None], mean[:3])[0]
+    seen = NORMALS @ sensor > 0.5 * mean[[6, 6, 7, 7]]
+    return seen if seen.any() else ~seen
+
+
+def sides_of(points_target: np.ndarray, size: np.ndarray, seen: np.ndarray) -> np.ndarray:
+    """The nearest of the `seen` sides (4,) of each point (n, 2) m; `size` is length and width."""
+    half = 0.5 * size
+    outside = np.maximum(np.abs(points_target) - half, 0.0)[:, [1, 1, 0, 0]]
+    away = points_target @ NORMALS.T - half[[0, 0, 1, 1]]
+    return np.where(seen, np.hypot(away, outside), np.inf).argmin(axis=1)
+
+
+def _ends(
+    mean: np.ndarray,
+    points_world: np.ndarray,
+    noises: np.ndarray,
+    sensor_pose: np.ndarray,
+    corner_std: float,
+    field_of_view: FieldOfView | None,
+) -> Rows:
+    """The rows of the right and the left end of the target, as the sensor sees it."""
+    if len(points_world) < ENDS_POINTS:
+        return Rows(np.zeros(0), np.zeros((0, 12)), np.zeros(0))
+    offsets = points_world - sensor_pose[:2]
+    bearings = wrap_angle(np.arctan2(offsets[:, 1], offsets[:, 0]) - sensor_pose[2])
+    gap = np.median(np.diff(np.sort(bearings))) * np.hypot(*offsets.T).mean()
+    turn, body = rotation(mean[2]), 0.5 * CORNERS * mean[6:]
+    corners = body @ turn.T + mean[:2] - sensor_pose[:2]
+    last = np.array([bearings.argmin(), bearings.argmax()])
+    innovations, matrix, variances = np.empty(2), np.zeros((2, 12)), np.empty(2)
+    for i, side in enumerate((-1.0, 1.0)):
+        ray = offsets[last[i]] / np.hypot(*offsets[last[i]])
+        outwards = side * np.array([-ray[1], ray[0]])
+        corner = np.arctan2(corners @ outwards, corners @ ray).argmax()
+        innovations[i] = 0.5 * gap - outwards @ corners[corner]
+        matrix[i, :2] = outwards
+        matrix[i, 2] = outwards @ turn @ [-body[corner, 1], body[corner, 0]]
+        matrix[i, 6:8] = 0.5 * CORNERS[corner] * (outwards @ turn)
+        variances[i] = gap**2 / 12.0 + outwards @ noises[last[i]] @ outwards + corner_std**2
+    kept = uncut(bearings[last], np.hypot(*offsets[last].T), field_of_view)
+    return Rows(innovations[kept], matrix[kept], variances[kept])
 
 
 def inside(covariance: np.ndarray, rows: Rows, tracker: RectangleParameters) -> np.ndarray:

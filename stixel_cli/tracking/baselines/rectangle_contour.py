@@ -3,12 +3,18 @@
 import numpy as np
 
 from stixel_cli.geometry.pose import rotation, wrap_angle
-from stixel_cli.tracking.baselines.rectangle_sides import NORMALS
+from stixel_cli.tracking.motion import GREATEST_VARIANCE, MOVING
 from stixel_cli.tracking.prior import PriorShape, prior_radii
 from stixel_cli.tracking.track import contour_directions
 
+NORMALS = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
+"""Outward normals of front, rear, left and right side in the target's frame."""
+
 LEAST_SPEED = 0.5
 """Below it, m/s, the velocity does not tell which axis points forwards."""
+
+SHAPE = np.array([2, 6, 7])
+"""Indices of heading, length and width in the eight states."""
 
 QUARTER = 0.5 * np.pi
 
@@ -67,3 +73,30 @@ def forward_axis(angle: float, velocity: np.ndarray, heading: float) -> tuple[fl
     quarters = round(float(wrap_angle(towards - angle)) / QUARTER)
     turned = wrap_angle(angle + quarters * QUARTER - heading)
     return heading + float(turned), quarters % 2 == 1
+
+
+def rectangle_states(
+    moving: tuple[np.ndarray, np.ndarray],
+    shape: tuple[np.ndarray, np.ndarray],
+    heading: float,
+    turn_rate_variance: float,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Mean (8,) and covariance (8, 8) of a track: x, y, heading, their rates, length and width.
+
+    Args:
+        moving: mean (4,) and covariance (4, 4) of x, y and their rates, m and m/s.
+        shape: (3,) and (3, 3) of the first axis's angle, rad, and of the half sizes, m. It is
+            independent of the velocity.
+        heading: the one before, rad.
+        turn_rate_variance: of its rate, which is 0, rad²/s².
+    """
+    mean, covariance = np.zeros(8), np.diag([0.0] * 5 + [turn_rate_variance, 0.0, 0.0])
+    forwards, swapped = forward_axis(shape[0][0], moving[0][2:], heading)
+    order, factors = np.array([0, 2, 1] if swapped else [0, 1, 2]), np.array([1.0, 2.0, 2.0])
+    mean[MOVING], mean[SHAPE] = moving[0], factors * shape[0][order]
+    mean[2] = forwards
+    covariance[np.ix_(MOVING, MOVING)] = moving[1]
+    of_shape = np.outer(factors, factors) * shape[1][np.ix_(order, order)]
+    covariance[np.ix_(SHAPE, SHAPE)] = of_shape
+    covariance[2, 2] = min(covariance[2, 2], GREATEST_VARIANCE)
+    return mean, covariance

@@ -1,26 +1,33 @@
-"""Road users that move: which of the clusters that are followed are road users."""
+"""Road users that move: which of the clusters that are followed are road users.
+
+A cluster that moves leaves free places behind. A fence at a grazing angle has a cluster that slides
+along it: at the edge of the view, in a gap between nearer things, or where stereo sees enough of
+it. Its speed tells nothing, since a car that is followed has it, too. But the fence is still where
+the cluster was.
+"""
 
 from dataclasses import replace
 
 import numpy as np
 
-from stixel_cli.geometry.pose import rotation
+from stixel_cli.geometry.pose import rotation, wrap_angle
+from stixel_cli.measurements.clusters import GAP
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.tracking.contour.class_size import possible_sizes
 from stixel_cli.tracking.followed import (
     BEGIN,
     LARGEST,
+    LEAST_SCANS,
     WINDOW,
     OpenTrack,
     follow,
+    least_speed,
     line,
     state_of,
 )
 from stixel_cli.tracking.motion import intervals, transition
 from stixel_cli.tracking.prior import PriorShape
-from stixel_cli.tracking.several.found import LEAST_SCANS, FoundTrack, least_speed
-from stixel_cli.tracking.several.places_left import free_and_occupied
-from stixel_cli.tracking.track import InitialState
+from stixel_cli.tracking.track import FoundTrack, InitialState
 
 CERTAIN = 12.0
 """A road user's speed is so many times the speed's standard error."""
@@ -36,6 +43,16 @@ TOGETHER = 1.5
 
 USED = 1.0
 """Its initial state comes from so many of its first seconds, of scans until it is confirmed."""
+
+AWAY = 1.0
+"""A cluster has left a place that is so far from all its points, m."""
+
+ACROSS = 0.5
+"""A ray passes a place at this distance, m."""
+
+SHADOW = 1.0
+"""Behind an object so far from its points, across the rays, m, points at its edges have a depth
+between that of the object and that of the background."""
 
 
 def find_tracks(scans: Scans, prior: PriorShape, std: tuple[float, ...]) -> tuple[FoundTrack, ...]:
@@ -67,8 +84,8 @@ def are_one(scans: Scans, one: OpenTrack, other: OpenTrack, sizes: np.ndarray) -
 
     The box is along the last velocity of the first track. `sizes` (n, 2) m are those of the class.
     """
-    rows, others = (dict(zip(track.scans, track.rows, strict=True)) for track in (one, other))
-    both = [np.concatenate([rows[k], others[k]]) for k in rows.keys() & others.keys()]
+    common = one.rows.keys() & other.rows.keys()
+    both = [np.concatenate([one.rows[k], other.rows[k]]) for k in common]
     along = rotation(float(np.arctan2(one.mean[3], one.mean[2])))
     extents = [np.ptp(scans.points_world[each] @ along, axis=0) for each in both]
     fits = bool(both) and np.median(extents, axis=0) <= TOGETHER * sizes.max(axis=0)
@@ -77,24 +94,23 @@ def are_one(scans: Scans, one: OpenTrack, other: OpenTrack, sizes: np.ndarray) -
 
 def _joined(one: OpenTrack, other: OpenTrack) -> OpenTrack:
     """The track `one` with the clusters of `other`."""
-    rows: dict[int, np.ndarray] = dict(zip(one.scans, one.rows, strict=True))
-    for k, more in zip(other.scans, other.rows, strict=True):
+    rows = dict(one.rows)
+    for k, more in other.rows.items():
         rows[k] = np.sort(np.concatenate([rows[k], more])) if k in rows else more
-    scans = sorted(rows)
-    return replace(one, scans=scans, rows=[rows[k] for k in scans])
+    return replace(one, rows=dict(sorted(rows.items())))
 
 
 def found_track(
     scans: Scans, one: OpenTrack, last: int, sizes: np.ndarray, std: tuple[float, ...]
 ) -> FoundTrack:
     """The track, confirmed at scan `last`; the other arguments as in `find_tracks`."""
-    indices = np.array(one.scans)
-    used = one.within(scans, indices[0], min(USED, scans.times[last] - scans.times[indices[0]]))
+    first, interval = min(one.rows), intervals(scans.times)
+    used = one.within(scans, first, min(USED, scans.times[last] - scans.times[first]))
     of_run = state_of(scans, used, sizes, std, "scans")
-    ahead = scans.times[indices[0]] - intervals(scans.times)[indices[0]]
-    step = transition(ahead - (scans.times[0] - intervals(scans.times)[0]))
+    ahead = scans.times[first] - interval[first] - (scans.times[0] - interval[0])
+    step = transition(ahead)
     initial = InitialState(step @ of_run.mean, step @ of_run.covariance @ step.T)
-    return FoundTrack(indices, tuple(one.rows), last, initial)
+    return FoundTrack(one.rows, last, initial)
 
 
 def confirmed(scans: Scans, one: OpenTrack, length: float) -> int | None:
@@ -104,24 +120,69 @@ def confirmed(scans: Scans, one: OpenTrack, length: float) -> int | None:
     None for a track that may be a static object, with the errors of the sensor's motion, or a part
     of one. `length` is the class's diagonal, m.
     """
-    recent = [slice(max(0, n - RECENT), n) for n in range(len(one.scans) + 1)]
-    numbers = range(LEAST_SCANS - 1, len(one.scans))
-    fast = [n for n in numbers if _is_fast(scans, one, recent[n + 1])]
-    counts = np.zeros((len(one.scans), 2), dtype=np.int64)
+    ks, rows = [*one.rows], [*one.rows.values()]
+    recent = [slice(max(0, n - RECENT), n) for n in range(len(ks) + 1)]
+    fast = [n for n in range(LEAST_SCANS - 1, len(ks)) if _is_fast(scans, one, ks[recent[n + 1]])]
+    counts = np.zeros((len(ks), 2), dtype=np.int64)
     for n in range(1, fast[-1] + 1 if fast else 0):
-        before = np.concatenate(one.rows[recent[n]])
-        counts[n] = free_and_occupied(scans, one.scans[n], one.rows[n], before, length)
+        before = np.concatenate(rows[recent[n]])
+        counts[n] = free_and_occupied(scans, ks[n], rows[n], before, length)
         free, occupied = counts.sum(axis=0)
         scans_with_free = np.sum(counts[max(0, n + 1 - WINDOW) : n + 1, 0] > 0)
         if n in fast and scans_with_free >= BEGIN and free > FREE * occupied:
-            return one.scans[n]
+            return ks[n]
     return None
 
 
-def _is_fast(scans: Scans, one: OpenTrack, chosen: slice) -> bool:
-    """Whether a track in the chosen scans is faster than a static object with errors."""
-    recent = replace(one, scans=one.scans[chosen], rows=one.rows[chosen])
-    velocity, error = recent.velocity(scans)
-    of_sensor = line(scans.times[recent.scans], scans.sensor_poses_world[recent.scans, :2])[1]
+def _is_fast(scans: Scans, one: OpenTrack, ks: list[int]) -> bool:
+    """Whether a track in the scans `ks` is faster than a static object with errors."""
+    velocity, error = replace(one, rows={k: one.rows[k] for k in ks}).velocity(scans)
+    of_sensor = line(scans.times[ks], scans.sensor_poses_world[ks, :2])[1]
     least = max(least_speed(float(np.hypot(*of_sensor))), CERTAIN * error)
     return float(np.hypot(*velocity)) >= least
+
+
+def free_and_occupied(
+    scans: Scans, k: int, own: np.ndarray, before: np.ndarray, length: float
+) -> tuple[int, int]:
+    """How many places that a cluster had before scan `k` are seen to be free, and occupied, in it.
+
+    A place is free if rays pass it: no point is near it, or nearer to the sensor in its direction.
+    It is occupied by a point at its range that is not of the cluster. A place that is hidden, or
+    outside of the field of view, is neither.
+
+    Args:
+        scans: of any sensor.
+        k: the scan.
+        own: rows (n,) of the cluster in it.
+        before: rows (m,) of the cluster in earlier scans.
+        length: of an object, m: nearer to the cluster, a point may be of the object itself.
+    """
+    rows, pose = np.arange(scans.rows(k).start, scans.rows(k).stop), scans.sensor_poses_world[k]
+    apart = scans.points_world[before, None] - scans.points_world[own]
+    left_by = np.hypot(apart[..., 0], apart[..., 1]).min(axis=1)
+    before, left_by = before[left_by > AWAY], left_by[left_by > AWAY]
+    places, points = (_seen_from(scans, pose, these) for these in (before, rows))
+    view = scans.field_of_view
+    inside = np.ones(len(before), bool)
+    if view is not None:
+        inside = (places[1] > view.right) & (places[1] < view.left)
+    (ranges, bearings, variances), left_by = places[:, inside], left_by[inside]
+    behind = points[0] - ranges[:, None]
+    across = np.abs(wrap_angle(points[1] - bearings[:, None])) * ranges[:, None]
+    error = np.sqrt(GAP**2 + 4.0 * (points[2] + variances[:, None]))
+    is_own = np.isin(rows, own)
+    free = ~np.any((across < ACROSS) & (behind < error), axis=1)
+    shaded = np.any((across < SHADOW) & (behind < -error) & is_own, axis=1)
+    at_place = np.any((across < ACROSS) & (np.abs(behind) < error) & ~is_own, axis=1)
+    return int(free.sum()), int(np.sum(at_place & ~shaded & (left_by > length)))
+
+
+def _seen_from(scans: Scans, pose_world: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """Range (m), bearing from the heading (rad), variance along the ray (m²): (3, n), of rows."""
+    away = scans.points_world[rows] - pose_world[:2]
+    ranges = np.hypot(*away.T)
+    along = away / np.maximum(ranges, 1e-9)[:, None]
+    variances = np.einsum("ni,nij,nj->n", along, scans.covariances_world[rows], along)
+    bearings = wrap_angle(np.arctan2(away[:, 1], away[:, 0]) - pose_world[2])
+    return np.stack([ranges, bearings, variances])

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.tracking.several.found import FoundTrack, ObjectTrack
+from stixel_cli.tracking.track import FoundTrack, ObjectTrack, used_rows
 
 
 def track_each(
@@ -38,7 +38,7 @@ def track_each(
         used = rows[result.used_points]
         # Only the filtered track is compared with labels.
         result = replace(result, used_points=used, smoothed=None)
-        tracks.append(ObjectTrack(int(one.scans[0]), one.confirmed, result))
+        tracks.append(ObjectTrack(min(one.rows), one.confirmed, result))
     return tuple(tracks)
 
 
@@ -47,15 +47,15 @@ def own_scans(scans: Scans, found: FoundTrack) -> tuple[Scans, np.ndarray]:
 
     A scan without its cluster is empty. Also the rows (P,) of these points in `scans`.
     """
-    first, last = int(found.scans[0]), int(found.scans[-1])
-    of_scan = dict(zip(found.scans.tolist(), found.rows, strict=True))
-    rows = [of_scan.get(k, np.zeros(0, dtype=np.int64)) for k in range(first, last + 1)]
-    own_of_each = Scans.of_each(
-        scans.times[first : last + 1],
-        scans.sensor_poses_world[first : last + 1],
-        [(scans.points_world[own], scans.covariances_world[own]) for own in rows],
-        scans.field_of_view,
-        scans.shared_errors,
-        None if scans.heights is None else [scans.heights[own] for own in rows],
+    ks = range(min(found.rows), max(found.rows) + 1)
+    offsets, rows = used_rows([found.rows.get(k, np.zeros(0, np.int64)) for k in ks])
+    own = replace(
+        scans,
+        times=scans.times[ks],
+        sensor_poses_world=scans.sensor_poses_world[ks],
+        offsets=offsets,
+        points_world=scans.points_world[rows],
+        covariances_world=scans.covariances_world[rows],
+        heights=scans.heights_of(rows),
     )
-    return own_of_each, np.concatenate(rows)
+    return own, rows

@@ -11,10 +11,10 @@ import numpy as np
 
 from stixel_cli.config.real_images import real_image_parameters
 from stixel_cli.errors import ArgumentError
-from stixel_cli.frame_stixels import FrameStixels
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD, planar_poses
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.pairs import (
+from stixel_cli.live.frame_stixels import FrameStixels
+from stixel_cli.live.pairs import (
     RigLike,
     check_rows,
     grey_pair,
@@ -212,9 +212,8 @@ class StixelStream:
         if len(self._scans) == HISTORY:
             dropped = len(self._scans.popleft().points_world)
             for one in self._tracks:
-                late = [i for i, its_k in enumerate(one.scans) if its_k > k - HISTORY]
-                one.rows = [one.rows[i] - dropped for i in late]
-                one.scans = [one.scans[i] for i in late]
+                late = [its_k for its_k in one.rows if its_k > k - HISTORY]
+                one.rows = {its_k: one.rows[its_k] - dropped for its_k in late}
         self._scans.append(scan)
         # Scans of the whole way; those before the last ones are empty.
         counts = [0] * (k + 2 - len(self._scans)) + [len(s.points_world) for s in self._scans]
@@ -245,7 +244,7 @@ class StixelStream:
                 number,
                 one.mean,
                 one.covariance,
-                scans.points_world[one.rows[-1] if one.scans[-1] == k else []],
+                scans.points_world[one.rows.get(k, [])],
                 self._estimate(scans, one),
             )
             for number, one in sorted(own.items())
@@ -260,7 +259,7 @@ class StixelStream:
         first = len(scans) - 1
         if one.number not in self._contours:
             # Its scans so far are used now, as it was not clear before that it moves.
-            first, initial = one.scans[0], found_track(scans, one, first, SIZES, START_STD).initial
+            first, initial = min(one.rows), found_track(scans, one, first, SIZES, START_STD).initial
             self._contours[one.number] = Contour(
                 "unknown",
                 start=initial,
@@ -269,9 +268,8 @@ class StixelStream:
                 field_of_view=scans.field_of_view,
                 shared_errors=scans.shared_errors,
             )
-        rows = dict(zip(one.scans, one.rows, strict=True))
         for k in range(first, len(scans)):
-            own, tracker = rows.get(k, np.zeros(0, np.int64)), self._contours[one.number]
+            own, tracker = one.rows.get(k, np.zeros(0, np.int64)), self._contours[one.number]
             points, covariances = scans.points_world[own], scans.covariances_world[own]
             estimate = tracker.step(
                 points, covariances, scans.sensor_poses_world[k], scans.times[k]

@@ -16,9 +16,9 @@ import numpy as np
 
 from stixel_cli.config.real_images import real_image_parameters
 from stixel_cli.errors import ArgumentError, UserError
-from stixel_cli.frame_stixels import FrameStixels
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD
 from stixel_cli.geometry.rig import Rig
+from stixel_cli.live.frame_stixels import FrameStixels
 
 if TYPE_CHECKING:
     from pydantic import TypeAdapter

@@ -6,11 +6,11 @@ from rendered_clip import assert_same, results_of_run
 
 from stixel_cli import StixelStream, compose
 from stixel_cli.errors import ArgumentError
-from stixel_cli.pairs import FRAME
+from stixel_cli.live.pairs import FRAME
+from stixel_cli.live.stream import HISTORY
 from stixel_cli.recordings.image_files import grey, read_image
 from stixel_cli.stereo.disparities import Disparities
-from stixel_cli.stream import HISTORY
-from stixel_cli.tracking.several.found import LEAST_SCANS
+from stixel_cli.tracking.followed import LEAST_SCANS
 
 
 @pytest.fixture
@@ -86,7 +86,7 @@ def test_a_wall_that_drives_away_gets_a_track_and_one_that_stands_does_not(monke
                 raw = disparities_of_a_wall(rig, place)
                 return Disparities.in_memory(FRAME.start, 160, [raw])
 
-            monkeypatch.setattr("stixel_cli.stream.matched", match)
+            monkeypatch.setattr("stixel_cli.live.stream.matched", match)
             frame = stream.step(*images)
             assert len(frame.tracks) == (expected if k >= LEAST_SCANS - 1 else 0)
     (one,) = frame.tracks

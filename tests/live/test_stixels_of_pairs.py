@@ -14,10 +14,10 @@ from rendered_clip import assert_same, results_of_run
 from stixel_cli import StixelStream, compose, stixels_from_disparity, stixels_from_pair
 from stixel_cli.config.real_images import real_image_parameters
 from stixel_cli.errors import ArgumentError, UserError
-from stixel_cli.pairs import check_rows, grey_pair
+from stixel_cli.live.pairs import check_rows, grey_pair
 from stixel_cli.stereo.rectification import compare_rows
 
-sys.path.append(str(Path(__file__).parent / "recordings"))
+sys.path.append(str(Path(__file__).parents[1] / "recordings"))
 from made_street import stereo_view, street_rig
 
 NUMBERS = {"focal_length": 200.0, "baseline": 0.4, "camera_height": 1.5}

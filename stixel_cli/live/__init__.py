@@ -1,0 +1,1 @@
+"""Calls for cameras of your own: the stixels of one pair, of one frame, of a stream."""
