@@ -25,6 +25,7 @@ from stixel_cli.rendering.raycast import render
 from stixel_cli.rendering.sensor_noise import add_sensor_noise
 from stixel_cli.scene.ego import ego_motion
 from stixel_cli.scene.path import build_scenario
+from stixel_cli.stereo.matching import match
 from stixel_cli.stixels.extraction import extract_stixels
 from stixel_cli.stixels.free_space import find_free_space
 from stixel_cli.tracking import gp_ekf
@@ -66,14 +67,14 @@ def follow(recorded, cores):
     p, ego, initial, pair_of = recorded
     count = len(ego.times)
 
-    def match(k):
+    def matched_pair(k):
         pairs = pair_of(k)
         return pairs, match(pairs, p.stereo, p.rig, range(k, k + 1))
 
     started = time.perf_counter()
     stixels, free_space = [], None
     with ThreadPoolExecutor(2) as pool:
-        matched = (map if cores == 1 else pool.map)(match, range(count))
+        matched = (map if cores == 1 else pool.map)(matched_pair, range(count))
         for k, (pairs, disparities) in enumerate(matched):
             frames = range(k, k + 1)
             free_space = find_free_space(

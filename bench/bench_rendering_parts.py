@@ -173,7 +173,7 @@ def test_edges(benchmark, scene):
     pose = world_from_target_3d(np.array([-1.0, 14.0, -0.5]))
     bodies = static.body, Body(target.surfaces(0), pose)
     camera = rig_cameras(static.rig, np.array([0.0, 0.0, 0.5 * np.pi]))[0]
-    shot = Shot(bodies, camera, static.renderer.light)
+    shot = Shot(bodies, camera)
     rows, columns = np.divmod(np.arange(camera.height * camera.width), camera.width)
     hits = tracing.nearest(shot, columns.astype(float), rows.astype(float))
     lit = tracing.sunlit(shot, hits, (0, 1))
