@@ -38,14 +38,17 @@ def _no_tracker_is_late(monkeypatch):
 
 
 @contextmanager
-def small_definitions(place):
-    """The working directory `place`, with small definitions in place of version 1.0."""
+def small_definitions(place, patch):
+    """The working directory `place`, with small definitions in place of version 1.0, by `patch`.
+
+    A test that changes the directory again must do so by the same `patch`, which goes back to the
+    first one.
+    """
     folder = place / "definitions"
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(sequences, "bench_folder", lambda: folder)
-        patch.chdir(place)
-        sequences.definitions.cache_clear()
-        yield
+    patch.setattr(sequences, "bench_folder", lambda: folder)
+    patch.chdir(place)
+    sequences.definitions.cache_clear()
+    yield
     sequences.definitions.cache_clear()
 
 
@@ -56,17 +59,17 @@ def computed(tmp_path_factory):
     (place / "definitions").mkdir()
     text = yaml.safe_dump(DEFINITIONS)
     (place / "definitions" / "sequences.yaml").write_text(text, encoding="utf-8")
-    with small_definitions(place):
+    with pytest.MonkeyPatch.context() as patch, small_definitions(place, patch):
         assert main(["bench", "render", "--mini", "--data", "data"]) == 0
         assert main(["bench", "run", "gp_ekf", "--data", "data"]) == 0
     return place
 
 
 @pytest.fixture
-def packed(computed, tmp_path):
+def packed(computed, tmp_path, monkeypatch):
     """The working directory with the mini set, a pack of gp_ekf, `gp_ekf.zip`, and its folder."""
     shutil.copytree(computed, tmp_path, dirs_exist_ok=True)
-    with small_definitions(tmp_path):
+    with small_definitions(tmp_path, monkeypatch):
         yield tmp_path
 
 
