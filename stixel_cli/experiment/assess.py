@@ -68,8 +68,8 @@ def assess(composition: Composition, progress: Progress | None = None) -> Assess
     pictures = {Path(name).stem: data for name, data in drawn.items() if name.endswith(".png")}
     rig = {"text": first["calibration"].text, **first["calibration"].values}
     seconds = _seconds(composition, first["calibration"].rig)
-    found = _against_truth(first["stixels"], first["free_space"], image, pictures, composition)
-    return Assessment(dict.fromkeys(LABELS) | found | values, pictures, seconds, rig)
+    found, maps = _against_truth(first["stixels"], first["free_space"], image, composition)
+    return Assessment(dict.fromkeys(LABELS) | found | values, pictures | maps, seconds, rig)
 
 
 def _seconds(composition: Composition, rig: Rig) -> dict[str, float]:
@@ -122,18 +122,18 @@ def assess_stixels(
     nearest = nearest_disparity(stixels, 0, rig.width)[None]
     nothing = np.full(nearest.shape, -1, dtype=np.int32)
     free_space = FreeSpace(0, nearest.astype(np.float32), nothing, np.zeros((1, 2)))
-    values = _against_truth(stixels, free_space, image, pictures, composition)
-    return Assessment(dict.fromkeys(LABELS) | values, pictures, {})
+    values, maps = _against_truth(stixels, free_space, image, composition)
+    return Assessment(dict.fromkeys(LABELS) | values, pictures | maps, {})
 
 
 def _against_truth(
     stixels: Stixels,
     free_space: FreeSpace,
     image: np.ndarray,
-    pictures: dict[str, bytes],
     composition: Composition,
-) -> dict[str, Any]:
-    """The values of the first frame; adds the map of errors to `pictures` if the truth is known."""
+) -> tuple[dict[str, Any], dict[str, bytes]]:
+    """The values of the first frame; by its name the map of errors, if the truth is known."""
+    maps: dict[str, bytes] = {}
     configuration, recording = composition.configuration, composition.recording
     rig = configuration.rig
     covered = np.isfinite(nearest_disparity(stixels, 0, rig.width))
@@ -146,7 +146,7 @@ def _against_truth(
     if recording.true_disparities:
         truth = read_disparity(recording.true_disparities[0])
         errors = area_errors(stixels, 0, compensated(truth, rig, configuration.road), rig)
-        pictures[ERROR_MAP] = error_map(image, stixels, errors)
+        maps[ERROR_MAP] = error_map(image, stixels, errors)
         obstacles = true_obstacles(truth, rig, configuration.road, configuration.free_space)
         seen = np.isfinite(obstacles)
         found = found_columns(stixels, 0, obstacles, rig)
@@ -172,7 +172,7 @@ def _against_truth(
             near = obstacles < NEAR
         free = called_free(free_space, 0, obstacles, rig, NEAR)
         values |= {"near_columns": int(near.sum()), "near_called_free": int(free.sum())}
-    return values
+    return values, maps
 
 
 def _sizes(errors: np.ndarray, prefix: str = "") -> dict[str, float | None]:
