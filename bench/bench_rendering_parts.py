@@ -77,7 +77,7 @@ def test_import_of_open3d(benchmark):
     """Next to `import open3d`; and that of the stixels of one pair, which needs no Open3D."""
 
     def imports(statement: str):
-        subprocess.run([sys.executable, "-c", statement], check=True)
+        subprocess.run([sys.executable, "-c", sized(statement, "")], check=True)
 
     module = "from stixel_cli.scene.open3d_import import"
     compare(
@@ -197,11 +197,10 @@ def test_edges(benchmark, scene):
 
 def test_compilation(benchmark, tmp_path):
     """Of all kernels, with an empty cache, in one process."""
-    environment = os.environ | sized({"NUMBA_CACHE_DIR": str(tmp_path)}, {})
-    command = [sys.executable, "-m", "stixel_cli.machine.kernels"]
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
+    command = [sys.executable, *sized(("-m", "stixel_cli.machine.kernels"), ("-c", ""))]
     ways = dict.fromkeys(
-        sized(("without", "cached"), ("cached",)),
-        lambda: subprocess.run(command, env=environment, check=True),
+        ("without", "cached"), lambda: subprocess.run(command, env=environment, check=True)
     )
     title = "compilation of all kernels, from the cache and without"
     compare(benchmark, title, 1, resource.RUSAGE_CHILDREN, **ways)

@@ -1,4 +1,4 @@
-"""Runs of this process are short: they draw nothing and start no processes, unless a test asks."""
+"""Runs of this process are short: they draw nothing, start no processes and sum up few metrics."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -7,19 +7,33 @@ from pkgutil import resolve_name
 
 import pytest
 
+from stixel_cli.answers.runs import SHOWN, Runs
+from stixel_cli.evaluation.metric_table import METRICS
+
+
+def _shown_metrics(runs: Runs) -> list[str]:
+    """Those of the terminal's table, and what is no metric of stixel."""
+    return [name for name in _ALL_METRICS(runs) if name in SHOWN or name not in METRICS]
+
+
+_ALL_METRICS = Runs.metrics.func
+
 SHORT = {
     "drawn": {
         "stixel_cli.experiment.run.PICTURES": (),
         "stixel_cli.sweeps.page.sweep_page": lambda *_, **given: "",
         "stixel_cli.studies.run.study_page": lambda *_: "",
+        "stixel_cli.answers.figures.drawing": lambda *_: b"<svg/>",
     },
+    "summed": {"stixel_cli.answers.runs.Runs.metrics": property(_shown_metrics)},
     "workers": {"stixel_cli.engine.plan.Durations.estimate": lambda *_: (0.0, [])},
 }
 """What is replaced unless a test or its module has the mark.
 
-Drawing, and processes that import all libraries, take nearly all of a short run's time. Runs,
-sweeps and studies draw nothing without `drawn`; without `workers` all work of `executor=local`
-counts as small, and is done in this process.
+Drawing, processes that import all libraries, and statistics of sixty metrics take nearly all of a
+short run's time. Runs, sweeps and studies draw nothing without `drawn`; without `workers` all work
+of `executor=local` counts as small, and is done in this process; without `summed` a sweep's
+summary has the main metrics alone.
 """
 
 

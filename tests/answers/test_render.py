@@ -95,6 +95,7 @@ def test_the_shares_of_a_consistent_filter_are_the_probabilities():
     assert np.isnan(figures.shares_inside({})).all()
 
 
+@pytest.mark.drawn
 def test_the_figure_of_a_nees_is_a_reliability_diagram(tmp_path):
     runs = of_values({name: {"turn": [1.0] * 4} for name in "ab"})
     folders = [tmp_path / str(i) for i in range(len(runs))]

@@ -176,6 +176,7 @@ def test_a_truth_of_some_scans_scores_those_scans(made, tmp_path, shared, capsys
     assert arrays(shared / "some", "truth.npz")["k"].tolist() == [4, 5, 6, 7]
 
 
+@pytest.mark.summed
 def test_a_sweep_of_files_without_truth_has_statistics_of_what_is_known(made, shared, capsys):
     words = [*from_files(made, None), "tracker=gp_ekf,point"]
     assert main(["sweep", "--results", str(shared), "--name", "sweep", *words]) == 0

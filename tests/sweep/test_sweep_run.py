@@ -82,6 +82,7 @@ def test_the_folder(sweeps):
 
 
 @pytest.mark.drawn
+@pytest.mark.summed
 def test_the_summaries_are_those_of_the_seeds(sweeps):
     swept = sweeps.run(*FEW, "tracker.sigma_f=0.1,0.3", "seed=range(0,4)", "--name", "mine")
     folder = sweeps.results / "mine"
