@@ -34,18 +34,11 @@ def stand_in(monkeypatch):
     typer.main.get_command.cache_clear()
 
 
-def test_help(capsys):
-    assert main(["--help"]) == 0
-    answer = capsys.readouterr().out
-    assert "run " in answer
-    assert "report " in answer
-    assert main([]) == 0
-    assert capsys.readouterr().out == answer
-
-
 def test_help_groups_every_command(capsys):
     assert main(["--help"]) == 0
-    _, start, shown = capsys.readouterr().out.partition("Run experiments:\n")
+    answer = capsys.readouterr().out
+    assert main([]) == 0 and capsys.readouterr().out == answer
+    _, start, shown = answer.partition("Run experiments:\n")
     assert len(re.findall(r"^\S.*:$", start + shown, flags=re.MULTILINE)) == 4
     named = re.findall(r"^  (\w+) +[A-Z]", shown, flags=re.MULTILINE)
     assert sorted(named) == sorted(COMMANDS) and len(named) <= 16
@@ -150,9 +143,7 @@ def test_exit_code_of_the_body_is_the_command_s(stand_in):
         (["run", "--name"], "requires an argument (see stixel run --help)"),
         (["path.duration=1"], "did you mean stixel run path.duration=1?"),
         (["run", "--workers", "many"], "'--workers'"),
-        (["run", "--workers", "0"], "'--workers'"),
         (["rnu"], "did you mean run?"),
-        (["version"], "no such command 'version' (see"),
         (["xyzzy"], "no such command 'xyzzy'"),
         (["report"], "missing argument"),
     ],
@@ -228,7 +219,7 @@ def test_sigterm_ends_a_run_in_one_line(tmp_path):
     code = "import signal\n\n\ndef track(scans, initial, prior):\n    signal.pause()\n"
     (tmp_path / "waits.py").write_text(code)
     own = ["tracker=waits:track", f"code_folders=[{tmp_path}]", "--trust-code"]
-    small = ["path.duration=1", "rig.width=128", "rig.height=96"]
+    small = ["measurement=fabricated", "path.duration=1"]
     with subprocess.Popen(
         [*STIXEL, "run", *small, *own, "--results", str(tmp_path / "results")],
         stderr=subprocess.PIPE,

@@ -265,6 +265,7 @@ def test_folders_that_are_none(command, tmp_path_factory, capsys):
         ["verify", "x", "--workers", "two"],
         ["sweep", "--workers", "0", "seed=0,1"],
         ["sweep", "--resume", "nowhere"],
+        ["sweep", "--resume", "."],
         ["sweep", "--resume", "nowhere", "seed=1"],
         ["sweep", "--from"],
         ["sweep", "--dry-run", "--from", "."],

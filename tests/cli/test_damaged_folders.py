@@ -148,7 +148,7 @@ def one_line(capsys, *words):
     return said.err
 
 
-USUAL = {*NO_FILES, "brackets", "list"}
+USUAL = {"fifo", "list"}
 CASES = [
     (command, name, kind)
     for command, names in READS.items()

@@ -213,12 +213,6 @@ def test_the_number_of_scans_is_that_of_the_file(made):
         pictured_frames(late)
 
 
-def test_names_are_relative_to_the_working_directory(made, monkeypatch):
-    monkeypatch.chdir(made)
-    resolved = compose(["measurement=file", "measurement.path=scans.csv"]).resolved
-    assert resolved["measurement"]["path"] == str(made / "scans.csv")
-
-
 @pytest.mark.parametrize(
     "word", ["path=turn", "path.speed=3", "ego=straight", "rig=kitti", "renderer=raycast",
              "stereo=bm", "rig.width=320", "road_user.length=3"],

@@ -1,11 +1,8 @@
 """A lidar's runs through the real command line: what is shared, a mesh of one's own, a sweep."""
 
 import csv
-import json
 
-import numpy as np
 import pytest
-from run_cli import run_json
 
 from stixel_cli.cli.app import main
 from stixel_cli.config.compose import compose
@@ -57,32 +54,6 @@ def test_what_the_beams_meet_changes_the_returns(word):
     assert keys(word)[0] != keys()[0]
 
 
-@pytest.mark.drawn
-def test_the_point_tracker_has_a_whole_result_folder(results, capsys):
-    answer = run_json(
-        capsys,
-        results,
-        "measurement=fabricated",
-        "tracker=point",
-        "path.duration=1",
-        "pictures.frames=[1]",
-    )
-    folder = results / answer["folder"].rpartition("/")[2]
-    names = {p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_file()}
-    assert {"figures/path.png", "figures/errors.png", "figures/k0001/birds_eye.png"} <= names
-    with (folder / "track.csv").open() as file:
-        rows = list(csv.DictReader(file))
-    assert len(rows) == 10
-    assert {float(row["nis_degrees_of_freedom"]) for row in rows} == {2.0}
-    assert all(float(row["std_heading_rate"]) > 0 for row in rows)
-    with np.load(folder / "track.npz") as track:
-        assert track["means"].shape == (10, 6)
-        assert track["contours_world"].shape == (10, 120, 2)
-    metrics = json.loads((folder / "metrics.json").read_text())
-    assert metrics["nis_mean"] is not None
-    assert metrics["nees_orientation_mean"] is not None
-
-
 def test_two_sensors_and_two_trackers_of_a_mesh_of_ones_own_from_a_car_that_turns(
     results, capsys, tmp_path
 ):
@@ -98,23 +69,3 @@ def test_two_sensors_and_two_trackers_of_a_mesh_of_ones_own_from_a_car_that_turn
     assert len({row["centre_rmse_m"] for row in rows}) == 4
     assert all(float(row["points_used_mean"]) > 10 for row in rows)
     assert all(float(row["low_overlap_share"]) == 0.0 for row in rows)
-
-
-@pytest.mark.parametrize(
-    ("words", "sentence"),
-    [
-        (("tracker=pont",), "tracker=point"),
-        (("tracker=point", "tracker.basis_points=9"), "belongs to tracker=gp_ekf"),
-        (("measurement=lidr",), "measurement=lidar"),
-        (("measurement=lidar", "measurement.layers=9"), "measurement.scanner.layers"),
-        (("measurement=lidar", "measurement.scanner=9"), "is a group of keys"),
-        (("measurement=lidar", "measurement.scanner.layers=0"), "must be ≥ 1"),
-        (("measurement=lidar", "measurement.returns=last"), "must be one of nearest, all"),
-    ],
-)
-def test_wrong_keys_and_values_are_answered_in_one_line(words, sentence, results, capsys):
-    assert main(["run", "--results", str(results), *words]) == 2
-    said = capsys.readouterr().err
-    assert sentence in said
-    assert said.count("\n") == 1
-    assert not results.exists()

@@ -183,7 +183,7 @@ def test_a_stated_size_excludes_the_classes_that_it_does_not_fit():
 @pytest.mark.parametrize("seen_by", ["stixels", "fabricated", "file"])
 def test_a_fixed_class_and_a_stated_one_are_not_replaced(seen_by):
     # A car's outline, with the class and, then, the size of a cyclist.
-    poses = turning(25, 4.0, 0.3)
+    poses = turning(15, 4.0, 0.3)
     scans, start = scans_seen(SHAPE.outline, poses, noise=0.05), start_at(poses)
     length, width = class_size("cyclist").mean.tolist()
     cyclist = dataclasses.replace(PRIOR, road_user="cyclist", length=length, width=width)
