@@ -2,6 +2,7 @@
 
 import dataclasses
 import pickle
+from functools import cache
 from importlib import import_module
 from typing import get_args
 
@@ -48,19 +49,22 @@ def tracker_of(words):
     )
 
 
-def seen_twice(words, change):
-    """The tracks of a car that turns, and of what `change` makes of its scans and its start."""
+def given():
+    """Scans of a car that turns, and the start of its track."""
     poses = turning(12, 4.0, 0.3)
-    given = scans_seen(OUTLINE, poses, noise=0.05), start_at(poses)
-    track = tracker_of(words)
-    return track(*given), track(*change(*given))
+    return scans_seen(OUTLINE, poses, noise=0.05), start_at(poses)
+
+
+@cache
+def plain_track(words):
+    return tracker_of(words)(*given())
 
 
 @pytest.mark.parametrize("words", WAYS)
 def test_no_frame_of_the_world_matters(words):
     angle, shift = -2.0, (3.0, 40.0)
     turn = rotation(angle)
-    plain, other = seen_twice(words, lambda *given: moved(*given, angle, np.array(shift)))
+    plain, other = plain_track(words), tracker_of(words)(*moved(*given(), angle, np.array(shift)))
     np.testing.assert_array_equal(other.used_points, plain.used_points)
     np.testing.assert_allclose(other.means[:, :2], plain.means[:, :2] @ turn.T + shift, atol=1e-6)
     turned = wrap_angle(other.means[:, 2] - plain.means[:, 2] - angle)
@@ -79,21 +83,19 @@ def test_no_frame_of_the_world_matters(words):
 # `gm_mem_ekf` updates with one point after the other.
 @pytest.mark.parametrize("words", [one for one in WAYS if one != "gm_mem_ekf"])
 def test_the_order_of_the_points_does_not_matter(words):
-    def reversed_points(scans, initial):
-        rows = np.arange(len(scans.points_world))
-        rows = np.concatenate([rows[scans.rows(k)][::-1] for k in range(len(scans))])
-        points, covariances = scans.points_world[rows], scans.covariances_world[rows]
-        return scans_of(np.split(points, scans.offsets[1:-1]), covariances=covariances), initial
-
-    plain, other = seen_twice(words, reversed_points)
+    scans, initial = given()
+    rows = np.arange(len(scans.points_world))
+    rows = np.concatenate([rows[scans.rows(k)][::-1] for k in range(len(scans))])
+    points, covariances = scans.points_world[rows], scans.covariances_world[rows]
+    turned = scans_of(np.split(points, scans.offsets[1:-1]), covariances=covariances)
+    plain, other = plain_track(words), tracker_of(words)(turned, initial)
     np.testing.assert_allclose(other.means, plain.means, atol=1e-6)
     np.testing.assert_allclose(other.covariances, plain.covariances, atol=1e-6)
 
 
 @pytest.mark.parametrize("words", WAYS)
 def test_the_same_scans_give_the_same_bytes(words):
-    first, second = seen_twice(words, lambda *given: given)
-    assert pickle.dumps(first) == pickle.dumps(second)
+    assert pickle.dumps(plain_track(words)) == pickle.dumps(tracker_of(words)(*given()))
 
 
 @pytest.mark.parametrize("words", WAYS)
@@ -130,7 +132,7 @@ def test_a_target_that_jumps_away_gives_a_warning(name):
 
 
 @pytest.mark.parametrize("words", KINDS + SMOOTHED)
-@pytest.mark.parametrize("gap", [1e4, 1e6, 2.0 * FARTHEST])
+@pytest.mark.parametrize("gap", [1e4, 2.0 * FARTHEST])
 def test_a_long_gap(words, gap):
     poses = turning(8, 2.0, 0.1, (-3.0, 12.0))
     scans = scans_seen(OUTLINE, poses, noise=0.03)
