@@ -117,14 +117,6 @@ def test_a_damaged_sweep_is_a_line_and_a_message(tmp_path, capsys):
     assert said.err.count("\n") == 1 and "sweep.yaml" in said.err
 
 
-def test_ls_names_what_cannot_be_read(results, capsys):
-    (results / "second" / "metrics.json").write_text("{")
-    assert main(["ls", str(results)]) == 0
-    said = capsys.readouterr()
-    assert said.err == f"stixel: {results}/second/metrics.json: not valid JSON\n"
-    assert "second" in said.out
-
-
 def test_ls_of_an_empty_folder(tmp_path, capsys):
     assert main(["ls", str(tmp_path)]) == 0
     said = capsys.readouterr()

@@ -1,6 +1,7 @@
 """Smoothed tracks: against the joint posterior of a linear case, and what they may know."""
 
 import dataclasses
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
@@ -144,6 +145,7 @@ def test_a_full_turn_of_the_heading_changes_no_estimate():
     np.testing.assert_allclose(means[6:], expected[6:] + turn, atol=1e-9)
 
 
+@cache
 def tracks(name, count=None, **options):
     """The track of the first `count` scans of a car that turns."""
     if name != "contour":
@@ -250,8 +252,8 @@ def test_a_target_that_was_looked_for_again_is_not_smoothed_across(monkeypatch):
 
     monkeypatch.setattr(contour_filter, "is_inconsistent", lambda nis, degrees: len(nis) == 10)
     monkeypatch.setattr(contour_filter, "detect_again", likelier)
-    again = tracks("contour", lag=None)
-    before = tracks("contour", lag=None, count=9)
+    again = tracks.__wrapped__("contour", lag=None)
+    before = tracks.__wrapped__("contour", lag=None, count=9)
     np.testing.assert_allclose(again.smoothed.means[:9], before.smoothed.means, atol=1e-9)
     assert not np.allclose(plain.smoothed.means[:9], before.smoothed.means, atol=1e-6)
 
