@@ -61,22 +61,27 @@ def compose_options(chosen: tuple[tuple[str, str], ...], state: str) -> Choice:
 
     Hydra takes 0.1 s and more, so the result is stored in the cache folder, under a digest of the
     options, of the files of `conf/` (`state`, see `conf_state`), of Hydra's version and the fields.
-    A sweep has many combinations of few options: each option is composed once, see `_joined`, and
-    most of them without the other groups, see `_of_one_group`.
+    A sweep has many combinations of few options: Hydra composes the options of each group once, see
+    `_joined`. An experiment, and own presets, may set any group: with them it composes all at once.
 
     Raises:
         ConfigurationError: in one line, if Hydra cannot compose the options.
     """
-    joined = _joined(chosen, state)
-    if joined is not None:
-        return joined
+    parts: dict[str, tuple[tuple[str, str], ...]] = {}
+    for group, option in chosen:
+        name = folders.outermost_group(group)
+        parts[name] = (*parts.get(name, ()), (group, option))
+    if len(parts) > 1 and folders.EXPERIMENT not in parts and folders.PRESETS.folder is None:
+        # A group alone may lack what follows it, such as the prior of a class, if that is chosen.
+        with suppress(ConfigurationError):
+            composed = {name: compose_options(own, state) for name, own in parts.items()}
+            return _joined(compose_options((), state), composed)
     versions = [version(name) for name in ("hydra-core", "omegaconf")]
     key = json.dumps([chosen, state, versions, list(Choice.__annotations__)])
     file = default_cache_folder() / FOLDER / f"{_digest(key)}.json"
     choice = _read(file)
     if choice is None:
-        overrides = [override_text(group, option) for group, option in chosen]
-        choice = _of_one_group(chosen, state) or _by_hydra("config", overrides)
+        choice = _by_hydra([override_text(group, option) for group, option in chosen])
         _write(file, choice)
     if choice.options[folders.EXPERIMENT] == folders.default_option(folders.EXPERIMENT):
         return choice
@@ -96,67 +101,23 @@ def compose_options(chosen: tuple[tuple[str, str], ...], state: str) -> Choice:
     return Choice(_without(lacking, plain), choice.options)
 
 
-def _joined(chosen: tuple[tuple[str, str], ...], state: str) -> Choice | None:
-    """The choice of several groups, from those of each group alone.
+def _joined(default: Choice, parts: Mapping[str, Choice]) -> Choice:
+    """The choice of several groups, from those of each of them alone, by its name.
 
-    A shipped file gives only its own group, `road_user` also the options of the groups that follow
-    it, and an experiment goes together with all groups that it sets. None for own presets, where
-    two would give one group, and where one group alone cannot be composed.
+    A section is that of its own group, or of the one that it follows, as `prior` the `road_user`.
     """
-    if len(chosen) < 2 or folders.PRESETS.folder is not None:
-        return None
-    experiment = dict(chosen).get(folders.EXPERIMENT)
-    set_together = () if experiment is None else set_by_experiment(experiment)
-    together = dict.fromkeys(map(folders.outermost_group, set_together), folders.EXPERIMENT)
-    parts: dict[str, list[tuple[str, str]]] = {}
-    for group, option in chosen:
-        name = folders.outermost_group(group)
-        parts.setdefault(together.get(name, name), []).append((group, option))
-    if len(parts) < 2:
-        return None
-    default = compose_options((), state)
-    plain, options = default.plain, default.options
-    given, changed = {folders.outermost_group(group) for group, _ in chosen}, set[str]()
-    for name, own in parts.items():
-        try:
-            alone = compose_options(tuple(own), state)
-        except ConfigurationError:
-            return None
-        differing = (g for g, o in alone.options.items() if o != default.options.get(g))
-        groups = {*map(folders.outermost_group, differing)} - given
-        groups |= {name, *(together if name == folders.EXPERIMENT else ())}
-        if changed & groups:
-            return None
-        changed |= groups
-        plain = plain | {section: alone.plain[section] for section in groups & alone.plain.keys()}
-        # An inner group of another option goes with its outer one.
-        options = {g: o for g, o in options.items() if folders.outermost_group(g) not in groups}
-        options |= {g: o for g, o in alone.options.items() if folders.outermost_group(g) in groups}
-    return Choice(plain, {g: options[g] for g in folders.group_options() if g in options})
-
-
-def _of_one_group(chosen: tuple[tuple[str, str], ...], state: str) -> Choice | None:
-    """The choice of options of one group: the default one with the section of that group's file.
-
-    Hydra composes a file four times as fast as all. None where a file may give other groups, too.
-    """
-    names = {folders.outermost_group(group) for group, _ in chosen}
-    name = names.pop() if len(names) == 1 else folders.EXPERIMENT
-    if name in ("road_user", folders.EXPERIMENT) or folders.PRESETS.folder is not None:
-        return None
-    default = compose_options((), state)
-    option = dict(chosen).get(name, default.options.get(name, ""))
-    inner = [override_text(group, value) for group, value in chosen if group != name]
-    try:
-        alone = _by_hydra(f"{name}/{option}", inner)
-    except ConfigurationError:
-        return None
-    if alone.plain.keys() != {name}:
-        return None
-    options = {g: o for g, o in default.options.items() if folders.outermost_group(g) != name}
-    options |= {name: option, **alone.options}
-    ordered = {group: options[group] for group in folders.group_options() if group in options}
-    return Choice(default.plain | alone.plain, ordered)
+    changed = {
+        folders.outermost_group(group): part
+        for part in parts.values()
+        for group, option in part.options.items()
+        if option != default.options.get(group)
+    }
+    of_groups = {name: (changed | parts).get(name, default) for name in default.plain}
+    plain = {name: choice.plain[name] for name, choice in of_groups.items()}
+    of_groups[folders.EXPERIMENT] = default
+    found = {group: of_groups[folders.outermost_group(group)] for group in folders.group_options()}
+    options = {g: choice.options[g] for g, choice in found.items() if g in choice.options}
+    return Choice(plain, options)
 
 
 def _without(names: Collection[str], section: Mapping[str, Any], prefix: str = "") -> Any:
@@ -182,8 +143,8 @@ def set_by_experiment(option: str) -> dict[str, Any]:
     }
 
 
-def _by_hydra(config: str, chosen: list[str]) -> Choice:
-    """The file `config` of `conf/` with the chosen options, by Hydra."""
+def _by_hydra(chosen: list[str]) -> Choice:
+    """`config.yaml` with the chosen options, by Hydra."""
     import hydra
     from hydra.errors import HydraException
     from omegaconf import OmegaConf, open_dict
@@ -199,7 +160,7 @@ def _by_hydra(config: str, chosen: list[str]) -> Choice:
             _no_hydra_of_others(),
             hydra.initialize_config_dir(folder, job_name="stixel", version_base="1.3"),
         ):
-            composed = hydra.compose(config, [*chosen, *search], return_hydra_config=True)
+            composed = hydra.compose("config", [*chosen, *search], return_hydra_config=True)
             options = dict(composed.hydra.runtime.choices)
         with open_dict(composed):
             del composed["hydra"]

@@ -303,19 +303,19 @@ def test_compositions_are_stored_and_damaged_ones_are_ignored(tmp_path, monkeypa
 @pytest.mark.parametrize(
     "chosen",
     [
-        {"tracker": "gp_ekf_thesis"},
-        {"measurement": "fabricated", "measurement/noise": "constant"},
-        {"prior": "unknown"},
-        {"source": "pair"},
+        {"tracker": "gp_ekf_thesis", "prior": "unknown"},
+        {"measurement": "fabricated", "measurement/noise": "constant", "road_user": "cyclist"},
+        {"prior": "car", "road_user": "pedestrian", "path": "crossing"},
+        {"source": "pair", "measurement": "lidar"},
     ],
     ids=str,
 )
-def test_the_file_of_a_group_alone_gives_what_all_groups_together_give(chosen):
-    alone = choice.compose_options(tuple(chosen.items()), "as if the files had changed")
-    together = choice._by_hydra("config", [f"{group}={one}" for group, one in chosen.items()])
-    assert alone == together and [*alone.options] == [*together.options]
+def test_groups_composed_one_by_one_give_what_all_together_give(chosen):
+    joined = choice.compose_options(tuple(chosen.items()), "as if the files had changed")
+    together = choice._by_hydra([f"{group}={one}" for group, one in chosen.items()])
+    assert joined == together and [*joined.options] == [*together.options]
     assert {
-        name: [*values] for name, values in alone.plain.items() if isinstance(values, dict)
+        name: [*values] for name, values in joined.plain.items() if isinstance(values, dict)
     } == {name: [*values] for name, values in together.plain.items() if isinstance(values, dict)}
 
 
