@@ -8,9 +8,8 @@ import json
 import operator
 import os
 import re
-import threading
-from collections.abc import Collection, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Collection, Mapping
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from functools import lru_cache
 from hashlib import sha256
@@ -21,6 +20,7 @@ from typing import Any
 from stixel_cli.border import write_whole
 from stixel_cli.config import folders, messages
 from stixel_cli.config.keys import chosen_kinds, known_keys
+from stixel_cli.config.overrides import parser
 from stixel_cli.config.texts import override_text
 from stixel_cli.engine.cache_folder import make_folder
 from stixel_cli.engine.errors import CacheError
@@ -37,9 +37,6 @@ MOST_STORED = 2000
 INNER, SOURCES = "inner_options", "sources"
 
 _REFERENCE = re.compile(r"\$\{([A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*)\}")
-
-# Hydra's composition goes through a singleton of the process.
-_HYDRA = threading.Lock()
 
 
 @dataclass(frozen=True)
@@ -61,27 +58,16 @@ def compose_options(chosen: tuple[tuple[str, str], ...], state: str) -> Choice:
 
     Hydra takes 0.1 s and more, so the result is stored in the cache folder, under a digest of the
     options, of the files of `conf/` (`state`, see `conf_state`), of Hydra's version and the fields.
-    A sweep has many combinations of few options: Hydra composes the options of each group once, see
-    `_joined`. An experiment, and own presets, may set any group: with them it composes all at once.
 
     Raises:
         ConfigurationError: in one line, if Hydra cannot compose the options.
     """
-    parts: dict[str, tuple[tuple[str, str], ...]] = {}
-    for group, option in chosen:
-        name = folders.outermost_group(group)
-        parts[name] = (*parts.get(name, ()), (group, option))
-    if len(parts) > 1 and folders.EXPERIMENT not in parts and folders.PRESETS.folder is None:
-        # A group alone may lack what follows it, such as the prior of a class, if that is chosen.
-        with suppress(ConfigurationError):
-            composed = {name: compose_options(own, state) for name, own in parts.items()}
-            return _joined(compose_options((), state), composed)
     versions = [version(name) for name in ("hydra-core", "omegaconf")]
     key = json.dumps([chosen, state, versions, list(Choice.__annotations__)])
     file = default_cache_folder() / FOLDER / f"{_digest(key)}.json"
     choice = _read(file)
     if choice is None:
-        choice = _by_hydra([override_text(group, option) for group, option in chosen])
+        choice = _by_hydra([override_text(group, option) for group, option in chosen], state)
         _write(file, choice)
     if choice.options[folders.EXPERIMENT] == folders.default_option(folders.EXPERIMENT):
         return choice
@@ -99,25 +85,6 @@ def compose_options(chosen: tuple[tuple[str, str], ...], state: str) -> Choice:
     kinds = chosen_kinds(plain)
     lacking = [n for n, keys in known_keys().items() if not any(key.fits(kinds) for key in keys)]
     return Choice(_without(lacking, plain), choice.options)
-
-
-def _joined(default: Choice, parts: Mapping[str, Choice]) -> Choice:
-    """The choice of several groups, from those of each of them alone, by its name.
-
-    A section is that of its own group, or of the one that it follows, as `prior` the `road_user`.
-    """
-    changed = {
-        folders.outermost_group(group): part
-        for part in parts.values()
-        for group, option in part.options.items()
-        if option != default.options.get(group)
-    }
-    of_groups = {name: (changed | parts).get(name, default) for name in default.plain}
-    plain = {name: choice.plain[name] for name, choice in of_groups.items()}
-    of_groups[folders.EXPERIMENT] = default
-    found = {group: of_groups[folders.outermost_group(group)] for group in folders.group_options()}
-    options = {g: choice.options[g] for g, choice in found.items() if g in choice.options}
-    return Choice(plain, options)
 
 
 def _without(names: Collection[str], section: Mapping[str, Any], prefix: str = "") -> Any:
@@ -143,30 +110,24 @@ def set_by_experiment(option: str) -> dict[str, Any]:
     }
 
 
-def _by_hydra(chosen: list[str]) -> Choice:
-    """`config.yaml` with the chosen options, by Hydra."""
-    import hydra
+def _by_hydra(chosen: list[str], state: str) -> Choice:
+    """`config.yaml` with the chosen options, by Hydra; its own settings are left out."""
+    from hydra._internal.defaults_list import create_defaults_list
     from hydra.errors import HydraException
-    from omegaconf import OmegaConf, open_dict
+    from omegaconf import OmegaConf
     from omegaconf.errors import OmegaConfBaseException
     from yaml import YAMLError
 
     presets = folders.PRESETS.folder
-    search = [] if presets is None else [f'hydra.searchpath=["file://{presets}"]']
-    folder = str(folders.shipped_folder("conf"))
     try:
-        with (
-            _HYDRA,
-            _no_hydra_of_others(),
-            hydra.initialize_config_dir(folder, job_name="stixel", version_base="1.3"),
-        ):
-            composed = hydra.compose("config", [*chosen, *search], return_hydra_config=True)
-            options = dict(composed.hydra.runtime.choices)
-        with open_dict(composed):
-            del composed["hydra"]
-        plain = OmegaConf.to_container(composed, resolve=False)
+        loader, files = _loader(state)
+        parsed = [parser().parse_override(text) for text in chosen]
+        listed = create_defaults_list(files, "config", parsed, False, skip_missing=False)
+        composed = loader._compose_config_from_defaults_list(listed.defaults, files)
+        options = listed.overrides.known_choices
         return Choice(
-            plain, {group: options[group] for group in folders.group_options() if group in options}
+            OmegaConf.to_container(composed, resolve=False),
+            {group: options[group] for group in folders.group_options() if group in options},
         )
     except (HydraException, OmegaConfBaseException) as fault:
         raise ConfigurationError(_not_composed(fault)) from None
@@ -182,6 +143,27 @@ def _by_hydra(chosen: list[str]) -> Choice:
         for path in sorted(folders.shipped_folder("conf").rglob("*.yaml")):
             read_yaml_text(path)
         raise ConfigurationError(reason) from None
+
+
+@lru_cache(maxsize=1)
+def _loader(state: str) -> tuple[Any, Any]:
+    """Hydra's loader, and the files of `conf/` and of own presets, each read once for a `state`.
+
+    `hydra.compose` goes through a singleton that a notebook may use, reads all files again, and
+    composes Hydra's settings of a job: three times the time. What is here is not public.
+    """
+    from hydra._internal.config_loader_impl import ConfigLoaderImpl
+    from hydra._internal.config_repository import CachingConfigRepository
+    from hydra._internal.config_search_path_impl import ConfigSearchPathImpl
+    from hydra.core.plugins import Plugins
+
+    Plugins.instance()  # It registers the kinds of files.
+    search = ConfigSearchPathImpl()
+    for folder in folders.roots():
+        search.append("stixel", f"file://{folder}")
+    search.append("schema", "structured://")  # Hydra asks for it.
+    loader = ConfigLoaderImpl(search)
+    return loader, CachingConfigRepository(loader.repository)
 
 
 def _not_composed(fault: Exception) -> str:
@@ -221,19 +203,6 @@ def _write(file: Path, choice: Choice) -> None:
 
 def _digest(text: str) -> str:
     return sha256(text.encode()).hexdigest()
-
-
-@contextmanager
-def _no_hydra_of_others() -> Iterator[None]:
-    """Hydra's singleton empty, and as it was afterwards: a notebook may have its own."""
-    from hydra.core.global_hydra import GlobalHydra
-
-    theirs = GlobalHydra.instance().hydra
-    GlobalHydra.instance().clear()
-    try:
-        yield
-    finally:
-        GlobalHydra.instance().hydra = theirs
 
 
 def with_values(plain: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
