@@ -138,7 +138,6 @@ def _refuse_malformed(text: str) -> None:
         (any("\ud800" <= c <= "\udfff" for c in text), "is not UTF-8 text"),
         (text.count(",") > MOST_TYPED, f"more than {MOST_TYPED} values: use range(START,STOP)"),
         (len(text) > LONGEST_TYPED, f"longer than {LONGEST_TYPED} characters"),
-        ("${oc.deprecated:" in text, "oc.deprecated only warns: write ${KEY}"),
         (not bare, "a KEY=VALUE is needed"),
         (bare.startswith("="), "the key before the = is missing"),
     ):

@@ -53,7 +53,7 @@ SENTENCES = {
     "rig.width=${": "{ and } do not match",
     "rig.width=${nope}": "rig.width: refers to nope, an unknown key",
     "rig.width=${rig.widht}": "did you mean ${rig.width}?",
-    "rig.width=${oc.deprecated:rig.height}": "oc.deprecated only warns: write ${KEY}",
+    "rig.width=${oc.deprecated:rig.height}": "cannot be looked up: write ${KEY}",
     "hydra.run.dir=x": "Hydra's own settings have no effect here",
     "rig._recursive_=true": "rig._recursive_: unknown key; rig has width, height",
     "seed=1\nrig.width=3": "seed=1\\nrig.width=3: is several overrides in one text",
