@@ -110,22 +110,21 @@ def stixels_from_disparity(
     from stixel_cli.stereo.matching import disparity_count
 
     disparity = np.asarray(disparity)
-    kind = str(disparity.dtype)
+    kind, shape = str(disparity.dtype), disparity.shape
     if disparity.ndim != 2 or (kind not in UNITS and disparity.dtype.kind != "f"):
-        got = f"{kind} {disparity.shape}"
-        raise ArgumentError(f"disparity: must be float, int16 or uint16 (H, W), got {got}")
+        raise ArgumentError(f"disparity: must be float, int16 or uint16 (H, W), got {kind} {shape}")
     if scale is None and kind in UNITS:
-        unit = f"1/{UNITS[kind]}"
+        unit = f"1/{UNITS[kind]} px"
         warnings.warn(
-            f"disparity: {kind} is read in units of {unit} px; else give scale", stacklevel=2
+            f"disparity: {kind} is read in units of {unit}; else give scale", stacklevel=2
         )
     scale = 1.0 / UNITS.get(kind, 1) if scale is None else scale
     if not 0.0 < scale < 1e6:
         raise ArgumentError(f"scale: must be > 0 and < 1e6 px per unit, got {scale:g}")
-    matching = rig_of(rig, disparity.shape)
+    matching = rig_of(rig, shape)
     pair = None if images is None else grey_pair(*images)
-    if pair is not None and pair[0].shape != disparity.shape:
-        raise ArgumentError(f"images: must be {disparity.shape} px, got {pair[0].shape}")
+    if pair is not None and pair[0].shape != shape:
+        raise ArgumentError(f"images: must be {shape} px, got {pair[0].shape}")
     count = disparity_count(real_image_parameters().stereo, matching)
     known = (disparity > 0) & np.isfinite(disparity)
     pixels = scale * np.where(known, disparity, 0).astype(np.float64) - matching.far_disparity
@@ -133,7 +132,7 @@ def stixels_from_disparity(
     known &= (scaled >= 0) & (scaled < SUBPIXELS * count)
     raw = np.where(known, scaled, INVALID).astype(np.int16)
     disparities = Disparities.in_memory(FRAME.start, count, [raw])
-    return stixels_of(disparities, pair, rig_of(rig, raw.shape, disparities), previous)
+    return stixels_of(disparities, pair, rig_of(rig, shape, disparities), previous)
 
 
 def check_rows(pair: tuple[np.ndarray, np.ndarray], rig: Rig, check_rectification: bool) -> bool:
