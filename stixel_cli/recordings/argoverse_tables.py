@@ -138,8 +138,7 @@ def read_labels(
         if (np.diff(at_times) == 0).any():
             raise UserError(f"{annotations}: track {printable(track)} is labelled twice at a time")
         category = str(table["category"][of_track[0]])
-        kinds[track] = types.get(category, printable(category))
-        rows[track] = []
+        kinds[track], rows[track] = types.get(category, printable(category)), []
         for frame, i, share in _between(at_times, times):
             before, after = of_track[i], of_track[min(i + 1, len(of_track) - 1)]
             place = (1.0 - share) * places[before] + share * places[after]
