@@ -111,7 +111,8 @@ def test_a_composition_says_what_it_is():
 
 
 def test_a_sweep_gives_a_record_a_point(tmp_path):
-    result = sweep([*FABRICATED, "tracker.sigma_f=0.1,0.2"], {"executor.workers": 1})
+    machine = {"executor.workers": 1, "cache.folder": str(tmp_path / "cache")}
+    result = sweep([*FABRICATED, "tracker.sigma_f=0.1,0.2"], machine)
     assert result.complete
     assert result.folder is None
     assert len(result.records) == 2
