@@ -122,7 +122,9 @@ def _by_hydra(chosen: list[str], state: str) -> Choice:
     try:
         loader, files = _loader(state)
         parsed = [parser().parse_override(text) for text in chosen]
-        listed = create_defaults_list(files, "config", parsed, False, skip_missing=False)
+        listed = create_defaults_list(
+            files, "config", parsed, prepend_hydra=False, skip_missing=False
+        )
         composed = loader._compose_config_from_defaults_list(listed.defaults, files)
         options = listed.overrides.known_choices
         return Choice(

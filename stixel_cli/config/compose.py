@@ -28,7 +28,7 @@ _FILES = {
     "measurement": ("path", "ego", "truth"),
     "cache": ("folder",),
 }
-"""Keys that name a file or a folder of the user; `prior.road_user` does if it ends as one."""
+"""Keys that name a file or a folder of the user, but for two whose value may be a word."""
 
 
 @dataclass(frozen=True)
@@ -180,9 +180,10 @@ def with_full_names(
 
     They refer to `working_directory`; "" for the working directory of the process.
     """
-    names = [key for key in _FILES[group] if isinstance(section.get(key), str)]
-    names = [key for key in names if section[key] not in ("", *CALIBRATIONS)]
+    # The checks refuse an empty name.
+    names = [key for key in _FILES[group] if isinstance(section.get(key), str) and section[key]]
     names = [key for key in names if key != "road_user" or section[key].endswith(".json")]
+    names = [key for key in names if key != "calibration" or section[key] not in CALIBRATIONS]
     if not names or own_options.is_own(section):
         return section
     return {**section, **{key: folders.absolute(section[key], working_directory) for key in names}}

@@ -361,3 +361,9 @@ def test_texts_that_need_no_quotes_have_none(plain):
     assert OverridesParser.create().parse_override(text).value() == plain
     for special in ("12", "00.5", "null", "a b", "0"):
         assert "'" in override_text("source.sequence", special)
+
+
+def test_a_file_may_be_named_as_a_word_of_another_key(tmp_path):
+    composer = Composer(str(tmp_path))
+    found = composer.compose(read_overrides(["measurement=file", "measurement.path=none"], TYPED))
+    assert found.value("measurement.path") == str(tmp_path / "none")
