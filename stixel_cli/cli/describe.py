@@ -55,45 +55,35 @@ def describe(
       stixel describe iou_mean
       stixel describe --schema schema
     """
-    from stixel_cli.config.descriptions import meaning_of_option, parameters_of_own
     from stixel_cli.config.keys import known_keys
-    from stixel_cli.config.messages import unknown_key, unknown_option
-    from stixel_cli.config.own_options import check_option
+    from stixel_cli.config.messages import unknown_key
     from stixel_cli.evaluation.metric_table import METRICS
 
-    if schema is not None:
-        if name is not None:
-            raise UserError(f"--schema writes all schemas: leave out {name}")
-        _write_schemas(schema)
-        return 0
     group, option = split_override(name or "")
     group = group.replace(".", "/") if group.replace(".", "/") in group_options() else group
-    if name is None:
+    if schema is not None:
+        _write_schemas(schema, name)
+    elif name is None:
         _print_groups()
-    elif group not in group_options():
-        if name in METRICS:
-            _print_metric(name)
-            return 0
-        if group not in known_keys():
-            raise ConfigurationError(unknown_key(group, others=METRICS))
+    elif name in METRICS:
+        _print_metric(name)
+    elif group in known_keys():
         _print_key(group)
-    elif "=" in name and check_option(group, option):
-        columns = (f"key of {name}", "default", "range", "meaning")
-        print_table(columns, parameters_of_own(group, option))
+    elif group not in group_options():
+        raise ConfigurationError(unknown_key(group, others=METRICS))
     elif "=" in name:
-        if option not in group_options()[group]:
-            raise ConfigurationError(unknown_option(group, option))
-        say(f"{group}={option}: {meaning_of_option(group, option)}", "")
-        _print_keys(group, option)
+        _print_option(group, option)
     else:
         _print_group(group)
     return 0
 
 
-def _write_schemas(folder: Path) -> None:
+def _write_schemas(folder: Path, name: str | None) -> None:
     from stixel_cli.border import write_below, written
     from stixel_cli.config.descriptions import schema_files
 
+    if name is not None:
+        raise UserError(f"--schema writes all schemas: leave out {name}")
     files = schema_files()
     with written(folder):
         write_below(folder, files)
@@ -128,6 +118,21 @@ def _print_group(group: str) -> None:
     print_table(("option (default first)", "meaning"), options)
     say("")
     _print_keys(group, default_option(group))
+
+
+def _print_option(group: str, option: str) -> None:
+    from stixel_cli.config.descriptions import meaning_of_option, parameters_of_own
+    from stixel_cli.config.messages import unknown_option
+    from stixel_cli.config.own_options import check_option
+
+    if check_option(group, option):
+        columns = (f"key of {group}={option}", "default", "range", "meaning")
+        print_table(columns, parameters_of_own(group, option))
+    elif option in group_options()[group]:
+        say(f"{group}={option}: {meaning_of_option(group, option)}", "")
+        _print_keys(group, option)
+    else:
+        raise ConfigurationError(unknown_option(group, option))
 
 
 def _print_keys(group: str, option: str) -> None:

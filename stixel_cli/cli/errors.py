@@ -3,6 +3,7 @@
 import errno
 import io
 import os
+import re
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -10,7 +11,7 @@ from typing import Any
 
 from stixel_cli.config.folders import group_options
 from stixel_cli.config.texts import suggestion
-from stixel_cli.errors import UserError, printable_path
+from stixel_cli.errors import UserError, printable, printable_path
 
 CRASHED = 1
 LONGEST_USAGE = 300
@@ -92,16 +93,10 @@ def _working_directory_is_gone() -> bool:
 
 def tell(message: str) -> None:
     """Print `stixel: message` on stderr as one line, whatever characters are in it."""
-    line = "".join(_shown(character) for character in f"stixel: {message}")
+    line = printable(re.sub(r"\s", " ", f"stixel: {message}"), sys.maxsize)
     encoding = sys.stderr.encoding or "utf-8"
     line = line.encode(encoding, errors="backslashreplace").decode(encoding)
     print(line, file=sys.stderr)  # noqa: T201
-
-
-def _shown(character: str) -> str:
-    if character.isprintable() or 0xD800 <= ord(character) <= 0xDFFF:
-        return character
-    return " " if character.isspace() else character.encode("unicode_escape").decode()
 
 
 def _tell_crash(error: Exception) -> None:

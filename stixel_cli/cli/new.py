@@ -94,13 +94,11 @@ def learn_shape(
     if output.suffix != ".json":
         raise UserError(f"--output: {output} must have the suffix .json")
     new_file(output)
-    values = {"scale": scale, "up": up, "forward": forward}
-    values = {f"road_user.mesh_{name}": value for name, value in values.items()}
+    axes = {"mesh_scale": scale, "mesh_up": up, "mesh_forward": forward}
+    common = [override_text(f"road_user.{name}", value) for name, value in axes.items()]
+    common.append(override_text("road_user", road_user))
     seen = {
-        SEEDS.start + i: tuple(
-            override_text(key, value)
-            for key, value in {"road_user": road_user, "road_user.mesh": mesh, **values}.items()
-        )
+        SEEDS.start + i: (*common, override_text("road_user.mesh", mesh))
         for i, mesh in enumerate(meshes)
     }
     size, shape = learned_class(seen.values(), seen, list(dict.fromkeys(sensor or known)))

@@ -59,11 +59,6 @@ def console(width: int | None = None) -> "Console":
     return Escaping(highlight=False, soft_wrap=width is None, width=width)
 
 
-def screen_width() -> int:
-    """Characters of a line: of the terminal, else of the variable COLUMNS, else 80."""
-    return shutil.get_terminal_size().columns
-
-
 def say(*lines: object) -> None:
     """Print lines verbatim on stdout."""
     sys.stdout.write("".join(f"{line}\n" for line in lines))
@@ -71,8 +66,8 @@ def say(*lines: object) -> None:
 
 def say_wrapped(text: str, style: str = "") -> None:
     """Print a text on stdout, wrapped at its spaces; a longer word, like a path, stays whole."""
-    lines = textwrap.wrap(text, screen_width(), break_long_words=False, break_on_hyphens=False)
-    for line in lines:
+    width = shutil.get_terminal_size().columns
+    for line in textwrap.wrap(text, width, break_long_words=False, break_on_hyphens=False):
         console().print(line, style=style, markup=False)
 
 
@@ -112,7 +107,7 @@ def print_table(
         widths.append(max(cell.cell_len for cell in (name, *column)))
         widest = max((cell.cell_len for cell in column), default=0)
         least.append(max(longest_word, widest if i in leave_out else min(widest, NARROW)))
-    shown, screen = list(range(len(columns))), screen_width()
+    shown, screen = list(range(len(columns))), shutil.get_terminal_size().columns
     for i in leave_out:
         if _line_width(least, shown) > screen:
             shown.remove(i)

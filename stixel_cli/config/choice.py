@@ -8,9 +8,8 @@ import json
 import operator
 import os
 import re
-import threading
-from collections.abc import Collection, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Collection, Mapping
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from functools import lru_cache
 from hashlib import sha256
@@ -21,6 +20,7 @@ from typing import Any
 from stixel_cli.border import write_whole
 from stixel_cli.config import folders, messages
 from stixel_cli.config.keys import chosen_kinds, known_keys
+from stixel_cli.config.overrides import parser
 from stixel_cli.config.texts import override_text
 from stixel_cli.engine.cache_folder import make_folder
 from stixel_cli.engine.errors import CacheError
@@ -37,9 +37,6 @@ MOST_STORED = 2000
 INNER, SOURCES = "inner_options", "sources"
 
 _REFERENCE = re.compile(r"\$\{([A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*)\}")
-
-# Hydra's composition goes through a singleton of the process.
-_HYDRA = threading.Lock()
 
 
 @dataclass(frozen=True)
@@ -61,22 +58,16 @@ def compose_options(chosen: tuple[tuple[str, str], ...], state: str) -> Choice:
 
     Hydra takes 0.1 s and more, so the result is stored in the cache folder, under a digest of the
     options, of the files of `conf/` (`state`, see `conf_state`), of Hydra's version and the fields.
-    A sweep has many combinations of few options: each option is composed once, see `_joined`, and
-    most of them without the other groups, see `_of_one_group`.
 
     Raises:
         ConfigurationError: in one line, if Hydra cannot compose the options.
     """
-    joined = _joined(chosen, state)
-    if joined is not None:
-        return joined
     versions = [version(name) for name in ("hydra-core", "omegaconf")]
     key = json.dumps([chosen, state, versions, list(Choice.__annotations__)])
     file = default_cache_folder() / FOLDER / f"{_digest(key)}.json"
     choice = _read(file)
     if choice is None:
-        overrides = [override_text(group, option) for group, option in chosen]
-        choice = _of_one_group(chosen, state) or _by_hydra("config", overrides)
+        choice = _by_hydra([override_text(group, option) for group, option in chosen], state)
         _write(file, choice)
     if choice.options[folders.EXPERIMENT] == folders.default_option(folders.EXPERIMENT):
         return choice
@@ -94,69 +85,6 @@ def compose_options(chosen: tuple[tuple[str, str], ...], state: str) -> Choice:
     kinds = chosen_kinds(plain)
     lacking = [n for n, keys in known_keys().items() if not any(key.fits(kinds) for key in keys)]
     return Choice(_without(lacking, plain), choice.options)
-
-
-def _joined(chosen: tuple[tuple[str, str], ...], state: str) -> Choice | None:
-    """The choice of several groups, from those of each group alone.
-
-    A shipped file gives only its own group, `road_user` also the options of the groups that follow
-    it, and an experiment goes together with all groups that it sets. None for own presets, where
-    two would give one group, and where one group alone cannot be composed.
-    """
-    if len(chosen) < 2 or folders.PRESETS.folder is not None:
-        return None
-    experiment = dict(chosen).get(folders.EXPERIMENT)
-    set_together = () if experiment is None else set_by_experiment(experiment)
-    together = dict.fromkeys(map(folders.outermost_group, set_together), folders.EXPERIMENT)
-    parts: dict[str, list[tuple[str, str]]] = {}
-    for group, option in chosen:
-        name = folders.outermost_group(group)
-        parts.setdefault(together.get(name, name), []).append((group, option))
-    if len(parts) < 2:
-        return None
-    default = compose_options((), state)
-    plain, options = default.plain, default.options
-    given, changed = {folders.outermost_group(group) for group, _ in chosen}, set[str]()
-    for name, own in parts.items():
-        try:
-            alone = compose_options(tuple(own), state)
-        except ConfigurationError:
-            return None
-        differing = (g for g, o in alone.options.items() if o != default.options.get(g))
-        groups = {*map(folders.outermost_group, differing)} - given
-        groups |= {name, *(together if name == folders.EXPERIMENT else ())}
-        if changed & groups:
-            return None
-        changed |= groups
-        plain = plain | {section: alone.plain[section] for section in groups & alone.plain.keys()}
-        # An inner group of another option goes with its outer one.
-        options = {g: o for g, o in options.items() if folders.outermost_group(g) not in groups}
-        options |= {g: o for g, o in alone.options.items() if folders.outermost_group(g) in groups}
-    return Choice(plain, {g: options[g] for g in folders.group_options() if g in options})
-
-
-def _of_one_group(chosen: tuple[tuple[str, str], ...], state: str) -> Choice | None:
-    """The choice of options of one group: the default one with the section of that group's file.
-
-    Hydra composes a file four times as fast as all. None where a file may give other groups, too.
-    """
-    names = {folders.outermost_group(group) for group, _ in chosen}
-    name = names.pop() if len(names) == 1 else folders.EXPERIMENT
-    if name in ("road_user", folders.EXPERIMENT) or folders.PRESETS.folder is not None:
-        return None
-    default = compose_options((), state)
-    option = dict(chosen).get(name, default.options.get(name, ""))
-    inner = [override_text(group, value) for group, value in chosen if group != name]
-    try:
-        alone = _by_hydra(f"{name}/{option}", inner)
-    except ConfigurationError:
-        return None
-    if alone.plain.keys() != {name}:
-        return None
-    options = {g: o for g, o in default.options.items() if folders.outermost_group(g) != name}
-    options |= {name: option, **alone.options}
-    ordered = {group: options[group] for group in folders.group_options() if group in options}
-    return Choice(default.plain | alone.plain, ordered)
 
 
 def _without(names: Collection[str], section: Mapping[str, Any], prefix: str = "") -> Any:
@@ -182,30 +110,26 @@ def set_by_experiment(option: str) -> dict[str, Any]:
     }
 
 
-def _by_hydra(config: str, chosen: list[str]) -> Choice:
-    """The file `config` of `conf/` with the chosen options, by Hydra."""
-    import hydra
+def _by_hydra(chosen: list[str], state: str) -> Choice:
+    """`config.yaml` with the chosen options, by Hydra; its own settings are left out."""
+    from hydra._internal.defaults_list import create_defaults_list
     from hydra.errors import HydraException
-    from omegaconf import OmegaConf, open_dict
+    from omegaconf import OmegaConf
     from omegaconf.errors import OmegaConfBaseException
     from yaml import YAMLError
 
     presets = folders.PRESETS.folder
-    search = [] if presets is None else [f'hydra.searchpath=["file://{presets}"]']
-    folder = str(folders.shipped_folder("conf"))
     try:
-        with (
-            _HYDRA,
-            _no_hydra_of_others(),
-            hydra.initialize_config_dir(folder, job_name="stixel", version_base="1.3"),
-        ):
-            composed = hydra.compose(config, [*chosen, *search], return_hydra_config=True)
-            options = dict(composed.hydra.runtime.choices)
-        with open_dict(composed):
-            del composed["hydra"]
-        plain = OmegaConf.to_container(composed, resolve=False)
+        loader, files = _loader(state)
+        parsed = [parser().parse_override(text) for text in chosen]
+        listed = create_defaults_list(
+            files, "config", parsed, prepend_hydra=False, skip_missing=False
+        )
+        composed = loader._compose_config_from_defaults_list(listed.defaults, files)
+        options = listed.overrides.known_choices
         return Choice(
-            plain, {group: options[group] for group in folders.group_options() if group in options}
+            OmegaConf.to_container(composed, resolve=False),
+            {group: options[group] for group in folders.group_options() if group in options},
         )
     except (HydraException, OmegaConfBaseException) as fault:
         raise ConfigurationError(_not_composed(fault)) from None
@@ -221,6 +145,27 @@ def _by_hydra(config: str, chosen: list[str]) -> Choice:
         for path in sorted(folders.shipped_folder("conf").rglob("*.yaml")):
             read_yaml_text(path)
         raise ConfigurationError(reason) from None
+
+
+@lru_cache(maxsize=1)
+def _loader(state: str) -> tuple[Any, Any]:
+    """Hydra's loader, and the files of `conf/` and of own presets, each read once for a `state`.
+
+    `hydra.compose` goes through a singleton that a notebook may use, reads all files again, and
+    composes Hydra's settings of a job: three times the time. What is here is not public.
+    """
+    from hydra._internal.config_loader_impl import ConfigLoaderImpl
+    from hydra._internal.config_repository import CachingConfigRepository
+    from hydra._internal.config_search_path_impl import ConfigSearchPathImpl
+    from hydra.core.plugins import Plugins
+
+    Plugins.instance()  # It registers the kinds of files.
+    search = ConfigSearchPathImpl()
+    for folder in folders.roots():
+        search.append("stixel", f"file://{folder}")
+    search.append("schema", "structured://")  # Hydra asks for it.
+    loader = ConfigLoaderImpl(search)
+    return loader, CachingConfigRepository(loader.repository)
 
 
 def _not_composed(fault: Exception) -> str:
@@ -262,32 +207,18 @@ def _digest(text: str) -> str:
     return sha256(text.encode()).hexdigest()
 
 
-@contextmanager
-def _no_hydra_of_others() -> Iterator[None]:
-    """Hydra's singleton empty, and as it was afterwards: a notebook may have its own."""
-    from hydra.core.global_hydra import GlobalHydra
-
-    theirs = GlobalHydra.instance().hydra
-    GlobalHydra.instance().clear()
-    try:
-        yield
-    finally:
-        GlobalHydra.instance().hydra = theirs
-
-
 def with_values(plain: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
-    """`plain` with the values of some keys replaced and all interpolations resolved.
+    """`plain` with the values of some keys replaced and all references `${KEY}` looked up.
 
-    References `${a.b}` are looked up here; OmegaConf resolves the rest, which takes thirty times
-    as long.
+    OmegaConf, whose other interpolations are refused here, takes thirty times as long.
 
     Args:
-        plain: a configuration in plain types with interpolations as text; not changed.
+        plain: a configuration in plain types with references as text; not changed.
         values: keys, with dots, to their values.
 
     Raises:
         BelongsElsewhere: for a key that the chosen options do not have.
-        ConfigurationError: for an interpolation that cannot be resolved.
+        ConfigurationError: for a reference to no key, or to itself.
     """
     tree = dict(plain)
     for name, value in values.items():
@@ -300,52 +231,31 @@ def with_values(plain: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str
         if last not in section:
             raise BelongsElsewhere(messages.unknown_key(name, chosen_kinds(plain)), name)
         section[last] = value
-    try:
-        return {name: _resolved(section, tree) for name, section in tree.items()}
-    except (LookupError, TypeError):
-        return _by_omegaconf(tree)
+    return {name: _resolved(section, name, tree) for name, section in tree.items()}
 
 
-def _resolved(value: Any, tree: Mapping[str, Any], pending: tuple[str, ...] = ()) -> Any:
-    """The value with its references looked up; LookupError or TypeError for any other text.
+def _resolved(value: Any, name: str, tree: Mapping[str, Any], pending: tuple[str, ...] = ()) -> Any:
+    """The value of the key or group `name` with its references looked up.
 
     A mapping or a list without references is itself: many configurations share it.
     """
     if isinstance(value, dict):
-        found = {name: _resolved(item, tree, pending) for name, item in value.items()}
+        found = {k: _resolved(item, f"{name}.{k}", tree, pending) for k, item in value.items()}
         return value if all(map(operator.is_, found.values(), value.values())) else found
     if isinstance(value, list):
-        found = [_resolved(item, tree, pending) for item in value]
+        found = [_resolved(item, name, tree, pending) for item in value]
         return value if all(map(operator.is_, found, value)) else found
-    if not isinstance(value, str) or ("${" not in value and "???" not in value):
+    if value == "???":
+        raise ConfigurationError(f"{name}: ??? is a missing value: give one")
+    if not isinstance(value, str) or "${" not in value:
         return value
-    match = _REFERENCE.fullmatch(value)
+    match, target = _REFERENCE.fullmatch(value), tree
     if match is None or value in pending:
-        raise LookupError(value)
-    target: Any = tree
+        fault = "refers to itself" if match else "cannot be looked up: write ${KEY}"
+        raise ConfigurationError(f"{name}: {messages.show(value)} {fault}")
     for part in match[1].split("."):
+        if not isinstance(target, Mapping) or part not in target:
+            hint = messages.suggestion(match[1], known_keys(), form="${{{}}}")
+            raise ConfigurationError(f"{name}: refers to {match[1]}, an unknown key{hint}")
         target = target[part]
-    return _resolved(target, tree, (*pending, value))
-
-
-def _by_omegaconf(tree: dict[str, Any]) -> dict[str, Any]:
-    from omegaconf import OmegaConf
-    from omegaconf.errors import (
-        InterpolationKeyError,
-        MissingMandatoryValue,
-        OmegaConfBaseException,
-    )
-
-    try:
-        container = OmegaConf.create(tree)
-        return OmegaConf.to_container(container, resolve=True, throw_on_missing=True)
-    except MissingMandatoryValue as fault:
-        raise ConfigurationError(f"{fault.full_key}: ??? is a missing value: give one") from None
-    except OmegaConfBaseException as fault:
-        reason = messages.first_line(fault.msg or fault)
-        wanted = re.search("key '(.*)'", reason)
-        if isinstance(fault, InterpolationKeyError) and wanted:
-            hint = messages.suggestion(wanted[1], known_keys(), form="${{{}}}")
-            reason = f"refers to {wanted[1]}, an unknown key{hint}"
-        name = fault.full_key or "the configuration"
-        raise ConfigurationError(f"{name}: {reason}") from None
+    return _resolved(target, name, tree, (*pending, value))

@@ -14,18 +14,21 @@ from stixel_cli.config.schema import Configuration, adapter, check
 from stixel_cli.config.texts import split_override
 from stixel_cli.config.user_files import UserFiles
 from stixel_cli.errors import ConfigurationError
+from stixel_cli.recordings.parameters import CALIBRATIONS
 
 if TYPE_CHECKING:
     from stixel_cli.recordings.types import Recording
 
 
 _FILES = {
-    "road_user": ["mesh"],
-    "prior": ["road_user", "outline"],
-    "measurement": ["path", "ego", "truth"],
-    "cache": ["folder"],
+    "road_user": ("mesh",),
+    "prior": ("road_user", "outline"),
+    "source": ("folder", "left", "right", "calibration", "disparity", "labels"),
+    "path": ("folder",),
+    "measurement": ("path", "ego", "truth"),
+    "cache": ("folder",),
 }
-"""Keys that name a file or a folder of the user; `prior.road_user` does if it ends as one."""
+"""Keys that name a file or a folder of the user, but for two whose value may be a word."""
 
 
 @dataclass(frozen=True)
@@ -124,7 +127,8 @@ class Composer:
         own_options.admit_code(resolved, parsed, folders.PRESETS.origin)
         resolved["metrics"] = _metric_functions(resolved["metrics"])
         resolved["code_folders"] = own_options.find_folders(resolved, self._working_directory)
-        name_files_in_full(resolved, self._working_directory)
+        for group in _FILES:
+            resolved[group] = with_full_names(group, resolved[group], self._working_directory)
         configuration = _validate(resolved, settings)
         if self._imports and own_options.functions_of(resolved):
             for group, values in own_options.check_parameters(configuration).items():
@@ -169,19 +173,20 @@ def _metric_functions(metrics: Any) -> Any:
     return [folders.installed_functions("metrics").get(str(name), name) for name in metrics]
 
 
-def name_files_in_full(resolved: dict[str, Any], working_directory: str = "") -> None:
-    """Make the names of the user's files absolute.
+def with_full_names(
+    group: str, section: Mapping[str, Any], working_directory: str = ""
+) -> Mapping[str, Any]:
+    """A resolved section in which the names of the user's files are absolute.
 
     They refer to `working_directory`; "" for the working directory of the process.
     """
-    for group, keys in _FILES.items():
-        section = resolved[group]
-        # The checks refuse an empty name.
-        names = [key for key in keys if isinstance(section.get(key), str) and section[key]]
-        names = [key for key in names if key != "road_user" or section[key].endswith(".json")]
-        if names and not own_options.is_own(section):
-            full = {key: folders.absolute(section[key], working_directory) for key in names}
-            resolved[group] = section | full
+    # The checks refuse an empty name.
+    names = [key for key in _FILES[group] if isinstance(section.get(key), str) and section[key]]
+    names = [key for key in names if key != "road_user" or section[key].endswith(".json")]
+    names = [key for key in names if key != "calibration" or section[key] not in CALIBRATIONS]
+    if not names or own_options.is_own(section):
+        return section
+    return {**section, **{key: folders.absolute(section[key], working_directory) for key in names}}
 
 
 def from_resolved(resolved: Mapping[str, Any]) -> Configuration:

@@ -57,7 +57,7 @@ def keys_of_option(group: str, option: str) -> list[keys.Key]:
         for key in variants
         if dict(key.owners).get(group, kind) == kind
     ]
-    return sorted(of_option, key=lambda key: key.place)
+    return sorted(of_option, key=lambda key: list(fields_of(key.schema)).index(key.field))
 
 
 def groups() -> list[str]:

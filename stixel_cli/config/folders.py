@@ -145,13 +145,14 @@ def _check_preset(path: Path) -> None:
             raise ConfigurationError(f"--config-dir: {path}: {key}: must be a {what}")
 
 
-def _roots() -> list[Path]:
+def roots() -> list[Path]:
+    """`conf/`, and the folder of the user's own presets, if there is one."""
     return [shipped_folder("conf"), *([] if PRESETS.folder is None else [PRESETS.folder])]
 
 
 def option_file(group: str, option: str) -> Path:
     """The file of an option, in `conf/` or among the user's own presets."""
-    files = [root / group / f"{option}.yaml" for root in _roots()]
+    files = [root / group / f"{option}.yaml" for root in roots()]
     return next((file for file in files[1:] if file.is_file()), files[0])
 
 
@@ -159,7 +160,7 @@ def conf_state() -> str:
     """The names, and digests of the contents, of all files of `conf/` and of own presets."""
     return "\n".join(
         f"{folder if folder == PRESETS.folder else ''} {name} {_content_digest(folder / name)}"
-        for folder in _roots()
+        for folder in roots()
         for name in sorted(glob("**/*.yaml", root_dir=folder, recursive=True))
     )
 
@@ -178,7 +179,7 @@ def group_options() -> dict[str, tuple[str, ...]]:
     An inner group, which some options of the outer group have, is named `outer/inner`.
     """
     groups: dict[str, list[str]] = {}
-    for root in map(str, _roots()):
+    for root in map(str, roots()):
         for folder, _, files in os.walk(root):
             options = [name[:-5] for name in files if name.endswith(".yaml")]
             if options and folder != root:

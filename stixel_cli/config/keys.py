@@ -60,11 +60,6 @@ class Key:
         return self.name.rpartition(".")[2]
 
     @property
-    def place(self) -> int:
-        """Its place among the fields of its class."""
-        return list(fields_of(self.schema)).index(self.field)
-
-    @property
     def belongs_to(self) -> list[str]:
         """The options that have it, as `tracker=gp_ekf`; empty if its group has one variant."""
         return [f"{group}={o}" for group, kind in self.owners for o in _options(group, kind)]

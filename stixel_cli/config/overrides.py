@@ -106,7 +106,7 @@ def parse(text: str, origin: Origin) -> Override:
     from hydra.errors import HydraException
 
     try:
-        read = _parser().parse_override(text)
+        read = parser().parse_override(text)
         sweep = read if read.is_sweep_override() else None
         value = None if sweep else read.value()
         override = Override(text, read.key_or_group, origin, value, sweep)
@@ -124,7 +124,8 @@ def parse(text: str, origin: Origin) -> Override:
 
 
 @cache
-def _parser() -> Any:
+def parser() -> Any:
+    """Hydra's parser of overrides."""
     from hydra.core.override_parser.overrides_parser import OverridesParser
 
     return OverridesParser.create()
@@ -137,7 +138,6 @@ def _refuse_malformed(text: str) -> None:
         (any("\ud800" <= c <= "\udfff" for c in text), "is not UTF-8 text"),
         (text.count(",") > MOST_TYPED, f"more than {MOST_TYPED} values: use range(START,STOP)"),
         (len(text) > LONGEST_TYPED, f"longer than {LONGEST_TYPED} characters"),
-        ("${oc.deprecated:" in text, "oc.deprecated only warns: write ${KEY}"),
         (not bare, "a KEY=VALUE is needed"),
         (bare.startswith("="), "the key before the = is missing"),
     ):

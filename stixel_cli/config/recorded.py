@@ -15,6 +15,7 @@ from pydantic import Field, TypeAdapter, ValidationError
 
 from stixel_cli.config import folders, messages
 from stixel_cli.config.choice import set_by_experiment
+from stixel_cli.config.compose import with_full_names
 from stixel_cli.config.real_images import real_image_parameters
 from stixel_cli.config.user_files import UserFiles
 from stixel_cli.errors import ConfigurationError
@@ -33,9 +34,6 @@ OF_THE_MOTION = {
     "path.duration": "follows from the frames of the track: set path.frames=first:stop",
 }
 """What a replayed motion gives."""
-
-FILE_KEYS = ("folder", "left", "right", "calibration", "disparity", "labels")
-"""Keys that name a folder or a file."""
 
 _SCHEMAS = {"source": Annotated[Source, Field(discriminator="kind")], "path": ReplayedPath}
 
@@ -74,7 +72,10 @@ def with_recording(
         resolved, choices = resolve(settings)
         if resolved["path"]["kind"] != "recorded":
             return resolved, choices
-    section = _with_full_names(resolved[group], working_directory)
+    section = dict(with_full_names(group, resolved[group], working_directory))
+    if type(section.get("sequence")) is int:
+        # A name: 0005 is text to Hydra, but 12 is a number.
+        section["sequence"] = str(section["sequence"])
     given = _parameters(group, section, typed)
     _refuse_given(group, given.kind, typed)
     recording = files.open(given)
@@ -112,18 +113,6 @@ def _refuse_given(group: str, kind: str, typed: Collection[str]) -> None:
         for key, reason in OF_THE_MOTION.items() if group == "path" else ():
             if name == key or name.startswith(f"{key}."):
                 raise ConfigurationError(f"{name}: with path=recorded, {reason}")
-
-
-def _with_full_names(section: Mapping[str, Any], working_directory: str) -> dict[str, Any]:
-    """A resolved section in which the names of files are absolute."""
-    section = dict(section)
-    for name in FILE_KEYS:
-        if isinstance(section.get(name), str) and section[name] not in ("", *CALIBRATIONS):
-            section[name] = folders.absolute(section[name], working_directory)
-    if type(section.get("sequence")) is int:
-        # A name: 0005 is text to Hydra, but 12 is a number.
-        section["sequence"] = str(section["sequence"])
-    return section
 
 
 def _parameters(

@@ -67,10 +67,10 @@ def stixels_from_pair(
         ArgumentError: a ValueError, for an argument that is not valid; it names the argument.
     """
     pair = grey_pair(left, right)
-    matching = rig_of(rig, pair[0].shape, any_height=True)
+    matching = rig_of(rig, pair[0].shape)
     check_rows(pair, matching, check_rectification)
     disparities = matched(pair, matching)
-    return stixels_of(disparities, pair, rig_over_road(rig, pair[0].shape, disparities), previous)
+    return stixels_of(disparities, pair, rig_of(rig, pair[0].shape, disparities), previous)
 
 
 def stixels_from_disparity(
@@ -110,22 +110,21 @@ def stixels_from_disparity(
     from stixel_cli.stereo.matching import disparity_count
 
     disparity = np.asarray(disparity)
-    kind = str(disparity.dtype)
+    kind, shape = str(disparity.dtype), disparity.shape
     if disparity.ndim != 2 or (kind not in UNITS and disparity.dtype.kind != "f"):
-        got = f"{kind} {disparity.shape}"
-        raise ArgumentError(f"disparity: must be float, int16 or uint16 (H, W), got {got}")
+        raise ArgumentError(f"disparity: must be float, int16 or uint16 (H, W), got {kind} {shape}")
     if scale is None and kind in UNITS:
-        unit = f"1/{UNITS[kind]}"
+        unit = f"1/{UNITS[kind]} px"
         warnings.warn(
-            f"disparity: {kind} is read in units of {unit} px; else give scale", stacklevel=2
+            f"disparity: {kind} is read in units of {unit}; else give scale", stacklevel=2
         )
     scale = 1.0 / UNITS.get(kind, 1) if scale is None else scale
     if not 0.0 < scale < 1e6:
         raise ArgumentError(f"scale: must be > 0 and < 1e6 px per unit, got {scale:g}")
-    matching = rig_of(rig, disparity.shape, any_height=True)
+    matching = rig_of(rig, shape)
     pair = None if images is None else grey_pair(*images)
-    if pair is not None and pair[0].shape != disparity.shape:
-        raise ArgumentError(f"images: must be {disparity.shape} px, got {pair[0].shape}")
+    if pair is not None and pair[0].shape != shape:
+        raise ArgumentError(f"images: must be {shape} px, got {pair[0].shape}")
     count = disparity_count(real_image_parameters().stereo, matching)
     known = (disparity > 0) & np.isfinite(disparity)
     pixels = scale * np.where(known, disparity, 0).astype(np.float64) - matching.far_disparity
@@ -133,7 +132,7 @@ def stixels_from_disparity(
     known &= (scaled >= 0) & (scaled < SUBPIXELS * count)
     raw = np.where(known, scaled, INVALID).astype(np.int16)
     disparities = Disparities.in_memory(FRAME.start, count, [raw])
-    return stixels_of(disparities, pair, rig_over_road(rig, raw.shape, disparities), previous)
+    return stixels_of(disparities, pair, rig_of(rig, shape, disparities), previous)
 
 
 def check_rows(pair: tuple[np.ndarray, np.ndarray], rig: Rig, check_rectification: bool) -> bool:
@@ -204,34 +203,16 @@ def grey_pair(*images: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return left, right
 
 
-def rig_over_road(rig: RigLike, shape: tuple[int, int], disparities: "Disparities") -> Rig:
-    """As `rig_of`; a height that the rig does not state is that of the road in `disparities`."""
-    from stixel_cli.recordings.rig_files import read_named_calibration
-    from stixel_cli.stixels.road import NO_ROAD, seen_road
+def rig_of(rig: RigLike, shape: tuple[int, int], disparities: "Disparities | None" = None) -> Rig:
+    """The rig of images of `shape` (H, W); ArgumentError if it is not valid, or of another size.
 
-    valid = rig_of(rig, shape, any_height=True)
-    if isinstance(rig, Path | str):
-        stated = read_named_calibration(Path(rig)).camera_height is not None
-    else:
-        stated = isinstance(rig, Rig) or "camera_height" in rig
-    if stated:
-        return valid
-    seen = seen_road(disparities, valid)
-    if seen is None:
-        raise ArgumentError(f"rig: camera_height: is required, m above the road: {NO_ROAD}")
-    return replace(valid, camera_height=round(seen[1], 2))
-
-
-def rig_of(rig: RigLike, shape: tuple[int, int], any_height: bool = False) -> Rig:
-    """The rig of images of `shape` (H, W); with `any_height` it need not state its height.
-
-    ArgumentError if it is not valid, or of another size.
+    A height that it does not state is that of the road in `disparities`; without them, any height.
     """
     from pydantic import ValidationError
 
     from stixel_cli.recordings.rig_files import counterpart, our_names, read_named_calibration
     from stixel_cli.recordings.types import vertical_angle
-    from stixel_cli.stixels.road import MIDDLE
+    from stixel_cli.stixels.road import MIDDLE, NO_ROAD, seen_road
 
     size = {"width": shape[1], "height": shape[0]}
     try:
@@ -242,8 +223,8 @@ def rig_of(rig: RigLike, shape: tuple[int, int], any_height: bool = False) -> Ri
             if "focal_length_v" in given:
                 focal_v, focal = given.pop("focal_length_v"), given.get("focal_length")
                 given["vertical_fov"] = vertical_angle(focal or focal_v, focal_v, shape[0])
-        height = {"camera_height": MIDDLE} if any_height else {}
-        values = dict.fromkeys(LEFT_OUT) | {"pitch": 0.0} | height | size | given
+        absent = {"pitch": 0.0, "camera_height": MIDDLE}
+        values = dict.fromkeys(LEFT_OUT) | absent | size | given
         plain = {k: v.item() if isinstance(v, np.generic) else v for k, v in values.items()}
         if not size.items() <= plain.items():
             is_of, has = (f"{one['width']} × {one['height']} px" for one in (plain, size))
@@ -265,7 +246,12 @@ def rig_of(rig: RigLike, shape: tuple[int, int], any_height: bool = False) -> Ri
         raise ArgumentError(f"rig: {name}{plain_fault(fault)}{got}{meant}") from None
     except (TypeError, ValueError, UserError) as fault:
         raise ArgumentError(f"rig: {fault}".replace("rig: rig.", "rig: ")) from None
-    return valid
+    if disparities is None or "camera_height" in given:
+        return valid
+    seen = seen_road(disparities, valid)
+    if seen is None:
+        raise ArgumentError(f"rig: camera_height: is required, m above the road: {NO_ROAD}")
+    return replace(valid, camera_height=round(seen[1], 2))
 
 
 @cache

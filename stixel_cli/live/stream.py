@@ -20,7 +20,6 @@ from stixel_cli.live.pairs import (
     grey_pair,
     matched,
     rig_of,
-    rig_over_road,
     stixels_of,
 )
 
@@ -152,7 +151,7 @@ class StixelStream:
     def _matched(self, left: np.ndarray, right: np.ndarray) -> tuple:
         """The grey pair, its disparities, and the error that is corrected in them."""
         pair = grey_pair(left, right)
-        rig = rig_of(self._rig, pair[0].shape, any_height=True)
+        rig = rig_of(self._rig, pair[0].shape)
         return pair, matched(pair, rig), rig.disparity_error
 
     def _advance(
@@ -162,10 +161,10 @@ class StixelStream:
 
         k = len(self._poses)
         if not self._checked:
-            rig = rig_of(self._rig, pair[0].shape, any_height=True)
+            rig = rig_of(self._rig, pair[0].shape)
             self._checked = check_rows(pair, rig, self._check_rectification)
         if k == 0:
-            self._rig = rig_over_road(self._rig, pair[0].shape, disparities)
+            self._rig = rig_of(self._rig, pair[0].shape, disparities)
         self._poses = np.vstack([self._poses, self._planar(pose)])
         last_two = self._poses[[max(k - 1, 0), k]]
         rig = replace(self._rig, disparity_error=error)

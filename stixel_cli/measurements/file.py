@@ -121,6 +121,38 @@ def read_scans(
     needed = ("t", "x", "y") if road_z is None else ("t", "x", "y", "z")
     returns = ("x", "y", "z", *VARIANCES)
     table = read_table(file, needed, (("k",), VARIANCES), returns=returns)
+    k, times, poses, epoch = _clock(file, table, ego, time_unit, angle_unit, note)
+    # A return without a point tells that there is a scan.
+    order = np.argsort(k, kind="stable")
+    order = order[np.isfinite(table["x"][order])]
+    half = None if horizontal_fov is None else np.radians(0.5 * horizontal_fov)
+    counts = np.bincount(k[order], minlength=len(times))
+    if len(order) < len(k):
+        note(
+            f"{file}: {len(k) - len(order)} of {counted(len(k), 'row')} dropped: x and y are empty"
+        )
+    return Scans(
+        times=times,
+        sensor_poses_world=poses,
+        offsets=np.concatenate([[0], np.cumsum(counts)]).astype(np.int64),
+        points_world=np.stack([table["x"], table["y"]], axis=1)[order],
+        covariances_world=_covariances(file, table, range_std)[order],
+        field_of_view=None if half is None else FieldOfView(-half, half),
+        epoch=epoch,
+        shared_errors=shared_errors,
+        heights=None if road_z is None else table["z"][order] - road_z,
+    )
+
+
+def _clock(
+    file: Path,
+    table: Mapping[str, np.ndarray],
+    ego: str | None,
+    time_unit: TimeUnit | None,
+    angle_unit: AngleUnit,
+    note: Callable[[str], object],
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, int | None]:
+    """The scan (n,) of each row, times (K,) s and sensor poses (K, 3) of the scans, the epoch."""
     clock, rows = file, table
     if ego is not None:
         clock = Path(ego)
@@ -139,28 +171,7 @@ def read_scans(
             f"{clock}: t is read as {unit} since 1970 (first scan: {day}); if that is wrong, set "
             "measurement.time_unit"
         )
-    # A return without a point tells that there is a scan.
-    order = np.argsort(k, kind="stable")
-    order = order[np.isfinite(table["x"][order])]
-    view = None
-    if horizontal_fov is not None:
-        view = FieldOfView(-np.radians(0.5 * horizontal_fov), np.radians(0.5 * horizontal_fov))
-    counts = np.bincount(k[order], minlength=len(times))
-    if len(order) < len(k):
-        note(
-            f"{file}: {len(k) - len(order)} of {counted(len(k), 'row')} dropped: x and y are empty"
-        )
-    return Scans(
-        times=times,
-        sensor_poses_world=poses,
-        offsets=np.concatenate([[0], np.cumsum(counts)]).astype(np.int64),
-        points_world=np.stack([table["x"], table["y"]], axis=1)[order],
-        covariances_world=_covariances(file, table, range_std)[order],
-        field_of_view=view,
-        epoch=epoch,
-        shared_errors=shared_errors,
-        heights=None if road_z is None else table["z"][order] - road_z,
-    )
+    return k, times, poses, epoch
 
 
 def _own_times(

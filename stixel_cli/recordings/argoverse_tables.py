@@ -119,9 +119,9 @@ def read_labels(
     numbers = ("timestamp_ns", "num_interior_pts", *SIZE, *TURN, *PLACE)
     table = read_columns(annotations, numbers, ("track_uuid", "category"))
     sizes = _stacked(table, SIZE)
-    if (sizes <= 0.0).any():
-        row = int(np.flatnonzero((sizes <= 0.0).any(axis=1))[0])
-        raise UserError(f"{annotations}: row {row + 1}: height, width and length must be > 0")
+    wrong = np.flatnonzero((sizes <= 0.0).any(axis=1))
+    if len(wrong):
+        raise UserError(f"{annotations}: row {wrong[0] + 1}: height, width and length must be > 0")
     calibration = None if intrinsics is None else read_calibration(intrinsics, sensors)
     types = KITTI_TYPES if calibration else KITTI_TYPES | CYCLES
     stamps, at = np.unique(table["timestamp_ns"], return_inverse=True)
@@ -138,8 +138,7 @@ def read_labels(
         if (np.diff(at_times) == 0).any():
             raise UserError(f"{annotations}: track {printable(track)} is labelled twice at a time")
         category = str(table["category"][of_track[0]])
-        kinds[track] = types.get(category, printable(category))
-        rows[track] = []
+        kinds[track], rows[track] = types.get(category, printable(category)), []
         for frame, i, share in _between(at_times, times):
             before, after = of_track[i], of_track[min(i + 1, len(of_track) - 1)]
             place = (1.0 - share) * places[before] + share * places[after]
@@ -151,14 +150,12 @@ def read_labels(
             pose = turn.T @ (place - centre), float(np.arctan2(-z, x))
             seen = np.zeros(4), False
             if calibration is not None:
-                shown = calibration.rectification.size
-                seen = seen_box(*pose, sizes[nearest], calibration, shown)
+                seen = seen_box(*pose, sizes[nearest], calibration, calibration.rectification.size)
             if seen is not None:
-                box, truncated = seen
                 empty = table["num_interior_pts"][nearest] <= 0
-                # KITTI's state 3: unknown.
-                flags = [float(truncated), 3.0 * empty, 0.0]
-                rows[track].append([frame, 0, *flags, *box, *sizes[nearest], *pose[0], pose[1]])
+                flags = [float(seen[1]), 3.0 * empty, 0.0]  # KITTI's state 3: unknown.
+                box = [*seen[0], *sizes[nearest], *pose[0], pose[1]]
+                rows[track].append([frame, 0, *flags, *box])
     _mark_hidden([label for labels in rows.values() for label in labels])
     return {
         track: labels_in(np.array(labels), kinds[track]) for track, labels in rows.items() if labels

@@ -14,6 +14,8 @@ from stixel_cli.recordings.types import Calibration, Recording, Rectification, T
 MOST_FILES = 200_000
 """In a folder of images."""
 
+AS_KITTI = Tables()
+
 Images = dict[int, Path]
 """The images of one camera by their number."""
 
@@ -24,7 +26,7 @@ def assembled_recording(
     images: tuple[Images, Images],
     poses: tuple[Path, ...],
     labels: tuple[Path, ...] = (),
-    tables: Tables | None = None,
+    tables: Tables = AS_KITTI,
 ) -> Recording:
     """The recording in these files, checked as far as the heads of the images.
 
@@ -37,16 +39,14 @@ def assembled_recording(
         images: of the left and the right camera.
         poses: files of the ego poses, which may be missing.
         labels: files of the labels, which may be missing if the source has no target.
-        tables: how both are written; None for KITTI's.
+        tables: how both are written; by default as KITTI's.
 
     Raises:
         UserError: if a file is missing or not valid.
     """
-    tables = tables or Tables()
     # One pair of images has no target: its labels are no tracks.
-    target = getattr(source, "target", None)
-    auto = target == "auto"
-    target = None if auto else target
+    named = getattr(source, "target", None)
+    target = None if named == "auto" else named
     limits: dict[str, tuple[int, int]] = {}
     if target is not None:
         track = labels_of(labels, tables, target)
@@ -77,7 +77,7 @@ def assembled_recording(
         pose_files=pose_files,
         label_files=_existing(labels),
         target=target,
-        auto=auto,
+        auto=named == "auto",
         **of_target,
     )
 

@@ -300,25 +300,6 @@ def test_compositions_are_stored_and_damaged_ones_are_ignored(tmp_path, monkeypa
         assert compose() == composed
 
 
-@pytest.mark.parametrize(
-    "chosen",
-    [
-        {"tracker": "gp_ekf_thesis"},
-        {"measurement": "fabricated", "measurement/noise": "constant"},
-        {"prior": "unknown"},
-        {"source": "pair"},
-    ],
-    ids=str,
-)
-def test_the_file_of_a_group_alone_gives_what_all_groups_together_give(chosen):
-    alone = choice.compose_options(tuple(chosen.items()), "as if the files had changed")
-    together = choice._by_hydra("config", [f"{group}={one}" for group, one in chosen.items()])
-    assert alone == together and [*alone.options] == [*together.options]
-    assert {
-        name: [*values] for name, values in alone.plain.items() if isinstance(values, dict)
-    } == {name: [*values] for name, values in together.plain.items() if isinstance(values, dict)}
-
-
 def test_a_stored_composition_needs_no_hydra(tmp_path, monkeypatch):
     monkeypatch.setenv("STIXEL_CACHE", str(tmp_path))
     compose(["rig=kitti"])
@@ -327,15 +308,6 @@ def test_a_stored_composition_needs_no_hydra(tmp_path, monkeypatch):
     monkeypatch.setattr(choice, "_by_hydra", None)
     choice.compose_options.cache_clear()
     assert compose(["rig=kitti"]) == expected
-
-
-def test_shipped_options_give_their_own_group_alone():
-    folder = shipped_folder("conf")
-    for group, options in group_options().items():
-        for file in (folder / group / f"{o}.yaml" for o in options if group != "experiment"):
-            content = file.read_text("utf-8")
-            assert "override /" not in content and "@package" not in content, file
-            assert "${" not in content.partition("defaults:")[2].partition("_self_")[0], file
 
 
 def test_a_cache_that_cannot_be_written_is_no_fault(tmp_path, monkeypatch, default):
@@ -389,3 +361,9 @@ def test_texts_that_need_no_quotes_have_none(plain):
     assert OverridesParser.create().parse_override(text).value() == plain
     for special in ("12", "00.5", "null", "a b", "0"):
         assert "'" in override_text("source.sequence", special)
+
+
+def test_a_file_may_be_named_as_a_word_of_another_key(tmp_path):
+    composer = Composer(str(tmp_path))
+    found = composer.compose(read_overrides(["measurement=file", "measurement.path=none"], TYPED))
+    assert found.value("measurement.path") == str(tmp_path / "none")

@@ -1,13 +1,13 @@
 """Values set in plain dicts give the same configurations as OmegaConf."""
 
 import pytest
+from omegaconf import OmegaConf
 
 from stixel_cli.border import TYPED
 from stixel_cli.config import choice
 from stixel_cli.config.compose import Composer
-from stixel_cli.config.folders import group_options, outer_options
+from stixel_cli.config.folders import conf_state, group_options, outer_options
 from stixel_cli.config.override_checks import read_overrides
-from stixel_cli.errors import ConfigurationError
 
 OPTIONS = [
     (group, option)
@@ -40,51 +40,22 @@ def typed(line):
     return read_overrides(line, TYPED)
 
 
-def refuse(*_):
-    raise LookupError
-
-
 @pytest.fixture(scope="module")
 def composer():
     return Composer()
 
 
-@pytest.fixture
-def by_omegaconf(monkeypatch):
-    """Composes with OmegaConf alone."""
-
-    def compose(line):
-        with monkeypatch.context() as patch:
-            patch.setattr(choice, "_resolved", refuse)
-            return Composer().compose(typed(line))
-
-    return compose
-
-
 @pytest.mark.parametrize("line", [*LINES, *(alone(*one) for one in OPTIONS)])
-def test_equal_to_omegaconf(line, composer, by_omegaconf, monkeypatch):
-    slow = by_omegaconf(line)
-    monkeypatch.setattr(choice, "_by_omegaconf", None)  # not needed for these lines
-    fast = composer.compose(typed(line))
-    assert fast == slow
-    assert list(fast.resolved) == list(slow.resolved)
-    assert [list(fast.resolved[one]) for one in fast.choices if one in fast.resolved] == [
-        list(slow.resolved[one]) for one in slow.choices if one in slow.resolved
-    ]
-    assert repr(fast.configuration) == repr(slow.configuration)
-
-
-@pytest.mark.parametrize(
-    "line", [["road_user.contrast=${oc.decode:0.25}"], ["world.contrast='${world.contrast_}'"]]
-)
-def test_omegaconf_resolves_the_rest(line, composer, by_omegaconf):
-    try:
-        slow = by_omegaconf(line)
-    except ConfigurationError as fault:
-        with pytest.raises(ConfigurationError, match=str(fault)[:20]):
-            composer.compose(typed(line))
-    else:
-        assert composer.compose(typed(line)) == slow
+def test_equal_to_omegaconf(line, monkeypatch):
+    settings = {one.key: one.value for one in typed(line)}
+    options = tuple(sorted((k, v) for k, v in settings.items() if k in group_options()))
+    values = {key: value for key, value in settings.items() if key not in group_options()}
+    plain = choice.compose_options(options, conf_state()).plain
+    fast = choice.with_values(plain, values)
+    monkeypatch.setattr(choice, "_resolved", lambda section, *_: section)
+    tree = OmegaConf.create(choice.with_values(plain, values))
+    slow = OmegaConf.to_container(tree, resolve=True, throw_on_missing=True)
+    assert fast == slow and repr(fast) == repr(slow)
 
 
 def test_equal_groups_are_one_object(composer):

@@ -193,7 +193,7 @@ def read_or_answer(words: list[str]) -> Answer:
                 image_size(Path(words[1]))
                 eight_bits({"image": read_image(Path(words[1]))})
             elif words[0] == "read rig":
-                rig_of(words[1], (96, 160), any_height=True)
+                rig_of(words[1], (96, 160))
             else:
                 return answer(words)
     except (UserError, ValueError) as error:
