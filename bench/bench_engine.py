@@ -192,7 +192,7 @@ def test_plan_of_cached_nodes(benchmark, graph, tmp_path):
 def scores(tmp_path_factory):
     """The scores of a run: a few dataclasses with many small arrays."""
     overrides = ["measurement=fabricated", *sized([], ["path.duration=1", "executor=threads"])]
-    found = run(*overrides, {"cache.folder": str(tmp_path_factory.mktemp("scores"))})
+    found = run(*overrides, cache=tmp_path_factory.mktemp("scores"))
     return found.scores
 
 

@@ -7,14 +7,15 @@ Calls leave no state in the process and may follow each other in any order. Erro
 can correct are raised as `stixel_cli.errors.UserError`, in one line.
 """
 
+import dataclasses
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stixel_cli.config.compose import Composition
+from stixel_cli.config.compose import Composition, from_resolved
 from stixel_cli.config.compose import compose as compose_overrides
-from stixel_cli.config.texts import mapping_texts, split_override
+from stixel_cli.config.texts import mapping_texts, override_text, split_override
 from stixel_cli.engine.progress import Progress
 from stixel_cli.errors import UserError
 from stixel_cli.evaluation.scores import Scores
@@ -62,18 +63,22 @@ def run(
     *experiment: Overrides | Composition,
     results: Path | str | None = None,
     name: str | None = None,
+    workers: int | None = None,
+    cache: Path | str | None = None,
     last_wins: bool = False,
     **settings: Any,
 ) -> RunResult:
     """Run one experiment; cached results are not computed again.
 
-    `run(BASE, measurement="lidar", last_wins=True)` changes one setting of a list of overrides, the
-    setting `executor.workers` the number of workers. A notebook and a terminal show the progress.
+    `run(BASE, measurement="lidar", last_wins=True)` changes one setting of a list of overrides. A
+    notebook and a terminal show the progress.
 
     Args:
         experiment: overrides as in `compose`, or one result of `compose`.
         results: parent of the result folder; None to write nothing.
         name: of the result folder; None for a name from choices and time.
+        workers: None for the number in the configuration.
+        cache: folder of the cache; None for the one in the configuration.
         last_wins, settings: as in `compose`.
 
     Raises:
@@ -87,12 +92,15 @@ def run(
         >>> 0.0 < result.metrics["iou_mean"] < 1.0
         True
     """
+    machine = _of_this_machine(workers, cache)
     if any(isinstance(part, Composition) for part in experiment):
         if len(experiment) > 1 or settings:
             raise UserError("run: give overrides, or one composition without overrides")
         (composition,) = experiment
+        if machine:
+            composition = _moved(composition, workers, cache, machine)
     else:
-        composition = compose(*experiment, last_wins=last_wins, **settings)
+        composition = compose(_texts((*experiment, settings), last_wins), machine)
     results = None if results is None else Path(results)
     progress = Progress(visible=_visible(), advice=_visible())
     made = record_run(composition, results, name, progress)
@@ -106,6 +114,8 @@ def sweep(
     results: Path | str | None = None,
     name: str | None = None,
     pictures: bool = False,
+    workers: int | None = None,
+    cache: Path | str | None = None,
     last_wins: bool = False,
     trust_code: bool = False,
     **settings: Any,
@@ -122,6 +132,8 @@ def sweep(
         results: parent of the sweep's folder; None to write nothing.
         name: of that folder; None for a name from the file's name and the time.
         pictures: draw the pictures of every run.
+        workers: None for the number in the configuration.
+        cache: folder of the cache; None for the one in the configuration.
         last_wins, settings: as in `compose`.
         trust_code: run the user-defined code that the file names.
 
@@ -137,8 +149,9 @@ def sweep(
     from stixel_cli.sweeps.runs import sweep_design
     from stixel_cli.sweeps.whole import new_sweep
 
+    texts = [*_texts((*overrides, settings), last_wins), *_of_this_machine(workers, cache)]
     file = None if file is None else str(file)
-    design = sweep_design(_texts((*overrides, settings), last_wins), file, trust_code)
+    design = sweep_design(texts, file, trust_code)
     results = None if results is None else Path(results)
     result = new_sweep(design, results, name, pictures, visible=_visible())
     update_index(results)
@@ -269,3 +282,26 @@ def _visible() -> bool:
     # Not imported here: a notebook has imported it.
     shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
     return hasattr(shell, "kernel") or sys.stderr.isatty()
+
+
+def _moved(
+    composition: Composition, workers: int | None, cache: Path | str | None, machine: list[str]
+) -> Composition:
+    """The composition with another number of workers and another cache, all else as it was."""
+    resolved = dict(composition.resolved)
+    if workers is not None:
+        resolved["executor"] = resolved["executor"] | {"workers": workers}
+    if cache is not None:
+        resolved["cache"] = resolved["cache"] | {"folder": str(cache)}
+    return dataclasses.replace(
+        composition,
+        configuration=from_resolved(resolved),
+        resolved=resolved,
+        overrides=(*composition.overrides, *machine),
+    )
+
+
+def _of_this_machine(workers: int | None, cache: Path | str | None) -> list[str]:
+    """The overrides of a number of workers and a cache, if given."""
+    given = {"executor.workers": workers, "cache.folder": None if cache is None else str(cache)}
+    return [override_text(key, value) for key, value in given.items() if value is not None]

@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 
 import stixel_cli
 from stixel_cli import compose, load, plot, run, sweep
+from stixel_cli.config.compose import from_resolved
 from stixel_cli.config.texts import mapping_texts
 from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.results.result import RunResult
@@ -85,8 +86,7 @@ def test_calls_leave_nothing_behind(tmp_path):
     for wrong in (["rig.widht=3"], ["seed=0,1"], "seed", ["rig=kitti", "rig=kitti"]):
         with pytest.raises(ConfigurationError):
             compose(wrong)
-    cache = {"cache.folder": str(tmp_path / "cache")}
-    other = run([*FABRICATED, "seed=1", "executor.workers=1"], cache)
+    other = run([*FABRICATED, "seed=1"], cache=tmp_path / "cache", workers=1)
     again = run(compose(FABRICATED))
     assert again.metrics == first.metrics != other.metrics
     assert {stage["status"] for stage in again.stages} == {"cached"}
@@ -107,12 +107,25 @@ def test_a_composition_says_what_it_is():
     assert composition.choices["rig"] == "kitti"
     assert compose().configuration.seed == 0
     with pytest.raises(ConfigurationError, match=r"executor\.workers"):
-        run(FABRICATED, {"executor.workers": 0})
+        run(FABRICATED, workers=0)
+
+
+def test_a_composition_keeps_its_settings_on_another_number_of_workers(tmp_path):
+    """Composed again it would have the defaults of today, and look for files elsewhere."""
+    composition = compose("measurement=fabricated", "path.duration=0.3", "executor=threads")
+    length = composition.resolved["prior"] | {"length": 4.4}
+    resolved = composition.resolved | {"prior": length}
+    changed = dataclasses.replace(
+        composition, resolved=resolved, configuration=from_resolved(resolved)
+    )
+    result = run(changed, workers=1, cache=tmp_path / "cache", results=tmp_path / "results")
+    used = result.configuration
+    assert (used.prior.length, used.executor.workers) == (4.4, 1)
+    assert used.cache.folder == str(tmp_path / "cache")
 
 
 def test_a_sweep_gives_a_record_a_point(tmp_path):
-    machine = {"executor.workers": 1, "cache.folder": str(tmp_path / "cache")}
-    result = sweep([*FABRICATED, "tracker.sigma_f=0.1,0.2"], machine)
+    result = sweep([*FABRICATED, "tracker.sigma_f=0.1,0.2"], cache=tmp_path / "cache", workers=1)
     assert result.complete
     assert result.folder is None
     assert len(result.records) == 2

@@ -63,9 +63,9 @@ def kernel(own):
 @pytest.mark.workers
 def test_compiled_code_follows_an_edit_of_another_file(executor, kernel):
     words = [*QUICK, f"executor={executor}", f"tracker={kernel.name}:track"]
-    assert run(words, "executor.workers=1").track.means[0, 0] == 4.0
+    assert run(words, workers=1).track.means[0, 0] == 4.0
     kernel.write_helper(offset=10.0, factor=3.0)
-    assert run(words, "executor.workers=1").track.means[0, 0] == 23.0
+    assert run(words, workers=1).track.means[0, 0] == 23.0
     folders = list((kernel.folder / "__pycache__").glob("stixel-*"))
     assert len(folders) == 2
     assert all(list(folder.glob("*.nbc")) for folder in folders)

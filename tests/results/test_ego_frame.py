@@ -13,8 +13,7 @@ RUN = ["measurement=fabricated", "ego=turning", "ego.yaw_rate=-20", "path.durati
 @pytest.fixture(scope="module")
 def result(tmp_path_factory):
     folder = tmp_path_factory.mktemp("results")
-    settings = {"pictures.frames": [], "cache.folder": str(folder / "cache")}
-    return run(RUN, settings, results=folder, name="moving")
+    return run([*RUN, "pictures.frames=[]"], results=folder, name="moving", cache=folder / "cache")
 
 
 def test_points_are_those_of_the_world_seen_from_the_car(result):

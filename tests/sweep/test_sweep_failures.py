@@ -28,11 +28,7 @@ def test_a_result_that_is_gone_after_its_computation_is_one_line(tmp_path, monke
 
     monkeypatch.setattr("stixel_cli.sweeps.run._Sweep.take", take)
     with pytest.raises(CacheError, match="aaaaaaaaaaaa: was removed; resume with: stixel sweep"):
-        sweep(
-            [*FEW, "seed=0,1"],
-            results=tmp_path / "results",
-            **{"cache.folder": str(tmp_path / "cache")},
-        )
+        sweep([*FEW, "seed=0,1"], results=tmp_path / "results", cache=tmp_path / "cache")
 
 
 def test_a_failing_run_stops_no_other_and_resume_retries_it(sweeps, bad_mesh):
