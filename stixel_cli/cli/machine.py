@@ -12,7 +12,7 @@ from stixel_cli.cli.terminal import print_json, print_table, say
 from stixel_cli.errors import UserError, counted
 
 if TYPE_CHECKING:
-    from stixel_cli.engine.entries import Entry
+    from stixel_cli.engine.entries import Collection, Entry
     from stixel_cli.engine.errors import MissingEntry
     from stixel_cli.engine.store import Store
 
@@ -104,7 +104,7 @@ def gc(
         str | None,
         typer.Option(
             metavar="SIZE",
-            help="Keep at most this size, 10GB or 0B (default: the configured limit).",
+            help="Keep at most this size, for example 10GB (default: the configured limit).",
         ),
     ] = None,
     older_than: Annotated[
@@ -126,7 +126,7 @@ def gc(
     Example: stixel cache gc --max-size 10GB --older-than 30d
     """
     from stixel_cli.engine.entries import collect
-    from stixel_cli.engine.parameters import parse_age, parse_size, show_size
+    from stixel_cli.engine.parameters import parse_age, parse_size
 
     store = local_store()
     option = "--max-size"
@@ -137,18 +137,26 @@ def gc(
     except ValueError as fault:
         raise UserError(f"{option}: {fault}") from None
     done = collect(store, size, age, dry_run)
-    if json:
-        print_json({"folder": str(store.folder), **vars(done)})
-        return 0
-    verb = "would be removed" if dry_run else "removed"
-    used = f", {done.in_use} of them in use" if done.in_use else ""
-    say(
-        f"{store.folder}: {done.removed} results, {show_size(done.removed_size)}, {verb}; "
-        f"{done.kept} results, {show_size(done.kept_size)}, kept{used}"
-    )
-    if done.left:
-        left, size = counted(done.left, "item"), show_size(done.left_size)
-        say(f"no results, such as files of killed processes: {left}, {size}, {verb}")
+    _print_collection(store, done, "would be removed" if dry_run else "removed", json)
+    return 0
+
+
+@app.command()
+def clear(
+    yes: Annotated[bool, typer.Option("--yes", help="Do not ask for confirmation.")] = False,
+    json: Json = False,
+) -> int:
+    """Remove all results that no running process uses.
+
+    It asks for confirmation. Without a terminal, --yes is required.
+    """
+    from stixel_cli.engine.entries import collect
+
+    store = local_store()
+    if not yes and not _confirmed(store):
+        tell("nothing was removed")
+        return 1
+    _print_collection(store, collect(store, max_size=0), "removed", json)
     return 0
 
 
@@ -174,6 +182,36 @@ def verify(json: Json = False) -> int:
         verdict = f"{len(bad)} {are} bad and recomputed when needed" if bad else "all are good"
         say(f"{store.folder}: {count} results read, {verdict}")
     return 1 if bad else 0
+
+
+def _confirmed(store: "Store") -> bool:
+    """Ask the user at the terminal for confirmation."""
+    from stixel_cli.engine.entries import entry_folders
+    from stixel_cli.engine.parameters import show_size
+
+    if not (sys.stdin.isatty() and sys.stderr.isatty()):
+        raise UserError(
+            "this removes all cached results: add --yes, there is no terminal to ask at"
+        )
+    listed = entry_folders(store)
+    size = show_size(sum(entry.size for entry in listed))
+    return typer.confirm(f"remove {len(listed)} results, {size}, from {store.folder}?", err=True)
+
+
+def _print_collection(store: "Store", done: "Collection", verb: str, json: bool) -> None:
+    from stixel_cli.engine.parameters import show_size
+
+    if json:
+        print_json({"folder": str(store.folder), **vars(done)})
+        return
+    used = f", {done.in_use} of them in use" if done.in_use else ""
+    say(
+        f"{store.folder}: {done.removed} results, {show_size(done.removed_size)}, {verb}; "
+        f"{done.kept} results, {show_size(done.kept_size)}, kept{used}"
+    )
+    if done.left:
+        left, size = counted(done.left, "item"), show_size(done.left_size)
+        say(f"no results, such as files of killed processes: {left}, {size}, {verb}")
 
 
 def _ago(moment: float) -> str:

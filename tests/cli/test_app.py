@@ -277,6 +277,7 @@ def test_reader_that_goes_away_is_no_crash():
         ("{} cache ls >/dev/full", 1, "stixel: standard output: cannot be written: No space", ""),
         ("{} cache ls --json >/dev/full", 1, "standard output: cannot be written", ""),
         ("{} cache ls >&-", 0, "", ""),
+        ("{} cache clear <&-", 2, "add --yes", ""),
         ("PYTHONIOENCODING=ascii {} cache ls", 0, "", r"cach\xe9: 0 results"),
         (
             "mkdir gone; cd gone; rmdir ../gone; {} run",

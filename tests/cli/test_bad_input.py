@@ -287,7 +287,7 @@ def test_folders_that_are_none(command, tmp_path_factory, capsys):
         ["cache", "rm"],
         ["cache", "gc", "--max-size", "big"],
         ["cache", "gc", "--older-than", "-3d"],
-        ["cache", "clear"],
+        ["cache", "clear", "all"],
         ["run", "--name", "../x"],
         ["run", "--name", ""],
         ["swep", "seed=0,1"],

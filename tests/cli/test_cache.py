@@ -1,5 +1,6 @@
 """`stixel cache …`, on a cache with a few entries made by hand."""
 
+import io
 import json
 import os
 import time
@@ -111,10 +112,34 @@ def test_notes_that_were_altered_are_bad_though_they_are_valid(store, capsys):
     assert left(store) == [0, 1, 3, 4, 5]
 
 
-def test_gc_to_nothing(store, capsys):
-    assert answer(capsys, "gc", "--max-size", "0B")["removed"] == 6
+def test_clear(store, capsys):
+    assert answer(capsys, "clear", "--yes")["removed"] == 6
     assert left(store) == []
     assert [path for path in store.folder.iterdir() if len(path.name) == 2] == []
+
+
+def test_clear_asks_nobody_where_there_is_no_terminal(store, capsys):
+    assert main(["cache", "clear"]) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert "add --yes" in said
+    assert left(store) == [0, 1, 2, 3, 4, 5]
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+@pytest.mark.parametrize(("words", "code", "kept"), [("\n", 1, 6), ("no\n", 1, 6), ("Y\n", 0, 0)])
+def test_clear_asks_on_a_terminal(store, monkeypatch, words, code, kept):
+    screen = Terminal()
+    monkeypatch.setattr("sys.stdin", Terminal(words))
+    monkeypatch.setattr("sys.stderr", screen)
+    assert main(["cache", "clear"]) == code
+    assert screen.getvalue().startswith("remove 6 results, ")
+    assert ("nothing was removed" in screen.getvalue()) == (code == 1)
+    assert len(left(store)) == kept
 
 
 @pytest.mark.parametrize(
@@ -140,7 +165,7 @@ def test_wrong_words(store, words, said, capsys):
 def test_a_cache_that_is_no_folder(tmp_path, capsys, monkeypatch):
     (tmp_path / "file").write_text("mine")
     monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "file"))
-    for words in (["ls"], ["gc"], ["verify"], ["gc", "--max-size", "0B"]):
+    for words in (["ls"], ["gc"], ["verify"], ["clear", "--yes"]):
         capsys.readouterr()
         code = main(["cache", *words])
         said = capsys.readouterr()

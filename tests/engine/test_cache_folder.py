@@ -35,7 +35,7 @@ def home(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    "words", [("cache", "gc"), ("cache", "gc", "--max-size", "0B"), ("cache", "ls"), ("run", *SMALL)]
+    "words", [("cache", "gc"), ("cache", "clear", "--yes"), ("cache", "ls"), ("run", *SMALL)]
 )
 def test_a_folder_with_other_files_is_refused_and_left_alone(home, words, capsys, monkeypatch):
     monkeypatch.chdir(home[0].parents[2])
