@@ -29,7 +29,7 @@ from stixel_cli.evaluation.scores import Scores
 from stixel_cli.evaluation.upper_bounds import star_convex_upper_bound
 from stixel_cli.geometry.pose import wrap_angle
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.scene.parameters import ROAD_USER_CLASSES
+from stixel_cli.scene.parameters import OTHER, REPORTED
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.tracking.track import Track, check_finite
 
@@ -173,12 +173,14 @@ def class_errors(track: Track, road_user: str | None) -> dict[str, Any]:
     probabilities, replaced = track.class_probabilities, track.class_replaced
     wrong = missing = np.full(len(track.times), np.nan)
     if probabilities is None:
-        probabilities, replaced = dict.fromkeys(ROAD_USER_CLASSES, missing), None
+        probabilities, replaced = {}, None
     elif road_user is not None:
-        most_probable = np.argmax(list(probabilities.values()), axis=0)
-        wrong = (np.array(list(probabilities))[most_probable] != road_user).astype(float)
+        names = np.array(list(probabilities))
+        named = names[np.argmax(list(probabilities.values()), axis=0)]
+        # Who says that it is none of them names no wrong class.
+        wrong = np.where(named == OTHER, np.nan, named != road_user)
     return {
-        "class_probabilities": probabilities,
+        "class_probabilities": {name: probabilities.get(name, missing) for name in REPORTED},
         "class_wrong": wrong,
         "class_replaced": missing if replaced is None else replaced.astype(float),
     }

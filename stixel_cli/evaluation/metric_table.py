@@ -27,7 +27,7 @@ from stixel_cli.evaluation.scan_errors import (
     time_to_divergence,
     time_to_loss,
 )
-from stixel_cli.scene.parameters import ROAD_USER_CLASSES
+from stixel_cli.scene.parameters import REPORTED
 
 NO_VALUE = "–"
 """Shown in the place of a missing value."""
@@ -185,7 +185,7 @@ _TABLE = (
     *(Metric(f"{name}_probability", f"probability of the class {name}, last scan",
              f"probability, {name}", "", None, (0.0, 1.0),
              lambda e, name=name: mean(e.class_probabilities[name][-1:]))
-      for name in ROAD_USER_CLASSES),
+      for name in REPORTED),
     Metric("class_error", "class of the last scan is not the road user's (1) or is (0)",
            "class error", *_SHARE, lambda e: mean(e.class_wrong[-1:]), (None, 0.0)),
     Metric("class_replaced_share", "scans of which another class than the prior's is reported, "
@@ -199,7 +199,7 @@ MAIN = ("iou_box_mean", "iou_mean", "centre_rmse_m", "orientation_rmse_deg", "tr
 OF_SIZE = ("size_deviation", "points_beside_share")
 """The metrics that only a tracker of a class's size has."""
 
-PROBABILITIES = {name: f"{name}_probability" for name in ROAD_USER_CLASSES}
+PROBABILITIES = {name: f"{name}_probability" for name in REPORTED}
 """Class to the metric of its probability."""
 
 OF_CLASSES = (*PROBABILITIES.values(), "class_error", "class_replaced_share")

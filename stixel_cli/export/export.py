@@ -16,7 +16,7 @@ from stixel_cli.export.rerun_log import export_rerun
 from stixel_cli.export.stx1 import export_stx1
 from stixel_cli.results.folder import csv_text, write_whole_folder
 from stixel_cli.results.result import RunResult
-from stixel_cli.scene.parameters import ROAD_USER_CLASSES
+from stixel_cli.scene.parameters import REPORTED
 from stixel_cli.tracking.motion import intervals
 from stixel_cli.tracking.track import STATE, state_columns
 
@@ -42,7 +42,7 @@ COLUMNS: dict[str, tuple[str, str]] = {
     "nis_degrees_of_freedom": ("", "degrees of freedom of nis"),
     **{
         f"{name}_probability": ("", f"probability of the class {name}, given the scans up to k")
-        for name in ROAD_USER_CLASSES
+        for name in REPORTED
     },
     "length": ("m", "length of the true box"),
     "width": ("m", "width of the true box"),

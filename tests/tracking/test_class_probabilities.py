@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from stixel_cli.config.compose import compose
-from stixel_cli.scene.parameters import CLASS_ROWS, ROAD_USER_CLASSES
+from stixel_cli.scene.parameters import CLASS_ROWS, REPORTED, ROAD_USER_CLASSES
 from stixel_cli.tracking.contour.class_probabilities import (
     CONTRADICTED,
     log_weight,
@@ -60,7 +60,7 @@ WEIGHTS = {
 def test_each_scan_reports_the_class_that_is_most_probable_so_far():
     np.testing.assert_array_equal(reported_classes(WEIGHTS, None), [1, 1, 2, 2])
     probabilities = probabilities_of(WEIGHTS)
-    assert list(probabilities) == list(ROAD_USER_CLASSES)
+    assert list(probabilities) == list(REPORTED)
     values = np.array(list(probabilities.values()))
     np.testing.assert_allclose(values.sum(axis=0), 1.0)
     np.testing.assert_array_equal(values.argmax(axis=0), [1, 1, 2, 2])
@@ -70,7 +70,7 @@ def test_each_scan_reports_the_class_that_is_most_probable_so_far():
 
 def test_a_class_that_the_size_excludes_has_probability_0():
     probabilities = probabilities_of({name: WEIGHTS[name] for name in ("cyclist", "pedestrian")})
-    assert list(probabilities) == list(ROAD_USER_CLASSES)
+    assert list(probabilities) == list(REPORTED)
     np.testing.assert_array_equal(probabilities["car"], 0.0)
     np.testing.assert_allclose(probabilities["cyclist"] + probabilities["pedestrian"], 1.0)
 

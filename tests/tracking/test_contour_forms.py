@@ -14,7 +14,7 @@ from tracking_cases import CAR, scans_of
 from stixel_cli.config.compose import compose
 from stixel_cli.geometry.pose import rotation, world_from_target
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.scene.parameters import ROAD_USER_CLASSES
+from stixel_cli.scene.parameters import OTHER, ROAD_USER_CLASSES
 from stixel_cli.tracking.consider import JointCovariance
 from stixel_cli.tracking.contour.class_shape import class_shape
 from stixel_cli.tracking.contour.class_size import CLASS_SHAPES, class_size
@@ -151,8 +151,31 @@ def test_the_forms_depend_on_the_sensor_and_not_on_the_stated_size(prior):
     for sensor in ("stixels", "lidar"):
         learned = forms_of("car", prior, dataclasses.replace(FILE, seen_by=sensor))
         assert list(learned) == ["learned"]
-    assert list(forms_of("car", prior, FABRICATED)) == ["learned", "class", "rectangle"]
-    assert list(forms_of("car", prior, FILE)) == ["class", "rectangle"]
+    assert list(forms_of("car", prior, FABRICATED)) == ["learned", "rectangle"]
+    assert list(forms_of("car", prior, FILE)) == ["class"]
+
+
+@pytest.mark.parametrize(
+    ("tracker", "road_user", "size"),
+    [
+        (FABRICATED, "pedestrian", (1.3, 0.7)),
+        (FILE, "pedestrian", (1.3, 0.7)),
+        (FILE, "car", (7.5, 2.4)),
+    ],
+)
+def test_a_target_of_no_class_is_followed_by_the_free_form(tracker, road_user, size):
+    """A pushchair and a truck are of no class, and have their own size."""
+    of_class = class_size(road_user).mean.tolist()
+    prior = dataclasses.replace(PRIOR, road_user=road_user, length=of_class[0], width=of_class[1])
+    outline = 0.5 * np.array(size) * [[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]]
+    poses = turning(40, 4.0, 0.3)
+    scans, start = scans_seen(outline, poses, noise=0.03), start_at(poses)
+    found = track(scans, start, prior, tracker)
+    assert found.class_probabilities[OTHER][-1] > 0.99
+    np.testing.assert_allclose(found.box_sizes[-1], size, rtol=0.2)
+    assert overlap(found, outline, poses) > 0.75
+    fixed = track(scans, start, prior, dataclasses.replace(tracker, road_user="fixed"))
+    assert fixed.class_probabilities is None
 
 
 def test_a_learned_shape_has_no_residual_and_a_rectangle_is_the_box():
@@ -201,7 +224,7 @@ def test_a_given_outline_is_followed_where_the_bank_has_none_like_it(tmp_path):
     file = tmp_path / "outline.csv"
     file.write_text("x,y\n" + "\n".join(f"{x},{y}" for x, y in notched), encoding="utf-8")
     given = dataclasses.replace(STATED, outline=str(file))
-    assert set(forms_of("car", given, FILE)) == {"outline", "class", "rectangle"}
+    assert set(forms_of("car", given, FILE)) == {"outline", "class"}
     assert "outline" not in forms_of("cyclist", given, FILE)
     stixels = dataclasses.replace(FILE, seen_by="stixels")
     assert set(forms_of("car", given, stixels)) == {"learned", "outline"}

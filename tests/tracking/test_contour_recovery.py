@@ -79,7 +79,7 @@ def test_a_wrong_detection_is_given_up_again(monkeypatch):
     result = track(scans, start_at(poses), KNOWN, TRACKER)
     errors = np.abs(wrap_angle(result.means[:, 2] - poses[:, 2]))
     assert errors[7] > np.radians(45)
-    assert errors[8:].max() < np.radians(1)
+    assert errors[9:].max() < np.radians(1)
 
 
 def test_a_track_is_inconsistent_after_enough_scans_with_a_great_innovation():

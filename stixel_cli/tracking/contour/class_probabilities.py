@@ -21,7 +21,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from stixel_cli.geometry.pose import rotation
-from stixel_cli.scene.parameters import CLASS_ROWS, ROAD_USER_CLASSES, ClassRow
+from stixel_cli.scene.parameters import CLASS_ROWS, REPORTED, ClassRow
 from stixel_cli.tracking.contour.class_size import ClassSize
 from stixel_cli.tracking.track import InitialState
 
@@ -40,7 +40,7 @@ With the start of a wrong class, the right one is far less likely before it beco
 
 
 def class_row(road_user: str) -> ClassRow:
-    """The row of a class; that of a car for one that the user's file gives."""
+    """The row of a class; that of a car for one that the user's file gives, and for no class."""
     return CLASS_ROWS.get(road_user, CLASS_ROWS["car"])
 
 
@@ -68,10 +68,10 @@ def log_weight(
 
 
 def probabilities_of(log_weights: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Class to probability (K,), given the scans up to k; 0 for a class without a weight."""
+    """What is reported to probability (K,), given the scans up to k; 0 without a weight."""
     weights = np.stack(list(log_weights.values()))
     odds = np.exp(weights - weights.max(axis=0))
-    excluded = dict.fromkeys(ROAD_USER_CLASSES, np.zeros(weights.shape[1]))
+    excluded = dict.fromkeys(REPORTED, np.zeros(weights.shape[1]))
     return excluded | dict(zip(log_weights, odds / odds.sum(axis=0), strict=True))
 
 

@@ -39,6 +39,14 @@ SIZES = np.stack([class_size(road_user).mean for road_user in ROAD_USER_CLASSES]
 """Length and width of each class, m."""
 
 
+def states_size(prior: PriorShape) -> bool:
+    """Whether the user states a size that is not that of the prior's class."""
+    if prior.road_user not in ROAD_USER_CLASSES:
+        return False
+    size = class_size(prior.road_user).mean
+    return not np.allclose([prior.length, prior.width], size, rtol=5e-3)
+
+
 def possible_sizes(prior: PriorShape) -> np.ndarray:
     """Lengths and widths (n, 2) m: of the prior's class; of every class if it is unknown."""
     if prior.road_user == "unknown":

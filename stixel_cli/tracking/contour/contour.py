@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from stixel_cli.measurements.scans import FieldOfView, Scans
-from stixel_cli.scene.parameters import ROAD_USER_CLASSES
+from stixel_cli.scene.parameters import OTHER, ROAD_USER_CLASSES
 from stixel_cli.tracking.background import Background
 from stixel_cli.tracking.contour.class_probabilities import (
     CONTRADICTED,
@@ -16,11 +16,11 @@ from stixel_cli.tracking.contour.class_probabilities import (
     reported_classes,
     start_of_other,
 )
-from stixel_cli.tracking.contour.class_size import class_size
+from stixel_cli.tracking.contour.class_size import class_size, states_size
 from stixel_cli.tracking.contour.contour_filter import ClassFilter
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
 from stixel_cli.tracking.contour.contour_rays import rays_of
-from stixel_cli.tracking.contour.forms import FORM_ODDS, forms_of
+from stixel_cli.tracking.contour.forms import FORM_ODDS, forms_of, free_form
 from stixel_cli.tracking.motion import intervals
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.track import InitialState, Track, used_rows
@@ -58,7 +58,7 @@ def track(
 
 
 class ClassBank:
-    """One filter for each class, and for each form that the target may have.
+    """One filter for each class and form that the target may have, and one of no class.
 
     A filter tracks the target until the scans rule its class out. If the prior's class is
     `unknown`, each scan reports the most probable class, see `class_probabilities`. A known class
@@ -82,6 +82,9 @@ class ClassBank:
                     self._filters[road_user, form] = ClassFilter(
                         start, of_class, *seen, shared_errors + 1
                     )
+        if tracker.road_user == "estimated" and not (prior.class_file or states_size(prior)):
+            of_none, *seen = free_form(prior, tracker)
+            self._filters[OTHER, "free"] = ClassFilter(initial, of_none, *seen, shared_errors + 1)
         self._kept, self._best = dict(self._filters), 0.0
         self._background = Background()
         self._start = next((key for key in self._filters if key[0] == self._own), None)
@@ -206,9 +209,9 @@ def may_be(road_user: str, prior: PriorShape, choice: str) -> bool:
         return True
     if choice == "fixed":
         return False
-    stated, size = np.array([prior.length, prior.width]), class_size(road_user)
-    if np.allclose(stated, class_size(prior.road_user).mean, rtol=5e-3):
+    if not states_size(prior):
         return True
+    stated, size = np.array([prior.length, prior.width]), class_size(road_user)
     stds = np.hypot(stated * [prior.length_std, prior.width_std], size.mean * size.stds)
     return bool((np.abs(stated - size.mean) <= FITS * stds).all())
 

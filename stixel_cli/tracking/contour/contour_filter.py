@@ -38,7 +38,6 @@ import numpy as np
 
 from stixel_cli.geometry.pose import rotation
 from stixel_cli.tracking.consider import FIELD_TIME, JointCovariance
-from stixel_cli.tracking.contour import residual
 from stixel_cli.tracking.contour.class_probabilities import class_row, log_weight
 from stixel_cli.tracking.contour.class_shape import ClassShape
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
@@ -53,6 +52,7 @@ from stixel_cli.tracking.contour.contour_recovery import (
 from stixel_cli.tracking.contour.contour_report import SIDEWAYS, box_sizes, contours_of, reported
 from stixel_cli.tracking.contour.contour_update import SEEN, SHAPE_ERRORS, constant_errors, update
 from stixel_cli.tracking.contour.hypothesis import Hypothesis
+from stixel_cli.tracking.contour.residual import NODES, Residual
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.smoothing import smooth
 from stixel_cli.tracking.track import InitialState, Track
@@ -88,9 +88,7 @@ class ClassFilter:
         self._tracker, self._road_user = tracker, prior.road_user
         self._shape, self.sight = shape, sight
         self._of_class = np.log(np.array([prior.length, prior.width]) / self._shape.size)
-        mean, covariance = start(
-            initial, prior, shape, tracker, residual.NODES if sight.residual else 0
-        )
+        mean, covariance = start(initial, prior, shape, tracker, sight.residual)
         memories = [FIELD_TIME] * SHAPE_ERRORS + [np.inf] * sensor_errors
         joint = JointCovariance(covariance, np.array(memories))
         self._hypotheses = [Hypothesis.unseen((mean, covariance, joint))]
@@ -258,11 +256,11 @@ def start(
     prior: PriorShape,
     shape: ClassShape,
     tracker: ContourParameters,
-    nodes: int = 0,
+    residual: Residual | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Mean (d,) and covariance (d, d) from an initial state and the prior's size.
 
-    The residual, of so many `nodes`, is zero.
+    The `residual`, if there is one, is zero.
 
     The velocity is split along and across the heading. The part across is measured as zero: that
     turns the heading towards the velocity.
@@ -277,8 +275,8 @@ def start(
     gain = covariance @ row / (row @ covariance @ row + SIDEWAYS**2)
     mean, covariance = mean - gain * mean[4], covariance - np.outer(gain, row @ covariance)
     kept = [0, 1, 2, 3, 5]
-    whole = np.zeros(7 + nodes)
-    spread = np.diag([0.0] * 7 + [residual.RESIDUAL_STD**2] * nodes)
+    nodes = [residual.std**2] * NODES if residual else []
+    whole, spread = np.zeros(7 + len(nodes)), np.diag([0.0] * 7 + nodes)
     whole[:5], spread[:5, :5] = mean[kept], covariance[np.ix_(kept, kept)]
     whole[5:7] = np.log(np.array([prior.length, prior.width]) / shape.size)
     spread[5, 5], spread[6, 6] = tracker.length_std**2, tracker.width_std**2

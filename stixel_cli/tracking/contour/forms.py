@@ -1,31 +1,40 @@
 """What a target looks like where the visible shape of its class is not known to hold.
 
 The visible shapes (`class_shape.py`) were learned from stixels, lidars and fabricated rays of the
-drawn classes. Points of another sensor may look different. Then there is a bank of two forms, the
-class's outline and the rectangle of its box, weighted by likelihood; each may deviate a little
-along its outline (`residual.py`); and the ends of the target are uncertain by what the rays graze.
-Fabricated rays cut any outline that the user gives: for them the two forms stand beside the learned
-shape. An outline that the user states is one more form, for every sensor.
+drawn classes. Points of another sensor may look different: they are on the class's outline, which
+may deviate a little (`residual.py`), and the ends of the target are uncertain by what the rays
+graze. Fabricated rays cut any outline that the user gives: for them the rectangle of the class's
+box stands beside the learned shape. An outline that the user states is one more form, for every
+sensor. And a target may be of no class at all, a pushchair or a truck: then its form is free, a
+rounded rectangle of any size that may deviate more.
 """
 
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import shapely
 
+from stixel_cli.scene.parameters import OTHER, ROAD_USER_CLASSES
 from stixel_cli.tracking.contour import ray_table
+from stixel_cli.tracking.contour.class_probabilities import CONTRADICTED
 from stixel_cli.tracking.contour.class_shape import ClassShape, class_shape
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
 from stixel_cli.tracking.contour.contour_rays import LEARNED, Sight, sight_of
-from stixel_cli.tracking.contour.residual import Residual
+from stixel_cli.tracking.contour.residual import RESIDUAL_STD, Residual
 from stixel_cli.tracking.contour.user_shape import RADII, read_outline
 from stixel_cli.tracking.prior import PriorShape
 
-FORM_ODDS = {"outline": 5.0, "rectangle": -5.0}
+FORM_ODDS = {"outline": 5.0, "rectangle": -5.0, "free": -CONTRADICTED}
 """Log odds of a form against the class's outline, before the first scan."""
 
-EXACT_STD = 0.02
-"""How well the ranges and ends of a rectangle, or of an outline that the user gives, fit, m."""
+FREE_STD, FREE_RESIDUAL, CORNER = 0.5, 0.1, 0.25
+"""Of the free form: relative standard deviation of the length and width, standard deviation of its
+residual, m, and the radius of its corners, relative to the smaller side."""
+
+EXACT_STD, FREE_EXACT_STD = 0.02, 0.05
+"""How well the ranges and ends of a rectangle or of an outline that the user gives, and of the free
+form, fit, m."""
 
 GREATEST_SLOPE = 2.0
 """Depth over offset, tan 63°: where a ray grazes the shape more, a real sensor may get no echo."""
@@ -52,7 +61,8 @@ def forms_of(
         offset_std=max(tracker.offset_std, OFFSET_STD),
     )
     box = rectangle(shape)
-    tables = {"class": (shape, sight.table), "rectangle": (box, _exact_table(box.outline))}
+    plain = {"rectangle": (box, _exact_table(box.outline))}
+    tables = plain if learned else {"class": (shape, sight.table)}
     if given is not None:
         vertices = read_outline(Path(given))
         exact = sight.outline or tracker.seen_by not in LEARNED
@@ -64,10 +74,28 @@ def forms_of(
     }
 
 
-def _exact_table(outline: np.ndarray) -> ray_table.RayTable:
+def free_form(
+    prior: PriorShape, tracker: ContourParameters
+) -> tuple[PriorShape, ClassShape, Sight, ContourParameters]:
+    """A form of no class: the prior that it has, and as the forms of `forms_of`.
+
+    Its size begins as the prior's, which may be off by half.
+    """
+    size = np.array([prior.length, prior.width])
+    tracker = replace(tracker, length_std=FREE_STD, width_std=FREE_STD)
+    radius = CORNER * size.min()
+    body = shapely.box(*(radius - 0.5 * size), *(0.5 * size - radius)).buffer(radius)
+    shape = star_of(shapely.get_coordinates(shapely.orient_polygons(body))[:-1])
+    known = ROAD_USER_CLASSES[0] if prior.road_user == "unknown" else prior.road_user
+    sight = replace(sight_of(known, tracker), bias_per_std=0.0, std_factor=1.0, outline=True)
+    table = _exact_table(shape.outline, FREE_EXACT_STD)
+    sight = _of_table(sight, table, shape, tracker, FREE_RESIDUAL)
+    return replace(prior, road_user=OTHER), shape, sight, tracker
+
+
+def _exact_table(outline: np.ndarray, std: float = EXACT_STD) -> ray_table.RayTable:
     table = ray_table.outline_table(outline)
-    ends = np.full_like(table.low, EXACT_STD)
-    stds = np.full_like(table.stds, EXACT_STD)
+    ends, stds = np.full_like(table.low, std), np.full_like(table.stds, std)
     return replace(table, stds=stds, low_stds=ends, high_stds=ends)
 
 
@@ -92,12 +120,16 @@ def rectangle(shape: ClassShape) -> ClassShape:
 
 
 def _of_table(
-    sight: Sight, table: ray_table.RayTable, shape: ClassShape, tracker: ContourParameters
+    sight: Sight,
+    table: ray_table.RayTable,
+    shape: ClassShape,
+    tracker: ContourParameters,
+    residual_std: float = RESIDUAL_STD,
 ) -> Sight:
     if tracker.seen_by not in LEARNED:
         table = with_uncertain_ends(table)
     far = None if tracker.sees == "first_surface" else ray_table.behind(table)
-    return replace(sight, table=table, residual=Residual(shape), far=far)
+    return replace(sight, table=table, residual=Residual(shape, residual_std), far=far)
 
 
 def with_uncertain_ends(table: ray_table.RayTable) -> ray_table.RayTable:
