@@ -12,7 +12,7 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 49_756
+TOTAL = 49_694
 """Greatest number of lines in all."""
 
 MODULES = 307
@@ -22,28 +22,28 @@ BUDGET = {
     "": 1513,
     "answers": 1195,
     "benchmark": 1020,
-    "calibration": 580,
-    "cli": 3007,
-    "config": 3099,
+    "calibration": 577,
+    "cli": 3000,
+    "config": 2999,
     "engine": 4301,
-    "evaluation": 1725,
+    "evaluation": 1727,
     "experiment": 1472,
     "export": 644,
     "geometry": 413,
-    "live": 689,
+    "live": 674,
     "machine": 260,
-    "measurements": 2047,
+    "measurements": 2058,
     "pictures": 1417,
-    "recordings": 2997,
+    "recordings": 2994,
     "rendering": 2304,
     "report": 1037,
     "results": 1483,
-    "scene": 3549,
+    "scene": 3555,
     "stereo": 512,
     "stixels": 2248,
     "studies": 1923,
     "sweeps": 2339,
-    "tracking": 6688,
+    "tracking": 6735,
     "validation": 1294,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
