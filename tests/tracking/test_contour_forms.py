@@ -152,16 +152,12 @@ def test_the_forms_depend_on_the_sensor_and_not_on_the_stated_size(prior):
         learned = forms_of("car", prior, dataclasses.replace(FILE, seen_by=sensor))
         assert list(learned) == ["learned"]
     assert list(forms_of("car", prior, FABRICATED)) == ["learned", "rectangle"]
-    assert list(forms_of("car", prior, FILE)) == ["class"]
+    assert list(forms_of("car", prior, FILE)) == ["class", "rectangle"]
 
 
 @pytest.mark.parametrize(
     ("tracker", "road_user", "size"),
-    [
-        (FABRICATED, "pedestrian", (1.3, 0.7)),
-        (FILE, "pedestrian", (1.3, 0.7)),
-        (FILE, "car", (7.5, 2.4)),
-    ],
+    [(FABRICATED, "pedestrian", (1.3, 0.7)), (FILE, "car", (7.5, 2.4))],
 )
 def test_a_target_of_no_class_is_followed_by_the_free_form(tracker, road_user, size):
     """A pushchair and a truck are of no class, and have their own size."""
@@ -224,7 +220,7 @@ def test_a_given_outline_is_followed_where_the_bank_has_none_like_it(tmp_path):
     file = tmp_path / "outline.csv"
     file.write_text("x,y\n" + "\n".join(f"{x},{y}" for x, y in notched), encoding="utf-8")
     given = dataclasses.replace(STATED, outline=str(file))
-    assert set(forms_of("car", given, FILE)) == {"outline", "class"}
+    assert set(forms_of("car", given, FILE)) == {"outline", "class", "rectangle"}
     assert "outline" not in forms_of("cyclist", given, FILE)
     stixels = dataclasses.replace(FILE, seen_by="stixels")
     assert set(forms_of("car", given, stixels)) == {"learned", "outline"}

@@ -1,12 +1,14 @@
 """What a target looks like where the visible shape of its class is not known to hold.
 
 The visible shapes (`class_shape.py`) were learned from stixels, lidars and fabricated rays of the
-drawn classes. Points of another sensor may look different: they are on the class's outline, which
-may deviate a little (`residual.py`), and the ends of the target are uncertain by what the rays
-graze. Fabricated rays cut any outline that the user gives: for them the rectangle of the class's
-box stands beside the learned shape. An outline that the user states is one more form, for every
-sensor. And a target may be of no class at all, a pushchair or a truck: then its form is free, a
-rounded rectangle of any size that may deviate more.
+drawn classes. Points of another sensor may look different. Then there is a bank of two forms, the
+class's outline and the rectangle of its box, weighted by likelihood; each may deviate a little
+along its outline (`residual.py`); and the ends of the target are uncertain by what the rays graze.
+Fabricated rays cut any outline that the user gives: for them the rectangle stands beside the
+learned shape. An outline that the user states is one more form, for every sensor.
+
+A target may be of no class at all, a pushchair or a truck: its form is free, a rounded rectangle of
+any size that may deviate more.
 """
 
 from dataclasses import replace
@@ -61,8 +63,8 @@ def forms_of(
         offset_std=max(tracker.offset_std, OFFSET_STD),
     )
     box = rectangle(shape)
-    plain = {"rectangle": (box, _exact_table(box.outline))}
-    tables = plain if learned else {"class": (shape, sight.table)}
+    tables = {} if learned else {"class": (shape, sight.table)}
+    tables["rectangle"] = box, _exact_table(box.outline)
     if given is not None:
         vertices = read_outline(Path(given))
         exact = sight.outline or tracker.seen_by not in LEARNED
