@@ -12,7 +12,7 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 49_694
+TOTAL = 49_692
 """Greatest number of lines in all."""
 
 MODULES = 307
@@ -43,7 +43,7 @@ BUDGET = {
     "stixels": 2248,
     "studies": 1923,
     "sweeps": 2339,
-    "tracking": 6735,
+    "tracking": 6733,
     "validation": 1294,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""

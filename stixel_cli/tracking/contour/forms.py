@@ -23,7 +23,7 @@ from stixel_cli.tracking.contour.class_probabilities import CONTRADICTED
 from stixel_cli.tracking.contour.class_shape import ClassShape, class_shape
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
 from stixel_cli.tracking.contour.contour_rays import LEARNED, Sight, sight_of
-from stixel_cli.tracking.contour.residual import RESIDUAL_STD, Residual
+from stixel_cli.tracking.contour.residual import Residual
 from stixel_cli.tracking.contour.user_shape import RADII, read_outline
 from stixel_cli.tracking.prior import PriorShape
 
@@ -71,7 +71,7 @@ def forms_of(
         table = _exact_table(vertices) if exact else sight_of(road_user, tracker, vertices).table
         tables = ({} if learned else tables) | {"outline": (star_of(vertices), table)}
     return learned | {
-        form: (form_shape, _of_table(sight, form_table, form_shape, tracker), tracker)
+        form: (form_shape, _of_table(sight, form_table, Residual(form_shape), tracker), tracker)
         for form, (form_shape, form_table) in tables.items()
     }
 
@@ -91,7 +91,7 @@ def free_form(
     known = ROAD_USER_CLASSES[0] if prior.road_user == "unknown" else prior.road_user
     sight = replace(sight_of(known, tracker), bias_per_std=0.0, std_factor=1.0, outline=True)
     table = _exact_table(shape.outline, FREE_EXACT_STD)
-    sight = _of_table(sight, table, shape, tracker, FREE_RESIDUAL)
+    sight = _of_table(sight, table, Residual(shape, FREE_RESIDUAL), tracker)
     return replace(prior, road_user=OTHER), shape, sight, tracker
 
 
@@ -122,16 +122,12 @@ def rectangle(shape: ClassShape) -> ClassShape:
 
 
 def _of_table(
-    sight: Sight,
-    table: ray_table.RayTable,
-    shape: ClassShape,
-    tracker: ContourParameters,
-    residual_std: float = RESIDUAL_STD,
+    sight: Sight, table: ray_table.RayTable, residual: Residual, tracker: ContourParameters
 ) -> Sight:
     if tracker.seen_by not in LEARNED:
         table = with_uncertain_ends(table)
     far = None if tracker.sees == "first_surface" else ray_table.behind(table)
-    return replace(sight, table=table, residual=Residual(shape, residual_std), far=far)
+    return replace(sight, table=table, residual=residual, far=far)
 
 
 def with_uncertain_ends(table: ray_table.RayTable) -> ray_table.RayTable:
