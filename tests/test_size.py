@@ -12,7 +12,7 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 49_692
+TOTAL = 49_690
 """Greatest number of lines in all."""
 
 MODULES = 307
@@ -26,9 +26,9 @@ BUDGET = {
     "cli": 3000,
     "config": 2999,
     "engine": 4301,
-    "evaluation": 1727,
+    "evaluation": 1726,
     "experiment": 1472,
-    "export": 644,
+    "export": 643,
     "geometry": 413,
     "live": 674,
     "machine": 260,
@@ -38,12 +38,12 @@ BUDGET = {
     "rendering": 2304,
     "report": 1037,
     "results": 1483,
-    "scene": 3555,
+    "scene": 3549,
     "stereo": 512,
     "stixels": 2248,
     "studies": 1923,
     "sweeps": 2339,
-    "tracking": 6733,
+    "tracking": 6739,
     "validation": 1294,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""

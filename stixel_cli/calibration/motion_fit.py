@@ -81,8 +81,8 @@ def calibrate_rig(
     parts = np.digitize(tracks.disparities, RANGES), halves
     apart = np.max([_disagreement(after, one, rig) for one in parts], axis=0)
     calibrated = with_error(rig, after.error, after.covariance, np.hypot(apart, MATCHER_STD))
-    note = "near and far points, or the halves of the recording, differ by"
-    note = f"{note} {apart.max():.1f} px" if apart.max() > DISAGREEMENT else ""
+    differ = "near and far points, or the halves of the recording, differ by"
+    note = f"{differ} {apart.max():.1f} px" if apart.max() > DISAGREEMENT else ""
     found = replace(found, columns=tracks.places[:, 0], errors=after.errors, note=note)
     # Both pairs of one first image have much in common.
     scatter = gains.std(ddof=1) / np.sqrt(len(np.unique(tracks.frames[:, 0])))

@@ -29,9 +29,8 @@ from stixel_cli.evaluation.scores import Scores
 from stixel_cli.evaluation.upper_bounds import star_convex_upper_bound
 from stixel_cli.geometry.pose import wrap_angle
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.scene.parameters import OTHER, REPORTED
 from stixel_cli.scene.scenario import Scenario
-from stixel_cli.tracking.track import Track, check_finite
+from stixel_cli.tracking.track import OTHER, REPORTED, Track, check_finite
 
 LEAST_SPEED = 0.5
 """A target that is not faster than this, m/s, stands: its heading may be reported either way."""
@@ -177,7 +176,7 @@ def class_errors(track: Track, road_user: str | None) -> dict[str, Any]:
     elif road_user is not None:
         names = np.array(list(probabilities))
         named = names[np.argmax(list(probabilities.values()), axis=0)]
-        # Who says that it is none of them names no wrong class.
+        # A track that names no class names no wrong one.
         wrong = np.where(named == OTHER, np.nan, named != road_user)
     return {
         "class_probabilities": {name: probabilities.get(name, missing) for name in REPORTED},

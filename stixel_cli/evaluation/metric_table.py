@@ -27,7 +27,7 @@ from stixel_cli.evaluation.scan_errors import (
     time_to_divergence,
     time_to_loss,
 )
-from stixel_cli.scene.parameters import REPORTED
+from stixel_cli.tracking.track import REPORTED
 
 NO_VALUE = "–"
 """Shown in the place of a missing value."""

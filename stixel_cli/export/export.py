@@ -16,9 +16,8 @@ from stixel_cli.export.rerun_log import export_rerun
 from stixel_cli.export.stx1 import export_stx1
 from stixel_cli.results.folder import csv_text, write_whole_folder
 from stixel_cli.results.result import RunResult
-from stixel_cli.scene.parameters import REPORTED
 from stixel_cli.tracking.motion import intervals
-from stixel_cli.tracking.track import STATE, state_columns
+from stixel_cli.tracking.track import REPORTED, STATE, state_columns
 
 COLUMNS: dict[str, tuple[str, str]] = {
     "k": ("", "index of the scan, from 0"),

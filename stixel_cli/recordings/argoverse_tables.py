@@ -138,7 +138,8 @@ def read_labels(
         if (np.diff(at_times) == 0).any():
             raise UserError(f"{annotations}: track {printable(track)} is labelled twice at a time")
         category = str(table["category"][of_track[0]])
-        kinds[track], rows[track] = types.get(category, printable(category)), []
+        kinds[track] = types.get(category, printable(category))
+        rows[track] = []
         for frame, i, share in _between(at_times, times):
             before, after = of_track[i], of_track[min(i + 1, len(of_track) - 1)]
             place = (1.0 - share) * places[before] + share * places[after]
@@ -152,14 +153,13 @@ def read_labels(
             if calibration is not None:
                 seen = seen_box(*pose, sizes[nearest], calibration, calibration.rectification.size)
             if seen is not None:
+                box, truncated = seen
                 empty = table["num_interior_pts"][nearest] <= 0
-                flags = [float(seen[1]), 3.0 * empty, 0.0]  # KITTI's state 3: unknown.
-                box = [*seen[0], *sizes[nearest], *pose[0], pose[1]]
-                rows[track].append([frame, 0, *flags, *box])
+                flags = [float(truncated), 3.0 * empty, 0.0]  # KITTI's state 3: unknown.
+                rows[track].append([frame, 0, *flags, *box, *sizes[nearest], *pose[0], pose[1]])
     _mark_hidden([label for labels in rows.values() for label in labels])
-    return {
-        track: labels_in(np.array(labels), kinds[track]) for track, labels in rows.items() if labels
-    }
+    found = {track: np.array(labels) for track, labels in rows.items() if labels}
+    return {track: labels_in(labels, kinds[track]) for track, labels in found.items()}
 
 
 def _between(stamps: np.ndarray, times: tuple[int, ...]) -> Iterator[tuple[int, int, float]]:

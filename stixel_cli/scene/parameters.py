@@ -47,12 +47,6 @@ CLASS_ROWS: dict[RoadUserClass, ClassRow] = {
 
 ROAD_USER_CLASSES: tuple[RoadUserClass, ...] = get_args(RoadUserClass)
 
-OTHER = "other"
-"""What a tracker reports of a target that is of none of these classes."""
-
-REPORTED = (*ROAD_USER_CLASSES, OTHER)
-"""What a tracker may report."""
-
 CLASS_OF_KITTI_TYPE = {kitti: name for name, row in CLASS_ROWS.items() for kitti in row.kitti_types}
 """The class of road user of each type of KITTI's labels that has one."""
 

@@ -6,9 +6,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stixel_cli.scene.parameters import ROAD_USER_CLASSES
+
 if TYPE_CHECKING:
     import pandas
 
+OTHER = "other"
+"""The class of a target that is no road user of a known class."""
+
+REPORTED = (*ROAD_USER_CLASSES, OTHER)
+"""The classes that a track may have."""
 
 STATE = ("x", "y", "heading", "x_rate", "y_rate", "heading_rate")
 """Columns of a target's motion in tables: m, rad, and their rates, m/s, rad/s."""

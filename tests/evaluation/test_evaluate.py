@@ -254,7 +254,7 @@ def test_classes_are_compared_with_the_road_user_and_the_prior():
         metrics = evaluate(own, SCENARIO, SCANS, road_user).metrics
         assert [metrics[name] for name in names] == pytest.approx(expected)
     assert not set(names) & set(evaluate(track_with(SHIFTS), SCENARIO, SCANS).metrics)
-    # Who says that it is none of the classes names no wrong one.
+    # A track that names no class names no wrong one.
     of_none = dataclasses.replace(track, class_probabilities=values | {"other": 2.0 * cyclist})
     metrics = evaluate(of_none, SCENARIO, SCANS, "pedestrian").metrics
     assert metrics["class_error"] is None

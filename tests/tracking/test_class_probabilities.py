@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from stixel_cli.config.compose import compose
-from stixel_cli.scene.parameters import CLASS_ROWS, REPORTED, ROAD_USER_CLASSES
+from stixel_cli.scene.parameters import CLASS_ROWS, ROAD_USER_CLASSES
 from stixel_cli.tracking.contour.class_probabilities import (
     CONTRADICTED,
     log_weight,
@@ -13,7 +13,7 @@ from stixel_cli.tracking.contour.class_probabilities import (
     start_of_other,
 )
 from stixel_cli.tracking.contour.class_size import ClassSize, class_size, possible_sizes
-from stixel_cli.tracking.track import InitialState
+from stixel_cli.tracking.track import REPORTED, InitialState
 
 
 def test_a_weight_matches_a_calculation_by_hand():

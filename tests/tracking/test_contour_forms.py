@@ -14,7 +14,7 @@ from tracking_cases import CAR, scans_of
 from stixel_cli.config.compose import compose
 from stixel_cli.geometry.pose import rotation, world_from_target
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.scene.parameters import OTHER, ROAD_USER_CLASSES
+from stixel_cli.scene.parameters import ROAD_USER_CLASSES
 from stixel_cli.tracking.consider import JointCovariance
 from stixel_cli.tracking.contour.class_shape import class_shape
 from stixel_cli.tracking.contour.class_size import CLASS_SHAPES, class_size
@@ -31,6 +31,7 @@ from stixel_cli.tracking.contour.contour_update import SHAPE_ERRORS, linearise, 
 from stixel_cli.tracking.contour.forms import forms_of, rectangle, with_uncertain_ends
 from stixel_cli.tracking.contour.ray_table import first_depths, outline_table
 from stixel_cli.tracking.contour.residual import NODES, Residual
+from stixel_cli.tracking.track import OTHER
 
 FILE = dataclasses.replace(compose(["tracker=contour"]).configuration.tracker, seen_by="file")
 FABRICATED = dataclasses.replace(FILE, seen_by="fabricated")

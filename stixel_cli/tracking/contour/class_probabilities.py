@@ -21,9 +21,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from stixel_cli.geometry.pose import rotation
-from stixel_cli.scene.parameters import CLASS_ROWS, REPORTED, ClassRow
+from stixel_cli.scene.parameters import CLASS_ROWS, ClassRow
 from stixel_cli.tracking.contour.class_size import ClassSize
-from stixel_cli.tracking.track import InitialState
+from stixel_cli.tracking.track import REPORTED, InitialState
 
 CONTRADICTED = 50.0
 """The scans contradict the prior's class once the log odds of another are above this.

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from stixel_cli.measurements.scans import FieldOfView, Scans
-from stixel_cli.scene.parameters import OTHER, ROAD_USER_CLASSES
+from stixel_cli.scene.parameters import ROAD_USER_CLASSES
 from stixel_cli.tracking.background import Background
 from stixel_cli.tracking.contour.class_probabilities import (
     CONTRADICTED,
@@ -23,7 +23,7 @@ from stixel_cli.tracking.contour.contour_rays import rays_of
 from stixel_cli.tracking.contour.forms import FORM_ODDS, forms_of, free_form
 from stixel_cli.tracking.motion import intervals
 from stixel_cli.tracking.prior import PriorShape
-from stixel_cli.tracking.track import InitialState, Track, used_rows
+from stixel_cli.tracking.track import OTHER, InitialState, Track, used_rows
 
 FITS = 5.0
 """A size that the user states fits a class within so many standard deviations of both."""

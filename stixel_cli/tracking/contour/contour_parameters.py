@@ -17,7 +17,7 @@ class ContourParameters:
             or on its box, whichever fits, with a residual.
         road_user: whether the class is `fixed` as the prior's, or `estimated`: replaced by one that
             the scans make far more probable, if a size that you state fits that class, or by
-            `other`, which is none of them.
+            `other`, no known class.
         sees: where on the target the points of a file or of your own source are: where rays meet
             it first (`first_surface`, as of a lidar or a radar), or on its whole `contour`.
         acceleration: process noise of the speed, a white acceleration's root density, m/s^1.5.

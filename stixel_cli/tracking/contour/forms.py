@@ -17,7 +17,6 @@ from pathlib import Path
 import numpy as np
 import shapely
 
-from stixel_cli.scene.parameters import OTHER, ROAD_USER_CLASSES
 from stixel_cli.tracking.contour import ray_table
 from stixel_cli.tracking.contour.class_probabilities import CONTRADICTED
 from stixel_cli.tracking.contour.class_shape import ClassShape, class_shape
@@ -26,6 +25,7 @@ from stixel_cli.tracking.contour.contour_rays import LEARNED, Sight, sight_of
 from stixel_cli.tracking.contour.residual import Residual
 from stixel_cli.tracking.contour.user_shape import RADII, read_outline
 from stixel_cli.tracking.prior import PriorShape
+from stixel_cli.tracking.track import OTHER
 
 FORM_ODDS = {"outline": 5.0, "rectangle": -5.0, "free": -CONTRADICTED}
 """Log odds of a form against the class's outline, before the first scan."""
@@ -88,9 +88,8 @@ def free_form(
     radius = CORNER * size.min()
     body = shapely.box(*(radius - 0.5 * size), *(0.5 * size - radius)).buffer(radius)
     shape = star_of(shapely.get_coordinates(shapely.orient_polygons(body))[:-1])
-    known = ROAD_USER_CLASSES[0] if prior.road_user == "unknown" else prior.road_user
-    sight = replace(sight_of(known, tracker), bias_per_std=0.0, std_factor=1.0, outline=True)
     table = _exact_table(shape.outline, FREE_EXACT_STD)
+    sight = Sight(table, bias_per_std=0.0, std_factor=1.0, outline=True)
     sight = _of_table(sight, table, Residual(shape, FREE_RESIDUAL), tracker)
     return replace(prior, road_user=OTHER), shape, sight, tracker
 
