@@ -14,8 +14,9 @@ from stixel_cli.config.override_checks import read_overrides
 from stixel_cli.config.texts import override_text
 from stixel_cli.errors import MissingData, UserError
 from stixel_cli.files import read_json, read_yaml
+from stixel_cli.results.result import RunResult
 from stixel_cli.studies.data import data_folder
-from stixel_cli.sweeps.runs import PlannedRun, compose_runs
+from stixel_cli.sweeps.runs import compose_runs
 
 FROZEN = "frozen"
 """The part that is ranked."""
@@ -123,7 +124,7 @@ def named(name: str) -> Sequence:
     raise UserError(f"{name[:80]!r}: not the name of a sequence, such as stixels-car-turn-0")
 
 
-def planned(chosen: Iterable[Sequence], further: Mapping[str, Any]) -> list[PlannedRun]:
+def planned(chosen: Iterable[Sequence], further: Mapping[str, Any]) -> list[RunResult]:
     """The experiments of sequences, composed, in their order; `further` settings, as typed."""
     more = read_overrides((override_text(key, value) for key, value in further.items()), TYPED)
     each = [[*read_overrides(one.overrides, TYPED), *more] for one in chosen]

@@ -15,7 +15,7 @@ from stixel_cli.engine.parameters import DaskExecutor, Executor, LocalExecutor, 
 from stixel_cli.engine.plan import Durations, check_writable, plan, undeclared_reads
 from stixel_cli.engine.pools import Pool, ProcessPool, SerialPool, ThreadPool, fork_is_safe
 from stixel_cli.engine.progress import Progress
-from stixel_cli.engine.scheduler import STATUSES, Run, Status
+from stixel_cli.engine.scheduler import STATUSES, Scheduler, Status
 from stixel_cli.engine.source_files import save_digests
 from stixel_cli.engine.store import Store
 
@@ -122,18 +122,20 @@ def execute(
         pool = SerialPool() if all_here else make_pool(executor, nodes, here)
         progress.expect(durations.by_stage(nodes), 1 if all_here else executor.workers)
         time_limit = getattr(executor, "time_limit", None)
-        run = Run(planned, store, pool, progress, time_limit, keep_going, lease, on_first=on_first)
-        run.first = frozenset(node.key for node in nodes_first)
-        run.here = frozenset(node.key for node in here)
+        scheduler = Scheduler(
+            planned, store, pool, progress, time_limit, keep_going, lease, on_first=on_first
+        )
+        scheduler.first = frozenset(node.key for node in nodes_first)
+        scheduler.here = frozenset(node.key for node in here)
         try:
-            run.all()
+            scheduler.all()
         finally:
             # Nothing runs any more, or its result is not wanted.
             pool.close()
             progress.close()
-            durations.learn(graph, run.seconds)
-        run.keep_limit()
-    return Execution(graph, run.statuses(), run.seconds, run.failures, store)
+            durations.learn(graph, scheduler.seconds)
+        scheduler.keep_limit()
+    return Execution(graph, scheduler.statuses(), scheduler.seconds, scheduler.failures, store)
 
 
 def _prepare(nodes: Sequence[Node], store: Store, progress: Progress) -> None:

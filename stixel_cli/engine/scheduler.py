@@ -38,7 +38,7 @@ FATAL = (errors.CacheError, errors.CodeChanged, errors.ExecutorError)
 
 
 @dataclass
-class Run:
+class Scheduler:
     """The state of one execution.
 
     Attributes:

@@ -1,4 +1,4 @@
-"""A run with its results, computed or read: from the run to its folder, to tables and pages."""
+"""A run, planned, computed or read: from the run to its folder, to tables and pages."""
 
 import os
 from collections.abc import Callable, Mapping
@@ -14,6 +14,7 @@ from stixel_cli.evaluation.scores import SERIES, Scores
 from stixel_cli.results import reader
 
 if TYPE_CHECKING:
+    from stixel_cli.engine.graph import Graph
     from stixel_cli.geometry.rig_calibration import RigCalibration
     from stixel_cli.measurements.scans import Scans
     from stixel_cli.recordings.types import LabelTruth
@@ -32,13 +33,13 @@ GROUPS = ("road_user", "path", "measurement", "tracker")
 
 @dataclass(frozen=True)
 class RunResult:
-    """One run with its results, computed in this process or read from a result folder.
+    """One run: to be computed, computed in this process, or read from a result folder.
 
     A run that was computed alone has everything. One that was read has what its reader names:
     `read_run`, `read_scored_run`, `list_runs`, `results.arrays.with_arrays` or
-    `experiment.run.read_stored_run`. One of a sweep has `planned`, `composition`, `metrics`,
-    `status` and `failure`; one of a sweep's folder has the entries `run`, `seed` (as typed) and
-    `swept` of its manifest instead of `planned`.
+    `experiment.run.read_stored_run`. One of a sweep has `composition`, `graph`, `targets`,
+    `metrics`, `status` and `failure`, and the entries `run`, `overrides`, `choices`, `seed` and
+    `swept` of its manifest; one of a sweep's folder has the seed as typed, and no graph.
 
     Attributes:
         settings: the configuration in plain types, as in `config.yaml`.
@@ -58,7 +59,8 @@ class RunResult:
         label: name of the run in a legend; in a sweep `key=value …`.
         status: `done`, `failed`, `skipped` or `missing`.
         failure: of a run that failed or was skipped: why; of a listed one: why it is not readable.
-        planned: the run before it was computed; in a sweep only.
+        graph: of this run only; in a sweep, from `graphs.plan_runs` on.
+        targets: in a sweep, keys of the nodes whose results it requires, the scores first.
         variant: in a study, name of the sweep's variant; "" if it has none.
         load: in a study, returns the result of a stage that the sweep's `results` names, or the
             list of the results of its chunks. It reads the store at each call.
@@ -84,7 +86,8 @@ class RunResult:
     label: str = ""
     status: str = DONE
     failure: Exception | None = None
-    planned: Any = None
+    graph: "Graph | None" = None
+    targets: tuple[str, ...] = ()
     variant: str = ""
     load: Callable[[str], Any] | None = None
     plot: ClassVar[Callable[..., Any]]
@@ -219,6 +222,10 @@ class RunResult:
         if self.track is not None:
             found["track"] = track_in_ego_frame(vars(self.track), ego)
         return found
+
+    def numbered(self, index: int) -> "RunResult":
+        """The same with another number in its sweep."""
+        return replace(self, manifest={**self.manifest, "run": index})
 
     def choice(self, group: str) -> str:
         """The chosen option of a group, or its `kind` if the option is not known."""

@@ -57,7 +57,7 @@ def with_stages(result: SweepResult, entry: SweepEntry, store: Store) -> SweepRe
 
     def with_results(run: RunResult) -> RunResult:
         def load(step: str) -> Any:
-            nodes = run.planned.graph.of_stage(step)
+            nodes = run.graph.of_stage(step)
             values = [store.load(node.key) for node in nodes]
             return values[0] if nodes[0].stage.pattern == "once" else values
 

@@ -20,7 +20,7 @@ is that in which The Stixel World is compared."""
 
 def columns(name: str, runs: Runs, results: Sequence[RunResult]) -> Runs:
     """The errors of the stages instead of the tracker's scores: a row for each class of range."""
-    if not all("stage_errors" in run.planned.graph.stages for run in results):
+    if not all("stage_errors" in run.graph.stages for run in results):
         return runs
     return rows_of(runs, [_rows(run) for run in results], ("range",))
 

@@ -67,7 +67,7 @@ def run_study(
             Computed results stay.
         SweepInterrupted: by Ctrl-C, after the report is written.
     """
-    run = _Run(plan, StudyFolder(folder), command, tell)
+    run = _Study(plan, StudyFolder(folder), command, tell)
     for one in plan.sweeps:
         if one.plan is not None:
             check_computable(one.plan)
@@ -91,7 +91,7 @@ def run_study(
     return run.report()
 
 
-class _Run:
+class _Study:
     """The state of one study."""
 
     def __init__(
@@ -160,7 +160,7 @@ class _Run:
             target
             for result in self.results.values()
             for run in result.runs
-            for target in run.planned.targets
+            for target in run.targets
         }
         return Lease(self.store.folder, sorted(keys))
 

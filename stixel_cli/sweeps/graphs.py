@@ -13,7 +13,9 @@ from stixel_cli.errors import ConfigurationError, counted
 from stixel_cli.experiment.run import CAMERA, OBJECTS, TRACKS
 from stixel_cli.experiment.stages import CHUNK_SIZE, RESULTS, pipeline_stages, scan_count
 from stixel_cli.experiment.table import PICTURES
-from stixel_cli.sweeps.runs import PlannedRun, equal_runs
+from stixel_cli.results.result import RunResult
+from stixel_cli.sweeps.design import SEED
+from stixel_cli.sweeps.runs import equal_runs, planned_as
 
 
 @dataclass(frozen=True)
@@ -44,7 +46,7 @@ class SweepPlan:
         notes: on runs that give equal results.
     """
 
-    runs: tuple[PlannedRun, ...]
+    runs: tuple[RunResult, ...]
     graph: Graph
     needed: frozenset[str]
     missing: tuple[str, ...]
@@ -58,8 +60,8 @@ class SweepPlan:
 
 
 def plan_runs(
-    runs: Sequence[PlannedRun], pictures: bool = False, nodes: Sequence[str] = ()
-) -> list[PlannedRun]:
+    runs: Sequence[RunResult], pictures: bool = False, nodes: Sequence[str] = ()
+) -> list[RunResult]:
     """The graphs of the runs; common parts are built once.
 
     Each run requires its scores; with `pictures` also its pictures; and the results of those
@@ -76,7 +78,7 @@ def plan_runs(
     return planned
 
 
-def plan_sweep(runs: Sequence[PlannedRun], store: Store, notes: Sequence[str] = ()) -> SweepPlan:
+def plan_sweep(runs: Sequence[RunResult], store: Store, notes: Sequence[str] = ()) -> SweepPlan:
     """The nodes that `store` lacks; entries are not read. CacheError if the store is damaged."""
     graph = merge(run.graph for run in runs)
     targets = list(dict.fromkeys(target for run in runs for target in run.targets))
@@ -113,18 +115,19 @@ def estimated(plans: Sequence[SweepPlan]) -> tuple[float | None, list[str]]:
     return known, unmeasured
 
 
-def check_axes(planned: Sequence[PlannedRun]) -> list[str]:
+def check_axes(planned: Sequence[RunResult]) -> list[str]:
     """Refuse an axis that no stage reads; return a note on runs that give equal results.
 
     Runs whose results have the same keys give the same results, whatever their settings are.
     """
-    keys = list(planned[0].settings)
+    settings = [run.setting | {SEED: run.seed} for run in planned]
+    keys = [*settings[0]]
     for key in filter(of_the_machine, keys):
         raise ConfigurationError(f"{key}: it does not affect results, so it cannot be swept")
     for key in keys:
         groups: dict[tuple, list[tuple[str, ...]]] = defaultdict(list)
-        for one in planned:
-            others = tuple(v for name, v in one.settings.items() if name != key)
+        for one, own in zip(planned, settings, strict=True):
+            others = tuple(value for name, value in own.items() if name != key)
             groups[others].append(one.targets)
         several = [targets for targets in groups.values() if len(targets) > 1]
         # Without several, the key is zipped with another one, which is checked in its place.
@@ -147,7 +150,7 @@ def check_axes(planned: Sequence[PlannedRun]) -> list[str]:
 
 
 def planned_sweep(
-    runs: Sequence[PlannedRun], pictures: bool, nodes: Sequence[str] = ()
+    runs: Sequence[RunResult], pictures: bool, nodes: Sequence[str] = ()
 ) -> SweepPlan:
     """The plan of runs, with a note on equal ones.
 
@@ -161,7 +164,7 @@ def planned_sweep(
 def planned_run(composition: Composition, pictures: bool = True) -> SweepPlan:
     """The plan of one run with all that its folder has; UserError as above."""
     nodes = (*RESULTS, OBJECTS, TRACKS, *((CAMERA,) if pictures else ()))
-    planned = plan_runs([PlannedRun(0, {}, composition)], pictures, nodes)
+    planned = plan_runs([planned_as(0, {}, composition)], pictures, nodes)
     return plan_sweep(planned, open_store(composition.configuration.cache))
 
 

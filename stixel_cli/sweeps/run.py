@@ -3,6 +3,7 @@
 from collections import ChainMap, defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from importlib import import_module
 
 from stixel_cli.engine.errors import CacheError, MissingEntry, StageFailure
@@ -14,13 +15,13 @@ from stixel_cli.engine.store import open_store
 from stixel_cli.errors import UserError
 from stixel_cli.experiment.stages import notes_of
 from stixel_cli.results.folder import figure_files
-from stixel_cli.results.result import DONE, FAILED, MISSING, SKIPPED, RunResult
+from stixel_cli.results.result import DONE, FAILED, SKIPPED, RunResult
 from stixel_cli.sweeps.folder import SUMMARIES, TABLE, SweepFolder, SweepRequest
 from stixel_cli.sweeps.graphs import SweepPlan
 from stixel_cli.sweeps.page import summary_files
 from stixel_cli.sweeps.results import SweepResult
 from stixel_cli.sweeps.run_files import RunLineages, failure_files, remove_unused_code, run_files
-from stixel_cli.sweeps.runs import PlannedRun
+from stixel_cli.sweeps.runs import is_done_by, picture_keys
 
 
 class SweepInterrupted(UserError):
@@ -82,8 +83,8 @@ class SweepProgress(Progress):
 
     def __init__(
         self,
-        waiting: Sequence[PlannedRun],
-        on_run: Callable[[PlannedRun, Mapping[str, float]], None],
+        waiting: Sequence[RunResult],
+        on_run: Callable[[RunResult, Mapping[str, float]], None],
         done: int = 0,
         label: str = "",
         prepare: Callable[[], None] = lambda: None,
@@ -108,7 +109,7 @@ class SweepProgress(Progress):
         self._prepare = prepare
         self._label = f"{label}: " if label else ""
         self._left = {one.index: set(one.targets) for one in waiting}
-        self._waiting_for: dict[str, list[PlannedRun]] = defaultdict(list)
+        self._waiting_for: dict[str, list[RunResult]] = defaultdict(list)
         for one in waiting:
             for target in one.targets:
                 self._waiting_for[target].append(one)
@@ -186,8 +187,8 @@ class _Sweep:
         missing = set(self.plan.missing)
         for planned in self.plan.runs:
             stored = finished.get(planned.index)
-            if planned.is_done_by(stored, missing):
-                self.runs[planned.index] = planned.result(metrics=stored.metrics)
+            if is_done_by(planned, stored, missing):
+                self.runs[planned.index] = replace(planned, metrics=stored.metrics, status=DONE)
             elif missing.isdisjoint(planned.targets):
                 # A damaged entry is moved away; the run is computed with the others.
                 with suppress(MissingEntry):
@@ -236,29 +237,27 @@ class _Sweep:
         if self.folder is not None:
             import_module("stixel_cli.answers.page")
 
-    def take(self, planned: PlannedRun, seconds: Mapping[str, float]) -> None:
+    def take(self, planned: RunResult, seconds: Mapping[str, float]) -> None:
         """Load the scores of a complete run, and write its folder."""
-        scores = self.store.load(planned.scores)
+        scores = self.store.load(planned.targets[0])
         if self.folder is not None:
-            pictures = (self.store.load(key).files for key in planned.pictures)
+            pictures = (self.store.load(key).files for key in picture_keys(planned))
             lineage = self.lineages.text(planned)
             files = run_files(planned, scores, seconds, self.notes, lineage)
             self.folder.write_run(planned.index, files | figure_files(dict(ChainMap(*pictures))))
-        self.runs[planned.index] = planned.result(metrics=scores.metrics)
+        self.runs[planned.index] = replace(planned, metrics=scores.metrics, status=DONE)
 
-    def note_failure(self, planned: PlannedRun, node: str, failure: StageFailure) -> None:
+    def note_failure(self, planned: RunResult, node: str, failure: StageFailure) -> None:
         """Record the failure of a run, here and in the folder."""
         first = self.failed_nodes.setdefault(node, planned.index)
         status = FAILED if first == planned.index else SKIPPED
-        run = self.runs[planned.index] = planned.result(status=status, failure=failure)
+        run = self.runs[planned.index] = replace(planned, status=status, failure=failure)
         if self.folder is not None:
             self.folder.write_run(planned.index, failure_files(run, node, first), FAILED)
 
     def write_tables(self) -> SweepResult:
         """Write `runs.csv`, and the summaries of complete settings."""
-        runs = tuple(
-            self.runs.get(one.index) or one.result(status=MISSING) for one in self.plan.runs
-        )
+        runs = tuple(self.runs.get(one.index, one) for one in self.plan.runs)
         folder = None if self.folder is None else self.folder.path
         request = self.request
         result = SweepResult(

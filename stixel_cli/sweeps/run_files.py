@@ -21,11 +21,10 @@ from stixel_cli.results.reader import json_text, yaml_text
 from stixel_cli.results.result import RunResult
 from stixel_cli.results.tables import score_columns
 from stixel_cli.sweeps.folder import RUNS, SweepFolder
-from stixel_cli.sweeps.runs import PlannedRun
 
 
 def run_files(
-    planned: PlannedRun,
+    planned: RunResult,
     scores: Scores,
     seconds: Mapping[str, float],
     notes: Mapping[str, Any],
@@ -38,16 +37,18 @@ def run_files(
     # Each run that shares a computed node records it as computed.
     keys = planned.graph.ancestors(planned.targets)
     status = {key: "computed" if key in seconds else "cached" for key in keys}
+    entries = dict(planned.manifest)
+    index = entries.pop("run")
     manifest = {
         "command": shlex.join(["stixel", "run", *planned.overrides, *PRESETS.option]),
-        **planned.manifest,
+        **entries,
         **notes,
-        "run": planned.index,
+        "run": index,
         "results": list(planned.targets),
         "stages": Execution(planned.graph, status, seconds).stage_records(),
     }
     return {
-        "config.yaml": yaml_of_parts(planned.composition.resolved),
+        "config.yaml": yaml_of_parts(planned.settings),
         "manifest.json": json_text(manifest),
         "metrics.json": json_text(scores.metrics),
         lineage.FILE: lineage_text,
@@ -96,7 +97,7 @@ class RunLineages:
         self._digests: dict[str, str] = {}
         self._written: set[str] = set()
 
-    def text(self, planned: PlannedRun) -> str:
+    def text(self, planned: RunResult) -> str:
         """The lineage file of a complete run; writes its code file into the sweep's folder."""
         keys = planned.graph.ancestors(planned.targets)
         found = lineage.lineage_of(planned.graph, keys, self._store, self._digests)

@@ -2,8 +2,7 @@
 
 from collections import Counter
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence, Set
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from dataclasses import replace
 
 from stixel_cli.config.compose import Composer, Composition
 from stixel_cli.config.messages import LONGEST_REASON, printable
@@ -11,87 +10,48 @@ from stixel_cli.config.override_checks import check_overrides
 from stixel_cli.config.overrides import Override
 from stixel_cli.errors import BelongsElsewhere, ConfigurationError
 from stixel_cli.experiment.table import PICTURES
-from stixel_cli.results.result import RunResult
+from stixel_cli.results.result import MISSING, RunResult
 from stixel_cli.sweeps.design import NOT_GIVEN, SEED, Design, check_size, design_from_line, joined
 from stixel_cli.sweeps.file import find_file, read_design
 from stixel_cli.sweeps.results import over_keys
 
-if TYPE_CHECKING:
-    from stixel_cli.engine.graph import Graph
 
+def planned_as(index: int, swept: Mapping[str, str], composition: Composition) -> RunResult:
+    """Run `index`, from 0 in the order of the axes, to be computed.
 
-@dataclass(frozen=True)
-class PlannedRun:
-    """One run of a sweep, to be computed.
-
-    Attributes:
-        index: from 0, in the order of the axes.
-        settings: the keys that differ between runs, each with its value as typed.
-        composition: validated.
-        graph: of this run only; None before `graphs.plan_runs`.
-        targets: keys of the nodes whose results it requires, the scores first.
+    `swept` has the keys that differ between runs, each with its value as typed.
     """
+    return RunResult(
+        settings=composition.resolved,
+        manifest={
+            "overrides": list(composition.overrides),
+            "choices": composition.choices,
+            "seed": composition.configuration.seed,
+            # Runs that are equal without their seeds are repetitions.
+            "swept": {key: value for key, value in swept.items() if key != SEED},
+            "run": index,
+        },
+        composition=composition,
+        label=setting_label(swept),
+        status=MISSING,
+    )
 
-    index: int
-    settings: dict[str, str]
-    composition: Composition
-    graph: "Graph | None" = None
-    targets: tuple[str, ...] = ()
 
-    @property
-    def overrides(self) -> tuple[str, ...]:
-        """All that `stixel run` needs to compose it."""
-        return self.composition.overrides
+def picture_keys(run: RunResult) -> list[str]:
+    """Keys of its pictures; empty unless they are required."""
+    return [key for key in run.targets if run.graph.nodes[key].stage.name in PICTURES]
 
-    @property
-    def setting(self) -> dict[str, str]:
-        """The settings without the seed: runs of equal settings are repetitions."""
-        return {key: value for key, value in self.settings.items() if key != SEED}
 
-    @property
-    def label(self) -> str:
-        """`key=value …` of the settings."""
-        return setting_label(self.settings)
+def is_done_by(
+    planned: RunResult, stored: RunResult | None, missing: Set[str] = frozenset()
+) -> bool:
+    """Whether a complete run of the folder has results of the keys that are planned.
 
-    @property
-    def scores(self) -> str:
-        """Key of its scores."""
-        return self.targets[0]
-
-    @property
-    def pictures(self) -> tuple[str, ...]:
-        """Keys of its pictures; empty unless they are required."""
-        return tuple(k for k in self.targets if self.graph.nodes[k].stage.name in PICTURES)
-
-    def is_done_by(self, run: RunResult | None, missing: Set[str] = frozenset()) -> bool:
-        """Whether a complete run of the folder has results of the keys that are planned.
-
-        Results other than scores and pictures stay in the store: none may be `missing` there.
-        """
-        if run is None or run.manifest["results"] != list(self.targets):
-            return False
-        return missing.isdisjoint({*self.targets} - {self.scores, *self.pictures})
-
-    @property
-    def manifest(self) -> dict[str, Any]:
-        """Its entries in a manifest."""
-        return {
-            "overrides": list(self.overrides),
-            "choices": self.composition.choices,
-            "seed": self.composition.configuration.seed,
-            "swept": self.setting,
-        }
-
-    def result(self, **outcome: Any) -> RunResult:
-        """The run with its `metrics`, or its `status` and `failure`."""
-        return RunResult(
-            settings=self.composition.resolved,
-            manifest=self.manifest | {"run": self.index},
-            composition=self.composition,
-            label=self.label,
-            planned=self,
-            **outcome,
-        )
+    Results other than scores and pictures stay in the store: none may be `missing` there.
+    """
+    if stored is None or stored.manifest["results"] != list(planned.targets):
+        return False
+    return missing.isdisjoint({*planned.targets[1:]}.difference(picture_keys(planned)))
 
 
 def sweep_design(
@@ -127,7 +87,7 @@ def sweep_design(
     return replace(design, words=tuple(words), over=keys)
 
 
-def design_runs(design: Design, imports: bool = True) -> list[PlannedRun]:
+def design_runs(design: Design, imports: bool = True) -> list[RunResult]:
     """The runs of a design, in the order of its axes; ConfigurationError for the first fault.
 
     `imports` allows the import of the user's own functions, to check their parameters.
@@ -148,7 +108,7 @@ def design_runs(design: Design, imports: bool = True) -> list[PlannedRun]:
 
 def compose_runs(
     each: Sequence[Sequence[Override]], keys: Sequence[str], composer: Composer
-) -> list[PlannedRun]:
+) -> list[RunResult]:
     """The runs of the overrides of each, of one value each; `keys` differ between them.
 
     Where options of a group differ, a run leaves out keys that only others of the options have:
@@ -156,7 +116,7 @@ def compose_runs(
 
     ConfigurationError in one line that names the first invalid run by its settings.
     """
-    runs: dict[Hashable, PlannedRun] = {}
+    runs: dict[Hashable, RunResult] = {}
     left_out: Counter[str] = Counter()
     for parsed in each:
         values = {one.key: one.value_text for one in parsed}
@@ -171,7 +131,7 @@ def compose_runs(
         settings = {key: values[key] if key in given else NOT_GIVEN for key in keys}
         shown = (*settings.values(),)
         mark = shown if NOT_GIVEN in shown else len(runs)
-        runs.setdefault(mark, PlannedRun(len(runs), settings, composition))
+        runs.setdefault(mark, planned_as(len(runs), settings, composition))
     return [*runs.values()]
 
 
@@ -203,10 +163,10 @@ def setting_label(settings: Mapping[str, str]) -> str:
 
 
 def equal_runs(
-    runs: Sequence[PlannedRun], what: Callable[[PlannedRun], Hashable]
-) -> Iterator[tuple[PlannedRun, PlannedRun]]:
+    runs: Sequence[RunResult], what: Callable[[RunResult], Hashable]
+) -> Iterator[tuple[RunResult, RunResult]]:
     """Pairs of runs, the earlier one first, of which `what` is equal."""
-    first: dict[Hashable, PlannedRun] = {}
+    first: dict[Hashable, RunResult] = {}
     for run in runs:
         other = first.setdefault(what(run), run)
         if other is not run:

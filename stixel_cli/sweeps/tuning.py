@@ -6,7 +6,7 @@ Trials are averaged over seeds and shape seeds from 1000; the gain of one is tha
 import itertools
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from importlib.util import find_spec
 from typing import Any
 
@@ -25,12 +25,12 @@ from stixel_cli.engine.store import open_store
 from stixel_cli.errors import ConfigurationError, UserError, printable
 from stixel_cli.evaluation.intervals import LEAST_UNITS
 from stixel_cli.evaluation.metric_table import METRICS, metric
-from stixel_cli.results.result import DONE
+from stixel_cli.results.result import DONE, RunResult
 from stixel_cli.sweeps.design import SEED
 from stixel_cli.sweeps.folder import SweepRequest
 from stixel_cli.sweeps.graphs import plan_runs, plan_sweep, planned_sweep
 from stixel_cli.sweeps.run import run_sweep
-from stixel_cli.sweeps.runs import PlannedRun, compose_runs
+from stixel_cli.sweeps.runs import compose_runs
 
 FIRST_SEED = 1000
 """Of those to tune on: reports use the seeds below."""
@@ -145,14 +145,14 @@ class Tuning:
             ends = [str(found.low), str(found.high)]
         runs = [self._runs({key: end}, False, 1)[0] for end in ends]
         if len(ends) > 1:
-            planned_sweep([replace(one, index=i) for i, one in enumerate(runs)], False)
+            planned_sweep([one.numbered(i) for i, one in enumerate(runs)], False)
         return found
 
     def overrides(self, settings: Mapping[str, str]) -> list[Override]:
         """The overrides of a trial's settings, from where the parameters were written."""
         return [parse(f"{key}={value}", self._origins[key]) for key, value in settings.items()]
 
-    def _runs(self, settings: Mapping[str, str], fresh: bool, n: int | None) -> list[PlannedRun]:
+    def _runs(self, settings: Mapping[str, str], fresh: bool, n: int | None) -> list[RunResult]:
         """The first n runs of settings; all of them without n."""
         shared = [*self.fixed, *self.overrides(settings)]
         each = [[*shared, *level] for level in self._levels[fresh][:n]]
@@ -192,7 +192,7 @@ class Tuning:
 
     def _evaluate(self, trials: Sequence[Trial], fresh: bool, n: int | None, label: str) -> None:
         """Give trials the values of their first n runs, or the reason of their failure."""
-        runs, of = list[PlannedRun](), list[Trial]()
+        runs, of = list[RunResult](), list[Trial]()
         for trial in trials:
             try:
                 own = self._runs(trial.settings, fresh, n)
@@ -200,7 +200,7 @@ class Tuning:
                 trial.state = f"failed: {fault}"
                 continue
             of += [trial] * len(own)
-            runs += [replace(one, index=len(runs) + one.index) for one in own]
+            runs += [one.numbered(len(runs) + one.index) for one in own]
         if not runs:
             return
         plan = plan_sweep(plan_runs(runs), open_store(runs[0].composition.configuration.cache))

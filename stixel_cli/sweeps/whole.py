@@ -22,12 +22,13 @@ from stixel_cli.experiment.run_names import joined_name
 from stixel_cli.results.folder import check_results, new_folder
 from stixel_cli.results.lineage import provenance
 from stixel_cli.results.reader import SWEEP_FILE
+from stixel_cli.results.result import RunResult
 from stixel_cli.sweeps.design import Design
 from stixel_cli.sweeps.folder import SweepFolder, SweepRequest
 from stixel_cli.sweeps.graphs import SweepPlan, check_computable, planned_sweep
 from stixel_cli.sweeps.results import SweepResult
 from stixel_cli.sweeps.run import run_sweep
-from stixel_cli.sweeps.runs import PlannedRun, compose_runs, design_runs
+from stixel_cli.sweeps.runs import compose_runs, design_runs, is_done_by
 
 
 def new_sweep(
@@ -122,14 +123,14 @@ def resumed_sweep(
     origin = _origin(str(request.notes.get("command", path.name)))
     finished = folder.finished(len(runs))
     there = [one for one in plan.runs if one.index in finished]
-    outdated = [one for one in there if not one.is_done_by(finished[one.index])]
+    outdated = [one for one in there if not is_done_by(one, finished[one.index])]
     if outdated:
         note(
             f"{len(outdated)} of {len(finished)} finished runs out of date, recomputed now (before "
             f"that, stixel verify --cached {folder.run(outdated[0].index)} says why)"
         )
     missing = frozenset(plan.missing)
-    if not all(one.is_done_by(finished.get(one.index), missing) for one in plan.runs):
+    if not all(is_done_by(one, finished.get(one.index), missing) for one in plan.runs):
         command, revision = folder.resume_command(overrides), origin["git"]["revision"]
         entry = {"time": origin["created"], "command": command, "revision": revision}
         before = request.notes.get("resumed")
@@ -166,7 +167,7 @@ def _origin(command: str) -> dict[str, Any]:
 
 def stored_runs(
     request: SweepRequest, overrides: Sequence[str], origin: Origin, imports: bool
-) -> list[PlannedRun]:
+) -> list[RunResult]:
     """The runs of a folder's request, with executor and cache replaced by `overrides`.
 
     `origin` is the folder; to compare its runs, without `imports`, it may name code.

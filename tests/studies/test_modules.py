@@ -67,7 +67,7 @@ def test_the_required_disparity_depends_on_the_rig():
 
 
 def test_sweeps_without_errors_of_stages_keep_their_scores():
-    run = SimpleNamespace(planned=SimpleNamespace(graph=SimpleNamespace(stages={"scores": ()})))
+    run = SimpleNamespace(graph=SimpleNamespace(stages={"scores": ()}))
     runs = frame(seed=["0"])
     assert rq1.columns("widths", runs, [run]) is runs
 

@@ -44,7 +44,7 @@ def test_a_study_computes_its_sweeps_and_writes_its_report(studies, toy, capsys)
     assert (folder / "extra/note.txt").read_text() == "kept\n"
     (data,) = toy.seen
     first, second = data.sweeps["first"], data.sweeps["second"]
-    assert tuple(first.runs[0].planned.settings) == ("tracker", "road_user", "path", "seed")
+    assert tuple(first.runs[0].setting) == ("tracker", "road_user", "path")
     # The second sweep's axis depends on the number of runs of the first.
     assert [run.setting for run in second.runs] == [
         {"tracker.sigma_f": "0.1"},
