@@ -4,7 +4,6 @@ The parameters are those of `stixel run tracker=contour`, from the same files. N
 engine is imported.
 """
 
-import json
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -158,9 +157,10 @@ def _at_pose(pose: np.ndarray, road_user: str) -> InitialState:
 
 def _parameters(road_user: str, settings: dict[str, Any]) -> "tuple[PriorShape, ContourParameters]":
     """The prior of a class and the parameters of the tracker, from the files of `conf/`."""
-    from pydantic import TypeAdapter, ValidationError
+    from pydantic import ValidationError
 
     from stixel_cli.config import folders
+    from stixel_cli.config.annotations import first_fault, read_as
     from stixel_cli.scene.parameters import ROAD_USER_CLASSES
     from stixel_cli.tracking.contour.contour_parameters import ContourParameters
 
@@ -172,11 +172,8 @@ def _parameters(road_user: str, settings: dict[str, Any]) -> "tuple[PriorShape, 
     values = folders.option_values("tracker", "contour") | settings
     values = {name: of_prior.get(str(value), value) for name, value in values.items()}
     try:
-        tracker = TypeAdapter(ContourParameters).validate_json(json.dumps(values, default=str))
-        tracker.check()
+        return PriorShape(**prior), read_as(ContourParameters, values)
     except ValidationError as error:
-        fault = error.errors()[0]
-        raise ArgumentError(": ".join(map(str, (*fault["loc"][:1], fault["msg"])))) from None
-    except ValueError as error:
+        raise ArgumentError(": ".join(first_fault(error)[:2])) from None
+    except (TypeError, ValueError) as error:
         raise ArgumentError(str(error)) from None
-    return PriorShape(**prior), tracker

@@ -1,9 +1,14 @@
-"""The annotations of the schema's classes: their fields, variants and valid values in words."""
+"""The annotations of the schema's classes: their fields, variants and valid values in words.
+
+And values in plain types read as such a class. Neither the schema nor Hydra is imported.
+"""
 
 import dataclasses
 import inspect
+import json
 import re
 import types
+from collections.abc import Mapping
 from functools import cache
 from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
@@ -120,3 +125,44 @@ def _bounds(annotation: Any) -> str:
             if type(limit) in _LIMITS and limit != MinLen(0):
                 words[type(limit)] = _LIMITS[type(limit)].format(limit)
     return " and ".join(words[kind] for kind in _LIMITS if kind in words)
+
+
+@cache
+def _adapter(kind: Any) -> Any:
+    """Pydantic's validator of a class, built once per process."""
+    from pydantic import TypeAdapter
+
+    return TypeAdapter(kind)
+
+
+def read_as(kind: Any, content: Any) -> Any:
+    """Values in plain types as the class of parameters `kind`, which its `check` accepts.
+
+    Raises:
+        pydantic.ValidationError: for values that do not fit, a ValueError; see `first_fault`.
+        TypeError, ValueError: for values that are not plain; of the class's `check`.
+    """
+    # As JSON, because strict validation of Python values takes only finished objects: of JSON it
+    # accepts lists for tuples, and converts nothing else.
+    valid = _adapter(kind).validate_json(json.dumps(content))
+    if hasattr(valid, "check"):
+        valid.check()
+    return valid
+
+
+def plain_fault(fault: Mapping[str, Any]) -> str:
+    """One of pydantic's errors in plain words, to follow the name of the entry."""
+    words = {"missing": "is missing", "unexpected_keyword_argument": "is unknown"}
+    return words.get(fault["type"], re.sub("^(Input|String) should", "must", fault["msg"]))
+
+
+def first_fault(error: Any) -> tuple[str, str, bool]:
+    """Of a `ValidationError`: the entry's name, the fault in words, and if the name is unknown.
+
+    An unknown name, which explains a missing one, comes first.
+    """
+    unexpected = "unexpected_keyword_argument"
+    fault = min(error.errors(include_url=False), key=lambda one: one["type"] != unexpected)
+    got = "" if fault["type"] in ("missing", unexpected) else f", got {fault['input']!r}"
+    name = ".".join(map(str, fault["loc"]))
+    return name, plain_fault(fault) + got, fault["type"] == unexpected

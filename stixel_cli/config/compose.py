@@ -1,16 +1,16 @@
 """From overrides to a validated configuration, by Hydra and the schema."""
 
 import copy
-import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from stixel_cli.border import TYPED
 from stixel_cli.config import folders, messages, override_checks, own_options
+from stixel_cli.config.annotations import read_as
 from stixel_cli.config.choice import compose_options, with_values
 from stixel_cli.config.overrides import Override
-from stixel_cli.config.schema import Configuration, adapter, check
+from stixel_cli.config.schema import Configuration, check
 from stixel_cli.config.texts import split_override
 from stixel_cli.config.user_files import UserFiles
 from stixel_cli.errors import ConfigurationError
@@ -203,8 +203,7 @@ def _validate(plain: dict[str, Any], typed: Iterable[str]) -> Configuration:
         for group in own_options.GIVEN:
             if own_options.is_own(plain.get(group)):
                 plain = plain | {group: own_options.nested(group, plain[group])}
-        # Strict JSON validation fits YAML: it accepts lists for tuples and converts nothing else.
-        configuration = adapter().validate_json(json.dumps(plain))
+        configuration = read_as(Configuration, plain)
     except ValidationError as error:
         faults = error.errors(include_url=False)
         raise ConfigurationError(messages.describe_faults(faults, plain, typed)) from None

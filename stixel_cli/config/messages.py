@@ -1,13 +1,12 @@
 """Messages about a configuration, in one line each: the key, the fault, and the valid values."""
 
 import json
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from stixel_cli.config import keys
-from stixel_cli.config.annotations import choices, describe
+from stixel_cli.config.annotations import choices, describe, first_fault, plain_fault, read_as
 from stixel_cli.config.folders import group_options, innermost_group, options_of_kind
 from stixel_cli.config.texts import suggestion
 from stixel_cli.errors import ConfigurationError, counted, printable
@@ -155,12 +154,6 @@ def _describe_fault(fault: dict[str, Any], plain: dict[str, Any]) -> str:
     return f"{name}: {show(value)} is {what}: must be {right}"
 
 
-def plain_fault(fault: Mapping[str, Any]) -> str:
-    """One of pydantic's errors in plain words, to follow the name of the entry."""
-    words = {"missing": "is missing", "unexpected_keyword_argument": "is unknown"}
-    return words.get(fault["type"], re.sub("^(Input|String) should", "must", fault["msg"]))
-
-
 def validated(kind: type, content: Any, where: Path | str, known: Iterable[str] = ()) -> Any:
     """The content of a file, or of an entry of it, as the dataclass `kind`.
 
@@ -168,20 +161,14 @@ def validated(kind: type, content: Any, where: Path | str, known: Iterable[str] 
         ConfigurationError: in one line that begins with `where` and names the entry; for an unknown
             one it suggests one of those `known`.
     """
-    from pydantic import TypeAdapter, ValidationError
+    from pydantic import ValidationError
 
     try:
-        # Strict JSON validation fits files: it accepts lists for tuples and converts nothing else.
-        valid = TypeAdapter(kind).validate_json(json.dumps(content))
-        if hasattr(valid, "check"):
-            valid.check()
-        return valid
+        return read_as(kind, content)
     except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        name = printable(".".join(map(str, first["loc"])) or "content")
-        hint = suggestion(str(first["loc"][-1]), known) if first["loc"] else ""
-        unknown = first["type"] == "unexpected_keyword_argument"
-        text = f"{where}: {name}: {plain_fault(first)}{hint if unknown else ''}"
+        name, text, unknown = first_fault(error)
+        hint = suggestion(name.rpartition(".")[2], known) if unknown else ""
+        text = f"{where}: {printable(name or 'content')}: {printable(text, LONGEST_REASON)}{hint}"
         raise ConfigurationError(text) from None
     except ValueError as fault:
         raise ConfigurationError(f"{where}: {printable(str(fault), 200)}") from None

@@ -4,16 +4,16 @@ That is of `source=…` the images, and of `path=recorded` the motion in rendere
 them where the user sets nothing is in `conf/recorded.yaml`.
 """
 
-import json
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import Field, TypeAdapter, ValidationError
+from pydantic import Field, ValidationError
 
 from stixel_cli.config import folders, messages
+from stixel_cli.config.annotations import read_as
 from stixel_cli.config.choice import set_by_experiment
 from stixel_cli.config.compose import with_full_names
 from stixel_cli.config.real_images import real_image_parameters
@@ -123,16 +123,13 @@ def _parameters(
     if group == "path":
         content["duration"] = 1.0  # It follows from the files.
     try:
-        # As JSON, because strict validation of Python values takes only finished objects.
-        parameters = TypeAdapter(_SCHEMAS[group]).validate_json(json.dumps(content))
-        parameters.check()
+        return read_as(_SCHEMAS[group], content)
     except ValidationError as error:
         faults = [fault | {"loc": (group, *fault["loc"])} for fault in error.errors()]
         text = messages.describe_faults(faults, {group: content}, typed)
         raise ConfigurationError(text) from None
     except ValueError as fault:
         raise ConfigurationError(str(fault)) from None
-    return parameters
 
 
 def _options(group: str, suitable: Mapping[str, str], recording: Recording) -> dict[str, Any]:

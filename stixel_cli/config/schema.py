@@ -14,7 +14,7 @@ from pathlib import Path as FilePath
 from typing import Annotated
 
 from annotated_types import Ge, Le, Len
-from pydantic import Field, TypeAdapter
+from pydantic import Field
 
 from stixel_cli.engine.parameters import CacheParameters, Executor
 from stixel_cli.errors import ConfigurationError
@@ -155,12 +155,6 @@ class Configuration:
     def range_max(self) -> float | None:
         """The sensor's greatest range, m; None if it is unknown."""
         return getattr(self.measurement, "range_max", None)
-
-
-@cache
-def adapter() -> TypeAdapter:
-    """The validator of `Configuration`, built once per process."""
-    return TypeAdapter(Configuration)
 
 
 def check(configuration: Configuration) -> None:

@@ -4,16 +4,15 @@ The parameters are those of `stixel run source=pair …`: the road is estimated.
 NumPy only; Hydra, Open3D and the engine are never imported.
 """
 
-import json
 import warnings
 from collections.abc import Mapping
 from dataclasses import asdict, fields, replace
-from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stixel_cli.config.annotations import first_fault, read_as
 from stixel_cli.config.real_images import real_image_parameters
 from stixel_cli.errors import ArgumentError, UserError
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD
@@ -21,8 +20,6 @@ from stixel_cli.geometry.rig import Rig
 from stixel_cli.live.frame_stixels import FrameStixels
 
 if TYPE_CHECKING:
-    from pydantic import TypeAdapter
-
     from stixel_cli.stereo.disparities import Disparities
 
 RigLike = Rig | Mapping[str, float] | Path | str
@@ -229,21 +226,12 @@ def rig_of(rig: RigLike, shape: tuple[int, int], disparities: "Disparities | Non
         if not size.items() <= plain.items():
             is_of, has = (f"{one['width']} × {one['height']} px" for one in (plain, size))
             raise ValueError(f"is of {is_of}, but the image has {has}")
-        # As JSON, because strict validation of Python values takes only finished objects.
-        valid = rig_validator().validate_json(json.dumps(plain))
-        valid.check()
+        valid = read_as(Rig, plain)
         real_image_parameters().stereo.check(valid)
     except ValidationError as error:
-        from stixel_cli.config.messages import plain_fault  # It imports the engine.
-
-        # A name that is unknown explains the one that is missing.
-        unexpected = "unexpected_keyword_argument"
-        fault = min(error.errors(), key=lambda one: one["type"] != unexpected)
-        got = "" if fault["type"] == "missing" else f", got {fault['input']!r}"
-        name = "".join(f"{part}: " for part in fault["loc"])
-        names = [field.name for field in fields(Rig)]
-        meant = counterpart(fault["loc"][-1], names) if fault["type"] == unexpected else ""
-        raise ArgumentError(f"rig: {name}{plain_fault(fault)}{got}{meant}") from None
+        name, text, unknown = first_fault(error)
+        meant = counterpart(name, [field.name for field in fields(Rig)]) if unknown else ""
+        raise ArgumentError(f"rig: {name}: {text}{meant}") from None
     except (TypeError, ValueError, UserError) as fault:
         raise ArgumentError(f"rig: {fault}".replace("rig: rig.", "rig: ")) from None
     if disparities is None or "camera_height" in given:
@@ -252,11 +240,3 @@ def rig_of(rig: RigLike, shape: tuple[int, int], disparities: "Disparities | Non
     if seen is None:
         raise ArgumentError(f"rig: camera_height: is required, m above the road: {NO_ROAD}")
     return replace(valid, camera_height=round(seen[1], 2))
-
-
-@cache
-def rig_validator() -> "TypeAdapter":
-    """The validator of `Rig`, built once per process."""
-    from pydantic import TypeAdapter
-
-    return TypeAdapter(Rig)
