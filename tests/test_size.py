@@ -12,38 +12,38 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 49_690
+TOTAL = 49_677
 """Greatest number of lines in all."""
 
 MODULES = 307
 """Greatest number of modules, without `__init__`."""
 
 BUDGET = {
-    "": 1513,
+    "": 1510,
     "answers": 1195,
-    "benchmark": 1020,
+    "benchmark": 1021,
     "calibration": 577,
     "cli": 3000,
-    "config": 2999,
-    "engine": 4301,
+    "config": 3022,
+    "engine": 4303,
     "evaluation": 1726,
     "experiment": 1472,
     "export": 643,
     "geometry": 413,
-    "live": 674,
+    "live": 654,
     "machine": 260,
     "measurements": 2058,
     "pictures": 1417,
     "recordings": 2994,
     "rendering": 2304,
     "report": 1037,
-    "results": 1483,
+    "results": 1490,
     "scene": 3549,
     "stereo": 512,
     "stixels": 2248,
     "studies": 1923,
-    "sweeps": 2339,
-    "tracking": 6739,
+    "sweeps": 2303,
+    "tracking": 6752,
     "validation": 1294,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""

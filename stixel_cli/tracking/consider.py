@@ -40,10 +40,13 @@ class JointCovariance:
         self._memories = memories
 
     def predict(self, transition: np.ndarray, noise: np.ndarray, interval: float) -> None:
-        """One `interval` in s later, with `transition` and `noise` (d, d) of the states."""
-        states = slice(0, self.size)
-        self.matrix[states] = transition @ self.matrix[states]
-        self.matrix[:, states] = self.matrix[:, states] @ transition.T
+        """One `interval` in s later, with `transition` and `noise` (d, d) of the states.
+
+        A `transition` (d, d + m) says what the considered errors do to the states, too.
+        """
+        states, before = slice(0, self.size), slice(0, transition.shape[1])
+        self.matrix[states] = transition @ self.matrix[before]
+        self.matrix[:, states] = self.matrix[:, before] @ transition.T
         self.matrix[states, states] += noise
         kept = np.concatenate([np.ones(self.size), np.exp(-interval / self._memories)])
         self.matrix *= kept[:, None] * kept

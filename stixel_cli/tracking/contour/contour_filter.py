@@ -55,7 +55,7 @@ from stixel_cli.tracking.contour.hypothesis import Hypothesis
 from stixel_cli.tracking.contour.residual import NODES, Residual
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.smoothing import smooth
-from stixel_cli.tracking.track import InitialState, Track
+from stixel_cli.tracking.track import OTHER, InitialState, Track
 
 SIZE_TIME = 10.0
 """s in which the size goes back to the prior's by 63 %."""
@@ -88,9 +88,12 @@ class ClassFilter:
         self._tracker, self._road_user = tracker, prior.road_user
         self._shape, self.sight = shape, sight
         self._of_class = np.log(np.array([prior.length, prior.width]) / self._shape.size)
+        self._size_stds = np.array([tracker.length_std, tracker.width_std])
         mean, covariance = start(initial, prior, shape, tracker, sight.residual)
-        memories = [FIELD_TIME] * SHAPE_ERRORS + [np.inf] * sensor_errors
+        memories = [FIELD_TIME] * SHAPE_ERRORS + [np.inf] * (sensor_errors + 2)
         joint = JointCovariance(covariance, np.array(memories))
+        # The last two are how far the size is from the class's: at the start, the size's error.
+        joint.matrix[[5, 6], [-2, -1]] = joint.matrix[[-2, -1], [5, 6]] = self._size_stds
         self._hypotheses = [Hypothesis.unseen((mean, covariance, joint))]
         self._size = len(mean)
         self._reported: list[Hypothesis] = []
@@ -148,8 +151,7 @@ class ClassFilter:
         self._covariances.append(covariance)
         self._nis.append(best.nis)
         self._degrees.append(best.degrees)
-        stds = [self._tracker.length_std, self._tracker.width_std]
-        deviation = float(np.abs((mean[5:7] - self._of_class) / stds).max())
+        deviation = float(np.abs((mean[5:7] - self._of_class) / self._size_stds).max())
         weight = log_weight(
             best.log_likelihood, deviation, mean[3], covariance[3, 3], self._road_user
         )
@@ -161,10 +163,16 @@ class ClassFilter:
         """The hypothesis an `interval` in s later, updated with the points that it associates."""
         mean, covariance, joint = one.state
         mean, matrix, noise = predict(mean, interval, self._tracker, self._of_class)
-        joint = deepcopy(joint)
-        joint.predict(matrix, noise, interval)
-        prediction = mean, matrix @ covariance @ matrix.T + noise, joint
-        covariance = prediction[1]
+        covariance, joint = matrix @ covariance @ matrix.T + noise, deepcopy(joint)
+        pulled = np.zeros((len(mean), len(joint.matrix)))
+        pulled[:, : len(mean)] = matrix
+        if self._road_user != OTHER:
+            # The size of a road user does not change: the noise is the gain's, and the error is
+            # what the estimate goes back to the class's.
+            pulled[[5, 6], [-2, -1]] = (1.0 - matrix[5, 5]) * self._size_stds
+            noise[[5, 6], [5, 6]] = 0.0
+        joint.predict(pulled, noise, interval)
+        prediction = mean, covariance, joint
         indices = associate(
             rays, mean[SEEN], covariance[np.ix_(SEEN, SEEN)], self.sight, self._tracker
         )

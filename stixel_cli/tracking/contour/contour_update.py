@@ -27,9 +27,10 @@ SHAPE_ERRORS = FIELD_NODES + 2
 """Number of considered errors of the visible shape: of the field over the outline, and of the two
 ends. Those of the sensor follow."""
 
-SHARED, FINE = 0.5, 0.2
-"""Shares of the visible shape's variance that neighbouring rays and scans have in common, and that
-each point has of its own. What is left differs between the sensors of a kind."""
+SHARED = {"stixels": 1.0, "fabricated": 0.3, "lidar": 0.3, "file": 0.3, "own": 0.3}
+FINE = 0.2
+"""Shares of the visible shape's variance: what neighbouring rays and scans of each kind of sensor
+have in common, and what each point has of its own."""
 
 CAP = 0.5
 """Of half the length or the width: a change of the size moves what is nearer to an end by as much
@@ -132,9 +133,10 @@ def update(
         np.stack([np.cos(angles), np.sin(angles)], axis=-1)
     )
     shared[[count, count + 1], [FIELD_NODES, FIELD_NODES + 1]] = 1.0
-    shared *= np.sqrt(SHARED * shape)[:, None]
+    shared *= np.sqrt(SHARED[tracker.seen_by] * shape)[:, None]
     across_ends = rays.shared_across[ends] * [[1.0], [-1.0]]
-    shared[:, SHAPE_ERRORS:] = np.vstack([rays.shared_along, across_ends])
+    of_sensor = slice(SHAPE_ERRORS, SHAPE_ERRORS + across_ends.shape[1])
+    shared[:, of_sensor] = np.vstack([rays.shared_along, across_ends])
     shared = shared[rows]
     own /= _weights(errors[rows], own + (shared**2).sum(axis=1), tracker)
     whole = np.hstack([matrix[rows], shared])
