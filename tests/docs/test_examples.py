@@ -23,8 +23,3 @@ def test_the_runs_draw_these_frames():
     for name, overrides in examples.examples().items():
         frame = re.match(r"k(\d+)/", examples.PICTURES[name])
         assert frame is None or int(frame[1]) in pictured_frames(compose(overrides))
-
-
-def test_a_sweep_is_shown_by_its_answer():
-    fast = ["tracker=point,box", "seed=0,1", "measurement=fabricated", "path.duration=0.3"]
-    assert examples.picture(fast, "answer").startswith(b"\x89PNG")
