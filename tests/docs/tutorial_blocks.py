@@ -9,7 +9,8 @@
     ```diff file=PATH      edit of a file: its lines without `+` occur once in the file, together
 
 In output, `…` matches any text within a line; on a line of its own it matches any lines. A number
-with a decimal point may differ by a tenth, or by two of its last digit; several spaces are as one.
+with a decimal point, or before cm, ° or %, may differ by a tenth or by two of its last digit.
+Several spaces are as one.
 """
 
 import math
@@ -25,7 +26,7 @@ from pathlib import Path
 from stixel_cli.cli.app import main
 
 _FENCE = re.compile(r"^```(\w+)([^\n]*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
-_LOOSE = re.compile(r"…|(?<![\w.])\d+\.\d*(?![\w.…])| +")
+_LOOSE = re.compile(r"…|(?<![\w.])\d+(?:\.\d*(?![\w.…])|(?= cm|°| %))| +")
 LANGUAGES = {"sh", "console", "python", "text", "yaml", "diff"}
 
 
@@ -64,7 +65,7 @@ def matches(printed: str, stated: str) -> bool:
         texts = _LOOSE.split(line.rstrip())
         pattern += re.escape(texts[0])
         for loose, text in zip(_LOOSE.findall(line.rstrip()), texts[1:], strict=True):
-            numbers += [loose] if "." in loose else []
+            numbers += [loose] if loose[0].isdigit() else []
             pattern += {"…": ".*", " ": " +"}.get(loose[0], r"(\d+\.?\d*)") + re.escape(text)
         pattern += r" *\n"
     found = re.fullmatch(pattern, "".join(f"{line}\n" for line in printed.rstrip().splitlines()))
