@@ -12,26 +12,26 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 49_690
+TOTAL = 49_637
 """Greatest number of lines in all."""
 
 MODULES = 307
 """Greatest number of modules, without `__init__`."""
 
 BUDGET = {
-    "": 1513,
+    "": 1503,
     "answers": 1195,
     "benchmark": 1020,
     "calibration": 577,
     "cli": 3000,
-    "config": 2999,
-    "engine": 4301,
+    "config": 3022,
+    "engine": 4300,
     "evaluation": 1726,
     "experiment": 1472,
-    "export": 643,
+    "export": 644,
     "geometry": 413,
-    "live": 674,
-    "machine": 260,
+    "live": 654,
+    "machine": 214,
     "measurements": 2058,
     "pictures": 1417,
     "recordings": 2994,
