@@ -10,9 +10,11 @@ can correct are raised as `stixel_cli.errors.UserError`, in one line.
 import dataclasses
 import sys
 from collections.abc import Mapping, Sequence
+from itertools import starmap
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from stixel_cli.config.choice import with_values
 from stixel_cli.config.compose import Composition, from_resolved
 from stixel_cli.config.compose import compose as compose_overrides
 from stixel_cli.config.texts import mapping_texts, override_text, split_override
@@ -93,14 +95,21 @@ def run(
         True
     """
     machine = _of_this_machine(workers, cache)
+    texts = starmap(override_text, machine.items())
     if any(isinstance(part, Composition) for part in experiment):
         if len(experiment) > 1 or settings:
             raise UserError("run: give overrides, or one composition without overrides")
         (composition,) = experiment
         if machine:
-            composition = _moved(composition, workers, cache, machine)
+            resolved = with_values(composition.resolved, machine)
+            composition = dataclasses.replace(
+                composition,
+                configuration=from_resolved(resolved),
+                resolved=resolved,
+                overrides=(*composition.overrides, *texts),
+            )
     else:
-        composition = compose(_texts((*experiment, settings), last_wins), machine)
+        composition = compose(_texts((*experiment, settings), last_wins), [*texts])
     results = None if results is None else Path(results)
     progress = Progress(visible=_visible(), advice=_visible())
     made = record_run(composition, results, name, progress)
@@ -149,7 +158,8 @@ def sweep(
     from stixel_cli.sweeps.runs import sweep_design
     from stixel_cli.sweeps.whole import new_sweep
 
-    texts = [*_texts((*overrides, settings), last_wins), *_of_this_machine(workers, cache)]
+    machine = starmap(override_text, _of_this_machine(workers, cache).items())
+    texts = [*_texts((*overrides, settings), last_wins), *machine]
     file = None if file is None else str(file)
     design = sweep_design(texts, file, trust_code)
     results = None if results is None else Path(results)
@@ -284,24 +294,7 @@ def _visible() -> bool:
     return hasattr(shell, "kernel") or sys.stderr.isatty()
 
 
-def _moved(
-    composition: Composition, workers: int | None, cache: Path | str | None, machine: list[str]
-) -> Composition:
-    """The composition with another number of workers and another cache, all else as it was."""
-    resolved = dict(composition.resolved)
-    if workers is not None:
-        resolved["executor"] = resolved["executor"] | {"workers": workers}
-    if cache is not None:
-        resolved["cache"] = resolved["cache"] | {"folder": str(cache)}
-    return dataclasses.replace(
-        composition,
-        configuration=from_resolved(resolved),
-        resolved=resolved,
-        overrides=(*composition.overrides, *machine),
-    )
-
-
-def _of_this_machine(workers: int | None, cache: Path | str | None) -> list[str]:
-    """The overrides of a number of workers and a cache, if given."""
+def _of_this_machine(workers: int | None, cache: Path | str | None) -> dict[str, Any]:
+    """The keys of a number of workers and a cache with their values, if given."""
     given = {"executor.workers": workers, "cache.folder": None if cache is None else str(cache)}
-    return [override_text(key, value) for key, value in given.items() if value is not None]
+    return {key: value for key, value in given.items() if value is not None}

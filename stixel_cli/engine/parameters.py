@@ -5,6 +5,7 @@ No stage reads them, so no key and no result depends on them.
 
 import os
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -27,10 +28,7 @@ def parse_size(text: str) -> int:
     Raises:
         ValueError: it is not a valid size; one line.
     """
-    number, unit = _split(text)
-    if number is None or unit.upper() not in _SIZES:
-        raise ValueError(f"{text!r} is not a valid size: write 500MB, 10GB, 1.5TB")
-    return int(number * _SIZES[unit.upper()])
+    return int(_parsed(text, _SIZES, "size: write 500MB, 10GB, 1.5TB"))
 
 
 def parse_age(text: str) -> float:
@@ -39,10 +37,7 @@ def parse_age(text: str) -> float:
     Raises:
         ValueError: it is not a valid age; one line.
     """
-    number, unit = _split(text)
-    if number is None or unit not in _AGES:
-        raise ValueError(f"{text!r} is not a valid age: write 10min, 12h, 30d, 4w")
-    return number * _AGES[unit]
+    return _parsed(text, _AGES, "age: write 10min, 12h, 30d, 4w")
 
 
 def show_size(size: int) -> str:
@@ -65,9 +60,13 @@ def duration(seconds: float) -> str:
     return f"{minutes // 60} h {minutes % 60} min"
 
 
-def _split(text: str) -> tuple[float | None, str]:
+def _parsed(text: str, units: Mapping[str, float], right: str) -> float:
+    """A number with its unit, in the unit of 1; of units in capitals small letters do, too."""
     found = re.fullmatch(r"\s*(\d{1,15}(?:\.\d{1,9})?)\s*([A-Za-z]*)\s*", text, re.ASCII)
-    return (float(found[1]), found[2]) if found else (None, "")
+    factor = found and units.get(found[2], units.get(found[2].upper()))
+    if factor is None:
+        raise ValueError(f"{text!r} is not a valid {right}")
+    return float(found[1]) * factor
 
 
 PROGRAM = __name__.partition(".")[0].removesuffix("_cli")

@@ -43,8 +43,8 @@ def export_kitti(stored: RunResult, folder: Path, progress: Progress | None = No
         whole_folder(folder) as partial,
     ):
         pairs, disparities, (scenario,) = map(load, wanted)
-        label = CLASS_ROWS[user.kind].kitti_types[0]
-        write_clip(partial, SEQUENCE, pairs, scenario, rig, label, user.height)
+        labels = labels_text(scenario, rig, CLASS_ROWS[user.kind].kitti_types[0], user.height)
+        write_clip(partial, SEQUENCE, pairs, scenario, rig, labels)
         write_disparities(partial / "disparity" / SEQUENCE, disparities)
     choices = stored.composition.choices
     given = {
@@ -84,22 +84,19 @@ def write_clip(
     pairs: Iterable[StereoPairs],
     scenario: Scenario,
     rig: Rig,
-    label: str,
-    target_height: float,
+    labels: str,
 ) -> None:
     """Write images, calibration, labels and ego poses of one clip below `folder`.
 
-    The target has the track id 0. Its box is that round its contour; its box in the image is that
-    of the projected corners. The ego poses and the labels are in the frame of the left camera.
+    The ego poses are in the frame of the left camera.
 
     Args:
         folder: gets `image_02`, `image_03`, `calib`, `label_02`, `ego_poses`.
         sequence: name of the clip, such as 0000.
         pairs: all frames, in order.
-        scenario: the truth; frames without a pose of the target get no label.
+        scenario: the truth.
         rig: of the images.
-        label: type of the target's label.
-        target_height: m.
+        labels: of the target, by `labels_text`.
     """
     for chunk in pairs:
         for camera, images in (("image_02", chunk.left), ("image_03", chunk.right)):
@@ -110,7 +107,7 @@ def write_clip(
     first = np.linalg.inv(poses[0])
     texts = {
         "calib": calibration_text(rig),
-        "label_02": labels_text(scenario, rig, label, target_height),
+        "label_02": labels,
         "ego_poses": "".join(f"{_numbers((first @ pose)[:3])}\n" for pose in poses),
     }
     write_below(folder, {f"{name}/{sequence}.txt": text for name, text in texts.items()})
@@ -128,7 +125,11 @@ def calibration_text(rig: Rig) -> str:
 
 
 def labels_text(scenario: Scenario, rig: Rig, label: str, target_height: float) -> str:
-    """One row per frame in which the target has a pose, in the frame of the left camera."""
+    """One row per frame in which the target has a pose, in the frame of the left camera.
+
+    The target has the track id 0, the type `label`, and its height in m. Its box is that round its
+    contour; its box in the image is that of the projected corners.
+    """
     low, high = scenario.box_target
     length, width = high - low
     rows = []

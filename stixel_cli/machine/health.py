@@ -22,7 +22,7 @@ RENDERER_TIMEOUT = 60.0
 LEAST_FREE = 10**9
 """Free bytes that the cache needs: a few experiments of a hundred frames."""
 
-_RENDER = "from stixel_cli.machine import kernels; kernels.call_rendering_kernels()"
+_RENDER = "from stixel_cli.machine import kernels; kernels.render_tiny_picture()"
 RAYCAST_PROBE = (sys.executable, "-c", _RENDER)
 
 

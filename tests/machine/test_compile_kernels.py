@@ -8,7 +8,7 @@ import importlib
 from pathlib import Path
 import stixel_cli
 from stixel_cli import compose
-from stixel_cli.machine.kernels import CALLS, TINY
+from stixel_cli.machine.kernels import TINY, call_kernels
 from stixel_cli.method import follow_road_user
 
 folder = Path(stixel_cli.__file__).parent
@@ -19,8 +19,7 @@ for path in sorted(folder.rglob("*.py")):
         found = vars(importlib.import_module(name)).items()
         kernels |= {f"{name}.{key}": k for key, k in found if hasattr(k, "signatures")}
 assert len(kernels) > 25
-for call in CALLS:
-    call()
+call_kernels()
 # A kernel that another one calls is kept inside that.
 inner = {used for kernel in kernels.values() for used in kernel.py_func.__code__.co_names}
 outer = {name for name in kernels if name.rpartition(".")[2] not in inner}

@@ -10,5 +10,4 @@ def test_the_probe_casts_rays_even_if_another_renderer_is_the_default(tmp_path, 
     assert "renderer: raycast" in chosen
     (conf / "config.yaml").write_text(chosen.replace("renderer: raycast", "renderer: filament"))
     monkeypatch.setattr(folders, "shipped_folder", tmp_path.joinpath)
-    kernels._configuration.cache_clear()
-    kernels.call_rendering_kernels()
+    kernels.render_tiny_picture()

@@ -4,7 +4,7 @@ import shutil
 
 import numpy as np
 
-from stixel_cli.export.kitti_folder import write_clip
+from stixel_cli.export.kitti_folder import labels_text, write_clip
 from stixel_cli.geometry.pose import ego_from_world, rectangle
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.images import ImageStack
@@ -77,7 +77,7 @@ def make_clip(folder, scenario=None, rig=None, sequence="0003", label="Car"):
     scenario = small_scenario() if scenario is None else scenario
     rig = small_rig() if rig is None else rig
     pairs = [stereo_pairs(scenario, rig)]
-    write_clip(folder, sequence, pairs, scenario, rig, label, HEIGHT)
+    write_clip(folder, sequence, pairs, scenario, rig, labels_text(scenario, rig, label, HEIGHT))
     return scenario, rig
 
 

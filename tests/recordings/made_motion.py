@@ -15,7 +15,8 @@ def make_motion(folder, count=12, labels=("Car", "Pedestrian"), left_out=()):
     scenario = small_scenario(count)
     right = scenario.target_poses_world + np.array([3.0, 0.0, 0.0])
     rig = small_rig()
-    write_clip(folder, SEQUENCE, [], scenario, rig, labels[0], HEIGHT)
+    own = labels_text(scenario, rig, labels[0], HEIGHT)
+    write_clip(folder, SEQUENCE, [], scenario, rig, own)
     file = folder / "label_02" / f"{SEQUENCE}.txt"
     rows = [row for row in file.read_text().splitlines() if int(row.split()[0]) not in left_out]
     other = labels_text(replace(scenario, target_poses_world=right), rig, labels[1], 1.7)
