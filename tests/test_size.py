@@ -26,7 +26,7 @@ BUDGET = {
     "cli": 3000,
     "config": 3022,
     "engine": 4302,
-    "evaluation": 1726,
+    "evaluation": 1728,
     "experiment": 1472,
     "export": 644,
     "geometry": 413,
@@ -43,7 +43,7 @@ BUDGET = {
     "stixels": 2248,
     "studies": 1923,
     "sweeps": 2303,
-    "tracking": 6752,
+    "tracking": 6750,
     "validation": 1294,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""

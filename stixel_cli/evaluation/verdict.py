@@ -123,6 +123,8 @@ def _to_try(metrics: Values) -> list[str]:
     near, far = metrics.get("seen_contour_error_m"), metrics.get("hidden_contour_error_m")
     if metrics.get("class_error"):
         return ["The reported class is not that of the road user."]
+    if (metrics.get("other_probability") or 0.0) > 0.5:
+        return ["The target is of no known class: stixel new class learns one from meshes."]
     if misfits_class(metrics):
         return ["The points do not fit the prior's class: try prior=unknown."]
     if metrics.get("time_to_loss_s") == 0.0:

@@ -101,6 +101,12 @@ def test_points_that_do_not_fit_the_class_are_named(changes):
     assert "reported class" in verdict(GOOD | changes | {"class_error": 1.0})[1]
 
 
+def test_of_a_target_of_no_class_no_other_prior_is_advised():
+    words = verdict(GOOD | {"class_replaced_share": 0.5, "other_probability": 1.0})
+    assert "new class" in words[1]
+    assert "prior=unknown" not in " ".join(words)
+
+
 @pytest.mark.parametrize("part", [12])
 def test_runs_disturbed_by_a_known_amount_have_the_expected_words(part, monkeypatch):
     monkeypatch.syspath_prepend(Path(__file__).parents[2] / "docs")

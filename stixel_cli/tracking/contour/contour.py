@@ -29,8 +29,7 @@ FITS = 5.0
 """A size that the user states fits a class within so many standard deviations of both."""
 
 GREATEST_DEVIATION = 4.0
-"""A class whose size is estimated farther from its mean, in its standard deviations, replaces none.
-"""
+"""A class whose size is farther from its mean, in its standard deviations, replaces none."""
 
 
 def track(

@@ -35,8 +35,7 @@ have in common, and what each point has of its own."""
 CAP = 0.5
 """Of half the length or the width: a change of the size moves what is nearer to an end by as much
 as the end. From 0.5 to 0.8 gains as much at home; 1, a scaled shape, shrinks real cars whose front
-is rounder than the class's.
-"""
+is rounder than the class's."""
 
 LEAST_STEP = np.array([0.02, 0.02, 0.01])
 GREATEST_STEP = np.array([0.3, 0.3, 0.2])
