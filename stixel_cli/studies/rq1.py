@@ -19,8 +19,8 @@ is that in which The Stixel World is compared."""
 
 
 def columns(name: str, runs: Runs, results: Sequence[RunResult]) -> Runs:
-    """The errors of the stages instead of the tracker's scores: a row for each class of range."""
-    if not all("stage_errors" in run.graph.stages for run in results):
+    """Of a sweep whose `results` are errors of stages, these by range in the place of scores."""
+    if not all({*run.graph.stages["stage_errors"]}.issubset(run.targets) for run in results):
         return runs
     return rows_of(runs, [_rows(run) for run in results], ("range",))
 

@@ -66,8 +66,10 @@ def test_the_required_disparity_depends_on_the_rig():
     assert rig.depth_from_disparity(disparity - needed) - 28.0 == pytest.approx(0.1, rel=0.01)
 
 
-def test_sweeps_without_errors_of_stages_keep_their_scores():
-    run = SimpleNamespace(graph=SimpleNamespace(stages={"scores": ()}))
+def test_sweeps_that_do_not_want_errors_of_stages_keep_their_scores():
+    """They have images, and could have them."""
+    stages = {"scores": ("s",), "stage_errors": ("a", "b")}
+    run = SimpleNamespace(graph=SimpleNamespace(stages=stages), targets=("s",))
     runs = frame(seed=["0"])
     assert rq1.columns("widths", runs, [run]) is runs
 
