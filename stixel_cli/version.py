@@ -2,6 +2,6 @@
 
 import time
 
-__version__ = "0.2.0"
+__version__ = "0.3.0"
 FIRST_IMPORT = time.time()
 """Whatever this process has of the package was read from the disk later."""
