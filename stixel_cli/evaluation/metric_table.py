@@ -286,5 +286,5 @@ def metric(name: str) -> Metric:
         return replace(row, name=name, **labels, over_runs="")
     suffix = next((s for s in _SUFFIXES if name.endswith(s)), "")
     words = name.removesuffix(suffix).replace("_", " ")
-    unit = _SUFFIXES.get(suffix, "")
-    return Metric(name, words, words, unit, None, (None, None))
+    bounds = (0.0, 1.0) if name.endswith("_share") else (None, None)
+    return Metric(name, words, words, _SUFFIXES.get(suffix, ""), None, bounds)

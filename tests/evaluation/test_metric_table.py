@@ -37,6 +37,8 @@ def test_a_metric_of_errors_that_are_not_finite_has_no_value():
 def test_unknown_metric_has_a_label_from_its_name():
     row = metric("new_thing_m")
     assert (row.label, row.unit, row.better, row.bounds) == ("new thing", "m", None, (None, None))
+    assert row.bounds == (None, None)
+    assert metric("missed_columns_share").bounds == (0.0, 1.0)  # An interval ends within them.
 
 
 def test_a_metric_of_the_smoothed_track_is_shown_as_that_of_the_filter_and_named_so():
