@@ -16,7 +16,6 @@ from stixel_cli.config import messages
 from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.evaluation.metric_table import MAIN, METRICS
 from stixel_cli.parameters import parameters
-from stixel_cli.report.metrics import capital
 from stixel_cli.results.reader import listed
 from stixel_cli.studies.entry import NAME
 
@@ -82,7 +81,7 @@ class Section:
         """What the main metric's answers say, in a few words for each group."""
         answers = [(label, own[0]) for label, own in self.groups]
         parts = [f"{label}: {one.brief}" if label else one.brief for label, one in answers]
-        text = capital("; ".join(parts) or "no run has a value")
+        text = "; ".join(parts) or "no run has a value"
         lacking = listed([*dict.fromkeys(one.lacking for _, one in answers if one.lacking)])
         return f"{text} ({lacking})" if lacking else text
 
@@ -136,7 +135,7 @@ def asked(question: StudyQuestion, frames: Mapping[str, Runs]) -> Section:
     found = []
     for key, own in groups:
         runs = Runs(own, tuple(axis for axis in axes if own[axis].notna().any()))
-        label = " ".join(map(str, key)).replace("_", " ")
+        label = " ".join(map(str, key))
         metrics = [name for name in question.metrics if name in runs.metrics]
         try:
             answers = tuple(runs.ask(metric=name, **_parts(question, runs)) for name in metrics)

@@ -43,7 +43,7 @@ def test_a_question_has_an_answer_for_each_group_and_metric():
     (answer,) = section.groups[0][1]
     assert (answer.question.compare, answer.question.within) == (("tracker",), ("path",))
     assert (answer.units, answer.best, answer.shown) == (6, "contour", True)
-    assert section.brief.startswith("Car: contour 0.9")
+    assert section.brief.startswith("car: contour 0.9")
     cells = section.cells
     assert cells.header[:3] == ("road user", "tracker", "runs") and len(cells.rows) == 6
     assert [row[:2] for row, marks in zip(cells.rows, cells.best, strict=True) if any(marks)] == [
@@ -55,13 +55,13 @@ def test_a_question_has_an_answer_for_each_group_and_metric():
 @pytest.mark.parametrize(
     ("made", "said"),
     [
-        ({}, "Contour 0.9"),
-        ({"seeds": 1}, "Contour 0.900, gp_ekf 0.800 and point 0.500 (1 seed: too few to compare"),
-        ({"seeds": 3}, "Contour 0.909, gp_ekf 0.808 and point 0.507 (3 seeds: too few to compare"),
-        ({"trackers": ("point",)}, "Point 0.5"),
-        ({"lost": {("point", 0), ("point", 1), ("point", 2)}}, "Contour 0.9"),
-        ({"lost": {("point", k) for k in range(6)}}, "Contour 0.9"),
-        ({"lost": {(name, k) for k in range(6) for name in IOU}}, "No run has a value"),
+        ({}, "contour 0.9"),
+        ({"seeds": 1}, "contour 0.900, gp_ekf 0.800 and point 0.500 (1 seed: too few to compare"),
+        ({"seeds": 3}, "contour 0.909, gp_ekf 0.808 and point 0.507 (3 seeds: too few to compare"),
+        ({"trackers": ("point",)}, "point 0.5"),
+        ({"lost": {("point", 0), ("point", 1), ("point", 2)}}, "contour 0.9"),
+        ({"lost": {("point", k) for k in range(6)}}, "contour 0.9"),
+        ({"lost": {(name, k) for k in range(6) for name in IOU}}, "no run has a value"),
     ],
 )
 def test_few_runs_claim_nothing(made, said):
@@ -93,7 +93,7 @@ def test_sweeps_are_compared_and_an_axis_of_one_alone_is_none_of_the_others():
     other = Runs(frame, (*given.axes, "noise"))
     question = {"compare": "sweep", "within": "tracker", "over": "seed", "metrics": "iou_box_mean"}
     section = section_of(question | {"reference": "first"}, first=given, second=other)
-    assert section.brief.startswith("Second −0.3")
+    assert section.brief.startswith("second −0.3")
     by_noise = section_of(question | {"by": "noise", "compare": "tracker", "within": []},
                           first=given, second=other)  # fmt: skip
     assert [label for label, _ in by_noise.groups] == ["0.1"]

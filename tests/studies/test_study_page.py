@@ -47,7 +47,7 @@ def test_the_page_begins_with_the_answer(page):
     places = [
         html.index(text)
         for text in (
-            '<p class="answer">&lt;b&gt; IoU. Car: ',
+            '<p class="answer">&lt;b&gt; IoU. car: ',
             "2 seeds: too few to compare, 4 are needed",
             "<p>By width: ",
             "<h2>One &amp; only</h2>",

@@ -80,7 +80,7 @@ def assert_tables_and_text_have_the_values_of_the_runs(folder, answer):
         assert found["point"] == pytest.approx(means[user, "point"])
         assert f"{user}: " in first.lower() and f"point {number(found['point'])}" in first
         assert content["questions"]["trackers"][user][1]["mean"] == pytest.approx(found["point"])
-    assert first.startswith("<b> IoU. Car: ") and second.startswith("By width: ")
+    assert first.startswith("<b> IoU. car: ") and second.startswith("By width: ")
     # Two seeds: nothing is claimed.
     assert not re.search("best|differ", first)
     own = pd.read_csv(folder / "tables/own-only.csv")
