@@ -13,8 +13,14 @@ import yaml
 DOCS = Path(__file__).parent
 PAGE, ACCURACY = DOCS / "studies.md", DOCS / "accuracy.md"
 BEGIN, END = "<!-- from the studies -->", "<!-- end -->"
-TABLES = ("ablation", "ablation_lidar", "wrong_class", "wrong_class_lidar", "simulated", "held_out")
-"""Questions of `stixel study accuracy` whose tables are in docs/accuracy.md."""
+TABLES = {
+    "accuracy": (
+        *("ablation", "ablation_lidar", "wrong_class", "wrong_class_lidar", "simulated"),
+        "held_out",
+    ),
+    "consistency": ("home", "images", "stated", "poses"),
+}
+"""Study to the questions whose tables are written, too: those of `accuracy` to docs/accuracy.md."""
 
 
 def main(folders: list[Path]) -> None:
@@ -22,7 +28,9 @@ def main(folders: list[Path]) -> None:
     write(PAGE, "\n".join(answer(folder) for folder in folders))
     for folder in folders:
         if folder.name == "accuracy":
-            write(ACCURACY, tables(folder))
+            of_study = request(folder)
+            origin = f"`{of_study['command']}`, revision {of_study['git']['revision'][:7]}.\n"
+            write(ACCURACY, "\n".join([origin, *tables(folder)]))
 
 
 def write(page: Path, content: str) -> None:
@@ -44,17 +52,21 @@ def answer(folder: Path) -> str:
     report = json.loads((folder / "report.json").read_text(encoding="utf-8"))
     revision = study["git"]["revision"][:7]
     lines = [f"### {study['title']}", "", f"`{study['command']}`, revision {revision}:", ""]
-    return "\n".join([*lines, *(f"- {text}" for text in report["answer"]), ""])
+    lines += [*(f"- {text}" for text in report["answer"]), ""]
+    return "\n".join(lines if folder.name == "accuracy" else [*lines, *tables(folder)])
 
 
-def tables(folder: Path) -> str:
-    """The tables of `TABLES`, each with its name."""
-    study = request(folder)
-    parts = [f"`{study['command']}`, revision {study['git']['revision'][:7]}.\n"]
-    for name in TABLES:
-        for file in sorted((folder / "tables").glob(f"{name}*.md")):
-            parts += [f"{file.stem.replace('-', ', ', 1).replace('_', ' ')}:\n", file.read_text()]
-    return "\n".join(parts)
+def tables(folder: Path) -> list[str]:
+    """The tables of a study's `TABLES`, each with its name, without the sentences below them."""
+    parts = []
+    for name in TABLES.get(folder.name, ()):
+        for file in sorted((folder / "tables").glob(f"{name}.md")) + sorted(
+            (folder / "tables").glob(f"{name}-*.md")
+        ):
+            rows = [row for row in file.read_text(encoding="utf-8").splitlines() if row[:1] == "|"]
+            title = file.stem.replace("-", ", ", 1).replace("_", " ")
+            parts += [f"{title}:\n", *rows, ""]
+    return parts
 
 
 if __name__ == "__main__":
