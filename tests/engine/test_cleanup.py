@@ -209,7 +209,7 @@ def test_the_limit_is_kept_without_being_asked(project):
 
 
 def test_the_limit_is_kept_on_the_way(project, monkeypatch):
-    monkeypatch.setattr("stixel_cli.engine.execute.Run.keep_limit", lambda run: None)
+    monkeypatch.setattr("stixel_cli.engine.execute.Scheduler.keep_limit", lambda run: None)
     project.run(project.graph(factor=7.0))
     old = {one.key for one in entries(project.store)}
     monkeypatch.undo()

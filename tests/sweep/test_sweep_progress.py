@@ -15,7 +15,7 @@ def test_runs_and_nodes_are_counted(capsys):
     progress = SweepProgress(waiting, lambda run, seconds: complete.append(run), 2)
     progress.expect({"track": 4.0}, workers=2)
     tracks = [one.graph.of_stage("track")[0] for one in waiting]
-    scores = [one.graph.nodes[one.scores] for one in waiting]
+    scores = [one.graph.nodes[one.targets[0]] for one in waiting]
     progress.begin([*tracks, *scores[:2]], cached=7)
     # The scores of the third are there: it waits for nothing.
     assert complete == [waiting[2]]
@@ -38,8 +38,8 @@ def test_the_end_of_a_sweep_is_prepared_once_after_its_first_nodes_started():
     waiting = plan_runs(sweep_runs(["measurement=fabricated", "seed=1,2"]))
     calls = []
     progress = SweepProgress(waiting, lambda *_: None, prepare=lambda: calls.append("now"))
-    progress.begin([one.graph.nodes[one.scores] for one in waiting], cached=0)
-    progress.started(waiting[0].graph.nodes[waiting[0].scores])
+    progress.begin([one.graph.nodes[one.targets[0]] for one in waiting], cached=0)
+    progress.started(waiting[0].graph.nodes[waiting[0].targets[0]])
     assert calls == []
     progress.tick()
     progress.tick()

@@ -156,7 +156,7 @@ def test_a_file_names_axes_seeds_zipped_axes_and_left_out_runs(tmp_path):
     file = tmp_path / "study.yaml"
     file.write_text(FILE, encoding="utf-8")
     runs = sweep_runs(["start.position=0.2"], file=str(file))
-    settings = [run.settings for run in runs]
+    settings = [run.setting | {"seed": str(run.seed)} for run in runs]
     assert len(settings) == 2 * 3 * 2 * 2 - 3 * 2 - 1 * 3
     assert {(s["road_user"], s["path"]) for s in settings} == {
         ("car", "turn"),
