@@ -18,7 +18,7 @@ TABLES = {
         *("ablation", "ablation_lidar", "wrong_class", "wrong_class_lidar", "simulated"),
         "held_out",
     ),
-    "consistency": ("home", "images", "stated", "poses"),
+    "consistency": ("by_measurement",),
 }
 """Study to the questions whose tables are written, too: those of `accuracy` to docs/accuracy.md."""
 
