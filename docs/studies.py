@@ -14,11 +14,15 @@ DOCS = Path(__file__).parent
 PAGE, ACCURACY = DOCS / "studies.md", DOCS / "accuracy.md"
 BEGIN, END = "<!-- from the studies -->", "<!-- end -->"
 TABLES = {
-    "accuracy": (
-        *("ablation", "ablation_lidar", "wrong_class", "wrong_class_lidar", "simulated"),
+    "accuracy": [
+        "ablation",
+        "ablation_lidar",
+        "wrong_class",
+        "wrong_class_lidar",
+        "simulated",
         "held_out",
-    ),
-    "consistency": ("by_measurement",),
+    ],
+    "consistency": ["by_measurement"],
 }
 """Study to the questions whose tables are written, too: those of `accuracy` to docs/accuracy.md."""
 
@@ -58,14 +62,12 @@ def answer(folder: Path) -> str:
 
 def tables(folder: Path) -> list[str]:
     """The tables of a study's `TABLES`, each with its name, without the sentences below them."""
-    parts = []
+    parts, of_study = [], folder / "tables"
     for name in TABLES.get(folder.name, ()):
-        for file in sorted((folder / "tables").glob(f"{name}.md")) + sorted(
-            (folder / "tables").glob(f"{name}-*.md")
-        ):
+        for file in (*of_study.glob(f"{name}.md"), *sorted(of_study.glob(f"{name}-*.md"))):
             rows = [row for row in file.read_text(encoding="utf-8").splitlines() if row[:1] == "|"]
-            title = file.stem.replace("-", ", ", 1).replace("_", " ")
-            parts += [f"{title}:\n", *rows, ""]
+            group = file.stem.removeprefix(name).replace("-", ", ", 1)
+            parts += [f"{name.replace('_', ' ')}{group}:\n", *rows, ""]
     return parts
 
 

@@ -61,7 +61,7 @@ def duration(seconds: float) -> str:
 
 
 def _parsed(text: str, units: Mapping[str, float], right: str) -> float:
-    """A number with its unit, in the unit of 1; of units in capitals small letters do, too."""
+    """A number with one of the `units`; a unit of capitals may be typed in small letters."""
     found = re.fullmatch(r"\s*(\d{1,15}(?:\.\d{1,9})?)\s*([A-Za-z]*)\s*", text, re.ASCII)
     factor = found and units.get(found[2], units.get(found[2].upper()))
     if factor is None:

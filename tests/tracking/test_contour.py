@@ -263,7 +263,7 @@ def test_one_point_is_enough_for_an_update():
     points, covariances = seen(poses)
     middle = [scan[len(scan) // 2][None] for scan in points]
     noises = np.concatenate([c[len(c) // 2][None] for c in covariances])
-    noises += 0.25 * np.eye(2)  # A point of the outline is none of the visible shape of stixels.
+    noises += 0.25 * np.eye(2)  # Stixels see less than the outline, on which these points are.
     result = track(scans_of(middle, covariances=noises), start_at(poses), CAR, STIXELS)
     np.testing.assert_array_equal(np.diff(result.used_offsets), 1)
     assert np.isfinite(result.means).all()

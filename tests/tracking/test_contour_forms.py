@@ -335,24 +335,3 @@ def test_uneven_points_hardly_show_the_ends_and_a_single_one_does_not():
     one, two = [[0.0, 21.0]], [[0.0, 21.0], [0.2, 21.0]]
     degrees = [update(*prior, rays_at(points), sight, tracker)[4] for points in (one, two)]
     assert degrees == [1, 4]
-
-
-@pytest.mark.parametrize("tracker", [FABRICATED, FILE])
-def test_two_pedestrians_side_by_side_are_no_car(tracker):
-    """0.75 m apart: they were one, of the class car."""
-    size = class_size("pedestrian").mean.tolist()
-    prior = dataclasses.replace(PRIOR, road_user="pedestrian", length=size[0], width=size[1])
-    angles = 2.0 * np.pi * np.arange(60) / 60
-    outline = 0.5 * np.array(size) * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
-    poses = turning(40, 1.4, 0.1)
-    across = np.stack([-np.sin(poses[:, 2]), np.cos(poses[:, 2]), np.zeros(40)], axis=-1)
-    (one, noise), (other, noise_of_other) = (
-        seen(outline, each, noise=0.03) for each in (poses, poses + 0.75 * across)
-    )
-    both = [np.concatenate(pair) for pair in zip(one, other, strict=True)]
-    noises = [np.concatenate(pair) for pair in zip(noise, noise_of_other, strict=True)]
-    scans = scans_of(both, covariances=np.concatenate(noises))
-    found = track(scans, start_at(poses), prior, tracker)
-    if found.class_probabilities is not None:
-        assert found.class_probabilities["car"].max() < 0.5
-    assert np.hypot(*(found.means[:, :2] - poses[:, :2]).T).max() < 1.0

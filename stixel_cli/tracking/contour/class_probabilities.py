@@ -35,7 +35,7 @@ odds of 100 : 1 that was so in one of 45 runs of tuning seeds, a cyclist seen fr
 RULED_OUT = 150.0
 """The tracker drops a class once its log odds against the best are this far below zero.
 
-With the start of a wrong class, the right one was down to -68 in 108 runs before it was the best.
+In 108 runs that began with a wrong class, those of the right one were never below -68.
 """
 
 

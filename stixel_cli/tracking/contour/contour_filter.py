@@ -21,8 +21,8 @@ A silhouette at the border of the field of view, or beside a nearer object, is n
 Neighbours and successive scans share the shape's error, so n points are not n independent ones.
 Large factors on the variances account for that in the gain. How certain the estimate is with this
 gain follows from the errors themselves: the sensor's own, the part of the shape's that is shared,
-and errors of the sensor that do not change from scan to scan. The shared ones are considered and
-not estimated, see `consider.py`.
+errors of the sensor that do not change from scan to scan, and the deviation of the size from that
+of the class. The shared ones and the last are considered, not estimated, see `consider.py`.
 
 Errors have heavy tails, so their variances are divided by the weights (nu + 1) / (nu + e²) ≤ 1 of a
 Student distribution, e the normalised error at the current iterate (Lange, Little, Taylor 1989,
@@ -92,7 +92,7 @@ class ClassFilter:
         mean, covariance = start(initial, prior, shape, tracker, sight.residual)
         memories = [FIELD_TIME] * SHAPE_ERRORS + [np.inf] * (sensor_errors + 2)
         joint = JointCovariance(covariance, np.array(memories))
-        # The last two are how far the size is from the class's: at the start, the size's error.
+        # The last two are the size's deviation from the class's: at the start, all of its error.
         joint.matrix[[5, 6], [-2, -1]] = joint.matrix[[-2, -1], [5, 6]] = self._size_stds
         self._hypotheses = [Hypothesis.unseen((mean, covariance, joint))]
         self._size = len(mean)
@@ -167,8 +167,8 @@ class ClassFilter:
         pulled = np.zeros((len(mean), len(joint.matrix)))
         pulled[:, : len(mean)] = matrix
         if self._road_user != OTHER:
-            # The size of a road user does not change: the noise is the gain's, and the error is
-            # what the estimate goes back to the class's.
+            # A size is constant: the noise is in the gain only, and the pull to the class's size
+            # adds to the error. The size of the free form makes up for its shape, and may change.
             pulled[[5, 6], [-2, -1]] = (1.0 - matrix[5, 5]) * self._size_stds
             noise[[5, 6], [5, 6]] = 0.0
         joint.predict(pulled, noise, interval)

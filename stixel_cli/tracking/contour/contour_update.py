@@ -25,7 +25,7 @@ SEEN = np.array([0, 1, 2, 5, 6])
 
 SHAPE_ERRORS = FIELD_NODES + 2
 """Number of considered errors of the visible shape: of the field over the outline, and of the two
-ends. Those of the sensor follow."""
+ends. Those of the sensor and of the size follow."""
 
 SHARED = {"stixels": 1.0, "fabricated": 0.3, "lidar": 0.3, "file": 0.3, "own": 0.3}
 FINE = 0.2
@@ -151,7 +151,7 @@ def update(
 
 
 def constant_errors(joint: JointCovariance) -> np.ndarray:
-    """How far the sensor's m shared errors move a state: (d, m)."""
+    """How far m errors that stay, of the sensor and of the class's size, move a state: (d, m)."""
     return joint.matrix[: joint.size, joint.size + SHAPE_ERRORS :]
 
 
