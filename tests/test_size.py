@@ -12,7 +12,7 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 49_623
+TOTAL = 49_620
 """Greatest number of lines in all."""
 
 MODULES = 307
@@ -24,7 +24,7 @@ BUDGET = {
     "benchmark": 1021,
     "calibration": 577,
     "cli": 3000,
-    "config": 3022,
+    "config": 3024,
     "engine": 4302,
     "evaluation": 1728,
     "experiment": 1472,
@@ -43,7 +43,7 @@ BUDGET = {
     "stixels": 2248,
     "studies": 1922,
     "sweeps": 2303,
-    "tracking": 6750,
+    "tracking": 6745,
     "validation": 1294,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""

@@ -121,6 +121,8 @@ class Composer:
         shipped = {
             k: v for k, v in settings.items() if folders.outermost_group(k) not in user_defined
         }
+        # Values of other groups may refer to it.
+        shipped |= {f"{group}.kind": "own" for group in user_defined}
         resolved, choices = self._with_recording(shipped)
         resolved |= user_defined
         choices |= {group: str(settings[group]) for group in user_defined}

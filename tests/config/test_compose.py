@@ -38,6 +38,12 @@ def test_default_is_what_the_readme_says(default):
     assert default.overrides == ()
 
 
+@pytest.mark.parametrize("tracker", ["contour", "gp_ekf"])
+def test_a_tracker_knows_that_a_source_is_the_users_own(tracker):
+    own = "measurement=stixel_cli.studies.wrong_poses:wrong_poses"
+    assert compose([own, f"tracker={tracker}"]).configuration.tracker.seen_by == "own"
+
+
 @pytest.mark.parametrize("user", group_options()["road_user"])
 def test_pace_and_prior_follow_the_road_user(user):
     composition = compose([f"road_user={user}"])

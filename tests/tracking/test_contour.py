@@ -12,7 +12,7 @@ from tracking_cases import CAR, scans_of
 
 from stixel_cli.config.compose import compose
 from stixel_cli.geometry.pose import wrap_angle
-from stixel_cli.measurements.scans import FieldOfView
+from stixel_cli.measurements.scans import FieldOfView, SharedErrors
 from stixel_cli.tracking.association import uncut
 from stixel_cli.tracking.consider import JointCovariance
 from stixel_cli.tracking.contour.class_shape import class_shape, visible_shape, visible_table
@@ -105,6 +105,26 @@ def test_an_error_that_all_scans_share_widens_the_covariance_and_moves_nothing()
     added = considered.covariances[:, :2, :2] - plain.covariances[:, :2, :2]
     # The range alone: the error is 0.7 m at 27 m, and the sides hardly see it.
     assert 0.5 < np.sqrt(added[-1, 1, 1]) < 0.9 and np.sqrt(added[-1, 0, 0]) < 0.2
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_an_error_of_the_sensors_place_moves_the_estimate_as_is_stated(axis):
+    # Points along an oblique face do not move with it across the rays: the innovation does.
+    poses = turning(20, 4.0, 0.3)
+    scans = scans_seen(poses, noise=0.03)
+    shift = 0.1 * np.eye(2)[axis]
+    moved = dataclasses.replace(
+        scans,
+        points_world=scans.points_world + shift,
+        sensor_poses_world=scans.sensor_poses_world + [*shift, 0.0],
+    )
+    stated = dataclasses.replace(scans, shared_errors=SharedErrors(position=0.1))
+    exact, wrong, wide = (
+        track(one, start_at(poses), PRIORS["car"], TRACKER) for one in (scans, moved, stated)
+    )
+    np.testing.assert_allclose((wrong.means - exact.means)[5:, :2], [shift] * 15, atol=0.02)
+    added = (wide.covariances - exact.covariances)[5:, axis, axis]
+    np.testing.assert_allclose(added, 0.1**2, rtol=0.2)
 
 
 def test_contour_trusts_edges_less_where_they_are_uncertain():

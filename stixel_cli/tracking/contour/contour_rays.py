@@ -77,8 +77,8 @@ class Rays:
         ranges: (n,) m.
         stds: (n,) m, of the ranges.
         across_variances: (n,) m², of the points across their rays.
-        shared_along, shared_across: (n, m) m, how far one standard deviation of each of m errors
-            that all scans share moves a point along its ray, and to the left across it.
+        shared: (n, 2, m) m, how far one standard deviation of each of m errors that all scans share
+            moves a point in the world.
         field_of_view: of the sensor; None: unknown.
         hidden: whether a nearer object hides what is beside the first and the last ray.
         levels: (n,) of the points' heights, see `levels_of`; 0 where heights are unknown.
@@ -91,8 +91,7 @@ class Rays:
     ranges: np.ndarray
     stds: np.ndarray
     across_variances: np.ndarray
-    shared_along: np.ndarray
-    shared_across: np.ndarray
+    shared: np.ndarray
     levels: np.ndarray
     others: np.ndarray
     field_of_view: FieldOfView | None = None
@@ -101,7 +100,7 @@ class Rays:
     @property
     def normals(self) -> np.ndarray:
         """Unit vectors (n, 2) to the left of the rays."""
-        return normals_of(self.directions)
+        return np.stack([-self.directions[:, 1], self.directions[:, 0]], axis=-1)
 
     @property
     def points_world(self) -> np.ndarray:
@@ -128,11 +127,6 @@ class Rays:
             nearer = self.ranges < self.ranges[end] - NEARER
             ends.append(bool((others & nearer & (apart < BESIDE)).any()))
         return ends[0], ends[1]
-
-
-def normals_of(directions: np.ndarray) -> np.ndarray:
-    """Unit vectors (n, 2) to the left of `directions` (n, 2)."""
-    return np.stack([-directions[:, 1], directions[:, 0]], axis=-1)
 
 
 def sight_of(
@@ -180,7 +174,7 @@ def rays_of(
         ranges,
         np.sqrt(np.maximum(variances, 0.0)),
         np.maximum(across, 0.0),
-        *(np.einsum("ni,nim->nm", axes, shared) for axes in (directions, normals_of(directions))),
+        shared,
         np.zeros(len(offsets)) if heights is None else levels_of(heights),
         np.zeros(len(offsets), bool),
         field_of_view,

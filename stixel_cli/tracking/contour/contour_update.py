@@ -133,9 +133,10 @@ def update(
     )
     shared[[count, count + 1], [FIELD_NODES, FIELD_NODES + 1]] = 1.0
     shared *= np.sqrt(SHARED[tracker.seen_by] * shape)[:, None]
-    across_ends = rays.shared_across[ends] * [[1.0], [-1.0]]
-    of_sensor = slice(SHAPE_ERRORS, SHAPE_ERRORS + across_ends.shape[1])
-    shared[:, of_sensor] = np.vstack([rays.shared_along, across_ends])
+    # A point that is moved says what the target would say if it were moved so.
+    moved = np.concatenate([rays.shared, rays.shared[ends]])
+    of_sensor = slice(SHAPE_ERRORS, SHAPE_ERRORS + moved.shape[2])
+    shared[:, of_sensor] = np.einsum("ni,nim->nm", matrix[:, :2], moved)
     shared = shared[rows]
     own /= _weights(errors[rows], own + (shared**2).sum(axis=1), tracker)
     whole = np.hstack([matrix[rows], shared])
