@@ -1,8 +1,8 @@
 """Write the meshes of the studies that no class knows: python docs/held_out_meshes.py
 
 Those of `study accuracy` (`meshes`) are made of flat-sided blocks and of discs, not of the parts
-that the package draws road users from. Those of `study robustness` (`shapes`) and of the demo in
-`stixel bench` are upright prisms.
+that the package draws road users from; so are those of `study robustness` that are of no class
+(`odd`). Its plain `shapes` and those of the demo in `stixel bench` are upright prisms.
 x forward, y left, z up, m.
 """
 
@@ -119,6 +119,44 @@ MESHES = {
         upright((0.3, 0.9), RECTANGLE * [0.9, 0.7] + [0.6, 0.0]),
         upright((0.0, 0.55), RECTANGLE * [2.4, 0.12]),
         upright((0.5, 1.8), RECTANGLE * [0.5, 0.5] + [-0.35, 0.0]),
+    ],
+    # Of no class: `study robustness` gives each the prior of the class that is nearest to it.
+    "odd/car/truck": [
+        slab((0.5, 3.4), ((-4.2, 2.0), (-4.2, 2.0)), (2.5, 2.5), 0.05),
+        slab((0.5, 2.8), ((2.3, 4.2), (2.3, 3.9)), (2.4, 2.2), 0.15),
+        *wheels((-2.6, 3.0), 2.1, 0.5, 0.3),
+    ],
+    "odd/cyclist/cargo_bike": [
+        disc(-0.95, 0.0, 0.34, 0.06),
+        disc(1.1, 0.0, 0.25, 0.06),
+        slab((0.25, 0.8), ((0.1, 0.95), (0.0, 1.05)), (0.55, 0.65), 0.05),
+        slab((0.2, 0.95), ((-0.55, -0.25), (-0.75, -0.35)), (0.3, 0.34)),
+        slab((0.95, 1.55), ((-0.8, -0.4), (-0.65, -0.35)), (0.36, 0.48), 0.06),
+        slab((1.58, 1.82), ((-0.6, -0.38), (-0.58, -0.39)), (0.18, 0.18), 0.04),
+    ],
+    "odd/cyclist/motorcycle": [
+        disc(-0.72, 0.0, 0.31, 0.17),
+        disc(0.72, 0.0, 0.31, 0.12),
+        slab((0.25, 0.95), ((-0.75, 0.6), (-0.95, 0.55)), (0.4, 0.3), 0.06),
+        slab((0.95, 1.15), ((0.3, 0.6), (0.25, 0.55)), (0.75, 0.8)),
+        slab((0.85, 1.4), ((-0.4, 0.05), (-0.25, 0.15)), (0.42, 0.5), 0.06),
+        slab((1.42, 1.7), ((-0.15, 0.15), (-0.13, 0.12)), (0.25, 0.24), 0.05),
+    ],
+    "odd/pedestrian/stroller": [
+        *wheels((0.25, 0.85), 0.5, 0.13, 0.05),
+        slab((0.35, 1.0), ((0.2, 0.95), (0.15, 0.9)), (0.45, 0.5), 0.05),
+        slab((0.95, 1.05), ((-0.35, 0.2), (-0.35, 0.2)), (0.45, 0.45)),
+        slab((0.0, 0.9), ((-0.75, -0.35), (-0.65, -0.4)), (0.35, 0.4), 0.05),
+        slab((0.9, 1.45), ((-0.65, -0.4), (-0.63, -0.4)), (0.4, 0.5), 0.06),
+        slab((1.5, 1.74), ((-0.62, -0.42), (-0.6, -0.43)), (0.17, 0.16), 0.04),
+    ],
+    "odd/pedestrian/wheelchair": [
+        *wheels((-0.25,), 0.6, 0.31, 0.05),
+        *wheels((0.32,), 0.45, 0.1, 0.04),
+        slab((0.35, 0.6), ((-0.35, 0.3), (-0.35, 0.45)), (0.45, 0.45), 0.05),
+        slab((0.1, 0.4), ((0.35, 0.6), (0.3, 0.5)), (0.35, 0.35)),
+        slab((0.6, 1.15), ((-0.38, -0.1), (-0.4, -0.15)), (0.4, 0.48), 0.06),
+        slab((1.18, 1.4), ((-0.35, -0.15), (-0.34, -0.16)), (0.17, 0.16), 0.04),
     ],
     "../bench/demo/circle": [
         upright((0.0, 1.5), 3.0 * np.stack([np.cos(ROUND), np.sin(ROUND)], axis=1))

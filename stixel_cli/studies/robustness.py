@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -36,14 +37,9 @@ COLUMNS = {
 """Column to the key that it stands for, and to its text."""
 
 
-def shapes() -> list[dict[str, list]]:
-    """Axes: plain shapes, for the class whose prior the tracker has."""
-    return shipped_meshes("shapes")
-
-
-def held_out() -> list[dict[str, list]]:
-    """Axes: the shipped meshes that no class was learned from."""
-    return shipped_meshes("meshes")
+shapes, held_out, odd = (partial(shipped_meshes, name) for name in ("shapes", "meshes", "odd"))
+"""Axes: plain shapes, meshes that no class was learned from, and road users of no class. The
+tracker has the prior of the class in whose folder a mesh is."""
 
 
 def pandaset() -> list[dict[str, list]]:

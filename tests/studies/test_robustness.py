@@ -37,6 +37,10 @@ def test_shapes_are_shipped_meshes_of_their_class():
     names = [(user, Path(mesh).stem) for user, mesh in zip(*axes.values(), strict=True)]
     assert ("car", "trapezium") in names and ("cyclist", "cargo_bike") in names
     assert len(robustness.held_out()[0]["road_user"]) >= 3
+    assert {Path(mesh).stem for mesh in robustness.odd()[0]["road_user.mesh"]} >= {
+        "truck",
+        "stroller",
+    }
 
 
 def test_without_data_one_line_names_the_variable(studies, recordings, monkeypatch):

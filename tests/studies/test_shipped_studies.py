@@ -173,8 +173,8 @@ def test_the_held_out_meshes_are_those_that_the_script_makes(tmp_path, monkeypat
     script["main"]()
     made = {str(f.relative_to(tmp_path)): f.read_bytes() for f in tmp_path.glob("*/*/*.obj")}
     assert {file.parent.name for file in MESHES} == {"car", "cyclist", "pedestrian"}
-    shapes = sorted((shipped_folder("pipelines") / "studies" / "shapes").glob("*/*.obj"))
-    files = [*MESHES, *shapes]
+    studies = shipped_folder("pipelines") / "studies"
+    files = [*MESHES, *studies.glob("shapes/*/*.obj"), *studies.glob("odd/*/*.obj")]
     root = MESHES[0].parents[2]
     assert made == {str(file.relative_to(root)): file.read_bytes() for file in files}
     for file in files:

@@ -116,7 +116,7 @@ def test_an_error_of_the_sensors_place_moves_the_estimate_as_is_stated(axis):
     moved = dataclasses.replace(
         scans,
         points_world=scans.points_world + shift,
-        sensor_poses_world=scans.sensor_poses_world + [*shift, 0.0],
+        sensor_poses_world=scans.sensor_poses_world + np.append(shift, 0.0),
     )
     stated = dataclasses.replace(scans, shared_errors=SharedErrors(position=0.1))
     exact, wrong, wide = (
