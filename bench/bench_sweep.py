@@ -16,7 +16,7 @@ from stixel_cli.cli.sweep import sweep as sweep_command
 from stixel_cli.config.compose import Composer, compose
 from stixel_cli.config.override_checks import read_overrides
 from stixel_cli.engine.store import Store
-from stixel_cli.sweeps.graphs import plan_runs, plan_sweep
+from stixel_cli.sweeps.graphs import plan_sweep
 from stixel_cli.sweeps.runs import design_runs, sweep_design
 from stixel_cli.sweeps.whole import new_sweep
 
@@ -50,7 +50,7 @@ def cache(tmp_path, monkeypatch):
 @pytest.mark.parametrize("line", LINES)
 def test_plan(benchmark, cache, capsys, line):
     """`stixel sweep --dry-run` without the start of the process."""
-    plan = plan_sweep(plan_runs(design_runs(sweep_design(LINES[line]))), cache)
+    plan = plan_sweep(design_runs(sweep_design(LINES[line])), store=cache)
     for key in plan.needed:
         cache.save(key, None)
     assert len(plan.runs) == RUNS
@@ -83,7 +83,7 @@ def test_tracker_runs(benchmark, cache, tmp_path, how):
     line = [*FABRICATED, SETTINGS]
     made = new_sweep(sweep_design([*FABRICATED, "tracker.sigma_q=30,31"]))
     assert made.complete
-    plan = plan_sweep(plan_runs(design_runs(sweep_design(line))), cache)
+    plan = plan_sweep(design_runs(sweep_design(line)), store=cache)
     assert {stage.name for stage in plan.stages if stage.to_run} == {"track", "scores"}
     if how == "sweep":
         result = benchmark.pedantic(
@@ -125,7 +125,7 @@ def test_scores(benchmark, cache, tracker, how):
 
     line = [*FABRICATED, f"tracker={tracker}", "seed=0,1"]
     assert new_sweep(sweep_design(line)).complete
-    graph = plan_runs(design_runs(sweep_design(line)))[0].graph
+    graph = plan_sweep(design_runs(sweep_design(line))).runs[0].graph
     track, scenario, scans, scores = (
         cache.load(graph.of_stage(name)[0].key) for name in ("track", "scenario", "scans", "scores")
     )
@@ -156,7 +156,7 @@ def test_the_whole_process(tmp_path, cache):
     import subprocess
 
     line = LINES["1,000 settings, simulated"]
-    plan = plan_sweep(plan_runs(design_runs(sweep_design(line))), cache)
+    plan = plan_sweep(design_runs(sweep_design(line)), store=cache)
     for key in plan.needed:
         cache.save(key, None)
     started = time.perf_counter()

@@ -75,7 +75,7 @@ def plan_content(plan: "SweepPlan", axes: "Sequence[Axis]" = ()) -> dict[str, An
         },
         "seconds": None if seconds is None else round(seconds, 1),
         "unmeasured": unmeasured,
-        "workers": plan.runs[0].composition.configuration.executor.workers,
+        "workers": plan.executor.workers,
         "axes": [{"keys": list(axis.keys), "values": len(axis.steps)} for axis in axes],
         "notes": list(plan.notes),
         "stages": [
@@ -111,16 +111,13 @@ def explain(
     """
     from stixel_cli.engine.explain import by_stage
     from stixel_cli.engine.explain import explain as explain_nodes
-    from stixel_cli.engine.store import open_store
 
     plan, lineages = _asked(what or [], file, trust_code)
-    targets = list(dict.fromkeys(target for run in plan.runs for target in run.targets))
-    store = open_store(plan.runs[0].composition.configuration.cache)
     keys, code = set(), {}
     for lineage in filter(None, lineages):
         keys |= {key for stage in lineage.stages.values() for key in stage.keys}
         code |= lineage.code or {}
-    missing = explain_nodes(plan.graph, store, targets, (keys, code))
+    missing = explain_nodes(plan.graph, plan.store, plan.targets, (keys, code))
     if json:
         print_json(
             [

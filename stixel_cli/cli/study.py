@@ -201,7 +201,7 @@ def _total(plans: "Iterable[StudyPlan]") -> str:
     parts = [part for plan in plans for part in plan.sweeps]
     known = [part.plan for part in parts if part.plan is not None]
     seconds, unmeasured = estimated(known)
-    workers = known[0].runs[0].composition.configuration.executor.workers
+    workers = known[0].executor.workers
     derived = len(parts) - len(known)
     text = estimate_text(seconds, workers, unmeasured)
     return text + (f", and without {counted(derived, 'derived sweep')}" if derived else "")

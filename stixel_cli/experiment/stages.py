@@ -167,11 +167,10 @@ def _setting(composition: Composition, path: str) -> Any:
     return undisturbed(value) if isinstance(value, Disturbance) else value
 
 
-def experiment_graph(composition: Composition) -> Graph:
-    """The graph of an experiment's nodes."""
-    stages, count = pipeline_stages(composition), scan_count(composition)
-    folder = open_store(composition.configuration.cache).folder
-    return GraphBuilder(folder).build(stages, count, CHUNK_SIZE)
+def experiment_graph(composition: Composition, builder: GraphBuilder | None = None) -> Graph:
+    """The graph of an experiment's nodes; graphs of one `builder` share the parts they can."""
+    builder = builder or GraphBuilder(open_store(composition.configuration.cache).folder)
+    return builder.build(pipeline_stages(composition), scan_count(composition), CHUNK_SIZE)
 
 
 def compared_rows(composition: Composition) -> "Rows | None":

@@ -15,7 +15,6 @@ from stixel_cli.border import TYPED, Origin
 from stixel_cli.config import messages
 from stixel_cli.config.folders import of_the_machine
 from stixel_cli.engine.cache_folder import Lease
-from stixel_cli.engine.store import open_store
 from stixel_cli.errors import UserError
 from stixel_cli.results.reader import SWEEP_FILE
 from stixel_cli.results.result import SKIPPED
@@ -100,8 +99,7 @@ class _Study:
         self.plan, self.folder, self.command, self.tell = plan, folder, command, tell
         self.results: dict[str, SweepResult] = {}
         self.started = time.perf_counter()
-        first = next(p.plan.runs[0].composition for p in plan.sweeps if p.plan)
-        self.store = open_store(first.configuration.cache)
+        self.store = next(one.plan.store for one in plan.sweeps if one.plan)
 
     def compute(self, one: PlannedSweep) -> None:
         """Compute a sweep's missing runs, unless its axes depend on an incomplete sweep."""

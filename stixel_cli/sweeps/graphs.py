@@ -7,11 +7,12 @@ from dataclasses import dataclass, replace
 from stixel_cli.config.compose import Composition
 from stixel_cli.config.folders import of_the_machine
 from stixel_cli.engine.graph import Graph, GraphBuilder, merge
+from stixel_cli.engine.parameters import Executor
 from stixel_cli.engine.plan import Durations, plan, probe
 from stixel_cli.engine.store import Store, open_store
 from stixel_cli.errors import ConfigurationError, counted
 from stixel_cli.experiment.run import CAMERA, OBJECTS, TRACKS
-from stixel_cli.experiment.stages import CHUNK_SIZE, RESULTS, pipeline_stages, scan_count
+from stixel_cli.experiment.stages import RESULTS, experiment_graph
 from stixel_cli.experiment.table import PICTURES
 from stixel_cli.results.result import RunResult
 from stixel_cli.sweeps.design import SEED
@@ -43,6 +44,8 @@ class SweepPlan:
         needed: ids of the nodes that the runs need.
         missing: ids of the nodes to compute, each after its inputs.
         stages: by stage, in the order of the data.
+        store: where results are.
+        durations: of the stages, as measured so far.
         notes: on runs that give equal results.
     """
 
@@ -51,7 +54,19 @@ class SweepPlan:
     needed: frozenset[str]
     missing: tuple[str, ...]
     stages: tuple[StagePlan, ...]
+    store: Store
+    durations: Durations
     notes: tuple[str, ...] = ()
+
+    @property
+    def executor(self) -> Executor:
+        """Where its nodes run."""
+        return self.runs[0].composition.configuration.executor
+
+    @property
+    def targets(self) -> list[str]:
+        """Keys of the nodes whose results the runs require, each once."""
+        return list(dict.fromkeys(target for run in self.runs for target in run.targets))
 
     def complete_runs(self) -> int:
         """Number of runs whose results are all in the store."""
@@ -59,29 +74,30 @@ class SweepPlan:
         return sum(missing.isdisjoint(run.targets) for run in self.runs)
 
 
-def plan_runs(
-    runs: Sequence[RunResult], pictures: bool = False, nodes: Sequence[str] = ()
-) -> list[RunResult]:
-    """The graphs of the runs; common parts are built once.
+def plan_sweep(
+    runs: Sequence[RunResult],
+    pictures: bool = False,
+    nodes: Sequence[str] = (),
+    store: Store | None = None,
+) -> SweepPlan:
+    """The nodes that the store lacks; entries are not read.
 
     Each run requires its scores; with `pictures` also its pictures; and the results of those
-    `nodes` that its pipeline has. UserError if a pipeline or an input file is wrong.
+    `nodes` that its pipeline has. The store is by default that of the runs' settings.
+
+    Raises:
+        UserError: if a pipeline or an input file is wrong.
+        CacheError: if the store is damaged.
     """
-    builder = GraphBuilder(open_store(runs[0].composition.configuration.cache).folder)
-    planned = []
+    store = open_store(runs[0].composition.configuration.cache) if store is None else store
+    wanted = dict.fromkeys(["scores", *(PICTURES if pictures else ()), *nodes])
+    builder, planned = GraphBuilder(store.folder), []
     for run in runs:
-        stages = pipeline_stages(run.composition)
-        graph = builder.build(stages, scan_count(run.composition), CHUNK_SIZE)
-        wanted = ["scores", *(PICTURES if pictures else ()), *nodes]
-        names = [name for name in dict.fromkeys(wanted) if name in graph.stages]
-        planned.append(replace(run, graph=graph, targets=tuple(graph.expand(names))))
-    return planned
-
-
-def plan_sweep(runs: Sequence[RunResult], store: Store, notes: Sequence[str] = ()) -> SweepPlan:
-    """The nodes that `store` lacks; entries are not read. CacheError if the store is damaged."""
-    graph = merge(run.graph for run in runs)
-    targets = list(dict.fromkeys(target for run in runs for target in run.targets))
+        own = experiment_graph(run.composition, builder)
+        keys = own.expand([name for name in wanted if name in own.stages])
+        planned.append(replace(run, graph=own, targets=tuple(keys)))
+    graph = merge(run.graph for run in planned)
+    targets = list(dict.fromkeys(target for run in planned for target in run.targets))
     found = plan(graph, targets, store, verify=False)
     missing, durations, stages = set(found.missing), Durations(store.folder), []
     for name, all_keys in graph.stages.items():
@@ -92,12 +108,13 @@ def plan_sweep(runs: Sequence[RunResult], store: Store, notes: Sequence[str] = (
             known = seconds if seconds or not unknown else None
             stages.append(StagePlan(name, len(keys), len(keys) - len(to_run), len(to_run), known))
     return SweepPlan(
-        tuple(runs),
+        tuple(planned),
         graph,
         found.needed,
         found.missing,
         tuple(stages),
-        tuple(notes),
+        store,
+        durations,
     )
 
 
@@ -108,10 +125,8 @@ def estimated(plans: Sequence[SweepPlan]) -> tuple[float | None, list[str]]:
     are unmeasured.
     """
     nodes = {key: plan.graph.nodes[key] for plan in plans for key in plan.missing}
-    configuration = plans[0].runs[0].composition.configuration
-    store = open_store(configuration.cache)
-    seconds, unmeasured = Durations(store.folder).estimate(nodes.values())
-    known = seconds / configuration.executor.workers if seconds or not unmeasured else None
+    seconds, unmeasured = plans[0].durations.estimate(nodes.values())
+    known = seconds / plans[0].executor.workers if seconds or not unmeasured else None
     return known, unmeasured
 
 
@@ -152,23 +167,20 @@ def check_axes(planned: Sequence[RunResult]) -> list[str]:
 def planned_sweep(
     runs: Sequence[RunResult], pictures: bool, nodes: Sequence[str] = ()
 ) -> SweepPlan:
-    """The plan of runs, with a note on equal ones.
+    """The plan of runs, as `plan_sweep`, with a note on equal ones.
 
-    UserError if no stage reads an axis, or a file or the cache cannot be read.
+    ConfigurationError if no stage reads an axis.
     """
-    planned = plan_runs(runs, pictures, nodes)
-    store = open_store(runs[0].composition.configuration.cache)
-    return plan_sweep(planned, store, check_axes(planned))
+    found = plan_sweep(runs, pictures, nodes)
+    return replace(found, notes=tuple(check_axes(found.runs)))
 
 
 def planned_run(composition: Composition, pictures: bool = True) -> SweepPlan:
-    """The plan of one run with all that its folder has; UserError as above."""
+    """The plan of one run with all that its folder has, as `plan_sweep`."""
     nodes = (*RESULTS, OBJECTS, TRACKS, *((CAMERA,) if pictures else ()))
-    planned = plan_runs([planned_as(0, {}, composition)], pictures, nodes)
-    return plan_sweep(planned, open_store(composition.configuration.cache))
+    return plan_sweep([planned_as(0, {}, composition)], pictures, nodes)
 
 
 def check_computable(plan: SweepPlan) -> None:
     """Raise UserError for an unusable cache or scheduler, before a folder is created."""
-    configuration = plan.runs[0].composition.configuration
-    probe(len(plan.missing), open_store(configuration.cache), configuration.executor)
+    probe(len(plan.missing), plan.store, plan.executor)
