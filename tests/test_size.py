@@ -19,15 +19,15 @@ MODULES = 307
 """Greatest number of modules, without `__init__`."""
 
 BUDGET = {
-    "": 1503,
+    "": 1507,
     "answers": 1195,
     "benchmark": 1018,
     "calibration": 577,
-    "cli": 2997,
-    "config": 3022,
-    "engine": 4302,
+    "cli": 2989,
+    "config": 3026,
+    "engine": 4303,
     "evaluation": 1728,
-    "experiment": 1471,
+    "experiment": 1472,
     "export": 644,
     "geometry": 413,
     "live": 654,
@@ -42,7 +42,7 @@ BUDGET = {
     "stereo": 512,
     "stixels": 2248,
     "studies": 1920,
-    "sweeps": 2309,
+    "sweeps": 2307,
     "tracking": 6750,
     "validation": 1294,
 }

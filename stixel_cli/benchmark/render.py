@@ -11,7 +11,7 @@ from stixel_cli.engine.cache_folder import Lease
 from stixel_cli.engine.execute import execute
 from stixel_cli.results.folder import json_text
 from stixel_cli.results.lineage import provenance
-from stixel_cli.sweeps.graphs import plan_sweep
+from stixel_cli.sweeps.graphs import plan_runs
 from stixel_cli.sweeps.run import SweepProgress
 
 NODES = ("scenario", "scans", "start")
@@ -33,7 +33,7 @@ def render(
         (folder / MANIFEST).unlink(missing_ok=True)
         for first in range(0, len(chosen), BATCH):
             batch = slice(first, first + BATCH)
-            plan = plan_sweep(runs[batch], nodes=NODES)
+            plan = plan_runs(runs[batch], nodes=NODES)
             own, store = plan.runs, plan.store
             targets = [key for run in own for key in run.graph.expand(NODES)]
             label = f"sequences {first + 1} to {first + len(own)} of {len(chosen)}"

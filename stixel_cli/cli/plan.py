@@ -11,19 +11,18 @@ from stixel_cli.errors import UserError, counted
 
 if TYPE_CHECKING:
     from stixel_cli.results.lineage import Lineage
-    from stixel_cli.sweeps.design import Axis
     from stixel_cli.sweeps.graphs import SweepPlan
 
 
-def print_plan(plan: "SweepPlan", axes: "Sequence[Axis]" = (), json: bool = False) -> None:
+def print_plan(plan: "SweepPlan", json: bool = False) -> None:
     """Print a plan as JSON or as a table."""
-    content = plan_content(plan, axes)
+    content = plan_content(plan)
     if json:
         print_json(content)
         return
     from stixel_cli.engine.parameters import duration
 
-    for axis in axes:
+    for axis in plan.design.axes:
         values = [" ".join(override.text for override in step) for step in axis.steps]
         shown = ", ".join(values[:6]) + (", …" if len(values) > 6 else "")
         say(f"{axis.name}: {counted(len(values), 'value')}: {shown}")
@@ -60,7 +59,7 @@ def estimate_text(seconds: float | None, workers: int, unmeasured: Sequence[str]
     return f"{text}; never measured: {listed(unmeasured)}" if unmeasured else text
 
 
-def plan_content(plan: "SweepPlan", axes: "Sequence[Axis]" = ()) -> dict[str, Any]:
+def plan_content(plan: "SweepPlan") -> dict[str, Any]:
     """A plan in plain types."""
     from stixel_cli.sweeps.graphs import estimated
 
@@ -76,7 +75,7 @@ def plan_content(plan: "SweepPlan", axes: "Sequence[Axis]" = ()) -> dict[str, An
         "seconds": None if seconds is None else round(seconds, 1),
         "unmeasured": unmeasured,
         "workers": plan.executor.workers,
-        "axes": [{"keys": list(axis.keys), "values": len(axis.steps)} for axis in axes],
+        "axes": [{"keys": list(axis.keys), "values": len(axis.steps)} for axis in plan.design.axes],
         "notes": list(plan.notes),
         "stages": [
             vars(stage) | {"seconds": None if stage.seconds is None else round(stage.seconds, 2)}
@@ -147,8 +146,8 @@ def _asked(
     from stixel_cli.results.lineage import read_lineage
     from stixel_cli.results.reader import SWEEP_FILE
     from stixel_cli.sweeps.folder import SweepFolder
-    from stixel_cli.sweeps.graphs import planned_run, planned_sweep
-    from stixel_cli.sweeps.runs import design_runs, sweep_design
+    from stixel_cli.sweeps.graphs import nodes_of_run, plan_runs, plan_sweep, planned_run
+    from stixel_cli.sweeps.runs import sweep_design
     from stixel_cli.sweeps.whole import stored_runs
 
     folder = options.result_folder(what)
@@ -157,13 +156,11 @@ def _asked(
     if folder and (folder / SWEEP_FILE).exists():
         request = SweepFolder(folder).request()
         runs = stored_runs(request, (), TYPED, imports=False)
-        plan = planned_sweep(runs, request.pictures, request.nodes)
+        plan = plan_runs(runs, request.pictures, request.nodes)
         return plan, [read_lineage(run) for run in folder.glob("runs/*")]
     if folder:
         stored = read_stored_run(folder)
         return planned_run(stored.composition, has_pictures(stored)), [stored.lineage]
     design = sweep_design(what, file, trust_code, one_is_enough=True)
-    runs = design_runs(design)
-    if design.axes:
-        return planned_sweep(runs, pictures=False), ()
-    return planned_run(runs[0].composition), ()
+    single = not design.axes
+    return plan_sweep(design, single, nodes_of_run() if single else ()), ()

@@ -109,11 +109,11 @@ def execute(
         KeyError: no such target.
     """
     progress = Progress() if progress is None else progress
-    durations = Durations(store.folder)
     with Lease(store.folder, sorted(graph.ancestors(graph.expand(targets)))) as lease:
         planned = plan(graph, targets, store)
         nodes = [graph.nodes[key] for key in planned.missing]
         _prepare(nodes, store, progress)
+        durations = Durations(store.folder)
         needed_first = graph.ancestors(graph.expand(first))
         nodes_first = [node for node in nodes if node.key in needed_first]
         small = (some for some in (nodes, nodes_first) if _runs_here(executor, some, durations))

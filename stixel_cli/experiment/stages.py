@@ -107,6 +107,7 @@ def _stage(composition: Composition, path: Path, name: str, wiring: dict[str, st
     functions = [f for name in names for f in ((name,) if isinstance(name, str) else name)]
     chosen_by = definition.chosen_by
     kind = attrgetter(f"{chosen_by}.kind")(configuration) if chosen_by else ""
+    called = _stage(composition, path, definition.calls, {}) if definition.calls else None
     named = [path.rpartition(".") for path in definition.files]
     given = [getattr(attrgetter(group)(configuration), key, None) for group, _, key in named]
     files = [Path(name) for name in given if name is not None]
@@ -132,9 +133,8 @@ def _stage(composition: Composition, path: Path, name: str, wiring: dict[str, st
         gives_files=bool(definition.recorded),
         keys=definition.reads,
     )
-    if not definition.calls:
+    if called is None:
         return made
-    called = _stage(composition, path, definition.calls, {})
     return replace(
         made,
         settings=made.settings | {"function": called.function, "settings": dict(called.settings)},
@@ -167,10 +167,11 @@ def _setting(composition: Composition, path: str) -> Any:
     return undisturbed(value) if isinstance(value, Disturbance) else value
 
 
-def experiment_graph(composition: Composition, builder: GraphBuilder | None = None) -> Graph:
-    """The graph of an experiment's nodes; graphs of one `builder` share the parts they can."""
-    builder = builder or GraphBuilder(open_store(composition.configuration.cache).folder)
-    return builder.build(pipeline_stages(composition), scan_count(composition), CHUNK_SIZE)
+def experiment_graph(composition: Composition, store: Store | None = None) -> Graph:
+    """The graph of an experiment's nodes; `store` knows digests, None for the configuration's."""
+    stages, count = pipeline_stages(composition), scan_count(composition)
+    store = open_store(composition.configuration.cache) if store is None else store
+    return GraphBuilder(store.folder).build(stages, count, CHUNK_SIZE)
 
 
 def compared_rows(composition: Composition) -> "Rows | None":
@@ -226,8 +227,8 @@ def computed_stages(
     """
     configuration = composition.configuration
     try:
-        graph = experiment_graph(composition)
         store = open_store(configuration.cache) if store is None else store
+        graph = experiment_graph(composition, store)
         for text in notes_of(composition) if progress is not None else ():
             progress.note(text)
         wanted = [name for name in wanted if name in graph.stages]

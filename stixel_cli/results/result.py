@@ -59,7 +59,7 @@ class RunResult:
         label: name of the run in a legend; in a sweep `key=value …`.
         status: `done`, `failed`, `skipped` or `missing`.
         failure: of a run that failed or was skipped: why; of a listed one: why it is not readable.
-        graph: of this run only; in a sweep, from `graphs.plan_sweep` on.
+        graph: of this run only; in a sweep, from `graphs.plan_runs` on.
         targets: in a sweep, keys of the nodes whose results it requires, the scores first.
         variant: in a study, name of the sweep's variant; "" if it has none.
         load: in a study, returns the result of a stage that the sweep's `results` names, or the

@@ -27,7 +27,7 @@ from stixel_cli.evaluation.metric_table import METRICS, metric
 from stixel_cli.results.result import DONE, RunResult
 from stixel_cli.sweeps.design import SEED
 from stixel_cli.sweeps.folder import SweepRequest
-from stixel_cli.sweeps.graphs import plan_sweep, planned_sweep
+from stixel_cli.sweeps.graphs import check_axes, plan_runs
 from stixel_cli.sweeps.run import run_sweep
 from stixel_cli.sweeps.runs import compose_runs
 
@@ -144,7 +144,7 @@ class Tuning:
             ends = [str(found.low), str(found.high)]
         runs = [self._runs({key: end}, False, 1)[0] for end in ends]
         if len(ends) > 1:
-            planned_sweep([one.numbered(i) for i, one in enumerate(runs)], False)
+            check_axes(plan_runs([one.numbered(i) for i, one in enumerate(runs)]).runs)
         return found
 
     def overrides(self, settings: Mapping[str, str]) -> list[Override]:
@@ -203,7 +203,7 @@ class Tuning:
         if not runs:
             return
         request = SweepRequest("", False, (), (), (), {"command": ""})
-        results = run_sweep(plan_sweep(runs), request, None, True, label).runs
+        results = run_sweep(plan_runs(runs), request, None, True, label).runs
         for trial in (one for one in trials if one in of):
             own = [run for run, owner in zip(results, of, strict=True) if owner is trial]
             trial.values = np.array(

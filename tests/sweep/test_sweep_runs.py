@@ -7,7 +7,7 @@ from stixel_cli.config.compose import compose
 from stixel_cli.config.folders import group_options
 from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.results.reader import yaml_text
-from stixel_cli.sweeps.graphs import check_axes, plan_sweep
+from stixel_cli.sweeps.graphs import check_axes, plan_runs
 from stixel_cli.sweeps.run_files import yaml_of_parts
 
 USERS = group_options()["road_user"]
@@ -122,7 +122,7 @@ def test_an_invalid_line_is_refused(line, said):
     ],
 )
 def test_an_axis_that_no_stage_reads_is_refused(line, said):
-    planned = plan_sweep(sweep_runs([FABRICATED, *line])).runs
+    planned = plan_runs(sweep_runs([FABRICATED, *line])).runs
     with pytest.raises(ConfigurationError) as error:
         check_axes(planned)
     assert said in str(error.value)
@@ -130,10 +130,10 @@ def test_an_axis_that_no_stage_reads_is_refused(line, said):
 
 def test_runs_with_equal_results_are_noted():
     line = ["measurement=fabricated,stixels", "sensor.read_noise=0,1"]
-    (note,) = check_axes(plan_sweep(sweep_runs(line)).runs)
+    (note,) = check_axes(plan_runs(sweep_runs(line)).runs)
     assert "runs 0 and 1 give equal results: measurement=fabricated sensor.read_noise=0" in note
-    assert check_axes(plan_sweep(sweep_runs([FABRICATED, "seed=0,1"])).runs) == []
-    pictured = plan_sweep(sweep_runs([FABRICATED, "pictures.frames=[0],[1]"]), pictures=True).runs
+    assert check_axes(plan_runs(sweep_runs([FABRICATED, "seed=0,1"])).runs) == []
+    pictured = plan_runs(sweep_runs([FABRICATED, "pictures.frames=[0],[1]"]), pictures=True).runs
     assert check_axes(pictured) == []
 
 
