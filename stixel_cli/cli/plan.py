@@ -142,12 +142,13 @@ def _asked(
     what: Sequence[str], file: str | None, trust_code: bool
 ) -> "tuple[SweepPlan, Sequence[Lineage | None]]":
     """The plan of the nodes to explain; the lineages of the runs in the folder to compare with."""
+    from stixel_cli.config.compose import Composer
     from stixel_cli.experiment.run import has_pictures, read_stored_run
     from stixel_cli.results.lineage import read_lineage
     from stixel_cli.results.reader import SWEEP_FILE
     from stixel_cli.sweeps.folder import SweepFolder
-    from stixel_cli.sweeps.graphs import nodes_of_run, plan_runs, plan_sweep, planned_run
-    from stixel_cli.sweeps.runs import sweep_design
+    from stixel_cli.sweeps.graphs import plan_runs, plan_sweep, planned_run
+    from stixel_cli.sweeps.runs import design_runs, sweep_design
     from stixel_cli.sweeps.whole import stored_runs
 
     folder = options.result_folder(what)
@@ -162,5 +163,6 @@ def _asked(
         stored = read_stored_run(folder)
         return planned_run(stored.composition, has_pictures(stored)), [stored.lineage]
     design = sweep_design(what, file, trust_code, one_is_enough=True)
-    single = not design.axes
-    return plan_sweep(design, single, nodes_of_run() if single else ()), ()
+    if design.axes:
+        return plan_sweep(design), ()
+    return planned_run(design_runs(design, Composer())[0].composition), ()

@@ -167,36 +167,32 @@ def _setting(composition: Composition, path: str) -> Any:
     return undisturbed(value) if isinstance(value, Disturbance) else value
 
 
-def experiment_graph(composition: Composition, store: Store | None = None) -> Graph:
-    """The graph of an experiment's nodes; `store` knows digests, None for the configuration's."""
-    stages, count = pipeline_stages(composition), scan_count(composition)
-    store = open_store(composition.configuration.cache) if store is None else store
-    return GraphBuilder(store.folder).build(stages, count, CHUNK_SIZE)
+def experiment_graph(composition: Composition) -> Graph:
+    """The graph of an experiment's nodes."""
+    count, stages = scan_count(composition), pipeline_stages(composition)
+    builder = GraphBuilder(open_store(composition.configuration.cache).folder)
+    return builder.build(stages, count, CHUNK_SIZE)
 
 
-def compared_rows(composition: Composition) -> "Rows | None":
-    """As `calibration.road_pose.compared_rows`; None without recorded images."""
+def compared_rows(
+    composition: Composition, note: Callable[[str], Any] | None = None
+) -> "Rows | None":
+    """As `calibration.road_pose.compared_rows`; None without recorded images.
+
+    `note` is called with what is wrong with the images, or with the rig that is set for them.
+    """
     source, rig = composition.configuration.source, composition.configuration.rig
     if source.kind == "rendered":
         return None
-    from stixel_cli.calibration.road_pose import compared_rows
+    from stixel_cli.calibration.road_pose import compared_rows, contradiction
 
-    return compared_rows(composition.recording, rig.far_disparity, source.check_rectification)
-
-
-def notes_of(composition: Composition) -> Iterator[str]:
-    """Lines about the files of an experiment. Notes of tables and meshes come at the first call."""
-    rows, configuration = compared_rows(composition), composition.configuration
-    if rows and rows.fault:
-        yield rows.fault
-    if configuration.source.kind != "rendered":
-        from stixel_cli.calibration.road_pose import contradiction
-
-        stereo, road = real_image_parameters().stereo, configuration.road
-        told = contradiction(composition.recording, configuration.rig, road, stereo)
-        yield from () if told is None else (told,)
-    while composition.files.notes:
-        yield composition.files.notes.pop(0)
+    rows = compared_rows(composition.recording, rig.far_disparity, source.check_rectification)
+    if note is not None:
+        stereo, road = real_image_parameters().stereo, composition.configuration.road
+        told = contradiction(composition.recording, rig, road, stereo)
+        for text in filter(None, (rows and rows.fault, told)):
+            note(text)
+    return rows
 
 
 @contextmanager
@@ -227,10 +223,10 @@ def computed_stages(
     """
     configuration = composition.configuration
     try:
+        graph = experiment_graph(composition)
         store = open_store(configuration.cache) if store is None else store
-        graph = experiment_graph(composition, store)
-        for text in notes_of(composition) if progress is not None else ():
-            progress.note(text)
+        while composition.files.notes and progress is not None:
+            progress.note(composition.files.notes.pop(0))
         wanted = [name for name in wanted if name in graph.stages]
         needed = graph.ancestors(graph.expand(wanted))
 

@@ -116,12 +116,12 @@ def plan_runs(
     wanted = dict.fromkeys(["scores", *(PICTURES if pictures else ()), *nodes])
     builder, planned = builders(store.folder), []
     for run in runs:
-        stages, count = pipeline_stages(run.composition), scan_count(run.composition)
+        count, stages = scan_count(run.composition), pipeline_stages(run.composition)
         own = builder.build(stages, count, CHUNK_SIZE)
         keys = own.expand([name for name in wanted if name in own.stages])
         planned.append(replace(run, graph=own, targets=tuple(keys)))
     graph = merge(run.graph for run in planned)
-    targets = list(dict.fromkeys(target for run in planned for target in run.targets))
+    targets = [target for run in planned for target in run.targets]
     found = plan(graph, targets, store, verify=False)
     durations = Durations(store.folder)
     return SweepPlan(
@@ -195,9 +195,5 @@ def plan_sweep(
 
 def planned_run(composition: Composition, pictures: bool = True) -> SweepPlan:
     """The plan of one run with all that its folder has, as `plan_runs`."""
-    return plan_runs([planned_as(0, {}, composition)], pictures, nodes_of_run(pictures))
-
-
-def nodes_of_run(pictures: bool = True) -> tuple[str, ...]:
-    """The nodes of one run whose results its folder has, beside its scores and pictures."""
-    return (*RESULTS, OBJECTS, TRACKS, *((CAMERA,) if pictures else ()))
+    nodes = (*RESULTS, OBJECTS, TRACKS, *((CAMERA,) if pictures else ()))
+    return plan_runs([planned_as(0, {}, composition)], pictures, nodes)

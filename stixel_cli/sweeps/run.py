@@ -11,7 +11,7 @@ from stixel_cli.engine.execute import execute
 from stixel_cli.engine.graph import Node
 from stixel_cli.engine.progress import Progress
 from stixel_cli.errors import UserError
-from stixel_cli.experiment.stages import notes_of
+from stixel_cli.experiment.stages import compared_rows
 from stixel_cli.results.folder import figure_files
 from stixel_cli.results.result import DONE, FAILED, SKIPPED, RunResult
 from stixel_cli.sweeps.folder import SUMMARIES, TABLE, SweepFolder, SweepRequest
@@ -199,7 +199,11 @@ class _Sweep:
         executor, graph = self.plan.executor, self.plan.graph
         firsts = [graph.nodes[keys[0]] for keys in graph.stages.values() if keys]
         progress = SweepProgress(waiting, self.take, len(self.runs), label, self._prepare, visible)
-        for text in dict.fromkeys(text for one in waiting for text in notes_of(one.composition)):
+        notes: list[str] = []
+        for composition in (planned.composition for planned in waiting):
+            compared_rows(composition, notes.append)
+            notes += composition.files.notes
+        for text in dict.fromkeys(notes):
             progress.note(text)
         progress.expect(self.plan.durations.by_stage(firsts), executor.workers)
         try:

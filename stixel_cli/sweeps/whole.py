@@ -53,19 +53,18 @@ def new_sweep(
     Raises:
         UserError, SweepInterrupted: as `run_sweep` does.
     """
+    design, options = plan.design, [*(["--pictures"] if plan.pictures else []), *PRESETS.option]
+    request = _requested(plan, shlex.join(["stixel", "sweep", *design.words, *options]))
     missing = [plan.graph.nodes[key] for key in plan.missing] if advice else []
     for text in [*plan.notes, *undeclared_reads(missing)]:
         note(text)
-    design, options = plan.design, [*(["--pictures"] if plan.pictures else []), *PRESETS.option]
-    request = _requested(plan, shlex.join(["stixel", "sweep", *design.words, *options]))
     folder = None
     if results is not None:
         plan.probe()
         swept = [re.split("[./]", key)[-1] for key in design.keys]
         stem = Path(design.file).stem if design.file else joined_name(["sweep", *swept])
-        now = datetime.now(UTC)
-        path = new_folder(results, name, stem, now, lambda path: SweepFolder(path).create(request))
-        folder = SweepFolder(path)
+        now, create = datetime.now(UTC), lambda path: SweepFolder(path).create(request)
+        folder = SweepFolder(new_folder(results, name, stem, now, create))
     return run_sweep(plan, request, folder, visible, fail_fast=fail_fast)
 
 
