@@ -16,8 +16,8 @@ from stixel_cli.cli.sweep import sweep as sweep_command
 from stixel_cli.config.compose import Composer, compose
 from stixel_cli.config.override_checks import read_overrides
 from stixel_cli.engine.store import Store
-from stixel_cli.sweeps.graphs import plan_runs, plan_sweep
-from stixel_cli.sweeps.runs import design_runs, sweep_design
+from stixel_cli.sweeps.graphs import plan_sweep
+from stixel_cli.sweeps.runs import sweep_design
 from stixel_cli.sweeps.whole import new_sweep
 
 RUNS, TRACKER_RUNS = sized((1000, 200), (10, 3))
@@ -50,7 +50,7 @@ def cache(tmp_path, monkeypatch):
 @pytest.mark.parametrize("line", LINES)
 def test_plan(benchmark, cache, capsys, line):
     """`stixel sweep --dry-run` without the start of the process."""
-    plan = plan_sweep(plan_runs(design_runs(sweep_design(LINES[line]))), cache)
+    plan = plan_sweep(sweep_design(LINES[line]))
     for key in plan.needed:
         cache.save(key, None)
     assert len(plan.runs) == RUNS
@@ -65,7 +65,7 @@ def test_plan(benchmark, cache, capsys, line):
 def test_compose(benchmark, how, what):
     """With a composer per configuration, and with one for all."""
     line = [SETTINGS] if what == "keys" else GROUPS
-    texts = [run.overrides for run in design_runs(sweep_design(line))][:TRACKER_RUNS]
+    texts = [run.overrides for run in plan_sweep(sweep_design(line)).runs][:TRACKER_RUNS]
 
     def run(composer):
         if composer is None:
@@ -81,9 +81,9 @@ def test_compose(benchmark, how, what):
 def test_tracker_runs(benchmark, cache, tmp_path, how):
     """100 scans each, two workers; compared with plain calls in one process without a store."""
     line = [*FABRICATED, SETTINGS]
-    made = new_sweep(sweep_design([*FABRICATED, "tracker.sigma_q=30,31"]))
+    made = new_sweep(plan_sweep(sweep_design([*FABRICATED, "tracker.sigma_q=30,31"])))
     assert made.complete
-    plan = plan_sweep(plan_runs(design_runs(sweep_design(line))), cache)
+    plan = plan_sweep(sweep_design(line))
     assert {stage.name for stage in plan.stages if stage.to_run} == {"track", "scores"}
     if how == "sweep":
         result = benchmark.pedantic(
@@ -124,8 +124,8 @@ def test_scores(benchmark, cache, tracker, how):
     from stixel_cli.evaluation.evaluate import evaluate
 
     line = [*FABRICATED, f"tracker={tracker}", "seed=0,1"]
-    assert new_sweep(sweep_design(line)).complete
-    graph = plan_runs(design_runs(sweep_design(line)))[0].graph
+    assert new_sweep(plan_sweep(sweep_design(line))).complete
+    graph = plan_sweep(sweep_design(line)).runs[0].graph
     track, scenario, scans, scores = (
         cache.load(graph.of_stage(name)[0].key) for name in ("track", "scenario", "scans", "scores")
     )
@@ -156,7 +156,7 @@ def test_the_whole_process(tmp_path, cache):
     import subprocess
 
     line = LINES["1,000 settings, simulated"]
-    plan = plan_sweep(plan_runs(design_runs(sweep_design(line))), cache)
+    plan = plan_sweep(sweep_design(line))
     for key in plan.needed:
         cache.save(key, None)
     started = time.perf_counter()

@@ -24,6 +24,7 @@ from stixel_cli.evaluation.scores import Scores
 from stixel_cli.experiment.run import read_stored_run, record_run
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.results.arrays import with_arrays
+from stixel_cli.results.folder import check_results
 from stixel_cli.results.reader import SWEEP_FILE
 from stixel_cli.results.result import RunResult
 from stixel_cli.scene.scenario import Scenario
@@ -155,15 +156,18 @@ def sweep(
         >>> frame.groupby("tracker")["iou_mean"].count().to_dict()
         {'box': 2, 'point': 2}
     """
+    from stixel_cli.sweeps.graphs import plan_sweep
     from stixel_cli.sweeps.runs import sweep_design
     from stixel_cli.sweeps.whole import new_sweep
 
     machine = starmap(override_text, _of_this_machine(workers, cache).items())
     texts = [*_texts((*overrides, settings), last_wins), *machine]
     file = None if file is None else str(file)
-    design = sweep_design(texts, file, trust_code)
     results = None if results is None else Path(results)
-    result = new_sweep(design, results, name, pictures, visible=_visible())
+    if results is not None:
+        check_results(results, name)
+    plan = plan_sweep(sweep_design(texts, file, trust_code), pictures)
+    result = new_sweep(plan, results, name, visible=_visible())
     update_index(results)
     return result
 

@@ -12,22 +12,22 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 49_616
+TOTAL = 49_620
 """Greatest number of lines in all."""
 
 MODULES = 307
 """Greatest number of modules, without `__init__`."""
 
 BUDGET = {
-    "": 1503,
+    "": 1507,
     "answers": 1195,
-    "benchmark": 1021,
+    "benchmark": 1018,
     "calibration": 577,
-    "cli": 3000,
-    "config": 3024,
-    "engine": 4302,
+    "cli": 2992,
+    "config": 3026,
+    "engine": 4303,
     "evaluation": 1728,
-    "experiment": 1472,
+    "experiment": 1470,
     "export": 644,
     "geometry": 413,
     "live": 654,
@@ -41,9 +41,9 @@ BUDGET = {
     "scene": 3549,
     "stereo": 512,
     "stixels": 2248,
-    "studies": 1918,
-    "sweeps": 2303,
-    "tracking": 6745,
+    "studies": 1920,
+    "sweeps": 2306,
+    "tracking": 6750,
     "validation": 1294,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""

@@ -9,8 +9,6 @@ from stixel_cli.benchmark.sequences import Sequence, definitions, planned
 from stixel_cli.border import write_whole, written
 from stixel_cli.engine.cache_folder import Lease
 from stixel_cli.engine.execute import execute
-from stixel_cli.engine.graph import merge
-from stixel_cli.engine.store import open_store
 from stixel_cli.results.folder import json_text
 from stixel_cli.results.lineage import provenance
 from stixel_cli.sweeps.graphs import plan_runs
@@ -35,14 +33,13 @@ def render(
         (folder / MANIFEST).unlink(missing_ok=True)
         for first in range(0, len(chosen), BATCH):
             batch = slice(first, first + BATCH)
-            own = plan_runs(runs[batch], nodes=NODES)
-            configuration = own[0].composition.configuration
-            store, graph = open_store(configuration.cache), merge(run.graph for run in own)
+            plan = plan_runs(runs[batch], nodes=NODES)
+            own, store = plan.runs, plan.store
             targets = [key for run in own for key in run.graph.expand(NODES)]
             label = f"sequences {first + 1} to {first + len(own)} of {len(chosen)}"
             progress = SweepProgress(own, lambda *_: None, label=label, visible=True)
             with Lease(store.folder, targets):
-                execute(graph, targets, store, configuration.executor, progress)
+                execute(plan.graph, targets, store, plan.executor, progress)
                 for sequence, run in zip(chosen[batch], own, strict=True):
                     truth, scans, start = map(store.load, run.graph.expand(NODES))
                     prior = run.composition.configuration.prior

@@ -11,19 +11,18 @@ from stixel_cli.errors import UserError, counted
 
 if TYPE_CHECKING:
     from stixel_cli.results.lineage import Lineage
-    from stixel_cli.sweeps.design import Axis
     from stixel_cli.sweeps.graphs import SweepPlan
 
 
-def print_plan(plan: "SweepPlan", axes: "Sequence[Axis]" = (), json: bool = False) -> None:
+def print_plan(plan: "SweepPlan", json: bool = False) -> None:
     """Print a plan as JSON or as a table."""
-    content = plan_content(plan, axes)
+    content = plan_content(plan)
     if json:
         print_json(content)
         return
     from stixel_cli.engine.parameters import duration
 
-    for axis in axes:
+    for axis in plan.design.axes:
         values = [" ".join(override.text for override in step) for step in axis.steps]
         shown = ", ".join(values[:6]) + (", …" if len(values) > 6 else "")
         say(f"{axis.name}: {counted(len(values), 'value')}: {shown}")
@@ -60,7 +59,7 @@ def estimate_text(seconds: float | None, workers: int, unmeasured: Sequence[str]
     return f"{text}; never measured: {listed(unmeasured)}" if unmeasured else text
 
 
-def plan_content(plan: "SweepPlan", axes: "Sequence[Axis]" = ()) -> dict[str, Any]:
+def plan_content(plan: "SweepPlan") -> dict[str, Any]:
     """A plan in plain types."""
     from stixel_cli.sweeps.graphs import estimated
 
@@ -75,8 +74,8 @@ def plan_content(plan: "SweepPlan", axes: "Sequence[Axis]" = ()) -> dict[str, An
         },
         "seconds": None if seconds is None else round(seconds, 1),
         "unmeasured": unmeasured,
-        "workers": plan.runs[0].composition.configuration.executor.workers,
-        "axes": [{"keys": list(axis.keys), "values": len(axis.steps)} for axis in axes],
+        "workers": plan.executor.workers,
+        "axes": [{"keys": list(axis.keys), "values": len(axis.steps)} for axis in plan.design.axes],
         "notes": list(plan.notes),
         "stages": [
             vars(stage) | {"seconds": None if stage.seconds is None else round(stage.seconds, 2)}
@@ -111,16 +110,13 @@ def explain(
     """
     from stixel_cli.engine.explain import by_stage
     from stixel_cli.engine.explain import explain as explain_nodes
-    from stixel_cli.engine.store import open_store
 
     plan, lineages = _asked(what or [], file, trust_code)
-    targets = list(dict.fromkeys(target for run in plan.runs for target in run.targets))
-    store = open_store(plan.runs[0].composition.configuration.cache)
     keys, code = set(), {}
     for lineage in filter(None, lineages):
         keys |= {key for stage in lineage.stages.values() for key in stage.keys}
         code |= lineage.code or {}
-    missing = explain_nodes(plan.graph, store, targets, (keys, code))
+    missing = explain_nodes(plan.graph, plan.store, plan.targets, (keys, code))
     if json:
         print_json(
             [
@@ -146,11 +142,12 @@ def _asked(
     what: Sequence[str], file: str | None, trust_code: bool
 ) -> "tuple[SweepPlan, Sequence[Lineage | None]]":
     """The plan of the nodes to explain; the lineages of the runs in the folder to compare with."""
+    from stixel_cli.config.compose import Composer
     from stixel_cli.experiment.run import has_pictures, read_stored_run
     from stixel_cli.results.lineage import read_lineage
     from stixel_cli.results.reader import SWEEP_FILE
     from stixel_cli.sweeps.folder import SweepFolder
-    from stixel_cli.sweeps.graphs import planned_run, planned_sweep
+    from stixel_cli.sweeps.graphs import plan_runs, plan_sweep, planned_run
     from stixel_cli.sweeps.runs import design_runs, sweep_design
     from stixel_cli.sweeps.whole import stored_runs
 
@@ -160,13 +157,12 @@ def _asked(
     if folder and (folder / SWEEP_FILE).exists():
         request = SweepFolder(folder).request()
         runs = stored_runs(request, (), TYPED, imports=False)
-        plan = planned_sweep(runs, request.pictures, request.nodes)
+        plan = plan_runs(runs, request.pictures, request.nodes)
         return plan, [read_lineage(run) for run in folder.glob("runs/*")]
     if folder:
         stored = read_stored_run(folder)
         return planned_run(stored.composition, has_pictures(stored)), [stored.lineage]
     design = sweep_design(what, file, trust_code, one_is_enough=True)
-    runs = design_runs(design)
     if design.axes:
-        return planned_sweep(runs, pictures=False), ()
-    return planned_run(runs[0].composition), ()
+        return plan_sweep(design), ()
+    return planned_run(design_runs(design, Composer())[0].composition), ()

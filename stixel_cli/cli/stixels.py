@@ -26,7 +26,7 @@ def stixels(
     """
     from stixel_cli.config.compose import compose
     from stixel_cli.engine.progress import Progress
-    from stixel_cli.experiment.stages import computed_stages
+    from stixel_cli.experiment.stages import compared_rows, computed_stages
     from stixel_cli.results.folder import csv_text, write_whole_folder
     from stixel_cli.results.tables import stixel_columns
 
@@ -37,8 +37,9 @@ def stixels(
     source = composition.resolved["source"]
     named = Path(source.get("left") or source.get("folder") or "run").stem
     target = options.new_file(Path(f"stixels-{named}") if output is None else output)
-    wanted = ["stixels", "camera_pictures"]
-    with computed_stages(composition, wanted, Progress(visible=True)) as (_, load):
+    wanted, progress = ["stixels", "camera_pictures"], Progress(visible=True)
+    compared_rows(composition, progress.note)
+    with computed_stages(composition, wanted, progress) as (_, load):
         chunks, drawn = map(load, wanted)
     if not chunks:
         raise UserError(f"measurement: {composition.choices['measurement']} has no stixels")

@@ -177,10 +177,7 @@ def _tell_what_is_missing(result: "StudyResult", command: str) -> int:
 
 def _planned(plan: "StudyPlan", json: bool) -> dict[str, Any]:
     """The plan in plain types; printed unless `json`."""
-    sweeps = {
-        part.sweep.name: part.plan and plan_content(part.plan, part.design.axes)
-        for part in plan.sweeps
-    }
+    sweeps = {part.sweep.name: part.plan and plan_content(part.plan) for part in plan.sweeps}
     if not json:
         say(*(f"note: {note}" for note in plan.notes))
         for part in plan.sweeps:
@@ -188,7 +185,7 @@ def _planned(plan: "StudyPlan", json: bool) -> dict[str, Any]:
             if part.plan is None:
                 say("its axes depend on the results of the sweeps before")
             else:
-                print_plan(part.plan, part.design.axes)
+                print_plan(part.plan)
             say("")
         say(f"all sweeps{_total([plan])}")
     return {"study": plan.study.name, "notes": list(plan.notes), "sweeps": sweeps}
@@ -201,7 +198,7 @@ def _total(plans: "Iterable[StudyPlan]") -> str:
     parts = [part for plan in plans for part in plan.sweeps]
     known = [part.plan for part in parts if part.plan is not None]
     seconds, unmeasured = estimated(known)
-    workers = known[0].runs[0].composition.configuration.executor.workers
+    workers = known[0].executor.workers
     derived = len(parts) - len(known)
     text = estimate_text(seconds, workers, unmeasured)
     return text + (f", and without {counted(derived, 'derived sweep')}" if derived else "")

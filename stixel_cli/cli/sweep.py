@@ -53,9 +53,9 @@ def sweep(
     from stixel_cli.results.folder import check_results
     from stixel_cli.results.made_here import origin_of
     from stixel_cli.sweeps.design import SEED
-    from stixel_cli.sweeps.graphs import planned_sweep
+    from stixel_cli.sweeps.graphs import plan_sweep
     from stixel_cli.sweeps.index import update_index
-    from stixel_cli.sweeps.runs import design_runs, sweep_design
+    from stixel_cli.sweeps.runs import sweep_design
     from stixel_cli.sweeps.whole import new_sweep, resumed_sweep
 
     started = time.perf_counter()
@@ -67,17 +67,15 @@ def sweep(
             raise UserError(f"--resume continues the sweep of that folder: leave out {option}")
         names = origin_of(resume, trust_code)
         result = resumed_sweep(resume, words, names, True, note=tell, fail_fast=fail_fast)
-    elif dry_run:
-        check_results(results, name)
-        design = sweep_design(words, file, trust_code, over or SEED)
-        plan = planned_sweep(design_runs(design, imports=False), pictures)
-        print_plan(plan, design.axes, json)
-        return 0
     else:
-        design = sweep_design(words, file, trust_code, over or SEED)
-        result = new_sweep(design, results, name, pictures, True, tell, not json, fail_fast)
+        check_results(results, name)
+        plan = plan_sweep(sweep_design(words, file, trust_code, over or SEED), pictures)
+        if dry_run:
+            print_plan(plan, json)
+            return 0
+        result = new_sweep(plan, results, name, True, tell, not json, fail_fast)
     _report(result, json, time.perf_counter() - started)
-    update_index(result.folder.absolute().parent)
+    update_index(results if resume is None else resume.absolute().parent)
     return 0 if result.complete else INCOMPLETE
 
 

@@ -5,7 +5,6 @@ Hydra's: `inner_options` and `sources`, see `conf/experiment/thesis.yaml`.
 """
 
 import json
-import operator
 import os
 import re
 from collections.abc import Collection, Mapping
@@ -13,7 +12,6 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass
 from functools import lru_cache
 from hashlib import sha256
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +23,7 @@ from stixel_cli.config.texts import override_text
 from stixel_cli.engine.cache_folder import make_folder
 from stixel_cli.engine.errors import CacheError
 from stixel_cli.engine.parameters import default_cache_folder
+from stixel_cli.engine.versions import installed_version
 from stixel_cli.errors import BelongsElsewhere, ConfigurationError, UserError
 from stixel_cli.files import read_text, read_yaml_text
 
@@ -36,6 +35,7 @@ MOST_STORED = 2000
 
 INNER, SOURCES = "inner_options", "sources"
 
+_TO_RESOLVE = re.compile(r"\$\{|\?\?\?")
 _REFERENCE = re.compile(r"\$\{([A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*)\}")
 
 
@@ -62,7 +62,7 @@ def compose_options(chosen: tuple[tuple[str, str], ...], state: str) -> Choice:
     Raises:
         ConfigurationError: in one line, if Hydra cannot compose the options.
     """
-    versions = [version(name) for name in ("hydra-core", "omegaconf")]
+    versions = [installed_version(name) for name in ("hydra-core", "omegaconf")]
     key = json.dumps([chosen, state, versions, list(Choice.__annotations__)])
     file = default_cache_folder() / FOLDER / f"{_digest(key)}.json"
     choice = _read(file)
@@ -239,12 +239,12 @@ def _resolved(value: Any, name: str, tree: Mapping[str, Any], pending: tuple[str
 
     A mapping or a list without references is itself: many configurations share it.
     """
+    if isinstance(value, dict | list) and not _TO_RESOLVE.search(repr(value)):
+        return value
     if isinstance(value, dict):
-        found = {k: _resolved(item, f"{name}.{k}", tree, pending) for k, item in value.items()}
-        return value if all(map(operator.is_, found.values(), value.values())) else found
+        return {k: _resolved(item, f"{name}.{k}", tree, pending) for k, item in value.items()}
     if isinstance(value, list):
-        found = [_resolved(item, name, tree, pending) for item in value]
-        return value if all(map(operator.is_, found, value)) else found
+        return [_resolved(item, name, tree, pending) for item in value]
     if value == "???":
         raise ConfigurationError(f"{name}: ??? is a missing value: give one")
     if not isinstance(value, str) or "${" not in value:

@@ -96,10 +96,10 @@ class Composer:
     """Composes configurations one after the other.
 
     Hydra composes each choice of options once; values are then set in plain dicts. Files of `conf/`
-    are taken as they were when the composer was made; each recording is opened once. Equal groups
-    of different configurations are one object, so that derived values can be cached by identity; do
-    not change `resolved`, which they share too. The user's own modules are imported, to check their
-    parameters, unless `imports` is false. Code that a file names is refused, see `Override.origin`.
+    and the user's own modules, which are imported to check their parameters unless `imports` is
+    false, are taken as they were at first; each recording is opened once. Equal groups of different
+    configurations are one object, so that derived values can be cached by identity; do not change
+    `resolved`, which they share too. Code that a file names is refused, see `Override.origin`.
     """
 
     def __init__(self, working_directory: str = "", imports: bool = True):
@@ -108,6 +108,7 @@ class Composer:
         self._working_directory = working_directory
         self._state = folders.conf_state()
         self._parts: dict[tuple[str, str], Any] = {}
+        self._checked: dict[str, dict[str, dict[str, Any]]] = {}
         self._files = UserFiles()
 
     def compose(self, overrides: Sequence[Override]) -> Composition:
@@ -133,7 +134,10 @@ class Composer:
             resolved[group] = with_full_names(group, resolved[group], self._working_directory)
         configuration = _validate(resolved, settings)
         if self._imports and own_options.functions_of(resolved):
-            for group, values in own_options.check_parameters(configuration).items():
+            own = repr([resolved[n] for n in (*own_options.GIVEN, "metrics", "code_folders")])
+            if own not in self._checked:
+                self._checked[own] = own_options.check_parameters(configuration)
+            for group, values in self._checked[own].items():
                 resolved[group] = resolved[group] | values
                 code = replace(getattr(configuration, group), parameters=values)
                 configuration = replace(configuration, **{group: code})

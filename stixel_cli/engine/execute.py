@@ -109,13 +109,13 @@ def execute(
         KeyError: no such target.
     """
     progress = Progress() if progress is None else progress
-    durations = Durations(store.folder)
     with Lease(store.folder, sorted(graph.ancestors(graph.expand(targets)))) as lease:
         planned = plan(graph, targets, store)
         nodes = [graph.nodes[key] for key in planned.missing]
-        _prepare(nodes, store, progress)
         needed_first = graph.ancestors(graph.expand(first))
         nodes_first = [node for node in nodes if node.key in needed_first]
+        _prepare(nodes, store, progress)
+        durations = Durations(store.folder)
         small = (some for some in (nodes, nodes_first) if _runs_here(executor, some, durations))
         here = next(small, [])
         all_here = len(here) == len(nodes)
@@ -139,13 +139,13 @@ def execute(
 
 
 def _prepare(nodes: Sequence[Node], store: Store, progress: Progress) -> None:
-    """Check that Python runs the sources that nodes reach, and can store results."""
+    """Check that Python can store results, and runs the sources that nodes reach."""
+    for text in undeclared_reads(nodes) if progress.advice else ():
+        progress.note(text)
     check_writable(len(nodes), store)
     codes = {id(node.identity.code): node.identity.code for node in nodes}.values()
     save_digests(store.folder)
     check_bytecode({name: file for code in codes for name, (file, _) in code.files.items()})
-    for text in undeclared_reads(nodes) if progress.advice else ():
-        progress.note(text)
 
 
 def make_pool(executor: Executor, nodes: Sequence[Node], here: Sequence[Node]) -> Pool:

@@ -275,11 +275,11 @@ def _in_order(stages: Sequence[Stage]) -> list[Stage]:
     while len(ordered) < len(by_name):
         # Keep the given order where the inputs allow it.
         left = [stage for stage in stages if stage.name not in ordered]
-        ready = [stage for stage in left if ordered.keys() >= set(stage.inputs.values())]
-        if not ready:
+        ready = next((one for one in left if ordered.keys() >= set(one.inputs.values())), None)
+        if ready is None:
             names = ", ".join(stage.name for stage in left)
             raise ValueError(f"stages depend on each other: {names}")
-        ordered[ready[0].name] = ready[0]
+        ordered[ready.name] = ready
     return list(ordered.values())
 
 

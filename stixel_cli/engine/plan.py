@@ -53,9 +53,10 @@ def plan(graph: Graph, targets: Sequence[str], store: Store, verify: bool = True
         CacheError: the store cannot be read.
     """
     ids = graph.expand(targets)
+    needed = frozenset(graph.ancestors(ids))
     stored = store.verify if verify else store.has
     missing = missing_nodes(graph, [key for key in ids if not stored(key)], store)
-    return Plan(graph, tuple(ids), frozenset(graph.ancestors(ids)), tuple(missing))
+    return Plan(graph, tuple(ids), needed, tuple(missing))
 
 
 def missing_nodes(graph: Graph, wanted: Collection[str], store: Store) -> list[str]:

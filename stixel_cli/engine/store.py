@@ -54,7 +54,7 @@ class Store:
 
     def entry(self, key: str) -> Path:
         """The folder of a key's entry, which may not exist."""
-        return self.folder / key[:2] / key
+        return self.folder / f"{key[:2]}/{key}"
 
     def has(self, key: str) -> bool:
         """Whether an entry with valid notes exists. Its value is not read, see `verify`."""

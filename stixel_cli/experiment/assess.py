@@ -56,9 +56,10 @@ def assess(composition: Composition, progress: Progress | None = None) -> Assess
             "assess needs a recording or two images; rendered runs are scored by stixel run"
         )
     wanted = ["camera_pictures", "rig_pictures", "calibration"]
+    rows = compared_rows(composition, progress and progress.note)
     with computed_stages(composition, wanted, progress) as (_, load):
         first = {name: load(name)[0] for name in (*STAGES, *wanted)}
-    image, rows = first["pairs"].left[0], compared_rows(composition)
+    image = first["pairs"].left[0]
     values = {
         "row_difference_px": rows and rows.difference,
         "unknown_share": float((first["free_space"].unknown_row[0] >= 0).mean()),
@@ -201,5 +202,6 @@ def calibrate(composition: Composition, progress: Progress | None = None) -> Rig
     composition = replace(
         composition, configuration=replace(configuration, source=source, rig=exact)
     )
+    compared_rows(composition, progress and progress.note)
     with computed_stages(composition, ["calibration"], progress) as (_, load):
         return load("calibration")[0]

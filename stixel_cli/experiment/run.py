@@ -89,6 +89,9 @@ def _doubts(configuration: Configuration, results: Mapping[str, Any]) -> Iterato
     """What is probably wrong with the user's files, one line each; `results` are of `RESULTS`."""
     scenario, tracker = results["scenario"], configuration.tracker
     measurement, user = configuration.measurement, configuration.road_user
+    if isinstance(tracker, FileTrackParameters):
+        scans, track = results["scans"], results["track"]
+        yield from track_doubts(tracker, scans, track, scenario.target_poses_world)
     if measurement.kind == "file":
         # Shapely is imported for it.
         from stixel_cli.measurements.file_truth import heading_note
@@ -101,9 +104,6 @@ def _doubts(configuration: Configuration, results: Mapping[str, Any]) -> Iterato
 
         doubt = mesh_doubt(user.mesh, user.mesh_scale, user.mesh_up)
         yield from () if doubt is None else (doubt,)
-    if isinstance(tracker, FileTrackParameters):
-        scans, track = results["scans"], results["track"]
-        yield from track_doubts(tracker, scans, track, scenario.target_poses_world)
 
 
 def record_run(
@@ -128,7 +128,7 @@ def record_run(
     if results is not None:
         check_results(results, name)
     now = datetime.now(UTC)
-    rows = compared_rows(composition)
+    rows = compared_rows(composition, progress and progress.note)
     run = run_experiment(composition, progress, on_scores=on_scores)
     if rerun_of is None:
         command = ["stixel", "run", *composition.overrides, *PRESETS.option]

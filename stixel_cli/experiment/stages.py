@@ -107,6 +107,7 @@ def _stage(composition: Composition, path: Path, name: str, wiring: dict[str, st
     functions = [f for name in names for f in ((name,) if isinstance(name, str) else name)]
     chosen_by = definition.chosen_by
     kind = attrgetter(f"{chosen_by}.kind")(configuration) if chosen_by else ""
+    called = _stage(composition, path, definition.calls, {}) if definition.calls else None
     named = [path.rpartition(".") for path in definition.files]
     given = [getattr(attrgetter(group)(configuration), key, None) for group, _, key in named]
     files = [Path(name) for name in given if name is not None]
@@ -132,9 +133,8 @@ def _stage(composition: Composition, path: Path, name: str, wiring: dict[str, st
         gives_files=bool(definition.recorded),
         keys=definition.reads,
     )
-    if not definition.calls:
+    if called is None:
         return made
-    called = _stage(composition, path, definition.calls, {})
     return replace(
         made,
         settings=made.settings | {"function": called.function, "settings": dict(called.settings)},
@@ -169,34 +169,30 @@ def _setting(composition: Composition, path: str) -> Any:
 
 def experiment_graph(composition: Composition) -> Graph:
     """The graph of an experiment's nodes."""
-    stages, count = pipeline_stages(composition), scan_count(composition)
-    folder = open_store(composition.configuration.cache).folder
-    return GraphBuilder(folder).build(stages, count, CHUNK_SIZE)
+    count, stages = scan_count(composition), pipeline_stages(composition)
+    builder = GraphBuilder(open_store(composition.configuration.cache).folder)
+    return builder.build(stages, count, CHUNK_SIZE)
 
 
-def compared_rows(composition: Composition) -> "Rows | None":
-    """As `calibration.road_pose.compared_rows`; None without recorded images."""
+def compared_rows(
+    composition: Composition, note: Callable[[str], Any] | None = None
+) -> "Rows | None":
+    """As `calibration.road_pose.compared_rows`; None without recorded images.
+
+    `note` is called with what is wrong with the images, or with the rig that is set for them.
+    """
     source, rig = composition.configuration.source, composition.configuration.rig
     if source.kind == "rendered":
         return None
-    from stixel_cli.calibration.road_pose import compared_rows
+    from stixel_cli.calibration.road_pose import compared_rows, contradiction
 
-    return compared_rows(composition.recording, rig.far_disparity, source.check_rectification)
-
-
-def notes_of(composition: Composition) -> Iterator[str]:
-    """Lines about the files of an experiment. Notes of tables and meshes come at the first call."""
-    rows, configuration = compared_rows(composition), composition.configuration
-    if rows and rows.fault:
-        yield rows.fault
-    if configuration.source.kind != "rendered":
-        from stixel_cli.calibration.road_pose import contradiction
-
-        stereo, road = real_image_parameters().stereo, configuration.road
-        told = contradiction(composition.recording, configuration.rig, road, stereo)
-        yield from () if told is None else (told,)
-    while composition.files.notes:
-        yield composition.files.notes.pop(0)
+    rows = compared_rows(composition.recording, rig.far_disparity, source.check_rectification)
+    if note is not None:
+        stereo, road = real_image_parameters().stereo, composition.configuration.road
+        told = contradiction(composition.recording, rig, road, stereo)
+        for text in filter(None, (rows and rows.fault, told)):
+            note(text)
+    return rows
 
 
 @contextmanager
@@ -229,8 +225,8 @@ def computed_stages(
     try:
         graph = experiment_graph(composition)
         store = open_store(configuration.cache) if store is None else store
-        for text in notes_of(composition) if progress is not None else ():
-            progress.note(text)
+        while composition.files.notes and progress is not None:
+            progress.note(composition.files.notes.pop(0))
         wanted = [name for name in wanted if name in graph.stages]
         needed = graph.ancestors(graph.expand(wanted))
 

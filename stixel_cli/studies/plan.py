@@ -3,6 +3,7 @@
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from hashlib import sha256
 from typing import Any
 
@@ -12,13 +13,13 @@ from stixel_cli.config.compose import Composer
 from stixel_cli.config.folders import group_options, of_the_machine
 from stixel_cli.config.override_checks import read_overrides
 from stixel_cli.config.overrides import Override, parse
+from stixel_cli.engine.graph import GraphBuilder
 from stixel_cli.errors import BelongsElsewhere, ConfigurationError
 from stixel_cli.results.reader import listed
 from stixel_cli.studies.entry import Axes, SweepEntry
 from stixel_cli.studies.file import StudyFile
 from stixel_cli.sweeps.design import Axis, Design, check_size, has, refuse_equal
-from stixel_cli.sweeps.graphs import SweepPlan, planned_sweep
-from stixel_cli.sweeps.runs import design_runs
+from stixel_cli.sweeps.graphs import SweepPlan, plan_sweep
 
 _NOT_PLAIN = re.compile(r"[^A-Za-z0-9_.+=,-]+")
 _LONGEST_NAME = 100
@@ -93,15 +94,16 @@ def plan_study(study: StudyFile, overrides: Sequence[str]) -> StudyPlan:
         [sweep.name for sweep in study.sweeps],
         [sweep.name for sweep in study.sweeps if sweep.derive is not None],
     )
+    shared = Composer(), cache(GraphBuilder)
     sweeps = tuple(
-        PlannedSweep(sweep, design, None if sweep.derive else _plan(sweep, design))
+        PlannedSweep(sweep, design, None if sweep.derive else _plan(sweep, design, *shared))
         for sweep, design in zip(study.sweeps, designs, strict=True)
     )
     return StudyPlan(study, tuple(overrides), sweeps, tuple(notes))
 
 
-def derived_design(one: PlannedSweep, axes: Axes) -> Design:
-    """The design of a sweep with its derived axes."""
+def derived_sweep(one: PlannedSweep, axes: Axes) -> PlannedSweep:
+    """The sweep with its derived axes."""
     with_axes = one.sweep.design(axes)
     known = {key for axis in one.sweep.design().axes for key in axis.keys}
     new = [axis for axis in with_axes.axes if known.isdisjoint(axis.keys)]
@@ -111,14 +113,14 @@ def derived_design(one: PlannedSweep, axes: Axes) -> Design:
     own = [axis for axis in one.design.axes if derived.isdisjoint(axis.keys)]
     # Before the sweep's own axes, the last of which is the seeds'.
     design = Design(fixed, (*new, *own), one.design.left_out)
-    _plan(one.sweep, design)
-    return design
+    return replace(one, design=design, plan=_plan(one.sweep, design))
 
 
-def _plan(sweep: SweepEntry, design: Design) -> SweepPlan:
+def _plan(sweep: SweepEntry, design: Design, *shared: Any) -> SweepPlan:
+    """The plan of a sweep; `shared` are the composer and the builders of graphs."""
     try:
         check_size(design, one_is_enough=True)
-        plan = planned_sweep(design_runs(design), False, sweep.steps)
+        plan = plan_sweep(design, False, sweep.steps, *shared)
     except ConfigurationError as fault:
         raise ConfigurationError(f"sweep {sweep.name}: {fault}") from None
     for step in sweep.steps:

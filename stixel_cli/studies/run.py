@@ -15,7 +15,6 @@ from stixel_cli.border import TYPED, Origin
 from stixel_cli.config import messages
 from stixel_cli.config.folders import of_the_machine
 from stixel_cli.engine.cache_folder import Lease
-from stixel_cli.engine.store import open_store
 from stixel_cli.errors import UserError
 from stixel_cli.results.reader import SWEEP_FILE
 from stixel_cli.results.result import SKIPPED
@@ -23,14 +22,12 @@ from stixel_cli.studies.data import StudyData, with_stages
 from stixel_cli.studies.file import FUNCTIONS
 from stixel_cli.studies.folder import PAGE, StudyFolder
 from stixel_cli.studies.page import SweepState, study_page
-from stixel_cli.studies.plan import PlannedSweep, StudyPlan, derived_design
+from stixel_cli.studies.plan import PlannedSweep, StudyPlan, derived_sweep
 from stixel_cli.studies.report import Report, study_report
-from stixel_cli.sweeps.design import Design
 from stixel_cli.sweeps.folder import SweepFolder
-from stixel_cli.sweeps.graphs import check_computable
+from stixel_cli.sweeps.graphs import plan_sweep
 from stixel_cli.sweeps.results import SweepResult
 from stixel_cli.sweeps.run import SweepInterrupted
-from stixel_cli.sweeps.runs import design_runs
 from stixel_cli.sweeps.whole import designed_sweep, resumed_sweep
 
 _RESUME = "; resume with: "
@@ -70,7 +67,7 @@ def run_study(
     run = _Study(plan, StudyFolder(folder), command, tell)
     for one in plan.sweeps:
         if one.plan is not None:
-            check_computable(one.plan)
+            one.plan.probe()
     run.folder.begin(plan, command, fresh)
     of_sweeps = (f"{p.sweep.name}: {note}" for p in plan.sweeps if p.plan for note in p.plan.notes)
     for note in (*plan.notes, *of_sweeps):
@@ -100,22 +97,20 @@ class _Study:
         self.plan, self.folder, self.command, self.tell = plan, folder, command, tell
         self.results: dict[str, SweepResult] = {}
         self.started = time.perf_counter()
-        first = next(p.plan.runs[0].composition for p in plan.sweeps if p.plan)
-        self.store = open_store(first.configuration.cache)
+        self.store = next(one.plan.store for one in plan.sweeps if one.plan)
 
     def compute(self, one: PlannedSweep) -> None:
         """Compute a sweep's missing runs, unless its axes depend on an incomplete sweep."""
-        design = one.design
         if one.sweep.derive is not None:
             before = self.plan.sweeps[: self.plan.sweeps.index(one)]
             if any(other.sweep.name not in self._data().sweeps for other in before):
                 return
             with self._leased():
                 axes = self.plan.study.further_axes(one.sweep.derive, self._data())
-            design = derived_design(one, axes)
+            one = derived_sweep(one, axes)
         # A sweep keeps the cache's limit at its end: the results of the sweeps before must stay.
         with self._leased():
-            result = self._sweep(one, design)
+            result = self._sweep(one)
         if result.complete:
             result = with_stages(result, one.sweep, self.store)
         self.results[one.sweep.name] = result
@@ -164,12 +159,12 @@ class _Study:
         }
         return Lease(self.store.folder, sorted(keys))
 
-    def _sweep(self, one: PlannedSweep, design: Design) -> SweepResult:
+    def _sweep(self, one: PlannedSweep) -> SweepResult:
         name = one.sweep.name
         path, label = self.folder.sweep(name), f"{self.plan.study.name} {name}"
         if (path / SWEEP_FILE).exists():
             request = SweepFolder(path).request()
-            texts = [run.overrides for run in design_runs(design)]
+            texts = [run.overrides for run in one.plan.runs]
             # Equal but for overrides of the machine.
             there, wanted = (
                 [[text for text in overrides if not of_the_machine(text)] for overrides in runs]
@@ -189,7 +184,8 @@ class _Study:
         if path.exists():
             shutil.rmtree(path)
         command = shlex.join(["stixel", "sweep", "--resume", str(path)])
-        return designed_sweep(design, path, command, one.sweep.steps, True, label)
+        plan = plan_sweep(one.design, nodes=one.sweep.steps)
+        return designed_sweep(plan, path, command, True, label)
 
     def _state(self, one: PlannedSweep) -> SweepState:
         name, folder = one.sweep.name, self.folder.sweep(one.sweep.name)

@@ -1,12 +1,14 @@
 """The plan of a sweep: its runs as one graph, in which they share the nodes they have in common."""
 
 from collections import defaultdict
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 
-from stixel_cli.config.compose import Composition
+from stixel_cli.config.compose import Composer, Composition
 from stixel_cli.config.folders import of_the_machine
 from stixel_cli.engine.graph import Graph, GraphBuilder, merge
+from stixel_cli.engine.parameters import Executor
 from stixel_cli.engine.plan import Durations, plan, probe
 from stixel_cli.engine.store import Store, open_store
 from stixel_cli.errors import ConfigurationError, counted
@@ -14,8 +16,8 @@ from stixel_cli.experiment.run import CAMERA, OBJECTS, TRACKS
 from stixel_cli.experiment.stages import CHUNK_SIZE, RESULTS, pipeline_stages, scan_count
 from stixel_cli.experiment.table import PICTURES
 from stixel_cli.results.result import RunResult
-from stixel_cli.sweeps.design import SEED
-from stixel_cli.sweeps.runs import equal_runs, planned_as
+from stixel_cli.sweeps.design import SEED, Design
+from stixel_cli.sweeps.runs import design_runs, equal_runs, planned_as
 
 
 @dataclass(frozen=True)
@@ -39,19 +41,55 @@ class SweepPlan:
 
     Attributes:
         runs: all runs.
+        pictures: whether each run requires its pictures.
+        nodes: of the pipelines, whose results are required, too.
         graph: of all runs.
         needed: ids of the nodes that the runs need.
         missing: ids of the nodes to compute, each after its inputs.
-        stages: by stage, in the order of the data.
+        store: where results are.
+        durations: of the stages, as measured so far.
+        design: of the runs, by `plan_sweep`.
         notes: on runs that give equal results.
     """
 
     runs: tuple[RunResult, ...]
+    pictures: bool
+    nodes: tuple[str, ...]
     graph: Graph
     needed: frozenset[str]
     missing: tuple[str, ...]
-    stages: tuple[StagePlan, ...]
+    store: Store
+    durations: Durations
+    design: Design = field(default_factory=lambda: Design((), ()))
     notes: tuple[str, ...] = ()
+
+    @property
+    def executor(self) -> Executor:
+        """Where its nodes run."""
+        return self.runs[0].composition.configuration.executor
+
+    @property
+    def stages(self) -> list[StagePlan]:
+        """The work by stage, in the order of the data."""
+        missing, stages = set(self.missing), []
+        for name, all_keys in self.graph.stages.items():
+            keys = [key for key in all_keys if key in self.needed]
+            to_run = [self.graph.nodes[key] for key in keys if key in missing]
+            if keys:
+                seconds, unknown = self.durations.estimate(to_run)
+                known = seconds if seconds or not unknown else None
+                counts = len(keys), len(keys) - len(to_run), len(to_run)
+                stages.append(StagePlan(name, *counts, known))
+        return stages
+
+    @property
+    def targets(self) -> list[str]:
+        """Keys of the nodes whose results the runs require, each once."""
+        return list(dict.fromkeys(target for run in self.runs for target in run.targets))
+
+    def probe(self) -> None:
+        """Raise UserError for an unusable cache or scheduler, before a folder is created."""
+        probe(len(self.missing), self.store, self.executor)
 
     def complete_runs(self) -> int:
         """Number of runs whose results are all in the store."""
@@ -60,44 +98,34 @@ class SweepPlan:
 
 
 def plan_runs(
-    runs: Sequence[RunResult], pictures: bool = False, nodes: Sequence[str] = ()
-) -> list[RunResult]:
-    """The graphs of the runs; common parts are built once.
+    runs: Sequence[RunResult],
+    pictures: bool = False,
+    nodes: Sequence[str] = (),
+    builders: Callable[[Path], GraphBuilder] = GraphBuilder,
+) -> SweepPlan:
+    """The nodes that the store of the runs' settings lacks; entries are not read.
 
     Each run requires its scores; with `pictures` also its pictures; and the results of those
-    `nodes` that its pipeline has. UserError if a pipeline or an input file is wrong.
+    `nodes` that its pipeline has. `builders` makes the builder of a store's folder.
+
+    Raises:
+        UserError: if a pipeline or an input file is wrong.
+        CacheError: if the store is damaged.
     """
-    builder = GraphBuilder(open_store(runs[0].composition.configuration.cache).folder)
-    planned = []
+    store = open_store(runs[0].composition.configuration.cache)
+    wanted = dict.fromkeys(["scores", *(PICTURES if pictures else ()), *nodes])
+    builder, planned = builders(store.folder), []
     for run in runs:
-        stages = pipeline_stages(run.composition)
-        graph = builder.build(stages, scan_count(run.composition), CHUNK_SIZE)
-        wanted = ["scores", *(PICTURES if pictures else ()), *nodes]
-        names = [name for name in dict.fromkeys(wanted) if name in graph.stages]
-        planned.append(replace(run, graph=graph, targets=tuple(graph.expand(names))))
-    return planned
-
-
-def plan_sweep(runs: Sequence[RunResult], store: Store, notes: Sequence[str] = ()) -> SweepPlan:
-    """The nodes that `store` lacks; entries are not read. CacheError if the store is damaged."""
-    graph = merge(run.graph for run in runs)
-    targets = list(dict.fromkeys(target for run in runs for target in run.targets))
+        count, stages = scan_count(run.composition), pipeline_stages(run.composition)
+        own = builder.build(stages, count, CHUNK_SIZE)
+        keys = own.expand([name for name in wanted if name in own.stages])
+        planned.append(replace(run, graph=own, targets=tuple(keys)))
+    graph = merge(run.graph for run in planned)
+    targets = [target for run in planned for target in run.targets]
     found = plan(graph, targets, store, verify=False)
-    missing, durations, stages = set(found.missing), Durations(store.folder), []
-    for name, all_keys in graph.stages.items():
-        keys = [key for key in all_keys if key in found.needed]
-        to_run = [graph.nodes[key] for key in keys if key in missing]
-        if keys:
-            seconds, unknown = durations.estimate(to_run)
-            known = seconds if seconds or not unknown else None
-            stages.append(StagePlan(name, len(keys), len(keys) - len(to_run), len(to_run), known))
+    durations = Durations(store.folder)
     return SweepPlan(
-        tuple(runs),
-        graph,
-        found.needed,
-        found.missing,
-        tuple(stages),
-        tuple(notes),
+        tuple(planned), pictures, tuple(nodes), graph, found.needed, found.missing, store, durations
     )
 
 
@@ -108,10 +136,8 @@ def estimated(plans: Sequence[SweepPlan]) -> tuple[float | None, list[str]]:
     are unmeasured.
     """
     nodes = {key: plan.graph.nodes[key] for plan in plans for key in plan.missing}
-    configuration = plans[0].runs[0].composition.configuration
-    store = open_store(configuration.cache)
-    seconds, unmeasured = Durations(store.folder).estimate(nodes.values())
-    known = seconds / configuration.executor.workers if seconds or not unmeasured else None
+    seconds, unmeasured = plans[0].durations.estimate(nodes.values())
+    known = seconds / plans[0].executor.workers if seconds or not unmeasured else None
     return known, unmeasured
 
 
@@ -149,26 +175,25 @@ def check_axes(planned: Sequence[RunResult]) -> list[str]:
     return [f"runs {one.index} and {other.index} give equal results: {labels}{more}"]
 
 
-def planned_sweep(
-    runs: Sequence[RunResult], pictures: bool, nodes: Sequence[str] = ()
+def plan_sweep(
+    design: Design,
+    pictures: bool = False,
+    nodes: Sequence[str] = (),
+    composer: Composer | None = None,
+    builders: Callable[[Path], GraphBuilder] = GraphBuilder,
 ) -> SweepPlan:
-    """The plan of runs, with a note on equal ones.
+    """The plan of a design, as `plan_runs`, with a note on runs with equal results.
 
-    UserError if no stage reads an axis, or a file or the cache cannot be read.
+    Sweeps that share `composer` and `builders` read files and code once.
+
+    ConfigurationError for an invalid run, or if no stage reads an axis.
     """
-    planned = plan_runs(runs, pictures, nodes)
-    store = open_store(runs[0].composition.configuration.cache)
-    return plan_sweep(planned, store, check_axes(planned))
+    runs = design_runs(design, composer or Composer())
+    found = plan_runs(runs, pictures, nodes, builders)
+    return replace(found, design=design, notes=tuple(check_axes(found.runs)))
 
 
 def planned_run(composition: Composition, pictures: bool = True) -> SweepPlan:
-    """The plan of one run with all that its folder has; UserError as above."""
+    """The plan of one run with all that its folder has, as `plan_runs`."""
     nodes = (*RESULTS, OBJECTS, TRACKS, *((CAMERA,) if pictures else ()))
-    planned = plan_runs([planned_as(0, {}, composition)], pictures, nodes)
-    return plan_sweep(planned, open_store(composition.configuration.cache))
-
-
-def check_computable(plan: SweepPlan) -> None:
-    """Raise UserError for an unusable cache or scheduler, before a folder is created."""
-    configuration = plan.runs[0].composition.configuration
-    probe(len(plan.missing), open_store(configuration.cache), configuration.executor)
+    return plan_runs([planned_as(0, {}, composition)], pictures, nodes)

@@ -9,11 +9,9 @@ from importlib import import_module
 from stixel_cli.engine.errors import CacheError, MissingEntry, StageFailure
 from stixel_cli.engine.execute import execute
 from stixel_cli.engine.graph import Node
-from stixel_cli.engine.plan import Durations
 from stixel_cli.engine.progress import Progress
-from stixel_cli.engine.store import open_store
 from stixel_cli.errors import UserError
-from stixel_cli.experiment.stages import notes_of
+from stixel_cli.experiment.stages import compared_rows
 from stixel_cli.results.folder import figure_files
 from stixel_cli.results.result import DONE, FAILED, SKIPPED, RunResult
 from stixel_cli.sweeps.folder import SUMMARIES, TABLE, SweepFolder, SweepRequest
@@ -166,8 +164,7 @@ class _Sweep:
 
     def __init__(self, plan: SweepPlan, folder: SweepFolder | None, request: SweepRequest):
         self.plan, self.request = plan, request
-        self.store = open_store(plan.runs[0].composition.configuration.cache)
-        self.folder = folder
+        self.store, self.folder = plan.store, folder
         notes = dict(request.notes)
         self.notes = {"sweep": str(notes.pop("command")), **notes}
         self.runs: dict[int, RunResult] = {}
@@ -199,13 +196,16 @@ class _Sweep:
         waiting = [planned for planned in self.plan.runs if planned.index not in self.runs]
         if not waiting:
             return
-        executor = waiting[0].composition.configuration.executor
-        graph = self.plan.graph
+        executor, graph = self.plan.executor, self.plan.graph
         firsts = [graph.nodes[keys[0]] for keys in graph.stages.values() if keys]
         progress = SweepProgress(waiting, self.take, len(self.runs), label, self._prepare, visible)
-        for text in dict.fromkeys(text for one in waiting for text in notes_of(one.composition)):
+        notes: list[str] = []
+        for composition in (planned.composition for planned in waiting):
+            compared_rows(composition, notes.append)
+            notes += composition.files.notes
+        for text in dict.fromkeys(notes):
             progress.note(text)
-        progress.expect(Durations(self.store.folder).by_stage(firsts), executor.workers)
+        progress.expect(self.plan.durations.by_stage(firsts), executor.workers)
         try:
             execution = execute(
                 graph,

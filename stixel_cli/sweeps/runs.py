@@ -87,15 +87,12 @@ def sweep_design(
     return replace(design, words=tuple(words), over=keys)
 
 
-def design_runs(design: Design, imports: bool = True) -> list[RunResult]:
-    """The runs of a design, in the order of its axes; ConfigurationError for the first fault.
-
-    `imports` allows the import of the user's own functions, to check their parameters.
-    """
+def design_runs(design: Design, composer: Composer) -> list[RunResult]:
+    """The runs of a design, in the order of its axes; ConfigurationError for the first fault."""
     each = [(*design.fixed, *changes) for changes in design.combinations()]
     if not each:
         raise ConfigurationError("leave_out: every run is left out")
-    runs = compose_runs(each, design.keys, Composer(imports=imports))
+    runs = compose_runs(each, design.keys, composer)
     # One composer made them, so equal groups are one object.
     groups = equal_runs(runs, lambda r: (*map(id, vars(r.composition.configuration).values()),))
     for one, other in groups:

@@ -21,14 +21,13 @@ from stixel_cli.config.folders import EXPERIMENT, group_options
 from stixel_cli.config.messages import suggestion
 from stixel_cli.config.override_checks import check_overrides, refuse_twice
 from stixel_cli.config.overrides import Override, parse
-from stixel_cli.engine.store import open_store
 from stixel_cli.errors import ConfigurationError, UserError, printable
 from stixel_cli.evaluation.intervals import LEAST_UNITS
 from stixel_cli.evaluation.metric_table import METRICS, metric
 from stixel_cli.results.result import DONE, RunResult
 from stixel_cli.sweeps.design import SEED
 from stixel_cli.sweeps.folder import SweepRequest
-from stixel_cli.sweeps.graphs import plan_runs, plan_sweep, planned_sweep
+from stixel_cli.sweeps.graphs import check_axes, plan_runs
 from stixel_cli.sweeps.run import run_sweep
 from stixel_cli.sweeps.runs import compose_runs
 
@@ -145,7 +144,7 @@ class Tuning:
             ends = [str(found.low), str(found.high)]
         runs = [self._runs({key: end}, False, 1)[0] for end in ends]
         if len(ends) > 1:
-            planned_sweep([one.numbered(i) for i, one in enumerate(runs)], False)
+            check_axes(plan_runs([one.numbered(i) for i, one in enumerate(runs)]).runs)
         return found
 
     def overrides(self, settings: Mapping[str, str]) -> list[Override]:
@@ -203,9 +202,8 @@ class Tuning:
             runs += [one.numbered(len(runs) + one.index) for one in own]
         if not runs:
             return
-        plan = plan_sweep(plan_runs(runs), open_store(runs[0].composition.configuration.cache))
         request = SweepRequest("", False, (), (), (), {"command": ""})
-        results = run_sweep(plan, request, None, True, label).runs
+        results = run_sweep(plan_runs(runs), request, None, True, label).runs
         for trial in (one for one in trials if one in of):
             own = [run for run, owner in zip(results, of, strict=True) if owner is trial]
             trial.values = np.array(

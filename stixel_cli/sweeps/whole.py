@@ -19,23 +19,21 @@ from stixel_cli.config.texts import override_text
 from stixel_cli.engine.plan import undeclared_reads
 from stixel_cli.errors import ConfigurationError
 from stixel_cli.experiment.run_names import joined_name
-from stixel_cli.results.folder import check_results, new_folder
+from stixel_cli.results.folder import new_folder
 from stixel_cli.results.lineage import provenance
 from stixel_cli.results.reader import SWEEP_FILE
 from stixel_cli.results.result import RunResult
-from stixel_cli.sweeps.design import Design
 from stixel_cli.sweeps.folder import SweepFolder, SweepRequest
-from stixel_cli.sweeps.graphs import SweepPlan, check_computable, planned_sweep
+from stixel_cli.sweeps.graphs import SweepPlan, check_axes, plan_runs
 from stixel_cli.sweeps.results import SweepResult
 from stixel_cli.sweeps.run import run_sweep
-from stixel_cli.sweeps.runs import compose_runs, design_runs, is_done_by
+from stixel_cli.sweeps.runs import compose_runs, is_done_by
 
 
 def new_sweep(
-    design: Design,
+    plan: SweepPlan,
     results: Path | None = None,
     name: str | None = None,
-    pictures: bool = False,
     visible: bool = False,
     note: Callable[[str], Any] = lambda text: None,
     advice: bool = True,
@@ -44,52 +42,41 @@ def new_sweep(
     """Run a sweep.
 
     Args:
-        design: of its runs, by `sweep_design`.
-        results: parent of the sweep's folder; None to write nothing.
+        plan: by `plan_sweep`.
+        results: parent of the sweep's folder, see `check_results`; None to write nothing.
         name: of the sweep's folder; None for the file's name, or the swept keys, and the time.
-        pictures: draw the pictures of every run.
         visible: show progress on stderr.
         note: called with notes on the axes before anything runs.
         advice: note files that the user's code may read without declaring them, too.
         fail_fast: see `run_sweep`.
 
     Raises:
-        UserError, SweepInterrupted: as `run_sweep` does; for invalid runs before any computation.
+        UserError, SweepInterrupted: as `run_sweep` does.
     """
-    if results is not None:
-        check_results(results, name)
-    options = [*(["--pictures"] if pictures else []), *PRESETS.option]
-    command = shlex.join(["stixel", "sweep", *design.words, *options])
-    plan, request = _requested(design, command, pictures)
+    design, options = plan.design, [*(["--pictures"] if plan.pictures else []), *PRESETS.option]
+    request = _requested(plan, shlex.join(["stixel", "sweep", *design.words, *options]))
     missing = [plan.graph.nodes[key] for key in plan.missing] if advice else []
     for text in [*plan.notes, *undeclared_reads(missing)]:
         note(text)
-    if results is None:
-        return run_sweep(plan, request, None, visible, fail_fast=fail_fast)
-    swept = [re.split("[./]", key)[-1] for key in design.keys]
-    stem = Path(design.file).stem if design.file else joined_name(["sweep", *swept])
-    check_computable(plan)
-    now = datetime.now(UTC)
-    folder = new_folder(results, name, stem, now, lambda path: SweepFolder(path).create(request))
-    return run_sweep(plan, request, SweepFolder(folder), visible, fail_fast=fail_fast)
+    folder = None
+    if results is not None:
+        plan.probe()
+        swept = [re.split("[./]", key)[-1] for key in design.keys]
+        stem = Path(design.file).stem if design.file else joined_name(["sweep", *swept])
+        now, create = datetime.now(UTC), lambda path: SweepFolder(path).create(request)
+        folder = SweepFolder(new_folder(results, name, stem, now, create))
+    return run_sweep(plan, request, folder, visible, fail_fast=fail_fast)
 
 
 def designed_sweep(
-    design: Design,
-    path: Path,
-    command: str,
-    nodes: Sequence[str] = (),
-    visible: bool = False,
-    label: str = "",
+    plan: SweepPlan, path: Path, command: str, visible: bool = False, label: str = ""
 ) -> SweepResult:
-    """Run the sweep of a design in the new folder `path`, as `new_sweep` does.
+    """Run a planned sweep in the new folder `path`, as `new_sweep` does.
 
-    `command` is the command line to record; `nodes` are required in addition to the scores, see
-    `SweepRequest`; `label` is the prefix of the progress on stderr.
+    `command` is the command line to record; `label` is the prefix of the progress on stderr.
     """
-    plan, request = _requested(design, command, nodes=nodes)
-    check_computable(plan)
-    folder = SweepFolder(path)
+    request, folder = _requested(plan, command), SweepFolder(path)
+    plan.probe()
     folder.create(request)
     return run_sweep(plan, request, folder, visible, label)
 
@@ -119,7 +106,8 @@ def resumed_sweep(
     folder = SweepFolder(path)
     request = folder.request()
     runs = stored_runs(request, overrides, names, imports=True)
-    plan = planned_sweep(runs, request.pictures, request.nodes)
+    plan = plan_runs(runs, request.pictures, request.nodes)
+    check_axes(plan.runs)
     origin = _origin(str(request.notes.get("command", path.name)))
     finished = folder.finished(len(runs))
     there = [one for one in plan.runs if one.index in finished]
@@ -142,22 +130,17 @@ def resumed_sweep(
     return run_sweep(plan, request, folder, visible, label, finished, fail_fast)
 
 
-def _requested(
-    design: Design, command: str, pictures: bool = False, nodes: Sequence[str] = ()
-) -> tuple[SweepPlan, SweepRequest]:
-    """The plan and the request of a design."""
-    runs = design_runs(design)
-    plan = planned_sweep(runs, pictures, nodes)
-    request = SweepRequest(
-        axes=tuple(axis.keys for axis in design.axes),
-        runs=tuple(with_own_values(o.overrides, o.composition.resolved) for o in runs),
-        pictures=pictures,
-        nodes=tuple(nodes),
+def _requested(plan: SweepPlan, command: str) -> SweepRequest:
+    """The request of a planned design, with the command line to record."""
+    return SweepRequest(
+        axes=tuple(axis.keys for axis in plan.design.axes),
+        runs=tuple(with_own_values(o.overrides, o.composition.resolved) for o in plan.runs),
+        pictures=plan.pictures,
+        nodes=plan.nodes,
         working_directory=os.getcwd(),
         notes=_origin(command),
-        over=design.over,
+        over=plan.design.over,
     )
-    return plan, request
 
 
 def _origin(command: str) -> dict[str, Any]:

@@ -26,6 +26,15 @@ def keys(*words):
     return {name: nodes[0].key for name in graph.stages if (nodes := graph.of_stage(name))}
 
 
+def test_a_dry_run_plans_what_the_sweep_computes(own, capsys):
+    # The parameters that the line leaves at their defaults are in the keys, too.
+    line = [*QUICK, THREADS, f"tracker={own.name}:track", "tracker.alpha=0.25,0.5"]
+    assert main(["sweep", *line, "--results", str(own.results)]) == 0
+    capsys.readouterr()
+    assert main(["sweep", "--dry-run", "--json", *line]) == 0
+    assert json.loads(capsys.readouterr().out)["nodes"]["to_run"] == 0
+
+
 @pytest.mark.parametrize("executor", ["threads", "local"])
 @pytest.mark.workers
 def test_every_kind_of_worker_finds_the_module(executor, own, capsys):

@@ -3,6 +3,7 @@
 import pytest
 
 from stixel_cli.border import TYPED
+from stixel_cli.config.compose import Composer
 from stixel_cli.config.overrides import parse
 from stixel_cli.errors import ConfigurationError
 from stixel_cli.studies.plan import overridden
@@ -40,7 +41,7 @@ def test_an_override_applies_to_sweeps_all_of_whose_runs_accept_it():
     sweeps = [TRACKING, STEREO_ONLY, rays]
     designs, notes = overridden(sweeps, [text], ["tracking", "stereo", "rays"])
     assert designs[:2] == sweeps[:2] and text in texts_of(designs[2])
-    assert len(design_runs(designs[2])) == 2
+    assert len(design_runs(designs[2], Composer())) == 2
     (note,) = notes
     assert note.startswith(f"{text}: left out of sweeps tracking and stereo: measurement/noise: ")
 

@@ -10,7 +10,7 @@ from stixel_cli.sweeps.run import SweepProgress
 
 def test_runs_and_nodes_are_counted(capsys):
     line = ["measurement=fabricated", "seed=1,2,3"]
-    waiting = plan_runs(sweep_runs(line))
+    waiting = plan_runs(sweep_runs(line)).runs
     complete = []
     progress = SweepProgress(waiting, lambda run, seconds: complete.append(run), 2)
     progress.expect({"track": 4.0}, workers=2)
@@ -35,7 +35,7 @@ def test_runs_and_nodes_are_counted(capsys):
 
 
 def test_the_end_of_a_sweep_is_prepared_once_after_its_first_nodes_started():
-    waiting = plan_runs(sweep_runs(["measurement=fabricated", "seed=1,2"]))
+    waiting = plan_runs(sweep_runs(["measurement=fabricated", "seed=1,2"])).runs
     calls = []
     progress = SweepProgress(waiting, lambda *_: None, prepare=lambda: calls.append("now"))
     progress.begin([one.graph.nodes[one.targets[0]] for one in waiting], cached=0)

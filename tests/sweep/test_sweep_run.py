@@ -163,5 +163,5 @@ def test_json_has_the_full_folder_and_show_fits_the_terminal(sweeps, tmp_path, c
 
 def test_a_taken_name_is_refused_before_anything_is_planned(sweeps, monkeypatch):
     (sweeps.results / "mine").mkdir(parents=True)
-    monkeypatch.setattr("stixel_cli.sweeps.whole.design_runs", None)
+    monkeypatch.setattr("stixel_cli.sweeps.graphs.design_runs", None)
     assert "choose another --name" in sweeps.refused(*FEW, "seed=0,1", "--name", "mine")

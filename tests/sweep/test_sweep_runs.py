@@ -122,7 +122,7 @@ def test_an_invalid_line_is_refused(line, said):
     ],
 )
 def test_an_axis_that_no_stage_reads_is_refused(line, said):
-    planned = plan_runs(sweep_runs([FABRICATED, *line]))
+    planned = plan_runs(sweep_runs([FABRICATED, *line])).runs
     with pytest.raises(ConfigurationError) as error:
         check_axes(planned)
     assert said in str(error.value)
@@ -130,10 +130,10 @@ def test_an_axis_that_no_stage_reads_is_refused(line, said):
 
 def test_runs_with_equal_results_are_noted():
     line = ["measurement=fabricated,stixels", "sensor.read_noise=0,1"]
-    (note,) = check_axes(plan_runs(sweep_runs(line)))
+    (note,) = check_axes(plan_runs(sweep_runs(line)).runs)
     assert "runs 0 and 1 give equal results: measurement=fabricated sensor.read_noise=0" in note
-    assert check_axes(plan_runs(sweep_runs([FABRICATED, "seed=0,1"]))) == []
-    pictured = plan_runs(sweep_runs([FABRICATED, "pictures.frames=[0],[1]"]), pictures=True)
+    assert check_axes(plan_runs(sweep_runs([FABRICATED, "seed=0,1"])).runs) == []
+    pictured = plan_runs(sweep_runs([FABRICATED, "pictures.frames=[0],[1]"]), pictures=True).runs
     assert check_axes(pictured) == []
 
 
