@@ -24,13 +24,6 @@ SMALL = ("stereo.nearest=1.6", "occupancy.nearest=3")
 HERE = "executor=threads"
 
 
-@pytest.fixture(scope="module")
-def clip(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("clip")
-    make_clip(folder)
-    return folder
-
-
 def of(folder, *more):
     given = ("source=kitti_tracking", f"source.folder={folder}", "source.sequence=0003")
     return [*given, "source.target=0", *more]
