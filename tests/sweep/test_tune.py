@@ -53,6 +53,7 @@ def test_trials_depend_on_no_worker_and_an_interrupted_tuning_continues(
     page = Path("results/one/index.html").read_text()
     assert "importance for mean NEES" in page and page.count("</svg>") == 2
 
+    monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "other"))
     run_sweep, calls = tuning.run_sweep, []
 
     def interrupted(*given):
