@@ -1,6 +1,5 @@
 """KITTI as one downloads it: oxts of the tracking benchmark, raw drives, files of results."""
 
-import os
 import shutil
 from pathlib import Path
 
@@ -8,6 +7,7 @@ import numpy as np
 import pytest
 from made_clip import tracking, truth_of
 from made_drive import make_drive, make_official
+from real_data import DATA
 from scipy.spatial.transform import Rotation
 
 from stixel_cli import compose
@@ -18,7 +18,6 @@ from stixel_cli.recordings.kitti_tables import read_calibration, read_labels
 from stixel_cli.recordings.kitti_tables import read_poses as read_own_poses
 from stixel_cli.recordings.parameters import LabelledFolder
 
-DATA = Path(os.environ.get("STIXEL_DATA", "../shared/data"))
 CLIP = DATA / "kitti_tracking/training"
 OXTS = DATA / "kitti_tracking_oxts/0005.txt"
 
