@@ -8,31 +8,10 @@ import stixel_cli
 PACKAGE = Path(stixel_cli.__file__).parent
 
 ORDER = (
-    "cli",
-    "live",
-    "benchmark",
-    "studies",
-    "export",
-    "sweeps",
-    "experiment",
-    "machine",
-    "config",
-    "answers",
-    "report",
-    "pictures",
-    "results",
-    "validation",
-    "calibration",
-    "evaluation",
-    "tracking",
-    "measurements",
-    "stixels",
-    "stereo",
-    "recordings",
-    "rendering",
-    "scene",
-    "geometry",
-)
+    "cli", "live", "benchmark", "studies", "export", "sweeps", "experiment", "machine", "config",
+    "answers", "report", "pictures", "results", "validation", "calibration", "evaluation",
+    "tracking", "measurements", "stixels", "stereo", "recordings", "rendering", "scene", "geometry",
+)  # fmt: skip
 """From the top. `engine` stands apart, and modules of the top level may be used by all."""
 
 

@@ -112,10 +112,7 @@ def test_differences_from_the_best_hold_together():
 
 
 def test_a_ratio_is_compared_with_a_stated_reference_alone():
-    values = {
-        "a": {"turn": [1.0, 1.1, 0.9, 1.0, 1.05]},
-        "b": {"turn": [3.0, 3.1, 2.9, 3.0, 3.05]},
-    }
+    values = {"a": {"turn": [1.0, 1.1, 0.9, 1.0, 1.05]}, "b": {"turn": [3.0, 3.1, 2.9, 3.0, 3.05]}}
     nees = "nees_position_mean"
     assert "b +2.00" in of_values(values, nees).ask(metric=nees, reference="a").sentence
     assert "minus" not in of_values(values, nees).ask(metric=nees).sentence

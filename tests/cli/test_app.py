@@ -88,23 +88,24 @@ def test_version(capsys):
     assert capsys.readouterr().out == f"stixel {__version__}\n"
 
 
-def test_help_imports_nothing_heavy():
-    program = (
-        "import sys; from stixel_cli.cli.app import app, main; main(['--help']); "
-        "heavy = 'numpy hydra omegaconf pydantic rich yaml scipy cv2 numba matplotlib open3d'; "
-        "sys.exit([name for name in heavy.split() if name in sys.modules] or 0)"
+@pytest.mark.parametrize(
+    ("program", "heavy"),
+    [
+        (
+            "from stixel_cli.cli.app import app, main; main(['--help'])",
+            "numpy hydra omegaconf pydantic rich yaml scipy cv2 numba matplotlib open3d",
+        ),
+        (
+            "from stixel_cli.config.compose import compose; compose(['seed=1'])",
+            "scipy cv2 numba matplotlib open3d shapely joblib",
+        ),
+    ],
+)
+def test_help_and_composition_import_nothing_heavy(program, heavy):
+    check = f"sys.exit([name for name in {heavy.split()} if name in sys.modules] or 0)"
+    done = subprocess.run(
+        [sys.executable, "-c", f"import sys; {program}; {check}"], capture_output=True, text=True
     )
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-
-
-def test_composition_imports_nothing_heavy():
-    program = (
-        "import sys; from stixel_cli.config.compose import compose; compose(['seed=1']); "
-        "heavy = 'scipy cv2 numba matplotlib open3d shapely joblib'; "
-        "sys.exit([name for name in heavy.split() if name in sys.modules] or 0)"
-    )
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
 
 
@@ -157,13 +158,22 @@ def test_wrong_usage_is_one_line(line, message, capsys):
     assert message in said.err
 
 
-def test_known_errors_are_one_line(stand_in, capsys):
-    def body(*arguments):
-        raise UserError("rig.file: cannot\nbe read")
+def raising(error):
+    """The body of a command that fails."""
 
-    stand_in(body)
+    def body(*arguments, **options):
+        raise error
+
+    return body
+
+
+def test_known_errors_and_ctrl_c_are_one_line(stand_in, capsys):
+    stand_in(raising(UserError("rig.file: cannot\nbe read")))
     assert main(["run"]) == 2
     assert capsys.readouterr().err == "stixel: rig.file: cannot be read\n"
+    stand_in(raising(KeyboardInterrupt))
+    assert main(["run"]) == 130
+    assert capsys.readouterr().err.count("\n") == 1
 
 
 @pytest.mark.parametrize("line", ["ls {}", "sweep --resume {}", "verify {}", "study {}"])
@@ -175,10 +185,7 @@ def test_a_path_that_no_disk_takes_is_one_line(line, capsys):
 
 
 def test_a_crash_leaves_a_log(stand_in, capsys, tmp_path, monkeypatch):
-    def body(*arguments):
-        raise ZeroDivisionError("of\nall things")
-
-    stand_in(body)
+    stand_in(raising(ZeroDivisionError("of\nall things")))
     monkeypatch.setattr("platformdirs.user_log_path", lambda *_, **__: tmp_path)
     assert main(["run"]) == 1
     said = capsys.readouterr().err
@@ -198,11 +205,7 @@ def test_a_stage_that_fails_is_shown_with_file_line_and_code(
         "    gain = self.alphaa\n           ^^^^\n"
         f'  File "{json.__file__}", line 1, in loads\n    raise\nAttributeError: alphaa\n'
     )
-
-    def body(*arguments):
-        raise StageFailure("track", "track", AttributeError("alphaa"), text)
-
-    stand_in(body)
+    stand_in(raising(StageFailure("track", "track", AttributeError("alphaa"), text)))
     monkeypatch.setattr("platformdirs.user_log_path", lambda *_, **__: tmp_path)
     assert main(["run"]) == 1
     said = capsys.readouterr().err
@@ -240,27 +243,12 @@ def test_sigterm_ends_a_run_in_one_line(tmp_path):
 
 
 def test_a_crash_without_a_log_is_shown(stand_in, capsys, monkeypatch):
-    def body(*arguments):
-        raise ZeroDivisionError
-
-    def full(*_, **__):
-        raise OSError("disk full")
-
-    stand_in(body)
-    monkeypatch.setattr("platformdirs.user_log_path", full)
+    stand_in(raising(ZeroDivisionError))
+    monkeypatch.setattr("platformdirs.user_log_path", raising(OSError("disk full")))
     assert main(["run"]) == 1
     said = capsys.readouterr().err
     assert "disk full" in said
     assert "Traceback" in said
-
-
-def test_ctrl_c(stand_in, capsys):
-    def body(*arguments):
-        raise KeyboardInterrupt
-
-    stand_in(body)
-    assert main(["run"]) == 130
-    assert capsys.readouterr().err.count("\n") == 1
 
 
 def test_reader_that_goes_away_is_no_crash():

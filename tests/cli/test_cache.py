@@ -100,6 +100,10 @@ def test_ls_counts_what_is_damaged(store, capsys):
     assert said.err.count("\n") == 1
     assert main(["cache", "ls"]) == 0
     assert capsys.readouterr().err == ""
+    (store.entry("2" * 64) / META).write_text("{")
+    assert main(["cache", "verify"]) == 1
+    said = capsys.readouterr().out
+    assert "4 results read, 1 is bad" in said and "2" * 12 in said
 
 
 def test_notes_that_were_altered_are_bad_though_they_are_valid(store, capsys):
@@ -116,14 +120,6 @@ def test_clear(store, capsys):
     assert answer(capsys, "clear", "--yes")["removed"] == 6
     assert left(store) == []
     assert [path for path in store.folder.iterdir() if len(path.name) == 2] == []
-
-
-def test_clear_asks_nobody_where_there_is_no_terminal(store, capsys):
-    assert main(["cache", "clear"]) == 2
-    said = capsys.readouterr().err
-    assert said.count("\n") == 1
-    assert "add --yes" in said
-    assert left(store) == [0, 1, 2, 3, 4, 5]
 
 
 class Terminal(io.StringIO):
@@ -146,9 +142,8 @@ def test_clear_asks_on_a_terminal(store, monkeypatch, words, code, kept):
     ("words", "said"),
     [
         (("gc", "--max-size", "much"), "--max-size: 'much' is not a valid size: write 500MB"),
-        (("gc", "--max-size", "-1GB"), "--max-size: '-1GB' is not a valid size"),
         (("gc", "--older-than", "old"), "--older-than: 'old' is not a valid age: write"),
-        (("gc", "--older-than", "30"), "--older-than: '30' is not a valid age"),
+        (("clear",), "add --yes"),
         ((), "missing command"),
         (("lss",), "did you mean ls?"),
         (("verify", "all"), "unexpected extra argument"),
@@ -173,16 +168,3 @@ def test_a_cache_that_is_no_folder(tmp_path, capsys, monkeypatch):
         assert code in (0, 2)
         assert said.err.count("\n") == (1 if code else 0)
     assert (tmp_path / "file").read_text() == "mine"
-
-
-def test_verify_names_an_entry_whose_notes_are_damaged(capsys, tmp_path, monkeypatch):
-    monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "cache"))
-    few = ("measurement=fabricated", "path.duration=0.3", "pictures.frames=[0]")
-    assert main(["run", *few, "--results", str(tmp_path / "results")]) == 0
-    notes = sorted((tmp_path / "cache").glob("*/*/meta.json"))
-    notes[0].write_text("{")
-    capsys.readouterr()
-    assert main(["cache", "verify"]) == 1
-    told = capsys.readouterr().out
-    assert f"{len(notes)} results read, 1 is bad" in told
-    assert notes[0].parent.name[:12] in told

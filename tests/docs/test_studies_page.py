@@ -15,11 +15,7 @@ def test_pages_have_the_answers_and_the_tables(tmp_path):
     (folder / "report.json").write_text(json.dumps({"answer": ["Car: 0.12 <m>.", "Details."]}))
     (folder / "tables/held_out-car.md").write_text("| contour | 0.93 |\n\n- Words.\n")
     (folder / "tables/peers-car.md").write_text("| contour | 0.99 |\n")
-    study = {
-        "title": "How",
-        "command": "stixel study accuracy",
-        "git": {"revision": "0123456789"},
-    }
+    study = {"title": "How", "command": "stixel study accuracy", "git": {"revision": "0123456789"}}
     (folder / "study.yaml").write_text(yaml.safe_dump(study))
     script = runpy.run_path(str(SCRIPT))
     places = script["main"].__globals__

@@ -140,12 +140,10 @@ def test_without_truth_scores_are_left_out_and_the_start_comes_from_the_scans(ma
     assert np.isnan(read_scored_run(folder).scores.iou).all()
 
 
-@pytest.mark.parametrize("command", ["ls", "verify --cached", "run", "explain"])
-def test_a_run_without_truth_is_a_run_like_any_other(command, made, shared, tmp_path, capsys):
-    name = f"blind-{command[:4]}"
-    run_json(capsys, shared, *from_files(made, None), "pictures.frames=[]", "--name", name)
-    extra = ["--results", str(tmp_path)] if command == "run" else []
-    assert main([*command.split(), *extra, str(shared / name)]) == 0, capsys.readouterr().err
+def test_a_run_without_truth_is_a_run_like_any_other(made, shared, tmp_path, capsys):
+    run_json(capsys, shared, *from_files(made, None), "pictures.frames=[]", "--name", "any")
+    for command in ("ls", "verify --cached", f"run --results {tmp_path}", "explain"):
+        assert main([*command.split(), str(shared / "any")]) == 0, capsys.readouterr().err
 
 
 def test_runs_with_and_without_truth_are_compared_and_played(made, shared, tmp_path, capsys):

@@ -113,23 +113,19 @@ def test_the_code_of_all_modules_that_it_reaches_is_in_the_key(own):
     assert keys("tracker=point") == keys("tracker=point")
 
 
-def test_an_edit_between_two_runs_of_one_process_takes_effect(own):
-    words = [*QUICK, THREADS, f"tracker={own.name}:track"]
-    first = run(words)
-    (own.folder / f"{own.helper}.py").write_text("OFFSET = 3.0\n")
-    second = run(words)
-    np.testing.assert_allclose(second.track.means[:, 0] - first.track.means[:, 0], 1.0)
-
-
-def test_a_module_of_the_same_name_in_another_folder_is_another_module(own, tmp_path, monkeypatch):
+def test_an_edit_and_another_folder_take_effect_in_the_same_process(own, tmp_path, monkeypatch):
     words = [*QUICK, THREADS, f"tracker={own.name}:track"]
     first = run(words)
     other = tmp_path / "other"
     shutil.copytree(own.folder, other, ignore=shutil.ignore_patterns("__pycache__"))
+    (own.folder / f"{own.helper}.py").write_text("OFFSET = 3.0\n")
+    edited = run(words)
+    np.testing.assert_allclose(edited.track.means[:, 0] - first.track.means[:, 0], 1.0)
+    # A module of the same name in another folder is another module.
     (other / f"{own.helper}.py").write_text("OFFSET = 5.0\n")
     monkeypatch.chdir(other)
-    second = run(words)
-    np.testing.assert_allclose(second.track.means[:, 0] - first.track.means[:, 0], 2.0)
+    moved = run(words)
+    np.testing.assert_allclose(moved.track.means[:, 0] - first.track.means[:, 0], 2.0)
 
 
 def test_the_folders_name_is_not_in_the_key(own, tmp_path, monkeypatch):

@@ -95,15 +95,6 @@ def test_all_values_of_parameters_are_stored_and_compared(own, words, capsys):
     assert {stage["status"] for stage in again["stages"]} == {"cached"}
 
 
-def test_a_sweep_keeps_the_values_that_its_runs_had(own, words, capsys):
-    line = ["sweep", "--results", str(own.results), "--name", "s", *words, "seed=0,1"]
-    assert main(line) == 0
-    request = yaml.safe_load((own.results / "s" / "sweep.yaml").read_text())
-    assert {"tracker.alpha=0.5", "tracker.mode=near"} <= set(request["runs"][0])
-    assert main(["sweep", "--resume", str(own.results / "s"), "--trust-code"]) == 0
-    assert "out of date" not in capsys.readouterr().err
-
-
 def test_defaults_that_a_yaml_file_cannot_have_are_left_out():
     def plain(scans, alpha=0.5, pair=(1, 2), array=object(), text="a"):  # noqa: B008
         pass
@@ -130,15 +121,17 @@ def test_the_modules_are_stored_and_others_are_named(own, words, capsys):
         assert lines == [f"stixel: {own.helper}: is not as in {folder / 'code'}: today's is used"]
 
 
-def test_a_sweep_stores_the_modules_once(own, words):
+def test_a_sweep_keeps_the_values_of_its_runs_and_the_modules_once(own, words, capsys):
     line = ["sweep", "--results", str(own.results), "--name", "s", *words, "seed=0,1"]
     assert main(line) == 0
-    (copy,) = (own.results / "s" / "code").glob(f"*/{own.helper}.py")
-    assert copy.read_text() == "OFFSET = 1.0\n"
-    (own.folder / f"{own.helper}.py").write_text("OFFSET = 2.0\n")
-    assert main(["sweep", "--resume", str(own.results / "s"), "--trust-code"]) == 0
-    (copy,) = (own.results / "s" / "code").glob(f"*/{own.helper}.py")
-    assert copy.read_text() == "OFFSET = 2.0\n"
+    request = yaml.safe_load((own.results / "s" / "sweep.yaml").read_text())
+    assert {"tracker.alpha=0.5", "tracker.mode=near"} <= set(request["runs"][0])
+    for value in (1.0, 2.0):
+        (own.folder / f"{own.helper}.py").write_text(f"OFFSET = {value}\n")
+        assert main(["sweep", "--resume", str(own.results / "s"), "--trust-code"]) == 0
+        assert ("out of date" in capsys.readouterr().err) == (value == 2.0)
+        (copy,) = (own.results / "s" / "code").glob(f"*/{own.helper}.py")
+        assert copy.read_text() == f"OFFSET = {value}\n"
 
 
 def test_the_repository_of_a_module_is_stored_with_its_changes(own, words, monkeypatch):

@@ -28,6 +28,9 @@ PRESETS = [
     if group not in OWN_PRESETS and (group, option) not in OF_FILES
 ]
 PATHS = [option for group, option in PRESETS if group == "path"]
+USERS = group_options()["road_user"]
+RUNS = [("car", path) for path in PATHS] + [(user, "stop_and_go") for user in USERS[1:]]
+"""Each path and each road user once; every pair's motion: `tests/scene/test_path.py`."""
 
 
 @pytest.fixture(scope="module")
@@ -71,11 +74,8 @@ def test_every_preset_runs(group, option, results, capsys):
         pytest.skip(reason)
 
 
-@pytest.mark.parametrize("road_user", group_options()["road_user"])
-@pytest.mark.parametrize("path", PATHS)
-def test_every_road_user_runs_every_path_with_fabricated_measurements(
-    road_user, path, results, capsys
-):
+@pytest.mark.parametrize(("road_user", "path"), RUNS)
+def test_road_users_and_paths_run_with_fabricated_measurements(road_user, path, results, capsys):
     choice = (f"road_user={road_user}", f"path={path}", "measurement=fabricated")
     # There is no time to close a circle.
     choice += ("path.radius=6",) if path == "circle" else ()
@@ -84,7 +84,7 @@ def test_every_road_user_runs_every_path_with_fabricated_measurements(
     assert answer["metrics"]["points_per_scan_mean"] > 1
 
 
-@pytest.mark.parametrize("road_user", group_options()["road_user"])
+@pytest.mark.parametrize("road_user", USERS)
 def test_every_road_user_is_rendered_and_measured(road_user, results, capsys):
     few = ("path.duration=0.2", "rig.width=320", "rig.height=240", "pictures.frames=[]")
     answer = run_json(capsys, results, f"road_user={road_user}", *few)

@@ -28,22 +28,37 @@ def checkout(tmp_path_factory):
     return folder
 
 
-def stixel(checkout: Path, *words: str, code: int = 0) -> subprocess.CompletedProcess:
-    """A command line in `checkout`, which must end with `code`."""
+def stixel(checkout: Path, *lines: list, codes: tuple[int, ...] = (0,)) -> list[tuple[str, str]]:
+    """stdout and stderr of command lines in one process of `checkout`, which end with `codes`."""
     environment = os.environ | {
         "PYTHONPATH": str(checkout),
         "STIXEL_CACHE": str(checkout / "cache"),
     }
     done = subprocess.run(
-        [sys.executable, "-m", "stixel_cli", *words],
+        [sys.executable, "-c", COMMANDS, json.dumps(lines, default=str)],
         cwd=checkout,
         env=environment,
         capture_output=True,
         text=True,
         check=False,
     )
-    assert done.returncode == code, done.stderr + done.stdout
-    return done
+    assert done.returncode == 0, done.stderr + done.stdout
+    found = json.loads(done.stdout)
+    assert tuple(code for code, *_ in found) == codes, found
+    return [(out, errors) for _, out, errors in found]
+
+
+COMMANDS = """
+import contextlib, io, json, sys
+from stixel_cli.cli.app import main
+found = []
+for line in json.loads(sys.argv[1]):
+    with contextlib.redirect_stdout(io.StringIO()) as out:
+        with contextlib.redirect_stderr(io.StringIO()) as errors:
+            code = main(line)
+    found.append((code, out.getvalue(), errors.getvalue()))
+print(json.dumps(found))
+"""
 
 
 @pytest.fixture
@@ -82,27 +97,33 @@ def test_the_seed_recomputes_what_draws_and_what_depends_on_it():
 
 def test_an_edit_is_named_by_verify_and_by_resume(checkout, edited):
     few = ("measurement=fabricated", "path.duration=0.3", "pictures.frames=[]", "executor=threads")
-    stixel(checkout, "sweep", *few, "seed=0,1", "--name", "mine")
+    stixel(checkout, ["sweep", *few, "seed=0,1", "--name", "mine"])
+    run = checkout / "results/mine/runs/0001"
+    # Outside its sweep's folder a run has keys but no code digests.
+    alone = shutil.copytree(run, checkout / "alone" / "run")
     transition = "def transition(interval: float) -> np.ndarray:"
     edited("tracking/motion.py", transition, f"UNUSED = 1\n\n\n{transition}")
-    done = stixel(checkout, "verify", "results/mine/runs/0000", "--cached")
-    assert "stixel_cli.tracking.motion was edited" in done.stdout
+    ((said, _),) = stixel(checkout, ["verify", "results/mine/runs/0000", "--cached"])
+    assert "stixel_cli.tracking.motion was edited" in said
     edited("tracking/motion.py", transition, transition)
 
     edited("tracking/start.py", "generator(seed,", "generator(seed + 1,")
-    run = checkout / "results/mine/runs/0001"
-    found = json.loads(stixel(checkout, "verify", str(run), "--cached", "--json", code=1).stdout)
+    inside, outside, resumed = stixel(
+        checkout,
+        ["verify", run, "--cached", "--json"],
+        ["verify", alone, "--cached", "--json"],
+        ["sweep", "--resume", "results/mine"],
+        codes=(1, 1, 0),
+    )
+    found = json.loads(inside[0])
     assert found["first_by_key"]["stage"] == found["first_by_value"]["stage"] == "start"
     edit = "stixel_cli.tracking.start was edited"
     assert found["first_by_value"]["causes"] == [edit]
     assert "values differ, by up to" in found["first_by_value"]["what"]
     assert "metrics.json" in {file["file"] for file in found["files"]}
-    # Outside its sweep's folder a run has keys but no code digests.
-    alone = shutil.copytree(run, checkout / "alone" / "run")
-    found = json.loads(stixel(checkout, "verify", str(alone), "--cached", "--json", code=1).stdout)
+    found = json.loads(outside[0])
     assert found["first_by_value"]["stage"] == "start"
     assert found["first_by_value"]["causes"] == [
         "unknown code changes: the folder does not record its code"
     ]
-    done = stixel(checkout, "sweep", "--resume", "results/mine")
-    assert "2 of 2 finished runs" in done.stderr
+    assert "2 of 2 finished runs" in resumed[1]

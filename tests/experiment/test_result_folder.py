@@ -15,6 +15,7 @@ from stixel_cli.config.compose import compose, from_resolved
 from stixel_cli.experiment import run
 
 REPEATED = ("metrics.json", "scans.csv", "scans.npz", "track.csv", "track.npz", "scores.npz")
+TABLES, FORMS = ("scores", "ego", "truth", "scans", "track"), ("csv", "npz")
 FABRICATED = ("measurement=fabricated", "path.duration=0.5", "pictures.frames=[0]")
 
 
@@ -47,23 +48,9 @@ def test_the_folder_holds_what_the_readme_lists(results, capsys):
     folder = results / "mine"
     run_json(capsys, results, *FEW, "--name", "mine")
     assert '"./mine/index.html"' in (results / "index.html").read_text(encoding="utf-8")
-    assert {path.name for path in folder.iterdir()} == {
-        "lineage.json",
-        "config.yaml",
-        "manifest.json",
-        "metrics.json",
-        "scores.csv",
-        "scores.npz",
-        "ego.csv",
-        "ego.npz",
-        "truth.csv",
-        "truth.npz",
-        "scans.csv",
-        "scans.npz",
-        "track.csv",
-        "track.npz",
-        "figures",
-        "index.html",
+    tables = {f"{name}.{form}" for name in TABLES for form in FORMS}
+    assert {path.name for path in folder.iterdir()} == tables | {
+        *("lineage.json", "config.yaml", "manifest.json", "metrics.json", "figures", "index.html")
     }
     resolved = yaml.safe_load((folder / "config.yaml").read_text())
     assert from_resolved(resolved) == compose(FEW).configuration

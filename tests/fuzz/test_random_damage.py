@@ -13,36 +13,17 @@ SMALL = 40
 
 TINY = ("measurement=fabricated", "path.duration=0.3", "executor=threads")
 COMMANDS = (
-    "ls run",
-    "ls --json run",
-    "explain run",
-    "explain --json run",
-    "ls run other",
-    "ls --json run other",
-    "report run other",
-    "report --play run",
-    "report --play run other",
-    "run --json run",
-    "verify --cached run",
-    "verify --json --cached run",
-    "verify run",
-    "ls .",
+    "ls run", "ls --json run", "explain run", "explain --json run", "ls run other",
+    "ls --json run other", "report run other", "report --play run", "report --play run other",
+    "run --json run", "verify --cached run", "verify --json --cached run", "verify run", "ls .",
     "ls --json .",
-)
+)  # fmt: skip
 OF_A_SWEEP = (
-    "ls sweep",
-    "ls --json sweep",
-    "explain sweep",
-    "sweep --resume sweep",
-    "sweep --json --resume sweep",
-    "ls sweep/runs/0000 other",
-    "report --play sweep/runs/0000",
-    "verify --cached sweep/runs/0000",
-    "explain sweep/runs/0000",
-    "ls sweep/runs/0000",
-    "run sweep/runs/0000",
-    "ls --json .",
-)
+    "ls sweep", "ls --json sweep", "explain sweep", "sweep --resume sweep",
+    "sweep --json --resume sweep", "ls sweep/runs/0000 other", "report --play sweep/runs/0000",
+    "verify --cached sweep/runs/0000", "explain sweep/runs/0000", "ls sweep/runs/0000",
+    "run sweep/runs/0000", "ls --json .",
+)  # fmt: skip
 OF_A_FILE = (
     "explain --from axes.yaml",
     "sweep --dry-run --from axes.yaml",
@@ -61,16 +42,11 @@ leave_out:
   - {path: turn, start.velocity: 1}
 """
 OF_A_STUDY = (
-    "study --dry-run small.yaml",
-    "study --dry-run --results . small.yaml",
-    "study --results . small.yaml",
-    "study --json --results . small.yaml",
-    "study --fresh --results . small.yaml",
-    "ls small/sweeps/first",
-    "explain small/sweeps/first",
-    "sweep --resume small/sweeps/first",
-    "ls --json small",
-)
+    "study --dry-run small.yaml", "study --dry-run --results . small.yaml",
+    "study --results . small.yaml", "study --json --results . small.yaml",
+    "study --fresh --results . small.yaml", "ls small/sweeps/first", "explain small/sweeps/first",
+    "sweep --resume small/sweeps/first", "ls --json small",
+)  # fmt: skip
 STUDY = """\
 title: A small study
 question: Which?

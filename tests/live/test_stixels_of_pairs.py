@@ -1,6 +1,5 @@
 """Stixels of your own images in one call: those of `stixel run`, and clear errors."""
 
-import os
 import subprocess
 import sys
 from dataclasses import replace
@@ -9,6 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from real_data import real_data
 from rendered_clip import assert_same, results_of_run
 
 from stixel_cli import StixelStream, compose, stixels_from_disparity, stixels_from_pair
@@ -55,9 +55,7 @@ def test_a_rendered_pair_has_the_stixels_of_stixel_run(clip, pair):
 
 
 def test_a_real_pair_has_the_stixels_of_stixel_run():
-    folder = Path(os.environ.get("STIXEL_DATA", "../shared/data")) / "kitti_object"
-    if not folder.is_dir():
-        pytest.skip(f"no real pair: STIXEL_DATA names no folder with kitti_object ({folder})")
+    folder = real_data("kitti_object")
     left, right, calibration = (folder / name for name in ("left.png", "right.png", "calib.txt"))
     images = [cv2.imread(str(file))[..., ::-1] for file in (left, right)]
     free_space, stixels = results_of_run(

@@ -74,9 +74,7 @@ def test_points_without_noise_are_on_contour_and_rays(spacing):
 def test_points_follow_the_limbs():
     thin = BOX * [1.0, 0.3]
     truth = dataclasses.replace(
-        scenario(count=4),
-        contours_target=np.stack([BOX, thin]),
-        limb_poses=np.array([0, 1, 1, 0]),
+        scenario(count=4), contours_target=np.stack([BOX, thin]), limb_poses=np.array([0, 1, 1, 0])
     )
     scans = fabricate_scans(truth, RIG, EXACT, seed=1)
     for k, contour in enumerate((BOX, thin, thin, BOX)):

@@ -83,8 +83,7 @@ def test_tabs_semicolons_and_decimal_commas_are_read_as_commas_and_points_are(
     other = SCANS.replace(",", separator).replace(".", comma)
     assert same_scans(read_scans(write(other), None, 0.5), read_scans(write(SCANS), None, 0.5))
     assert same_scans(
-        read_scans(write("\ufeff" + SCANS + "\n\n"), None, 0.5),
-        read_scans(write(SCANS), None, 0.5),
+        read_scans(write("\ufeff" + SCANS + "\n\n"), None, 0.5), read_scans(write(SCANS), None, 0.5)
     )
 
 

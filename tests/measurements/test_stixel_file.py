@@ -1,10 +1,10 @@
 """Stixels in files of other tools, and of our own."""
 
-import os
 from pathlib import Path
 
 import numpy as np
 import pytest
+from real_data import real_data
 
 from stixel_cli.cli.app import main
 from stixel_cli.errors import UserError
@@ -85,9 +85,7 @@ def test_without_truth_the_page_has_a_picture_and_names_what_is_missing(
 
 @pytest.mark.parametrize(("suffix", "count"), [("stx1", 1022), ("csv", 624)])
 def test_files_of_another_tool_are_read(suffix, count):
-    folder = Path(os.environ.get("STIXEL_DATA", "../shared/data")) / "stixel_formats"
-    if not folder.is_dir():
-        pytest.skip(f"no files of another tool: STIXEL_DATA has no stixel_formats ({folder})")
+    folder = real_data("stixel_formats")
     if suffix == "stx1":
         pytest.importorskip("stixel")
     (file,) = folder.glob(f"*.{suffix}")

@@ -11,12 +11,7 @@ from stixel_cli.scene.scenario import EgoMotion
 from stixel_cli.stixels.types import Stixels
 
 GATES = StixelsParameters(
-    kind="stixels",
-    dropout=None,
-    clutter_rate=0.0,
-    height_min=0.3,
-    height_max=2.5,
-    range_max=40.0,
+    kind="stixels", dropout=None, clutter_rate=0.0, height_min=0.3, height_max=2.5, range_max=40.0
 )
 RIG = compose([]).configuration.rig
 

@@ -9,7 +9,7 @@ from stixel_cli.geometry.pose import ego_from_world, rectangle
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.images import ImageStack
 from stixel_cli.recordings.motion import recorded_motion
-from stixel_cli.recordings.parameters import LabelledFolder
+from stixel_cli.recordings.parameters import KittiTracking, LabelledFolder
 from stixel_cli.recordings.truth import recorded_scenario
 from stixel_cli.rendering.frames import StereoPairs
 from stixel_cli.scene.ego import Turning, ego_motion
@@ -19,18 +19,9 @@ LENGTH, WIDTH, HEIGHT = 4.2, 1.8, 1.5
 
 
 def small_rig(**changes) -> Rig:
-    values = {
-        "width": 160,
-        "height": 96,
-        "horizontal_fov": None,
-        "focal_length": 150.0,
-        "principal_u": 78.0,
-        "principal_v": 40.0,
-        "baseline": 0.5,
-        "camera_height": 1.65,
-        "pitch": 0.0,
-        "vertical_fov": None,
-    }
+    values = {"width": 160, "height": 96, "horizontal_fov": None, "vertical_fov": None}
+    values |= {"focal_length": 150.0, "principal_u": 78.0, "principal_v": 40.0}
+    values |= {"baseline": 0.5, "camera_height": 1.65, "pitch": 0.0}
     return Rig(**values | changes)
 
 
@@ -91,6 +82,12 @@ def plain_folder(clip, folder):
         "focal_length: 150\nprincipal_u: 78\nprincipal_v: 40\nbaseline: 0.5\ncamera_height: 1.65\n"
     )
     return LabelledFolder(kind="folder", folder=str(folder), target=0, frames=None, sample_time=0.1)
+
+
+def tracking(folder, **changes):
+    """A recording in KITTI tracking's layout, as `source=kitti_tracking` names it."""
+    values = {"sequence": "0003", "target": 0, "frames": None, "sample_time": 0.1}
+    return KittiTracking(kind="kitti_tracking", folder=str(folder), **values | changes)
 
 
 def truth_of(found):

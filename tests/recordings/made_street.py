@@ -14,18 +14,9 @@ END = 60.0
 
 
 def street_rig(**changes) -> Rig:
-    values = {
-        "width": 320,
-        "height": 128,
-        "horizontal_fov": None,
-        "focal_length": 260.0,
-        "principal_u": 158.0,
-        "principal_v": 56.0,
-        "baseline": 0.5,
-        "camera_height": 1.6,
-        "pitch": 0.0,
-        "vertical_fov": None,
-    }
+    values = {"width": 320, "height": 128, "horizontal_fov": None, "vertical_fov": None}
+    values |= {"focal_length": 260.0, "principal_u": 158.0, "principal_v": 56.0}
+    values |= {"baseline": 0.5, "camera_height": 1.6, "pitch": 0.0}
     return Rig(**values | changes)
 
 

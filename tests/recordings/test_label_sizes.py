@@ -1,10 +1,8 @@
 """The sizes of cars that recordings assume, against KITTI's labels."""
 
-import os
-from pathlib import Path
-
 import numpy as np
 import pytest
+from real_data import real_data
 
 from stixel_cli.config.folders import values_beside_groups
 from stixel_cli.recordings.kitti_tables import read_labels
@@ -12,10 +10,7 @@ from stixel_cli.scene.parameters import CLASS_OF_KITTI_TYPE
 
 
 def test_the_sizes_of_cars_are_those_of_the_labels():
-    data = Path(os.environ.get("STIXEL_DATA", Path(__file__).parents[2] / "../shared/data"))
-    files = sorted((data / "kitti_tracking" / "training" / "label_02").glob("*.txt"))
-    if not files:
-        pytest.skip(f"no real labels: STIXEL_DATA names no folder with kitti_tracking ({data})")
+    files = sorted((real_data("kitti_tracking") / "training" / "label_02").glob("*.txt"))
     sizes = np.array(
         [
             labels.sizes[-1, [2, 1]]

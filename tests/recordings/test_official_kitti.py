@@ -1,13 +1,13 @@
 """KITTI as one downloads it: oxts of the tracking benchmark, raw drives, files of results."""
 
-import os
 import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
-from made_clip import make_clip, truth_of
+from made_clip import tracking, truth_of
 from made_drive import make_drive, make_official
+from real_data import DATA
 from scipy.spatial.transform import Rotation
 
 from stixel_cli import compose
@@ -16,28 +16,15 @@ from stixel_cli.recordings.find import find_recording, guess_layout
 from stixel_cli.recordings.kitti_raw_tables import read_poses
 from stixel_cli.recordings.kitti_tables import read_calibration, read_labels
 from stixel_cli.recordings.kitti_tables import read_poses as read_own_poses
-from stixel_cli.recordings.parameters import KittiTracking, LabelledFolder
+from stixel_cli.recordings.parameters import LabelledFolder
 
-DATA = Path(os.environ.get("STIXEL_DATA", "../shared/data"))
 CLIP = DATA / "kitti_tracking/training"
 OXTS = DATA / "kitti_tracking_oxts/0005.txt"
-
-
-@pytest.fixture(scope="module")
-def clip(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("clip")
-    make_clip(folder)
-    return folder
 
 
 @pytest.fixture
 def copy(clip, tmp_path):
     return shutil.copytree(clip, tmp_path / "clip")
-
-
-def tracking(folder, **changes):
-    values = {"sequence": "0003", "target": 0, "frames": None, "sample_time": 0.1}
-    return KittiTracking(kind="kitti_tracking", folder=str(folder), **values | changes)
 
 
 def raw(folder, **changes):

@@ -6,7 +6,7 @@ import shutil
 import cv2
 import numpy as np
 import pytest
-from made_clip import LENGTH, WIDTH, make_clip, plain_folder, small_rig, small_scenario
+from made_clip import LENGTH, WIDTH, make_clip, plain_folder, small_rig, small_scenario, tracking
 from made_files import RIG_FILES, png_of
 
 from stixel_cli.calibration.road_pose import compared_rows, contradiction, road_pose
@@ -20,7 +20,6 @@ from stixel_cli.recordings.find import find_recording, guess_layout
 from stixel_cli.recordings.image_files import grey, image_size, read_image, rgb
 from stixel_cli.recordings.kitti_tables import read_calibration
 from stixel_cli.recordings.motion import recorded_motion, rocking
-from stixel_cli.recordings.parameters import KittiTracking
 from stixel_cli.recordings.rig_files import read_named_calibration
 from stixel_cli.recordings.stereo_images import read_left, read_pairs
 from stixel_cli.recordings.truth import recorded_scenario, slopes
@@ -28,22 +27,10 @@ from stixel_cli.recordings.types import Tables
 from stixel_cli.rendering.placement import rig_cameras
 
 
-@pytest.fixture(scope="module")
-def clip(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("clip")
-    make_clip(folder)
-    return folder
-
-
 @pytest.fixture
 def copy(clip, tmp_path):
     """A clip to damage."""
     return shutil.copytree(clip, tmp_path / "clip")
-
-
-def source(folder, **changes):
-    values = {"sequence": "0003", "target": 0, "frames": None, "sample_time": 0.1}
-    return KittiTracking(kind="kitti_tracking", folder=str(folder), **values | changes)
 
 
 def truth_of(recording, target=0, rig=None):
@@ -53,7 +40,7 @@ def truth_of(recording, target=0, rig=None):
 
 
 def test_files_and_calibration_of_a_clip(clip):
-    recording = find_recording(source(clip))
+    recording = find_recording(tracking(clip))
     assert recording.frames == range(5) and recording.label == "Car"
     assert [file.name for file in recording.left] == [f"{k:06d}.png" for k in range(5)]
     assert (recording.width, recording.height) == (160, 96)
@@ -65,7 +52,7 @@ def test_files_and_calibration_of_a_clip(clip):
 
 def test_the_folder_above_training_will_do(clip, tmp_path):
     shutil.copytree(clip, tmp_path / "training")
-    assert find_recording(source(tmp_path)).count == 5
+    assert find_recording(tracking(tmp_path)).count == 5
     assert guess_layout(tmp_path) == guess_layout(clip) == "kitti_tracking"
 
 
@@ -74,16 +61,16 @@ def test_frames_are_those_that_images_labels_and_poses_have(copy):
     labels.write_text("".join(labels.read_text().splitlines(keepends=True)[1:]))
     poses = copy / "ego_poses" / "0003.txt"
     poses.write_text("".join(poses.read_text().splitlines(keepends=True)[:4]))
-    assert find_recording(source(copy)).frames == range(1, 4)
-    assert find_recording(source(copy, frames="2:4")).frames == range(2, 4)
+    assert find_recording(tracking(copy)).frames == range(1, 4)
+    assert find_recording(tracking(copy, frames="2:4")).frames == range(2, 4)
     with pytest.raises(UserError, match=r"source\.frames: 0:3 is not within 1:5, the frames of tr"):
-        find_recording(source(copy, frames="0:3"))
+        find_recording(tracking(copy, frames="0:3"))
 
 
 @pytest.mark.parametrize("pitch", [0.0, 2.0])
 def test_truth_comes_back_in_the_world_of_the_first_frame(pitch, tmp_path):
     scenario, rig = make_clip(tmp_path, rig=small_rig(pitch=pitch))
-    found = truth_of(find_recording(source(tmp_path)), rig=rig)
+    found = truth_of(find_recording(tracking(tmp_path)), rig=rig)
     for name in ("times", "ego_poses_world", "target_poses_world"):
         np.testing.assert_allclose(getattr(found, name), getattr(scenario, name), atol=1e-9)
     np.testing.assert_allclose(found.target_rates_world, scenario.target_rates_world, atol=1e-7)
@@ -92,8 +79,8 @@ def test_truth_comes_back_in_the_world_of_the_first_frame(pitch, tmp_path):
 
 
 def test_a_later_first_frame_is_the_world(clip):
-    whole = truth_of(find_recording(source(clip)))
-    part = truth_of(find_recording(source(clip, frames="2:5")))
+    whole = truth_of(find_recording(tracking(clip)))
+    part = truth_of(find_recording(tracking(clip, frames="2:5")))
     np.testing.assert_allclose(part.ego_poses_world[0], [0.0, 0.0, np.pi / 2], atol=1e-12)
     for found in (whole, part):
         found.target_poses_world[:, :2] -= found.ego_poses_world[:, :2]
@@ -113,7 +100,7 @@ def test_labels_are_in_the_frame_of_camera_0_and_the_rig_is_camera_2(copy):
     found = read_calibration(calibration, ("P2", "P3"))
     assert found.baseline == pytest.approx(0.5)
     assert found.left_camera == pytest.approx((-0.06, 0.0, 0.0))
-    moved = truth_of(find_recording(source(copy))).target_poses_world[0]
+    moved = truth_of(find_recording(tracking(copy))).target_poses_world[0]
     assert moved[0] == pytest.approx(small_scenario().target_poses_world[0, 0] + 0.06)
 
 
@@ -122,7 +109,7 @@ def test_occluded_truncated_and_missing_labels_do_not_count(copy):
     rows = [row.split() for row in labels.read_text().splitlines()]
     rows[0][3], rows[3][4] = "1", "2"
     labels.write_text("\n".join(" ".join(row) for i, row in enumerate(rows) if i != 2))
-    found = truth_of(find_recording(source(copy)))
+    found = truth_of(find_recording(tracking(copy)))
     assert found.scored.tolist() == [False, True, False, False, True]
     assert np.isnan(found.target_poses_world[2]).all() and np.isnan(found.target_rates_world[2, 0])
     assert np.isfinite(np.delete(found.target_rates_world, 2, axis=0)).all()
@@ -154,7 +141,7 @@ def test_colour_becomes_grey(tmp_path):
 
 
 def test_pairs_are_those_of_their_frames(clip):
-    recording = find_recording(source(clip))
+    recording = find_recording(tracking(clip))
     pairs = read_pairs(recording.images, range(2, 4))
     assert pairs.first == 2 and len(pairs) == 2
     assert (pairs.left[1] == grey(read_image(recording.left[3]))).all()
@@ -229,16 +216,16 @@ DAMAGE = {
 def test_a_wrong_folder_is_refused_in_one_line_that_names_the_file(file, damage, said, copy):
     damage(copy / file)
     with pytest.raises(UserError) as caught:
-        find_recording(source(copy))
+        find_recording(tracking(copy))
     text = str(caught.value)
     assert said in text and "\n" not in text
     assert str(copy / file.split("/")[0]) in text
 
 
 def test_the_principal_points_of_two_cameras_may_differ(copy):
-    assert find_recording(source(copy)).calibration.principal_u_right is None
+    assert find_recording(tracking(copy)).calibration.principal_u_right is None
     _put(copy / CALIBRATION, 3, 3, "98.5")
-    calibration = find_recording(source(copy)).calibration
+    calibration = find_recording(tracking(copy)).calibration
     assert calibration.principal_u == 78.0 and calibration.principal_u_right == 98.5
     assert calibration.baseline == pytest.approx(0.5)
     rig = Rig(**calibration.rig_values(160, 96) | {"camera_height": 1.65})
@@ -252,7 +239,7 @@ def test_a_cut_off_image_is_refused_when_it_is_read(kept, copy, capfd):
     file = copy / RIGHT
     data = file.read_bytes()
     file.write_bytes(data[: int(kept * len(data))])
-    recording = find_recording(source(copy))
+    recording = find_recording(tracking(copy))
     with pytest.raises(UserError, match=r"000003\.png: a damaged or incomplete PNG image"):
         read_pairs(recording.images, range(5))
     assert capfd.readouterr().err == ""
@@ -288,7 +275,7 @@ def test_poses_in_space_give_pitch_and_height_but_a_slope_gives_none():
 def test_a_plain_folder_has_the_same_recording(clip, tmp_path):
     recording = find_recording(plain_folder(clip, tmp_path))
     assert guess_layout(tmp_path) == "folder"
-    there = find_recording(source(clip))
+    there = find_recording(tracking(clip))
     assert recording.frames == there.frames and recording.label == there.label
     assert recording.calibration.focal_length_v == 150
     found, expected = truth_of(recording), truth_of(there)
@@ -307,10 +294,7 @@ def test_a_plain_folder_has_the_same_recording(clip, tmp_path):
         ("K: [9, 0, 1, 0, 0, 1, 0, 0, 1]\nbaseline: 1\n", "focal_length_v: must be > 0, got 0"),
         ("P: [1, 2, 3]\n", "P: must have 12 numbers"),
         ("P1: [1]\nP2: {rows: 3}\n", "P1: must have 12 numbers"),
-        (
-            "P: [9, 0, 1, 0, 0, 9, 1, 0, 0, 0, 1, 0]\n",
-            "P has no baseline: give the file of the",
-        ),
+        ("P: [9, 0, 1, 0, 0, 9, 1, 0, 0, 0, 1, 0]\n", "P has no baseline: give the file of the"),
         ("P: [9, 0, 1, -9000, 0, 9, 1, 0, 0, 0, 1, 0]\n", "1000 m to the .*is it in mm"),
         ("P: [9, 0, 1, .inf, 0, 9, 1, 0, 0, 0, 1, 0]\n", "not a finite number"),
         ("[1, 2]", "must map names to values"),
@@ -362,7 +346,7 @@ def test_a_png_of_every_kind_is_read(data, pixels, tmp_path):
 
 
 def test_both_images_of_a_pair_have_one_scale(copy):
-    recording = find_recording(source(copy))
+    recording = find_recording(tracking(copy))
     for file, times in ((recording.left[1], 16), (recording.right[1], 8)):
         wide = times * cv2.imread(str(file), cv2.IMREAD_GRAYSCALE).astype(np.uint16)
         file.write_bytes(encode_png(wide))
@@ -379,10 +363,10 @@ def test_jpeg_files_are_taken_in_every_layout(clip, copy):
         # A PNG beside it is preferred.
         if file.stem != "000000":
             file.unlink()
-    recording = find_recording(source(copy))
+    recording = find_recording(tracking(copy))
     assert [file.suffix for file in recording.left] == [".png"] + 4 * [".JPG"]
     found, exact = (
-        read_pairs(one.images, range(5)) for one in (recording, find_recording(source(clip)))
+        read_pairs(one.images, range(5)) for one in (recording, find_recording(tracking(clip)))
     )
     differences = [np.abs(found.left[k].astype(int) - exact.left[k]) for k in range(5)]
     assert differences[0].max() == 0 and 0 < np.mean(differences[1]) < 2

@@ -1,15 +1,14 @@
 """A recording through the pipeline: the real command line on a look-alike, and the real clip."""
 
 import json
-import os
 import shutil
 from collections import Counter
 from dataclasses import fields
-from pathlib import Path
 
 import numpy as np
 import pytest
 from made_clip import make_clip, small_scenario
+from real_data import real_data
 
 from stixel_cli import compose
 from stixel_cli.cli.app import main
@@ -22,13 +21,6 @@ from stixel_cli.recordings.parameters import KittiTracking
 
 SMALL = ("stereo.nearest=1.6", "occupancy.nearest=3")
 HERE = "executor=threads"
-
-
-@pytest.fixture(scope="module")
-def clip(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("clip")
-    make_clip(folder)
-    return folder
 
 
 def of(folder, *more):
@@ -424,16 +416,8 @@ def test_a_wrong_type_is_named(name, clip):
         compose([one for one in of(clip) if not one.startswith(f"{name}=")] + [f"{name}={{a: 1}}"])
 
 
-@pytest.fixture(scope="module")
-def real():
-    folder = Path(os.environ.get("STIXEL_DATA", Path(__file__).parents[2] / "../shared/data"))
-    clip = folder / "kitti_tracking"
-    if not clip.is_dir():
-        pytest.skip(f"no real clip: STIXEL_DATA names no folder with kitti_tracking ({folder})")
-    return clip
-
-
-def test_the_real_clip_is_tracked(real, tmp_path, monkeypatch, capsys):
+def test_the_real_clip_is_tracked(tmp_path, monkeypatch, capsys):
+    real = real_data("kitti_tracking")
     monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "cache"))
     given = ("source=kitti_tracking", f"source.folder={real}", "source.sequence=0005")
     capsys.readouterr()

@@ -1,12 +1,11 @@
 """`path=recorded`: labels and ego poses of a clip without images, replayed in the scene."""
 
-import os
 import shutil
-from pathlib import Path
 
 import numpy as np
 import pytest
 from made_motion import SEQUENCE, make_motion
+from real_data import real_data
 
 from stixel_cli import compose
 from stixel_cli.cli.app import main
@@ -16,11 +15,7 @@ from stixel_cli.engine.keys import stage_identity
 from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.experiment.stages import pipeline_stages, scan_count
 from stixel_cli.recordings.motion import replayed_motion
-from stixel_cli.recordings.replay import (
-    replayed_scenario,
-    smoothing_spline,
-    travelled,
-)
+from stixel_cli.recordings.replay import replayed_scenario, smoothing_spline, travelled
 
 FABRICATED = ("measurement=fabricated", "pictures.frames=[]", "executor=threads")
 
@@ -205,15 +200,8 @@ def test_images_are_rendered_along_the_way(motion, tmp_path, monkeypatch, capsys
     assert main(["run", str(tmp_path / "one"), "--results", str(tmp_path)]) == 0
 
 
-@pytest.fixture(scope="module")
-def real():
-    folder = Path(os.environ.get("STIXEL_DATA", Path(__file__).parents[2] / "../shared/data"))
-    if not (folder / "kitti_tracking").is_dir():
-        pytest.skip(f"no real motion: STIXEL_DATA names no folder with kitti_tracking ({folder})")
-    return folder / "kitti_tracking"
-
-
-def test_a_real_track_is_smooth_and_near_its_labels(real):
+def test_a_real_track_is_smooth_and_near_its_labels():
+    real = real_data("kitti_tracking")
     given = ("path.sequence=0002", "path.target=7", "path.smoothing=2")
     smooth, exact = replayed(real, *given), replayed(real, *given[:2], "path.smoothing=0")
     apart = smooth.target_poses_world - exact.target_poses_world

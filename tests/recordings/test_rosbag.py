@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from made_bag import IMAGE, INFO, ODOMETRY, START, STATIC, STEP, header, messages, write_bag
-from made_clip import make_clip, plain_folder, small_rig
+from made_clip import plain_folder, small_rig
 
 from stixel_cli.cli.app import main
 from stixel_cli.recordings.find import find_recording, guess_layout
@@ -20,19 +20,8 @@ from stixel_cli.recordings.stereo_images import read_left, read_pairs
 
 pytest.importorskip("rosbags", reason="needs pip install 'stixel[rosbag]'")
 
-SMALL = (
-    "stereo.nearest=1.6",
-    "occupancy.nearest=3",
-    "rig.camera_height=1.65",
-)
+SMALL = ("stereo.nearest=1.6", "occupancy.nearest=3", "rig.camera_height=1.65")
 SCENE = ("road_user=car", "start.range=[5,15]", "executor=threads", "pictures.frames=[]")
-
-
-@pytest.fixture(scope="module")
-def clip(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("clip")
-    make_clip(folder)
-    return folder
 
 
 @pytest.fixture(scope="module")
@@ -148,10 +137,7 @@ LEFT, INFO_LEFT = IMAGE.format("left"), INFO.format("left")
 CONTENT = {
     "no such topic": (without(LEFT), f"{LEFT}, .*no such topic.*; it has /stereo/right/image_rect"),
     "no camera_info": (without(INFO_LEFT), f"{INFO_LEFT}: no such topic of sensor_msgs/msg/"),
-    "no odometry": (
-        without(ODOMETRY),
-        "/odom: no such topic of .*/Odometry; it has none",
-    ),
+    "no odometry": (without(ODOMETRY), "/odom: no such topic of .*/Odometry; it has none"),
     "no transforms": (without(STATIC), "/tf_static: no such topic of tf2_msgs/msg/TFMessage"),
     "another base": (
         edited(ODOMETRY, child_frame_id="wheel"),

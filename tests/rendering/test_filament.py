@@ -63,7 +63,7 @@ def describe(frames: range) -> dict[str, np.ndarray]:
 @pytest.fixture(scope="module")
 def runs():
     try:
-        return [list(rendered(describe(f), FILAMENT, COMMAND)) for f in (range(3), range(2, 3))]
+        return [list(rendered(describe(f), FILAMENT, COMMAND)) for f in (range(2), range(1, 2))]
     except RendererUnavailable:
         problem = probe_filament(60.0)
         if problem is None:
@@ -73,7 +73,7 @@ def runs():
 
 def test_filament_agrees_with_the_ray_caster(runs):
     static, target = StaticScene(objects(), RIG, RAYCAST), Target([target_mesh()])
-    for k in range(3):
+    for k in range(2):
         left, right, depth, ids = runs[0][k]
         cast_left, cast_right, cast_depth, cast_ids = render_frame(static, target, scenario(), k)
         one, other = ids == TARGET_ID, cast_ids == TARGET_ID
@@ -93,7 +93,7 @@ def test_filament_agrees_with_the_ray_caster(runs):
 
 
 def test_filament_gives_the_same_bytes_in_another_process_and_chunk(runs):
-    for one, other in zip(runs[0][2], runs[1][0], strict=True):
+    for one, other in zip(runs[0][1], runs[1][0], strict=True):
         assert np.array_equal(one, other)
 
 

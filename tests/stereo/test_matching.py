@@ -41,12 +41,7 @@ SGM = with_constants(
     speckle_window=0,
 )
 BM = with_constants(
-    BmParameters(
-        kind="bm",
-        nearest=nearest_of(RIG, 32),
-        block_size=9,
-        subpixel="parabola",
-    ),
+    BmParameters(kind="bm", nearest=nearest_of(RIG, 32), block_size=9, subpixel="parabola"),
     speckle_window=0,
 )
 

@@ -1,7 +1,6 @@
 """Stixels of real frames, with the shipped parameters, against lidar and labelled disparity."""
 
 import json
-import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,6 +9,7 @@ import numpy as np
 import pytest
 import yaml
 from pydantic import TypeAdapter
+from real_data import real_data
 
 from stixel_cli.config.folders import values_beside_groups
 from stixel_cli.config.schema import StereoParameters
@@ -51,10 +51,7 @@ def shipped(schema, option):
 
 @pytest.fixture(scope="module")
 def data():
-    folder = Path(os.environ.get("STIXEL_DATA", CONF.parent / "../shared/data"))
-    if not (folder / "kitti2015").is_dir():
-        pytest.skip(f"no real frames: STIXEL_DATA names no folder with kitti2015 ({folder})")
-    return folder
+    return real_data("kitti2015").parent
 
 
 def free_space_of(disparities, rig, road):

@@ -22,12 +22,7 @@ TOY = {
             "seeds": 2,
             "results": ["scans", "track"],
         },
-        "second": {
-            "fixed": FEW,
-            "seeds": 1,
-            "results": ["scans"],
-            "derive": "widths",
-        },
+        "second": {"fixed": FEW, "seeds": 1, "results": ["scans"], "derive": "widths"},
     },
     "questions": {
         "trackers": {

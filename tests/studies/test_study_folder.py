@@ -16,7 +16,12 @@ from stixel_cli.studies.report import Material, Report
 def test_a_folder_with_another_request_is_refused_without_name_or_fresh(studies, toy):
     file = toy()
     same = ("--name", "same")
-    studies.run(file, "road_user=car", "seed=0", *same)
+    answer = studies.run(file, "road_user=car", "seed=0", *same)
+    content = yaml.safe_load(Path(answer["folder"], "study.yaml").read_text())
+    assert content["overrides"] == ["road_user=car", "seed=0"]
+    assert content["sweeps"]["first"]["results"] == "['scans', 'track']"
+    assert content["sweeps"]["second"]["derive"] == "widths"
+    assert {"git", "versions", "machine", "command", "created"} <= set(content)
     error = studies.refused(file, "road_user=car", "seed=1,2", *same)
     folder = studies.results / "same"
     said = f"{folder}: has another request: sweeps.first.seed: '0' became '1,2'; "
@@ -97,15 +102,6 @@ def test_a_long_folder_name_is_shortened_with_a_hash(toy, overrides, name):
     assert re.fullmatch(name, plan.folder_name)
     other = StudyPlan(plan.study, (*overrides, "tracker.sigma_f=3"), (), ())
     assert other.folder_name != plan.folder_name
-
-
-def test_the_request_is_stored(studies, toy):
-    answer = studies.run(toy(), "road_user=car", "seed=0")
-    content = yaml.safe_load(Path(answer["folder"], "study.yaml").read_text())
-    assert content["overrides"] == ["road_user=car", "seed=0"]
-    assert content["sweeps"]["first"]["results"] == "['scans', 'track']"
-    assert content["sweeps"]["second"]["derive"] == "widths"
-    assert {"git", "versions", "machine", "command", "created"} <= set(content)
 
 
 def test_a_full_disk_leaves_no_empty_folder(studies, toy, monkeypatch):

@@ -191,21 +191,10 @@ def test_an_override_that_a_sweep_does_not_accept_is_noted(studies, toy, capsys,
     assert note in Path(answer["report"]).read_text()
 
 
-def test_a_failing_study_does_not_stop_the_others(studies, toy, monkeypatch, tmp_path):
-    good, bad = toy(name="good"), toy("title: x\n", name="bad")
-    monkeypatch.setattr("stixel_cli.cli.study.STUDIES", [str(bad), str(good)])
-    monkeypatch.setattr(
-        "stixel_cli.studies.folder.study_folder", lambda results, name: results / Path(name).stem
-    )
-    answer = studies.run("all", "road_user=car", "seed=0", code=2)
-    assert [one["complete"] for one in answer["studies"]] == [False, True]
-    assert re.search("bad.yaml: question: is missing", studies.error)
-
-
-def test_invalid_studies_are_reported_before_the_first_run(studies, toy, monkeypatch):
+def test_an_invalid_study_is_reported_before_all_runs_and_stops_no_other(studies, toy, monkeypatch):
     good, bad = toy(name="good"), toy("title: x\n", name="bad")
     told = []
-    monkeypatch.setattr("stixel_cli.cli.study.STUDIES", [str(good), str(bad)])
+    monkeypatch.setattr("stixel_cli.cli.study.STUDIES", [str(bad), str(good)])
     monkeypatch.setattr(
         "stixel_cli.studies.folder.study_folder", lambda results, name: results / Path(name).stem
     )
@@ -213,8 +202,8 @@ def test_invalid_studies_are_reported_before_the_first_run(studies, toy, monkeyp
     run = study_run.run_study
     monkeypatch.setattr(study_run, "run_study", lambda *a, **k: told.append("runs") or run(*a, **k))
     answer = studies.run("all", "road_user=car", "seed=0", code=2)
-    assert [one["complete"] for one in answer["studies"]] == [True, False]
-    assert "bad.yaml: question" in told[0] and told[1] == "runs"
+    assert [one["complete"] for one in answer["studies"]] == [False, True]
+    assert "bad.yaml: question: is missing" in told[0] and told[1] == "runs"
 
 
 def test_a_study_outside_the_package(studies, toy, tmp_path, monkeypatch, capsys):
@@ -225,9 +214,6 @@ def test_a_study_outside_the_package(studies, toy, tmp_path, monkeypatch, capsys
     (tmp_path / "toy.py").write_text("raise SystemExit('imported')\n", encoding="utf-8")
     folder = Path(answer["folder"])
     monkeypatch.chdir(folder)
-    for command in (
-        ["ls", str(folder / "sweeps/first")],
-        ["ls", str(studies.results)],
-    ):
+    for command in (["ls", str(folder / "sweeps/first")], ["ls", str(studies.results)]):
         assert main(command) == 0
         assert "imported" not in capsys.readouterr().err

@@ -68,6 +68,13 @@ def test_a_foreign_folder_names_no_cache(foreign, tmp_path, capsys):
         assert not (tmp_path / "ran").exists(), command
         # This machine's cache is empty.
         assert number > 0 or said.out.startswith("ego_motion: new")
+    # Nor is the machine's part an axis.
+    file = foreign / "sweep.yaml"
+    request = yaml.safe_load(file.read_text())
+    file.write_text(yaml.safe_dump(request | {"axes": [["cache.folder"]]}))
+    assert main(["sweep", "--resume", str(foreign)]) == 2
+    assert "axes: must be keys" in capsys.readouterr().err
+    assert not (tmp_path / "ran").exists()
 
 
 @pytest.mark.parametrize("command", ["sweep --resume FOLDER", "run FOLDER/runs/0000"])
@@ -82,15 +89,6 @@ def test_a_foreign_folder_names_no_scheduler(command, foreign, tmp_path, capsys)
     config.write_text(yaml.safe_dump(settings))
     line = [*command.replace("FOLDER", str(foreign)).split(), "--results", str(tmp_path)]
     assert main(line) == 0, capsys.readouterr().err
-
-
-def test_axes_of_the_machine_are_not_those_of_a_sweep(foreign, tmp_path, capsys):
-    file = foreign / "sweep.yaml"
-    request = yaml.safe_load(file.read_text())
-    file.write_text(yaml.safe_dump(request | {"axes": [["cache.folder"]]}))
-    assert main(["sweep", "--resume", str(foreign)]) == 2
-    assert "axes: must be keys" in capsys.readouterr().err
-    assert not (tmp_path / "ran").exists()
 
 
 def test_the_line_that_resumes_repeats_where_the_user_computes(sweeps, tmp_path, bad_mesh):

@@ -199,10 +199,7 @@ def test_the_shipped_study_is_valid():
         ("zipped: [{seed: [1, 1], path: [turn, turn]}]", "seed=1 path=turn is given twice"),
         ("seeds: 2\nleave_out: [{path: turn}]", "path is not on any axis"),
         ("seeds: 2\nleave_out: [{seed: 7}]", "study.yaml: leave_out: no run has seed=7"),
-        (
-            "seeds: 2\nleave_out: [{seed: 0}, {seed: 1}]",
-            "leave_out: every run is left out",
-        ),
+        ("seeds: 2\nleave_out: [{seed: 0}, {seed: 1}]", "leave_out: every run is left out"),
         ("seeds: 2\nleave_out: [seed]", "leave_out.0: must be an object"),
         ("- 1", "must have the entries"),
         ("", "nothing to sweep"),

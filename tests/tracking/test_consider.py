@@ -2,12 +2,7 @@
 
 import numpy as np
 
-from stixel_cli.tracking.consider import (
-    FIELD_NODES,
-    FIELD_TIME,
-    JointCovariance,
-    field_weights,
-)
+from stixel_cli.tracking.consider import FIELD_NODES, FIELD_TIME, JointCovariance, field_weights
 
 GENERATOR = np.random.default_rng(1000)
 

@@ -23,7 +23,7 @@ SENSOR = np.array([0.0, 0.0, np.pi / 2])
 
 
 def configured(*overrides):
-    return compose(["measurement=lidar_64", "path.duration=1.2", *overrides]).configuration
+    return compose(["measurement=lidar_64", "path.duration=0.8", *overrides]).configuration
 
 
 @cache

@@ -1,12 +1,12 @@
 """The peers' scores on the scans of their publication, where these are at hand."""
 
 import json
-import os
 import runpy
 from pathlib import Path
 
 import numpy as np
 import pytest
+from real_data import real_data
 
 ROOT = Path(__file__).parents[2]
 EXAMPLE = runpy.run_path(str(ROOT / "examples" / "lidarrm_scores.py"))
@@ -43,13 +43,9 @@ def test_a_run_without_a_start_scores_zero(tmp_path):
 )
 @pytest.mark.parametrize("scans", ["default", "sparse"])
 def test_a_peer_has_its_published_score(tracker, tolerance, scans):
-    folder = Path(os.environ.get("STIXEL_DATA", ROOT / "../shared/data")) / "lidarrm"
+    folder = real_data("lidarrm")
     runs = sorted(one.parent for one in folder.glob(f"{scans}-*/scans.csv"))
     runs = runs[::2]  # all take twice as long
-    if not runs:
-        pytest.skip(
-            f"no scans of the publication: STIXEL_DATA names no folder with lidarrm ({folder})"
-        )
     rows = json.loads((folder / "rows.json").read_text(encoding="utf-8"))
     name = EXAMPLE["TRACKERS"][tracker]
     published = np.concatenate([rows[run.name][name] for run in runs]).mean()

@@ -63,11 +63,7 @@ def test_stage_errors_use_the_frame_number_in_every_chunk():
     # Chunks that begin one, two and three frames before, with nothing in those frames.
     errors = stage_errors(
         RenderedFrames.from_frames(
-            5,
-            [
-                (black, black, np.full_like(depth, np.inf), nothing),
-                (black, black, depth, ids),
-            ],
+            5, [(black, black, np.full_like(depth, np.inf), nothing), (black, black, depth, ids)]
         ),
         Disparities.from_raw(4, 64, [np.full_like(raw, -1)] * 2 + [raw]),
         FreeSpace(

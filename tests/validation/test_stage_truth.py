@@ -3,15 +3,7 @@
 import numpy as np
 import pytest
 from constants import with_constants
-from stage_scene import (
-    DISPARITY,
-    GRID,
-    PATH,
-    ROAD,
-    make_rig,
-    scene,
-    truth_of,
-)
+from stage_scene import DISPARITY, GRID, PATH, ROAD, make_rig, scene, truth_of
 
 from stixel_cli.rendering.frames import ROAD_ID, TARGET_ID
 from stixel_cli.validation.stage_errors import inside_target
