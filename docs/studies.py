@@ -4,6 +4,7 @@ Run it as: python docs/studies.py FOLDER...
 """
 
 import json
+import re
 import sys
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ import yaml
 
 DOCS = Path(__file__).parent
 PAGE, ACCURACY = DOCS / "studies.md", DOCS / "accuracy.md"
+SECTION = re.compile(r"^(?=### )", re.MULTILINE)
 BEGIN, END = "<!-- from the studies -->", "<!-- end -->"
 TABLES = {
     "accuracy": [
@@ -28,8 +30,10 @@ TABLES = {
 
 
 def main(folders: list[Path]) -> None:
-    """Replace what is between the two comments of each page."""
-    write(PAGE, "\n".join(answer(folder) for folder in folders))
+    """Replace what is between the two comments of each page; other studies' answers stay."""
+    known = {one.partition("\n")[0]: one for one in SECTION.split(content(PAGE)) if one}
+    known |= {one.partition("\n")[0]: one for one in map(answer, folders)}
+    write(PAGE, "\n".join(one.strip("\n") + "\n" for one in known.values()))
     for folder in folders:
         if folder.name == "accuracy":
             of_study = request(folder)
@@ -37,12 +41,17 @@ def main(folders: list[Path]) -> None:
             write(ACCURACY, "\n".join([origin, *tables(folder)]))
 
 
-def write(page: Path, content: str) -> None:
-    """Put the content between the comments of a page."""
+def content(page: Path) -> str:
+    """What is between the comments of a page."""
+    return page.read_text(encoding="utf-8").split(BEGIN)[1].split(END)[0].strip("\n")
+
+
+def write(page: Path, written: str) -> None:
+    """Put what is `written` between the comments of a page."""
     text = page.read_text(encoding="utf-8")
     before, rest = text.split(BEGIN)
     _, after = rest.split(END)
-    page.write_text(f"{before}{BEGIN}\n\n{content}\n{END}{after}", encoding="utf-8")
+    page.write_text(f"{before}{BEGIN}\n\n{written}\n{END}{after}", encoding="utf-8")
 
 
 def request(folder: Path) -> dict[str, Any]:

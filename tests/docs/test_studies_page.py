@@ -21,12 +21,13 @@ def test_pages_have_the_answers_and_the_tables(tmp_path):
     places = script["main"].__globals__
     for name in ("PAGE", "ACCURACY"):
         page = tmp_path / f"{name}.md"
-        page.write_text(f"before\n{script['BEGIN']}\nold\n{script['END']}\nafter\n")
+        old = "### How\n\nold\n\n### Other\n\nstays"
+        page.write_text(f"before\n{script['BEGIN']}\n{old}\n{script['END']}\nafter\n")
         places[name] = page
     script["main"]([folder])
     assert places["PAGE"].read_text() == (
         f"before\n{script['BEGIN']}\n\n### How\n\n`stixel study accuracy`, revision 0123456:\n\n"
-        f"- Car: 0.12 <m>.\n- Details.\n\n{script['END']}\nafter\n"
+        f"- Car: 0.12 <m>.\n- Details.\n\n### Other\n\nstays\n\n{script['END']}\nafter\n"
     )
     text = places["ACCURACY"].read_text()
     assert "held out, car:\n\n| contour | 0.93 |\n" in text
