@@ -60,6 +60,11 @@ from stixel_cli.tracking.track import OTHER, InitialState, Track
 SIZE_TIME = 10.0
 """s in which the size goes back to the prior's by 63 %."""
 
+TURN_TIME = 3.0
+"""s in which a turn rate decays by 63 %, as an acceleration in Singer 1970, *Estimating optimal
+tracking filter performance for manned maneuvering targets*. Without it a car that is half hidden is
+taken for one that turns on the spot, and flies off."""
+
 LONGEST_GAP = 1e6
 """s without a scan, after which a smoothed track begins anew."""
 
@@ -296,19 +301,22 @@ def predict(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Mean (d,) one `interval` in s later, its Jacobian (d, d) and the process noise (d, d).
 
-    A turn at constant rate: the displacement has the heading of the middle of the interval. The
+    A turn whose rate decays: the displacement has the heading of the middle of the interval. The
     logarithms of size go back to the class's `size` (2,), as an AR(1) process: the errors of a
     shape have the same sign in all scans, and without this the size follows them. Of a car that is
     followed, only the rear is seen; its roundness then counted as a measurement of the length.
     """
-    forward = _forward(mean, interval)
+    middle = mean[2] + 0.5 * mean[4] * interval
+    forward = interval * np.array([np.cos(middle), np.sin(middle)])
     left = mean[3] * np.array([-forward[1], forward[0]])
     matrix, keep = np.eye(len(mean)), np.exp(-interval / SIZE_TIME)
     matrix[:2, 2], matrix[:2, 3], matrix[:2, 4] = left, forward, 0.5 * interval * left
     matrix[2, 4], matrix[5, 5], matrix[6, 6] = interval, keep, keep
+    matrix[4, 4] = np.exp(-interval / TURN_TIME)
     later = mean.copy()
     later[:2] += mean[3] * forward
     later[2] += mean[4] * interval
+    later[4] *= matrix[4, 4]
     later[5:7] = size + keep * (mean[5:7] - size)
     noise = np.zeros((len(mean), len(mean)))
     noise[0, 0] = noise[1, 1] = tracker.slip**2 * interval
@@ -319,9 +327,3 @@ def predict(
     noise[3, 3] = tracker.acceleration**2 * interval
     noise[5, 5], noise[6, 6] = (1.0 - keep**2) * np.square([tracker.length_std, tracker.width_std])
     return later, matrix, noise
-
-
-def _forward(mean: np.ndarray, interval: float) -> np.ndarray:
-    """Displacement (2,) in m at a speed of 1 m/s."""
-    middle = mean[2] + 0.5 * mean[4] * interval
-    return interval * np.array([np.cos(middle), np.sin(middle)])

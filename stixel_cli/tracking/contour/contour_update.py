@@ -94,15 +94,13 @@ def update(
         # Where the ray grazes the shape, a small error across it is a large one of the range.
         across = (linear.slopes[:2, :count].T * rays.normals).sum(axis=1)
         grazing = across**2 * rays.across_variances
-        shape = linear.stds**2
-        shape[:count] += (across * tracker.offset_std) ** 2
+        offsets = (across * tracker.offset_std) ** 2
+        shape = linear.stds**2 + np.append(offsets, [0.0, 0.0])
         ranges = (sight.std_factor * rays.stds) ** 2
-
-        variances = np.empty(count + 2)
-        variances[:count] = tracker.noise_factor**2 * ranges + grazing
-        variances[:count] += tracker.shape_factor**2 * linear.stds[:count] ** 2
-        variances[:count] += (across * tracker.offset_std) ** 2
-        variances[count:] = tracker.silhouette_factor**2 * (shape[count:] + inset_variance)
+        of_ranges = tracker.noise_factor**2 * ranges + grazing + offsets
+        of_ranges += tracker.shape_factor**2 * linear.stds[:count] ** 2
+        of_ends = tracker.silhouette_factor**2 * (shape[count:] + inset_variance)
+        variances = np.concatenate([of_ranges, of_ends])
         if sight.residual:
             variances += linear.curvature_variances
         passing = linear.misses > 0.0 if sight.residual else np.zeros(count, bool)

@@ -85,16 +85,18 @@ class Residual:
         factors = np.exp(state[5:7])
         plain, outline = self._outline * factors, self.outline(state)
         normals = _unit(self._normals / factors)
-        ends = outline.argmax(axis=0), outline.argmin(axis=0)
-        slopes = 0.5 * sum(self._weights[end] * normals[end, [0, 1]][:, None] for end in ends)
-        return 0.5 * (_extremes(outline) - _extremes(plain)), slopes
+        shift, slopes = np.zeros(2), np.zeros((2, NODES))
+        for extreme in (np.max, np.min):
+            ends = extreme(outline, axis=0)
+            shift += 0.5 * (ends - extreme(plain, axis=0))
+            # Of a straight side, all of its points: which is the farthest is rounding.
+            at = np.abs(outline - ends) < 1e-6
+            weights = np.einsum("na,na,nk->ak", at, normals, self._weights)
+            slopes += 0.5 * weights / at.sum(axis=0)[:, None]
+        return shift, slopes
 
     def _angles(self, points: np.ndarray) -> np.ndarray:
         return np.arctan2(points[:, 1] / self._half[1], points[:, 0] / self._half[0])
-
-
-def _extremes(points: np.ndarray) -> np.ndarray:
-    return points.max(axis=0) + points.min(axis=0)
 
 
 def _unit(vectors: np.ndarray) -> np.ndarray:
