@@ -87,10 +87,7 @@ def test_tracker_runs(benchmark, cache, tmp_path, how):
     assert {stage.name for stage in plan.stages if stage.to_run} == {"track", "scores"}
     if how == "sweep":
         result = benchmark.pedantic(
-            new_sweep,
-            args=(sweep_design(line),),
-            kwargs={"results": tmp_path / "results"},
-            rounds=1,
+            lambda: new_sweep(plan_sweep(sweep_design(line)), tmp_path / "results"), rounds=1
         )
         assert result.computed == 2 * TRACKER_RUNS
         return
