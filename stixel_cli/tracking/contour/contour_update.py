@@ -131,7 +131,7 @@ def update(
     )
     shared[[count, count + 1], [FIELD_NODES, FIELD_NODES + 1]] = 1.0
     shared *= np.sqrt(SHARED[tracker.seen_by] * shape)[:, None]
-    # A point that is moved says what the target would say if it were moved so.
+    # To move a point changes the innovation as to move the target does, on oblique faces, too.
     moved = np.concatenate([rays.shared, rays.shared[ends]])
     of_sensor = slice(SHAPE_ERRORS, SHAPE_ERRORS + moved.shape[2])
     shared[:, of_sensor] = np.einsum("ni,nim->nm", matrix[:, :2], moved)
