@@ -12,7 +12,7 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 49_615
+TOTAL = 49_595
 """Greatest number of lines in all."""
 
 MODULES = 307
@@ -24,7 +24,7 @@ BUDGET = {
     "benchmark": 1018,
     "calibration": 577,
     "cli": 2992,
-    "config": 3028,
+    "config": 3024,
     "engine": 4303,
     "evaluation": 1728,
     "experiment": 1470,
@@ -43,7 +43,7 @@ BUDGET = {
     "stixels": 2248,
     "studies": 1916,
     "sweeps": 2306,
-    "tracking": 6747,
+    "tracking": 6731,
     "validation": 1294,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""

@@ -199,11 +199,7 @@ def _values(
     if chosen["start"] == "scans" and recording.label:
         values["start.bearing"] = [round(bearing, 3) for bearing in recording.first_bearings]
     if chosen.get("tracker") == "contour":
-        errors = suitable["errors"]
-        # A disparity error e moves a point at range r by e r² / (f B); here at 10 m.
-        moved = errors["disparity"] * 100.0 / (calibration.focal_length * calibration.baseline)
-        values["tracker.bias_std"] = round(moved, 4)
-        edge = math.degrees(errors["edge"] / calibration.focal_length)
+        edge = math.degrees(suitable["errors"]["edge"] / calibration.focal_length)
         values["tracker.silhouette_std"] = round(edge, 3)
     return values
 

@@ -132,8 +132,7 @@ def test_what_an_experiment_sets_stays(clip, tmp_path):
 
 def test_the_errors_of_a_real_rig_are_those_of_its_calibration(clip):
     tracker = compose(of(clip, "tracker=contour")).configuration.tracker
-    # 0.25 px at 10 m, with f B = 150 px * 0.5 m; 4 px of 150.
-    assert tracker.bias_std == pytest.approx(0.25 * 100 / 75, abs=1e-4)
+    # 4 px of 150.
     assert tracker.silhouette_std == pytest.approx(np.degrees(4 / 150), abs=1e-3)
     assert tracker.length_std == 0.133
     assert tracker.noise_factor == 2.5
@@ -141,7 +140,7 @@ def test_the_errors_of_a_real_rig_are_those_of_its_calibration(clip):
     assert own.configuration.tracker.silhouette_std == 0.0
     assert own.configuration.prior.length == 1.77
     rendered = compose(["tracker=contour"]).configuration.tracker
-    assert (rendered.bias_std, rendered.silhouette_std, rendered.noise_factor) == (0.0, 0.0, 2.0)
+    assert (rendered.silhouette_std, rendered.noise_factor) == (0.0, 2.0)
     assert compose(of(clip, "stereo=bm")).configuration.stereo.subpixel == "parabola"
 
 

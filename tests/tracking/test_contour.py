@@ -96,9 +96,10 @@ def test_an_error_that_all_scans_share_widens_the_covariance_and_moves_nothing()
     # As of a disparity that is too small by the same amount everywhere: 0.6 m at 25 m.
     farther = [p * (1.0 + 0.6 * np.hypot(*p.T) / 25.0**2)[:, None] for p in points]
     scans = scans_of(farther, covariances=np.concatenate(covariances))
-    aware = dataclasses.replace(TRACKER, bias_std=0.6 / 2.5**2)
+    error = SharedErrors(disparity=((0.6 / 25.0**2, 0.0, 0.0),))
+    aware = dataclasses.replace(scans, shared_errors=error)
     initial = start_at(poses, (0.0, 0.0, 0.0))
-    plain, considered = (track(scans, initial, PRIORS["car"], t) for t in (TRACKER, aware))
+    plain, considered = (track(s, initial, PRIORS["car"], TRACKER) for s in (scans, aware))
     # Of the first places, which are tried, another one may be the likeliest.
     np.testing.assert_allclose(considered.means[-1], plain.means[-1], atol=0.02)
     assert position_nees(plain, poses) > 10.0 and position_nees(considered, poses) < 4.0

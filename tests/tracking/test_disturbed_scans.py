@@ -177,16 +177,12 @@ def test_the_other_classes_change_nothing_while_the_prior_fits(user):
     # Of a lidar's points a class has one form, and so one filter.
     tracker = dataclasses.replace(p.tracker, seen_by="lidar")
     seen = class_shape(user), sight_of(user, tracker)
-    alone = ClassFilter(initial, p.prior, *seen, tracker, sensor_errors=1)
+    alone = ClassFilter(initial, p.prior, *seen, tracker, sensor_errors=0)
     for k, interval in enumerate(intervals(scans.times)):
         rows = scans.rows(k)
         points, covariances = scans.points_world[rows], scans.covariances_world[rows]
         sensor = scans.sensor_poses_world[k]
-        # Scans of which nothing is known share the error of the tracker's `bias_std`.
-        shared = contour._with_bias(
-            np.zeros((len(points), 2, 0)), points - sensor[:2], tracker.bias_std
-        )
-        rays = rays_of(points, covariances, sensor, scans.field_of_view, shared)
+        rays = rays_of(points, covariances, sensor, scans.field_of_view)
         alone.step(interval, rays, recovers=True)
     found = alone.track(scans.times, scans.offsets[:-1])
     assert pickle.dumps(found) == pickle.dumps(track(scans, initial, p.prior, tracker))

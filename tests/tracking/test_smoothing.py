@@ -10,7 +10,7 @@ from seen_targets import scans_seen, start_at, turning
 from tracking_cases import CAR, START, scans_of, seen_car
 
 from stixel_cli.config.compose import compose
-from stixel_cli.measurements.scans import Scans
+from stixel_cli.measurements.scans import NO_SHARED_ERRORS, Scans, SharedErrors
 from stixel_cli.tracking import gp_ekf
 from stixel_cli.tracking.baselines import point
 from stixel_cli.tracking.contour import contour, contour_filter, contour_recovery
@@ -146,13 +146,14 @@ def test_a_full_turn_of_the_heading_changes_no_estimate():
 
 
 @cache
-def tracks(name, count=None, **options):
+def tracks(name, count=None, shared_errors=NO_SHARED_ERRORS, **options):
     """The track of the first `count` scans of a car that turns."""
     if name != "contour":
         function = point.track if name == "point" else gp_ekf.track
         tracker = dataclasses.replace(TRACKERS[name], **options)
         return function(scans_of(seen_car(20, 30)[:count]), START, CAR, tracker)
     scans = scans_seen(class_shape("car").outline, POSES[:count], noise=0.03)
+    scans = dataclasses.replace(scans, shared_errors=shared_errors)
     tracker = dataclasses.replace(CONTOUR, **options)
     return contour.track(scans, start_at(POSES), KNOWN, tracker)
 
@@ -231,7 +232,9 @@ def test_smoothing_brings_the_contour_nearer():
 
 def test_a_shared_error_moves_no_smoothed_estimate_but_stays_in_its_covariance():
     """It is shared by all scans, so later ones do not take it away."""
-    plain, shared = (tracks("contour", seen_by="stixels", bias_std=std) for std in (0.0, 0.12))
+    plain = tracks("contour", seen_by="stixels")
+    error = SharedErrors(disparity=((0.0012, 0.0, 0.0),))
+    shared = tracks("contour", shared_errors=error, seen_by="stixels")
     np.testing.assert_allclose(shared.smoothed.means, plain.smoothed.means, atol=1e-3)
     of_filter, of_smoother = (
         with_error.covariances[:, :2, :2] - without.covariances[:, :2, :2]

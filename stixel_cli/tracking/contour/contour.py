@@ -72,18 +72,18 @@ class ClassBank:
         shared_errors: int = 0,
         with_heights: bool = False,
     ):
-        self._filters, self._lag, self._bias_std = {}, tracker.lag, tracker.bias_std
+        self._filters, self._lag = {}, tracker.lag
         self._own = None if prior.road_user == "unknown" else prior.road_user
         for road_user in ROAD_USER_CLASSES if prior.class_file is None else (prior.class_file,):
             if may_be(road_user, prior, tracker.road_user):
                 start, of_class, parameters = _of_class(road_user, initial, prior, tracker)
                 for form, seen in forms_of(road_user, prior, parameters, with_heights).items():
                     self._filters[road_user, form] = ClassFilter(
-                        start, of_class, *seen, shared_errors + 1
+                        start, of_class, *seen, shared_errors
                     )
         if tracker.road_user == "estimated" and not (prior.class_file or states_size(prior)):
             of_none, *seen = free_form(prior, tracker)
-            self._filters[OTHER, "free"] = ClassFilter(initial, of_none, *seen, shared_errors + 1)
+            self._filters[OTHER, "free"] = ClassFilter(initial, of_none, *seen, shared_errors)
         self._kept, self._best = dict(self._filters), 0.0
         self._background = Background()
         self._start = next((key for key in self._filters if key[0] == self._own), None)
@@ -100,9 +100,6 @@ class ClassBank:
         heights: np.ndarray | None = None,
     ) -> None:
         """The next scan, an `interval` in s after the one before; the others as in `rays_of`."""
-        offsets = points_world - sensor[:2]
-        stated = np.zeros((len(offsets), 2, 0)) if shared is None else shared
-        shared = _with_bias(stated, offsets, self._bias_std)
         rays = rays_of(points_world, covariances, sensor, field_of_view, shared, heights)
         leader = self._kept.get(self._chosen[-1] if self._chosen else self._start)
         if leader:
@@ -186,15 +183,6 @@ class ClassBank:
             "class_probabilities": probabilities_of(weights),
             "class_replaced": None if self._own is None else replaced,
         }
-
-
-def _with_bias(stated: np.ndarray, offsets: np.ndarray, bias_std: float) -> np.ndarray:
-    """The `stated` shared errors (n, 2, m) m of points, and that of the tracker's `bias_std`.
-
-    `offsets` (n, 2) m are the points from the sensor.
-    """
-    growth = 0.01 * bias_std * np.hypot(*offsets.T)
-    return np.concatenate([stated, (growth[:, None] * offsets)[:, :, None]], axis=2)
 
 
 def may_be(road_user: str, prior: PriorShape, choice: str) -> bool:

@@ -30,9 +30,6 @@ class ContourParameters:
             stands for that.
         shape_factor: factor on the standard deviation of the visible shape. Neighbours share its
             error, and it changes little from scan to scan, so this factor is larger.
-        bias_std: standard deviation, m at a range of 10 m, of an error of the sensor that all
-            ranges of a recording share; it grows with the square of the range, as that of a
-            disparity does.
         offset_std: standard deviation, m, of the shape across the rays: where a ray grazes the
             shape it makes the range uncertain.
         silhouette_factor: factor on the standard deviation of the silhouette.
@@ -55,7 +52,6 @@ class ContourParameters:
     width_std: Annotated[float, Gt(0), Le(1)]
     noise_factor: Annotated[float, Gt(0), Le(100)]
     shape_factor: Annotated[float, Ge(0.1), Le(100)]
-    bias_std: Annotated[float, Ge(0), Le(10)]
     offset_std: Annotated[float, Ge(0), Le(10)]
     silhouette_factor: Annotated[float, Ge(0.1), Le(100)]
     silhouette_std: Annotated[float, Ge(0), Le(10)]
