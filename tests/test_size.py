@@ -12,7 +12,7 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 49_595
+TOTAL = 49_433
 """Greatest number of lines in all."""
 
 MODULES = 307
@@ -27,12 +27,12 @@ BUDGET = {
     "config": 3024,
     "engine": 4303,
     "evaluation": 1728,
-    "experiment": 1470,
+    "experiment": 1466,
     "export": 644,
     "geometry": 413,
     "live": 654,
     "machine": 214,
-    "measurements": 2058,
+    "measurements": 2090,
     "pictures": 1417,
     "recordings": 2994,
     "rendering": 2304,
@@ -43,8 +43,8 @@ BUDGET = {
     "stixels": 2248,
     "studies": 1916,
     "sweeps": 2306,
-    "tracking": 6731,
-    "validation": 1294,
+    "tracking": 6654,
+    "validation": 1181,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
 

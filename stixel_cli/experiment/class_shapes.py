@@ -27,7 +27,6 @@ from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.ego import ego_motion
 from stixel_cli.scene.parameters import ROAD_USER_CLASSES
 from stixel_cli.scene.path import build_scenario
-from stixel_cli.scene.road_user import road_user_meshes
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.tracking.contour import class_size
 from stixel_cli.tracking.contour.class_shape import ClassShape, OutlineModes, VisibleShape
@@ -35,7 +34,6 @@ from stixel_cli.tracking.contour.class_size import ClassSize
 from stixel_cli.validation.visible_shape import (
     class_shape_of,
     outline_modes_of,
-    visible_heights_of,
     visible_outline_of,
     visible_shape_of,
 )
@@ -92,8 +90,6 @@ def learned_class(
         else visible_shape_of(_samples(seen, sensor), shape)
         for sensor in sensors
     }
-    meshes = [road_user_meshes(one.road_user) for one in configurations]
-    visible["heights"] = visible_heights_of(list(zip(scenarios, meshes, strict=True)), shape)
     return size, entry(size, shape, outline_modes_of(scenarios, shape.size), visible)
 
 

@@ -39,7 +39,7 @@ def call_kernels() -> None:
     # That of the tracker `contour`, which the method leaves out.
     table = outline_table(np.array([[1.0, -1.0], [1.0, 1.0], [-1.0, 0.0]]))
     rays = np.array([[1.0, 0.0]])
-    expected(np.zeros((1, 5)), np.array([-9.0, 0.0]), rays, np.zeros(1), 0, 0, *table.arrays())
+    expected(np.zeros((1, 5)), np.array([-9.0, 0.0]), rays, 0, 0, *table.arrays())
 
 
 def main() -> None:

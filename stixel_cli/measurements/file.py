@@ -50,9 +50,9 @@ class FileParameters(Disturbance):
         horizontal_fov: field of view in degrees, symmetric to the sensor's heading; null: unknown.
         time_unit: unit of t; null: seconds, or that of times since 1970.
         angle_unit: unit of the headings in `ego` and `truth`.
-        road_z: of the road near the target in the table's column z, m: then trackers know the
-            height of each point. null: z is not read, as where the points of a target are the
-            nearest of their bearings.
+        road_z: of the road near the target in the table's column z, m: the points have heights, and
+            trackers take the nearest of each bearing. null: z is not read, as where the points of a
+            target are the nearest of their bearings.
     """
 
     kind: Literal["file"]

@@ -60,9 +60,9 @@ def lidar_scans(
     distance. Then the point is projected to the ground plane. With `returns: nearest` only the
     nearest point of each azimuth is kept: several layers meet bumper, bonnet, windscreen and roof,
     and seen from above all but the first are inside the outline. With `all` the points have their
-    heights, by which a tracker tells them from the outline's edge. The nearest of several noisy
-    ranges is too near by about their standard deviation: 0.6 of it for two that measure the same
-    face, 1.5 for ten.
+    heights, and trackers take the nearest, see `Scans.nearest_returns`. The nearest of several
+    noisy ranges is too near by about their standard deviation: 0.6 of it for two that measure the
+    same face, 1.5 for ten.
 
     The covariance of a point is the noise along the beam, projected to the ground, and
     (r dtheta)² / 12 across. `field_of_view` has the bearings of the lidar's right and left

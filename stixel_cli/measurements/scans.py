@@ -1,11 +1,11 @@
 """Scans, the input of every tracker, from any sensor; and the errors that all of them share."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stixel_cli.geometry.pose import STRAIGHT_AHEAD, pose_rates, rotation
+from stixel_cli.geometry.pose import STRAIGHT_AHEAD, pose_rates, rotation, wrap_angle
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,8 @@ class Scans:
         field_of_view: of the sensor; None: unknown.
         epoch: ns since 1970 at the time 0; None: unknown.
         shared_errors: what all of the points share, beyond their covariances.
-        heights: (P,) m, of the points above the road; None: unknown, they may be anywhere.
+        heights: (P,) m, of the points above the road, several of which may be of one bearing; None:
+            unknown.
     """
 
     times: np.ndarray
@@ -172,9 +173,40 @@ class Scans:
         """The rows of scan k."""
         return slice(int(self.offsets[k]), int(self.offsets[k + 1]))
 
-    def heights_of(self, rows: slice | np.ndarray) -> np.ndarray | None:
-        """Heights (n,) m of the points in `rows`; None: unknown."""
-        return None if self.heights is None else self.heights[rows]
+    def of_rows(self, rows: np.ndarray) -> "Scans":
+        """The scans with the points at `rows` (n,), ascending, only."""
+        return replace(
+            self,
+            offsets=np.searchsorted(rows, self.offsets),
+            points_world=self.points_world[rows],
+            covariances_world=self.covariances_world[rows],
+            heights=None if self.heights is None else self.heights[rows],
+        )
+
+    def nearest_returns(self) -> tuple["Scans", np.ndarray]:
+        """The scans with the nearest point of each bearing only, and its rows (n,) in these.
+
+        Seen from above, bonnet, windscreen and roof are inside of the outline, which the nearest
+        point of their bearing shows. Bearings are one within the step whose even distribution has
+        the variance that the points state across their rays. Without heights, nothing changes.
+        """
+        kept = np.ones(len(self.points_world), bool)
+        for k in range(len(self) if self.heights is not None else 0):
+            rows, sensor = self.rows(k), self.sensor_poses_world[k]
+            offsets = self.points_world[rows] - sensor[:2]
+            if not len(offsets):
+                continue
+            ranges = np.maximum(np.hypot(*offsets.T), 1e-9)
+            left = np.stack([-offsets[:, 1], offsets[:, 0]], axis=-1) / ranges[:, None]
+            across = np.einsum("ni,nij,nj->n", left, self.covariances_world[rows], left)
+            step = np.median(np.sqrt(12.0 * np.maximum(across, 1e-12)) / ranges)
+            bearings = wrap_angle(np.arctan2(offsets[:, 1], offsets[:, 0]) - sensor[2])
+            columns = np.round((bearings - bearings.min()) / step)
+            order = np.lexsort((ranges, columns))
+            kept[rows] = False
+            kept[rows.start + order[np.unique(columns[order], return_index=True)[1]]] = True
+        found = np.flatnonzero(kept)
+        return (self if kept.all() else self.of_rows(found)), found
 
     def shared_directions(self, k: int, points_world: np.ndarray) -> np.ndarray:
         """How `points_world` (n, 2) m of scan k move by its m shared errors: (n, 2, m) m each.

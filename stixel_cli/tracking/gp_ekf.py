@@ -168,7 +168,7 @@ def _updated(
     side, stated = one_side
     points, noises = scan.points, scan.covariances
     if side is not None:
-        rays, shape_stds = side.rays(points, noises, scan.sensor, mean[:SEEN], scan.heights)
+        rays, shape_stds = side.rays(points, noises, scan.sensor, mean[:SEEN])
         points = rays.points_world
     if tracker.measurement_covariance == "isotropic":
         noises = tracker.measurement_std**2 * np.eye(2)

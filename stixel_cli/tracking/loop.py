@@ -18,7 +18,6 @@ class Scan(NamedTuple):
         interval: s since the scan before; at the first, the filter starts one sample before it.
         points: (n, 2) m, and covariances: (n, 2, 2) m².
         sensor: (3,) its pose.
-        heights: (n,) m, of the points above the road; None: unknown.
     """
 
     k: int
@@ -26,11 +25,12 @@ class Scan(NamedTuple):
     points: np.ndarray
     covariances: np.ndarray
     sensor: np.ndarray
-    heights: np.ndarray | None
 
 
 class Filtered:
     """Gives the scans one after the other, and keeps what a filter has after each.
+
+    Of several points of one bearing the filter gets the nearest, see `Scans.nearest_returns`.
 
     Attributes:
         states: means (K, d) and covariances (K, d, d).
@@ -38,7 +38,7 @@ class Filtered:
 
     def __init__(self, scans: Scans, size: int):
         """For a filter of `size` states, d."""
-        count, self._scans = len(scans), scans
+        count, (self._scans, self._rows) = len(scans), scans.nearest_returns()
         self.states = np.empty((count, size)), np.empty((count, size, size))
         self._used: list[np.ndarray] = []
         self._nis, self._degrees = np.full(count, np.nan), np.zeros(count, np.int64)
@@ -49,8 +49,7 @@ class Filtered:
         for k, interval in enumerate(intervals(scans.times)):
             rows = scans.rows(k)
             points, covariances = scans.points_world[rows], scans.covariances_world[rows]
-            sensor, heights = scans.sensor_poses_world[k], scans.heights_of(rows)
-            yield Scan(k, interval, points, covariances, sensor, heights)
+            yield Scan(k, interval, points, covariances, scans.sensor_poses_world[k])
 
     def add(
         self,
@@ -82,4 +81,5 @@ class Filtered:
         They are six or more.
         """
         used = self._used, self._nis, self._degrees
-        return Track.of_scans(self._scans.times, states or self.states, contours, *used)
+        track = Track.of_scans(self._scans.times, states or self.states, contours, *used)
+        return track.of_points(self._rows)

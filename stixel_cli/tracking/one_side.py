@@ -21,7 +21,7 @@ from stixel_cli.tracking.contour.class_shape import (
     visible_shape,
     visible_table,
 )
-from stixel_cli.tracking.contour.contour_rays import Rays, rays_of, segments, telling
+from stixel_cli.tracking.contour.contour_rays import Rays, rays_of, segments
 from stixel_cli.tracking.contour.contour_recovery import RECENT
 from stixel_cli.tracking.contour.ray_table import expected, outline_table
 from stixel_cli.tracking.gp_ekf_update import SEEN, Linearisation, linearise
@@ -74,7 +74,7 @@ class OneSide:
     ):
         self._process, self._field_of_view = process, scans.field_of_view
         self._known = prior.road_user != "unknown"
-        self._tables, self._by_height = None, False
+        self._tables = None
         self._background, self._unseen = Background(), RECENT
         self.radii = prior_radii(prior, process.basis_angles)
         self.basis_angles = process.basis_angles
@@ -99,9 +99,8 @@ class OneSide:
         stds = np.array([prior.length_std, prior.width_std])
         sizes = stds[:, None] * [self._at(bearings, one) for one in size_slopes(outline)]
         self.radii_covariance = fixed.T @ fixed + sizes.T @ sizes
-        self._by_height = scans.heights is not None
-        if self._by_height or seen_by in ("stixels", "lidar"):
-            seen = visible_shape(prior.road_user, "heights" if self._by_height else seen_by)
+        if seen_by in ("stixels", "lidar"):
+            seen = visible_shape(prior.road_user, seen_by)
             visible = visible_table(shape.outline, seen, blurred=seen_by == "stixels")
             self._tables = visible, outline_table(shape.outline)
             self._bias_per_std, self.std_factor = seen.bias_per_std, seen.std_factor
@@ -116,7 +115,6 @@ class OneSide:
         covariances: np.ndarray,
         sensor: np.ndarray,
         pose: np.ndarray,
-        heights: np.ndarray | None = None,
     ) -> tuple[Rays, np.ndarray]:
         """The rays of points (n, 2) m, moved to where they would be if the outline were seen.
 
@@ -124,12 +122,12 @@ class OneSide:
         and of the target in the world. Points of an unknown class stay. Also the standard
         deviations (n,) m of these moves.
         """
-        rays = rays_of(points_world, covariances, sensor, self._field_of_view, heights=heights)
+        rays = rays_of(points_world, covariances, sensor, self._field_of_view)
         stds = np.zeros(len(points_world))
         if self._tables is not None and len(points_world):
             state = np.concatenate([pose, self._factors])[None]
             visible, outline = (
-                expected(state, sensor[:2], rays.directions, rays.levels, -1, -1, *table.arrays())
+                expected(state, sensor[:2], rays.directions, -1, -1, *table.arrays())
                 for table in self._tables
             )
             missed = np.clip(visible[0][0] - outline[0][0], -FARTHEST, FARTHEST)
@@ -160,11 +158,7 @@ class OneSide:
         with most points near it, by a robust fit of the pose: a target that turns or brakes has
         all of its points elsewhere, a neighbour has not.
         """
-        if self._by_height:
-            candidates = candidates[telling(rays.subset(candidates), shape_stds[candidates])]
-            labels = segments(rays.subset(candidates))
-        else:
-            labels = segments(rays)[candidates]
+        labels = segments(rays)[candidates]
         model = linearise(rays.points_world[candidates], mean, self._process)
         weights = 1.0 / (1.0 + (model.residuals / TAIL) ** 2)
         main = labels == np.bincount(labels, weights).argmax()

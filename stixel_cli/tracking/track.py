@@ -1,7 +1,7 @@
 """The initial state and the result of a tracker."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -150,6 +150,11 @@ class Track:
             nis,
             degrees,
         )
+
+    def of_points(self, rows: np.ndarray) -> "Track":
+        """The track as one of scans whose points at `rows` (P,) were given to the tracker."""
+        smoothed = self.smoothed and self.smoothed.of_points(rows)
+        return replace(self, used_points=rows[self.used_points], smoothed=smoothed)
 
 
 @dataclass(frozen=True)

@@ -17,11 +17,8 @@ import numpy as np
 from stixel_cli.geometry.polygon import first_hits
 from stixel_cli.geometry.pose import target_from_world
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.rendering.surfaces import RayTree
-from stixel_cli.scene.mesh import Mesh, corners, scaled
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.tracking.contour.class_shape import (
-    LEVELS,
     LIMB_MODES,
     MODE_ANGLES,
     MODES,
@@ -30,7 +27,7 @@ from stixel_cli.tracking.contour.class_shape import (
     OutlineModes,
     VisibleShape,
 )
-from stixel_cli.tracking.contour.ray_table import REACH, even_aspects, first_depths, widths
+from stixel_cli.tracking.contour.ray_table import REACH, first_depths, widths
 
 RADII = 360
 """Even angles at which the mean outline is given: a wheel's width is seen under 3 degrees."""
@@ -58,13 +55,6 @@ TOWARDS_BOX = 2.0 / 3.0
 
 Of drawn pedestrians, 0 gives the best outlines and 1 the best boxes. Cars are best at 0.5.
 """
-
-SECTION_RAYS, INSIDE = 121, 0.995
-"""Even offsets over the outline's width of the level rays that find the ends of a body; the
-outermost ones, in halves of the width."""
-
-SEEN = 0.2
-"""Share of the bodies that level rays meet, where their mean is taken."""
 
 DRAWN_RAYS = (24, 10)
 """Even aspects, and even offsets over an outline's width, of the rays on drawn outlines."""
@@ -134,110 +124,7 @@ def visible_outline_of(scenarios: Sequence[Scenario], shape: ClassShape) -> Visi
     found = found[np.abs(found[:, 4]) < NEAR_DEPTH]
     biases, _, depth_stds, _ = _depths(np.concatenate([found, _mirrored(found)]))
     insets, inset_stds = _insets(*np.concatenate(ends).T)
-    return _of_one_level(biases, 0.0, depth_stds, 1.0, insets, inset_stds)
-
-
-def _of_one_level(*values: np.ndarray | float) -> VisibleShape:
-    """The visible shape with these `values`, of a sensor whose points have no heights."""
-    return VisibleShape(*(one[None] if np.ndim(one) else one for one in values))
-
-
-def visible_heights_of(
-    road_users: Sequence[tuple[Scenario, Sequence[Mesh]]], shape: ClassShape
-) -> VisibleShape:
-    """What a sensor sees that measures the surface of road users at the height of each point.
-
-    Level rays are cast on the meshes, one for each pose of the limbs, scaled to the class's box:
-    through the nodes, for the means, and between them, for how far points are from what is
-    interpolated there.
-    """
-    trees = []
-    for scenario, meshes in road_users:
-        factors = shape.size / np.ptp(scenario.box_target, axis=0)
-        for mesh in meshes:
-            points = corners(scaled(mesh, np.array([*factors, 1.0]))).reshape(-1, 3)
-            trees.append(RayTree(points, np.arange(len(points)).reshape(-1, 3)))
-    aspects, place = even_aspects(NODES[0]), REACH * np.linspace(-1.0, 1.0, NODES[1])
-    biases = _means(_behind(trees, shape, aspects, place, LEVELS))
-    between = (0.5 * (values[1:] + values[:-1]) for values in (place, LEVELS))
-    away = _behind(trees, shape, aspects + np.pi / NODES[0], *between) - _middles(biases, -1)
-    variances = _means(np.clip(away, -NEAR_DEPTH, NEAR_DEPTH) ** 2)
-    variances = _middles(np.pad(variances, [(1, 1), (0, 0), (1, 1)], "edge"), 1)
-    ends = _insets_of_levels(trees, shape, aspects)
-    return VisibleShape(
-        biases,
-        0.0,
-        np.maximum(np.sqrt(variances), LEAST_DEPTH_STD),
-        1.0,
-        _means(ends),
-        np.maximum(np.sqrt(_means((ends - _means(ends)) ** 2)), LEAST_INSET_STD),
-    )
-
-
-def _middles(values: np.ndarray, turn: int) -> np.ndarray:
-    """Means (H - 1, A, n - 1) of the eight corners of each cell of `values` (H, A, n).
-
-    The second axis closes a circle; `turn` is -1 for the next aspect, 1 for the one before.
-    """
-    values = 0.5 * (values + np.roll(values, turn, axis=1))
-    values = 0.5 * (values[1:] + values[:-1])
-    return 0.5 * (values[..., 1:] + values[..., :-1])
-
-
-def _behind(
-    trees: Sequence[RayTree],
-    shape: ClassShape,
-    aspects: np.ndarray,
-    place: np.ndarray,
-    heights: np.ndarray,
-) -> np.ndarray:
-    """How far behind the class's outline level rays meet bodies: (2 T, H, A, n) m; inf: nowhere.
-
-    Rays at `aspects` (A,) and `heights` (H,) m pass at `place` (n,), in halves of the outline's
-    width, from -1 to 1. The second half of the bodies are the mirror images of the first.
-    """
-    low, high = widths(shape.outline, aspects)
-    share = 0.5 * (1.0 + np.clip(place, -INSIDE, INSIDE))
-    offsets = low[:, None] + share * (high - low)[:, None]
-    along = -np.stack([np.cos(aspects), np.sin(aspects), np.zeros(len(aspects))], axis=-1)
-    left = np.stack([-along[:, 1], along[:, 0], along[:, 2]], axis=-1)
-    origins = offsets[..., None] * left[:, None] - FAR * along[:, None]
-    rays = np.concatenate(np.broadcast_arrays(origins, along[:, None]), axis=-1, dtype=np.float32)
-    rays = np.repeat(rays[None], len(heights), axis=0)
-    rays[..., 2] = heights[:, None, None]
-    hits = [tree.first_hits(rays.reshape(-1, 6))[0].reshape(rays.shape[:-1]) for tree in trees]
-    found = np.stack(hits).astype(float) - FAR - first_depths(shape.outline, aspects, offsets)
-    # Seen from the aspect -a, what was at the left is at the right.
-    order = np.argsort(-aspects % (2.0 * np.pi), kind="stable")
-    return np.concatenate([found, found[:, :, order, ::-1]])
-
-
-def _insets_of_levels(
-    trees: Sequence[RayTree], shape: ClassShape, aspects: np.ndarray
-) -> np.ndarray:
-    """How far inside the outline's ends level rays first meet bodies: (2 T, H, 2, A) m."""
-    low, high = widths(shape.outline, aspects)
-    met = np.isfinite(_behind(trees, shape, aspects, np.linspace(-1.0, 1.0, SECTION_RAYS), LEVELS))
-    ends = np.stack([met.argmax(axis=-1), met[..., ::-1].argmax(axis=-1)], axis=2)
-    ends = ends * (high - low) / (SECTION_RAYS - 1)
-    return np.where(met.any(axis=-1)[:, :, None], ends, np.inf)
-
-
-def _means(values: np.ndarray) -> np.ndarray:
-    """Means over the first axis of what is finite of `values`, (S, H, A, n) or (S, H, 2, A).
-
-    Where less than `SEEN` of all is, the mean of the nearest place that has more.
-    """
-    from scipy.ndimage import distance_transform_edt
-
-    known = np.isfinite(values)
-    enough = known.sum(axis=0) >= SEEN * len(values)
-    means = np.where(known, values, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
-    # A height is farther than an aspect, and that than an offset.
-    nearest = distance_transform_edt(
-        ~enough, sampling=(30.0, 10.0, 1.0), return_distances=False, return_indices=True
-    )
-    return means[tuple(nearest)]
+    return VisibleShape(biases, 0.0, depth_stds, 1.0, insets, inset_stds)
 
 
 def visible_shape_of(samples: Sequence[tuple[Scenario, Scans]], shape: ClassShape) -> VisibleShape:
@@ -252,7 +139,7 @@ def visible_shape_of(samples: Sequence[tuple[Scenario, Scans]], shape: ClassShap
     high = np.stack([points[np.argmax(points[:, 1])] for points in seen])
     ends = np.concatenate([low, _mirrored(high)])
     insets, inset_stds = _insets(ends[:, 0], ends[:, 1] - ends[:, 2])
-    return _of_one_level(biases, per_std, depth_stds, factor, insets, inset_stds)
+    return VisibleShape(biases, per_std, depth_stds, factor, insets, inset_stds)
 
 
 def mean_radii(outlines: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:

@@ -291,8 +291,8 @@ def test_points_of_a_neighbour_are_not_the_targets():
 
 def test_ends_are_uncertain_by_what_rays_graze():
     table = with_uncertain_ends(outline_table(rectangle(SHAPE).outline))
-    ahead, slanted = 0, table.low.shape[1] // 8
-    low_stds, high_stds = table.low_stds[0], table.high_stds[0]
+    ahead, slanted = 0, len(table.low) // 8
+    low_stds, high_stds = table.low_stds, table.high_stds
     assert low_stds[ahead] < 0.1
     # At 45 degrees no side is grazed; a little off the front, one is.
     assert max(low_stds[slanted], high_stds[slanted]) < 0.1

@@ -1,13 +1,11 @@
 """Points whose heights are known: those of a real lidar, which sees bonnet, windscreen and roof."""
 
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
 
 from stixel_cli.config.compose import compose
-from stixel_cli.evaluation.evaluate import evaluate
 from stixel_cli.measurements.disturbance import CLUTTER_HEIGHT, disturb_scans
 from stixel_cli.measurements.file import read_scans
 from stixel_cli.measurements.lidar import lidar_scans
@@ -15,11 +13,9 @@ from stixel_cli.measurements.lidar_casting import cast_lidar
 from stixel_cli.scene.ego import ego_motion
 from stixel_cli.scene.path import build_scenario
 from stixel_cli.tracking import gp_ekf
+from stixel_cli.tracking.baselines import rectangle
 from stixel_cli.tracking.contour import contour
-from stixel_cli.tracking.contour.contour_rays import MOST, rays_of, telling
 from stixel_cli.tracking.start import noisy_start
-
-SENSOR = np.array([0.0, 0.0, np.pi / 2])
 
 
 def configured(*overrides):
@@ -43,19 +39,19 @@ def seen(returns, *overrides):
     return p, scenario, lidar_scans(beams, motion, p.measurement, p.rig.field_of_view, seed=0)
 
 
-@pytest.mark.parametrize("tracker", ["contour", "gp_ekf"])
-@pytest.mark.parametrize("hidden", [False, True], ids=["whole", "without its bumper"])
-def test_a_car_is_where_its_bumper_is_although_the_windscreen_has_points(tracker, hidden):
-    overrides = [f"tracker={tracker}", *(["measurement.height_min=0.7"] if hidden else [])]
-    p, scenario, scans = seen("all", *overrides)
-    initial = noisy_start(scenario, p.start, 0)
-    track = {"contour": contour.track, "gp_ekf": gp_ekf.track}[tracker]
-    with_heights, without = (
-        evaluate(track(one, initial, p.prior, p.tracker), scenario, one).metrics
-        for one in (scans, replace(scans, heights=None))
+@pytest.mark.parametrize("tracker", ["contour", "gp_ekf", "rectangle"])
+def test_of_all_returns_a_tracker_takes_the_nearest_of_each_bearing(tracker):
+    (p, scenario, every), (_, _, nearest) = (
+        seen(returns, f"tracker={tracker}") for returns in ("all", "nearest")
     )
-    assert with_heights["iou_box_mean"] > max(0.85, without["iou_box_mean"] + 0.03)
-    assert with_heights["centre_rmse_m"] < 0.7 * without["centre_rmse_m"]
+    module = {"contour": contour, "gp_ekf": gp_ekf, "rectangle": rectangle}[tracker]
+    initial = noisy_start(scenario, p.start, 0)
+    of_all, of_nearest = (
+        module.track(one, initial, p.prior, p.tracker) for one in (every, nearest)
+    )
+    np.testing.assert_allclose(of_all.means, of_nearest.means, atol=0.02)
+    used = every.points_world[of_all.used_points]
+    np.testing.assert_allclose(used, nearest.points_world[of_nearest.used_points], atol=1e-9)
 
 
 def test_the_heights_are_those_of_the_returns_and_the_nearest_have_none():
@@ -66,6 +62,11 @@ def test_the_heights_are_those_of_the_returns_and_the_nearest_have_none():
     assert (scans.heights >= p.measurement.height_min).all()
     assert (scans.heights <= p.measurement.height_max).all()
     assert np.ptp(scans.heights) > 0.8
+    found, rows = scans.nearest_returns()
+    np.testing.assert_array_equal(found.offsets, nearest.offsets)
+    np.testing.assert_allclose(found.points_world, nearest.points_world, atol=1e-9)
+    np.testing.assert_array_equal(found.heights, scans.heights[rows])
+    assert nearest.nearest_returns()[0] is nearest
 
 
 def test_dropout_and_clutter_keep_the_heights_of_the_points():
@@ -73,8 +74,8 @@ def test_dropout_and_clutter_keep_the_heights_of_the_points():
     disturbed = disturb_scans(scans, (1.0, 2.0), 5.0, None, 0)
     rows = disturbed.rows(0)
     own = np.diff(scans.offsets)[0]
-    np.testing.assert_array_equal(disturbed.heights_of(rows)[:own], scans.heights[:own])
-    assert (disturbed.heights_of(rows)[own:] == CLUTTER_HEIGHT).all()
+    np.testing.assert_array_equal(disturbed.heights[rows][:own], scans.heights[:own])
+    assert (disturbed.heights[rows][own:] == CLUTTER_HEIGHT).all()
     assert len(disturbed.heights) == len(disturbed.points_world)
 
 
@@ -87,13 +88,3 @@ def test_a_table_has_heights_if_the_road_is_stated(tmp_path):
     table.write_text("k,t,x,y\n0,0.0,1,9\n")
     with pytest.raises(Exception, match="z"):
         read_scans(str(table), None, 0.1, road_z=-1.7)
-
-
-def test_one_point_of_each_bearing_is_used_that_whose_place_is_best_known():
-    bearings = np.repeat(np.linspace(-0.2, 0.2, MOST), 3)
-    points = 10.0 * np.stack([np.sin(bearings), np.cos(bearings)], axis=-1)
-    rays = rays_of(points, np.tile(1e-4 * np.eye(2), (len(points), 1, 1)), SENSOR)
-    stds = np.tile([0.3, 0.1, 0.2], MOST)
-    np.testing.assert_array_equal(telling(rays, stds), 1 + 3 * np.arange(MOST))
-    few = rays.subset(np.arange(MOST))
-    np.testing.assert_array_equal(telling(few, stds[:MOST]), np.arange(MOST))

@@ -32,11 +32,6 @@ def rays_at(outline, state, sensor):
     return rays.directions[hit] @ rotation(sensor[2]).T, ranges
 
 
-def flat(directions):
-    """The levels of rays of unknown height."""
-    return np.zeros(len(directions))
-
-
 def some_state(random):
     """A state at 8 to 20 m in front of a sensor, and the sensor's pose."""
     sensor = np.array([*random.uniform(-3, 3, 2), random.uniform(-np.pi, np.pi)])
@@ -52,9 +47,7 @@ def test_expected_ranges_are_those_of_rays_cast_on_the_scaled_outline(seed):
     directions, ranges = rays_at(RECTANGLE, state, sensor)
     table = outline_table(RECTANGLE)
     table = replace(table, stds=np.full_like(table.stds, 0.02)).arrays()
-    found, _, misses, stds, _ = expected(
-        state[None], sensor[:2], directions, flat(directions), 0, -1, *table
-    )
+    found, _, misses, stds, _ = expected(state[None], sensor[:2], directions, 0, -1, *table)
     # The table is linear between its nodes, so it is coarse at the corners.
     errors = np.abs(found[0] - ranges)
     assert np.median(errors) < 0.02
@@ -79,7 +72,7 @@ def test_a_ray_through_an_end_of_the_shape_has_no_inset(name, index):
     across = 0.8 * index
     ray = np.array([[10.0, across]]) / np.hypot(10.0, across)
     which = (0, -1) if name == "low" else (-1, 0)
-    _, insets, misses, _, _ = expected(state[None], sensor, ray, flat(ray), *which, *table.arrays())
+    _, insets, misses, _, _ = expected(state[None], sensor, ray, *which, *table.arrays())
     assert insets[0, int(index > 0)] == pytest.approx(0.0, abs=0.16)
     assert misses[0, 0] == pytest.approx(-insets[0, int(index > 0)])
 
@@ -92,7 +85,7 @@ def test_distances_across_a_ray_are_metres_of_the_world(factors):
     for along, beside in ((0, 1), (1, 0)):
         sensor, direction = np.full(2, -30.0), np.zeros((1, 2))
         sensor[beside], direction[0, along] = half[beside] + 0.3, 1.0
-        _, insets, misses, _, _ = expected(state, sensor, direction, flat(direction), 0, 0, *table)
+        _, insets, misses, _, _ = expected(state, sensor, direction, 0, 0, *table)
         assert misses[0, 0] == pytest.approx(0.3, abs=1e-9)
         assert sorted(insets[0]) == pytest.approx([-0.3, 2.0 * half[beside] + 0.3])
 
@@ -106,9 +99,9 @@ def test_expectation_is_invariant_to_rigid_motions_of_the_world(seed, angle):
     turn, shift = rotation(angle), random.uniform(-20, 20, 2)
     moved = np.array([*(turn @ state[:2] + shift), state[2] + angle, *state[3:]])
     last = len(directions) - 1
-    plain = expected(state[None], sensor[:2], directions, flat(directions), 0, last, *table)
+    plain = expected(state[None], sensor[:2], directions, 0, last, *table)
     turned = directions @ turn.T
-    other = expected(moved[None], turn @ sensor[:2] + shift, turned, flat(turned), 0, last, *table)
+    other = expected(moved[None], turn @ sensor[:2] + shift, turned, 0, last, *table)
     for a, b in zip(plain, other, strict=True):
         np.testing.assert_allclose(a, b, atol=1e-6)
 
@@ -125,8 +118,8 @@ def test_a_point_at_the_sensor_has_no_range_and_changes_no_other():
     table = outline_table(RECTANGLE).arrays()
     directions = np.array([[0.0, 1.0], [0.0, 0.0], [0.01, 1.0]])
     state, sensor = np.array([[0.0, 10.0, 0.3, 0.0, 0.0]]), np.zeros(2)
-    ranges, _, misses, stds, _ = expected(state, sensor, directions, flat(directions), 0, 2, *table)
-    alone, _, _, _, _ = expected(state, sensor, directions[[0, 2]], np.zeros(2), 0, 1, *table)
+    ranges, _, misses, stds, _ = expected(state, sensor, directions, 0, 2, *table)
+    alone, _, _, _, _ = expected(state, sensor, directions[[0, 2]], 0, 1, *table)
     assert np.isnan([ranges[0, 1], misses[0, 1], stds[1]]).all()
     np.testing.assert_array_equal(ranges[0, [0, 2]], alone[0])
 
@@ -136,16 +129,10 @@ def test_rays_leave_a_shape_where_rays_from_the_other_side_meet_it():
     states, sensor = np.array([[0.3, 20.0, 0.7, 0.1, -0.1]]), np.zeros(2)
     directions = np.array([[np.sin(a), np.cos(a)] for a in np.linspace(-0.05, 0.07, 13)])
     near = outline_table(outline)
-    ranges, insets, misses, *_ = expected(
-        states, sensor, directions, flat(directions), 0, 12, *near.arrays()
-    )
-    leaving, *others = expected(
-        states, sensor, directions, flat(directions), 0, 12, *behind(near).arrays()
-    )
+    ranges, insets, misses, *_ = expected(states, sensor, directions, 0, 12, *near.arrays())
+    leaving, *others = expected(states, sensor, directions, 0, 12, *behind(near).arrays())
     for i, direction in enumerate(directions):
-        back = expected(
-            states, 40.0 * direction, -direction[None], np.zeros(1), -1, -1, *near.arrays()
-        )[0]
+        back = expected(states, 40.0 * direction, -direction[None], -1, -1, *near.arrays())[0]
         assert leaving[0, i] == pytest.approx(40.0 - back[0, 0], abs=1e-6)
     inside = misses[0] < 0.0
     assert inside.sum() > 5

@@ -3,7 +3,6 @@ import json
 
 import numpy as np
 import pytest
-import trimesh
 
 from stixel_cli.config.compose import compose
 from stixel_cli.engine.code import CodeIndex
@@ -11,15 +10,13 @@ from stixel_cli.experiment.class_shapes import SEEDS, entry
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD
 from stixel_cli.measurements.fabricated import fabricate_scans
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.scene.mesh import Mesh, Part
 from stixel_cli.scene.scenario import Scenario
-from stixel_cli.tracking.contour.class_shape import levels_of, visible_table
+from stixel_cli.tracking.contour.class_shape import visible_table
 from stixel_cli.tracking.contour.class_size import ClassSize
 from stixel_cli.validation.visible_shape import (
     class_shape_of,
     mean_radii,
     outline_modes_of,
-    visible_heights_of,
     visible_outline_of,
     visible_shape_of,
 )
@@ -94,37 +91,15 @@ def test_a_sensor_of_the_outline_sees_its_mean_and_how_far_it_swings():
     walkers = [walker(0.16, 1.0), walker(0.16, 1.5)]
     shape = class_shape_of(walkers)
     table = visible_table(shape.outline, visible_outline_of(walkers, shape), blurred=False)
-    depths, stds = table.depths[0], table.stds[0]
+    depths, stds = table.depths, table.stds
     middle, side = depths.shape[1] // 2, len(depths) // 4
     assert depths[0, middle] == pytest.approx(-0.3, abs=0.02)
     assert stds[0, middle] == pytest.approx(0.05, abs=0.02)
     # From the side the swing moves the ends and not the depth.
     assert depths[side, middle] == pytest.approx(-0.3125, abs=0.02)
     assert stds[side, middle] < 0.045
-    assert table.high[0, side] == pytest.approx(0.3, abs=0.02)
-    assert table.high_stds[0, side] == pytest.approx(0.05, abs=0.03)
-
-
-def test_a_point_is_as_far_behind_the_outline_as_the_surface_at_its_height(sample, shape):
-    """A box of 4 × 1.8 m with a cabin that begins 1.5 m behind its front, 0.5 m before its rear."""
-    parts = []
-    for size, middle in (([4.0, 1.8, 0.8], [0, 0, 0.4]), ([2.0, 1.6, 0.7], [-0.5, 0, 1.15])):
-        one = trimesh.creation.box(extents=size)
-        triangles = np.array(one.faces, np.int32)
-        uvs, texture = np.zeros((len(triangles), 3, 2)), np.zeros((1, 1, 3), np.uint8)
-        parts.append(Part(np.array(one.vertices) + middle, triangles, uvs, texture, "box"))
-    seen = visible_heights_of([(sample[0], [Mesh(tuple(parts))])], shape)
-    table = visible_table(shape.outline, seen, blurred=False)
-    at_bonnet, at_roof = levels_of(np.array([0.4, 1.3])).round().astype(int)
-    front, side, rear, middle = 0, 90, 180, table.depths.shape[2] // 2
-    depths = table.depths[:, :, middle]
-    np.testing.assert_allclose(depths[at_bonnet, [front, side, rear]], [-2, -0.9, -2], atol=0.03)
-    np.testing.assert_allclose(depths[at_roof, [front, side, rear]], [-0.5, -0.8, -1.5], atol=0.05)
-    # The edge between bonnet and cabin is between two levels: nobody knows which a point is on.
-    between = int(levels_of(np.array([0.8]))[0])
-    assert seen.depth_stds[between, 0, 4] > 0.4 > 0.1 > seen.depth_stds[at_bonnet, 0, 4]
-    np.testing.assert_allclose(table.high[at_roof, [front, side]], [0.8, 0.5], atol=0.06)
-    assert table.low[at_roof, side] == pytest.approx(-1.5, abs=0.06)
+    assert table.high[side] == pytest.approx(0.3, abs=0.02)
+    assert table.high_stds[side] == pytest.approx(0.05, abs=0.03)
 
 
 def test_points_of_the_background_do_not_change_the_visible_shape(sample, shape):

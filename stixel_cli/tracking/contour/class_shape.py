@@ -19,7 +19,7 @@ import numpy as np
 
 from stixel_cli.tracking.contour.class_size import CLASS_SHAPES
 from stixel_cli.tracking.contour.ray_table import COARSE, FINE, RayTable, outline_table
-from stixel_cli.tracking.contour.user_shape import LEVELS, read_class
+from stixel_cli.tracking.contour.user_shape import read_class
 
 MODES, LIMB_MODES, MODE_ANGLES = 12, 6, 120
 """Modes of the outline, those of moving limbs, and the even angles at which they are given."""
@@ -67,17 +67,17 @@ class OutlineModes:
 
 @dataclass(frozen=True)
 class VisibleShape:
-    """What a kind of sensor sees of a class: at H levels of height, or one if it has none.
+    """What a kind of sensor sees of a class.
 
     Attributes:
-        depth_biases: (H, 24, 9) m, how far behind the outline a point is measured, by aspect and
+        depth_biases: (24, 9) m, how far behind the outline a point is measured, by aspect and
             offset.
         bias_per_std: the same, in standard deviations of the point's range: added to it.
-        depth_stds: (H, 24, 9) m, standard deviation of that distance beyond the point's own, and
+        depth_stds: (24, 9) m, standard deviation of that distance beyond the point's own, and
         std_factor: the factor on the point's own.
-        insets: (H, 2, 24) m, how far inside the outline the visible shape begins (low) and
+        insets: (2, 24) m, how far inside the outline the visible shape begins (low) and
             ends (high).
-        inset_stds: (H, 2, 24) m.
+        inset_stds: (2, 24) m.
     """
 
     depth_biases: np.ndarray
@@ -116,29 +116,25 @@ def outline_modes(road_user: str) -> OutlineModes:
     )
 
 
-def visible_shape(
-    road_user: str, sensor: Literal["stixels", "lidar", "outline", "heights"]
-) -> VisibleShape:
+def visible_shape(road_user: str, sensor: Literal["stixels", "lidar", "outline"]) -> VisibleShape:
     """What stixels (`stixels`), a `lidar` or a sensor of the outline see of `road_user`.
 
-    `heights`: a sensor of the surface, whose points have heights. ValueError if the user's file of
-    the class lacks this sensor.
+    ValueError if the user's file of the class lacks this sensor.
     """
     sensors = known_class(road_user)
     if sensor not in sensors:
-        option = "" if sensor == "heights" else f" --sensor {sensor}"
         raise ValueError(
             f"prior.road_user: {road_user} has no visible shape for {sensor}, which "
-            f"these scans need: learn it, stixel new class{option}"
+            f"these scans need: learn it, stixel new class --sensor {sensor}"
         )
     known = sensors[sensor]
     return VisibleShape(
-        depth_biases=_metres(known["depth_biases"]).reshape(-1, *NODES),
+        depth_biases=_metres(known["depth_biases"]).reshape(NODES),
         bias_per_std=known["bias_per_std"],
-        depth_stds=_metres(known["depth_stds"]).reshape(-1, *NODES),
+        depth_stds=_metres(known["depth_stds"]).reshape(NODES),
         std_factor=known["std_factor"],
-        insets=_metres(known["insets"]).reshape(-1, 2, NODES[0]),
-        inset_stds=_metres(known["inset_stds"]).reshape(-1, 2, NODES[0]),
+        insets=_metres(known["insets"]).reshape(2, -1),
+        inset_stds=_metres(known["inset_stds"]).reshape(2, -1),
     )
 
 
@@ -148,29 +144,18 @@ def visible_table(outline: np.ndarray, seen: VisibleShape, blurred: bool) -> Ray
     table = outline_table(outline, size)
     row = np.arange(size[0]) * (NODES[0] / size[0])
     column = np.linspace(0.0, NODES[1] - 1.0, size[1])
-    inset, inset_std = (
-        np.stack([_interpolated(one.T, row).T for one in values])
-        for values in (seen.insets, seen.inset_stds)
-    )
-    biases, stds = (
-        np.stack([_interpolated(one, row, column) for one in values])
-        for values in (seen.depth_biases, seen.depth_stds)
-    )
+    inset, inset_std = (_interpolated(one.T, row).T for one in (seen.insets, seen.inset_stds))
+    biases, stds = (_interpolated(one, row, column) for one in (seen.depth_biases, seen.depth_stds))
     return RayTable(
         lowest=table.lowest,
         highest=table.highest,
         depths=table.depths + biases,
         stds=stds,
-        low=table.low + inset[:, 0],
-        high=table.high - inset[:, 1],
-        low_stds=inset_std[:, 0],
-        high_stds=inset_std[:, 1],
+        low=table.low + inset[0],
+        high=table.high - inset[1],
+        low_stds=inset_std[0],
+        high_stds=inset_std[1],
     )
-
-
-def levels_of(heights: np.ndarray) -> np.ndarray:
-    """Levels (n,), real numbers, of points at `heights` (n,) m above the road."""
-    return np.clip((heights - LEVELS[0]) / (LEVELS[1] - LEVELS[0]), 0.0, len(LEVELS) - 1.0)
 
 
 def _interpolated(

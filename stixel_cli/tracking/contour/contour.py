@@ -39,9 +39,8 @@ def track(
 
     The state starts as `initial`, one sample before the first scan.
     """
-    # Of a real lidar's tables the outline and the rectangle of the class do better (PandaSet).
-    known = scans.heights is not None and tracker.seen_by == "lidar"
-    bank = ClassBank(initial, prior, tracker, scans.shared_errors.count, known)
+    scans, used = scans.nearest_returns()
+    bank = ClassBank(initial, prior, tracker, scans.shared_errors.count)
     for k, interval in enumerate(intervals(scans.times)):
         rows = scans.rows(k)
         bank.step(
@@ -51,9 +50,8 @@ def track(
             scans.sensor_poses_world[k],
             scans.field_of_view,
             scans.shared_directions(k, scans.points_world[rows]),
-            scans.heights_of(rows),
         )
-    return bank.track(scans.times, scans.offsets[:-1])
+    return bank.track(scans.times, scans.offsets[:-1]).of_points(used)
 
 
 class ClassBank:
@@ -70,14 +68,13 @@ class ClassBank:
         prior: PriorShape,
         tracker: ContourParameters,
         shared_errors: int = 0,
-        with_heights: bool = False,
     ):
         self._filters, self._lag = {}, tracker.lag
         self._own = None if prior.road_user == "unknown" else prior.road_user
         for road_user in ROAD_USER_CLASSES if prior.class_file is None else (prior.class_file,):
             if may_be(road_user, prior, tracker.road_user):
                 start, of_class, parameters = _of_class(road_user, initial, prior, tracker)
-                for form, seen in forms_of(road_user, prior, parameters, with_heights).items():
+                for form, seen in forms_of(road_user, prior, parameters).items():
                     self._filters[road_user, form] = ClassFilter(
                         start, of_class, *seen, shared_errors
                     )
@@ -97,10 +94,9 @@ class ClassBank:
         sensor: np.ndarray,
         field_of_view: FieldOfView | None = None,
         shared: np.ndarray | None = None,
-        heights: np.ndarray | None = None,
     ) -> None:
         """The next scan, an `interval` in s after the one before; the others as in `rays_of`."""
-        rays = rays_of(points_world, covariances, sensor, field_of_view, shared, heights)
+        rays = rays_of(points_world, covariances, sensor, field_of_view, shared)
         leader = self._kept.get(self._chosen[-1] if self._chosen else self._start)
         if leader:
             others = self._background.others(rays, *leader.expected(interval), leader.unseen)

@@ -8,7 +8,6 @@ from stixel_cli.geometry.pose import rotation, wrap_angle
 from stixel_cli.measurements.scans import FieldOfView
 from stixel_cli.tracking.contour.class_shape import (
     class_shape,
-    levels_of,
     visible_shape,
     visible_table,
 )
@@ -24,9 +23,6 @@ BESIDE, NEARER = 0.3, 0.3
 
 GAP = 0.6
 """Points of neighbouring rays farther apart, m, and four standard deviations, are two objects'."""
-
-MOST = 60
-"""Rays of an update: so many have the points of a target at home."""
 
 LEARNED = ("stixels", "fabricated", "lidar")
 """Kinds of measurement from whose scans of the drawn classes the visible shapes were learned."""
@@ -81,7 +77,6 @@ class Rays:
             moves a point in the world.
         field_of_view: of the sensor; None: unknown.
         hidden: whether a nearer object hides what is beside the first and the last ray.
-        levels: (n,) of the points' heights, see `levels_of`; 0 where heights are unknown.
         others: (n,) whether a point is known to be another object's.
     """
 
@@ -92,7 +87,6 @@ class Rays:
     stds: np.ndarray
     across_variances: np.ndarray
     shared: np.ndarray
-    levels: np.ndarray
     others: np.ndarray
     field_of_view: FieldOfView | None = None
     hidden: tuple[bool, bool] = (False, False)
@@ -133,7 +127,6 @@ def sight_of(
     road_user: str,
     tracker: ContourParameters,
     vertices: np.ndarray | None = None,
-    with_heights: bool = False,
 ) -> Sight:
     """What the sensor sees of a class: stixels and lidars less than the outline.
 
@@ -141,7 +134,7 @@ def sight_of(
     """
     outline = tracker.seen_by not in ("stixels", "lidar")
     kind = "outline" if outline else tracker.seen_by
-    seen = visible_shape(road_user, "heights" if with_heights else kind)
+    seen = visible_shape(road_user, kind)
     shape = class_shape(road_user).outline if vertices is None else vertices
     table = visible_table(shape, seen, blurred=tracker.seen_by == "stixels")
     return Sight(table, seen.bias_per_std, seen.std_factor, outline)
@@ -153,12 +146,11 @@ def rays_of(
     sensor: np.ndarray,
     field_of_view: FieldOfView | None = None,
     shared: np.ndarray | None = None,
-    heights: np.ndarray | None = None,
 ) -> Rays:
     """The rays from a `sensor` (3,) through points (n, 2) m with covariances (n, 2, 2) m².
 
     `shared` (n, 2, m) m is how far one standard deviation of each of m errors that all scans share
-    moves the points. `heights` (n,) m are theirs above the road; None: unknown.
+    moves the points.
     """
     offsets = points_world - sensor[:2]
     ranges = np.hypot(offsets[:, 0], offsets[:, 1])
@@ -175,7 +167,6 @@ def rays_of(
         np.sqrt(np.maximum(variances, 0.0)),
         np.maximum(across, 0.0),
         shared,
-        np.zeros(len(offsets)) if heights is None else levels_of(heights),
         np.zeros(len(offsets), bool),
         field_of_view,
     )
@@ -196,7 +187,7 @@ def associate(
     """
     if not len(rays.ranges):
         return np.zeros(0, np.int64)
-    seen_from = pose_and_size[None], rays.sensor[:2], rays.directions, rays.levels, -1, -1
+    seen_from = pose_and_size[None], rays.sensor[:2], rays.directions, -1, -1
     ranges, _, misses, stds, _ = expected(*seen_from, *sight.table.arrays())
     along = across = covariance[0, 0] + covariance[1, 1]
     if sight.residual:
@@ -243,21 +234,6 @@ def segments(rays: Rays) -> np.ndarray:
     labels = np.zeros(len(order), np.int64)
     labels[order[1:]] = np.cumsum(apart)
     return labels
-
-
-def telling(rays: Rays, stds: np.ndarray) -> np.ndarray:
-    """Of more than `MOST` rays those that tell most of a target: indices (m,), ascending.
-
-    One of each of `MOST` even bearings: that with the least of the standard deviations `stds` (n,)
-    m of what is expected there, the bumper and not the windscreen above it. All points of a bearing
-    share the shape's error; more of them would make the estimate more certain, and no better.
-    """
-    if len(stds) <= MOST:
-        return np.arange(len(stds))
-    bearings = rays.bearings - rays.bearings.min()
-    columns = (bearings / max(bearings.max(), 1e-9) * (MOST - 1e-6)).astype(int)
-    order = np.lexsort((stds, columns))
-    return np.sort(order[np.unique(columns[order], return_index=True)[1]])
 
 
 def sampling_inset(rays: Rays, sight: Sight) -> tuple[float, float]:

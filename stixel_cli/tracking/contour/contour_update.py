@@ -1,7 +1,6 @@
 """The update of the tracker `contour`: rays on the class's shape; see `contour_filter.py`."""
 
 from copy import deepcopy
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +14,6 @@ from stixel_cli.tracking.contour.contour_rays import (
     Sight,
     gate_widths,
     sampling_inset,
-    telling,
 )
 from stixel_cli.tracking.contour.ray_table import expected
 from stixel_cli.tracking.kalman import condition, correct
@@ -74,10 +72,6 @@ def update(
     likelihood are those of the innovation as the joint covariance has it, at the last iterate. The
     iteration begins at `first_iterate` (d,), by default at the prior's `mean`.
     """
-    if len(sight.table.depths) > 1:
-        seen_from = mean[None, SEEN], rays.sensor[:2], rays.directions, rays.levels, -1, -1
-        stds = expected(*seen_from, *sight.table.arrays())[3]
-        rays = replace(rays.subset(telling(rays, stds)), hidden=rays.hidden)
     count, size = len(rays.ranges), len(mean)
     ends = np.array([np.argmin(rays.bearings), np.argmax(rays.bearings)])
     inset, inset_variance = sampling_inset(rays, sight)
@@ -218,7 +212,7 @@ def linearise(
     moved = np.repeat(state[None, SEEN], 7, axis=0)
     moved[1:4, :3] += (axes * steps).T
     moved[4:, :3] -= (axes * steps).T
-    seen_from = moved, rays.sensor[:2], rays.directions, rays.levels
+    seen_from = moved, rays.sensor[:2], rays.directions
     ranges, insets, misses, range_stds, inset_stds = expected(
         *seen_from, first, last, *sight.table.arrays()
     )

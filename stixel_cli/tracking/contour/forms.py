@@ -49,10 +49,10 @@ LEAST_RADIUS = 0.02
 
 
 def forms_of(
-    road_user: str, prior: PriorShape, tracker: ContourParameters, with_heights: bool = False
+    road_user: str, prior: PriorShape, tracker: ContourParameters
 ) -> dict[str, tuple[ClassShape, Sight, ContourParameters]]:
     """The forms that a `road_user` may have: shape, how the sensor sees it, and parameters."""
-    shape, sight = class_shape(road_user), sight_of(road_user, tracker, None, with_heights)
+    shape, sight = class_shape(road_user), sight_of(road_user, tracker)
     learned = {"learned": (shape, sight, tracker)} if tracker.seen_by in LEARNED else {}
     given = prior.outline if road_user == prior.road_user else None
     if learned and given is None and tracker.seen_by != "fabricated":
@@ -131,13 +131,13 @@ def _of_table(
 
 def with_uncertain_ends(table: ray_table.RayTable) -> ray_table.RayTable:
     """The table with limits that are as uncertain as the stretch at each that rays only graze."""
-    share = np.linspace(0.0, 1.0, table.depths.shape[2])
+    share = np.linspace(0.0, 1.0, table.depths.shape[1])
     offsets = table.lowest[:, None] + share * (table.highest - table.lowest)[:, None]
-    slopes = np.abs(np.gradient(table.depths, axis=2) / np.gradient(offsets, axis=1))
-    inside = (offsets >= table.low[..., None]) & (offsets <= table.high[..., None])
+    slopes = np.abs(np.gradient(table.depths, axis=1) / np.gradient(offsets, axis=1))
+    inside = (offsets >= table.low[:, None]) & (offsets <= table.high[:, None])
     echoes = inside & (slopes < GREATEST_SLOPE)
-    low = np.where(echoes, offsets, np.inf).min(axis=2) - table.low
-    high = table.high - np.where(echoes, offsets, -np.inf).max(axis=2)
+    low = np.where(echoes, offsets, np.inf).min(axis=1) - table.low
+    high = table.high - np.where(echoes, offsets, -np.inf).max(axis=1)
     return replace(
         table,
         low_stds=np.hypot(table.low_stds, np.clip(low, 0.0, 3.0)),

@@ -33,17 +33,14 @@ REACH = 1.25
 
 @dataclass(frozen=True)
 class RayTable:
-    """Depths and limits of a shape, over H levels, A even aspects from 0 on and O offsets.
-
-    The levels are those of a point's height, see `class_shape.levels_of`; a sensor of unknown
-    heights has one.
+    """Depths and limits of a shape, over A even aspects from 0 on and O offsets.
 
     Attributes:
         lowest, highest: (A,) m, offsets of the table's first and last column.
-        depths: (H, A, O) m, where the sensor measures the shape.
-        stds: (H, A, O) m, standard deviation of one point's depth.
-        low, high: (H, A) m, offsets at which the sensor sees the shape begin and end.
-        low_stds, high_stds: (H, A) m, their standard deviations.
+        depths: (A, O) m, where the sensor measures the shape.
+        stds: (A, O) m, standard deviation of one point's depth.
+        low, high: (A,) m, offsets at which the sensor sees the shape begin and end.
+        low_stds, high_stds: (A,) m, their standard deviations.
     """
 
     lowest: np.ndarray
@@ -57,8 +54,8 @@ class RayTable:
 
     @property
     def extents(self) -> np.ndarray:
-        """Length and width (2,) m of what is seen, at all heights."""
-        widths = self.high.max(axis=0) - self.low.min(axis=0)
+        """Length and width (2,) m of what is seen."""
+        widths = self.high - self.low
         return widths[[len(widths) // 4, 0]]
 
     def arrays(self) -> tuple[np.ndarray, ...]:
@@ -103,14 +100,14 @@ def outline_table(outline: np.ndarray, size: tuple[int, int] = FINE) -> RayTable
     share = np.linspace(0.0, 1.0, size[1])
     offsets = lowest[:, None] + share * (highest - lowest)[:, None]
     depths = first_depths(outline, angles, offsets)
-    exact = np.zeros((1, size[0]))
+    exact = np.zeros(size[0])
     return RayTable(
         lowest=lowest,
         highest=highest,
-        depths=depths[None],
-        stds=np.zeros_like(depths[None]),
-        low=low[None],
-        high=high[None],
+        depths=depths,
+        stds=np.zeros_like(depths),
+        low=low,
+        high=high,
         low_stds=exact,
         high_stds=exact,
     )
@@ -119,15 +116,12 @@ def outline_table(outline: np.ndarray, size: tuple[int, int] = FINE) -> RayTable
 def behind(table: RayTable) -> RayTable:
     """The table of where the same rays leave the shape: as seen from the other side."""
     half = len(table.lowest) // 2
-    turned = {
-        name: np.roll(values, half, axis=min(values.ndim - 1, 1))
-        for name, values in vars(table).items()
-    }
+    turned = {name: np.roll(values, half, axis=0) for name, values in vars(table).items()}
     return RayTable(
         lowest=-turned["highest"],
         highest=-turned["lowest"],
-        depths=-turned["depths"][..., ::-1],
-        stds=turned["stds"][..., ::-1],
+        depths=-turned["depths"][:, ::-1],
+        stds=turned["stds"][:, ::-1],
         low=-turned["high"],
         high=-turned["low"],
         low_stds=turned["high_stds"],
@@ -139,7 +133,6 @@ def expected(
     states: np.ndarray,
     sensor: np.ndarray,
     directions: np.ndarray,
-    levels: np.ndarray,
     first: int,
     last: int,
     *table: np.ndarray,
@@ -147,10 +140,9 @@ def expected(
     """Ranges and silhouettes that states of a target predict for the rays of a scan.
 
     `states` (S, 5): x, y, heading, and the logarithms of the factors on length and width;
-    `sensor` (2,) m; `directions` (n, 2) unit vectors of the rays in the world; `levels` (n,) of
-    their heights, real numbers from 0 on; `first`, `last` the indices of the rays with the least
-    and the greatest bearing; then `RayTable.arrays`. With an index of -1 the inset and its standard
-    deviation are not computed: their values are undefined.
+    `sensor` (2,) m; `directions` (n, 2) unit vectors of the rays in the world; `first`, `last` the
+    indices of the rays with the least and the greatest bearing; then `RayTable.arrays`. With an
+    index of -1 the inset and its standard deviation are not computed: their values are undefined.
 
     Returns:
         ranges (S, n) m; insets (S, 2) m, how far inside the shape's seen limits the first and the
@@ -161,7 +153,7 @@ def expected(
     ranges, misses = np.empty((count, rays)), np.empty((count, rays))
     insets, range_stds, inset_stds = np.empty((count, 2)), np.empty(rays), np.empty(2)
     results = ranges, insets, misses, range_stds, inset_stds
-    _expect(*results, states, sensor, directions, levels, first, last, *table)
+    _expect(*results, states, sensor, directions, first, last, *table)
     return results
 
 
@@ -175,7 +167,6 @@ def _expect(
     states,
     sensor,
     directions,
-    levels,
     first,
     last,
     lowest,
@@ -189,7 +180,7 @@ def _expect(
 ):
     """Write `expected`."""
     count, rays = states.shape[0], directions.shape[0]
-    heights, rows, columns = depths.shape
+    rows, columns = depths.shape
     for s in range(count):
         cosine, sine = cos(states[s, 2]), sin(states[s, 2])
         shrink_x, shrink_y = exp(-states[s, 3]), exp(-states[s, 4])
@@ -219,18 +210,10 @@ def _expect(
             column = min(column, columns - 1.0) if column >= 0.0 else 0.0
             c = min(int(column), columns - 2)
             g = column - c
-            level = min(max(levels[i], 0.0), heights - 1.0)
-            lower = int(level)
-            upper = min(lower + 1, heights - 1)
-            h = level - lower
-            depth = _between(depths[lower], a, b, f, c, g) * (1.0 - h)
-            depth += _between(depths[upper], a, b, f, c, g) * h
-            ranges[s, i] = (foot + depth) / scale
+            ranges[s, i] = (foot + _between(depths, a, b, f, c, g)) / scale
 
-            begin = (low[lower, a] * (1.0 - f) + low[lower, b] * f) * (1.0 - h)
-            begin += (low[upper, a] * (1.0 - f) + low[upper, b] * f) * h
-            stop = (high[lower, a] * (1.0 - f) + high[lower, b] * f) * (1.0 - h)
-            stop += (high[upper, a] * (1.0 - f) + high[upper, b] * f) * h
+            begin = low[a] * (1.0 - f) + low[b] * f
+            stop = high[a] * (1.0 - f) + high[b] * f
             inside_low, inside_high = (offset - begin) * across, (stop - offset) * across
             misses[s, i] = -min(inside_low, inside_high)
             if i == first:
@@ -238,13 +221,11 @@ def _expect(
             if i == last:
                 insets[s, 1] = inside_high
             if s == 0:
-                range_stds[i] = _between(stds[lower], a, b, f, c, g) * (1.0 - h)
-                range_stds[i] += _between(stds[upper], a, b, f, c, g) * h
-                nearest = lower if h < 0.5 else upper
+                range_stds[i] = _between(stds, a, b, f, c, g)
                 if i == first:
-                    inset_stds[0] = low_stds[nearest, a] * (1.0 - f) + low_stds[nearest, b] * f
+                    inset_stds[0] = low_stds[a] * (1.0 - f) + low_stds[b] * f
                 if i == last:
-                    inset_stds[1] = high_stds[nearest, a] * (1.0 - f) + high_stds[nearest, b] * f
+                    inset_stds[1] = high_stds[a] * (1.0 - f) + high_stds[b] * f
 
 
 @njit(cache=True, error_model="numpy")

@@ -16,12 +16,8 @@ MOST_VERTICES = 1000
 LONGEST = 30.0
 """Of a road user, m."""
 
-SENSORS = ("stixels", "lidar", "outline", "heights")
-"""What a class file may say the visible shape for; `outline` is a sensor of the outline itself,
-`heights` one of the surface, whose points have heights."""
-
-LEVELS = 0.1 + 0.15 * np.arange(14)
-"""Heights above the road, m, at which a class has an outline of its own."""
+SENSORS = ("stixels", "lidar", "outline")
+"""What a class file may say the visible shape for; `outline` is a sensor of the outline itself."""
 
 RADII = 360
 """Numbers of a class's outline."""
@@ -78,8 +74,7 @@ def read_class(file: Path) -> dict[str, Any]:
         if sensor in known:
             if not isinstance(known[sensor], dict):
                 raise UserError(f"{file}: {sensor}: must map names to numbers")
-            times = len(LEVELS) if sensor == "heights" else 1
-            counts = {name: one and one * times for name, one in COUNTS_OF_SENSOR.items()}
+            counts = COUNTS_OF_SENSOR
             _check_entries(file, f"{sensor}.", known[sensor], counts, counts)
             stds = [*known[sensor]["depth_stds"], *known[sensor]["inset_stds"]]
             if min(stds) < 0 or known[sensor]["std_factor"] <= 0:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.tracking.track import FoundTrack, ObjectTrack, used_rows
+from stixel_cli.tracking.track import FoundTrack, ObjectTrack
 
 
 def track_each(
@@ -35,9 +35,8 @@ def track_each(
     for one in found:
         own, rows = own_scans(scans, one)
         result = track(scans=own, initial=one.initial, **settings)
-        used = rows[result.used_points]
         # Only the filtered track is compared with labels.
-        result = replace(result, used_points=used, smoothed=None)
+        result = replace(result, smoothed=None).of_points(rows)
         tracks.append(ObjectTrack(min(one.rows), one.confirmed, result))
     return tuple(tracks)
 
@@ -48,14 +47,12 @@ def own_scans(scans: Scans, found: FoundTrack) -> tuple[Scans, np.ndarray]:
     A scan without its cluster is empty. Also the rows (P,) of these points in `scans`.
     """
     ks = range(min(found.rows), max(found.rows) + 1)
-    offsets, rows = used_rows([found.rows.get(k, np.zeros(0, np.int64)) for k in ks])
+    rows = np.concatenate([np.sort(found.rows[k]) for k in ks if k in found.rows])
+    own = scans.of_rows(rows)
     own = replace(
-        scans,
-        times=scans.times[ks],
-        sensor_poses_world=scans.sensor_poses_world[ks],
-        offsets=offsets,
-        points_world=scans.points_world[rows],
-        covariances_world=scans.covariances_world[rows],
-        heights=scans.heights_of(rows),
+        own,
+        times=own.times[ks],
+        sensor_poses_world=own.sensor_poses_world[ks],
+        offsets=own.offsets[ks.start : ks.stop + 1],
     )
     return own, rows
