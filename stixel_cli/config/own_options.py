@@ -1,6 +1,6 @@
 """Options and metrics that are the user's own functions, `tracker=module:function`.
 
-Hydra composes the other groups. The keys (`tracker.alpha=0.5`) are the function's parameters.
+The other groups are options of files. The keys (`tracker.alpha=0.5`) are the function's parameters.
 """
 
 import os

@@ -6,7 +6,6 @@ import os
 import pytest
 
 from stixel_cli.cli.app import main
-from stixel_cli.config.choice import compose_options
 from stixel_cli.config.compose import compose
 from stixel_cli.config.folders import group_options, use_presets
 
@@ -57,7 +56,6 @@ def test_an_edit_of_a_preset_takes_effect(presets):
     assert compose(["rig=mine"]).configuration.rig.width == 320
     file = presets / "rig" / "mine.yaml"
     file.write_text(file.read_text().replace("320", "480"))
-    compose_options.cache_clear()
     assert compose(["rig=mine"]).configuration.rig.width == 480
 
 
@@ -83,13 +81,15 @@ def write(content):
         ("rig/other.yaml", write(b"\xff\xfe"), "other.yaml"),
         ("rig/other.yaml", write("a: &a [*a]\n"), "other.yaml"),
         ("rig/mine.yaml", write("width: 320\n"), "is missing"),
-        ("rig/mine.yaml", write("# @pack\nwidth: 320\n"), "--config-dir: "),
-        ("rig/mine.yaml", write("defaults: 3\n"), "--config-dir: "),
-        ("rig/mine.yaml", write("defaults: [{a: 3}]\n"), "--config-dir: "),
-        ("rig/mine.yaml", write("- 1\n"), "--config-dir: "),
-        ("rig/mine.yaml", write("sources: 3\n"), "--config-dir: "),
-        ("rig/mine.yaml", write("defaults: [mine]\n"), "--config-dir: "),
-        ("rig/mine.yaml", write("width: 1\nwidth: 2\n"), "--config-dir: "),
+        ("rig/mine.yaml", write("# @pack\nwidth: 320\n"), "is missing"),
+        ("rig/mine.yaml", write("defaults: 3\n"), "mine.yaml: defaults: must be a list"),
+        ("rig/mine.yaml", write("defaults: [{a: 3}]\n"), "mine.yaml: must name options"),
+        ("rig/mine.yaml", write("defaults: [{a: b}]\n"), "mine.yaml: defaults: a: no such group"),
+        ("rig/mine.yaml", write("defaults: [absent]\n"), "rig: unknown option 'absent'"),
+        ("rig/mine.yaml", write("- 1\n"), "mine.yaml: must map keys to values"),
+        ("rig/mine.yaml", write("sources: 3\n"), "mine.yaml: sources: must be a mapping"),
+        ("rig/mine.yaml", write("defaults: [mine]\n"), "mine.yaml: defaults: mine includes itself"),
+        ("rig/mine.yaml", write("width: 1\nwidth: 2\n"), "mine.yaml: not valid YAML: a key is"),
     ],
 )
 def test_what_is_no_preset_is_refused_in_one_line(name, make, fault, presets, capsys):
