@@ -3,9 +3,6 @@
 import shlex
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from stixel_cli.cli import options
 from stixel_cli.cli.terminal import print_json, print_table, say
@@ -14,35 +11,24 @@ from stixel_cli.errors import UserError
 
 def assess(
     arguments: options.ImagesOrRecording = None,
-    stixels: Annotated[
-        Path | None,
-        typer.Option(
-            help="Stixels of another tool: .stx1, its CSV, or that of to_frame().", metavar="FILE"
-        ),
-    ] = None,
+    stixels: options.option(
+        Path | None, "Stixels of another tool: .stx1, its CSV, or that of to_frame().", "FILE"
+    ) = None,
     rig: options.RigFile = None,
-    disparity: Annotated[
+    disparity: options.option(
+        Path | None, "True disparities: PNG of 16 bits, 256 per px, 0 for unknown.", "FILE"
+    ) = None,
+    labels: options.option(Path | None, "KITTI's labels of the pair.", "FILE") = None,
+    calibrate: options.flag(
+        "--calibrate", "Estimate the disparity error of a recording's rig only."
+    ) = False,
+    output: options.option(
         Path | None,
-        typer.Option(
-            help="True disparities: PNG of 16 bits, 256 per px, 0 for unknown.", metavar="FILE"
-        ),
-    ] = None,
-    labels: Annotated[
-        Path | None, typer.Option(help="KITTI's labels of the pair.", metavar="FILE")
-    ] = None,
-    calibrate: Annotated[
-        bool,
-        typer.Option("--calibrate", help="Estimate the disparity error of a recording's rig only."),
-    ] = False,
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            help="Output file (default: assess.html). With --calibrate: also write the rig to it, "
-            "for source.calibration=FILE with other recordings of the same camera.",
-            callback=options.new_file,
-        ),
-    ] = None,
+        "Output file (default: assess.html). With --calibrate: also write the rig to it, "
+        "for source.calibration=FILE with other recordings of the same camera.",
+        "FILE",
+        callback=options.new_file,
+    ) = None,
     workers: options.Workers = None,
     json: options.Json = False,
 ) -> int:

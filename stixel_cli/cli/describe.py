@@ -2,12 +2,10 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import typer
-
+from stixel_cli.cli import options
 from stixel_cli.cli.completion import complete_setting
-from stixel_cli.cli.options import argument
 from stixel_cli.cli.terminal import print_table, say
 from stixel_cli.config.folders import (
     ENTRY_POINTS,
@@ -24,22 +22,18 @@ if TYPE_CHECKING:
 
 
 def describe(
-    name: Annotated[
+    name: options.argument(
         str | None,
-        argument(
-            "A group, an option as GROUP=OPTION (also MODULE:FUNCTION), a key, or a metric. "
-            "Without it: all groups.",
-            "NAME",
-            complete_setting,
-        ),
-    ] = None,
-    schema: Annotated[
+        "A group, an option as GROUP=OPTION (also MODULE:FUNCTION), a key, or a metric. "
+        "Without it: all groups.",
+        "NAME",
+        complete_setting,
+    ) = None,
+    schema: options.option(
         Path | None,
-        typer.Option(
-            metavar="FOLDER",
-            help="Write JSON Schemas of presets, experiments, sweeps and studies into this folder.",
-        ),
-    ] = None,
+        "Write JSON Schemas of presets, experiments, sweeps and studies into this folder.",
+        "FOLDER",
+    ) = None,
 ) -> int:
     """Explain a setting or a metric, or list all groups.
 

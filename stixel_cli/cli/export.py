@@ -2,11 +2,8 @@
 
 import shlex
 from pathlib import Path
-from typing import Annotated
 
-import typer
-
-from stixel_cli.cli.options import Folder, NewFolder, TrustCode, Workers, new_file
+from stixel_cli.cli import options
 from stixel_cli.cli.run import stored_run
 from stixel_cli.cli.terminal import say
 from stixel_cli.errors import UserError
@@ -16,25 +13,23 @@ NAMES = "kitti|csv|tum|stx1|rerun|mlflow"
 
 
 def export(
-    folder: Folder,
-    format: Annotated[
+    folder: options.Folder,
+    format: options.option(
         str,
-        typer.Option(
-            "--format",
-            help="kitti: images, calibration, labels, poses, disparity as a clip of KITTI's "
-            "tracking benchmark. csv: scans, track, truth, contours, and their columns. tum: "
-            "trajectories, as evo reads them. stx1: stixels for pyStixel-lib. rerun: run.rrd. "
-            "mlflow: settings, scores, pages, of a sweep too.",
-            metavar=NAMES,
-            autocompletion=lambda incomplete: [
-                name for name in NAMES.split("|") if name.startswith(incomplete)
-            ],
-            show_default=False,
-        ),
-    ],
-    output: NewFolder = None,
-    workers: Workers = None,
-    trust_code: TrustCode = False,
+        "kitti: images, calibration, labels, poses, disparity as a clip of KITTI's "
+        "tracking benchmark. csv: scans, track, truth, contours, and their columns. tum: "
+        "trajectories, as evo reads them. stx1: stixels for pyStixel-lib. rerun: run.rrd. "
+        "mlflow: settings, scores, pages, of a sweep too.",
+        NAMES,
+        "--format",
+        autocompletion=lambda incomplete: [
+            name for name in NAMES.split("|") if name.startswith(incomplete)
+        ],
+        show_default=False,
+    ),
+    output: options.NewFolder = None,
+    workers: options.Workers = None,
+    trust_code: options.TrustCode = False,
 ) -> int:
     """Write a run, or with mlflow a sweep, in the format of other tools.
 
@@ -53,7 +48,7 @@ def export(
     known = NAMES.split("|")
     if format not in known:
         raise UserError(f"--format: {format!r} is not known: must be one of {', '.join(known)}")
-    target = new_file(Path(f"{folder.resolve().name}-{format}") if output is None else output)
+    target = options.new_file(output or Path(f"{folder.resolve().name}-{format}"))
     if format == "mlflow":
         export_mlflow(folder.resolve(), target.absolute())
     else:

@@ -1,7 +1,7 @@
 """`stixel explain`, and what --dry-run prints: what would be computed, how long, and why."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 from stixel_cli.border import TYPED
 from stixel_cli.cli import options
@@ -85,12 +85,12 @@ def plan_content(plan: "SweepPlan") -> dict[str, Any]:
 
 
 def explain(
-    what: Annotated[
+    what: options.argument(
         list[str] | None,
-        options.argument(
-            "A result folder, or overrides.", "FOLDER|OVERRIDES", complete_run_or_override
-        ),
-    ] = None,
+        "A result folder, or overrides.",
+        "FOLDER|OVERRIDES",
+        complete_run_or_override,
+    ) = None,
     file: options.FromFile = None,
     trust_code: options.TrustCode = False,
     json: options.Json = False,

@@ -1,45 +1,34 @@
 """`stixel report`: a page, a table, a figure or a player of a sweep, or of several runs."""
 
 from pathlib import Path
-from typing import Annotated
 
-import typer
-
+from stixel_cli.cli import options
 from stixel_cli.cli.errors import tell
-from stixel_cli.cli.options import Folders, Output, Over, TrustCode, Workers
 from stixel_cli.cli.run import stored_run
 from stixel_cli.cli.terminal import say, say_wrapped
 from stixel_cli.errors import UserError
 
-Compare = Annotated[
-    str | None,
-    typer.Option(metavar="KEYS", help="Swept keys whose values are compared, in a sweep."),
-]
-Metrics = Annotated[
-    str | None, typer.Option(metavar="NAMES", help="Metrics by commas, the main one first.")
-]
-Reference = Annotated[str | None, typer.Option(help="Option to compare with, instead of the best.")]
+Compare = options.option(str | None, "Swept keys whose values are compared, in a sweep.", "KEYS")
+Metrics = options.option(str | None, "Metrics by commas, the main one first.", "NAMES")
+Reference = options.option(str | None, "Option to compare with, instead of the best.")
 
 
 def report(
-    folders: Folders,
-    output: Output = None,
-    form: Annotated[
+    folders: options.Folders,
+    output: options.Output = None,
+    form: options.option(
         str,
-        typer.Option(
-            "--format",
-            help="html, the page; md, tex or csv, one table; svg, pdf or png, one figure.",
-        ),
-    ] = "html",
-    over: Over = None,
+        "html, the page; md, tex or csv, one table; svg, pdf or png, one figure.",
+        None,
+        "--format",
+    ) = "html",
+    over: options.Over = None,
     compare: Compare = None,
     metrics: Metrics = None,
     reference: Reference = None,
-    player: Annotated[
-        bool, typer.Option("--play", help="Write the page that plays the runs of one scene back.")
-    ] = False,
-    workers: Workers = None,
-    trust_code: TrustCode = False,
+    player: options.flag("--play", "Write the page that plays the runs of one scene back.") = False,
+    workers: options.Workers = None,
+    trust_code: options.TrustCode = False,
 ) -> int:
     """Write a page, a table or a figure of a sweep or of several runs.
 

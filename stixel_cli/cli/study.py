@@ -4,9 +4,7 @@ import shlex
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
-
-import typer
+from typing import TYPE_CHECKING, Any
 
 from stixel_cli.cli import options
 from stixel_cli.cli.completion import complete_study
@@ -24,26 +22,20 @@ INCOMPLETE = 1
 
 
 def study(
-    words: Annotated[
+    words: options.argument(
         list[str] | None,
-        options.argument(
-            "A study of pipelines/studies, or all; then overrides as in `stixel sweep`.",
-            "STUDY [OVERRIDES]",
-            complete_study,
-        ),
-    ] = None,
-    name: Annotated[
+        "A study of pipelines/studies, or all; then overrides as in `stixel sweep`.",
+        "STUDY [OVERRIDES]",
+        complete_study,
+    ) = None,
+    name: options.option(
         str | None,
-        typer.Option(
-            help="Name of the result folder (default: the study's name, then the overrides).",
-            metavar="<str>",
-        ),
-    ] = None,
+        "Name of the result folder (default: the study's name, then the overrides).",
+        "<str>",
+    ) = None,
     results: options.Results = Path("results"),
     workers: options.Workers = None,
-    fresh: Annotated[
-        bool, typer.Option("--fresh", help="Start over: delete the content of the study's folder.")
-    ] = False,
+    fresh: options.flag("--fresh", "Start over: delete the content of the study's folder.") = False,
     dry_run: options.DryRun = False,
     trust_code: options.TrustCode = False,
     json: options.Json = False,

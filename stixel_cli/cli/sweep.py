@@ -3,9 +3,7 @@
 import sys
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from stixel_cli.cli import options
 from stixel_cli.cli.errors import tell
@@ -29,9 +27,7 @@ def sweep(
     resume: options.Resume = None,
     over: options.Over = None,
     pictures: options.Pictures = False,
-    fail_fast: Annotated[
-        bool, typer.Option("--fail-fast", help="Stop at the first failed run.")
-    ] = False,
+    fail_fast: options.flag("--fail-fast", "Stop at the first failed run.") = False,
     dry_run: options.DryRun = False,
     trust_code: options.TrustCode = False,
     json: options.Json = False,

@@ -3,9 +3,6 @@
 import shlex
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from stixel_cli.border import TYPED
 from stixel_cli.cli import options
@@ -16,13 +13,13 @@ from stixel_cli.errors import UserError
 
 def tune(
     overrides: options.SweepOverrides = None,
-    objective: Annotated[
-        str, typer.Option(metavar="METRICS", help="One metric, or two for a Pareto front: A,B.")
-    ] = "iou_mean",
-    trials: Annotated[int, typer.Option(min=1, max=10_000, help="Number of trials.")] = 40,
-    seeds: Annotated[
-        int, typer.Option(min=1, max=1000, help="Seeds from 1000 to tune on, and from 0 to report.")
-    ] = 10,
+    objective: options.option(
+        str, "One metric, or two for a Pareto front: A,B.", "METRICS"
+    ) = "iou_mean",
+    trials: options.option(int, "Number of trials.", min=1, max=10_000) = 40,
+    seeds: options.option(
+        int, "Seeds from 1000 to tune on, and from 0 to report.", min=1, max=1000
+    ) = 10,
     over: options.Over = None,
     name: options.Name = None,
     results: options.Results = Path("results"),

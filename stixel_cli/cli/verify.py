@@ -1,12 +1,10 @@
 """`stixel verify`: repeat a run, and compare."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-import typer
-
+from stixel_cli.cli import options
 from stixel_cli.cli.errors import Interrupted
-from stixel_cli.cli.options import Folder, Json, TrustCode, Workers
 from stixel_cli.cli.run import stored_run, tell_changed_code
 from stixel_cli.cli.terminal import print_json, say
 from stixel_cli.errors import UserError
@@ -16,13 +14,11 @@ if TYPE_CHECKING:
 
 
 def verify(
-    folder: Folder,
-    cached: Annotated[
-        bool, typer.Option("--cached", help="Take unchanged results from the cache.")
-    ] = False,
-    workers: Workers = None,
-    trust_code: TrustCode = False,
-    json: Json = False,
+    folder: options.Folder,
+    cached: options.flag("--cached", "Take unchanged results from the cache.") = False,
+    workers: options.Workers = None,
+    trust_code: options.TrustCode = False,
+    json: options.Json = False,
 ) -> int:
     """Repeat a run and check that the results are identical.
 
