@@ -100,15 +100,14 @@ class Key:
     @property
     def followers(self) -> list[str]:
         """The keys that have this key's value unless they are set."""
-        followers = [
-            f"{group.replace('/', '.')}.{name}"
+        followers = {
+            f"{group.replace('/', '.')}.{name}": None
             for group, options in group_options().items()
-            if group != EXPERIMENT
-            for option in options
+            for option in options * (group != EXPERIMENT)
             for name, value in option_values(group, option).items()
             if f"${{{self.name}}}" in str(value)
-        ]
-        return list(dict.fromkeys(followers))
+        }
+        return [*followers]
 
 
 def _options(group: str, kind: str | None) -> list[str]:
@@ -119,14 +118,15 @@ def _options(group: str, kind: str | None) -> list[str]:
 
 def _typed(value: Any) -> str:
     """A value as one would type it; `0.6, from prior.sigma_f` for one that another key gives."""
-    if isinstance(value, str) and (reference := re.fullmatch(r"\$\{([\w.]+)\}", value)):
-        group = innermost_group(reference[1])
-        values = option_values(group, default_option(group)) if group else {}
-        found = values.get(reference[1][len(group) + 1 :])
-        # A user's own preset may refer to anything.
-        known = found is not None and "${" not in str(found)
-        return f"{value_text(found)}, from {reference[1]}" if known else f"that of {reference[1]}"
-    return value_text(value)
+    reference = re.fullmatch(r"\$\{([\w.]+)\}", str(value))
+    if reference is None:
+        return value_text(value)
+    group = innermost_group(reference[1])
+    values = option_values(group, default_option(group)) if group else {}
+    # A user's own preset may refer to anything.
+    found = values.get(reference[1][len(group) + 1 :], "${")
+    known = "${" not in str(found)
+    return f"{value_text(found)}, from {reference[1]}" if known else f"that of {reference[1]}"
 
 
 @cache
@@ -135,11 +135,11 @@ def known_keys() -> dict[str, tuple[Key, ...]]:
 
     Groups are not keys. Nor are their `kind`s, which follow from the chosen option.
     """
-    keys: dict[str, list[Key]] = {}
+    keys: dict[str, tuple[Key, ...]] = {}
     for key in _walk(Configuration):
         if not dataclasses.is_dataclass(key.annotation):
-            keys.setdefault(key.name, []).append(key)
-    return {name: tuple(variants) for name, variants in keys.items()}
+            keys[key.name] = (*keys.get(key.name, ()), key)
+    return keys
 
 
 def _walk(
@@ -150,8 +150,8 @@ def _walk(
         variants = classes_in(annotation)
         group = (prefix + name).replace(".", "/")
         several = [(one, kind) for one in variants for kind in kinds_of(one)]
-        for variant, kind in several if len(variants) > 1 else [(one, None) for one in variants]:
-            of_variant = owners if kind is None else (*owners, (group, kind))
+        for variant, kind in several if len(variants) > 1 else [(one, "") for one in variants]:
+            of_variant = (*owners, (group, kind)) if kind else owners
             yield Key(prefix + name, variant, of_variant, schema)
             yield from _walk(variant, f"{prefix}{name}.", of_variant)
         if not variants and name != "kind":
@@ -161,12 +161,10 @@ def _walk(
 @cache
 def schema_of(group: str, kind: str) -> type | None:
     """The class of the parameters of a group's variant; None for a group without a schema."""
-    classes = {
-        dict(key.owners).get(group, ""): key.annotation
-        for key in _walk(Configuration)
-        if key.name.replace(".", "/") == group and dataclasses.is_dataclass(key.annotation)
-    }
-    return classes.get(kind) or classes.get("")
+    for key in _walk(Configuration):
+        if key.name.replace(".", "/") == group and dict(key.owners).get(group, kind) == kind:
+            return key.annotation
+    return None
 
 
 def chosen_kinds(plain: Any, prefix: str = "") -> dict[str, str]:
@@ -185,20 +183,16 @@ def locate(path: tuple[str | int, ...]) -> tuple[str, Any]:
 
     Pydantic names the variant of a union within the location: `("path", "turn", "speed")`.
     """
-    annotation: Any = Configuration
-    name = ""
+    annotation, name = Configuration, ""
     for part in path:
         schemas = classes_in(annotation)
         of_kind = [schema for schema in schemas if part in kinds_of(schema)]
-        if len(schemas) > 1 and of_kind:
-            annotation = of_kind[0]
-        elif len(schemas) > 1 and part == "own":
-            pass  # The keys that the user's own code shares with the others.
-        elif isinstance(part, int):
-            name += f"[{part}]"
-            annotation = element(annotation, part)
+        if isinstance(part, int):
+            name, annotation = f"{name}[{part}]", element(annotation, part)
+        elif len(schemas) > 1 and (of_kind or part == "own"):
+            # The user's own code shares its keys with the others.
+            annotation = of_kind[0] if of_kind else annotation
         elif schemas or len(alternatives(annotation)) == 1:  # Else a member of a union of types.
-            name += f".{part}" if name else part
-            fields = [fields_of(schema)[part] for schema in schemas if part in fields_of(schema)]
-            annotation = fields[0] if fields else None
+            name = f"{name}.{part}" if name else part
+            annotation = next((fields_of(s)[part] for s in schemas if part in fields_of(s)), None)
     return name, annotation
