@@ -117,9 +117,9 @@ def _print_group(group: str) -> None:
 def _print_option(group: str, option: str) -> None:
     from stixel_cli.config.descriptions import meaning_of_option, parameters_of_own
     from stixel_cli.config.messages import unknown_option
-    from stixel_cli.config.own_options import check_option
+    from stixel_cli.config.own_options import user_function
 
-    if check_option(group, option):
+    if user_function(group, option):
         columns = (f"key of {group}={option}", "default", "range", "meaning")
         print_table(columns, parameters_of_own(group, option))
     elif option in group_options()[group]:

@@ -264,13 +264,17 @@ def with_full_names(
 
     They refer to `working_directory`; "" for the working directory of the process.
     """
-    # The checks refuse an empty name.
-    names = [key for key in _FILES[group] if isinstance(section.get(key), str) and section[key]]
-    names = [key for key in names if key != "road_user" or section[key].endswith(".json")]
-    names = [key for key in names if key != "calibration" or section[key] not in CALIBRATIONS]
-    if not names or own_options.is_own(section):
+    if own_options.is_own(section):
         return section
-    return {**section, **{key: folders.absolute(section[key], working_directory) for key in names}}
+    words = {"road_user": not str(section.get("road_user")).endswith(".json")}
+    words["calibration"] = section.get("calibration") in CALIBRATIONS
+    full = {
+        key: folders.absolute(section[key], working_directory)
+        for key in _FILES[group]
+        # The checks refuse an empty name.
+        if isinstance(section.get(key), str) and section[key] and not words.get(key)
+    }
+    return {**section, **full} if full else section
 
 
 def from_resolved(resolved: Mapping[str, Any]) -> Configuration:

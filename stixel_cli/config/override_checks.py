@@ -9,7 +9,7 @@ from stixel_cli.config.folders import default_option, group_options, innermost_g
 from stixel_cli.config.keys import known_keys
 from stixel_cli.config.messages import unknown_option
 from stixel_cli.config.overrides import Override, parse
-from stixel_cli.config.own_options import RESERVED, admit_overrides, check_option, user_function
+from stixel_cli.config.own_options import RESERVED, admit_overrides, user_function
 from stixel_cli.errors import BelongsElsewhere, ConfigurationError
 
 WITHOUT_EFFECT = {
@@ -79,7 +79,8 @@ def _fault(override: Override, user_defined: Collection[str]) -> str:
         needed = f"one option is needed (options: {', '.join(options)}), or single keys as"
         return f"{name}: {messages.show(value)}: {needed} {example}=VALUE"
     option = "null" if value is None else str(value)
-    return "" if option in options or check_option(name, option) else unknown_option(name, option)
+    known = option in options or user_function(name, option)
+    return "" if known else unknown_option(name, option)
 
 
 def _unknown(name: str, value: Any) -> str:
