@@ -74,7 +74,7 @@ def describe(
 
 def _write_schemas(folder: Path, name: str | None) -> None:
     from stixel_cli.border import write_below, written
-    from stixel_cli.config.descriptions import schema_files
+    from stixel_cli.config.json_schema import schema_files
 
     if name is not None:
         raise UserError(f"--schema writes all schemas: leave out {name}")
@@ -85,7 +85,7 @@ def _write_schemas(folder: Path, name: str | None) -> None:
 
 
 def _print_groups() -> None:
-    from stixel_cli.config.descriptions import groups, meaning_of_group, settings_of_top
+    from stixel_cli.config.keys import groups, meaning_of_group, settings_of_top
 
     rows = [
         (name, " ".join([*options_default_first(name), *_installed(name)]), meaning_of_group(name))
@@ -99,7 +99,7 @@ def _print_groups() -> None:
 
 
 def _print_group(group: str) -> None:
-    from stixel_cli.config.descriptions import meaning_of_group, meaning_of_option
+    from stixel_cli.config.keys import meaning_of_group, meaning_of_option
     from stixel_cli.experiment.table import readers
 
     rows = [("read by", _listed(readers(group.replace("/", "."))))]
@@ -115,7 +115,7 @@ def _print_group(group: str) -> None:
 
 
 def _print_option(group: str, option: str) -> None:
-    from stixel_cli.config.descriptions import meaning_of_option, parameters_of_own
+    from stixel_cli.config.keys import meaning_of_option, parameters_of_own
     from stixel_cli.config.messages import unknown_option
     from stixel_cli.config.own_options import user_function
 
@@ -130,7 +130,7 @@ def _print_option(group: str, option: str) -> None:
 
 
 def _print_keys(group: str, option: str) -> None:
-    from stixel_cli.config.descriptions import keys_of_option
+    from stixel_cli.config.keys import keys_of_option
 
     rows = [
         (key.name, key.values.get(option, ""), key.meaning) for key in keys_of_option(group, option)
@@ -142,7 +142,7 @@ def _print_keys(group: str, option: str) -> None:
 
 
 def _print_key(name: str) -> None:
-    from stixel_cli.config.descriptions import describe_key
+    from stixel_cli.config.keys import describe_key
     from stixel_cli.experiment.table import readers
 
     for i, key in enumerate(describe_key(name)):
