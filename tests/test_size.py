@@ -12,7 +12,7 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 49_367
+TOTAL = 49_338
 """Greatest number of lines in all."""
 
 MODULES = 306
@@ -23,8 +23,8 @@ BUDGET = {
     "answers": 1195,
     "benchmark": 1018,
     "calibration": 577,
-    "cli": 2900,
-    "config": 2874,
+    "cli": 2870,
+    "config": 2875,
     "engine": 4303,
     "evaluation": 1728,
     "experiment": 1470,

@@ -2,15 +2,13 @@
 
 import os
 
+from stixel_cli.config.choice import compose_options
 from stixel_cli.config.folders import (
     ENTRY_POINTS,
-    EXPERIMENT,
     STUDIES,
-    default_option,
+    flat,
     group_options,
-    inner_options,
     installed_functions,
-    option_values,
 )
 from stixel_cli.config.texts import override_text, split_override
 from stixel_cli.errors import UserError
@@ -94,26 +92,18 @@ def _candidates(typed: str, words: list[str]) -> list[str]:
         matches = [f"{group}=" for group in groups]
     if key and "seed".startswith(key):
         matches.append("seed=")
-    group = key.partition(".")[0]
-    if "." in key and group in group_options() and group != EXPERIMENT:
-        matches += _keys(group, key, words)
+    matches += _keys(key, words) if "." in key else []
     return [word for word in matches if word.startswith(typed)]
 
 
-def _keys(group: str, typed: str, words: list[str]) -> list[str]:
-    """The keys of the option that the line chooses; a single key also with its value."""
-    line = "".join(f" {word}" for word in words).replace(" = ", "=").split()
-    chosen = [split_override(word)[1] for word in line if word.startswith(f"{group}=")]
-    option = chosen[-1] if chosen else default_option(group)
-    if option not in group_options()[group]:
-        return []
-    within = group.replace("/", ".")
-    values = {f"{within}.{key}": value for key, value in option_values(group, option).items()}
-    values.pop(f"{within}.kind", None)
-    inner = [key for name in inner_options(group, option) for key in _keys(name, typed, words)]
-    matches = [key for key in values if key.startswith(typed)]
+def _keys(typed: str, words: list[str]) -> list[str]:
+    """The keys of the options that the line chooses; a single key also with its value."""
+    line = map(split_override, "".join(f" {word}" for word in words).replace(" = ", "=").split())
+    chosen = {group: option for group, option in line if option in group_options().get(group, ())}
+    values = dict(flat(compose_options(chosen).plain))
+    matches = [key for key in values if key.startswith(typed) and not key.endswith(".kind")]
     if len(matches) != 1:
-        return [f"{key}=" for key in matches] + inner
+        return [f"{key}=" for key in matches]
     plain = values[matches[0]]
     of_another = isinstance(plain, list) or "$" in str(plain)
     return [f"{matches[0]}="] + ([] if of_another else [override_text(matches[0], plain)])
