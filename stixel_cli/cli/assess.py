@@ -1,12 +1,15 @@
 """`stixel assess`: how good the stixels of one pair of images are."""
 
 import shlex
-from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from stixel_cli.cli import options
 from stixel_cli.cli.terminal import print_json, print_table, say
 from stixel_cli.errors import UserError
+
+if TYPE_CHECKING:
+    from stixel_cli.geometry.rig_calibration import RigCalibration
 
 
 def assess(
@@ -53,8 +56,7 @@ def assess(
     from stixel_cli.border import write_new
     from stixel_cli.config.compose import compose
     from stixel_cli.engine.progress import Progress
-    from stixel_cli.experiment.assess import assess as assessed
-    from stixel_cli.experiment.assess import assess_stixels
+    from stixel_cli.experiment import assess as assessing
     from stixel_cli.measurements.stixel_file import read_stixels
     from stixel_cli.report.assess import page_html, sentences, value_rows
     from stixel_cli.report.compare import unused_page
@@ -64,18 +66,19 @@ def assess(
     given = options.recording_overrides("assess", arguments, files)
     if not given and stixels is None:
         raise UserError("assess needs two images, LEFT and RIGHT, a recording, or --stixels FILE")
-    if calibrate:
-        if stixels is not None:
-            raise UserError("--calibrate needs images: leave out --stixels")
-        _calibrate(options.with_workers(given, workers), output, json)
-        return 0
-    composition = None
+    if calibrate and stixels is not None:
+        raise UserError("--calibrate needs images: leave out --stixels")
+    composition, progress = None, Progress(visible=True)
     if given:
-        composition = compose(options.with_workers([*given, "pictures.frames=[0]"], workers))
+        given += [] if calibrate else ["pictures.frames=[0]"]
+        composition = compose(options.with_workers(given, workers))
+    if calibrate:
+        _print_calibration(assessing.calibrate(composition, progress), output, json)
+        return 0
     if stixels is None:
-        assessment = assessed(composition, Progress(visible=True))
+        assessment = assessing.assess(composition, progress)
     else:
-        assessment = assess_stixels(read_stixels(stixels), composition, Progress(visible=True))
+        assessment = assessing.assess_stixels(read_stixels(stixels), composition, progress)
     if json:
         names = ("values", "seconds", "rig")
         print_json({name: dict(getattr(assessment, name)) for name in names})
@@ -91,16 +94,11 @@ def assess(
     return 0
 
 
-def _calibrate(overrides: Sequence[str], output: Path | None, json: bool) -> None:
+def _print_calibration(found: "RigCalibration", output: Path | None, json: bool) -> None:
     """Print the disparity error of a recording's rig; write the rig with it to `output`."""
     from stixel_cli.border import write_new
-    from stixel_cli.config.compose import compose
-    from stixel_cli.engine.progress import Progress
-    from stixel_cli.experiment.assess import calibrate as estimate
     from stixel_cli.recordings.rig_files import rig_text
 
-    composition = compose(overrides)
-    found = estimate(composition, Progress(visible=True))
     if output is not None:
         write_new(output, rig_text(found.rig, found.text))
     medians = {"before": found.median_before, "after": found.median_after}

@@ -54,6 +54,7 @@ def report(
     from stixel_cli.border import write_new
     from stixel_cli.report.compare import default_page
     from stixel_cli.results.folder import PAGE
+    from stixel_cli.sweeps.index import update_index
     from stixel_cli.sweeps.page import FIGURES, asked_folders, sweep_page
 
     forms = ("html", *TABLES, *FIGURES)
@@ -70,25 +71,22 @@ def report(
             write_new(output, text)
         say(text.rstrip("\n") if output is None else output)
         return 0
+    file = output or default_page(folders, *(("figure", form) if form in FIGURES else ()))
+    answers = asked.answers
     if form in FIGURES:
-        file = output or default_page(folders, "figure", form)
-        write_new(file, differences(asked.answers[0], FIGURES[form]))
-        say_wrapped(asked.answers[0].sentence)
-        say(file)
-        return 0
-    page = output or default_page(folders)
-    given = {"--over": over, "--compare": compare, "--metrics": metrics, "--reference": reference}
-    given["--output"] = None if output is None else str(output)
-    command = ["stixel", "report", *map(str, folders)]
-    command += [word for option, value in given.items() if value for word in (option, value)]
-    write_new(page, sweep_page(asked, page, command))
-    if (page.parent / PAGE).exists():
-        from stixel_cli.sweeps.index import update_index
-
-        update_index(page.parent)  # It links to the page of a sweep.
-    for answer in asked.answers:
+        answers = answers[:1]
+        write_new(file, differences(answers[0], FIGURES[form]))
+    else:
+        given = {"--over": over, "--compare": compare, "--metrics": metrics}
+        given |= {"--reference": reference, "--output": output and str(output)}
+        command = ["stixel", "report", *map(str, folders)]
+        command += [word for option, value in given.items() if value for word in (option, value)]
+        write_new(file, sweep_page(asked, file, command))
+        if (file.parent / PAGE).exists():
+            update_index(file.parent)  # It links to the page of a sweep.
+    for answer in answers:
         say_wrapped(answer.sentence)
-    say(page)
+    say(file)
     return 0
 
 
@@ -105,21 +103,21 @@ def _play(folders: list[Path], output: Path | None, workers: int | None, trust_c
     from stixel_cli.sweeps.folder import PLAYER, SweepFolder
     from stixel_cli.sweeps.page import asked_folders, sweep_page
 
-    is_sweep = len(folders) == 1 and (folders[0] / SWEEP_FILE).exists()
+    is_sweep, runs = len(folders) == 1 and (folders[0] / SWEEP_FILE).exists(), folders
     if is_sweep:
         asked_folders(folders)  # It refuses a sweep that has no page.
-    runs = sorted((folders[0] / "runs").glob("[0-9]*")) if is_sweep else folders
-    labels = run_labels(runs)
+        runs = sorted((folders[0] / "runs").glob("[0-9]*"))
     stored = [stored_run(folder, workers, trust_code) for folder in runs]
-    page, notes = folders_page(stored, labels, Progress(visible=True))
+    page, notes = folders_page(stored, run_labels(runs), Progress(visible=True))
     for note in notes:
         tell(note)
-    file = output or (folders[0] / PAGE if is_sweep else default_page(folders, "play"))
     if is_sweep and output is None:
-        folder, command = SweepFolder(folders[0]), ["stixel", "report", str(folders[0])]
+        folder, file = SweepFolder(folders[0]), folders[0] / PAGE
         folder.write({PLAYER: page})
+        command = ["stixel", "report", str(folders[0])]
         folder.write({PAGE: sweep_page(asked_folders(folders), file, command)})
     else:
+        file = output or default_page(folders, "play")
         write_new(file, page)
     say(file)
     return 0
