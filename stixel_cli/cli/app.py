@@ -11,11 +11,10 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from stixel_cli.cli.assess import assess
 from stixel_cli.cli.bench import app as bench
 from stixel_cli.cli.describe import describe
-from stixel_cli.cli.errors import Interrupted, guarded, settle_streams, usage_line
 from stixel_cli.cli.export import export
+from stixel_cli.cli.images import assess, stixels
 from stixel_cli.cli.ls import ls
 from stixel_cli.cli.machine import app as cache
 from stixel_cli.cli.machine import doctor
@@ -23,11 +22,9 @@ from stixel_cli.cli.new import app as new
 from stixel_cli.cli.plan import explain
 from stixel_cli.cli.report import report
 from stixel_cli.cli.run import run
-from stixel_cli.cli.stixels import stixels
 from stixel_cli.cli.study import study
-from stixel_cli.cli.sweep import sweep
-from stixel_cli.cli.terminal import escaping, say
-from stixel_cli.cli.tune import tune
+from stixel_cli.cli.sweep import sweep, tune
+from stixel_cli.cli.terminal import Interrupted, escaping, guarded, say, settle_streams, usage_line
 from stixel_cli.cli.verify import verify
 from stixel_cli.engine.limits import ENVIRONMENT
 from stixel_cli.errors import UserError

@@ -6,8 +6,7 @@ from pathlib import Path
 import typer
 
 from stixel_cli.cli import options
-from stixel_cli.cli.errors import tell
-from stixel_cli.cli.terminal import say
+from stixel_cli.cli.terminal import say, tell
 from stixel_cli.errors import UserError, counted
 
 app = typer.Typer(rich_markup_mode=None, no_args_is_help=False)

@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from stixel_cli.cli import options
-from stixel_cli.cli.completion import complete_setting
 from stixel_cli.cli.terminal import print_table, say
 from stixel_cli.config.folders import (
     ENTRY_POINTS,
@@ -27,7 +26,7 @@ def describe(
         "A group, an option as GROUP=OPTION (also MODULE:FUNCTION), a key, or a metric. "
         "Without it: all groups.",
         "NAME",
-        complete_setting,
+        options.complete_setting,
     ) = None,
     schema: options.option(
         Path | None,

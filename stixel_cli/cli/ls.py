@@ -7,9 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stixel_cli.cli import options
-from stixel_cli.cli.completion import complete_folder
-from stixel_cli.cli.errors import tell
-from stixel_cli.cli.terminal import print_json, print_table, say, say_wrapped
+from stixel_cli.cli.terminal import print_json, print_table, say, say_wrapped, tell
 from stixel_cli.errors import UserError
 
 if TYPE_CHECKING:
@@ -26,7 +24,7 @@ def ls(
         list[Path] | None,
         "Folder to search (default: results), runs or a sweep.",
         "DIR",
-        complete_folder,
+        options.complete_folder,
     ) = None,
     json: options.Json = False,
 ) -> int:

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from stixel_cli.cli import options
-from stixel_cli.cli.errors import tell
-from stixel_cli.cli.terminal import print_json, print_table, say
+from stixel_cli.cli.terminal import print_json, print_table, say, tell
 from stixel_cli.errors import UserError, counted
 
 if TYPE_CHECKING:

@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING, Any
 
 from stixel_cli.border import TYPED
 from stixel_cli.cli import options
-from stixel_cli.cli.completion import complete_run_or_override
 from stixel_cli.cli.terminal import print_json, print_table, say
 from stixel_cli.errors import UserError, counted
 
@@ -89,7 +88,7 @@ def explain(
         list[str] | None,
         "A result folder, or overrides.",
         "FOLDER|OVERRIDES",
-        complete_run_or_override,
+        options.complete_run_or_override,
     ) = None,
     file: options.FromFile = None,
     trust_code: options.TrustCode = False,

@@ -3,9 +3,8 @@
 from pathlib import Path
 
 from stixel_cli.cli import options
-from stixel_cli.cli.errors import tell
 from stixel_cli.cli.run import stored_run
-from stixel_cli.cli.terminal import say, say_wrapped
+from stixel_cli.cli.terminal import say, say_wrapped, tell
 from stixel_cli.errors import UserError
 
 Compare = options.option(str | None, "Swept keys whose values are compared, in a sweep.", "KEYS")

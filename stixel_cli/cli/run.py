@@ -6,8 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from stixel_cli.cli import options
-from stixel_cli.cli.errors import tell
-from stixel_cli.cli.terminal import print_json, print_table, say, say_wrapped
+from stixel_cli.cli.terminal import print_json, print_table, say, say_wrapped, tell
 
 if TYPE_CHECKING:
     from stixel_cli.config.compose import Composition

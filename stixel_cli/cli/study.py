@@ -7,10 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stixel_cli.cli import options
-from stixel_cli.cli.completion import complete_study
-from stixel_cli.cli.errors import tell
 from stixel_cli.cli.plan import estimate_text, plan_content, print_plan
-from stixel_cli.cli.terminal import console, print_json, say, say_wrapped
+from stixel_cli.cli.terminal import console, print_json, say, say_wrapped, tell
 from stixel_cli.config.folders import STUDIES
 from stixel_cli.errors import ConfigurationError, MissingData, UserError, counted
 
@@ -26,7 +24,7 @@ def study(
         list[str] | None,
         "A study of pipelines/studies, or all; then overrides as in `stixel sweep`.",
         "STUDY [OVERRIDES]",
-        complete_study,
+        options.complete_study,
     ) = None,
     name: options.option(
         str | None,

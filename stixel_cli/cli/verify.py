@@ -4,9 +4,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stixel_cli.cli import options
-from stixel_cli.cli.errors import Interrupted
 from stixel_cli.cli.run import stored_run, tell_changed_code
-from stixel_cli.cli.terminal import print_json, say
+from stixel_cli.cli.terminal import Interrupted, print_json, say
 from stixel_cli.errors import UserError
 
 if TYPE_CHECKING:
