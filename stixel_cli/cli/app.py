@@ -6,11 +6,13 @@ import os
 import signal
 import sys
 from collections.abc import Callable, Sequence
-from typing import Annotated, Any
+from itertools import chain
+from typing import Any
 
 import typer
 from typer.core import TyperGroup
 
+from stixel_cli.cli import options
 from stixel_cli.cli.bench import app as bench
 from stixel_cli.cli.describe import describe
 from stixel_cli.cli.export import export
@@ -30,32 +32,26 @@ from stixel_cli.engine.limits import ENVIRONMENT
 from stixel_cli.errors import UserError
 from stixel_cli.version import __version__
 
-_GROUPS: dict[str, dict[str, Callable[..., int] | typer.Typer]] = {
-    "Run experiments": {"run": run, "sweep": sweep, "study": study, "tune": tune, "bench": bench},
-    "Look at results and settings": {
-        "report": report,
-        "ls": ls,
-        "describe": describe,
-        "explain": explain,
-    },
-    "Check results and this machine": {"verify": verify, "doctor": doctor, "cache": cache},
-    "Data in and out, code of your own": {
-        "stixels": stixels,
-        "assess": assess,
-        "export": export,
-        "new": new,
-    },
+_GROUPS: dict[str, tuple[Callable[..., int] | typer.Typer, ...]] = {
+    "Run experiments": (run, sweep, study, tune, bench),
+    "Look at results and settings": (report, ls, describe, explain),
+    "Check results and this machine": (verify, doctor, cache),
+    "Data in and out, code of your own": (stixels, assess, export, new),
 }
 """Heading of the help to its commands, in the order in which they are printed."""
+
+
+def _name(command: Callable[..., int] | typer.Typer) -> str:
+    return command.info.name if isinstance(command, typer.Typer) else command.__name__
 
 
 class _Commands(TyperGroup):
     def format_commands(self, context: Any, formatter: Any) -> None:
         """Print the commands under their headings, all texts in one column."""
         width = max(map(len, self.commands))
-        for heading, names in _GROUPS.items():
+        for heading, commands in _GROUPS.items():
             with formatter.section(heading):
-                shown = ((name, self.commands[name]) for name in names)
+                shown = ((name, self.commands[name]) for name in map(_name, commands))
                 texts = [(n.ljust(width), c.get_short_help_str(90 - width)) for n, c in shown]
                 formatter.write_dl(texts)
 
@@ -118,12 +114,14 @@ def _show_version(wanted: bool) -> None:
 
 @app.callback()
 def stixel(
-    version: Annotated[
+    version: options.option(
         bool,
-        typer.Option(
-            "--version", callback=_show_version, is_eager=True, help="Print the version and exit."
-        ),
-    ] = False,
+        "Print the version and exit.",
+        None,
+        "--version",
+        callback=_show_version,
+        is_eager=True,
+    ) = False,
 ) -> None:
     """Run experiments in extended target tracking on stixels.
 
@@ -136,8 +134,8 @@ def stixel(
     """
 
 
-for _name, _command in ((n, c) for group in _GROUPS.values() for n, c in group.items()):
+for _command in chain.from_iterable(_GROUPS.values()):
     if isinstance(_command, typer.Typer):
-        app.add_typer(_command, name=_name)
+        app.add_typer(_command)
     else:
-        app.command(_name)(_command)
+        app.command()(_command)

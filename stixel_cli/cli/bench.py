@@ -9,7 +9,7 @@ from stixel_cli.cli import options
 from stixel_cli.cli.terminal import say, tell
 from stixel_cli.errors import UserError, counted
 
-app = typer.Typer(rich_markup_mode=None, no_args_is_help=False)
+app = typer.Typer(name="bench", rich_markup_mode=None, no_args_is_help=False)
 
 FOLDER, ROWS, SITE = Path("bench-1.0"), Path("pipelines/bench/rows"), Path("bench-page")
 Folder = options.option(Path, "Folder of the sequences.", "DIR", "--data")

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from stixel_cli.engine.errors import MissingEntry
     from stixel_cli.engine.store import Store
 
-app = typer.Typer(rich_markup_mode=None, no_args_is_help=False)
+app = typer.Typer(name="cache", rich_markup_mode=None, no_args_is_help=False)
 
 
 @app.callback()

@@ -12,7 +12,7 @@ from stixel_cli.cli.terminal import say
 from stixel_cli.config.texts import override_text
 from stixel_cli.errors import UserError
 
-app = typer.Typer(rich_markup_mode=None, no_args_is_help=False)
+app = typer.Typer(name="new", rich_markup_mode=None, no_args_is_help=False)
 
 
 @app.callback()
