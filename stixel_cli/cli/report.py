@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from stixel_cli.cli import options
-from stixel_cli.cli.run import stored_run
+from stixel_cli.cli.stored import stored_run
 from stixel_cli.cli.terminal import say, say_wrapped, tell
 from stixel_cli.errors import UserError
 
