@@ -73,7 +73,7 @@ def describe(
 
 def _write_schemas(folder: Path, name: str | None) -> None:
     from stixel_cli.border import write_below, written
-    from stixel_cli.config.json_schema import schema_files
+    from stixel_cli.config.keys import schema_files
 
     if name is not None:
         raise UserError(f"--schema writes all schemas: leave out {name}")

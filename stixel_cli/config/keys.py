@@ -1,13 +1,15 @@
-"""The keys, groups and options: meaning, and of keys unit, range and values.
+"""The keys, groups and options: meaning, unit, range, values, and JSON Schemas for editors.
 
 A text is that of the schema's docstrings, a range that of its annotations, and a value that of
-`conf/`: each is written in one place.
+`conf/`: each is written in one place. By the JSON Schemas a file of `conf/` or `pipelines/` may
+leave out keys, because others complete it, and may give an interpolation, `${KEY}`, for any value.
 """
 
 import dataclasses
 import inspect
+import json
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from itertools import takewhile
@@ -31,6 +33,7 @@ from stixel_cli.config.folders import (
     option_file,
     option_values,
     options_default_first,
+    shipped_folder,
     values_beside_groups,
 )
 from stixel_cli.config.schema import Configuration
@@ -274,3 +277,104 @@ def parameters_of_own(group: str, option: str) -> list[tuple[str, str, str, str]
 def settings_of_top() -> list[Key]:
     """The keys that are in no group, such as the seed."""
     return [key for name, (key, *_) in known_keys().items() if "." not in name]
+
+
+WRITTEN = ("pipeline", "recorded", "sequences", "study", "sweep")
+"""Schemas that are written by hand, in `conf/schema`."""
+
+_INTERPOLATION = {"type": "string", "pattern": r"\$\{.+\}"}
+_WORDS = {"type": "object", "additionalProperties": {"type": "string"}}
+_DEFAULTS = {"defaults": {"type": "array", "items": {"type": ["string", "object"]}}}
+
+
+def schema_files() -> dict[str, str]:
+    """Name of a file to its content: `GROUP.json`, `experiment.json`, `settings.json`, `WRITTEN`.
+
+    The name of an inner group has a hyphen, `measurement-noise.json`. `settings.json` has the keys
+    with dots of a command line; those that are `WRITTEN` refer to it.
+    """
+    whole = _section([Configuration])
+    found: dict[str, Any] = {group: _group_schema(group) for group in group_options()}
+    found[PACE] = {"type": "object"}  # Options of paths refer to its values: they are in no class.
+    parts = _DEFAULTS | {"inner_options": _WORDS, "sources": _WORDS}
+    found[EXPERIMENT] = _object(whole["properties"] | parts)
+    found["settings"] = {"$defs": _settings(dict(_flat(whole)))}
+    folder = shipped_folder("conf") / "schema"
+    return {f"{name}.json": read_text(folder / f"{name}.json") for name in WRITTEN} | {
+        f"{name.replace('/', '-')}.json": json.dumps(schema, indent=1, ensure_ascii=False) + "\n"
+        for name, schema in found.items()
+    }
+
+
+def _group_schema(group: str) -> dict[str, Any]:
+    """A schema of each variant of a group. What a run must give of a recording is null in `conf/`.
+
+    An option may leave out its kind, if it derives from another by `defaults`.
+    """
+    classes = [Configuration]
+    for part in group.split("/"):
+        classes = [one for owner in classes for one in classes_in(fields_of(owner).get(part))]
+    variants = [_section([one])["properties"] | _DEFAULTS for one in classes]
+    null = [{"type": "null"}] if group in ("source", "path") else []
+    return _any_of(_object({k: _any_of([v, *null]) for k, v in one.items()}) for one in variants)
+
+
+def _settings(values: Mapping[str, Any]) -> dict[str, Any]:
+    """The definition of each key and group, of `settings` with any of them, and of `axes`."""
+    text = {"type": "string"}
+    # Installed and own functions, and own presets, are options, too.
+    groups = {name: _any_of([{"enum": [*one]}, text]) for name, one in group_options().items()}
+    values = {**values, **groups}
+    refer = {key: {"$ref": f"#/$defs/{key.replace('/', '-')}"} for key in values}
+    axes = {key: _any_of([{"type": "array", "items": one}, text]) for key, one in refer.items()}
+    named = {key.replace("/", "-"): one for key, one in values.items()}
+    # A user's own tracker or source of measurements has keys of its own.
+    own = {"patternProperties": {r"^(measurement|tracker)\.\w+$": {}}}
+    return {"settings": _object(refer) | own, "axes": _object(axes) | own, **named}
+
+
+def _section(variants: Iterable[type]) -> dict[str, Any]:
+    """The object of the keys of all variants."""
+    from pydantic import TypeAdapter
+
+    values: dict[str, list[Any]] = {}
+    for variant in variants:
+        for name, annotation in fields_of(variant).items():
+            inner = classes_in(annotation)
+            schema = _section(inner) if inner else _value(TypeAdapter(annotation).json_schema())
+            text = attribute_texts(variant).get(name)
+            if text:
+                schema["description"] = text if inner else f"{text}: {describe(annotation)}"
+            values.setdefault(name, []).append(schema)
+    return _object({name: _any_of(options) for name, options in values.items()})
+
+
+def _value(schema: Mapping[str, Any]) -> dict[str, Any]:
+    """A schema that also accepts an interpolation, for the whole value and for its elements."""
+    inner = {
+        "items": lambda one: _value(one) if isinstance(one, dict) else one,
+        "prefixItems": lambda options: [*map(_value, options)],
+    }
+    schema = {name: inner.get(name, lambda same: same)(one) for name, one in schema.items()}
+    options = [_value(one) for one in schema.get("anyOf", ())] or [schema]
+    return _any_of([*options, _INTERPOLATION])
+
+
+def _object(properties: Mapping[str, Any]) -> dict[str, Any]:
+    return {"type": "object", "properties": dict(properties), "additionalProperties": False}
+
+
+def _any_of(options: Iterable[Any]) -> dict[str, Any]:
+    """A schema of any of the options; equal ones once."""
+    flat = [one for o in options for one in (o["anyOf"] if [*o] == ["anyOf"] else [o])]
+    different = list({json.dumps(one): one for one in flat}.values())
+    return different[0] if len(different) == 1 else {"anyOf": different}
+
+
+def _flat(section: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """The keys with dots of a section, with their schemas."""
+    for name, one in section["properties"].items():
+        if "properties" in one:
+            yield from _flat(one, f"{prefix}{name}.")
+        elif name != "kind":
+            yield prefix + name, one
