@@ -49,7 +49,7 @@ def compose_options(chosen: Mapping[str, str]) -> Choice:
     options = configured | options
     for group, option in options.items():
         if reference := _REFERENCE.fullmatch(option):
-            options[group] = options[reference[1]]
+            options[group] = options.get(reference[1], option)
     used: dict[str, str] = {}
     settings = _section(EXPERIMENT, options, used)
     options = settings.pop(INNER, {}) | options

@@ -243,9 +243,13 @@ def _loader() -> type:
 
     class Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):
         def construct_mapping(self, node: Any, deep: bool = False) -> dict[Any, Any]:
-            if len({str(key.value) for key, _ in node.value}) < len(node.value):
-                raise yaml.constructor.ConstructorError(problem="a key is given twice")
-            return super().construct_mapping(node, deep)
+            names = {str(key.value) for key, _ in node.value}
+            twice = len(names) < len(node.value)
+            mapping = super().construct_mapping(node, deep)
+            if twice or not all(isinstance(name, str) for name in mapping):
+                what = "is given twice" if twice else "is not text"
+                raise yaml.constructor.ConstructorError(problem=f"a key {what}")
+            return mapping
 
     number = re.compile(r"[-+]?(\d[\d_]*\.?[\d_]*|\.[\d_]+)[eE][-+]?\d+")
     Loader.add_implicit_resolver("tag:yaml.org,2002:float", number, [*"-+.0123456789"])

@@ -90,12 +90,19 @@ def write(content):
         ("rig/mine.yaml", write("sources: 3\n"), "mine.yaml: sources: must be a mapping"),
         ("rig/mine.yaml", write("defaults: [mine]\n"), "mine.yaml: defaults: mine includes itself"),
         ("rig/mine.yaml", write("width: 1\nwidth: 2\n"), "mine.yaml: not valid YAML: a key is"),
+        ("rig/mine.yaml", write("on: 1\n"), "mine.yaml: not valid YAML: a key is not text"),
+        (
+            "rig/mine.yaml",
+            write("defaults: [default, optional x: y]\n"),
+            "optional x: no such group",
+        ),
+        ("measurement/mine.yaml", write("defaults: [{noise: '${nope}'}]\n"), "unknown option"),
     ],
 )
 def test_what_is_no_preset_is_refused_in_one_line(name, make, fault, presets, capsys):
     (presets / name).parent.mkdir(exist_ok=True)
     make(presets / name)
-    chosen = ["rig=mine"] if name == "rig/mine.yaml" else []
+    chosen = [name.replace("/mine.yaml", "=mine")] if "/mine" in name and "s/" not in name else []
     code, _, err = dry_run(capsys, "--config-dir", str(presets), *chosen)
     assert (code, len(err.splitlines())) == (2, 1), err
     assert fault in err
