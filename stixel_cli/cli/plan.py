@@ -27,16 +27,11 @@ def print_plan(plan: "SweepPlan", json: bool = False) -> None:
         say(f"{axis.name}: {counted(len(values), 'value')}: {shown}")
     for note in plan.notes:
         say(f"note: {note}")
-    rows = [
-        (
-            stage.name,
-            str(stage.nodes),
-            str(stage.cached),
-            str(stage.to_run),
-            "" if not stage.to_run else "?" if stage.seconds is None else duration(stage.seconds),
-        )
-        for stage in plan.stages
-    ]
+    rows = []
+    for stage in plan.stages:
+        time = "?" if stage.seconds is None else duration(stage.seconds)
+        counts = map(str, (stage.nodes, stage.cached, stage.to_run))
+        rows.append((stage.name, *counts, time if stage.to_run else ""))
     print_table(("stage", "nodes", "cached", "to run", "time"), rows, right=(1, 2, 3, 4))
     counts, seconds = content["nodes"], content["seconds"]
     estimate = estimate_text(seconds, content["workers"], content["unmeasured"])
