@@ -6,18 +6,18 @@ python docs/settings.py
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-from stixel_cli.config.descriptions import (
+from stixel_cli.config.folders import (
+    group_options,
+    options_default_first,
+)
+from stixel_cli.config.keys import (
+    Key,
     groups,
     keys_of_option,
     meaning_of_group,
     meaning_of_option,
     settings_of_top,
 )
-from stixel_cli.config.folders import (
-    group_options,
-    options_default_first,
-)
-from stixel_cli.config.keys import Key
 
 PAGE = Path(__file__).parent / "settings.md"
 

@@ -6,16 +6,16 @@ import os
 import signal
 import sys
 from collections.abc import Callable, Sequence
-from typing import Annotated, Any
+from itertools import chain
+from typing import Any
 
 import typer
 from typer.core import TyperGroup
 
-from stixel_cli.cli.assess import assess
+from stixel_cli.cli import options
 from stixel_cli.cli.bench import app as bench
 from stixel_cli.cli.describe import describe
-from stixel_cli.cli.errors import Interrupted, guarded, settle_streams, usage_line
-from stixel_cli.cli.export import export
+from stixel_cli.cli.images import assess, stixels
 from stixel_cli.cli.ls import ls
 from stixel_cli.cli.machine import app as cache
 from stixel_cli.cli.machine import doctor
@@ -23,42 +23,34 @@ from stixel_cli.cli.new import app as new
 from stixel_cli.cli.plan import explain
 from stixel_cli.cli.report import report
 from stixel_cli.cli.run import run
-from stixel_cli.cli.stixels import stixels
+from stixel_cli.cli.stored import export, verify
 from stixel_cli.cli.study import study
-from stixel_cli.cli.sweep import sweep
-from stixel_cli.cli.terminal import escaping, say
-from stixel_cli.cli.tune import tune
-from stixel_cli.cli.verify import verify
+from stixel_cli.cli.sweep import sweep, tune
+from stixel_cli.cli.terminal import Interrupted, escaping, guarded, say, settle_streams, usage_line
 from stixel_cli.engine.limits import ENVIRONMENT
 from stixel_cli.errors import UserError
 from stixel_cli.version import __version__
 
-_GROUPS: dict[str, dict[str, Callable[..., int] | typer.Typer]] = {
-    "Run experiments": {"run": run, "sweep": sweep, "study": study, "tune": tune, "bench": bench},
-    "Look at results and settings": {
-        "report": report,
-        "ls": ls,
-        "describe": describe,
-        "explain": explain,
-    },
-    "Check results and this machine": {"verify": verify, "doctor": doctor, "cache": cache},
-    "Data in and out, code of your own": {
-        "stixels": stixels,
-        "assess": assess,
-        "export": export,
-        "new": new,
-    },
+_GROUPS: dict[str, tuple[Callable[..., int] | typer.Typer, ...]] = {
+    "Run experiments": (run, sweep, study, tune, bench),
+    "Look at results and settings": (report, ls, describe, explain),
+    "Check results and this machine": (verify, doctor, cache),
+    "Data in and out, code of your own": (stixels, assess, export, new),
 }
 """Heading of the help to its commands, in the order in which they are printed."""
+
+
+def _name(command: Callable[..., int] | typer.Typer) -> str:
+    return command.info.name if isinstance(command, typer.Typer) else command.__name__
 
 
 class _Commands(TyperGroup):
     def format_commands(self, context: Any, formatter: Any) -> None:
         """Print the commands under their headings, all texts in one column."""
         width = max(map(len, self.commands))
-        for heading, names in _GROUPS.items():
+        for heading, commands in _GROUPS.items():
             with formatter.section(heading):
-                shown = ((name, self.commands[name]) for name in names)
+                shown = ((name, self.commands[name]) for name in map(_name, commands))
                 texts = [(n.ljust(width), c.get_short_help_str(90 - width)) for n, c in shown]
                 formatter.write_dl(texts)
 
@@ -121,12 +113,14 @@ def _show_version(wanted: bool) -> None:
 
 @app.callback()
 def stixel(
-    version: Annotated[
+    version: options.option(
         bool,
-        typer.Option(
-            "--version", callback=_show_version, is_eager=True, help="Print the version and exit."
-        ),
-    ] = False,
+        "Print the version and exit.",
+        None,
+        "--version",
+        callback=_show_version,
+        is_eager=True,
+    ) = False,
 ) -> None:
     """Run experiments in extended target tracking on stixels.
 
@@ -139,8 +133,8 @@ def stixel(
     """
 
 
-for _name, _command in ((n, c) for group in _GROUPS.values() for n, c in group.items()):
+for _command in chain.from_iterable(_GROUPS.values()):
     if isinstance(_command, typer.Typer):
-        app.add_typer(_command, name=_name)
+        app.add_typer(_command)
     else:
-        app.command(_name)(_command)
+        app.command()(_command)

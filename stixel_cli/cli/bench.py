@@ -2,21 +2,20 @@
 
 from itertools import chain
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
-from stixel_cli.cli.errors import tell
-from stixel_cli.cli.options import Workers
-from stixel_cli.cli.terminal import say
+from stixel_cli.cli import options
+from stixel_cli.cli.terminal import say, tell
 from stixel_cli.errors import UserError, counted
 
-app = typer.Typer(rich_markup_mode=None, no_args_is_help=False)
+app = typer.Typer(name="bench", rich_markup_mode=None, no_args_is_help=False)
 
 FOLDER, ROWS, SITE = Path("bench-1.0"), Path("pipelines/bench/rows"), Path("bench-page")
-Folder = Annotated[Path, typer.Option("--data", metavar="DIR", help="Folder of the sequences.")]
-Rows = Annotated[Path, typer.Option(metavar="DIR", help="Folder of the rows.")]
-Pack = Annotated[Path | None, typer.Option(metavar="PACK", help="The pack that draws the seeds.")]
+Folder = options.option(Path, "Folder of the sequences.", "DIR", "--data")
+Rows = options.option(Path, "Folder of the rows.", "DIR")
+Packs = options.argument(list[Path] | None, "Packs.", "PACK…")
+Pack = options.option(Path | None, "The pack that draws the seeds.", "PACK")
 
 
 @app.callback()
@@ -27,12 +26,12 @@ def bench() -> None:
 @app.command()
 def render(
     folder: Folder = FOLDER,
-    mini: Annotated[bool, typer.Option("--mini", help="Seeds 0 and 1 only.")] = False,
-    part: Annotated[str, typer.Option(help="Another part, such as guest_demo.")] = "",
+    mini: options.flag("--mini", "Seeds 0 and 1 only.") = False,
+    part: options.option(str, "Another part, such as guest_demo.") = "",
     fresh: Pack = None,
-    sensor: Annotated[str, typer.Option(help="Only its sequences.")] = "",
-    only: Annotated[list[str] | None, typer.Option(help="A sequence, of any seed.")] = None,
-    workers: Workers = None,
+    sensor: options.option(str, "Only its sequences.") = "",
+    only: options.option(list[str] | None, "A sequence, of any seed.") = None,
+    workers: options.Workers = None,
 ) -> int:
     """Render the sequences, or those that a pack draws, and print their id; repeat it to resume."""
     from stixel_cli.benchmark import data, sequences
@@ -72,10 +71,10 @@ def verify(folder: Folder = FOLDER) -> int:
 
 @app.command()
 def run(
-    tracker: Annotated[str, typer.Argument(help="An option of tracker, or pyrecest:NAME.")],
-    settings: Annotated[list[str] | None, typer.Argument(metavar="tracker.KEY=VALUE")] = None,
+    tracker: options.argument(str, "An option of tracker, or pyrecest:NAME.", "TRACKER"),
+    settings: options.argument(list[str] | None, "Its settings.", "tracker.KEY=VALUE") = None,
     folder: Folder = FOLDER,
-    own_start: Annotated[bool, typer.Option("--own-start", help="From scans 0 to 9.")] = False,
+    own_start: options.flag("--own-start", "From scans 0 to 9.") = False,
 ) -> int:
     """Run TRACKER, as in tracker=… or pyrecest:NAME, on all sequences, and pack its tracks."""
     from stixel_cli.benchmark.data import Data
@@ -86,7 +85,7 @@ def run(
 
 @app.command()
 def pack(
-    tracks: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the tracks.")],
+    tracks: options.argument(Path, "Folder of the tracks.", "DIR"),
     folder: Folder = FOLDER,
 ) -> int:
     """Pack a folder of tracks: tracker.json, and NAME.npz or NAME.csv for each sequence."""
@@ -103,12 +102,12 @@ def pack(
 
 @app.command()
 def score(
-    packs: Annotated[list[Path] | None, typer.Argument(metavar="PACK…", help="Packs.")] = None,
+    packs: Packs = None,
     folder: Folder = FOLDER,
     rows: Rows = ROWS,
-    rerun: Annotated[bool, typer.Option("--rerun", help="You ran the tracker.")] = False,
+    rerun: options.flag("--rerun", "You ran the tracker.") = False,
     fresh_of: Pack = None,
-    fixed: Annotated[bool, typer.Option("--fixed", help="Add the true box.")] = False,
+    fixed: options.flag("--fixed", "Add the true box.") = False,
 ) -> int:
     """Score packs from their tracks, and write a row of each; --fresh-of drew the seeds."""
     from stixel_cli.benchmark.data import Data, sha256_of
@@ -127,10 +126,10 @@ def score(
 
 @app.command()
 def page(
-    packs: Annotated[list[Path] | None, typer.Argument(metavar="PACK…", help="Packs.")] = None,
+    packs: Packs = None,
     folder: Folder = FOLDER,
     rows: Rows = ROWS,
-    output: Annotated[Path, typer.Option(metavar="DIR")] = SITE,
+    output: options.option(Path, "Folder of the page.", "DIR") = SITE,
 ) -> int:
     """Write the table of all rows, the shipped ones too, as a page, CSV and Markdown.
 

@@ -2,12 +2,9 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import typer
-
-from stixel_cli.cli.completion import complete_setting
-from stixel_cli.cli.options import argument
+from stixel_cli.cli import options
 from stixel_cli.cli.terminal import print_table, say
 from stixel_cli.config.folders import (
     ENTRY_POINTS,
@@ -24,22 +21,18 @@ if TYPE_CHECKING:
 
 
 def describe(
-    name: Annotated[
+    name: options.argument(
         str | None,
-        argument(
-            "A group, an option as GROUP=OPTION (also MODULE:FUNCTION), a key, or a metric. "
-            "Without it: all groups.",
-            "NAME",
-            complete_setting,
-        ),
-    ] = None,
-    schema: Annotated[
+        "A group, an option as GROUP=OPTION (also MODULE:FUNCTION), a key, or a metric. "
+        "Without it: all groups.",
+        "NAME",
+        options.complete_setting,
+    ) = None,
+    schema: options.option(
         Path | None,
-        typer.Option(
-            metavar="FOLDER",
-            help="Write JSON Schemas of presets, experiments, sweeps and studies into this folder.",
-        ),
-    ] = None,
+        "Write JSON Schemas of presets, experiments, sweeps and studies into this folder.",
+        "FOLDER",
+    ) = None,
 ) -> int:
     """Explain a setting or a metric, or list all groups.
 
@@ -80,7 +73,7 @@ def describe(
 
 def _write_schemas(folder: Path, name: str | None) -> None:
     from stixel_cli.border import write_below, written
-    from stixel_cli.config.descriptions import schema_files
+    from stixel_cli.config.keys import schema_files
 
     if name is not None:
         raise UserError(f"--schema writes all schemas: leave out {name}")
@@ -91,7 +84,7 @@ def _write_schemas(folder: Path, name: str | None) -> None:
 
 
 def _print_groups() -> None:
-    from stixel_cli.config.descriptions import groups, meaning_of_group, settings_of_top
+    from stixel_cli.config.keys import groups, meaning_of_group, settings_of_top
 
     rows = [
         (name, " ".join([*options_default_first(name), *_installed(name)]), meaning_of_group(name))
@@ -105,7 +98,7 @@ def _print_groups() -> None:
 
 
 def _print_group(group: str) -> None:
-    from stixel_cli.config.descriptions import meaning_of_group, meaning_of_option
+    from stixel_cli.config.keys import meaning_of_group, meaning_of_option
     from stixel_cli.experiment.table import readers
 
     rows = [("read by", _listed(readers(group.replace("/", "."))))]
@@ -121,11 +114,11 @@ def _print_group(group: str) -> None:
 
 
 def _print_option(group: str, option: str) -> None:
-    from stixel_cli.config.descriptions import meaning_of_option, parameters_of_own
+    from stixel_cli.config.keys import meaning_of_option, parameters_of_own
     from stixel_cli.config.messages import unknown_option
-    from stixel_cli.config.own_options import check_option
+    from stixel_cli.config.own_options import user_function
 
-    if check_option(group, option):
+    if user_function(group, option):
         columns = (f"key of {group}={option}", "default", "range", "meaning")
         print_table(columns, parameters_of_own(group, option))
     elif option in group_options()[group]:
@@ -136,7 +129,7 @@ def _print_option(group: str, option: str) -> None:
 
 
 def _print_keys(group: str, option: str) -> None:
-    from stixel_cli.config.descriptions import keys_of_option
+    from stixel_cli.config.keys import keys_of_option
 
     rows = [
         (key.name, key.values.get(option, ""), key.meaning) for key in keys_of_option(group, option)
@@ -148,7 +141,7 @@ def _print_keys(group: str, option: str) -> None:
 
 
 def _print_key(name: str) -> None:
-    from stixel_cli.config.descriptions import describe_key
+    from stixel_cli.config.keys import describe_key
     from stixel_cli.experiment.table import readers
 
     for i, key in enumerate(describe_key(name)):

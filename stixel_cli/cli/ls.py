@@ -4,12 +4,10 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-from stixel_cli.cli.completion import complete_folder
-from stixel_cli.cli.errors import tell
-from stixel_cli.cli.options import Json, argument
-from stixel_cli.cli.terminal import print_json, print_table, say, say_wrapped
+from stixel_cli.cli import options
+from stixel_cli.cli.terminal import print_json, print_table, say, say_wrapped, tell
 from stixel_cli.errors import UserError
 
 if TYPE_CHECKING:
@@ -22,11 +20,13 @@ COLUMNS |= {"orientation_rmse_deg": "heading (°)"}
 
 
 def ls(
-    folders: Annotated[
+    folders: options.argument(
         list[Path] | None,
-        argument("Folder to search (default: results), runs or a sweep.", "DIR", complete_folder),
-    ] = None,
-    json: Json = False,
+        "Folder to search (default: results), runs or a sweep.",
+        "DIR",
+        options.complete_folder,
+    ) = None,
+    json: options.Json = False,
 ) -> int:
     """List runs and sweeps, show one, or compare several.
 

@@ -2,13 +2,12 @@
 
 import sys
 import time
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
-from stixel_cli.cli.errors import tell
-from stixel_cli.cli.options import Json
-from stixel_cli.cli.terminal import print_json, print_table, say
+from stixel_cli.cli import options
+from stixel_cli.cli.terminal import print_json, print_table, say, tell
 from stixel_cli.errors import UserError, counted
 
 if TYPE_CHECKING:
@@ -16,7 +15,7 @@ if TYPE_CHECKING:
     from stixel_cli.engine.errors import MissingEntry
     from stixel_cli.engine.store import Store
 
-app = typer.Typer(rich_markup_mode=None, no_args_is_help=False)
+app = typer.Typer(name="cache", rich_markup_mode=None, no_args_is_help=False)
 
 
 @app.callback()
@@ -36,7 +35,7 @@ def local_store() -> "Store":
     return open_store(compose().configuration.cache)
 
 
-def doctor(json: Json = False) -> int:
+def doctor(json: options.Json = False) -> int:
     """Check whether this machine can run experiments.
 
     It checks versions, cores, threads, renderers, cache and disk. The exit code is 0 if the default
@@ -62,7 +61,7 @@ def doctor(json: Json = False) -> int:
 
 
 @app.command()
-def ls(json: Json = False) -> int:
+def ls(json: options.Json = False) -> int:
     """List cached results by stage: number, size, last use."""
     from stixel_cli.engine.entries import entries
     from stixel_cli.engine.parameters import show_size
@@ -100,23 +99,16 @@ def ls(json: Json = False) -> int:
 
 @app.command()
 def gc(
-    max_size: Annotated[
+    max_size: options.option(
         str | None,
-        typer.Option(
-            metavar="SIZE",
-            help="Keep at most this size, for example 10GB (default: the configured limit).",
-        ),
-    ] = None,
-    older_than: Annotated[
-        str | None,
-        typer.Option(
-            metavar="AGE", help="Also remove results not used for this time, for example 30d."
-        ),
-    ] = None,
-    dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Print what would be removed; remove nothing.")
-    ] = False,
-    json: Json = False,
+        "Keep at most this size, for example 10GB (default: the configured limit).",
+        "SIZE",
+    ) = None,
+    older_than: options.option(
+        str | None, "Also remove results not used for this time, for example 30d.", "AGE"
+    ) = None,
+    dry_run: options.flag("--dry-run", "Print what would be removed; remove nothing.") = False,
+    json: options.Json = False,
 ) -> int:
     """Remove least recently used results.
 
@@ -143,8 +135,8 @@ def gc(
 
 @app.command()
 def clear(
-    yes: Annotated[bool, typer.Option("--yes", help="Do not ask for confirmation.")] = False,
-    json: Json = False,
+    yes: options.flag("--yes", "Do not ask for confirmation.") = False,
+    json: options.Json = False,
 ) -> int:
     """Remove all results that no running process uses.
 
@@ -161,7 +153,7 @@ def clear(
 
 
 @app.command()
-def verify(json: Json = False) -> int:
+def verify(json: options.Json = False) -> int:
     """Check the digest of every result; remove damaged ones.
 
     Damaged results are listed and recomputed when needed. The exit code is then 1.

@@ -4,16 +4,15 @@ import shlex
 from importlib.util import find_spec
 from keyword import iskeyword
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
-from stixel_cli.cli.options import new_file
+from stixel_cli.cli import options
 from stixel_cli.cli.terminal import say
 from stixel_cli.config.texts import override_text
 from stixel_cli.errors import UserError
 
-app = typer.Typer(rich_markup_mode=None, no_args_is_help=False)
+app = typer.Typer(name="new", rich_markup_mode=None, no_args_is_help=False)
 
 
 @app.callback()
@@ -23,9 +22,7 @@ def new() -> None:
 
 @app.command()
 def tracker(
-    name: Annotated[
-        str, typer.Argument(help="Name of its module.", metavar="NAME", show_default=False)
-    ],
+    name: options.argument(str, "Name of its module.", "NAME"),
 ) -> int:
     """Write NAME.py, a tracker to begin with, and its test, test_NAME.py, into this folder.
 
@@ -51,28 +48,18 @@ def tracker(
 
 @app.command("class")
 def learn_shape(
-    meshes: Annotated[
-        list[str], typer.Argument(help="Meshes of the class.", metavar="MESH…", show_default=False)
-    ],
-    output: Annotated[
-        Path, typer.Option(help="New class file, .json.", metavar="FILE", show_default=False)
-    ],
-    road_user: Annotated[
-        str, typer.Option(help="The class that gives pace and paths.", metavar="CLASS")
-    ] = "car",
-    scale: Annotated[float, typer.Option(help="As road_user.mesh_scale.")] = 1.0,
-    up: Annotated[str, typer.Option(help="As road_user.mesh_up.", metavar="z|y")] = "z",
-    forward: Annotated[
-        str, typer.Option(help="As road_user.mesh_forward.", metavar="x|-x|y|-y|z|-z")
-    ] = "x",
-    sensor: Annotated[
+    meshes: options.argument(list[str], "Meshes of the class.", "MESH…"),
+    output: options.option(Path, "New class file, .json.", "FILE", show_default=False),
+    road_user: options.option(str, "The class that gives pace and paths.", "CLASS") = "car",
+    scale: options.option(float, "As road_user.mesh_scale.") = 1.0,
+    up: options.option(str, "As road_user.mesh_up.", "z|y") = "z",
+    forward: options.option(str, "As road_user.mesh_forward.", "x|-x|y|-y|z|-z") = "x",
+    sensor: options.option(
         list[str] | None,
-        typer.Option(
-            help="stixels, lidar, or outline (of any other sensor); may be repeated. Default: all.",
-            metavar="SENSOR",
-            show_default=False,
-        ),
-    ] = None,
+        "stixels, lidar, or outline (of any other sensor); may be repeated. Default: all.",
+        "SENSOR",
+        show_default=False,
+    ) = None,
 ) -> int:
     """Learn the visible shape of a class from meshes.
 
@@ -93,7 +80,7 @@ def learn_shape(
             raise UserError(f"--sensor: {name!r} is not known: must be one of {', '.join(known)}")
     if output.suffix != ".json":
         raise UserError(f"--output: {output} must have the suffix .json")
-    new_file(output)
+    options.new_file(output)
     axes = {"mesh_scale": scale, "mesh_up": up, "mesh_forward": forward}
     common = [override_text(f"road_user.{name}", value) for name, value in axes.items()]
     common.append(override_text("road_user", road_user))

@@ -1,4 +1,7 @@
-"""Arguments and options that several commands share."""
+"""Arguments and options that several commands share, and the words that Tab completes to.
+
+The words are those of the files of `conf/`: no schema is read.
+"""
 
 import os
 from collections.abc import Callable, Mapping, Sequence
@@ -7,15 +10,133 @@ from typing import Annotated, Any
 
 import typer
 
-from stixel_cli.cli.completion import complete_folder, complete_override, complete_run_or_override
-from stixel_cli.config.folders import trust_presets, use_presets
+from stixel_cli.config.choice import compose_options
+from stixel_cli.config.folders import (
+    ENTRY_POINTS,
+    STUDIES,
+    flat,
+    group_options,
+    installed_functions,
+    trust_presets,
+    use_presets,
+)
 from stixel_cli.config.texts import override_text, split_override
 from stixel_cli.errors import UserError, printable_path
 
 
-def argument(help: str, metavar: str, complete: Callable[[str], Any]) -> Any:
-    """An argument of a command; `complete` gives the words that Tab completes to."""
-    return typer.Argument(help=help, metavar=metavar, autocompletion=complete, show_default=False)
+def complete_override(incomplete: str) -> list[str]:
+    """Complete to groups with their options, or to keys with their values.
+
+    After a comma, as in a sweep, complete to a further option of the group. Bash splits words at
+    `=` and expects the part after it.
+    """
+    words, group = _words_in_bash(incomplete)
+    before = f"{group}=" if group else ""
+    try:
+        matches = _candidates(before + incomplete, words)
+    except (OSError, UserError):
+        return []
+    return [word.removeprefix(before) for word in matches if word != before]
+
+
+def complete_setting(incomplete: str) -> list[str]:
+    """Complete to groups, options and keys, without values."""
+    words = complete_override(incomplete)
+    return [w.removesuffix("=") for w in words if w.endswith("=") or "." not in w]
+
+
+def complete_study(incomplete: str) -> list[str]:
+    """Complete to names of studies, and to overrides as in a sweep."""
+    studies = [name for name in (*STUDIES, "all") if name.startswith(incomplete)]
+    return studies + (complete_override(incomplete) if incomplete else [])
+
+
+def complete_folder(incomplete: str) -> list[str]:
+    """Complete to result folders, and to folders that may contain them."""
+    folder, slash, name = incomplete.rpartition("/")
+    paths: list[str] = []
+    try:
+        # `results/` is the default parent folder.
+        places = [f"{folder}{slash}"] if incomplete else ["", "results/"]
+        for place in places:
+            with os.scandir(os.path.expanduser(place) or ".") as entries:
+                folders = sorted(entry.name for entry in entries if entry.is_dir())
+            for child in folders:
+                if child.startswith(name) and (name or not child.startswith(".")):
+                    path = place + child
+                    is_run = os.path.isfile(os.path.join(os.path.expanduser(path), "manifest.json"))
+                    paths.append(path if is_run else f"{path}/")
+    except OSError:
+        pass
+    return paths
+
+
+def complete_run_or_override(incomplete: str) -> list[str]:
+    """Complete to result folders and overrides."""
+    return [*complete_override(incomplete), *complete_folder(incomplete)]
+
+
+def _words_in_bash(incomplete: str) -> tuple[list[str], str]:
+    """The words of the line, and the word before the `=` that `incomplete` follows."""
+    words = os.environ.get("COMP_WORDS", os.environ.get("_TYPER_COMPLETE_ARGS", "")).split()
+    current = os.environ.get("COMP_CWORD", "")
+    if not current.isdecimal():
+        return words, ""
+    head = words[: int(current) + (not incomplete)]
+    return words, head[-2] if len(head) > 1 and head[-1] == "=" else ""
+
+
+def _candidates(typed: str, words: list[str]) -> list[str]:
+    key, values = split_override(typed)
+    *given, last = values.split(",")
+    if given:
+        further = [o for o in group_options().get(key, ()) if o.startswith(last) and o not in given]
+        return [f"{key}={','.join((*given, option))}" for option in further]
+    groups = [group for group in group_options() if group.startswith(key)]
+    if "=" in typed or len(groups) == 1:
+        # The shell appends a space to a single `group=`, so complete to its options.
+        matches = [f"{group}={option}" for group in groups for option in group_options()[group]]
+        for group in {*ENTRY_POINTS}.intersection(groups):
+            matches += [f"{group}={name}" for name in installed_functions(group)]
+    else:
+        matches = [f"{group}=" for group in groups]
+    if key and "seed".startswith(key):
+        matches.append("seed=")
+    matches += _keys(key, words) if "." in key else []
+    return [word for word in matches if word.startswith(typed)]
+
+
+def _keys(typed: str, words: list[str]) -> list[str]:
+    """The keys of the options that the line chooses; a single key also with its value."""
+    line = map(split_override, "".join(f" {word}" for word in words).replace(" = ", "=").split())
+    chosen = {group: option for group, option in line if option in group_options().get(group, ())}
+    values = dict(flat(compose_options(chosen).plain))
+    matches = [key for key in values if key.startswith(typed) and not key.endswith(".kind")]
+    if len(matches) != 1:
+        return [f"{key}=" for key in matches]
+    plain = values[matches[0]]
+    of_another = isinstance(plain, list) or "$" in str(plain)
+    return [f"{matches[0]}="] + ([] if of_another else [override_text(matches[0], plain)])
+
+
+def option(kind: Any, help: str, metavar: str | None = None, *names: str, **more: Any) -> Any:
+    """The annotation of an option with a value of type `kind`; `names` as of its parameter."""
+    return Annotated[kind, typer.Option(*names, help=help, metavar=metavar, **more)]
+
+
+def flag(name: str, help: str, *names: str) -> Any:
+    """The annotation of an option without a value."""
+    return Annotated[bool, typer.Option(name, *names, help=help)]
+
+
+def argument(
+    kind: Any, help: str, metavar: str, complete: Callable[[str], Any] | None = None
+) -> Any:
+    """The annotation of an argument; `complete` gives the words that Tab completes to."""
+    return Annotated[
+        kind,
+        typer.Argument(help=help, metavar=metavar, autocompletion=complete, show_default=False),
+    ]
 
 
 def new_file(output: Path | None) -> Path | None:
@@ -86,118 +207,84 @@ def recording_overrides(
     return [*typed, *(override_text(key, value) for key, value in settings.items())]
 
 
-Overrides = Annotated[
+Overrides = argument(
     list[str] | None,
-    argument(
-        "Changes to the default: GROUP=OPTION or KEY=VALUE, in Hydra's grammar. Or the result "
-        "folder of a run to repeat.",
-        "OVERRIDES|FOLDER",
-        complete_run_or_override,
-    ),
-]
-SweepOverrides = Annotated[
+    "Changes to the default: GROUP=OPTION or KEY=VALUE, in Hydra's grammar. Or the result "
+    "folder of a run to repeat.",
+    "OVERRIDES|FOLDER",
+    complete_run_or_override,
+)
+SweepOverrides = argument(
     list[str] | None,
-    argument(
-        "As in `stixel run`, plus several values: KEY=1,2 KEY=range(1,9,2) GROUP=glob(*).",
-        "OVERRIDES",
-        complete_override,
-    ),
-]
-RigFile = Annotated[
+    "As in `stixel run`, plus several values: KEY=1,2 KEY=range(1,9,2) GROUP=glob(*).",
+    "OVERRIDES",
+    complete_override,
+)
+RigFile = option(
     Path | None,
-    typer.Option(
-        "--rig",
-        "--calib",
-        help="Calibration of two images: of KITTI, Middlebury, ROS, OpenCV, or a rig.yaml.",
-        metavar="FILE",
-    ),
-]
-ImagesOrRecording = Annotated[
+    "Calibration of two images: of KITTI, Middlebury, ROS, OpenCV, or a rig.yaml.",
+    "FILE",
+    "--rig",
+    "--calib",
+)
+ImagesOrRecording = argument(
     list[str] | None,
-    argument(
-        "The left and the right image, or the folder or bag of a recording; then overrides as for "
-        "run.",
-        "LEFT RIGHT|RECORDING [OVERRIDE]",
-        complete_override,
-    ),
-]
-Folder = Annotated[Path, argument("Result folder of a run.", "FOLDER", complete_folder)]
-Folders = Annotated[list[Path], argument("Result folders of runs.", "FOLDER", complete_folder)]
-Name = Annotated[
-    str | None,
-    typer.Option(help="Name of the result folder (default: the changed settings, and the time)."),
-]
-Output = Annotated[
+    "The left and the right image, or the folder or bag of a recording; then overrides as for run.",
+    "LEFT RIGHT|RECORDING [OVERRIDE]",
+    complete_override,
+)
+Folder = argument(Path, "Result folder of a run.", "FOLDER", complete_folder)
+Folders = argument(list[Path], "Result folders of runs.", "FOLDER", complete_folder)
+Name = option(
+    str | None, "Name of the result folder (default: the changed settings, and the time)."
+)
+Output = option(
+    Path | None, "Output file (default: named after the runs).", "FILE", callback=new_file
+)
+Resume = option(
     Path | None,
-    typer.Option(
-        metavar="FILE", help="Output file (default: named after the runs).", callback=new_file
-    ),
-]
-Resume = Annotated[
-    Path | None,
-    typer.Option(
-        metavar="FOLDER",
-        help="Resume that folder: run what is missing or failed; accepts overrides of executor and "
-        "cache only.",
-        autocompletion=complete_folder,
-    ),
-]
-NewFolder = Annotated[
-    Path | None,
-    typer.Option("--output", metavar="FOLDER", help="New folder (default: named after its input)."),
-]
-Results = Annotated[
-    Path, typer.Option(metavar="DIR", help="Folder in which to create the result folder.")
-]
-Workers = Annotated[
-    int | None,
-    typer.Option(min=1, max=4096, help="Number of workers; short for executor.workers=…"),
-]
-Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON only.")]
-Verbose = Annotated[
-    bool,
-    typer.Option("--verbose", "-v", help="Print all scores, and the names of computed stages."),
-]
-DryRun = Annotated[
-    bool,
-    typer.Option(
-        "--dry-run",
-        help="Print what would be computed, and how long it takes; of one run also the "
-        "configuration. Compute nothing.",
-    ),
-]
-FromFile = Annotated[
+    "Resume that folder: run what is missing or failed; accepts overrides of executor and "
+    "cache only.",
+    "FOLDER",
+    autocompletion=complete_folder,
+)
+NewFolder = option(
+    Path | None, "New folder (default: named after its input).", "FOLDER", "--output"
+)
+Results = option(Path, "Folder in which to create the result folder.", "DIR")
+Workers = option(int | None, "Number of workers; short for executor.workers=…", min=1, max=4096)
+Json = flag("--json", "Print the result as JSON only.")
+Verbose = flag("--verbose", "Print all scores, and the names of computed stages.", "-v")
+DryRun = flag(
+    "--dry-run",
+    "Print what would be computed, and how long it takes; of one run also the "
+    "configuration. Compute nothing.",
+)
+FromFile = option(
     str | None,
-    typer.Option(
-        "--from",
-        metavar="FILE",
-        help="YAML file of axes, seeds and excluded runs, or the name of one in pipelines/studies.",
-    ),
-]
-Over = Annotated[
+    "YAML file of axes, seeds and excluded runs, or the name of one in pipelines/studies.",
+    "FILE",
+    "--from",
+)
+Over = option(
     str | None,
-    typer.Option(
-        metavar="KEYS",
-        help="Swept keys that means and intervals are over, such as seed,path (default: seed).",
-    ),
-]
-Pictures = Annotated[bool, typer.Option("--pictures", help="Draw the pictures of every run.")]
+    "Swept keys that means and intervals are over, such as seed,path (default: seed).",
+    "KEYS",
+)
+Pictures = flag("--pictures", "Draw the pictures of every run.")
 
-ConfigDir = Annotated[
+ConfigDir = option(
     Path | None,
-    typer.Option(
-        metavar="DIR",
-        help="Folder with presets of your own, laid out as conf/: DIR/GROUP/OPTION.yaml.",
-        callback=use_presets,
-        is_eager=True,
-    ),
-]
+    "Folder with presets of your own, laid out as conf/: DIR/GROUP/OPTION.yaml.",
+    "DIR",
+    callback=use_presets,
+    is_eager=True,
+)
 
-TrustCode = Annotated[
+TrustCode = option(
     bool,
-    typer.Option(
-        "--trust-code",
-        help="Run user-defined code that a result folder, a file or presets refer to.",
-        callback=trust_presets,
-    ),
-]
+    "Run user-defined code that a result folder, a file or presets refer to.",
+    None,
+    "--trust-code",
+    callback=trust_presets,
+)

@@ -1,11 +1,10 @@
 """`stixel explain`, and what --dry-run prints: what would be computed, how long, and why."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 from stixel_cli.border import TYPED
 from stixel_cli.cli import options
-from stixel_cli.cli.completion import complete_run_or_override
 from stixel_cli.cli.terminal import print_json, print_table, say
 from stixel_cli.errors import UserError, counted
 
@@ -28,16 +27,11 @@ def print_plan(plan: "SweepPlan", json: bool = False) -> None:
         say(f"{axis.name}: {counted(len(values), 'value')}: {shown}")
     for note in plan.notes:
         say(f"note: {note}")
-    rows = [
-        (
-            stage.name,
-            str(stage.nodes),
-            str(stage.cached),
-            str(stage.to_run),
-            "" if not stage.to_run else "?" if stage.seconds is None else duration(stage.seconds),
-        )
-        for stage in plan.stages
-    ]
+    rows = []
+    for stage in plan.stages:
+        time = "?" if stage.seconds is None else duration(stage.seconds)
+        counts = map(str, (stage.nodes, stage.cached, stage.to_run))
+        rows.append((stage.name, *counts, time if stage.to_run else ""))
     print_table(("stage", "nodes", "cached", "to run", "time"), rows, right=(1, 2, 3, 4))
     counts, seconds = content["nodes"], content["seconds"]
     estimate = estimate_text(seconds, content["workers"], content["unmeasured"])
@@ -85,12 +79,12 @@ def plan_content(plan: "SweepPlan") -> dict[str, Any]:
 
 
 def explain(
-    what: Annotated[
+    what: options.argument(
         list[str] | None,
-        options.argument(
-            "A result folder, or overrides.", "FOLDER|OVERRIDES", complete_run_or_override
-        ),
-    ] = None,
+        "A result folder, or overrides.",
+        "FOLDER|OVERRIDES",
+        options.complete_run_or_override,
+    ) = None,
     file: options.FromFile = None,
     trust_code: options.TrustCode = False,
     json: options.Json = False,

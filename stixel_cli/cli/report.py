@@ -1,45 +1,33 @@
 """`stixel report`: a page, a table, a figure or a player of a sweep, or of several runs."""
 
 from pathlib import Path
-from typing import Annotated
 
-import typer
-
-from stixel_cli.cli.errors import tell
-from stixel_cli.cli.options import Folders, Output, Over, TrustCode, Workers
-from stixel_cli.cli.run import stored_run
-from stixel_cli.cli.terminal import say, say_wrapped
+from stixel_cli.cli import options
+from stixel_cli.cli.stored import stored_run
+from stixel_cli.cli.terminal import say, say_wrapped, tell
 from stixel_cli.errors import UserError
 
-Compare = Annotated[
-    str | None,
-    typer.Option(metavar="KEYS", help="Swept keys whose values are compared, in a sweep."),
-]
-Metrics = Annotated[
-    str | None, typer.Option(metavar="NAMES", help="Metrics by commas, the main one first.")
-]
-Reference = Annotated[str | None, typer.Option(help="Option to compare with, instead of the best.")]
+Compare = options.option(str | None, "Swept keys whose values are compared, in a sweep.", "KEYS")
+Metrics = options.option(str | None, "Metrics by commas, the main one first.", "NAMES")
+Reference = options.option(str | None, "Option to compare with, instead of the best.")
 
 
 def report(
-    folders: Folders,
-    output: Output = None,
-    form: Annotated[
+    folders: options.Folders,
+    output: options.Output = None,
+    form: options.option(
         str,
-        typer.Option(
-            "--format",
-            help="html, the page; md, tex or csv, one table; svg, pdf or png, one figure.",
-        ),
-    ] = "html",
-    over: Over = None,
+        "html, the page; md, tex or csv, one table; svg, pdf or png, one figure.",
+        None,
+        "--format",
+    ) = "html",
+    over: options.Over = None,
     compare: Compare = None,
     metrics: Metrics = None,
     reference: Reference = None,
-    player: Annotated[
-        bool, typer.Option("--play", help="Write the page that plays the runs of one scene back.")
-    ] = False,
-    workers: Workers = None,
-    trust_code: TrustCode = False,
+    player: options.flag("--play", "Write the page that plays the runs of one scene back.") = False,
+    workers: options.Workers = None,
+    trust_code: options.TrustCode = False,
 ) -> int:
     """Write a page, a table or a figure of a sweep or of several runs.
 
@@ -65,6 +53,7 @@ def report(
     from stixel_cli.border import write_new
     from stixel_cli.report.compare import default_page
     from stixel_cli.results.folder import PAGE
+    from stixel_cli.sweeps.index import update_index
     from stixel_cli.sweeps.page import FIGURES, asked_folders, sweep_page
 
     forms = ("html", *TABLES, *FIGURES)
@@ -81,25 +70,22 @@ def report(
             write_new(output, text)
         say(text.rstrip("\n") if output is None else output)
         return 0
+    file = output or default_page(folders, *(("figure", form) if form in FIGURES else ()))
+    answers = asked.answers
     if form in FIGURES:
-        file = output or default_page(folders, "figure", form)
-        write_new(file, differences(asked.answers[0], FIGURES[form]))
-        say_wrapped(asked.answers[0].sentence)
-        say(file)
-        return 0
-    page = output or default_page(folders)
-    given = {"--over": over, "--compare": compare, "--metrics": metrics, "--reference": reference}
-    given["--output"] = None if output is None else str(output)
-    command = ["stixel", "report", *map(str, folders)]
-    command += [word for option, value in given.items() if value for word in (option, value)]
-    write_new(page, sweep_page(asked, page, command))
-    if (page.parent / PAGE).exists():
-        from stixel_cli.sweeps.index import update_index
-
-        update_index(page.parent)  # It links to the page of a sweep.
-    for answer in asked.answers:
+        answers = answers[:1]
+        write_new(file, differences(answers[0], FIGURES[form]))
+    else:
+        given = {"--over": over, "--compare": compare, "--metrics": metrics}
+        given |= {"--reference": reference, "--output": output and str(output)}
+        command = ["stixel", "report", *map(str, folders)]
+        command += [word for option, value in given.items() if value for word in (option, value)]
+        write_new(file, sweep_page(asked, file, command))
+        if (file.parent / PAGE).exists():
+            update_index(file.parent)  # It links to the page of a sweep.
+    for answer in answers:
         say_wrapped(answer.sentence)
-    say(page)
+    say(file)
     return 0
 
 
@@ -116,21 +102,21 @@ def _play(folders: list[Path], output: Path | None, workers: int | None, trust_c
     from stixel_cli.sweeps.folder import PLAYER, SweepFolder
     from stixel_cli.sweeps.page import asked_folders, sweep_page
 
-    is_sweep = len(folders) == 1 and (folders[0] / SWEEP_FILE).exists()
+    is_sweep, runs = len(folders) == 1 and (folders[0] / SWEEP_FILE).exists(), folders
     if is_sweep:
         asked_folders(folders)  # It refuses a sweep that has no page.
-    runs = sorted((folders[0] / "runs").glob("[0-9]*")) if is_sweep else folders
-    labels = run_labels(runs)
+        runs = sorted((folders[0] / "runs").glob("[0-9]*"))
     stored = [stored_run(folder, workers, trust_code) for folder in runs]
-    page, notes = folders_page(stored, labels, Progress(visible=True))
+    page, notes = folders_page(stored, run_labels(runs), Progress(visible=True))
     for note in notes:
         tell(note)
-    file = output or (folders[0] / PAGE if is_sweep else default_page(folders, "play"))
     if is_sweep and output is None:
-        folder, command = SweepFolder(folders[0]), ["stixel", "report", str(folders[0])]
+        folder, file = SweepFolder(folders[0]), folders[0] / PAGE
         folder.write({PLAYER: page})
+        command = ["stixel", "report", str(folders[0])]
         folder.write({PAGE: sweep_page(asked_folders(folders), file, command)})
     else:
+        file = output or default_page(folders, "play")
         write_new(file, page)
     say(file)
     return 0

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from stixel_cli.cli import options
-from stixel_cli.cli.errors import tell
+from stixel_cli.cli.stored import stored_run, tell_changed_code
 from stixel_cli.cli.terminal import print_json, print_table, say, say_wrapped
 
 if TYPE_CHECKING:
@@ -95,27 +95,6 @@ def _print_plan(composition: "Composition", json: bool) -> None:
         return
     sys.stdout.write(yaml.safe_dump(composition.resolved, sort_keys=False, allow_unicode=True))
     print_plan(plan)
-
-
-def stored_run(folder: Path, workers: int | None, trust_code: bool) -> "RunResult":
-    """The run of a result folder, to be computed with the executor and cache of this machine.
-
-    UserError if the folder cannot be read, or names user-defined code that is not trusted.
-    """
-    from stixel_cli.experiment.run import read_stored_run, trust_stored_run
-
-    stored = read_stored_run(folder, tuple(options.with_workers((), workers)))
-    trust_stored_run(stored, trust_code)
-    return stored
-
-
-def tell_changed_code(stored: "RunResult") -> None:
-    """Name each of the user's modules on stderr that differs from the copy in a folder."""
-    from stixel_cli.experiment.run import changed_code
-    from stixel_cli.results.lineage import CODE_FOLDER
-
-    for name in changed_code(stored):
-        tell(f"{name}: is not as in {stored.folder / CODE_FOLDER}: today's is used")
 
 
 def print_run(made: "RunResult", json: bool, verbose: bool) -> None:

@@ -2,17 +2,13 @@
 
 import shlex
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
-
-import typer
+from typing import TYPE_CHECKING, Any
 
 from stixel_cli.cli import options
-from stixel_cli.cli.completion import complete_study
-from stixel_cli.cli.errors import tell
 from stixel_cli.cli.plan import estimate_text, plan_content, print_plan
-from stixel_cli.cli.terminal import console, print_json, say, say_wrapped
+from stixel_cli.cli.terminal import console, print_json, say, say_wrapped, tell
 from stixel_cli.config.folders import STUDIES
 from stixel_cli.errors import ConfigurationError, MissingData, UserError, counted
 
@@ -24,26 +20,20 @@ INCOMPLETE = 1
 
 
 def study(
-    words: Annotated[
+    words: options.argument(
         list[str] | None,
-        options.argument(
-            "A study of pipelines/studies, or all; then overrides as in `stixel sweep`.",
-            "STUDY [OVERRIDES]",
-            complete_study,
-        ),
-    ] = None,
-    name: Annotated[
+        "A study of pipelines/studies, or all; then overrides as in `stixel sweep`.",
+        "STUDY [OVERRIDES]",
+        options.complete_study,
+    ) = None,
+    name: options.option(
         str | None,
-        typer.Option(
-            help="Name of the result folder (default: the study's name, then the overrides).",
-            metavar="<str>",
-        ),
-    ] = None,
+        "Name of the result folder (default: the study's name, then the overrides).",
+        "<str>",
+    ) = None,
     results: options.Results = Path("results"),
     workers: options.Workers = None,
-    fresh: Annotated[
-        bool, typer.Option("--fresh", help="Start over: delete the content of the study's folder.")
-    ] = False,
+    fresh: options.flag("--fresh", "Start over: delete the content of the study's folder.") = False,
     dry_run: options.DryRun = False,
     trust_code: options.TrustCode = False,
     json: options.Json = False,
@@ -77,35 +67,54 @@ def study(
     from stixel_cli.studies.plan import plan_study
     from stixel_cli.studies.run import run_study
     from stixel_cli.sweeps.index import update_index
+    from stixel_cli.sweeps.run import SweepInterrupted
 
     chosen, *overrides = _checked(words or [], name)
+    studies = STUDIES if chosen == ALL else (chosen,)
     overrides = options.with_workers(overrides, workers)
     repeated = [] if name is None else ["--name", name]
     repeated += [] if results == Path("results") else ["--results", str(results)]
     repeated += ["--trust-code"] if trust_code else []
+    answers, codes, plans = {}, [0], {}
 
-    def plan(study: str) -> "StudyPlan":
-        return plan_study(read_study(find_study(study), trust_code), overrides)
+    def failed(study: str, error: UserError) -> None:
+        """Report a study that fails: of all studies, it stops no other."""
+        if chosen != ALL:
+            raise error
+        tell(f"{study}: {error}")
+        answers[study] = {"study": study, "complete": False, "error": str(error)}
 
-    def run(study: str, planned: "StudyPlan") -> tuple[dict[str, Any], int]:
-        """The answer in plain types, printed unless it is to be JSON, and the exit code."""
-        folder = study_folder(results, planned.folder_name if name is None else name)
-        if dry_run:
-            StudyFolder(folder).check(planned, fresh)
-            return _planned(planned, json), 0
-        command = shlex.join(["stixel", "study", study, *overrides, *repeated])
-        result = run_study(planned, folder, command, fresh, tell)
-        if not json:
-            _print(planned, result)
-        update_index(results)
-        return _answer(planned, result), _tell_what_is_missing(result, command)
-
-    if chosen == ALL:
-        return _run_all(STUDIES, plan, run, json, dry_run)
-    answer, code = run(chosen, plan(chosen))
+    # Report studies that cannot run before the first one runs for minutes.
+    for study in studies:
+        try:
+            plans[study] = plan_study(read_study(find_study(study), trust_code), overrides)
+        except UserError as error:
+            failed(study, error)
+            codes += [] if isinstance(error, MissingData) else [error.exit_code]
+    for study, plan in plans.items():
+        try:
+            folder = study_folder(results, plan.folder_name if name is None else name)
+            if dry_run:
+                StudyFolder(folder).check(plan, fresh)
+                answers[study] = _planned(plan, json)
+                continue
+            command = shlex.join(["stixel", "study", study, *overrides, *repeated])
+            result = run_study(plan, folder, command, fresh, tell)
+            if not json:
+                _print(plan, result)
+            update_index(results)
+            answers[study] = _answer(plan, result)
+            codes.append(_tell_what_is_missing(result, command))
+        except SweepInterrupted:
+            raise
+        except UserError as error:
+            failed(study, error)
+            codes.append(error.exit_code)
     if json:
-        print_json(answer)
-    return code
+        print_json({"studies": [*map(answers.get, studies)]} if chosen == ALL else answers[chosen])
+    elif dry_run and plans and chosen == ALL:
+        say(f"all studies{_total(plans.values())}")
+    return max(codes)
 
 
 def _checked(words: Sequence[str], name: str | None) -> Sequence[str]:
@@ -120,45 +129,6 @@ def _checked(words: Sequence[str], name: str | None) -> Sequence[str]:
     if words[0] == ALL and name is not None:
         raise UserError(f"--name names the folder of one study: leave it out with {ALL}")
     return words
-
-
-def _run_all(
-    studies: Sequence[str],
-    plan: "Callable[[str], StudyPlan]",
-    run: "Callable[[str, StudyPlan], tuple[dict[str, Any], int]]",
-    json: bool,
-    dry_run: bool,
-) -> int:
-    """Run one study after the other; one that fails stops no other."""
-    from stixel_cli.sweeps.run import SweepInterrupted
-
-    answers, codes, plans = {}, [0], {}
-
-    def failed(study: str, error: UserError) -> None:
-        tell(f"{study}: {error}")
-        answers[study] = {"study": study, "complete": False, "error": str(error)}
-
-    # Report studies that cannot run before the first one runs for minutes.
-    for study in studies:
-        try:
-            plans[study] = plan(study)
-        except UserError as error:
-            failed(study, error)
-            codes += [] if isinstance(error, MissingData) else [error.exit_code]
-    for study, planned in plans.items():
-        try:
-            answers[study], code = run(study, planned)
-        except SweepInterrupted:
-            raise
-        except UserError as error:
-            failed(study, error)
-            code = error.exit_code
-        codes.append(code)
-    if json:
-        print_json({"studies": [answers[study] for study in studies]})
-    elif dry_run and plans:
-        say(f"all studies{_total(plans.values())}")
-    return max(codes)
 
 
 def _tell_what_is_missing(result: "StudyResult", command: str) -> int:

@@ -1,17 +1,205 @@
-"""Text, tables and JSON on the terminal, where no foreign text may move the cursor."""
+"""Text, tables, JSON and errors on the terminal, where no foreign text may move the cursor.
 
+Every error of a command is one line on stderr, and an exit code.
+"""
+
+import errno
+import io
 import json
+import os
+import re
 import shutil
 import sys
 import textwrap
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stixel_cli.errors import escaped
+from stixel_cli.config.folders import group_options
+from stixel_cli.config.texts import suggestion
+from stixel_cli.errors import UserError, escaped, printable, printable_path
 
 if TYPE_CHECKING:
     from rich.console import Console
+
+
+CRASHED = 1
+LONGEST_USAGE = 300
+"""Characters of a usage error: it repeats the words that were typed."""
+
+MULTIRUN = ("-m", "--multirun")
+"""Hydra's options for several runs."""
+
+_OF_THE_USER = (errno.ENAMETOOLONG, errno.EACCES)
+"""Errors that any access to a typed path may raise."""
+
+_OF_STDOUT = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EPIPE)
+"""Errors of printing, which have no file name."""
+
+
+class Interrupted(UserError):
+    """Ctrl-C."""
+
+    exit_code = 130
+
+    def __init__(self, what: str = "what was computed is kept: repeat the command to resume"):
+        super().__init__(f"interrupted; {what}")
+
+
+def guarded(command: Callable[[], int]) -> int:
+    """Exit code of `command()`; errors are reported in one line.
+
+    A `UserError` is printed verbatim. A crash writes its traceback to a log file and names it.
+    """
+    try:
+        code = command()
+        # Report a full disk here, not by Python at its exit.
+        sys.stdout.flush()
+        return code
+    except UserError as error:
+        tell(str(error))
+        return error.exit_code
+    except KeyboardInterrupt:
+        tell(str(Interrupted()))
+        return Interrupted.exit_code
+    except Exception as error:
+        if isinstance(error, OSError) and error.errno in _OF_THE_USER and error.filename:
+            tell(f"{printable_path(error.filename)}: {error.strerror}")
+            return UserError.exit_code
+        if isinstance(error, FileNotFoundError) and _working_directory_is_gone():
+            tell("the working directory no longer exists: change to another one")
+            return UserError.exit_code
+        if isinstance(error, OSError) and error.errno in _OF_STDOUT and error.filename is None:
+            if error.errno != errno.EPIPE:  # Else the reader has ended.
+                tell(f"standard output: cannot be written: {error.strerror}")
+            # Otherwise Python tries again at its exit and complains.
+            sys.stdout = open(os.devnull, "w")  # noqa: SIM115
+        else:
+            _tell_crash(error)
+        return CRASHED
+
+
+def settle_streams() -> None:
+    """Make the standard streams usable, however the shell has set them up.
+
+    A closed stream (`>&-`) is replaced by the null device. A character that the encoding lacks is
+    escaped, as on stderr.
+    """
+    # In the order of their numbers, so that no file of ours is opened under one of them.
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, mode))  # noqa: SIM115
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")
+
+
+def _working_directory_is_gone() -> bool:
+    try:
+        os.getcwd()
+    except FileNotFoundError:
+        return True
+    return False
+
+
+def tell(message: str) -> None:
+    """Print `stixel: message` on stderr as one line, whatever characters are in it."""
+    line = printable(re.sub(r"\s", " ", f"stixel: {message}"), sys.maxsize)
+    encoding = sys.stderr.encoding or "utf-8"
+    line = line.encode(encoding, errors="backslashreplace").decode(encoding)
+    print(line, file=sys.stderr)  # noqa: T201
+
+
+def _tell_crash(error: Exception) -> None:
+    import traceback
+
+    from stixel_cli.engine.errors import StageFailure
+
+    if isinstance(error, StageFailure):
+        # The cause is more often the user's own code.
+        head, what, place = "", f"stage {error.label} failed: {_named(error.cause)}", error.place
+    else:
+        head, what, place = "internal error, please report it: ", _named(error), ""
+    text = "".join(traceback.format_exception(error))
+    line = head + what + (f" ({place})" if place else "")
+    try:
+        tell(f"{line}; traceback: {_write_log(text)}")
+    except OSError as fault:
+        tell(f"{line}; no log could be written: {fault}")
+        sys.stderr.write(text)
+
+
+def _named(error: BaseException) -> str:
+    """Type and message of an error in one line, not too long."""
+    what = " ".join(f"{type(error).__name__}: {error}".split())
+    return what[:199] + "…" if len(what) > 200 else what
+
+
+def _write_log(text: str) -> Path:
+    import platform
+    import time
+
+    import platformdirs
+
+    from stixel_cli.version import __version__
+
+    folder = platformdirs.user_log_path("stixel", appauthor=False, ensure_exists=True)
+    log = folder / f"crash-{time.strftime('%Y%m%d-%H%M%S')}-{os.getpid()}.log"
+    head = (
+        f"stixel {__version__}, Python {platform.python_version()}, {platform.platform()}\n"
+        f"{' '.join(sys.argv)}\n\n"
+    )
+    log.write_text(head + text, encoding="utf-8", errors="backslashreplace")
+    return log
+
+
+REPLACED = {
+    "plan": "run, sweep or study with --dry-run",
+    "rerun": "run FOLDER",
+    "show": "ls FOLDER",
+    "compare": "ls FOLDER FOLDER",
+    "table": "report --format md, tex or csv",
+    "figure": "report --format svg, pdf or png",
+    "play": "report --play",
+    "calibrate": "assess --calibrate",
+    "learn-shape": "new class",
+    "schema": "describe --schema FOLDER",
+}
+"""Commands of the last release to what replaces them; the next release forgets them."""
+
+
+def usage_line(error: Any, words: Sequence[str]) -> str:
+    """A usage error of the command line `words`: the fault, the nearest option, what to read."""
+    text = " ".join(error.format_message().split()).rstrip(".?")
+    text = (text[:1].lower() + text[1:]).replace(": Input should be ", ": must be ")
+    text = text.partition(", unable to parse")[0].partition(". Did you mean")[0]
+    context = getattr(error, "ctx", None)
+    wrong = getattr(error, "option_name", None)
+    if wrong and "no such option" in text:
+        text = f"no such option {wrong}{_near_option(wrong, context)}"
+    elif text.startswith("no such command"):
+        text += suggestion(words[-1], context.command.commands)
+    if words[0] in REPLACED:
+        return f"{words[0]} is gone: use stixel {REPLACED[words[0]]}"
+    if text.startswith("no such command") and "=" in words[0]:
+        return f"{words[0]}: the command is missing: did you mean stixel run {words[0]}?"
+    if len(text) > LONGEST_USAGE:
+        text = f"{text[: LONGEST_USAGE - 1]}…"
+    # Of an option without its argument, the parser does not name the command.
+    where = context.command_path if context is not None else f"stixel {words[0]}"
+    return f"{text} (see {where} --help)"
+
+
+def _near_option(wrong: str, context: Any) -> str:
+    key = wrong.lstrip("-")
+    if wrong in MULTIRUN:
+        return "; `stixel sweep KEY=1,2,3` runs all combinations of several values"
+    if key == "seed" or key.partition(".")[0] in group_options():
+        return f"; did you mean {key}=… without the dashes?"
+    parameters = context.command.params if context else []
+    options = [name for parameter in parameters for name in parameter.opts]
+    return suggestion(wrong, [*options, "--help"])
+
 
 NARROW = 16
 """Characters to which the text of a column is wrapped before a column is left out."""

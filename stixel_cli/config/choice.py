@@ -1,39 +1,20 @@
-"""The options of all groups, composed by Hydra and kept in memory and on disk; values set in them.
+"""The options of all groups, composed from the files of `conf/`; values set in them.
 
-Of the group `experiment`, whose files set options and values of several groups, two parts are not
-Hydra's: `inner_options` and `sources`, see `conf/experiment/thesis.yaml`.
+The files have a part of Hydra's grammar: `defaults` names other options of the file's group, the
+option of a group within it, or, of an experiment, after `override`, that of any group. `${KEY}` is
+a reference. Only an experiment has `inner_options` and `sources`: `conf/experiment/thesis.yaml`.
+The schema, which takes long to import, only explains faults and fits an experiment's values.
 """
 
-import json
-import os
 import re
-from collections.abc import Collection, Mapping
-from contextlib import suppress
-from dataclasses import asdict, dataclass
-from functools import lru_cache
-from hashlib import sha256
-from pathlib import Path
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from typing import Any
 
-from stixel_cli.border import write_whole
-from stixel_cli.config import folders, messages
-from stixel_cli.config.keys import chosen_kinds, known_keys
-from stixel_cli.config.overrides import parser
-from stixel_cli.config.texts import override_text
-from stixel_cli.engine.cache_folder import make_folder
-from stixel_cli.engine.errors import CacheError
-from stixel_cli.engine.parameters import default_cache_folder
-from stixel_cli.engine.versions import installed_version
-from stixel_cli.errors import BelongsElsewhere, ConfigurationError, UserError
-from stixel_cli.files import read_text, read_yaml_text
-
-FOLDER = "configurations"
-"""In the cache folder; the files of `conf/` change rarely, so it has few files."""
-
-MOST_STORED = 2000
-"""Compositions on disk, of 8 kB each; the oldest are removed."""
-
-INNER, SOURCES = "inner_options", "sources"
+from stixel_cli.config import folders
+from stixel_cli.config.folders import EXPERIMENT, INNER, SOURCES, group_options
+from stixel_cli.config.texts import suggestion
+from stixel_cli.errors import BelongsElsewhere, ConfigurationError, printable
 
 _TO_RESOLVE = re.compile(r"\$\{|\?\?\?")
 _REFERENCE = re.compile(r"\$\{([A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*)\}")
@@ -44,7 +25,7 @@ class Choice:
     """The configuration of chosen options, before values are set; not to be changed.
 
     Attributes:
-        plain: in plain types with interpolations as text.
+        plain: in plain types with references as text.
         options: the option of each group.
     """
 
@@ -52,159 +33,113 @@ class Choice:
     options: dict[str, str]
 
 
-@lru_cache(maxsize=1024)
-def compose_options(chosen: tuple[tuple[str, str], ...], state: str) -> Choice:
+def compose_options(chosen: Mapping[str, str]) -> Choice:
     """The choice of groups and options, with all other groups at their default.
 
-    Hydra takes 0.1 s and more, so the result is stored in the cache folder, under a digest of the
-    options, of the files of `conf/` (`state`, see `conf_state`), of Hydra's version and the fields.
-
     Raises:
-        ConfigurationError: in one line, if Hydra cannot compose the options.
+        UserError: in one line, for an option that is missing, or a file that is not valid.
     """
-    versions = [installed_version(name) for name in ("hydra-core", "omegaconf")]
-    key = json.dumps([chosen, state, versions, list(Choice.__annotations__)])
-    file = default_cache_folder() / FOLDER / f"{_digest(key)}.json"
-    choice = _read(file)
-    if choice is None:
-        choice = _by_hydra([override_text(group, option) for group, option in chosen], state)
-        _write(file, choice)
-    if choice.options[folders.EXPERIMENT] == folders.default_option(folders.EXPERIMENT):
-        return choice
-    inner = choice.plain.get(INNER, {})
-    if not isinstance(inner, Mapping):
+    top = folders.values_beside_groups("config")
+    configured, options = folders.chosen_options(top), dict(chosen)
+    options.setdefault(EXPERIMENT, configured[EXPERIMENT])
+    # The file that includes another one, and a later line, come first.
+    for item in reversed([*_listed(EXPERIMENT, options[EXPERIMENT])]):
+        if isinstance(item, tuple):
+            options.setdefault(*item)
+    options = configured | options
+    for group, option in options.items():
+        if reference := _REFERENCE.fullmatch(option):
+            options[group] = options.get(reference[1], option)
+    used: dict[str, str] = {}
+    settings = _section(EXPERIMENT, options, used)
+    options = settings.pop(INNER, {}) | options
+    plain = {g: _section(g, options, used) for g in configured if g != EXPERIMENT}
+    plain |= {name: value for name, value in top.items() if name != "defaults"}
+    settings.pop(SOURCES, None)
+    if settings:
+        plain = _merged(plain, _fitting(settings, plain))
+    return Choice(plain, dict(sorted(used.items())))
+
+
+def _listed(
+    group: str, option: str, pending: tuple[str, ...] = ()
+) -> Iterator[tuple[str, str] | dict[str, Any]]:
+    """The keys of an option, and of those that it derives from, in the order of merging.
+
+    Among them, as a group and its option, what they choose of groups within theirs; an experiment
+    chooses of all groups.
+    """
+    if option not in group_options()[group]:
+        # Typed options exist: a missing one follows another group, as `prior` follows `road_user`.
         raise ConfigurationError(
-            f"{folders.EXPERIMENT}={choice.options[folders.EXPERIMENT]}: {INNER}: must be GROUP: "
-            "OPTION pairs"
+            f"{group}: unknown option {option!r}, which follows from what is chosen; add conf/"
+            f"{group}/{option}.yaml, or choose {group}={'|'.join(group_options()[group])}"
         )
-    # Inner groups that the chosen options lack are left out.
-    missing = [(g, o) for g, o in inner.items() if g in choice.options and g not in dict(chosen)]
-    if missing:
-        return compose_options((*chosen, *missing), state)
-    plain = {name: value for name, value in choice.plain.items() if name not in (INNER, SOURCES)}
-    kinds = chosen_kinds(plain)
-    lacking = [n for n, keys in known_keys().items() if not any(key.fits(kinds) for key in keys)]
-    return Choice(_without(lacking, plain), choice.options)
+    content, file = folders.option_content(group, option), folders.option_file(group, option)
+    if option in pending:
+        raise ConfigurationError(f"{file}: defaults: {option} includes itself")
+    defaults = content.get("defaults", [])
+    for entry in defaults if "_self_" in defaults else [*defaults, "_self_"]:
+        if entry == "_self_":
+            yield {name: value for name, value in content.items() if name != "defaults"}
+        elif isinstance(entry, str):
+            yield from _listed(group, entry, (*pending, option))
+        else:
+            for name, one in folders.chosen_options({"defaults": [entry]}).items():
+                chosen = name if group == EXPERIMENT else f"{group}/{name}"
+                if chosen not in group_options():
+                    raise ConfigurationError(f"{file}: defaults: {printable(name)}: no such group")
+                yield chosen, one
 
 
-def _without(names: Collection[str], section: Mapping[str, Any], prefix: str = "") -> Any:
-    """A section without the keys that an experiment sets and the chosen options lack."""
-    kept = {}
-    for name, value in section.items():
-        if prefix + name not in names:
-            rest = _without(names, value, f"{prefix}{name}.") if isinstance(value, dict) else value
-            if rest != {} or value == {}:
-                kept[name] = rest
-    return kept
+def _section(group: str, options: Mapping[str, str], used: dict[str, str]) -> dict[str, Any]:
+    """The merged keys of the option of a group, and of the groups within it; they are `used`."""
+    section: dict[str, Any] = {}
+    used[group] = options[group]
+    listed = [*_listed(group, options[group])]
+    chosen = dict(item for item in listed if isinstance(item, tuple)) | options
+    for item in listed:
+        if isinstance(item, dict):
+            section = _merged(section, item)
+        elif group != EXPERIMENT and item[0] not in used:
+            inner = item[0].rpartition("/")[2]
+            section = _merged(section, {inner: _section(item[0], chosen, used)})
+    return section
+
+
+def _merged(section: Mapping[str, Any], more: Mapping[str, Any]) -> dict[str, Any]:
+    both = {n: _merged(section[n], v) for n, v in more.items() if _are_mappings(section.get(n), v)}
+    return {**section, **more, **both}
+
+
+def _are_mappings(*values: Any) -> bool:
+    return all(isinstance(value, Mapping) for value in values)
+
+
+def _fitting(settings: Mapping[str, Any], plain: Mapping[str, Any]) -> dict[str, Any]:
+    """The settings of an experiment without the keys that the chosen options lack."""
+    from stixel_cli.config.keys import chosen_kinds, known_keys
+
+    kinds = chosen_kinds(_merged(plain, settings))
+    lacking = {n for n, keys in known_keys().items() if not any(key.fits(kinds) for key in keys)}
+
+    def kept(section: Mapping[str, Any], prefix: str) -> dict[str, Any]:
+        inner = {
+            n: kept(v, f"{prefix}{n}.") if isinstance(v, dict) else v
+            for n, v in section.items()
+            if prefix + n not in lacking
+        }
+        return {n: v for n, v in inner.items() if v != {} or section[n] == {}}
+
+    return kept(settings, "")
 
 
 def set_by_experiment(option: str) -> dict[str, Any]:
     """The groups and keys that an experiment's file sets, with their options and values."""
-    content = folders.option_content(folders.EXPERIMENT, option)
-    values = folders.option_values(folders.EXPERIMENT, option)
-    inner = content.get(INNER)
-    return {
-        **(inner if isinstance(inner, Mapping) else {}),
-        **folders.chosen_options(content),
-        **{name: v for name, v in values.items() if not name.startswith((INNER, SOURCES))},
-    }
-
-
-def _by_hydra(chosen: list[str], state: str) -> Choice:
-    """`config.yaml` with the chosen options, by Hydra; its own settings are left out."""
-    from hydra._internal.defaults_list import create_defaults_list
-    from hydra.errors import HydraException
-    from omegaconf import OmegaConf
-    from omegaconf.errors import OmegaConfBaseException
-    from yaml import YAMLError
-
-    presets = folders.PRESETS.folder
-    try:
-        loader, files = _loader(state)
-        parsed = [parser().parse_override(text) for text in chosen]
-        listed = create_defaults_list(
-            files, "config", parsed, prepend_hydra=False, skip_missing=False
-        )
-        composed = loader._compose_config_from_defaults_list(listed.defaults, files)
-        options = listed.overrides.known_choices
-        return Choice(
-            OmegaConf.to_container(composed, resolve=False),
-            {group: options[group] for group in folders.group_options() if group in options},
-        )
-    except (HydraException, OmegaConfBaseException) as fault:
-        raise ConfigurationError(_not_composed(fault)) from None
-    except Exception as fault:
-        reason = messages.printable(" ".join(str(fault).split()), 300)
-        if presets is not None:
-            if isinstance(fault, RecursionError):
-                reason = "a preset includes itself in its defaults"
-            raise ConfigurationError(f"--config-dir: {presets}: {reason}") from None
-        if not isinstance(fault, YAMLError | UnicodeDecodeError | RecursionError):
-            raise
-        # Hydra does not name the file in some of these.
-        for path in sorted(folders.shipped_folder("conf").rglob("*.yaml")):
-            read_yaml_text(path)
-        raise ConfigurationError(reason) from None
-
-
-@lru_cache(maxsize=1)
-def _loader(state: str) -> tuple[Any, Any]:
-    """Hydra's loader, and the files of `conf/` and of own presets, each read once for a `state`.
-
-    `hydra.compose` goes through a singleton that a notebook may use, reads all files again, and
-    composes Hydra's settings of a job: three times the time. What is here is not public.
-    """
-    from hydra._internal.config_loader_impl import ConfigLoaderImpl
-    from hydra._internal.config_repository import CachingConfigRepository
-    from hydra._internal.config_search_path_impl import ConfigSearchPathImpl
-    from hydra.core.plugins import Plugins
-
-    Plugins.instance()  # It registers the kinds of files.
-    search = ConfigSearchPathImpl()
-    for folder in folders.roots():
-        search.append("stixel", f"file://{folder}")
-    search.append("schema", "structured://")  # Hydra asks for it.
-    loader = ConfigLoaderImpl(search)
-    return loader, CachingConfigRepository(loader.repository)
-
-
-def _not_composed(fault: Exception) -> str:
-    """One line for options that Hydra cannot compose."""
-    # Typed options exist: a missing one follows another group, as `prior` follows `road_user`.
-    group, _, option = (getattr(fault, "missing_cfg_file", None) or "").rpartition("/")
-    if group not in folders.group_options():
-        return messages.first_line(fault)
-    return (
-        f"{group}: unknown option {option!r}, which follows from what is chosen; add "
-        f"conf/{group}/{option}.yaml, or choose {group}={'|'.join(folders.group_options()[group])}"
-    )
-
-
-def _read(file: Path) -> Choice | None:
-    """A stored composition; None if it is missing or damaged."""
-    with suppress(UserError, OSError):
-        digest, _, text = read_text(file).partition("\n")
-        if _digest(text) == digest:
-            return Choice(**json.loads(text))
-    return None
-
-
-def _write(file: Path, choice: Choice) -> None:
-    """Store a composition, unless there is no cache folder: `verify`, for example, needs none."""
-    folder, text = file.parent, json.dumps(asdict(choice))
-    if not folder.parent.is_dir():
-        return
-    with suppress(OSError, CacheError):
-        make_folder(folder.parent, FOLDER)
-        write_whole(file, f"{_digest(text)}\n{text}")
-        if len(os.listdir(folder)) > MOST_STORED:
-            paths = sorted(folder.iterdir(), key=lambda path: path.stat().st_mtime)
-            for other in paths[:-MOST_STORED]:
-                other.unlink()
-
-
-def _digest(text: str) -> str:
-    return sha256(text.encode()).hexdigest()
+    content = folders.option_content(EXPERIMENT, option)
+    values = folders.option_values(EXPERIMENT, option)
+    own = {name: v for name, v in values.items() if not name.startswith((INNER, SOURCES))}
+    return content.get(INNER, {}) | folders.chosen_options(content) | own
 
 
 def with_values(plain: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
@@ -229,7 +164,9 @@ def with_values(plain: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str
             # The dicts that contain the value are copied, because they are shared.
             section[part] = section = dict(inner) if isinstance(inner, Mapping) else {}
         if last not in section:
-            raise BelongsElsewhere(messages.unknown_key(name, chosen_kinds(plain)), name)
+            from stixel_cli.config import keys, messages
+
+            raise BelongsElsewhere(messages.unknown_key(name, keys.chosen_kinds(plain)), name)
         section[last] = value
     return {name: _resolved(section, name, tree) for name, section in tree.items()}
 
@@ -252,10 +189,12 @@ def _resolved(value: Any, name: str, tree: Mapping[str, Any], pending: tuple[str
     match, target = _REFERENCE.fullmatch(value), tree
     if match is None or value in pending:
         fault = "refers to itself" if match else "cannot be looked up: write ${KEY}"
-        raise ConfigurationError(f"{name}: {messages.show(value)} {fault}")
+        raise ConfigurationError(f"{name}: '{printable(value)}' {fault}")
     for part in match[1].split("."):
         if not isinstance(target, Mapping) or part not in target:
-            hint = messages.suggestion(match[1], known_keys(), form="${{{}}}")
+            from stixel_cli.config.keys import known_keys
+
+            hint = suggestion(match[1], known_keys(), form="${{{}}}")
             raise ConfigurationError(f"{name}: refers to {match[1]}, an unknown key{hint}")
         target = target[part]
     return _resolved(target, name, tree, (*pending, value))

@@ -1,4 +1,4 @@
-"""From overrides to a validated configuration, by Hydra and the schema."""
+"""From overrides to a validated configuration, by the files of `conf/` and the schema."""
 
 import copy
 from collections.abc import Iterable, Mapping, Sequence
@@ -8,13 +8,15 @@ from typing import TYPE_CHECKING, Any
 from stixel_cli.border import TYPED
 from stixel_cli.config import folders, messages, override_checks, own_options
 from stixel_cli.config.annotations import read_as
-from stixel_cli.config.choice import compose_options, with_values
+from stixel_cli.config.choice import Choice, compose_options, with_values
 from stixel_cli.config.overrides import Override
 from stixel_cli.config.schema import Configuration, check
 from stixel_cli.config.texts import split_override
-from stixel_cli.config.user_files import UserFiles
-from stixel_cli.errors import ConfigurationError
+from stixel_cli.errors import ConfigurationError, UserError
+from stixel_cli.measurements.file import FileParameters
 from stixel_cli.recordings.parameters import CALIBRATIONS
+from stixel_cli.scene.ego import Parked
+from stixel_cli.scene.parameters import ReplayedPath
 
 if TYPE_CHECKING:
     from stixel_cli.recordings.types import Recording
@@ -29,6 +31,79 @@ _FILES = {
     "cache": ("folder",),
 }
 """Keys that name a file or a folder of the user, but for two whose value may be a word."""
+
+
+class UserFiles:
+    """Opens what configurations name, each once; a new object opens it anew.
+
+    The configuration takes from an opened recording what it sets, the stages take its frames.
+
+    Attributes:
+        notes: what a user may not expect of the opened files, one line each.
+    """
+
+    def __init__(self) -> None:
+        self._opened: dict[str, Any] = {}
+        self.notes: list[str] = []
+
+    def recording(self, configuration: Configuration) -> "Recording | None":
+        """The recording or the replayed motion of a configuration; None without one.
+
+        Raises:
+            UserError: if a file is missing or not valid.
+        """
+        if isinstance(configuration.path, ReplayedPath):
+            return self.open(configuration.path)
+        if configuration.source.kind == "rendered":
+            return None
+        recording = self.open(configuration.source)
+        parked = isinstance(configuration.ego, Parked)
+        return replace(recording, pose_files=()) if parked else recording
+
+    def open(self, parameters: Any) -> Any:
+        """The `Recording` of a source or a replayed path, or the `Scans` of a file, by its
+        parameters; errors as above. The truth of scans is checked too."""
+        name = repr(parameters)
+        if name not in self._opened:
+            self._opened[name] = _open(parameters, self.notes)
+        return self._opened[name]
+
+    def add(self, parameters: Any, opened: Any) -> None:
+        """Let `parameters` also mean what is `opened`: with the frames that it has."""
+        self._opened[repr(parameters)] = opened
+
+
+def _open(parameters: Any, notes: list[str]) -> Any:
+    # Imported here, because most runs have no such files.
+    if isinstance(parameters, FileParameters):
+        from stixel_cli.measurements.file import read_scans
+
+        if parameters.path is None:
+            raise UserError(
+                "measurement.path: is missing: give the file of the scans, .csv or .npz"
+            )
+        units = {"time_unit": parameters.time_unit, "angle_unit": parameters.angle_unit}
+        scans = read_scans(
+            parameters.path,
+            parameters.ego,
+            parameters.range_std,
+            **units,
+            note=notes.append,
+            road_z=parameters.road_z,
+        )
+        if parameters.truth is not None:
+            # Shapely is imported for it.
+            from stixel_cli.measurements.file_truth import read_truth
+
+            read_truth(scans, parameters.truth, **units)
+        return scans
+    if isinstance(parameters, ReplayedPath):
+        from stixel_cli.recordings.replay import find_replay
+
+        return find_replay(parameters)
+    from stixel_cli.recordings.find import find_recording
+
+    return find_recording(parameters)
 
 
 @dataclass(frozen=True)
@@ -95,7 +170,7 @@ def compose(overrides: Sequence[str] = (), working_directory: str = "") -> Compo
 class Composer:
     """Composes configurations one after the other.
 
-    Hydra composes each choice of options once; values are then set in plain dicts. Files of `conf/`
+    Each choice of options is composed once; values are then set in plain dicts. Files of `conf/`
     and the user's own modules, which are imported to check their parameters unless `imports` is
     false, are taken as they were at first; each recording is opened once. Equal groups of different
     configurations are one object, so that derived values can be cached by identity; do not change
@@ -106,7 +181,7 @@ class Composer:
         self._imports = imports
         folders.group_options.cache_clear()  # the files may have changed since, as in a notebook
         self._working_directory = working_directory
-        self._state = folders.conf_state()
+        self._choices: dict[str, Choice] = {}
         self._parts: dict[tuple[str, str], Any] = {}
         self._checked: dict[str, dict[str, dict[str, Any]]] = {}
         self._files = UserFiles()
@@ -155,7 +230,10 @@ class Composer:
             name: value for name, value in settings.items() if name in folders.group_options()
         }
         values = {name: value for name, value in settings.items() if name not in options}
-        choice = compose_options(tuple(sorted(options.items())), self._state)
+        key = repr(sorted(options.items()))
+        if key not in self._choices:
+            self._choices[key] = compose_options(options)
+        choice = self._choices[key]
         resolved = with_values(choice.plain, values)
         resolved.pop(folders.PACE)
         return resolved, dict(choice.options)
@@ -186,13 +264,17 @@ def with_full_names(
 
     They refer to `working_directory`; "" for the working directory of the process.
     """
-    # The checks refuse an empty name.
-    names = [key for key in _FILES[group] if isinstance(section.get(key), str) and section[key]]
-    names = [key for key in names if key != "road_user" or section[key].endswith(".json")]
-    names = [key for key in names if key != "calibration" or section[key] not in CALIBRATIONS]
-    if not names or own_options.is_own(section):
+    if own_options.is_own(section):
         return section
-    return {**section, **{key: folders.absolute(section[key], working_directory) for key in names}}
+    words = {"road_user": not str(section.get("road_user")).endswith(".json")}
+    words["calibration"] = section.get("calibration") in CALIBRATIONS
+    full = {
+        key: folders.absolute(section[key], working_directory)
+        for key in _FILES[group]
+        # The checks refuse an empty name.
+        if isinstance(section.get(key), str) and section[key] and not words.get(key)
+    }
+    return {**section, **full} if full else section
 
 
 def from_resolved(resolved: Mapping[str, Any]) -> Configuration:

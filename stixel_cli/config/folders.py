@@ -8,13 +8,12 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
-from glob import glob
 from pathlib import Path
 from typing import Any
 
 from stixel_cli.border import Origin, forget_told
-from stixel_cli.errors import ConfigurationError
-from stixel_cli.files import read_yaml
+from stixel_cli.errors import ConfigurationError, printable
+from stixel_cli.files import check_plain, read_yaml_text
 from stixel_cli.remembered import remembered
 
 EXPERIMENT = "experiment"
@@ -22,6 +21,9 @@ EXPERIMENT = "experiment"
 
 PACE = "pace"
 """The group of speeds and first positions of each class, which the options of `path` refer to."""
+
+INNER, SOURCES = "inner_options", "sources"
+"""Parts of the files of `EXPERIMENT` that are no settings."""
 
 OF_THE_MACHINE = ("executor", "cache")
 """Groups that name where to compute, not what: they never come from a result folder."""
@@ -129,20 +131,10 @@ def use_presets(folder: Path | None) -> Path | None:
             )
         if option in groups[group]:
             raise ConfigurationError(f"--config-dir: {path}: {group}={option} exists; rename it")
-        _check_preset(path)
+        _content(path)
     group_options.cache_clear()
     PRESETS.folder = folder.resolve()
     return folder
-
-
-def _check_preset(path: Path) -> None:
-    content = read_yaml(path) or {}
-    if not isinstance(content, dict):
-        raise ConfigurationError(f"--config-dir: {path}: must map keys to values")
-    for key, kind in (("defaults", list), ("inner_options", dict), ("sources", dict)):
-        if not isinstance(content.get(key, kind()), kind):
-            what = "list" if kind is list else "mapping"
-            raise ConfigurationError(f"--config-dir: {path}: {key}: must be a {what}")
 
 
 def roots() -> list[Path]:
@@ -154,22 +146,6 @@ def option_file(group: str, option: str) -> Path:
     """The file of an option, in `conf/` or among the user's own presets."""
     files = [root / group / f"{option}.yaml" for root in roots()]
     return next((file for file in files[1:] if file.is_file()), files[0])
-
-
-def conf_state() -> str:
-    """The names, and digests of the contents, of all files of `conf/` and of own presets."""
-    return "\n".join(
-        f"{folder if folder == PRESETS.folder else ''} {name} {_content_digest(folder / name)}"
-        for folder in roots()
-        for name in sorted(glob("**/*.yaml", root_dir=folder, recursive=True))
-    )
-
-
-@remembered
-def _content_digest(path: Path) -> str:
-    from hashlib import sha256
-
-    return sha256(path.read_bytes()).hexdigest()
 
 
 @cache
@@ -237,15 +213,54 @@ def values_that_suit(suitable: Mapping[str, Any], facts: Mapping[str, Any]) -> d
 
 @remembered
 def _content(path: Path) -> dict[str, Any]:
-    content = read_yaml(path)
-    return content if isinstance(content, dict) else {}
+    """The keys of a file of `conf/` or of a preset; UserError in one line that names the file."""
+    import yaml
+
+    text = read_yaml_text(path)
+    try:
+        content = yaml.load(text, _loader()) or {}
+    except (yaml.YAMLError, ValueError, TypeError) as fault:
+        problem = getattr(fault, "problem", "a value is not valid")
+        raise ConfigurationError(f"{path}: not valid YAML: {problem}") from None
+    check_plain(content, path)
+    if not isinstance(content, dict):
+        raise ConfigurationError(f"{path}: must map keys to values")
+    for name, kind in (("defaults", list), (INNER, dict), (SOURCES, dict)):
+        if not isinstance(content.get(name, kind()), kind):
+            what = "list" if kind is list else "mapping"
+            raise ConfigurationError(f"{path}: {name}: must be a {what}")
+    for part in (*content.get("defaults", ()), content.get(INNER, {})):
+        options = part.values() if isinstance(part, dict) else [part]
+        if not all(isinstance(option, str) for option in options):
+            raise ConfigurationError(f"{path}: must name options, got {printable(str(part))}")
+    return content
+
+
+@cache
+def _loader() -> type:
+    """A loader of YAML as OmegaConf's: 1e-7 is a number, and no key is given twice."""
+    import yaml
+
+    class Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):
+        def construct_mapping(self, node: Any, deep: bool = False) -> dict[Any, Any]:
+            names = {str(key.value) for key, _ in node.value}
+            twice = len(names) < len(node.value)
+            mapping = super().construct_mapping(node, deep)
+            if twice or not all(isinstance(name, str) for name in mapping):
+                what = "is given twice" if twice else "is not text"
+                raise yaml.constructor.ConstructorError(problem=f"a key {what}")
+            return mapping
+
+    number = re.compile(r"[-+]?(\d[\d_]*\.?[\d_]*|\.[\d_]+)[eE][-+]?\d+")
+    Loader.add_implicit_resolver("tag:yaml.org,2002:float", number, [*"-+.0123456789"])
+    return Loader
 
 
 def chosen_options(content: Mapping[str, Any]) -> dict[str, str]:
     """Group to option, as the list of defaults in a file of `conf/` chooses them."""
     return {
         name.removeprefix("override").strip(" /"): option
-        for entry in content.get("defaults") or ()
+        for entry in content.get("defaults", ())
         if isinstance(entry, dict)
         for name, option in entry.items()
     }
@@ -297,14 +312,15 @@ def configured_option(group: str) -> str | None:
 
 def option_values(group: str, option: str) -> dict[str, Any]:
     """The keys of an option's file with their values; keys of nested groups have dots."""
-    values = dict(_flat(option_content(group, option), ""))
+    values = dict(flat(option_content(group, option)))
     values.pop("defaults", None)
     return values
 
 
-def _flat(section: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Any]]:
+def flat(section: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """The keys of a mapping of mappings, with dots, and their values."""
     for name, value in section.items():
         if isinstance(value, dict):
-            yield from _flat(value, f"{prefix}{name}.")
+            yield from flat(value, f"{prefix}{name}.")
         else:
             yield prefix + name, value

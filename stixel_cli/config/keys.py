@@ -1,15 +1,19 @@
-"""The keys of the schema: meaning, unit, range and values of each.
+"""The keys, groups and options: meaning, unit, range, values, and JSON Schemas for editors.
 
 A text is that of the schema's docstrings, a range that of its annotations, and a value that of
-`conf/`: each is written in one place.
+`conf/`: each is written in one place. By the JSON Schemas a file of `conf/` or `pipelines/` may
+leave out keys, because others complete it, and may give an interpolation, `${KEY}`, for any value.
 """
 
 import dataclasses
+import inspect
+import json
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
+from itertools import takewhile
+from typing import Any, get_type_hints
 
 from stixel_cli.config.annotations import (
     alternatives,
@@ -22,15 +26,24 @@ from stixel_cli.config.annotations import (
 )
 from stixel_cli.config.folders import (
     EXPERIMENT,
+    PACE,
     default_option,
     group_options,
     innermost_group,
+    option_file,
     option_values,
     options_default_first,
+    shipped_folder,
     values_beside_groups,
 )
 from stixel_cli.config.schema import Configuration
 from stixel_cli.config.texts import value_text
+from stixel_cli.files import read_text
+
+_NO_SCHEMA = {
+    EXPERIMENT: "options and values of several groups under one name",
+    PACE: "speeds and first positions of a class of road user; its values are those of the paths",
+}
 
 
 @dataclass(frozen=True)
@@ -100,15 +113,14 @@ class Key:
     @property
     def followers(self) -> list[str]:
         """The keys that have this key's value unless they are set."""
-        followers = [
-            f"{group.replace('/', '.')}.{name}"
+        followers = {
+            f"{group.replace('/', '.')}.{name}": None
             for group, options in group_options().items()
-            if group != EXPERIMENT
-            for option in options
+            for option in options * (group != EXPERIMENT)
             for name, value in option_values(group, option).items()
             if f"${{{self.name}}}" in str(value)
-        ]
-        return list(dict.fromkeys(followers))
+        }
+        return [*followers]
 
 
 def _options(group: str, kind: str | None) -> list[str]:
@@ -119,14 +131,15 @@ def _options(group: str, kind: str | None) -> list[str]:
 
 def _typed(value: Any) -> str:
     """A value as one would type it; `0.6, from prior.sigma_f` for one that another key gives."""
-    if isinstance(value, str) and (reference := re.fullmatch(r"\$\{([\w.]+)\}", value)):
-        group = innermost_group(reference[1])
-        values = option_values(group, default_option(group)) if group else {}
-        found = values.get(reference[1][len(group) + 1 :])
-        # A user's own preset may refer to anything.
-        known = found is not None and "${" not in str(found)
-        return f"{value_text(found)}, from {reference[1]}" if known else f"that of {reference[1]}"
-    return value_text(value)
+    reference = re.fullmatch(r"\$\{([\w.]+)\}", str(value))
+    if reference is None:
+        return value_text(value)
+    group = innermost_group(reference[1])
+    values = option_values(group, default_option(group)) if group else {}
+    # A user's own preset may refer to anything.
+    found = values.get(reference[1][len(group) + 1 :], "${")
+    known = "${" not in str(found)
+    return f"{value_text(found)}, from {reference[1]}" if known else f"that of {reference[1]}"
 
 
 @cache
@@ -135,11 +148,11 @@ def known_keys() -> dict[str, tuple[Key, ...]]:
 
     Groups are not keys. Nor are their `kind`s, which follow from the chosen option.
     """
-    keys: dict[str, list[Key]] = {}
+    keys: dict[str, tuple[Key, ...]] = {}
     for key in _walk(Configuration):
         if not dataclasses.is_dataclass(key.annotation):
-            keys.setdefault(key.name, []).append(key)
-    return {name: tuple(variants) for name, variants in keys.items()}
+            keys[key.name] = (*keys.get(key.name, ()), key)
+    return keys
 
 
 def _walk(
@@ -150,8 +163,8 @@ def _walk(
         variants = classes_in(annotation)
         group = (prefix + name).replace(".", "/")
         several = [(one, kind) for one in variants for kind in kinds_of(one)]
-        for variant, kind in several if len(variants) > 1 else [(one, None) for one in variants]:
-            of_variant = owners if kind is None else (*owners, (group, kind))
+        for variant, kind in several if len(variants) > 1 else [(one, "") for one in variants]:
+            of_variant = (*owners, (group, kind)) if kind else owners
             yield Key(prefix + name, variant, of_variant, schema)
             yield from _walk(variant, f"{prefix}{name}.", of_variant)
         if not variants and name != "kind":
@@ -161,12 +174,10 @@ def _walk(
 @cache
 def schema_of(group: str, kind: str) -> type | None:
     """The class of the parameters of a group's variant; None for a group without a schema."""
-    classes = {
-        dict(key.owners).get(group, ""): key.annotation
-        for key in _walk(Configuration)
-        if key.name.replace(".", "/") == group and dataclasses.is_dataclass(key.annotation)
-    }
-    return classes.get(kind) or classes.get("")
+    for key in _walk(Configuration):
+        if key.name.replace(".", "/") == group and dict(key.owners).get(group, kind) == kind:
+            return key.annotation
+    return None
 
 
 def chosen_kinds(plain: Any, prefix: str = "") -> dict[str, str]:
@@ -185,20 +196,185 @@ def locate(path: tuple[str | int, ...]) -> tuple[str, Any]:
 
     Pydantic names the variant of a union within the location: `("path", "turn", "speed")`.
     """
-    annotation: Any = Configuration
-    name = ""
+    annotation, name = Configuration, ""
     for part in path:
         schemas = classes_in(annotation)
         of_kind = [schema for schema in schemas if part in kinds_of(schema)]
-        if len(schemas) > 1 and of_kind:
-            annotation = of_kind[0]
-        elif len(schemas) > 1 and part == "own":
-            pass  # The keys that the user's own code shares with the others.
-        elif isinstance(part, int):
-            name += f"[{part}]"
-            annotation = element(annotation, part)
+        if isinstance(part, int):
+            name, annotation = f"{name}[{part}]", element(annotation, part)
+        elif len(schemas) > 1 and (of_kind or part == "own"):
+            # The user's own code shares its keys with the others.
+            annotation = of_kind[0] if of_kind else annotation
         elif schemas or len(alternatives(annotation)) == 1:  # Else a member of a union of types.
-            name += f".{part}" if name else part
-            fields = [fields_of(schema)[part] for schema in schemas if part in fields_of(schema)]
-            annotation = fields[0] if fields else None
+            name = f"{name}.{part}" if name else part
+            annotation = next((fields_of(s)[part] for s in schemas if part in fields_of(s)), None)
     return name, annotation
+
+
+def describe_key(name: str) -> list[Key]:
+    """The variants of a key, that of the default option first; KeyError for another name."""
+    group = innermost_group(name)
+    first = f"{group}={default_option(group)}" if group else ""
+    # A recording's path is not an option: it has no values.
+    variants = [key for key in known_keys()[name] if key.values]
+    return sorted(variants, key=lambda key: first not in key.belongs_to)
+
+
+def keys_of_option(group: str, option: str) -> list[Key]:
+    """The keys that an option of a group has, without those of its inner groups."""
+    kind = option_values(group, option).get("kind")
+    variants = [key for keys in known_keys().values() for key in keys]
+    of_group = [key for key in variants if innermost_group(key.name) == group]
+    of_option = [key for key in of_group if dict(key.owners).get(group, kind) == kind]
+    return sorted(of_option, key=lambda key: list(fields_of(key.schema)).index(key.field))
+
+
+def groups() -> list[str]:
+    """The groups that are not inner ones, in the order of the schema."""
+    order = [field.name for field in dataclasses.fields(Configuration)]
+    return [name for name in [*order, PACE, EXPERIMENT] if name in group_options()]
+
+
+def meaning_of_group(group: str) -> str:
+    """What a group sets, in one line; "" for an inner group."""
+    return (_NO_SCHEMA | attribute_texts(Configuration)).get(group, "")
+
+
+def meaning_of_option(group: str, option: str) -> str:
+    """What an option is: the first sentence of its file's comment, or of its class."""
+    lines = read_text(option_file(group, option)).splitlines()
+    lines = [line for line in lines if not line.startswith(("# @package", "# yaml-language"))]
+    comment = [line[2:] for line in takewhile(lambda line: line.startswith("# "), lines)]
+    text = " ".join(comment)
+    if not comment:
+        schema = schema_of(group, option_values(group, option).get("kind", ""))
+        text = inspect.getdoc(schema).splitlines()[0] if schema else ""
+    return re.split(r"\.(?= [A-Z]|$)", text)[0].strip()
+
+
+def parameters_of_own(group: str, option: str) -> list[tuple[str, str, str, str]]:
+    """Key, default, range and meaning of each parameter of a user's function.
+
+    ConfigurationError if its module cannot be imported.
+    """
+    from stixel_cli.config.own_options import GIVEN, imported_option
+    from stixel_cli.own_code import parameters_type
+
+    function, given = imported_option(group, option), GIVEN[group]
+    schema = parameters_type(function, given)
+    owner, given = (function, given) if schema is None else (schema, 0)
+    hints = get_type_hints(owner, include_extras=True)
+    texts = {} if schema is None else attribute_texts(schema)
+    rows = []
+    for name, parameter in list(inspect.signature(owner).parameters.items())[given:]:
+        required = parameter.default is parameter.empty
+        default = "required" if required else str(parameter.default)
+        words = describe(hints[name]) if name in hints else ""
+        rows.append((f"{group}.{name}", default, words, texts.get(name, "")))
+    return rows
+
+
+def settings_of_top() -> list[Key]:
+    """The keys that are in no group, such as the seed."""
+    return [key for name, (key, *_) in known_keys().items() if "." not in name]
+
+
+WRITTEN = ("pipeline", "recorded", "sequences", "study", "sweep")
+"""Schemas that are written by hand, in `conf/schema`."""
+
+_INTERPOLATION = {"type": "string", "pattern": r"\$\{.+\}"}
+_WORDS = {"type": "object", "additionalProperties": {"type": "string"}}
+_DEFAULTS = {"defaults": {"type": "array", "items": {"type": ["string", "object"]}}}
+
+
+def schema_files() -> dict[str, str]:
+    """Name of a file to its content: `GROUP.json`, `experiment.json`, `settings.json`, `WRITTEN`.
+
+    The name of an inner group has a hyphen, `measurement-noise.json`. `settings.json` has the keys
+    with dots of a command line; those that are `WRITTEN` refer to it.
+    """
+    whole = _section([Configuration])
+    found: dict[str, Any] = {group: _group_schema(group) for group in group_options()}
+    found[PACE] = {"type": "object"}  # Options of paths refer to its values: they are in no class.
+    parts = _DEFAULTS | {"inner_options": _WORDS, "sources": _WORDS}
+    found[EXPERIMENT] = _object(whole["properties"] | parts)
+    found["settings"] = {"$defs": _settings(dict(_flat(whole)))}
+    folder = shipped_folder("conf") / "schema"
+    return {f"{name}.json": read_text(folder / f"{name}.json") for name in WRITTEN} | {
+        f"{name.replace('/', '-')}.json": json.dumps(schema, indent=1, ensure_ascii=False) + "\n"
+        for name, schema in found.items()
+    }
+
+
+def _group_schema(group: str) -> dict[str, Any]:
+    """A schema of each variant of a group. What a run must give of a recording is null in `conf/`.
+
+    An option may leave out its kind, if it derives from another by `defaults`.
+    """
+    classes = [Configuration]
+    for part in group.split("/"):
+        classes = [one for owner in classes for one in classes_in(fields_of(owner).get(part))]
+    variants = [_section([one])["properties"] | _DEFAULTS for one in classes]
+    null = [{"type": "null"}] if group in ("source", "path") else []
+    return _any_of(_object({k: _any_of([v, *null]) for k, v in one.items()}) for one in variants)
+
+
+def _settings(values: Mapping[str, Any]) -> dict[str, Any]:
+    """The definition of each key and group, of `settings` with any of them, and of `axes`."""
+    text = {"type": "string"}
+    # Installed and own functions, and own presets, are options, too.
+    groups = {name: _any_of([{"enum": [*one]}, text]) for name, one in group_options().items()}
+    values = {**values, **groups}
+    refer = {key: {"$ref": f"#/$defs/{key.replace('/', '-')}"} for key in values}
+    axes = {key: _any_of([{"type": "array", "items": one}, text]) for key, one in refer.items()}
+    named = {key.replace("/", "-"): one for key, one in values.items()}
+    # A user's own tracker or source of measurements has keys of its own.
+    own = {"patternProperties": {r"^(measurement|tracker)\.\w+$": {}}}
+    return {"settings": _object(refer) | own, "axes": _object(axes) | own, **named}
+
+
+def _section(variants: Iterable[type]) -> dict[str, Any]:
+    """The object of the keys of all variants."""
+    from pydantic import TypeAdapter
+
+    values: dict[str, list[Any]] = {}
+    for variant in variants:
+        for name, annotation in fields_of(variant).items():
+            inner = classes_in(annotation)
+            schema = _section(inner) if inner else _value(TypeAdapter(annotation).json_schema())
+            text = attribute_texts(variant).get(name)
+            if text:
+                schema["description"] = text if inner else f"{text}: {describe(annotation)}"
+            values.setdefault(name, []).append(schema)
+    return _object({name: _any_of(options) for name, options in values.items()})
+
+
+def _value(schema: Mapping[str, Any]) -> dict[str, Any]:
+    """A schema that also accepts an interpolation, for the whole value and for its elements."""
+    inner = {
+        "items": lambda one: _value(one) if isinstance(one, dict) else one,
+        "prefixItems": lambda options: [*map(_value, options)],
+    }
+    schema = {name: inner.get(name, lambda same: same)(one) for name, one in schema.items()}
+    options = [_value(one) for one in schema.get("anyOf", ())] or [schema]
+    return _any_of([*options, _INTERPOLATION])
+
+
+def _object(properties: Mapping[str, Any]) -> dict[str, Any]:
+    return {"type": "object", "properties": dict(properties), "additionalProperties": False}
+
+
+def _any_of(options: Iterable[Any]) -> dict[str, Any]:
+    """A schema of any of the options; equal ones once."""
+    flat = [one for o in options for one in (o["anyOf"] if [*o] == ["anyOf"] else [o])]
+    different = list({json.dumps(one): one for one in flat}.values())
+    return different[0] if len(different) == 1 else {"anyOf": different}
+
+
+def _flat(section: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """The keys with dots of a section, with their schemas."""
+    for name, one in section["properties"].items():
+        if "properties" in one:
+            yield from _flat(one, f"{prefix}{name}.")
+        elif name != "kind":
+            yield prefix + name, one

@@ -1,6 +1,7 @@
 """Messages about a configuration, in one line each: the key, the fault, and the valid values."""
 
 import json
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,10 +12,6 @@ from stixel_cli.config.folders import group_options, innermost_group, options_of
 from stixel_cli.config.texts import suggestion
 from stixel_cli.errors import ConfigurationError, counted, printable
 
-_OUT_OF_RANGE = {
-    *("greater_than", "greater_than_equal", "less_than", "less_than_equal"),
-    *("too_short", "too_long"),
-}
 LONGEST_REASON = 200
 
 _REPLACED = {("measurement", "simulated"): "measurement=stixels"}
@@ -120,7 +117,11 @@ def show(value: Any) -> str:
 
 
 _TYPES = {bool: "a boolean", int: "a whole number", float: "a float", str: "text", list: "a list"}
-_NOT_SUITABLE = {"finite_number": "is not finite", "multiple_of": "does not fit"}
+_UNSUITABLE = {"finite_number": "is not finite", "multiple_of": "does not fit"}
+_UNSUITABLE |= dict.fromkeys(
+    ("greater_than", "greater_than_equal", "less_than", "less_than_equal", "too_short", "too_long"),
+    "is out of range",
+)
 
 
 def _describe_fault(fault: dict[str, Any], plain: dict[str, Any]) -> str:
@@ -138,20 +139,16 @@ def _describe_fault(fault: dict[str, Any], plain: dict[str, Any]) -> str:
         return "the configuration has text that is not UTF-8"
     if annotation is None:
         return f"{name}: {show(value)}: {plain_fault(fault)}"
-    right = describe(annotation)
-    if kind in _OUT_OF_RANGE:
-        # Both bounds, so that the user need not find the other one.
-        range_ = right.removeprefix("a whole number ").removeprefix("a number ")
-        return f"{name}: {show(value)} is out of range: must be {range_}"
-    if kind in _NOT_SUITABLE:
-        return f"{name}: {show(value)} {_NOT_SUITABLE[kind]}: must be {right}"
     if value is None:
-        return f"{name}: has no value: must be {right}"
-    words = choices(annotation)
-    if words and isinstance(value, str):
-        return f"{name}: {show(value)} is not known: must be {right}" + suggestion(value, words)
-    what = "empty" if value == "" else _TYPES.get(type(value), "a group of keys")
-    return f"{name}: {show(value)} is {what}: must be {right}"
+        return f"{name}: has no value: must be {describe(annotation)}"
+    # Of a range both bounds, so that the user need not find the other one.
+    right, words, hint = describe(annotation), choices(annotation), ""
+    what = "is empty" if value == "" else f"is {_TYPES.get(type(value), 'a group of keys')}"
+    if kind in _UNSUITABLE:
+        what, right = _UNSUITABLE[kind], re.sub("^a (whole )?number (?=[<>≥≤])", "", right)
+    elif words and isinstance(value, str):
+        what, hint = "is not known", suggestion(value, words)
+    return f"{name}: {show(value)} {what}: must be {right}{hint}"
 
 
 def validated(kind: type, content: Any, where: Path | str, known: Iterable[str] = ()) -> Any:
@@ -188,8 +185,3 @@ def describe_faults(
     first = next((i for i, name in enumerate(names) if name.startswith(given)), 0)
     text, others = _describe_fault(faults[first], plain), len(set(names)) - 1
     return f"{text} (and {counted(others, 'more fault')})" if others > 0 else text
-
-
-def first_line(fault: Any) -> str:
-    """The first line of an error's text, for a message."""
-    return printable((str(fault).splitlines() or ["no reason given"])[0], LONGEST_REASON)

@@ -7,8 +7,9 @@ from stixel_cli.border import Origin
 from stixel_cli.config import messages
 from stixel_cli.config.folders import default_option, group_options, innermost_group, outer_options
 from stixel_cli.config.keys import known_keys
+from stixel_cli.config.messages import unknown_option
 from stixel_cli.config.overrides import Override, parse
-from stixel_cli.config.own_options import RESERVED, admit_overrides, check_option, user_function
+from stixel_cli.config.own_options import RESERVED, admit_overrides, user_function
 from stixel_cli.errors import BelongsElsewhere, ConfigurationError
 
 WITHOUT_EFFECT = {
@@ -50,57 +51,50 @@ def check_overrides(parsed: Iterable[Override]) -> None:
     admit_overrides(parsed)
     user_defined = {o.key for o in parsed if user_function(o.key, o.value)}
     for override in parsed:
-        _check_name(override, user_defined)
-        if override.sign == "~":
-            what = "an option" if override.key in group_options() else "a value"
-            raise ConfigurationError(f"~{override.key}: cannot be removed: it always needs {what}")
-        if override.key in group_options():
-            _check_option(override)
-        elif override.sign == "+":
-            owners = messages.owners_of(override.key)
-            there = f"belongs to {owners} and exists there" if owners else "already exists"
-            raise ConfigurationError(f"{override.shown}: {override.key} {there}: leave out the +")
+        if fault := _fault(override, user_defined):
+            raise ConfigurationError(fault)
 
 
-def _check_name(override: Override, user_defined: Collection[str]) -> None:
-    name = override.key
-    if name in group_options() or name in known_keys():
-        return
-    group, _, key = name.partition(".")
-    if group in user_defined and key.isidentifier():
-        if key in RESERVED:
-            raise ConfigurationError(f"{name}: the name is reserved; rename the parameter")
-        return
-    if "/" in name and name.replace("/", ".") in known_keys():
-        raise ConfigurationError(f"{name}: unknown key; did you mean {name.replace('/', '.')}?")
+def _fault(override: Override, user_defined: Collection[str]) -> str:
+    """What is wrong with an override by itself; "" if nothing is."""
+    name, value, options = override.key, override.value, group_options().get(override.key)
+    if options is None and name not in known_keys():
+        group, _, parameter = name.partition(".")
+        if group not in user_defined or not parameter.isidentifier():
+            return _unknown(name, value)
+        if parameter in RESERVED:
+            return f"{name}: the name is reserved; rename the parameter"
+    if override.sign == "~":
+        what = "a value" if options is None else "an option"
+        return f"~{name}: cannot be removed: it always needs {what}"
+    if override.sign == "+" or (override.sign and options):
+        owners = messages.owners_of(name)
+        there = f"belongs to {owners} and exists there" if owners else "already exists"
+        return f"{override.shown}: {name} {there}: leave out the +"
+    if options is None or override.sweep is not None:
+        return ""
+    if isinstance(value, dict | list):
+        within = name.replace("/", ".") + "."
+        example = next(key for key in known_keys() if key.startswith(within))
+        needed = f"one option is needed (options: {', '.join(options)}), or single keys as"
+        return f"{name}: {messages.show(value)}: {needed} {example}=VALUE"
+    option = "null" if value is None else str(value)
+    known = option in options or user_function(name, option)
+    return "" if known else unknown_option(name, option)
+
+
+def _unknown(name: str, value: Any) -> str:
+    """What is said of a name that is neither a group nor a key."""
+    dotted, group = name.replace("/", "."), innermost_group(name)
+    if dotted in known_keys():
+        return f"{name}: unknown key; did you mean {dotted}?"
     if name.replace(".", "/") in group_options():
-        raise ConfigurationError(messages.group_by_dots(name, override.value))
-    group = innermost_group(name)
+        return messages.group_by_dots(name, value)
     if group and name == group.replace("/", ".") + ".kind":
         options = ", ".join(group_options()[group])
-        raise ConfigurationError(
-            f"{name}: follows from the option of {group}: write {group}=… (options: {options})"
-        )
-    raise ConfigurationError(messages.unknown_key(name))
-
-
-def _check_option(override: Override) -> None:
-    group = override.key
-    options = group_options()[group]
-    if override.sign:
-        raise ConfigurationError(f"{override.shown}: {group} already exists: leave out the +")
-    if override.sweep is not None:
-        return
-    if isinstance(override.value, dict | list):
-        within = group.replace("/", ".") + "."
-        example = next(key for key in known_keys() if key.startswith(within))
-        raise ConfigurationError(
-            f"{group}: {messages.show(override.value)}: one option is needed (options: "
-            f"{', '.join(options)}), or single keys as {example}=VALUE"
-        )
-    text = "null" if override.value is None else str(override.value)
-    if text not in options and not check_option(group, text):
-        raise ConfigurationError(messages.unknown_option(group, text))
+        how = f"write {group}=… (options: {options})"
+        return f"{name}: follows from the option of {group}: {how}"
+    return messages.unknown_key(name)
 
 
 def check_one_run(parsed: Sequence[Override]) -> None:
@@ -108,27 +102,20 @@ def check_one_run(parsed: Sequence[Override]) -> None:
 
     `parsed` must be all overrides of one run, because some of them choose options.
     """
+    chosen = {override.key: str(override.value) for override in parsed}
     for override in parsed:
+        name = override.key
         if override.sweep is not None:
             value = messages.printable(override.value_text)
-            hint = " (a list is written in brackets)" if override.key in known_keys() else ""
-            raise ConfigurationError(
-                f"{override.key}: {value} has several values: one run needs one{hint}; "
-                "`stixel sweep` takes several"
-            )
-    chosen = {override.key: str(override.value) for override in parsed}
-    for group in chosen:
-        outer = group.rpartition("/")[0]
-        if group not in group_options() or not outer:
-            continue
-        option = chosen.get(outer) or default_option(outer)
-        owners = outer_options(group)
-        if option not in owners:
-            raise BelongsElsewhere(
-                f"{group}: there is no such group with {outer}={option}; it belongs to "
-                f"{outer}={'|'.join(owners)}",
-                group,
-            )
+            hint = " (a list is written in brackets)" if name in known_keys() else ""
+            several = f"{value} has several values: one run needs one{hint}"
+            raise ConfigurationError(f"{name}: {several}; `stixel sweep` takes several")
+        outer, owners = name.rpartition("/")[0], outer_options(name)
+        option = chosen.get(outer) or (default_option(outer) if owners else "")
+        if owners and option not in owners:
+            there = f"there is no such group with {outer}={option}"
+            valid = f"{outer}={'|'.join(owners)}"
+            raise BelongsElsewhere(f"{name}: {there}; it belongs to {valid}", name)
 
 
 def implied_by_file(settings: Mapping[str, Any]) -> dict[str, str]:
@@ -142,11 +129,8 @@ def implied_by_file(settings: Mapping[str, Any]) -> dict[str, str]:
     for name in settings:
         of_user = name.startswith("road_user.")
         if of_user or name.partition(".")[0] in WITHOUT_EFFECT:
+            why = "has no effect with measurement=file, which has no scene and no cameras"
             more = "; prior.… sets the class's size" if of_user else ""
-            raise BelongsElsewhere(
-                f"{name}: has no effect with measurement=file, which has no scene and no cameras: "
-                f"leave it out{more}",
-                name,
-            )
+            raise BelongsElsewhere(f"{name}: {why}: leave it out{more}", name)
     with_truth = settings.get("measurement.truth") or "start" in settings
     return {} if with_truth else {"start": "scans"}

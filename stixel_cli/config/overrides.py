@@ -94,15 +94,13 @@ class Override:
 @lru_cache(maxsize=8192)
 def parse(text: str, origin: Origin) -> Override:
     """The override of a text, by Hydra's grammar; ConfigurationError if the text is none."""
-    plain = _PLAIN.fullmatch(text)
-    if plain is not None:
-        number = plain["number"]
-        if number is None:
-            return Override(text, plain["key"], origin, plain["word"])
-        value = float(number) if "." in number else int(number)
+    if plain := _PLAIN.fullmatch(text):
+        number, value = plain["number"], plain["word"]
+        if number is not None:
+            value = float(number) if "." in number else int(number)
         return Override(text, plain["key"], origin, value)
-    # For these Hydra writes errors of several lines, or no error.
-    _refuse_malformed(text)
+    if fault := _malformed(text):
+        raise ConfigurationError(fault)
     from hydra.errors import HydraException
 
     try:
@@ -112,14 +110,11 @@ def parse(text: str, origin: Origin) -> Override:
         override = Override(text, read.key_or_group, origin, value, sweep)
     except (HydraException, ValueError, RecursionError):
         raise ConfigurationError(_unreadable(text)) from None
+    shown = override.shown
     if read.package is not None:
-        raise ConfigurationError(
-            f"{override.shown}: no package (@) can be given; write {override.key}=…"
-        )
+        raise ConfigurationError(f"{shown}: no package (@) can be given; write {override.key}=…")
     if override.key == "hydra" or read.is_hydra_override():
-        raise ConfigurationError(
-            f"{override.shown}: Hydra's own settings have no effect here: leave it out"
-        )
+        raise ConfigurationError(f"{shown}: Hydra's own settings have no effect here: leave it out")
     return override
 
 
@@ -131,9 +126,10 @@ def parser() -> Any:
     return OverridesParser.create()
 
 
-def _refuse_malformed(text: str) -> None:
-    bare = text.lstrip("+~").strip()
-    shown = messages.printable(text)
+def _malformed(text: str) -> str:
+    """What is wrong with a text that Hydra would not refuse in one clear line; "" for another."""
+    bare, groups = text.lstrip("+~").strip(), group_options()
+    shown = messages.printable(text) if bare else messages.show(text)
     for is_wrong, fault in (
         (any("\ud800" <= c <= "\udfff" for c in text), "is not UTF-8 text"),
         (text.count(",") > MOST_TYPED, f"more than {MOST_TYPED} values: use range(START,STOP)"),
@@ -142,32 +138,29 @@ def _refuse_malformed(text: str) -> None:
         (bare.startswith("="), "the key before the = is missing"),
     ):
         if is_wrong:
-            raise ConfigurationError(f"{shown if bare else messages.show(text)}: {fault}")
+            return f"{shown}: {fault}"
     if "=" in bare or text.startswith("~"):
-        return
-    groups = [group for group, options in group_options().items() if bare in options]
-    if bare in group_options() or bare in known_keys():
-        values = "|".join(group_options().get(bare, ("VALUE",)))
-        raise ConfigurationError(f"{bare}: a value is missing: write {bare}={values}")
-    if bare.replace(".", "/") in group_options():
-        raise ConfigurationError(messages.group_by_dots(bare, None))
-    if groups and bare != "default":
-        # `car` is an option of three groups; the road user chooses the others.
-        group = "road_user" if "road_user" in groups else groups[0]
-        raise ConfigurationError(f"{bare}: is an option: write {group}={bare}")
-    options = [f"{group}={one}" for group, these in group_options().items() for one in these]
-    hint = messages.suggestion(bare, [*group_options(), *known_keys()], form="{}=…")
+        return ""
+    if bare in groups or bare in known_keys():
+        return f"{bare}: a value is missing: write {bare}={'|'.join(groups.get(bare, ['VALUE']))}"
+    if bare.replace(".", "/") in groups:
+        return messages.group_by_dots(bare, None)
+    # `car` is an option of three groups; the road user chooses the others.
+    of = sorted((g for g in groups if bare in groups[g]), key=lambda group: group != "road_user")
+    if of and bare != "default":
+        return f"{bare}: is an option: write {of[0]}={bare}"
+    options = [f"{group}={option}" for group in groups for option in groups[group]]
+    hint = messages.suggestion(bare, [*groups, *known_keys()], form="{}=…")
     hint = hint or messages.suggestion(bare, options)
-    raise ConfigurationError(f"{messages.show(text)}: must be KEY=VALUE{hint}")
+    return f"{messages.show(text)}: must be KEY=VALUE{hint}"
 
 
 def _unreadable(text: str) -> str:
-    words, (name, value) = text.split(), split_override(text)
+    words, (name, value), shown = text.split(), split_override(text), messages.printable(text)
     if len(words) > 1 and all("=" in word for word in words):
-        return f"{messages.printable(text)}: is several overrides in one text: separate them"
-    shown, known = messages.printable(text), [*group_options(), *known_keys()]
-    hint = "" if name in known else messages.suggestion(name, known)
-    if hint:
+        return f"{shown}: is several overrides in one text: separate them"
+    known = [*group_options(), *known_keys()]
+    if name not in known and (hint := messages.suggestion(name, known)):
         return f"{messages.printable(name)}: unknown key{hint}"
     for opening, closing in ("[]", "{}", "()"):
         if value.count(opening) != value.count(closing):
@@ -188,29 +181,26 @@ def _single_texts(override: Override) -> list[str]:
     from hydra.core.override_parser.types import FloatRange, Glob, IntervalSweep, RangeSweep
     from hydra.errors import HydraException
 
-    line, name, sweep = override.shown, override.key, override.sweep
-    value = sweep.value()
+    line, name, value = override.shown, override.key, override.sweep.value()
     if isinstance(value, IntervalSweep):
-        raise ConfigurationError(
-            f"{line}: interval(a,b) is continuous: write a range with a step, "
-            f"{name}=range({value.start:g},{value.end:g},STEP), or values separated by commas"
-        )
+        range_ = f"range({value.start:g},{value.end:g},STEP)"
+        how = f"write a range with a step, {name}={range_}, or values separated by commas"
+        raise ConfigurationError(f"{line}: interval(a,b) is continuous: {how}")
     if getattr(value, "shuffle", False):
         raise ConfigurationError(f"{line}: shuffle(…) is not supported: the order has no effect")
+    if isinstance(value, Glob):
+        if name not in group_options():
+            raise ConfigurationError(f"{line}: glob is for options of a group")
+        return value.filter(list(group_options()[name]))
     try:
-        if isinstance(value, Glob):
-            if name not in group_options():
-                raise ConfigurationError(f"{line}: glob is for options of a group")
-            return value.filter(list(group_options()[name]))
         if isinstance(value, RangeSweep) and isinstance(value.range(), FloatRange):
             return [repr(number) for number in _decimal_range(value)]
-        return list(itertools.islice(sweep.sweep_string_iterator(), MOST_VALUES + 1))
+        return [*itertools.islice(override.sweep.sweep_string_iterator(), MOST_VALUES + 1)]
     except (HydraException, ValueError, ArithmeticError):
-        if not isinstance(value, RangeSweep):
-            raise ConfigurationError(
-                f"{line}: nested sweeps are not supported: list the values, {name}=A,B,C"
-            ) from None
-        raise ConfigurationError(f"{line}: not a valid range: the step must not be 0") from None
+        fault = f"nested sweeps are not supported: list the values, {name}=A,B,C"
+        if isinstance(value, RangeSweep):
+            fault = "not a valid range: the step must not be 0"
+        raise ConfigurationError(f"{line}: {fault}") from None
 
 
 def _decimal_range(sweep: Any) -> Iterator[float]:

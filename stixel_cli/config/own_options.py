@@ -1,6 +1,6 @@
 """Options and metrics that are the user's own functions, `tracker=module:function`.
 
-Hydra composes the other groups. The keys (`tracker.alpha=0.5`) are the function's parameters.
+The other groups are options of files. The keys (`tracker.alpha=0.5`) are the function's parameters.
 """
 
 import os
@@ -46,24 +46,11 @@ def user_function(group: str, option: Any) -> str | None:
     return option if ":" in option else installed_functions(group).get(option)
 
 
-def check_option(group: str, option: Any) -> bool:
-    """Whether the option is the user's own; ConfigurationError if its name is not valid."""
-    function = user_function(group, option)
-    if function is None:
-        return False
-    try:
-        check_name(function)
-    except ValueError as fault:
-        raise ConfigurationError(f"{group}: {fault}") from None
-    return True
-
-
 def user_sections(settings: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
     """The user-defined sections of a configuration with these options and values, by group."""
     sections = {}
     for group in GIVEN:
-        function = user_function(group, settings.get(group))
-        if function is not None:
+        if function := user_function(group, settings.get(group)):
             within = f"{group}."
             given = {k.removeprefix(within): v for k, v in settings.items() if k.startswith(within)}
             sections[group] = {"kind": "own", "function": function} | COMMON.get(group, {}) | given
@@ -125,19 +112,17 @@ def find_folders(resolved: Mapping[str, Any], working_directory: str) -> list[st
         return given  # The validation of the whole configuration reports it.
     folders = [absolute(str(folder), working_directory) for folder in given]
     places = [*folders, str(default_cache_folder() / CELLS), absolute("", working_directory)]
-    for key, name in functions_of(resolved).items():
-        try:
-            check_name(name)
-        except ValueError as fault:
-            raise ConfigurationError(f"{key}: {fault}") from None
-        folder = _folder_of(key, name.partition(":")[0], places)
-        if folder is not None and folder not in folders:
-            folders.append(folder)
-    return folders
+    found = [_folder_of(key, name, places) for key, name in functions_of(resolved).items()]
+    return list(dict.fromkeys([*folders, *filter(None, found)]))
 
 
-def _folder_of(key: str, module: str, places: Sequence[str]) -> str | None:
-    """The folder of a module; None if a distribution provides it."""
+def _folder_of(key: str, function: str, places: Sequence[str]) -> str | None:
+    """The folder of a function's module; None if a distribution provides it."""
+    try:
+        check_name(function)
+    except ValueError as fault:
+        raise ConfigurationError(f"{key}: {fault}") from None
+    module = function.partition(":")[0]
     top = module.partition(".")[0]
     if top == __name__.partition(".")[0]:
         return None  # Of this program, also in its own checkout.
@@ -152,20 +137,19 @@ def _folder_of(key: str, module: str, places: Sequence[str]) -> str | None:
         first = next(iter(spec.submodule_search_locations or ()), spec.origin or "")
         where = str(Path(first).parent)
     taken = top in sys.stdlib_module_names or (top in providers() and where not in (None, local))
+    fault = ""
     if local is not None and taken:
-        raise ConfigurationError(
-            f"{key}: {local} has a module {top}, but this is the name of an installed one: "
-            "rename the file"
-        )
-    if local is None and where is None:
-        raise ConfigurationError(
-            f"{key}: no module {printable(top)} found in {places[-1]}, and no installed package "
-            "has it"
-        )
-    if local is None and top not in providers():
+        name = f"{local} has a module {top}, but this is the name of an installed one"
+        fault = f"{name}: rename the file"
+    elif local is None and where is None:
+        missing = f"no module {printable(top)} found in {places[-1]}"
+        fault = f"{missing}, and no installed package has it"
+    elif local is None and top not in providers():
         local = where
-    if local is not None and not _exists(local, module):
-        raise ConfigurationError(f"{key}: no module {printable(module)} found in {local}")
+    if not fault and local is not None and not _exists(local, module):
+        fault = f"no module {printable(module)} found in {local}"
+    if fault:
+        raise ConfigurationError(f"{key}: {fault}")
     return local
 
 
@@ -190,7 +174,7 @@ def with_own_values(overrides: Sequence[str], resolved: Mapping[str, Any]) -> tu
 def imported_option(group: str, option: str) -> Any:
     """The user's function that an option names; ConfigurationError if it cannot be imported."""
     function = user_function(group, option)
-    folder = _folder_of(group, function.partition(":")[0], [os.getcwd()])
+    folder = _folder_of(group, function, [os.getcwd()])
     return _imported(group, function, [] if folder is None else [folder])
 
 
@@ -200,13 +184,28 @@ def check_parameters(configuration: Configuration) -> dict[str, dict[str, Any]]:
     Raises:
         ConfigurationError: in one line that names the key, or the file and line of a fault.
     """
+    from pydantic import ValidationError
+
     folders, values = configuration.code_folders, {}
     for group, given in GIVEN.items():
         code = getattr(configuration, group)
-        if isinstance(code, OwnCode):
-            function = _imported(group, code.function, folders)
-            checked = _checked_values(group, function, given, code.parameters)
-            values[group] = nested(group, checked)["parameters"]
+        if not isinstance(code, OwnCode):
+            continue
+        function = _imported(group, code.function, folders)
+        try:
+            checked = all_values(function, given, code.parameters)
+        except ValidationError as error:
+            fault = error.errors(include_url=False)[0]
+            name = ".".join(map(str, fault["loc"]))
+            hints = get_type_hints(parameters_type(function, given), include_extras=True)
+            what = "is missing" if fault["type"] == "missing" else show(fault["input"])
+            text = f"unknown parameter; it has {', '.join(hints) or 'no parameters'}"
+            if fault["loc"][0] in hints:
+                text = f"{what}: must be {describe(hints[fault['loc'][0]])}"
+            raise ConfigurationError(f"{group}.{name}: {text}") from None
+        except (TypeError, ValueError) as fault:
+            raise ConfigurationError(f"{group}.{' '.join(str(fault).split())}") from None
+        values[group] = nested(group, checked)["parameters"]
     for i, name in enumerate(configuration.metrics):
         _imported(f"metrics[{i}]", name, folders)
     return values
@@ -234,27 +233,3 @@ def _imported(key: str, name: str, folders: Sequence[str]) -> Any:
     if not callable(function):
         raise ConfigurationError(f"{key}: {name} is not a function")
     return function
-
-
-def _checked_values(
-    group: str, function: Any, given: int, values: Mapping[str, Any]
-) -> dict[str, Any]:
-    from pydantic import ValidationError
-
-    try:
-        return all_values(function, given, values)
-    except ValidationError as error:
-        fault = error.errors(include_url=False)[0]
-        name = ".".join(str(part) for part in fault["loc"])
-        raise ConfigurationError(f"{group}.{name}: {_reason(function, given, fault)}") from None
-    except (TypeError, ValueError) as fault:
-        raise ConfigurationError(f"{group}.{' '.join(str(fault).split())}") from None
-
-
-def _reason(function: Any, given: int, fault: Mapping[str, Any]) -> str:
-    hints = get_type_hints(parameters_type(function, given), include_extras=True)
-    name = str(fault["loc"][0])
-    if name not in hints:
-        return f"unknown parameter; it has {', '.join(hints) or 'no parameters'}"
-    what = "is missing" if fault["type"] == "missing" else show(fault["input"])
-    return f"{what}: must be {describe(hints[name])}"

@@ -15,9 +15,8 @@ from pydantic import Field, ValidationError
 from stixel_cli.config import folders, messages
 from stixel_cli.config.annotations import read_as
 from stixel_cli.config.choice import set_by_experiment
-from stixel_cli.config.compose import with_full_names
+from stixel_cli.config.compose import UserFiles, with_full_names
 from stixel_cli.config.real_images import real_image_parameters
-from stixel_cli.config.user_files import UserFiles
 from stixel_cli.errors import ConfigurationError
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.recordings.find import guess_layout
@@ -58,7 +57,7 @@ def with_recording(
     Raises:
         UserError: for a recording that cannot be opened, or settings that do not suit it.
     """
-    settings = dict(typed)
+    settings, group = dict(typed), "source"
     folder = typed.get("source.folder")
     if "source" not in typed and isinstance(folder, str) and folder:
         settings["source"] = guess_layout(Path(folders.absolute(folder, working_directory)))
@@ -66,7 +65,6 @@ def with_recording(
     resolved, _ = resolve(
         {k: v for k, v in settings.items() if folders.outermost_group(k) == "source"}
     )
-    group = "source"
     if resolved["source"]["kind"] == "rendered":
         group = "path"
         resolved, choices = resolve(settings)
@@ -77,11 +75,16 @@ def with_recording(
         # A name: 0005 is text to Hydra, but 12 is a number.
         section["sequence"] = str(section["sequence"])
     given = _parameters(group, section, typed)
-    _refuse_given(group, given.kind, typed)
     recording = files.open(given)
     suitable = folders.values_beside_groups("recorded")[group]
-    options = _options(group, suitable["options"], recording)
-    fixed = _fixed(group, options, typed)
+    options = suitable["options"] | {"road_user": recording.road_user}
+    if group == "source" and not recording.label:
+        options["start"] = "scans"
+    fixed = dict(typed)
+    if group == "source" and folders.EXPERIMENT in typed:
+        # What an experiment's file sets does not replace suitable options.
+        preset = set_by_experiment(typed[folders.EXPERIMENT])
+        fixed = {k: v for k, v in preset.items() if k == "road_user" or k not in options} | fixed
     chosen = options | fixed
     if group == "source":
         chosen = _values(suitable, given, recording, chosen) | chosen
@@ -102,23 +105,22 @@ def with_recording(
     return resolved, choices
 
 
-def _refuse_given(group: str, kind: str, typed: Collection[str]) -> None:
-    """Refuse a setting that the recording gives."""
+def _parameters(
+    group: str, section: Mapping[str, Any], typed: Collection[str]
+) -> Recorded | ReplayedPath:
+    """The parameters in a section; what it lacks is reported after the recording was opened.
+
+    ConfigurationError for a setting that the recording gives.
+    """
     for name in typed:
         outer = name.partition(".")[0]
         if group == "source" and outer in OF_THE_SCENE and name != "ego":
             raise ConfigurationError(
-                f"{name}: is of the rendered scene; source={kind} has no {outer} to set"
+                f"{name}: is of the rendered scene; source={section['kind']} has no {outer} to set"
             )
         for key, reason in OF_THE_MOTION.items() if group == "path" else ():
-            if name == key or name.startswith(f"{key}."):
+            if f"{name}.".startswith(f"{key}."):
                 raise ConfigurationError(f"{name}: with path=recorded, {reason}")
-
-
-def _parameters(
-    group: str, section: Mapping[str, Any], typed: Collection[str]
-) -> Recorded | ReplayedPath:
-    """The parameters in a section; what it lacks is reported after the recording was opened."""
     content = {**section, "sample_time": section["sample_time"] or 0.1}
     if group == "path":
         content["duration"] = 1.0  # It follows from the files.
@@ -132,21 +134,6 @@ def _parameters(
         raise ConfigurationError(str(fault)) from None
 
 
-def _options(group: str, suitable: Mapping[str, str], recording: Recording) -> dict[str, Any]:
-    """The options that suit the recording."""
-    start = {"start": "scans"} if group == "source" and not recording.label else {}
-    return {**suitable, **start, "road_user": recording.road_user}
-
-
-def _fixed(group: str, options: Mapping[str, Any], typed: Mapping[str, Any]) -> dict[str, Any]:
-    """What the user sets, by an experiment's file too; that does not replace suitable options."""
-    if group == "path" or folders.EXPERIMENT not in typed:
-        return dict(typed)
-    preset = set_by_experiment(typed[folders.EXPERIMENT])
-    kept = {k: v for k, v in preset.items() if k == "road_user" or k not in options}
-    return kept | dict(typed)
-
-
 def _missing(
     section: Mapping[str, Any],
     given: Recorded | ReplayedPath,
@@ -154,10 +141,7 @@ def _missing(
     chosen: Mapping[str, Any],
     fixed: Collection[str],
 ) -> Iterator[str]:
-    """What the user must set, one text each; `chosen` has options and values, some of them `fixed`.
-
-    One message names it all.
-    """
+    """What the user must set; `chosen` has options and values, some of them `fixed`."""
     group = "path" if isinstance(given, ReplayedPath) else "source"
     if section["sample_time"] is None:
         yield f"{group}.sample_time: is required, s from one frame to the next"

@@ -8,7 +8,7 @@ groups are checked, too, before anything is computed.
 import dataclasses
 import inspect
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import cache
 from pathlib import Path as FilePath
 from typing import Annotated
@@ -160,17 +160,22 @@ class Configuration:
 def check(configuration: Configuration) -> None:
     """Raise ConfigurationError if keys that are valid one by one contradict each other."""
     try:
-        _check_source(configuration)
-        for field in dataclasses.fields(configuration):
-            part = getattr(configuration, field.name)
-            if hasattr(part, "check"):
-                others = _groups_of(type(part))
-                part.check(**{group: getattr(configuration, group) for group in others})
-        _check_prior(configuration)
-        check_dropout(configuration.measurement)
-        _check_start(configuration)
+        for fault in _faults(configuration):
+            raise ValueError(fault)
     except ValueError as fault:
         raise ConfigurationError(" ".join(str(fault).split())) from None
+
+
+def _faults(configuration: Configuration) -> Iterator[str]:
+    yield from _faults_of_source(configuration)
+    for field in dataclasses.fields(configuration):
+        part = getattr(configuration, field.name)
+        if hasattr(part, "check"):
+            others = _groups_of(type(part))
+            part.check(**{group: getattr(configuration, group) for group in others})
+    yield from _faults_of_prior(configuration)
+    check_dropout(configuration.measurement)
+    yield from _faults_of_start(configuration)
 
 
 @cache
@@ -179,82 +184,69 @@ def _groups_of(part: type) -> tuple[str, ...]:
     return tuple(inspect.signature(part.check).parameters)[1:]
 
 
-def _check_source(configuration: Configuration) -> None:
-    """Refuse a recorded path with rendered images, and the other way round."""
-    recorded = configuration.source.kind != "rendered"
-    if recorded and configuration.measurement.kind != "stixels":
-        raise ValueError(
-            f"measurement: {configuration.measurement.kind} is of the rendered scene; "
-            f"with source={configuration.source.kind} only measurement=stixels"
-        )
-    replayed = configuration.path.kind == "recorded"
+def _faults_of_source(configuration: Configuration) -> Iterator[str]:
+    """A recorded path with rendered images, and the other way round."""
+    source, kind = configuration.source.kind, configuration.measurement.kind
+    recorded = source != "rendered"
+    if recorded and kind != "stixels":
+        only = f"with source={source} only measurement=stixels"
+        yield f"measurement: {kind} is of the rendered scene; {only}"
     for group in ("path", "ego"):
         kind = getattr(configuration, group).kind
-        if kind == "source" and not recorded and not (replayed and group == "ego"):
-            raise ValueError(f"{group}: source needs a recording, got source=rendered")
+        replayed = group == "ego" and configuration.path.kind == "recorded"
+        if kind == "source" and not recorded and not replayed:
+            yield f"{group}: source needs a recording, got source=rendered"
         if recorded and kind not in ("source", "parked"):
-            raise ValueError(
-                f"{group}: {kind} is of the rendered scene; source={configuration.source.kind} "
-                "has its own"
-            )
+            yield f"{group}: {kind} is of the rendered scene; source={source} has its own"
 
 
-def _check_prior(configuration: Configuration) -> None:
-    """Refuse a class or an outline that is not in its file, or is not of the prior's size."""
+def _faults_of_prior(configuration: Configuration) -> Iterator[str]:
+    """A class or an outline that is not in its file, or is not of the prior's size."""
     prior = configuration.prior
     if prior.class_file is not None:
         if not prior.class_file.endswith(".json"):
             known = ", ".join((*ROAD_USER_CLASSES, "unknown"))
-            raise ValueError(
-                f"prior.road_user: {prior.class_file!r} is not known: must be one of {known}, or "
-                "the .json file of stixel new class"
-            )
+            right = f"must be one of {known}, or the .json file of stixel new class"
+            yield f"prior.road_user: {prior.class_file!r} is not known: {right}"
         from stixel_cli.tracking.contour.user_shape import read_class
 
         known = read_class(FilePath(prior.class_file))
         kind = getattr(configuration.tracker, "seen_by", None)
         sensor = kind if kind in ("stixels", "lidar") else "outline"
         if kind is not None and sensor not in known:
-            raise ValueError(
-                f"prior.road_user: {prior.class_file} has no visible shape for "
-                f"tracker.seen_by={kind}: learn it, stixel new class --sensor {sensor}"
-            )
-        _check_size("road_user", [0.001 * one for one in known["size"]], prior)
+            fault = f"{prior.class_file} has no visible shape for tracker.seen_by={kind}"
+            yield f"prior.road_user: {fault}: learn it, stixel new class --sensor {sensor}"
+        yield from _faults_of_size("road_user", [0.001 * one for one in known["size"]], prior)
     if prior.outline is not None:
         from stixel_cli.tracking.contour.user_shape import read_outline
 
         if prior.road_user == "unknown":
-            raise ValueError("prior.outline: needs a class: give prior.road_user, too")
+            yield "prior.outline: needs a class: give prior.road_user, too"
         vertices = read_outline(FilePath(prior.outline))
-        _check_size("outline", (vertices.max(axis=0) - vertices.min(axis=0)).tolist(), prior)
+        size = (vertices.max(axis=0) - vertices.min(axis=0)).tolist()
+        yield from _faults_of_size("outline", size, prior)
 
 
-def _check_size(key: str, size: Sequence[float], prior: PriorShape) -> None:
+def _faults_of_size(key: str, size: Sequence[float], prior: PriorShape) -> Iterator[str]:
     length, width = size
     if abs(length / prior.length - 1.0) > SAME_SIZE or abs(width / prior.width - 1.0) > SAME_SIZE:
-        raise ValueError(
-            f"prior.{key}: the file's box is {length:.3g} × {width:.3g} m, the prior's "
-            f"{prior.length:.3g} × {prior.width:.3g} m: give prior.length={length:.3g} "
-            f"prior.width={width:.3g}"
-        )
+        of_prior = f"the prior's {prior.length:.3g} × {prior.width:.3g} m"
+        how = f"give prior.length={length:.3g} prior.width={width:.3g}"
+        yield f"prior.{key}: the file's box is {length:.3g} × {width:.3g} m, {of_prior}: {how}"
 
 
-def _check_start(configuration: Configuration) -> None:
-    """Refuse a start from a truth that is missing, and a target that starts at the camera."""
+def _faults_of_start(configuration: Configuration) -> Iterator[str]:
+    """A start from a truth that is missing, and a target that starts at the camera."""
     measurement, path, user = configuration.measurement, configuration.path, configuration.road_user
     without_truth = isinstance(measurement, FileParameters) and measurement.truth is None
     if without_truth and measurement.path and isinstance(configuration.start, TruthStart):
-        raise ValueError(NO_TRUTH)
+        yield NO_TRUTH
     if path.kind in ("source", "recorded"):
         return
-    key, start = (
-        ("path.start", path.start) if hasattr(path, "start") else ("path.points", path.points[0])
-    )
+    in_points = not hasattr(path, "start")
+    key, start = ("path.points", path.points[0]) if in_points else ("path.start", path.start)
     # Its heading is ignored.
     extent = 0.0 if user.mesh is not None else 0.5 * min(user.length, user.width)
-    distance = math.hypot(*start)
-    if distance - extent < _NEAREST_START:
-        raise ValueError(
-            f"{key}: must be at least {_NEAREST_START + extent:.2g} m from the camera, "
-            f"got {distance:.2g} m"
-        )
+    least, distance = _NEAREST_START + extent, math.hypot(*start)
+    if distance < least:
+        yield f"{key}: must be at least {least:.2g} m from the camera, got {distance:.2g} m"

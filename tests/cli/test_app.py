@@ -11,7 +11,7 @@ import typer
 
 from stixel_cli import __version__
 from stixel_cli.cli.app import app, main
-from stixel_cli.cli.errors import REPLACED
+from stixel_cli.cli.terminal import REPLACED
 from stixel_cli.config.folders import STUDIES
 from stixel_cli.engine.errors import StageFailure
 from stixel_cli.errors import UserError

@@ -4,7 +4,7 @@ import sys
 
 import pytest
 
-from stixel_cli.cli.completion import (
+from stixel_cli.cli.options import (
     complete_folder,
     complete_override,
     complete_run_or_override,
@@ -154,7 +154,7 @@ def test_no_folder_is_no_error(monkeypatch):
     def missing():
         raise OSError
 
-    monkeypatch.setattr("stixel_cli.cli.completion.group_options", missing)
+    monkeypatch.setattr("stixel_cli.cli.options.group_options", missing)
     assert complete_override("r") == []
 
 

@@ -3,14 +3,14 @@
 import pytest
 
 from stixel_cli.cli.app import main
-from stixel_cli.config.descriptions import (
+from stixel_cli.config.folders import group_options
+from stixel_cli.config.keys import (
     describe_key,
     keys_of_option,
+    known_keys,
     meaning_of_group,
     meaning_of_option,
 )
-from stixel_cli.config.folders import group_options
-from stixel_cli.config.keys import known_keys
 
 
 def printed(capsys, *words):

@@ -11,7 +11,7 @@ from referencing.jsonschema import DRAFT202012
 from typer.testing import CliRunner
 
 from stixel_cli.cli.app import app
-from stixel_cli.config.descriptions import WRITTEN, schema_files
+from stixel_cli.config.keys import WRITTEN, schema_files
 from stixel_cli.files import read_yaml
 from stixel_cli.studies import file as study_file
 from stixel_cli.studies import questions

@@ -13,7 +13,7 @@ from run_cli import run_json
 
 from stixel_cli import compose, run
 from stixel_cli.cli.app import main
-from stixel_cli.cli.completion import complete_override
+from stixel_cli.cli.options import complete_override
 from stixel_cli.config import folders
 from stixel_cli.config.texts import override_text
 from stixel_cli.engine.code import CodeIndex

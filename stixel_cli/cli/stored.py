@@ -1,28 +1,45 @@
-"""`stixel verify`: repeat a run, and compare."""
+"""`stixel verify` and `stixel export`: a stored run, repeated or in the format of other tools."""
 
+import shlex
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-import typer
-
-from stixel_cli.cli.errors import Interrupted
-from stixel_cli.cli.options import Folder, Json, TrustCode, Workers
-from stixel_cli.cli.run import stored_run, tell_changed_code
-from stixel_cli.cli.terminal import print_json, say
+from stixel_cli.cli import options
+from stixel_cli.cli.terminal import Interrupted, print_json, say, tell
 from stixel_cli.errors import UserError
 
 if TYPE_CHECKING:
     from stixel_cli.experiment.verify import Verification
+    from stixel_cli.results.result import RunResult
+
+
+def stored_run(folder: Path, workers: int | None, trust_code: bool) -> "RunResult":
+    """The run of a result folder, to be computed with the executor and cache of this machine.
+
+    UserError if the folder cannot be read, or names user-defined code that is not trusted.
+    """
+    from stixel_cli.experiment.run import read_stored_run, trust_stored_run
+
+    stored = read_stored_run(folder, tuple(options.with_workers((), workers)))
+    trust_stored_run(stored, trust_code)
+    return stored
+
+
+def tell_changed_code(stored: "RunResult") -> None:
+    """Name each of the user's modules on stderr that differs from the copy in a folder."""
+    from stixel_cli.experiment.run import changed_code
+    from stixel_cli.results.lineage import CODE_FOLDER
+
+    for name in changed_code(stored):
+        tell(f"{name}: is not as in {stored.folder / CODE_FOLDER}: today's is used")
 
 
 def verify(
-    folder: Folder,
-    cached: Annotated[
-        bool, typer.Option("--cached", help="Take unchanged results from the cache.")
-    ] = False,
-    workers: Workers = None,
-    trust_code: TrustCode = False,
-    json: Json = False,
+    folder: options.Folder,
+    cached: options.flag("--cached", "Take unchanged results from the cache.") = False,
+    workers: options.Workers = None,
+    trust_code: options.TrustCode = False,
+    json: options.Json = False,
 ) -> int:
     """Repeat a run and check that the results are identical.
 
@@ -96,3 +113,55 @@ def _as_text(verification: "Verification", no_record: bool) -> list[str]:
         lines.append("since then:")
         lines += [f"  {change}" for change in verification.changes]
     return lines
+
+
+NAMES = "kitti|csv|tum|stx1|rerun|mlflow"
+"""The formats, here because completion must not import them."""
+
+
+def export(
+    folder: options.Folder,
+    format: options.option(
+        str,
+        "kitti: images, calibration, labels, poses, disparity as a clip of KITTI's "
+        "tracking benchmark. csv: scans, track, truth, contours, and their columns. tum: "
+        "trajectories, as evo reads them. stx1: stixels for pyStixel-lib. rerun: run.rrd. "
+        "mlflow: settings, scores, pages, of a sweep too.",
+        NAMES,
+        "--format",
+        autocompletion=lambda incomplete: [
+            name for name in NAMES.split("|") if name.startswith(incomplete)
+        ],
+        show_default=False,
+    ),
+    output: options.NewFolder = None,
+    workers: options.Workers = None,
+    trust_code: options.TrustCode = False,
+) -> int:
+    """Write a run, or with mlflow a sweep, in the format of other tools.
+
+    Missing results are computed, but for mlflow.
+
+    \b
+    Examples:
+      stixel export results/contour --format kitti --output clip
+      stixel export results/contour --format csv
+      stixel export results/my_sweep --format mlflow
+    """
+    from stixel_cli.engine.progress import Progress
+    from stixel_cli.export.export import export as write
+    from stixel_cli.export.mlflow_folder import export_mlflow
+
+    known = NAMES.split("|")
+    if format not in known:
+        raise UserError(f"--format: {format!r} is not known: must be one of {', '.join(known)}")
+    target = options.new_file(output or Path(f"{folder.resolve().name}-{format}"))
+    if format == "mlflow":
+        export_mlflow(folder.resolve(), target.absolute())
+    else:
+        stored = stored_run(folder, workers, trust_code)
+        answer = write(stored, target.absolute(), format, Progress(visible=True))
+    say(target)
+    if format == "kitti":
+        say(shlex.join(["stixel", "run", *answer]))
+    return 0

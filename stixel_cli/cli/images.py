@@ -1,0 +1,160 @@
+"""`stixel stixels` and `stixel assess`: the stixels of images, and how good they are."""
+
+import shlex
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from stixel_cli.cli import options
+from stixel_cli.cli.terminal import print_json, print_table, say
+from stixel_cli.errors import UserError
+
+if TYPE_CHECKING:
+    from stixel_cli.geometry.rig_calibration import RigCalibration
+
+
+def stixels(
+    arguments: options.ImagesOrRecording = None,
+    rig: options.RigFile = None,
+    output: options.NewFolder = None,
+    workers: options.Workers = None,
+) -> int:
+    """Write the stixels of two images, or of all frames of a recording, as a table and pictures.
+
+    stixels.csv has one row per stixel; kNNNN.png shows the stixels over the image of frame NNNN, of
+    four frames, or of those of pictures.frames.
+
+    \b
+    Examples:
+      stixel stixels left.png right.png --rig rig.yaml
+      stixel stixels drive.mcap ego=parked
+      stixel stixels DIR source.sequence=0005 extraction.width=5
+    """
+    from stixel_cli.config.compose import compose
+    from stixel_cli.engine.progress import Progress
+    from stixel_cli.experiment.stages import compared_rows, computed_stages
+    from stixel_cli.results.folder import csv_text, write_whole_folder
+    from stixel_cli.results.tables import stixel_columns
+
+    given = options.recording_overrides("stixels", arguments or [], {"calibration": rig})
+    if not given:
+        raise UserError("stixels needs two images, LEFT and RIGHT, or the folder of a recording")
+    composition = compose(options.with_workers(given, workers))
+    source = composition.resolved["source"]
+    named = Path(source.get("left") or source.get("folder") or "run").stem
+    target = options.new_file(Path(f"stixels-{named}") if output is None else output)
+    wanted, progress = ["stixels", "camera_pictures"], Progress(visible=True)
+    compared_rows(composition, progress.note)
+    with computed_stages(composition, wanted, progress) as (_, load):
+        chunks, drawn = map(load, wanted)
+    if not chunks:
+        raise UserError(f"measurement: {composition.choices['measurement']} has no stixels")
+    pictures = {path: data for one in drawn for path, data in one.files.items()}
+    shown = [path for path in pictures if path.endswith("/stixels.png")]
+    files = {path.replace("/stixels", ""): pictures[path] for path in shown}
+    files["stixels.csv"] = csv_text(stixel_columns(chunks))
+    write_whole_folder(target.absolute(), files)
+    say(target)
+    return 0
+
+
+def assess(
+    arguments: options.ImagesOrRecording = None,
+    stixels: options.option(
+        Path | None, "Stixels of another tool: .stx1, its CSV, or that of to_frame().", "FILE"
+    ) = None,
+    rig: options.RigFile = None,
+    disparity: options.option(
+        Path | None, "True disparities: PNG of 16 bits, 256 per px, 0 for unknown.", "FILE"
+    ) = None,
+    labels: options.option(Path | None, "KITTI's labels of the pair.", "FILE") = None,
+    calibrate: options.flag(
+        "--calibrate", "Estimate the disparity error of a recording's rig only."
+    ) = False,
+    output: options.option(
+        Path | None,
+        "Output file (default: assess.html). With --calibrate: also write the rig to it, "
+        "for source.calibration=FILE with other recordings of the same camera.",
+        "FILE",
+        callback=options.new_file,
+    ) = None,
+    workers: options.Workers = None,
+    json: options.Json = False,
+) -> int:
+    """Assess the stixels of one pair of images, or those in a file, on one page.
+
+    It shows the share of the columns that have stixels, their errors against true disparities, the
+    rig's disparity error, missed obstacles and run times.
+
+    With --calibrate it estimates the error of a recording's rig from the motion of its camera:
+    static points, tracked from image to image. It prints the overrides that correct the error, and
+    how well it is known.
+
+    \b
+    Examples:
+      stixel assess left.png right.png --rig rig.yaml
+      stixel assess left.png right.png --rig 000074.txt --disparity disp_occ/000074_10.png
+      stixel assess DIR source.sequence=000074
+      stixel assess left.png right.png --rig rig.yaml --disparity true.png --stixels other.stx1
+      stixel assess --stixels other.stx1
+      stixel assess --calibrate DIR source.sequence=0005 --output rig.yaml
+    """
+    from stixel_cli.border import write_new
+    from stixel_cli.config.compose import compose
+    from stixel_cli.engine.progress import Progress
+    from stixel_cli.experiment import assess as assessing
+    from stixel_cli.measurements.stixel_file import read_stixels
+    from stixel_cli.report.assess import page_html, sentences, value_rows
+    from stixel_cli.report.compare import unused_page
+
+    arguments = arguments or []
+    files = {"calibration": rig, "disparity": disparity, "labels": labels}
+    given = options.recording_overrides("assess", arguments, files)
+    if not given and stixels is None:
+        raise UserError("assess needs two images, LEFT and RIGHT, a recording, or --stixels FILE")
+    if calibrate and stixels is not None:
+        raise UserError("--calibrate needs images: leave out --stixels")
+    composition, progress = None, Progress(visible=True)
+    if given:
+        given += [] if calibrate else ["pictures.frames=[0]"]
+        composition = compose(options.with_workers(given, workers))
+    if calibrate:
+        _print_calibration(assessing.calibrate(composition, progress), output, json)
+        return 0
+    if stixels is None:
+        assessment = assessing.assess(composition, progress)
+    else:
+        assessment = assessing.assess_stixels(read_stixels(stixels), composition, progress)
+    if json:
+        names = ("values", "seconds", "rig")
+        print_json({name: dict(getattr(assessment, name)) for name in names})
+        return 0
+    page = unused_page(Path("assess.html")) if output is None else output
+    command = [word for word in ("stixel", "assess", *arguments) if word]
+    named = {"--rig": rig, "--disparity": disparity, "--labels": labels, "--stixels": stixels}
+    for name, file in named.items():
+        command += [] if file is None else [name, str(file)]
+    write_new(page, page_html(assessment, shlex.join(command)))
+    print_table(("value", "", "unit"), value_rows(assessment), right=(1,))
+    say("", *sentences(assessment), page)
+    return 0
+
+
+def _print_calibration(found: "RigCalibration", output: Path | None, json: bool) -> None:
+    """Print the disparity error of a recording's rig; write the rig with it to `output`."""
+    from stixel_cli.border import write_new
+    from stixel_cli.recordings.rig_files import rig_text
+
+    if output is not None:
+        write_new(output, rig_text(found.rig, found.text))
+    medians = {"before": found.median_before, "after": found.median_after}
+    medians = {name: median for name, median in medians.items() if median >= 0.0}
+    if json:
+        residuals = {f"median_{name}": median for name, median in medians.items()}
+        print_json({"text": found.text, **found.values, **residuals})
+        return
+    values = {name: found.values[name] for name in ("disparity_error", "disparity_error_std")}
+    say(
+        shlex.join(f"rig.{name}={str(value).replace(' ', '')}" for name, value in values.items()),
+        found.text,
+        *(f"median residual {name}: {median:.2f} px" for name, median in medians.items()),
+    )
