@@ -7,8 +7,8 @@ import numpy as np
 
 from stixel_cli.errors import UserError
 from stixel_cli.images import ImageStack, eight_bits, encode_png
-from stixel_cli.recordings.bag_messages import read_images
 from stixel_cli.recordings.image_files import grey, read_image, rectified, rgb
+from stixel_cli.recordings.rosbag import read_images
 from stixel_cli.recordings.types import LeftImage, Messages, Rectification
 from stixel_cli.rendering.frames import StereoPairs
 

@@ -13,16 +13,15 @@ from stixel_cli.calibration.road_pose import compared_rows, contradiction, road_
 from stixel_cli.config.compose import compose
 from stixel_cli.config.real_images import real_image_parameters
 from stixel_cli.errors import ConfigurationError, UserError
-from stixel_cli.export.kitti_folder import calibration_text
+from stixel_cli.export.export import calibration_text
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.images import encode_png
 from stixel_cli.recordings.find import find_recording, guess_layout
 from stixel_cli.recordings.image_files import grey, image_size, read_image, rgb
 from stixel_cli.recordings.kitti_tables import read_calibration
-from stixel_cli.recordings.motion import recorded_motion, rocking
 from stixel_cli.recordings.rig_files import read_named_calibration
 from stixel_cli.recordings.stereo_images import read_left, read_pairs
-from stixel_cli.recordings.truth import recorded_scenario, slopes
+from stixel_cli.recordings.truth import recorded_motion, recorded_scenario, rocking, slopes
 from stixel_cli.recordings.types import Tables
 from stixel_cli.rendering.placement import rig_cameras
 

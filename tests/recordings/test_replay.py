@@ -14,8 +14,8 @@ from stixel_cli.engine.code import CodeIndex
 from stixel_cli.engine.keys import stage_identity
 from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.experiment.stages import pipeline_stages, scan_count
-from stixel_cli.recordings.motion import replayed_motion
 from stixel_cli.recordings.replay import replayed_scenario, smoothing_spline, travelled
+from stixel_cli.recordings.truth import replayed_motion
 
 FABRICATED = ("measurement=fabricated", "pictures.frames=[]", "executor=threads")
 

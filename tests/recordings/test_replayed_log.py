@@ -9,9 +9,9 @@ from stixel_cli import compose
 from stixel_cli.cli.app import main
 from stixel_cli.errors import UserError
 from stixel_cli.experiment.stages import pipeline_stages
-from stixel_cli.recordings.motion import replayed_motion
 from stixel_cli.recordings.replay import find_motion, replayed_scenario
 from stixel_cli.recordings.tables import read_labels, read_poses
+from stixel_cli.recordings.truth import replayed_motion
 
 pytest.importorskip("pyarrow", reason="needs pip install 'stixel[argoverse]'")
 

@@ -14,9 +14,9 @@ from made_clip import plain_folder, small_rig
 
 from stixel_cli.cli.app import main
 from stixel_cli.recordings.find import find_recording, guess_layout
-from stixel_cli.recordings.motion import recorded_motion
 from stixel_cli.recordings.parameters import Rosbag
 from stixel_cli.recordings.stereo_images import read_left, read_pairs
+from stixel_cli.recordings.truth import recorded_motion
 
 pytest.importorskip("rosbags", reason="needs pip install 'stixel[rosbag]'")
 
