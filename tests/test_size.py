@@ -12,10 +12,10 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 49_615
+TOTAL = 49_317
 """Greatest number of lines in all."""
 
-MODULES = 307
+MODULES = 296
 """Greatest number of modules, without `__init__`."""
 
 BUDGET = {
@@ -27,14 +27,14 @@ BUDGET = {
     "config": 3028,
     "engine": 4303,
     "evaluation": 1728,
-    "experiment": 1470,
-    "export": 644,
+    "experiment": 1389,
+    "export": 623,
     "geometry": 413,
-    "live": 654,
-    "machine": 214,
+    "live": 637,
+    "machine": 203,
     "measurements": 2058,
-    "pictures": 1417,
-    "recordings": 2994,
+    "pictures": 1386,
+    "recordings": 2869,
     "rendering": 2304,
     "report": 1037,
     "results": 1490,
@@ -44,7 +44,7 @@ BUDGET = {
     "studies": 1916,
     "sweeps": 2306,
     "tracking": 6747,
-    "validation": 1294,
+    "validation": 1282,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
 

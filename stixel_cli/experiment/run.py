@@ -33,11 +33,8 @@ from stixel_cli.version import __version__
 CAMERA = "camera_frames"
 """The stage that prepares the camera's images for the playback page."""
 
-STIXELS, OBJECTS = "stixels", "objects"
-TRACKS, LABEL_TRUTHS = "tracks", "label_truths"
-CALIBRATION = "calibration"
-"""Stages of a recording: stixels and objects in its frames; tracks of moving objects, and their
-labels; what is known of its rig."""
+OBJECTS, TRACKS = "objects", "tracks"
+"""Stages of a recording: objects in its frames, and tracks of those that move."""
 
 
 def run_experiment(
@@ -55,34 +52,31 @@ def run_experiment(
         pictures: whether to draw pictures.
         camera: whether to load the camera's frames for the page; None: if there are pictures.
     """
-    wanted = [*RESULTS, *(PICTURES if pictures else ()), OBJECTS, TRACKS, CALIBRATION]
-    wanted += [STIXELS] if composition.configuration.source.kind != "rendered" else []
+    wanted = [*RESULTS, *(PICTURES if pictures else ()), OBJECTS, TRACKS, "calibration"]
+    wanted += ["stixels"] if composition.configuration.source.kind != "rendered" else []
     wanted += [CAMERA] if (pictures if camera is None else camera) else []
     with computed_stages(composition, wanted, progress, on_scores, store) as (done, load):
-        results = {name: next(iter(load(name)), None) for name in RESULTS}
+        results = {name: next(iter(load(name)), None) for name in (*RESULTS, "calibration")}
         if progress is not None and progress.advice:
             for doubt in _doubts(composition.configuration, results):
                 progress.note(doubt)
-        drawn = [one for name in PICTURES for one in load(name)]
-        frames, objects, tracks, truths = map(load, (CAMERA, OBJECTS, TRACKS, LABEL_TRUTHS))
-        stixels = load(STIXELS) if objects else ()
-        calibration = next(iter(load(CALIBRATION)), None)
+        drawn = [one.files for name in PICTURES for one in load(name)]
+        frames, objects = tuple(load(CAMERA)), tuple(load(OBJECTS))
         lineage = lineage_of(done.graph, done.status, done.store)
-    return RunResult(
-        settings=composition.resolved,
-        manifest={"choices": composition.choices, "stages": done.stage_records()},
-        metrics=dict(results["scores"].metrics),
-        composition=composition,
-        calibration=calibration,
-        **results,
-        pictures={path: data for one in drawn for path, data in one.files.items()},
-        camera=tuple(frames),
-        stixels=tuple(stixels),
-        objects=tuple(objects),
-        tracks=next(iter(tracks), ()),
-        truths=next(iter(truths), ()),
-        lineage=lineage,
-    )
+        return RunResult(
+            settings=composition.resolved,
+            manifest={"choices": composition.choices, "stages": done.stage_records()},
+            metrics=dict(results["scores"].metrics),
+            composition=composition,
+            **results,
+            pictures={path: data for files in drawn for path, data in files.items()},
+            camera=frames,
+            stixels=tuple(load("stixels")) if objects else (),
+            objects=objects,
+            tracks=next(iter(load(TRACKS)), ()),
+            truths=next(iter(load("label_truths")), ()),
+            lineage=lineage,
+        )
 
 
 def _doubts(configuration: Configuration, results: Mapping[str, Any]) -> Iterator[str]:

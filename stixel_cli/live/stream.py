@@ -4,7 +4,7 @@ from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from itertools import count
+from itertools import chain, count
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,8 +13,8 @@ from stixel_cli.config.real_images import real_image_parameters
 from stixel_cli.errors import ArgumentError
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD, planar_poses
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.live.frame_stixels import FrameStixels
 from stixel_cli.live.pairs import (
+    FrameStixels,
     RigLike,
     check_rows,
     grey_pair,
@@ -149,25 +149,23 @@ class StixelStream:
                 yield self._advance(*ahead.result(), *(pose or [None]))
 
     def _matched(self, left: np.ndarray, right: np.ndarray) -> tuple:
-        """The grey pair, its disparities, and the error that is corrected in them."""
+        """The grey pair, its disparities, and the rig whose error is corrected in them."""
         pair = grey_pair(left, right)
         rig = rig_of(self._rig, pair[0].shape)
-        return pair, matched(pair, rig), rig.disparity_error
+        return pair, matched(pair, rig), rig
 
     def _advance(
-        self, pair: tuple, disparities, error: tuple[float, float, float], pose: np.ndarray | None
+        self, pair: tuple, disparities, matched_by: Rig, pose: np.ndarray | None
     ) -> StreamFrame:
         from stixel_cli.measurements.objects import find_objects
 
         k = len(self._poses)
-        if not self._checked:
-            rig = rig_of(self._rig, pair[0].shape)
-            self._checked = check_rows(pair, rig, self._check_rectification)
+        self._checked = self._checked or check_rows(pair, matched_by, self._check_rectification)
         if k == 0:
             self._rig = rig_of(self._rig, pair[0].shape, disparities)
         self._poses = np.vstack([self._poses, self._planar(pose)])
         last_two = self._poses[[max(k - 1, 0), k]]
-        rig = replace(self._rig, disparity_error=error)
+        rig = replace(self._rig, disparity_error=matched_by.disparity_error)
         self._stixels = stixels_of(disparities, pair, rig, self._stixels, last_two)
         if self._calibration or not rig.states_error:
             self._calibrate(pair[0], disparities, rig, k)
@@ -232,9 +230,7 @@ class StixelStream:
         for one in self._tracks:
             if one.begun and one.number is None and confirmed(scans, one, length) is not None:
                 same = (other.number for other in numbered if are_one(scans, other, one, SIZES))
-                one.number = next(same, None)
-                if one.number is None:
-                    one.number = next(self._numbers)
+                one.number = next(chain(same, self._numbers))
                 numbered.append(one)
         own = {one.number: one for one in reversed(numbered)}
         self._contours = {number: one for number, one in self._contours.items() if number in own}
