@@ -52,7 +52,8 @@ def clip():
     of_clip = ("source=kitti_tracking", f"source.folder={folder}", "source.sequence=0005")
     composed = compose([*of_clip, "source.target=31"])
     p, files = composed.configuration, composed.recording
-    ego = recorded_motion(files.pose_files, p.rig, files.tables, files.count, p.source.sample_time)
+    times = files.count, p.source.sample_time
+    ego = recorded_motion(files.pose_files, files.tables, *times, p.rig)
     scenario = recorded_scenario(ego, files.truth_files, p.rig, files.tables, files.target)
 
     def read(k):

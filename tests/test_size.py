@@ -12,7 +12,7 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 49_317
+TOTAL = 49_191
 """Greatest number of lines in all."""
 
 MODULES = 296
@@ -27,14 +27,14 @@ BUDGET = {
     "config": 3028,
     "engine": 4303,
     "evaluation": 1728,
-    "experiment": 1389,
-    "export": 623,
+    "experiment": 1364,
+    "export": 611,
     "geometry": 413,
     "live": 637,
     "machine": 203,
     "measurements": 2058,
-    "pictures": 1386,
-    "recordings": 2869,
+    "pictures": 1374,
+    "recordings": 2806,
     "rendering": 2304,
     "report": 1037,
     "results": 1490,
@@ -44,7 +44,7 @@ BUDGET = {
     "studies": 1916,
     "sweeps": 2306,
     "tracking": 6747,
-    "validation": 1282,
+    "validation": 1268,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
 

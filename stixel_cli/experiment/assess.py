@@ -104,7 +104,7 @@ def assess_stixels(
     if composition is not None:
         recording = composition.recording
         rectification = recording.calibration.rectification
-        image = read_left(recording.left, 0, rectification, recording.messages).left[0]
+        image = read_left(recording.left, 0, rectification, recording.messages)[0]
         sizes = file.image.shape[:2], image.shape[:2]
         if sizes[0] != sizes[1] if file.has_size else (np.subtract(*sizes) > 0).any():
             (height, width), (other_height, other_width) = sizes
@@ -129,10 +129,7 @@ def assess_stixels(
 
 
 def _against_truth(
-    stixels: Stixels,
-    free_space: FreeSpace,
-    image: np.ndarray,
-    composition: Composition,
+    stixels: Stixels, free_space: FreeSpace, image: np.ndarray, composition: Composition
 ) -> tuple[dict[str, Any], dict[str, bytes]]:
     """The values of the first frame; by its name the map of errors, if the truth is known."""
     maps: dict[str, bytes] = {}

@@ -20,7 +20,6 @@ from stixel_cli.evaluation.scores import Scores
 from stixel_cli.experiment.run_names import differences, joined_name
 from stixel_cli.experiment.stages import RESULTS, compared_rows, computed_stages, experiment_graph
 from stixel_cli.experiment.table import PICTURES
-from stixel_cli.geometry.rig_calibration import RigCalibration
 from stixel_cli.report.playback import playback_html
 from stixel_cli.results.folder import check_results, new_folder, write_folder
 from stixel_cli.results.lineage import lineage_of, provenance, read_lineage
@@ -130,6 +129,7 @@ def record_run(
     else:
         command = ["stixel", "run", str(rerun_of)]
         stem = f"{rerun_of.resolve().name.lstrip('.')[:100]}-rerun"
+    rig = run.calibration
     manifest = {
         "command": shlex.join(command),
         "overrides": list(composition.overrides),
@@ -140,7 +140,7 @@ def record_run(
         "workers": composition.configuration.executor.workers,
         **provenance(),
         **({} if rerun_of is None else {"rerun_of": str(rerun_of)}),
-        **correction_note(run.calibration),
+        **({"correction": rig.text, **rig.values} if rig and rig.rig.states_error else {}),
         **({} if rows is None else {"row_difference_px": round(rows.difference, 2)}),
         **({} if run.scans.epoch is None else {"time_offset_ns": run.scans.epoch}),
         "star_convex": run.scenario.star_convex,
@@ -155,13 +155,6 @@ def record_run(
 
     # Only now: a refused cache or scheduler leaves no folder behind.
     return replace(run, folder=new_folder(results, name, stem, now, write))
-
-
-def correction_note(calibration: RigCalibration | None) -> dict[str, Any]:
-    """The manifest's entries on the rig's disparity error; empty if nothing is known of it."""
-    if calibration is None or not calibration.rig.states_error:
-        return {}
-    return {"correction": calibration.text, **calibration.values}
 
 
 def trust_stored_run(run: RunResult, trusted: bool) -> None:

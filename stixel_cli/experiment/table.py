@@ -69,8 +69,8 @@ def stage(
     """
     if isinstance(functions, str):
         functions = {"": f"stixel_cli.{functions}"}
-    pairs = [read.rpartition("=")[::2] for read in reads.split()]
-    arguments = {name or path.rpartition(".")[2]: path for name, path in pairs}
+    pairs = [(read.split("=")[0], read.split("=")[-1]) for read in reads.split()]
+    arguments = {name.rpartition(".")[2]: path for name, path in pairs}
     return Definition(functions, pattern, arguments, **others)
 
 
@@ -188,7 +188,7 @@ TABLE: dict[str, Definition] = {
 
 REPLAYED: dict[str, Definition] = {
     "ego_motion": stage(
-        "recordings.truth:replayed_motion",
+        "recordings.truth:recorded_motion",
         "recording.tables recording.count path.sample_time",
         recorded="pose_files",
     ),

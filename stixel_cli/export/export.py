@@ -33,7 +33,7 @@ from stixel_cli.results.pictures import CameraFrames
 from stixel_cli.results.result import RunResult
 from stixel_cli.scene.parameters import CLASS_ROWS
 from stixel_cli.scene.scenario import Scenario
-from stixel_cli.stereo.disparities import INVALID, SUBPIXELS, Disparities
+from stixel_cli.stereo.disparities import INVALID, SUBPIXELS
 from stixel_cli.tracking.motion import intervals
 from stixel_cli.tracking.track import REPORTED, STATE, state_columns
 
@@ -82,9 +82,22 @@ COLUMNS: dict[str, tuple[str, str]] = {
 
 
 def export_csv(stored: RunResult, folder: Path, progress: Progress | None = None) -> None:
-    """Write scans, start, track, truth, contours and ego poses as CSV, and `columns.csv`."""
+    """Write scans, start, track, truth, contours and ego poses as CSV, and `columns.csv`.
+
+    Without truth, its tables are missing.
+    """
     run = run_experiment(stored.composition, progress, pictures=False, camera=False)
-    tables = exported_tables(run)
+    names = ("scans", "track", "truth", "ego")
+    tables = {name: run.tables[name] for name in names if name in run.tables}
+    used = np.zeros(len(run.scans.points_world), dtype=np.int64)
+    used[run.track.used_points] = 1
+    tables["scans"] = tables["scans"] | {"used": used}
+    contours = _contour(np.arange(len(run.track.times)), run.track.contours_world)
+    tables["contour"] = contours | {"std": run.track.contour_std.ravel()}
+    if "truth" in tables:
+        known = np.flatnonzero(run.scenario.known)
+        true_contours = np.stack([run.scenario.contour_world(k) for k in known])
+        tables["true_contour"] = _contour(known, true_contours)
     with computed_stages(stored.composition, ["start"], progress) as (_, load):
         starts = load("start")
     for start in starts:
@@ -97,22 +110,6 @@ def export_csv(stored: RunResult, folder: Path, progress: Progress | None = None
     csv.writer(meanings := io.StringIO(), lineterminator="\n").writerows(rows)
     files = {f"{table}.csv": csv_text(columns) for table, columns in tables.items()}
     write_whole_folder(folder, files | {"columns.csv": meanings.getvalue()})
-
-
-def exported_tables(run: RunResult) -> dict[str, dict[str, np.ndarray]]:
-    """The tables by name; without truth, those of the truth are missing."""
-    names = ("scans", "track", "truth", "ego")
-    tables = {name: run.tables[name] for name in names if name in run.tables}
-    used = np.zeros(len(run.scans.points_world), dtype=np.int64)
-    used[run.track.used_points] = 1
-    tables["scans"] = tables["scans"] | {"used": used}
-    contours = _contour(np.arange(len(run.track.times)), run.track.contours_world)
-    tables["contour"] = contours | {"std": run.track.contour_std.ravel()}
-    if "truth" in tables:
-        known = np.flatnonzero(run.scenario.known)
-        true_contours = np.stack([run.scenario.contour_world(k) for k in known])
-        tables["true_contour"] = _contour(known, true_contours)
-    return tables
 
 
 def _contour(k: np.ndarray, contours_world: np.ndarray) -> dict[str, np.ndarray]:
@@ -166,7 +163,13 @@ def export_kitti(stored: RunResult, folder: Path, progress: Progress | None = No
         pairs, disparities, (scenario,) = map(load, wanted)
         labels = labels_text(scenario, rig, CLASS_ROWS[user.kind].kitti_types[0], user.height)
         write_clip(partial, SEQUENCE, pairs, scenario, rig, labels)
-        write_disparities(partial / "disparity" / SEQUENCE, disparities)
+        # As KITTI does: uint16, 256 per px, 0 is invalid.
+        for chunk in disparities:
+            for i in range(len(chunk)):
+                raw = chunk.raw(i).astype(np.int64)
+                found = np.where(raw == INVALID, 0, np.clip(raw * (256 // SUBPIXELS), 1, 65535))
+                name = f"disparity/{SEQUENCE}/{chunk.first + i:06d}.png"
+                write_below(partial, {name: encode_png(found.astype(np.uint16))})
     choices = stored.composition.choices
     given = {
         "source": "kitti_tracking",
@@ -187,16 +190,6 @@ def export_kitti(stored: RunResult, folder: Path, progress: Progress | None = No
         for name, value in stored.settings[group].items()
         if value != read[group][name]
     ]
-
-
-def write_disparities(folder: Path, disparities: Iterable[Disparities]) -> None:
-    """Write the disparities of all frames as KITTI does: uint16, 256 per px, 0 is invalid."""
-    for chunk in disparities:
-        for i in range(len(chunk)):
-            raw = chunk.raw(i).astype(np.int64)
-            stored = np.where(raw == INVALID, 0, np.clip(raw * (256 // SUBPIXELS), 1, 65535))
-            png = encode_png(stored.astype(np.uint16))
-            write_below(folder, {f"{chunk.first + i:06d}.png": png})
 
 
 def write_clip(
@@ -290,38 +283,33 @@ def _numbers(values: ArrayLike) -> str:
 
 
 def export_rerun(stored: RunResult, folder: Path, progress: Progress | None = None) -> None:
-    """Write `run.rrd`, which `rerun FILE` shows."""
+    """Write `run.rrd`, which `rerun FILE` shows: all scans, in m in the world frame, z = 0."""
     try:
         import rerun as library
     except ImportError:
         raise UserError("--format: rerun needs rerun: pip install 'stixel[rerun]'") from None
     run = run_experiment(stored.composition, progress, pictures=False, camera=True)
+    scenario, scans, track = run.scenario, run.scans, run.track
     with whole_folder(folder) as partial:
         recording = library.RecordingStream("stixel", recording_id=folder.name)
         recording.save(str(partial / "run.rrd"))
-        log_run(library, recording, run)
+        recording.log("world", library.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+        for k, time in enumerate(scenario.times):
+            recording.set_time("k", sequence=k)
+            recording.set_time("t", duration=float(time))
+            ego = scenario.ego_poses_world[k, :2]
+            recording.log("world/ego", library.Points3D(_flat(ego[None]), colors=EGO, radii=0.3))
+            points = _flat(scans.points_world[scans.rows(k)])
+            recording.log("world/scan", library.Points3D(points, colors=POINTS, radii=0.05))
+            _log_outline(library, recording, "world/track", track.contours_world[k], TRACK)
+            if scenario.known[k] and scenario.contours_target.size:
+                _log_outline(library, recording, "world/truth", scenario.contour_world(k), TRUTH)
+            else:
+                recording.log("world/truth", library.Clear(recursive=False))
+        for chunk in run.camera:
+            _log_camera(library, recording, chunk, scenario.times)
         recording.flush()
         recording.disconnect()
-
-
-def log_run(library: Any, recording: Any, run: RunResult) -> None:
-    """Log all scans of a run to a recording; positions in m in the world frame, z = 0."""
-    scenario, scans, track = run.scenario, run.scans, run.track
-    recording.log("world", library.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-    for k, time in enumerate(scenario.times):
-        recording.set_time("k", sequence=k)
-        recording.set_time("t", duration=float(time))
-        ego = scenario.ego_poses_world[k, :2]
-        recording.log("world/ego", library.Points3D(_flat(ego[None]), colors=EGO, radii=0.3))
-        points = _flat(scans.points_world[scans.rows(k)])
-        recording.log("world/scan", library.Points3D(points, colors=POINTS, radii=0.05))
-        _log_outline(library, recording, "world/track", track.contours_world[k], TRACK)
-        if scenario.known[k] and scenario.contours_target.size:
-            _log_outline(library, recording, "world/truth", scenario.contour_world(k), TRUTH)
-        else:
-            recording.log("world/truth", library.Clear(recursive=False))
-    for chunk in run.camera:
-        _log_camera(library, recording, chunk, scenario.times)
 
 
 def _log_camera(library: Any, recording: Any, chunk: CameraFrames, times: np.ndarray) -> None:

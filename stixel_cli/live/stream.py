@@ -209,8 +209,8 @@ class StixelStream:
         if len(self._scans) == HISTORY:
             dropped = len(self._scans.popleft().points_world)
             for one in self._tracks:
-                late = [its_k for its_k in one.rows if its_k > k - HISTORY]
-                one.rows = {its_k: one.rows[its_k] - dropped for its_k in late}
+                late = (its for its in one.rows.items() if its[0] > k - HISTORY)
+                one.rows = {its_k: rows - dropped for its_k, rows in late}
         self._scans.append(scan)
         # Scans of the whole way; those before the last ones are empty.
         counts = [0] * (k + 2 - len(self._scans)) + [len(s.points_world) for s in self._scans]

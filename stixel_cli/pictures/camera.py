@@ -14,9 +14,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.images import encode_png
+from stixel_cli.images import ImageStack, encode_png
 from stixel_cli.pictures import style
-from stixel_cli.recordings.types import LeftImage
 from stixel_cli.rendering.frames import RenderedFrames, StereoPairs
 from stixel_cli.results.pictures import CameraFrames, Pictures
 from stixel_cli.scene.scenario import EgoMotion
@@ -201,7 +200,7 @@ def _tinted(image: np.ndarray, colour: str) -> np.ndarray:
 
 
 def camera_pictures(
-    rendered: RenderedFrames | LeftImage,
+    rendered: RenderedFrames | ImageStack,
     pairs: StereoPairs,
     disparities: Disparities,
     grid: OccupancyGrid,
@@ -220,9 +219,12 @@ def camera_pictures(
     colours of depth. Only the times of `ego_motion` are used. With `objects`, their boxes are drawn
     over the stixels.
     """
+    # Of a recording, the stack has the one image.
+    single = isinstance(rendered, ImageStack)
+    left = rendered[0] if single else rendered.left[frame - rendered.first]
     view = FrameView(frame, rig, pairs, disparities, grid, free_space, stixels, objects)
     images = {
-        "left": rendered.left[frame - rendered.first],
+        "left": left,
         "disparity": view.disparity_image,
         "occupancy": view.grid_image,
         "free_space": view.free_space_image,

@@ -1,25 +1,15 @@
-"""The recording of a configuration's `source`, in whichever layout it is.
+"""The recording of a configuration's `source`, in whichever layout it is; see docs/real-data.md.
 
 KITTI (Geiger, Lenz, Urtasun 2012, *Are we ready for autonomous driving?*), below the folder or its
-`training/`. Tracking: the ego car's GPS/IMU is in `oxts`; poses of one's own in
-`ego_poses/0005.txt`, one row per frame as in the odometry benchmark, take its place. Odometry:
-`poses.txt`, which the benchmark has in another folder, is expected next to the images. Raw,
-synchronised and rectified: the calibration is in the folder of the drive or in the one above it.
-
-One pair of images is of the object (Geiger, Lenz, Urtasun 2012), stereo 2015 (Menze, Geiger 2015)
-or stereo 2012 benchmark (Geiger, Lenz, Urtasun 2012), or its files are named, with a calibration of
-any kind that `rig_files` reads. Labels and true disparities are optional. There is one frame,
-without time, so the ego car does not move.
-
-Of Virtual KITTI 2 (Cabon, Murray, Humenberger 2020) it is one variation of a scene, such as
-`Scene01/clone`, with the files of the package `textgt`; of Argoverse 2 (Wilson et al. 2021) one
-log, whose frames are numbered from 0 in the order of the left images.
-
-A plain folder has rig.yaml, left/000000.png, right/000000.png, optional labels.txt and poses.txt.
-`rig.yaml` has `focal_length`, `principal_u`, `principal_v` (px), `baseline` (m), and optionally
-`focal_length_v`, `principal_u_right` (px) and `camera_height` (m), or is a YAML file of ROS or
-OpenCV. The images are rectified. `labels.txt` has the columns of KITTI tracking, in the frame of
-the left camera, and `poses.txt` the rows of KITTI odometry.
+`training/`: the tracking benchmark, in which poses of one's own in `ego_poses/0005.txt` take the
+place of the GPS/IMU in `oxts`; the odometry benchmark, whose `poses.txt` is expected next to the
+images; raw drives, synchronised and rectified. One pair of images is of its object, stereo 2012 or
+stereo 2015 benchmark (Menze, Geiger 2015), or its files are named. It has one frame, without time,
+so the ego car does not move. Virtual KITTI 2 (Cabon, Murray, Humenberger 2020): one variation of a
+scene, with the package `textgt`. Argoverse 2 (Wilson et al. 2021): one log, whose frames are
+numbered from 0 in the order of the left images. A plain folder: rig.yaml, and images that are
+rectified; `labels.txt` has the columns of KITTI tracking, in the frame of the left camera, and
+`poses.txt` the rows of KITTI odometry.
 """
 
 import re
@@ -29,13 +19,7 @@ from pathlib import Path
 from stixel_cli.errors import UserError
 from stixel_cli.recordings import argoverse, parameters, rosbag, virtual_kitti_tables
 from stixel_cli.recordings.image_files import image_size, read_disparity
-from stixel_cli.recordings.kitti_tables import (
-    PAIRS,
-    RAW_CAMERAS,
-    clip_poses,
-    read_calibration,
-    root_of,
-)
+from stixel_cli.recordings.kitti_tables import PAIRS, clip_poses, read_calibration, root_of
 from stixel_cli.recordings.rig_files import read_named_calibration, read_rig
 from stixel_cli.recordings.tables import labels_of, read_poses
 from stixel_cli.recordings.times import check_steps, common_frames, pairs_by_time
@@ -76,7 +60,7 @@ def guess_layout(folder: Path) -> str:
     Raises:
         UserError: if its layout is not known.
     """
-    if rosbag.is_bag(folder):
+    if folder.suffix in rosbag.SUFFIXES and folder.is_file():
         return "rosbag"
     if not folder.is_dir():
         raise UserError(f"source.folder: {folder}: no such folder")
@@ -115,7 +99,7 @@ def _raw(source: parameters.LabelledFolder) -> Recording:
             raise UserError(f"{folder}: must have all packets from 0000000000.txt on")
     return assembled_recording(
         source,
-        read_calibration(cameras, RAW_CAMERAS),
+        read_calibration(cameras, PAIRS[1]),
         numbered_images(root / "image_02/data", root / "image_03/data"),
         poses=(*calibrations, *packets.values()) if packets else (),
         labels=(root / "tracklet_labels.xml", velodyne, cameras),

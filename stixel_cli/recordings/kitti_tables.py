@@ -21,6 +21,7 @@ import math
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from itertools import count
 from pathlib import Path
 
 import numpy as np
@@ -118,7 +119,17 @@ def read_calibration(file: Path, *pairs: tuple[str, str]) -> Calibration:
     Raises:
         UserError: if a projection is missing, damaged, or the cameras are not a rectified pair.
     """
-    projections = _projections(file)
+    projections: dict[str, np.ndarray] = {}
+    unnamed = count()
+    for row, words in text_rows(file):
+        name = words[0].removesuffix(":")
+        if name[:1].isalpha() and name.lower() not in ("nan", "inf"):
+            words = words[1:]
+        else:
+            name = f"P{next(unnamed)}"
+        # Other rows, such as Tr_velo_to_cam, are not needed.
+        if re.fullmatch(r"P(_rect_)?\d+", name):
+            projections[name] = np.reshape(numbers(file, row, words, 12), (3, 4))
     left, right = next((pair for pair in pairs if {*pair} <= projections.keys()), (None, None))
     if left is None:
         names = ", or ".join(" and ".join(pair) for pair in pairs)
@@ -162,23 +173,6 @@ def check_baseline(file: Path | str, baseline: float, left: str, right: str) -> 
         apart = f"{right} is {baseline:.4g} m to the right of {left}"
         unit = "; is it in mm?" if baseline > 5.0 else ""
         raise UserError(f"{file}: no baseline: {apart}, must be 0.001 to 5 m{unit}")
-
-
-def _projections(file: Path) -> dict[str, np.ndarray]:
-    """The 3 × 4 matrices by name."""
-    projections: dict[str, np.ndarray] = {}
-    unnamed = 0
-    for row, words in text_rows(file):
-        name = words[0].removesuffix(":")
-        if name[:1].isalpha() and name.lower() not in ("nan", "inf"):
-            words = words[1:]
-        else:
-            name, unnamed = f"P{unnamed}", unnamed + 1
-        # Other rows, such as Tr_velo_to_cam, are not needed.
-        if not re.fullmatch(r"P(_rect_)?\d+", name):
-            continue
-        projections[name] = np.reshape(numbers(file, row, words, 12), (3, 4))
-    return projections
 
 
 COLUMNS = 17
@@ -328,8 +322,6 @@ EARTH_RADIUS = 6378137.0
 GREATEST_LATITUDE = 85.0
 """Degrees: the projection has no poles."""
 
-RAW_CAMERAS = ("P_rect_02", "P_rect_03")
-
 OUTSIDE = 2, 3
 """States of truncation of a box that is not in the image; -1 and 99 are unknown."""
 
@@ -382,7 +374,7 @@ def read_tracklets(tracklets: Path, velodyne: Path, cameras: Path) -> Tracks:
         UserError: if a value is missing or not a number, or a calibration is damaged, or as
             `tracks_of`.
     """
-    calibration = read_calibration(cameras, RAW_CAMERAS)
+    calibration = read_calibration(cameras, PAIRS[1])
     size = tuple(map(int, named_numbers(cameras, 2, "S_rect_02")))
     camera, labels = _camera_from_velodyne(velodyne, cameras), []
     for track, tracklet in enumerate(read_xml(tracklets).findall("./tracklets/item")):

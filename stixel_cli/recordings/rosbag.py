@@ -32,7 +32,7 @@ from stixel_cli.recordings.times import (
 from stixel_cli.recordings.types import Recording, Tables
 from stixel_cli.remembered import remembered
 
-METADATA = "metadata.yaml"
+METADATA, SUFFIXES = "metadata.yaml", (".bag", ".mcap", ".db3")
 IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 CAMERA, ODOMETRY = ("sensor_msgs/msg/CameraInfo",), ("nav_msgs/msg/Odometry",)
 TRANSFORMS = ("tf2_msgs/msg/TFMessage",)
@@ -41,11 +41,6 @@ _ENCODING = re.compile(r"(mono|bgra?|rgba?)(8|16)|(8U|16U|32F)C([134])")
 """Of a raw image: channels and bits, or bits and number of channels, which are OpenCV's."""
 
 MOST_MESSAGES = 1_000_000
-
-
-def is_bag(file: Path) -> bool:
-    """Whether this is a bag in one file."""
-    return file.suffix in (".bag", ".mcap", ".db3") and file.is_file()
 
 
 def find_recording(source: Rosbag) -> Recording:

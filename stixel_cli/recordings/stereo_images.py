@@ -9,7 +9,7 @@ from stixel_cli.errors import UserError
 from stixel_cli.images import ImageStack, eight_bits, encode_png
 from stixel_cli.recordings.image_files import grey, read_image, rectified, rgb
 from stixel_cli.recordings.rosbag import read_images
-from stixel_cli.recordings.types import LeftImage, Messages, Rectification
+from stixel_cli.recordings.types import Messages, Rectification
 from stixel_cli.rendering.frames import StereoPairs
 
 
@@ -49,15 +49,17 @@ def read_left(
     frame: int,
     rectification: Rectification | None = None,
     messages: Messages = (),
-) -> LeftImage:
-    """The left image of `frame`; the others as in `read_pairs`, `files` may be the left ones alone.
+) -> ImageStack:
+    """The left image of `frame`, alone and in RGB, of `files` that may be the left ones alone.
+
+    The other arguments are those of `read_pairs`.
 
     Raises:
         UserError: if the image is missing or damaged.
     """
     (image,) = _images(files, range(frame, frame + 1), False, messages)
     (image,) = _plain({"left": image})
-    return LeftImage(frame, ImageStack.from_images([rectified(rgb(image), rectification, False)]))
+    return ImageStack.from_images([rectified(rgb(image), rectification, False)])
 
 
 def _plain(images: Mapping[str, np.ndarray]) -> list[np.ndarray]:

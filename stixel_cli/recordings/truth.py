@@ -13,7 +13,7 @@ from stixel_cli.geometry.pose import STRAIGHT_AHEAD, planar_poses, rectangle
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.geometry.rig_calibration import RigCalibration
 from stixel_cli.recordings.tables import labels_of, poses_of_labels, read_labels, read_poses
-from stixel_cli.recordings.types import Labels, LabelTruth, Tables
+from stixel_cli.recordings.types import LabelTruth, Tables
 from stixel_cli.scene.parameters import CLASS_OF_KITTI_TYPE
 from stixel_cli.scene.scenario import EgoMotion, Scenario
 
@@ -33,23 +33,24 @@ LEAST_FRAMES = 3
 
 def recorded_motion(
     files: tuple[Path, ...],
-    rig: Rig,
     tables: Tables,
     count: int,
     sample_time: float,
+    rig: Rig | None = None,
     pose_scale: float | str = 1.0,
     calibration: RigCalibration | None = None,
 ) -> EgoMotion:
     """Planar motion at the first `count` frames, (0, 0, pi/2) at the first of them.
 
-    Poses in space also give the pitch and the height of each frame.
+    Poses in space also give the pitch and the height of each frame. Nothing is smoothed.
 
     Args:
         files: the files of the poses; empty for a parked ego car.
-        rig: the ground plane is that of its level frame.
         tables: how the files are written, and the first frame in them.
         count: number of frames.
         sample_time: time from one frame to the next, s.
+        rig: the ground plane is that of its level frame. None, for a replayed motion: the camera is
+            taken as level; its roll, its height and changes of its pitch are left out.
         pose_scale: factor on the lengths of the poses; "estimated": of the `calibration`.
 
     Raises:
@@ -63,24 +64,12 @@ def recorded_motion(
     if np.isnan(scale):
         raise UserError(f"source.pose_scale: cannot be estimated: {calibration.text}")
     poses = poses * [1.0, 1.0, 1.0, scale]
+    if rig is None:
+        return EgoMotion(times, planar_poses(poses[rows], np.eye(3)))
     # The frames before the first show the road's direction there.
     pitches, heights = rocking(poses, rig.level_from_camera)
     planar = planar_poses(poses[rows], rig.level_from_camera)
     return EgoMotion(times, planar, pitches[rows], heights[rows])
-
-
-def replayed_motion(
-    files: tuple[Path, ...], tables: Tables, count: int, sample_time: float
-) -> EgoMotion:
-    """Planar motion at the first `count` frames, (0, 0, pi/2) at the first of them.
-
-    The recording's camera is taken as level. Its roll, its height and changes of its pitch are left
-    out; nothing is smoothed.
-
-    The arguments are those of `recorded_motion`.
-    """
-    poses = read_poses(files, tables)[tables.first : tables.first + count]
-    return EgoMotion(sample_time * np.arange(count), planar_poses(poses, np.eye(3)))
 
 
 def rocking(poses: np.ndarray, level_from_camera: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -130,8 +119,25 @@ def recorded_scenario(
     Raises:
         UserError: if the file is not valid, or has no such target.
     """
-    labels = None if target is None else labels_of(files, tables, target)
-    return _scenario(ego_motion, labels, rig, tables)
+    count = len(ego_motion.times)
+    poses, contour = np.full((count, 3), np.nan), np.zeros((0, 2))
+    scored = np.zeros(count, dtype=bool)
+    if target is not None:
+        labels = labels_of(files, tables, target)
+        rows, frames, known = poses_of_labels(ego_motion, labels, rig.level_from_camera, tables)
+        poses[frames] = known
+        scored[frames] = (labels.truncated[rows] == 0) & (labels.occluded[rows] == 0)
+        _, width, length = np.median(labels.sizes[rows], axis=0)
+        contour = rectangle(length, width)
+    return Scenario(
+        times=ego_motion.times,
+        ego_poses_world=ego_motion.poses_world,
+        target_poses_world=poses,
+        target_rates_world=slopes(ego_motion.times, poses),
+        contours_target=contour[None],
+        only_box=True,
+        scored=scored,
+    )
 
 
 def label_truths(
@@ -146,31 +152,10 @@ def label_truths(
         LabelTruth(
             str(name),
             CLASS_OF_KITTI_TYPE.get(labels.kind, "other"),
-            _scenario(ego_motion, labels, rig, tables),
+            recorded_scenario(ego_motion, files, rig, tables, name),
         )
         for name, labels in (read_labels(files, tables).items() if files else ())
         if np.any((labels.frames >= first) & (labels.frames < stop))
-    )
-
-
-def _scenario(ego_motion: EgoMotion, labels: Labels | None, rig: Rig, tables: Tables) -> Scenario:
-    count = len(ego_motion.times)
-    poses, contour = np.full((count, 3), np.nan), np.zeros((0, 2))
-    scored = np.zeros(count, dtype=bool)
-    if labels is not None:
-        rows, frames, known = poses_of_labels(ego_motion, labels, rig.level_from_camera, tables)
-        poses[frames] = known
-        scored[frames] = (labels.truncated[rows] == 0) & (labels.occluded[rows] == 0)
-        _, width, length = np.median(labels.sizes[rows], axis=0)
-        contour = rectangle(length, width)
-    return Scenario(
-        times=ego_motion.times,
-        ego_poses_world=ego_motion.poses_world,
-        target_poses_world=poses,
-        target_rates_world=slopes(ego_motion.times, poses),
-        contours_target=contour[None],
-        only_box=True,
-        scored=scored,
     )
 
 

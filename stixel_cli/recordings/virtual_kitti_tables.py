@@ -5,7 +5,6 @@ labels mean those of KITTI tracking, in the left camera's frame. One differs fro
 `occupancy_ratio` is the share of the object's box in the image that its visible pixels fill.
 """
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -74,14 +73,13 @@ def read_labels(pose: Path, bbox: Path, info: Path) -> Tracks:
         UserError: if a row is short, has a value that is not finite, or as `tracks_of`.
     """
     kinds = dict(words for _, words in _rows(info, ("trackID", "label")))
-    boxes = {key: values for key, _, values in _of_left_camera(bbox, BOX)}
-    labels = []
-    for (frame, track), place, values in _of_left_camera(pose, POSE):
+    boxes, labels = _of_left_camera(bbox, BOX), []
+    for (frame, track), (place, values) in _of_left_camera(pose, POSE).items():
         if (frame, track) in boxes:
             kind = kinds.get(str(int(track)))
             if kind is None:
                 raise UserError(f"{info}: track {track:g} of {pose.name} is missing")
-            *box, truncated, filled = boxes[frame, track]
+            *box, truncated, filled = boxes[frame, track][1]
             flags = [truncated, float(filled < VISIBLE), 0.0]
             labels.append((place, kind, frame, track, *flags, *box, *values))
     return kitti_tables.tracks_of(labels)
@@ -89,17 +87,20 @@ def read_labels(pose: Path, bbox: Path, info: Path) -> Tracks:
 
 def _of_left_camera(
     file: Path, names: tuple[str, ...]
-) -> Iterator[tuple[tuple[float, float], str, list[float]]]:
-    """Frame and track of each label, its place in the file, and its values of `names`."""
-    known = set()
+) -> dict[tuple[float, float], tuple[str, list[float]]]:
+    """The place of each label in the file and its values of `names`, by frame and track."""
+    found = {}
     for row, words in _rows(file, (*KEY, *names)):
         frame, camera, track, *values = kitti_tables.numbers(file, row, words)
         place = f"{file}: row {row}"
-        if camera == 0 and (frame, track) in known:
+        if camera != 0:
+            continue
+        if min(frame, track) < 0 or frame % 1 or track % 1:
+            raise UserError(f"{place}: frame and trackID must be whole numbers ≥ 0")
+        if (frame, track) in found:
             raise UserError(f"{place}: track {track:g} is labelled twice in frame {frame:g}")
-        if camera == 0:
-            known.add((frame, track))
-            yield (frame, track), place, values
+        found[frame, track] = place, values
+    return found
 
 
 def _of_first_frame(file: Path, columns: int) -> tuple[list[float], list[float]]:

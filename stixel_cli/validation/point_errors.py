@@ -97,7 +97,12 @@ def point_errors(scans: Scans, scenario: Scenario, rig: Rig) -> PointErrors:
     scan, column = rows[0].astype(np.int64), rows[1]
     apart = np.diff(column)[np.diff(scan) == 0]
     spacing = float(np.median(apart)) if len(apart) else np.nan
-    reach = _reach(spans, scan, column, spacing)
+    # How far the outermost points go beyond the silhouette's ends.
+    reach = np.full((2, count), np.nan)
+    for k, span in enumerate(spans):
+        own = column[scan == k]
+        if len(own) and np.isfinite(spacing):
+            reach[:, k] = span[0] - own[0] + 0.5 * spacing, own[-1] + 0.5 * spacing - span[1]
     return PointErrors(
         times=np.array(scenario.times, dtype=np.float64),
         spacing=spacing,
@@ -171,16 +176,6 @@ def ranges_along(contour_sensor: np.ndarray, bearings: np.ndarray) -> np.ndarray
     """Range (n,) m to the first crossing along `bearings` (n,) rad, infinite without a crossing."""
     directions = np.stack([np.cos(bearings), np.sin(bearings)], axis=-1)
     return first_hits(contour_sensor, np.zeros(2), directions)
-
-
-def _reach(spans, scan, column, spacing):
-    """How far the outermost points go beyond the silhouette's ends, (2, K) px."""
-    reach = np.full((2, len(spans)), np.nan)
-    for k, span in enumerate(spans):
-        its = column[scan == k]
-        if len(its) and np.isfinite(spacing):
-            reach[:, k] = span[0] - its[0] + 0.5 * spacing, its[-1] + 0.5 * spacing - span[1]
-    return reach
 
 
 def _covered(column_scan, seeing, scan, column, spacing):

@@ -92,5 +92,5 @@ def tracking(folder, **changes):
 def truth_of(found):
     """The scenario of a recording that was made here."""
     rig, tables = small_rig(), found.tables
-    motion = recorded_motion(found.pose_files, rig, tables, found.count, 0.1)
+    motion = recorded_motion(found.pose_files, tables, found.count, 0.1, rig)
     return recorded_scenario(motion, found.truth_files, rig, tables, found.target)

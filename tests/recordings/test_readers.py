@@ -34,7 +34,7 @@ def copy(clip, tmp_path):
 
 def truth_of(recording, target=0, rig=None):
     rig = small_rig() if rig is None else rig
-    motion = recorded_motion(recording.pose_files, rig, recording.tables, recording.count, 0.1)
+    motion = recorded_motion(recording.pose_files, recording.tables, recording.count, 0.1, rig)
     return recorded_scenario(motion, recording.truth_files, rig, recording.tables, target)
 
 
@@ -123,7 +123,7 @@ def test_slopes_need_three_rows():
 
 
 def test_a_parked_ego_car_needs_no_poses():
-    motion = recorded_motion((), small_rig(), Tables(first=7), 3, 0.2)
+    motion = recorded_motion((), Tables(first=7), 3, 0.2, small_rig())
     assert motion.times == pytest.approx([0.0, 0.2, 0.4])
     assert (motion.poses_world == [0.0, 0.0, np.pi / 2]).all()
 
@@ -341,7 +341,7 @@ def test_a_png_of_every_kind_is_read(data, pixels, tmp_path):
     file = tmp_path / "a.png"
     file.write_bytes(data)
     assert image_size(file) == (2, 1)
-    assert read_left((file,), 0).left[0].tolist() == [pixels]
+    assert read_left((file,), 0)[0].tolist() == [pixels]
 
 
 def test_both_images_of_a_pair_have_one_scale(copy):
