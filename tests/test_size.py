@@ -12,7 +12,7 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 49_191
+TOTAL = 49_189
 """Greatest number of lines in all."""
 
 MODULES = 296
@@ -22,7 +22,7 @@ BUDGET = {
     "": 1507,
     "answers": 1195,
     "benchmark": 1018,
-    "calibration": 577,
+    "calibration": 576,
     "cli": 2992,
     "config": 3028,
     "engine": 4303,
@@ -34,7 +34,7 @@ BUDGET = {
     "machine": 203,
     "measurements": 2058,
     "pictures": 1374,
-    "recordings": 2806,
+    "recordings": 2808,
     "rendering": 2304,
     "report": 1037,
     "results": 1490,
@@ -44,7 +44,7 @@ BUDGET = {
     "studies": 1916,
     "sweeps": 2306,
     "tracking": 6747,
-    "validation": 1268,
+    "validation": 1265,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
 

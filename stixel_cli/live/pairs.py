@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     import pandas
 
     from stixel_cli.measurements.scans import Scans
+    from stixel_cli.rendering.frames import StereoPairs
     from stixel_cli.stereo.disparities import Disparities
 
 RigLike = Rig | Mapping[str, float] | Path | str
@@ -166,10 +167,11 @@ def stixels_from_pair(
         ArgumentError: a ValueError, for an argument that is not valid; it names the argument.
     """
     pair = grey_pair(left, right)
-    matching = rig_of(rig, pair[0].shape)
+    shape = pair.left[0].shape
+    matching = rig_of(rig, shape)
     check_rows(pair, matching, check_rectification)
     disparities = matched(pair, matching)
-    return stixels_of(disparities, pair, rig_of(rig, pair[0].shape, disparities), previous)
+    return stixels_of(disparities, pair, rig_of(rig, shape, disparities), previous)
 
 
 def stixels_from_disparity(
@@ -222,8 +224,8 @@ def stixels_from_disparity(
         raise ArgumentError(f"scale: must be > 0 and < 1e6 px per unit, got {scale:g}")
     matching = rig_of(rig, shape)
     pair = None if images is None else grey_pair(*images)
-    if pair is not None and pair[0].shape != shape:
-        raise ArgumentError(f"images: must be {shape} px, got {pair[0].shape}")
+    if pair is not None and pair.left[0].shape != shape:
+        raise ArgumentError(f"images: must be {shape} px, got {pair.left[0].shape}")
     count = disparity_count(real_image_parameters().stereo, matching)
     known = (disparity > 0) & np.isfinite(disparity)
     pixels = scale * np.where(known, disparity, 0).astype(np.float64) - matching.far_disparity
@@ -234,11 +236,11 @@ def stixels_from_disparity(
     return stixels_of(disparities, pair, rig_of(rig, shape, disparities), previous)
 
 
-def check_rows(pair: tuple[np.ndarray, np.ndarray], rig: Rig, check_rectification: bool) -> bool:
+def check_rows(pair: "StereoPairs", rig: Rig, check_rectification: bool) -> bool:
     """Warn of a fault of a grey pair, or raise ArgumentError; whether it has enough corners."""
     from stixel_cli.stereo.rectification import compare_rows
 
-    rows = compare_rows(*pair, rig.far_disparity)
+    rows = compare_rows(pair.left[0], pair.right[0], rig.far_disparity)
     if rows and rows.refused and check_rectification:
         raise ArgumentError(f"right: {rows.fault}; or pass check_rectification=False")
     if rows and rows.fault:
@@ -246,18 +248,16 @@ def check_rows(pair: tuple[np.ndarray, np.ndarray], rig: Rig, check_rectificatio
     return rows is not None
 
 
-def matched(pair: tuple[np.ndarray, np.ndarray], rig: Rig) -> "Disparities":
-    """Disparities of a pair of grey images (H, W) uint8, by semi-global matching on one thread."""
-    from stixel_cli.rendering.frames import StereoPairs
+def matched(pair: "StereoPairs", rig: Rig) -> "Disparities":
+    """Disparities of a pair of grey images, by semi-global matching on one thread."""
     from stixel_cli.stereo.matching import match
 
-    pairs = StereoPairs(FRAME.start, *((image,) for image in pair))
-    return match(pairs, real_image_parameters().stereo, rig, FRAME)
+    return match(pair, real_image_parameters().stereo, rig, FRAME)
 
 
 def stixels_of(
     disparities: "Disparities",
-    pair: tuple[np.ndarray, np.ndarray] | None,
+    pair: "StereoPairs | None",
     rig: Rig,
     previous: FrameStixels | None,
     poses: np.ndarray = PARKED,
@@ -266,7 +266,6 @@ def stixels_of(
 
     Without a `pair` of images the disparities are not refined.
     """
-    from stixel_cli.rendering.frames import StereoPairs
     from stixel_cli.scene.scenario import EgoMotion
     from stixel_cli.stixels.extraction import extract_stixels
     from stixel_cli.stixels.free_space import find_free_space
@@ -276,19 +275,18 @@ def stixels_of(
     free_space = find_free_space(
         disparities, motion, rig, p.road, p.occupancy, p.free_space, FRAME, before
     )
-    pairs, extraction, image = None, replace(p.extraction, refinement=0.0), None
-    if pair is not None:
-        pairs, extraction = StereoPairs(FRAME.start, *((i,) for i in pair)), p.extraction
-        image = pair[0]
-    stixels = extract_stixels(disparities, free_space, pairs, rig, p.height, extraction, FRAME)
+    extraction = p.extraction if pair else replace(p.extraction, refinement=0.0)
+    stixels = extract_stixels(disparities, free_space, pair, rig, p.height, extraction, FRAME)
+    image = pair.left[0] if pair else None
     return FrameStixels(rig, replace(stixels, first=0), replace(free_space, first=0), image)
 
 
-def grey_pair(*images: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Both images as grey values (H, W) uint8; ArgumentError if they are not a pair."""
+def grey_pair(*images: np.ndarray) -> "StereoPairs":
+    """Both images as grey values (H, W) uint8, of `FRAME`; ArgumentError if they are not a pair."""
     import cv2
 
     from stixel_cli.images import eight_bits
+    from stixel_cli.rendering.frames import StereoPairs
 
     if len(images) != 2:
         raise ArgumentError(f"images: must be the left and the right image, got {len(images)}")
@@ -299,7 +297,7 @@ def grey_pair(*images: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     left, right = (i if i.ndim == 2 else cv2.cvtColor(i, cv2.COLOR_RGB2GRAY) for i in plain)
     if left.shape != right.shape:
         raise ArgumentError(f"right: must be {left.shape} px, as left, got {right.shape}")
-    return left, right
+    return StereoPairs(FRAME.start, (left,), (right,))
 
 
 def rig_of(rig: RigLike, shape: tuple[int, int], disparities: "Disparities | None" = None) -> Rig:

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from stixel_cli.calibration.tracks import Pair
     from stixel_cli.geometry.rig_calibration import RigCalibration
     from stixel_cli.measurements.scans import Scans
+    from stixel_cli.rendering.frames import StereoPairs
     from stixel_cli.stixels.types import Objects
     from stixel_cli.trackers import Contour, Estimate
     from stixel_cli.tracking.followed import OpenTrack
@@ -151,24 +152,24 @@ class StixelStream:
     def _matched(self, left: np.ndarray, right: np.ndarray) -> tuple:
         """The grey pair, its disparities, and the rig whose error is corrected in them."""
         pair = grey_pair(left, right)
-        rig = rig_of(self._rig, pair[0].shape)
+        rig = rig_of(self._rig, pair.left[0].shape)
         return pair, matched(pair, rig), rig
 
     def _advance(
-        self, pair: tuple, disparities, matched_by: Rig, pose: np.ndarray | None
+        self, pair: "StereoPairs", disparities, matched_by: Rig, pose: np.ndarray | None
     ) -> StreamFrame:
         from stixel_cli.measurements.objects import find_objects
 
         k = len(self._poses)
         self._checked = self._checked or check_rows(pair, matched_by, self._check_rectification)
         if k == 0:
-            self._rig = rig_of(self._rig, pair[0].shape, disparities)
+            self._rig = rig_of(self._rig, pair.left[0].shape, disparities)
         self._poses = np.vstack([self._poses, self._planar(pose)])
         last_two = self._poses[[max(k - 1, 0), k]]
         rig = replace(self._rig, disparity_error=matched_by.disparity_error)
         self._stixels = stixels_of(disparities, pair, rig, self._stixels, last_two)
         if self._calibration or not rig.states_error:
-            self._calibrate(pair[0], disparities, rig, k)
+            self._calibrate(pair.left[0], disparities, rig, k)
         scan = self._stixels.to_scan(self._poses[k], k * self._sample_time)
         moving = self._followed(scan, k)
         gates = real_image_parameters().measurement.gates

@@ -148,9 +148,8 @@ def _of_scan(
     true = ranges_along(contour, -np.arctan(met / rig.focal))
     measured = np.hypot(points[:, 0], points[:, 1])
     along = measured - true
-    disparity = rig.disparity_from_depth(points[:, 0]) - rig.disparity_from_depth(
-        true * np.cos(bearing)
-    )
+    disparity = rig.disparity_from_depth(points[:, 0])
+    disparity = disparity - rig.disparity_from_depth(true * np.cos(bearing))
     sensitivity = range_sensitivity(true, bearing, rig)
     inside = np.minimum(column - low, high - column)
     own = (np.abs(disparity) <= DISPARITY_REACH) & (np.abs(along) <= RANGE_REACH)
@@ -159,9 +158,8 @@ def _of_scan(
 
     ends = seeing[[0, -1]]
     # f / (r cos²) at a bearing, the inverse of the metres r cos² / f across one column.
-    per_metre = (rig.focal + ends**2 / rig.focal) / ranges_along(
-        contour, -np.arctan(ends / rig.focal)
-    )
+    at_ends = ranges_along(contour, -np.arctan(ends / rig.focal))
+    per_metre = (rig.focal + ends**2 / rig.focal) / at_ends
     margin = np.minimum(seeing - low, high - seeing)
     its_columns = seeing[None, margin >= 0.5 - 1e-9]
     span = (

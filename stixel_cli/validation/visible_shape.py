@@ -107,9 +107,8 @@ def outline_modes_of(scenarios: Sequence[Scenario], size: np.ndarray) -> Outline
 
 def _principal(differences: np.ndarray, count: int) -> np.ndarray:
     """The first `count` principal components (count, N) of `differences` (n, N), with their std."""
-    _, stds, directions = np.linalg.svd(
-        differences / np.sqrt(len(differences)), full_matrices=False
-    )
+    scaled = differences / np.sqrt(len(differences))
+    _, stds, directions = np.linalg.svd(scaled, full_matrices=False)
     components = (stds[:, None] * directions)[:count]
     return np.pad(components, ((0, count - len(components)), (0, 0)))
 
