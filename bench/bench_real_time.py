@@ -18,9 +18,8 @@ from small import IMAGES, sized
 
 from stixel_cli.config.compose import compose
 from stixel_cli.measurements.stixels import gather_scans
-from stixel_cli.recordings.motion import recorded_motion
 from stixel_cli.recordings.stereo_images import read_pairs
-from stixel_cli.recordings.truth import recorded_scenario
+from stixel_cli.recordings.truth import recorded_motion, recorded_scenario
 from stixel_cli.rendering.raycast import render
 from stixel_cli.rendering.sensor_noise import add_sensor_noise
 from stixel_cli.scene.ego import ego_motion
@@ -53,7 +52,8 @@ def clip():
     of_clip = ("source=kitti_tracking", f"source.folder={folder}", "source.sequence=0005")
     composed = compose([*of_clip, "source.target=31"])
     p, files = composed.configuration, composed.recording
-    ego = recorded_motion(files.pose_files, p.rig, files.tables, files.count, p.source.sample_time)
+    times = files.count, p.source.sample_time
+    ego = recorded_motion(files.pose_files, files.tables, *times, p.rig)
     scenario = recorded_scenario(ego, files.truth_files, p.rig, files.tables, files.target)
 
     def read(k):

@@ -19,8 +19,7 @@ from stixel_cli.experiment.stages import computed_stages
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.rendering.frames import RenderedFrames
 from stixel_cli.stixels.types import Stixels
-from stixel_cli.validation.stage_errors import GROSS
-from stixel_cli.validation.stage_truth import FrameTruth, frame_truth
+from stixel_cli.validation.stage_errors import GROSS, FrameTruth, frame_truth
 
 OCCLUDERS = ("parked_car", "post", "hedge")
 ROAD_USERS = ("car", "cyclist", "pedestrian")

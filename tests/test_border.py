@@ -68,7 +68,7 @@ ALLOWED = {
     ("cli/terminal.py", "open"): "the null device",
     ("experiment/class_shapes.py", "write_text"): "a script of developers",
     ("export/mlflow_folder.py", "copyfile"): "names of mlflow, in the partial folder",
-    ("export/rerun_log.py", "save"): "rerun writes, in the partial folder",
+    ("export/export.py", "save"): "rerun writes, in the partial folder",
     ("rendering/filament.py", "open"): "a temporary folder",
     ("rendering/filament.py", "savez"): "a temporary folder",
     ("rendering/filament_process.py", "savez"): "a temporary folder",

@@ -12,29 +12,29 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 49_091
+TOTAL = 48_656
 """Greatest number of lines in all."""
 
-MODULES = 300
+MODULES = 289
 """Greatest number of modules, without `__init__`."""
 
 BUDGET = {
     "": 1505,
     "answers": 1195,
     "benchmark": 1018,
-    "calibration": 577,
+    "calibration": 576,
     "cli": 2819,
     "config": 2857,
     "engine": 4303,
     "evaluation": 1728,
-    "experiment": 1466,
-    "export": 644,
+    "experiment": 1360,
+    "export": 611,
     "geometry": 413,
-    "live": 654,
-    "machine": 214,
+    "live": 636,
+    "machine": 203,
     "measurements": 2090,
-    "pictures": 1417,
-    "recordings": 2994,
+    "pictures": 1374,
+    "recordings": 2800,
     "rendering": 2304,
     "report": 1037,
     "results": 1490,
@@ -44,7 +44,7 @@ BUDGET = {
     "studies": 1916,
     "sweeps": 2306,
     "tracking": 6654,
-    "validation": 1181,
+    "validation": 1152,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
 

@@ -190,7 +190,6 @@ def _tracked(
     good = (seen[:, 0] == 1) & (returned[:, 0] == 1)
     good &= np.linalg.norm(back - corners, axis=2)[:, 0] < RETURN
     good &= np.linalg.norm(moved - corners, axis=2)[:, 0] < GREATEST_MISS
-    good &= (places >= margin).all(axis=1) & (places < [width - margin, height - margin]).all(
-        axis=1
-    )
+    inside = (places >= margin) & (places < [width - margin, height - margin])
+    good &= inside.all(axis=1)
     return np.where(good[:, None], places, np.nan)

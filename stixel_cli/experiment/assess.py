@@ -12,13 +12,14 @@ from stixel_cli.engine.parameters import ThreadsExecutor
 from stixel_cli.engine.progress import Progress
 from stixel_cli.engine.store import Store
 from stixel_cli.errors import UserError
+from stixel_cli.evaluation.scan_errors import finite_mean, finite_median
 from stixel_cli.experiment.stages import compared_rows, computed_stages
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.geometry.rig_calibration import RigCalibration
 from stixel_cli.images import encode_png
 from stixel_cli.measurements.stixel_file import StixelFile
 from stixel_cli.pictures import style
-from stixel_cli.pictures.frame_view import painted
+from stixel_cli.pictures.camera import painted
 from stixel_cli.recordings.image_files import read_disparity
 from stixel_cli.recordings.stereo_images import read_left
 from stixel_cli.recordings.tables import read_labels
@@ -103,7 +104,7 @@ def assess_stixels(
     if composition is not None:
         recording = composition.recording
         rectification = recording.calibration.rectification
-        image = read_left(recording.left, 0, rectification, recording.messages).left[0]
+        image = read_left(recording.left, 0, rectification, recording.messages)[0]
         sizes = file.image.shape[:2], image.shape[:2]
         if sizes[0] != sizes[1] if file.has_size else (np.subtract(*sizes) > 0).any():
             (height, width), (other_height, other_width) = sizes
@@ -128,10 +129,7 @@ def assess_stixels(
 
 
 def _against_truth(
-    stixels: Stixels,
-    free_space: FreeSpace,
-    image: np.ndarray,
-    composition: Composition,
+    stixels: Stixels, free_space: FreeSpace, image: np.ndarray, composition: Composition
 ) -> tuple[dict[str, Any], dict[str, bytes]]:
     """The values of the first frame; by its name the map of errors, if the truth is known."""
     maps: dict[str, bytes] = {}
@@ -153,12 +151,12 @@ def _against_truth(
         found = found_columns(stixels, 0, obstacles, rig)
         values |= {
             "obstacle_columns": int(seen.sum()),
-            "obstacle_covered_share": float(covered[seen].mean()) if seen.any() else None,
-            "found_share": float(found[seen].mean()) if seen.any() else None,
+            "obstacle_covered_share": finite_mean(covered[seen]),
+            "found_share": finite_mean(found[seen]),
             "compared_share": len(errors.errors) / max(int(stixels.offsets[1]), 1),
             "stixels_compared": len(errors.errors),
             **_sizes(errors.errors),
-            "outlier_share": float(errors.outliers.mean()) if len(errors.errors) else None,
+            "outlier_share": finite_mean(errors.outliers),
             "phantoms": int(np.sum(errors.outliers & (errors.errors > 0))),
             "square_compared": int(errors.square.sum()),
             **_sizes(errors.errors[errors.square], "square_"),
@@ -179,12 +177,10 @@ def _against_truth(
 def _sizes(errors: np.ndarray, prefix: str = "") -> dict[str, float | None]:
     """Median size, and share beyond 1 px, of errors (n,) px; None without an error."""
     size = np.abs(errors)
-    median, beyond = (np.median(size), np.mean(size > 1.0)) if len(size) else (None, None)
-    found = {f"{prefix}median_px": median, f"{prefix}beyond_1px_share": beyond}
-    return {name: None if value is None else float(value) for name, value in found.items()}
-
-
-NOTHING = (0.0, 0.0, 0.0)
+    return {
+        f"{prefix}median_px": finite_median(size),
+        f"{prefix}beyond_1px_share": finite_mean(size > 1.0),
+    }
 
 
 def calibrate(composition: Composition, progress: Progress | None = None) -> RigCalibration:
@@ -198,10 +194,10 @@ def calibrate(composition: Composition, progress: Progress | None = None) -> Rig
     if configuration.source.kind == "rendered":
         raise UserError("source: rendered is exact: choose a recording, source.folder=DIR")
     source = replace(configuration.source, calibration="motion")
-    exact = replace(configuration.rig, disparity_error=NOTHING, disparity_error_std=NOTHING)
-    composition = replace(
-        composition, configuration=replace(configuration, source=source, rig=exact)
-    )
+    nothing = (0.0, 0.0, 0.0)
+    exact = replace(configuration.rig, disparity_error=nothing, disparity_error_std=nothing)
+    configuration = replace(configuration, source=source, rig=exact)
+    composition = replace(composition, configuration=configuration)
     compared_rows(composition, progress and progress.note)
     with computed_stages(composition, ["calibration"], progress) as (_, load):
         return load("calibration")[0]

@@ -15,6 +15,9 @@ from stixel_cli.results.result import RunResult
 SCENE = ("road_user", "path", "ego")
 """The groups that define the scene; with scans from a file, those files do."""
 
+OF_SCENE = ("times", "ego_poses_world", "target_poses_world", "contours_target", "limb_poses")
+"""What runs of one scene share of their ground truth."""
+
 
 def folders_page(
     stored: Sequence[RunResult], labels: Sequence[str], progress: Progress | None = None
@@ -37,7 +40,8 @@ def folders_page(
         run = run_experiment(one.composition, progress, pictures=False, camera=True)
         runs.append(replace(run, label=name, manifest=one.manifest, folder=one.folder))
     for label, run in zip(labels, runs, strict=True):
-        if not _same_scene(runs[0], run):
+        pairs = [(getattr(runs[0].scenario, n), getattr(run.scenario, n)) for n in OF_SCENE]
+        if not all(np.array_equal(*pair, equal_nan=True) for pair in pairs):
             raise UserError(
                 f"the runs must share one scene: the paths in {labels[0]} and {label} differ, "
                 "though their settings do not"
@@ -72,11 +76,3 @@ def _scene_settings(stored: RunResult) -> dict[str, str]:
     if measurement.get("kind") == "file":
         return flat_settings({"measurement": measurement})
     return flat_settings({group: stored.settings[group] for group in SCENE})
-
-
-def _same_scene(one: RunResult, other: RunResult) -> bool:
-    names = ("times", "ego_poses_world", "target_poses_world", "contours_target", "limb_poses")
-    return all(
-        np.array_equal(getattr(one.scenario, name), getattr(other.scenario, name), equal_nan=True)
-        for name in names
-    )

@@ -20,7 +20,6 @@ from stixel_cli.evaluation.scores import Scores
 from stixel_cli.experiment.run_names import differences, joined_name
 from stixel_cli.experiment.stages import RESULTS, compared_rows, computed_stages, experiment_graph
 from stixel_cli.experiment.table import PICTURES
-from stixel_cli.geometry.rig_calibration import RigCalibration
 from stixel_cli.report.playback import playback_html
 from stixel_cli.results.folder import check_results, new_folder, write_folder
 from stixel_cli.results.lineage import lineage_of, provenance, read_lineage
@@ -33,11 +32,8 @@ from stixel_cli.version import __version__
 CAMERA = "camera_frames"
 """The stage that prepares the camera's images for the playback page."""
 
-STIXELS, OBJECTS = "stixels", "objects"
-TRACKS, LABEL_TRUTHS = "tracks", "label_truths"
-CALIBRATION = "calibration"
-"""Stages of a recording: stixels and objects in its frames; tracks of moving objects, and their
-labels; what is known of its rig."""
+OBJECTS, TRACKS = "objects", "tracks"
+"""Stages of a recording: objects in its frames, and tracks of those that move."""
 
 
 def run_experiment(
@@ -55,34 +51,31 @@ def run_experiment(
         pictures: whether to draw pictures.
         camera: whether to load the camera's frames for the page; None: if there are pictures.
     """
-    wanted = [*RESULTS, *(PICTURES if pictures else ()), OBJECTS, TRACKS, CALIBRATION]
-    wanted += [STIXELS] if composition.configuration.source.kind != "rendered" else []
+    wanted = [*RESULTS, *(PICTURES if pictures else ()), OBJECTS, TRACKS, "calibration"]
+    wanted += ["stixels"] if composition.configuration.source.kind != "rendered" else []
     wanted += [CAMERA] if (pictures if camera is None else camera) else []
     with computed_stages(composition, wanted, progress, on_scores, store) as (done, load):
-        results = {name: next(iter(load(name)), None) for name in RESULTS}
+        results = {name: next(iter(load(name)), None) for name in (*RESULTS, "calibration")}
         if progress is not None and progress.advice:
             for doubt in _doubts(composition.configuration, results):
                 progress.note(doubt)
-        drawn = [one for name in PICTURES for one in load(name)]
-        frames, objects, tracks, truths = map(load, (CAMERA, OBJECTS, TRACKS, LABEL_TRUTHS))
-        stixels = load(STIXELS) if objects else ()
-        calibration = next(iter(load(CALIBRATION)), None)
+        drawn = [one.files for name in PICTURES for one in load(name)]
+        frames, objects = tuple(load(CAMERA)), tuple(load(OBJECTS))
         lineage = lineage_of(done.graph, done.status, done.store)
-    return RunResult(
-        settings=composition.resolved,
-        manifest={"choices": composition.choices, "stages": done.stage_records()},
-        metrics=dict(results["scores"].metrics),
-        composition=composition,
-        calibration=calibration,
-        **results,
-        pictures={path: data for one in drawn for path, data in one.files.items()},
-        camera=tuple(frames),
-        stixels=tuple(stixels),
-        objects=tuple(objects),
-        tracks=next(iter(tracks), ()),
-        truths=next(iter(truths), ()),
-        lineage=lineage,
-    )
+        return RunResult(
+            settings=composition.resolved,
+            manifest={"choices": composition.choices, "stages": done.stage_records()},
+            metrics=dict(results["scores"].metrics),
+            composition=composition,
+            **results,
+            pictures={path: data for files in drawn for path, data in files.items()},
+            camera=frames,
+            stixels=tuple(load("stixels")) if objects else (),
+            objects=objects,
+            tracks=next(iter(load(TRACKS)), ()),
+            truths=next(iter(load("label_truths")), ()),
+            lineage=lineage,
+        )
 
 
 def _doubts(configuration: Configuration, results: Mapping[str, Any]) -> Iterator[str]:
@@ -136,6 +129,7 @@ def record_run(
     else:
         command = ["stixel", "run", str(rerun_of)]
         stem = f"{rerun_of.resolve().name.lstrip('.')[:100]}-rerun"
+    rig = run.calibration
     manifest = {
         "command": shlex.join(command),
         "overrides": list(composition.overrides),
@@ -146,7 +140,7 @@ def record_run(
         "workers": composition.configuration.executor.workers,
         **provenance(),
         **({} if rerun_of is None else {"rerun_of": str(rerun_of)}),
-        **correction_note(run.calibration),
+        **({"correction": rig.text, **rig.values} if rig and rig.rig.states_error else {}),
         **({} if rows is None else {"row_difference_px": round(rows.difference, 2)}),
         **({} if run.scans.epoch is None else {"time_offset_ns": run.scans.epoch}),
         "star_convex": run.scenario.star_convex,
@@ -161,13 +155,6 @@ def record_run(
 
     # Only now: a refused cache or scheduler leaves no folder behind.
     return replace(run, folder=new_folder(results, name, stem, now, write))
-
-
-def correction_note(calibration: RigCalibration | None) -> dict[str, Any]:
-    """The manifest's entries on the rig's disparity error; empty if nothing is known of it."""
-    if calibration is None or not calibration.rig.states_error:
-        return {}
-    return {"correction": calibration.text, **calibration.values}
 
 
 def trust_stored_run(run: RunResult, trusted: bool) -> None:

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 from stixel_cli.config.compose import Composition
 from stixel_cli.config.folders import shipped_folder
 from stixel_cli.config.real_images import real_image_parameters
-from stixel_cli.config.schema import Configuration
 from stixel_cli.engine.cache_folder import Lease
 from stixel_cli.engine.errors import StageFailure
 from stixel_cli.engine.execute import Execution, execute
@@ -20,7 +19,7 @@ from stixel_cli.engine.progress import Progress
 from stixel_cli.engine.store import Store, open_store
 from stixel_cli.errors import UserError
 from stixel_cli.evaluation.scores import Scores
-from stixel_cli.experiment.table import OWN, REPLAYED, TABLE, Definition
+from stixel_cli.experiment.table import OWN, REPLAYED, TABLE
 from stixel_cli.files import read_yaml
 from stixel_cli.measurements.file import FileParameters
 from stixel_cli.measurements.parameters import Disturbance, is_disturbed, undisturbed
@@ -61,14 +60,6 @@ def pipeline_stages(composition: Composition) -> list[Stage]:
     return [_stage(composition, path, name, wiring or {}) for name, wiring in pipeline.items()]
 
 
-def _amount(composition: Composition, definition: Definition) -> float:
-    """Work of a stage: the number of scans; of a stage of images, the megapixels of one."""
-    if definition.pattern == "once":
-        return scan_count(composition)
-    rig = composition.configuration.rig
-    return 1e-6 * rig.width * rig.height if "rig" in definition.reads.values() else 1.0
-
-
 def scan_count(composition: Composition) -> int:
     """Number K of scans: of the file, or duration / sample time, rounded, and at least one."""
     configuration = composition.configuration
@@ -102,7 +93,12 @@ def _stage(composition: Composition, path: Path, name: str, wiring: dict[str, st
     stage = inputs.pop("stage", name)
     if stage not in TABLE:
         raise UserError(f"{path}: {name}: no stage {stage!r}; the tables have {', '.join(TABLE)}")
-    definition = _definition(configuration, stage)
+    definition = TABLE[stage]
+    if stage in REPLAYED and isinstance(configuration.path, ReplayedPath):
+        definition = REPLAYED[stage]
+    own = {"track": isinstance(configuration.tracker, OwnCode), "scores": configuration.metrics}
+    if own.get(stage):
+        definition = OWN[stage]
     names = [attrgetter(path)(configuration) for path in definition.code]
     functions = [f for name in names for f in ((name,) if isinstance(name, str) else name)]
     chosen_by = definition.chosen_by
@@ -111,9 +107,12 @@ def _stage(composition: Composition, path: Path, name: str, wiring: dict[str, st
     named = [path.rpartition(".") for path in definition.files]
     given = [getattr(attrgetter(group)(configuration), key, None) for group, _, key in named]
     files = [Path(name) for name in given if name is not None]
+    # Of a stage of images, the megapixels of one.
+    rig, of_images = configuration.rig, "rig" in definition.reads.values()
+    of_frame = 1e-6 * rig.width * rig.height if of_images else 1.0
     made = Stage(
         name=name,
-        amount=_amount(composition, definition),
+        amount=scan_count(composition) if definition.pattern == "once" else of_frame,
         function=definition.functions[kind],
         pattern=definition.pattern,
         inputs=inputs,
@@ -143,16 +142,6 @@ def _stage(composition: Composition, path: Path, name: str, wiring: dict[str, st
         files=(*made.files, *called.files),
         own=called.own,
     )
-
-
-def _definition(configuration: Configuration, stage: str) -> Definition:
-    """The definition of a stage, or that which replaces it."""
-    if stage in REPLAYED and isinstance(configuration.path, ReplayedPath):
-        return REPLAYED[stage]
-    own = (stage == "track" and isinstance(configuration.tracker, OwnCode)) or (
-        stage == "scores" and configuration.metrics
-    )
-    return OWN[stage] if own else TABLE[stage]
 
 
 def _setting(composition: Composition, path: str) -> Any:

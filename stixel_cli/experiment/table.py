@@ -47,13 +47,8 @@ class Definition:
     calls: str = ""
 
 
-def only(function: str) -> dict[str, str]:
-    """The `functions` of a stage with one implementation."""
-    return {"": f"stixel_cli.{function}"}
-
-
 def by_kind(options: Any, name: str) -> dict[str, str]:
-    """The function `name` of each option of a union, by kind.
+    """The function `name` of each option of a union, by kind: the `functions` of a stage.
 
     It is in `KIND.py`, in the folder of the option's parameters.
     """
@@ -64,224 +59,158 @@ def by_kind(options: Any, name: str) -> dict[str, str]:
     return functions
 
 
-def same(*paths: str) -> dict[str, str]:
-    """The `reads` of arguments with the names of their settings, `path.duration` of `duration`."""
-    return {path.rpartition(".")[2]: path for path in paths}
+def stage(
+    functions: str | Mapping[str, str], reads: str = "", pattern: str = "once", **others: Any
+) -> Definition:
+    """A definition.
+
+    `functions` may be the one "module:function", below our package. `reads` are the paths of the
+    settings: `path.duration` is the argument `duration`; `name=path` is the argument `name`.
+    """
+    if isinstance(functions, str):
+        functions = {"": f"stixel_cli.{functions}"}
+    pairs = [(read.split("=")[0], read.split("=")[-1]) for read in reads.split()]
+    arguments = {name.rpartition(".")[2]: path for name, path in pairs}
+    return Definition(functions, pattern, arguments, **others)
 
 
 FILES_OF_PRIOR = ("prior.class_file", "prior.outline")
+MESH = ("road_user.mesh",)
+RECORDED_IMAGES = "recording.calibration.rectification recording.messages"
 
 TABLE: dict[str, Definition] = {
-    "ego_motion": Definition(
-        only("scene.ego:ego_motion"), "once", same("ego", "path.duration", "path.sample_time")
-    ),
-    "scenario": Definition(
-        only("scene.path:build_scenario"),
-        "once",
-        same("road_user", "path"),
-        files=("road_user.mesh",),
-    ),
-    "render": Definition(
+    "ego_motion": stage("scene.ego:ego_motion", "ego path.duration path.sample_time"),
+    "scenario": stage("scene.path:build_scenario", "road_user path", files=MESH),
+    "render": stage(
         by_kind(Renderer, "render"),
+        "road_user world rig renderer",
         "map",
-        same("road_user", "world", "rig", "renderer"),
         chosen_by="renderer",
-        files=("road_user.mesh",),
+        files=MESH,
     ),
-    "add_sensor_noise": Definition(
-        only("rendering.sensor_noise:add_sensor_noise"), "map", same("sensor", "rig"), seeded=True
+    "add_sensor_noise": stage(
+        "rendering.sensor_noise:add_sensor_noise", "sensor rig", "map", seeded=True
     ),
-    "match": Definition(only("stereo.matching:match"), "map", same("rig", "stereo")),
-    "free_space": Definition(
-        only("stixels.free_space:find_free_space"),
-        "fold",
-        same("rig", "road", "occupancy", "free_space"),
+    "match": stage("stereo.matching:match", "rig stereo", "map"),
+    "free_space": stage(
+        "stixels.free_space:find_free_space", "rig road occupancy free_space", "fold"
     ),
-    "stixels": Definition(
-        only("stixels.extraction:extract_stixels"), "map", same("rig", "height", "extraction")
-    ),
-    "recorded_motion": Definition(
-        only("recordings.motion:recorded_motion"),
-        "once",
-        same(
-            "rig", "recording.tables", "recording.count", "source.sample_time", "source.pose_scale"
-        ),
+    "stixels": stage("stixels.extraction:extract_stixels", "rig height extraction", "map"),
+    "recorded_motion": stage(
+        "recordings.truth:recorded_motion",
+        "rig recording.tables recording.count source.sample_time source.pose_scale",
         recorded="pose_files",
     ),
-    "recorded_scenario": Definition(
-        only("recordings.truth:recorded_scenario"),
-        "once",
-        same("rig", "recording.tables", "recording.target"),
+    "recorded_scenario": stage(
+        "recordings.truth:recorded_scenario",
+        "rig recording.tables recording.target",
         recorded="truth_files",
     ),
-    "read_pairs": Definition(
-        only("recordings.stereo_images:read_pairs"),
-        "map",
-        same("recording.calibration.rectification", "recording.messages"),
-        recorded="images",
+    "read_pairs": stage(
+        "recordings.stereo_images:read_pairs", RECORDED_IMAGES, "map", recorded="images"
     ),
-    "read_left": Definition(
-        only("recordings.stereo_images:read_left"),
-        "pick",
-        same("recording.calibration.rectification", "recording.messages"),
-        recorded="left",
+    "read_left": stage(
+        "recordings.stereo_images:read_left", RECORDED_IMAGES, "pick", recorded="left"
     ),
-    "objects": Definition(
-        only("measurements.objects:find_objects"), "map", same("measurement.gates")
+    "objects": stage("measurements.objects:find_objects", "measurement.gates", "map"),
+    "gather_scans": stage("measurements.stixels:gather_scans", "measurement rig"),
+    "fabricate_scans": stage(
+        "measurements.fabricated:fabricate_scans", "rig measurement", seeded=True
     ),
-    "gather_scans": Definition(
-        only("measurements.stixels:gather_scans"), "once", same("measurement", "rig")
+    "cast_lidar": stage(
+        "measurements.lidar_casting:cast_lidar",
+        "road_user world measurement.scanner camera_field=rig.field_of_view",
+        files=MESH,
     ),
-    "fabricate_scans": Definition(
-        only("measurements.fabricated:fabricate_scans"),
-        "once",
-        same("rig", "measurement"),
-        seeded=True,
+    "lidar_scans": stage(
+        "measurements.lidar:lidar_scans", "measurement field_of_view", seeded=True
     ),
-    "cast_lidar": Definition(
-        only("measurements.lidar_casting:cast_lidar"),
-        "once",
-        same("road_user", "world", "measurement.scanner") | {"camera_field": "rig.field_of_view"},
-        files=("road_user.mesh",),
-    ),
-    "lidar_scans": Definition(
-        only("measurements.lidar:lidar_scans"),
-        "once",
-        same("measurement", "field_of_view"),
-        seeded=True,
-    ),
-    "read_scans": Definition(
-        only("measurements.file:read_scans"),
-        "once",
-        same(
-            "measurement.path",
-            "measurement.ego",
-            "measurement.range_std",
-            "measurement.horizontal_fov",
-            "measurement.time_unit",
-            "measurement.angle_unit",
-            "measurement.shared_errors",
-            "measurement.road_z",
-        ),
+    "read_scans": stage(
+        "measurements.file:read_scans",
+        "measurement.path measurement.ego measurement.range_std measurement.horizontal_fov "
+        "measurement.time_unit measurement.angle_unit measurement.shared_errors measurement.road_z",
         files=("measurement.path", "measurement.ego"),
     ),
-    "read_truth": Definition(
-        only("measurements.file_truth:read_truth"),
-        "once",
-        same("measurement.truth", "measurement.time_unit", "measurement.angle_unit"),
+    "read_truth": stage(
+        "measurements.file_truth:read_truth",
+        "measurement.truth measurement.time_unit measurement.angle_unit",
         files=("measurement.truth",),
     ),
-    "own_scans": Definition(
-        only("measurements.own:own_scans"),
-        "once",
-        same("measurement.function", "measurement.parameters"),
+    "own_scans": stage(
+        "measurements.own:own_scans",
+        "measurement.function measurement.parameters",
         seeded=True,
         code=("measurement.function",),
     ),
-    "disturb_scans": Definition(
-        only("measurements.disturbance:disturb_scans"),
-        "once",
-        same("measurement.dropout", "measurement.clutter_rate", "range_max"),
+    "disturb_scans": stage(
+        "measurements.disturbance:disturb_scans",
+        "measurement.dropout measurement.clutter_rate range_max",
         seeded=True,
     ),
-    "truth_start": Definition(
-        only("tracking.start:noisy_start"), "once", same("start"), seeded=True
-    ),
-    "scans_start": Definition(
-        only("tracking.start_scans:start_from_scans"), "once", same("start", "prior")
-    ),
-    "find_tracks": Definition(
-        only("tracking.several.clusters:find_tracks"), "once", same("prior", "start.std")
-    ),
-    "track": Definition(
+    "truth_start": stage("tracking.start:noisy_start", "start", seeded=True),
+    "scans_start": stage("tracking.start_scans:start_from_scans", "start prior"),
+    "find_tracks": stage("tracking.several.clusters:find_tracks", "prior start.std"),
+    "track": stage(
         by_kind(Tracker, "track"),
-        "once",
-        same("prior", "tracker"),
+        "prior tracker",
         chosen_by="tracker",
         files=(*FILES_OF_PRIOR, "tracker.path"),
     ),
-    "track_each": Definition(only("tracking.several.track_each:track_each"), "once", calls="track"),
-    "label_truths": Definition(
-        only("recordings.truth:label_truths"),
-        "once",
-        same("rig", "recording.tables"),
-        recorded="label_files",
+    "track_each": stage("tracking.several.track_each:track_each", calls="track"),
+    "label_truths": stage(
+        "recordings.truth:label_truths", "rig recording.tables", recorded="label_files"
     ),
-    "label_scores": Definition(
-        only("evaluation.label_scores:score_tracks"), "once", {"road_user": "road_user.kind"}
+    "label_scores": stage("evaluation.label_scores:score_tracks", "road_user=road_user.kind"),
+    "scores": stage("evaluation.evaluate:evaluate", "road_user=true_class"),
+    "stage_errors": stage(
+        "validation.stage_errors:stage_errors", "rig road occupancy free_space", "map"
     ),
-    "scores": Definition(only("evaluation.evaluate:evaluate"), "once", {"road_user": "true_class"}),
-    "stage_errors": Definition(
-        only("validation.stage_errors:stage_errors"),
-        "map",
-        same("rig", "road", "occupancy", "free_space"),
-    ),
-    "point_errors": Definition(only("validation.point_errors:point_errors"), "once", same("rig")),
-    "track_points": Definition(
-        only("calibration.track_points:track_points"),
-        "once",
-        same("rig", "stereo", "source.by_motion"),
-    ),
-    "calibrate_rig": Definition(
-        only("calibration.motion_fit:calibrate_rig"),
-        "once",
-        same("rig", "recording.tables", "source.by_motion"),
+    "point_errors": stage("validation.point_errors:point_errors", "rig"),
+    "track_points": stage("calibration.track_points:track_points", "rig stereo source.by_motion"),
+    "calibrate_rig": stage(
+        "calibration.motion_fit:calibrate_rig",
+        "rig recording.tables source.by_motion",
         recorded="pose_files",
     ),
-    "calibrated_rig": Definition(only("calibration.calibrated_rig:calibrated_rig"), "once"),
-    "occupancy": Definition(
-        only("stixels.displayed_grid:picture_grid"), "pick", same("rig", "road", "occupancy")
+    "calibrated_rig": stage("calibration.calibrated_rig:calibrated_rig"),
+    "occupancy": stage("stixels.displayed_grid:picture_grid", "rig road occupancy", "pick"),
+    "camera_pictures": stage("pictures.camera:camera_pictures", "rig", "pick", pictures=True),
+    "camera_frames": stage("pictures.camera:camera_frames", "rig road occupancy", "map"),
+    "track_pictures": stage(
+        "pictures.birds_eye:track_pictures", "field_of_view tracker", "pick", pictures=True
     ),
-    "camera_pictures": Definition(
-        only("pictures.camera:camera_pictures"), "pick", same("rig"), pictures=True
+    "moving_pictures": stage(
+        "pictures.birds_eye:moving_pictures", "field_of_view", "pick", pictures=True
     ),
-    "camera_frames": Definition(
-        only("pictures.camera:camera_frames"), "map", same("rig", "road", "occupancy")
-    ),
-    "track_pictures": Definition(
-        only("pictures.birds_eye:track_pictures"),
-        "pick",
-        same("field_of_view", "tracker"),
-        pictures=True,
-    ),
-    "moving_pictures": Definition(
-        only("pictures.birds_eye:moving_pictures"), "pick", same("field_of_view"), pictures=True
-    ),
-    "rig_pictures": Definition(only("pictures.over_time:rig_pictures"), "once", pictures=True),
-    "run_pictures": Definition(
-        only("pictures.over_time:run_pictures"), "once", same("field_of_view"), pictures=True
-    ),
+    "rig_pictures": stage("pictures.over_time:rig_pictures", pictures=True),
+    "run_pictures": stage("pictures.over_time:run_pictures", "field_of_view", pictures=True),
 }
 
 REPLAYED: dict[str, Definition] = {
-    "ego_motion": Definition(
-        only("recordings.motion:replayed_motion"),
-        "once",
-        same("recording.tables", "recording.count", "path.sample_time"),
+    "ego_motion": stage(
+        "recordings.truth:recorded_motion",
+        "recording.tables recording.count path.sample_time",
         recorded="pose_files",
     ),
-    "scenario": Definition(
-        only("recordings.replay:replayed_scenario"),
-        "once",
-        same("road_user", "recording.tables", "path.target", "path.smoothing"),
-        files=("road_user.mesh",),
+    "scenario": stage(
+        "recordings.replay:replayed_scenario",
+        "road_user recording.tables path.target path.smoothing",
+        files=MESH,
         recorded="truth_files",
     ),
 }
 """The stages that replace those of `TABLE` with `path=recorded`."""
 
 OWN: dict[str, Definition] = {
-    "track": Definition(
-        only("tracking.own:track"),
-        "once",
-        same("prior", "tracker.function", "tracker.parameters"),
+    "track": stage(
+        "tracking.own:track",
+        "prior tracker.function tracker.parameters",
         files=FILES_OF_PRIOR,
         code=("tracker.function",),
     ),
-    "scores": Definition(
-        only("evaluation.own_metrics:evaluate_with_own"),
-        "once",
-        same("metrics") | {"road_user": "true_class"},
+    "scores": stage(
+        "evaluation.own_metrics:evaluate_with_own",
+        "metrics road_user=true_class",
         code=("metrics",),
     ),
 }
@@ -293,13 +222,10 @@ PICTURES = tuple(name for name, stage in TABLE.items() if stage.pictures)
 
 def readers(name: str) -> list[str]:
     """The stages that read a group or a key, given by its name with dots."""
-
-    def reads(stage: Definition) -> bool:
-        paths = [*stage.reads.values(), *stage.files, *stage.code]
-        paths += ["seed"] * stage.seeded + ["pictures.frames"] * (stage.pattern == "pick")
-        return any(
-            f"{path}.".startswith(f"{name}.") or name.startswith(f"{path}.") for path in paths
-        )
-
-    rows = [row for table in (TABLE, OWN, REPLAYED) for row in table.items()]
-    return list(dict.fromkeys(name for name, stage in rows if reads(stage)))
+    found = {}
+    for stage, one in [row for table in (TABLE, OWN, REPLAYED) for row in table.items()]:
+        paths = [*one.reads.values(), *one.files, *one.code]
+        paths += ["seed"] * one.seeded + ["pictures.frames"] * (one.pattern == "pick")
+        if any(f"{p}.".startswith(f"{name}.") or name.startswith(f"{p}.") for p in paths):
+            found[stage] = None
+    return list(found)

@@ -6,7 +6,7 @@ NumPy only; Hydra, Open3D and the engine are never imported.
 
 import warnings
 from collections.abc import Mapping
-from dataclasses import asdict, fields, replace
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,9 +17,13 @@ from stixel_cli.config.real_images import real_image_parameters
 from stixel_cli.errors import ArgumentError, UserError
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.live.frame_stixels import FrameStixels
+from stixel_cli.stixels.types import FreeSpace, Stixels
 
 if TYPE_CHECKING:
+    import pandas
+
+    from stixel_cli.measurements.scans import Scans
+    from stixel_cli.rendering.frames import StereoPairs
     from stixel_cli.stereo.disparities import Disparities
 
 RigLike = Rig | Mapping[str, float] | Path | str
@@ -35,6 +39,105 @@ UNITS = {"int16": 16, "uint16": 256}
 
 LEFT_OUT = ("horizontal_fov", "focal_length", "principal_u", "principal_v", "vertical_fov")
 """Fields of a rig that numbers may leave out, as well as the pitch."""
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class FrameStixels:
+    """The n stixels of one frame, from left to right, and its free space.
+
+    Attributes:
+        rig: of the images, W × H px.
+        stixels: of this frame, as the stage `stixels` of a run has them, with further arrays.
+        free_space: of this frame; the unknown part of a column begins at its `unknown_row`.
+        image: (H, W) uint8, the left image; None without images.
+        columns: (n, 2) int32 px, the first column and the one after the last.
+        rows: (n, 2) int32 px, top and base, both inclusive.
+        depth: (n,) m along the road, straight ahead of the left camera; and variance: its, (n,) m².
+        height: (n,) m, of the top above the road.
+        points: (n, 2) m on the ground, to the right of the left camera and ahead of it.
+        unknown: (W,) bool, columns of which a part is unknown: it may hide an obstacle.
+    """
+
+    rig: Rig
+    stixels: Stixels
+    free_space: FreeSpace
+    image: np.ndarray | None = None
+
+    def __post_init__(self) -> None:
+        own = self.stixels
+        vars(self).update(
+            columns=np.stack([own.left, own.right], axis=1),
+            rows=np.stack([own.top, own.base], axis=1),
+            depth=own.depth,
+            variance=own.covariances_ego[:, 1, 1],
+            height=own.height,
+            points=own.points_ego,
+            unknown=self.free_space.unknown_row[0] >= 0,
+        )
+
+    def __len__(self) -> int:
+        return len(self.stixels.left)
+
+    def to_frame(self) -> "pandas.DataFrame":
+        """A table with one row per stixel; `stixel assess --stixels` reads it as CSV.
+
+        Its columns are those of `results.tables.stixel_columns`, without k.
+        """
+        import pandas
+
+        from stixel_cli.results.tables import stixel_columns
+
+        return pandas.DataFrame(stixel_columns([self.stixels])).drop(columns="k")
+
+    def to_scan(self, pose: np.ndarray = (0.0, 0.0, STRAIGHT_AHEAD), time: float = 0.0) -> "Scans":
+        """One scan for a tracker: the ground points inside the gates of height and range.
+
+        `pose` (3,) is that of the camera in the world: x m, y m, heading rad. `time` is in s.
+        """
+        from stixel_cli.measurements.stixels import gather_scans
+        from stixel_cli.scene.scenario import EgoMotion
+
+        motion = EgoMotion(np.array([time]), np.array([pose], dtype=np.float64))
+        return gather_scans([self.stixels], motion, real_image_parameters().measurement, self.rig)
+
+    def to_stx1(self) -> bytes:
+        """The content of a `.stx1` file, with the left image if there is one.
+
+        Raises:
+            UserError: without pyStixel-lib, `pip install 'stixel[stx1]'`.
+        """
+        from stixel_cli.export.stx1 import stixel_world
+        from stixel_cli.images import encode_png
+        from stixel_cli.measurements.stixel_file import stx1_library
+
+        nothing = np.zeros(len(self), dtype=bool)
+        world = stixel_world(stx1_library("to_stx1"), self.stixels, 0, nothing, self.rig, "car")
+        if self.image is not None:
+            world.image = encode_png(self.image)
+        return world.SerializeToString()
+
+    def draw(self, image: np.ndarray | None = None) -> np.ndarray:
+        """A picture (H, W, 3) uint8 RGB: the stixels over the image, near yellow, far violet.
+
+        `image` is (H, W) or (H, W, 3) uint8, by default the left image, or black without one.
+        """
+        from stixel_cli.pictures.camera import painted
+        from stixel_cli.pictures.style import depth_colours
+
+        image = self.image if image is None else image
+        if image is None:
+            image = np.zeros((self.rig.height, self.rig.width), dtype=np.uint8)
+        return painted(image, self.stixels, depth_colours(self.depth))
+
+    def __repr__(self) -> str:
+        span = f", {self.depth.min():.1f} to {self.depth.max():.1f} m" if len(self) else ""
+        unknown = f"{self.unknown.sum()} of {self.rig.width} columns with an unknown part"
+        return f"<{len(self)} stixels{span}; {unknown}>"
+
+    def _repr_png_(self) -> bytes:
+        from stixel_cli.images import encode_png
+
+        return encode_png(self.draw())
 
 
 def stixels_from_pair(
@@ -64,10 +167,11 @@ def stixels_from_pair(
         ArgumentError: a ValueError, for an argument that is not valid; it names the argument.
     """
     pair = grey_pair(left, right)
-    matching = rig_of(rig, pair[0].shape)
+    shape = pair.left[0].shape
+    matching = rig_of(rig, shape)
     check_rows(pair, matching, check_rectification)
     disparities = matched(pair, matching)
-    return stixels_of(disparities, pair, rig_of(rig, pair[0].shape, disparities), previous)
+    return stixels_of(disparities, pair, rig_of(rig, shape, disparities), previous)
 
 
 def stixels_from_disparity(
@@ -120,8 +224,8 @@ def stixels_from_disparity(
         raise ArgumentError(f"scale: must be > 0 and < 1e6 px per unit, got {scale:g}")
     matching = rig_of(rig, shape)
     pair = None if images is None else grey_pair(*images)
-    if pair is not None and pair[0].shape != shape:
-        raise ArgumentError(f"images: must be {shape} px, got {pair[0].shape}")
+    if pair is not None and pair.left[0].shape != shape:
+        raise ArgumentError(f"images: must be {shape} px, got {pair.left[0].shape}")
     count = disparity_count(real_image_parameters().stereo, matching)
     known = (disparity > 0) & np.isfinite(disparity)
     pixels = scale * np.where(known, disparity, 0).astype(np.float64) - matching.far_disparity
@@ -132,11 +236,11 @@ def stixels_from_disparity(
     return stixels_of(disparities, pair, rig_of(rig, shape, disparities), previous)
 
 
-def check_rows(pair: tuple[np.ndarray, np.ndarray], rig: Rig, check_rectification: bool) -> bool:
+def check_rows(pair: "StereoPairs", rig: Rig, check_rectification: bool) -> bool:
     """Warn of a fault of a grey pair, or raise ArgumentError; whether it has enough corners."""
     from stixel_cli.stereo.rectification import compare_rows
 
-    rows = compare_rows(*pair, rig.far_disparity)
+    rows = compare_rows(pair.left[0], pair.right[0], rig.far_disparity)
     if rows and rows.refused and check_rectification:
         raise ArgumentError(f"right: {rows.fault}; or pass check_rectification=False")
     if rows and rows.fault:
@@ -144,18 +248,16 @@ def check_rows(pair: tuple[np.ndarray, np.ndarray], rig: Rig, check_rectificatio
     return rows is not None
 
 
-def matched(pair: tuple[np.ndarray, np.ndarray], rig: Rig) -> "Disparities":
-    """Disparities of a pair of grey images (H, W) uint8, by semi-global matching on one thread."""
-    from stixel_cli.rendering.frames import StereoPairs
+def matched(pair: "StereoPairs", rig: Rig) -> "Disparities":
+    """Disparities of a pair of grey images, by semi-global matching on one thread."""
     from stixel_cli.stereo.matching import match
 
-    pairs = StereoPairs(FRAME.start, *((image,) for image in pair))
-    return match(pairs, real_image_parameters().stereo, rig, FRAME)
+    return match(pair, real_image_parameters().stereo, rig, FRAME)
 
 
 def stixels_of(
     disparities: "Disparities",
-    pair: tuple[np.ndarray, np.ndarray] | None,
+    pair: "StereoPairs | None",
     rig: Rig,
     previous: FrameStixels | None,
     poses: np.ndarray = PARKED,
@@ -164,7 +266,6 @@ def stixels_of(
 
     Without a `pair` of images the disparities are not refined.
     """
-    from stixel_cli.rendering.frames import StereoPairs
     from stixel_cli.scene.scenario import EgoMotion
     from stixel_cli.stixels.extraction import extract_stixels
     from stixel_cli.stixels.free_space import find_free_space
@@ -174,19 +275,18 @@ def stixels_of(
     free_space = find_free_space(
         disparities, motion, rig, p.road, p.occupancy, p.free_space, FRAME, before
     )
-    pairs, extraction, image = None, replace(p.extraction, refinement=0.0), None
-    if pair is not None:
-        pairs, extraction = StereoPairs(FRAME.start, *((i,) for i in pair)), p.extraction
-        image = pair[0]
-    stixels = extract_stixels(disparities, free_space, pairs, rig, p.height, extraction, FRAME)
+    extraction = p.extraction if pair else replace(p.extraction, refinement=0.0)
+    stixels = extract_stixels(disparities, free_space, pair, rig, p.height, extraction, FRAME)
+    image = pair.left[0] if pair else None
     return FrameStixels(rig, replace(stixels, first=0), replace(free_space, first=0), image)
 
 
-def grey_pair(*images: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Both images as grey values (H, W) uint8; ArgumentError if they are not a pair."""
+def grey_pair(*images: np.ndarray) -> "StereoPairs":
+    """Both images as grey values (H, W) uint8, of `FRAME`; ArgumentError if they are not a pair."""
     import cv2
 
     from stixel_cli.images import eight_bits
+    from stixel_cli.rendering.frames import StereoPairs
 
     if len(images) != 2:
         raise ArgumentError(f"images: must be the left and the right image, got {len(images)}")
@@ -197,7 +297,7 @@ def grey_pair(*images: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     left, right = (i if i.ndim == 2 else cv2.cvtColor(i, cv2.COLOR_RGB2GRAY) for i in plain)
     if left.shape != right.shape:
         raise ArgumentError(f"right: must be {left.shape} px, as left, got {right.shape}")
-    return left, right
+    return StereoPairs(FRAME.start, (left,), (right,))
 
 
 def rig_of(rig: RigLike, shape: tuple[int, int], disparities: "Disparities | None" = None) -> Rig:

@@ -4,7 +4,7 @@ from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from itertools import count
+from itertools import chain, count
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,8 +13,8 @@ from stixel_cli.config.real_images import real_image_parameters
 from stixel_cli.errors import ArgumentError
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD, planar_poses
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.live.frame_stixels import FrameStixels
 from stixel_cli.live.pairs import (
+    FrameStixels,
     RigLike,
     check_rows,
     grey_pair,
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from stixel_cli.calibration.tracks import Pair
     from stixel_cli.geometry.rig_calibration import RigCalibration
     from stixel_cli.measurements.scans import Scans
+    from stixel_cli.rendering.frames import StereoPairs
     from stixel_cli.stixels.types import Objects
     from stixel_cli.trackers import Contour, Estimate
     from stixel_cli.tracking.followed import OpenTrack
@@ -149,28 +150,26 @@ class StixelStream:
                 yield self._advance(*ahead.result(), *(pose or [None]))
 
     def _matched(self, left: np.ndarray, right: np.ndarray) -> tuple:
-        """The grey pair, its disparities, and the error that is corrected in them."""
+        """The grey pair, its disparities, and the rig whose error is corrected in them."""
         pair = grey_pair(left, right)
-        rig = rig_of(self._rig, pair[0].shape)
-        return pair, matched(pair, rig), rig.disparity_error
+        rig = rig_of(self._rig, pair.left[0].shape)
+        return pair, matched(pair, rig), rig
 
     def _advance(
-        self, pair: tuple, disparities, error: tuple[float, float, float], pose: np.ndarray | None
+        self, pair: "StereoPairs", disparities, matched_by: Rig, pose: np.ndarray | None
     ) -> StreamFrame:
         from stixel_cli.measurements.objects import find_objects
 
         k = len(self._poses)
-        if not self._checked:
-            rig = rig_of(self._rig, pair[0].shape)
-            self._checked = check_rows(pair, rig, self._check_rectification)
+        self._checked = self._checked or check_rows(pair, matched_by, self._check_rectification)
         if k == 0:
-            self._rig = rig_of(self._rig, pair[0].shape, disparities)
+            self._rig = rig_of(self._rig, pair.left[0].shape, disparities)
         self._poses = np.vstack([self._poses, self._planar(pose)])
         last_two = self._poses[[max(k - 1, 0), k]]
-        rig = replace(self._rig, disparity_error=error)
+        rig = replace(self._rig, disparity_error=matched_by.disparity_error)
         self._stixels = stixels_of(disparities, pair, rig, self._stixels, last_two)
         if self._calibration or not rig.states_error:
-            self._calibrate(pair[0], disparities, rig, k)
+            self._calibrate(pair.left[0], disparities, rig, k)
         scan = self._stixels.to_scan(self._poses[k], k * self._sample_time)
         moving = self._followed(scan, k)
         gates = real_image_parameters().measurement.gates
@@ -211,8 +210,8 @@ class StixelStream:
         if len(self._scans) == HISTORY:
             dropped = len(self._scans.popleft().points_world)
             for one in self._tracks:
-                late = [its_k for its_k in one.rows if its_k > k - HISTORY]
-                one.rows = {its_k: one.rows[its_k] - dropped for its_k in late}
+                late = (its for its in one.rows.items() if its[0] > k - HISTORY)
+                one.rows = {its_k: rows - dropped for its_k, rows in late}
         self._scans.append(scan)
         # Scans of the whole way; those before the last ones are empty.
         counts = [0] * (k + 2 - len(self._scans)) + [len(s.points_world) for s in self._scans]
@@ -232,9 +231,7 @@ class StixelStream:
         for one in self._tracks:
             if one.begun and one.number is None and confirmed(scans, one, length) is not None:
                 same = (other.number for other in numbered if are_one(scans, other, one, SIZES))
-                one.number = next(same, None)
-                if one.number is None:
-                    one.number = next(self._numbers)
+                one.number = next(chain(same, self._numbers))
                 numbered.append(one)
         own = {one.number: one for one in reversed(numbered)}
         self._contours = {number: one for number, one in self._contours.items() if number in own}

@@ -54,7 +54,7 @@ def examine(
     begins(0.4, "filament draws a picture")
     of_filament = _renderer("filament", _probe_filament(), "absent")
     begins(0.8, "the cache is listed")
-    return [*_software(), *_processors(), of_raycast, of_filament, *_cache(store)]
+    return [*_software(), of_raycast, of_filament, *_cache(store)]
 
 
 def probe_raycast(
@@ -91,55 +91,45 @@ def _renderer(name: str, reason: str | None, otherwise: Literal["absent", "fails
 
 
 def _software() -> list[Check]:
-    versions = package_versions()
-    revision = shown_revision(git_state()) or "no checkout"
-    return [
-        Check("stixel", "ok", f"{versions['stixel']} ({revision})"),
-        Check("Python", "ok", versions["python"]),
-        Check("system", "ok", f"{platform.system()} {platform.release()} {platform.machine()}"),
-        *(
-            Check(name, "ok", version)
-            for name, version in versions.items()
-            if name not in ("stixel", "python")
-        ),
-        _dask(),
-    ]
-
-
-def _dask() -> Check:
     from importlib.metadata import PackageNotFoundError, version
 
-    try:
-        return Check("distributed", "ok", version("distributed"))
-    except PackageNotFoundError:
-        return Check("distributed", "absent", "for executor=dask: pip install 'stixel[dask]'")
-
-
-def _processors() -> list[Check]:
+    versions = dict(package_versions())
     usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    return [Check("cores", "ok", f"{usable} usable of {os.cpu_count()}")]
+    found = {
+        "stixel": f"{versions.pop('stixel')} ({shown_revision(git_state()) or 'no checkout'})",
+        "Python": versions.pop("python"),
+        "system": f"{platform.system()} {platform.release()} {platform.machine()}",
+        **versions,
+        "cores": f"{usable} usable of {os.cpu_count()}",
+    }
+    checks = [Check(name, "ok", text) for name, text in found.items()]
+    try:
+        return [*checks, Check("distributed", "ok", version("distributed"))]
+    except PackageNotFoundError:
+        hint = "for executor=dask: pip install 'stixel[dask]'"
+        return [*checks, Check("distributed", "absent", hint)]
 
 
 def _cache(store: Store) -> list[Check]:
     limit = "no limit" if store.max_size is None else f"limit {show_size(store.max_size)}"
+    found = []
     try:
         found = entries(store)
-    except CacheError as error:
-        checks = [_cache_folder(store, 0), Check("cache size", "fails", str(error))]
-    else:
         size = show_size(sum(entry.size for entry in found))
-        checks = [
-            _cache_folder(store, len(found)),
-            Check("cache size", "ok", f"{size} in {len(found)} results, {limit}"),
-        ]
+        sizes = Check("cache size", "ok", f"{size} in {len(found)} results, {limit}")
+    except CacheError as error:
+        sizes = Check("cache size", "fails", str(error))
     existing = next(p for p in (store.folder, *store.folder.parents) if p.exists())
     free = shutil.disk_usage(existing).free
-    return [*checks, Check("disk free", "ok" if free >= LEAST_FREE else "fails", show_size(free))]
+    disk = Check("disk free", "ok" if free >= LEAST_FREE else "fails", show_size(free))
+    return [_cache_folder(store, existing, bool(found)), sizes, disk]
 
 
-def _cache_folder(store: Store, stored: int) -> Check:
-    """Whether results can be stored, in addition to the `stored` ones; leaves nothing behind."""
-    existing: Path = next(p for p in (store.folder, *store.folder.parents) if p.exists())
+def _cache_folder(store: Store, existing: Path, stored: bool) -> Check:
+    """Whether results can be stored, beside the `stored` ones; leaves nothing behind.
+
+    The nearest folder that is there is the `existing` one.
+    """
     if existing != store.folder:
         able = existing.is_dir() and os.access(existing, os.W_OK | os.X_OK)
         text = "not created yet" if able else f"cannot be created in {existing}"
@@ -147,8 +137,7 @@ def _cache_folder(store: Store, stored: int) -> Check:
     try:
         store.check_writable()
     except CacheError as error:
-        if stored:
-            text = f"{error}; only cached experiments can run"
-            return Check("cache folder", "limited", text)
-        return Check("cache folder", "fails", str(error))
+        if not stored:
+            return Check("cache folder", "fails", str(error))
+        return Check("cache folder", "limited", f"{error}; only cached experiments can run")
     return Check("cache folder", "ok", str(store.folder))

@@ -48,9 +48,18 @@ def track_pictures(
             _draw_scan(axes, scans, noise, track, frame)
             if objects is not None:
                 ground.draw_objects(axes, objects, scenario.ego_poses_world[frame], frame)
-        _draw_centre(near, track, frame)
+        # The ellipse of two standard deviations of the estimated centre.
+        centre, covariance = track.means[frame, :2], track.covariances[frame, :2, :2]
+        if np.isfinite(centre).all():
+            look = {"linewidth": 1.0, "linestyle": "--", "zorder": 4.0}
+            ground.draw_ellipses(near, centre[None], covariance[None], 2.0, style.ESTIMATE, **look)
         _draw_surroundings(wide, scans, track, scenario, field_of_view, frame)
-        _enlarge(near, scans, track, scenario, frame)
+        # Near are the two contours and the points that were used.
+        used = track.used_points[track.used_offsets[frame] : track.used_offsets[frame + 1]]
+        contour = _outline(track, scenario, frame)
+        also = np.concatenate([track.contours_world[frame], scans.points_world[used]])
+        seen = np.concatenate([contour, ground.near(also, contour)])
+        ground.fit(near, seen, 0.3 * target_radius(track, scenario))
         # Marked in the wide view.
         (left, right), (bottom, top) = near.get_xlim(), near.get_ylim()
         look = {"edgecolor": "#555555", "linewidth": 0.7, "linestyle": ":", "zorder": 6}
@@ -80,14 +89,6 @@ def _draw_target(axes: Axes, track: Track, scenario: Scenario, k: int, linewidth
     reach = 0.75 * target_radius(track, scenario)
     ground.draw_heading(axes, scenario.target_poses_world[k], reach, style.TRUTH)
     ground.draw_heading(axes, mean[:3], reach, style.ESTIMATE)
-
-
-def _draw_centre(axes: Axes, track: Track, k: int) -> None:
-    """The ellipse of two standard deviations of the estimated centre."""
-    means, covariances = track.means[k : k + 1, :2], track.covariances[k : k + 1, :2, :2]
-    if np.isfinite(means).all():
-        look = {"linewidth": 1.0, "linestyle": "--", "zorder": 4.0}
-        ground.draw_ellipses(axes, means, covariances, 2.0, style.ESTIMATE, **look)
 
 
 def _draw_scan(axes: Axes, scans: Scans, noise: np.ndarray, track: Track, k: int) -> None:
@@ -126,15 +127,6 @@ def _draw_surroundings(
     ground.draw_ego(axes, ego)
     axes.plot(*scenario.target_poses_world[: k + 1, :2].T, color=style.TRUTH, linewidth=0.9)
     axes.plot(*track.means[: k + 1, :2].T, color=style.ESTIMATE, linewidth=0.9)
-
-
-def _enlarge(axes: Axes, scans: Scans, track: Track, scenario: Scenario, k: int) -> None:
-    """Limits round the two contours and the points that were used."""
-    used = track.used_points[track.used_offsets[k] : track.used_offsets[k + 1]]
-    contour = _outline(track, scenario, k)
-    also = np.concatenate([track.contours_world[k], scans.points_world[used]])
-    room = 0.3 * target_radius(track, scenario)
-    ground.fit(axes, np.concatenate([contour, ground.near(also, contour)]), room)
 
 
 def _std(track: Track, scenario: Scenario, k: int) -> str:

@@ -1,23 +1,25 @@
 """Pictures of the camera: of one frame with the results of the stages; small ones for playback."""
 
+from dataclasses import dataclass
+from functools import cached_property
+
 import cv2
 import numpy as np
+from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
-from matplotlib.colors import ListedColormap, LogNorm
+from matplotlib.colors import ListedColormap, LogNorm, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.images import encode_png
+from stixel_cli.images import ImageStack, encode_png
 from stixel_cli.pictures import style
-from stixel_cli.pictures.frame_view import FrameView
-from stixel_cli.recordings.types import LeftImage
 from stixel_cli.rendering.frames import RenderedFrames, StereoPairs
 from stixel_cli.results.pictures import CameraFrames, Pictures
 from stixel_cli.scene.scenario import EgoMotion
-from stixel_cli.stereo.disparities import Disparities
+from stixel_cli.stereo.disparities import SUBPIXELS, Disparities
 from stixel_cli.stixels.occupancy import picture_grid
 from stixel_cli.stixels.parameters import OccupancyParameters, RoadParameters
 from stixel_cli.stixels.types import FreeSpace, Objects, OccupancyGrid, Stixels
@@ -35,12 +37,170 @@ TITLES = {
 BAR, LEGEND = 92, 26
 """Room on the page for a colour bar, for a legend, px."""
 
+LIKELIHOOD_RANGE = 1000.0
+"""Likelihoods below the maximum divided by this are drawn as empty."""
+
+OPACITY = 0.65
+"""Of the stixels over an image."""
+
 GRID_DEPTHS = (10, 20, 50, 100, 5, 2, 30, 200, 1, 40, 60, 80, 3, 15, 4, 7)
 """Depths of an axis' ticks in m, the most important first."""
 
 
+@dataclass(frozen=True)
+class FrameView:
+    """Frame k and the results of its stages; each is a chunk that contains the frame.
+
+    Attributes:
+        k: index of the frame.
+        rig: of the images.
+        pairs: the camera's images.
+        disparities, grid, free_space, stixels: of these stages.
+        objects: clusters of the stixels; None without.
+    """
+
+    k: int
+    rig: Rig
+    pairs: StereoPairs
+    disparities: Disparities
+    grid: OccupancyGrid
+    free_space: FreeSpace
+    stixels: Stixels
+    objects: Objects | None = None
+
+    @property
+    def rows(self) -> slice:
+        """The rows of the frame's stixels."""
+        return self.stixels.rows(self.k - self.stixels.first)
+
+    @property
+    def obstacle_disparity(self) -> np.ndarray:
+        """(W,) px, NaN where the column is free."""
+        return self.free_space.disparity[self.k - self.free_space.first]
+
+    @cached_property
+    def grey_image(self) -> np.ndarray:
+        """The camera's image, (H, W, 3) uint8."""
+        return np.repeat(self.pairs.left[self.k - self.pairs.first][..., None], 3, axis=2)
+
+    @property
+    def free_limit(self) -> tuple[np.ndarray, np.ndarray]:
+        """Place along `grid.laterals` and row of the grid where free space ends, (W,) each."""
+        depth = self.rig.depth_from_disparity(self.obstacle_disparity.astype(np.float64))
+        rows = np.interp(depth, self.grid.depths, np.arange(len(self.grid.depths)))
+        across = np.arange(len(depth), dtype=np.float64)
+        if self.grid.kind == "cartesian":
+            across = (across - self.rig.u0) * depth / self.rig.focal
+        return across, np.where(np.isfinite(depth), rows, np.nan)
+
+    @cached_property
+    def grid_image(self) -> np.ndarray:
+        """The occupancy grid, near depths below, and the end of free space, (D, L, 3) uint8."""
+        greatest = float(self.grid.values.max(initial=0.0)) or 1.0
+        least = greatest / LIKELIHOOD_RANGE
+        scale = ScalarMappable(LogNorm(least, greatest), colormaps["Greys"])
+        values = np.maximum(self.grid.values, least)
+        image = scale.to_rgba(values, bytes=True)[..., :3]
+        across, rows = self.free_limit
+        ends = np.isfinite(rows)
+        columns = np.interp(across[ends], self.grid.laterals, np.arange(image.shape[1]))
+        places = np.rint([rows[ends], columns]).astype(np.int64)
+        for up in range(3):  # three rows, to be seen in a small image
+            image[np.maximum(places[0] - up, 0), places[1]] = _rgb(style.FREE)
+        return image[::-1]
+
+    @cached_property
+    def disparity_image(self) -> np.ndarray:
+        """Disparity in the colour of the depth that it means, grey where none, (H, W, 3) uint8."""
+        raw = self.disparities.raw(self.k - self.disparities.first)
+        highest = int(raw.max(initial=0))
+        with np.errstate(divide="ignore"):
+            depth = self.rig.depth_from_disparity(np.arange(highest + 1) / SUBPIXELS)
+        colours = np.rint(255.0 * style.depth_colours(depth)).astype(np.uint8)
+        table = np.concatenate([[_rgb(style.INVALID)], colours])
+        return table.take(np.maximum(raw, -1) + 1, axis=0)
+
+    @cached_property
+    def free_space_image(self) -> np.ndarray:
+        """The camera's image with free and unknown space tinted, (H, W, 3) uint8.
+
+        Each column is tinted from its obstacle's base, or the horizon (the first row of the road in
+        the grid), down: in the colour of free space, but above the unknown row in that of the
+        unknown.
+        """
+        image, i = self.grey_image.copy(), self.k - self.free_space.first
+        slope, intercept = self.free_space.road[i]
+        farthest = self.rig.disparity_from_depth(float(self.grid.depths[-1]))
+        horizon = (farthest - intercept) / slope if slope > 0 else 0.0
+        horizon = int(np.clip(np.ceil(horizon), 0, self.rig.height))
+        base_row = self.free_space.base_row[i]
+        free = np.isnan(self.obstacle_disparity) | (base_row < 0)
+        first = np.where(free, horizon, base_row + 1)
+        rows = np.arange(len(image))[:, None]
+        for colour, known in ((style.FREE, True), (style.UNKNOWN, False)):
+            space = (rows >= first) & ((rows > self.free_space.unknown_row[i]) == known)
+            cv2.copyTo(_tinted(self.grey_image, colour), space.astype(np.uint8), image)
+        return image
+
+    @cached_property
+    def height_image(self) -> np.ndarray:
+        """`free_space_image` with the stixels tinted, (H, W, 3) uint8."""
+        image = self.free_space_image.copy()
+        stixels = self.stixels
+        for i in range(self.rows.start, self.rows.stop):
+            rows = slice(stixels.top[i], stixels.base[i] + 1)
+            part = image[rows, stixels.left[i] : stixels.right[i]]
+            part[...] = _tinted(part, style.OBSTACLE)
+        return image
+
+    @cached_property
+    def stixels_image(self) -> np.ndarray:
+        """The camera's image with the stixels, and the numbered boxes of objects, (H, W, 3) uint8.
+
+        The colour of a stixel is that of its depth.
+        """
+        colours = style.depth_colours(self.stixels.depth)
+        image = painted(self.grey_image, self.stixels, colours, self.rows)
+        objects, colour = self.objects, _rgb(style.OBJECT).tolist()
+        boxes = [] if objects is None else objects.boxes[objects.rows(self.k - objects.first)]
+        for number, (left, right, top, base) in enumerate(np.asarray(boxes, dtype=int).tolist()):
+            cv2.rectangle(image, (left, top), (right - 1, base), colour)
+            place, font = (left, max(top - 3, 8)), cv2.FONT_HERSHEY_SIMPLEX
+            cv2.putText(image, str(number), place, font, 0.4, colour, lineType=cv2.LINE_AA)
+        return image
+
+
+def painted(
+    image: np.ndarray, stixels: Stixels, colours: np.ndarray, rows: slice = slice(None)
+) -> np.ndarray:
+    """A picture (H, W, 3) uint8 of an image (H, W) or (H, W, 3) uint8, with stixels over it.
+
+    `colours` (S, 3) of all stixels are from 0 to 1; of the stixels only `rows` are painted.
+    """
+    picture = image.copy() if image.ndim == 3 else np.repeat(image[..., None], 3, axis=2)
+    chosen = np.arange(len(stixels.depth))[rows]
+    # From far to near, where several stixels are in one column.
+    for row in chosen[np.argsort(-stixels.depth[rows], kind="stable")]:
+        area = picture[
+            stixels.top[row] : stixels.base[row] + 1, stixels.left[row] : stixels.right[row]
+        ]
+        area[...] = np.rint(255.0 * OPACITY * colours[row] + (1.0 - OPACITY) * area)
+    return picture
+
+
+def _rgb(colour: str) -> np.ndarray:
+    """A colour as (3,) uint8."""
+    return np.rint(255.0 * np.array(to_rgb(colour))).astype(np.uint8)
+
+
+def _tinted(image: np.ndarray, colour: str) -> np.ndarray:
+    """An RGB image (H, W, 3) uint8 blended with a colour."""
+    levels = 0.55 * np.arange(256)[:, None] + 0.45 * 255.0 * np.array(to_rgb(colour))
+    return cv2.LUT(image, np.rint(levels).astype(np.uint8)[None])
+
+
 def camera_pictures(
-    rendered: RenderedFrames | LeftImage,
+    rendered: RenderedFrames | ImageStack,
     pairs: StereoPairs,
     disparities: Disparities,
     grid: OccupancyGrid,
@@ -59,11 +219,12 @@ def camera_pictures(
     colours of depth. Only the times of `ego_motion` are used. With `objects`, their boxes are drawn
     over the stixels.
     """
-    time = float(ego_motion.times[frame])
-    chunks = (rendered, pairs, disparities, grid, free_space, stixels, objects)
-    view = FrameView(frame, time, rig, *chunks)
+    # Of a recording, the stack has the one image.
+    single = isinstance(rendered, ImageStack)
+    left = rendered[0] if single else rendered.left[frame - rendered.first]
+    view = FrameView(frame, rig, pairs, disparities, grid, free_space, stixels, objects)
     images = {
-        "left": view.left_image,
+        "left": left,
         "disparity": view.disparity_image,
         "occupancy": view.grid_image,
         "free_space": view.free_space_image,
@@ -71,12 +232,13 @@ def camera_pictures(
         "stixels": view.stixels_image,
     }
     with style.drawing({"axes.spines.top": True, "axes.spines.right": True}):
-        files = {"camera": style.png(_page(view, images))}
+        figure = _page(view, images, style.title("Camera", frame, float(ego_motion.times[frame])))
+        files = {"camera": style.png(figure)}
     files |= {name: encode_png(image) for name, image in images.items()}
     return Pictures({f"k{frame:04d}/{name}.png": data for name, data in files.items()})
 
 
-def _page(view: FrameView, images: dict[str, np.ndarray]) -> Figure:
+def _page(view: FrameView, images: dict[str, np.ndarray], title: str) -> Figure:
     """All images on one page; wide ones in two columns, others in three."""
     columns, width = (2, 600) if view.rig.width > 2 * view.rig.height else (3, 430)
     height = round(width * view.rig.height / view.rig.width)
@@ -110,7 +272,6 @@ def _page(view: FrameView, images: dict[str, np.ndarray]) -> Figure:
         ncols=5,
         borderaxespad=0.3,
     )
-    title = style.title("Camera", view.k, view.time)
     figure.text(40 / size[0], 1.0 - 14 / size[1], title, va="center")
     return figure
 
@@ -179,7 +340,7 @@ def camera_frames(
         frames: indices k.
     """
     views = [
-        FrameView(k, 0.0, rig, None, pairs, disparities, grid, free_space, stixels, None)
+        FrameView(k, rig, pairs, disparities, grid, free_space, stixels)
         for k in frames
         for grid in [picture_grid(disparities, free_space, rig, road, occupancy, k)]
     ]

@@ -64,10 +64,12 @@ def errors_figure(scans: Scans, track: Track, scores: Scores, with_truth: bool =
 
 def _draw_errors(column, scores: Scores) -> None:
     overlap = "iou" if np.isfinite(scores.iou).any() else "iou_box"
-    names = ("centre_error", "orientation_error", overlap)
-    totals = ("centre_rmse_m", "orientation_rmse_deg", f"{overlap}_mean")
-    summaries = zip(("RMSE", "RMSE", "mean"), totals, strict=True)
-    for axes, name, (average, total) in zip(column, names, summaries, strict=True):
+    rows = (
+        ("centre_error", "RMSE", "centre_rmse_m"),
+        ("orientation_error", "RMSE", "orientation_rmse_deg"),
+        (overlap, "mean", f"{overlap}_mean"),
+    )
+    for axes, (name, average, total) in zip(column, rows, strict=True):
         series, value = SERIES[name], scores.metrics.get(total)
         title = series.label
         if value is not None:

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 
 import numpy as np
-from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -74,7 +73,14 @@ def path_figure(
     _label_times(axes, track.times, poses, chosen, shown)
     axes.set(xlabel="x in the world (m)", ylabel="y in the world (m)")
     axes.set_title(f"Path of the target, {track.times[-1] - track.times[0]:.1f} s")
-    handles = _legend_handles(bool(known.any()), field_of_view is not None)
+    handles = [Line2D([], [], color=style.TRUTH, label="truth")] if known.any() else []
+    handles += [
+        Line2D([], [], color=style.ESTIMATE, label="estimate"),
+        Patch(color=style.ESTIMATE, alpha=0.2, linewidth=0, label="± 2σ of the contour"),
+        Line2D([], [], color=style.EGO, marker="^", markersize=7, label="ego car's sensor"),
+    ]
+    if field_of_view is not None:
+        handles += [Patch(color=style.FIELD_OF_VIEW, alpha=0.25, lw=0, label="field of view")]
     if strip is None:
         axes.legend(handles=handles)
     else:
@@ -184,15 +190,3 @@ def _draw_strip(
     axes.set_axis_off()
     whose = "true" if scenario.known.any() else "estimated"
     axes.set_title(f"In the {whose} target's frame, heading to the right")
-
-
-def _legend_handles(with_truth: bool, with_view: bool) -> list[Artist]:
-    handles = [
-        Line2D([], [], color=style.TRUTH, label="truth"),
-        Line2D([], [], color=style.ESTIMATE, label="estimate"),
-        Patch(color=style.ESTIMATE, alpha=0.2, linewidth=0, label="± 2σ of the contour"),
-        Line2D([], [], color=style.EGO, marker="^", markersize=7, label="ego car's sensor"),
-        Patch(color=style.FIELD_OF_VIEW, alpha=0.25, linewidth=0, label="field of view"),
-    ]
-    handles = handles if with_view else handles[:-1]
-    return handles if with_truth else handles[1:]

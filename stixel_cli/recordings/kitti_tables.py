@@ -1,4 +1,4 @@
-"""KITTI's text files: calibration, ego poses and labels.
+"""KITTI's files: calibration, ego poses and labels, of its benchmarks and of its sensors.
 
 Geiger, Lenz, Stiller, Urtasun 2013, *Vision meets robotics: the KITTI dataset*. Calibration: rows
 `P2: 12 numbers`, the 3 × 4 projections of the cameras, (4); the odometry benchmark may leave out
@@ -9,26 +9,49 @@ truncated, occluded, alpha, box in the left colour image (left, top, right, bott
 rotation_y (rad), https://www.cvlibs.net/datasets/kitti/eval_tracking.php. Those of the object
 benchmark have no frame and no track id, and a share of truncation: they are of frame 0, and the
 track id is the number of the row, from 0. Result files have a score in one more column.
+
+Of the sensors, as `convertOxtsToPose` and `readTracklets` of the devkit read them: packets of the
+GPS/IMU (oxts), of the tracking benchmark or of raw drives, rows of 30 numbers that begin with
+latitude and longitude (degrees), altitude (m), roll, pitch and yaw (rad); and the labels of raw
+drives, `tracklet_labels.xml`: the centre of a box's bottom (m) and rz, the heading from x (rad), in
+the frame of the velodyne. Both frames have x ahead, y to the left, z up.
 """
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from itertools import count
 from pathlib import Path
 
 import numpy as np
 
 from stixel_cli.errors import UserError, printable
-from stixel_cli.files import read_text
+from stixel_cli.files import read_text, read_xml
 from stixel_cli.geometry.pose import rectangle
-from stixel_cli.recordings.types import Calibration, Labels, Tracks
+from stixel_cli.recordings.types import Calibration, Labels, Tables, Tracks
 from stixel_cli.remembered import remembered
 
 MOST_ROWS = 1_000_000
 
 GREATEST = 1e9
 """Greatest absolute value of a number, in its unit: products of larger ones overflow."""
+
+
+def root_of(folder: Path, *contents: str) -> Path:
+    """The folder that has one of the `contents`: the folder itself, or else its `training`."""
+    inner = folder / "training"
+    has_contents = any((folder / name).exists() for name in contents)
+    return inner if inner.is_dir() and not has_contents else folder
+
+
+def clip_poses(root: Path, name: str) -> tuple[Tables, tuple[Path, ...]]:
+    """How the ego poses of a clip of the tracking benchmark are written, and their files."""
+    own = root / "ego_poses" / f"{name}.txt"
+    if own.is_file():
+        return Tables(), (own,)
+    calibration, packets = (root / kind / f"{name}.txt" for kind in ("calib", "oxts"))
+    return Tables("kitti_oxts"), (calibration, calibration, calibration, packets)
 
 
 def text_rows(file: Path) -> list[tuple[int, list[str]]]:
@@ -96,7 +119,17 @@ def read_calibration(file: Path, *pairs: tuple[str, str]) -> Calibration:
     Raises:
         UserError: if a projection is missing, damaged, or the cameras are not a rectified pair.
     """
-    projections = _projections(file)
+    projections: dict[str, np.ndarray] = {}
+    unnamed = count()
+    for row, words in text_rows(file):
+        name = words[0].removesuffix(":")
+        if name[:1].isalpha() and name.lower() not in ("nan", "inf"):
+            words = words[1:]
+        else:
+            name = f"P{next(unnamed)}"
+        # Other rows, such as Tr_velo_to_cam, are not needed.
+        if re.fullmatch(r"P(_rect_)?\d+", name):
+            projections[name] = np.reshape(numbers(file, row, words, 12), (3, 4))
     left, right = next((pair for pair in pairs if {*pair} <= projections.keys()), (None, None))
     if left is None:
         names = ", or ".join(" and ".join(pair) for pair in pairs)
@@ -142,23 +175,6 @@ def check_baseline(file: Path | str, baseline: float, left: str, right: str) -> 
         raise UserError(f"{file}: no baseline: {apart}, must be 0.001 to 5 m{unit}")
 
 
-def _projections(file: Path) -> dict[str, np.ndarray]:
-    """The 3 × 4 matrices by name."""
-    projections: dict[str, np.ndarray] = {}
-    unnamed = 0
-    for row, words in text_rows(file):
-        name = words[0].removesuffix(":")
-        if name[:1].isalpha() and name.lower() not in ("nan", "inf"):
-            words = words[1:]
-        else:
-            name, unnamed = f"P{unnamed}", unnamed + 1
-        # Other rows, such as Tr_velo_to_cam, are not needed.
-        if not re.fullmatch(r"P(_rect_)?\d+", name):
-            continue
-        projections[name] = np.reshape(numbers(file, row, words, 12), (3, 4))
-    return projections
-
-
 COLUMNS = 17
 OBJECT_COLUMNS = 15
 
@@ -168,52 +184,62 @@ def read_labels(file: Path) -> Tracks:
     """The labels of each target by its track id; regions of the type `DontCare` are left out.
 
     Raises:
-        UserError: if a row is short, has a value that is not finite, or repeats a frame.
+        UserError: if a row is short or has a value that is not finite, or as `tracks_of`.
     """
-    rows: dict[int, list[list[float]]] = {}
-    kinds: dict[int, str] = {}
-    seen: set[tuple[int, int]] = set()
-    texts = text_rows(file)
+    labels, texts = [], text_rows(file)
     of_object = bool(texts) and len(texts[0][1]) in (OBJECT_COLUMNS, OBJECT_COLUMNS + 1)
     columns = OBJECT_COLUMNS if of_object else COLUMNS
     for row, words in texts:
         check_columns(file, row, words[:columns] if len(words) == columns + 1 else words, columns)
-        if of_object:
-            words = ["0", str(row - 1), *words]
-        kind = words[2]
-        if kind == "DontCare":
-            continue
-        values = numbers(file, row, words[:2] + words[3:COLUMNS])
-        frame, target = int(values[0]), int(values[1])
-        if (frame, target) != (values[0], values[1]) or frame < 0 or target < 0:
-            raise UserError(f"{file}: row {row}: frame and track id must be whole numbers ≥ 0")
-        if (frame, target) in seen:
-            raise UserError(f"{file}: row {row}: track {target} is labelled twice in frame {frame}")
-        if min(values[9:12]) <= 0.0:
-            raise UserError(f"{file}: row {row}: height, width and length must be > 0")
-        if kinds.setdefault(target, kind) != kind:
+        frame, track, kind, *others = ["0", str(row - 1), *words] if of_object else words
+        if kind != "DontCare":
+            values = numbers(file, row, [frame, track, *others[:14]])
+            labels.append((f"{file}: row {row}", kind, *values))
+    return tracks_of(labels)
+
+
+def tracks_of(labels: Iterable[tuple]) -> Tracks:
+    """The labels of each target by its track id.
+
+    Args:
+        labels: of each one its place in the file, for errors; its type; and KITTI's columns but for
+            that, 16 values: frame, track id (a number or a name), state of truncation, ….
+
+    Raises:
+        UserError: if a number of a frame or track or a size is not valid, or a track has two labels
+            in a frame, or two types.
+    """
+    rows: dict[int | str, dict[int, tuple]] = {}
+    kinds: dict[int | str, str] = {}
+    for place, kind, frame, track, *values in labels:
+        if any(n < 0 or n != int(n) for n in (frame, track) if not isinstance(n, str)):
+            raise UserError(f"{place}: frame and track id must be whole numbers ≥ 0")
+        frame, track = int(frame), track if isinstance(track, str) else int(track)
+        if frame in rows.setdefault(track, {}):
+            raise UserError(f"{place}: track {track} is labelled twice in frame {frame}")
+        if min(values[7:10]) <= 0.0:
+            raise UserError(f"{place}: height, width and length must be > 0")
+        before = kinds.setdefault(track, printable(kind))
+        if before != printable(kind):
             raise UserError(
-                f"{file}: row {row}: track {target} is a {printable(kind)}, "
-                f"but was a {printable(kinds[target])} before"
+                f"{place}: track {track} is a {printable(kind)}, but was a {before} before"
             )
-        seen.add((frame, target))
-        rows.setdefault(target, []).append(values)
-    return {target: labels_in(np.array(rows[target]), kinds[target]) for target in sorted(rows)}
-
-
-def labels_in(values: np.ndarray, kind: str) -> Labels:
-    """The labels of one target in rows (n, 16): KITTI's columns but for the type."""
-    values = values[np.argsort(values[:, 0], kind="stable")]
-    return Labels(
-        frames=values[:, 0].astype(np.int64),
-        truncated=np.ceil(values[:, 2]).astype(np.int64),
-        occluded=values[:, 3].astype(np.int64),
-        boxes=values[:, 5:9],
-        sizes=values[:, 9:12],
-        places=values[:, 12:15],
-        yaws=values[:, 15],
-        kind=kind,
-    )
+        rows[track][frame] = values
+    tracks = {}
+    for track, by_frame in sorted(rows.items()):
+        frames = np.array(sorted(by_frame), dtype=np.int64)
+        values = np.array([by_frame[frame] for frame in frames.tolist()])
+        tracks[track] = Labels(
+            frames,
+            boxes=values[:, 3:7],
+            sizes=values[:, 7:10],
+            places=values[:, 10:13],
+            yaws=values[:, 13],
+            truncated=np.ceil(values[:, 0]).astype(np.int64),
+            occluded=values[:, 1].astype(np.int64),
+            kind=kinds[track],
+        )
+    return tracks
 
 
 NEAREST = 0.5
@@ -288,3 +314,109 @@ def checked_poses(file: Path, poses: list[tuple[int, np.ndarray]]) -> np.ndarray
     if not poses:
         raise UserError(f"{file}: has no poses")
     return np.stack([pose for _, pose in poses])
+
+
+EARTH_RADIUS = 6378137.0
+"""Of the devkit's Mercator projection, m."""
+
+GREATEST_LATITUDE = 85.0
+"""Degrees: the projection has no poles."""
+
+OUTSIDE = 2, 3
+"""States of truncation of a box that is not in the image; -1 and 99 are unknown."""
+
+OF_TRACKLET = ("tx", "ty", "tz", "rz", "occlusion", "truncation")
+
+
+@remembered
+def read_packets(mounting: Path, velodyne: Path, cameras: Path, *packets: Path) -> np.ndarray:
+    """Poses (n, 3, 4) of the rectified camera 0 (x right, y down, z forward) in the first, m.
+
+    The odometry benchmark's poses are of camera 0, too; the left colour camera is 6 cm beside it.
+
+    Args:
+        mounting, velodyne, cameras: the calibrations of the GPS/IMU, the velodyne and the cameras:
+            three files of a drive, or three times the one of a clip of the tracking benchmark.
+        packets: one file with a packet in each row, or several of one packet, in their order.
+
+    Raises:
+        UserError: if a row is damaged, or the poses are not in order.
+    """
+    from scipy.spatial.transform import Rotation
+
+    rows = [(file, row, words) for file in packets for row, words in text_rows(file)]
+    if not rows or len(packets) not in (1, len(rows)):
+        raise UserError(f"{packets[0].parent}: must have one row of 30 numbers for each frame")
+    values = np.array([numbers(*row, 30)[:6] for row in rows])
+    for (file, row, _), latitude in zip(rows, values[:, 0], strict=True):
+        if abs(latitude) > GREATEST_LATITUDE:
+            raise UserError(f"{file}: row {row}: latitude must be within ±{GREATEST_LATITUDE:g}°")
+    latitudes, longitudes = np.radians(values[:, :2]).T
+    scale = EARTH_RADIUS * np.cos(latitudes[0])
+    imu = np.tile(np.eye(4), (len(rows), 1, 1))
+    imu[:, :3, :3] = Rotation.from_euler("ZYX", values[:, [5, 4, 3]]).as_matrix()
+    north = np.log(np.tan(0.25 * np.pi + 0.5 * latitudes))
+    imu[:, :3, 3] = np.stack([scale * longitudes, scale * north, values[:, 2]], axis=1)
+    velodyne_from_imu = _motion(mounting, "Tr_imu_velo", "Tr_imu_to_velo")
+    camera_from_imu = _camera_from_velodyne(velodyne, cameras) @ velodyne_from_imu
+    poses = camera_from_imu @ np.linalg.inv(imu[0]) @ imu @ np.linalg.inv(camera_from_imu)
+    return checked_poses(packets[0], list(enumerate(poses[:, :3], 1)))
+
+
+@remembered
+def read_tracklets(tracklets: Path, velodyne: Path, cameras: Path) -> Tracks:
+    """The labels of each target by the number of its tracklet, from 0, in the frame of camera 0.
+
+    Frames in which its box is not in the image are left out. Their boxes in the image are those of
+    the box's corners.
+
+    Raises:
+        UserError: if a value is missing or not a number, or a calibration is damaged, or as
+            `tracks_of`.
+    """
+    calibration = read_calibration(cameras, PAIRS[1])
+    size = tuple(map(int, named_numbers(cameras, 2, "S_rect_02")))
+    camera, labels = _camera_from_velodyne(velodyne, cameras), []
+    for track, tracklet in enumerate(read_xml(tracklets).findall("./tracklets/item")):
+        place = f"{tracklets}: tracklet {track}"
+        words = [tracklet.findtext(name, "") for name in ("h", "w", "l", "first_frame")]
+        *box_size, first = numbers(place, 1, words)
+        kind = tracklet.findtext("objectType", "")
+        # As in the other benchmarks.
+        kind = "Person_sitting" if kind == "Person (sitting)" else kind
+        for i, pose in enumerate(tracklet.findall("./poses/item")):
+            values = numbers(place, i + 1, [pose.findtext(name, "") for name in OF_TRACKLET])
+            *centre, heading, occluded, truncated = values
+            at = camera[:3, :3] @ centre + camera[:3, 3]
+            ahead = camera[:3, :3] @ [np.cos(heading), np.sin(heading), 0.0]
+            # KITTI's rotation_y is that of the heading in the camera's frame.
+            yaw = float(np.arctan2(-ahead[2], ahead[0]))
+            seen = seen_box(at - calibration.left_camera, yaw, box_size, calibration, size)
+            if truncated not in OUTSIDE and seen is not None:
+                flags = [truncated, occluded % 4.0, 0.0]
+                values = [first + i, track, *flags, *seen[0], *box_size, *at, yaw]
+                labels.append((f"{place}: row {i + 1}", kind, *values))
+    return tracks_of(labels)
+
+
+def _camera_from_velodyne(velodyne: Path, cameras: Path) -> np.ndarray:
+    """The motion (4, 4) from the velodyne's frame to that of the rectified camera 0."""
+    rectified = _motion(cameras, "R_rect_00", "R_rect", "R0_rect", columns=3)
+    return rectified @ _motion(velodyne, "Tr_velo_cam", "Tr_velo_to_cam")
+
+
+def _motion(file: Path, *names: str, columns: int = 4) -> np.ndarray:
+    """The motion (4, 4) in the first row with one of these names: (3, `columns`), row by row.
+
+    With a place, it may also be in the rows R and T. UserError if there is none, or no rotation.
+    """
+    motion = np.eye(4)
+    if columns == 4:
+        names = (*names, "R and T")
+        if any(words[0].removesuffix(":") == "R" for _, words in text_rows(file)):
+            motion[:3, 3] = named_numbers(file, 3, "T")
+            names, columns = ("R",), 3
+    motion[:3, :columns] = np.reshape(named_numbers(file, 3 * columns, *names), (3, columns))
+    if not np.allclose(motion[:3, :3] @ motion[:3, :3].T, np.eye(3), atol=1e-3):
+        raise UserError(f"{file}: {names[0]} is not a rotation")
+    return motion

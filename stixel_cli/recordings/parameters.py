@@ -78,18 +78,19 @@ class Recorded:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Labelled(Recorded, _InFolder):
-    """A clip that may have labels.
+class LabelledFolder(Recorded, _InFolder):
+    """A drive of KITTI's raw data, a variation of a scene of Virtual KITTI 2, or a plain folder.
 
     Attributes:
         target: track id in the labels; `auto`: every moving object is tracked; null for no truth.
     """
 
+    kind: Literal["kitti_raw", "virtual_kitti", "folder"]
     target: Annotated[int, Ge(0)] | Literal["auto"] | None
 
 
 @dataclass(frozen=True, kw_only=True)
-class KittiTracking(Labelled):
+class KittiTracking(LabelledFolder):
     """KITTI's tracking benchmark.
 
     Attributes:
@@ -101,13 +102,6 @@ class KittiTracking(Labelled):
 
     required = ("folder", "sequence")
     example = "0005"
-
-
-@dataclass(frozen=True, kw_only=True)
-class LabelledFolder(Labelled):
-    """A drive of KITTI's raw data, a variation of a scene of Virtual KITTI 2, or a plain folder."""
-
-    kind: Literal["kitti_raw", "virtual_kitti", "folder"]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,13 +13,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stixel_cli.errors import UserError
-from stixel_cli.geometry.pose import label_pose
 from stixel_cli.recordings import argoverse
-from stixel_cli.recordings.assembly import root_of
-from stixel_cli.recordings.kitti import clip_poses
-from stixel_cli.recordings.kitti_tables import read_calibration
+from stixel_cli.recordings.kitti_tables import clip_poses, read_calibration, root_of
 from stixel_cli.recordings.parameters import chosen_frames
-from stixel_cli.recordings.tables import labels_of, read_poses
+from stixel_cli.recordings.tables import labels_of, poses_of_labels, read_poses
 from stixel_cli.recordings.times import check_steps
 from stixel_cli.recordings.types import Recording, Tables
 from stixel_cli.scene.parameters import ReplayedPath, RoadUser
@@ -166,18 +163,8 @@ def replayed_scenario(
     """
     from stixel_cli.scene.contours import moving_target
 
-    times, first = ego_motion.times, tables.first
-    labels = labels_of(files, tables, target, "path.target")
-    rows = np.flatnonzero((labels.frames >= first) & (labels.frames < first + len(times)))
-    frames = labels.frames[rows] - first
-    places = labels.places[rows] - np.array(tables.left_camera)
-    poses = np.array(
-        [
-            label_pose(place, yaw, ego_motion.poses_world[k])
-            for place, yaw, k in zip(places, labels.yaws[rows], frames, strict=True)
-        ]
-    )
-    poses[:, 2] = np.unwrap(poses[:, 2])
+    times, labels = ego_motion.times, labels_of(files, tables, target, "path.target")
+    _, frames, poses = poses_of_labels(ego_motion, labels, np.eye(3), tables)
     splines = [smoothing_spline(times[frames], values, smoothing) for values in poses.T]
     smooth = np.stack([spline(times) for spline in splines], axis=1)
     rates = np.stack([spline.derivative()(times) for spline in splines], axis=1)

@@ -1,15 +1,15 @@
 """The images of a recording: from here on its stereo pairs are treated as rendered ones."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
 from stixel_cli.errors import UserError
 from stixel_cli.images import ImageStack, eight_bits, encode_png
-from stixel_cli.recordings.bag_messages import read_images
 from stixel_cli.recordings.image_files import grey, read_image, rectified, rgb
-from stixel_cli.recordings.types import LeftImage, Messages, Rectification
+from stixel_cli.recordings.rosbag import read_images
+from stixel_cli.recordings.types import Messages, Rectification
 from stixel_cli.rendering.frames import StereoPairs
 
 
@@ -31,15 +31,8 @@ def read_pairs(
         UserError: if an image is missing or damaged.
     """
     encoded = [
-        [
-            encode_png(rectified(grey(image), rectification, right))
-            for right, image in enumerate(_plain({"left": left, "right": other}))
-        ]
-        for left, other in zip(
-            _images(files, frames, False, messages),
-            _images(files, frames, True, messages),
-            strict=True,
-        )
+        [encode_png(rectified(grey(image), rectification, i == 1)) for i, image in enumerate(pair)]
+        for pair in _images(files, frames, messages, "left", "right")
     ]
     return StereoPairs(frames.start, *map(ImageStack, zip(*encoded, strict=True)))
 
@@ -49,30 +42,31 @@ def read_left(
     frame: int,
     rectification: Rectification | None = None,
     messages: Messages = (),
-) -> LeftImage:
-    """The left image of `frame`; the others as in `read_pairs`, `files` may be the left ones alone.
+) -> ImageStack:
+    """The left image of `frame`, alone and in RGB, of `files` that may be the left ones alone.
+
+    The other arguments are those of `read_pairs`.
 
     Raises:
         UserError: if the image is missing or damaged.
     """
-    (image,) = _images(files, range(frame, frame + 1), False, messages)
-    (image,) = _plain({"left": image})
-    return LeftImage(frame, ImageStack.from_images([rectified(rgb(image), rectification, False)]))
-
-
-def _plain(images: Mapping[str, np.ndarray]) -> list[np.ndarray]:
-    """`eight_bits`; its faults as UserError."""
-    try:
-        return eight_bits(images)
-    except ValueError as fault:
-        raise UserError(f"source: {fault}") from None
+    ((image,),) = _images(files, range(frame, frame + 1), messages, "left")
+    return ImageStack.from_images([rectified(rgb(image), rectification, False)])
 
 
 def _images(
-    files: tuple[Path, ...], frames: range, right: bool, messages: Messages
-) -> Iterable[np.ndarray]:
-    if messages:
-        topic, times = messages[right]
-        return read_images(files, topic, times[frames.start : frames.stop])
-    first = len(files) // 2 if right else 0
-    return map(read_image, files[first + frames.start : first + frames.stop])
+    files: tuple[Path, ...], frames: range, messages: Messages, *sides: str
+) -> Iterator[list[np.ndarray]]:
+    """The images of each frame, `left` or both `sides`, by one scale (`eight_bits`)."""
+    found, chosen = [], slice(frames.start, frames.stop)
+    for i in range(len(sides)):
+        if messages:
+            topic, times = messages[i]
+            found.append(read_images(files, topic, times[chosen]))
+        else:
+            found.append(map(read_image, files[i * len(files) // 2 :][chosen]))
+    for images in zip(*found, strict=True):
+        try:
+            yield eight_bits(dict(zip(sides, images, strict=True)))
+        except ValueError as fault:
+            raise UserError(f"source: {fault}") from None

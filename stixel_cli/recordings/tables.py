@@ -5,22 +5,18 @@ from pathlib import Path
 import numpy as np
 
 from stixel_cli.errors import UserError
-from stixel_cli.recordings import (
-    argoverse_tables,
-    bag_messages,
-    kitti_raw_tables,
-    kitti_tables,
-    virtual_kitti_tables,
-)
+from stixel_cli.geometry.pose import label_pose
+from stixel_cli.recordings import argoverse, kitti_tables, rosbag, virtual_kitti_tables
 from stixel_cli.recordings.types import Labels, Tables, Tracks
+from stixel_cli.scene.scenario import EgoMotion
 
 READERS = {
     "kitti": (kitti_tables.read_poses, kitti_tables.read_labels),
-    "kitti_oxts": (kitti_raw_tables.read_poses, kitti_tables.read_labels),
-    "kitti_raw": (kitti_raw_tables.read_poses, kitti_raw_tables.read_labels),
+    "kitti_oxts": (kitti_tables.read_packets, kitti_tables.read_labels),
+    "kitti_raw": (kitti_tables.read_packets, kitti_tables.read_tracklets),
     "virtual_kitti": (virtual_kitti_tables.read_poses, virtual_kitti_tables.read_labels),
-    "argoverse": (argoverse_tables.read_poses, argoverse_tables.read_labels),
-    "rosbag": (bag_messages.read_poses, None),
+    "argoverse": (argoverse.read_poses, argoverse.read_labels),
+    "rosbag": (rosbag.read_poses, None),
 }
 """The functions that read the ego poses and the labels of each kind of tables."""
 
@@ -54,3 +50,18 @@ def labels_of(
         more = ", …" if len(tracks) > 12 else ""
         raise UserError(f"{key}: {files[0]} has no track {target}; it has {known}{more}")
     return tracks[target]
+
+
+def poses_of_labels(
+    ego_motion: EgoMotion, labels: Labels, level_from_camera: np.ndarray, tables: Tables
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Rows (n,) of the labels in the motion's frames, these frames (n,), from 0, and their poses
+    (n, 3) in the world, whose headings have no jump."""
+    frames = labels.frames - tables.first
+    rows = np.flatnonzero((frames >= 0) & (frames < len(ego_motion.times)))
+    poses = np.zeros((len(rows), 3))
+    for pose, row in zip(poses, rows, strict=True):
+        place = level_from_camera @ (labels.places[row] - tables.left_camera)
+        pose[:] = label_pose(place, labels.yaws[row], ego_motion.poses_world[frames[row]])
+    poses[:, 2] = np.unwrap(poses[:, 2])
+    return rows, frames[rows], poses

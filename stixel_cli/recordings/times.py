@@ -1,12 +1,14 @@
-"""Frames and poses by their time in ns, which layouts share that do not number them."""
+"""Frames that files share, and frames and poses by their time in ns where none is numbered."""
 
 from bisect import bisect
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from stixel_cli.errors import UserError
 from stixel_cli.geometry.pose import rotations
+from stixel_cli.recordings.parameters import chosen_frames
 from stixel_cli.recordings.types import Recording
 
 PAIRED = 5_000_000
@@ -17,6 +19,31 @@ JITTER = 0.2
 
 GREATEST_GAP = 250_000_000
 """Between two poses, or two labels of a track, ns: with more, there is no line between them."""
+
+
+def common_frames(
+    text: str | None, images: Collection[int], limits: dict[str, tuple[int, int]]
+) -> range:
+    """The frames that the images and each of the `limits` have, or those in `source.frames`.
+
+    `limits` are the first frame and the stop of other files, by a name for messages.
+    """
+    chosen = chosen_frames(text)
+    spans = {"the images": (min(images), max(images) + 1), **limits}
+    first = max(start for start, _ in spans.values())
+    stop = min(end for _, end in spans.values())
+    if chosen is not None:
+        for name, (start, end) in spans.items():
+            if chosen.start < start or chosen.stop > end:
+                raise UserError(
+                    f"source.frames: {chosen.start}:{chosen.stop} is not within "
+                    f"{start}:{end}, the frames of {name}"
+                )
+        first, stop = chosen.start, chosen.stop
+    if first >= stop:
+        words = "; ".join(f"{name} {start}:{end}" for name, (start, end) in spans.items())
+        raise UserError(f"source.frames: no common frame: {words}")
+    return range(first, stop)
 
 
 def check_steps(recording: Recording, sample_time: float, root: Path, group: str) -> None:
@@ -31,10 +58,16 @@ def check_steps(recording: Recording, sample_time: float, root: Path, group: str
             )
 
 
-def nearest(times: list[int], time: int) -> int:
-    """The one of the increasing `times` that is nearest to `time`."""
-    i = bisect(times, time)
-    return min(times[max(i - 1, 0) : i + 1], key=lambda one: abs(one - time))
+def pairs_by_time(left: Sequence[int], right: Sequence[int]) -> dict[int, int]:
+    """The nearest of the times `right`, ns, for each of `left` that has one within `PAIRED`.
+
+    Both are in ascending order.
+    """
+    pairs = {}
+    for time in left if right else ():
+        i = bisect(right, time)
+        pairs[time] = min(right[max(i - 1, 0) : i + 1], key=lambda one: abs(one - time))
+    return {time: other for time, other in pairs.items() if abs(other - time) <= PAIRED}
 
 
 def poses_at(

@@ -1,4 +1,4 @@
-"""The truth in the labels of a recording, moved into the world by the ego poses.
+"""The ego car's motion from the poses of a recording, and the truth in its labels, in the world.
 
 A label's contour is its rectangle. A frame counts for the scores if its label is neither truncated
 nor occluded.
@@ -8,18 +8,96 @@ from pathlib import Path
 
 import numpy as np
 
-from stixel_cli.geometry.pose import label_pose, rectangle
+from stixel_cli.errors import UserError
+from stixel_cli.geometry.pose import STRAIGHT_AHEAD, planar_poses, rectangle
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.recordings.tables import labels_of, read_labels
-from stixel_cli.recordings.types import Labels, LabelTruth, Tables
+from stixel_cli.geometry.rig_calibration import RigCalibration
+from stixel_cli.recordings.tables import labels_of, poses_of_labels, read_labels, read_poses
+from stixel_cli.recordings.types import LabelTruth, Tables
 from stixel_cli.scene.parameters import CLASS_OF_KITTI_TYPE
 from stixel_cli.scene.scenario import EgoMotion, Scenario
+
+REACH = 20.0
+"""The road is a straight line over this distance up to a frame, m: on real frames the pitch of the
+images was as near as with 10 m before and 10 m after it, which a live camera does not have."""
+
+LEAST_REACH = 5.0
+"""A shorter way shows no direction, m: then pitch and height are those of the rig."""
 
 HALF_WINDOW = 2
 """Rates are slopes over this many frames before and after, where they are labelled."""
 
 LEAST_FRAMES = 3
 """Labelled frames that a rate needs: labels are keyframes joined by straight lines."""
+
+
+def recorded_motion(
+    files: tuple[Path, ...],
+    tables: Tables,
+    count: int,
+    sample_time: float,
+    rig: Rig | None = None,
+    pose_scale: float | str = 1.0,
+    calibration: RigCalibration | None = None,
+) -> EgoMotion:
+    """Planar motion at the first `count` frames, (0, 0, pi/2) at the first of them.
+
+    Poses in space also give the pitch and the height of each frame. Nothing is smoothed.
+
+    Args:
+        files: the files of the poses; empty for a parked ego car.
+        tables: how the files are written, and the first frame in them.
+        count: number of frames.
+        sample_time: time from one frame to the next, s.
+        rig: the ground plane is that of its level frame. None, for a replayed motion: the camera is
+            taken as level; its roll, its height and changes of its pitch are left out.
+        pose_scale: factor on the lengths of the poses; "estimated": of the `calibration`.
+
+    Raises:
+        UserError: if the file is not valid, or shows no scale.
+    """
+    times = sample_time * np.arange(count)
+    if not files:
+        return EgoMotion(times, np.tile([0.0, 0.0, STRAIGHT_AHEAD], (count, 1)))
+    poses, rows = read_poses(files, tables), slice(tables.first, tables.first + count)
+    scale = calibration.length_ratio if pose_scale == "estimated" else pose_scale
+    if np.isnan(scale):
+        raise UserError(f"source.pose_scale: cannot be estimated: {calibration.text}")
+    poses = poses * [1.0, 1.0, 1.0, scale]
+    if rig is None:
+        return EgoMotion(times, planar_poses(poses[rows], np.eye(3)))
+    # The frames before the first show the road's direction there.
+    pitches, heights = rocking(poses, rig.level_from_camera)
+    planar = planar_poses(poses[rows], rig.level_from_camera)
+    return EgoMotion(times, planar, pitches[rows], heights[rows])
+
+
+def rocking(poses: np.ndarray, level_from_camera: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Pitches (K,) rad and heights (K,) m of a camera beyond those of its level frame.
+
+    The road at a frame is the line through the camera's places up to it, by least squares: so a
+    slope of the road is no pitch. No later pose counts. A pitch is positive with the nose down.
+
+    Args:
+        poses: (K, 3, 4) as in `planar_poses`.
+        level_from_camera: (3, 3) rotation, see `Rig`.
+    """
+    pitches, heights = np.zeros(len(poses)), np.zeros(len(poses))
+    way = np.concatenate(
+        [[0.0], np.cumsum(np.linalg.norm(np.diff(poses[:, :, 3], axis=0), axis=1))]
+    )
+    for k in range(len(poses)):
+        near = np.flatnonzero(way[: k + 1] >= way[k] - REACH)
+        if np.ptp(way[near]) < LEAST_REACH:
+            continue
+        # In the level frame of this camera: x right, y down, z ahead.
+        turn = poses[k, :, :3] @ level_from_camera.T
+        places = (poses[near, :, 3] - poses[k, :, 3]) @ turn
+        slope, offset = np.polyfit(way[near] - way[k], places[:, 1], 1)
+        # Where the road ahead comes up (y falls), the nose is down.
+        pitches[k] = -np.arctan(slope)
+        heights[k] = offset
+    return pitches, heights
 
 
 def recorded_scenario(
@@ -41,8 +119,25 @@ def recorded_scenario(
     Raises:
         UserError: if the file is not valid, or has no such target.
     """
-    labels = None if target is None else labels_of(files, tables, target)
-    return _scenario(ego_motion, labels, rig, tables)
+    count = len(ego_motion.times)
+    poses, contour = np.full((count, 3), np.nan), np.zeros((0, 2))
+    scored = np.zeros(count, dtype=bool)
+    if target is not None:
+        labels = labels_of(files, tables, target)
+        rows, frames, known = poses_of_labels(ego_motion, labels, rig.level_from_camera, tables)
+        poses[frames] = known
+        scored[frames] = (labels.truncated[rows] == 0) & (labels.occluded[rows] == 0)
+        _, width, length = np.median(labels.sizes[rows], axis=0)
+        contour = rectangle(length, width)
+    return Scenario(
+        times=ego_motion.times,
+        ego_poses_world=ego_motion.poses_world,
+        target_poses_world=poses,
+        target_rates_world=slopes(ego_motion.times, poses),
+        contours_target=contour[None],
+        only_box=True,
+        scored=scored,
+    )
 
 
 def label_truths(
@@ -57,37 +152,10 @@ def label_truths(
         LabelTruth(
             str(name),
             CLASS_OF_KITTI_TYPE.get(labels.kind, "other"),
-            _scenario(ego_motion, labels, rig, tables),
+            recorded_scenario(ego_motion, files, rig, tables, name),
         )
         for name, labels in (read_labels(files, tables).items() if files else ())
         if np.any((labels.frames >= first) & (labels.frames < stop))
-    )
-
-
-def _scenario(ego_motion: EgoMotion, labels: Labels | None, rig: Rig, tables: Tables) -> Scenario:
-    count = len(ego_motion.times)
-    poses, contour = np.full((count, 3), np.nan), np.zeros((0, 2))
-    scored = np.zeros(count, dtype=bool)
-    if labels is not None:
-        inside = (labels.frames >= tables.first) & (labels.frames < tables.first + count)
-        for k, row in zip(
-            labels.frames[inside] - tables.first, np.flatnonzero(inside), strict=True
-        ):
-            place = rig.level_from_camera @ (labels.places[row] - tables.left_camera)
-            poses[k] = label_pose(place, labels.yaws[row], ego_motion.poses_world[k])
-            scored[k] = labels.truncated[row] == 0 and labels.occluded[row] == 0
-        known = np.isfinite(poses[:, 2])
-        poses[known, 2] = np.unwrap(poses[known, 2])
-        _, width, length = np.median(labels.sizes[inside], axis=0)
-        contour = rectangle(length, width)
-    return Scenario(
-        times=ego_motion.times,
-        ego_poses_world=ego_motion.poses_world,
-        target_poses_world=poses,
-        target_rates_world=slopes(ego_motion.times, poses),
-        contours_target=contour[None],
-        only_box=True,
-        scored=scored,
     )
 
 

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from stixel_cli.images import ImageStack
 from stixel_cli.scene.parameters import CLASS_OF_KITTI_TYPE
 from stixel_cli.scene.scenario import Scenario
 
@@ -214,19 +213,6 @@ class Labels:
 
 Tracks = dict[int | str, Labels]
 """The labels of each target by its track id."""
-
-
-@dataclass(frozen=True)
-class LeftImage:
-    """One image of the left camera, for pictures.
-
-    Attributes:
-        first: its index k.
-        left: one RGB image, (H, W, 3) uint8.
-    """
-
-    first: int
-    left: ImageStack
 
 
 @dataclass(frozen=True)

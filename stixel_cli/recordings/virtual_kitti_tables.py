@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from stixel_cli.errors import UserError, printable
+from stixel_cli.errors import UserError
 from stixel_cli.recordings import kitti_tables
 from stixel_cli.recordings.types import Calibration, Tracks
 from stixel_cli.remembered import remembered
@@ -70,43 +70,37 @@ def read_labels(pose: Path, bbox: Path, info: Path) -> Tracks:
     """The labels of each target by its track id, where it has both a pose and a box.
 
     Raises:
-        UserError: if a row is short, has a value that is not finite, or repeats a frame.
+        UserError: if a row is short, has a value that is not finite, or as `tracks_of`.
     """
     kinds = dict(words for _, words in _rows(info, ("trackID", "label")))
-    boxes = _of_left_camera(bbox, BOX)
-    rows: dict[int, list[list[float]]] = {}
-    for (frame, track), (row, values) in _of_left_camera(pose, POSE).items():
-        if min(values[:3]) <= 0.0:
-            raise UserError(f"{pose}: row {row}: height, width and length must be > 0")
+    boxes, labels = _of_left_camera(bbox, BOX), []
+    for (frame, track), (place, values) in _of_left_camera(pose, POSE).items():
         if (frame, track) in boxes:
+            kind = kinds.get(str(int(track)))
+            if kind is None:
+                raise UserError(f"{info}: track {track:g} of {pose.name} is missing")
             *box, truncated, filled = boxes[frame, track][1]
             flags = [truncated, float(filled < VISIBLE), 0.0]
-            rows.setdefault(track, []).append([frame, track, *flags, *box, *values])
-    tracks = {}
-    for track in sorted(rows):
-        if str(track) not in kinds:
-            raise UserError(f"{info}: track {track} of {pose.name} is missing")
-        tracks[track] = kitti_tables.labels_in(np.array(rows[track]), printable(kinds[str(track)]))
-    return tracks
+            labels.append((place, kind, frame, track, *flags, *box, *values))
+    return kitti_tables.tracks_of(labels)
 
 
 def _of_left_camera(
     file: Path, names: tuple[str, ...]
-) -> dict[tuple[int, int], tuple[int, list[float]]]:
-    """Row number and the columns `names` by frame and track."""
-    by_label: dict[tuple[int, int], tuple[int, list[float]]] = {}
+) -> dict[tuple[float, float], tuple[str, list[float]]]:
+    """The place of each label in the file and its values of `names`, by frame and track."""
+    found = {}
     for row, words in _rows(file, (*KEY, *names)):
         frame, camera, track, *values = kitti_tables.numbers(file, row, words)
+        place = f"{file}: row {row}"
         if camera != 0:
             continue
-        if (int(frame), int(track)) != (frame, track) or min(frame, track) < 0:
-            raise UserError(f"{file}: row {row}: frame and trackID must be whole numbers ≥ 0")
-        if (frame, track) in by_label:
-            raise UserError(
-                f"{file}: row {row}: track {track:g} is labelled twice in frame {frame:g}"
-            )
-        by_label[int(frame), int(track)] = row, values
-    return by_label
+        if min(frame, track) < 0 or frame % 1 or track % 1:
+            raise UserError(f"{place}: frame and trackID must be whole numbers ≥ 0")
+        if (frame, track) in found:
+            raise UserError(f"{place}: track {track:g} is labelled twice in frame {frame:g}")
+        found[frame, track] = place, values
+    return found
 
 
 def _of_first_frame(file: Path, columns: int) -> tuple[list[float], list[float]]:

@@ -11,7 +11,7 @@ from stixel_cli.recordings.types import Labels
 from stixel_cli.stixels.parameters import FreeSpaceParameters, RoadParameters
 from stixel_cli.stixels.road import find_road, pitch_and_height, pitch_factors
 from stixel_cli.stixels.types import FreeSpace, Stixels
-from stixel_cli.validation.stage_truth import nearest_rows
+from stixel_cli.validation.stage_errors import nearest_rows
 
 LEAST_PIXELS = 4
 """With a true disparity, in the area of a stixel."""
@@ -126,7 +126,7 @@ def true_obstacles(
 ) -> np.ndarray:
     """Depth (W,) m, along the road, of each column's nearest true obstacle; NaN without one.
 
-    As `stage_truth.frame_truth`, of the pixels with a true disparity. The road is the plane, with
+    As `stage_errors.frame_truth`, of the pixels with a true disparity. The road is the plane, with
     roll, of the true disparities.
     """
     line = _road_line(truth, rig, road)

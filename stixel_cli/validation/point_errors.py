@@ -97,7 +97,12 @@ def point_errors(scans: Scans, scenario: Scenario, rig: Rig) -> PointErrors:
     scan, column = rows[0].astype(np.int64), rows[1]
     apart = np.diff(column)[np.diff(scan) == 0]
     spacing = float(np.median(apart)) if len(apart) else np.nan
-    reach = _reach(spans, scan, column, spacing)
+    # How far the outermost points go beyond the silhouette's ends.
+    reach = np.full((2, count), np.nan)
+    for k, span in enumerate(spans):
+        own = column[scan == k]
+        if len(own) and np.isfinite(spacing):
+            reach[:, k] = span[0] - own[0] + 0.5 * spacing, own[-1] + 0.5 * spacing - span[1]
     return PointErrors(
         times=np.array(scenario.times, dtype=np.float64),
         spacing=spacing,
@@ -143,9 +148,8 @@ def _of_scan(
     true = ranges_along(contour, -np.arctan(met / rig.focal))
     measured = np.hypot(points[:, 0], points[:, 1])
     along = measured - true
-    disparity = rig.disparity_from_depth(points[:, 0]) - rig.disparity_from_depth(
-        true * np.cos(bearing)
-    )
+    disparity = rig.disparity_from_depth(points[:, 0])
+    disparity = disparity - rig.disparity_from_depth(true * np.cos(bearing))
     sensitivity = range_sensitivity(true, bearing, rig)
     inside = np.minimum(column - low, high - column)
     own = (np.abs(disparity) <= DISPARITY_REACH) & (np.abs(along) <= RANGE_REACH)
@@ -154,9 +158,8 @@ def _of_scan(
 
     ends = seeing[[0, -1]]
     # f / (r cos²) at a bearing, the inverse of the metres r cos² / f across one column.
-    per_metre = (rig.focal + ends**2 / rig.focal) / ranges_along(
-        contour, -np.arctan(ends / rig.focal)
-    )
+    at_ends = ranges_along(contour, -np.arctan(ends / rig.focal))
+    per_metre = (rig.focal + ends**2 / rig.focal) / at_ends
     margin = np.minimum(seeing - low, high - seeing)
     its_columns = seeing[None, margin >= 0.5 - 1e-9]
     span = (
@@ -171,16 +174,6 @@ def ranges_along(contour_sensor: np.ndarray, bearings: np.ndarray) -> np.ndarray
     """Range (n,) m to the first crossing along `bearings` (n,) rad, infinite without a crossing."""
     directions = np.stack([np.cos(bearings), np.sin(bearings)], axis=-1)
     return first_hits(contour_sensor, np.zeros(2), directions)
-
-
-def _reach(spans, scan, column, spacing):
-    """How far the outermost points go beyond the silhouette's ends, (2, K) px."""
-    reach = np.full((2, len(spans)), np.nan)
-    for k, span in enumerate(spans):
-        its = column[scan == k]
-        if len(its) and np.isfinite(spacing):
-            reach[:, k] = span[0] - its[0] + 0.5 * spacing, its[-1] + 0.5 * spacing - span[1]
-    return reach
 
 
 def _covered(column_scan, seeing, scan, column, spacing):

@@ -138,13 +138,9 @@ def fit_noise(runs: Sequence[PointErrors]) -> FittedNoise:
 
 
 def _outermost(run: PointErrors) -> np.ndarray:
-    """Which points (N,) are the first or the last of a scan that has several."""
-    change = np.flatnonzero(np.diff(run.scans)) + 1
-    starts = np.concatenate([[0], change]) if len(run.scans) else np.zeros(0, dtype=int)
-    ends = np.concatenate([change, [len(run.scans)]]) - 1 if len(run.scans) else starts
-    mask = np.zeros(len(run.scans), dtype=bool)
-    mask[starts] = mask[ends] = True
-    return mask
+    """Which points (N,) are the first or the last of their scan."""
+    starts = np.diff(run.scans, prepend=-1) != 0
+    return starts | np.roll(starts, -1)
 
 
 def _correlation_columns(

@@ -68,7 +68,7 @@ def class_shape_of(scenarios: Sequence[Scenario]) -> ClassShape:
     contains the limbs in all poses. So its extents are `TOWARDS_BOX` of the way from the mean's to
     the box.
     """
-    size = _boxes(scenarios).mean(axis=0)
+    size = np.mean([np.ptp(scenario.box_target, axis=0) for scenario in scenarios], axis=0)
     radii, stds = mean_radii(_of_size(scenarios, size))
     outline = radii[:, None] * _ALONG
     extents = np.ptp(outline, axis=0)
@@ -97,9 +97,8 @@ def outline_modes_of(scenarios: Sequence[Scenario], size: np.ndarray) -> Outline
 
 def _principal(differences: np.ndarray, count: int) -> np.ndarray:
     """The first `count` principal components (count, N) of `differences` (n, N), with their std."""
-    _, stds, directions = np.linalg.svd(
-        differences / np.sqrt(len(differences)), full_matrices=False
-    )
+    scaled = differences / np.sqrt(len(differences))
+    _, stds, directions = np.linalg.svd(scaled, full_matrices=False)
     components = (stds[:, None] * directions)[:count]
     return np.pad(components, ((0, count - len(components)), (0, 0)))
 
@@ -148,16 +147,11 @@ def mean_radii(outlines: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     return radii.mean(axis=0), radii.std(axis=0)
 
 
-def _boxes(scenarios: Sequence[Scenario]) -> np.ndarray:
-    """Lengths and widths (n, 2) m of the road users' boxes, in all poses of the limbs."""
-    return np.array([np.ptp(scenario.box_target, axis=0) for scenario in scenarios])
-
-
 def _of_size(scenarios: Sequence[Scenario], size: np.ndarray) -> list[np.ndarray]:
     """The outlines (M, 2) m, one for each pose of the limbs, of road users with a box of `size`."""
     return [
-        contour * (size / box)
-        for scenario, box in zip(scenarios, _boxes(scenarios), strict=True)
+        contour * (size / np.ptp(scenario.box_target, axis=0))
+        for scenario in scenarios
         for contour in scenario.contours_target
     ]
 
@@ -187,7 +181,7 @@ def _points(scenario: Scenario, scans: Scans, k: int, shape: ClassShape) -> np.n
     aspect = np.arctan2(-along[:, 1], -along[:, 0])
     offset = along[:, 0] * origin[1] - along[:, 1] * origin[0]
     depth = np.einsum("ni,ni->n", body, along)
-    scaled = shape.outline * (_boxes([scenario])[0] / shape.size)
+    scaled = shape.outline * (np.ptp(scenario.box_target, axis=0) / shape.size)
     low, high = widths(scaled, aspect)
     outline = first_depths(scaled, aspect, offset[:, None])[:, 0]
     behind = depth - outline

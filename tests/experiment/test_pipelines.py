@@ -102,7 +102,7 @@ def test_an_options_function_is_in_the_module_of_its_kind():
     assert TABLE["track"].functions["point"] == "stixel_cli.tracking.baselines.point:track"
 
 
-SHARED = {f"stixel_cli.recordings.{name}" for name in ("motion", "stereo_images", "truth")}
+SHARED = {f"stixel_cli.recordings.{name}" for name in ("stereo_images", "truth")}
 SHARED |= {f"stixel_cli.pictures.{name}" for name in ("birds_eye", "camera", "over_time")}
 """Of two stages each, which read the same files of a recording in the same way, or draw alike."""
 
@@ -134,7 +134,7 @@ DECLARED = {
     "stixel_cli.recordings.image_files": "recorded",
     "stixel_cli.recordings.kitti_tables": "recorded",
     "stixel_cli.feather": "recorded",
-    "stixel_cli.recordings.bag_messages": "recorded",
+    "stixel_cli.recordings.rosbag": "recorded",
     # The user's scans, sensor poses and truth: likewise.
     "stixel_cli.measurements.tables": "files",
     # The track of another program: likewise.

@@ -15,6 +15,7 @@ from stixel_cli import StixelStream, compose, stixels_from_disparity, stixels_fr
 from stixel_cli.config.real_images import real_image_parameters
 from stixel_cli.errors import ArgumentError, UserError
 from stixel_cli.live.pairs import check_rows, grey_pair
+from stixel_cli.rendering.frames import StereoPairs
 from stixel_cli.stereo.rectification import compare_rows
 
 sys.path.append(str(Path(__file__).parents[1] / "recordings"))
@@ -152,7 +153,7 @@ def street():
 )
 def test_rows_that_are_a_little_apart_are_said(street, rows, roll, scale, said):
     left, right, _, rig = street
-    assert check_rows((left, right), rig, True)  # A warning is an error here.
+    assert check_rows(StereoPairs(1, (left,), (right,)), rig, True)  # A warning is an error here.
     with pytest.warns(UserWarning, match=said) as caught:
         stixels_from_pair(left, moved(right, rows, roll, scale), rig)
     assert len(caught) == 1 and "rectify them" in str(caught[0].message)
@@ -211,7 +212,8 @@ def test_images_of_every_kind_have_the_stixels_of_eight_bits(pair):
     assert_same(stixels_from_pair(*(i[..., None] for i in grey), calibration).stixels, expected)
     # One scale: the darker image stays darker.
     dark = [wide[0].astype(np.uint16) * 257, wide[1].astype(np.uint16) * 100]
-    bright, darker = grey_pair(*dark)
+    pair = grey_pair(*dark)
+    bright, darker = pair.left[0], pair.right[0]
     assert darker.max() == pytest.approx(int(bright.max()) * 100 / 257, abs=1)
 
 

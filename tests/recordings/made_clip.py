@@ -4,13 +4,12 @@ import shutil
 
 import numpy as np
 
-from stixel_cli.export.kitti_folder import labels_text, write_clip
+from stixel_cli.export.export import labels_text, write_clip
 from stixel_cli.geometry.pose import ego_from_world, rectangle
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.images import ImageStack
-from stixel_cli.recordings.motion import recorded_motion
 from stixel_cli.recordings.parameters import KittiTracking, LabelledFolder
-from stixel_cli.recordings.truth import recorded_scenario
+from stixel_cli.recordings.truth import recorded_motion, recorded_scenario
 from stixel_cli.rendering.frames import StereoPairs
 from stixel_cli.scene.ego import Turning, ego_motion
 from stixel_cli.scene.scenario import Scenario
@@ -93,5 +92,5 @@ def tracking(folder, **changes):
 def truth_of(found):
     """The scenario of a recording that was made here."""
     rig, tables = small_rig(), found.tables
-    motion = recorded_motion(found.pose_files, rig, tables, found.count, 0.1)
+    motion = recorded_motion(found.pose_files, tables, found.count, 0.1, rig)
     return recorded_scenario(motion, found.truth_files, rig, tables, found.target)

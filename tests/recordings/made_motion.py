@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from made_clip import HEIGHT, small_rig, small_scenario
 
-from stixel_cli.export.kitti_folder import labels_text, write_clip
+from stixel_cli.export.export import labels_text, write_clip
 
 SEQUENCE = "0003"
 

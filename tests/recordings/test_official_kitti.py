@@ -13,9 +13,12 @@ from scipy.spatial.transform import Rotation
 from stixel_cli import compose
 from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.recordings.find import find_recording, guess_layout
-from stixel_cli.recordings.kitti_raw_tables import read_poses
-from stixel_cli.recordings.kitti_tables import read_calibration, read_labels
-from stixel_cli.recordings.kitti_tables import read_poses as read_own_poses
+from stixel_cli.recordings.kitti_tables import (
+    read_calibration,
+    read_labels,
+    read_packets,
+    read_poses,
+)
 from stixel_cli.recordings.parameters import LabelledFolder
 
 CLIP = DATA / "kitti_tracking/training"
@@ -40,8 +43,8 @@ def same_truth(found, expected):
 
 @pytest.mark.skipif(not OXTS.is_file(), reason=f"{OXTS} is missing")
 def test_the_oxts_of_clip_0005_give_its_poses():
-    found = read_poses(*[CLIP / "calib/0005.txt"] * 3, OXTS)
-    expected = read_own_poses(CLIP / "ego_poses/0005.txt")
+    found = read_packets(*[CLIP / "calib/0005.txt"] * 3, OXTS)
+    expected = read_poses(CLIP / "ego_poses/0005.txt")
     assert found.shape == expected.shape
     assert np.abs(found[:, :, 3] - expected[:, :, 3]).max() < 0.001
     turns = Rotation.from_matrix(found[:, :, :3].mT @ expected[:, :, :3])
@@ -123,7 +126,11 @@ IMU, VELODYNE, CAMERAS = (
 DAMAGE = {
     "entities": ("tracklet_labels.xml", lambda text: ENTITIES, "must declare no entities"),
     "no XML": ("tracklet_labels.xml", lambda text: text[:500], "not valid XML: "),
-    "no size": ("tracklet_labels.xml", lambda text: text.replace("<h>", "<h>-"), "h, w and l must"),
+    "no size": (
+        "tracklet_labels.xml",
+        lambda text: text.replace("<h>", "<h>-"),
+        "height, width and length must",
+    ),
     "words": (
         "tracklet_labels.xml",
         lambda text: text.replace("<tx>", "<tx>about", 1),

@@ -14,7 +14,7 @@ from stixel_cli import compose, stixels_from_pair, sweep
 from stixel_cli.calibration.road_pose import compared_rows, road_pose
 from stixel_cli.cli.app import main
 from stixel_cli.errors import UserError
-from stixel_cli.export.kitti_folder import calibration_text
+from stixel_cli.export.export import calibration_text
 from stixel_cli.images import encode_png
 from stixel_cli.live.pairs import stixels_from_disparity
 from stixel_cli.recordings.find import find_recording, guess_layout

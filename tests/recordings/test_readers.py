@@ -13,16 +13,15 @@ from stixel_cli.calibration.road_pose import compared_rows, contradiction, road_
 from stixel_cli.config.compose import compose
 from stixel_cli.config.real_images import real_image_parameters
 from stixel_cli.errors import ConfigurationError, UserError
-from stixel_cli.export.kitti_folder import calibration_text
+from stixel_cli.export.export import calibration_text
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.images import encode_png
 from stixel_cli.recordings.find import find_recording, guess_layout
 from stixel_cli.recordings.image_files import grey, image_size, read_image, rgb
 from stixel_cli.recordings.kitti_tables import read_calibration
-from stixel_cli.recordings.motion import recorded_motion, rocking
 from stixel_cli.recordings.rig_files import read_named_calibration
 from stixel_cli.recordings.stereo_images import read_left, read_pairs
-from stixel_cli.recordings.truth import recorded_scenario, slopes
+from stixel_cli.recordings.truth import recorded_motion, recorded_scenario, rocking, slopes
 from stixel_cli.recordings.types import Tables
 from stixel_cli.rendering.placement import rig_cameras
 
@@ -35,7 +34,7 @@ def copy(clip, tmp_path):
 
 def truth_of(recording, target=0, rig=None):
     rig = small_rig() if rig is None else rig
-    motion = recorded_motion(recording.pose_files, rig, recording.tables, recording.count, 0.1)
+    motion = recorded_motion(recording.pose_files, recording.tables, recording.count, 0.1, rig)
     return recorded_scenario(motion, recording.truth_files, rig, recording.tables, target)
 
 
@@ -124,7 +123,7 @@ def test_slopes_need_three_rows():
 
 
 def test_a_parked_ego_car_needs_no_poses():
-    motion = recorded_motion((), small_rig(), Tables(first=7), 3, 0.2)
+    motion = recorded_motion((), Tables(first=7), 3, 0.2, small_rig())
     assert motion.times == pytest.approx([0.0, 0.2, 0.4])
     assert (motion.poses_world == [0.0, 0.0, np.pi / 2]).all()
 
@@ -342,7 +341,7 @@ def test_a_png_of_every_kind_is_read(data, pixels, tmp_path):
     file = tmp_path / "a.png"
     file.write_bytes(data)
     assert image_size(file) == (2, 1)
-    assert read_left((file,), 0).left[0].tolist() == [pixels]
+    assert read_left((file,), 0)[0].tolist() == [pixels]
 
 
 def test_both_images_of_a_pair_have_one_scale(copy):

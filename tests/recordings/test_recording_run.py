@@ -16,7 +16,7 @@ from stixel_cli.config.compose import from_resolved
 from stixel_cli.config.folders import use_presets
 from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.experiment.stages import pipeline_stages, scan_count
-from stixel_cli.recordings import assembly
+from stixel_cli.recordings import find
 from stixel_cli.recordings.parameters import KittiTracking
 
 SMALL = ("stereo.nearest=1.6", "occupancy.nearest=3")
@@ -59,8 +59,8 @@ def test_the_recording_gives_rig_times_class_and_what_suits_real_images(clip):
 @pytest.fixture
 def heads(monkeypatch):
     """The number of times that the head of each image is read."""
-    counts, read = Counter(), assembly.image_size
-    monkeypatch.setattr(assembly, "image_size", lambda file: counts.update([file]) or read(file))
+    counts, read = Counter(), find.image_size
+    monkeypatch.setattr(find, "image_size", lambda file: counts.update([file]) or read(file))
     return counts
 
 

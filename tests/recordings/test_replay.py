@@ -14,8 +14,8 @@ from stixel_cli.engine.code import CodeIndex
 from stixel_cli.engine.keys import stage_identity
 from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.experiment.stages import pipeline_stages, scan_count
-from stixel_cli.recordings.motion import replayed_motion
 from stixel_cli.recordings.replay import replayed_scenario, smoothing_spline, travelled
+from stixel_cli.recordings.truth import recorded_motion
 
 FABRICATED = ("measurement=fabricated", "pictures.frames=[]", "executor=threads")
 
@@ -42,7 +42,7 @@ def replayed(folder, *more):
     """The scenario that the stages make."""
     stages = stages_of(folder, "measurement=fabricated", *more)
     ego, truth = stages["ego_motion"], stages["scenario"]
-    motion = replayed_motion(ego.files, **ego.settings)
+    motion = recorded_motion(ego.files, **ego.settings)
     return replayed_scenario(motion, truth.files, **truth.settings)
 
 

@@ -9,9 +9,9 @@ from stixel_cli import compose
 from stixel_cli.cli.app import main
 from stixel_cli.errors import UserError
 from stixel_cli.experiment.stages import pipeline_stages
-from stixel_cli.recordings.motion import replayed_motion
 from stixel_cli.recordings.replay import find_motion, replayed_scenario
 from stixel_cli.recordings.tables import read_labels, read_poses
+from stixel_cli.recordings.truth import recorded_motion
 
 pytest.importorskip("pyarrow", reason="needs pip install 'stixel[argoverse]'")
 
@@ -31,7 +31,7 @@ def test_target_and_ego_car_move_as_they_did(mounted, tmp_path):
     ego, truth = stages["ego_motion"], stages["scenario"]
     assert len(ego.files) == 1 + mounted
     found = replayed_scenario(
-        replayed_motion(ego.files, **ego.settings), truth.files, **truth.settings
+        recorded_motion(ego.files, **ego.settings), truth.files, **truth.settings
     )
     np.testing.assert_allclose(found.ego_poses_world, cameras, atol=1e-6)
     np.testing.assert_allclose(found.target_poses_world, targets, atol=1e-6)

@@ -14,9 +14,9 @@ from made_clip import plain_folder, small_rig
 
 from stixel_cli.cli.app import main
 from stixel_cli.recordings.find import find_recording, guess_layout
-from stixel_cli.recordings.motion import recorded_motion
 from stixel_cli.recordings.parameters import Rosbag
 from stixel_cli.recordings.stereo_images import read_left, read_pairs
+from stixel_cli.recordings.truth import recorded_motion
 
 pytest.importorskip("rosbags", reason="needs pip install 'stixel[rosbag]'")
 
@@ -71,9 +71,9 @@ def test_a_bag_has_the_images_and_poses_of_the_folder_it_was_made_from(
     theirs = read_pairs(there.images, range(1, 4))
     assert (ours.left.encoded, ours.right.encoded) == (theirs.left.encoded, theirs.right.encoded)
     left = read_left(found.left, 2, None, found.messages)
-    assert left.left.encoded == read_left(there.left, 2).left.encoded
+    assert left.encoded == read_left(there.left, 2).encoded
     motions = [
-        recorded_motion(one.pose_files, small_rig(), one.tables, 4, 0.1) for one in (found, there)
+        recorded_motion(one.pose_files, one.tables, 4, 0.1, small_rig()) for one in (found, there)
     ]
     np.testing.assert_allclose(motions[0].poses_world, motions[1].poses_world, atol=1e-6)
     assert np.ptp(motions[0].poses_world[:, 1]) > 0.5

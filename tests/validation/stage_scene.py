@@ -8,8 +8,7 @@ from stixel_cli.stereo.disparities import Disparities
 from stixel_cli.stixels.parameters import FreeSpaceParameters, OccupancyParameters, RigRoad
 from stixel_cli.stixels.road import base_rows, road_line
 from stixel_cli.stixels.types import FreeSpace, Stixels
-from stixel_cli.validation.stage_errors import stage_errors
-from stixel_cli.validation.stage_truth import frame_truth
+from stixel_cli.validation.stage_errors import frame_truth, stage_errors
 
 ROAD = RigRoad(kind="rig")
 GRID = OccupancyParameters(kind="polar", nearest=3.0, farthest=50.0)

@@ -6,8 +6,7 @@ from constants import with_constants
 from stage_scene import DISPARITY, GRID, PATH, ROAD, make_rig, scene, truth_of
 
 from stixel_cli.rendering.frames import ROAD_ID, TARGET_ID
-from stixel_cli.validation.stage_errors import inside_target
-from stixel_cli.validation.stage_truth import frame_truth, nearest_rows
+from stixel_cli.validation.stage_errors import frame_truth, inside_target, nearest_rows
 
 
 @pytest.mark.parametrize("pitch", [0.0, 2.0])
