@@ -74,8 +74,7 @@ def read_class(file: Path) -> dict[str, Any]:
         if sensor in known:
             if not isinstance(known[sensor], dict):
                 raise UserError(f"{file}: {sensor}: must map names to numbers")
-            counts = COUNTS_OF_SENSOR
-            _check_entries(file, f"{sensor}.", known[sensor], counts, counts)
+            _check_entries(file, f"{sensor}.", known[sensor], COUNTS_OF_SENSOR, COUNTS_OF_SENSOR)
             stds = [*known[sensor]["depth_stds"], *known[sensor]["inset_stds"]]
             if min(stds) < 0 or known[sensor]["std_factor"] <= 0:
                 raise UserError(f"{file}: {sensor}: stds must be ≥ 0 and std_factor > 0")
