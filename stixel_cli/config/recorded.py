@@ -112,26 +112,26 @@ def _parameters(
 
     ConfigurationError for a setting that the recording gives.
     """
-    for name in typed:
-        outer = name.partition(".")[0]
-        if group == "source" and outer in OF_THE_SCENE and name != "ego":
-            raise ConfigurationError(
-                f"{name}: is of the rendered scene; source={section['kind']} has no {outer} to set"
-            )
-        for key, reason in OF_THE_MOTION.items() if group == "path" else ():
-            if f"{name}.".startswith(f"{key}."):
-                raise ConfigurationError(f"{name}: with path=recorded, {reason}")
     content = {**section, "sample_time": section["sample_time"] or 0.1}
     if group == "path":
         content["duration"] = 1.0  # It follows from the files.
     try:
-        return read_as(_SCHEMAS[group], content)
+        given = read_as(_SCHEMAS[group], content)
     except ValidationError as error:
         faults = [fault | {"loc": (group, *fault["loc"])} for fault in error.errors()]
         text = messages.describe_faults(faults, {group: content}, typed)
         raise ConfigurationError(text) from None
     except ValueError as fault:
         raise ConfigurationError(str(fault)) from None
+    for name in typed:
+        outer = name.partition(".")[0]
+        if group == "source" and outer in OF_THE_SCENE and name != "ego":
+            fault = f"is of the rendered scene; source={given.kind} has no {outer} to set"
+            raise ConfigurationError(f"{name}: {fault}")
+        for key, reason in OF_THE_MOTION.items() if group == "path" else ():
+            if f"{name}.".startswith(f"{key}."):
+                raise ConfigurationError(f"{name}: with path=recorded, {reason}")
+    return given
 
 
 def _missing(
