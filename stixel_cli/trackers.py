@@ -159,18 +159,20 @@ def _parameters(road_user: str, settings: dict[str, Any]) -> "tuple[PriorShape, 
     """The prior of a class and the parameters of the tracker, from the files of `conf/`."""
     from pydantic import ValidationError
 
+    from stixel_cli.config import folders
     from stixel_cli.config.annotations import first_fault, read_as
-    from stixel_cli.config.choice import compose_options, with_values
     from stixel_cli.scene.parameters import ROAD_USER_CLASSES
     from stixel_cli.tracking.contour.contour_parameters import ContourParameters
 
     classes = (*ROAD_USER_CLASSES, "unknown")
     if road_user not in classes:
         raise ArgumentError(f"road_user: must be one of {', '.join(classes)}, got {road_user!r}")
-    plain = with_values(compose_options({"prior": road_user, "tracker": "contour"}).plain, {})
+    prior = folders.option_values("prior", road_user)
+    of_prior = {f"${{prior.{name}}}": value for name, value in prior.items()}
+    values = folders.option_values("tracker", "contour") | settings
+    values = {name: of_prior.get(str(value), value) for name, value in values.items()}
     try:
-        tracker = read_as(ContourParameters, plain["tracker"] | settings)
-        return PriorShape(**plain["prior"]), tracker
+        return PriorShape(**prior), read_as(ContourParameters, values)
     except ValidationError as error:
         raise ArgumentError(": ".join(first_fault(error)[:2])) from None
     except (TypeError, ValueError) as error:

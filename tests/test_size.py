@@ -12,19 +12,19 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 48_656
+TOTAL = 48_643
 """Greatest number of lines in all."""
 
 MODULES = 289
 """Greatest number of modules, without `__init__`."""
 
 BUDGET = {
-    "": 1505,
+    "": 1507,
     "answers": 1195,
     "benchmark": 1018,
     "calibration": 576,
     "cli": 2819,
-    "config": 2858,
+    "config": 2843,
     "engine": 4303,
     "evaluation": 1728,
     "experiment": 1360,

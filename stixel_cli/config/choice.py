@@ -1,20 +1,20 @@
-"""The options of all groups, composed from the files of `conf/`; values set in them.
+"""The options of all groups, composed by Hydra; values set in them.
 
-The files have a part of Hydra's grammar: `defaults` names other options of the file's group, the
-option of a group within it, or, of an experiment, after `override`, that of any group. `${KEY}` is
-a reference. Only an experiment has `inner_options` and `sources`: `conf/experiment/thesis.yaml`.
-The schema, which takes long to import, only explains faults and fits an experiment's values.
+Of the group `experiment`, whose files set options and values of several groups, two parts are not
+Hydra's: `inner_options` and `sources`, see `conf/experiment/thesis.yaml`.
 """
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from stixel_cli.config import folders
-from stixel_cli.config.folders import EXPERIMENT, INNER, SOURCES, group_options
-from stixel_cli.config.texts import suggestion
+from stixel_cli.config import folders, messages
+from stixel_cli.config.folders import EXPERIMENT, INNER, SOURCES
+from stixel_cli.config.overrides import parser
+from stixel_cli.config.texts import override_text, suggestion
 from stixel_cli.errors import BelongsElsewhere, ConfigurationError, printable
+from stixel_cli.files import read_yaml_text
 
 _TO_RESOLVE = re.compile(r"\$\{|\?\?\?")
 _REFERENCE = re.compile(r"\$\{([A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*)\}")
@@ -25,7 +25,7 @@ class Choice:
     """The configuration of chosen options, before values are set; not to be changed.
 
     Attributes:
-        plain: in plain types with references as text.
+        plain: in plain types with interpolations as text.
         options: the option of each group.
     """
 
@@ -33,105 +33,112 @@ class Choice:
     options: dict[str, str]
 
 
-def compose_options(chosen: Mapping[str, str]) -> Choice:
+def compose_options(chosen: Mapping[str, str], hydra: tuple[Any, Any] | None = None) -> Choice:
     """The choice of groups and options, with all other groups at their default.
 
+    `hydra` are its files, if they were read before: `hydra_files`.
+
     Raises:
-        UserError: in one line, for an option that is missing, or a file that is not valid.
+        UserError: in one line, if Hydra cannot compose the options.
     """
-    top = folders.values_beside_groups("config")
-    configured, options = folders.chosen_options(top), dict(chosen)
-    options.setdefault(EXPERIMENT, configured[EXPERIMENT])
-    # The file that includes another one, and a later line, come first.
-    for item in reversed([*_listed(EXPERIMENT, options[EXPERIMENT])]):
-        if isinstance(item, tuple):
-            options.setdefault(*item)
-    options = configured | options
-    for group, option in options.items():
-        if reference := _REFERENCE.fullmatch(option):
-            options[group] = options.get(reference[1], option)
-    used: dict[str, str] = {}
-    settings = _section(EXPERIMENT, options, used)
-    options = settings.pop(INNER, {}) | options
-    plain = {g: _section(g, options, used) for g in configured if g != EXPERIMENT}
-    plain |= {name: value for name, value in top.items() if name != "defaults"}
-    settings.pop(SOURCES, None)
-    if settings:
-        plain = _merged(plain, _fitting(settings, plain))
-    return Choice(plain, dict(sorted(used.items())))
-
-
-def _listed(
-    group: str, option: str, pending: tuple[str, ...] = ()
-) -> Iterator[tuple[str, str] | dict[str, Any]]:
-    """The keys of an option, and of those that it derives from, in the order of merging.
-
-    Among them, as a group and its option, what they choose of groups within theirs; an experiment
-    chooses of all groups.
-    """
-    if option not in group_options()[group]:
-        # Typed options exist: a missing one follows another group, as `prior` follows `road_user`.
-        raise ConfigurationError(
-            f"{group}: unknown option {option!r}, which follows from what is chosen; add conf/"
-            f"{group}/{option}.yaml, or choose {group}={'|'.join(group_options()[group])}"
-        )
-    content, file = folders.option_content(group, option), folders.option_file(group, option)
-    if option in pending:
-        raise ConfigurationError(f"{file}: defaults: {option} includes itself")
-    defaults = content.get("defaults", [])
-    for entry in defaults if "_self_" in defaults else [*defaults, "_self_"]:
-        if entry == "_self_":
-            yield {name: value for name, value in content.items() if name != "defaults"}
-        elif isinstance(entry, str):
-            yield from _listed(group, entry, (*pending, option))
-        else:
-            for name, one in folders.chosen_options({"defaults": [entry]}).items():
-                chosen = name if group == EXPERIMENT else f"{group}/{name}"
-                if chosen not in group_options():
-                    raise ConfigurationError(f"{file}: defaults: {printable(name)}: no such group")
-                yield chosen, one
-
-
-def _section(group: str, options: Mapping[str, str], used: dict[str, str]) -> dict[str, Any]:
-    """The merged keys of the option of a group, and of the groups within it; they are `used`."""
-    section: dict[str, Any] = {}
-    used[group] = options[group]
-    listed = [*_listed(group, options[group])]
-    chosen = dict(item for item in listed if isinstance(item, tuple)) | options
-    for item in listed:
-        if isinstance(item, dict):
-            section = _merged(section, item)
-        elif group != EXPERIMENT and item[0] not in used:
-            inner = item[0].rpartition("/")[2]
-            section = _merged(section, {inner: _section(item[0], chosen, used)})
-    return section
-
-
-def _merged(section: Mapping[str, Any], more: Mapping[str, Any]) -> dict[str, Any]:
-    both = {n: _merged(section[n], v) for n, v in more.items() if _are_mappings(section.get(n), v)}
-    return {**section, **more, **both}
-
-
-def _are_mappings(*values: Any) -> bool:
-    return all(isinstance(value, Mapping) for value in values)
-
-
-def _fitting(settings: Mapping[str, Any], plain: Mapping[str, Any]) -> dict[str, Any]:
-    """The settings of an experiment without the keys that the chosen options lack."""
+    hydra = hydra or hydra_files()
+    choice = _by_hydra(chosen, hydra)
+    if choice.options[EXPERIMENT] == folders.default_option(EXPERIMENT):
+        return choice
+    # Inner groups that the chosen options lack are left out.
+    inner = choice.plain.get(INNER, {})
+    if not isinstance(inner, Mapping):
+        option = choice.options[EXPERIMENT]
+        raise ConfigurationError(f"{EXPERIMENT}={option}: {INNER}: must be GROUP: OPTION pairs")
+    missing = {g: o for g, o in inner.items() if g in choice.options and g not in chosen}
+    if missing:
+        return compose_options({**chosen, **missing}, hydra)
     from stixel_cli.config.keys import chosen_kinds, known_keys
 
-    kinds = chosen_kinds(_merged(plain, settings))
+    plain = {name: value for name, value in choice.plain.items() if name not in (INNER, SOURCES)}
+    kinds = chosen_kinds(plain)
     lacking = {n for n, keys in known_keys().items() if not any(key.fits(kinds) for key in keys)}
+    return Choice(_without(lacking, plain), choice.options)
 
-    def kept(section: Mapping[str, Any], prefix: str) -> dict[str, Any]:
-        inner = {
-            n: kept(v, f"{prefix}{n}.") if isinstance(v, dict) else v
-            for n, v in section.items()
-            if prefix + n not in lacking
-        }
-        return {n: v for n, v in inner.items() if v != {} or section[n] == {}}
 
-    return kept(settings, "")
+def _without(names: Collection[str], section: Mapping[str, Any], prefix: str = "") -> Any:
+    """A section without the keys that an experiment sets and the chosen options lack."""
+    kept = {}
+    for name, value in section.items():
+        if prefix + name not in names:
+            rest = _without(names, value, f"{prefix}{name}.") if isinstance(value, dict) else value
+            if rest != {} or value == {}:
+                kept[name] = rest
+    return kept
+
+
+def hydra_files() -> tuple[Any, Any]:
+    """Hydra's loader, and the files of `conf/` and of own presets, each read once.
+
+    `hydra.compose` goes through a singleton that a notebook may use, reads all files again, and
+    composes Hydra's settings of a job: three times the time. What is here is not public.
+    """
+    from hydra._internal.config_loader_impl import ConfigLoaderImpl
+    from hydra._internal.config_repository import CachingConfigRepository
+    from hydra._internal.config_search_path_impl import ConfigSearchPathImpl
+    from hydra.core.plugins import Plugins
+
+    Plugins.instance()  # It registers the kinds of files.
+    search = ConfigSearchPathImpl()
+    for folder in folders.roots():
+        search.append("stixel", f"file://{folder}")
+    search.append("schema", "structured://")  # Hydra asks for it.
+    loader = ConfigLoaderImpl(search)
+    return loader, CachingConfigRepository(loader.repository)
+
+
+def _by_hydra(chosen: Mapping[str, str], hydra: tuple[Any, Any]) -> Choice:
+    """`config.yaml` with the chosen options, by Hydra; its own settings are left out."""
+    from hydra._internal.defaults_list import create_defaults_list
+    from hydra.errors import HydraException
+    from omegaconf import OmegaConf
+    from omegaconf.errors import OmegaConfBaseException
+    from yaml import YAMLError
+
+    presets = folders.PRESETS.folder
+    try:
+        loader, files = hydra
+        parsed = [parser().parse_override(override_text(*one)) for one in sorted(chosen.items())]
+        listed = create_defaults_list(
+            files, "config", parsed, prepend_hydra=False, skip_missing=False
+        )
+        composed = loader._compose_config_from_defaults_list(listed.defaults, files)
+        options = listed.overrides.known_choices
+        return Choice(
+            OmegaConf.to_container(composed, resolve=False),
+            {group: options[group] for group in folders.group_options() if group in options},
+        )
+    except (HydraException, OmegaConfBaseException) as fault:
+        raise ConfigurationError(_not_composed(fault)) from None
+    except Exception as fault:
+        reason = printable(" ".join(str(fault).split()), 300)
+        if presets is not None:
+            if isinstance(fault, RecursionError):
+                reason = "a preset includes itself in its defaults"
+            raise ConfigurationError(f"--config-dir: {presets}: {reason}") from None
+        if not isinstance(fault, YAMLError | UnicodeDecodeError | RecursionError):
+            raise
+        # Hydra does not name the file in some of these.
+        for path in sorted(folders.shipped_folder("conf").rglob("*.yaml")):
+            read_yaml_text(path)
+        raise ConfigurationError(reason) from None
+
+
+def _not_composed(fault: Exception) -> str:
+    """One line for options that Hydra cannot compose."""
+    # Typed options exist: a missing one follows another group, as `prior` follows `road_user`.
+    group, _, option = (getattr(fault, "missing_cfg_file", None) or "").rpartition("/")
+    if group not in folders.group_options():
+        return printable((str(fault).splitlines() or ["no reason given"])[0], 300)
+    return (
+        f"{group}: unknown option {option!r}, which follows from what is chosen; add "
+        f"conf/{group}/{option}.yaml, or choose {group}={'|'.join(folders.group_options()[group])}"
+    )
 
 
 def set_by_experiment(option: str) -> dict[str, Any]:
@@ -164,7 +171,7 @@ def with_values(plain: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str
             # The dicts that contain the value are copied, because they are shared.
             section[part] = section = dict(inner) if isinstance(inner, Mapping) else {}
         if last not in section:
-            from stixel_cli.config import keys, messages
+            from stixel_cli.config import keys
 
             raise BelongsElsewhere(messages.unknown_key(name, keys.chosen_kinds(plain)), name)
         section[last] = value

@@ -1,4 +1,4 @@
-"""From overrides to a validated configuration, by the files of `conf/` and the schema."""
+"""From overrides to a validated configuration, by Hydra and the schema."""
 
 import copy
 from collections.abc import Iterable, Mapping, Sequence
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from stixel_cli.border import TYPED
 from stixel_cli.config import folders, messages, override_checks, own_options
 from stixel_cli.config.annotations import read_as
-from stixel_cli.config.choice import Choice, compose_options, with_values
+from stixel_cli.config.choice import Choice, compose_options, hydra_files, with_values
 from stixel_cli.config.overrides import Override
 from stixel_cli.config.schema import Configuration, check
 from stixel_cli.config.texts import split_override
@@ -170,7 +170,7 @@ def compose(overrides: Sequence[str] = (), working_directory: str = "") -> Compo
 class Composer:
     """Composes configurations one after the other.
 
-    Each choice of options is composed once; values are then set in plain dicts. Files of `conf/`
+    Hydra composes each choice of options once; values are then set in plain dicts. Files of `conf/`
     and the user's own modules, which are imported to check their parameters unless `imports` is
     false, are taken as they were at first; each recording is opened once. Equal groups of different
     configurations are one object, so that derived values can be cached by identity; do not change
@@ -182,6 +182,7 @@ class Composer:
         folders.group_options.cache_clear()  # the files may have changed since, as in a notebook
         self._working_directory = working_directory
         self._choices: dict[str, Choice] = {}
+        self._hydra = None
         self._parts: dict[tuple[str, str], Any] = {}
         self._checked: dict[str, dict[str, dict[str, Any]]] = {}
         self._files = UserFiles()
@@ -232,7 +233,8 @@ class Composer:
         values = {name: value for name, value in settings.items() if name not in options}
         key = repr(sorted(options.items()))
         if key not in self._choices:
-            self._choices[key] = compose_options(options)
+            self._hydra = self._hydra or hydra_files()
+            self._choices[key] = compose_options(options, self._hydra)
         choice = self._choices[key]
         resolved = with_values(choice.plain, values)
         resolved.pop(folders.PACE)

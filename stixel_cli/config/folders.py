@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from stixel_cli.border import Origin, forget_told
-from stixel_cli.errors import ConfigurationError, printable
-from stixel_cli.files import check_plain, read_yaml_text
+from stixel_cli.errors import ConfigurationError
+from stixel_cli.files import read_yaml
 from stixel_cli.remembered import remembered
 
 EXPERIMENT = "experiment"
@@ -131,10 +131,20 @@ def use_presets(folder: Path | None) -> Path | None:
             )
         if option in groups[group]:
             raise ConfigurationError(f"--config-dir: {path}: {group}={option} exists; rename it")
-        _content(path)
+        _check_preset(path)
     group_options.cache_clear()
     PRESETS.folder = folder.resolve()
     return folder
+
+
+def _check_preset(path: Path) -> None:
+    content = read_yaml(path) or {}
+    if not isinstance(content, dict):
+        raise ConfigurationError(f"--config-dir: {path}: must map keys to values")
+    for key, kind in (("defaults", list), ("inner_options", dict), ("sources", dict)):
+        if not isinstance(content.get(key, kind()), kind):
+            what = "list" if kind is list else "mapping"
+            raise ConfigurationError(f"--config-dir: {path}: {key}: must be a {what}")
 
 
 def roots() -> list[Path]:
@@ -213,54 +223,15 @@ def values_that_suit(suitable: Mapping[str, Any], facts: Mapping[str, Any]) -> d
 
 @remembered
 def _content(path: Path) -> dict[str, Any]:
-    """The keys of a file of `conf/` or of a preset; UserError in one line that names the file."""
-    import yaml
-
-    text = read_yaml_text(path)
-    try:
-        content = yaml.load(text, _loader()) or {}
-    except (yaml.YAMLError, ValueError, TypeError) as fault:
-        problem = getattr(fault, "problem", "a value is not valid")
-        raise ConfigurationError(f"{path}: not valid YAML: {problem}") from None
-    check_plain(content, path)
-    if not isinstance(content, dict):
-        raise ConfigurationError(f"{path}: must map keys to values")
-    for name, kind in (("defaults", list), (INNER, dict), (SOURCES, dict)):
-        if not isinstance(content.get(name, kind()), kind):
-            what = "list" if kind is list else "mapping"
-            raise ConfigurationError(f"{path}: {name}: must be a {what}")
-    for part in (*content.get("defaults", ()), content.get(INNER, {})):
-        options = part.values() if isinstance(part, dict) else [part]
-        if not all(isinstance(option, str) for option in options):
-            raise ConfigurationError(f"{path}: must name options, got {printable(str(part))}")
-    return content
-
-
-@cache
-def _loader() -> type:
-    """A loader of YAML as OmegaConf's: 1e-7 is a number, and no key is given twice."""
-    import yaml
-
-    class Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):
-        def construct_mapping(self, node: Any, deep: bool = False) -> dict[Any, Any]:
-            names = {str(key.value) for key, _ in node.value}
-            twice = len(names) < len(node.value)
-            mapping = super().construct_mapping(node, deep)
-            if twice or not all(isinstance(name, str) for name in mapping):
-                what = "is given twice" if twice else "is not text"
-                raise yaml.constructor.ConstructorError(problem=f"a key {what}")
-            return mapping
-
-    number = re.compile(r"[-+]?(\d[\d_]*\.?[\d_]*|\.[\d_]+)[eE][-+]?\d+")
-    Loader.add_implicit_resolver("tag:yaml.org,2002:float", number, [*"-+.0123456789"])
-    return Loader
+    content = read_yaml(path)
+    return content if isinstance(content, dict) else {}
 
 
 def chosen_options(content: Mapping[str, Any]) -> dict[str, str]:
     """Group to option, as the list of defaults in a file of `conf/` chooses them."""
     return {
         name.removeprefix("override").strip(" /"): option
-        for entry in content.get("defaults", ())
+        for entry in content.get("defaults") or ()
         if isinstance(entry, dict)
         for name, option in entry.items()
     }

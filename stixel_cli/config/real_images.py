@@ -3,8 +3,7 @@
 from functools import cache
 from types import SimpleNamespace
 
-from stixel_cli.config.choice import compose_options, with_values
-from stixel_cli.config.folders import values_beside_groups, values_that_suit
+from stixel_cli.config import folders
 
 
 @cache
@@ -28,9 +27,15 @@ def real_image_parameters() -> SimpleNamespace:
         "extraction": parameters.ExtractionParameters,
         "measurement": StixelsParameters,
     }
-    suitable = values_beside_groups("recorded")["source"]
-    facts = suitable["options"] | {"source": "pair", "auto": False}
-    plain = with_values(
-        compose_options(suitable["options"]).plain, values_that_suit(suitable, facts)
-    )
-    return SimpleNamespace(**{group: schema(**plain[group]) for group, schema in schemas.items()})
+    suitable = folders.values_beside_groups("recorded")["source"]
+    options = suitable["options"]
+    suiting = folders.values_that_suit(suitable, options | {"source": "pair", "auto": False})
+    sections = {
+        group: folders.option_values(group, options.get(group) or folders.configured_option(group))
+        for group in schemas
+    }
+    for key, value in suiting.items():
+        group, _, name = key.partition(".")
+        if group in sections:
+            sections[group][name] = value
+    return SimpleNamespace(**{group: schemas[group](**v) for group, v in sections.items()})

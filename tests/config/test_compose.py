@@ -7,14 +7,8 @@ import pytest
 import yaml
 
 from stixel_cli.border import TYPED
-from stixel_cli.config.choice import compose_options
 from stixel_cli.config.compose import Composer, compose, from_resolved
-from stixel_cli.config.folders import (
-    EXPERIMENT,
-    group_options,
-    option_values,
-    shipped_folder,
-)
+from stixel_cli.config.folders import group_options, option_values, shipped_folder
 from stixel_cli.config.override_checks import read_overrides
 from stixel_cli.config.texts import override_text
 from stixel_cli.errors import ConfigurationError, UserError
@@ -140,60 +134,6 @@ def test_threads_do_not_disturb_each_other():
     with ThreadPoolExecutor(3) as pool:
         composed = list(pool.map(lambda seed: compose([f"seed={seed}"]), seeds))
     assert [composition.configuration.seed for composition in composed] == list(seeds)
-
-
-@pytest.mark.parametrize("line", range(max(map(len, group_options().values()))))
-def test_each_option_is_composed_as_by_hydra(line):
-    import hydra
-    from omegaconf import OmegaConf
-
-    chosen = {group: options[line % len(options)] for group, options in group_options().items()}
-    chosen |= {EXPERIMENT: "none", "measurement": "fabricated"}
-    if line % 2:
-        chosen.pop("measurement/noise")
-        chosen["measurement"] = group_options()["measurement"][line % 5]
-    with hydra.initialize_config_dir(str(shipped_folder("conf")), version_base="1.3"):
-        composed = hydra.compose("config", [f"{name}={one}" for name, one in chosen.items()])
-    found = compose_options(chosen)
-    assert found.options == found.options | chosen
-    assert repr(found.plain) == repr(OmegaConf.to_container(composed))
-
-
-def test_a_preset_derives_and_overrides_as_by_hydra(tmp_path, monkeypatch):
-    import hydra
-    from omegaconf import OmegaConf
-
-    package = tmp_path / "stixel_cli"
-    shutil.copytree(shipped_folder("conf"), package / "conf")
-    monkeypatch.setattr("stixel_cli.config.folders._PACKAGE", package)
-    for name, content in (
-        ("tracker/coarse", "defaults: [gp_ekf, _self_]\njitter: 1e-5\n"),
-        ("tracker/coarser", "defaults: [coarse]\nbasis_points: 12\n"),
-        ("tracker/last", "defaults: [_self_, coarse]\nbasis_points: 12\nmore: {of: 1.5e3}\n"),
-        ("measurement/few", "defaults: [fabricated, _self_, override noise: constant]\nrays: 9\n"),
-        ("experiment/base", "# @package _global_\ndefaults: [override /path: circle]\nseed: 4\n"),
-        (
-            "experiment/mine",
-            "# @package _global_\ndefaults: [base, _self_, override /road_user: cyclist,"
-            " override /path: crossing]\ntracker: {jitter: 2e-5}\nmetrics: [a:b]\n",
-        ),
-    ):
-        (package / "conf" / f"{name}.yaml").write_text(content)
-    group_options.cache_clear()
-    with hydra.initialize_config_dir(str(package / "conf"), version_base="1.3"):
-        for words in (
-            ["tracker=coarse"],
-            ["tracker=coarser", "prior=car", "road_user=pedestrian"],
-            ["tracker=last"],
-            ["measurement=few"],
-            ["measurement=few", "measurement/noise=stereo"],
-            ["experiment=mine"],
-            ["experiment=mine", "path=turn", "tracker=coarse"],
-        ):
-            expected = OmegaConf.to_container(hydra.compose("config", overrides=words))
-            found = compose_options(dict(word.split("=") for word in words))
-            assert repr(found.plain) == repr(expected)
-    group_options.cache_clear()
 
 
 def test_nothing_stays_behind_in_hydra():
