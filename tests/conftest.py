@@ -36,9 +36,10 @@ def shared_cache(tmp_path_factory):
 
 
 @pytest.fixture(scope="session", autouse=True)
-def _no_user_cache(shared_cache):
-    """For fixtures of any scope, too."""
+def _nothing_of_the_user(shared_cache, tmp_path_factory):
+    """Neither the user's cache nor `results` of this clone, for fixtures of any scope, too."""
     with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(tmp_path_factory.mktemp("work"))
         patch.setenv("STIXEL_CACHE", str(shared_cache))
         yield
 

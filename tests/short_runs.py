@@ -1,8 +1,10 @@
 """Runs of this process are short: they draw nothing, start no processes and sum up few metrics."""
 
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
+from pathlib import Path
 from pkgutil import resolve_name
 
 import pytest
@@ -55,3 +57,13 @@ _whole = cache(resolve_name)
 def marks_of(node: pytest.Item | pytest.Module) -> list[str]:
     """Those of the marks that a test or a module has."""
     return [mark for mark in SHORT if node.get_closest_marker(mark)]
+
+
+def short_python(script: str, *marks: str) -> list[str]:
+    """The command of another Python that executes a file; its runs are as with these marks."""
+    program = (
+        f"import runpy, sys; sys.path.append({str(Path(__file__).parent)!r}); "
+        "from short_runs import runs_with\n"
+        f"with runs_with(*{marks}): runpy.run_path({script!r}, run_name='__main__')"
+    )
+    return [sys.executable, "-c", program]

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from short_runs import short_python
 
 import stixel_cli
 from stixel_cli import compose, load, plot, run, sweep
@@ -292,7 +293,11 @@ def test_a_tracker_may_be_a_function_of_a_script_or_notebook(tmp_path):
     (tmp_path / "script.py").write_text(SCRIPT, encoding="utf-8")
     environment = os.environ | {"STIXEL_CACHE": str(tmp_path / "cache")}
     done = subprocess.run(
-        [sys.executable, "script.py"], cwd=tmp_path, env=environment, capture_output=True, text=True
+        short_python("script.py", "workers"),
+        cwd=tmp_path,
+        env=environment,
+        capture_output=True,
+        text=True,
     )
     assert done.returncode == 0, done.stderr
     size, trackers, lambda_fault, object_fault = done.stdout.splitlines()
