@@ -143,7 +143,7 @@ def test_a_sweep_gives_a_record_a_point(tmp_path):
     assert len(repr(result)) < 200 and "2 of 2 runs done" in repr(result)
 
 
-@pytest.mark.drawn
+@pytest.mark.sketched
 def test_a_result_is_short_in_a_terminal_and_a_picture_in_a_notebook():
     result = run(FABRICATED, "seed=1")
     assert len(repr(result)) < 200
@@ -202,7 +202,7 @@ def test_overrides_are_texts_mappings_or_keywords():
 @pytest.mark.parametrize(
     "settings", [("road_user=cyclist",), ("tracker=contour", "tracker.lag=2", "prior=unknown")]
 )
-@pytest.mark.drawn
+@pytest.mark.sketched
 def test_a_folder_is_loaded_as_the_run_that_wrote_it(tmp_path, settings):
     fresh = run([*FABRICATED, *settings], results=tmp_path, name="mine")
     stored = load(str(tmp_path / "mine"))
