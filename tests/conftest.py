@@ -38,7 +38,7 @@ def shared_cache(tmp_path_factory):
 @pytest.fixture(scope="session", autouse=True)
 def _nothing_of_the_user(shared_cache, tmp_path_factory):
     """Neither the user's cache nor `results` of this clone, for fixtures of any scope, too."""
-    with pytest.MonkeyPatch.context() as patch:
+    with pytest.MonkeyPatch.context() as patch, runs_with():
         patch.chdir(tmp_path_factory.mktemp("work"))
         patch.setenv("STIXEL_CACHE", str(shared_cache))
         yield
