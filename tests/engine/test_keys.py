@@ -46,7 +46,7 @@ def spelled(value):
     return (type(value).__name__, repr(value))
 
 
-@settings(max_examples=60)
+@settings(max_examples=200)
 @given(plain, plain)
 def test_digests_agree_exactly_when_values_do(one, other):
     same = digest(canonical(one)) == digest(canonical(other))

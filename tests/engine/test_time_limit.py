@@ -71,7 +71,7 @@ def test_the_time_a_lock_is_held_by_another_does_not_count(project):
     def hold():
         with project.store.lock(graph.of_stage("numbers")[0].key):
             held.set()
-            gone.wait(2.0)
+            gone.wait(4.0)
 
     thread = threading.Thread(target=hold)
     thread.start()

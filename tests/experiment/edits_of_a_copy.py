@@ -22,7 +22,7 @@ RUNS = (
         "tracker=contour",
     ),
 )
-EACH = 3
+EACH = 5
 """Edited modules of each kind."""
 
 FILES = (
