@@ -1,7 +1,7 @@
 """What every test may use: a cache of its own, away from the user's, and short runs."""
 
 import os
-from functools import cache
+from functools import cache, lru_cache
 
 # Before NumPy is imported: with two threads for each of two test processes, BLAS mostly waits.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -15,9 +15,15 @@ from browser import open_page as open_page
 from rendered_clip import clip as clip
 from short_runs import marks_of, runs_with
 
+from stixel_cli.scene import contours, road_user
+
 # The same examples in every run, and no fault because the machine is busy.
 hypothesis.settings.register_profile("same", derandomize=True, deadline=None, max_examples=20)
 hypothesis.settings.load_profile("same")
+
+# The tests have more shapes than a run: meshes and outlines of more of them are remembered.
+contours._united = cache(contours._united.__wrapped__)
+road_user._built_in = lru_cache(maxsize=16)(road_user._built_in.__wrapped__)
 
 # Typer makes all commands anew for each command line of a process, of which the tests have many.
 typer.main.get_command = cache(typer.main.get_command)
@@ -36,9 +42,10 @@ def shared_cache(tmp_path_factory):
 
 
 @pytest.fixture(scope="session", autouse=True)
-def _no_user_cache(shared_cache):
-    """For fixtures of any scope, too."""
-    with pytest.MonkeyPatch.context() as patch:
+def _nothing_of_the_user(shared_cache, tmp_path_factory):
+    """Neither the user's cache nor `results` of this clone, for fixtures of any scope, too."""
+    with pytest.MonkeyPatch.context() as patch, runs_with():
+        patch.chdir(tmp_path_factory.mktemp("work"))
         patch.setenv("STIXEL_CACHE", str(shared_cache))
         yield
 
@@ -57,5 +64,8 @@ def _runs_of_test(request, _runs_of_module):
 
 
 def pytest_collection_modifyitems(items):
-    """The longest test first: at the end, the other worker would wait for it."""
+    """The longest tests first: at the end, the other worker would wait for them."""
+    long = ("bench", "filament", "tutorials", "tune", "reruns", "result_folder", "sweep_failures")
+    long += ("stale_shipped_tree", "pyrecest", "verdict", "mlflow_folder")
+    items.sort(key=lambda item: item.path.stem.removeprefix("test_") not in long)
     items.sort(key=lambda item: item.path.name != "test_bench.py")

@@ -1,14 +1,17 @@
 """Runs of this process are short: they draw nothing, start no processes and sum up few metrics."""
 
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
+from pathlib import Path
 from pkgutil import resolve_name
 
 import pytest
 
 from stixel_cli.answers.runs import SHOWN, Runs
 from stixel_cli.evaluation.metric_table import METRICS
+from stixel_cli.pictures import style
 
 
 def _shown_metrics(runs: Runs) -> list[str]:
@@ -38,20 +41,49 @@ summary has the main metrics alone.
 """
 
 
+SKETCHED = {
+    "stixel_cli.pictures.style.png": lambda figure: _empty("png"),
+    "stixel_cli.pictures.style.svg": lambda figure: _empty("svg"),
+}
+"""With the mark `sketched` all is drawn as with `drawn`, but written as empty pictures.
+
+To turn a figure into the bytes of its file takes longer than to draw it.
+"""
+
+
 @contextmanager
 def runs_with(*marks: str) -> Iterator[None]:
     """Runs as with these marks, and with no other; afterwards as before."""
-    whole = {name: _whole(name) for names in SHORT.values() for name in names}
+    marks += ("drawn",) if "sketched" in marks else ()
+    whole = {name: _whole(name) for names in (*SHORT.values(), SKETCHED) for name in names}
     with pytest.MonkeyPatch.context() as patch:
         for mark, names in SHORT.items():
             for name, short in names.items():
                 patch.setattr(name, whole[name] if mark in marks else short)
+        for name, short in SKETCHED.items():
+            patch.setattr(name, short if "sketched" in marks else whole[name])
         yield
 
 
 _whole = cache(resolve_name)
 
 
+@cache
+def _empty(form: str) -> bytes:
+    """The file of an empty figure."""
+    return _whole(f"stixel_cli.pictures.style.{form}")(style.new_figure(1.0, 1.0))
+
+
 def marks_of(node: pytest.Item | pytest.Module) -> list[str]:
     """Those of the marks that a test or a module has."""
-    return [mark for mark in SHORT if node.get_closest_marker(mark)]
+    return [mark for mark in (*SHORT, "sketched") if node.get_closest_marker(mark)]
+
+
+def short_python(script: str, *marks: str) -> list[str]:
+    """The command of another Python that executes a file; its runs are as with these marks."""
+    program = (
+        f"import runpy, sys; sys.path.append({str(Path(__file__).parent)!r}); "
+        "from short_runs import runs_with\n"
+        f"with runs_with(*{marks}): runpy.run_path({script!r}, run_name='__main__')"
+    )
+    return [sys.executable, "-c", program]

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from short_runs import short_python
 
 import stixel_cli
 from stixel_cli import compose, load, plot, run, sweep
@@ -142,7 +143,7 @@ def test_a_sweep_gives_a_record_a_point(tmp_path):
     assert len(repr(result)) < 200 and "2 of 2 runs done" in repr(result)
 
 
-@pytest.mark.drawn
+@pytest.mark.sketched
 def test_a_result_is_short_in_a_terminal_and_a_picture_in_a_notebook():
     result = run(FABRICATED, "seed=1")
     assert len(repr(result)) < 200
@@ -201,7 +202,7 @@ def test_overrides_are_texts_mappings_or_keywords():
 @pytest.mark.parametrize(
     "settings", [("road_user=cyclist",), ("tracker=contour", "tracker.lag=2", "prior=unknown")]
 )
-@pytest.mark.drawn
+@pytest.mark.sketched
 def test_a_folder_is_loaded_as_the_run_that_wrote_it(tmp_path, settings):
     fresh = run([*FABRICATED, *settings], results=tmp_path, name="mine")
     stored = load(str(tmp_path / "mine"))
@@ -292,7 +293,11 @@ def test_a_tracker_may_be_a_function_of_a_script_or_notebook(tmp_path):
     (tmp_path / "script.py").write_text(SCRIPT, encoding="utf-8")
     environment = os.environ | {"STIXEL_CACHE": str(tmp_path / "cache")}
     done = subprocess.run(
-        [sys.executable, "script.py"], cwd=tmp_path, env=environment, capture_output=True, text=True
+        short_python("script.py", "workers"),
+        cwd=tmp_path,
+        env=environment,
+        capture_output=True,
+        text=True,
     )
     assert done.returncode == 0, done.stderr
     size, trackers, lambda_fault, object_fault = done.stdout.splitlines()

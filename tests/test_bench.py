@@ -25,6 +25,11 @@ def test_the_page_and_every_benchmark(tmp_path):
         "STIXEL_BENCH_SMALL": str(tmp_path),
         "STIXEL_CACHE": str(tmp_path / "cache"),
         "STIXEL_DATA": str(tmp_path / "none"),
+        # What the cases of a benchmark do is the same: their sizes and names differ.
+        "PYTEST_PLUGINS": "one_of_each",
+        "PYTHONPATH": os.pathsep.join(
+            [str(Path(__file__).parent), os.environ.get("PYTHONPATH", "")]
+        ),
     }
     done = subprocess.run(
         [sys.executable, str(BENCH / "write_page.py")],

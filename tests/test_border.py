@@ -3,16 +3,13 @@
 import ast
 import re
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
+from package_trees import trees
 
-import stixel_cli
 from stixel_cli.border import TYPED, Origin, admit, forget_told, imported, write_below
 from stixel_cli.config.overrides import Override
 from stixel_cli.errors import ConfigurationError, UserError
-
-PACKAGE = Path(stixel_cli.__file__).parent
 
 IMPORTS = {"import_module", "__import__", "spec_from_file_location", "exec", "eval", "run_path"}
 IMPORTS |= {"exec_module", "run_module", "resolve_name", "SourceFileLoader", "get_method"}
@@ -107,9 +104,9 @@ def nodes():
     """The nodes of the syntax trees of all modules but the border, each with its file."""
     return [
         (file, node)
-        for path in sorted(PACKAGE.rglob("*.py"))
-        if (file := path.relative_to(PACKAGE).as_posix()) != "border.py"
-        for node in ast.walk(ast.parse(path.read_text("utf-8")))
+        for file, tree in trees().items()
+        if file != "border.py"
+        for node in ast.walk(tree)
     ]
 
 

@@ -5,15 +5,12 @@ import re
 import sys
 import tomllib
 from importlib.metadata import packages_distributions
-from pathlib import Path
 
 import pytest
 from minimum_versions import PYPROJECT, minimum_versions
+from package_trees import trees
 
-import stixel_cli
-
-PACKAGE = Path(stixel_cli.__file__).parent
-PROJECT = tomllib.loads((PACKAGE.parent / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+PROJECT = tomllib.loads(PYPROJECT.read_text(encoding="utf-8"))["project"]
 
 
 EXTRAS = {
@@ -50,8 +47,8 @@ def declared():
 
 def imported():
     names = set()
-    for path in PACKAGE.rglob("*.py"):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for tree in trees().values():
+        for node in ast.walk(tree):
             if isinstance(node, ast.Import):
                 names |= {alias.name.split(".")[0] for alias in node.names}
             elif isinstance(node, ast.ImportFrom) and node.level == 0:
@@ -61,9 +58,10 @@ def imported():
 
 def test_what_is_imported_is_declared_and_what_is_declared_is_imported():
     distributions = packages_distributions()
-    found = {plain(distributions[name][0]) for name in imported() if name in distributions}
+    names = imported()
+    found = {plain(distributions[name][0]) for name in names if name in distributions}
     # Extras: where one is not installed it cannot be looked up.
-    missing = {EXTRAS.get(name) for name in imported() if name not in distributions}
+    missing = {EXTRAS.get(name) for name in names if name not in distributions}
     assert missing <= {*EXTRAS.values()}
     assert found | missing == declared() - IMPORTED_BY_MLFLOW
 

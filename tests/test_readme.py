@@ -27,7 +27,8 @@ def test_there_are_examples():
 
 
 @pytest.mark.parametrize("arguments", RUNS, ids=" ".join)
-def test_examples_are_valid(arguments, capsys):
+def test_examples_are_valid(arguments, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
     assert main([*arguments, "--dry-run"]) == 0, capsys.readouterr().err
 
 

@@ -1,11 +1,8 @@
 """Folders import downwards, in the order of docs/data-flow.md: no arrow up, no circle."""
 
 import ast
-from pathlib import Path
 
-import stixel_cli
-
-PACKAGE = Path(stixel_cli.__file__).parent
+from package_trees import PACKAGE, trees
 
 ORDER = (
     "cli", "live", "benchmark", "studies", "export", "sweeps", "experiment", "machine", "config",
@@ -15,8 +12,8 @@ ORDER = (
 """From the top. `engine` stands apart, and modules of the top level may be used by all."""
 
 
-def imported_folders(path):
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+def imported_folders(tree):
+    for node in ast.walk(tree):
         names = []
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
@@ -29,11 +26,11 @@ def imported_folders(path):
 
 
 def arrows():
-    for path in sorted(PACKAGE.rglob("*.py")):
-        folder = path.relative_to(PACKAGE).parts[0]
+    for file, tree in trees().items():
+        folder = file.partition("/")[0]
         if folder in ORDER:
-            for other in imported_folders(path):
-                yield folder, other, path.relative_to(PACKAGE).as_posix()
+            for other in imported_folders(tree):
+                yield folder, other, file
 
 
 def test_no_folder_imports_one_above_it():
@@ -54,9 +51,9 @@ def test_every_folder_has_its_place():
 def test_no_module_imports_the_face_of_the_package():
     # `stixel_cli/__init__.py` hands on names of `api.py`: from below that would be an arrow up.
     faces = [
-        path.relative_to(PACKAGE).as_posix()
-        for path in PACKAGE.rglob("*.py")
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        file
+        for file, tree in trees().items()
+        for node in ast.walk(tree)
         if isinstance(node, ast.ImportFrom)
         and node.module == "stixel_cli"
         and any(not (PACKAGE / f"{alias.name}.py").exists() for alias in node.names)

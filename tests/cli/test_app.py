@@ -4,6 +4,7 @@ import os
 import re
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -217,10 +218,20 @@ def test_a_stage_that_fails_is_shown_with_file_line_and_code(
     assert text in log.read_text()
 
 
+WAITS = """
+import signal
+from pathlib import Path
+
+
+def track(scans, initial, prior):
+    Path({!r}).touch()
+    signal.pause()
+"""
+
+
 def test_sigterm_ends_a_run_in_one_line(tmp_path):
     """Workers are running by then; the tracker never ends, so that the run cannot be faster."""
-    code = "import signal\n\n\ndef track(scans, initial, prior):\n    signal.pause()\n"
-    (tmp_path / "waits.py").write_text(code)
+    (tmp_path / "waits.py").write_text(WAITS.format(str(tmp_path / "runs")))
     own = ["tracker=waits:track", f"code_folders=[{tmp_path}]", "--trust-code"]
     small = ["measurement=fabricated", "path.duration=1"]
     with subprocess.Popen(
@@ -230,9 +241,8 @@ def test_sigterm_ends_a_run_in_one_line(tmp_path):
         text=True,
         env=os.environ | {"STIXEL_CACHE": str(tmp_path / "cache")},
     ) as process:
-        for line in process.stderr:
-            if line.startswith("stixel: [") and " track" in line:
-                break
+        while process.poll() is None and not (tmp_path / "runs").exists():
+            time.sleep(0.02)
         process.terminate()
         out, err = process.communicate(timeout=600)
     assert process.returncode == 130

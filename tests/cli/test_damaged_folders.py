@@ -116,7 +116,7 @@ READS = {
 def made(tmp_path_factory):
     """A folder with a run, a sweep of two runs, and their cache; not to be changed."""
     root = tmp_path_factory.mktemp("made")
-    with pytest.MonkeyPatch.context() as patch, runs_with("drawn"):
+    with pytest.MonkeyPatch.context() as patch, runs_with("sketched"):
         patch.setenv("STIXEL_CACHE", str(root / "cache"))
         results = ["--results", str(root / "results")]
         assert main(["run", *FEW, "pictures.frames=[0]", *results, "--name", "run"]) == 0

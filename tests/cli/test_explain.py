@@ -6,7 +6,7 @@ import pytest
 
 from stixel_cli.cli.app import main
 
-pytestmark = pytest.mark.drawn
+pytestmark = pytest.mark.sketched
 
 FABRICATED = ("measurement=fabricated", "path.duration=0.3", "pictures.frames=[0]")
 

@@ -60,7 +60,7 @@ def play(capsys, *words):
     return code, said.out.strip(), said.err.strip()
 
 
-@pytest.mark.drawn
+@pytest.mark.sketched
 def test_a_runs_folder_holds_its_page(tmp_path):
     assert main(["run", *FABRICATED, "--name", "mine", "--results", str(tmp_path)]) == 0
     folder = tmp_path / "mine"
@@ -155,7 +155,7 @@ def test_what_cannot_be_played_is_refused_in_one_line(results, folders, said, ca
     assert sorted(results.iterdir()) == before
 
 
-@pytest.mark.drawn
+@pytest.mark.sketched
 def test_a_sweep_of_one_scene_is_played_and_its_page_links_to_the_player(tmp_path, capsys):
     words = ["sweep", *FABRICATED, "tracker=point,box", "--name", "both"]
     assert main([*words, "--results", str(tmp_path)]) == 0

@@ -25,7 +25,7 @@ def folders(tmp_path):
     return made
 
 
-@pytest.mark.drawn
+@pytest.mark.sketched
 def test_report_prints_the_page(folders, capsys):
     assert report(folders, None) == 0
     sentence, page = capsys.readouterr().out.strip().rsplit("\n", 1)
@@ -37,7 +37,7 @@ def test_report_prints_the_page(folders, capsys):
     assert capsys.readouterr().out.strip().endswith("report-one-two-2.html")
 
 
-@pytest.mark.drawn
+@pytest.mark.sketched
 def test_report_writes_where_it_is_told(folders, tmp_path, capsys):
     page = tmp_path / "page.html"
     assert report(folders, page) == 0

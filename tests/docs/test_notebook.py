@@ -23,7 +23,7 @@ def test_there_is_one():
     assert [path.name for path in NOTEBOOKS] == ["first_run.ipynb"]
 
 
-@pytest.mark.drawn
+@pytest.mark.sketched
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_notebook(path, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)

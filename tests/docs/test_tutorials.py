@@ -20,7 +20,7 @@ def test_they_are_in_order():
 @pytest.mark.parametrize(
     "page",
     [
-        pytest.param(page, id=page.stem, marks=[pytest.mark.drawn] if page.stem in DRAWN else [])
+        pytest.param(page, id=page.stem, marks=[pytest.mark.sketched] if page.stem in DRAWN else [])
         for page in PAGES
     ],
 )

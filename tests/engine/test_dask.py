@@ -147,13 +147,13 @@ def test_a_stage_over_its_time_limit(cluster, project, notes):
         graph,
         ["hang"],
         project.store,
-        executor=executor_at(cluster, 5.0),
+        executor=executor_at(cluster, 3.0),
         progress=notes,
         keep_going=True,
     )
     ((key, failure),) = execution.failures.items()
     assert key == graph.of_stage("hang")[2].key
-    assert "exceeded its time limit of 5 s" in str(failure) and "in hang" in failure.traceback_text
+    assert "exceeded its time limit of 3 s" in str(failure) and "in hang" in failure.traceback_text
     assert sum(project.store.has(node.key) for node in graph.of_stage("hang")) == 3
 
 

@@ -7,7 +7,7 @@ from stixel_cli.engine.errors import StageFailure, TimeLimitExceeded
 from stixel_cli.engine.limits import TimeLimit, limited
 from stixel_cli.engine.parameters import LocalExecutor
 
-LIMIT = 3.0
+LIMIT = 1.5
 """Seconds. Long for a node that does nothing, also on a busy machine."""
 
 LOCAL = LocalExecutor("local", 2, LIMIT)
@@ -20,7 +20,7 @@ def hang(project, function):
 
 def test_it_is_killed_and_named_and_not_tried_again(project, notes):
     hang(project, "gather")
-    with pytest.raises(StageFailure, match=r"gather: .*exceeded its time limit of 3 s") as caught:
+    with pytest.raises(StageFailure, match=r"gather: .*exceeded its time limit of 1.5 s") as caught:
         project.run(executor=LOCAL, progress=notes)
     assert isinstance(caught.value.cause, TimeLimitExceeded)
     assert "in gather" in caught.value.traceback_text, "where it hung"

@@ -107,7 +107,7 @@ def test_of_a_target_of_no_class_no_other_prior_is_advised():
     assert "prior=unknown" not in " ".join(words)
 
 
-@pytest.mark.parametrize("part", [12])
+@pytest.mark.parametrize("part", [24])
 def test_runs_disturbed_by_a_known_amount_have_the_expected_words(part, monkeypatch):
     monkeypatch.syspath_prepend(Path(__file__).parents[2] / "docs")
     import verdicts

@@ -108,7 +108,7 @@ def test_the_truths_table_has_the_box_of_the_contour(made, shared, capsys):
     assert answer["metrics"]["iou_mean"] is None
 
 
-@pytest.mark.drawn
+@pytest.mark.sketched
 def test_scans_without_rows_are_empty_and_the_track_holds(made, tmp_path, shared, capsys):
     rows = (made / "scans.csv").read_text().splitlines()
     gap = [row for row in rows if row.partition(",")[0] not in {"5", "6", "14"}]
@@ -120,7 +120,7 @@ def test_scans_without_rows_are_empty_and_the_track_holds(made, tmp_path, shared
     assert answer["metrics"]["centre_rmse_m"] < 0.5
 
 
-@pytest.mark.drawn
+@pytest.mark.sketched
 def test_without_truth_scores_are_left_out_and_the_start_comes_from_the_scans(made, shared, capsys):
     words = from_files(made, None)
     answer = run_json(capsys, shared, *words, "pictures.frames=[1]", "--name", "blind")
@@ -161,7 +161,7 @@ def test_runs_with_and_without_truth_are_compared_and_played(made, shared, tmp_p
     assert "measurement.truth is" in capsys.readouterr().err
 
 
-@pytest.mark.drawn
+@pytest.mark.sketched
 def test_a_truth_of_some_scans_scores_those_scans(made, tmp_path, shared, capsys):
     rows = (made / "truth.csv").read_text().splitlines()
     (tmp_path / "some.csv").write_text("\n".join([rows[0], *rows[5:9]]) + "\n")

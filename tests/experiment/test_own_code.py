@@ -168,7 +168,7 @@ def test_a_sweep_compares_it_with_the_trackers_of_stixel(own, capsys):
     assert main(["sweep", "--results", str(own.results), *both, "tracker.beta=1"]) == 2
 
 
-@pytest.mark.drawn
+@pytest.mark.sketched
 def test_a_source_of_measurements_and_a_metric_of_ones_own(own, capsys):
     words = (f"measurement={own.name}:dots", "measurement.spread=0.2", "path.duration=0.4",
              f"metrics=[{own.name}:offset_m]", THREADS, "pictures.frames=[1]", "start=scans",

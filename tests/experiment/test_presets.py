@@ -46,7 +46,8 @@ def check(answer: dict) -> None:
 
 def preset(group, option):
     """With the marks of what its run needs."""
-    marks = [pytest.mark.drawn] if group in DRAWN else []
+    drawn = pytest.mark.drawn if group == "pictures" else pytest.mark.sketched
+    marks = [drawn] if group in DRAWN else []
     marks += [pytest.mark.workers] if group == "executor" else []
     return pytest.param(group, option, marks=marks, id=f"{group}-{option}")
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from stixel_cli.cli.app import main
 from stixel_cli.config.compose import compose
 from stixel_cli.experiment.stages import experiment_graph
 
@@ -35,7 +36,7 @@ def stixel(checkout: Path, *lines: list, codes: tuple[int, ...] = (0,)) -> list[
         "STIXEL_CACHE": str(checkout / "cache"),
     }
     done = subprocess.run(
-        [sys.executable, "-c", COMMANDS, json.dumps(lines, default=str)],
+        [sys.executable, "-c", COMMANDS, json.dumps(lines, default=str), str(ROOT / "tests")],
         cwd=checkout,
         env=environment,
         capture_output=True,
@@ -50,11 +51,13 @@ def stixel(checkout: Path, *lines: list, codes: tuple[int, ...] = (0,)) -> list[
 
 COMMANDS = """
 import contextlib, io, json, sys
+sys.path.append(sys.argv[2])
+from short_runs import runs_with
 from stixel_cli.cli.app import main
 found = []
 for line in json.loads(sys.argv[1]):
     with contextlib.redirect_stdout(io.StringIO()) as out:
-        with contextlib.redirect_stderr(io.StringIO()) as errors:
+        with contextlib.redirect_stderr(io.StringIO()) as errors, runs_with():
             code = main(line)
     found.append((code, out.getvalue(), errors.getvalue()))
 print(json.dumps(found))
@@ -95,9 +98,12 @@ def test_the_seed_recomputes_what_draws_and_what_depends_on_it():
     assert again.isdisjoint({"scenario", "render", "ego_motion"})
 
 
-def test_an_edit_is_named_by_verify_and_by_resume(checkout, edited):
+def test_an_edit_is_named_by_verify_and_by_resume(checkout, edited, monkeypatch):
     few = ("measurement=fabricated", "path.duration=0.3", "pictures.frames=[]", "executor=threads")
-    stixel(checkout, ["sweep", *few, "seed=0,1", "--name", "mine"])
+    # By this process, whose files are the same by now.
+    monkeypatch.setenv("STIXEL_CACHE", str(checkout / "cache"))
+    where = ["--name", "mine", "--results", str(checkout / "results")]
+    assert main(["sweep", *few, "seed=0,1", *where]) == 0
     run = checkout / "results/mine/runs/0001"
     # Outside its sweep's folder a run has keys but no code digests.
     alone = shutil.copytree(run, checkout / "alone" / "run")

@@ -43,7 +43,7 @@ def test_a_smoothed_track_is_next_to_that_of_the_filter(results, capsys):
     assert "IoU of the outline, mean, smoothed" in capsys.readouterr().out
 
 
-@pytest.mark.drawn
+@pytest.mark.sketched
 def test_the_folder_holds_what_the_readme_lists(results, capsys):
     folder = results / "mine"
     run_json(capsys, results, *FEW, "--name", "mine")

@@ -218,7 +218,7 @@ def test_without_a_target_class_and_start_are_required(clip):
             compose([*given, *more])
 
 
-@pytest.mark.drawn
+@pytest.mark.sketched
 def test_without_a_target_there_is_a_track_and_no_score(clip, tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "cache"))
     folder = odometry(clip, tmp_path / "odometry")
@@ -278,7 +278,7 @@ def test_the_true_class_is_that_of_the_label(clip, tmp_path, monkeypatch, capsys
         assert scores.settings["road_user"] == expected
 
 
-@pytest.mark.drawn
+@pytest.mark.sketched
 def test_a_clip_is_tracked_and_scored_and_keys_hold_no_path(clip, tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "cache"))
     own = tmp_path / "own"
@@ -315,7 +315,7 @@ def test_a_clip_is_tracked_and_scored_and_keys_hold_no_path(clip, tmp_path, monk
         assert status[name] == "computed", name
 
 
-@pytest.mark.drawn
+@pytest.mark.sketched
 def test_a_gap_in_the_labels_leaves_scores_out(clip, tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "cache"))
     shutil.copytree(clip, tmp_path / "clip")
@@ -350,7 +350,7 @@ def auto(folder, *more):
     return [*words, "source.target=auto", "road_user=car", "tracker=box"]
 
 
-@pytest.mark.drawn
+@pytest.mark.sketched
 def test_all_that_moves_is_tracked(long_clip, tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "cache"))
     given = auto(long_clip, "pictures.frames=[4]")

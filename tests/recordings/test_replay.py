@@ -182,7 +182,7 @@ def test_a_sweep_over_targets_and_measurements(motion, tmp_path, monkeypatch, ca
     assert len(rows) == 5 and all("done" in row for row in rows[1:])
 
 
-@pytest.mark.drawn
+@pytest.mark.sketched
 def test_images_are_rendered_along_the_way(motion, tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "cache"))
     tiny = ("rig.width=160", "rig.height=96", "rig.focal_length=150", "stereo.nearest=1.6")

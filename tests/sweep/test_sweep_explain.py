@@ -42,8 +42,8 @@ def test_each_node_once(sweeps, explained, capsys):
 @pytest.mark.parametrize(
     ("command", "words"),
     [
-        pytest.param("run", (), marks=pytest.mark.drawn),
-        pytest.param("run", ("tracker.sigma_f=0.5",), marks=pytest.mark.drawn),
+        pytest.param("run", (), marks=pytest.mark.sketched),
+        pytest.param("run", ("tracker.sigma_f=0.5",), marks=pytest.mark.sketched),
         ("sweep", ("seed=0,1",)),
         ("sweep", ("path=choice(turn)",)),
     ],

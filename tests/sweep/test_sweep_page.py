@@ -59,6 +59,7 @@ def test_the_page_has_the_answer_the_options_and_every_run(made):
     assert not re.search(r"""(src|href)\s*=\s*["']?(https?:)?//""", html)
 
 
+@pytest.mark.sketched
 def test_a_seed_that_an_option_lacks_is_left_out(made, tmp_path):
     folder = tmp_path / "widths"
     shutil.copytree(made / "widths", folder)

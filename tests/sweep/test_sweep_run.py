@@ -44,7 +44,7 @@ def test_runs_share_what_they_have_in_common(sweeps, capsys):
     assert planned["runs_cached"] == 6
 
 
-@pytest.mark.drawn
+@pytest.mark.sketched
 def test_the_folder(sweeps):
     swept = sweeps.run(*FEW, "tracker.sigma_f=0.1,0.3", "seed=0,1,2", "--name", "mine")
     folder = sweeps.results / "mine"
@@ -81,7 +81,7 @@ def test_the_folder(sweeps):
     assert len(request["runs"]) == 6
 
 
-@pytest.mark.drawn
+@pytest.mark.sketched
 @pytest.mark.summed
 def test_the_summaries_are_those_of_the_seeds(sweeps):
     swept = sweeps.run(*FEW, "tracker.sigma_f=0.1,0.3", "seed=range(0,4)", "--name", "mine")
@@ -125,7 +125,7 @@ def test_dry_run_writes_nothing(sweeps, capsys):
     assert not sweeps.results.exists()
 
 
-@pytest.mark.drawn
+@pytest.mark.sketched
 def test_pictures_only_on_request(sweeps):
     plain = sweeps.run(*FEW, "seed=0,1", "--name", "plain")
     assert not (sweeps.results / "plain" / "runs" / "0000" / "figures").exists()

@@ -38,6 +38,7 @@ def tune(tmp_path, capsys, monkeypatch):
     return run
 
 
+@pytest.mark.sketched
 def test_trials_depend_on_no_worker_and_an_interrupted_tuning_continues(
     tune, tmp_path, monkeypatch, capsys
 ):

@@ -132,15 +132,15 @@ def test_stated_deviation_of_the_contour_has_the_residual():
     ("outline", "least"), [(BOX, 0.95), (TRAPEZIUM, 0.68)], ids=["box", "trapezium"]
 )
 def test_shapes_that_are_no_drawn_car_are_followed(outline, least, prior):
-    poses = turning(40, 4.0, 0.3)
+    poses = turning(25, 4.0, 0.3)
     result = track(scans_seen(outline, poses, noise=0.1), start_at(poses), prior, FABRICATED)
-    # In the last scans, 27 m away, the form is a matter of noise: so all scans count.
+    # Of a single scan, the form is a matter of noise: so all scans count.
     assert np.mean([overlap(result, outline, poses, k) for k in range(len(poses))]) > least
     assert result.class_replaced is None
 
 
 def test_a_drawn_car_stays_one():
-    poses = turning(40, 4.0, 0.3)
+    poses = turning(25, 4.0, 0.3)
     scans, start = scans_seen(SHAPE.outline, poses, noise=0.03), start_at(poses)
     plain, bank = track(scans, start, PRIOR, FABRICATED), track(scans, start, PRIOR, FILE)
     assert overlap(bank, SHAPE.outline, poses) > overlap(plain, SHAPE.outline, poses) - 0.07
@@ -245,7 +245,7 @@ def test_a_class_of_a_file_tracks_as_the_class_that_it_copies(tmp_path):
 
 
 def test_points_on_the_whole_contour_are_those_of_its_far_sides_too():
-    poses, random = turning(40, 6.0, 0.3), np.random.default_rng(1000)
+    poses, random = turning(25, 6.0, 0.3), np.random.default_rng(1000)
     ring = shapely.Polygon(BOX).exterior
     parts = []
     for pose in poses:
@@ -300,7 +300,7 @@ def test_ends_are_uncertain_by_what_rays_graze():
 
 
 def test_a_neighbour_costs_nothing_where_the_target_is_seen_alone():
-    poses = turning(30, 4.0, 0.2)
+    poses = turning(20, 4.0, 0.2)
     points, covariances = seen(SHAPE.outline, poses, noise=0.03)
     post = np.array([[2.0, 8.0], [2.05, 8.0]])
     mixed = [np.concatenate([scan, post]) for scan in points]

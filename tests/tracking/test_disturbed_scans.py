@@ -31,13 +31,13 @@ SEED = 0
 
 
 @cache
-def clean(user):
+def clean(user, duration=2):
     """Configuration, scenario and fabricated scans of a road user that crosses."""
     p = compose(
         [
             f"road_user={user}",
             "path=crossing",
-            "path.duration=3",
+            f"path.duration={duration}",
             "measurement=fabricated",
             "measurement/noise=constant",
             f"measurement.noise.range_std={0.1 if user == 'car' else 0.05}",
@@ -49,9 +49,9 @@ def clean(user):
     return p, scenario, fabricate_scans(scenario, p.rig, p.measurement, SEED)
 
 
-def followed(user, scans, start):
+def followed(user, scans, start, duration=2):
     """The metrics of a track of the scans."""
-    p, scenario, _ = clean(user)
+    p, scenario, _ = clean(user, duration)
     initial = (
         noisy_start(scenario, p.start, SEED)
         if start == "default"
@@ -61,14 +61,14 @@ def followed(user, scans, start):
 
 
 @cache
-def undisturbed(user, start):
+def undisturbed(user, start, duration=2):
     """The metrics of a track of the clean scans."""
-    return followed(user, clean(user)[2], start)
+    return followed(user, clean(user, duration)[2], start, duration)
 
 
-def disturbed(user):
+def disturbed(user, duration):
     """The scans with 1 s of dropout, clutter of 10 % of the points; every seventh scan is empty."""
-    _, _, scans = clean(user)
+    _, _, scans = clean(user, duration)
     rate = 0.1 * len(scans.points_world) / len(scans)
     # Not the greatest range: there clutter would hardly ever be near the target.
     found = disturb_scans(scans, (1.0, 1.9), rate, 20.0, SEED)
@@ -85,10 +85,10 @@ def disturbed(user):
     ("user", "start"), [("car", "default"), ("cyclist", "scans"), ("pedestrian", "scans")]
 )
 def test_dropout_empty_scans_and_clutter_cost_little(user, start):
-    scans = disturbed(user)
+    scans, duration = disturbed(user, 3), 3
     assert (np.diff(scans.offsets) == 0).sum() >= 13
-    before = undisturbed(user, start)
-    after = followed(user, scans, start)
+    before = undisturbed(user, start, duration)
+    after = followed(user, scans, start, duration)
     assert (before["track_lost"], after["track_lost"]) == (0, 0)
     # The outline of a cyclist is so thin that a few centimetres across it cost more.
     assert user == "cyclist" or after["iou_mean"] > before["iou_mean"] - 0.05

@@ -19,7 +19,7 @@ from stixel_cli.tracking.start import noisy_start
 
 
 def configured(*overrides):
-    return compose(["measurement=lidar_64", "path.duration=0.8", *overrides]).configuration
+    return compose(["measurement=lidar_64", "path.duration=0.5", *overrides]).configuration
 
 
 @cache

@@ -20,7 +20,7 @@ PRIOR, PARAMETERS = CONFIGURATION.prior, CONFIGURATION.tracker
 RATES = np.array([1.0, 4.0, 0.0])
 
 
-def scans_of(count=25):
+def scans_of(count=18):
     """A car that drives ahead, seen all round with little noise; scans 8 to 10 have few points."""
     random = np.random.default_rng(0)
     heading = np.arctan2(RATES[1], RATES[0])
@@ -47,7 +47,7 @@ def test_each_follows_a_car_through_scans_of_few_points(name):
     parameters = dataclasses.replace(PARAMETERS, name=name, measurement_std=0.1)
     track = adapter.track(scans, initial_of(heading), PRIOR, parameters)
     check_track(track, scans, name)
-    true = np.array([2.0, 10.0]) + 0.1 * np.arange(25)[:, None] * RATES[:2]
+    true = np.array([2.0, 10.0]) + 0.1 * np.arange(18)[:, None] * RATES[:2]
     assert np.hypot(*(track.means[-5:, :2] - true[-5:]).T).max() < 0.5
     assert np.abs(np.angle(np.exp(1j * (track.means[-1, 2] - heading)))) < 0.3
     x, y = track.contours_world[-1].T
