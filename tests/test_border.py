@@ -60,7 +60,7 @@ ALLOWED = {
     ("engine/store.py", "dump"): "an entry of the cache",
     ("engine/store.py", "write_bytes"): "an entry of the cache",
     ("engine/store.py", "touch"): "a probe of the cache",
-    ("engine/task.py", "save"): "of the store",
+    ("engine/scheduler.py", "save"): "of the store",
     ("cli/terminal.py", "write_text"): "the log of a crash, named by time",
     ("cli/terminal.py", "open"): "the null device",
     ("experiment/class_shapes.py", "write_text"): "a script of developers",

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
-from stixel_cli.answers.answer import Answer, Groups, answered, grouped
-from stixel_cli.answers.question import STATUS, Question
+from stixel_cli.answers.answer import STATUS, Answer, Groups, Question, answered, grouped
 from stixel_cli.errors import UserError, printable
 from stixel_cli.evaluation.metric_table import MAIN, METRICS, main_first
 

@@ -5,7 +5,6 @@ processor do not count, and arrays are not compressed, as versions of zlib give 
 """
 
 import hashlib
-import io
 import json
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +17,7 @@ from stixel_cli.errors import UserError
 from stixel_cli.evaluation.contour_errors import even_points, in_frames, seen_points
 from stixel_cli.files import GREATEST_ARRAYS, read_arrays, read_bytes, read_json
 from stixel_cli.measurements.scans import FieldOfView, Scans
+from stixel_cli.results.folder import arrays_content
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.track import InitialState
@@ -79,9 +79,7 @@ def _json(**values: Any) -> bytes:
 
 def npz(**arrays: np.ndarray) -> bytes:
     """An uncompressed NPZ file; equal arrays give equal bytes."""
-    buffer = io.BytesIO()
-    np.savez(buffer, **{name: np.asarray(values, order="C") for name, values in arrays.items()})
-    return buffer.getvalue()
+    return arrays_content({n: np.asarray(values, order="C") for n, values in arrays.items()})
 
 
 def sha256(content: bytes) -> str:

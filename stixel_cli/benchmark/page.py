@@ -11,8 +11,7 @@ import numpy as np
 import pandas as pd
 
 from stixel_cli.answers import render
-from stixel_cli.answers.folders import Asked
-from stixel_cli.answers.page import answers_page
+from stixel_cli.answers.page import Asked, answers_page
 from stixel_cli.answers.runs import Runs
 from stixel_cli.benchmark import score
 from stixel_cli.benchmark.sequences import FROZEN, named

@@ -9,10 +9,10 @@ from stixel_cli.benchmark.sequences import Sequence, definitions, planned
 from stixel_cli.border import write_whole, written
 from stixel_cli.engine.cache_folder import Lease
 from stixel_cli.engine.execute import execute
+from stixel_cli.engine.progress import Progress
 from stixel_cli.results.folder import json_text
 from stixel_cli.results.lineage import provenance
 from stixel_cli.sweeps.graphs import plan_runs
-from stixel_cli.sweeps.run import SweepProgress
 
 NODES = ("scenario", "scans", "start")
 BATCH = 6
@@ -36,10 +36,8 @@ def render(
             plan = plan_runs(runs[batch], nodes=NODES)
             own, store = plan.runs, plan.store
             targets = [key for run in own for key in run.graph.expand(NODES)]
-            label = f"sequences {first + 1} to {first + len(own)} of {len(chosen)}"
-            progress = SweepProgress(own, lambda *_: None, label=label, visible=True)
             with Lease(store.folder, targets):
-                execute(plan.graph, targets, store, plan.executor, progress)
+                execute(plan.graph, targets, store, plan.executor, Progress(visible=True))
                 for sequence, run in zip(chosen[batch], own, strict=True):
                     truth, scans, start = map(store.load, run.graph.expand(NODES))
                     prior = run.composition.configuration.prior

@@ -15,7 +15,7 @@ from stixel_cli.config.texts import override_text
 from stixel_cli.errors import MissingData, UserError
 from stixel_cli.files import read_json, read_yaml
 from stixel_cli.results.result import RunResult
-from stixel_cli.studies.data import data_folder
+from stixel_cli.studies.report import data_folder
 from stixel_cli.sweeps.runs import compose_runs
 
 FROZEN = "frozen"

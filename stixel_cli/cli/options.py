@@ -14,6 +14,7 @@ from stixel_cli.config.choice import compose_options
 from stixel_cli.config.folders import (
     ENTRY_POINTS,
     STUDIES,
+    conf_state,
     flat,
     group_options,
     installed_functions,
@@ -110,7 +111,7 @@ def _keys(typed: str, words: list[str]) -> list[str]:
     """The keys of the options that the line chooses; a single key also with its value."""
     line = map(split_override, "".join(f" {word}" for word in words).replace(" = ", "=").split())
     chosen = {group: option for group, option in line if option in group_options().get(group, ())}
-    values = dict(flat(compose_options(chosen).plain))
+    values = dict(flat(compose_options(tuple(sorted(chosen.items())), conf_state()).plain))
     matches = [key for key in values if key.startswith(typed) and not key.endswith(".kind")]
     if len(matches) != 1:
         return [f"{key}=" for key in matches]

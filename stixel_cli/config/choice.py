@@ -1,20 +1,38 @@
-"""The options of all groups, composed by Hydra; values set in them.
+"""The options of all groups, composed by Hydra and kept in memory and on disk; values set in them.
 
 Of the group `experiment`, whose files set options and values of several groups, two parts are not
 Hydra's: `inner_options` and `sources`, see `conf/experiment/thesis.yaml`.
 """
 
+import json
+import os
 import re
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from functools import lru_cache
+from hashlib import sha256
+from pathlib import Path
 from typing import Any
 
+from stixel_cli.border import write_whole
 from stixel_cli.config import folders, messages
-from stixel_cli.config.folders import EXPERIMENT, INNER, SOURCES
+from stixel_cli.config.folders import INNER, SOURCES
+from stixel_cli.config.keys import chosen_kinds, known_keys
 from stixel_cli.config.overrides import parser
 from stixel_cli.config.texts import override_text, suggestion
-from stixel_cli.errors import BelongsElsewhere, ConfigurationError, printable
-from stixel_cli.files import read_yaml_text
+from stixel_cli.engine.cache_folder import make_folder
+from stixel_cli.engine.errors import CacheError
+from stixel_cli.engine.parameters import default_cache_folder
+from stixel_cli.engine.versions import installed_version
+from stixel_cli.errors import BelongsElsewhere, ConfigurationError, UserError, printable
+from stixel_cli.files import read_text, read_yaml_text
+
+FOLDER = "configurations"
+"""In the cache folder; the files of `conf/` change rarely, so it has few files."""
+
+MOST_STORED = 2000
+"""Compositions on disk, of 8 kB each; the oldest are removed."""
 
 _TO_RESOLVE = re.compile(r"\$\{|\?\?\?")
 _REFERENCE = re.compile(r"\$\{([A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*)\}")
@@ -33,31 +51,38 @@ class Choice:
     options: dict[str, str]
 
 
-def compose_options(chosen: Mapping[str, str], hydra: tuple[Any, Any] | None = None) -> Choice:
+@lru_cache(maxsize=1024)
+def compose_options(chosen: tuple[tuple[str, str], ...], state: str) -> Choice:
     """The choice of groups and options, with all other groups at their default.
 
-    `hydra` are its files, if they were read before: `hydra_files`.
+    Hydra takes 0.1 s and more, so the result is stored in the cache folder, under a digest of the
+    options, of the files of `conf/` (`state`, see `conf_state`), of Hydra's version and the fields.
 
     Raises:
-        UserError: in one line, if Hydra cannot compose the options.
+        ConfigurationError: in one line, if Hydra cannot compose the options.
     """
-    hydra = hydra or hydra_files()
-    choice = _by_hydra(chosen, hydra)
-    if choice.options[EXPERIMENT] == folders.default_option(EXPERIMENT):
+    versions = [installed_version(name) for name in ("hydra-core", "omegaconf")]
+    key = json.dumps([chosen, state, versions, list(Choice.__annotations__)])
+    file = default_cache_folder() / FOLDER / f"{_digest(key)}.json"
+    choice = _read(file)
+    if choice is None:
+        choice = _by_hydra([override_text(group, option) for group, option in chosen], state)
+        _write(file, choice)
+    if choice.options[folders.EXPERIMENT] == folders.default_option(folders.EXPERIMENT):
         return choice
-    # Inner groups that the chosen options lack are left out.
     inner = choice.plain.get(INNER, {})
     if not isinstance(inner, Mapping):
-        option = choice.options[EXPERIMENT]
-        raise ConfigurationError(f"{EXPERIMENT}={option}: {INNER}: must be GROUP: OPTION pairs")
-    missing = {g: o for g, o in inner.items() if g in choice.options and g not in chosen}
+        raise ConfigurationError(
+            f"{folders.EXPERIMENT}={choice.options[folders.EXPERIMENT]}: {INNER}: must be GROUP: "
+            "OPTION pairs"
+        )
+    # Inner groups that the chosen options lack are left out.
+    missing = [(g, o) for g, o in inner.items() if g in choice.options and g not in dict(chosen)]
     if missing:
-        return compose_options({**chosen, **missing}, hydra)
-    from stixel_cli.config.keys import chosen_kinds, known_keys
-
+        return compose_options((*chosen, *missing), state)
     plain = {name: value for name, value in choice.plain.items() if name not in (INNER, SOURCES)}
     kinds = chosen_kinds(plain)
-    lacking = {n for n, keys in known_keys().items() if not any(key.fits(kinds) for key in keys)}
+    lacking = [n for n, keys in known_keys().items() if not any(key.fits(kinds) for key in keys)]
     return Choice(_without(lacking, plain), choice.options)
 
 
@@ -72,27 +97,19 @@ def _without(names: Collection[str], section: Mapping[str, Any], prefix: str = "
     return kept
 
 
-def hydra_files() -> tuple[Any, Any]:
-    """Hydra's loader, and the files of `conf/` and of own presets, each read once.
-
-    `hydra.compose` goes through a singleton that a notebook may use, reads all files again, and
-    composes Hydra's settings of a job: three times the time. What is here is not public.
-    """
-    from hydra._internal.config_loader_impl import ConfigLoaderImpl
-    from hydra._internal.config_repository import CachingConfigRepository
-    from hydra._internal.config_search_path_impl import ConfigSearchPathImpl
-    from hydra.core.plugins import Plugins
-
-    Plugins.instance()  # It registers the kinds of files.
-    search = ConfigSearchPathImpl()
-    for folder in folders.roots():
-        search.append("stixel", f"file://{folder}")
-    search.append("schema", "structured://")  # Hydra asks for it.
-    loader = ConfigLoaderImpl(search)
-    return loader, CachingConfigRepository(loader.repository)
+def set_by_experiment(option: str) -> dict[str, Any]:
+    """The groups and keys that an experiment's file sets, with their options and values."""
+    content = folders.option_content(folders.EXPERIMENT, option)
+    values = folders.option_values(folders.EXPERIMENT, option)
+    inner = content.get(INNER)
+    return {
+        **(inner if isinstance(inner, Mapping) else {}),
+        **folders.chosen_options(content),
+        **{name: v for name, v in values.items() if not name.startswith((INNER, SOURCES))},
+    }
 
 
-def _by_hydra(chosen: Mapping[str, str], hydra: tuple[Any, Any]) -> Choice:
+def _by_hydra(chosen: list[str], state: str) -> Choice:
     """`config.yaml` with the chosen options, by Hydra; its own settings are left out."""
     from hydra._internal.defaults_list import create_defaults_list
     from hydra.errors import HydraException
@@ -102,8 +119,8 @@ def _by_hydra(chosen: Mapping[str, str], hydra: tuple[Any, Any]) -> Choice:
 
     presets = folders.PRESETS.folder
     try:
-        loader, files = hydra
-        parsed = [parser().parse_override(override_text(*one)) for one in sorted(chosen.items())]
+        loader, files = _loader(state)
+        parsed = [parser().parse_override(text) for text in chosen]
         listed = create_defaults_list(
             files, "config", parsed, prepend_hydra=False, skip_missing=False
         )
@@ -129,6 +146,27 @@ def _by_hydra(chosen: Mapping[str, str], hydra: tuple[Any, Any]) -> Choice:
         raise ConfigurationError(reason) from None
 
 
+@lru_cache(maxsize=1)
+def _loader(state: str) -> tuple[Any, Any]:
+    """Hydra's loader, and the files of `conf/` and of own presets, each read once for a `state`.
+
+    `hydra.compose` goes through a singleton that a notebook may use, reads all files again, and
+    composes Hydra's settings of a job: three times the time. What is here is not public.
+    """
+    from hydra._internal.config_loader_impl import ConfigLoaderImpl
+    from hydra._internal.config_repository import CachingConfigRepository
+    from hydra._internal.config_search_path_impl import ConfigSearchPathImpl
+    from hydra.core.plugins import Plugins
+
+    Plugins.instance()  # It registers the kinds of files.
+    search = ConfigSearchPathImpl()
+    for folder in folders.roots():
+        search.append("stixel", f"file://{folder}")
+    search.append("schema", "structured://")  # Hydra asks for it.
+    loader = ConfigLoaderImpl(search)
+    return loader, CachingConfigRepository(loader.repository)
+
+
 def _not_composed(fault: Exception) -> str:
     """One line for options that Hydra cannot compose."""
     # Typed options exist: a missing one follows another group, as `prior` follows `road_user`.
@@ -141,12 +179,31 @@ def _not_composed(fault: Exception) -> str:
     )
 
 
-def set_by_experiment(option: str) -> dict[str, Any]:
-    """The groups and keys that an experiment's file sets, with their options and values."""
-    content = folders.option_content(EXPERIMENT, option)
-    values = folders.option_values(EXPERIMENT, option)
-    own = {name: v for name, v in values.items() if not name.startswith((INNER, SOURCES))}
-    return content.get(INNER, {}) | folders.chosen_options(content) | own
+def _read(file: Path) -> Choice | None:
+    """A stored composition; None if it is missing or damaged."""
+    with suppress(UserError, OSError):
+        digest, _, text = read_text(file).partition("\n")
+        if _digest(text) == digest:
+            return Choice(**json.loads(text))
+    return None
+
+
+def _write(file: Path, choice: Choice) -> None:
+    """Store a composition, unless there is no cache folder: `verify`, for example, needs none."""
+    folder, text = file.parent, json.dumps(asdict(choice))
+    if not folder.parent.is_dir():
+        return
+    with suppress(OSError, CacheError):
+        make_folder(folder.parent, FOLDER)
+        write_whole(file, f"{_digest(text)}\n{text}")
+        if len(os.listdir(folder)) > MOST_STORED:
+            paths = sorted(folder.iterdir(), key=lambda path: path.stat().st_mtime)
+            for other in paths[:-MOST_STORED]:
+                other.unlink()
+
+
+def _digest(text: str) -> str:
+    return sha256(text.encode()).hexdigest()
 
 
 def with_values(plain: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
@@ -171,9 +228,7 @@ def with_values(plain: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str
             # The dicts that contain the value are copied, because they are shared.
             section[part] = section = dict(inner) if isinstance(inner, Mapping) else {}
         if last not in section:
-            from stixel_cli.config import keys
-
-            raise BelongsElsewhere(messages.unknown_key(name, keys.chosen_kinds(plain)), name)
+            raise BelongsElsewhere(messages.unknown_key(name, chosen_kinds(plain)), name)
         section[last] = value
     return {name: _resolved(section, name, tree) for name, section in tree.items()}
 
@@ -199,8 +254,6 @@ def _resolved(value: Any, name: str, tree: Mapping[str, Any], pending: tuple[str
         raise ConfigurationError(f"{name}: '{printable(value)}' {fault}")
     for part in match[1].split("."):
         if not isinstance(target, Mapping) or part not in target:
-            from stixel_cli.config.keys import known_keys
-
             hint = suggestion(match[1], known_keys(), form="${{{}}}")
             raise ConfigurationError(f"{name}: refers to {match[1]}, an unknown key{hint}")
         target = target[part]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from stixel_cli.border import TYPED
 from stixel_cli.config import folders, messages, override_checks, own_options
 from stixel_cli.config.annotations import read_as
-from stixel_cli.config.choice import Choice, compose_options, hydra_files, with_values
+from stixel_cli.config.choice import compose_options, with_values
 from stixel_cli.config.overrides import Override
 from stixel_cli.config.schema import Configuration, check
 from stixel_cli.config.texts import split_override
@@ -181,8 +181,7 @@ class Composer:
         self._imports = imports
         folders.group_options.cache_clear()  # the files may have changed since, as in a notebook
         self._working_directory = working_directory
-        self._choices: dict[str, Choice] = {}
-        self._hydra = None
+        self._state = folders.conf_state()
         self._parts: dict[tuple[str, str], Any] = {}
         self._checked: dict[str, dict[str, dict[str, Any]]] = {}
         self._files = UserFiles()
@@ -231,11 +230,7 @@ class Composer:
             name: value for name, value in settings.items() if name in folders.group_options()
         }
         values = {name: value for name, value in settings.items() if name not in options}
-        key = repr(sorted(options.items()))
-        if key not in self._choices:
-            self._hydra = self._hydra or hydra_files()
-            self._choices[key] = compose_options(options, self._hydra)
-        choice = self._choices[key]
+        choice = compose_options(tuple(sorted(options.items())), self._state)
         resolved = with_values(choice.plain, values)
         resolved.pop(folders.PACE)
         return resolved, dict(choice.options)

@@ -8,6 +8,7 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
+from glob import glob
 from pathlib import Path
 from typing import Any
 
@@ -156,6 +157,22 @@ def option_file(group: str, option: str) -> Path:
     """The file of an option, in `conf/` or among the user's own presets."""
     files = [root / group / f"{option}.yaml" for root in roots()]
     return next((file for file in files[1:] if file.is_file()), files[0])
+
+
+def conf_state() -> str:
+    """The names, and digests of the contents, of all files of `conf/` and of own presets."""
+    return "\n".join(
+        f"{folder if folder == PRESETS.folder else ''} {name} {_content_digest(folder / name)}"
+        for folder in roots()
+        for name in sorted(glob("**/*.yaml", root_dir=folder, recursive=True))
+    )
+
+
+@remembered
+def _content_digest(path: Path) -> str:
+    from hashlib import sha256
+
+    return sha256(path.read_bytes()).hexdigest()
 
 
 @cache

@@ -2,7 +2,7 @@
 
 import pickle
 from collections.abc import Container, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
@@ -153,8 +153,8 @@ class GraphBuilder:
         """
         if frame_count < 1 or chunk_size < 1:
             raise ValueError(f"no frames: {frame_count} frames in chunks of {chunk_size}")
-        one = _OneGraph(frame_count, chunk_size)
-        for stage in _in_order(stages):
+        one = _OneGraph(_in_order(stages), frame_count, chunk_size)
+        for stage in one.stages.values():
             identity = self._identity(stage)
             sources = {name: one.ids[name] for name in stage.inputs.values()}
             key = (
@@ -167,7 +167,8 @@ class GraphBuilder:
             )
             if key not in self._nodes:
                 self._nodes[key] = one.make(stage, identity)
-            one.add(stage, self._nodes[key])
+            one.nodes.update(self._nodes[key])
+            one.ids[stage.name] = tuple(self._nodes[key])
         return Graph(one.nodes, one.ids)
 
     def _identity(self, stage: Stage) -> Identity:
@@ -184,27 +185,22 @@ class GraphBuilder:
         return self._identities[known]
 
 
+@dataclass
 class _OneGraph:
-    """A graph under construction. Stages are added after their inputs."""
+    """A graph under construction: nodes of a stage are made after those of its inputs."""
 
-    def __init__(self, frame_count: int, chunk_size: int):
-        self.nodes: dict[str, Node] = {}
-        self.ids: dict[str, tuple[str, ...]] = {}
-        self.added: dict[str, Stage] = {}
-        self.frame_count = frame_count
-        self.chunk_size = chunk_size
-
-    def add(self, stage: Stage, nodes: dict[str, Node]) -> None:
-        self.nodes.update(nodes)
-        self.ids[stage.name] = tuple(nodes)
-        self.added[stage.name] = stage
+    stages: dict[str, Stage]
+    frame_count: int
+    chunk_size: int
+    nodes: dict[str, Node] = field(default_factory=dict)
+    ids: dict[str, tuple[str, ...]] = field(default_factory=dict)
 
     def make(self, stage: Stage, identity: Identity) -> dict[str, Node]:
         """The nodes of a stage, by their keys."""
         made: dict[str, Node] = {}
         for first, stop in self.frames_of(stage):
             inputs = {
-                argument: self.providers(stage, self.added[source], first)
+                argument: self.providers(stage, self.stages[source], first)
                 for argument, source in sorted(stage.inputs.items())
             }
             previous = next(reversed(made)) if stage.pattern == "fold" and made else None
@@ -222,7 +218,7 @@ class _OneGraph:
                 sequences=frozenset(
                     argument
                     for argument, source in stage.inputs.items()
-                    if stage.pattern == "once" and self.added[source].pattern != "once"
+                    if stage.pattern == "once" and self.stages[source].pattern != "once"
                 ),
                 previous=previous,
                 depth=1 + max(depths, default=-1),
@@ -259,8 +255,8 @@ class _OneGraph:
         )
 
 
-def _in_order(stages: Sequence[Stage]) -> list[Stage]:
-    """Check the stages, and order each after its inputs."""
+def _in_order(stages: Sequence[Stage]) -> dict[str, Stage]:
+    """Check the stages, and order each after its inputs; by name."""
     by_name: dict[str, Stage] = {}
     for stage in stages:
         stage.check()
@@ -280,7 +276,7 @@ def _in_order(stages: Sequence[Stage]) -> list[Stage]:
             names = ", ".join(stage.name for stage in left)
             raise ValueError(f"stages depend on each other: {names}")
         ordered[ready.name] = ready
-    return list(ordered.values())
+    return ordered
 
 
 def _label(stage: Stage, first: int | None, stop: int | None) -> str:

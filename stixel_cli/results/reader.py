@@ -5,7 +5,7 @@ Files may come from anybody, so each is checked.
 
 import json
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -121,24 +121,17 @@ def find_folders(root: Path) -> list[Path]:
     """
     if not root.is_dir():
         raise UserError(f"{printable_path(root)}: no such folder")
-    return list(_find(root, 0))
-
-
-def _find(folder: Path, depth: int) -> Iterator[Path]:
-    try:
-        with os.scandir(folder) as entries:
-            inside = {entry.name: entry.is_dir(follow_symlinks=False) for entry in entries}
-    except OSError as error:
-        if depth == 0:
-            raise UserError(f"{folder}: cannot be read: {error.strerror}") from error
-        return
-    if MANIFEST in inside or (SWEEP_FILE in inside and depth > 0):
-        yield folder
-    elif depth < DEEPEST:
-        for name in sorted(name for name, is_folder in inside.items() if is_folder):
-            # A name that begins with a dot is unfinished or of another program.
-            if not name.startswith("."):
-                yield from _find(folder / name, depth + 1)
+    if not os.access(root, os.R_OK | os.X_OK):
+        raise UserError(f"{root}: not a readable folder")
+    found = []
+    for place, folders, files in os.walk(root):
+        depth = len(Path(place).relative_to(root).parts)
+        is_result = MANIFEST in files or (SWEEP_FILE in files and depth > 0)
+        found += [Path(place)] * is_result
+        # A name that begins with a dot is unfinished or of another program.
+        further = [name for name in sorted(folders) if not name.startswith(".")]
+        folders[:] = further if depth < DEEPEST and not is_result else []
+    return found
 
 
 _DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)

@@ -172,7 +172,7 @@ class RunResult:
         `pandas.DataFrame(result.tables["track"])` is such a table.
         """
         from stixel_cli.results import tables
-        from stixel_cli.results.ego_frame import pose_columns
+        from stixel_cli.results.tables import pose_columns
 
         scenario, scores = self.scenario, self.scores
         times, ego_poses = scenario.times, scenario.ego_poses_world
@@ -193,7 +193,9 @@ class RunResult:
         if self.tracks:
             found["tracks"] = tables.tracks_columns(self.tracks)
         if scores.labels:
-            found["labels"] = tables.label_columns(scores.labels)
+            # One row per label; columns as in `LabelScore`.
+            rows = [vars(label) for label in scores.labels]
+            found["labels"] = {name: np.array([row[name] for row in rows]) for name in rows[0]}
         return found
 
     @property
@@ -214,7 +216,7 @@ class RunResult:
 
         `ego` has the car's own pose in the world: k, t (s), x, y (m), heading (rad).
         """
-        from stixel_cli.results.ego_frame import scans_in_ego_frame, track_in_ego_frame
+        from stixel_cli.results.tables import scans_in_ego_frame, track_in_ego_frame
 
         tables = self.tables
         ego = tables["ego"]

@@ -13,8 +13,7 @@ from stixel_cli.recordings.replay import find_motion, label_root, sequences
 from stixel_cli.recordings.tables import read_labels, read_poses
 from stixel_cli.results.result import RunResult
 from stixel_cli.scene.parameters import CLASS_OF_KITTI_TYPE
-from stixel_cli.studies.data import DATA, data_folder
-from stixel_cli.studies.report import with_columns
+from stixel_cli.studies.report import DATA, data_folder, with_columns
 
 CLIPS = "kitti_tracking"
 NEEDED = (

@@ -16,9 +16,8 @@ from stixel_cli.config.overrides import Override, parse
 from stixel_cli.engine.graph import GraphBuilder
 from stixel_cli.errors import BelongsElsewhere, ConfigurationError
 from stixel_cli.results.reader import listed
-from stixel_cli.studies.entry import Axes, SweepEntry
-from stixel_cli.studies.file import StudyFile
-from stixel_cli.sweeps.design import Axis, Design, check_size, has, refuse_equal
+from stixel_cli.studies.file import Axes, StudyFile, SweepEntry
+from stixel_cli.sweeps.design import Axis, Design, check_size, has
 from stixel_cli.sweeps.graphs import SweepPlan, plan_sweep
 
 _NOT_PLAIN = re.compile(r"[^A-Za-z0-9_.+=,-]+")
@@ -162,7 +161,6 @@ def overridden(
     designs, notes = list(designs), []
     for override in parsed:
         values = override.singles()
-        refuse_equal(values)
         underived = {n: own for n, own in zip(names, designs, strict=True) if n not in derived}
         _refuse_distinguishing(override.key, underived)
         given = messages.printable(override.text, 100)

@@ -17,8 +17,9 @@ from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.evaluation.metric_table import MAIN, METRICS
 from stixel_cli.parameters import parameters
 from stixel_cli.results.reader import listed
-from stixel_cli.studies.entry import NAME
 
+NAME = "^[A-Za-z][A-Za-z0-9_]{0,59}$"
+"""Of a sweep or a question: it is in names of folders and files, and in messages."""
 PLACE = re.compile(r"\{([A-Za-z_][A-Za-z0-9_]*)\}")
 """A question's name in a study's text."""
 

@@ -1,21 +1,87 @@
 """The report of a study: its answer in words, the answers of its questions, its own tables."""
 
 import json
+import os
 import re
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
 from stixel_cli.answers import render
-from stixel_cli.answers.question import STATUS
+from stixel_cli.answers.answer import STATUS
+from stixel_cli.answers.page import page_links, worst_runs
 from stixel_cli.answers.runs import Runs
-from stixel_cli.errors import UserError, printable
-from stixel_cli.results.result import GROUPS, RunResult
-from stixel_cli.studies.data import StudyData
-from stixel_cli.studies.questions import PLACE, Section, StudyQuestion, asked
+from stixel_cli.config.folders import shipped_folder
+from stixel_cli.engine.store import Store
+from stixel_cli.errors import MissingData, UserError, printable
+from stixel_cli.report.page import drawing_for_page, page_template
+from stixel_cli.results.folder import PAGE
+from stixel_cli.results.lineage import provenance, shown_revision
+from stixel_cli.results.result import GROUPS, RunResult, read_scored_run
+from stixel_cli.studies.file import FUNCTIONS, StudyFile, SweepEntry
+from stixel_cli.studies.plan import StudyPlan
+from stixel_cli.studies.questions import PLACE, Section, asked
+from stixel_cli.sweeps.folder import SweepFolder
 from stixel_cli.sweeps.results import SweepResult
+
+DATA = "STIXEL_DATA"
+"""Environment variable that names the folder of the user's recordings."""
+
+
+def data_folder(contents: str, needed: str = "") -> Path:
+    """The folder that `DATA` names, or the folder `needed` in it; `contents` says what it has.
+
+    Raises:
+        MissingData: if there is no such folder.
+    """
+    named = os.environ.get(DATA, "")
+    folder = Path(named, needed)
+    if not named or not folder.is_dir():
+        raise MissingData(f"{DATA}: must name a folder that has {contents}, got {named!r}")
+    return folder.absolute()
+
+
+def shipped_meshes(name: str) -> list[dict[str, list]]:
+    """Axes: the meshes in a folder of the shipped studies, each in the folder of its road user."""
+    files = sorted((shipped_folder("pipelines") / "studies" / name).glob("*/*.obj"))
+    users = [file.parent.name for file in files]
+    return [{"road_user": users, "road_user.mesh": list(map(str, files))}]
+
+
+@dataclass(frozen=True)
+class StudyData:
+    """Input of a study's report: the complete sweeps by name, in the order of the study's file.
+
+    Their runs also have `scores`, `load` and `variant`.
+    """
+
+    sweeps: Mapping[str, SweepResult]
+
+
+def with_stages(result: SweepResult, entry: SweepEntry, store: Store) -> SweepResult:
+    """A complete sweep, whose runs have what a report reads of their stages.
+
+    Raises:
+        UserError: if a run's folder cannot be read.
+    """
+
+    def with_results(run: RunResult) -> RunResult:
+        def load(step: str) -> Any:
+            nodes = run.graph.of_stage(step)
+            values = [store.load(node.key) for node in nodes]
+            return values[0] if nodes[0].stage.pattern == "once" else values
+
+        return replace(
+            run,
+            scores=read_scored_run(SweepFolder(result.folder).run(run.index)).scores,
+            load=load,
+            variant=entry.variant_of(run.setting),
+        )
+
+    return replace(result, runs=tuple(map(with_results, result.runs)))
 
 
 @dataclass(frozen=True)
@@ -56,31 +122,24 @@ class Report:
     material: Material
 
 
-def study_report(
-    text: str,
-    questions: Sequence[StudyQuestion],
-    data: StudyData,
-    columns: Callable[[str, Runs, Sequence[RunResult]], Runs] | None = None,
-    material: Callable[[StudyData], Material] | None = None,
-) -> Report:
-    """The report.
+def study_report(study: StudyFile, data: StudyData) -> Report:
+    """The report of a study, with what `FUNCTIONS` of its module add, if it has them.
 
-    Args:
-        text: paragraphs, in which `{NAME}` is the answer of a question.
-        columns: of the module: the runs of a sweep, by its name, frame and results, with further
-            columns, or further rows.
-        material: of the module: its own tables and files.
+    `columns` returns the runs of a sweep, by its name, frame and results, with further columns or
+    rows; `material` the module's own tables and files.
 
     Raises:
         UserError: for a question that the runs refuse, or a function that returns another type.
     """
     frames = {name: frame_of(sweep) for name, sweep in data.sweeps.items()}
-    if columns is not None:
-        for name, runs in frames.items():
-            frames[name] = _typed(Runs, "columns", columns(name, runs, data.sweeps[name].runs))
-    sections = tuple(asked(question, frames) for question in questions)
-    own = Material() if material is None else _typed(Material, "material", material(data))
-    return Report(answer_text(text, sections), tuple(one for one in sections if one.groups), own)
+    adds_columns, adds_material = (callable(getattr(study.module, n, None)) for n in FUNCTIONS)
+    for name, runs in frames.items() if adds_columns else ():
+        added = study.call("columns", name, runs, data.sweeps[name].runs)
+        frames[name] = _typed(Runs, "columns", added)
+    sections = tuple(asked(question, frames) for question in study.questions)
+    own = _typed(Material, "material", study.call("material", data)) if adds_material else None
+    shown = tuple(one for one in sections if one.groups)
+    return Report(answer_text(study.text, sections), shown, own or Material())
 
 
 def answer_text(text: str, sections: Sequence[Section]) -> tuple[str, ...]:
@@ -146,3 +205,100 @@ def files_of(report: Report) -> dict[str, str | bytes]:
         found[f"tables/{stem}.csv"] = table.to_csv(index=False, lineterminator="\n")
     found["report.json"] = json.dumps(data, indent=1, ensure_ascii=False) + "\n"
     return found | dict(report.material.files)
+
+
+@dataclass(frozen=True)
+class SweepState:
+    """Progress of a sweep.
+
+    Attributes:
+        runs: their number; None if it depends on earlier sweeps.
+        done: number of finished runs.
+        faults: one line for each reason why others are missing.
+    """
+
+    name: str
+    runs: int | None
+    done: int
+    faults: tuple[str, ...]
+    folder: Path
+
+    @property
+    def complete(self) -> bool:
+        """Whether every run is finished."""
+        return self.done == self.runs
+
+
+def study_page(
+    plan: StudyPlan,
+    states: Sequence[SweepState],
+    report: Report | None,
+    origin: Mapping[str, Any],
+    page: Path,
+) -> str:
+    """The page of a study, the file `page`; without a report, it lists the missing runs.
+
+    `origin`: `command` line that makes the report; when it was `created`, UTC; the `seeds` of each
+    sweep's runs.
+    """
+    made = provenance()
+    return page_template(__package__, "study.html").render(
+        plan=plan,
+        answer=report and report.answer,
+        sections=[_section(one, i, page) for i, one in enumerate(report.sections)]
+        if report
+        else [],
+        tables=[
+            (heading, render.cells_of(table))
+            for heading, table in (report.material.tables.items() if report else ())
+        ],
+        explanation=render.explanation(),
+        states=render.Cells(
+            ("sweep", "runs", "done", "seeds", "faults"),
+            tuple(
+                (
+                    state.name,
+                    "–" if state.runs is None else str(state.runs),
+                    str(state.done),
+                    ", ".join(map(str, origin["seeds"].get(state.name, ()))) or "–",
+                    "; ".join(state.faults),
+                )
+                for state in states
+            ),
+        ),
+        origin=origin,
+        settings=render.Cells(
+            ("sweep", "key", "values"),
+            tuple(
+                (one.sweep.name, key, values.replace(",", ", "))
+                for one in plan.sweeps
+                for key, values in one.settings.items()
+            ),
+        ),
+        revision=shown_revision(made["git"]) or "–",
+        made=made,
+    )
+
+
+def _section(section: Section, place: int, page: Path) -> dict[str, Any]:
+    """What the template shows of a question."""
+    worst = []
+    for _, answers in section.groups:
+        folders = [Path(str(folder)) for folder in answers[0].worst.get("folder", [])]
+        links = page_links([one for one in folders if one.exists()], page, PAGE)
+        worst += worst_runs(answers[0], links)
+    return {
+        "question": section.question,
+        "sentences": [
+            (label, [one.sentence for one in answers], answers[0].notes)
+            for label, answers in section.groups
+        ],
+        "cells": section.cells,
+        "worst": worst,
+        "figures": [
+            (label, drawing_for_page(drawing, f"q{place}g{i}"))
+            for i, ((label, _), drawing) in enumerate(
+                zip(section.groups, section.drawings, strict=True)
+            )
+        ],
+    }

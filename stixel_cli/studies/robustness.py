@@ -10,8 +10,7 @@ import numpy as np
 from stixel_cli.answers.runs import Runs
 from stixel_cli.errors import MissingData
 from stixel_cli.results.result import RunResult
-from stixel_cli.studies.data import DATA, data_folder, shipped_meshes
-from stixel_cli.studies.report import with_columns
+from stixel_cli.studies.report import DATA, data_folder, shipped_meshes, with_columns
 
 SETS = "pandaset, lidarrm and kitti_tracking"
 """What the data folder of `robustness_real` has."""

@@ -7,8 +7,7 @@ import pandas as pd
 
 from stixel_cli.answers.runs import Runs
 from stixel_cli.results.result import RunResult
-from stixel_cli.studies.data import StudyData
-from stixel_cli.studies.report import Material, rows_of
+from stixel_cli.studies.report import Material, StudyData, rows_of
 from stixel_cli.validation.stage_errors import GROSS
 
 SW_DEPTH, SW_STD = 28.0, 0.1

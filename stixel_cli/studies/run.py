@@ -1,12 +1,11 @@
 """Run a study: the sweeps one after the other, then the report."""
 
 import os
-import shlex
 import shutil
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -18,17 +17,21 @@ from stixel_cli.engine.cache_folder import Lease
 from stixel_cli.errors import UserError
 from stixel_cli.results.reader import SWEEP_FILE
 from stixel_cli.results.result import SKIPPED
-from stixel_cli.studies.data import StudyData, with_stages
-from stixel_cli.studies.file import FUNCTIONS
 from stixel_cli.studies.folder import PAGE, StudyFolder
-from stixel_cli.studies.page import SweepState, study_page
 from stixel_cli.studies.plan import PlannedSweep, StudyPlan, derived_sweep
-from stixel_cli.studies.report import Report, study_report
+from stixel_cli.studies.report import (
+    Report,
+    StudyData,
+    SweepState,
+    study_page,
+    study_report,
+    with_stages,
+)
 from stixel_cli.sweeps.folder import SweepFolder
 from stixel_cli.sweeps.graphs import plan_sweep
 from stixel_cli.sweeps.results import SweepResult
 from stixel_cli.sweeps.run import SweepInterrupted
-from stixel_cli.sweeps.whole import designed_sweep, resumed_sweep
+from stixel_cli.sweeps.whole import new_sweep, resumed_sweep
 
 _RESUME = "; resume with: "
 _MOST_FAILURES = 5
@@ -121,7 +124,7 @@ class _Study:
         report = None
         if all(state.complete for state in states):
             with self._leased():
-                report = self._report()
+                report = study_report(self.plan.study, self._data())
         origin = {
             "command": self.command,
             "created": datetime.now(UTC).isoformat(timespec="seconds"),
@@ -143,11 +146,6 @@ class _Study:
 
     def _data(self) -> StudyData:
         return StudyData({name: own for name, own in self.results.items() if own.complete})
-
-    def _report(self) -> Report:
-        study = self.plan.study
-        columns, material = (study.added(name) for name in FUNCTIONS)
-        return study_report(study.text, study.questions, self._data(), columns, material)
 
     def _leased(self):
         """A lease on all results that the report can read."""
@@ -183,9 +181,9 @@ class _Study:
         # The folder is unfinished, or its axes were derived from other results.
         if path.exists():
             shutil.rmtree(path)
-        command = shlex.join(["stixel", "sweep", "--resume", str(path)])
-        plan = plan_sweep(one.design, nodes=one.sweep.steps)
-        return designed_sweep(plan, path, command, True, label)
+        design = replace(one.design, words=("--resume", str(path)))
+        plan = plan_sweep(design, nodes=one.sweep.steps)
+        return new_sweep(plan, path.parent, path.name, True, advice=False, label=label)
 
     def _state(self, one: PlannedSweep) -> SweepState:
         name, folder = one.sweep.name, self.folder.sweep(one.sweep.name)

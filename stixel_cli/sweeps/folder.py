@@ -26,8 +26,8 @@ from stixel_cli.errors import UserError, printable, printable_path
 from stixel_cli.files import read_json, read_yaml
 from stixel_cli.parameters import parameters
 from stixel_cli.results.folder import write_whole_folder
-from stixel_cli.results.reader import SWEEP_FILE, read_manifest, read_metrics, yaml_text
-from stixel_cli.results.result import FAILED, MISSING, SKIPPED, RunResult
+from stixel_cli.results.reader import SWEEP_FILE, read_metrics, yaml_text
+from stixel_cli.results.result import FAILED, MISSING, SKIPPED, RunResult, listed_run
 from stixel_cli.sweeps.design import NOT_GIVEN, SEED
 
 TABLE = "runs.csv"
@@ -141,14 +141,8 @@ class SweepFolder:
 
     def finished(self, count: int) -> dict[int, RunResult]:
         """The complete ones of `count` runs by index, with manifest and metrics."""
-        runs = {}
-        for index in range(count):
-            folder = self.run(index)
-            with suppress(UserError):
-                manifest, metrics = read_manifest(folder), read_metrics(folder)
-                if isinstance(manifest.get("results"), list):
-                    runs[index] = RunResult(manifest=manifest, metrics=metrics, folder=folder)
-        return runs
+        runs = {index: listed_run(self.run(index)) for index in range(count)}
+        return {i: run for i, run in runs.items() if isinstance(run.manifest.get("results"), list)}
 
     def write_run(self, index: int, files: Mapping[str, str | bytes], kind: str = RUNS) -> None:
         """Write the folder of a run atomically, or that of its failure (`FAILED`).

@@ -134,11 +134,10 @@ def _row(root: Path, folder: Path, known: dict[str, tuple]) -> tuple[str, str, l
     try:
         run = listed_run(folder)
         line = line_of(run)
-    except UserError as fault:
-        line = Line("not readable", "", "", str(fault), {})
     except Exception as fault:
         # A foreign or damaged folder may have any content.
-        text = f"not a valid result: {type(fault).__name__}: {fault}"
+        is_ours = isinstance(fault, UserError)
+        text = str(fault) if is_ours else f"not a valid result: {type(fault).__name__}: {fault}"
         line = Line("not readable", "", "", text, {})
     created = str(run.manifest.get("created", ""))[:16].replace("T", " ")
     top = name.partition("/")[0] if "/" in name else ""

@@ -7,7 +7,7 @@ from typing import Any
 
 from stixel_cli.answers import figures, render
 from stixel_cli.answers.answer import Answer
-from stixel_cli.answers.folders import Asked, asked_runs
+from stixel_cli.answers.page import Asked, asked_runs
 from stixel_cli.errors import UserError
 from stixel_cli.pictures import style
 from stixel_cli.results.folder import PAGE

@@ -1,25 +1,46 @@
 """Compute the runs of a sweep and write its folder, without a command line."""
 
+import shlex
+import traceback
 from collections import ChainMap, defaultdict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from importlib import import_module
 
+from stixel_cli.config.folders import PRESETS
 from stixel_cli.engine.errors import CacheError, MissingEntry, StageFailure
-from stixel_cli.engine.execute import execute
+from stixel_cli.engine.execute import Execution, execute
 from stixel_cli.engine.graph import Node
+from stixel_cli.engine.keys import digest
 from stixel_cli.engine.progress import Progress
 from stixel_cli.errors import UserError
+from stixel_cli.evaluation.scores import Scores
 from stixel_cli.experiment.stages import compared_rows
-from stixel_cli.results.folder import figure_files
+from stixel_cli.files import read_json
+from stixel_cli.results import lineage
+from stixel_cli.results.folder import arrays_content, figure_files
+from stixel_cli.results.reader import json_text, yaml_text
 from stixel_cli.results.result import DONE, FAILED, SKIPPED, RunResult
-from stixel_cli.sweeps.folder import SUMMARIES, TABLE, SweepFolder, SweepRequest
+from stixel_cli.results.tables import score_columns
+from stixel_cli.sweeps.folder import RUNS, SUMMARIES, TABLE, SweepFolder, SweepRequest
 from stixel_cli.sweeps.graphs import SweepPlan
 from stixel_cli.sweeps.page import summary_files
 from stixel_cli.sweeps.results import SweepResult
-from stixel_cli.sweeps.run_files import RunLineages, failure_files, remove_unused_code, run_files
 from stixel_cli.sweeps.runs import is_done_by, picture_keys
+
+
+def remove_unused_code(folder: SweepFolder) -> None:
+    """Remove code files that no run refers to any more; those that cannot be removed stay."""
+    files = list((folder.path / lineage.CODE_FOLDER).glob("*.json"))
+    if len(files) < 2:
+        return
+    used = set()
+    for run in (folder.path / RUNS).glob("[0-9]*"):
+        with suppress(UserError):
+            used.add(str(read_json(run / lineage.FILE).get("code")))
+    unused = [one for one in files if one.stem not in used]
+    folder.remove(f"{lineage.CODE_FOLDER}/{n}" for one in unused for n in (one.name, one.stem))
 
 
 class SweepInterrupted(UserError):
@@ -52,12 +73,12 @@ def run_sweep(
         SweepInterrupted: by Ctrl-C; the tables in the folder show which runs are done.
         UserError: if the cache or the folder cannot be written, or there are no workers.
     """
-    sweep = _Sweep(plan, folder, request)
+    sweep = Sweep(plan, folder, request, label, visible)
     typed = plan.runs[0].overrides
     resume = "" if folder is None else f"; resume with: {folder.resume_command(typed)}"
     try:
         sweep.take_finished(finished or {})
-        sweep.compute(visible, label, fail_fast)
+        sweep.compute(fail_fast)
     except (KeyboardInterrupt, UserError) as error:
         # The runs in the folder count, even if its tables cannot be written. Figures would delay
         # Ctrl-C.
@@ -76,59 +97,65 @@ def run_sweep(
     return result
 
 
-class SweepProgress(Progress):
-    """Counts runs and nodes, and reports each run as soon as all its results are in the store."""
+class Sweep(Progress):
+    """The state of a sweep: it takes each run as soon as all its results are in the store.
+
+    Attributes:
+        runs: those that are done or have failed, by index.
+        computed: number of nodes that this call computed.
+        stored: keys of the needed nodes in the store that this call did not compute.
+    """
 
     def __init__(
         self,
-        waiting: Sequence[RunResult],
-        on_run: Callable[[RunResult, Mapping[str, float]], None],
-        done: int = 0,
+        plan: SweepPlan,
+        folder: SweepFolder | None,
+        request: SweepRequest,
         label: str = "",
-        prepare: Callable[[], None] = lambda: None,
         visible: bool = False,
     ):
-        """Start with no run of `waiting` done.
-
-        Args:
-            waiting: the runs to compute.
-            on_run: called with each complete run, and the seconds of all nodes computed so far,
-                by key.
-            done: number of runs that are already done.
-            label: prefix of the counts.
-            prepare: called once, as soon as the first nodes run: the workers start meanwhile.
-            visible: as in `Progress`.
-        """
+        """With the arguments of `run_sweep`; no run is done."""
         super().__init__(visible)
-        self.runs_total = done + len(waiting)
-        self.runs_done, self.runs_failed = done, 0
-        self.node_seconds: dict[str, float] = {}
-        self._on_run = on_run
-        self._prepare = prepare
+        self.plan, self.folder, self.request, self.store = plan, folder, request, plan.store
+        self.runs: dict[int, RunResult] = {}
+        self.computed, self.stored = 0, set(plan.needed).difference(plan.missing)
         self._label = f"{label}: " if label else ""
-        self._left = {one.index: set(one.targets) for one in waiting}
+        self._runs_failed, self._prepared = 0, False
+        # By index, the results that a run lacks; by result, the runs that wait for it.
+        self._left: dict[int, set[str]] = {}
         self._waiting_for: dict[str, list[RunResult]] = defaultdict(list)
-        for one in waiting:
-            for target in one.targets:
-                self._waiting_for[target].append(one)
+        self._node_seconds: dict[str, float] = {}
+        # Index of the first run that needs each failed node.
+        self._failed_nodes: dict[str, int] = {}
+        # Runs share the digests of results, by key, and code files, four fifths of each lineage.
+        self._digests: dict[str, str] = {}
+        self._code_files: set[str] = set()
+
+    def wait_for(self, runs: Iterable[RunResult]) -> None:
+        """Take each of the runs, to be computed, once all its results are in the store."""
+        for run in runs:
+            self._left[run.index] = set(run.targets)
+            for target in run.targets:
+                self._waiting_for[target].append(run)
 
     def begin(self, nodes: Sequence[Node], cached: int) -> None:
-        """Count the nodes, and report runs that need no node to run."""
+        """Count the nodes, and take runs that need no node to run."""
         super().begin(nodes, cached)
         to_run = {node.key for node in nodes}
         for target in [target for target in self._waiting_for if target not in to_run]:
             self._done(target)
 
     def tick(self) -> None:
-        """Update the display; the first time, prepare the end of the sweep."""
+        """Update the display; the first time, while workers start, import what the end needs."""
         super().tick()
-        self._prepare()
-        self._prepare = lambda: None
+        if not self._prepared:
+            import_module("stixel_cli.answers." + ("runs" if self.folder is None else "page"))
+            self._prepared = True
 
     def finished(self, node: Node, seconds: float) -> None:
-        """Count the node, and report the runs that waited only for it."""
+        """Count the node, and take the runs that waited only for it."""
         super().finished(node, seconds)
-        self.node_seconds[node.key] = seconds
+        self._node_seconds[node.key] = seconds
         self._done(node.key)
 
     def failed(self, node: Node, failure: StageFailure, skipped: Sequence[Node]) -> None:
@@ -136,17 +163,16 @@ class SweepProgress(Progress):
         super().failed(node, failure, skipped)
         for one in (node, *skipped):
             for run in self._waiting_for.get(one.key, ()):
-                if self._left.pop(run.index, None) is not None:
-                    self.runs_failed += 1
+                self._runs_failed += self._left.pop(run.index, None) is not None
 
     @property
     def text(self) -> str:
         """The time left and all counts in one line; of nodes first, which grow steadily."""
-        failed = f", {self.runs_failed} failed" if self.runs_failed else ""
+        failed = f", {self._runs_failed} failed" if self._runs_failed else ""
         nodes_failed = f", {self.failures} failed" if self.failures else ""
         return (
             f"{self._label}{self.text_left}{self.all_done}/{self.all_total} nodes{nodes_failed}; "
-            f"{self.runs_done}/{self.runs_total} runs{failed}; {self.cached} nodes cached"
+            f"{len(self.runs)}/{len(self.plan.runs)} runs{failed}; {self.cached} nodes cached"
         )
 
     def _done(self, target: str) -> None:
@@ -154,27 +180,8 @@ class SweepProgress(Progress):
             left = self._left.get(run.index, set())
             if left == {target}:
                 del self._left[run.index]
-                self.runs_done += 1
-                self._on_run(run, self.node_seconds)
+                self.take(run)
             left.discard(target)
-
-
-class _Sweep:
-    """The state of one sweep."""
-
-    def __init__(self, plan: SweepPlan, folder: SweepFolder | None, request: SweepRequest):
-        self.plan, self.request = plan, request
-        self.store, self.folder = plan.store, folder
-        notes = dict(request.notes)
-        self.notes = {"sweep": str(notes.pop("command")), **notes}
-        self.runs: dict[int, RunResult] = {}
-        """Those that are done or have failed, by index."""
-        self.failed_nodes: dict[str, int] = {}
-        """Index of the first run that needs each failed node."""
-        self.computed = 0
-        self.cached = set(plan.needed).difference(plan.missing)
-        """Nodes in the store that this call did not compute."""
-        self.lineages = None if folder is None else RunLineages(self.store, folder)
 
     def take_finished(self, finished: Mapping[int, RunResult]) -> None:
         """Take the runs whose folder is complete, or whose results are all in the store."""
@@ -189,71 +196,110 @@ class _Sweep:
             elif missing.isdisjoint(planned.targets):
                 # A damaged entry is moved away; the run is computed with the others.
                 with suppress(MissingEntry):
-                    self.take(planned, {})
+                    self.take(planned)
 
-    def compute(self, visible: bool, label: str, fail_fast: bool) -> None:
+    def compute(self, fail_fast: bool) -> None:
         """Compute the missing nodes of the other runs."""
         waiting = [planned for planned in self.plan.runs if planned.index not in self.runs]
         if not waiting:
             return
-        executor, graph = self.plan.executor, self.plan.graph
-        firsts = [graph.nodes[keys[0]] for keys in graph.stages.values() if keys]
-        progress = SweepProgress(waiting, self.take, len(self.runs), label, self._prepare, visible)
+        self.wait_for(waiting)
         notes: list[str] = []
         for composition in (planned.composition for planned in waiting):
             compared_rows(composition, notes.append)
             notes += composition.files.notes
         for text in dict.fromkeys(notes):
-            progress.note(text)
-        progress.expect(self.plan.durations.by_stage(firsts), executor.workers)
+            self.note(text)
         try:
             execution = execute(
-                graph,
-                list(dict.fromkeys(target for one in waiting for target in one.targets)),
+                self.plan.graph,
+                list(self._waiting_for),
                 self.store,
-                executor=executor,
-                progress=progress,
+                executor=self.plan.executor,
+                progress=self,
                 keep_going=not fail_fast,
             )
         except StageFailure as failure:
-            self.computed = len(progress.node_seconds)
+            self.computed = len(self._node_seconds)
             first = next(o for o in waiting if failure.key in o.graph.ancestors(o.targets))
             self.note_failure(first, failure.key, failure)
             return
         status = execution.status
         self.computed = sum(one == "computed" for one in status.values())
-        self.cached -= status.keys()
-        self.cached.update(key for key, one in status.items() if one == "cached")
+        self.stored -= status.keys()
+        self.stored.update(key for key, one in status.items() if one == "cached")
         for planned in (one for one in waiting if one.index not in self.runs):
             failure = execution.failure_of(planned.targets)
             if failure is None:
-                self.take(planned, progress.node_seconds)
+                self.take(planned)
             else:
                 self.note_failure(planned, *failure)
 
-    def _prepare(self) -> None:
-        """Import the modules of the statistics and the page: as long as a few runs take."""
-        import_module("stixel_cli.answers.runs")
-        if self.folder is not None:
-            import_module("stixel_cli.answers.page")
-
-    def take(self, planned: RunResult, seconds: Mapping[str, float]) -> None:
+    def take(self, planned: RunResult) -> None:
         """Load the scores of a complete run, and write its folder."""
         scores = self.store.load(planned.targets[0])
         if self.folder is not None:
             pictures = (self.store.load(key).files for key in picture_keys(planned))
-            lineage = self.lineages.text(planned)
-            files = run_files(planned, scores, seconds, self.notes, lineage)
-            self.folder.write_run(planned.index, files | figure_files(dict(ChainMap(*pictures))))
+            files = self.run_files(planned, scores) | figure_files(dict(ChainMap(*pictures)))
+            self.folder.write_run(planned.index, files)
         self.runs[planned.index] = replace(planned, metrics=scores.metrics, status=DONE)
 
+    def run_files(self, planned: RunResult, scores: Scores) -> dict[str, str | bytes]:
+        """The files of a complete run by name; writes its code file into the sweep's folder."""
+        keys, seconds = planned.graph.ancestors(planned.targets), self._node_seconds
+        found = lineage.lineage_of(planned.graph, keys, self.store, self._digests)
+        code = lineage.compact_json(found.code)
+        name = digest(code)[:16]
+        if name not in self._code_files:
+            sources = lineage.stored_sources(found.sources).items()
+            files = {f"{name}.json": code} | {f"{name}/{path}": source for path, source in sources}
+            self.folder.write({f"{lineage.CODE_FOLDER}/{path}": files[path] for path in files})
+            self._code_files.add(name)
+        # Each run that shares a computed node records it as computed.
+        status = {key: "computed" if key in seconds else "cached" for key in keys}
+        entries, notes = dict(planned.manifest), dict(self.request.notes)
+        index = entries.pop("run")
+        manifest = {
+            "command": shlex.join(["stixel", "run", *planned.overrides, *PRESETS.option]),
+            **entries,
+            "sweep": str(notes.pop("command")),
+            **notes,
+            "run": index,
+            "results": list(planned.targets),
+            "stages": Execution(planned.graph, status, seconds).stage_records(),
+        }
+        return {
+            "config.yaml": yaml_text(planned.settings),
+            "manifest.json": json_text(manifest),
+            "metrics.json": json_text(scores.metrics),
+            lineage.FILE: lineage.compact_json(lineage.lineage_tree(found, name)),
+            "scores.npz": arrays_content(score_columns(scores)),
+        }
+
     def note_failure(self, planned: RunResult, node: str, failure: StageFailure) -> None:
-        """Record the failure of a run, here and in the folder."""
-        first = self.failed_nodes.setdefault(node, planned.index)
+        """Record the failure of a run, here and in the folder, and the key of the failed node."""
+        first = self._failed_nodes.setdefault(node, planned.index)
         status = FAILED if first == planned.index else SKIPPED
-        run = self.runs[planned.index] = replace(planned, status=status, failure=failure)
-        if self.folder is not None:
-            self.folder.write_run(planned.index, failure_files(run, node, first), FAILED)
+        self.runs[planned.index] = replace(planned, status=status, failure=failure)
+        if self.folder is None:
+            return
+        content = {
+            "run": planned.index,
+            "status": status,
+            "failed_in_run": first,
+            "overrides": list(planned.overrides),
+            "stage": failure.stage,
+            "node": failure.label,
+            "key": node,
+            "error": f"{type(failure.cause).__name__}: {failure.cause}",
+        }
+        files = {
+            "config.yaml": yaml_text(planned.settings),
+            "failure.json": json_text(content),
+            "traceback.txt": failure.traceback_text
+            or "".join(traceback.format_exception(failure.cause)),
+        }
+        self.folder.write_run(planned.index, files, FAILED)
 
     def write_tables(self) -> SweepResult:
         """Write `runs.csv`, and the summaries of complete settings."""
@@ -261,7 +307,7 @@ class _Sweep:
         folder = None if self.folder is None else self.folder.path
         request = self.request
         result = SweepResult(
-            folder, runs, self.computed, len(self.cached), request.axes, request.over
+            folder, runs, self.computed, len(self.stored), request.axes, request.over
         )
         if self.folder is not None:
             table = import_module("pandas").DataFrame(result.rows, dtype=object)

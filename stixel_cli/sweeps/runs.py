@@ -11,8 +11,16 @@ from stixel_cli.config.overrides import Override
 from stixel_cli.errors import BelongsElsewhere, ConfigurationError
 from stixel_cli.experiment.table import PICTURES
 from stixel_cli.results.result import MISSING, RunResult
-from stixel_cli.sweeps.design import NOT_GIVEN, SEED, Design, check_size, design_from_line, joined
-from stixel_cli.sweeps.file import find_file, read_design
+from stixel_cli.sweeps.design import (
+    NOT_GIVEN,
+    SEED,
+    Design,
+    check_size,
+    design_from_line,
+    find_file,
+    joined,
+    read_design,
+)
 from stixel_cli.sweeps.results import over_keys
 
 
@@ -65,7 +73,7 @@ def sweep_design(
 
     Args:
         overrides: in Hydra's grammar; several values of a key make an axis.
-        file: a path, or a name in `pipelines/studies`; see `stixel_cli.sweeps.file`.
+        file: a path, or a name in `pipelines/studies`; see `stixel_cli.sweeps.design`.
         trust_code: accept user-defined code that the file names.
         over: keys of the axes that means are over, separated by commas.
         one_is_enough: accept a design of a single run.

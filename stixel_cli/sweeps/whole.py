@@ -38,6 +38,7 @@ def new_sweep(
     note: Callable[[str], Any] = lambda text: None,
     advice: bool = True,
     fail_fast: bool = False,
+    label: str = "",
 ) -> SweepResult:
     """Run a sweep.
 
@@ -48,13 +49,21 @@ def new_sweep(
         visible: show progress on stderr.
         note: called with notes on the axes before anything runs.
         advice: note files that the user's code may read without declaring them, too.
-        fail_fast: see `run_sweep`.
+        fail_fast, label: see `run_sweep`.
 
     Raises:
         UserError, SweepInterrupted: as `run_sweep` does.
     """
     design, options = plan.design, [*(["--pictures"] if plan.pictures else []), *PRESETS.option]
-    request = _requested(plan, shlex.join(["stixel", "sweep", *design.words, *options]))
+    request = SweepRequest(
+        axes=tuple(axis.keys for axis in design.axes),
+        runs=tuple(with_own_values(o.overrides, o.composition.resolved) for o in plan.runs),
+        pictures=plan.pictures,
+        nodes=plan.nodes,
+        working_directory=os.getcwd(),
+        notes=_origin(shlex.join(["stixel", "sweep", *design.words, *options])),
+        over=design.over,
+    )
     missing = [plan.graph.nodes[key] for key in plan.missing] if advice else []
     for text in [*plan.notes, *undeclared_reads(missing)]:
         note(text)
@@ -65,20 +74,7 @@ def new_sweep(
         stem = Path(design.file).stem if design.file else joined_name(["sweep", *swept])
         now, create = datetime.now(UTC), lambda path: SweepFolder(path).create(request)
         folder = SweepFolder(new_folder(results, name, stem, now, create))
-    return run_sweep(plan, request, folder, visible, fail_fast=fail_fast)
-
-
-def designed_sweep(
-    plan: SweepPlan, path: Path, command: str, visible: bool = False, label: str = ""
-) -> SweepResult:
-    """Run a planned sweep in the new folder `path`, as `new_sweep` does.
-
-    `command` is the command line to record; `label` is the prefix of the progress on stderr.
-    """
-    request, folder = _requested(plan, command), SweepFolder(path)
-    plan.probe()
-    folder.create(request)
-    return run_sweep(plan, request, folder, visible, label)
+    return run_sweep(plan, request, folder, visible, label, fail_fast=fail_fast)
 
 
 def resumed_sweep(
@@ -128,19 +124,6 @@ def resumed_sweep(
         )
     request = replace(request, notes=origin)
     return run_sweep(plan, request, folder, visible, label, finished, fail_fast)
-
-
-def _requested(plan: SweepPlan, command: str) -> SweepRequest:
-    """The request of a planned design, with the command line to record."""
-    return SweepRequest(
-        axes=tuple(axis.keys for axis in plan.design.axes),
-        runs=tuple(with_own_values(o.overrides, o.composition.resolved) for o in plan.runs),
-        pictures=plan.pictures,
-        nodes=plan.nodes,
-        working_directory=os.getcwd(),
-        notes=_origin(command),
-        over=plan.design.over,
-    )
 
 
 def _origin(command: str) -> dict[str, Any]:

@@ -9,7 +9,7 @@ import yaml
 from stixel_cli.cli.app import main
 from stixel_cli.config.folders import STUDIES, shipped_folder, use_presets
 from stixel_cli.studies.file import find_study, read_study
-from stixel_cli.sweeps.file import is_study
+from stixel_cli.sweeps.design import is_study
 
 FEW = {"measurement": "fabricated", "path.duration": 0.3}
 PLANNING = [["explain"], ["sweep", "--dry-run"]]
@@ -135,7 +135,7 @@ def in_pipelines(monkeypatch, evil, tmp_path):
     def found(name):
         return folder if name == "pipelines" else shipped_folder(name)
 
-    for module in ("studies.file", "sweeps.file"):
+    for module in ("studies.file", "sweeps.design"):
         monkeypatch.setattr(f"stixel_cli.{module}.shipped_folder", found)
     return folder / "studies"
 

@@ -7,6 +7,7 @@ import pytest
 import yaml
 
 from stixel_cli.border import TYPED
+from stixel_cli.config import choice
 from stixel_cli.config.compose import Composer, compose, from_resolved
 from stixel_cli.config.folders import group_options, option_values, shipped_folder
 from stixel_cli.config.override_checks import read_overrides
@@ -274,6 +275,50 @@ def test_a_key_with_the_same_first_word_is_suggested(typed, meant):
     with pytest.raises(ConfigurationError) as error:
         compose([f"{typed}=1"])
     assert meant in str(error.value).partition("did you mean")[2]
+
+
+def test_compositions_are_stored_and_damaged_ones_are_ignored(tmp_path, monkeypatch):
+    monkeypatch.setenv("STIXEL_CACHE", str(tmp_path))
+    choice.compose_options.cache_clear()
+    composed = compose()
+    (stored,) = (tmp_path / choice.FOLDER).iterdir()
+    for content in (stored.read_bytes(), stored.read_bytes().replace(b"640", b"641"), b"\xff"):
+        stored.write_bytes(content)
+        choice.compose_options.cache_clear()
+        assert compose() == composed
+
+
+def test_a_stored_composition_needs_no_hydra(tmp_path, monkeypatch):
+    monkeypatch.setenv("STIXEL_CACHE", str(tmp_path))
+    compose(["rig=kitti"])
+    choice.compose_options.cache_clear()
+    expected = compose(["rig=kitti"])
+    monkeypatch.setattr(choice, "_by_hydra", None)
+    choice.compose_options.cache_clear()
+    assert compose(["rig=kitti"]) == expected
+
+
+def test_a_cache_that_cannot_be_written_is_no_fault(tmp_path, monkeypatch, default):
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "file"))
+    choice.compose_options.cache_clear()
+    assert compose() == default
+
+
+def test_composing_creates_no_cache(tmp_path, monkeypatch, default):
+    monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "missing"))
+    choice.compose_options.cache_clear()
+    assert compose() == default
+    assert not (tmp_path / "missing").exists()
+
+
+def test_few_compositions_stay_stored(tmp_path, monkeypatch):
+    monkeypatch.setenv("STIXEL_CACHE", str(tmp_path))
+    monkeypatch.setattr(choice, "MOST_STORED", 2)
+    choice.compose_options.cache_clear()
+    for option in ("turn", "circle", "approach"):
+        compose([f"path={option}"])
+    assert len(list((tmp_path / choice.FOLDER).iterdir())) == 2
 
 
 @pytest.mark.parametrize(

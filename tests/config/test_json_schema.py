@@ -15,7 +15,7 @@ from stixel_cli.config.keys import WRITTEN, schema_files
 from stixel_cli.files import read_yaml
 from stixel_cli.studies import file as study_file
 from stixel_cli.studies import questions
-from stixel_cli.sweeps import file as sweep_file
+from stixel_cli.sweeps.design import SWEEP_ENTRIES
 
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "conf" / "schema"
@@ -54,7 +54,7 @@ def test_every_file_names_its_schema_and_follows_it():
 
 
 def test_entries_of_sweeps_and_studies_are_those_of_their_readers():
-    assert tuple(SCHEMAS["sweep.json"]["properties"]) == sweep_file.ENTRIES
+    assert tuple(SCHEMAS["sweep.json"]["properties"]) == SWEEP_ENTRIES
     study = SCHEMAS["study.json"]["properties"]
     assert {*study} == {*study_file.ENTRIES}
     entries = study["questions"]["additionalProperties"]["properties"]

@@ -6,6 +6,7 @@ import os
 import pytest
 
 from stixel_cli.cli.app import main
+from stixel_cli.config.choice import compose_options
 from stixel_cli.config.compose import compose
 from stixel_cli.config.folders import group_options, use_presets
 
@@ -56,6 +57,7 @@ def test_an_edit_of_a_preset_takes_effect(presets):
     assert compose(["rig=mine"]).configuration.rig.width == 320
     file = presets / "rig" / "mine.yaml"
     file.write_text(file.read_text().replace("320", "480"))
+    compose_options.cache_clear()
     assert compose(["rig=mine"]).configuration.rig.width == 480
 
 

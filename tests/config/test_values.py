@@ -6,7 +6,7 @@ from omegaconf import OmegaConf
 from stixel_cli.border import TYPED
 from stixel_cli.config import choice
 from stixel_cli.config.compose import Composer
-from stixel_cli.config.folders import group_options, outer_options
+from stixel_cli.config.folders import conf_state, group_options, outer_options
 from stixel_cli.config.override_checks import read_overrides
 
 OPTIONS = [
@@ -48,9 +48,9 @@ def composer():
 @pytest.mark.parametrize("line", [*LINES, *(alone(*one) for one in OPTIONS)])
 def test_equal_to_omegaconf(line, monkeypatch):
     settings = {one.key: one.value for one in typed(line)}
-    options = {k: v for k, v in settings.items() if k in group_options()}
+    options = tuple(sorted((k, v) for k, v in settings.items() if k in group_options()))
     values = {key: value for key, value in settings.items() if key not in group_options()}
-    plain = choice.compose_options(options).plain
+    plain = choice.compose_options(options, conf_state()).plain
     fast = choice.with_values(plain, values)
     monkeypatch.setattr(choice, "_resolved", lambda section, *_: section)
     tree = OmegaConf.create(choice.with_values(plain, values))

@@ -6,7 +6,7 @@ import pytest
 
 from stixel_cli.engine.errors import CacheError, StageFailure
 from stixel_cli.engine.graph import merge
-from stixel_cli.engine.task import run_node
+from stixel_cli.engine.scheduler import run_node
 
 
 def statuses(execution):

@@ -7,8 +7,8 @@ import pytest
 from playback_runs import make_run
 
 from stixel_cli.config.compose import compose
-from stixel_cli.report import playback_values
-from stixel_cli.report.playback_values import noise_of
+from stixel_cli.report import playback
+from stixel_cli.report.playback import noise_of
 
 
 @pytest.fixture
@@ -41,7 +41,7 @@ def test_added_and_stretched_noise_have_own_ellipses(noise, monkeypatch):
     assert of_each[0] == of_each[1]
     added = np.reshape(of_each[0], (-1, 3))
     with monkeypatch.context() as patch:
-        patch.setattr(playback_values, "MOST_ELLIPSES", 10)
+        patch.setattr(playback, "MOST_OF_NOISE", 10)
         many = noise("tracker=pyrecest")
     assert many["ellipses"] is None and many["text"].endswith("too many points to show it")
     traces = (added[:, :2] ** 2).sum(axis=1) / 1e6

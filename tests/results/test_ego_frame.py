@@ -5,7 +5,7 @@ import pytest
 
 from stixel_cli import load, run
 from stixel_cli.geometry.pose import ego_from_world, rotate_covariances
-from stixel_cli.results.ego_frame import track_in_ego_frame
+from stixel_cli.results.tables import track_in_ego_frame
 
 RUN = ["measurement=fabricated", "ego=turning", "ego.yaw_rate=-20", "path.duration=0.5", "seed=1"]
 

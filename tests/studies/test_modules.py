@@ -11,7 +11,7 @@ from stixel_cli.answers.runs import Runs
 from stixel_cli.config.compose import compose
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.studies import motions, robustness, rq1, rq3
-from stixel_cli.studies.data import StudyData
+from stixel_cli.studies.report import StudyData
 from stixel_cli.validation.point_errors import PointErrors
 
 

@@ -7,8 +7,8 @@ import pytest
 
 from stixel_cli.errors import MissingData
 from stixel_cli.studies import motions
-from stixel_cli.studies.data import data_folder
 from stixel_cli.studies.file import find_study, read_study
+from stixel_cli.studies.report import data_folder
 
 sys.path.append(str(Path(__file__).parents[1] / "recordings"))
 from made_argoverse import TARGET, make_motion

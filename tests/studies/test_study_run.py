@@ -16,7 +16,7 @@ from stixel_cli.engine import execute as execution
 from stixel_cli.engine import keys
 from stixel_cli.report.metrics import number
 from stixel_cli.studies import run as study_run
-from stixel_cli.studies.page import study_page
+from stixel_cli.studies.report import study_page
 from stixel_cli.sweeps import run as sweep_run
 
 ONE = ("road_user=car", "seed=0")

@@ -26,7 +26,7 @@ def test_a_result_that_is_gone_after_its_computation_is_one_line(tmp_path, monke
     def take(*_):
         raise MissingEntry("a" * 64, "was removed")
 
-    monkeypatch.setattr("stixel_cli.sweeps.run._Sweep.take", take)
+    monkeypatch.setattr("stixel_cli.sweeps.run.Sweep.take", take)
     with pytest.raises(CacheError, match="aaaaaaaaaaaa: was removed; resume with: stixel sweep"):
         sweep([*FEW, "seed=0,1"], results=tmp_path / "results", cache=tmp_path / "cache")
 

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 from result_folders import make_folder
 
-from stixel_cli.answers.over_time import SHARES, over_time
+from stixel_cli.answers.figures import SHARES, over_time
 from stixel_cli.cli.report import report
 from stixel_cli.errors import UserError
 from stixel_cli.sweeps.folder import SweepFolder, SweepRequest

@@ -4,46 +4,54 @@ from runs_of import sweep_runs
 
 from stixel_cli.engine.errors import StageFailure
 from stixel_cli.engine.parameters import duration
+from stixel_cli.sweeps.folder import SweepRequest
 from stixel_cli.sweeps.graphs import plan_runs
-from stixel_cli.sweeps.run import SweepProgress
+from stixel_cli.sweeps.run import Sweep
+
+REQUEST = SweepRequest("", False, (), (("seed",),), (), {"command": ""})
 
 
-def test_runs_and_nodes_are_counted(capsys):
-    line = ["measurement=fabricated", "seed=1,2,3"]
-    waiting = plan_runs(sweep_runs(line)).runs
-    complete = []
-    progress = SweepProgress(waiting, lambda run, seconds: complete.append(run), 2)
-    progress.expect({"track": 4.0}, workers=2)
+def sweep_of(seeds):
+    plan = plan_runs(sweep_runs(["measurement=fabricated", f"seed={seeds}"]))
+    return Sweep(plan, None, REQUEST)
+
+
+def test_runs_and_nodes_are_counted(capsys, monkeypatch):
+    monkeypatch.setattr(Sweep, "take", lambda self, run: self.runs.update({run.index: run}))
+    sweep = sweep_of("1,2,3,4,5")
+    before, waiting = sweep.plan.runs[:2], sweep.plan.runs[2:]
+    sweep.runs.update({run.index: run for run in before})
+    sweep.wait_for(waiting)
+    sweep.expect({"track": 4.0}, workers=2)
     tracks = [one.graph.of_stage("track")[0] for one in waiting]
     scores = [one.graph.nodes[one.targets[0]] for one in waiting]
-    progress.begin([*tracks, *scores[:2]], cached=7)
-    # The scores of the third are there: it waits for nothing.
-    assert complete == [waiting[2]]
-    assert progress.text == "about 10 s left; 0/5 nodes; 3/5 runs; 7 nodes cached"
-    progress.started(tracks[0])
-    progress.finished(tracks[0], 2.0)
-    progress.started(scores[0])
-    progress.finished(scores[0], 1.0)
-    assert complete == [waiting[2], waiting[0]]
-    progress.failed(tracks[1], StageFailure("track", "track", ValueError("a\nb"), ""), [scores[1]])
-    assert progress.runs_failed == 1
-    assert progress.text == (
-        "about 1 s left; 2/3 nodes, 1 failed; 4/5 runs, 1 failed; 7 nodes cached"
-    )
+    sweep.begin([*tracks, *scores[:2]], cached=7)
+    # The scores of the last one are there: it waits for nothing.
+    assert [*sweep.runs.values()] == [*before, waiting[2]]
+    assert sweep.text == "about 10 s left; 0/5 nodes; 3/5 runs; 7 nodes cached"
+    sweep.started(tracks[0])
+    sweep.finished(tracks[0], 2.0)
+    sweep.started(scores[0])
+    sweep.finished(scores[0], 1.0)
+    assert [*sweep.runs.values()] == [*before, waiting[2], waiting[0]]
+    sweep.failed(tracks[1], StageFailure("track", "track", ValueError("a\nb"), ""), [scores[1]])
+    assert sweep.text == "about 1 s left; 2/3 nodes, 1 failed; 4/5 runs, 1 failed; 7 nodes cached"
     assert capsys.readouterr().err == "stixel: failed: track: ValueError: a b\n"
-    progress.close()
+    sweep.close()
 
 
-def test_the_end_of_a_sweep_is_prepared_once_after_its_first_nodes_started():
-    waiting = plan_runs(sweep_runs(["measurement=fabricated", "seed=1,2"])).runs
+def test_the_end_of_a_sweep_is_prepared_once_after_its_first_nodes_started(monkeypatch):
     calls = []
-    progress = SweepProgress(waiting, lambda *_: None, prepare=lambda: calls.append("now"))
-    progress.begin([one.graph.nodes[one.targets[0]] for one in waiting], cached=0)
-    progress.started(waiting[0].graph.nodes[waiting[0].targets[0]])
+    monkeypatch.setattr("stixel_cli.sweeps.run.import_module", calls.append)
+    sweep = sweep_of("1,2")
+    scores = [one.graph.nodes[one.targets[0]] for one in sweep.plan.runs]
+    sweep.wait_for(sweep.plan.runs)
+    sweep.begin(scores, cached=0)
+    sweep.started(scores[0])
     assert calls == []
-    progress.tick()
-    progress.tick()
-    assert calls == ["now"]
+    sweep.tick()
+    sweep.tick()
+    assert calls == ["stixel_cli.answers.runs"]
 
 
 def test_times_in_words():

@@ -6,9 +6,7 @@ from runs_of import sweep_runs
 from stixel_cli.config.compose import compose
 from stixel_cli.config.folders import group_options
 from stixel_cli.errors import ConfigurationError, UserError
-from stixel_cli.results.reader import yaml_text
 from stixel_cli.sweeps.graphs import check_axes, plan_runs
-from stixel_cli.sweeps.run_files import yaml_of_parts
 
 USERS = group_options()["road_user"]
 FABRICATED = "measurement=fabricated"
@@ -77,7 +75,7 @@ def test_all_combinations_with_the_seed_running_fastest():
 @pytest.mark.parametrize(
     ("line", "said"),
     [
-        (["seed=0,1,0"], "seed: 0 is given twice"),
+        (["seed=0,1,0"], "seed=0 is given twice"),
         (["tracker.sigma_f=0.1,0.10"], "0.1 is given twice"),
         (["tracker.sigma_f=1,1.0"], "is given twice"),
         (["seed=1"], "nothing to sweep"),
@@ -179,7 +177,7 @@ def test_the_shipped_study_is_valid():
         ("axes: {seed: []}", "study.yaml: axes: seed has no values"),
         ("axes:\n  seed: range(2,2)", "seed=range(2,2): has no values"),
         ("axes: {sede: [1, 2]}", "did you mean seed?"),
-        ("axes: {seed: [1, 1]}", "1 is given twice"),
+        ("axes: {seed: [1, 1]}", "seed=1 is given twice"),
         ("axes: {seed: [1, 2]}\nseeds: 3", "seed: is given twice"),
         ("axes: {seed: [1, 2]}\naxes: {path: [turn, circle]}", "line 2: found duplicate key axes"),
         ("axis: {seed: [1, 2]}", "axis: is unknown; did you mean axes?"),
@@ -221,7 +219,7 @@ def test_a_key_in_the_file_and_on_the_line_is_refused(tmp_path):
     file = tmp_path / "study.yaml"
     file.write_text("fixed: {path.duration: 1}\nseeds: 2", encoding="utf-8")
     for again in ("seed=3", "seed=1,2", "path.duration=2"):
-        with pytest.raises(ConfigurationError, match=r"is given twice, in .*study.yaml and on"):
+        with pytest.raises(ConfigurationError, match=r"is given twice: .*, in .*study.yaml or on"):
             sweep_runs([again], file=str(file))
 
 
@@ -231,14 +229,6 @@ def test_no_such_file(name):
         sweep_runs([], file=name)
     assert "rq1" not in str(error.value), "a study is no sweep"
     assert "\n" not in str(error.value)
-
-
-def test_config_file_of_a_run_does_not_depend_on_the_runs_before_it():
-    """Parts of the YAML are kept: 1, 1.0 and true are equal in Python, and differ in the file."""
-    run = sweep_runs(["tracker.sigma_q=1,2"])[0]
-    for value in (1, 1.0, True, None, [1.5, "a: b"], {"deep": {"é": 1e-7}}):
-        resolved = {**run.composition.resolved, "one": value}
-        assert yaml_of_parts(resolved) == yaml_text(resolved)
 
 
 def test_a_key_of_one_swept_option_is_left_out_of_the_others():
