@@ -10,7 +10,6 @@ from typing import Annotated, Any
 
 import typer
 
-from stixel_cli.config.choice import compose_options
 from stixel_cli.config.folders import (
     ENTRY_POINTS,
     STUDIES,
@@ -109,6 +108,8 @@ def _candidates(typed: str, words: list[str]) -> list[str]:
 
 def _keys(typed: str, words: list[str]) -> list[str]:
     """The keys of the options that the line chooses; a single key also with its value."""
+    from stixel_cli.config.choice import compose_options
+
     line = map(split_override, "".join(f" {word}" for word in words).replace(" = ", "=").split())
     chosen = {group: option for group, option in line if option in group_options().get(group, ())}
     values = dict(flat(compose_options(tuple(sorted(chosen.items())), conf_state()).plain))

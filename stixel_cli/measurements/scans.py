@@ -108,8 +108,7 @@ class Scans:
         field_of_view: of the sensor; None: unknown.
         epoch: ns since 1970 at the time 0; None: unknown.
         shared_errors: what all of the points share, beyond their covariances.
-        heights: (P,) m, of the points above the road, several of which may be of one bearing; None:
-            unknown.
+        heights: (P,) m above the road; then several points may be of one bearing. None: unknown.
     """
 
     times: np.ndarray
@@ -191,11 +190,9 @@ class Scans:
         the variance that the points state across their rays. Without heights, nothing changes.
         """
         kept = np.ones(len(self.points_world), bool)
-        for k in range(len(self) if self.heights is not None else 0):
+        for k in [] if self.heights is None else np.flatnonzero(np.diff(self.offsets)):
             rows, sensor = self.rows(k), self.sensor_poses_world[k]
             offsets = self.points_world[rows] - sensor[:2]
-            if not len(offsets):
-                continue
             ranges = np.maximum(np.hypot(*offsets.T), 1e-9)
             left = np.stack([-offsets[:, 1], offsets[:, 0]], axis=-1) / ranges[:, None]
             across = np.einsum("ni,nij,nj->n", left, self.covariances_world[rows], left)

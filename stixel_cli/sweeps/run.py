@@ -149,7 +149,9 @@ class Sweep(Progress):
         """Update the display; the first time, while workers start, import what the end needs."""
         super().tick()
         if not self._prepared:
-            import_module("stixel_cli.answers." + ("runs" if self.folder is None else "page"))
+            import_module("stixel_cli.answers.runs")
+            if self.folder is not None:
+                import_module("stixel_cli.answers.page")
             self._prepared = True
 
     def finished(self, node: Node, seconds: float) -> None:

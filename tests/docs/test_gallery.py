@@ -42,8 +42,9 @@ def test_every_command_is_on_the_page_and_valid(heading):
 
 
 @pytest.mark.parametrize("group", gallery.sections().values(), ids=gallery.sections())
-def test_commands_draw_their_pictures(group):
+def test_commands_draw_their_pictures(group, monkeypatch):
     """One entry per section: the entries of a section differ only in the option."""
+    monkeypatch.chdir(DOCS.parent)
     entry = group[-1]
     composition = compose(entry.overrides)
     frames = pictured_frames(composition)
