@@ -125,8 +125,8 @@ def find_folders(root: Path) -> list[Path]:
         raise UserError(f"{root}: not a readable folder")
     found = []
     for place, folders, files in os.walk(root):
-        depth = len(Path(place).relative_to(root).parts)
-        is_result = MANIFEST in files or (SWEEP_FILE in files and depth > 0)
+        depth, inside = len(Path(place).relative_to(root).parts), {*folders, *files}
+        is_result = MANIFEST in inside or (SWEEP_FILE in inside and depth > 0)
         found += [Path(place)] * is_result
         # A name that begins with a dot is unfinished or of another program.
         further = [name for name in sorted(folders) if not name.startswith(".")]
