@@ -33,13 +33,15 @@ def call_kernels() -> None:
     """Call every kernel."""
     from stixel_cli.config.compose import compose
     from stixel_cli.method import follow_road_user
-    from stixel_cli.tracking.contour.ray_table import expected, outline_table
+    from stixel_cli.tracking.contour.ray_table import expected, linearised, outline_table
 
     follow_road_user(compose((*TINY, *OPTIONS, "tracker=gp_ekf")).configuration, seed=0)
     # That of the tracker `contour`, which the method leaves out.
-    table = outline_table(np.array([[1.0, -1.0], [1.0, 1.0], [-1.0, 0.0]]))
-    rays = np.array([[1.0, 0.0]])
-    expected(np.zeros((1, 5)), np.array([-9.0, 0.0]), rays, 0, 0, *table.arrays())
+    table = outline_table(np.array([[1.0, -1.0], [1.0, 1.0], [-1.0, 0.0]])).arrays
+    sensor, rays, half = np.array([-9.0, 0.0, 0.0]), np.array([[1.0, 0.0]]), np.ones(2)
+    expected(np.zeros(5), sensor, rays, table)
+    ends = np.zeros(2, np.int64)
+    linearised(np.zeros(5), np.eye(7), sensor, rays, np.ones(1), ends, half, table, table)
 
 
 def main() -> None:

@@ -11,10 +11,12 @@ K = (J Aᵀ)ₑ V⁻¹ it is the filter of Schmidt 1966, *Application of state-s
 problems*. The considered errors are not corrected; each is forgotten in its own time.
 """
 
+from copy import copy
+
 import numpy as np
 
-FIELD_NODES = 16
-"""Nodes over the outline of the error of the shape that neighbouring points share: 1 m of a car."""
+NODES = 16
+"""Nodes over the outline of what neighbouring points share of a shape's error: 1 m of a car."""
 
 FIELD_TIME = 0.5
 """Time in which that error is forgotten, s: the aspect changes, limbs swing."""
@@ -38,6 +40,12 @@ class JointCovariance:
         self.matrix = np.eye(self.size + len(memories))
         self.matrix[: self.size, : self.size] = covariance
         self._memories = memories
+
+    def copy(self) -> "JointCovariance":
+        """Another one, which changes alone."""
+        other = copy(self)
+        other.matrix = self.matrix.copy()
+        return other
 
     def predict(self, transition: np.ndarray, noise: np.ndarray, interval: float) -> None:
         """One `interval` in s later, with `transition` and `noise` (d, d) of the states.
@@ -68,17 +76,17 @@ class JointCovariance:
         return innovation
 
 
-def field_weights(directions: np.ndarray) -> np.ndarray:
-    """Weights (n, 16) of the field's nodes at `directions` (n, 2), unit vectors of the target.
+def node_weights(angles: np.ndarray) -> np.ndarray:
+    """Weights (n, 16) of nodes that are even over a turn, at `angles` (n,) rad: linear between."""
+    position = angles * (NODES / (2.0 * np.pi))
+    node = np.floor(position).astype(int)
+    weights, rows = np.zeros((len(angles), NODES)), np.arange(len(angles))
+    weights[rows, node % NODES] = 1.0 - (position - node)
+    weights[rows, (node + 1) % NODES] += position - node
+    return weights
 
-    Linear between the nodes, which are even over a turn, and of unit norm, as the nodes have unit
-    variance.
-    """
-    places = np.arctan2(directions[:, 1], directions[:, 0]) * (FIELD_NODES / (2.0 * np.pi))
-    lower = np.floor(places).astype(int)
-    share = places - lower
-    weights = np.zeros((len(places), FIELD_NODES))
-    rows = np.arange(len(places))
-    weights[rows, lower % FIELD_NODES] = 1.0 - share
-    weights[rows, (lower + 1) % FIELD_NODES] = share
-    return weights / np.hypot(1.0 - share, share)[:, None]
+
+def field_weights(angles: np.ndarray) -> np.ndarray:
+    """`node_weights` (n, 16) of unit norm, as the field's nodes have unit variance."""
+    weights = node_weights(angles)
+    return weights / np.sqrt((weights**2).sum(axis=1))[:, None]

@@ -12,7 +12,7 @@ from scipy.linalg import block_diag
 
 from stixel_cli.geometry.pose import rotation
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.tracking.consider import FIELD_NODES, FIELD_TIME, JointCovariance, field_weights
+from stixel_cli.tracking.consider import NODES, FIELD_TIME, JointCovariance, field_weights
 from stixel_cli.tracking.contour.contour_rays import Rays
 from stixel_cli.tracking.gp_ekf_update import Linearisation
 from stixel_cli.tracking.motion import velocity_across
@@ -27,8 +27,8 @@ class StatedCovariance:
         self._radii = radii if side.radii_covariance is None else side.radii_covariance
         self._limbs, self._scans, self._side = side.limbs, scans, side
         count = len(self._limbs)
-        memories = np.full(count + FIELD_NODES + scans.shared_errors.count, np.inf)
-        memories[: count + FIELD_NODES] = FIELD_TIME
+        memories = np.full(count + NODES + scans.shared_errors.count, np.inf)
+        memories[: count + NODES] = FIELD_TIME
         self._joint = JointCovariance(block_diag(initial, self._radii), memories)
 
     @property
@@ -91,7 +91,7 @@ class StatedCovariance:
         shared = self._scans.shared_directions(k, rays.points_world)
         considered = [
             np.reshape(limbs, (len(limbs), len(angles))).T,
-            field[:, None] * field_weights(directions),
+            field[:, None] * field_weights(angles),
             np.einsum("ni,nij->nj", gradients, shared),
         ]
         return np.hstack([model.state_matrix, *considered]), own + rough + model.radius_variances

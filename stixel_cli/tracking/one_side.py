@@ -125,14 +125,14 @@ class OneSide:
         rays = rays_of(points_world, covariances, sensor, self._field_of_view)
         stds = np.zeros(len(points_world))
         if self._tables is not None and len(points_world):
-            state = np.concatenate([pose, self._factors])[None]
+            state = np.concatenate([pose, self._factors])
             visible, outline = (
-                expected(state, sensor[:2], rays.directions, -1, -1, *table.arrays())
+                expected(state, sensor, rays.directions, table.arrays)
                 for table in self._tables
             )
-            missed = np.clip(visible[0][0] - outline[0][0], -FARTHEST, FARTHEST)
+            missed = np.clip(visible[0] - outline[0], -FARTHEST, FARTHEST)
             missed += self._bias_per_std * rays.stds
-            rays, stds = replace(rays, ranges=rays.ranges - missed), visible[3]
+            rays, stds = replace(rays, ranges=rays.ranges - missed), visible[2]
         return rays, stds
 
     def others(self, rays: Rays, mean: np.ndarray, position: np.ndarray) -> np.ndarray:

@@ -31,13 +31,12 @@ Student distribution, e the normalised error at the current iterate (Lange, Litt
 """
 
 from collections.abc import Sequence
-from copy import deepcopy
 from dataclasses import replace
 
 import numpy as np
 
 from stixel_cli.geometry.pose import rotation
-from stixel_cli.tracking.consider import FIELD_TIME, JointCovariance
+from stixel_cli.tracking.consider import FIELD_TIME, NODES, JointCovariance
 from stixel_cli.tracking.contour.class_probabilities import class_row, log_weight
 from stixel_cli.tracking.contour.class_shape import ClassShape
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
@@ -52,7 +51,7 @@ from stixel_cli.tracking.contour.contour_recovery import (
 from stixel_cli.tracking.contour.contour_report import SIDEWAYS, box_sizes, contours_of, reported
 from stixel_cli.tracking.contour.contour_update import SEEN, SHAPE_ERRORS, constant_errors, update
 from stixel_cli.tracking.contour.hypothesis import Hypothesis
-from stixel_cli.tracking.contour.residual import NODES, Residual
+from stixel_cli.tracking.contour.residual import Residual
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.smoothing import smooth
 from stixel_cli.tracking.track import OTHER, InitialState, Track
@@ -168,7 +167,7 @@ class ClassFilter:
         """The hypothesis an `interval` in s later, updated with the points that it associates."""
         mean, covariance, joint = one.state
         mean, matrix, noise = predict(mean, interval, self._tracker, self._of_class)
-        covariance, joint = matrix @ covariance @ matrix.T + noise, deepcopy(joint)
+        covariance, joint = matrix @ covariance @ matrix.T + noise, joint.copy()
         pulled = np.zeros((len(mean), len(joint.matrix)))
         pulled[:, : len(mean)] = matrix
         if self._road_user != OTHER:

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stixel_cli.geometry.pose import rotation, wrap_angle
+from stixel_cli.geometry.pose import wrap_angle
 from stixel_cli.measurements.scans import FieldOfView
 from stixel_cli.tracking.contour.class_shape import (
     class_shape,
@@ -55,11 +55,6 @@ class Sight:
         """Half of the length and of the width (2,) m of the outline."""
         return 0.5 * self.table.extents
 
-    def angles(self, state: np.ndarray, rays: "Rays", ranges: np.ndarray) -> np.ndarray:
-        """Bearings (n,) rad of where rays meet a state's shape, in units of half its size."""
-        hits = rays.sensor[:2] + ranges[:, None] * rays.directions - state[:2]
-        hits = hits @ rotation(state[2]) / (self.half * np.exp(state[5:7]))
-        return np.arctan2(hits[:, 1], hits[:, 0])
 
 
 @dataclass(frozen=True)
@@ -187,23 +182,23 @@ def associate(
     """
     if not len(rays.ranges):
         return np.zeros(0, np.int64)
-    seen_from = pose_and_size[None], rays.sensor[:2], rays.directions, -1, -1
-    ranges, _, misses, stds, _ = expected(*seen_from, *sight.table.arrays())
+    seen_from = pose_and_size, rays.sensor, rays.directions
+    ranges, misses, stds = expected(*seen_from, sight.table.arrays)
     along = across = covariance[0, 0] + covariance[1, 1]
     if sight.residual:
         across = np.einsum("ni,ij,nj->n", rays.normals, covariance[:2, :2], rays.normals)
         along = along - across
     reach = np.hypot(*sight.table.extents)
     turned = 0.25 * reach**2 * covariance[2, 2]
-    errors = rays.ranges - ranges[0] - sight.bias_per_std * rays.stds
+    errors = rays.ranges - ranges - sight.bias_per_std * rays.stds
     if sight.far:
-        far = expected(*seen_from, *sight.far.arrays())[0]
-        errors -= np.clip(errors, 0.0, far[0] - ranges[0])
+        far = expected(*seen_from, sight.far.arrays)[0]
+        errors -= np.clip(errors, 0.0, far - ranges)
     # After a gap of years a variance may be below zero by rounding.
     variance = rays.stds**2 + stds**2 + np.maximum(along + turned, 0.0)
     fits = np.abs(errors) < NEAR_RANGE + tracker.gate_std * np.sqrt(variance)
     beside = np.sqrt(np.maximum(across + turned, 0.0))
-    meets = misses[0] < NEAR_ACROSS + tracker.gate_std * beside
+    meets = misses < NEAR_ACROSS + tracker.gate_std * beside
     inside = fits & meets & ~rays.others
     if sight.residual and inside.any():
         inside &= _of_target(segments(rays), inside)

@@ -11,18 +11,15 @@ as it is: the start or the prediction may be wrong by more than a local update c
 that goes backwards faster than its class does is turned round.
 """
 
-from copy import deepcopy
-
 import numpy as np
 
 from stixel_cli.geometry.pose import rotation, wrap_angle
 from stixel_cli.measurements.clusters import cluster
-from stixel_cli.tracking.consider import JointCovariance
+from stixel_cli.tracking.consider import NODES, JointCovariance
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
 from stixel_cli.tracking.contour.contour_rays import Rays, Sight
 from stixel_cli.tracking.contour.contour_update import Posterior, update
 from stixel_cli.tracking.contour.hypothesis import Hypothesis
-from stixel_cli.tracking.contour.residual import NODES
 
 RECENT, INCONSISTENT = 3, 1.5
 """A track is inconsistent if the mean NIS / degrees of freedom of so many scans is above this."""
@@ -73,7 +70,7 @@ def detect_again(
     points may be another object's: nothing if all of them are of objects longer than the class.
     """
     clusters = clusters_of(rays, indices, sight, after_gap)
-    wide, joint = covariance.copy(), deepcopy(joint)
+    wide, joint = covariance.copy(), joint.copy()
     if widen:
         wide[:7, :7] += WIDE
         joint.matrix[:7, :7] += WIDE
@@ -129,7 +126,7 @@ def turned(
     covariance = (signs[:, None] * covariance * signs)[np.ix_(order, order)]
     considered = np.arange(len(mean), len(joint.matrix))
     order, signs = np.append(order, considered), np.append(signs, np.ones(len(considered)))
-    joint = deepcopy(joint)
+    joint = joint.copy()
     joint.matrix = (signs[:, None] * joint.matrix * signs)[np.ix_(order, order)]
     return mean, covariance, joint
 

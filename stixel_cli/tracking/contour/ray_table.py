@@ -12,7 +12,8 @@ A scaled shape needs no table of its own: scaling the axes turns a ray into anot
 Frames: target, x along the heading, y left; m and rad.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from functools import cached_property
 from math import atan2, cos, exp, pi, sin, sqrt
 
 import numpy as np
@@ -26,6 +27,15 @@ the sensor sees as it is, and of one that it sees blurred.
 
 A turn of 5 degrees brings 0.4 m of a car's side into view, so the outline takes a degree.
 """
+
+CAP = 0.5
+"""Of half the length or the width: a change of the size moves what is nearer to an end by as much
+as the end. From 0.5 to 0.8 gains as much at home; 1, a scaled shape, shrinks real cars whose front
+is rounder than the class's."""
+
+LEAST_STEP, GREATEST_STEP = 0.02, 0.3
+LEAST_TURN, GREATEST_TURN = 0.01, 0.2
+"""Bounds of the steps of the central differences, m and rad."""
 
 REACH = 1.25
 """The table's offsets reach this far, in halves of the outline's width at the aspect."""
@@ -52,15 +62,16 @@ class RayTable:
     low_stds: np.ndarray
     high_stds: np.ndarray
 
-    @property
+    @cached_property
     def extents(self) -> np.ndarray:
         """Length and width (2,) m of what is seen."""
         widths = self.high - self.low
         return widths[[len(widths) // 4, 0]]
 
+    @cached_property
     def arrays(self) -> tuple[np.ndarray, ...]:
-        """The arrays in the order in which `expected` takes them."""
-        return tuple(vars(self).values())
+        """The arrays in the order in which the kernels take them, compiled for C's."""
+        return tuple(np.ascontiguousarray(getattr(self, one.name)) for one in fields(self))
 
 
 def even_aspects(count: int) -> np.ndarray:
@@ -129,107 +140,172 @@ def behind(table: RayTable) -> RayTable:
     )
 
 
+@njit(cache=True, error_model="numpy")
 def expected(
-    states: np.ndarray,
-    sensor: np.ndarray,
-    directions: np.ndarray,
-    first: int,
-    last: int,
-    *table: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Ranges and silhouettes that states of a target predict for the rays of a scan.
+    state: np.ndarray, sensor: np.ndarray, directions: np.ndarray, table: tuple[np.ndarray, ...]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """What a state of a target predicts for the rays of a scan.
 
-    `states` (S, 5): x, y, heading, and the logarithms of the factors on length and width;
-    `sensor` (2,) m; `directions` (n, 2) unit vectors of the rays in the world; `first`, `last` the
-    indices of the rays with the least and the greatest bearing; then `RayTable.arrays`. With an
-    index of -1 the inset and its standard deviation are not computed: their values are undefined.
+    `state` (5,): x, y, heading, and the logarithms of the factors on length and width; `sensor`
+    (2,) m; `directions` (n, 2) unit vectors of the rays in the world; `RayTable.arrays`.
 
     Returns:
-        ranges (S, n) m; insets (S, 2) m, how far inside the shape's seen limits the first and the
-        last ray pass; misses (S, n) m, how far outside of them each ray passes, negative inside;
-        range_stds (n,) m and inset_stds (2,) m of the first state.
+        ranges (n,) m; misses (n,) m, how far outside of the shape's seen limits each ray passes,
+        negative inside; range_stds (n,) m.
     """
-    count, rays = len(states), len(directions)
-    ranges, misses = np.empty((count, rays)), np.empty((count, rays))
-    insets, range_stds, inset_stds = np.empty((count, 2)), np.empty(rays), np.empty(2)
-    results = ranges, insets, misses, range_stds, inset_stds
-    _expect(*results, states, sensor, directions, first, last, *table)
-    return results
+    count = len(directions)
+    ranges, misses, stds = np.empty(count), np.empty(count), np.empty(count)
+    cosine, sine = cos(state[2]), sin(state[2])
+    dx, dy = sensor[0] - state[0], sensor[1] - state[1]
+    x, y = cosine * dx + sine * dy, cosine * dy - sine * dx
+    shrink = exp(-state[3]), exp(-state[4])
+    for i in range(count):
+        u = cosine * directions[i, 0] + sine * directions[i, 1]
+        v = cosine * directions[i, 1] - sine * directions[i, 0]
+        ranges[i], low, high, place = _meet(x, y, u, v, shrink, table)
+        misses[i], stds[i] = -min(low, high), _between(table[3], place)
+    return ranges, misses, stds
 
 
 @njit(cache=True, error_model="numpy")
-def _expect(
-    ranges,
-    insets,
-    misses,
-    range_stds,
-    inset_stds,
-    states,
-    sensor,
-    directions,
-    first,
-    last,
-    lowest,
-    highest,
-    depths,
-    stds,
-    low,
-    high,
-    low_stds,
-    high_stds,
-):
-    """Write `expected`."""
-    count, rays = states.shape[0], directions.shape[0]
+def linearised(
+    state: np.ndarray,
+    covariance: np.ndarray,
+    sensor: np.ndarray,
+    directions: np.ndarray,
+    ranges: np.ndarray,
+    ends: np.ndarray,
+    half: np.ndarray,
+    table: tuple[np.ndarray, ...],
+    far: tuple[np.ndarray, ...],
+) -> tuple[np.ndarray, ...]:
+    """The measurements of `Linear` at a `state` (5,) with a `covariance` (3, 3) of its pose.
+
+    `sensor`, `directions` and `table` are as in `expected`; `ranges` (n,) m are measured, and those
+    that are nearer to what `far` expects are taken for its. `ends` (2,) are the indices of the rays
+    with the least and the greatest bearing, `half` (2,) m half of the scaled length and width.
+
+    The slopes are central differences along the target's axes, over about a standard deviation: so
+    no frame of the world matters.
+
+    Returns:
+        the fields of `Linear`, in its order.
+    """
+    count = len(directions)
+    values, slopes = np.empty(2 * count + 2), np.zeros((2 * count + 2, 5))
+    stds, curvatures, angles = np.empty(count + 2), np.zeros(count + 2), np.empty(count)
+    cosine, sine = cos(state[2]), sin(state[2])
+    dx, dy = sensor[0] - state[0], sensor[1] - state[1]
+    x, y = cosine * dx + sine * dy, cosine * dy - sine * dx
+    shrink = exp(-state[3]), exp(-state[4])
+    both = 2.0 * cosine * sine * covariance[0, 1]
+    xx, yy = covariance[0, 0], covariance[1, 1]
+    along, left = cosine**2 * xx + both + sine**2 * yy, sine**2 * xx - both + cosine**2 * yy
+    steps = (
+        min(max(sqrt(max(along, 0.0)), LEAST_STEP), GREATEST_STEP),
+        min(max(sqrt(max(left, 0.0)), LEAST_STEP), GREATEST_STEP),
+        min(max(sqrt(max(covariance[2, 2], 0.0)), LEAST_TURN), GREATEST_TURN),
+    )
+    turns = cos(steps[2]), sin(steps[2])
+    for i in range(count):
+        u = cosine * directions[i, 0] + sine * directions[i, 1]
+        v = cosine * directions[i, 1] - sine * directions[i, 0]
+        distance, low, high, place = _meet(x, y, u, v, shrink, table)
+        other, _, _, _ = _meet(x, y, u, v, shrink, far)
+        is_far = abs(ranges[i] - other) < abs(ranges[i] - distance)
+        values[i] = other if is_far else distance
+        stds[i], values[count + 2 + i] = _between(table[3], place), -min(low, high)
+        hit_x, hit_y = x + values[i] * u, y + values[i] * v
+        angles[i] = atan2(hit_y / half[1], hit_x / half[0])
+        # How far a change of the size moves the surface that the ray meets, along both axes.
+        shift_x = half[0] * min(max(hit_x / (CAP * half[0]), -1.0), 1.0)
+        shift_y = half[1] * min(max(hit_y / (CAP * half[1]), -1.0), 1.0)
+        for axis in range(3):
+            step = steps[axis]
+            # The target moves by a step, so the ray does by minus one in its frame.
+            if axis == 2:
+                c, s = turns
+                ray = c * x + s * y, c * y - s * x, c * u + s * v, c * v - s * u
+                back = c * x - s * y, c * y + s * x, c * u - s * v, c * v + s * u
+            else:
+                a, b = (step, 0.0) if axis == 0 else (0.0, step)
+                ray, back = (x - a, y - b, u, v), (x + a, y + b, u, v)
+            after, low_after, high_after, _ = _meet(*ray, shrink, table)
+            before, low_before, high_before, _ = _meet(*back, shrink, table)
+            miss = min(low_before, high_before) - min(low_after, high_after)
+            if is_far:
+                after, before = _meet(*ray, shrink, far)[0], _meet(*back, shrink, far)[0]
+            slopes[i, axis] = (after - before) / (2.0 * step)
+            slopes[count + 2 + i, axis] = miss / (2.0 * step)
+            curvatures[i] += 0.5 * (after + before - 2.0 * values[i]) ** 2
+            # Minus the insets, as they fall where the range grows.
+            if i == ends[0]:
+                slopes[count, axis] = (low_before - low_after) / (2.0 * step)
+                curvatures[count] += 0.5 * (low_after + low_before - 2.0 * low) ** 2
+            if i == ends[1]:
+                slopes[count + 1, axis] = (high_before - high_after) / (2.0 * step)
+                curvatures[count + 1] += 0.5 * (high_after + high_before - 2.0 * high) ** 2
+        if i == ends[0]:
+            values[count], stds[count] = -low, _beside(table[6], place)
+            _finish(slopes[count], shift_x, shift_y, cosine, sine)
+        if i == ends[1]:
+            values[count + 1], stds[count + 1] = -high, _beside(table[7], place)
+            _finish(slopes[count + 1], shift_x, shift_y, cosine, sine)
+        _finish(slopes[i], shift_x, shift_y, cosine, sine)
+        _finish(slopes[count + 2 + i], shift_x, shift_y, cosine, sine)
+    return values, slopes, stds, curvatures, angles
+
+
+@njit(cache=True, error_model="numpy")
+def _finish(slopes, shift_x, shift_y, cosine, sine):
+    """From slopes along the target's axes to those of the world's, and those of the sizes."""
+    along, left = slopes[0], slopes[1]
+    slopes[0], slopes[1] = cosine * along - sine * left, sine * along + cosine * left
+    slopes[3], slopes[4] = along * shift_x, left * shift_y
+
+
+@njit(cache=True, error_model="numpy")
+def _meet(x, y, u, v, shrink, table):
+    """Range of a ray from (x, y) along (u, v) in the target's frame; how far it is inside; place.
+
+    The place in the table: two rows, the share of the second, a column, the share of the next.
+    """
+    lowest, highest, depths, _, low, high, _, _ = table
+    x, y, u, v = x * shrink[0], y * shrink[1], u * shrink[0], v * shrink[1]
+    # Metres of the scaled frame per metre of the world, along this ray.
+    scale = sqrt(u * u + v * v)
+    u, v = u / scale, v / scale
+    # Metres of the world per metre of the scaled frame, across: areas scale alike.
+    across = scale / (shrink[0] * shrink[1])
+    offset = u * y - v * x
     rows, columns = depths.shape
-    for s in range(count):
-        cosine, sine = cos(states[s, 2]), sin(states[s, 2])
-        shrink_x, shrink_y = exp(-states[s, 3]), exp(-states[s, 4])
-        dx, dy = sensor[0] - states[s, 0], sensor[1] - states[s, 1]
-        from_x, from_y = (cosine * dx + sine * dy) * shrink_x, (cosine * dy - sine * dx) * shrink_y
-        for i in range(rays):
-            ux = (cosine * directions[i, 0] + sine * directions[i, 1]) * shrink_x
-            uy = (cosine * directions[i, 1] - sine * directions[i, 0]) * shrink_y
-            # Metres of the scaled frame per metre of the world, along this ray.
-            scale = sqrt(ux * ux + uy * uy)
-            ux, uy = ux / scale, uy / scale
-            # Metres of the world per metre of the scaled frame, across: areas scale alike.
-            across = scale / (shrink_x * shrink_y)
-            offset = ux * from_y - uy * from_x
-            foot = -(ux * from_x + uy * from_y)
-
-            position = atan2(-uy, -ux) / (2.0 * pi) * rows
-            position = position % rows
-            a = int(position)
-            f = position - a
-            a = a % rows
-            b = (a + 1) % rows
-            start = lowest[a] * (1.0 - f) + lowest[b] * f
-            end = highest[a] * (1.0 - f) + highest[b] * f
-            column = (offset - start) / (end - start) * (columns - 1)
-            # Not a number, of a point at the sensor itself, is no index.
-            column = min(column, columns - 1.0) if column >= 0.0 else 0.0
-            c = min(int(column), columns - 2)
-            g = column - c
-            ranges[s, i] = (foot + _between(depths, a, b, f, c, g)) / scale
-
-            begin = low[a] * (1.0 - f) + low[b] * f
-            stop = high[a] * (1.0 - f) + high[b] * f
-            inside_low, inside_high = (offset - begin) * across, (stop - offset) * across
-            misses[s, i] = -min(inside_low, inside_high)
-            if i == first:
-                insets[s, 0] = inside_low
-            if i == last:
-                insets[s, 1] = inside_high
-            if s == 0:
-                range_stds[i] = _between(stds, a, b, f, c, g)
-                if i == first:
-                    inset_stds[0] = low_stds[a] * (1.0 - f) + low_stds[b] * f
-                if i == last:
-                    inset_stds[1] = high_stds[a] * (1.0 - f) + high_stds[b] * f
+    position = (atan2(-v, -u) / (2.0 * pi) * rows) % rows
+    a = int(position)
+    f = position - a
+    a = a % rows
+    b = (a + 1) % rows
+    start = lowest[a] * (1.0 - f) + lowest[b] * f
+    end = highest[a] * (1.0 - f) + highest[b] * f
+    column = (offset - start) / (end - start) * (columns - 1)
+    # Not a number, of a point at the sensor itself, is no index.
+    column = min(column, columns - 1.0) if column >= 0.0 else 0.0
+    c = min(int(column), columns - 2)
+    place = a, b, f, c, column - c
+    distance = (_between(depths, place) - u * x - v * y) / scale
+    inside_low = (offset - _beside(low, place)) * across
+    return distance, inside_low, (_beside(high, place) - offset) * across, place
 
 
 @njit(cache=True, error_model="numpy")
-def _between(values, a, b, f, c, g):
-    """Bilinear between rows `a` and `b`, and column `c` and the next, by the shares f and g."""
+def _between(values, place):
+    """Bilinear between two rows and a column and the next."""
+    a, b, f, c, g = place
     first = values[a, c] * (1.0 - g) + values[a, c + 1] * g
     return first * (1.0 - f) + (values[b, c] * (1.0 - g) + values[b, c + 1] * g) * f
+
+
+@njit(cache=True, error_model="numpy")
+def _beside(values, place):
+    """Linear between two rows."""
+    a, b, f, _, _ = place
+    return values[a] * (1.0 - f) + values[b] * f
