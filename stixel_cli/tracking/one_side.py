@@ -23,7 +23,8 @@ from stixel_cli.tracking.contour.class_shape import (
 )
 from stixel_cli.tracking.contour.contour_rays import Rays, rays_of, segments
 from stixel_cli.tracking.contour.contour_recovery import RECENT
-from stixel_cli.tracking.contour.ray_table import expected, outline_table
+from stixel_cli.tracking.contour.ray_kernels import expected
+from stixel_cli.tracking.contour.ray_table import outline_table
 from stixel_cli.tracking.gp_ekf_update import SEEN, Linearisation, linearise
 from stixel_cli.tracking.kalman import correct
 from stixel_cli.tracking.kernel import ContourProcess

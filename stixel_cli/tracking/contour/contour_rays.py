@@ -12,7 +12,8 @@ from stixel_cli.tracking.contour.class_shape import (
     visible_table,
 )
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
-from stixel_cli.tracking.contour.ray_table import RayTable, expected
+from stixel_cli.tracking.contour.ray_kernels import expected
+from stixel_cli.tracking.contour.ray_table import RayTable
 from stixel_cli.tracking.contour.residual import Residual
 
 NEAR_RANGE, NEAR_ACROSS = 0.3, 0.15
