@@ -187,8 +187,8 @@ def track(scans: Scans, prior: str = "car", *, tracker: str = "contour", **setti
 
     Example:
         >>> result = run("measurement=fabricated", {"path.duration": 3})
-        >>> track(result.scans, "car").to_frame()[["length", "width"]].iloc[-1].round().tolist()
-        [4.0, 2.0]
+        >>> track(result.scans, "car").to_frame()["width"].iloc[-1].round().item()
+        2.0
     """
     from stixel_cli.border import TYPED, imported
     from stixel_cli.tracking.start_scans import start_from_scans

@@ -12,6 +12,7 @@ import numpy as np
 from stixel_cli.errors import ArgumentError
 from stixel_cli.geometry.pose import pose_rates
 from stixel_cli.measurements.scans import NO_SHARED_ERRORS, SharedErrors
+from stixel_cli.tracking.motion import LONGEST_GAP
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.track import InitialState
 
@@ -117,6 +118,7 @@ class Contour:
         rates = pose_rates(before, sensor_pose, interval)
         shared = self._shared_errors.directions(points, sensor_pose, rates)
         self._time, self._sensor_pose = time, sensor_pose
+        interval = min(interval, LONGEST_GAP)
         self._bank.step(interval, points, covariances, sensor_pose, self._field_of_view, shared)
         track = self._bank.latest()
         return Estimate(

@@ -12,14 +12,14 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 48_415
+TOTAL = 48_403
 """Greatest number of lines in all."""
 
-MODULES = 276
+MODULES = 277
 """Greatest number of modules, without `__init__`."""
 
 BUDGET = {
-    "": 1507,
+    "": 1509,
     "answers": 1318,
     "benchmark": 1013,
     "calibration": 576,
@@ -43,7 +43,7 @@ BUDGET = {
     "stixels": 2248,
     "studies": 1857,
     "sweeps": 2189,
-    "tracking": 6653,
+    "tracking": 6639,
     "validation": 1152,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""

@@ -33,15 +33,13 @@ def call_kernels() -> None:
     """Call every kernel."""
     from stixel_cli.config.compose import compose
     from stixel_cli.method import follow_road_user
-    from stixel_cli.tracking.contour.ray_table import expected, linearised, outline_table
+    from stixel_cli.trackers import Contour
 
     follow_road_user(compose((*TINY, *OPTIONS, "tracker=gp_ekf")).configuration, seed=0)
-    # That of the tracker `contour`, which the method leaves out.
-    table = outline_table(np.array([[1.0, -1.0], [1.0, 1.0], [-1.0, 0.0]])).arrays
-    sensor, rays, half = np.array([-9.0, 0.0, 0.0]), np.array([[1.0, 0.0]]), np.ones(2)
-    expected(np.zeros(5), sensor, rays, table)
-    ends = np.zeros(2, np.int64)
-    linearised(np.zeros(5), np.eye(7), sensor, rays, np.ones(1), ends, half, table, table)
+    # Those of the tracker `contour`, which the method leaves out.
+    points = np.stack([np.linspace(-2.0, 2.0, 9), np.full(9, 9.1)], axis=1)
+    tracker = Contour("car", start=np.array([0.0, 10.0, 0.0]))
+    tracker.step(points, np.tile(0.01 * np.eye(2), (9, 1, 1)), np.zeros(3), time=0.0)
 
 
 def main() -> None:

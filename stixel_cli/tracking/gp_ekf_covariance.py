@@ -12,7 +12,7 @@ from scipy.linalg import block_diag
 
 from stixel_cli.geometry.pose import rotation
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.tracking.consider import NODES, FIELD_TIME, JointCovariance, field_weights
+from stixel_cli.tracking.consider import FIELD_TIME, NODES, JointCovariance, field_weights
 from stixel_cli.tracking.contour.contour_rays import Rays
 from stixel_cli.tracking.gp_ekf_update import Linearisation
 from stixel_cli.tracking.motion import velocity_across

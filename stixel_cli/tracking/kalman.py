@@ -31,11 +31,7 @@ def correct(
     """
     weighted = matrix.T / noise
     scale = np.eye(len(covariance)) + covariance @ (weighted @ matrix)
-    try:
-        posterior = np.linalg.solve(scale, covariance)
-    except np.linalg.LinAlgError:
-        # Singular by rounding, after a gap of years.
-        posterior = np.linalg.pinv(scale) @ covariance
+    posterior = np.linalg.solve(scale, covariance)
     posterior = 0.5 * (posterior + posterior.T)
     return posterior @ (weighted @ innovation), posterior, scale
 

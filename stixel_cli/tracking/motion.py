@@ -19,14 +19,19 @@ GREATEST_VARIANCE = np.pi**2 / 3.0
 """Variance of an angle that is quite unknown, rad²: even over a full turn."""
 
 
+LONGEST_GAP = 100.0
+"""s after which nobody knows where a road user is: a covariance that grew on, for years, would be
+beyond what can be inverted."""
+
+
 def intervals(times: np.ndarray) -> np.ndarray:
     """Time in s from each scan's predecessor, shape (K,).
 
     A track is predicted to the first scan too, from one sample before it, so the first interval
-    counts twice. A single scan has no sample time: 0.
+    counts twice. A single scan has no sample time: 0. A longer gap counts as `LONGEST_GAP`.
     """
     times = np.asarray(times, dtype=np.float64)
-    steps = np.diff(times)
+    steps = np.minimum(np.diff(times), LONGEST_GAP)
     return np.concatenate([steps[:1] if len(steps) else np.zeros(min(len(times), 1)), steps])
 
 

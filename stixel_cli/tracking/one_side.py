@@ -128,8 +128,7 @@ class OneSide:
         if self._tables is not None and len(points_world):
             state = np.concatenate([pose, self._factors])
             visible, outline = (
-                expected(state, sensor, rays.directions, table.arrays)
-                for table in self._tables
+                expected(state, sensor, rays.directions, table.arrays) for table in self._tables
             )
             missed = np.clip(visible[0] - outline[0], -FARTHEST, FARTHEST)
             missed += self._bias_per_std * rays.stds

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from stixel_cli.tracking.consider import FIELD_NODES, FIELD_TIME, JointCovariance, field_weights
+from stixel_cli.tracking.consider import FIELD_TIME, NODES, JointCovariance, field_weights
 
 GENERATOR = np.random.default_rng(1000)
 
@@ -59,12 +59,12 @@ def test_an_error_that_is_always_the_same_cannot_be_averaged_out():
 
 def test_the_field_has_unit_variance_and_neighbours_share_it():
     angles = np.linspace(-np.pi, np.pi, 101)
-    weights = field_weights(np.stack([np.cos(angles), np.sin(angles)], axis=-1))
+    weights = field_weights(angles)
     correlations = weights @ weights.T
     np.testing.assert_allclose(np.diag(correlations), 1.0)
     apart = np.abs(np.angle(np.exp(1j * (angles[:, None] - angles))))
-    assert correlations[apart < 0.25 * 2 * np.pi / FIELD_NODES].min() > 0.7
-    assert not correlations[apart > 2.001 * 2 * np.pi / FIELD_NODES].any()
+    assert correlations[apart < 0.25 * 2 * np.pi / NODES].min() > 0.7
+    assert not correlations[apart > 2.001 * 2 * np.pi / NODES].any()
     assert FIELD_TIME == 0.5
 
 

@@ -15,7 +15,7 @@ from stixel_cli.config.compose import compose
 from stixel_cli.geometry.pose import rotation, world_from_target
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.parameters import ROAD_USER_CLASSES
-from stixel_cli.tracking.consider import JointCovariance
+from stixel_cli.tracking.consider import NODES, JointCovariance
 from stixel_cli.tracking.contour.class_shape import class_shape
 from stixel_cli.tracking.contour.class_size import CLASS_SHAPES, class_size
 from stixel_cli.tracking.contour.contour import may_be, track
@@ -27,10 +27,11 @@ from stixel_cli.tracking.contour.contour_rays import (
     sight_of,
 )
 from stixel_cli.tracking.contour.contour_report import LEAST_OUTLINE_STD, contours_of, reported
-from stixel_cli.tracking.contour.contour_update import SHAPE_ERRORS, linearise, update
+from stixel_cli.tracking.contour.contour_update import SHAPE_ERRORS, update
 from stixel_cli.tracking.contour.forms import forms_of, rectangle, with_uncertain_ends
+from stixel_cli.tracking.contour.ray_kernels import iterated, linearised
 from stixel_cli.tracking.contour.ray_table import first_depths, outline_table
-from stixel_cli.tracking.contour.residual import NODES, Residual
+from stixel_cli.tracking.contour.residual import Residual
 from stixel_cli.tracking.track import OTHER
 
 FILE = dataclasses.replace(compose(["tracker=contour"]).configuration.tracker, seen_by="file")
@@ -73,7 +74,12 @@ def test_slopes_of_the_residual_are_those_of_rays_cast_on_the_outline(seed):
         return depths + directions @ -sensor
 
     predicted = ranges(np.zeros(NODES))
-    slopes = residual.slopes(state, sensor, directions, predicted, (0, 8))[:9]
+    prior, table = (state, np.diag([1e-6] * 3 + [0.0] * 20), state), outline_table(SHAPE.outline)
+    variances, measured = np.ones(20), np.concatenate([predicted, np.zeros(11)])
+    errors = measured, variances, np.ones(11), np.zeros(9), True
+    rays = sensor, directions, predicted, np.array([0, 8]), 0.5 * table.extents
+    found = iterated(*prior, 1, 4.0, *errors, *rays, table.arrays, table.arrays, False)
+    slopes = found[2][:9, 7:]
     nodes = 0.002 * random.standard_normal(NODES)
     changes = ranges(nodes) - predicted
     # At a corner the ray leaves the side whose normal was taken.
@@ -317,8 +323,10 @@ def test_a_front_alone_does_not_measure_the_length():
     _, sight, _ = forms_of("car", PRIOR, FILE)["class"]
     state = np.concatenate([[0.0, 15.0, -0.5 * np.pi, 0.0, 0.0, 0.0, 0.0], np.zeros(NODES)])
     rays = rays_at(np.column_stack([np.linspace(-0.6, 0.6, 9), np.full(9, 12.7)]))
-    slopes = linearise(state, 0.01 * np.eye(len(state)), rays, 0, 8, sight).slopes
-    np.testing.assert_allclose(slopes[3, :9], -0.5 * SHAPE.size[0] * slopes[1, :9], rtol=0.02)
+    seen_by = rays.sensor, rays.directions, rays.ranges, np.array([0, 8]), sight.half
+    covariance, table = 0.01 * np.eye(len(state)), sight.table.arrays
+    slopes = linearised(state, covariance, *seen_by, table, table)[1][:9]
+    np.testing.assert_allclose(slopes[:, 3], -0.5 * SHAPE.size[0] * slopes[:, 1], rtol=0.02)
 
 
 def test_uneven_points_hardly_show_the_ends_and_a_single_one_does_not():

@@ -7,14 +7,14 @@ from tracking_cases import CAR, scans_of
 
 from stixel_cli.config.compose import compose
 from stixel_cli.geometry.pose import wrap_angle
-from stixel_cli.tracking.consider import JointCovariance
+from stixel_cli.tracking.consider import NODES, JointCovariance
 from stixel_cli.tracking.contour import contour_filter, contour_recovery
 from stixel_cli.tracking.contour.class_shape import class_shape
 from stixel_cli.tracking.contour.contour import track
 from stixel_cli.tracking.contour.contour_rays import rays_of, sight_of
 from stixel_cli.tracking.contour.contour_recovery import RECENT, clusters_of, is_inconsistent
 from stixel_cli.tracking.contour.contour_report import box_sizes
-from stixel_cli.tracking.contour.residual import NODES, Residual
+from stixel_cli.tracking.contour.residual import Residual
 
 TRACKER = dataclasses.replace(
     compose(["tracker=contour"]).configuration.tracker, seen_by="fabricated"

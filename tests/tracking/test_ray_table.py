@@ -7,19 +7,22 @@ from hypothesis import strategies as st
 
 from stixel_cli.geometry.pose import rotation, world_from_target
 from stixel_cli.measurements.rays import first_crossings, spread_rays
-from stixel_cli.tracking.contour.ray_table import (
-    behind,
-    expected,
-    first_depths,
-    outline_table,
-    widths,
-)
+from stixel_cli.tracking.contour.ray_kernels import expected, linearised
+from stixel_cli.tracking.contour.ray_table import behind, first_depths, outline_table, widths
 
 RECTANGLE = np.array([[2.0, -0.8], [2.0, 0.8], [-2.0, 0.8], [-2.0, -0.8]])
 NOTCHED = np.array(
     [[2, -1], [2, 1], [0.5, 1], [0.5, 0.2], [-0.5, 0.2], [-0.5, 1], [-2, 1], [-2, -1]]
 )
 SEEDS = st.integers(0, 2**31)
+
+
+def insets_of(state, sensor, directions, ends, table):
+    """How far inside the limits of the shape's table the rays at `ends` (2,) pass, (2,) m."""
+    whole = np.insert(state, 3, [0.0, 0.0])
+    rays = sensor, directions, np.zeros(len(directions)), np.array(ends)
+    values = linearised(whole, 0.01 * np.eye(7), *rays, np.ones(2), table, table)[0]
+    return -values[len(directions) : len(directions) + 2]
 
 
 def rays_at(outline, state, sensor):
@@ -46,10 +49,10 @@ def test_expected_ranges_are_those_of_rays_cast_on_the_scaled_outline(seed):
     state, sensor = some_state(np.random.default_rng(seed))
     directions, ranges = rays_at(RECTANGLE, state, sensor)
     table = outline_table(RECTANGLE)
-    table = replace(table, stds=np.full_like(table.stds, 0.02)).arrays()
-    found, _, misses, stds, _ = expected(state[None], sensor[:2], directions, 0, -1, *table)
+    table = replace(table, stds=np.full_like(table.stds, 0.02)).arrays
+    found, misses, stds = expected(state, sensor, directions, table)
     # The table is linear between its nodes, so it is coarse at the corners.
-    errors = np.abs(found[0] - ranges)
+    errors = np.abs(found - ranges)
     assert np.median(errors) < 0.02
     assert np.sum(errors > 0.1) <= max(2, 0.05 * len(errors))
     assert misses.max() < 0.05
@@ -64,30 +67,29 @@ def test_rays_of_one_aspect_meet_a_notch_at_its_floor():
     np.testing.assert_allclose(high, [1.0, 2.0], atol=1e-12)
 
 
-@pytest.mark.parametrize(("name", "index"), [("low", -1), ("high", 1)])
-def test_a_ray_through_an_end_of_the_shape_has_no_inset(name, index):
+@pytest.mark.parametrize("index", [-1, 1], ids=["low", "high"])
+def test_a_ray_through_an_end_of_the_shape_has_no_inset(index):
     # From the front the ends are at the sides: the left one, +y, is the high one.
     table = outline_table(RECTANGLE)
     state, sensor = np.array([0.0, 0.0, np.pi, 0.0, 0.0]), np.array([-10.0, 0.0])
     across = 0.8 * index
     ray = np.array([[10.0, across]]) / np.hypot(10.0, across)
-    which = (0, -1) if name == "low" else (-1, 0)
-    _, insets, misses, _, _ = expected(state[None], sensor, ray, *which, *table.arrays())
-    assert insets[0, int(index > 0)] == pytest.approx(0.0, abs=0.16)
-    assert misses[0, 0] == pytest.approx(-insets[0, int(index > 0)])
+    inset = insets_of(state, sensor, ray, [0, 0], table.arrays)[int(index > 0)]
+    assert inset == pytest.approx(0.0, abs=0.16)
+    assert expected(state, sensor, ray, table.arrays)[1] == pytest.approx(-inset)
 
 
 @pytest.mark.parametrize("factors", [(1.0, 1.0), (2.0, 1.0), (1.0, 2.0), (0.5, 1.3)])
 def test_distances_across_a_ray_are_metres_of_the_world(factors):
-    table = outline_table(RECTANGLE).arrays()
-    state = np.array([[0.0, 0.0, 0.0, *np.log(factors)]])
+    table = outline_table(RECTANGLE).arrays
+    state = np.array([0.0, 0.0, 0.0, *np.log(factors)])
     half = np.array([2.0, 0.8]) * factors
     for along, beside in ((0, 1), (1, 0)):
         sensor, direction = np.full(2, -30.0), np.zeros((1, 2))
         sensor[beside], direction[0, along] = half[beside] + 0.3, 1.0
-        _, insets, misses, _, _ = expected(state, sensor, direction, 0, 0, *table)
-        assert misses[0, 0] == pytest.approx(0.3, abs=1e-9)
-        assert sorted(insets[0]) == pytest.approx([-0.3, 2.0 * half[beside] + 0.3])
+        assert expected(state, sensor, direction, table)[1] == pytest.approx(0.3, abs=1e-9)
+        insets = insets_of(state, sensor, direction, [0, 0], table)
+        assert sorted(insets) == pytest.approx([-0.3, 2.0 * half[beside] + 0.3])
 
 
 @given(seed=SEEDS, angle=st.floats(-3, 3))
@@ -95,13 +97,15 @@ def test_expectation_is_invariant_to_rigid_motions_of_the_world(seed, angle):
     random = np.random.default_rng(seed)
     state, sensor = some_state(random)
     directions, _ = rays_at(RECTANGLE, state, sensor)
-    table = outline_table(RECTANGLE).arrays()
+    table = outline_table(RECTANGLE).arrays
     turn, shift = rotation(angle), random.uniform(-20, 20, 2)
     moved = np.array([*(turn @ state[:2] + shift), state[2] + angle, *state[3:]])
-    last = len(directions) - 1
-    plain = expected(state[None], sensor[:2], directions, 0, last, *table)
-    turned = directions @ turn.T
-    other = expected(moved[None], turn @ sensor[:2] + shift, turned, 0, last, *table)
+    turned, place = directions @ turn.T, turn @ sensor[:2] + shift
+    plain = expected(state, sensor, directions, table)
+    other = expected(moved, place, turned, table)
+    ends = [0, len(directions) - 1]
+    plain += (insets_of(state, sensor, directions, ends, table),)
+    other += (insets_of(moved, place, turned, ends, table),)
     for a, b in zip(plain, other, strict=True):
         np.testing.assert_allclose(a, b, atol=1e-6)
 
@@ -115,27 +119,26 @@ def test_table_covers_a_full_turn_evenly():
 
 
 def test_a_point_at_the_sensor_has_no_range_and_changes_no_other():
-    table = outline_table(RECTANGLE).arrays()
+    table = outline_table(RECTANGLE).arrays
     directions = np.array([[0.0, 1.0], [0.0, 0.0], [0.01, 1.0]])
-    state, sensor = np.array([[0.0, 10.0, 0.3, 0.0, 0.0]]), np.zeros(2)
-    ranges, _, misses, stds, _ = expected(state, sensor, directions, 0, 2, *table)
-    alone, _, _, _, _ = expected(state, sensor, directions[[0, 2]], 0, 1, *table)
-    assert np.isnan([ranges[0, 1], misses[0, 1], stds[1]]).all()
-    np.testing.assert_array_equal(ranges[0, [0, 2]], alone[0])
+    state, sensor = np.array([0.0, 10.0, 0.3, 0.0, 0.0]), np.zeros(2)
+    found = np.array(expected(state, sensor, directions, table))
+    alone = np.array(expected(state, sensor, directions[[0, 2]], table))
+    assert np.isnan(found[:, 1]).all()
+    np.testing.assert_array_equal(found[:, [0, 2]], alone)
 
 
 def test_rays_leave_a_shape_where_rays_from_the_other_side_meet_it():
     outline = np.array([[2.0, -0.5], [1.0, 0.8], [-1.5, 0.6], [-1.0, -0.9]])
-    states, sensor = np.array([[0.3, 20.0, 0.7, 0.1, -0.1]]), np.zeros(2)
+    state, sensor = np.array([0.3, 20.0, 0.7, 0.1, -0.1]), np.zeros(2)
     directions = np.array([[np.sin(a), np.cos(a)] for a in np.linspace(-0.05, 0.07, 13)])
     near = outline_table(outline)
-    ranges, insets, misses, *_ = expected(states, sensor, directions, 0, 12, *near.arrays())
-    leaving, *others = expected(states, sensor, directions, 0, 12, *behind(near).arrays())
+    ranges, misses, _ = expected(state, sensor, directions, near.arrays)
+    leaving, others, _ = expected(state, sensor, directions, behind(near).arrays)
     for i, direction in enumerate(directions):
-        back = expected(states, 40.0 * direction, -direction[None], -1, -1, *near.arrays())[0]
-        assert leaving[0, i] == pytest.approx(40.0 - back[0, 0], abs=1e-6)
-    inside = misses[0] < 0.0
+        back = expected(state, 40.0 * direction, -direction[None], near.arrays)[0]
+        assert leaving[i] == pytest.approx(40.0 - back[0], abs=1e-6)
+    inside = misses < 0.0
     assert inside.sum() > 5
-    assert (leaving > ranges)[0, inside].all()
-    np.testing.assert_allclose(others[0], insets, atol=1e-9)
-    np.testing.assert_allclose(others[1], misses, atol=1e-9)
+    assert (leaving > ranges)[inside].all()
+    np.testing.assert_allclose(others, misses, atol=1e-9)

@@ -32,7 +32,7 @@ The errors of successive scans are alike, so a wrong class may be more likely fo
 odds of 100 : 1 that was so in one of 45 runs of tuning seeds, a cyclist seen from its front.
 """
 
-RULED_OUT = 150.0
+RULED_OUT = 100.0
 """The tracker drops a class once its log odds against the best are this far below zero.
 
 In 108 runs that began with a wrong class, those of the right one were never below -68.
@@ -59,8 +59,7 @@ def log_weight(
         speed, speed_variance: v in m/s and V.
         road_user: the class.
     """
-    # After a gap of years a variance may be below zero by rounding.
-    variance = class_row(road_user).speed ** 2 + max(speed_variance, 0.0)
+    variance = class_row(road_user).speed ** 2 + speed_variance
     weight = sum_of_log_likelihoods - 0.5 * (
         size_deviation**2 + speed**2 / variance + np.log(variance)
     )

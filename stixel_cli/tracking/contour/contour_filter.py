@@ -64,9 +64,6 @@ TURN_TIME = 3.0
 tracking filter performance for manned maneuvering targets*. Without it a car that is half hidden is
 taken for one that turns on the spot, and flies off."""
 
-LONGEST_GAP = 1e6
-"""s without a scan, after which a smoothed track begins anew."""
-
 
 class ClassFilter:
     """The filter of a target of one class: predict, associate, update at each scan.
@@ -142,8 +139,7 @@ class ClassFilter:
                 steps = rivals([*self._detected(best, rays, first), *([] if first else steps)])
                 best = steps[0]
         mean, covariance, joint = best.state
-        # After a gap of years a variance may be below zero by rounding.
-        fastest = mean[3] + 2.0 * np.sqrt(max(covariance[3, 3], 0.0))
+        fastest = mean[3] + 2.0 * np.sqrt(covariance[3, 3])
         if fastest < -class_row(self._road_user).reverse_speed:
             best = replace(best, state=turned(*best.state), transition=None)
             steps, (mean, covariance, joint) = [best], best.state
@@ -185,11 +181,9 @@ class ClassFilter:
             taken = rays.subset(indices)
             posterior = update(*prediction, taken, self.sight, self._tracker)
             advanced = Hypothesis.updated(prediction, one.log_likelihood, indices, posterior)
-        # After such a gap the prediction's covariance is rounding: nothing later tells of before.
-        linked = matrix if interval < LONGEST_GAP else None
         # Only smoothing looks back; a filter without it keeps no chain of all its scans.
         before = None if self._tracker.lag == 0 else one
-        return replace(advanced, before=before, transition=linked)
+        return replace(advanced, before=before, transition=matrix)
 
     def _detected(self, one: Hypothesis, rays: Rays, first: bool) -> list[Hypothesis]:
         """Hypotheses with the likely places of the target, see `detect_again`.

@@ -57,7 +57,6 @@ class Sight:
         return 0.5 * self.table.extents
 
 
-
 @dataclass(frozen=True)
 class Rays:
     """The rays of a scan's points.
@@ -156,7 +155,8 @@ def rays_of(
     bearings = wrap_angle(np.arctan2(directions[:, 1], directions[:, 0]) - sensor[2])
     shared = np.zeros((len(offsets), 2, 0)) if shared is None else shared
     return Rays(
-        sensor,
+        # A copy: kernels are compiled for arrays that may be written to.
+        np.array(sensor),
         directions,
         bearings,
         ranges,
@@ -195,11 +195,9 @@ def associate(
     if sight.far:
         far = expected(*seen_from, sight.far.arrays)[0]
         errors -= np.clip(errors, 0.0, far - ranges)
-    # After a gap of years a variance may be below zero by rounding.
-    variance = rays.stds**2 + stds**2 + np.maximum(along + turned, 0.0)
+    variance = rays.stds**2 + stds**2 + along + turned
     fits = np.abs(errors) < NEAR_RANGE + tracker.gate_std * np.sqrt(variance)
-    beside = np.sqrt(np.maximum(across + turned, 0.0))
-    meets = misses < NEAR_ACROSS + tracker.gate_std * beside
+    meets = misses < NEAR_ACROSS + tracker.gate_std * np.sqrt(across + turned)
     inside = fits & meets & ~rays.others
     if sight.residual and inside.any():
         inside &= _of_target(segments(rays), inside)

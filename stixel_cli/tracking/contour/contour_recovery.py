@@ -85,10 +85,7 @@ def detect_again(
             begin = mean.copy()
             begin[:2] = place + rotation(turn) @ (mean[:2] - place) + shift * left
             begin[2] += turn
-            # After a gap of years the innovation's covariance is singular.
-            with np.errstate(invalid="ignore"):
-                posterior = update(mean, wide, joint, taken, sight, tracker, begin)
-            results.append((found, posterior))
+            results.append((found, update(mean, wide, joint, taken, sight, tracker, begin)))
     return results
 
 
@@ -96,7 +93,7 @@ def rivals(hypotheses: list[Hypothesis]) -> list[Hypothesis]:
     """The likeliest of the `hypotheses`, and those that later scans may prefer to it."""
 
     def odds(one: Hypothesis) -> float:
-        return np.nan_to_num(one.log_likelihood - one.missed, nan=-np.inf)
+        return one.log_likelihood - one.missed
 
     kept: list[Hypothesis] = []
     for one in sorted(hypotheses, key=odds, reverse=True):

@@ -118,7 +118,7 @@ def iterated(
             if residual and (count <= row < count + 2 or (row < count and not both_sides)):
                 angle = angles[row if row < count else ends[row - count]]
                 position = angle / (2.0 * pi) * NODES
-                node, share = int(floor(position)), position - floor(position)
+                node, share = floor(position), position - floor(position)
                 matrix[row, 7 + node % NODES] = (share - 1.0) * slant
                 matrix[row, 7 + (node + 1) % NODES] = -share * slant
                 errors[row] -= matrix[row, 7:] @ iterate[7:]

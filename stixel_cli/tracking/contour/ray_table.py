@@ -13,7 +13,7 @@ Frames: target, x along the heading, y left; m and rad.
 """
 
 from dataclasses import dataclass, fields
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -93,6 +93,13 @@ def first_depths(outline: np.ndarray, aspects: np.ndarray, offsets: np.ndarray) 
 
 def outline_table(outline: np.ndarray, size: tuple[int, int] = FINE) -> RayTable:
     """The table of a sensor that sees the outline (M, 2) m exactly; all its stds are 0."""
+    return _table_of(outline.tobytes(), size)
+
+
+@lru_cache(maxsize=64)
+def _table_of(content: bytes, size: tuple[int, int]) -> RayTable:
+    """`outline_table`, which takes as long as some scans, once for each outline."""
+    outline = np.frombuffer(content).reshape(-1, 2)
     angles = even_aspects(size[0])
     low, high = widths(outline, angles)
     middle, half = 0.5 * (low + high), 0.5 * (high - low)
@@ -101,29 +108,14 @@ def outline_table(outline: np.ndarray, size: tuple[int, int] = FINE) -> RayTable
     offsets = lowest[:, None] + share * (highest - lowest)[:, None]
     depths = first_depths(outline, angles, offsets)
     exact = np.zeros(size[0])
-    return RayTable(
-        lowest=lowest,
-        highest=highest,
-        depths=depths,
-        stds=np.zeros_like(depths),
-        low=low,
-        high=high,
-        low_stds=exact,
-        high_stds=exact,
-    )
+    return RayTable(lowest, highest, depths, np.zeros_like(depths), low, high, exact, exact)
 
 
 def behind(table: RayTable) -> RayTable:
     """The table of where the same rays leave the shape: as seen from the other side."""
     half = len(table.lowest) // 2
-    turned = {name: np.roll(values, half, axis=0) for name, values in vars(table).items()}
-    return RayTable(
-        lowest=-turned["highest"],
-        highest=-turned["lowest"],
-        depths=-turned["depths"][:, ::-1],
-        stds=turned["stds"][:, ::-1],
-        low=-turned["high"],
-        high=-turned["low"],
-        low_stds=turned["high_stds"],
-        high_stds=turned["low_stds"],
+    lowest, highest, depths, stds, low, high, low_stds, high_stds = (
+        np.roll(values, half, axis=0) for values in table.arrays
     )
+    seen = -depths[:, ::-1], stds[:, ::-1], -high, -low, high_stds, low_stds
+    return RayTable(-highest, -lowest, *seen)
