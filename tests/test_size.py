@@ -12,10 +12,10 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 48_403
+TOTAL = 48_410
 """Greatest number of lines in all."""
 
-MODULES = 277
+MODULES = 276
 """Greatest number of modules, without `__init__`."""
 
 BUDGET = {
@@ -43,7 +43,7 @@ BUDGET = {
     "stixels": 2248,
     "studies": 1857,
     "sweeps": 2189,
-    "tracking": 6639,
+    "tracking": 6646,
     "validation": 1152,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""

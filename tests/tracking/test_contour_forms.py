@@ -29,7 +29,7 @@ from stixel_cli.tracking.contour.contour_rays import (
 from stixel_cli.tracking.contour.contour_report import LEAST_OUTLINE_STD, contours_of, reported
 from stixel_cli.tracking.contour.contour_update import SHAPE_ERRORS, update
 from stixel_cli.tracking.contour.forms import forms_of, rectangle, with_uncertain_ends
-from stixel_cli.tracking.contour.ray_kernels import iterated, linearised
+from stixel_cli.tracking.contour.ray_kernels import Linear, fill_rows, linearise
 from stixel_cli.tracking.contour.ray_table import first_depths, outline_table
 from stixel_cli.tracking.contour.residual import Residual
 from stixel_cli.tracking.track import OTHER
@@ -74,12 +74,12 @@ def test_slopes_of_the_residual_are_those_of_rays_cast_on_the_outline(seed):
         return depths + directions @ -sensor
 
     predicted = ranges(np.zeros(NODES))
-    prior, table = (state, np.diag([1e-6] * 3 + [0.0] * 20), state), outline_table(SHAPE.outline)
-    variances, measured = np.ones(20), np.concatenate([predicted, np.zeros(11)])
-    errors = measured, variances, np.ones(11), np.zeros(9), True
-    rays = sensor, directions, predicted, np.array([0, 8]), 0.5 * table.extents
-    found = iterated(*prior, 1, 4.0, *errors, *rays, table.arrays, table.arrays, False)
-    slopes = found[2][:9, 7:]
+    linear, table, ends = Linear.of_rays(9), outline_table(SHAPE.outline), np.array([0, 8])
+    rays = sensor, directions, predicted, ends, 0.5 * table.extents
+    linearise(linear, state, np.zeros((23, 23)), *rays, table.arrays, table.arrays)
+    matrix, model = np.empty((20, 23)), (linear, state, directions, ends, np.ones(11), np.zeros(9))
+    fill_rows(matrix, np.zeros(20), np.ones(20), *model, False)
+    slopes = matrix[:9, 7:]
     nodes = 0.002 * random.standard_normal(NODES)
     changes = ranges(nodes) - predicted
     # At a corner the ray leaves the side whose normal was taken.
@@ -325,7 +325,9 @@ def test_a_front_alone_does_not_measure_the_length():
     rays = rays_at(np.column_stack([np.linspace(-0.6, 0.6, 9), np.full(9, 12.7)]))
     seen_by = rays.sensor, rays.directions, rays.ranges, np.array([0, 8]), sight.half
     covariance, table = 0.01 * np.eye(len(state)), sight.table.arrays
-    slopes = linearised(state, covariance, *seen_by, table, table)[1][:9]
+    linear = Linear.of_rays(9)
+    linearise(linear, state, covariance, *seen_by, table, table)
+    slopes = linear.slopes[:9]
     np.testing.assert_allclose(slopes[:, 3], -0.5 * SHAPE.size[0] * slopes[:, 1], rtol=0.02)
 
 

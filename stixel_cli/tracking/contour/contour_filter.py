@@ -49,8 +49,13 @@ from stixel_cli.tracking.contour.contour_recovery import (
     turned,
 )
 from stixel_cli.tracking.contour.contour_report import SIDEWAYS, box_sizes, contours_of, reported
-from stixel_cli.tracking.contour.contour_update import SEEN, SHAPE_ERRORS, constant_errors, update
-from stixel_cli.tracking.contour.hypothesis import Hypothesis
+from stixel_cli.tracking.contour.contour_update import (
+    SEEN,
+    SHAPE_ERRORS,
+    Hypothesis,
+    constant_errors,
+    update,
+)
 from stixel_cli.tracking.contour.residual import Residual
 from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.smoothing import smooth

@@ -18,8 +18,7 @@ from stixel_cli.measurements.clusters import cluster
 from stixel_cli.tracking.consider import NODES, JointCovariance
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
 from stixel_cli.tracking.contour.contour_rays import Rays, Sight
-from stixel_cli.tracking.contour.contour_update import Posterior, update
-from stixel_cli.tracking.contour.hypothesis import Hypothesis
+from stixel_cli.tracking.contour.contour_update import Hypothesis, Posterior, update
 
 RECENT, INCONSISTENT = 3, 1.5
 """A track is inconsistent if the mean NIS / degrees of freedom of so many scans is above this."""

@@ -1,5 +1,8 @@
 """The update of the tracker `contour`: rays on the class's shape; see `contour_filter.py`."""
 
+from dataclasses import dataclass
+from functools import cached_property
+
 import numpy as np
 
 from stixel_cli.tracking.association import uncut
@@ -11,8 +14,9 @@ from stixel_cli.tracking.contour.contour_rays import (
     gate_widths,
     sampling_inset,
 )
-from stixel_cli.tracking.contour.ray_kernels import iterated
-from stixel_cli.tracking.kalman import condition
+from stixel_cli.tracking.contour.ray_kernels import Linear, fill_rows, linearise
+from stixel_cli.tracking.kalman import condition, correct
+from stixel_cli.tracking.smoothing import Step
 
 SEEN = np.array([0, 1, 2, 5, 6])
 """Indices of the states that a ray sees: the pose and the two sizes."""
@@ -32,9 +36,19 @@ MISS_STD = 0.05
 CLUTTER = 3.0
 """Log odds against a ray that passes by the shape, at most: then its point is clutter."""
 
+SIZE_STEP = 0.3
+"""Greatest change of a factor of the size in one iteration, relative: slopes are local."""
+
+CONVERGED = 2e-3
+"""The iteration ends when no state moves by more than this."""
+
 Posterior = tuple[np.ndarray, np.ndarray, JointCovariance, float, int, float, float]
 """Mean, covariance of the gain, joint covariance, NIS, its degrees of freedom, log odds against the
 rays that pass by the shape, log likelihood of all others."""
+
+
+State = tuple[np.ndarray, np.ndarray, JointCovariance]
+"""Mean (d,), covariance (d, d) of the gain and joint covariance."""
 
 
 def update(
@@ -61,23 +75,40 @@ def update(
     # A single ray does not show where an outline begins or ends.
     silhouettes &= ~np.array(rays.hidden) & (count > 1 or not sight.outline)
     rows = np.concatenate([np.ones(count, bool), silhouettes])
-    ranges, no_miss = (sight.std_factor * rays.stds) ** 2, np.zeros(count)
+    ranges, no_inset, no_miss = (sight.std_factor * rays.stds) ** 2, np.zeros(2), np.zeros(count)
     miss_variances = MISS_STD**2 + tracker.offset_std**2 + rays.across_variances
     # What is not measured has no precision.
     of_ends = np.where(silhouettes, tracker.silhouette_factor**2 * inset_variance, np.inf)
     of_misses = tracker.shape_factor**2 * miss_variances if sight.residual else no_miss + np.inf
     factors = np.full(count + 2, tracker.shape_factor**2)
     factors[count:] = tracker.silhouette_factor**2
-    measured = rays.ranges - sight.bias_per_std * rays.stds, [-inset, -inset], no_miss
-    first = mean if first_iterate is None else first_iterate
-    iterate, posterior, matrix, innovation, errors, noise, values, stds, angles = iterated(
-        *(mean, np.ascontiguousarray(covariance), first),
-        *(tracker.iterations, float(tracker.degrees_of_freedom), np.concatenate(measured)),
-        np.concatenate([tracker.noise_factor**2 * ranges, of_ends, of_misses]),
-        *(factors, rays.across_variances + tracker.offset_std**2, sight.residual is not None),
-        *(rays.sensor, rays.directions, rays.ranges, ends, sight.half, sight.table.arrays),
-        *((sight.far or sight.table).arrays, sight.far is not None),
+    measured = np.concatenate(
+        [rays.ranges - sight.bias_per_std * rays.stds, no_inset - inset, no_miss]
     )
+    variances = np.concatenate([tracker.noise_factor**2 * ranges, of_ends, of_misses])
+    beside = rays.across_variances + tracker.offset_std**2
+    seen_from = rays.sensor, rays.directions, rays.ranges, ends, sight.half
+    tables = sight.table.arrays, (sight.far or sight.table).arrays
+    linear, matrix = Linear.of_rays(count), np.empty((2 * count + 2, len(mean)))
+    posterior, iterate = (
+        np.ascontiguousarray(covariance),
+        mean if first_iterate is None else first_iterate,
+    )
+    for _ in range(tracker.iterations):
+        linearise(linear, iterate, posterior, *seen_from, *tables)
+        errors, noise = measured.copy(), variances.copy()
+        rows_of = linear, iterate, rays.directions, ends, factors, beside
+        fill_rows(matrix, errors, noise, *rows_of, sight.far is not None)
+        noise /= _weights(errors, noise, tracker)
+        innovation = errors + matrix @ (iterate - mean)
+        correction, posterior, _ = correct(covariance, matrix, noise, innovation)
+        moved = mean + correction
+        moved[5:7] = np.clip(moved[5:7], iterate[5:7] - SIZE_STEP, iterate[5:7] + SIZE_STEP)
+        change = np.abs(moved - iterate).max()
+        iterate = moved
+        if change < CONVERGED:
+            break
+    values, _, stds, _, angles = linear
     across = (matrix[:count, :2] * rays.normals).sum(axis=1)
     grazing = across**2 * rays.across_variances
     shape = stds**2 + np.append((across * tracker.offset_std) ** 2, [0.0, 0.0])
@@ -114,3 +145,58 @@ def _weights(errors: np.ndarray, variances: np.ndarray, tracker: ContourParamete
     """Weights (n,) ≤ 1 of errors with a Student distribution, see `contour_filter.py`."""
     freedom = tracker.degrees_of_freedom
     return np.minimum((freedom + 1.0) / (freedom + errors**2 / variances), 1.0)
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """Where the target may be after a scan.
+
+    Attributes:
+        state: after the scan, and
+        predicted: before its update.
+        log_likelihood: of all scans, and
+        log_likelihood_before: of all before this one.
+        indices: of the scan's points that were used.
+        nis, degrees: of the scan; NaN and 0 without points.
+        missed: log odds against the scan's rays that pass by the shape. They count between places
+            of one class, and not between classes, whose sizes may be wrong.
+        before: the hypothesis that was predicted; None before the first scan.
+        transition: (d, d) Jacobian of that prediction; None where the filter began anew.
+    """
+
+    state: State
+    predicted: State
+    log_likelihood: float
+    log_likelihood_before: float
+    indices: np.ndarray
+    nis: float = np.nan
+    degrees: int = 0
+    missed: float = 0.0
+    before: "Hypothesis | None" = None
+    transition: np.ndarray | None = None
+
+    @classmethod
+    def unseen(cls, state: State, log_likelihood: float = 0.0) -> "Hypothesis":
+        """The hypothesis of a `state` at a scan without points."""
+        return cls(state, state, log_likelihood, log_likelihood, np.zeros(0, np.int64))
+
+    @cached_property
+    def step(self) -> Step:
+        """What smoothing needs of this scan.
+
+        What errors that all scans share move goes through the filter as the mean does: no scan
+        shows it.
+        """
+        states = []
+        for mean, covariance, joint in (self.state, self.predicted):
+            states += [np.column_stack([mean, constant_errors(joint)]), covariance]
+        return Step(*states, self.before and self.before.step, self.transition)
+
+    @classmethod
+    def updated(
+        cls, predicted: State, before: float, indices: np.ndarray, posterior: Posterior
+    ) -> "Hypothesis":
+        """The hypothesis with the `posterior` of the points at `indices`."""
+        *state, nis, degrees, missed, stated = posterior
+        after = before + stated
+        return cls(tuple(state), predicted, after, before, indices, nis, degrees, missed)

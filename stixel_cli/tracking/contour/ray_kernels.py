@@ -1,15 +1,14 @@
-"""What the scan's rays measure of a state of the tracker `contour`, and its iterated update.
+"""What the scan's rays measure of a state of the tracker `contour`: its Numba kernels.
 
-The Numba kernels of the tracker: `RayTable` says what they look up, `contour_filter.py` what the
-model is. They are in one file, as Numba's cache of a kernel knows this file only.
+`RayTable` says what they look up, `contour_filter.py` what the model is. They write into arrays of
+their caller.
 """
 
 from math import atan2, cos, exp, floor, pi, sin, sqrt
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-
-from stixel_cli.tracking.consider import NODES
 
 CAP = 0.5
 """Of half the length or the width: a change of the size moves what is nearer to an end by as much
@@ -23,122 +22,68 @@ LEAST_TURN, GREATEST_TURN = 0.01, 0.2
 GREATEST_SLANT = 4.0
 """Where a ray grazes the shape, a residual changes the range by at most so many times as much."""
 
-SIZE_STEP = 0.3
-"""Greatest change of a factor of the size in one iteration, relative: slopes are local."""
 
-CONVERGED = 2e-3
-"""The iteration ends when no state moves by more than this."""
-
-
-@njit(cache=True, error_model="numpy")
 def expected(
     state: np.ndarray, sensor: np.ndarray, directions: np.ndarray, table: tuple[np.ndarray, ...]
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+) -> np.ndarray:
     """What a state of a target predicts for the rays of a scan.
 
     `state` (5,): x, y, heading, and the logarithms of the factors on length and width; `sensor`
-    (2,) m; `directions` (n, 2) unit vectors of the rays in the world; `RayTable.arrays`.
+    (3,) its pose, m; `directions` (n, 2) unit vectors of the rays in the world; `RayTable.arrays`.
 
     Returns:
-        ranges (n,) m; misses (n,) m, how far outside of the shape's seen limits each ray passes,
-        negative inside; range_stds (n,) m.
+        (3, n) m: ranges; misses, how far outside of the shape's seen limits each ray passes,
+        negative inside; standard deviations of the ranges.
     """
-    count = len(directions)
-    ranges, misses, stds = np.empty(count), np.empty(count), np.empty(count)
+    results = np.empty((3, len(directions)))
+    _expect(*results, state, sensor, directions, table)
+    return results
+
+
+@njit(cache=True, error_model="numpy")
+def _expect(ranges, misses, stds, state, sensor, directions, table):
+    """Write `expected`."""
     cosine, sine = cos(state[2]), sin(state[2])
     dx, dy = sensor[0] - state[0], sensor[1] - state[1]
     x, y = cosine * dx + sine * dy, cosine * dy - sine * dx
     shrink = exp(-state[3]), exp(-state[4])
-    for i in range(count):
+    for i in range(len(directions)):
         u = cosine * directions[i, 0] + sine * directions[i, 1]
         v = cosine * directions[i, 1] - sine * directions[i, 0]
         ranges[i], low, high, place = _meet(x, y, u, v, shrink, table)
         misses[i], stds[i] = -min(low, high), _between(table[3], place)
-    return ranges, misses, stds
 
 
-@njit(cache=True, error_model="numpy")
-def iterated(
-    mean: np.ndarray,
-    covariance: np.ndarray,
-    iterate: np.ndarray,
-    iterations: int,
-    freedom: float,
-    measured: np.ndarray,
-    variances: np.ndarray,
-    factors: np.ndarray,
-    across_variances: np.ndarray,
-    residual: bool,
-    sensor: np.ndarray,
-    directions: np.ndarray,
-    ranges: np.ndarray,
-    ends: np.ndarray,
-    half: np.ndarray,
-    table: tuple[np.ndarray, ...],
-    far: tuple[np.ndarray, ...],
-    both_sides: bool,
-) -> tuple[np.ndarray, ...]:
-    """The iterated update of a `mean` (d,) and `covariance` (d, d) that begins at `iterate` (d,).
+class Linear(NamedTuple):
+    """What a state (d,) predicts of n ranges, of minus the two insets, and of n misses.
 
-    What is `measured` (2 n + 2,) m is ordered as the values of `linearised`, which says what the
-    last arguments are. It has `variances` (2 n + 2,) m², infinite where it is not measured, and
-    those of the shape, of which `factors` (n + 2,) count, and of `across_variances` (n,) m² of the
-    points and the shape across the rays. Errors have `freedom` degrees of freedom. With a
-    `residual` its nodes are the states from 7 on; rays that may end on `both_sides` leave them.
-
-    Returns:
-        the state (d,) and its covariance (d, d); of the last iterate the slopes (2 n + 2, d), the
-        innovations, errors and variances (2 n + 2,), weights in them, and values, stds, angles as
-        `linearised` returns them.
+    Attributes:
+        values: (2 n + 2,) m; a miss is how far a ray passes by the shape, negative inside.
+        slopes: (2 n + 2, 5), by the states that a ray sees.
+        stds: (n + 2,) m, of the ranges and insets.
+        curvatures: (n + 2,) m², the variance of what the slopes leave out: that of a parabola over
+            one standard deviation of each state (Nørgaard, Poulsen & Ravn 2000, *New developments
+            in state estimation for nonlinear systems*).
+        angles: (n,) rad, where the rays meet the shape, in units of half its size.
     """
-    count, rows, size = len(directions), len(measured), len(mean)
-    posterior, identity = covariance, np.eye(size)
-    for _ in range(iterations):
-        values, slopes, stds, curvatures, angles = linearised(
-            iterate, posterior, sensor, directions, ranges, ends, half, table, far
-        )
-        matrix, weighted = np.zeros((rows, size)), np.empty((size, rows))
-        errors, innovation, noise = measured - values, np.empty(rows), variances.copy()
-        for row in range(rows):
-            matrix[row, :3], matrix[row, 5:7] = slopes[row, :3], slopes[row, 3:]
-            slant = 1.0
-            if row < count:
-                left_x, left_y = -directions[row, 1], directions[row, 0]
-                tangent = slopes[row, 0] * left_x + slopes[row, 1] * left_y
-                # Where the ray grazes the shape, a small error across it is a large one of range.
-                noise[row] += tangent**2 * across_variances[row]
-                slant = min(sqrt(1.0 + tangent**2), GREATEST_SLANT)
-            if row < count + 2:
-                noise[row] += factors[row] * stds[row] ** 2
-            elif values[row] <= 0.0:
-                noise[row] = np.inf
-            if residual and row < count + 2:
-                noise[row] += curvatures[row]
-            # Where rays end on both sides: the slopes are those of sides that face the sensor.
-            if residual and (count <= row < count + 2 or (row < count and not both_sides)):
-                angle = angles[row if row < count else ends[row - count]]
-                position = angle / (2.0 * pi) * NODES
-                node, share = floor(position), position - floor(position)
-                matrix[row, 7 + node % NODES] = (share - 1.0) * slant
-                matrix[row, 7 + (node + 1) % NODES] = -share * slant
-                errors[row] -= matrix[row, 7:] @ iterate[7:]
-            innovation[row] = errors[row] + matrix[row] @ (iterate - mean)
-            noise[row] /= min((freedom + 1.0) / (freedom + errors[row] ** 2 / noise[row]), 1.0)
-            weighted[:, row] = matrix[row] / noise[row]
-        posterior = np.linalg.solve(identity + covariance @ (weighted @ matrix), covariance)
-        posterior = 0.5 * (posterior + posterior.T)
-        moved = mean + posterior @ (weighted @ innovation)
-        for one in (5, 6):
-            moved[one] = min(max(moved[one], iterate[one] - SIZE_STEP), iterate[one] + SIZE_STEP)
-        change = np.abs(moved - iterate).max()
-        iterate = moved
-        if change < CONVERGED:
-            break
-    return iterate, posterior, matrix, innovation, errors, noise, values, stds, angles
+
+    values: np.ndarray
+    slopes: np.ndarray
+    stds: np.ndarray
+    curvatures: np.ndarray
+    angles: np.ndarray
+
+    @classmethod
+    def of_rays(cls, count: int) -> "Linear":
+        """Arrays for `linearise` to write to, of so many rays."""
+        rows = 2 * count + 2
+        measured = np.empty(count + 2), np.empty(count + 2)
+        return cls(np.empty(rows), np.empty((rows, 5)), *measured, np.empty(count))
 
 
 @njit(cache=True, error_model="numpy")
-def linearised(
+def linearise(
+    linear: Linear,
     state: np.ndarray,
     covariance: np.ndarray,
     sensor: np.ndarray,
@@ -148,8 +93,8 @@ def linearised(
     half: np.ndarray,
     table: tuple[np.ndarray, ...],
     far: tuple[np.ndarray, ...],
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """What a `state` (d,) with a `covariance` (d, d) predicts, and how that depends on the state.
+) -> None:
+    """Write to `linear` what a `state` (d,) with a `covariance` (d, d) predicts.
 
     `sensor`, `directions` and `table` are as in `expected`; `ranges` (n,) m are measured, and those
     that are nearer to what `far` expects are taken for its. `ends` (2,) are the indices of the rays
@@ -157,18 +102,10 @@ def linearised(
 
     The slopes are central differences along the target's axes, over about a standard deviation: so
     no frame of the world matters.
-
-    Returns:
-        values (2 n + 2,) m: the ranges, minus the two insets, and the misses, how far each ray
-        passes by the shape, negative inside; slopes (2 n + 2, 5) of the values by the states that
-        rays see; stds (n + 2,) m of the ranges and insets; curvatures (n + 2,) m², the variance of
-        what their slopes leave out: that of a parabola over one standard deviation of each state
-        (Nørgaard, Poulsen & Ravn 2000, *New developments in state estimation for nonlinear
-        systems*); angles (n,) rad, where the rays meet the shape, in units of half its size.
     """
+    values, slopes, stds, curvatures, angles = linear
     count = len(directions)
-    values, slopes = np.empty(2 * count + 2), np.zeros((2 * count + 2, 5))
-    stds, curvatures, angles = np.empty(count + 2), np.zeros(count + 2), np.empty(count)
+    curvatures[:] = 0.0
     cosine, sine = cos(state[2]), sin(state[2])
     dx, dy = sensor[0] - state[0], sensor[1] - state[1]
     x, y = cosine * dx + sine * dy, cosine * dy - sine * dx
@@ -229,7 +166,55 @@ def linearised(
             _finish(slopes[count + 1], shift_x, shift_y, cosine, sine)
         _finish(slopes[i], shift_x, shift_y, cosine, sine)
         _finish(slopes[count + 2 + i], shift_x, shift_y, cosine, sine)
-    return values, slopes, stds, curvatures, angles
+
+
+@njit(cache=True, error_model="numpy")
+def fill_rows(
+    matrix: np.ndarray,
+    errors: np.ndarray,
+    noise: np.ndarray,
+    linear: Linear,
+    state: np.ndarray,
+    directions: np.ndarray,
+    ends: np.ndarray,
+    factors: np.ndarray,
+    across_variances: np.ndarray,
+    both_sides: bool,
+) -> None:
+    """The rows of a Kalman update at a `state` (d,), in the order of `linear`.
+
+    `errors` (2 n + 2,) has what is measured, m, and becomes measured minus predicted; `noise` (2 n
+    + 2,) m² has the sensor's variances, infinite where nothing is measured. Those of the shape,
+    `factors` (n + 2,) times, and of `across_variances` (n,) m² of what is across the rays are added
+    to it. `matrix` (2 n + 2, d) gets the slopes. The states from 7 on are the nodes of a residual;
+    rays that may end on `both_sides` leave them alone, as the slopes are of sides that face the
+    sensor.
+    """
+    values, slopes, stds, curvatures, angles = linear
+    count, nodes = len(directions), len(state) - 7
+    for row in range(len(values)):
+        matrix[row] = 0.0
+        for k in range(5):
+            matrix[row, k if k < 3 else k + 2] = slopes[row, k]
+        errors[row] -= values[row]
+        slant = 1.0
+        if row < count:
+            tangent = slopes[row, 1] * directions[row, 0] - slopes[row, 0] * directions[row, 1]
+            # Where the ray grazes the shape, a small error across it is a large one of the range.
+            noise[row] += tangent**2 * across_variances[row]
+            slant = min(sqrt(1.0 + tangent**2), GREATEST_SLANT)
+        if row < count + 2:
+            noise[row] += factors[row] * stds[row] ** 2
+        elif values[row] <= 0.0:
+            noise[row] = np.inf
+        if nodes and row < count + 2:
+            noise[row] += curvatures[row]
+            if row >= count or not both_sides:
+                position = angles[row if row < count else ends[row - count]] / (2.0 * pi) * nodes
+                node, share = floor(position), position - floor(position)
+                for k, weight in ((node % nodes, 1.0 - share), ((node + 1) % nodes, share)):
+                    matrix[row, 7 + k] = -weight * slant
+                    errors[row] += weight * slant * state[7 + k]
 
 
 @njit(cache=True, error_model="numpy")
