@@ -95,6 +95,7 @@ EMPTY = (
 @pytest.mark.parametrize("name", STUDIES)
 def test_every_question_compares_options_that_are_balanced(name, monkeypatch):
     monkeypatch.setattr(robustness, "_found_again", lambda run: 1.0)
+    monkeypatch.setattr(robustness, "_while_shown", lambda run: (1.0, 1.0))
     study = read_study(find_study(name))
     frames = {
         sweep.name: with_module(study, sweep, runs_of(study, sweep)) for sweep in study.sweeps
