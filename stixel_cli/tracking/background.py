@@ -40,7 +40,9 @@ class Background:
         m from there; `unseen`: no scan before this one, or none of the last ones, had its points.
         """
         points, reach = rays.points_world, half + GATE * spread
-        self._learn(points, segments(rays), place, reach + APART)
+        distances = np.hypot(*(points - place).T)
+        if (distances > reach + APART).any():
+            self._learn(points, distances, segments(rays), reach + APART)
         if not (unseen or GATE * spread > KNOWN) or not len(self._places) or not len(points):
             return np.zeros(len(points), bool)
         from scipy.spatial import cKDTree
@@ -48,11 +50,11 @@ class Background:
         return cKDTree(self._places).query(points)[0] < NEAR + 2.0 * rays.stds
 
     def _learn(
-        self, points_world: np.ndarray, labels: np.ndarray, place: np.ndarray, reach: float
+        self, points_world: np.ndarray, distances: np.ndarray, labels: np.ndarray, reach: float
     ) -> None:
         """Remember the points (n, 2) m of the objects, labelled from 0 on, beyond `reach`, m."""
-        nearest = np.full(labels.max(initial=-1) + 1, np.inf)
-        np.minimum.at(nearest, labels, np.hypot(*(points_world - place).T))
+        nearest = np.full(labels.max() + 1, np.inf)
+        np.minimum.at(nearest, labels, distances)
         places = np.concatenate([self._places, points_world[nearest[labels] > reach]])
         _, first = np.unique(np.round(places / CELL), axis=0, return_index=True)
         self._places = places[first]

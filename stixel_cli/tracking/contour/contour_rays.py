@@ -238,7 +238,8 @@ def sampling_inset(rays: Rays, sight: Sight) -> tuple[float, float]:
     """
     if not sight.outline or len(rays.bearings) < 2:
         return 0.0, 0.0
-    gaps = np.diff(np.sort(rays.bearings)) * rays.ranges.mean()
-    gap, spread = float(np.median(gaps)), float(np.mean(gaps**2))
+    gaps = np.sort(np.diff(np.sort(rays.bearings))) * rays.ranges.mean()
+    middle = 0.5 * (gaps[len(gaps) // 2] + gaps[(len(gaps) - 1) // 2])
+    gap, spread = float(middle), float(np.mean(gaps**2))
     # Where gaps are uneven, the points are anywhere on the target, as those of a radar.
     return 0.5 * gap, spread / 12.0 + (np.sqrt(spread) - gap) ** 2
