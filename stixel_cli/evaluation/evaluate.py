@@ -12,21 +12,24 @@ from typing import Any
 import numpy as np
 
 from stixel_cli.evaluation.contour_errors import (
+    BESIDE,
     COVERED,
     areas,
     boundary_distances,
     boxes,
+    centre_errors,
     differences_along_rays,
     even_points,
     gaussian_wasserstein,
     in_frames,
     overlaps,
+    points_of_target,
     seen_points,
+    star_convex_upper_bound,
 )
 from stixel_cli.evaluation.metric_table import METRICS, OF_CLASSES, OF_ESTIMATES, OF_SIZE, SMOOTHED
 from stixel_cli.evaluation.scan_errors import LOW_OVERLAP, ScanErrors
 from stixel_cli.evaluation.scores import Scores
-from stixel_cli.evaluation.upper_bounds import star_convex_upper_bound
 from stixel_cli.geometry.pose import wrap_angle
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.scenario import Scenario
@@ -34,10 +37,6 @@ from stixel_cli.tracking.track import OTHER, REPORTED, Track, check_finite
 
 LEAST_SPEED = 0.5
 """A target that is not faster than this, m/s, stands: its heading may be reported either way."""
-
-BESIDE = 0.5
-"""A point this near to a used one, m, is likely to be of the same road user; one this near to the
-true box is taken as measured on the target."""
 
 
 def validate(track: Track, scenario: Scenario, scans: Scans) -> None:
@@ -145,14 +144,12 @@ def baseline_overlaps(scenario: Scenario, scans: Scans) -> np.ndarray:
     are, for the whole target. NaN where the truth is unknown and at a scan without such points.
     """
     found = np.full(len(scans), np.nan)
-    low, high = scenario.box_target
+    middle = 0.5 * np.sum(scenario.box_target, axis=0)
     for k in np.flatnonzero(scenario.known):
-        pose = scenario.target_poses_world[k : k + 1]
-        points = in_frames(scans.points_world[None, scans.rows(k)], pose)[0]
-        points = points[((points > low - BESIDE) & (points < high + BESIDE)).all(axis=1)]
+        points = points_of_target(scenario, scans, k)
         if len(points):
             true = scenario.contours_target[scenario.limb_poses[k]]
-            moved = true - 0.5 * (low + high) + points.mean(axis=0)
+            moved = true - middle + points.mean(axis=0)
             (found[k],) = overlaps(areas(moved[None]), areas(true[None]))
     return found
 
@@ -277,12 +274,6 @@ def off_target(
     """
     backwards = (np.abs(orientation) > 0.5 * np.pi) & (speed > LEAST_SPEED)
     return ~(iou_box >= LOW_OVERLAP) | backwards | replaced_wrongly
-
-
-def centre_errors(estimated_world: np.ndarray, true_world: np.ndarray) -> np.ndarray:
-    """Distance (K,) m of the centres, the first two columns of (K, …)."""
-    offsets = estimated_world[:, :2] - true_world[:, :2]
-    return np.hypot(offsets[:, 0], offsets[:, 1])
 
 
 def orientation_errors(estimated: np.ndarray, true: np.ndarray) -> np.ndarray:

@@ -161,6 +161,8 @@ def replayed_scenario(
     Raises:
         UserError: if the file is not valid, or has no such target.
     """
+    from scipy.integrate import cumulative_trapezoid
+
     from stixel_cli.scene.contours import moving_target
 
     times, labels = ego_motion.times, labels_of(files, tables, target, "path.target")
@@ -168,7 +170,8 @@ def replayed_scenario(
     splines = [smoothing_spline(times[frames], values, smoothing) for values in poses.T]
     smooth = np.stack([spline(times) for spline in splines], axis=1)
     rates = np.stack([spline.derivative()(times) for spline in splines], axis=1)
-    return moving_target(ego_motion, road_user, smooth, rates, travelled(times, rates))
+    travelled = cumulative_trapezoid(np.hypot(*rates[:, :2].T), times, initial=0.0)
+    return moving_target(ego_motion, road_user, smooth, rates, travelled)
 
 
 def smoothing_spline(times: np.ndarray, values: np.ndarray, period: float) -> "BSpline":
@@ -182,10 +185,3 @@ def smoothing_spline(times: np.ndarray, values: np.ndarray, period: float) -> "B
 
     step = np.median(np.diff(times))
     return make_smoothing_spline(times, values, lam=(period / (2.0 * np.pi)) ** 4 / step)
-
-
-def travelled(times: np.ndarray, rates_world: np.ndarray) -> np.ndarray:
-    """Length driven (K,) m at `times` (K,) s, by the trapezoidal rule."""
-    speeds = np.hypot(rates_world[:, 0], rates_world[:, 1])
-    steps = 0.5 * (speeds[1:] + speeds[:-1]) * np.diff(times)
-    return np.concatenate([[0.0], np.cumsum(steps)])

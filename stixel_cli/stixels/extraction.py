@@ -93,7 +93,7 @@ def stixels_of_frame(
             areas, values = areas[behind_one], values[behind_one]
         if extraction.refinement > 0:
             given, errors = np.ascontiguousarray(values[:, 0]), rig.disparity_errors()
-            refined = aligned(images, columns, areas, given, frame.scale, errors)
+            refined = aligned(*images, columns, areas, given, frame.scale, errors)
             values[:, 0] += extraction.refinement * (refined - given)
         areas[:, 2] = np.maximum(areas[:, 2] - height.hidden_rows, 0)
         fields = group_fields(areas, values, frame.line, rig, extraction)

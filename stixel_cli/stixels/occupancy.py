@@ -16,6 +16,7 @@ from scipy.special import ndtr
 
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.stereo.disparities import SUBPIXELS, Disparities
+from stixel_cli.stixels.kernel import returning
 from stixel_cli.stixels.parameters import OccupancyParameters, RoadParameters
 from stixel_cli.stixels.road import obstacle_limits, pitch_factors
 from stixel_cli.stixels.types import FreeSpace, OccupancyGrid
@@ -154,24 +155,17 @@ def to_polar(cartesian: np.ndarray, grid: Layout) -> np.ndarray:
     return polar
 
 
-def column_histograms(
-    columns: np.ndarray, lowest: np.ndarray, highest: np.ndarray, scale: np.ndarray, bins: int
-) -> np.ndarray:
+@returning(
+    lambda columns, lowest, highest, scale, bins: np.zeros((len(columns), bins), dtype=np.uint16)
+)
+@njit(cache=True, nogil=True, error_model="numpy")
+def column_histograms(histogram, columns, lowest, highest, scale, bins):
     """Histograms (W, bins) uint16 of the obstacle pixels' pitch-compensated disparities.
 
     `columns` (W, H) int16 raw; a pixel counts if lowest[v] <= raw <= highest[v], in the bin
     round(raw * scale[v]).
     """
-    histogram = np.zeros((len(columns), bins), dtype=np.uint16)
-    _count_obstacles(histogram, columns, lowest, highest, scale)
-    return histogram
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _count_obstacles(histogram, columns, lowest, highest, scale):
-    """Add up `column_histograms`."""
     width, height = columns.shape
-    bins = histogram.shape[1]
     top, end = 0, height
     while top < end and lowest[top] > highest[top]:
         top += 1
@@ -186,18 +180,10 @@ def _count_obstacles(histogram, columns, lowest, highest, scale):
                 of_column[min(np.int32(raw * scale[v] + half), bins - 1)] += 1
 
 
-def fill(
-    histogram: np.ndarray, likelihoods: np.ndarray, first: np.ndarray, last: np.ndarray
-) -> np.ndarray:
-    """Occupancy (W, R) float32: each column's histogram (W, bins) times likelihoods (bins, R)."""
-    values = np.zeros((len(histogram), likelihoods.shape[1]), dtype=np.float32)
-    _add_likelihoods(values, histogram, likelihoods, first, last)
-    return values
-
-
+@returning(lambda votes, likelihoods, *_: np.zeros((len(votes), likelihoods.shape[1]), np.float32))
 @njit(cache=True, nogil=True, error_model="numpy")
-def _add_likelihoods(values, histogram, likelihoods, first, last):
-    """Add up `fill`."""
+def fill(values, histogram, likelihoods, first, last):
+    """Occupancy (W, R) float32: each column's histogram (W, bins) times likelihoods (bins, R)."""
     width, bins = histogram.shape
     for u in range(width):
         of_column = values[u]
@@ -209,24 +195,15 @@ def _add_likelihoods(values, histogram, likelihoods, first, last):
                     of_column[j] += votes * row[j]
 
 
-def spread_laterally(
-    polar: np.ndarray, starts: np.ndarray, widths: np.ndarray, cells: int, std: float
-) -> np.ndarray:
+@returning(lambda polar, starts, widths, cells, std: np.zeros((cells, polar.shape[1]), np.float32))
+@njit(cache=True, nogil=True, error_model="numpy")
+def spread_laterally(values, polar, starts, widths, cells, std):
     """Cartesian occupancy (cells, R) float32 of a polar one (W, R).
 
     Each column's value is spread by the normal density in u, averaged over the cells. In row j the
     first cell begins at starts[j] and each is widths[j] wide, px; `std` in px.
     """
-    values = np.zeros((cells, polar.shape[1]), dtype=np.float32)
-    _spread_laterally(values, polar, starts, widths, std)
-    return values
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _spread_laterally(values, polar, starts, widths, std):
-    """Add up `spread_laterally`."""
     width, rows = polar.shape
-    cells = len(values)
     root = np.sqrt(0.5) / std
     reach = REACH * std
     for u in range(width):
