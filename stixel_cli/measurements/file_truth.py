@@ -55,9 +55,6 @@ def read_truth(
     Poses of scans that the file lacks are NaN; without a file (None), all of them. Rates that the
     file lacks are differences of the poses over three known scans (two at the ends). The units are
     those of `read_scans`.
-
-    Raises:
-        UserError: in one line that names file, place and cause.
     """
     count = len(scans)
     poses, rates = np.full((2, count, 3), np.nan)

@@ -55,9 +55,6 @@ def read_stixels(file: Path) -> StixelFile:
 
     In the first two the row vB is the one below the stixel, and the depth is along the optical
     axis. A CSV of theirs has no widths: they are the least distance of two columns.
-
-    Raises:
-        UserError: in one line, if the file is missing, too large, or not valid.
     """
     if file.suffix.lower() == ".stx1":
         return _read_stx1(file)

@@ -44,22 +44,14 @@ VIRTUAL_IMAGES, LOG_IMAGES = Path("frames/rgb"), Path("sensors/cameras")
 
 
 def find_recording(source: parameters.Source) -> Recording:
-    """The files of a recording, checked as far as their heads.
-
-    Raises:
-        UserError: if a file is missing or not valid; it names the file, the row and the cause.
-    """
+    """The files of a recording, checked as far as their heads."""
     if source.kind not in ("pair", "rosbag") and not Path(source.folder).is_dir():
         raise UserError(f"source.folder: {source.folder}: no such folder")
     return next(find for kind, find, *_ in LAYOUTS if kind == source.kind)(source)
 
 
 def guess_layout(folder: Path) -> str:
-    """The layout of a folder, as the option of `source`.
-
-    Raises:
-        UserError: if its layout is not known.
-    """
+    """The layout of a folder, as the option of `source`."""
     if folder.suffix in rosbag.SUFFIXES and folder.is_file():
         return "rosbag"
     if not folder.is_dir():
@@ -219,9 +211,6 @@ def assembled_recording(
         poses: files of the ego poses, which may be missing.
         labels: files of the labels, which may be missing if the source has no target.
         tables: how both are written; by default as KITTI's.
-
-    Raises:
-        UserError: if a file is missing or not valid.
     """
     tables = tables or Tables()
     # One pair of images has no target: its labels are no tracks.
@@ -295,9 +284,6 @@ def numbered_images(
     """The images of each of the `folders` by the number in their name, in ascending order.
 
     `names` is the pattern of the files' names, its group is the number; `example` is such a name.
-
-    Raises:
-        UserError: if a folder is missing, or has no such file.
     """
     numbered = []
     for folder in folders:

@@ -32,11 +32,7 @@ LABELS = "label_02"
 
 
 def find_replay(path: ReplayedPath) -> Recording:
-    """The files and frames of a replayed motion, a recording without images; they are checked.
-
-    Raises:
-        UserError: if a file is missing or not valid, or the track has too few labels.
-    """
+    """The files and frames of a replayed motion, a recording without images; they are checked."""
     folder = Path(path.folder)
     recording = find_motion(folder, path.sequence)
     track = labels_of(recording.label_files, recording.tables, path.target, "path.target")
@@ -58,9 +54,6 @@ def find_motion(folder: Path, sequence: str | None) -> Recording:
     """All labels and ego poses of a log of Argoverse 2, or of the clip `sequence` of KITTI.
 
     Its frames and its target are those of a user to choose.
-
-    Raises:
-        UserError: if a file is missing or not valid.
     """
     if (folder / argoverse.ANNOTATIONS).is_file():
         if sequence is not None:
@@ -90,11 +83,7 @@ def find_motion(folder: Path, sequence: str | None) -> Recording:
 
 
 def label_root(folder: Path) -> Path:
-    """The folder that has `label_02`: the folder itself or its `training`.
-
-    Raises:
-        UserError: if neither has it.
-    """
+    """The folder that has `label_02`: the folder itself or its `training`."""
     root = root_of(folder, LABELS)
     if (root / LABELS).is_dir():
         return root
@@ -157,9 +146,6 @@ def replayed_scenario(
         tables: with the first frame, and the camera in the frame of the labels.
         target: its track id or track_uuid.
         smoothing: see `smoothing_spline`, s.
-
-    Raises:
-        UserError: if the file is not valid, or has no such target.
     """
     from scipy.integrate import cumulative_trapezoid
 

@@ -22,16 +22,12 @@ READERS = {
 
 
 def read_poses(files: tuple[Path, ...], tables: Tables) -> np.ndarray:
-    """Poses (n, 3, 4) of the left camera (x right, y down, z forward) in any one frame, m.
-
-    Raises:
-        UserError: if a file is missing or not valid.
-    """
+    """Poses (n, 3, 4) of the left camera (x right, y down, z forward) in any one frame, m."""
     return READERS[tables.kind][0](*filter(None, [tables.times, tables.topics]), *files)
 
 
 def read_labels(files: tuple[Path, ...], tables: Tables) -> Tracks:
-    """The labels of each target by its track id; errors as in `read_poses`."""
+    """The labels of each target by its track id."""
     return READERS[tables.kind][1](*filter(None, [tables.times]), *files)
 
 

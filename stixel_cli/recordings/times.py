@@ -77,13 +77,10 @@ def poses_at(
 
     Args:
         name: of the file, for errors.
-        times: of the frames, ns.
+        times: of the frames, ns, each with a pose before and after it.
         stamps: (m,) times of the poses, ns, in any order.
         turns: (m, 4) quaternions: w, x, y, z.
         places: (m, 3) m.
-
-    Raises:
-        UserError: if there is no pose round one of the times, or a quaternion is not valid.
     """
     stamps, rows = np.unique(stamps, return_index=True)
     after = np.clip(np.searchsorted(stamps, times), 1, max(len(stamps) - 1, 1))
@@ -105,11 +102,7 @@ def poses_at(
 
 
 def unit_rotations(file: Path | str, quaternions: np.ndarray) -> np.ndarray:
-    """Rotations (n, 3, 3) of quaternions (n, 4): w, x, y, z.
-
-    Raises:
-        UserError: if a quaternion does not have the length 1.
-    """
+    """Rotations (n, 3, 3) of quaternions (n, 4) w, x, y, z, which must have the length 1."""
     lengths = np.linalg.norm(quaternions, axis=1)
     wrong = np.flatnonzero(~(np.abs(lengths - 1.0) <= 0.01))
     if len(wrong):

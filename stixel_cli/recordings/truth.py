@@ -52,9 +52,6 @@ def recorded_motion(
         rig: the ground plane is that of its level frame. None, for a replayed motion: the camera is
             taken as level; its roll, its height and changes of its pitch are left out.
         pose_scale: factor on the lengths of the poses; "estimated": of the `calibration`.
-
-    Raises:
-        UserError: if the file is not valid, or shows no scale.
     """
     times = sample_time * np.arange(count)
     if not files:
@@ -115,9 +112,6 @@ def recorded_scenario(
         rig: the ground plane is that of its level frame.
         tables: how the files are written.
         target: its track id; None for no truth.
-
-    Raises:
-        UserError: if the file is not valid, or has no such target.
     """
     count = len(ego_motion.times)
     poses, contour = np.full((count, 3), np.nan), np.zeros((0, 2))
@@ -145,7 +139,7 @@ def label_truths(
 ) -> tuple[LabelTruth, ...]:
     """The truth of each label in the frames of `ego_motion`; () without files.
 
-    The arguments and errors are those of `recorded_scenario`.
+    The arguments are those of `recorded_scenario`.
     """
     first, stop = tables.first, tables.first + len(ego_motion.times)
     return tuple(

@@ -139,7 +139,6 @@ def group_fields(
     Args:
         areas: (S, 4) left, right (exclusive), top and base row.
         measured: (S, 2) pitch-compensated disparity px, mean row of the pixels.
-        line: (2,) the road's disparity a v + b, px.
     """
     left, right, top = areas[:, 0], areas[:, 1], areas[:, 2].astype(np.float64)
     disparity, mean_row = measured[:, 0], measured[:, 1]

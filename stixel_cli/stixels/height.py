@@ -21,10 +21,8 @@ class Frame:
     """One frame's disparities, and the road and the nearest obstacles in them.
 
     Attributes:
-        columns: (W, H) int16 raw disparities, column by column.
-        count: number of disparities searched.
+        columns, count, line: see the package.
         obstacle, base_row: (W,) a frame of `FreeSpace`.
-        line: (2,) the road's disparity a v + b, px.
         rig: the cameras.
     """
 

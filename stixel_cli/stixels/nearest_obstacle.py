@@ -24,8 +24,7 @@ def nearest_obstacle(
     """Pitch-compensated disparity (W,) float32 px of each column's nearest obstacle; NaN: free.
 
     Args:
-        columns: (W, H) int16 raw disparities, column by column.
-        line: (2,) the road's disparity a v + b, px.
+        columns, line: see the package.
         expected: (W,) depths of the last solution in this frame, m, NaN where unknown; or None.
         grid: `layout` for these disparities.
     """

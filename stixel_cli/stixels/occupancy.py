@@ -116,15 +116,9 @@ def cell_likelihoods(
 def accumulate(
     columns: np.ndarray, line: np.ndarray, road: RoadParameters, grid: Layout
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Histogram and occupancy of one frame.
+    """Histogram (W, bins) uint16 of one frame's obstacle pixels, and its occupancy.
 
-    Args:
-        columns: (W, H) int16 raw disparities, column by column.
-        line: (2,) the road's disparity a v + b.
-
-    Returns:
-        Histogram (W, bins) uint16 of the obstacle pixels, and occupancy (W, R) float32 (1/px), or
-        (C, R) float32 (1/px²) for a Cartesian grid.
+    That is (W, R) float32 (1/px), or (C, R) float32 (1/px²) for a Cartesian grid.
     """
     rig, occupancy, bins = grid.rig, grid.occupancy, len(grid.likelihoods)
     lowest, highest = obstacle_limits(line, rig, road, bins // BINS_PER_PIXEL)

@@ -113,12 +113,9 @@ def find_road(
     pixels vote (the v-disparity histogram of Labayrade, Aubert, Tarel 2002), refined by least
     squares over the pixels near it. Without a vote it is the rig's.
 
-    Args:
-        columns: (W, H) int16 raw disparities, column by column.
-        count: number of disparities searched.
-        pitch: of the camera in this frame, rad, and height: m above the road, for a road that is
-            not estimated; by default those of the rig. Poses are no start for the estimate: their
-            errors grow.
+    `pitch`, rad, and `height` above the road, m, of the camera in this frame are for a road that is
+    not estimated; by default they are those of the rig. Poses are no start for the estimate: their
+    errors grow.
     """
     if not isinstance(road, EstimatedRoad):
         pitch = rig.pitch_radians if pitch is None else pitch
