@@ -32,11 +32,6 @@ LIMB_SAMPLES = 4
 """Poses of the limbs, even in their cycle, that the upper bound is the mean over."""
 
 
-def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Cross products of vectors (…, 2)."""
-    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
-
-
 def in_frames(points: np.ndarray, poses: np.ndarray) -> np.ndarray:
     """Points (K, N, 2) m in the frames whose poses are (K, 3)."""
     return (points - poses[:, None, :2]) @ _rotations(poses)
@@ -87,7 +82,8 @@ def area_moments(polygons: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     first = polygons[:, :1]
     a = polygons - first
     b = np.roll(a, -1, axis=1)
-    parts = _cross(a, b)[:, None]
+    # Cross products.
+    parts = (a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])[:, None]
     doubled, total = parts.sum(axis=2)[..., None], a + b
     flat = doubled[:, 0, 0] == 0.0
     doubled[flat] = 1.0

@@ -224,9 +224,8 @@ def contour_errors(track: Track, scenario: Scenario) -> dict[str, np.ndarray]:
     length, width = (sides - (high - low)).T
     errors: dict[str, Any] = {"iou_box": iou_box, "length": length, "width": width}
     if scenario.only_box or not len(scans):
-        names = ("iou", "gaussian_wasserstein", "hausdorff", "contour_distance")
-        sides = ("seen_contour", "hidden_contour", "band_coverage", "hidden_band_coverage")
-        missing = (*names, *sides)
+        missing = ["iou", "gaussian_wasserstein", "hausdorff", "contour_distance", "seen_contour"]
+        missing += ["hidden_contour", "band_coverage", "hidden_band_coverage"]
         return errors | {name: np.full(len(truth), np.nan) for name in missing}
     # The true outlines are made once for each pose of the limbs.
     outlines, true_outlines = areas(estimated), areas(contours)

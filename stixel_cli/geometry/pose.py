@@ -29,14 +29,12 @@ def target_from_world(points_world: np.ndarray, pose_world: np.ndarray) -> np.nd
 
 def world_from_ego(points_ego: np.ndarray, ego_pose_world: np.ndarray) -> np.ndarray:
     """Points (n, 2) in m from the ego car's ground plane (x right, y forward) to the world."""
-    turn = rotation(ego_pose_world[2] - STRAIGHT_AHEAD)
-    return np.asarray(points_ego) @ turn.T + np.asarray(ego_pose_world[:2])
+    return world_from_target(points_ego, np.subtract(ego_pose_world, [0.0, 0.0, STRAIGHT_AHEAD]))
 
 
 def ego_from_world(points_world: np.ndarray, ego_pose_world: np.ndarray) -> np.ndarray:
     """Points (n, 2) in m from the world to the ego car's ground plane (x right, y forward)."""
-    turn = rotation(ego_pose_world[2] - STRAIGHT_AHEAD)
-    return (np.asarray(points_world) - np.asarray(ego_pose_world[:2])) @ turn
+    return target_from_world(points_world, np.subtract(ego_pose_world, [0.0, 0.0, STRAIGHT_AHEAD]))
 
 
 def rotate_covariances(covariances: np.ndarray, angle: float) -> np.ndarray:

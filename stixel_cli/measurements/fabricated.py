@@ -7,9 +7,16 @@ from annotated_types import Ge, Gt, Le
 
 from stixel_cli.geometry.pose import rotation
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.measurements.noise import Noise, columns_per_point, measure, range_std
 from stixel_cli.measurements.parameters import Disturbance
-from stixel_cli.measurements.rays import Rays, first_crossings, spread_rays
+from stixel_cli.measurements.rays import (
+    Noise,
+    Rays,
+    columns_per_point,
+    first_crossings,
+    measure,
+    range_std,
+    spread_rays,
+)
 from stixel_cli.measurements.scans import FieldOfView, Scans, points_along
 from stixel_cli.parameters import parameters
 from stixel_cli.randomness import generator

@@ -102,17 +102,10 @@ def read_scans(
 ) -> Scans:
     """Scans of the points in the file `path`, in their order in the file.
 
-    Args:
-        path: the table of points.
-        ego: the table of sensor poses, one row for each scan. None: the sensor is at (0, 0, pi/2),
-            the scans are 0 to the largest k, and the times of absent k are interpolated.
-        range_std: m. Without variances the covariance of a point is range_std² I.
-        horizontal_fov: of the sensor, degrees, symmetric to its heading; None: unknown.
-        time_unit: of t; None: seconds, or that of times since 1970, which become relative.
-        angle_unit: of the sensor's headings.
-        note: called with one line for what a user may not expect.
-        shared_errors: that no table states.
-        road_z: of the road, m, for the heights of the points from the column z; None: unknown.
+    The arguments are the settings of `FileParameters`, and `note`, which is called with one line
+    for what a user may not expect. Without the table `ego` the sensor is at (0, 0, pi/2), the scans
+    are 0 to the largest k, and the times of absent k are interpolated. Without variances the
+    covariance of a point is range_std² I. Times since 1970 become relative.
     """
     file = Path(path)
     needed = ("t", "x", "y") if road_z is None else ("t", "x", "y", "z")

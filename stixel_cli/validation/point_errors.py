@@ -21,7 +21,7 @@ import numpy as np
 from stixel_cli.geometry.polygon import first_hits
 from stixel_cli.geometry.pose import rotation
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.measurements.noise import range_sensitivity
+from stixel_cli.measurements.rays import range_sensitivity
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.scenario import Scenario
 

@@ -106,7 +106,7 @@ DAMAGE = {
     "NaN": (
         "pose.txt",
         lambda f: _put(f, 3, 15, "nan"),
-        "pose.txt: row 4: nan must be within ±1e+09",
+        "row 4: nan must be within ±1e+09",
     ),
     "twice": ("bbox.txt", lambda f: _put(f, 3, 0, "0"), "row 4: track 4 is labelled twice in fr"),
     "size": ("pose.txt", lambda f: _put(f, 1, 4, "0"), "row 2: height, width and length must be"),
