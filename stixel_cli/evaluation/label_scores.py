@@ -37,11 +37,7 @@ def score_tracks(
 ) -> Scores:
     """The scores of all tracks: their NIS, and those against the labels, if there are any.
 
-    Args:
-        tracks: of one recording.
-        truths: all its labels, of any class.
-        scans: of the run.
-        road_user: the class whose labels are scored.
+    `truths` are all labels, of any class; those of the class `road_user` are scored.
     """
     points, missing = np.diff(scans.offsets), np.full(len(scans), np.nan)
     of_tracks = np.full((len(tracks), len(scans)), np.nan)

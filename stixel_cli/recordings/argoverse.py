@@ -158,9 +158,7 @@ def read_labels(
 def _between(stamps: np.ndarray, times: tuple[int, ...]) -> Iterator[tuple[int, int, float]]:
     """Frame, index i and share of the way from stamp i to i + 1, where that way is no gap.
 
-    Args:
-        stamps: (n,) ns, increasing.
-        times: of all frames, ns.
+    The `stamps` (n,), increasing, and the `times` of all frames are in ns.
     """
     for frame, (i, time) in enumerate(
         zip(np.searchsorted(stamps, times, side="right") - 1, times, strict=True)

@@ -310,19 +310,17 @@ def _common_size(
     frames: range, images: tuple[Images, Images], rectification: Rectification | None
 ) -> tuple[int, int]:
     """Width and height in px of the rectified images of all `frames`."""
-    size: tuple[int, int] | None = None
+    first_of: dict[tuple[int, int], Path] = {}
     for number in frames:
         for files in images:
             if number not in files:
                 folder = next(iter(files.values())).parent
                 raise UserError(f"{folder}: the image of frame {number} is missing")
-            width, height = image_size(files[number])
-            size = size or (width, height)
-            if (width, height) != size:
-                raise UserError(
-                    f"{files[number]}: {width} × {height} px, "
-                    f"but the images before have {size[0]} × {size[1]} px"
-                )
+            first_of.setdefault(image_size(files[number]), files[number])
+    size, *others = first_of
+    for width, height in others:
+        before = f"but the images before have {size[0]} × {size[1]} px"
+        raise UserError(f"{first_of[width, height]}: {width} × {height} px, {before}")
     if rectification is None:
         return size
     if size != rectification.file_size:

@@ -139,13 +139,9 @@ def replayed_scenario(
     over time of each coordinate gives the poses and their exact derivatives at all frames, those
     without a label among them.
 
-    Args:
-        ego_motion: at K successive frames; the first and the last have a label.
-        files: the file of the labels.
-        road_user: the target in the scene, with its own size.
-        tables: with the first frame, and the camera in the frame of the labels.
-        target: its track id or track_uuid.
-        smoothing: see `smoothing_spline`, s.
+    The first and the last of the frames of `ego_motion` have a label of `target`, a track id or
+    track_uuid, in the `files`. `road_user` is the target in the scene, with its own size. For
+    `smoothing`, s, see `smoothing_spline`.
     """
     from scipy.integrate import cumulative_trapezoid
 

@@ -28,22 +28,19 @@ def common_frames(
 
     `limits` are the first frame and the stop of other files, by a name for messages.
     """
-    chosen = chosen_frames(text)
     spans = {"the images": (min(images), max(images) + 1), **limits}
-    first = max(start for start, _ in spans.values())
-    stop = min(end for _, end in spans.values())
-    if chosen is not None:
-        for name, (start, end) in spans.items():
-            if chosen.start < start or chosen.stop > end:
-                raise UserError(
-                    f"source.frames: {chosen.start}:{chosen.stop} is not within "
-                    f"{start}:{end}, the frames of {name}"
-                )
-        first, stop = chosen.start, chosen.stop
-    if first >= stop:
+    common = range(max(start for start, _ in spans.values()), min(end for _, end in spans.values()))
+    chosen = chosen_frames(text)
+    for name, (start, end) in spans.items() if chosen else ():
+        if chosen.start < start or chosen.stop > end:
+            raise UserError(
+                f"source.frames: {chosen.start}:{chosen.stop} is not within "
+                f"{start}:{end}, the frames of {name}"
+            )
+    if not chosen and not common:
         words = "; ".join(f"{name} {start}:{end}" for name, (start, end) in spans.items())
         raise UserError(f"source.frames: no common frame: {words}")
-    return range(first, stop)
+    return chosen or common
 
 
 def check_steps(recording: Recording, sample_time: float, root: Path, group: str) -> None:

@@ -178,14 +178,10 @@ def group_fields(
 def surroundings(left: np.ndarray, depth: np.ndarray, width: int) -> tuple[np.ndarray, np.ndarray]:
     """How many of the two stixels on either side are on the same object, and the step to them.
 
-    Args:
-        left: (S,) first columns, ascending, multiples of `width`.
-        depth: (S,) m.
-
-    Returns:
-        Neighbours (S,) int64, 0 … 4, nearer than `SAME_OBJECT`; and an eighth of the mean square
-        of their differences of depth (S,) m², 0 without a neighbour. On a slope that is the
-        variance of a point that is half a stixel's step off.
+    Neighbours (S,) int64, 0 … 4, nearer than `SAME_OBJECT`; and an eighth of the mean square of
+    their differences of depth (S,) m², 0 without a neighbour. On a slope that is the variance of a
+    point that is half a stixel's step off. `left` (S,) are the first columns, ascending, multiples
+    of `width`; `depth` (S,) is in m.
     """
     count = np.zeros(len(left), dtype=np.int64)
     squares = np.zeros(len(left))
@@ -208,10 +204,7 @@ def unevenness(left: np.ndarray, depth: np.ndarray, width: int) -> np.ndarray:
     A sixth of the mean square of z₋ - 2 z + z₊ over the stixels of one object, up to `UNEVEN_REACH`
     on either side: that is the variance of one z if their errors are independent. A slope has none,
     wheels, limbs and a matcher's noise have some; 0 where no three stixels follow each other.
-
-    Args:
-        left: (S,) first columns, ascending, multiples of `width`.
-        depth: (S,) m.
+    The arguments are those of `surroundings`.
     """
     n = len(left)
     same = (np.diff(left) <= 2 * width) & (np.abs(np.diff(depth)) < SAME_OBJECT)
