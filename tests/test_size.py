@@ -12,7 +12,7 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 48_043
+TOTAL = 48_033
 """Greatest number of lines in all."""
 
 MODULES = 275
@@ -26,7 +26,7 @@ BUDGET = {
     "cli": 2821,
     "config": 2908,
     "engine": 4287,
-    "evaluation": 1673,
+    "evaluation": 1666,
     "experiment": 1360,
     "export": 601,
     "geometry": 411,
@@ -44,7 +44,7 @@ BUDGET = {
     "studies": 1857,
     "sweeps": 2189,
     "tracking": 6653,
-    "validation": 1127,
+    "validation": 1124,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
 

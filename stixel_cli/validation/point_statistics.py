@@ -96,11 +96,8 @@ def fit_noise(runs: Sequence[PointErrors]) -> FittedNoise:
     Raises:
         UserError: if the runs have too few points between the ends of the silhouette.
     """
-    scans, first = [], 0
-    for run in runs:
-        scans.append(run.scans + first)
-        first += len(run.times)
-    scan = np.concatenate(scans)
+    first = np.cumsum([0, *(len(run.times) for run in runs)])
+    scan = np.concatenate([run.scans + first[i] for i, run in enumerate(runs)])
     column, along, sensitivity, inside = (
         np.concatenate([getattr(run, name) for run in runs])
         for name in ("columns", "along", "range_sensitivities", "inside")
