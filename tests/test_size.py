@@ -12,7 +12,7 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 48_033
+TOTAL = 48_009
 """Greatest number of lines in all."""
 
 MODULES = 275
@@ -26,15 +26,15 @@ BUDGET = {
     "cli": 2821,
     "config": 2908,
     "engine": 4287,
-    "evaluation": 1666,
+    "evaluation": 1660,
     "experiment": 1360,
     "export": 601,
-    "geometry": 411,
+    "geometry": 391,
     "live": 630,
     "machine": 203,
-    "measurements": 2035,
+    "measurements": 2032,
     "pictures": 1374,
-    "recordings": 2664,
+    "recordings": 2672,
     "rendering": 2304,
     "report": 840,
     "results": 1469,
@@ -44,7 +44,7 @@ BUDGET = {
     "studies": 1857,
     "sweeps": 2189,
     "tracking": 6653,
-    "validation": 1124,
+    "validation": 1121,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
 

@@ -88,11 +88,6 @@ def finite_median(values: np.ndarray) -> float | None:
     return float(np.median(known)) if len(known) else None
 
 
-def second_half(values: np.ndarray) -> np.ndarray:
-    """The values from scan K // 2 on."""
-    return values[len(values) // 2 :]
-
-
 def share_of(part: np.ndarray, rest: np.ndarray) -> float | None:
     """Sum of `part` (K,) as a share of both sums; None if both are 0 or one is NaN."""
     total = part.sum() + rest.sum()

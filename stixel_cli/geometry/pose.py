@@ -75,23 +75,3 @@ def planar_poses(poses: np.ndarray, level_from_camera: np.ndarray) -> np.ndarray
     ahead = poses[:, :, :3] @ level_from_camera[2] @ turn
     headings = np.unwrap(np.arctan2(ahead[:, 2], ahead[:, 0]))
     return np.stack([places[:, 0], places[:, 2], headings], axis=1)
-
-
-def rotations(quaternions: np.ndarray) -> np.ndarray:
-    """Rotation matrices (n, 3, 3) of unit quaternions (n, 4): w, x, y, z."""
-    w, x, y, z = quaternions.T
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
-    return np.moveaxis(np.array(rows), 2, 0)
-
-
-def label_pose(place: np.ndarray, yaw: float, ego_pose: np.ndarray) -> np.ndarray:
-    """Pose (3,) in the world of a label at `place` (3,) m in the level frame, turned by `yaw` rad.
-
-    KITTI's `rotation_y`: about the y axis (down), 0 along x.
-    """
-    x, y = world_from_ego(place[None, [0, 2]], ego_pose)[0]
-    return np.array([x, y, ego_pose[2] - STRAIGHT_AHEAD - yaw])

@@ -153,7 +153,11 @@ def _contours(file: Path, table: dict[str, np.ndarray]) -> np.ndarray:
             )
         if not np.isfinite(contours).all():
             raise UserError(f"{file}: contour must have finite numbers only")
-        return np.stack([_counter_clockwise(file, contour) for contour in contours])
+        areas = shapely.polygons(contours)
+        if not (shapely.is_valid(areas) & (shapely.area(areas) > 0.0)).all():
+            raise UserError(f"{file}: contour must be a polygon that does not cross itself")
+        forward = shapely.is_ccw(shapely.get_exterior_ring(areas))[:, None, None]
+        return np.where(forward, contours, contours[:, ::-1])
     if SIZE[0] not in table:
         raise UserError(f"{file}: the columns length and width are missing (or an array contour)")
     for name in SIZE:
@@ -162,10 +166,3 @@ def _contours(file: Path, table: dict[str, np.ndarray]) -> np.ndarray:
         if np.ptp(table[name]) > SAME_SIZE:
             raise UserError(f"{file}: {name}: must be the same in each row: the target is rigid")
     return rectangle(*(table[name][0] for name in SIZE))[None]
-
-
-def _counter_clockwise(file: Path, contour: np.ndarray) -> np.ndarray:
-    area = shapely.Polygon(contour)
-    if not area.is_valid or area.area <= 0.0:
-        raise UserError(f"{file}: contour must be a polygon that does not cross itself")
-    return contour if area.exterior.is_ccw else contour[::-1].copy()

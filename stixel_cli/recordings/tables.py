@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from stixel_cli.errors import UserError
-from stixel_cli.geometry.pose import label_pose
+from stixel_cli.geometry.pose import STRAIGHT_AHEAD, world_from_ego
 from stixel_cli.recordings import argoverse, kitti_tables, rosbag, virtual_kitti_tables
 from stixel_cli.recordings.types import Labels, Tables, Tracks
 from stixel_cli.scene.scenario import EgoMotion
@@ -58,6 +58,9 @@ def poses_of_labels(
     poses = np.zeros((len(rows), 3))
     for pose, row in zip(poses, rows, strict=True):
         place = level_from_camera @ (labels.places[row] - tables.left_camera)
-        pose[:] = label_pose(place, labels.yaws[row], ego_motion.poses_world[frames[row]])
+        ego = ego_motion.poses_world[frames[row]]
+        pose[:2] = world_from_ego(place[None, [0, 2]], ego)[0]
+        # KITTI's rotation_y is about the y axis (down), 0 along x.
+        pose[2] = ego[2] - STRAIGHT_AHEAD - labels.yaws[row]
     poses[:, 2] = np.unwrap(poses[:, 2])
     return rows, frames[rows], poses

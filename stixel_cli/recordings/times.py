@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 
 from stixel_cli.errors import UserError
-from stixel_cli.geometry.pose import rotations
 from stixel_cli.recordings.parameters import chosen_frames
 from stixel_cli.recordings.types import Recording
 
@@ -104,4 +103,10 @@ def unit_rotations(file: Path | str, quaternions: np.ndarray) -> np.ndarray:
     wrong = np.flatnonzero(~(np.abs(lengths - 1.0) <= 0.01))
     if len(wrong):
         raise UserError(f"{file}: row {wrong[0] + 1}: qw, qx, qy, qz must have the length 1")
-    return rotations(quaternions / lengths[:, None])
+    w, x, y, z = (quaternions / lengths[:, None]).T
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.moveaxis(np.array(rows), 2, 0)

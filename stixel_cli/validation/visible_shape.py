@@ -207,12 +207,6 @@ def _aspect_weights(aspect: np.ndarray) -> np.ndarray:
     return np.maximum(1.0 - np.minimum(gap, NODES[0] - gap), 0.0)
 
 
-def _offset_weights(place: np.ndarray) -> np.ndarray:
-    """Weights (n, 9) of the offsets' nodes, linear between two of them."""
-    position = np.clip((place / REACH + 1.0) * 0.5 * (NODES[1] - 1), 0.0, NODES[1] - 1)
-    return np.maximum(1.0 - np.abs(position[:, None] - np.arange(NODES[1])), 0.0)
-
-
 def _penalty(aspects: int, offsets: int) -> np.ndarray:
     """Sum of squared differences of neighbouring nodes as a matrix."""
     turn = 2.0 * np.eye(aspects) - np.roll(np.eye(aspects), 1, 0) - np.roll(np.eye(aspects), -1, 0)
@@ -234,7 +228,10 @@ def _regression(matrix: np.ndarray, weights: np.ndarray, values: np.ndarray) -> 
 def _depths(rows: np.ndarray) -> tuple[np.ndarray, float, np.ndarray, float]:
     """`depth_biases`, `bias_per_std`, `depth_stds` and `std_factor` of rows as of `_points`."""
     behind, stds = rows[:, 4], rows[:, 5]
-    nodes = np.einsum("ni,nj->nij", _aspect_weights(rows[:, 0]), _offset_weights(rows[:, 6]))
+    # Weights (n, 9) of the offsets' nodes, linear between two of them.
+    position = np.clip((rows[:, 6] / REACH + 1.0) * 0.5 * (NODES[1] - 1), 0.0, NODES[1] - 1)
+    offsets = np.maximum(1.0 - np.abs(position[:, None] - np.arange(NODES[1])), 0.0)
+    nodes = np.einsum("ni,nj->nij", _aspect_weights(rows[:, 0]), offsets)
     nodes = nodes.reshape(len(rows), -1)
     size = nodes.shape[1]
     matrix = np.column_stack([nodes, np.ones(len(rows)), stds])
