@@ -12,7 +12,7 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 48_009
+TOTAL = 47_901
 """Greatest number of lines in all."""
 
 MODULES = 275
@@ -26,25 +26,25 @@ BUDGET = {
     "cli": 2821,
     "config": 2908,
     "engine": 4287,
-    "evaluation": 1660,
+    "evaluation": 1651,
     "experiment": 1360,
     "export": 601,
-    "geometry": 391,
-    "live": 630,
+    "geometry": 385,
+    "live": 625,
     "machine": 203,
-    "measurements": 2032,
+    "measurements": 2006,
     "pictures": 1374,
-    "recordings": 2672,
+    "recordings": 2660,
     "rendering": 2304,
     "report": 840,
     "results": 1469,
     "scene": 3549,
-    "stereo": 509,
-    "stixels": 2172,
+    "stereo": 507,
+    "stixels": 2134,
     "studies": 1857,
     "sweeps": 2189,
     "tracking": 6653,
-    "validation": 1121,
+    "validation": 1111,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
 

@@ -102,9 +102,7 @@ def evaluate(
         times=np.array(scenario.times, dtype=np.float64),
         centre_error=over_time["centre"],
         orientation_error=orientation_errors(track.means[:, 2], scenario.target_poses_world[:, 2]),
-        iou=over_time["iou"],
-        iou_box=over_time["iou_box"],
-        nees_position=over_time["nees_position"],
+        **{name: over_time[name] for name in ("iou", "iou_box", "nees_position")},
         nis=nis,
         metrics=metrics,
     )
@@ -236,13 +234,9 @@ def contour_errors(track: Track, scenario: Scenario) -> dict[str, np.ndarray]:
     both = np.concatenate([to_true, to_estimated], axis=1)
     sensors = in_frames(scenario.ego_poses_world[scans, None, :2], truth)[:, 0]
     seen = seen_points(on_contours, contours, limbs, sensors)
-    differences, std = differences_along_rays(
-        places,
-        in_frames(track.contour_directions[scans], truth * [0.0, 0.0, 1.0]),
-        estimated,
-        track.contour_std[scans],
-        points,
-    )
+    directions = in_frames(track.contour_directions[scans], truth * [0.0, 0.0, 1.0])
+    std = track.contour_std[scans]
+    differences, std = differences_along_rays(places, directions, estimated, std, points)
     # A track of another program may have no standard deviations.
     covered = np.where(std > 0.0, np.abs(differences) <= COVERED * std, np.nan)
     return errors | {

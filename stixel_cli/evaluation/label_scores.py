@@ -60,10 +60,8 @@ def score_tracks(
     if truths:
         shares = [np.sum(matches == j) / len(one.track.times) for j, one in enumerate(tracks)]
         metrics |= _sums(labels) | {"tracks_false": int(np.sum(np.array(shares) < FALSE))}
-    none = dict.fromkeys(("centre_error", "orientation_error", "iou", "iou_box"), missing)
-    return Scores(
-        times=scans.times, **none, nees_position=missing, nis=nis, metrics=metrics, labels=labels
-    )
+    # Neither errors of the centre and the orientation nor IoU and NEES.
+    return Scores(scans.times, *5 * [missing], nis, metrics, labels)
 
 
 def _sums(labels: Sequence[LabelScore]) -> dict[str, float | int | None]:

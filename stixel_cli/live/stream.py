@@ -229,16 +229,11 @@ class StixelStream:
                 numbered.append(one)
         own = {one.number: one for one in reversed(numbered)}
         self._contours = {number: one for number, one in self._contours.items() if number in own}
-        return tuple(
-            MovingObject(
-                number,
-                one.mean,
-                one.covariance,
-                scans.points_world[one.rows.get(k, [])],
-                self._estimate(scans, one),
-            )
-            for number, one in sorted(own.items())
-        )
+        moving = []
+        for number, one in sorted(own.items()):
+            points, estimate = scans.points_world[one.rows.get(k, [])], self._estimate(scans, one)
+            moving.append(MovingObject(number, one.mean, one.covariance, points, estimate))
+        return tuple(moving)
 
     def _estimate(self, scans: "Scans", one: "OpenTrack") -> "Estimate":
         """Pose, size and contour of a track after the last of the `scans`."""

@@ -40,11 +40,7 @@ def spread_rays(count: int, field_of_view: tuple[float, float], even_tangent: bo
     else:
         angles = np.linspace(*field_of_view, count)
         steps = np.full(count, angles[1] - angles[0])
-    return Rays(
-        angles=angles,
-        directions=np.stack([np.cos(angles), np.sin(angles)], axis=-1),
-        steps=steps,
-    )
+    return Rays(angles, np.stack([np.cos(angles), np.sin(angles)], axis=-1), steps)
 
 
 def first_crossings(contour_sensor: np.ndarray, rays: Rays) -> tuple[np.ndarray, np.ndarray]:

@@ -115,18 +115,10 @@ def _stixel_file(
     order = np.argsort(left, kind="stable")
     whole = [values[order].astype(np.int32) for values in (left, right, top, base)]
     n = len(order)
-    unknown = np.full(n, np.nan)
-    stixels = Stixels(
-        0,
-        np.array([0, n]),
-        *whole,
-        disparity[order],
-        unknown,
-        depth[order],
-        unknown,
-        np.full((n, 2), np.nan),
-        np.full((n, 2, 2), np.nan),
-    )
+    # Variances, heights, points and their covariances are unknown.
+    unknown, *points = (np.full((n, *shape), np.nan) for shape in ((), (2,), (2, 2)))
+    depths = disparity[order], unknown, depth[order], unknown
+    stixels = Stixels(0, np.array([0, n]), *whole, *depths, *points)
     if image is not None:
         return StixelFile(stixels, image, True)
     size = (whole[3].max(initial=0) + 1, whole[1].max(initial=1))

@@ -155,13 +155,11 @@ def _argoverse(source: parameters.Argoverse) -> Recording:
         raise UserError(f"{images}: no image of {cameras[1]} at a time of {cameras[0]}")
     names = (argoverse.ANNOTATIONS, argoverse.CITY, argoverse.SENSORS, argoverse.INTRINSICS)
     _, city, sensors, intrinsics = labels = tuple(root / name for name in names)
+    of_right = {k: right[partners[time]] for k, time in enumerate(times) if time in partners}
     recording = assembled_recording(
         source,
         argoverse.read_calibration(intrinsics, sensors),
-        (
-            dict(enumerate(left.values())),
-            {k: right[partners[time]] for k, time in enumerate(times) if time in partners},
-        ),
+        (dict(enumerate(left.values())), of_right),
         poses=(city, sensors),
         labels=labels,
         tables=Tables("argoverse", times),
@@ -182,13 +180,9 @@ def _folder(source: parameters.LabelledFolder) -> Recording:
 
 
 def _named_pair(source: parameters.Pair) -> Recording:
-    return assembled_pair(
-        source,
-        (Path(source.left), Path(source.right)),
-        read_named_calibration(Path(source.calibration)),
-        source.labels,
-        source.disparity,
-    )
+    images = Path(source.left), Path(source.right)
+    calibration = read_named_calibration(Path(source.calibration))
+    return assembled_pair(source, images, calibration, source.labels, source.disparity)
 
 
 def assembled_recording(

@@ -38,14 +38,10 @@ def find_replay(path: ReplayedPath) -> Recording:
     track = labels_of(recording.label_files, recording.tables, path.target, "path.target")
     count = len(read_poses(recording.pose_files, recording.tables))
     frames = _frames(path, track.frames[track.frames < count].tolist())
-    recording = replace(
-        recording,
-        frames=frames,
-        tables=replace(recording.tables, first=frames.start),
-        target=path.target,
-        label=track.kind,
-    )
-    if recording.tables.times:
+    tables = replace(recording.tables, first=frames.start)
+    of_target = {"target": path.target, "label": track.kind}
+    recording = replace(recording, frames=frames, tables=tables, **of_target)
+    if tables.times:
         check_steps(recording, path.sample_time, folder, "path")
     return recording
 

@@ -137,15 +137,13 @@ def label_truths(
     The arguments are those of `recorded_scenario`.
     """
     first, stop = tables.first, tables.first + len(ego_motion.times)
-    return tuple(
-        LabelTruth(
-            str(name),
-            CLASS_OF_KITTI_TYPE.get(labels.kind, "other"),
-            recorded_scenario(ego_motion, files, rig, tables, name),
-        )
-        for name, labels in (read_labels(files, tables).items() if files else ())
-        if np.any((labels.frames >= first) & (labels.frames < stop))
-    )
+    truths = []
+    for name, labels in read_labels(files, tables).items() if files else ():
+        if np.any((labels.frames >= first) & (labels.frames < stop)):
+            road_user = CLASS_OF_KITTI_TYPE.get(labels.kind, "other")
+            scenario = recorded_scenario(ego_motion, files, rig, tables, name)
+            truths.append(LabelTruth(str(name), road_user, scenario))
+    return tuple(truths)
 
 
 def slopes(times: np.ndarray, values: np.ndarray) -> np.ndarray:

@@ -34,14 +34,9 @@ def extract_stixels(
     found = []
     for k in frames:
         i = k - free_space.first
-        frame = Frame(
-            columns=cv2.transpose(disparities.raw(k - disparities.first)),
-            count=disparities.count,
-            obstacle=free_space.disparity[i],
-            base_row=free_space.base_row[i],
-            line=free_space.road[i],
-            rig=rig,
-        )
+        columns = cv2.transpose(disparities.raw(k - disparities.first))
+        of_frame = free_space.disparity[i], free_space.base_row[i], free_space.road[i]
+        frame = Frame(columns, disparities.count, *of_frame, rig)
         images = None
         if extraction.refinement > 0:
             images = pairs.left[k - pairs.first], pairs.right[k - pairs.first]
@@ -101,8 +96,6 @@ def stixels_of_frame(
             # Its foot is hidden.
             fields["base"] = np.minimum(fields["base"], areas[:, 3]).astype(np.int32)
         found.append(fields)
-    if len(found) == 1:
-        return found[0]
     order = np.argsort(np.concatenate([fields["left"] for fields in found]), kind="stable")
     return {name: np.concatenate([fields[name] for fields in found])[order] for name in found[0]}
 

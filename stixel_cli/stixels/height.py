@@ -78,12 +78,7 @@ def _power_of_two(y):
     return p * p
 
 
-@returning(
-    lambda columns, *_: (
-        np.empty(columns.shape, dtype=np.float32),
-        np.empty(columns.shape[1], dtype=np.float32),
-    )
-)
+@returning(lambda raw, *_: (np.empty(raw.shape, np.float32), np.empty(raw.shape[1], np.float32)))
 @njit(cache=True, nogil=True, error_model="numpy")
 def membership_costs(cost, membership, columns, obstacle, window, base_row, scale):
     """Costs (W, H) float32 of a top in row v: C(u, v) of thesis (14), in rows 0 … base_row.
@@ -115,10 +110,7 @@ def membership_costs(cost, membership, columns, obstacle, window, base_row, scal
 
 
 @returning(
-    lambda cost, *_: (
-        np.empty(len(cost), dtype=np.int32),
-        *np.empty((2, cost.shape[1]), dtype=np.float32),
-    )
+    lambda cost, *_: (np.empty(len(cost), np.int32), *np.empty((2, cost.shape[1]), np.float32))
 )
 @njit(cache=True, nogil=True, error_model="numpy")
 def cheapest_tops(tops, below, above, cost, base_row, tied):

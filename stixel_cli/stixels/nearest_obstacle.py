@@ -38,25 +38,15 @@ def nearest_obstacle(
         free_space.obstacle_height * grid.disparities / rig.baseline * (rig.focal_v / rig.focal),
     )
     requirement = (pixels * grid.peaks).astype(np.float32)
-    costs = cell_costs(
-        values,
-        np.float32(1.0) / requirement,
-        np.float32(free_space.cost_bound),
-        np.float32(free_space.free_cost),
-    )
+    bounds = np.float32([free_space.cost_bound, free_space.free_cost])
+    costs = cell_costs(values, np.float32(1.0) / requirement, *bounds)
     # "No obstacle" is one row behind the grid.
     depths = np.append(grid.depths, 2.0 * grid.depths[-1] - grid.depths[-2]).astype(np.float32)
     if expected is not None and free_space.temporal_cost > 0:
-        add_temporal(
-            costs,
-            depths,
-            expected.astype(np.float32),
-            np.float32(free_space.temporal_cost),
-            np.float32(free_space.temporal_limit),
-        )
-    path = cheapest_path(
-        costs, depths, np.float32(free_space.spatial_cost), np.float32(free_space.spatial_limit)
-    )
+        temporal = np.float32([free_space.temporal_cost, free_space.temporal_limit])
+        add_temporal(costs, depths, expected.astype(np.float32), *temporal)
+    spatial = np.float32([free_space.spatial_cost, free_space.spatial_limit])
+    path = cheapest_path(costs, depths, *spatial)
     return refine(path, histogram, grid.disparities, grid.reaches, BINS_PER_PIXEL)
 
 
@@ -100,9 +90,9 @@ def add_temporal(costs, depths, expected, cost, limit):
 
 @returning(
     lambda costs, *_: (
-        np.empty(len(costs), dtype=np.int32),
-        np.empty(costs.shape, dtype=np.float32),
-        *np.empty((3, costs.shape[1]), dtype=np.float32),
+        np.empty(len(costs), np.int32),
+        np.empty(costs.shape, np.float32),
+        *np.empty((3, costs.shape[1]), np.float32),
     )
 )
 @njit(cache=True, nogil=True, error_model="numpy")

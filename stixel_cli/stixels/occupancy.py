@@ -78,6 +78,10 @@ def layout(occupancy: OccupancyParameters, rig: Rig, count: int) -> Layout:
     # Γ at the cell: the matcher's noise, and the obstacle's own surface, which is not upright.
     std = np.hypot(occupancy.disparity_std, occupancy.relief * disparities / depths)
     likelihoods = cell_likelihoods(count, lower, upper, std)
+    filled = likelihoods > 0
+    ends = likelihoods.shape[1] - np.argmax(filled[:, ::-1], axis=1)
+    # The best that a pixel can do: right in the middle of the cell.
+    peaks = (2.0 * ndtr(0.5 * (upper - lower) / std) - 1.0) / (upper - lower)
     return Layout(
         occupancy=occupancy,
         rig=rig,
@@ -85,16 +89,9 @@ def layout(occupancy: OccupancyParameters, rig: Rig, count: int) -> Layout:
         disparities=disparities.astype(np.float32),
         reaches=(0.5 * (upper - lower) + 2.0 * std).astype(np.float32),
         likelihoods=likelihoods,
-        first=np.argmax(likelihoods > 0, axis=1).astype(np.int32),
-        last=np.where(
-            (likelihoods > 0).any(axis=1),
-            likelihoods.shape[1] - np.argmax(likelihoods[:, ::-1] > 0, axis=1),
-            0,
-        ).astype(np.int32),
-        # The best that a pixel can do: right in the middle of the cell.
-        peaks=((2.0 * ndtr(0.5 * (upper - lower) / std) - 1.0) / (upper - lower)).astype(
-            np.float32
-        ),
+        first=np.argmax(filled, axis=1).astype(np.int32),
+        last=np.where(filled.any(axis=1), ends, 0).astype(np.int32),
+        peaks=peaks.astype(np.float32),
         laterals=laterals.astype(np.float32),
     )
 
@@ -229,13 +226,12 @@ def picture_grid(
     columns = np.ascontiguousarray(disparities.raw(index).T)
     line = free_space.road[frame - free_space.first]
     grid = layout(occupancy, rig, disparities.count)
+    image_columns = np.arange(rig.width, dtype=np.float32)
     _, values = accumulate(columns, line, road, grid)
     return OccupancyGrid(
         kind=occupancy.kind,
         values=np.ascontiguousarray(values.T),
         depths=grid.depths,
         disparities=grid.disparities,
-        laterals=grid.laterals
-        if occupancy.kind == "cartesian"
-        else np.arange(rig.width, dtype=np.float32),
+        laterals=grid.laterals if occupancy.kind == "cartesian" else image_columns,
     )

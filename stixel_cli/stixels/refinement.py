@@ -22,10 +22,7 @@ MOST_ROWS = 32
 
 
 @returning(
-    lambda left, right, columns, areas, disparities, *_: (
-        disparities.copy(),
-        np.empty(columns.shape[1], dtype=np.int64),
-    )
+    lambda left, right, columns, areas, given, *_: (given.copy(), np.empty(len(left), np.int64))
 )
 @njit(cache=True, nogil=True, error_model="numpy")
 def aligned(found, rows, left, right, columns, areas, disparities, scale, errors):

@@ -158,11 +158,8 @@ def _of_scan(
     per_metre = (rig.focal + ends**2 / rig.focal) / at_ends
     margin = np.minimum(seeing - low, high - seeing)
     its_columns = seeing[margin >= 0.5 - 1e-9]
-    span = (
-        first if first > left else np.nan,
-        last if last < right else np.nan,
-        float(per_metre.mean()),
-    )
+    first, last = np.where([first > left, last < right], [first, last], np.nan)
+    span = first, last, float(per_metre.mean())
     return rows, its_columns, span, np.count_nonzero(~own & (inside > 0.0))
 
 

@@ -186,11 +186,8 @@ def _points(scenario: Scenario, scans: Scans, k: int, shape: ClassShape) -> np.n
     outline = first_depths(scaled, aspect, offset[:, None])[:, 0]
     behind = depth - outline
     place = (2.0 * offset - low - high) / (high - low)
-    near = (
-        (offset > low - NEAR_OFFSET)
-        & (offset < high + NEAR_OFFSET)
-        & (np.abs(behind) < np.maximum(NEAR_DEPTH, 3.0 * stds))
-    )
+    near = (offset > low - NEAR_OFFSET) & (offset < high + NEAR_OFFSET)
+    near &= np.abs(behind) < np.maximum(NEAR_DEPTH, 3.0 * stds)
     return np.stack([aspect, offset, low, high, behind, stds, place], axis=-1)[near]
 
 
