@@ -12,7 +12,7 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 47_901
+TOTAL = 47_902
 """Greatest number of lines in all."""
 
 MODULES = 275
@@ -39,7 +39,7 @@ BUDGET = {
     "report": 840,
     "results": 1469,
     "scene": 3549,
-    "stereo": 507,
+    "stereo": 508,
     "stixels": 2134,
     "studies": 1857,
     "sweeps": 2189,

@@ -71,7 +71,8 @@ def compare_rows(left: np.ndarray, right: np.ndarray, far_disparity: float) -> R
     mean = reduced * (fit[1, 2] + roll * 0.5 * (width - 1) + scale * 0.75 * (height - 1))
     uneven = reduced * np.hypot(roll * width, scale * 0.5 * height) / np.sqrt(12.0)
     difference = float(np.hypot(mean, uneven))
-    negative, fault = np.mean(reduced * (one - other)[agree, 0] < far_disparity - 1.0), None
+    negative = np.mean(reduced * (one - other)[agree, 0] < far_disparity - 1.0)
+    fault = None
     if negative >= MOST_NEGATIVE:
         fault = (
             f"{negative:.0%} of the disparities are negative: exchange left and right; or set "
