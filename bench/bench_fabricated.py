@@ -11,8 +11,7 @@ from threadpoolctl import threadpool_limits
 
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.measurements.fabricated import FabricatedParameters, fabricate_scan
-from stixel_cli.measurements.noise import FittedNoise, StereoNoise
-from stixel_cli.measurements.rays import first_crossings, spread_rays
+from stixel_cli.measurements.rays import FittedNoise, StereoNoise, first_crossings, spread_rays
 from stixel_cli.randomness import generator
 
 RIG = Rig(640, 480, 60.0, None, None, None, 0.3, 1.2, 1.0, None)

@@ -14,10 +14,10 @@ from stixel_cli.benchmark.sequences import fresh_set, named
 from stixel_cli.border import write_whole, written
 from stixel_cli.config.messages import validated
 from stixel_cli.errors import UserError
+from stixel_cli.evaluation.contour_errors import star_convex_upper_bound
 from stixel_cli.evaluation.evaluate import evaluate
 from stixel_cli.evaluation.intervals import chi_square_bounds
 from stixel_cli.evaluation.scores import Scores
-from stixel_cli.evaluation.upper_bounds import star_convex_upper_bound
 from stixel_cli.files import read_json
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.scenario import Scenario

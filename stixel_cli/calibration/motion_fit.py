@@ -47,11 +47,7 @@ def calibrate_rig(
     error that the pairs of other stretches of the recording show. Its standard deviations are such
     that far and near points, and both halves of the recording, agree.
 
-    Args:
-        tracks: of the recording.
-        files: the files of the poses, to compare lengths; may be empty.
-        rig: of the images.
-        tables: how the files are written.
+    `files`, written as `tables` say, are those of the poses, to compare lengths; may be empty.
     """
     if not by_motion or rig.states_error:
         return RigCalibration(rig, "as the rig states")

@@ -19,11 +19,8 @@ def track_points(
 ) -> Tracks:
     """Corners with a disparity in one image, and their places in a later one.
 
-    Args:
-        pairs: chunks in the order of their frames, all but the last of one length.
-        stereo: how disparities are matched.
-        rig: of the images.
-        by_motion: whether to track, unless the rig states its error; else there are no pairs.
+    `pairs` are chunks in the order of their frames, all but the last of one length. Nothing is
+    tracked unless `by_motion`, and if the rig states its error.
     """
     found: list[Pair] = []
     if not by_motion or rig.states_error:

@@ -9,6 +9,8 @@ import numpy as np
 import shapely
 
 from stixel_cli.geometry.pose import rotation
+from stixel_cli.measurements.scans import Scans
+from stixel_cli.scene.scenario import Scenario
 
 SAMPLES = 72
 """Points of a contour, even in arc length, where it is compared with another one."""
@@ -19,10 +21,15 @@ COVERED = 1.96
 SHRUNK = 0.01
 """Parts of a target that are thinner than twice this, m, hide nothing of it."""
 
+BESIDE = 0.5
+"""A point this near to a used one, m, is likely to be of the same road user; one this near to the
+true box is taken as measured on the target."""
 
-def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Cross products of vectors (…, 2)."""
-    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+RAYS = 720
+"""Rays from the centre along which the best star-convex contour is sought."""
+
+LIMB_SAMPLES = 4
+"""Poses of the limbs, even in their cycle, that the upper bound is the mean over."""
 
 
 def in_frames(points: np.ndarray, poses: np.ndarray) -> np.ndarray:
@@ -33,6 +40,19 @@ def in_frames(points: np.ndarray, poses: np.ndarray) -> np.ndarray:
 def _rotations(poses: np.ndarray) -> np.ndarray:
     """Rotation matrices (K, 2, 2) of the headings."""
     return np.moveaxis(rotation(poses[:, 2]), -1, 0)
+
+
+def centre_errors(estimated_world: np.ndarray, true_world: np.ndarray) -> np.ndarray:
+    """Distance (K,) m of the centres, the first two columns of (K, …)."""
+    offsets = estimated_world[:, :2] - true_world[:, :2]
+    return np.hypot(offsets[:, 0], offsets[:, 1])
+
+
+def points_of_target(scenario: Scenario, scans: Scans, k: int) -> np.ndarray:
+    """Points (n, 2) m of scan `k` in the true target's frame, less than `BESIDE` off its box."""
+    pose, (low, high) = scenario.target_poses_world[k : k + 1], scenario.box_target
+    points = in_frames(scans.points_world[None, scans.rows(k)], pose)[0]
+    return points[((points > low - BESIDE) & (points < high + BESIDE)).all(axis=1)]
 
 
 def boxes(
@@ -62,7 +82,8 @@ def area_moments(polygons: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     first = polygons[:, :1]
     a = polygons - first
     b = np.roll(a, -1, axis=1)
-    parts = _cross(a, b)[:, None]
+    # Cross products.
+    parts = (a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])[:, None]
     doubled, total = parts.sum(axis=2)[..., None], a + b
     flat = doubled[:, 0, 0] == 0.0
     doubled[flat] = 1.0
@@ -206,3 +227,56 @@ def overlaps(estimated: np.ndarray, true: np.ndarray) -> np.ndarray:
 def intersections_over_unions(estimated: np.ndarray, true: np.ndarray) -> np.ndarray:
     """IoU (K,) of the areas inside polygons, see `areas`; 0 if not finite."""
     return overlaps(areas(estimated), areas(true))
+
+
+def star_convex_upper_bound(scenario: Scenario) -> float:
+    """The greatest IoU of the outline that a star-convex contour can have, such as `gp_ekf`'s.
+
+    The mean over `LIMB_SAMPLES` poses of the limbs; NaN where the outline is unknown.
+    """
+    if scenario.only_box or not scenario.known.any():
+        return np.nan
+    contours = scenario.contours_target
+    chosen = contours[:: max(1, len(contours) // LIMB_SAMPLES)]
+    return float(np.mean([best_star_convex_iou(contour) for contour in chosen]))
+
+
+def best_star_convex_iou(contour: np.ndarray) -> float:
+    """The greatest IoU of the polygon `contour` (M, 2) m with a shape that is star-convex about 0.
+
+    Such a shape has one radius along each ray. With the areas I inside and O outside the polygon
+    and its area A, the IoU is I / (A + O). Its maximum is the s at which the greatest I - s (A + O)
+    is 0 (Dinkelbach 1967, *On nonlinear fractional programming*), and that sum has its greatest
+    value along each ray on its own.
+    """
+    angles = 2.0 * np.pi * (np.arange(RAYS) + 0.5) / RAYS
+    directions = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    start, end = contour, np.roll(contour, -1, axis=0)
+    # An edge is met where its ends are on different sides of the ray's line, in front of it.
+    normals = np.stack([-directions[:, 1], directions[:, 0]], axis=-1)
+    a, b = normals @ start.T, normals @ end.T
+    along = directions @ start.T, directions @ end.T
+    crossed = (a < 0.0) != (b < 0.0)
+    weight = np.divide(a, a - b, out=np.zeros_like(a), where=crossed)
+    ranges = along[0] + weight * (along[1] - along[0])
+    ranges = np.where(crossed & (ranges > 0.0), ranges, np.inf)
+    ranges = np.sort(ranges, axis=1)[:, : int((np.isfinite(ranges)).sum(axis=1).max())]
+    # A ray from inside the polygon leaves it first; one from outside enters it first.
+    inside = np.isfinite(ranges).sum(axis=1) % 2 == 1
+    half = 0.5 * np.where(np.isfinite(ranges), ranges, 0.0) ** 2
+    sign = np.where(np.arange(half.shape[1]) % 2 == 0, 1.0, -1.0) * np.where(inside, 1, -1)[:, None]
+    leaves = np.isfinite(ranges) & (sign > 0.0)
+    within = np.cumsum(sign * half, axis=1)
+    outside = half - within
+    area = float(np.where(leaves, within, 0.0).max(axis=1).sum())
+    share = 0.0
+    for _ in range(20):
+        gains = np.where(leaves, within - share * outside, -np.inf)
+        best = np.argmax(gains, axis=1)
+        rows = np.arange(RAYS)
+        used = gains[rows, best] > 0.0
+        found = within[rows, best][used].sum() / (area + outside[rows, best][used].sum())
+        if found <= share:
+            break
+        share = float(found)
+    return share

@@ -12,21 +12,24 @@ from typing import Any
 import numpy as np
 
 from stixel_cli.evaluation.contour_errors import (
+    BESIDE,
     COVERED,
     areas,
     boundary_distances,
     boxes,
+    centre_errors,
     differences_along_rays,
     even_points,
     gaussian_wasserstein,
     in_frames,
     overlaps,
+    points_of_target,
     seen_points,
+    star_convex_upper_bound,
 )
 from stixel_cli.evaluation.metric_table import METRICS, OF_CLASSES, OF_ESTIMATES, OF_SIZE, SMOOTHED
 from stixel_cli.evaluation.scan_errors import LOW_OVERLAP, ScanErrors
 from stixel_cli.evaluation.scores import Scores
-from stixel_cli.evaluation.upper_bounds import star_convex_upper_bound
 from stixel_cli.geometry.pose import wrap_angle
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.scenario import Scenario
@@ -34,10 +37,6 @@ from stixel_cli.tracking.track import OTHER, REPORTED, Track, check_finite
 
 LEAST_SPEED = 0.5
 """A target that is not faster than this, m/s, stands: its heading may be reported either way."""
-
-BESIDE = 0.5
-"""A point this near to a used one, m, is likely to be of the same road user; one this near to the
-true box is taken as measured on the target."""
 
 
 def validate(track: Track, scenario: Scenario, scans: Scans) -> None:
@@ -103,9 +102,7 @@ def evaluate(
         times=np.array(scenario.times, dtype=np.float64),
         centre_error=over_time["centre"],
         orientation_error=orientation_errors(track.means[:, 2], scenario.target_poses_world[:, 2]),
-        iou=over_time["iou"],
-        iou_box=over_time["iou_box"],
-        nees_position=over_time["nees_position"],
+        **{name: over_time[name] for name in ("iou", "iou_box", "nees_position")},
         nis=nis,
         metrics=metrics,
     )
@@ -145,14 +142,12 @@ def baseline_overlaps(scenario: Scenario, scans: Scans) -> np.ndarray:
     are, for the whole target. NaN where the truth is unknown and at a scan without such points.
     """
     found = np.full(len(scans), np.nan)
-    low, high = scenario.box_target
+    middle = 0.5 * np.sum(scenario.box_target, axis=0)
     for k in np.flatnonzero(scenario.known):
-        pose = scenario.target_poses_world[k : k + 1]
-        points = in_frames(scans.points_world[None, scans.rows(k)], pose)[0]
-        points = points[((points > low - BESIDE) & (points < high + BESIDE)).all(axis=1)]
+        points = points_of_target(scenario, scans, k)
         if len(points):
             true = scenario.contours_target[scenario.limb_poses[k]]
-            moved = true - 0.5 * (low + high) + points.mean(axis=0)
+            moved = true - middle + points.mean(axis=0)
             (found[k],) = overlaps(areas(moved[None]), areas(true[None]))
     return found
 
@@ -227,9 +222,8 @@ def contour_errors(track: Track, scenario: Scenario) -> dict[str, np.ndarray]:
     length, width = (sides - (high - low)).T
     errors: dict[str, Any] = {"iou_box": iou_box, "length": length, "width": width}
     if scenario.only_box or not len(scans):
-        names = ("iou", "gaussian_wasserstein", "hausdorff", "contour_distance")
-        sides = ("seen_contour", "hidden_contour", "band_coverage", "hidden_band_coverage")
-        missing = (*names, *sides)
+        missing = ["iou", "gaussian_wasserstein", "hausdorff", "contour_distance", "seen_contour"]
+        missing += ["hidden_contour", "band_coverage", "hidden_band_coverage"]
         return errors | {name: np.full(len(truth), np.nan) for name in missing}
     # The true outlines are made once for each pose of the limbs.
     outlines, true_outlines = areas(estimated), areas(contours)
@@ -240,13 +234,9 @@ def contour_errors(track: Track, scenario: Scenario) -> dict[str, np.ndarray]:
     both = np.concatenate([to_true, to_estimated], axis=1)
     sensors = in_frames(scenario.ego_poses_world[scans, None, :2], truth)[:, 0]
     seen = seen_points(on_contours, contours, limbs, sensors)
-    differences, std = differences_along_rays(
-        places,
-        in_frames(track.contour_directions[scans], truth * [0.0, 0.0, 1.0]),
-        estimated,
-        track.contour_std[scans],
-        points,
-    )
+    directions = in_frames(track.contour_directions[scans], truth * [0.0, 0.0, 1.0])
+    std = track.contour_std[scans]
+    differences, std = differences_along_rays(places, directions, estimated, std, points)
     # A track of another program may have no standard deviations.
     covered = np.where(std > 0.0, np.abs(differences) <= COVERED * std, np.nan)
     return errors | {
@@ -277,12 +267,6 @@ def off_target(
     """
     backwards = (np.abs(orientation) > 0.5 * np.pi) & (speed > LEAST_SPEED)
     return ~(iou_box >= LOW_OVERLAP) | backwards | replaced_wrongly
-
-
-def centre_errors(estimated_world: np.ndarray, true_world: np.ndarray) -> np.ndarray:
-    """Distance (K,) m of the centres, the first two columns of (K, …)."""
-    offsets = estimated_world[:, :2] - true_world[:, :2]
-    return np.hypot(offsets[:, 0], offsets[:, 1])
 
 
 def orientation_errors(estimated: np.ndarray, true: np.ndarray) -> np.ndarray:

@@ -75,10 +75,8 @@ def share_interval(shares: pd.DataFrame) -> pd.DataFrame:
     z = ndtri(0.5 + 0.5 * CONFIDENCE)
     middle = (share + z**2 / (2 * n)) / (1 + z**2 / n)
     half = z / (1 + z**2 / n) * np.sqrt(share * (1 - share) / n + z**2 / (4 * n**2))
-    low, high = (
-        np.minimum(share, (middle - half).clip(0.0)),
-        np.maximum(share, (middle + half).clip(upper=1.0)),
-    )
+    low = np.minimum(share, (middle - half).clip(0.0))
+    high = np.maximum(share, (middle + half).clip(upper=1.0))
     return pd.DataFrame({"low": low, "high": high})
 
 

@@ -9,10 +9,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from stixel_cli.evaluation.contour_errors import boxes, intersections_over_unions
+from stixel_cli.evaluation.contour_errors import (
+    boxes,
+    centre_errors,
+    intersections_over_unions,
+    points_of_target,
+)
 from stixel_cli.evaluation.scan_errors import finite_mean
 from stixel_cli.evaluation.scores import LabelScore, Scores
-from stixel_cli.geometry.pose import target_from_world
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.recordings.types import LabelTruth
 from stixel_cli.tracking.followed import LEAST_SCANS, least_speed, line
@@ -24,9 +28,6 @@ NEVER = 1e3
 LEAST_REACH = 1.0
 """A track may be this far, m, from the label of a short road user."""
 
-BESIDE = 0.5
-"""A point this near to the label's box, m, is one of the label."""
-
 FALSE = 0.5
 """A track is false if it matches labels in less than this share of its scans."""
 
@@ -36,11 +37,7 @@ def score_tracks(
 ) -> Scores:
     """The scores of all tracks: their NIS, and those against the labels, if there are any.
 
-    Args:
-        tracks: of one recording.
-        truths: all its labels, of any class.
-        scans: of the run.
-        road_user: the class whose labels are scored.
+    `truths` are all labels, of any class; those of the class `road_user` are scored.
     """
     points, missing = np.diff(scans.offsets), np.full(len(scans), np.nan)
     of_tracks = np.full((len(tracks), len(scans)), np.nan)
@@ -63,10 +60,8 @@ def score_tracks(
     if truths:
         shares = [np.sum(matches == j) / len(one.track.times) for j, one in enumerate(tracks)]
         metrics |= _sums(labels) | {"tracks_false": int(np.sum(np.array(shares) < FALSE))}
-    none = dict.fromkeys(("centre_error", "orientation_error", "iou", "iou_box"), missing)
-    return Scores(
-        times=scans.times, **none, nees_position=missing, nis=nis, metrics=metrics, labels=labels
-    )
+    # Neither errors of the centre and the orientation nor IoU and NEES.
+    return Scores(scans.times, *5 * [missing], nis, metrics, labels)
 
 
 def _sums(labels: Sequence[LabelScore]) -> dict[str, float | int | None]:
@@ -135,7 +130,7 @@ def _score(
     in_order = matched[matched >= 0]
     return LabelScore(
         label=truth.name,
-        range_m=_mean(_apart(poses[counted], camera[counted]), np.median),
+        range_m=_mean(centre_errors(poses[counted], camera[counted]), np.median),
         speed_m_s=speed,
         expected=int(moves and len(counted) >= LEAST_SCANS),
         frames=len(counted),
@@ -144,7 +139,7 @@ def _score(
         tracks=len(np.unique(in_order)),
         switches=int(np.sum(np.diff(in_order) != 0)),
         iou_box=_mean(iou),
-        centre_m=_mean(_apart(means, poses[at])),
+        centre_m=_mean(centre_errors(means, poses[at])),
     )
 
 
@@ -153,11 +148,8 @@ def _scans_until_found(truth: LabelTruth, scans: Scans, found: ObjectTrack) -> f
 
     NaN if no scan has such a point.
     """
-    low, high = truth.scenario.box_target
     for k in np.flatnonzero(truth.scenario.known):
-        pose = truth.scenario.target_poses_world[k]
-        points = target_from_world(scans.points_world[scans.rows(k)], pose)
-        if np.any(np.all((points >= low - BESIDE) & (points <= high + BESIDE), axis=1)):
+        if len(points_of_target(truth.scenario, scans, k)):
             return max(found.confirmed - int(k), 0) + 1
     return np.nan
 
@@ -171,8 +163,3 @@ def _box(track: Track, row: int) -> np.ndarray:
 
 def _mean(values: np.ndarray, function=np.mean) -> float:
     return float(function(values)) if len(values) else np.nan
-
-
-def _apart(poses: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """Distances (n,) m of the places of poses (n, 3)."""
-    return np.hypot(*(poses - others)[:, :2].T)

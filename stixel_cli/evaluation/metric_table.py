@@ -20,7 +20,6 @@ from stixel_cli.evaluation.scan_errors import (
     mean,
     precision,
     root_mean_square,
-    second_half,
     share_of,
     success,
     sure_and_wrong_share,
@@ -177,7 +176,7 @@ _TABLE = (
     # Only of a tracker that estimates the size of a class.
     Metric("size_deviation", "size minus the class's, standard deviations of the class, median",
            "size deviation", "", "less", (0.0, None),
-           lambda e: finite_median(second_half(e.size_deviations)), (None, 3.5)),
+           lambda e: finite_median(e.size_deviations[len(e.points) // 2 :]), (None, 3.5)),
     Metric("points_beside_share", "share of nearby points not used",
            "points beside", "", None, (0.0, 1.0),
            lambda e: share_of(e.points_beside, e.points_used), (None, 0.1)),

@@ -36,6 +36,5 @@ def evaluate_with_own(
             raise ValueError(f"{name}: a metric {metric} exists: rename the function")
         if value is not None and (isinstance(value, bool) or not isinstance(value, Real)):
             raise ValueError(f"{name}: must return a number, returned a {type(value).__name__}")
-        number = None if value is None else float(value)
-        values[metric] = number if number is not None and np.isfinite(number) else None
+        values[metric] = None if value is None or not np.isfinite(value) else float(value)
     return replace(scores, metrics=values)

@@ -1,6 +1,6 @@
 """The errors of a track over its scans and of tracks at labels, and sums over scans."""
 
-from dataclasses import dataclass
+from types import SimpleNamespace
 
 import numpy as np
 
@@ -23,8 +23,7 @@ FARTHEST_CENTRE = 2.0
 """The greatest threshold of the curve of precision, m."""
 
 
-@dataclass(frozen=True)
-class ScanErrors:
+class ScanErrors(SimpleNamespace):
     """Errors and counts of one track over its K scans.
 
     The errors are (n,), at the n scans that count: those with a known truth, of a recording only
@@ -65,39 +64,6 @@ class ScanErrors:
         uses_scans: see `Track`.
     """
 
-    times: np.ndarray
-    centre: np.ndarray
-    orientation: np.ndarray
-    iou: np.ndarray
-    iou_box: np.ndarray
-    star_convex_upper_bound: np.ndarray
-    length: np.ndarray
-    width: np.ndarray
-    speed: np.ndarray
-    yaw_rate: np.ndarray
-    gaussian_wasserstein: np.ndarray
-    hausdorff: np.ndarray
-    contour_distance: np.ndarray
-    seen_contour: np.ndarray
-    hidden_contour: np.ndarray
-    band_coverage: np.ndarray
-    hidden_band_coverage: np.ndarray
-    iou_baseline: np.ndarray
-    lost: np.ndarray
-    out_of_view: np.ndarray
-    nees_position: np.ndarray
-    nees_orientation: np.ndarray
-    nis: np.ndarray
-    points: np.ndarray
-    points_used: np.ndarray
-    scan_times: np.ndarray
-    points_beside: np.ndarray
-    size_deviations: np.ndarray
-    class_probabilities: dict[str, np.ndarray]
-    class_wrong: np.ndarray
-    class_replaced: np.ndarray
-    uses_scans: bool
-
 
 def mean(values: np.ndarray) -> float | None:
     """Mean, or None if there is no value or one that is not finite."""
@@ -120,11 +86,6 @@ def finite_median(values: np.ndarray) -> float | None:
     """Median of the finite values, or None if no value is finite."""
     known = values[np.isfinite(values)]
     return float(np.median(known)) if len(known) else None
-
-
-def second_half(values: np.ndarray) -> np.ndarray:
-    """The values from scan K // 2 on."""
-    return values[len(values) // 2 :]
 
 
 def share_of(part: np.ndarray, rest: np.ndarray) -> float | None:

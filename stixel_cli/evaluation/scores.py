@@ -43,14 +43,9 @@ class Scores:
 
     Attributes:
         times: (K,) s.
-        centre_error: (K,) m.
-        orientation_error: (K,) rad in (-pi, pi], estimated minus true; NaN if missing.
-        iou: (K,) intersection over union of the estimated and the true outline, 0 … 1; NaN where
-            only the true box is known.
-        iou_box: (K,) the same of the boxes, each along its own heading.
-        nees_position: (K,) position NEES divided by 2: 1 is consistent.
-        nis: (K,) NIS divided by its degrees of freedom: 1 is consistent; NaN for an empty scan. Of
-            several tracks their mean.
+        centre_error: (K,) m; and orientation_error: (K,) rad in (-pi, pi], estimated minus true.
+        iou, iou_box, nees_position, nis: (K,) as those of `ScanErrors`, at all scans; NaN where the
+            truth is unknown. Of several tracks `nis` is their mean.
         metrics: name to value; None if the metric has no value.
         labels: of the labels of the class, with several tracks.
     """

@@ -150,8 +150,7 @@ def tum_rows(times: np.ndarray, poses_world: np.ndarray) -> np.ndarray:
 def export_kitti(stored: RunResult, folder: Path, progress: Progress | None = None) -> list[str]:
     """Write the images, calibration, labels, ego poses and disparities of a run as a KITTI clip.
 
-    Returns:
-        The overrides with which `stixel run` makes the scans of this run from the clip.
+    Returned are the overrides with which `stixel run` makes the scans of this run from the clip.
     """
     configuration = stored.composition.configuration
     user, rig = configuration.road_user, configuration.rig
@@ -202,15 +201,9 @@ def write_clip(
 ) -> None:
     """Write images, calibration, labels and ego poses of one clip below `folder`.
 
-    The ego poses are in the frame of the left camera.
-
-    Args:
-        folder: gets `image_02`, `image_03`, `calib`, `label_02`, `ego_poses`.
-        sequence: name of the clip, such as 0000.
-        pairs: all frames, in order.
-        scenario: the truth.
-        rig: of the images.
-        labels: of the target, by `labels_text`.
+    That gets `image_02`, `image_03`, `calib`, `label_02` and `ego_poses`, in which the poses are in
+    the frame of the left camera. `sequence` is the name of the clip, such as 0000; `pairs` are all
+    frames, in order; `labels` those of the target, by `labels_text`.
     """
     for chunk in pairs:
         for camera, images in (("image_02", chunk.left), ("image_03", chunk.right)):
@@ -358,10 +351,7 @@ def export(
 ) -> list[str] | None:
     """Write a run in one of `FORMATS` into a new folder, which appears complete or not at all.
 
-    Results that the cache lacks are computed.
-
-    Returns:
-        What the format's function returns.
+    Results that the cache lacks are computed. Returned is what the format's function returns.
 
     Raises:
         UserError: if the folder cannot be written or exists by then, the run lacks what the format

@@ -29,14 +29,12 @@ def target_from_world(points_world: np.ndarray, pose_world: np.ndarray) -> np.nd
 
 def world_from_ego(points_ego: np.ndarray, ego_pose_world: np.ndarray) -> np.ndarray:
     """Points (n, 2) in m from the ego car's ground plane (x right, y forward) to the world."""
-    turn = rotation(ego_pose_world[2] - STRAIGHT_AHEAD)
-    return np.asarray(points_ego) @ turn.T + np.asarray(ego_pose_world[:2])
+    return world_from_target(points_ego, np.subtract(ego_pose_world, [0.0, 0.0, STRAIGHT_AHEAD]))
 
 
 def ego_from_world(points_world: np.ndarray, ego_pose_world: np.ndarray) -> np.ndarray:
     """Points (n, 2) in m from the world to the ego car's ground plane (x right, y forward)."""
-    turn = rotation(ego_pose_world[2] - STRAIGHT_AHEAD)
-    return (np.asarray(points_world) - np.asarray(ego_pose_world[:2])) @ turn
+    return target_from_world(points_world, np.subtract(ego_pose_world, [0.0, 0.0, STRAIGHT_AHEAD]))
 
 
 def rotate_covariances(covariances: np.ndarray, angle: float) -> np.ndarray:
@@ -77,23 +75,3 @@ def planar_poses(poses: np.ndarray, level_from_camera: np.ndarray) -> np.ndarray
     ahead = poses[:, :, :3] @ level_from_camera[2] @ turn
     headings = np.unwrap(np.arctan2(ahead[:, 2], ahead[:, 0]))
     return np.stack([places[:, 0], places[:, 2], headings], axis=1)
-
-
-def rotations(quaternions: np.ndarray) -> np.ndarray:
-    """Rotation matrices (n, 3, 3) of unit quaternions (n, 4): w, x, y, z."""
-    w, x, y, z = quaternions.T
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
-    return np.moveaxis(np.array(rows), 2, 0)
-
-
-def label_pose(place: np.ndarray, yaw: float, ego_pose: np.ndarray) -> np.ndarray:
-    """Pose (3,) in the world of a label at `place` (3,) m in the level frame, turned by `yaw` rad.
-
-    KITTI's `rotation_y`: about the y axis (down), 0 along x.
-    """
-    x, y = world_from_ego(place[None, [0, 2]], ego_pose)[0]
-    return np.array([x, y, ego_pose[2] - STRAIGHT_AHEAD - yaw])

@@ -42,10 +42,7 @@ class RigCalibration:
         The interval covers 95 %.
         """
         rig, reach = self.rig, 1.96 * self.length_ratio_std
-        found = {
-            "disparity_error": [*rig.disparity_error],
-            "disparity_error_std": [*rig.disparity_error_std],
-        }
+        found = {name: [*getattr(rig, name)] for name in ("disparity_error", "disparity_error_std")}
         if self.length_ratio > 0.0:
             ends = (self.length_ratio - reach, self.length_ratio + reach)
             found["length_ratio"] = round(self.length_ratio, 4)
@@ -84,8 +81,5 @@ def with_error(rig: Rig, error: np.ndarray, covariance: np.ndarray, more: np.nda
     """
     at = rig.disparity_error_basis(rig.disparity_error_columns)
     stds = np.sqrt(np.einsum("ni,ij,nj->n", at, covariance, at) + more**2)
-    return replace(
-        rig,
-        disparity_error=tuple(error.round(4).tolist()),
-        disparity_error_std=tuple(stds.round(3).tolist()),
-    )
+    error, stds = tuple(error.round(4).tolist()), tuple(stds.round(3).tolist())
+    return replace(rig, disparity_error=error, disparity_error_std=stds)

@@ -214,16 +214,10 @@ class StixelStream:
                 one.rows = {its_k: rows - dropped for its_k, rows in late}
         self._scans.append(scan)
         # Scans of the whole way; those before the last ones are empty.
-        counts = [0] * (k + 2 - len(self._scans)) + [len(s.points_world) for s in self._scans]
-        scans = Scans(
-            self._sample_time * np.arange(k + 1),
-            self._poses,
-            np.cumsum(counts, dtype=np.int64),
-            np.concatenate([one.points_world for one in self._scans]),
-            np.concatenate([one.covariances_world for one in self._scans]),
-            scan.field_of_view,
-            scan.shared_errors,
-        )
+        points = [(np.zeros((0, 2)), np.zeros((0, 2, 2)))] * (k + 1 - len(self._scans))
+        points += [(one.points_world, one.covariances_world) for one in self._scans]
+        times = self._sample_time * np.arange(k + 1)
+        scans = Scans.of_each(times, self._poses, points, scan.field_of_view, scan.shared_errors)
         length = float(np.hypot(*SIZES.T).max())
         follow_scan(self._tracks, scans, k, self._sample_time, LARGEST * length)
         self._tracks = [one for one in self._tracks if not one.ended]
@@ -235,16 +229,11 @@ class StixelStream:
                 numbered.append(one)
         own = {one.number: one for one in reversed(numbered)}
         self._contours = {number: one for number, one in self._contours.items() if number in own}
-        return tuple(
-            MovingObject(
-                number,
-                one.mean,
-                one.covariance,
-                scans.points_world[one.rows.get(k, [])],
-                self._estimate(scans, one),
-            )
-            for number, one in sorted(own.items())
-        )
+        moving = []
+        for number, one in sorted(own.items()):
+            points, estimate = scans.points_world[one.rows.get(k, [])], self._estimate(scans, one)
+            moving.append(MovingObject(number, one.mean, one.covariance, points, estimate))
+        return tuple(moving)
 
     def _estimate(self, scans: "Scans", one: "OpenTrack") -> "Estimate":
         """Pose, size and contour of a track after the last of the `scans`."""

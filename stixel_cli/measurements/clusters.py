@@ -15,12 +15,7 @@ def cluster(
     """The cluster (n,) of each point, from 0; -1 without a cluster.
 
     Connected neighbours, `least` or more. With 1 or 2 they are the clusters of DBSCAN with the
-    radius 1 (Ester, Kriegel, Sander, Xu 1996).
-
-    Args:
-        points_ego: (n, 2) m, from the camera.
-        covariances_ego: (n, 2, 2) m².
-        gap: as in `distances`.
+    radius 1 (Ester, Kriegel, Sander, Xu 1996). The other arguments are those of `distances`.
     """
     if not len(points_ego):
         return np.zeros(0, np.int64)

@@ -29,8 +29,7 @@ def disturb_scans(
 
     Args:
         scans: of any sensor.
-        dropout: first and last time without points, s since the first scan; None for none.
-        clutter_rate: mean number of clutter points per scan.
+        dropout, clutter_rate: see `Disturbance`.
         range_max: m; None: the range of the farthest point of all scans.
         seed: of the random numbers, drawn from (seed, "clutter", k).
     """

@@ -7,9 +7,16 @@ from annotated_types import Ge, Gt, Le
 
 from stixel_cli.geometry.pose import rotation
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.measurements.noise import Noise, columns_per_point, measure, range_std
 from stixel_cli.measurements.parameters import Disturbance
-from stixel_cli.measurements.rays import Rays, first_crossings, spread_rays
+from stixel_cli.measurements.rays import (
+    Noise,
+    Rays,
+    columns_per_point,
+    first_crossings,
+    measure,
+    range_std,
+    spread_rays,
+)
 from stixel_cli.measurements.scans import FieldOfView, Scans, points_along
 from stixel_cli.parameters import parameters
 from stixel_cli.randomness import generator
@@ -71,17 +78,12 @@ def fabricate_scans(
         ValueError: if there are more rays than columns.
     """
     measurement.check(rig)
-    rays = spread_rays(
-        rig.width if measurement.rays is None else measurement.rays,
-        rig.field_of_view,
-        measurement.spacing == "tangent",
-    )
-    scans = [
-        fabricate_scan(
-            scenario.contour_world(k), ego, rays, rig, measurement, generator(seed, "fabricate", k)
-        )
-        for k, ego in enumerate(scenario.ego_poses_world)
-    ]
+    count = rig.width if measurement.rays is None else measurement.rays
+    rays = spread_rays(count, rig.field_of_view, measurement.spacing == "tangent")
+    scans = []
+    for k, ego in enumerate(scenario.ego_poses_world):
+        contour, random = scenario.contour_world(k), generator(seed, "fabricate", k)
+        scans.append(fabricate_scan(contour, ego, rays, rig, measurement, random))
     view = FieldOfView(*rig.field_of_view)
     return Scans.of_each(scenario.times, scenario.ego_poses_world, scans, field_of_view=view)
 

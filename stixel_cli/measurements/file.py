@@ -102,20 +102,10 @@ def read_scans(
 ) -> Scans:
     """Scans of the points in the file `path`, in their order in the file.
 
-    Args:
-        path: the table of points.
-        ego: the table of sensor poses, one row for each scan. None: the sensor is at (0, 0, pi/2),
-            the scans are 0 to the largest k, and the times of absent k are interpolated.
-        range_std: m. Without variances the covariance of a point is range_std² I.
-        horizontal_fov: of the sensor, degrees, symmetric to its heading; None: unknown.
-        time_unit: of t; None: seconds, or that of times since 1970, which become relative.
-        angle_unit: of the sensor's headings.
-        note: called with one line for what a user may not expect.
-        shared_errors: that no table states.
-        road_z: of the road, m, for the heights of the points from the column z; None: unknown.
-
-    Raises:
-        UserError: in one line that names file, place and cause.
+    The arguments are the settings of `FileParameters`, and `note`, which is called with one line
+    for what a user may not expect. Without the table `ego` the sensor is at (0, 0, pi/2), the scans
+    are 0 to the largest k, and the times of absent k are interpolated. Without variances the
+    covariance of a point is range_std² I. Times since 1970 become relative.
     """
     file = Path(path)
     needed = ("t", "x", "y") if road_z is None else ("t", "x", "y", "z")
@@ -153,17 +143,34 @@ def _clock(
     note: Callable[[str], object],
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, int | None]:
     """The scan (n,) of each row, times (K,) s and sensor poses (K, 3) of the scans, the epoch."""
-    clock, rows = file, table
+    clock, rows, lacks = file, table, "points: give the times of the scans, measurement.ego=FILE"
     if ego is not None:
-        clock = Path(ego)
+        clock, lacks = Path(ego), "rows, so there are no scans"
         rows = read_table(clock, ("t", "x", "y", "heading"), (("k",),))
     unit, epoch = unit_and_epoch(rows["t"], time_unit)
-    times = seconds(clock, rows["t"], time_unit, epoch)
+    t = seconds(clock, rows["t"], time_unit, epoch)
+    if len(t) == 0:
+        raise UserError(f"{clock}: has no {lacks}")
+    k = _scans_of_rows(clock, rows, t)
+    present, first = np.unique(k, return_index=True)
+    known = t[first]
     if ego is None:
-        k, times = _own_times(file, table, times)
+        refuse_other_times(file, k, t, known[np.searchsorted(present, k)], 0.0)
+    elif not np.array_equal(present, np.arange(len(k))):
+        raise UserError(
+            f"{clock}: must have one row for each scan k, each number from 0 to {len(k) - 1} once"
+        )
+    for i in np.flatnonzero(np.diff(known) <= 0.0):
+        raise UserError(
+            f"{clock}: t must increase with k, but scan {present[i + 1]} is at "
+            f"{known[i + 1]:.6g} s and scan {present[i]} at {known[i]:.6g} s"
+        )
+    if ego is None:
+        times = _all_times(file, present, known)
         poses = np.tile([0.0, 0.0, STRAIGHT_AHEAD], (len(times), 1))
     else:
-        times, poses = _sensor_poses(clock, rows, times, angle_unit)
+        headings = in_radians(rows["heading"], angle_unit)
+        times, poses = known, np.stack([rows["x"], rows["y"], headings], axis=1)[first]
         k = scan_indices(file, table, times, time_unit, epoch)
     if epoch is not None and time_unit is None:
         day = datetime.fromtimestamp(epoch // 10**9, UTC).date()
@@ -174,20 +181,8 @@ def _clock(
     return k, times, poses, epoch
 
 
-def _own_times(
-    file: Path, table: Mapping[str, np.ndarray], t: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """The scan (n,) of each row at `t` (n,) s, and the time (K,) s of each scan.
-
-    Those of absent k are interpolated.
-    """
-    if len(t) == 0:
-        raise UserError(f"{file}: has no points: give the times of the scans, measurement.ego=FILE")
-    k = _scans_of_rows(file, table, t)
-    present, first = np.unique(k, return_index=True)
-    known = t[first]
-    refuse_other_times(file, k, t, known[np.searchsorted(present, k)], 0.0)
-    _check_increasing(file, present, known)
+def _all_times(file: Path, present: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """The times (K,) s of all scans, of which those of the `present` (n,) scans are `known`."""
     if len(present) < 2 and present[0] > 0:
         raise UserError(
             f"{file}: has one scan, k = {present[0]}, so the times of the scans before it are "
@@ -197,24 +192,7 @@ def _own_times(
     if present[0] > 0:
         step = (known[1] - known[0]) / (present[1] - present[0])
         times[: present[0]] = known[0] - step * np.arange(present[0], 0, -1)
-    return k, times
-
-
-def _sensor_poses(
-    file: Path, table: Mapping[str, np.ndarray], t: np.ndarray, angle_unit: AngleUnit
-) -> tuple[np.ndarray, np.ndarray]:
-    """The times (K,) s and the poses (K, 3) of the sensor."""
-    if len(t) == 0:
-        raise UserError(f"{file}: has no rows, so there are no scans")
-    k = _scans_of_rows(file, table, t)
-    order = np.argsort(k, kind="stable")
-    if not np.array_equal(k[order], np.arange(len(k))):
-        raise UserError(
-            f"{file}: must have one row for each scan k, each number from 0 to {len(k) - 1} once"
-        )
-    _check_increasing(file, np.arange(len(t)), t[order])
-    headings = in_radians(table["heading"], angle_unit)
-    return t[order], np.stack([table["x"], table["y"], headings], axis=1)[order]
+    return times
 
 
 def _scans_of_rows(file: Path, table: Mapping[str, np.ndarray], t: np.ndarray) -> np.ndarray:
@@ -228,15 +206,6 @@ def _scans_of_rows(file: Path, table: Mapping[str, np.ndarray], t: np.ndarray) -
             f"got {len(times)}"
         )
     return k
-
-
-def _check_increasing(file: Path, k: np.ndarray, times: np.ndarray) -> None:
-    wrong = np.flatnonzero(np.diff(times) <= 0.0)
-    if len(wrong):
-        raise UserError(
-            f"{file}: t must increase with k, but scan {k[wrong[0] + 1]} is at "
-            f"{times[wrong[0] + 1]:.6g} s and scan {k[wrong[0]]} at {times[wrong[0]]:.6g} s"
-        )
 
 
 def _covariances(file: Path, table: dict[str, np.ndarray], range_std: float) -> np.ndarray:

@@ -55,9 +55,6 @@ def read_truth(
     Poses of scans that the file lacks are NaN; without a file (None), all of them. Rates that the
     file lacks are differences of the poses over three known scans (two at the ends). The units are
     those of `read_scans`.
-
-    Raises:
-        UserError: in one line that names file, place and cause.
     """
     count = len(scans)
     poses, rates = np.full((2, count, 3), np.nan)
@@ -68,7 +65,13 @@ def read_truth(
         table = read_table(file, ("x", "y", "heading"), groups, "contour")
         if "k" in table:
             table.pop("t", None)
-        k = _known_scans(file, scan_indices(file, table, scans.times, time_unit, scans.epoch))
+        k = scan_indices(file, table, scans.times, time_unit, scans.epoch)
+        if len(np.unique(k)) < len(k):
+            raise UserError(f"{file}: each scan must have one row only: give one target")
+        if len(k) == 0:
+            raise UserError(
+                f"{file}: has no rows: leave out measurement.truth if there is no truth"
+            )
         for name in ("heading", "heading_rate"):
             if name in table:
                 table[name] = in_radians(table[name], angle_unit)
@@ -79,7 +82,11 @@ def read_truth(
             known = np.sort(k)
             rates[known] = differences(poses[known], scans.times[known])
         contours, only_box = _contours(file, table), "contour" not in table
-        limb_poses[k] = _limb_poses(file, table, len(contours))
+        if len(contours) > 1:
+            if LIMBS[0] not in table:
+                has = f"contour has {len(contours)} poses"
+                raise UserError(f"{file}: the column limb_pose is missing: {has}")
+            limb_poses[k] = indices(file, LIMBS[0], table[LIMBS[0]], len(contours))
     return Scenario(
         times=scans.times,
         ego_poses_world=scans.sensor_poses_world,
@@ -133,14 +140,6 @@ def _angle_to_motion(scenario: Scenario, headings: np.ndarray) -> float:
     return float(np.degrees(np.median(np.abs(np.arcsin(np.sin(angles))))))
 
 
-def _known_scans(file: Path, k: np.ndarray) -> np.ndarray:
-    if len(np.unique(k)) < len(k):
-        raise UserError(f"{file}: each scan must have one row only: give one target")
-    if len(k) == 0:
-        raise UserError(f"{file}: has no rows: leave out measurement.truth if there is no truth")
-    return k
-
-
 def _contours(file: Path, table: dict[str, np.ndarray]) -> np.ndarray:
     """The contours (L, M, 2) m, counter-clockwise: the array `contour`, else the box."""
     if "contour" in table:
@@ -154,7 +153,11 @@ def _contours(file: Path, table: dict[str, np.ndarray]) -> np.ndarray:
             )
         if not np.isfinite(contours).all():
             raise UserError(f"{file}: contour must have finite numbers only")
-        return np.stack([_counter_clockwise(file, contour) for contour in contours])
+        areas = shapely.polygons(contours)
+        if not (shapely.is_valid(areas) & (shapely.area(areas) > 0.0)).all():
+            raise UserError(f"{file}: contour must be a polygon that does not cross itself")
+        forward = shapely.is_ccw(shapely.get_exterior_ring(areas))[:, None, None]
+        return np.where(forward, contours, contours[:, ::-1])
     if SIZE[0] not in table:
         raise UserError(f"{file}: the columns length and width are missing (or an array contour)")
     for name in SIZE:
@@ -163,19 +166,3 @@ def _contours(file: Path, table: dict[str, np.ndarray]) -> np.ndarray:
         if np.ptp(table[name]) > SAME_SIZE:
             raise UserError(f"{file}: {name}: must be the same in each row: the target is rigid")
     return rectangle(*(table[name][0] for name in SIZE))[None]
-
-
-def _counter_clockwise(file: Path, contour: np.ndarray) -> np.ndarray:
-    area = shapely.Polygon(contour)
-    if not area.is_valid or area.area <= 0.0:
-        raise UserError(f"{file}: contour must be a polygon that does not cross itself")
-    return contour if area.exterior.is_ccw else contour[::-1].copy()
-
-
-def _limb_poses(file: Path, table: dict[str, np.ndarray], count: int) -> np.ndarray:
-    """The index (n,) of each row's contour; 0 if there is only one contour."""
-    if count == 1:
-        return np.zeros(len(table["x"]), np.int64)
-    if LIMBS[0] not in table:
-        raise UserError(f"{file}: the column limb_pose is missing: contour has {count} poses")
-    return indices(file, LIMBS[0], table[LIMBS[0]], count)

@@ -23,7 +23,8 @@ def find_objects(stixels: Stixels, gates: Gates, frames: range) -> Objects:
         members = [chosen[labels == label] for label in range(labels.max(initial=-1) + 1)]
         for own in sorted(members, key=lambda one: (stixels.left[one].min(), one[0])):
             of_stixels[own] = len(boxes)
-            boxes.append(_box(stixels, own))
+            sides = stixels.left[own].min(), stixels.right[own].max()
+            boxes.append((*sides, stixels.top[own].min(), stixels.base[own].max()))
             corners.append(smallest_rectangle(stixels.points_ego[own]))
             counts.append(len(own))
         offsets.append(len(boxes))
@@ -34,16 +35,6 @@ def find_objects(stixels: Stixels, gates: Gates, frames: range) -> Objects:
         corners_ego=np.array(corners, dtype=np.float64).reshape(-1, 4, 2),
         counts=np.array(counts, dtype=np.int64),
         of_stixels=of_stixels,
-    )
-
-
-def _box(stixels: Stixels, rows: np.ndarray) -> tuple[int, int, int, int]:
-    """Left, right, top and base of the stixels `rows` (n,) together, px."""
-    return (
-        stixels.left[rows].min(),
-        stixels.right[rows].max(),
-        stixels.top[rows].min(),
-        stixels.base[rows].max(),
     )
 
 

@@ -55,9 +55,6 @@ def read_stixels(file: Path) -> StixelFile:
 
     In the first two the row vB is the one below the stixel, and the depth is along the optical
     axis. A CSV of theirs has no widths: they are the least distance of two columns.
-
-    Raises:
-        UserError: in one line, if the file is missing, too large, or not valid.
     """
     if file.suffix.lower() == ".stx1":
         return _read_stx1(file)
@@ -118,18 +115,10 @@ def _stixel_file(
     order = np.argsort(left, kind="stable")
     whole = [values[order].astype(np.int32) for values in (left, right, top, base)]
     n = len(order)
-    unknown = np.full(n, np.nan)
-    stixels = Stixels(
-        0,
-        np.array([0, n]),
-        *whole,
-        disparity[order],
-        unknown,
-        depth[order],
-        unknown,
-        np.full((n, 2), np.nan),
-        np.full((n, 2, 2), np.nan),
-    )
+    # Variances, heights, points and their covariances are unknown.
+    unknown, *points = (np.full((n, *shape), np.nan) for shape in ((), (2,), (2, 2)))
+    depths = disparity[order], unknown, depth[order], unknown
+    stixels = Stixels(0, np.array([0, n]), *whole, *depths, *points)
     if image is not None:
         return StixelFile(stixels, image, True)
     size = (whole[3].max(initial=0) + 1, whole[1].max(initial=1))

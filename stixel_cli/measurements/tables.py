@@ -2,6 +2,9 @@
 
 Sensors count seconds, milliseconds, microseconds or nanoseconds since 1970. float64 does not hold
 such nanoseconds, so integers stay integers until the time of the first scan is subtracted.
+
+What reads a file of the user, here and in the modules that use this, raises UserError in one line
+that names file, place and cause.
 """
 
 import csv
@@ -31,7 +34,7 @@ def read_table(
 ) -> dict[str, np.ndarray]:
     """The columns (n,) of a table, by name: float64, but a t of whole numbers int64.
 
-    Unknown columns are left out.
+    Unknown columns are left out, and the values of t are not checked.
 
     Args:
         file: `.csv` with a header, separated by commas, tabs, or semicolons (then also with decimal
@@ -41,9 +44,6 @@ def read_table(
         other: name of an array of an `.npz` of any shape, returned as it is.
         returns: columns that may be empty, NaN, in rows in which the first two are: a sensor's
             returns without a point.
-
-    Raises:
-        UserError: in one line that names file, place and cause. The values of t are not checked.
     """
     suffix = file.suffix.lower()
     if suffix not in (".csv", ".npz"):
@@ -179,11 +179,7 @@ def unit_and_epoch(t: np.ndarray, unit: TimeUnit | None) -> tuple[str, int | Non
 
 
 def seconds(file: Path, t: np.ndarray, unit: TimeUnit | None, epoch: int | None) -> np.ndarray:
-    """The column t (n,) of a file in s; times since 1970 relative to `epoch`, ns since 1970.
-
-    Raises:
-        UserError: if a time is too large, or only one of two files counts from 1970.
-    """
+    """The column t (n,) of a file in s; times since 1970 relative to `epoch`, ns since 1970."""
     name, first = unit_and_epoch(t, unit)
     if len(t) and (first is None) != (epoch is None):
         raise UserError(f"{file}: t must count from 1970 in scans, ego and truth, or in none")

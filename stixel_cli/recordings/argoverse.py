@@ -51,9 +51,6 @@ def read_calibration(intrinsics: Path, sensors: Path) -> Calibration:
     The axes are those of Fusiello, Trucco, Verri 2000, *A compact algorithm for rectification of
     stereo pairs*: x along the baseline, z between both optical axes. The images are cut to what
     both cameras see of them at infinity.
-
-    Raises:
-        UserError: if a camera is missing, or both do not look the same way.
     """
     names = ("fx_px", "fy_px", "cx_px", "cy_px", "width_px", "height_px")
     rows = _of_cameras(intrinsics, names)
@@ -62,8 +59,7 @@ def read_calibration(intrinsics: Path, sensors: Path) -> Calibration:
         raise UserError(f"{intrinsics}: {' and '.join(CAMERAS)} must have one size, > 0")
     turns, _, aligned, baseline = _mounting(sensors)
     focal_length = float(rows[:, :2].mean())
-    corners = np.array([[0, 0, 1], [width - 1, 0, 1], [0, height - 1, 1]], dtype=float)
-    corners = np.vstack([corners, [width - 1, height - 1, 1]])
+    corners = np.array([[u, v, 1.0] for v in (0, height - 1) for u in (0, width - 1)])
     rays, low, high = [], np.full(2, -np.inf), np.full(2, np.inf)
     for (fu, fv, cu, cv, *_), turn in zip(rows, turns, strict=True):
         to_ray = np.linalg.inv([[fu, 0.0, cu], [0.0, fv, cv], [0.0, 0.0, 1.0]])
@@ -93,9 +89,6 @@ def read_poses(times: tuple[int, ...], city: Path, sensors: Path | None = None) 
 
     Without the cameras' mounting, `sensors`, of a camera at the origin of the ego car's frame (on
     the road, below the middle of the rear axle) that looks straight ahead.
-
-    Raises:
-        UserError: if a file is not valid, or there is no pose round one of the times.
     """
     turns, places = _ego_poses(city, np.array(times, dtype=np.int64))
     place, aligned = np.zeros(3), LEVEL_CAMERA
@@ -117,9 +110,6 @@ def read_labels(
     A label is truncated if a corner is outside of the image, and occluded if no point of the lidar
     is inside, or a nearer label covers more than `HIDDEN` of its columns. Without `intrinsics` all
     frames have it, without a box in an image, and `CYCLES` are cyclists.
-
-    Raises:
-        UserError: if a file is not valid.
     """
     numbers = (TIME, "num_interior_pts", *SIZE, *TURN, *PLACE)
     table = read_columns(annotations, numbers, ("track_uuid", "category"))
@@ -168,9 +158,7 @@ def read_labels(
 def _between(stamps: np.ndarray, times: tuple[int, ...]) -> Iterator[tuple[int, int, float]]:
     """Frame, index i and share of the way from stamp i to i + 1, where that way is no gap.
 
-    Args:
-        stamps: (n,) ns, increasing.
-        times: of all frames, ns.
+    The `stamps` (n,), increasing, and the `times` of all frames are in ns.
     """
     for frame, (i, time) in enumerate(
         zip(np.searchsorted(stamps, times, side="right") - 1, times, strict=True)

@@ -44,22 +44,14 @@ VIRTUAL_IMAGES, LOG_IMAGES = Path("frames/rgb"), Path("sensors/cameras")
 
 
 def find_recording(source: parameters.Source) -> Recording:
-    """The files of a recording, checked as far as their heads.
-
-    Raises:
-        UserError: if a file is missing or not valid; it names the file, the row and the cause.
-    """
+    """The files of a recording, checked as far as their heads."""
     if source.kind not in ("pair", "rosbag") and not Path(source.folder).is_dir():
         raise UserError(f"source.folder: {source.folder}: no such folder")
     return next(find for kind, find, *_ in LAYOUTS if kind == source.kind)(source)
 
 
 def guess_layout(folder: Path) -> str:
-    """The layout of a folder, as the option of `source`.
-
-    Raises:
-        UserError: if its layout is not known.
-    """
+    """The layout of a folder, as the option of `source`."""
     if folder.suffix in rosbag.SUFFIXES and folder.is_file():
         return "rosbag"
     if not folder.is_dir():
@@ -163,13 +155,11 @@ def _argoverse(source: parameters.Argoverse) -> Recording:
         raise UserError(f"{images}: no image of {cameras[1]} at a time of {cameras[0]}")
     names = (argoverse.ANNOTATIONS, argoverse.CITY, argoverse.SENSORS, argoverse.INTRINSICS)
     _, city, sensors, intrinsics = labels = tuple(root / name for name in names)
+    of_right = {k: right[partners[time]] for k, time in enumerate(times) if time in partners}
     recording = assembled_recording(
         source,
         argoverse.read_calibration(intrinsics, sensors),
-        (
-            dict(enumerate(left.values())),
-            {k: right[partners[time]] for k, time in enumerate(times) if time in partners},
-        ),
+        (dict(enumerate(left.values())), of_right),
         poses=(city, sensors),
         labels=labels,
         tables=Tables("argoverse", times),
@@ -190,13 +180,9 @@ def _folder(source: parameters.LabelledFolder) -> Recording:
 
 
 def _named_pair(source: parameters.Pair) -> Recording:
-    return assembled_pair(
-        source,
-        (Path(source.left), Path(source.right)),
-        read_named_calibration(Path(source.calibration)),
-        source.labels,
-        source.disparity,
-    )
+    images = Path(source.left), Path(source.right)
+    calibration = read_named_calibration(Path(source.calibration))
+    return assembled_pair(source, images, calibration, source.labels, source.disparity)
 
 
 def assembled_recording(
@@ -219,9 +205,6 @@ def assembled_recording(
         poses: files of the ego poses, which may be missing.
         labels: files of the labels, which may be missing if the source has no target.
         tables: how both are written; by default as KITTI's.
-
-    Raises:
-        UserError: if a file is missing or not valid.
     """
     tables = tables or Tables()
     # One pair of images has no target: its labels are no tracks.
@@ -295,9 +278,6 @@ def numbered_images(
     """The images of each of the `folders` by the number in their name, in ascending order.
 
     `names` is the pattern of the files' names, its group is the number; `example` is such a name.
-
-    Raises:
-        UserError: if a folder is missing, or has no such file.
     """
     numbered = []
     for folder in folders:
@@ -324,19 +304,17 @@ def _common_size(
     frames: range, images: tuple[Images, Images], rectification: Rectification | None
 ) -> tuple[int, int]:
     """Width and height in px of the rectified images of all `frames`."""
-    size: tuple[int, int] | None = None
+    first_of: dict[tuple[int, int], Path] = {}
     for number in frames:
         for files in images:
             if number not in files:
                 folder = next(iter(files.values())).parent
                 raise UserError(f"{folder}: the image of frame {number} is missing")
-            width, height = image_size(files[number])
-            size = size or (width, height)
-            if (width, height) != size:
-                raise UserError(
-                    f"{files[number]}: {width} × {height} px, "
-                    f"but the images before have {size[0]} × {size[1]} px"
-                )
+            first_of.setdefault(image_size(files[number]), files[number])
+    size, *others = first_of
+    for width, height in others:
+        before = f"but the images before have {size[0]} × {size[1]} px"
+        raise UserError(f"{first_of[width, height]}: {width} × {height} px, {before}")
     if rectification is None:
         return size
     if size != rectification.file_size:

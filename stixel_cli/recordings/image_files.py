@@ -23,11 +23,7 @@ _JPEG_END = b"\xff\xd9"
 
 
 def image_size(file: Path) -> tuple[int, int]:
-    """Width and height in px of a PNG, or of a JPEG of 8-bit grey or RGB values; reads its head.
-
-    Raises:
-        UserError: if it is missing, or another kind of file.
-    """
+    """Width and height in px of a PNG, or of a JPEG of 8-bit grey or RGB values; reads its head."""
     with opened(file, GREATEST_IMAGE) as stream:
         return size_in(file, stream)
 
@@ -35,10 +31,7 @@ def image_size(file: Path) -> tuple[int, int]:
 def read_image(file: Path) -> np.ndarray:
     """The image, grey (H, W) or BGR (H, W, 3), uint8 or uint16, of a PNG or JPEG file.
 
-    A palette is looked up, and transparency left out.
-
-    Raises:
-        UserError: if it is missing, damaged, or a JPEG of other than 8-bit grey or RGB values.
+    A palette is looked up, and transparency left out; a JPEG must be grey or RGB, of 8 bits.
     """
     return decoded(file, read_bytes(file, GREATEST_IMAGE))
 
@@ -59,9 +52,6 @@ def read_disparity(file: Path) -> np.ndarray:
     """The true disparities (H, W) float32 px in a file; NaN where they are unknown.
 
     As KITTI stores them: PNG of uint16, 256 per px, 0 for unknown.
-
-    Raises:
-        UserError: if it is missing, damaged, or not a grey PNG of 16 bits.
     """
     image = read_image(file)
     if image.ndim != 2 or image.dtype != np.uint16:

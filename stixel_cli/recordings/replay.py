@@ -32,24 +32,16 @@ LABELS = "label_02"
 
 
 def find_replay(path: ReplayedPath) -> Recording:
-    """The files and frames of a replayed motion, a recording without images; they are checked.
-
-    Raises:
-        UserError: if a file is missing or not valid, or the track has too few labels.
-    """
+    """The files and frames of a replayed motion, a recording without images; they are checked."""
     folder = Path(path.folder)
     recording = find_motion(folder, path.sequence)
     track = labels_of(recording.label_files, recording.tables, path.target, "path.target")
     count = len(read_poses(recording.pose_files, recording.tables))
     frames = _frames(path, track.frames[track.frames < count].tolist())
-    recording = replace(
-        recording,
-        frames=frames,
-        tables=replace(recording.tables, first=frames.start),
-        target=path.target,
-        label=track.kind,
-    )
-    if recording.tables.times:
+    tables = replace(recording.tables, first=frames.start)
+    of_target = {"target": path.target, "label": track.kind}
+    recording = replace(recording, frames=frames, tables=tables, **of_target)
+    if tables.times:
         check_steps(recording, path.sample_time, folder, "path")
     return recording
 
@@ -58,9 +50,6 @@ def find_motion(folder: Path, sequence: str | None) -> Recording:
     """All labels and ego poses of a log of Argoverse 2, or of the clip `sequence` of KITTI.
 
     Its frames and its target are those of a user to choose.
-
-    Raises:
-        UserError: if a file is missing or not valid.
     """
     if (folder / argoverse.ANNOTATIONS).is_file():
         if sequence is not None:
@@ -90,11 +79,7 @@ def find_motion(folder: Path, sequence: str | None) -> Recording:
 
 
 def label_root(folder: Path) -> Path:
-    """The folder that has `label_02`: the folder itself or its `training`.
-
-    Raises:
-        UserError: if neither has it.
-    """
+    """The folder that has `label_02`: the folder itself or its `training`."""
     root = root_of(folder, LABELS)
     if (root / LABELS).is_dir():
         return root
@@ -150,17 +135,12 @@ def replayed_scenario(
     over time of each coordinate gives the poses and their exact derivatives at all frames, those
     without a label among them.
 
-    Args:
-        ego_motion: at K successive frames; the first and the last have a label.
-        files: the file of the labels.
-        road_user: the target in the scene, with its own size.
-        tables: with the first frame, and the camera in the frame of the labels.
-        target: its track id or track_uuid.
-        smoothing: see `smoothing_spline`, s.
-
-    Raises:
-        UserError: if the file is not valid, or has no such target.
+    The first and the last of the frames of `ego_motion` have a label of `target`, a track id or
+    track_uuid, in the `files`. `road_user` is the target in the scene, with its own size. For
+    `smoothing`, s, see `smoothing_spline`.
     """
+    from scipy.integrate import cumulative_trapezoid
+
     from stixel_cli.scene.contours import moving_target
 
     times, labels = ego_motion.times, labels_of(files, tables, target, "path.target")
@@ -168,7 +148,8 @@ def replayed_scenario(
     splines = [smoothing_spline(times[frames], values, smoothing) for values in poses.T]
     smooth = np.stack([spline(times) for spline in splines], axis=1)
     rates = np.stack([spline.derivative()(times) for spline in splines], axis=1)
-    return moving_target(ego_motion, road_user, smooth, rates, travelled(times, rates))
+    travelled = cumulative_trapezoid(np.hypot(*rates[:, :2].T), times, initial=0.0)
+    return moving_target(ego_motion, road_user, smooth, rates, travelled)
 
 
 def smoothing_spline(times: np.ndarray, values: np.ndarray, period: float) -> "BSpline":
@@ -182,10 +163,3 @@ def smoothing_spline(times: np.ndarray, values: np.ndarray, period: float) -> "B
 
     step = np.median(np.diff(times))
     return make_smoothing_spline(times, values, lam=(period / (2.0 * np.pi)) ** 4 / step)
-
-
-def travelled(times: np.ndarray, rates_world: np.ndarray) -> np.ndarray:
-    """Length driven (K,) m at `times` (K,) s, by the trapezoidal rule."""
-    speeds = np.hypot(rates_world[:, 0], rates_world[:, 1])
-    steps = 0.5 * (speeds[1:] + speeds[:-1]) * np.diff(times)
-    return np.concatenate([[0.0], np.cumsum(steps)])

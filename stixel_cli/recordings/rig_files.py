@@ -78,11 +78,7 @@ def read_named_calibration(file: Path) -> Calibration:
 
 
 def read_rig(file: Path) -> Calibration:
-    """The calibration in a YAML file.
-
-    Raises:
-        UserError: if a value is missing, not a number, or unknown.
-    """
+    """The calibration in a YAML file."""
     content = read_yaml(file)
     if not isinstance(content, dict):
         raise UserError(f"{file}: must map names to values")

@@ -202,9 +202,6 @@ def read_images(files: tuple[Path, ...], topic: str, times: tuple[int, ...]) -> 
     """The images, grey (H, W) or BGR (H, W, 3), that were recorded at `times`, ns.
 
     They are uint8, uint16 or float32.
-
-    Raises:
-        UserError: if one is damaged, or as in `read_messages`.
     """
     span = min(times), max(times) + 1
     found = {time: one for _, time, one in read_messages(files, IMAGES, topic, span=span)}
@@ -229,11 +226,7 @@ def read_poses(times: tuple[int, ...], topics: tuple[str, str], *files: Path) ->
     """Poses (n, 3, 4) of the rectified left camera in the frame of the odometry, m.
 
     They are at the `times` (n,) of the left images, ns; the `topics` are those of the odometry and
-    of the left camera's `CameraInfo`.
-
-    Raises:
-        UserError: if there is no pose round one of the times, or /tf_static does not say where the
-            camera is on the car.
+    of the left camera's `CameraInfo`. Where the camera is on the car, `/tf_static` says.
     """
     odometry, camera = topics
     found = [message for *_, message in read_messages(files, ODOMETRY, odometry)]

@@ -26,9 +26,6 @@ def read_pairs(
         frames: indices k.
         rectification: of the images; None if the files are rectified.
         messages: the images, if they are in a bag.
-
-    Raises:
-        UserError: if an image is missing or damaged.
     """
     encoded = [
         [encode_png(rectified(grey(image), rectification, i == 1)) for i, image in enumerate(pair)]
@@ -46,9 +43,6 @@ def read_left(
     """The left image of `frame`, alone and in RGB, of `files` that may be the left ones alone.
 
     The other arguments are those of `read_pairs`.
-
-    Raises:
-        UserError: if the image is missing or damaged.
     """
     ((image,),) = _images(files, range(frame, frame + 1), messages, "left")
     return ImageStack.from_images([rectified(rgb(image), rectification, False)])

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from stixel_cli.errors import UserError
-from stixel_cli.geometry.pose import label_pose
+from stixel_cli.geometry.pose import STRAIGHT_AHEAD, world_from_ego
 from stixel_cli.recordings import argoverse, kitti_tables, rosbag, virtual_kitti_tables
 from stixel_cli.recordings.types import Labels, Tables, Tracks
 from stixel_cli.scene.scenario import EgoMotion
@@ -22,16 +22,12 @@ READERS = {
 
 
 def read_poses(files: tuple[Path, ...], tables: Tables) -> np.ndarray:
-    """Poses (n, 3, 4) of the left camera (x right, y down, z forward) in any one frame, m.
-
-    Raises:
-        UserError: if a file is missing or not valid.
-    """
+    """Poses (n, 3, 4) of the left camera (x right, y down, z forward) in any one frame, m."""
     return READERS[tables.kind][0](*filter(None, [tables.times, tables.topics]), *files)
 
 
 def read_labels(files: tuple[Path, ...], tables: Tables) -> Tracks:
-    """The labels of each target by its track id; errors as in `read_poses`."""
+    """The labels of each target by its track id."""
     return READERS[tables.kind][1](*filter(None, [tables.times]), *files)
 
 
@@ -62,6 +58,9 @@ def poses_of_labels(
     poses = np.zeros((len(rows), 3))
     for pose, row in zip(poses, rows, strict=True):
         place = level_from_camera @ (labels.places[row] - tables.left_camera)
-        pose[:] = label_pose(place, labels.yaws[row], ego_motion.poses_world[frames[row]])
+        ego = ego_motion.poses_world[frames[row]]
+        pose[:2] = world_from_ego(place[None, [0, 2]], ego)[0]
+        # KITTI's rotation_y is about the y axis (down), 0 along x.
+        pose[2] = ego[2] - STRAIGHT_AHEAD - labels.yaws[row]
     poses[:, 2] = np.unwrap(poses[:, 2])
     return rows, frames[rows], poses

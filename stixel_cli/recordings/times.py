@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 
 from stixel_cli.errors import UserError
-from stixel_cli.geometry.pose import rotations
 from stixel_cli.recordings.parameters import chosen_frames
 from stixel_cli.recordings.types import Recording
 
@@ -28,22 +27,19 @@ def common_frames(
 
     `limits` are the first frame and the stop of other files, by a name for messages.
     """
-    chosen = chosen_frames(text)
     spans = {"the images": (min(images), max(images) + 1), **limits}
-    first = max(start for start, _ in spans.values())
-    stop = min(end for _, end in spans.values())
-    if chosen is not None:
-        for name, (start, end) in spans.items():
-            if chosen.start < start or chosen.stop > end:
-                raise UserError(
-                    f"source.frames: {chosen.start}:{chosen.stop} is not within "
-                    f"{start}:{end}, the frames of {name}"
-                )
-        first, stop = chosen.start, chosen.stop
-    if first >= stop:
+    common = range(max(start for start, _ in spans.values()), min(end for _, end in spans.values()))
+    chosen = chosen_frames(text)
+    for name, (start, end) in spans.items() if chosen else ():
+        if chosen.start < start or chosen.stop > end:
+            raise UserError(
+                f"source.frames: {chosen.start}:{chosen.stop} is not within "
+                f"{start}:{end}, the frames of {name}"
+            )
+    if not chosen and not common:
         words = "; ".join(f"{name} {start}:{end}" for name, (start, end) in spans.items())
         raise UserError(f"source.frames: no common frame: {words}")
-    return range(first, stop)
+    return chosen or common
 
 
 def check_steps(recording: Recording, sample_time: float, root: Path, group: str) -> None:
@@ -77,13 +73,10 @@ def poses_at(
 
     Args:
         name: of the file, for errors.
-        times: of the frames, ns.
+        times: of the frames, ns, each with a pose before and after it.
         stamps: (m,) times of the poses, ns, in any order.
         turns: (m, 4) quaternions: w, x, y, z.
         places: (m, 3) m.
-
-    Raises:
-        UserError: if there is no pose round one of the times, or a quaternion is not valid.
     """
     stamps, rows = np.unique(stamps, return_index=True)
     after = np.clip(np.searchsorted(stamps, times), 1, max(len(stamps) - 1, 1))
@@ -105,13 +98,15 @@ def poses_at(
 
 
 def unit_rotations(file: Path | str, quaternions: np.ndarray) -> np.ndarray:
-    """Rotations (n, 3, 3) of quaternions (n, 4): w, x, y, z.
-
-    Raises:
-        UserError: if a quaternion does not have the length 1.
-    """
+    """Rotations (n, 3, 3) of quaternions (n, 4) w, x, y, z, which must have the length 1."""
     lengths = np.linalg.norm(quaternions, axis=1)
     wrong = np.flatnonzero(~(np.abs(lengths - 1.0) <= 0.01))
     if len(wrong):
         raise UserError(f"{file}: row {wrong[0] + 1}: qw, qx, qy, qz must have the length 1")
-    return rotations(quaternions / lengths[:, None])
+    w, x, y, z = (quaternions / lengths[:, None]).T
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.moveaxis(np.array(rows), 2, 0)

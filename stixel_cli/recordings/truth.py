@@ -1,7 +1,8 @@
 """The ego car's motion from the poses of a recording, and the truth in its labels, in the world.
 
 A label's contour is its rectangle. A frame counts for the scores if its label is neither truncated
-nor occluded.
+nor occluded. `tables` say how the `files` of the poses or labels are written, and the first frame
+in them. The ground plane is that of the level frame of `rig`.
 """
 
 from pathlib import Path
@@ -45,16 +46,12 @@ def recorded_motion(
     Poses in space also give the pitch and the height of each frame. Nothing is smoothed.
 
     Args:
-        files: the files of the poses; empty for a parked ego car.
-        tables: how the files are written, and the first frame in them.
+        files: () for a parked ego car.
         count: number of frames.
         sample_time: time from one frame to the next, s.
-        rig: the ground plane is that of its level frame. None, for a replayed motion: the camera is
-            taken as level; its roll, its height and changes of its pitch are left out.
+        rig: None for a replayed motion: the camera is taken as level; its roll, its height and
+            changes of its pitch are left out.
         pose_scale: factor on the lengths of the poses; "estimated": of the `calibration`.
-
-    Raises:
-        UserError: if the file is not valid, or shows no scale.
     """
     times = sample_time * np.arange(count)
     if not files:
@@ -109,15 +106,7 @@ def recorded_scenario(
 ) -> Scenario:
     """Ground truth of one labelled target; NaN at the frames without its label.
 
-    Args:
-        ego_motion: at the frames of the recording.
-        files: the files of the labels; empty without target.
-        rig: the ground plane is that of its level frame.
-        tables: how the files are written.
-        target: its track id; None for no truth.
-
-    Raises:
-        UserError: if the file is not valid, or has no such target.
+    `target` is its track id; None for no truth, and no files.
     """
     count = len(ego_motion.times)
     poses, contour = np.full((count, 3), np.nan), np.zeros((0, 2))
@@ -145,18 +134,16 @@ def label_truths(
 ) -> tuple[LabelTruth, ...]:
     """The truth of each label in the frames of `ego_motion`; () without files.
 
-    The arguments and errors are those of `recorded_scenario`.
+    The arguments are those of `recorded_scenario`.
     """
     first, stop = tables.first, tables.first + len(ego_motion.times)
-    return tuple(
-        LabelTruth(
-            str(name),
-            CLASS_OF_KITTI_TYPE.get(labels.kind, "other"),
-            recorded_scenario(ego_motion, files, rig, tables, name),
-        )
-        for name, labels in (read_labels(files, tables).items() if files else ())
-        if np.any((labels.frames >= first) & (labels.frames < stop))
-    )
+    truths = []
+    for name, labels in read_labels(files, tables).items() if files else ():
+        if np.any((labels.frames >= first) & (labels.frames < stop)):
+            road_user = CLASS_OF_KITTI_TYPE.get(labels.kind, "other")
+            scenario = recorded_scenario(ego_motion, files, rig, tables, name)
+            truths.append(LabelTruth(str(name), road_user, scenario))
+    return tuple(truths)
 
 
 def slopes(times: np.ndarray, values: np.ndarray) -> np.ndarray:

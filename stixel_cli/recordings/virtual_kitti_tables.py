@@ -24,11 +24,7 @@ BOX = ("left", "top", "right", "bottom", "truncation_ratio", "occupancy_ratio")
 
 
 def read_calibration(intrinsic: Path, extrinsic: Path) -> Calibration:
-    """The calibration of the two cameras, from the rows of the first frame.
-
-    Raises:
-        UserError: if a row is missing or damaged, or the cameras are not a rectified pair.
-    """
+    """The calibration of the two cameras, from the rows of the first frame."""
     matrices = _of_first_frame(intrinsic, 4)
     if matrices[0] != matrices[1]:
         raise UserError(f"{intrinsic}: the cameras are not rectified to one camera matrix")
@@ -48,11 +44,7 @@ def read_calibration(intrinsic: Path, extrinsic: Path) -> Calibration:
 
 
 def read_poses(extrinsic: Path) -> np.ndarray:
-    """Poses (n, 3, 4) of the left camera (x right, y down, z forward) in the world, m.
-
-    Raises:
-        UserError: if a row is damaged, a frame is missing, or the poses are not in order.
-    """
+    """Poses (n, 3, 4) of the left camera (x right, y down, z forward) in the world, m."""
     poses: list[tuple[int, np.ndarray]] = []
     for row, words in _rows(extrinsic, ("frame", "cameraID"), 18):
         frame, camera, *values = kitti_tables.numbers(extrinsic, row, words)
@@ -67,11 +59,7 @@ def read_poses(extrinsic: Path) -> np.ndarray:
 
 @remembered
 def read_labels(pose: Path, bbox: Path, info: Path) -> Tracks:
-    """The labels of each target by its track id, where it has both a pose and a box.
-
-    Raises:
-        UserError: if a row is short, has a value that is not finite, or as `tracks_of`.
-    """
+    """The labels of each target by its track id, where it has both a pose and a box."""
     kinds = dict(words for _, words in _rows(info, ("trackID", "label")))
     boxes, labels = _of_left_camera(bbox, BOX), []
     for (frame, track), (place, values) in _of_left_camera(pose, POSE).items():

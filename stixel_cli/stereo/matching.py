@@ -187,11 +187,8 @@ def _find(
     matcher: Any, left: np.ndarray, right: np.ndarray, stereo: MatchingParameters, checked: bool
 ) -> np.ndarray:
     """Raw disparity (H, W) int16, 1/16 px, corrected as `stereo.subpixel` demands."""
-    if checked:
-        checks = stereo.left_right_difference, stereo.uniqueness_ratio, stereo.speckle_window
-        _set_checks(matcher, *checks)
-    else:
-        _set_checks(matcher, -1, 0, 0)
+    checks = stereo.left_right_difference, stereo.uniqueness_ratio, stereo.speckle_window
+    _set_checks(matcher, *(checks if checked else (-1, 0, 0)))
     found = _match(matcher, left, right)
     if stereo.subpixel == "second_match":
         # The first match has rejected what is wrong: checks here would only take time.

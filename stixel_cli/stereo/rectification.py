@@ -72,6 +72,7 @@ def compare_rows(left: np.ndarray, right: np.ndarray, far_disparity: float) -> R
     uneven = reduced * np.hypot(roll * width, scale * 0.5 * height) / np.sqrt(12.0)
     difference = float(np.hypot(mean, uneven))
     negative = np.mean(reduced * (one - other)[agree, 0] < far_disparity - 1.0)
+    fault = None
     if negative >= MOST_NEGATIVE:
         fault = (
             f"{negative:.0%} of the disparities are negative: exchange left and right; or set "
@@ -80,8 +81,6 @@ def compare_rows(left: np.ndarray, right: np.ndarray, far_disparity: float) -> R
     elif difference >= WARNED:
         parts = f"mean {mean:+.1f} px, roll {np.degrees(roll):.1f}°, scale {scale:+.1%}"
         fault = f"the rows of the two images differ by {difference:.1f} px ({parts}): rectify them"
-    else:
-        fault = None
     return Rows(difference, fault, negative >= MOST_NEGATIVE or difference >= REFUSED)
 
 

@@ -34,14 +34,9 @@ def extract_stixels(
     found = []
     for k in frames:
         i = k - free_space.first
-        frame = Frame(
-            columns=cv2.transpose(disparities.raw(k - disparities.first)),
-            count=disparities.count,
-            obstacle=free_space.disparity[i],
-            base_row=free_space.base_row[i],
-            line=free_space.road[i],
-            rig=rig,
-        )
+        columns = cv2.transpose(disparities.raw(k - disparities.first))
+        of_frame = free_space.disparity[i], free_space.base_row[i], free_space.road[i]
+        frame = Frame(columns, disparities.count, *of_frame, rig)
         images = None
         if extraction.refinement > 0:
             images = pairs.left[k - pairs.first], pairs.right[k - pairs.first]
@@ -93,7 +88,7 @@ def stixels_of_frame(
             areas, values = areas[behind_one], values[behind_one]
         if extraction.refinement > 0:
             given, errors = np.ascontiguousarray(values[:, 0]), rig.disparity_errors()
-            refined = aligned(images, columns, areas, given, frame.scale, errors)
+            refined = aligned(*images, columns, areas, given, frame.scale, errors)
             values[:, 0] += extraction.refinement * (refined - given)
         areas[:, 2] = np.maximum(areas[:, 2] - height.hidden_rows, 0)
         fields = group_fields(areas, values, frame.line, rig, extraction)
@@ -101,8 +96,6 @@ def stixels_of_frame(
             # Its foot is hidden.
             fields["base"] = np.minimum(fields["base"], areas[:, 3]).astype(np.int32)
         found.append(fields)
-    if len(found) == 1:
-        return found[0]
     order = np.argsort(np.concatenate([fields["left"] for fields in found]), kind="stable")
     return {name: np.concatenate([fields[name] for fields in found])[order] for name in found[0]}
 
@@ -139,7 +132,6 @@ def group_fields(
     Args:
         areas: (S, 4) left, right (exclusive), top and base row.
         measured: (S, 2) pitch-compensated disparity px, mean row of the pixels.
-        line: (2,) the road's disparity a v + b, px.
     """
     left, right, top = areas[:, 0], areas[:, 1], areas[:, 2].astype(np.float64)
     disparity, mean_row = measured[:, 0], measured[:, 1]
@@ -179,14 +171,10 @@ def group_fields(
 def surroundings(left: np.ndarray, depth: np.ndarray, width: int) -> tuple[np.ndarray, np.ndarray]:
     """How many of the two stixels on either side are on the same object, and the step to them.
 
-    Args:
-        left: (S,) first columns, ascending, multiples of `width`.
-        depth: (S,) m.
-
-    Returns:
-        Neighbours (S,) int64, 0 … 4, nearer than `SAME_OBJECT`; and an eighth of the mean square
-        of their differences of depth (S,) m², 0 without a neighbour. On a slope that is the
-        variance of a point that is half a stixel's step off.
+    Neighbours (S,) int64, 0 … 4, nearer than `SAME_OBJECT`; and an eighth of the mean square of
+    their differences of depth (S,) m², 0 without a neighbour. On a slope that is the variance of a
+    point that is half a stixel's step off. `left` (S,) are the first columns, ascending, multiples
+    of `width`; `depth` (S,) is in m.
     """
     count = np.zeros(len(left), dtype=np.int64)
     squares = np.zeros(len(left))
@@ -209,10 +197,7 @@ def unevenness(left: np.ndarray, depth: np.ndarray, width: int) -> np.ndarray:
     A sixth of the mean square of z₋ - 2 z + z₊ over the stixels of one object, up to `UNEVEN_REACH`
     on either side: that is the variance of one z if their errors are independent. A slope has none,
     wheels, limbs and a matcher's noise have some; 0 where no three stixels follow each other.
-
-    Args:
-        left: (S,) first columns, ascending, multiples of `width`.
-        depth: (S,) m.
+    The arguments are those of `surroundings`.
     """
     n = len(left)
     same = (np.diff(left) <= 2 * width) & (np.abs(np.diff(depth)) < SAME_OBJECT)

@@ -42,33 +42,25 @@ def find_free_space(
     they are the image's.
     """
     grid = layout(occupancy, rig, disparities.count)
-    found: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
-    unknown: list[np.ndarray] = []
+    found, before = [], None
     if previous is not None:
-        last = (previous.disparity[-1], previous.base_row[-1], previous.road[-1])
+        before = previous.disparity[-1], previous.base_row[-1], previous.road[-1]
     for k in frames:
         columns = cv2.transpose(disparities.raw(k - disparities.first))
-        camera = (
-            rig.pitch_radians + ego_motion.pitches[k],
-            rig.camera_height + ego_motion.heights[k],
-        )
-        line = find_road(columns, disparities.count, rig, road, *camera)
+        pitch = rig.pitch_radians + ego_motion.pitches[k]
+        height = rig.camera_height + ego_motion.heights[k]
+        line = find_road(columns, disparities.count, rig, road, pitch, height)
         expected = None
-        if found or previous is not None:
-            before = found[-1] if found else last
+        if before is not None:
             expected = expected_depth(*before, rig, *ego_motion.poses_world[[k - 1, k]])
         obstacle = nearest_obstacle(columns, line, expected, road, grid, free_space)
         base_row = obstacle_base(obstacle, line, rig)
-        found.append((obstacle, base_row, line))
-        unknown.append(unknown_rows(columns, base_row, line, road, grid, free_space))
-    width = rig.width
-    return FreeSpace(
-        first=frames.start,
-        disparity=np.array([f[0] for f in found], dtype=np.float32).reshape(-1, width),
-        base_row=np.array([f[1] for f in found], dtype=np.int32).reshape(-1, width),
-        road=np.array([f[2] for f in found], dtype=np.float64).reshape(-1, 2),
-        unknown_row=np.array(unknown, dtype=np.int32).reshape(-1, width),
-    )
+        before = obstacle, base_row, line
+        found.append((*before, unknown_rows(columns, base_row, line, road, grid, free_space)))
+    kinds = (np.float32, np.int32, np.float64, np.int32)
+    arrays = (np.array([one[i] for one in found], dtype=kind) for i, kind in enumerate(kinds))
+    widths = (rig.width, rig.width, 2, rig.width)
+    return FreeSpace(frames.start, *(a.reshape(-1, w) for a, w in zip(arrays, widths, strict=True)))
 
 
 def obstacle_base(obstacle: np.ndarray, line: np.ndarray, rig: Rig) -> np.ndarray:
@@ -127,11 +119,7 @@ def unknown_rows(
     too little of it has a disparity, or a wrong one: a dark car that mirrors the street. Rows count
     from the bottom of the image up to the column's obstacle, or to the road at
     `grid.occupancy.farthest` m. `EDGE` columns on either side are unknown from the same row.
-
-    Args:
-        columns: (W, H) int16 raw disparities, column by column.
-        base_row: (W,) a frame of `FreeSpace`.
-        line: (2,) the road's disparity a v + b, px.
+    `base_row` (W,) is that of a frame of `FreeSpace`.
     """
     rig = grid.rig
     of_road = line[0] * np.arange(rig.height) + line[1]

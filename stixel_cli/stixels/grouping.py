@@ -55,6 +55,9 @@ def group_columns(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Areas and disparities of one frame's stixels.
 
+    Areas (S, 4) int64: left, right (exclusive), top, base; values (S, 2) float64: disparity px,
+    mean row of the pixels in the window.
+
     A group of columns is a stixel if at least half of them have an obstacle. The columns of the
     group whose obstacle is within `window` of the median one's, in disparity, make it up: its
     top is the median of theirs. The disparities within the window in their areas, from `head`
@@ -66,10 +69,6 @@ def group_columns(
         columns, scale, count: as in `Frame`.
         layer: the obstacles.
         grouping: how they are grouped.
-
-    Returns:
-        areas (S, 4) int64: left, right (exclusive), top, base; values (S, 2) float64: disparity
-        px, mean row of the pixels in the window.
     """
     width, height = columns.shape
     groups = (width + grouping.stixel_width - 1) // grouping.stixel_width
@@ -219,10 +218,8 @@ def _vote(
     """Add up a stixel's disparities: of the first `n` columns in `members`.
 
     They are added to the empty `histogram` and, row by row, to the empty `count` and `total` (H,).
-
-    Returns:
-        The first and the last bin, the first and the last row that are not empty, and the sum of
-        the pixels' rows.
+    The result is the first and the last bin, the first and the last row that are not empty, and the
+    sum of the pixels' rows.
     """
     bins = len(histogram)
     least, most, first, last, rows = bins, -1, len(count), -1, 0

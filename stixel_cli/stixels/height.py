@@ -11,6 +11,7 @@ from numba import njit
 
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.stereo.disparities import SUBPIXELS
+from stixel_cli.stixels.kernel import returning
 from stixel_cli.stixels.parameters import HeightParameters
 from stixel_cli.stixels.road import pitch_factors
 
@@ -20,10 +21,8 @@ class Frame:
     """One frame's disparities, and the road and the nearest obstacles in them.
 
     Attributes:
-        columns: (W, H) int16 raw disparities, column by column.
-        count: number of disparities searched.
+        columns, count, line: see the package.
         obstacle, base_row: (W,) a frame of `FreeSpace`.
-        line: (2,) the road's disparity a v + b, px.
         rig: the cameras.
     """
 
@@ -79,27 +78,14 @@ def _power_of_two(y):
     return p * p
 
 
-def membership_costs(
-    columns: np.ndarray,
-    obstacle: np.ndarray,
-    window: np.ndarray,
-    base_row: np.ndarray,
-    scale: np.ndarray,
-) -> np.ndarray:
+@returning(lambda raw, *_: (np.empty(raw.shape, np.float32), np.empty(raw.shape[1], np.float32)))
+@njit(cache=True, nogil=True, error_model="numpy")
+def membership_costs(cost, membership, columns, obstacle, window, base_row, scale):
     """Costs (W, H) float32 of a top in row v: C(u, v) of thesis (14), in rows 0 … base_row.
 
     Membership is 2 ** (1 - ((d - obstacle[u]) / window[u]) ** 2) - 1, d = raw * scale[v], and zero
     where there is no disparity. Other rows and free columns (base_row < 0) are not written.
     """
-    cost = np.empty(columns.shape, dtype=np.float32)
-    membership = np.empty(columns.shape[1], dtype=np.float32)
-    _membership_costs(cost, membership, columns, obstacle, window, base_row, scale)
-    return cost
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _membership_costs(cost, membership, columns, obstacle, window, base_row, scale):
-    """Write `membership_costs`; `membership` (H,) float32 is working memory."""
     width = len(columns)
     one = np.float32(1.0)
     for u in range(width):
@@ -123,21 +109,16 @@ def _membership_costs(cost, membership, columns, obstacle, window, base_row, sca
             of_column[v] = np.float32(2.0) * of_column[v] - above
 
 
-def cheapest_tops(cost: np.ndarray, base_row: np.ndarray, tied: np.ndarray) -> np.ndarray:
+@returning(
+    lambda cost, *_: (np.empty(len(cost), np.int32), *np.empty((2, cost.shape[1]), np.float32))
+)
+@njit(cache=True, nogil=True, error_model="numpy")
+def cheapest_tops(tops, below, above, cost, base_row, tied):
     """Rows (W,) int32 of least sum of cost[u, v_u] + tied[u] |v_u - v_{u + 1}|.
 
     v_u is in 0 … base_row[u]; free columns (base_row < 0) get -1 and end the chain. Exact in
     O(pixels) by the distance transform of a linear cost. Overwrites `cost` (W, H) float32.
     """
-    width, height = cost.shape
-    tops = np.empty(width, dtype=np.int32)
-    _cheapest_tops(tops, *np.empty((2, height), dtype=np.float32), cost, base_row, tied)
-    return tops
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _cheapest_tops(tops, below, above, cost, base_row, tied):
-    """Write `cheapest_tops`; `below` and `above` (H,) float32 are working memory."""
     width = len(cost)
     for u in range(1, width):
         rows, rows_before = base_row[u] + 1, base_row[u - 1] + 1

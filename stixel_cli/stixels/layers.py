@@ -50,15 +50,9 @@ def layers_behind(
 ) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """For each layer behind the nearest obstacles: disparity, top and base row of each column.
 
-    Args:
-        frame: whose nearest obstacles are known.
-        stixel_width: columns of a group; they have the same layers.
-        depth_margin: least difference in depth of two layers, m.
-        least_height: of an object above the road, m.
-
-    Returns:
-        (W,) float32 px, NaN without such an object, and int32 rows, both inclusive, base -1
-        without.
+    They are (W,) float32 px, NaN without such an object, and int32 rows, both inclusive, base -1
+    without. The `stixel_width` columns of a group have the same layers. `depth_margin`, m, is the
+    least difference in depth of two layers, `least_height`, m, that of an object above the road.
     """
     rig, line, (width, height) = frame.rig, frame.line, frame.columns.shape
     found = np.full((BEHIND, width), np.nan, dtype=np.float32)

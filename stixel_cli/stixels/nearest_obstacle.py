@@ -8,6 +8,7 @@ first. The depths of the rows need not be even.
 import numpy as np
 from numba import njit
 
+from stixel_cli.stixels.kernel import returning
 from stixel_cli.stixels.occupancy import BINS_PER_PIXEL, Layout, accumulate, to_polar
 from stixel_cli.stixels.parameters import FreeSpaceParameters, RoadParameters
 
@@ -23,8 +24,7 @@ def nearest_obstacle(
     """Pitch-compensated disparity (W,) float32 px of each column's nearest obstacle; NaN: free.
 
     Args:
-        columns: (W, H) int16 raw disparities, column by column.
-        line: (2,) the road's disparity a v + b, px.
+        columns, line: see the package.
         expected: (W,) depths of the last solution in this frame, m, NaN where unknown; or None.
         grid: `layout` for these disparities.
     """
@@ -38,46 +38,27 @@ def nearest_obstacle(
         free_space.obstacle_height * grid.disparities / rig.baseline * (rig.focal_v / rig.focal),
     )
     requirement = (pixels * grid.peaks).astype(np.float32)
-    costs = cell_costs(
-        values,
-        np.float32(1.0) / requirement,
-        np.float32(free_space.cost_bound),
-        np.float32(free_space.free_cost),
-    )
+    bounds = np.float32([free_space.cost_bound, free_space.free_cost])
+    costs = cell_costs(values, np.float32(1.0) / requirement, *bounds)
     # "No obstacle" is one row behind the grid.
     depths = np.append(grid.depths, 2.0 * grid.depths[-1] - grid.depths[-2]).astype(np.float32)
     if expected is not None and free_space.temporal_cost > 0:
-        add_temporal(
-            costs,
-            depths,
-            expected.astype(np.float32),
-            np.float32(free_space.temporal_cost),
-            np.float32(free_space.temporal_limit),
-        )
-    path = cheapest_path(
-        costs, depths, np.float32(free_space.spatial_cost), np.float32(free_space.spatial_limit)
-    )
+        temporal = np.float32([free_space.temporal_cost, free_space.temporal_limit])
+        add_temporal(costs, depths, expected.astype(np.float32), *temporal)
+    spatial = np.float32([free_space.spatial_cost, free_space.spatial_limit])
+    path = cheapest_path(costs, depths, *spatial)
     return refine(path, histogram, grid.disparities, grid.reaches, BINS_PER_PIXEL)
 
 
-def cell_costs(
-    occupancy: np.ndarray, inverse_requirement: np.ndarray, bound: np.float32, free_cost: np.float32
-) -> np.ndarray:
+@returning(lambda cells, _, bound, __: np.full((len(cells), cells.shape[1] + 1), bound, np.float32))
+@njit(cache=True, nogil=True, error_model="numpy")
+def cell_costs(costs, occupancy, inverse_requirement, bound, free_cost):
     """Costs (W, R + 1) float32 of the cells: 1 / D, at most `bound`; the last row: `free_cost`.
 
     D is the occupancy (W, R) times `inverse_requirement` (R,), 1 for the least obstacle. The
     background is subtracted: behind the first maximum of at least 1, and the slope behind it that
     belongs to it, every cell is empty.
     """
-    width, rows = occupancy.shape
-    costs = np.full((width, rows + 1), bound, dtype=np.float32)
-    _cell_costs(costs, occupancy, inverse_requirement, bound, free_cost)
-    return costs
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _cell_costs(costs, occupancy, inverse_requirement, bound, free_cost):
-    """Write those of the costs of `cell_costs` that are below `bound`, and the last row."""
     width, rows = occupancy.shape
     least = np.float32(1.0) / np.float32(bound)
     for u in range(width):
@@ -107,25 +88,20 @@ def add_temporal(costs, depths, expected, cost, limit):
                 costs[u, j] += cost * min(abs(depths[j] - z), limit)
 
 
-def cheapest_path(
-    costs: np.ndarray, depths: np.ndarray, cost: np.float32, limit: np.float32
-) -> np.ndarray:
+@returning(
+    lambda costs, *_: (
+        np.empty(len(costs), np.int32),
+        np.empty(costs.shape, np.float32),
+        *np.empty((3, costs.shape[1]), np.float32),
+    )
+)
+@njit(cache=True, nogil=True, error_model="numpy")
+def cheapest_path(path, total, slope, below, above, costs, depths, cost, limit):
     """Rows (W,) int32 of least sum of costs[u, j_u] + `cost` min(|z_j - z_l|, `limit`).
 
     `depths` (R + 1,) ascending. Exact in O(W R): the truncated linear cost of the step is a
     distance transform (Felzenszwalb, Huttenlocher 2012), which is valid for uneven depths as well.
     """
-    width, rows = costs.shape
-    path = np.empty(width, dtype=np.int32)
-    total = np.empty((width, rows), dtype=np.float32)
-    slope, below, above = np.empty((3, rows), dtype=np.float32)
-    _cheapest_path(path, total, slope, below, above, costs, depths, cost, limit)
-    return path
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _cheapest_path(path, total, slope, below, above, costs, depths, cost, limit):
-    """Write `cheapest_path`; `total` (W, R + 1) and the next three (R + 1,) are working memory."""
     width, rows = costs.shape
     for j in range(rows):
         slope[j] = cost * depths[j]
@@ -159,26 +135,14 @@ def _cheapest_path(path, total, slope, below, above, costs, depths, cost, limit)
         path[u] = row
 
 
-def refine(
-    path: np.ndarray,
-    histogram: np.ndarray,
-    disparities: np.ndarray,
-    reach: np.ndarray,
-    bins_per_pixel: int,
-) -> np.ndarray:
+@returning(lambda path, *_: np.empty(len(path), dtype=np.float32))
+@njit(cache=True, nogil=True, error_model="numpy")
+def refine(refined, path, histogram, disparities, reach, bins_per_pixel):
     """Disparity (W,) float32 of the obstacles in px, finer than the rows; NaN without an obstacle.
 
     Mean of the column's histogram (W, bins) within `reach` (R,) px of the row's disparity, or that
     disparity itself where no vote is so near. `path` (W,) with R for "no obstacle".
     """
-    refined = np.empty(len(path), dtype=np.float32)
-    _refine(refined, path, histogram, disparities, reach, bins_per_pixel)
-    return refined
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _refine(refined, path, histogram, disparities, reach, bins_per_pixel):
-    """Write `refine`."""
     width, bins = histogram.shape
     for u in range(width):
         j = path[u]

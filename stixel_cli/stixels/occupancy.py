@@ -16,6 +16,7 @@ from scipy.special import ndtr
 
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.stereo.disparities import SUBPIXELS, Disparities
+from stixel_cli.stixels.kernel import returning
 from stixel_cli.stixels.parameters import OccupancyParameters, RoadParameters
 from stixel_cli.stixels.road import obstacle_limits, pitch_factors
 from stixel_cli.stixels.types import FreeSpace, OccupancyGrid
@@ -77,6 +78,10 @@ def layout(occupancy: OccupancyParameters, rig: Rig, count: int) -> Layout:
     # Γ at the cell: the matcher's noise, and the obstacle's own surface, which is not upright.
     std = np.hypot(occupancy.disparity_std, occupancy.relief * disparities / depths)
     likelihoods = cell_likelihoods(count, lower, upper, std)
+    filled = likelihoods > 0
+    ends = likelihoods.shape[1] - np.argmax(filled[:, ::-1], axis=1)
+    # The best that a pixel can do: right in the middle of the cell.
+    peaks = (2.0 * ndtr(0.5 * (upper - lower) / std) - 1.0) / (upper - lower)
     return Layout(
         occupancy=occupancy,
         rig=rig,
@@ -84,16 +89,9 @@ def layout(occupancy: OccupancyParameters, rig: Rig, count: int) -> Layout:
         disparities=disparities.astype(np.float32),
         reaches=(0.5 * (upper - lower) + 2.0 * std).astype(np.float32),
         likelihoods=likelihoods,
-        first=np.argmax(likelihoods > 0, axis=1).astype(np.int32),
-        last=np.where(
-            (likelihoods > 0).any(axis=1),
-            likelihoods.shape[1] - np.argmax(likelihoods[:, ::-1] > 0, axis=1),
-            0,
-        ).astype(np.int32),
-        # The best that a pixel can do: right in the middle of the cell.
-        peaks=((2.0 * ndtr(0.5 * (upper - lower) / std) - 1.0) / (upper - lower)).astype(
-            np.float32
-        ),
+        first=np.argmax(filled, axis=1).astype(np.int32),
+        last=np.where(filled.any(axis=1), ends, 0).astype(np.int32),
+        peaks=peaks.astype(np.float32),
         laterals=laterals.astype(np.float32),
     )
 
@@ -115,15 +113,9 @@ def cell_likelihoods(
 def accumulate(
     columns: np.ndarray, line: np.ndarray, road: RoadParameters, grid: Layout
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Histogram and occupancy of one frame.
+    """Histogram (W, bins) uint16 of one frame's obstacle pixels, and its occupancy.
 
-    Args:
-        columns: (W, H) int16 raw disparities, column by column.
-        line: (2,) the road's disparity a v + b.
-
-    Returns:
-        Histogram (W, bins) uint16 of the obstacle pixels, and occupancy (W, R) float32 (1/px), or
-        (C, R) float32 (1/px²) for a Cartesian grid.
+    That is (W, R) float32 (1/px), or (C, R) float32 (1/px²) for a Cartesian grid.
     """
     rig, occupancy, bins = grid.rig, grid.occupancy, len(grid.likelihoods)
     lowest, highest = obstacle_limits(line, rig, road, bins // BINS_PER_PIXEL)
@@ -154,24 +146,17 @@ def to_polar(cartesian: np.ndarray, grid: Layout) -> np.ndarray:
     return polar
 
 
-def column_histograms(
-    columns: np.ndarray, lowest: np.ndarray, highest: np.ndarray, scale: np.ndarray, bins: int
-) -> np.ndarray:
+@returning(
+    lambda columns, lowest, highest, scale, bins: np.zeros((len(columns), bins), dtype=np.uint16)
+)
+@njit(cache=True, nogil=True, error_model="numpy")
+def column_histograms(histogram, columns, lowest, highest, scale, bins):
     """Histograms (W, bins) uint16 of the obstacle pixels' pitch-compensated disparities.
 
     `columns` (W, H) int16 raw; a pixel counts if lowest[v] <= raw <= highest[v], in the bin
     round(raw * scale[v]).
     """
-    histogram = np.zeros((len(columns), bins), dtype=np.uint16)
-    _count_obstacles(histogram, columns, lowest, highest, scale)
-    return histogram
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _count_obstacles(histogram, columns, lowest, highest, scale):
-    """Add up `column_histograms`."""
     width, height = columns.shape
-    bins = histogram.shape[1]
     top, end = 0, height
     while top < end and lowest[top] > highest[top]:
         top += 1
@@ -186,18 +171,10 @@ def _count_obstacles(histogram, columns, lowest, highest, scale):
                 of_column[min(np.int32(raw * scale[v] + half), bins - 1)] += 1
 
 
-def fill(
-    histogram: np.ndarray, likelihoods: np.ndarray, first: np.ndarray, last: np.ndarray
-) -> np.ndarray:
-    """Occupancy (W, R) float32: each column's histogram (W, bins) times likelihoods (bins, R)."""
-    values = np.zeros((len(histogram), likelihoods.shape[1]), dtype=np.float32)
-    _add_likelihoods(values, histogram, likelihoods, first, last)
-    return values
-
-
+@returning(lambda votes, likelihoods, *_: np.zeros((len(votes), likelihoods.shape[1]), np.float32))
 @njit(cache=True, nogil=True, error_model="numpy")
-def _add_likelihoods(values, histogram, likelihoods, first, last):
-    """Add up `fill`."""
+def fill(values, histogram, likelihoods, first, last):
+    """Occupancy (W, R) float32: each column's histogram (W, bins) times likelihoods (bins, R)."""
     width, bins = histogram.shape
     for u in range(width):
         of_column = values[u]
@@ -209,24 +186,15 @@ def _add_likelihoods(values, histogram, likelihoods, first, last):
                     of_column[j] += votes * row[j]
 
 
-def spread_laterally(
-    polar: np.ndarray, starts: np.ndarray, widths: np.ndarray, cells: int, std: float
-) -> np.ndarray:
+@returning(lambda polar, starts, widths, cells, std: np.zeros((cells, polar.shape[1]), np.float32))
+@njit(cache=True, nogil=True, error_model="numpy")
+def spread_laterally(values, polar, starts, widths, cells, std):
     """Cartesian occupancy (cells, R) float32 of a polar one (W, R).
 
     Each column's value is spread by the normal density in u, averaged over the cells. In row j the
     first cell begins at starts[j] and each is widths[j] wide, px; `std` in px.
     """
-    values = np.zeros((cells, polar.shape[1]), dtype=np.float32)
-    _spread_laterally(values, polar, starts, widths, std)
-    return values
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _spread_laterally(values, polar, starts, widths, std):
-    """Add up `spread_laterally`."""
     width, rows = polar.shape
-    cells = len(values)
     root = np.sqrt(0.5) / std
     reach = REACH * std
     for u in range(width):
@@ -258,13 +226,12 @@ def picture_grid(
     columns = np.ascontiguousarray(disparities.raw(index).T)
     line = free_space.road[frame - free_space.first]
     grid = layout(occupancy, rig, disparities.count)
+    image_columns = np.arange(rig.width, dtype=np.float32)
     _, values = accumulate(columns, line, road, grid)
     return OccupancyGrid(
         kind=occupancy.kind,
         values=np.ascontiguousarray(values.T),
         depths=grid.depths,
         disparities=grid.disparities,
-        laterals=grid.laterals
-        if occupancy.kind == "cartesian"
-        else np.arange(rig.width, dtype=np.float32),
+        laterals=grid.laterals if occupancy.kind == "cartesian" else image_columns,
     )

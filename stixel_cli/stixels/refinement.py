@@ -3,6 +3,8 @@
 import numpy as np
 from numba import njit
 
+from stixel_cli.stixels.kernel import returning
+
 PAD = 2
 """Columns of the patch on either side of the stixel: a few columns have too little texture."""
 
@@ -19,14 +21,11 @@ MOST_ROWS = 32
 """More rows of a patch cost time and add little; then they are evenly spaced."""
 
 
-def aligned(
-    images: tuple[np.ndarray, np.ndarray],
-    columns: np.ndarray,
-    areas: np.ndarray,
-    disparities: np.ndarray,
-    scale: np.ndarray,
-    errors: np.ndarray,
-) -> np.ndarray:
+@returning(
+    lambda left, right, columns, areas, given, *_: (given.copy(), np.empty(len(left), np.int64))
+)
+@njit(cache=True, nogil=True, error_model="numpy")
+def aligned(found, rows, left, right, columns, areas, disparities, scale, errors):
     """Disparities (S,) float64 px for which the stixels' patches in both images agree best.
 
     Gauss-Newton on the sum of squared differences, without their mean, with one disparity for the
@@ -37,22 +36,13 @@ def aligned(
     away, the given disparity stays.
 
     Args:
-        images: left and right (H, W) uint8.
+        left, right: images (H, W) uint8.
         columns: (W, H) int16 raw disparities; pitch-compensated disparity is raw * scale[v] px.
         areas: (S, 4) left, right (exclusive), top and base row.
         disparities: (S,) pitch-compensated, px.
         scale: (H,) float32.
         errors: (W,) px, by which disparities in the images are greater; see `Rig.disparity_errors`.
     """
-    found = disparities.copy()
-    rows = np.empty(columns.shape[1], dtype=np.int64)
-    _align(found, rows, *images, columns, areas, disparities, scale, errors)
-    return found
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _align(found, rows, left, right, columns, areas, disparities, scale, errors):
-    """Write those of `aligned` that are not the given ones; `rows` (H,) is working memory."""
     width = len(columns)
     for s in range(len(areas)):
         start = disparities[s]

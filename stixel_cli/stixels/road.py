@@ -18,6 +18,7 @@ from numba import njit
 
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.stereo.disparities import SUBPIXELS, Disparities
+from stixel_cli.stixels.kernel import returning
 from stixel_cli.stixels.parameters import EstimatedRoad, RoadParameters
 
 STEPS = 41
@@ -112,12 +113,9 @@ def find_road(
     pixels vote (the v-disparity histogram of Labayrade, Aubert, Tarel 2002), refined by least
     squares over the pixels near it. Without a vote it is the rig's.
 
-    Args:
-        columns: (W, H) int16 raw disparities, column by column.
-        count: number of disparities searched.
-        pitch: of the camera in this frame, rad, and height: m above the road, for a road that is
-            not estimated; by default those of the rig. Poses are no start for the estimate: their
-            errors grow.
+    `pitch`, rad, and `height` above the road, m, of the camera in this frame are for a road that is
+    not estimated; by default they are those of the rig. Poses are no start for the estimate: their
+    errors grow.
     """
     if not isinstance(road, EstimatedRoad):
         pitch = rig.pitch_radians if pitch is None else pitch
@@ -145,16 +143,10 @@ def find_road(
     return line
 
 
-def v_disparity(columns: np.ndarray, count: int, step: int) -> np.ndarray:
-    """Histogram (H, 4 count) int32 of the disparities of each row, in bins of a quarter pixel."""
-    histogram = np.zeros((columns.shape[1], 4 * count), dtype=np.int32)
-    _count_disparities(histogram, columns, step)
-    return histogram
-
-
+@returning(lambda columns, count, step: np.zeros((columns.shape[1], 4 * count), dtype=np.int32))
 @njit(cache=True, nogil=True, error_model="numpy")
-def _count_disparities(histogram, columns, step):
-    """Add up `v_disparity`."""
+def v_disparity(histogram, columns, count, step):
+    """Histogram (H, 4 count) int32 of the disparities of each row, in bins of a quarter pixel."""
     width, height = columns.shape
     for u in range(0, width, step):
         for v in range(height):

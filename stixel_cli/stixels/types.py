@@ -78,13 +78,9 @@ class Stixels:
         """
         height_min, height_max, range_min, range_max = gates
         ranges = np.hypot(self.points_ego[:, 0], self.points_ego[:, 1])
-        return (
-            (self.height >= height_min)
-            & (self.height <= height_max)
-            & (ranges >= range_min)
-            & (ranges <= range_max)
-            & np.isfinite(self.covariances_ego).all(axis=(1, 2))
-        )
+        inside = (self.height >= height_min) & (self.height <= height_max)
+        inside &= (ranges >= range_min) & (ranges <= range_max)
+        return inside & np.isfinite(self.covariances_ego).all(axis=(1, 2))
 
 
 @dataclass(frozen=True)

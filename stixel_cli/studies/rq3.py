@@ -6,7 +6,7 @@ from dataclasses import asdict, fields
 import pandas as pd
 
 from stixel_cli.answers.runs import Runs
-from stixel_cli.measurements.noise import FittedNoise
+from stixel_cli.measurements.rays import FittedNoise
 from stixel_cli.results.reader import listed
 from stixel_cli.results.result import RunResult
 from stixel_cli.studies.report import Material, StudyData, frame_of, with_columns

@@ -206,12 +206,9 @@ def called_free(
 ) -> np.ndarray:
     """Columns (W,) bool in which a true obstacle nearer than `within` m is called free.
 
-    The found obstacle is more than `ELSEWHERE` m behind the true one, and no part of the column is
-    unknown: later stages take a column with an unknown part as unknown.
-
-    Args:
-        free_space: found; its `index`-th frame counts.
-        obstacles: (W,) m, see `true_obstacles`.
+    In the `index`-th frame the found obstacle is more than `ELSEWHERE` m behind the true one of
+    `true_obstacles`, and no part of the column is unknown: later stages take a column with an
+    unknown part as unknown.
     """
     disparity = free_space.disparity[index].astype(np.float64)
     found = np.where(np.isnan(disparity), np.inf, rig.depth_from_disparity(disparity))

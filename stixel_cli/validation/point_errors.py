@@ -21,7 +21,7 @@ import numpy as np
 from stixel_cli.geometry.polygon import first_hits
 from stixel_cli.geometry.pose import rotation
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.measurements.noise import range_sensitivity
+from stixel_cli.measurements.rays import range_sensitivity
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.scenario import Scenario
 
@@ -80,51 +80,47 @@ def point_errors(scans: Scans, scenario: Scenario, rig: Rig) -> PointErrors:
     """
     if not np.array_equal(scans.times, scenario.times):
         raise ValueError("the times of the scans differ from those of the scenario")
-    count = len(scans)
-    points, columns, spans = [], [], []
-    clutter = np.zeros(count, dtype=np.int64)
-    for k in range(count):
-        pose = scenario.ego_poses_world[k]
-        turn = rotation(pose[2])
+    found = []
+    for k, pose in enumerate(scenario.ego_poses_world):
+        turn, points = rotation(pose[2]), scans.points_world[scans.rows(k)]
         contour = scenario.contour_world(k)
-        rows, its_columns, span, clutter[k] = _of_scan(
-            (contour - pose[:2]) @ turn, (scans.points_world[scans.rows(k)] - pose[:2]) @ turn, rig
-        )
-        points.append(np.vstack([np.full((1, rows.shape[1]), k), rows]))
-        columns.append(np.vstack([np.full((1, its_columns.shape[1]), k), its_columns]))
-        spans.append(span)
-    rows, its_columns = np.hstack(points), np.hstack(columns)
-    scan, column = rows[0].astype(np.int64), rows[1]
-    apart = np.diff(column)[np.diff(scan) == 0]
+        found.append(_of_scan((contour - pose[:2]) @ turn, (points - pose[:2]) @ turn, rig))
+    rows, seeing, spans, clutter = zip(*found, strict=True)
+    apart = np.concatenate([np.diff(own[0]) for own in rows])
     spacing = float(np.median(apart)) if len(apart) else np.nan
-    # How far the outermost points go beyond the silhouette's ends.
-    reach = np.full((2, count), np.nan)
-    for k, span in enumerate(spans):
-        own = column[scan == k]
+    reach, covered = np.full((2, len(scans)), np.nan), []
+    for k, ((own, *_), middles, (first, last, _)) in enumerate(
+        zip(rows, seeing, spans, strict=True)
+    ):
+        covered.append(np.zeros(len(middles), dtype=bool))
         if len(own) and np.isfinite(spacing):
-            reach[:, k] = span[0] - own[0] + 0.5 * spacing, own[-1] + 0.5 * spacing - span[1]
+            # How far the outermost points go beyond the silhouette's ends.
+            reach[:, k] = first - own[0] + 0.5 * spacing, own[-1] + 0.5 * spacing - last
+            away = np.abs(own - middles[:, None]).min(axis=1)
+            covered[k] = away <= 0.5 * spacing + 1e-6
+    column, along, disparities, sensitivities, inside = np.hstack(rows)
     return PointErrors(
         times=np.array(scenario.times, dtype=np.float64),
         spacing=spacing,
-        scans=scan,
+        scans=np.repeat(np.arange(len(scans)), [own.shape[1] for own in rows]),
         columns=column,
-        along=rows[2],
-        disparities=rows[3],
-        range_sensitivities=rows[4],
-        inside=rows[5],
-        covered=_covered(its_columns[0], its_columns[1], scan, column, spacing),
+        along=along,
+        disparities=disparities,
+        range_sensitivities=sensitivities,
+        inside=inside,
+        covered=np.concatenate(covered),
         reach_left=reach[0],
         reach_right=reach[1],
         columns_per_metre=np.array([span[2] for span in spans], dtype=np.float64),
-        clutter=clutter,
+        clutter=np.array(clutter, dtype=np.int64),
     )
 
 
 def _of_scan(
     contour: np.ndarray, points: np.ndarray, rig: Rig
 ) -> tuple[np.ndarray, np.ndarray, tuple[float, float, float], int]:
-    """Rows of the target's points (5, n) and its columns (1, c), the silhouette's span, clutter."""
-    unseen = np.zeros((5, 0)), np.zeros((1, 0)), (np.nan, np.nan, np.nan), 0
+    """Rows of the target's points (5, n) and its columns (c,), the silhouette's span, clutter."""
+    unseen = np.zeros((5, 0)), np.zeros(0), (np.nan, np.nan, np.nan), 0
     if contour[:, 0].min() < _BEHIND:
         return unseen
     left, right = -0.5 - rig.u0, rig.width - 0.5 - rig.u0
@@ -161,12 +157,9 @@ def _of_scan(
     at_ends = ranges_along(contour, -np.arctan(ends / rig.focal))
     per_metre = (rig.focal + ends**2 / rig.focal) / at_ends
     margin = np.minimum(seeing - low, high - seeing)
-    its_columns = seeing[None, margin >= 0.5 - 1e-9]
-    span = (
-        first if first > left else np.nan,
-        last if last < right else np.nan,
-        float(per_metre.mean()),
-    )
+    its_columns = seeing[margin >= 0.5 - 1e-9]
+    first, last = np.where([first > left, last < right], [first, last], np.nan)
+    span = first, last, float(per_metre.mean())
     return rows, its_columns, span, np.count_nonzero(~own & (inside > 0.0))
 
 
@@ -174,17 +167,3 @@ def ranges_along(contour_sensor: np.ndarray, bearings: np.ndarray) -> np.ndarray
     """Range (n,) m to the first crossing along `bearings` (n,) rad, infinite without a crossing."""
     directions = np.stack([np.cos(bearings), np.sin(bearings)], axis=-1)
     return first_hits(contour_sensor, np.zeros(2), directions)
-
-
-def _covered(column_scan, seeing, scan, column, spacing):
-    """Whether a point of the same scan is within half of `spacing` of each column."""
-    if len(column) == 0 or not np.isfinite(spacing):
-        return np.zeros(len(seeing), dtype=bool)
-    # One row of scans far apart, so that a neighbour is one of the same scan.
-    far = 4.0 * (np.abs(column).max() + np.abs(seeing).max() + 1.0)
-    points = np.sort(column + far * scan)
-    places = seeing + far * column_scan
-    after = np.clip(np.searchsorted(points, places), 0, len(points) - 1)
-    before = np.maximum(after - 1, 0)
-    distance = np.minimum(np.abs(points[after] - places), np.abs(points[before] - places))
-    return distance <= 0.5 * spacing + 1e-6

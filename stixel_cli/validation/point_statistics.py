@@ -9,7 +9,7 @@ import numpy as np
 
 from stixel_cli.errors import UserError
 from stixel_cli.evaluation.scan_errors import finite_mean
-from stixel_cli.measurements.noise import FittedNoise
+from stixel_cli.measurements.rays import FittedNoise
 from stixel_cli.validation.point_errors import PointErrors
 
 _FEWEST = 10
@@ -96,16 +96,15 @@ def fit_noise(runs: Sequence[PointErrors]) -> FittedNoise:
     Raises:
         UserError: if the runs have too few points between the ends of the silhouette.
     """
-    outermost = np.concatenate([_outermost(run) for run in runs])
-    scans, first = [], 0
-    for run in runs:
-        scans.append(run.scans + first)
-        first += len(run.times)
-    scan = np.concatenate(scans)
+    first = np.cumsum([0, *(len(run.times) for run in runs)])
+    scan = np.concatenate([run.scans + first[i] for i, run in enumerate(runs)])
     column, along, sensitivity, inside = (
         np.concatenate([getattr(run, name) for run in runs])
         for name in ("columns", "along", "range_sensitivities", "inside")
     )
+    # The first and the last point of each scan.
+    starts = np.diff(scan, prepend=-1) != 0
+    outermost = starts | np.roll(starts, -1)
     core = (inside > 0.0) & ~outermost
     if np.count_nonzero(core) < _FEWEST:
         raise UserError(
@@ -135,12 +134,6 @@ def fit_noise(runs: Sequence[PointErrors]) -> FittedNoise:
         missed_share=_rounded(missed_share, 0.0, 0.99),
         missed_columns=_rounded(missed_columns, 1.0, 1000.0),
     )
-
-
-def _outermost(run: PointErrors) -> np.ndarray:
-    """Which points (N,) are the first or the last of their scan."""
-    starts = np.diff(run.scans, prepend=-1) != 0
-    return starts | np.roll(starts, -1)
 
 
 def _correlation_columns(

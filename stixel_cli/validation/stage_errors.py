@@ -102,15 +102,14 @@ def stage_errors(
         covered, errors = stixel_errors(stixels, k - stixels.first, truth, rig)
         of_stixels += errors
         path = obstacles.disparity[k - obstacles.first]
-        rows.append(
-            {
-                "depth": nearest.min() if len(nearest) else np.nan,
-                **disparity_errors(disparities.pixels(k - disparities.first), truth),
-                "columns": len(nearest),
-                "missed": np.sum(missed_columns(path, truth, rig)),
-                "uncovered": np.sum(truth.of_target & ~covered),
-            }
-        )
+        depth = {"depth": nearest.min() if len(nearest) else np.nan}
+        of_pixels = disparity_errors(disparities.pixels(k - disparities.first), truth)
+        of_columns = {
+            "columns": len(nearest),
+            "missed": np.sum(missed_columns(path, truth, rig)),
+            "uncovered": np.sum(truth.of_target & ~covered),
+        }
+        rows.append(depth | of_pixels | of_columns)
     by_name = np.array(of_stixels, dtype=np.float64).reshape(-1, len(STIXEL_COLUMNS)).T
     return StageErrors(
         first=frames.start,
@@ -220,11 +219,8 @@ def frame_truth(
         height = rig.camera_height - depth_camera * (cosine * down + sine)
     obstacle = (ids != ROAD_ID) & (ids != SKY_ID) & np.isfinite(depth_camera)
     obstacle &= (height >= road.least_height) & (height <= road.greatest_height)
-    rows, found = nearest_rows(
-        np.where(obstacle, depth, np.inf),
-        rig.focal_v * free_space.obstacle_height,
-        free_space.obstacle_pixels,
-    )
+    least = rig.focal_v * free_space.obstacle_height, free_space.obstacle_pixels
+    rows, found = nearest_rows(np.where(obstacle, depth, np.inf), *least)
     columns = np.arange(rig.width)
     nearest = depth[rows, columns]
     found &= (nearest >= occupancy.nearest) & (nearest <= occupancy.farthest)

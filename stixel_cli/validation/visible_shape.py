@@ -186,11 +186,8 @@ def _points(scenario: Scenario, scans: Scans, k: int, shape: ClassShape) -> np.n
     outline = first_depths(scaled, aspect, offset[:, None])[:, 0]
     behind = depth - outline
     place = (2.0 * offset - low - high) / (high - low)
-    near = (
-        (offset > low - NEAR_OFFSET)
-        & (offset < high + NEAR_OFFSET)
-        & (np.abs(behind) < np.maximum(NEAR_DEPTH, 3.0 * stds))
-    )
+    near = (offset > low - NEAR_OFFSET) & (offset < high + NEAR_OFFSET)
+    near &= np.abs(behind) < np.maximum(NEAR_DEPTH, 3.0 * stds)
     return np.stack([aspect, offset, low, high, behind, stds, place], axis=-1)[near]
 
 
@@ -205,12 +202,6 @@ def _aspect_weights(aspect: np.ndarray) -> np.ndarray:
     position = (aspect / (2.0 * np.pi) * NODES[0]) % NODES[0]
     gap = np.abs(position[:, None] - np.arange(NODES[0]))
     return np.maximum(1.0 - np.minimum(gap, NODES[0] - gap), 0.0)
-
-
-def _offset_weights(place: np.ndarray) -> np.ndarray:
-    """Weights (n, 9) of the offsets' nodes, linear between two of them."""
-    position = np.clip((place / REACH + 1.0) * 0.5 * (NODES[1] - 1), 0.0, NODES[1] - 1)
-    return np.maximum(1.0 - np.abs(position[:, None] - np.arange(NODES[1])), 0.0)
 
 
 def _penalty(aspects: int, offsets: int) -> np.ndarray:
@@ -234,7 +225,10 @@ def _regression(matrix: np.ndarray, weights: np.ndarray, values: np.ndarray) -> 
 def _depths(rows: np.ndarray) -> tuple[np.ndarray, float, np.ndarray, float]:
     """`depth_biases`, `bias_per_std`, `depth_stds` and `std_factor` of rows as of `_points`."""
     behind, stds = rows[:, 4], rows[:, 5]
-    nodes = np.einsum("ni,nj->nij", _aspect_weights(rows[:, 0]), _offset_weights(rows[:, 6]))
+    # Weights (n, 9) of the offsets' nodes, linear between two of them.
+    position = np.clip((rows[:, 6] / REACH + 1.0) * 0.5 * (NODES[1] - 1), 0.0, NODES[1] - 1)
+    offsets = np.maximum(1.0 - np.abs(position[:, None] - np.arange(NODES[1])), 0.0)
+    nodes = np.einsum("ni,nj->nij", _aspect_weights(rows[:, 0]), offsets)
     nodes = nodes.reshape(len(rows), -1)
     size = nodes.shape[1]
     matrix = np.column_stack([nodes, np.ones(len(rows)), stds])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from stixel_cli import compose
-from stixel_cli.evaluation.upper_bounds import best_star_convex_iou, star_convex_upper_bound
+from stixel_cli.evaluation.contour_errors import best_star_convex_iou, star_convex_upper_bound
 from stixel_cli.scene.ego import ego_motion
 from stixel_cli.scene.path import build_scenario
 from stixel_cli.scene.scenario import is_star_convex

@@ -16,7 +16,8 @@ kernels = {}
 for path in sorted(folder.rglob("*.py")):
     if "import njit" in path.read_text("utf-8"):
         name = ".".join(path.relative_to(folder.parent).with_suffix("").parts)
-        found = vars(importlib.import_module(name)).items()
+        named = vars(importlib.import_module(name)).items()
+        found = [(key, getattr(one, "kernel", one)) for key, one in named]
         kernels |= {f"{name}.{key}": k for key, k in found if hasattr(k, "signatures")}
 assert len(kernels) > 25
 call_kernels()

@@ -6,7 +6,7 @@ import pytest
 from stixel_cli.geometry.pose import ego_from_world, rotation, world_from_target
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.measurements.fabricated import FabricatedParameters, fabricate_scans
-from stixel_cli.measurements.noise import ConstantNoise, FittedNoise, StereoNoise
+from stixel_cli.measurements.rays import ConstantNoise, FittedNoise, StereoNoise
 from stixel_cli.measurements.scans import FieldOfView
 from stixel_cli.scene.scenario import Scenario
 

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.measurements.noise import (
+from stixel_cli.measurements.rays import (
     ConstantNoise,
     FittedNoise,
     StereoNoise,
     measure,
     range_sensitivity,
     range_std,
+    spread_rays,
 )
-from stixel_cli.measurements.rays import spread_rays
 from stixel_cli.randomness import generator
 
 RIG = Rig(4000, 480, 60.0, None, None, None, 0.3, 1.2, 0.0, None)

@@ -103,7 +103,11 @@ DAMAGE = {
     ),
     "short pose": ("pose.txt", lambda f: f.write_text(f.read_text() + "7 0"), "row 12: 19 columns"),
     "no column": ("bbox.txt", lambda f: _put(f, 0, 8, "x"), "the column truncation_ratio is miss"),
-    "NaN": ("pose.txt", lambda f: _put(f, 3, 15, "nan"), "pose.txt: row 4: nan is not finite"),
+    "NaN": (
+        "pose.txt",
+        lambda f: _put(f, 3, 15, "nan"),
+        "row 4: nan must be within ±1e+09",
+    ),
     "twice": ("bbox.txt", lambda f: _put(f, 3, 0, "0"), "row 4: track 4 is labelled twice in fr"),
     "size": ("pose.txt", lambda f: _put(f, 1, 4, "0"), "row 2: height, width and length must be"),
     "no kind": ("info.txt", lambda f: _put(f, 1, 0, "5"), "info.txt: track 4 of pose.txt is miss"),

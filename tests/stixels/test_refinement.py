@@ -27,7 +27,7 @@ def align(left, right, start, scale=None, columns=None, error=0.0):
     scale = np.full(HEIGHT, 1 / 16, dtype=np.float32) if scale is None else scale
     if columns is None:
         columns = np.rint(start / scale).astype(np.int16)[None, :].repeat(WIDTH, axis=0)
-    return aligned((left, right), columns, AREA, np.array([start]), scale, np.full(WIDTH, error))[0]
+    return aligned(left, right, columns, AREA, np.array([start]), scale, np.full(WIDTH, error))[0]
 
 
 @pytest.mark.parametrize("fraction", [0.0, 0.13, 0.3, 0.5, 0.77])
@@ -91,8 +91,7 @@ def test_disparity_stays_where_the_images_say_nothing_better():
     scale = np.full(HEIGHT, 1 / 16, dtype=np.float32)
     columns = np.full((WIDTH, HEIGHT), 115, dtype=np.int16)
     assert (
-        aligned((left, right), columns, left_most, np.array([7.2]), scale, np.zeros(WIDTH))[0]
-        == 7.2
+        aligned(left, right, columns, left_most, np.array([7.2]), scale, np.zeros(WIDTH))[0] == 7.2
     )
 
 

@@ -11,7 +11,7 @@ from pydantic import TypeAdapter
 from stixel_cli.errors import UserError
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.measurements.fabricated import FabricatedParameters, fabricate_scans
-from stixel_cli.measurements.noise import ConstantNoise, FittedNoise
+from stixel_cli.measurements.rays import ConstantNoise, FittedNoise
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.studies.rq3 import preset
 from stixel_cli.validation.point_errors import point_errors

@@ -5,7 +5,7 @@ import pytest
 
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.measurements.fabricated import FabricatedParameters, fabricate_scans
-from stixel_cli.measurements.noise import ConstantNoise, StereoNoise
+from stixel_cli.measurements.rays import ConstantNoise, StereoNoise
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.validation.point_errors import point_errors, ranges_along
