@@ -25,8 +25,7 @@ from stixel_cli.experiment.run import read_stored_run, record_run
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.results.arrays import with_arrays
 from stixel_cli.results.folder import check_results
-from stixel_cli.results.reader import SWEEP_FILE
-from stixel_cli.results.result import RunResult
+from stixel_cli.results.result import SWEEP_FILE, RunResult
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.sweeps.index import update_index
 from stixel_cli.tracking.track import Track
@@ -156,9 +155,9 @@ def sweep(
         >>> frame.groupby("tracker")["iou_mean"].count().to_dict()
         {'box': 2, 'point': 2}
     """
+    from stixel_cli.sweeps.design import sweep_design
     from stixel_cli.sweeps.graphs import plan_sweep
-    from stixel_cli.sweeps.runs import sweep_design
-    from stixel_cli.sweeps.whole import new_sweep
+    from stixel_cli.sweeps.run import new_sweep
 
     machine = starmap(override_text, _of_this_machine(workers, cache).items())
     texts = [*_texts((*overrides, settings), last_wins), *machine]

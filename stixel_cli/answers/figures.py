@@ -17,15 +17,14 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from stixel_cli.answers.answer import FOLDER, STATUS, Answer
+from stixel_cli.answers.runs import FOLDER, STATUS, Answer
 from stixel_cli.errors import UserError
 from stixel_cli.evaluation.intervals import LEAST_UNITS, Bounds, mean_interval
 from stixel_cli.evaluation.scan_errors import LOW_OVERLAP
 from stixel_cli.evaluation.scores import SERIES
 from stixel_cli.pictures import style
 from stixel_cli.report.page import Drawing, drawing_for_page
-from stixel_cli.results.reader import read_series
-from stixel_cli.results.result import DONE
+from stixel_cli.results.result import DONE, read_series
 
 _LETTERS, _MARK, _LINE, _ROW = 13.0, 7, 0.16, 2.25
 """Letters of a legend to an inch; the room of its marks, in letters; heights of a line and of a

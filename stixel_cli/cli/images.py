@@ -104,7 +104,7 @@ def assess(
     from stixel_cli.experiment import assess as assessing
     from stixel_cli.measurements.stixel_file import read_stixels
     from stixel_cli.report.assess import page_html, sentences, value_rows
-    from stixel_cli.report.compare import unused_page
+    from stixel_cli.results.folder import unused_page
 
     arguments = arguments or []
     files = {"calibration": rig, "disparity": disparity, "labels": labels}

@@ -163,7 +163,7 @@ def _names_folder(word: str) -> bool:
     """Whether a word is a path. The default name of a result folder has `=`, as an override has."""
     if "=" not in word:
         return os.sep in word or os.path.isdir(word)
-    # Named as in `results.reader`, which imports NumPy.
+    # Named as in `results.result`, which imports NumPy.
     files = ("manifest.json", "sweep.yaml")
     return any(os.path.isfile(os.path.join(word, file)) for file in files)
 

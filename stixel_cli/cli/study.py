@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stixel_cli.cli import options
-from stixel_cli.cli.plan import estimate_text, plan_content, print_plan
+from stixel_cli.cli.sweep import estimate_text, plan_content, print_plan
 from stixel_cli.cli.terminal import console, print_json, say, say_wrapped, tell
 from stixel_cli.config.folders import STUDIES
 from stixel_cli.errors import ConfigurationError, MissingData, UserError, counted
@@ -63,9 +63,8 @@ def study(
       stixel study all
     """
     from stixel_cli.studies.file import ALL, find_study, read_study
-    from stixel_cli.studies.folder import StudyFolder, study_folder
     from stixel_cli.studies.plan import plan_study
-    from stixel_cli.studies.run import run_study
+    from stixel_cli.studies.run import StudyFolder, run_study, study_folder
     from stixel_cli.sweeps.index import update_index
     from stixel_cli.sweeps.run import SweepInterrupted
 

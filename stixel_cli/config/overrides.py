@@ -4,19 +4,39 @@ Hydra's parser is not public: the project pins Hydra.
 """
 
 import itertools
+import os
 import re
-from collections.abc import Iterator
+import sys
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from decimal import Decimal
 from functools import cache, lru_cache
-from typing import Any
+from importlib.machinery import PathFinder
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, get_type_hints
 
-from stixel_cli.border import Origin
+from stixel_cli.border import Origin, admit
 from stixel_cli.config import messages
-from stixel_cli.config.folders import group_options
+from stixel_cli.config.annotations import describe
+from stixel_cli.config.folders import (
+    absolute,
+    default_option,
+    group_options,
+    innermost_group,
+    installed_functions,
+    outer_options,
+)
 from stixel_cli.config.keys import known_keys
-from stixel_cli.config.texts import split_override
-from stixel_cli.errors import ConfigurationError
+from stixel_cli.config.messages import show, unknown_option
+from stixel_cli.config.schema import Configuration
+from stixel_cli.config.texts import override_text, split_override
+from stixel_cli.engine.cache_folder import CELLS
+from stixel_cli.engine.parameters import default_cache_folder
+from stixel_cli.engine.versions import providers
+from stixel_cli.errors import BelongsElsewhere, ConfigurationError, printable
+from stixel_cli.own_code import OwnCode, all_values, check_name, parameters_type
 
 MOST_TYPED = 5_000
 """Maximum commas of one override: Hydra's parser takes 1 s for these; its time is quadratic."""
@@ -217,3 +237,348 @@ def _decimal_range(sweep: Any) -> Iterator[float]:
         if number >= stop if step > 0 else number <= stop:
             return
         yield float(number)
+
+
+WITHOUT_EFFECT = {
+    *("pace", "path", "ego", "rig", "world", "renderer", "sensor", "stereo"),
+    *("road", "occupancy", "free_space", "height", "extraction"),
+}
+"""Groups of the scene and the cameras, which scans from a file do not have."""
+
+
+def read_overrides(texts: Iterable[str], origin: Origin) -> list[Override]:
+    """The overrides of texts from one place; ConfigurationError if two are of one key."""
+    return refuse_twice(parse(text, origin) for text in texts)
+
+
+def refuse_twice(overrides: Iterable[Override]) -> list[Override]:
+    """The overrides; ConfigurationError if two are of one key."""
+    parsed: dict[str, Override] = {}
+    for override in overrides:
+        # Hydra silently takes the last value.
+        if override.key in parsed:
+            both = f"{parsed[override.key].shown} and {override.shown}"
+            raise ConfigurationError(f"{override.key}: is given twice, {both}: give it once")
+        parsed[override.key] = override
+    return list(parsed.values())
+
+
+def check_overrides(parsed: Iterable[Override]) -> None:
+    """Refuse code that a file names, and invalid overrides that Hydra accepts or reports unclearly.
+
+    Faults that depend on all overrides of a run are checked by `check_one_run`.
+
+    Args:
+        parsed: those of a run, or the single values of those of a sweep.
+
+    Raises:
+        ConfigurationError: for the first invalid override.
+    """
+    parsed = list(parsed)
+    admit_overrides(parsed)
+    user_defined = {o.key for o in parsed if user_function(o.key, o.value)}
+    for override in parsed:
+        if fault := _fault(override, user_defined):
+            raise ConfigurationError(fault)
+
+
+def _fault(override: Override, user_defined: Collection[str]) -> str:
+    """What is wrong with an override by itself; "" if nothing is."""
+    name, value, options = override.key, override.value, group_options().get(override.key)
+    if options is None and name not in known_keys():
+        group, _, parameter = name.partition(".")
+        if group not in user_defined or not parameter.isidentifier():
+            return _unknown(name, value)
+        if parameter in RESERVED:
+            return f"{name}: the name is reserved; rename the parameter"
+    if override.sign == "~":
+        what = "a value" if options is None else "an option"
+        return f"~{name}: cannot be removed: it always needs {what}"
+    if override.sign == "+" or (override.sign and options):
+        owners = messages.owners_of(name)
+        there = f"belongs to {owners} and exists there" if owners else "already exists"
+        return f"{override.shown}: {name} {there}: leave out the +"
+    if options is None or override.sweep is not None:
+        return ""
+    if isinstance(value, dict | list):
+        within = name.replace("/", ".") + "."
+        example = next(key for key in known_keys() if key.startswith(within))
+        needed = f"one option is needed (options: {', '.join(options)}), or single keys as"
+        return f"{name}: {messages.show(value)}: {needed} {example}=VALUE"
+    option = "null" if value is None else str(value)
+    known = option in options or user_function(name, option)
+    return "" if known else unknown_option(name, option)
+
+
+def _unknown(name: str, value: Any) -> str:
+    """What is said of a name that is neither a group nor a key."""
+    dotted, group = name.replace("/", "."), innermost_group(name)
+    if dotted in known_keys():
+        return f"{name}: unknown key; did you mean {dotted}?"
+    if name.replace(".", "/") in group_options():
+        return messages.group_by_dots(name, value)
+    if group and name == group.replace("/", ".") + ".kind":
+        options = ", ".join(group_options()[group])
+        how = f"write {group}=… (options: {options})"
+        return f"{name}: follows from the option of {group}: {how}"
+    return messages.unknown_key(name)
+
+
+def settings_of_run(overrides: Iterable[Override]) -> tuple[list[Override], dict[str, Any]]:
+    """The overrides of one run, checked, and its settings: key or group to value or option.
+
+    Raises:
+        ConfigurationError: for a wrong override, or one that does not suit the others.
+    """
+    parsed = refuse_twice(overrides)
+    check_overrides(parsed)
+    check_one_run(parsed)
+    settings = {override.key: override.value for override in parsed}
+    return parsed, settings | implied_by_file(settings)
+
+
+def check_one_run(parsed: Sequence[Override]) -> None:
+    """Refuse several values, and an inner group that the chosen option does not have.
+
+    `parsed` must be all overrides of one run, because some of them choose options.
+    """
+    chosen = {override.key: str(override.value) for override in parsed}
+    for override in parsed:
+        name = override.key
+        if override.sweep is not None:
+            value = messages.printable(override.value_text)
+            hint = " (a list is written in brackets)" if name in known_keys() else ""
+            several = f"{value} has several values: one run needs one{hint}"
+            raise ConfigurationError(f"{name}: {several}; `stixel sweep` takes several")
+        outer, owners = name.rpartition("/")[0], outer_options(name)
+        option = chosen.get(outer) or (default_option(outer) if owners else "")
+        if owners and option not in owners:
+            there = f"there is no such group with {outer}={option}"
+            valid = f"{outer}={'|'.join(owners)}"
+            raise BelongsElsewhere(f"{name}: {there}; it belongs to {valid}", name)
+
+
+def implied_by_file(settings: Mapping[str, Any]) -> dict[str, str]:
+    """Further settings of a run with these: `start=scans` for scans from a file without truth.
+
+    Raises:
+        BelongsElsewhere: for a setting that has no effect on such a run.
+    """
+    if settings.get("measurement") != "file":
+        return {}
+    for name in settings:
+        of_user = name.startswith("road_user.")
+        if of_user or name.partition(".")[0] in WITHOUT_EFFECT:
+            why = "has no effect with measurement=file, which has no scene and no cameras"
+            more = "; prior.… sets the class's size" if of_user else ""
+            raise BelongsElsewhere(f"{name}: {why}: leave it out{more}", name)
+    with_truth = settings.get("measurement.truth") or "start" in settings
+    return {} if with_truth else {"start": "scans"}
+
+
+GIVEN = {"tracker": 3, "measurement": 2}
+"""Groups whose option can be a function, with its number of arguments before its parameters."""
+
+RESERVED = ("kind", "function")
+
+_RUN_CODE = ("metrics", "code_folders", "cache.folder", "executor.address")
+"""Keys whose values can run code: a cache holds pickles, a scheduler sends them."""
+
+COMMON = {"measurement": {"dropout": None, "clutter_rate": 0.0}}
+"""Keys that every option of a group has, with their values if they are not typed."""
+
+
+def user_function(group: str, option: Any) -> str | None:
+    """The "module:function" of an option that is the user's own; None for another option."""
+    if group not in GIVEN or not isinstance(option, str) or option in group_options()[group]:
+        return None
+    return option if ":" in option else installed_functions(group).get(option)
+
+
+def user_sections(settings: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """The user-defined sections of a configuration with these options and values, by group."""
+    sections = {}
+    for group in GIVEN:
+        if function := user_function(group, settings.get(group)):
+            within = f"{group}."
+            given = {k.removeprefix(within): v for k, v in settings.items() if k.startswith(within)}
+            sections[group] = {"kind": "own", "function": function} | COMMON.get(group, {}) | given
+    return sections
+
+
+def nested(group: str, section: Mapping[str, Any]) -> dict[str, Any]:
+    """A section of the user's own as `OwnCode` has it: the parameters in a mapping of their own."""
+    known = (*RESERVED, *COMMON.get(group, ()))
+    rest = {name: value for name, value in section.items() if name not in known}
+    return {name: section[name] for name in known if name in section} | {"parameters": rest}
+
+
+def is_own(section: Any) -> bool:
+    """Whether a section of a configuration in plain types is the user's own."""
+    return isinstance(section, Mapping) and section.get("kind") == "own"
+
+
+def functions_of(resolved: Mapping[str, Any]) -> dict[str, str]:
+    """The user's functions that a configuration in plain types names: key to "module:function"."""
+    functions = {g: str(resolved[g].get("function")) for g in GIVEN if is_own(resolved.get(g))}
+    metrics = resolved.get("metrics")
+    names = enumerate(metrics if isinstance(metrics, list) else ())
+    return functions | {f"metrics[{i}]": str(name) for i, name in names}
+
+
+def admit_overrides(parsed: "Iterable[Override]") -> dict[str, Origin]:
+    """`border.admit` the values of overrides that can run code; returns their origins by key."""
+    own = [o for o in parsed if o.key in _RUN_CODE or user_function(o.key, o.value)]
+    admit((f"{one.key}={one.value}", one.origin) for one in own if one.value)
+    return {one.key: one.origin for one in own}
+
+
+def admit_code(resolved: Mapping[str, Any], given: "Iterable[Override]", other: Origin) -> None:
+    """`border.admit` what a configuration in plain types names that can run code.
+
+    An override is the origin of its very key only, and of a group if its option is a function; all
+    else comes from `other`: options of presets, or a result folder.
+    """
+    origins = admit_overrides(given)
+    names = functions_of(resolved)
+    for key in _RUN_CODE[1:]:
+        group, _, name = key.partition(".")
+        names[key] = resolved[group].get(name) if name else resolved[group]
+    admit(
+        (f"{key}={value}", other)
+        for key, value in names.items()
+        if value and key.partition("[")[0] not in origins
+    )
+
+
+def find_folders(resolved: Mapping[str, Any], working_directory: str) -> list[str]:
+    """The folders of the user's modules, those of `code_folders` first; nothing is imported.
+
+    ConfigurationError if a module is missing, or has the name of another one.
+    """
+    given = resolved["code_folders"]
+    if not isinstance(given, list):
+        return given  # The validation of the whole configuration reports it.
+    folders = [absolute(str(folder), working_directory) for folder in given]
+    places = [*folders, str(default_cache_folder() / CELLS), absolute("", working_directory)]
+    found = [_folder_of(key, name, places) for key, name in functions_of(resolved).items()]
+    return list(dict.fromkeys([*folders, *filter(None, found)]))
+
+
+def _folder_of(key: str, function: str, places: Sequence[str]) -> str | None:
+    """The folder of a function's module; None if a distribution provides it."""
+    try:
+        check_name(function)
+    except ValueError as fault:
+        raise ConfigurationError(f"{key}: {fault}") from None
+    module = function.partition(":")[0]
+    top = module.partition(".")[0]
+    if top == __name__.partition(".")[0]:
+        return None  # Of this program, also in its own checkout.
+    local = next((place for place in places if _exists(place, top)), None)
+    # Not as `find_spec`, which may answer with a module of the same name that is imported.
+    spec = PathFinder.find_spec(top, [p for p in sys.path if p not in places])
+    if spec is None and top in providers():
+        with suppress(ImportError, ValueError):  # an editable install has its own finder
+            spec = find_spec(top)
+    where = None
+    if spec is not None:
+        first = next(iter(spec.submodule_search_locations or ()), spec.origin or "")
+        where = str(Path(first).parent)
+    taken = top in sys.stdlib_module_names or (top in providers() and where not in (None, local))
+    fault = ""
+    if local is not None and taken:
+        name = f"{local} has a module {top}, but this is the name of an installed one"
+        fault = f"{name}: rename the file"
+    elif local is None and where is None:
+        missing = f"no module {printable(top)} found in {places[-1]}"
+        fault = f"{missing}, and no installed package has it"
+    elif local is None and top not in providers():
+        local = where
+    if not fault and local is not None and not _exists(local, module):
+        fault = f"no module {printable(module)} found in {local}"
+    if fault:
+        raise ConfigurationError(f"{key}: {fault}")
+    return local
+
+
+def _exists(folder: str, module: str) -> bool:
+    path = Path(folder, *module.split("."))
+    return path.is_dir() or path.with_name(f"{path.name}.py").is_file()
+
+
+def with_own_values(overrides: Sequence[str], resolved: Mapping[str, Any]) -> tuple[str, ...]:
+    """The overrides with all parameters of the user's functions, whose defaults may change."""
+    typed = {split_override(text)[0] for text in overrides}
+    more = [
+        override_text(f"{group}.{name}", value)
+        for group in GIVEN
+        if is_own(resolved[group])
+        for name, value in nested(group, resolved[group])["parameters"].items()
+        if f"{group}.{name}" not in typed
+    ]
+    return (*overrides, *more)
+
+
+def imported_option(group: str, option: str) -> Any:
+    """The user's function that an option names; ConfigurationError if it cannot be imported."""
+    function = user_function(group, option)
+    folder = _folder_of(group, function, [os.getcwd()])
+    return _imported(group, function, [] if folder is None else [folder])
+
+
+def check_parameters(configuration: Configuration) -> dict[str, dict[str, Any]]:
+    """Import the user's functions, check their parameters, and return all values, by group.
+
+    Raises:
+        ConfigurationError: in one line that names the key, or the file and line of a fault.
+    """
+    from pydantic import ValidationError
+
+    folders, values = configuration.code_folders, {}
+    for group, given in GIVEN.items():
+        code = getattr(configuration, group)
+        if not isinstance(code, OwnCode):
+            continue
+        function = _imported(group, code.function, folders)
+        try:
+            checked = all_values(function, given, code.parameters)
+        except ValidationError as error:
+            fault = error.errors(include_url=False)[0]
+            name = ".".join(map(str, fault["loc"]))
+            hints = get_type_hints(parameters_type(function, given), include_extras=True)
+            what = "is missing" if fault["type"] == "missing" else show(fault["input"])
+            text = f"unknown parameter; it has {', '.join(hints) or 'no parameters'}"
+            if fault["loc"][0] in hints:
+                text = f"{what}: must be {describe(hints[fault['loc'][0]])}"
+            raise ConfigurationError(f"{group}.{name}: {text}") from None
+        except (TypeError, ValueError) as fault:
+            raise ConfigurationError(f"{group}.{' '.join(str(fault).split())}") from None
+        values[group] = nested(group, checked)["parameters"]
+    for i, name in enumerate(configuration.metrics):
+        _imported(f"metrics[{i}]", name, folders)
+    return values
+
+
+def _imported(key: str, name: str, folders: Sequence[str]) -> Any:
+    from stixel_cli.engine.errors import CodeChanged, StageFailure
+    from stixel_cli.engine.loaded_code import current_function
+
+    try:
+        function = current_function(name, tuple(map(Path, folders)))
+    except CodeChanged:
+        raise
+    except LookupError as fault:
+        raise ConfigurationError(f"{key}: {' '.join(str(fault).split())}") from None
+    except Exception as error:
+        import traceback
+
+        text = "".join(traceback.format_exception(error))
+        failure = StageFailure(key, key, error, text)
+        what = " ".join(f"{type(error).__name__}: {error}".split())
+        if failure.place and not isinstance(error, SyntaxError):
+            what += f" ({failure.place})"
+        raise ConfigurationError(f"{key}: {name} cannot be imported: {what}") from None
+    if not callable(function):
+        raise ConfigurationError(f"{key}: {name} is not a function")
+    return function

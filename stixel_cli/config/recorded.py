@@ -16,7 +16,7 @@ from stixel_cli.config import folders, messages
 from stixel_cli.config.annotations import read_as
 from stixel_cli.config.choice import set_by_experiment
 from stixel_cli.config.compose import UserFiles, with_full_names
-from stixel_cli.config.real_images import real_image_parameters
+from stixel_cli.config.folders import real_image_parameters
 from stixel_cli.errors import ConfigurationError
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.recordings.find import guess_layout

@@ -10,8 +10,7 @@ import numpy as np
 from stixel_cli.errors import UserError
 from stixel_cli.files import read_arrays
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.results.reader import read_png
-from stixel_cli.results.result import RunResult, read_scored_run
+from stixel_cli.results.result import RunResult, read_png, read_scored_run
 from stixel_cli.results.tables import Table
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.tracking.track import STATE, Track

@@ -11,8 +11,7 @@ from stixel_cli.engine.graph import Graph, Node
 from stixel_cli.errors import printable
 from stixel_cli.evaluation.metric_table import NO_VALUE
 from stixel_cli.results.lineage import Lineage, StageLineage, settings_digest
-from stixel_cli.results.reader import flat_settings
-from stixel_cli.results.result import RunResult
+from stixel_cli.results.result import RunResult, flat_settings
 
 
 def first_difference(old: Any, new: Any, name: str = "") -> str | None:

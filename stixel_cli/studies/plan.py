@@ -11,11 +11,10 @@ from stixel_cli.border import TYPED
 from stixel_cli.config import messages
 from stixel_cli.config.compose import Composer
 from stixel_cli.config.folders import group_options, of_the_machine
-from stixel_cli.config.override_checks import read_overrides
-from stixel_cli.config.overrides import Override, parse
+from stixel_cli.config.overrides import Override, parse, read_overrides
 from stixel_cli.engine.graph import GraphBuilder
 from stixel_cli.errors import BelongsElsewhere, ConfigurationError
-from stixel_cli.results.reader import listed
+from stixel_cli.results.result import listed
 from stixel_cli.studies.file import Axes, StudyFile, SweepEntry
 from stixel_cli.sweeps.design import Axis, Design, check_size, has
 from stixel_cli.sweeps.graphs import SweepPlan, plan_sweep

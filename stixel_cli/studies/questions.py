@@ -9,14 +9,13 @@ from typing import Annotated, Any, Literal
 import pandas as pd
 from pydantic import BeforeValidator, StringConstraints
 
-from stixel_cli.answers.answer import Answer, combined
 from stixel_cli.answers.render import INTERVAL, Cells, overview
-from stixel_cli.answers.runs import Runs
+from stixel_cli.answers.runs import Answer, Runs, combined
 from stixel_cli.config import messages
 from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.evaluation.metric_table import MAIN, METRICS
 from stixel_cli.parameters import parameters
-from stixel_cli.results.reader import listed
+from stixel_cli.results.result import listed
 
 NAME = "^[A-Za-z][A-Za-z0-9_]{0,59}$"
 """Of a sweep or a question: it is in names of folders and files, and in messages."""

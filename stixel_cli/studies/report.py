@@ -11,9 +11,8 @@ from typing import Any
 import pandas as pd
 
 from stixel_cli.answers import render
-from stixel_cli.answers.answer import STATUS
 from stixel_cli.answers.page import page_links, worst_runs
-from stixel_cli.answers.runs import Runs
+from stixel_cli.answers.runs import STATUS, Runs
 from stixel_cli.config.folders import shipped_folder
 from stixel_cli.engine.store import Store
 from stixel_cli.errors import MissingData, UserError, printable
@@ -24,8 +23,7 @@ from stixel_cli.results.result import GROUPS, RunResult, read_scored_run
 from stixel_cli.studies.file import FUNCTIONS, StudyFile, SweepEntry
 from stixel_cli.studies.plan import StudyPlan
 from stixel_cli.studies.questions import PLACE, Section, asked
-from stixel_cli.sweeps.folder import SweepFolder
-from stixel_cli.sweeps.results import SweepResult
+from stixel_cli.sweeps.folder import SweepFolder, SweepResult
 
 DATA = "STIXEL_DATA"
 """Environment variable that names the folder of the user's recordings."""

@@ -16,8 +16,7 @@ from stixel_cli.experiment.run import CAMERA, OBJECTS, TRACKS
 from stixel_cli.experiment.stages import CHUNK_SIZE, RESULTS, pipeline_stages, scan_count
 from stixel_cli.experiment.table import PICTURES
 from stixel_cli.results.result import RunResult
-from stixel_cli.sweeps.design import SEED, Design
-from stixel_cli.sweeps.runs import design_runs, equal_runs, planned_as
+from stixel_cli.sweeps.design import SEED, Design, design_runs, equal_runs, planned_as
 
 
 @dataclass(frozen=True)

@@ -19,8 +19,15 @@ from stixel_cli.experiment.run_names import differences, short_setting, swept_se
 from stixel_cli.files import read_text
 from stixel_cli.report.static_page import filled_page
 from stixel_cli.results.folder import PAGE
-from stixel_cli.results.reader import MANIFEST, SWEEP_FILE, find_folders
-from stixel_cli.results.result import DONE, GROUPS, RunResult, listed_run
+from stixel_cli.results.result import (
+    DONE,
+    GROUPS,
+    MANIFEST,
+    SWEEP_FILE,
+    RunResult,
+    find_folders,
+    listed_run,
+)
 from stixel_cli.sweeps.design import NOT_GIVEN
 from stixel_cli.sweeps.folder import TABLE, SweepFolder
 from stixel_cli.version import __version__

@@ -6,16 +6,15 @@ from pathlib import Path
 from typing import Any
 
 from stixel_cli.answers import figures, render
-from stixel_cli.answers.answer import Answer
 from stixel_cli.answers.page import Asked, asked_runs
+from stixel_cli.answers.runs import Answer
 from stixel_cli.errors import UserError
 from stixel_cli.pictures import style
 from stixel_cli.results.folder import PAGE
 from stixel_cli.results.lineage import shown_revision
-from stixel_cli.results.reader import SWEEP_FILE
-from stixel_cli.results.result import DONE
-from stixel_cli.sweeps.folder import PLAYER, SUMMARIES, SweepFolder
-from stixel_cli.sweeps.results import SweepResult, over_keys
+from stixel_cli.results.result import DONE, SWEEP_FILE
+from stixel_cli.sweeps.design import over_keys
+from stixel_cli.sweeps.folder import PLAYER, SUMMARIES, SweepFolder, SweepResult
 
 FIGURES = {"svg": style.svg, "pdf": figures.pdf, "png": style.png}
 """Format of a figure to what writes it."""

@@ -10,7 +10,7 @@ from stixel_cli.border import TYPED
 from stixel_cli.config import choice
 from stixel_cli.config.compose import Composer, compose, from_resolved
 from stixel_cli.config.folders import group_options, option_values, shipped_folder
-from stixel_cli.config.override_checks import read_overrides
+from stixel_cli.config.overrides import read_overrides
 from stixel_cli.config.texts import override_text
 from stixel_cli.errors import ConfigurationError, UserError
 

@@ -8,9 +8,9 @@ import study_toy
 import yaml
 
 from stixel_cli.studies.file import read_study
-from stixel_cli.studies.folder import StudyFolder
 from stixel_cli.studies.plan import StudyPlan, plan_study
 from stixel_cli.studies.report import Material, Report
+from stixel_cli.studies.run import StudyFolder
 
 
 def test_a_folder_with_another_request_is_refused_without_name_or_fresh(studies, toy):
@@ -48,7 +48,7 @@ def test_a_resumed_folder_has_the_revision_of_its_results(toy, tmp_path, monkeyp
     found = []
     for revision in ("old", "new"):
         monkeypatch.setattr(
-            "stixel_cli.studies.folder.provenance", lambda own=revision: {"git": {"revision": own}}
+            "stixel_cli.studies.run.provenance", lambda own=revision: {"git": {"revision": own}}
         )
         folder.begin(plan, f"command of {revision}", fresh=False)
         if found:

@@ -196,7 +196,7 @@ def test_an_invalid_study_is_reported_before_all_runs_and_stops_no_other(studies
     told = []
     monkeypatch.setattr("stixel_cli.cli.study.STUDIES", [str(bad), str(good)])
     monkeypatch.setattr(
-        "stixel_cli.studies.folder.study_folder", lambda results, name: results / Path(name).stem
+        "stixel_cli.studies.run.study_folder", lambda results, name: results / Path(name).stem
     )
     monkeypatch.setattr("stixel_cli.cli.study.tell", told.append)
     run = study_run.run_study
