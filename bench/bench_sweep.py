@@ -84,7 +84,7 @@ def test_tracker_runs(benchmark, cache, tmp_path, how):
     made = new_sweep(plan_sweep(sweep_design([*FABRICATED, "tracker.sigma_q=30,31"])))
     assert made.complete
     plan = plan_sweep(sweep_design(line))
-    assert {stage.name for stage in plan.stages if stage.to_run} == {"track", "scores"}
+    assert {stage["name"] for stage in plan.stages if stage["to_run"]} == {"track", "scores"}
     if how == "sweep":
         result = benchmark.pedantic(
             lambda: new_sweep(plan_sweep(sweep_design(line)), tmp_path / "results"), rounds=1

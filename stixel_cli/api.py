@@ -23,9 +23,9 @@ from stixel_cli.errors import UserError
 from stixel_cli.evaluation.scores import Scores
 from stixel_cli.experiment.run import read_stored_run, record_run
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.results.arrays import with_arrays
 from stixel_cli.results.folder import check_results
 from stixel_cli.results.result import SWEEP_FILE, RunResult
+from stixel_cli.results.tables import with_arrays
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.sweeps.index import update_index
 from stixel_cli.tracking.track import Track
@@ -205,7 +205,7 @@ def track(scans: Scans, prior: str = "car", *, tracker: str = "contour", **setti
 def load(folder: Path | str) -> "RunResult | Runs":
     """The run in a result folder, or the runs of a sweep's folder; nothing is computed.
 
-    A run has its scenario, scans, track and scores; what the folder lacks is in `results.arrays`.
+    A run has its scenario, scans, track and scores; what the folder lacks is in `results.tables`.
     The `Runs` of a sweep answer questions: `load("results/sweep").ask(metric="iou_mean")`.
     UserError as `stixel run FOLDER` and `stixel report` have it.
 
@@ -218,7 +218,7 @@ def load(folder: Path | str) -> "RunResult | Runs":
         True
     """
     if (Path(folder) / SWEEP_FILE).exists():
-        from stixel_cli.sweeps.page import read_sweep
+        from stixel_cli.sweeps.folder import read_sweep
 
         return read_sweep(Path(folder))[0].table
     return with_arrays(read_stored_run(Path(folder)))

@@ -19,8 +19,8 @@ from stixel_cli.evaluation.verdict import verdict
 from stixel_cli.report.metrics import number
 from stixel_cli.report.page import drawing_for_page, page_template
 from stixel_cli.report.static_page import json_in_html
-from stixel_cli.results.differences import differing_settings, warnings
 from stixel_cli.results.folder import PAGE, run_labels
+from stixel_cli.results.lineage import differing_settings, warnings
 from stixel_cli.results.result import DONE, RunResult, check_folder, read_scored_run
 
 

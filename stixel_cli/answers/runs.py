@@ -1,8 +1,13 @@
-"""Many runs as one tidy frame, of which questions are asked.
+"""Many runs as one tidy frame, of which questions are asked, and the answers.
 
 A sweep, a study, several folders, a tuning and a pack of the benchmark all become `Runs`: one row a
 run, with its settings, its status and its metrics as columns. Nothing here knows where they come
 from.
+
+The rules: a cell (scenario, unit) counts if every option has a value there. Of two rectangles the
+larger one is used: the scenarios that have every unit, or the units that have every scenario. The
+value of a unit is the mean over its scenarios. Differences are paired by unit. Failed runs stay in
+the table, and count as lost. Without an interval nothing is claimed.
 """
 
 from collections.abc import Mapping, Sequence

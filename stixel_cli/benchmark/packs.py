@@ -1,6 +1,7 @@
-"""Packs: the tracks of one tracker on all sequences of a folder, in one zip.
+"""Packs, the tracks of one tracker on all sequences of a folder in one zip, and their scores.
 
 `manifest.json` describes the tracker; each sequence has the arrays of a track, `NAME/ARRAY.npy`.
+The scores are those of `stixel run`, a row of them for each pack.
 """
 
 import io

@@ -1,4 +1,9 @@
-"""The sequences of the benchmark: names, settings, and the sets that consist of them."""
+"""The sequences of the benchmark: settings, sets, and their files, rendered, read and verified.
+
+The bytes depend on the sequence alone: numbers are rounded, so that the last bits of another
+processor do not count, and arrays are not compressed, as versions of zlib give other bytes. They
+are rendered with the cached graph of a sweep, which resumes and uses any workers.
+"""
 
 import hashlib
 import json

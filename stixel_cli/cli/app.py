@@ -15,10 +15,10 @@ from typer.core import TyperGroup
 from stixel_cli.cli import options
 from stixel_cli.cli.bench import app as bench
 from stixel_cli.cli.describe import describe
+from stixel_cli.cli.images import app as new
 from stixel_cli.cli.images import assess, stixels
 from stixel_cli.cli.machine import app as cache
 from stixel_cli.cli.machine import doctor
-from stixel_cli.cli.new import app as new
 from stixel_cli.cli.report import ls, report
 from stixel_cli.cli.run import export, run, verify
 from stixel_cli.cli.study import study

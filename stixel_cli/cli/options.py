@@ -6,7 +6,7 @@ The words are those of the files of `conf/`: no schema is read.
 import os
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 
@@ -124,6 +124,11 @@ def _keys(typed: str, words: list[str]) -> list[str]:
 def option(kind: Any, help: str, metavar: str | None = None, *names: str, **more: Any) -> Any:
     """The annotation of an option with a value of type `kind`; `names` as of its parameter."""
     return Annotated[kind, typer.Option(*names, help=help, metavar=metavar, **more)]
+
+
+def choice(names: str, help: str, *options: str) -> Any:
+    """The annotation of an option whose values are `names`, as help shows them: A|B|C."""
+    return option(Literal[*names.split("|")], help, names, *options)
 
 
 def flag(name: str, help: str, *names: str) -> Any:

@@ -1,4 +1,4 @@
-"""`stixel report`: a page, a table, a figure or a player of a sweep, or of several runs."""
+"""`stixel report` and `stixel ls`: pages, tables and figures of results, and lists of them."""
 
 import re
 from collections import Counter
@@ -23,10 +23,9 @@ Reference = options.option(str | None, "Option to compare with, instead of the b
 def report(
     folders: options.Folders,
     output: options.Output = None,
-    form: options.option(
-        str,
+    form: options.choice(
+        "html|md|tex|csv|svg|pdf|png",
         "html, the page; md, tex or csv, one table; svg, pdf or png, one figure.",
-        None,
         "--format",
     ) = "html",
     over: options.Over = None,
@@ -56,16 +55,13 @@ def report(
       stixel report results/my_sweep --metrics centre_rmse_m --format pdf
       stixel report --play results/gp results/point
     """
-    from stixel_cli.answers.figures import differences
+    from stixel_cli.answers.figures import FORMATS, differences
     from stixel_cli.answers.render import TABLES
     from stixel_cli.border import write_new
     from stixel_cli.results.folder import PAGE, default_page
+    from stixel_cli.sweeps.folder import asked_folders, sweep_page
     from stixel_cli.sweeps.index import update_index
-    from stixel_cli.sweeps.page import FIGURES, asked_folders, sweep_page
 
-    forms = ("html", *TABLES, *FIGURES)
-    if form not in forms:
-        raise UserError(f"--format: {form}: must be one of {', '.join(forms)}")
     if player:
         if form != "html":
             raise UserError("--play writes a page: leave out --format")
@@ -77,11 +73,11 @@ def report(
             write_new(output, text)
         say(text.rstrip("\n") if output is None else output)
         return 0
-    file = output or default_page(folders, *(("figure", form) if form in FIGURES else ()))
+    file = output or default_page(folders, *(("figure", form) if form in FORMATS else ()))
     answers = asked.answers
-    if form in FIGURES:
+    if form in FORMATS:
         answers = answers[:1]
-        write_new(file, differences(answers[0], FIGURES[form]))
+        write_new(file, differences(answers[0], FORMATS[form]))
     else:
         given = {"--over": over, "--compare": compare, "--metrics": metrics}
         given |= {"--reference": reference, "--output": output and str(output)}
@@ -105,8 +101,7 @@ def _play(folders: list[Path], output: Path | None, workers: int | None, trust_c
     from stixel_cli.experiment.playback import folders_page
     from stixel_cli.results.folder import PAGE, default_page, run_labels
     from stixel_cli.results.result import SWEEP_FILE
-    from stixel_cli.sweeps.folder import PLAYER, SweepFolder
-    from stixel_cli.sweeps.page import asked_folders, sweep_page
+    from stixel_cli.sweeps.folder import PLAYER, SweepFolder, asked_folders, sweep_page
 
     is_sweep, runs = len(folders) == 1 and (folders[0] / SWEEP_FILE).exists(), folders
     if is_sweep:
@@ -244,11 +239,9 @@ def _show_run(folder: Path, json: bool) -> None:
 
 def _show_sweep(folder: Path, json: bool) -> None:
     """Print the request of a sweep, the status of its runs, its answer, and its runs."""
-    from stixel_cli.sweeps.folder import SweepFolder, SweepResult
+    from stixel_cli.sweeps.folder import SweepFolder
 
-    request = SweepFolder(folder).request()
-    runs = tuple(SweepFolder(folder).runs(request))
-    result = SweepResult(folder, runs, axes=request.axes, over=request.over)
+    result, request = SweepFolder(folder).result()
     if json:
         print_json({"folder": str(folder), "notes": dict(request.notes), "runs": result.rows})
         return
@@ -269,8 +262,8 @@ def _compare(folders: Sequence[Path], json: bool) -> None:
     """Print the settings and metrics in which runs differ."""
     from stixel_cli.evaluation.metric_table import main_first, metric
     from stixel_cli.report.metrics import shown_value
-    from stixel_cli.results.differences import differing_settings
     from stixel_cli.results.folder import run_labels
+    from stixel_cli.results.lineage import differing_settings
     from stixel_cli.results.result import read_run
 
     labels = run_labels(folders)

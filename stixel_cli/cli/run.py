@@ -1,4 +1,4 @@
-"""`stixel run`: run one experiment."""
+"""`stixel run`, `verify` and `export`: one run, also a stored one, repeated or in other formats."""
 
 import shlex
 import sys
@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 from stixel_cli.cli import options
 from stixel_cli.cli.terminal import Interrupted, print_json, print_table, say, say_wrapped, tell
-from stixel_cli.errors import UserError
 
 if TYPE_CHECKING:
     from stixel_cli.config.compose import Composition
@@ -188,6 +187,7 @@ def verify(
     """
     import tempfile
 
+    from stixel_cli.border import written
     from stixel_cli.engine.progress import Progress
     from stixel_cli.engine.store import Store, open_store
     from stixel_cli.experiment.verify import verify_run
@@ -200,12 +200,8 @@ def verify(
     if cached:
         verification = verify_run(stored, store, store, provenance(), progress)
     else:
-        try:
+        with written(Path("the temporary folder")):
             temporary = tempfile.TemporaryDirectory(prefix="stixel-verify-")
-        except OSError as error:
-            raise UserError(
-                f"cannot create a temporary folder for the results: {error.strerror}"
-            ) from error
         try:
             with temporary as scratch:
                 verification = verify_run(stored, Store(scratch), store, provenance(), progress)
@@ -252,24 +248,15 @@ def _as_text(verification: "Verification", no_record: bool) -> list[str]:
     return lines
 
 
-NAMES = "kitti|csv|tum|stx1|rerun|mlflow"
-"""The formats, here because completion must not import them."""
-
-
 def export(
     folder: options.Folder,
-    format: options.option(
-        str,
+    format: options.choice(
+        "kitti|csv|tum|stx1|rerun|mlflow",
         "kitti: images, calibration, labels, poses, disparity as a clip of KITTI's "
         "tracking benchmark. csv: scans, track, truth, contours, and their columns. tum: "
         "trajectories, as evo reads them. stx1: stixels for pyStixel-lib. rerun: run.rrd. "
         "mlflow: settings, scores, pages, of a sweep too.",
-        NAMES,
         "--format",
-        autocompletion=lambda incomplete: [
-            name for name in NAMES.split("|") if name.startswith(incomplete)
-        ],
-        show_default=False,
     ),
     output: options.NewFolder = None,
     workers: options.Workers = None,
@@ -289,9 +276,6 @@ def export(
     from stixel_cli.export.export import export as write
     from stixel_cli.export.mlflow_folder import export_mlflow
 
-    known = NAMES.split("|")
-    if format not in known:
-        raise UserError(f"--format: {format!r} is not known: must be one of {', '.join(known)}")
     target = options.new_file(output or Path(f"{folder.resolve().name}-{format}"))
     if format == "mlflow":
         export_mlflow(folder.resolve(), target.absolute())

@@ -1,4 +1,4 @@
-"""`stixel sweep` runs all combinations of several values, `stixel tune` searches for the best."""
+"""`stixel sweep`, `tune` and `explain`: many runs, and what --dry-run prints of them."""
 
 import shlex
 import sys
@@ -244,9 +244,9 @@ def print_plan(plan: "SweepPlan", json: bool = False) -> None:
         say(f"note: {note}")
     rows = []
     for stage in plan.stages:
-        time = "?" if stage.seconds is None else duration(stage.seconds)
-        counts = map(str, (stage.nodes, stage.cached, stage.to_run))
-        rows.append((stage.name, *counts, time if stage.to_run else ""))
+        name, nodes, cached, to_run, seconds = stage.values()
+        time = "?" if seconds is None else duration(seconds)
+        rows.append((name, str(nodes), str(cached), str(to_run), time if to_run else ""))
     print_table(("stage", "nodes", "cached", "to run", "time"), rows, right=(1, 2, 3, 4))
     counts, seconds = content["nodes"], content["seconds"]
     estimate = estimate_text(seconds, content["workers"], content["unmeasured"])
@@ -286,10 +286,7 @@ def plan_content(plan: "SweepPlan") -> dict[str, Any]:
         "workers": plan.executor.workers,
         "axes": [{"keys": list(axis.keys), "values": len(axis.steps)} for axis in plan.design.axes],
         "notes": list(plan.notes),
-        "stages": [
-            vars(stage) | {"seconds": None if stage.seconds is None else round(stage.seconds, 2)}
-            for stage in plan.stages
-        ],
+        "stages": plan.stages,
     }
 
 

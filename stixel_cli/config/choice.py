@@ -254,7 +254,7 @@ def _resolved(value: Any, name: str, tree: Mapping[str, Any], pending: tuple[str
         raise ConfigurationError(f"{name}: '{printable(value)}' {fault}")
     for part in match[1].split("."):
         if not isinstance(target, Mapping) or part not in target:
-            hint = suggestion(match[1], known_keys(), form="${{{}}}")
+            hint = suggestion(match[1], known_keys(), "${{{}}}".format)
             raise ConfigurationError(f"{name}: refers to {match[1]}, an unknown key{hint}")
         target = target[part]
     return _resolved(target, name, tree, (*pending, value))

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 from stixel_cli.border import TYPED
 from stixel_cli.config import folders, messages
-from stixel_cli.config.annotations import read_as
 from stixel_cli.config.choice import compose_options, with_values
 from stixel_cli.config.overrides import (
     GIVEN,
@@ -22,7 +21,7 @@ from stixel_cli.config.overrides import (
     settings_of_run,
     user_sections,
 )
-from stixel_cli.config.schema import Configuration, check
+from stixel_cli.config.schema import Configuration
 from stixel_cli.config.texts import split_override
 from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.measurements.file import FileParameters
@@ -288,19 +287,7 @@ def from_resolved(resolved: Mapping[str, Any]) -> Configuration:
 
 
 def _validate(plain: dict[str, Any], typed: Iterable[str]) -> Configuration:
-    from pydantic import ValidationError
-
-    try:
-        for group in GIVEN:
-            if is_own(plain.get(group)):
-                plain = plain | {group: nested(group, plain[group])}
-        configuration = read_as(Configuration, plain)
-    except ValidationError as error:
-        faults = error.errors(include_url=False)
-        raise ConfigurationError(messages.describe_faults(faults, plain, typed)) from None
-    except (TypeError, ValueError) as fault:
-        raise ConfigurationError(
-            f"the configuration has values that are not plain: {fault}"
-        ) from None
-    check(configuration)
-    return configuration
+    for group in GIVEN:
+        if is_own(plain.get(group)):
+            plain = plain | {group: nested(group, plain[group])}
+    return messages.read_settings(Configuration, plain, typed)

@@ -1,6 +1,7 @@
-"""Overrides: `KEY=VALUE`, `GROUP=OPTION`, or several values, in Hydra's grammar.
+"""Overrides, parsed and checked: `KEY=VALUE`, `GROUP=OPTION`, or several values.
 
-Hydra's parser is not public: the project pins Hydra.
+Hydra's parser is not public: the project pins Hydra. An option of tracker and measurement, and a
+metric, can be the user's own function, `tracker=module:function`, with its parameters as keys.
 """
 
 import itertools
@@ -19,17 +20,15 @@ from typing import Any, get_type_hints
 
 from stixel_cli.border import Origin, admit
 from stixel_cli.config import messages
-from stixel_cli.config.annotations import describe
 from stixel_cli.config.folders import (
     absolute,
     default_option,
     group_options,
-    innermost_group,
     installed_functions,
     outer_options,
 )
 from stixel_cli.config.keys import known_keys
-from stixel_cli.config.messages import show, unknown_option
+from stixel_cli.config.messages import unknown_option
 from stixel_cli.config.schema import Configuration
 from stixel_cli.config.texts import override_text, split_override
 from stixel_cli.engine.cache_folder import CELLS
@@ -54,8 +53,6 @@ _PLAIN = re.compile(
     r"(?P<number>-?(0|[1-9][0-9]{0,15})([.][0-9]{1,15})?))"
 )
 """Most overrides: one word or number. Hydra takes 0.2 s to import."""
-
-_SWEEPS = ("choice", "range", "glob", "sort", "interval")
 
 
 @dataclass(frozen=True)
@@ -100,12 +97,10 @@ class Override:
         if self.sweep is None:
             return [self]
         texts = _single_texts(self)
-        if not texts:
+        if not 0 < len(texts) <= MOST_VALUES:
             options = group_options().get(self.key, ())
             hint = f" (options: {', '.join(options)})" if options else ""
-            raise ConfigurationError(f"{self.shown}: has no values{hint}")
-        if len(texts) > MOST_VALUES:
-            raise ConfigurationError(f"{self.shown}: has more than {MOST_VALUES} values")
+            raise ConfigurationError(f"{self.shown}: must have 1 to {MOST_VALUES} values{hint}")
         if self.key in group_options():  # Hydra escapes the colon of module:function.
             texts = [text.replace("\\:", ":") for text in texts]
         return [parse(f"{self.sign}{self.key}={text}", self.origin) for text in texts]
@@ -130,11 +125,9 @@ def parse(text: str, origin: Origin) -> Override:
         override = Override(text, read.key_or_group, origin, value, sweep)
     except (HydraException, ValueError, RecursionError):
         raise ConfigurationError(_unreadable(text)) from None
-    shown = override.shown
-    if read.package is not None:
-        raise ConfigurationError(f"{shown}: no package (@) can be given; write {override.key}=…")
-    if override.key == "hydra" or read.is_hydra_override():
-        raise ConfigurationError(f"{shown}: Hydra's own settings have no effect here: leave it out")
+    if read.package is not None or override.key == "hydra" or read.is_hydra_override():
+        fault = "packages (@) and Hydra's own settings have no effect here"
+        raise ConfigurationError(f"{override.shown}: {fault}: leave it out")
     return override
 
 
@@ -161,39 +154,25 @@ def _malformed(text: str) -> str:
             return f"{shown}: {fault}"
     if "=" in bare or text.startswith("~"):
         return ""
-    if bare in groups or bare in known_keys():
-        return f"{bare}: a value is missing: write {bare}={'|'.join(groups.get(bare, ['VALUE']))}"
-    if bare.replace(".", "/") in groups:
-        return messages.group_by_dots(bare, None)
     # `car` is an option of three groups; the road user chooses the others.
-    of = sorted((g for g in groups if bare in groups[g]), key=lambda group: group != "road_user")
-    if of and bare != "default":
-        return f"{bare}: is an option: write {of[0]}={bare}"
-    options = [f"{group}={option}" for group in groups for option in groups[group]]
-    hint = messages.suggestion(bare, [*groups, *known_keys()], form="{}=…")
-    hint = hint or messages.suggestion(bare, options)
-    return f"{messages.show(text)}: must be KEY=VALUE{hint}"
+    forms: dict[str, str] = {}
+    for group in sorted(groups, key=lambda group: group == "road_user"):
+        for option in groups[group]:
+            forms |= dict.fromkeys((option, f"{group}={option}"), f"{group}={option}")
+    forms |= {key: f"{key}=VALUE" for key in known_keys()}
+    forms |= {group: f"{group}={'|'.join(options)}" for group, options in groups.items()}
+    return f"{messages.show(text)}: must be KEY=VALUE{messages.suggestion(bare, forms, forms.get)}"
 
 
 def _unreadable(text: str) -> str:
-    words, (name, value), shown = text.split(), split_override(text), messages.printable(text)
+    words, (name, _), shown = text.split(), split_override(text), messages.printable(text)
     if len(words) > 1 and all("=" in word for word in words):
         return f"{shown}: is several overrides in one text: separate them"
     known = [*group_options(), *known_keys()]
     if name not in known and (hint := messages.suggestion(name, known)):
         return f"{messages.printable(name)}: unknown key{hint}"
-    for opening, closing in ("[]", "{}", "()"):
-        if value.count(opening) != value.count(closing):
-            return f"{shown}: {opening} and {closing} do not match"
-    for quote in "'\"":
-        if value.count(quote) % 2:
-            return f"{shown}: the quote {quote} is not closed"
-    sweep = value.partition("(")[0]
-    if sweep in _SWEEPS and not value.removeprefix(sweep)[1:-1].strip():
-        return f"{shown}: has no values: write {name}=A,B or {name}=range(START,STOP,STEP)"
-    if value.startswith(",") or value.endswith(",") or ",," in value:
-        return f"{shown}: a value is missing next to a comma"
-    return f"""{shown}: cannot be read; quote text with special characters: KEY='"text"'"""
+    how = "brackets and quotes must match, with a value beside each comma and in brackets"
+    return f"""{shown}: cannot be read: {how}; quote text with special characters: KEY='"text"'"""
 
 
 def _single_texts(override: Override) -> list[str]:
@@ -288,16 +267,11 @@ def _fault(override: Override, user_defined: Collection[str]) -> str:
     if options is None and name not in known_keys():
         group, _, parameter = name.partition(".")
         if group not in user_defined or not parameter.isidentifier():
-            return _unknown(name, value)
+            return messages.unknown_key(name)
         if parameter in RESERVED:
             return f"{name}: the name is reserved; rename the parameter"
-    if override.sign == "~":
-        what = "a value" if options is None else "an option"
-        return f"~{name}: cannot be removed: it always needs {what}"
-    if override.sign == "+" or (override.sign and options):
-        owners = messages.owners_of(name)
-        there = f"belongs to {owners} and exists there" if owners else "already exists"
-        return f"{override.shown}: {name} {there}: leave out the +"
+    if override.sign and (override.sign != "++" or options):
+        return f"{override.shown}: no key can be added or removed: leave out the {override.sign}"
     if options is None or override.sweep is not None:
         return ""
     if isinstance(value, dict | list):
@@ -308,20 +282,6 @@ def _fault(override: Override, user_defined: Collection[str]) -> str:
     option = "null" if value is None else str(value)
     known = option in options or user_function(name, option)
     return "" if known else unknown_option(name, option)
-
-
-def _unknown(name: str, value: Any) -> str:
-    """What is said of a name that is neither a group nor a key."""
-    dotted, group = name.replace("/", "."), innermost_group(name)
-    if dotted in known_keys():
-        return f"{name}: unknown key; did you mean {dotted}?"
-    if name.replace(".", "/") in group_options():
-        return messages.group_by_dots(name, value)
-    if group and name == group.replace("/", ".") + ".kind":
-        options = ", ".join(group_options()[group])
-        how = f"write {group}=… (options: {options})"
-        return f"{name}: follows from the option of {group}: {how}"
-    return messages.unknown_key(name)
 
 
 def settings_of_run(overrides: Iterable[Override]) -> tuple[list[Override], dict[str, Any]]:
@@ -544,14 +504,12 @@ def check_parameters(configuration: Configuration) -> dict[str, dict[str, Any]]:
         try:
             checked = all_values(function, given, code.parameters)
         except ValidationError as error:
-            fault = error.errors(include_url=False)[0]
-            name = ".".join(map(str, fault["loc"]))
             hints = get_type_hints(parameters_type(function, given), include_extras=True)
-            what = "is missing" if fault["type"] == "missing" else show(fault["input"])
-            text = f"unknown parameter; it has {', '.join(hints) or 'no parameters'}"
-            if fault["loc"][0] in hints:
-                text = f"{what}: must be {describe(hints[fault['loc'][0]])}"
-            raise ConfigurationError(f"{group}.{name}: {text}") from None
+            fault = error.errors(include_url=False)[0]
+            key, annotation = ".".join(map(str, fault["loc"])), hints.get(fault["loc"][0])
+            text = messages.describe_fault(fault, f"{group}.{key}", annotation)
+            text += "" if annotation else f"; it has {', '.join(hints) or 'no parameters'}"
+            raise ConfigurationError(text) from None
         except (TypeError, ValueError) as fault:
             raise ConfigurationError(f"{group}.{' '.join(str(fault).split())}") from None
         values[group] = nested(group, checked)["parameters"]
@@ -561,7 +519,7 @@ def check_parameters(configuration: Configuration) -> dict[str, dict[str, Any]]:
 
 
 def _imported(key: str, name: str, folders: Sequence[str]) -> Any:
-    from stixel_cli.engine.errors import CodeChanged, StageFailure
+    from stixel_cli.engine.errors import CodeChanged
     from stixel_cli.engine.loaded_code import current_function
 
     try:
@@ -571,13 +529,7 @@ def _imported(key: str, name: str, folders: Sequence[str]) -> Any:
     except LookupError as fault:
         raise ConfigurationError(f"{key}: {' '.join(str(fault).split())}") from None
     except Exception as error:
-        import traceback
-
-        text = "".join(traceback.format_exception(error))
-        failure = StageFailure(key, key, error, text)
-        what = " ".join(f"{type(error).__name__}: {error}".split())
-        if failure.place and not isinstance(error, SyntaxError):
-            what += f" ({failure.place})"
+        what = messages.named_fault(error)
         raise ConfigurationError(f"{key}: {name} cannot be imported: {what}") from None
     if not callable(function):
         raise ConfigurationError(f"{key}: {name} is not a function")

@@ -17,8 +17,7 @@ from stixel_cli.results.result import (
     read_config,
     read_run,
 )
-from stixel_cli.sweeps.folder import SweepResult
-from stixel_cli.sweeps.page import read_sweep
+from stixel_cli.sweeps.folder import SweepResult, read_sweep
 
 DATABASE = "mlflow.db"
 

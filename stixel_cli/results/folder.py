@@ -1,4 +1,9 @@
-"""Write result folders: everything needed to read a run and to repeat it."""
+"""Write result folders, all that is needed to read a run and to repeat it; name files beside them.
+
+What a folder names that this user's own command made needs no `--trust-code`: a note in the cache
+has the digest of its files that name code. Another folder at its place, or a changed file, is as
+one from anybody.
+"""
 
 import io
 import itertools

@@ -1,4 +1,7 @@
-"""A run, planned, computed or read: from the run to its folder, to tables and pages."""
+"""A run, planned, computed or read: from the run to its folder, and from any folder to runs.
+
+Files may come from anybody, so each is checked.
+"""
 
 import json
 import os
@@ -176,7 +179,7 @@ class RunResult:
     """One run: to be computed, computed in this process, or read from a result folder.
 
     A run that was computed alone has everything. One that was read has what its reader names:
-    `read_run`, `read_scored_run`, `list_runs`, `results.arrays.with_arrays` or
+    `read_run`, `read_scored_run`, `list_runs`, `results.tables.with_arrays` or
     `experiment.run.read_stored_run`. One of a sweep has `composition`, `graph`, `targets`,
     `metrics`, `status` and `failure`, and the entries `run`, `overrides`, `choices`, `seed` and
     `swept` of its manifest; one of a sweep's folder has the seed as typed, and no graph.

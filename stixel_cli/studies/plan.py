@@ -42,7 +42,7 @@ class PlannedSweep:
                 for step in axis.steps
             )
             found[axis.name] = ",".join(steps)
-        left_out, results = map(dict, self.design.left_out), self.sweep.steps
+        left_out, results = map(dict, self.design.left_out), self.sweep.results
         further = {"leave_out": [*left_out], "results": [*results], "derive": self.sweep.derive}
         return found | {name: str(value) for name, value in further.items() if value}
 
@@ -118,10 +118,10 @@ def _plan(sweep: SweepEntry, design: Design, *shared: Any) -> SweepPlan:
     """The plan of a sweep; `shared` are the composer and the builders of graphs."""
     try:
         check_size(design, one_is_enough=True)
-        plan = plan_sweep(design, False, sweep.steps, *shared)
+        plan = plan_sweep(design, False, sweep.results, *shared)
     except ConfigurationError as fault:
         raise ConfigurationError(f"sweep {sweep.name}: {fault}") from None
-    for step in sweep.steps:
+    for step in sweep.results:
         if not any(step in run.graph.stages for run in plan.runs):
             known = sorted({name for run in plan.runs for name in run.graph.stages})
             hint = messages.suggestion(step, known) or f" (steps: {', '.join(known)})"

@@ -1,11 +1,18 @@
-"""Run a study: the sweeps one after the other, then the report."""
+"""Run a study: the sweeps one after the other, then the report. Its folder:
+
+study.yaml         the request: sweeps, overrides, provenance
+sweeps/NAME/       a sweep
+report.html        the report
+report.json        its answer and its tables as data, once all runs are complete
+tables/ figures/   tables as CSV, Markdown and LaTeX, figures as SVG, once all runs are complete
+"""
 
 import os
 import shutil
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -16,13 +23,11 @@ from stixel_cli.config.folders import of_the_machine
 from stixel_cli.engine.cache_folder import Lease
 from stixel_cli.errors import UserError
 from stixel_cli.files import read_yaml
-from stixel_cli.results.differences import first_difference
 from stixel_cli.results.folder import check_plain_name
-from stixel_cli.results.lineage import provenance
+from stixel_cli.results.lineage import first_difference, provenance
 from stixel_cli.results.result import SKIPPED, SWEEP_FILE, yaml_text
 from stixel_cli.studies.plan import PlannedSweep, StudyPlan, derived_sweep
 from stixel_cli.studies.report import (
-    Report,
     StudyData,
     SweepState,
     files_of,
@@ -31,10 +36,11 @@ from stixel_cli.studies.report import (
     with_stages,
 )
 from stixel_cli.sweeps.folder import SweepFolder, SweepResult
-from stixel_cli.sweeps.graphs import plan_sweep
 from stixel_cli.sweeps.run import SweepInterrupted, new_sweep, resumed_sweep
 
 FILE, PAGE = "study.yaml", "report.html"
+_RESUME = "; resume with: "
+_MOST_FAILURES = 5
 
 
 def study_folder(results: Path, name: str) -> Path:
@@ -43,17 +49,35 @@ def study_folder(results: Path, name: str) -> Path:
     return results / name
 
 
-class StudyFolder:
-    """Reads and writes the folder at `path`; a failing disk raises UserError."""
+class Study:
+    """A study in its folder, at `path`; a failing disk raises UserError.
 
-    def __init__(self, path: Path):
-        self.path = path
+    Attributes:
+        results: of the sweeps so far, by name.
+        states: of all sweeps, as in the report.
+        report: None unless every sweep is complete.
+        seconds: time until the report was written.
+    """
 
-    def sweep(self, name: str) -> Path:
-        """The folder of a sweep."""
-        return self.path / "sweeps" / name
+    def __init__(
+        self,
+        plan: StudyPlan,
+        path: Path,
+        command: str = "",
+        tell: Callable[[str], Any] = lambda text: None,
+    ):
+        """With the `command` line that runs it.
 
-    def check(self, plan: StudyPlan, fresh: bool) -> bool:
+        `tell` is called with notes before the first run, and with the runs that are out of date
+        before their sweep.
+        """
+        self.plan, self.path, self.command, self.tell = plan, path, command, tell
+        self.page, self.report = path / PAGE, None
+        self.results: dict[str, SweepResult] = {}
+        self.states: tuple[SweepState, ...] = ()
+        self.started, self.seconds = time.perf_counter(), 0.0
+
+    def check(self, fresh: bool) -> bool:
         """Whether the folder exists and can be resumed by this plan; writes nothing.
 
         Raises:
@@ -67,7 +91,7 @@ class StudyFolder:
             raise UserError(f"{self.path}: exists and is not a study folder; choose another --name")
         if fresh:
             return False
-        there, wanted = read_yaml(self.path / FILE), plan.request()
+        there, wanted = read_yaml(self.path / FILE), self.plan.request()
         if isinstance(there, dict):
             there = {name: there.get(name) for name in wanted}
         difference = first_difference(there, wanted)
@@ -78,109 +102,56 @@ class StudyFolder:
             )
         return True
 
-    def begin(self, plan: StudyPlan, command: str, fresh: bool) -> None:
+    def begin(self, fresh: bool) -> None:
         """Make the folder, or check that the existing one can be resumed."""
-        if self.check(plan, fresh):
+        if self.check(fresh):
             return
         content = {
-            "title": plan.study.title,
-            "question": plan.study.question,
-            "command": command,
+            "title": self.plan.study.title,
+            "question": self.plan.study.question,
+            "command": self.command,
             "created": datetime.now(UTC).isoformat(timespec="seconds"),
             **provenance(),
-            "overrides": list(plan.overrides),
-            **plan.request(),
+            "overrides": list(self.plan.overrides),
+            **self.plan.request(),
         }
         with written(self.path):
             if fresh and self.path.exists():
                 shutil.rmtree(self.path)
             write_whole(self.path / FILE, yaml_text(content))
 
-    def write(self, html: str, report: Report | None) -> Path:
-        """Write the report with its tables and figures; return the page's path.
+    def run(self, fresh: bool) -> None:
+        """Run the missing runs, and write the report; progress is on stderr.
 
-        With a `report` the study is complete, and runs that were out of date were computed again:
-        it then has the present provenance.
+        With `fresh` start over and remove the folder's content; else a folder is resumed.
+
+        Raises:
+            UserError: before notes and files if the cache, the scheduler or the folder is unusable.
+                Computed results stay.
+            SweepInterrupted: by Ctrl-C, after the report is written.
         """
-        with written(self.path):
-            if report is not None:
-                content = read_yaml(self.path / FILE) | provenance()
-                write_whole(self.path / FILE, yaml_text(content))
-            for name in ("tables", "figures"):
-                shutil.rmtree(self.path / name, ignore_errors=True)
-            files = {} if report is None else files_of(report)
-            write_below(self.path, files | {PAGE: html})
-        return self.path / PAGE
-
-
-_RESUME = "; resume with: "
-_MOST_FAILURES = 5
-
-
-@dataclass(frozen=True)
-class StudyResult:
-    """Result of a study; `report` is None unless every sweep is complete."""
-
-    folder: Path
-    page: Path
-    sweeps: tuple[SweepState, ...]
-    report: Report | None
-    computed: int
-    cached: int
-    seconds: float
-
-
-def run_study(
-    plan: StudyPlan, folder: Path, command: str, fresh: bool, tell: Callable[[str], Any]
-) -> StudyResult:
-    """Run the missing runs of a study, and write its report; progress is on stderr.
-
-    Args:
-        folder: of the study; resumed if it exists and has the same plan.
-        command: the command line that does this.
-        fresh: start over and remove the folder's content.
-        tell: called with notes before the first run, and with the runs that are out of date before
-            their sweep.
-
-    Raises:
-        UserError: before notes and files if the cache, the scheduler or the folder is unusable.
-            Computed results stay.
-        SweepInterrupted: by Ctrl-C, after the report is written.
-    """
-    run = _Study(plan, StudyFolder(folder), command, tell)
-    for one in plan.sweeps:
-        if one.plan is not None:
-            one.plan.probe()
-    run.folder.begin(plan, command, fresh)
-    of_sweeps = (f"{p.sweep.name}: {note}" for p in plan.sweeps if p.plan for note in p.plan.notes)
-    for note in (*plan.notes, *of_sweeps):
-        tell(note)
-    try:
-        for one in plan.sweeps:
-            run.compute(one)
-    except SweepInterrupted:
-        run.report()
-        raise SweepInterrupted(
-            f"interrupted in sweep {one.sweep.name}; what was computed is kept{_RESUME}{command}"
-        ) from None
-    except UserError as error:
-        with suppress(UserError):
-            run.report()
-        reason = str(error).partition(_RESUME)[0]
-        raise type(error)(f"sweep {one.sweep.name}: {reason}{_RESUME}{command}") from error
-    return run.report()
-
-
-class _Study:
-    """The state of one study."""
-
-    def __init__(
-        self, plan: StudyPlan, folder: StudyFolder, command: str, tell: Callable[[str], Any]
-    ):
-        self.plan, self.folder, self.command, self.tell = plan, folder, command, tell
-        self.results: dict[str, SweepResult] = {}
-        self.started = time.perf_counter()
-        self.store = next(one.plan.store for one in plan.sweeps if one.plan)
+        plans = {one.sweep.name: one.plan for one in self.plan.sweeps if one.plan is not None}
+        for plan in plans.values():
+            plan.probe()
+        self.begin(fresh)
+        of_sweeps = (f"{name}: {note}" for name, plan in plans.items() for note in plan.notes)
+        for note in (*self.plan.notes, *of_sweeps):
+            self.tell(note)
+        try:
+            for one in self.plan.sweeps:
+                self.compute(one)
+        except SweepInterrupted:
+            self.write_report()
+            raise SweepInterrupted(
+                f"interrupted in sweep {one.sweep.name}; what was computed is kept"
+                f"{_RESUME}{self.command}"
+            ) from None
+        except UserError as error:
+            with suppress(UserError):
+                self.write_report()
+            reason = str(error).partition(_RESUME)[0]
+            raise type(error)(f"sweep {one.sweep.name}: {reason}{_RESUME}{self.command}") from error
+        self.write_report()
 
     def compute(self, one: PlannedSweep) -> None:
         """Compute a sweep's missing runs, unless its axes depend on an incomplete sweep."""
@@ -195,16 +166,15 @@ class _Study:
         with self._leased():
             result = self._sweep(one)
         if result.complete:
-            result = with_stages(result, one.sweep, self.store)
+            result = with_stages(result, one.sweep, one.plan.store)
         self.results[one.sweep.name] = result
 
-    def report(self) -> StudyResult:
+    def write_report(self) -> None:
         """Write the report; it has statistics only if all sweeps are complete."""
-        states = tuple(map(self._state, self.plan.sweeps))
-        report = None
-        if all(state.complete for state in states):
+        self.states = tuple(map(self._state, self.plan.sweeps))
+        if all(state.complete for state in self.states):
             with self._leased():
-                report = study_report(self.plan.study, self._data())
+                self.report = study_report(self.plan.study, self._data())
         origin = {
             "command": self.command,
             "created": datetime.now(UTC).isoformat(timespec="seconds"),
@@ -213,16 +183,27 @@ class _Study:
                 for name, result in self.results.items()
             },
         }
-        html = study_page(self.plan, states, report, origin, self.folder.path / PAGE)
-        return StudyResult(
-            folder=self.folder.path,
-            page=self.folder.write(html, report),
-            sweeps=states,
-            report=report,
-            computed=sum(result.computed for result in self.results.values()),
-            cached=sum(result.cached for result in self.results.values()),
-            seconds=time.perf_counter() - self.started,
-        )
+        self.write(study_page(self.plan, self.states, self.report, origin, self.page))
+        self.seconds = time.perf_counter() - self.started
+
+    def write(self, html: str) -> None:
+        """Write the page, and the tables and figures of the report.
+
+        With a report the study is complete, and runs that were out of date were computed again: it
+        then has the present provenance.
+        """
+        with written(self.path):
+            if self.report is not None:
+                content = read_yaml(self.path / FILE) | provenance()
+                write_whole(self.path / FILE, yaml_text(content))
+            for name in ("tables", "figures"):
+                shutil.rmtree(self.path / name, ignore_errors=True)
+            files = {} if self.report is None else files_of(self.report)
+            write_below(self.path, files | {PAGE: html})
+
+    def count(self, nodes: str) -> int:
+        """The number of `computed` or `cached` nodes of all sweeps."""
+        return sum(getattr(result, nodes) for result in self.results.values())
 
     def _data(self) -> StudyData:
         return StudyData({name: own for name, own in self.results.items() if own.complete})
@@ -235,11 +216,12 @@ class _Study:
             for run in result.runs
             for target in run.targets
         }
-        return Lease(self.store.folder, sorted(keys))
+        store = next(one.plan.store for one in self.plan.sweeps if one.plan)
+        return Lease(store.folder, sorted(keys))
 
     def _sweep(self, one: PlannedSweep) -> SweepResult:
         name = one.sweep.name
-        path, label = self.folder.sweep(name), f"{self.plan.study.name} {name}"
+        path, label = self.path / "sweeps" / name, f"{self.plan.study.name} {name}"
         if (path / SWEEP_FILE).exists():
             request = SweepFolder(path).request()
             texts = [run.overrides for run in one.plan.runs]
@@ -248,7 +230,7 @@ class _Study:
                 [[text for text in overrides if not of_the_machine(text)] for overrides in runs]
                 for runs in (request.runs, texts)
             )
-            if there == wanted and request.nodes == one.sweep.steps:
+            if there == wanted and request.nodes == one.sweep.results:
                 return resumed_sweep(
                     path,
                     visible=True,
@@ -262,11 +244,17 @@ class _Study:
         if path.exists():
             shutil.rmtree(path)
         design = replace(one.design, words=("--resume", str(path)))
-        plan = plan_sweep(design, nodes=one.sweep.steps)
-        return new_sweep(plan, path.parent, path.name, True, advice=False, label=label)
+        return new_sweep(
+            replace(one.plan, design=design),
+            path.parent,
+            path.name,
+            True,
+            advice=False,
+            label=label,
+        )
 
     def _state(self, one: PlannedSweep) -> SweepState:
-        name, folder = one.sweep.name, self.folder.sweep(one.sweep.name)
+        name, folder = one.sweep.name, self.path / "sweeps" / one.sweep.name
         result = self.results.get(name)
         if result is None:
             count = None if one.plan is None else len(one.plan.runs)

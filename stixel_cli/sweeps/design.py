@@ -1,4 +1,4 @@
-"""The design of a sweep: the overrides that all runs share, and the axes that they vary."""
+"""The design of a sweep: what all runs share, the axes that they vary, and its runs, composed."""
 
 import itertools
 import math
@@ -179,18 +179,21 @@ class SweepEntries:
 SWEEP_ENTRIES = tuple(one.name for one in fields(SweepEntries))
 
 
-def find_file(name: str) -> Path:
-    """The file of a path, or of a name in `pipelines/studies`; ConfigurationError without one."""
-    path = Path(name)
-    if path.is_file() or (path.suffix == ".yaml" and path.exists()):
+def find_file(name: str, study: bool = False) -> Path:
+    """The file of a sweep or a study: a path, or a name in `pipelines/studies`.
+
+    ConfigurationError without one; what is in the file is not checked.
+    """
+    path, shipped = Path(name), shipped_folder("pipelines") / "studies"
+    if path.exists() and (path.suffix == ".yaml" or (path.is_file() and not study)):
         return path
-    shipped = shipped_folder("pipelines") / "studies"
     inside = shipped / f"{name.removesuffix('.yaml')}.yaml"
     if path.name == name and inside.is_file():
         return inside
-    known = [file.stem for file in sorted(shipped.glob("*.yaml")) if not is_study(file)]
-    hint = messages.suggestion(name, known) or (f" (shipped: {', '.join(known)})" if known else "")
-    raise ConfigurationError(f"--from: {messages.printable(name)}: no such file{hint}")
+    known = [file.stem for file in sorted(shipped.glob("*.yaml")) if is_study(file) == study]
+    hint = messages.suggestion(name, known) or f" (shipped: {', '.join(known)})"
+    what = f"{messages.printable(name)}: no such {'study' if study else 'file'}{hint}"
+    raise ConfigurationError(what if study else f"--from: {what}")
 
 
 def is_study(path: Path) -> bool:
@@ -256,15 +259,15 @@ def read_mapping(path: Path, entries: Sequence[str]) -> dict[str, Any]:
     try:
         # OmegaConf reads 1e-6 as a number and refuses a repeated key.
         content = OmegaConf.to_container(OmegaConf.create(text), resolve=False)
-    except YAMLError as error:
+    except (
+        *(YAMLError, OmegaConfBaseException, ValueError, TypeError, RecursionError),
+        AssertionError,  # The whole file is one number.
+    ) as error:
         mark = getattr(error, "problem_mark", None)
         line = f"line {mark.line + 1}: " if mark is not None else ""
-        reason = str(getattr(error, "problem", None) or "not valid YAML")
-        raise ConfigurationError(f"{where}: {line}{messages.printable(reason, 200)}") from None
-    except (OmegaConfBaseException, AssertionError, ValueError, TypeError, RecursionError) as error:
-        # AssertionError: the whole file is one number.
-        reason = str(error).partition("\n")[0] or "not valid YAML"
-        raise ConfigurationError(f"{where}: {messages.printable(reason, 200)}") from None
+        reason = getattr(error, "problem", None) or str(error).partition("\n")[0]
+        text = messages.printable(reason or "not valid YAML", 200)
+        raise ConfigurationError(f"{where}: {line}{text}") from None
     check_plain(content, path)
     if not isinstance(content, dict):
         raise ConfigurationError(

@@ -166,7 +166,7 @@ def _link(path: str) -> str:
 
 def _answer(folder: Path) -> tuple[str, str]:
     """The best option of a sweep, if one is shown to be, and its answer in words."""
-    from stixel_cli.sweeps.page import read_sweep
+    from stixel_cli.sweeps.folder import read_sweep
 
     try:
         result, _ = read_sweep(folder)

@@ -1,4 +1,4 @@
-"""Compute the runs of a sweep and write its folder, without a command line."""
+"""Compute the runs of a sweep, new or resumed, and write its folder, without a command line."""
 
 import os
 import re
@@ -49,9 +49,16 @@ from stixel_cli.results.result import (
 )
 from stixel_cli.results.tables import score_columns
 from stixel_cli.sweeps.design import compose_runs, is_done_by, picture_keys
-from stixel_cli.sweeps.folder import RUNS, SUMMARIES, TABLE, SweepFolder, SweepRequest, SweepResult
+from stixel_cli.sweeps.folder import (
+    RUNS,
+    SUMMARIES,
+    TABLE,
+    SweepFolder,
+    SweepRequest,
+    SweepResult,
+    summary_files,
+)
 from stixel_cli.sweeps.graphs import SweepPlan, check_axes, plan_runs
-from stixel_cli.sweeps.page import summary_files
 
 
 def remove_unused_code(folder: SweepFolder) -> None:
@@ -73,56 +80,8 @@ class SweepInterrupted(UserError):
     exit_code = 130
 
 
-def run_sweep(
-    plan: SweepPlan,
-    request: SweepRequest,
-    folder: SweepFolder | None,
-    visible: bool,
-    label: str = "",
-    finished: Mapping[int, RunResult] | None = None,
-    fail_fast: bool = False,
-) -> SweepResult:
-    """Compute the missing nodes of a sweep and write its results. A failing run stops no other.
-
-    Args:
-        plan: the runs, in the order of their indices.
-        request: has the axes, and the notes for the manifest of every run.
-        folder: of the sweep, with its `sweep.yaml`; None to write nothing.
-        visible: show progress on stderr.
-        label: prefix of the progress.
-        finished: complete runs of the folder by index, which may be out of date.
-        fail_fast: start nothing after the first failure; the other runs are missing.
-
-    Raises:
-        SweepInterrupted: by Ctrl-C; the tables in the folder show which runs are done.
-        UserError: if the cache or the folder cannot be written, or there are no workers.
-    """
-    sweep = Sweep(plan, folder, request, label, visible)
-    typed = plan.runs[0].overrides
-    resume = "" if folder is None else f"; resume with: {folder.resume_command(typed)}"
-    try:
-        sweep.take_finished(finished or {})
-        sweep.compute(fail_fast)
-    except (KeyboardInterrupt, UserError) as error:
-        # The runs in the folder count, even if its tables cannot be written. Figures would delay
-        # Ctrl-C.
-        with suppress(UserError):
-            sweep.write_tables()
-        if isinstance(error, UserError):
-            kind = CacheError if isinstance(error, MissingEntry) else type(error)
-            raise kind(f"{error}{resume}") from error
-        raise SweepInterrupted(
-            f"interrupted: {len(sweep.runs)} of {len(plan.runs)} runs are done; computed results "
-            f"are kept{resume}"
-        ) from None
-    result = sweep.write_tables()
-    if folder is not None:
-        remove_unused_code(folder)
-    return result
-
-
 class Sweep(Progress):
-    """The state of a sweep: it takes each run as soon as all its results are in the store.
+    """A sweep that computes its missing nodes, and writes each run once all its results are there.
 
     Attributes:
         runs: those that are done or have failed, by index.
@@ -138,7 +97,15 @@ class Sweep(Progress):
         label: str = "",
         visible: bool = False,
     ):
-        """With the arguments of `run_sweep`; no run is done."""
+        """Nothing is computed or written yet.
+
+        Args:
+            plan: the runs, in the order of their indices.
+            folder: of the sweep, with its `sweep.yaml`; None to write nothing.
+            request: has the axes, and the notes for the manifest of every run.
+            label: prefix of the progress.
+            visible: show progress on stderr.
+        """
         super().__init__(visible)
         self.plan, self.folder, self.request, self.store = plan, folder, request, plan.store
         self.runs: dict[int, RunResult] = {}
@@ -154,6 +121,41 @@ class Sweep(Progress):
         # Runs share the digests of results, by key, and code files, four fifths of each lineage.
         self._digests: dict[str, str] = {}
         self._code_files: set[str] = set()
+
+    def run(
+        self, finished: Mapping[int, RunResult] | None = None, fail_fast: bool = False
+    ) -> SweepResult:
+        """Compute the missing nodes and write the results. A failing run stops no other.
+
+        Args:
+            finished: complete runs of the folder by index, which may be out of date.
+            fail_fast: start nothing after the first failure; the other runs are missing.
+
+        Raises:
+            SweepInterrupted: by Ctrl-C; the tables in the folder show which runs are done.
+            UserError: if the cache or the folder cannot be written, or there are no workers.
+        """
+        folder, typed = self.folder, self.plan.runs[0].overrides
+        resume = "" if folder is None else f"; resume with: {folder.resume_command(typed)}"
+        try:
+            self.take_finished(finished or {})
+            self.compute(fail_fast)
+        except (KeyboardInterrupt, UserError) as error:
+            # The runs in the folder count, even if its tables cannot be written. Figures would
+            # delay Ctrl-C.
+            with suppress(UserError):
+                self.write_tables()
+            if isinstance(error, UserError):
+                kind = CacheError if isinstance(error, MissingEntry) else type(error)
+                raise kind(f"{error}{resume}") from error
+            raise SweepInterrupted(
+                f"interrupted: {len(self.runs)} of {len(self.plan.runs)} runs are done; computed "
+                f"results are kept{resume}"
+            ) from None
+        result = self.write_tables()
+        if folder is not None:
+            remove_unused_code(folder)
+        return result
 
     def wait_for(self, runs: Iterable[RunResult]) -> None:
         """Take each of the runs, to be computed, once all its results are in the store."""
@@ -362,10 +364,10 @@ def new_sweep(
         visible: show progress on stderr.
         note: called with notes on the axes before anything runs.
         advice: note files that the user's code may read without declaring them, too.
-        fail_fast, label: see `run_sweep`.
+        fail_fast, label: see `Sweep`.
 
     Raises:
-        UserError, SweepInterrupted: as `run_sweep` does.
+        UserError, SweepInterrupted: as `Sweep.run` does.
     """
     design, options = plan.design, [*(["--pictures"] if plan.pictures else []), *PRESETS.option]
     request = SweepRequest(
@@ -387,7 +389,7 @@ def new_sweep(
         stem = Path(design.file).stem if design.file else joined_name(["sweep", *swept])
         now, create = datetime.now(UTC), lambda path: SweepFolder(path).create(request)
         folder = SweepFolder(new_folder(results, name, stem, now, create))
-    return run_sweep(plan, request, folder, visible, label, fail_fast=fail_fast)
+    return Sweep(plan, folder, request, label, visible).run(fail_fast=fail_fast)
 
 
 def resumed_sweep(
@@ -407,10 +409,10 @@ def resumed_sweep(
         names: where the names of code in the folder come from.
         visible: show progress on stderr, with the prefix `label`.
         note: called with the number of finished runs that are out of date.
-        fail_fast: see `run_sweep`.
+        fail_fast: see `Sweep`.
 
     Raises:
-        UserError, SweepInterrupted: as `run_sweep` does; if the folder is not of a sweep.
+        UserError, SweepInterrupted: as `Sweep.run` does; if the folder is not of a sweep.
     """
     folder = SweepFolder(path)
     request = folder.request()
@@ -436,7 +438,7 @@ def resumed_sweep(
             {SWEEP_FILE: replace(request, notes={**request.notes, "resumed": resumed}).text}
         )
     request = replace(request, notes=origin)
-    return run_sweep(plan, request, folder, visible, label, finished, fail_fast)
+    return Sweep(plan, folder, request, label, visible).run(finished, fail_fast)
 
 
 def _origin(command: str) -> dict[str, Any]:

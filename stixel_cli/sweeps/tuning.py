@@ -1,6 +1,7 @@
 """Tune settings with Optuna: trials in batches, each the runs of one cached graph.
 
 Trials are averaged over seeds and shape seeds from 1000; the gain of one is that on those from 0.
+The folder has `tune.yaml`, `trials.csv`, a page, and a preset of the chosen trial.
 """
 
 import itertools
@@ -35,7 +36,7 @@ from stixel_cli.results.result import DONE, RunResult, yaml_text
 from stixel_cli.sweeps.design import SEED, compose_runs
 from stixel_cli.sweeps.folder import SweepRequest
 from stixel_cli.sweeps.graphs import check_axes, plan_runs
-from stixel_cli.sweeps.run import run_sweep
+from stixel_cli.sweeps.run import Sweep
 
 FIRST_SEED = 1000
 """Of those to tune on: reports use the seeds below."""
@@ -209,7 +210,7 @@ class Tuning:
         if not runs:
             return
         request = SweepRequest("", False, (), (), (), {"command": ""})
-        results = run_sweep(plan_runs(runs), request, None, True, label).runs
+        results = Sweep(plan_runs(runs), None, request, label, visible=True).run().runs
         for trial in (one for one in trials if one in of):
             own = [run for run, owner in zip(results, of, strict=True) if owner is trial]
             trial.values = np.array(

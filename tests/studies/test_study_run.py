@@ -199,8 +199,8 @@ def test_an_invalid_study_is_reported_before_all_runs_and_stops_no_other(studies
         "stixel_cli.studies.run.study_folder", lambda results, name: results / Path(name).stem
     )
     monkeypatch.setattr("stixel_cli.cli.study.tell", told.append)
-    run = study_run.run_study
-    monkeypatch.setattr(study_run, "run_study", lambda *a, **k: told.append("runs") or run(*a, **k))
+    run = study_run.Study.run
+    monkeypatch.setattr(study_run.Study, "run", lambda *a: told.append("runs") or run(*a))
     answer = studies.run("all", "road_user=car", "seed=0", code=2)
     assert [one["complete"] for one in answer["studies"]] == [False, True]
     assert "bad.yaml: question: is missing" in told[0] and told[1] == "runs"
