@@ -138,11 +138,8 @@ def sweep(
         overrides: as in `compose`, including several values: `"seed=range(0,5)"`, and of a mapping
             or keyword a tuple or range, `tracker=("contour", "gp_ekf"), seed=range(5)`.
         file: with axes, seeds and excluded runs: a path, or the name of a shipped file.
-        results: parent of the sweep's folder; None to write nothing.
-        name: of that folder; None for a name from the file's name and the time.
+        results, name, workers, cache: as in `run`, of the sweep's folder.
         pictures: draw the pictures of every run.
-        workers: None for the number in the configuration.
-        cache: folder of the cache; None for the one in the configuration.
         last_wins, settings: as in `compose`.
         trust_code: run the user-defined code that the file names.
 

@@ -26,7 +26,7 @@ SHORT = {
     "drawn": {
         "stixel_cli.experiment.run.PICTURES": (),
         "stixel_cli.sweeps.folder.sweep_page": lambda *_, **given: "",
-        "stixel_cli.studies.run.study_page": lambda *_: "",
+        "stixel_cli.studies.report.study_page": lambda *_: "",
         "stixel_cli.answers.figures.drawing": lambda *_: b"<svg/>",
     },
     "summed": {"stixel_cli.answers.runs.Runs.metrics": property(_shown_metrics)},

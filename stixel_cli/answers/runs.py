@@ -30,7 +30,7 @@ from stixel_cli.evaluation.metric_table import (
     metric,
     over_runs,
 )
-from stixel_cli.report.metrics import capital, with_interval
+from stixel_cli.report.metrics import with_interval
 from stixel_cli.results.result import FAILED, MISSING, SKIPPED, listed
 
 if TYPE_CHECKING:
@@ -159,8 +159,10 @@ class Answer:
     @cached_property
     def sentence(self) -> str:
         """The answer in one sentence, with its numbers."""
-        label = capital(self.question.row.short_label)
-        return f"{label}: {self._said(f' ({self.lacking or self.over})', ';')}."
+        label = self.question.row.short_label
+        return (
+            f"{label[:1].upper()}{label[1:]}: {self._said(f' ({self.lacking or self.over})', ';')}."
+        )
 
     @property
     def brief(self) -> str:

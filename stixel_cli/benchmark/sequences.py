@@ -96,12 +96,6 @@ def definitions() -> dict[str, Any]:
     return read_yaml(bench_folder() / "sequences.yaml")
 
 
-def published() -> dict[str, str]:
-    """SHA-256 by path of the published mini set."""
-    file = bench_folder() / "MANIFEST-mini.json"
-    return read_json(file)["files"] if file.exists() else {}
-
-
 def sequences(part: str, seeds: Iterable[int] = ()) -> list[Sequence]:
     """The sequences of a part; with `seeds`, these of all its sensors and cases."""
     if part not in (parts := definitions()["parts"]):

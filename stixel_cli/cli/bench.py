@@ -54,9 +54,11 @@ def render(
 @app.command()
 def verify(folder: Folder = FOLDER) -> int:
     """Check sequences against their manifest and the published mini set."""
-    from stixel_cli.benchmark.sequences import FILES, Data, published
+    from stixel_cli.benchmark.sequences import FILES, Data, bench_folder
+    from stixel_cli.files import read_json
 
-    data, known = Data(folder), published()
+    file = bench_folder() / "MANIFEST-mini.json"
+    data, known = Data(folder), read_json(file)["files"] if file.exists() else {}
     other = [path for path, one in data.files.items() if known.get(path, one) != one]
     truths = [path for path in other if not path.endswith(FILES[0])]
     faults = [*data.faults(), *(f"{path}: differs from the published one" for path in truths)]

@@ -234,7 +234,12 @@ def _show_run(folder: Path, json: bool) -> None:
     say("")
     print_table(("run", str(folder)), _provenance(run))
     say("")
-    print_table(("stage", "status", "nodes", "seconds", "key"), _stages(manifest), right=(2, 3))
+    stages, cut = manifest.get("stages"), {"key": 12}
+    missing = {"stage": "?", "status": "?", "nodes": "", "seconds": "", "key": ""}
+    known = [s for s in stages if isinstance(s, dict)] if isinstance(stages, list) else []
+    rows = [missing | s | {"stage": s.get("name", "?")} for s in known]
+    cells = [[str(row[name])[: cut.get(name)] for name in missing] for row in rows]
+    print_table((*missing,), cells, right=(2, 3))
 
 
 def _show_sweep(folder: Path, json: bool) -> None:
@@ -315,10 +320,3 @@ def _provenance(run: "RunResult") -> list[tuple[str, str]]:
     for name in ("versions", "machine"):
         rows.append((name, ", ".join(f"{k} {v}" for k, v in run.entry(name).items())))
     return rows
-
-
-def _stages(manifest: dict[str, Any]) -> list[list[str]]:
-    stages = manifest.get("stages")
-    missing = {"name": "?", "status": "?", "nodes": "", "seconds": "", "key": ""}
-    rows = [missing | s for s in stages if isinstance(s, dict)] if isinstance(stages, list) else []
-    return [[str(row[name])[: 12 if name == "key" else None] for name in missing] for row in rows]

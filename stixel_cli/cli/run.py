@@ -128,23 +128,17 @@ def print_scores(verbose: bool, _: "Scenario", scores: "Scores") -> None:
     That is the verdict and a table: of the main metrics, or of all if `verbose`.
     """
     from stixel_cli.evaluation.verdict import verdict
-    from stixel_cli.report.metrics import (
-        LABEL_COLUMNS,
-        in_order,
-        label_rows,
-        main_metrics,
-        score_table,
-    )
+    from stixel_cli.report import metrics
 
     for sentence in verdict(scores.metrics):
         say_wrapped(sentence, _STYLES.get(sentence.partition(":")[0], "yellow"))
-    shown = in_order(scores.metrics) if verbose else main_metrics(scores.metrics)
+    shown = metrics.in_order(scores.metrics) if verbose else metrics.main_metrics(scores.metrics)
     say("")
-    print_table(*score_table(shown))
+    print_table(*metrics.score_table(shown))
     say("")
-    labels = label_rows(scores.labels)
+    labels = metrics.label_rows(scores.labels)
     if labels:
-        print_table(LABEL_COLUMNS, labels, right=range(1, len(LABEL_COLUMNS)))
+        print_table(metrics.LABEL_COLUMNS, labels, right=range(1, len(metrics.LABEL_COLUMNS)))
         say("")
     sys.stdout.flush()
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stixel_cli.cli import options
-from stixel_cli.cli.sweep import estimate_text, plan_content, print_plan
+from stixel_cli.cli.sweep import INCOMPLETE, estimate_text, plan_content, print_plan
 from stixel_cli.cli.terminal import console, print_json, say, say_wrapped, tell
 from stixel_cli.config.folders import STUDIES
 from stixel_cli.errors import ConfigurationError, MissingData, UserError, counted
@@ -15,8 +15,6 @@ from stixel_cli.errors import ConfigurationError, MissingData, UserError, counte
 if TYPE_CHECKING:
     from stixel_cli.studies.plan import StudyPlan
     from stixel_cli.studies.run import Study
-
-INCOMPLETE = 1
 
 
 def study(
@@ -62,9 +60,10 @@ def study(
       stixel study rq2 road_user=car 'seed=range(0,3)' --name rq2-car
       stixel study all
     """
+    from stixel_cli.results.folder import check_plain_name
     from stixel_cli.studies.file import ALL, read_study
     from stixel_cli.studies.plan import plan_study
-    from stixel_cli.studies.run import Study, study_folder
+    from stixel_cli.studies.run import Study
     from stixel_cli.sweeps.design import find_file
     from stixel_cli.sweeps.index import update_index
     from stixel_cli.sweeps.run import SweepInterrupted
@@ -95,9 +94,10 @@ def study(
             codes += [] if isinstance(error, MissingData) else [error.exit_code]
     for study, plan in plans.items():
         try:
-            folder = study_folder(results, plan.folder_name if name is None else name)
+            own_name = plan.folder_name if name is None else name
+            check_plain_name(own_name)
             command = shlex.join(["stixel", "study", study, *overrides, *repeated])
-            asked = Study(plan, folder, command, tell)
+            asked = Study(plan, results / own_name, command, tell)
             if dry_run:
                 asked.check(fresh)
                 answers[study] = _planned(plan, json)

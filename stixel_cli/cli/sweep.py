@@ -205,7 +205,7 @@ def tune(
         swept = (over or "seed").split(",")
         request = TuneRequest(list(words), objective.split(","), swept, seeds, trials)
         given = read_overrides(words, TYPED)
-    tuning = Tuning(given, request.objectives, request.over, request.seeds)
+    tuning = Tuning(given, request)
     folder = resume or new_folder(
         results, name, "tune", datetime.now(UTC), lambda path: create(path, request)
     )
@@ -275,7 +275,7 @@ def plan_content(plan: "SweepPlan") -> dict[str, Any]:
     seconds, unmeasured = estimated([plan])
     return {
         "runs": len(plan.runs),
-        "runs_cached": plan.complete_runs(),
+        "runs_cached": sum({*plan.missing}.isdisjoint(run.targets) for run in plan.runs),
         "nodes": {
             "all": len(plan.needed),
             "cached": len(plan.needed) - len(plan.missing),

@@ -208,7 +208,11 @@ class Composer:
         resolved |= user_defined
         choices |= {group: str(settings[group]) for group in user_defined}
         admit_code(resolved, parsed, folders.PRESETS.origin)
-        resolved["metrics"] = _metric_functions(resolved["metrics"])
+        metrics = resolved["metrics"]
+        # The validation of the whole configuration reports another type.
+        if isinstance(metrics, list) and not all(":" in str(name) for name in metrics):
+            installed = folders.installed_functions("metrics")
+            resolved["metrics"] = [installed.get(str(name), name) for name in metrics]
         resolved["code_folders"] = find_folders(resolved, self._working_directory)
         for group in _FILES:
             resolved[group] = with_full_names(group, resolved[group], self._working_directory)
@@ -250,13 +254,6 @@ class Composer:
         from stixel_cli.config.recorded import with_recording
 
         return with_recording(typed, self._resolved, self._files, self._working_directory)
-
-
-def _metric_functions(metrics: Any) -> Any:
-    """The value of `metrics`, with functions for the names of installed packages."""
-    if not isinstance(metrics, list) or all(":" in str(name) for name in metrics):
-        return metrics  # The validation of the whole configuration reports another type.
-    return [folders.installed_functions("metrics").get(str(name), name) for name in metrics]
 
 
 def with_full_names(

@@ -50,8 +50,7 @@ def unknown_key(
         owners = dict(variants[0].owners)
         group = next((g for g, kind in owners.items() if kinds.get(g) != kind), next(iter(owners)))
         chosen = f" with {group}={kinds[group]}" if group in kinds else " in the chosen option"
-        owners = ", ".join(_owners(variants, kinds))
-        return f"{name}: unknown key{chosen}; it belongs to {owners}"
+        return f"{name}: unknown key{chosen}; it belongs to {_owners(variants, kinds)}"
     dotted, meant = name.replace("/", "."), name.removesuffix(".kind").replace(".", "/")
     if dotted in keys.known_keys() or meant in options:
         right = dotted if dotted in keys.known_keys() else f"{meant}={'|'.join(options[meant])}"
@@ -77,16 +76,11 @@ def unknown_key(
     return f"{name}: unknown key{hint}"
 
 
-def _owners(variants: Sequence[keys.Key], kinds: Mapping[str, str]) -> list[str]:
+def _owners(variants: Sequence[keys.Key], kinds: Mapping[str, str]) -> str:
     """The options that each variant of a key belongs to, without the chosen ones."""
-    return [
-        " ".join(
-            f"{group}={'|'.join(options_of_kind(group, kind))}"
-            for group, kind in variant.owners
-            if kinds.get(group) != kind
-        )
-        for variant in variants
-    ]
+    owners = ([(g, kind) for g, kind in v.owners if kinds.get(g) != kind] for v in variants)
+    texts = ([f"{g}={'|'.join(options_of_kind(g, kind))}" for g, kind in own] for own in owners)
+    return ", ".join(map(" ".join, texts))
 
 
 def unknown_option(group: str, option: str) -> str:
@@ -166,9 +160,8 @@ def named_fault(fault: BaseException, file: str = "") -> str:
 def validated(kind: type, content: Any, where: Path | str, known: Iterable[str] = ()) -> Any:
     """The content of a file, or of an entry of it, as the dataclass `kind`.
 
-    Raises:
-        ConfigurationError: in one line that begins with `where` and names the entry; for an unknown
-            one it suggests one of those `known`.
+    ConfigurationError in one line that begins with `where` and names the entry; for an unknown one
+    it suggests one of those `known`.
     """
     from pydantic import ValidationError
 
@@ -186,9 +179,8 @@ def validated(kind: type, content: Any, where: Path | str, known: Iterable[str] 
 def read_settings(kind: Any, plain: Any, typed: Iterable[str], group: str = "") -> Any:
     """A configuration in plain types, or its section `group`, as the class `kind`.
 
-    Raises:
-        ConfigurationError: in one line for the fault to correct first, of the keys `typed` if one
-            of them has any, with the number of the others.
+    ConfigurationError in one line for the fault to correct first, of the keys `typed` if one of
+    them has any, with the number of the others.
     """
     from pydantic import ValidationError
 

@@ -91,8 +91,7 @@ class Override:
     def singles(self) -> "list[Override]":
         """Overrides of one value each, in order; for one value only itself.
 
-        Raises:
-            ConfigurationError: for no values, too many, an interval, or a random order.
+        ConfigurationError for no values, too many, an interval, or a random order.
         """
         if self.sweep is None:
             return [self]
@@ -245,7 +244,7 @@ def refuse_twice(overrides: Iterable[Override]) -> list[Override]:
 def check_overrides(parsed: Iterable[Override]) -> None:
     """Refuse code that a file names, and invalid overrides that Hydra accepts or reports unclearly.
 
-    Faults that depend on all overrides of a run are checked by `check_one_run`.
+    Faults that depend on all overrides of a run are checked by `settings_of_run`.
 
     Args:
         parsed: those of a run, or the single values of those of a sweep.
@@ -287,22 +286,13 @@ def _fault(override: Override, user_defined: Collection[str]) -> str:
 def settings_of_run(overrides: Iterable[Override]) -> tuple[list[Override], dict[str, Any]]:
     """The overrides of one run, checked, and its settings: key or group to value or option.
 
-    Raises:
-        ConfigurationError: for a wrong override, or one that does not suit the others.
+    They must be all overrides of the run, because some of them choose options. ConfigurationError
+    for a wrong override, several values, an inner group that the chosen option does not have, or a
+    setting that has no effect.
     """
     parsed = refuse_twice(overrides)
     check_overrides(parsed)
-    check_one_run(parsed)
     settings = {override.key: override.value for override in parsed}
-    return parsed, settings | implied_by_file(settings)
-
-
-def check_one_run(parsed: Sequence[Override]) -> None:
-    """Refuse several values, and an inner group that the chosen option does not have.
-
-    `parsed` must be all overrides of one run, because some of them choose options.
-    """
-    chosen = {override.key: str(override.value) for override in parsed}
     for override in parsed:
         name = override.key
         if override.sweep is not None:
@@ -311,18 +301,18 @@ def check_one_run(parsed: Sequence[Override]) -> None:
             several = f"{value} has several values: one run needs one{hint}"
             raise ConfigurationError(f"{name}: {several}; `stixel sweep` takes several")
         outer, owners = name.rpartition("/")[0], outer_options(name)
-        option = chosen.get(outer) or (default_option(outer) if owners else "")
+        option = settings.get(outer) or (default_option(outer) if owners else "")
         if owners and option not in owners:
             there = f"there is no such group with {outer}={option}"
             valid = f"{outer}={'|'.join(owners)}"
             raise BelongsElsewhere(f"{name}: {there}; it belongs to {valid}", name)
+    return parsed, settings | implied_by_file(settings)
 
 
 def implied_by_file(settings: Mapping[str, Any]) -> dict[str, str]:
     """Further settings of a run with these: `start=scans` for scans from a file without truth.
 
-    Raises:
-        BelongsElsewhere: for a setting that has no effect on such a run.
+    BelongsElsewhere for a setting that has no effect on such a run.
     """
     if settings.get("measurement") != "file":
         return {}
@@ -446,19 +436,16 @@ def _folder_of(key: str, function: str, places: Sequence[str]) -> str | None:
         first = next(iter(spec.submodule_search_locations or ()), spec.origin or "")
         where = str(Path(first).parent)
     taken = top in sys.stdlib_module_names or (top in providers() and where not in (None, local))
-    fault = ""
     if local is not None and taken:
         name = f"{local} has a module {top}, but this is the name of an installed one"
-        fault = f"{name}: rename the file"
-    elif local is None and where is None:
+        raise ConfigurationError(f"{key}: {name}: rename the file")
+    if local is None and where is None:
         missing = f"no module {printable(top)} found in {places[-1]}"
-        fault = f"{missing}, and no installed package has it"
-    elif local is None and top not in providers():
+        raise ConfigurationError(f"{key}: {missing}, and no installed package has it")
+    if local is None and top not in providers():
         local = where
-    if not fault and local is not None and not _exists(local, module):
-        fault = f"no module {printable(module)} found in {local}"
-    if fault:
-        raise ConfigurationError(f"{key}: {fault}")
+    if local is not None and not _exists(local, module):
+        raise ConfigurationError(f"{key}: no module {printable(module)} found in {local}")
     return local
 
 
@@ -490,8 +477,7 @@ def imported_option(group: str, option: str) -> Any:
 def check_parameters(configuration: Configuration) -> dict[str, dict[str, Any]]:
     """Import the user's functions, check their parameters, and return all values, by group.
 
-    Raises:
-        ConfigurationError: in one line that names the key, or the file and line of a fault.
+    ConfigurationError in one line that names the key, or the file and line of a fault.
     """
     from pydantic import ValidationError
 

@@ -114,9 +114,7 @@ def function_name(function: Callable[..., Any]) -> str:
 
     A worker cannot import a notebook or a script, so such a function is written to a module in the
     cache folder, with what it uses of the notebook: functions, imports and plain values.
-
-    Raises:
-        ConfigurationError: for a function that no module can have.
+    ConfigurationError for a function that no module can have.
     """
     module, name = function.__module__, getattr(function, "__qualname__", "")
     if not name.isidentifier():

@@ -89,10 +89,3 @@ def page_template(package: str, name: str) -> jinja2.Template:
     )
     environment.globals["run_colours"] = style.RUNS
     return environment.get_template(f"{name}.j2")
-
-
-def sentences_of(package: str, name: str, **values: Any) -> list[str]:
-    """The paragraphs of `templates/NAME.txt.j2` of a package, filled with values."""
-    paragraphs = page_template(package, f"{name}.txt").render(values).split("\n\n")
-    lines = (" ".join(paragraph.splitlines()).strip() for paragraph in paragraphs)
-    return [line for line in lines if line]

@@ -215,8 +215,7 @@ _LONGEST_NAME = 150
 def run_labels(folders: Sequence[Path]) -> list[str]:
     """Name of each run: its folder's name, with the parents' names where that is not unique.
 
-    Raises:
-        UserError: if a folder is named twice.
+    UserError if a folder is named twice.
     """
     paths = [folder.resolve() for folder in folders]
     for parts in range(1, max(len(path.parts) for path in paths) + 1):

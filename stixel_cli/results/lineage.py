@@ -361,7 +361,10 @@ def _causes(
         then = (before.files or {}).get(path)
         if then is not None and then != content:
             yield f"the content of {path} changed"
-    if before.settings != _settings_with_files(node, before):
+    # The current settings with the old content of the files.
+    old, paths = before.files or {}, [str(path) for path in node.stage.files]
+    contents = [old[path] for path in paths] if set(paths) == set(old) else None
+    if before.settings != settings_digest(node.identity.content, contents):
         files = ", ".join(after.files or {}) if before.files is None else ""
         yield f"{ALTERED[:-1]}, or {files}?" if files else ALTERED
     if code is None:
@@ -378,13 +381,6 @@ def _causes(
     yield from changed[:MOST_CAUSES]
     if len(changed) > MOST_CAUSES:
         yield f"and {len(changed) - MOST_CAUSES} more modules"
-
-
-def _settings_with_files(node: Node, before: StageLineage) -> str:
-    """The digest of the current settings with the old content of the files."""
-    then, paths = before.files or {}, [str(path) for path in node.stage.files]
-    files = [then[path] for path in paths] if set(paths) == set(then) else None
-    return settings_digest(node.identity.content, files)
 
 
 def differing_settings(runs: Sequence[RunResult]) -> dict[str, list[str]]:

@@ -64,11 +64,6 @@ def check_folder(path: Path) -> None:
         )
 
 
-def read_manifest(folder: Path) -> dict[str, Any]:
-    """Content of a folder's `manifest.json`; UserError if it is missing or not valid."""
-    return read_json(folder / MANIFEST)
-
-
 def read_metrics(folder: Path) -> dict[str, float | int | None]:
     """Metrics of a folder, None for one without a value; UserError if the file is not valid."""
     file = folder / "metrics.json"
@@ -383,13 +378,12 @@ class RunResult:
 def read_run(folder: Path) -> RunResult:
     """Read settings, manifest and metrics of a result folder; nothing else of the result is set.
 
-    Raises:
-        UserError: if it is not a result folder, or a file is missing or not valid.
+    UserError if it is not a result folder, or a file is missing or not valid.
     """
     check_folder(folder)
     return RunResult(
         folder=folder,
-        manifest=read_manifest(folder),
+        manifest=read_json(folder / MANIFEST),
         settings=read_config(folder),
         metrics=read_metrics(folder),
     )
@@ -422,7 +416,7 @@ def listed_run(folder: Path) -> RunResult:
     run = RunResult(folder=folder)
     try:
         if os.path.lexists(folder / MANIFEST):
-            return replace(run, manifest=read_manifest(folder), metrics=read_metrics(folder))
+            return replace(run, manifest=read_json(folder / MANIFEST), metrics=read_metrics(folder))
         modified = datetime.fromtimestamp((folder / SWEEP_FILE).stat().st_mtime, UTC)
         return replace(run, manifest={"created": modified.isoformat(timespec="seconds")})
     except UserError as fault:

@@ -144,8 +144,7 @@ class SweepEntry(_Entries):
     def design(self, further: Axes = ()) -> Design:
         """The design of the runs, with further axes.
 
-        Raises:
-            ConfigurationError: in one line that names the sweep and the entry.
+        ConfigurationError in one line that names the sweep and the entry.
         """
         axes, zipped = self.content.get("axes"), self.content.get("zipped")
         variants = list(self.variants.values())
@@ -227,8 +226,7 @@ class StudyFile:
     def function(self, name: str) -> Callable:
         """A function of the report's module.
 
-        Raises:
-            ConfigurationError: if the module has no function of that name.
+        ConfigurationError if the module has no function of that name.
         """
         function = getattr(self.module, name, None)
         if not callable(function):
@@ -241,8 +239,7 @@ class StudyFile:
     def further_axes(self, name: str | None, *data: Any) -> Axes:
         """Axes from a function that `derive` (with the data) or `axes_of` (without) names.
 
-        Raises:
-            UserError: if the function fails or returns another type.
+        UserError if the function fails or returns another type.
         """
         axes = [] if name is None else self.call(name, *data)
         if not isinstance(axes, list) or not all(
@@ -257,9 +254,8 @@ class StudyFile:
     def call(self, name: str, *data: Any) -> Any:
         """What a function of the report's module returns.
 
-        Raises:
-            UserError: if the function of a study outside the package fails; the line names the
-                module's file and line.
+        UserError if the function of a study outside the package fails; the line names the module's
+        file and line.
         """
         function = self.function(name)
         try:
@@ -278,9 +274,7 @@ def read_study(path: Path, trusted: bool = False) -> StudyFile:
     """The study of a file, with valid designs of its sweeps.
 
     A file that is not shipped may name a module or functions of its own only if it is `trusted`.
-
-    Raises:
-        ConfigurationError: in one line that names the file and the entry.
+    ConfigurationError in one line that names the file and the entry.
     """
     content = read_mapping(path, ENTRIES)
     try:
@@ -305,9 +299,7 @@ def read_study(path: Path, trusted: bool = False) -> StudyFile:
         for place in PLACE.finditer(file.text):
             if place[1] not in questions:
                 raise ConfigurationError(f"text: {messages.printable(place[0])}: is no question")
-        module = None
-        if module_name:
-            module = _module(path.parent, module_name, origin)
+        module = _module(path.parent, module_name, origin) if module_name else None
         title, question = (" ".join(text.split()) for text in (file.title, file.question))
         study = StudyFile(
             path, title, question, file.text, module_name, module, sweeps, asked, is_shipped

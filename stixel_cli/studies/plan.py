@@ -80,11 +80,7 @@ class StudyPlan:
 
 
 def plan_study(study: StudyFile, overrides: Sequence[str]) -> StudyPlan:
-    """The plan of a study.
-
-    Raises:
-        ConfigurationError: in one line, if a run is not valid.
-    """
+    """The plan of a study; ConfigurationError in one line, if a run is not valid."""
     designs, notes = overridden(
         [sweep.design(study.further_axes(sweep.axes_of)) for sweep in study.sweeps],
         # The request does not depend on their order.
@@ -146,10 +142,7 @@ def overridden(
     them. A key whose fixed values distinguish the sweeps is refused.
 
     Also returns a line for each override that is left out of some sweeps, with their `names` and
-    the first reason.
-
-    Raises:
-        ConfigurationError: for an override that is not valid, or that fits no sweep.
+    the first reason. ConfigurationError for an override that is not valid, or that fits no sweep.
     """
     # Groups first, then nested groups: the meaning of a key depends on the options.
     parsed = sorted(

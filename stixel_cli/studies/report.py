@@ -64,9 +64,8 @@ class Section:
 def asked(question: StudyQuestion, frames: Mapping[str, Runs]) -> Section:
     """The answers of a question; a group without a run, and a metric without a value, has none.
 
-    Raises:
-        UserError: in one line that names the question: for a name that is no column of the runs,
-            and as of `Runs.ask`.
+    UserError in one line that names the question: for a name that is no column of the runs, and as
+    of `Runs.ask`.
     """
     parts = {name: frames[name] for name in question.sweeps}
     axes = tuple(dict.fromkeys(axis for part in parts.values() for axis in part.axes))
@@ -140,8 +139,7 @@ DATA = "STIXEL_DATA"
 def data_folder(contents: str, needed: str = "") -> Path:
     """The folder that `DATA` names, or the folder `needed` in it; `contents` says what it has.
 
-    Raises:
-        MissingData: if there is no such folder.
+    MissingData if there is no such folder.
     """
     named = os.environ.get(DATA, "")
     folder = Path(named, needed)
@@ -170,8 +168,7 @@ class StudyData:
 def with_stages(result: SweepResult, entry: SweepEntry, store: Store) -> SweepResult:
     """A complete sweep, whose runs have what a report reads of their stages.
 
-    Raises:
-        UserError: if a run's folder cannot be read.
+    UserError if a run's folder cannot be read.
     """
 
     def with_results(run: RunResult) -> RunResult:
@@ -232,10 +229,8 @@ def study_report(study: StudyFile, data: StudyData) -> Report:
     """The report of a study, with what `FUNCTIONS` of its module add, if it has them.
 
     `columns` returns the runs of a sweep, by its name, frame and results, with further columns or
-    rows; `material` the module's own tables and files.
-
-    Raises:
-        UserError: for a question that the runs refuse, or a function that returns another type.
+    rows; `material` the module's own tables and files. UserError for a question that the runs
+    refuse, or a function that returns another type.
     """
     frames = {name: frame_of(sweep) for name, sweep in data.sweeps.items()}
     adds_columns, adds_material = (callable(getattr(study.module, n, None)) for n in FUNCTIONS)

@@ -23,30 +23,16 @@ from stixel_cli.config.folders import of_the_machine
 from stixel_cli.engine.cache_folder import Lease
 from stixel_cli.errors import UserError
 from stixel_cli.files import read_yaml
-from stixel_cli.results.folder import check_plain_name
 from stixel_cli.results.lineage import first_difference, provenance
 from stixel_cli.results.result import SKIPPED, SWEEP_FILE, yaml_text
+from stixel_cli.studies import report
 from stixel_cli.studies.plan import PlannedSweep, StudyPlan, derived_sweep
-from stixel_cli.studies.report import (
-    StudyData,
-    SweepState,
-    files_of,
-    study_page,
-    study_report,
-    with_stages,
-)
 from stixel_cli.sweeps.folder import SweepFolder, SweepResult
 from stixel_cli.sweeps.run import SweepInterrupted, new_sweep, resumed_sweep
 
 FILE, PAGE = "study.yaml", "report.html"
 _RESUME = "; resume with: "
 _MOST_FAILURES = 5
-
-
-def study_folder(results: Path, name: str) -> Path:
-    """The folder `name` in `results`; UserError unless `name` is a plain name."""
-    check_plain_name(name)
-    return results / name
 
 
 class Study:
@@ -74,14 +60,13 @@ class Study:
         self.plan, self.path, self.command, self.tell = plan, path, command, tell
         self.page, self.report = path / PAGE, None
         self.results: dict[str, SweepResult] = {}
-        self.states: tuple[SweepState, ...] = ()
+        self.states: tuple[report.SweepState, ...] = ()
         self.started, self.seconds = time.perf_counter(), 0.0
 
     def check(self, fresh: bool) -> bool:
         """Whether the folder exists and can be resumed by this plan; writes nothing.
 
-        Raises:
-            UserError: if the folder has another request, unless `fresh`, or is not a study's.
+        UserError if the folder has another request, unless `fresh`, or is not a study's.
         """
         if not self.path.exists():
             return False
@@ -166,7 +151,7 @@ class Study:
         with self._leased():
             result = self._sweep(one)
         if result.complete:
-            result = with_stages(result, one.sweep, one.plan.store)
+            result = report.with_stages(result, one.sweep, one.plan.store)
         self.results[one.sweep.name] = result
 
     def write_report(self) -> None:
@@ -174,7 +159,7 @@ class Study:
         self.states = tuple(map(self._state, self.plan.sweeps))
         if all(state.complete for state in self.states):
             with self._leased():
-                self.report = study_report(self.plan.study, self._data())
+                self.report = report.study_report(self.plan.study, self._data())
         origin = {
             "command": self.command,
             "created": datetime.now(UTC).isoformat(timespec="seconds"),
@@ -183,7 +168,7 @@ class Study:
                 for name, result in self.results.items()
             },
         }
-        self.write(study_page(self.plan, self.states, self.report, origin, self.page))
+        self.write(report.study_page(self.plan, self.states, self.report, origin, self.page))
         self.seconds = time.perf_counter() - self.started
 
     def write(self, html: str) -> None:
@@ -198,15 +183,15 @@ class Study:
                 write_whole(self.path / FILE, yaml_text(content))
             for name in ("tables", "figures"):
                 shutil.rmtree(self.path / name, ignore_errors=True)
-            files = {} if self.report is None else files_of(self.report)
+            files = {} if self.report is None else report.files_of(self.report)
             write_below(self.path, files | {PAGE: html})
 
     def count(self, nodes: str) -> int:
         """The number of `computed` or `cached` nodes of all sweeps."""
         return sum(getattr(result, nodes) for result in self.results.values())
 
-    def _data(self) -> StudyData:
-        return StudyData({name: own for name, own in self.results.items() if own.complete})
+    def _data(self) -> report.StudyData:
+        return report.StudyData({name: own for name, own in self.results.items() if own.complete})
 
     def _leased(self):
         """A lease on all results that the report can read."""
@@ -253,14 +238,14 @@ class Study:
             label=label,
         )
 
-    def _state(self, one: PlannedSweep) -> SweepState:
+    def _state(self, one: PlannedSweep) -> report.SweepState:
         name, folder = one.sweep.name, self.path / "sweeps" / one.sweep.name
         result = self.results.get(name)
         if result is None:
             count = None if one.plan is None else len(one.plan.runs)
             done = len(list(folder.glob("runs/[0-9]*")))
             why = "not started" if count is not None else "its axes depend on the sweeps before"
-            return SweepState(name, count, done, ("interrupted" if done else why,), folder)
+            return report.SweepState(name, count, done, ("interrupted" if done else why,), folder)
         failed = [run for run in result.runs if run.failure is not None]
         faults = [
             f"{run.label}: {messages.printable(' '.join(str(run.failure).split()), 300)}"
@@ -269,4 +254,6 @@ class Study:
         ]
         if len(failed) > _MOST_FAILURES:
             faults.append(f"and {len(failed) - _MOST_FAILURES} more, see runs.csv")
-        return SweepState(name, len(result.runs), result.count("done"), tuple(faults), folder)
+        return report.SweepState(
+            name, len(result.runs), result.count("done"), tuple(faults), folder
+        )

@@ -124,31 +124,6 @@ def has(overrides: Iterable[Override], key: str, value: Any) -> bool:
     )
 
 
-def design_from_line(overrides: Sequence[str]) -> Design:
-    """The design of a line in Hydra's grammar: overrides with several values are the axes.
-
-    Raises:
-        ConfigurationError: for an invalid override.
-    """
-    fixed, axes = [], []
-    for override in read_overrides(overrides, TYPED):
-        if override.sweep is None:
-            fixed.append(override)
-        else:
-            axes.append(Axis((override.key,), tuple((one,) for one in override.singles())))
-    return Design(tuple(fixed), tuple(axes))
-
-
-def joined(one: Design, other: Design) -> Design:
-    """The design of a file and that of a command line; ConfigurationError if they share a key."""
-    # Seeds vary fastest, so that the first finished runs complete one setting.
-    axes = sorted((*one.axes, *other.axes), key=lambda axis: axis.keys == (SEED,))
-    try:
-        return replace(one, fixed=(*one.fixed, *other.fixed), axes=tuple(axes))
-    except ConfigurationError as fault:
-        raise ConfigurationError(f"{fault}, in {one.file} or on the command line") from None
-
-
 def check_size(design: Design, one_is_enough: bool = False) -> None:
     """Refuse a design of too many runs, or of a single one unless `one_is_enough`."""
     if not design.axes and not one_is_enough:
@@ -303,8 +278,7 @@ def _values(where: str, key: str, values: Any, origin: Origin) -> list[Override]
 def over_keys(names: str | Sequence[str], axes: Sequence[Sequence[str]]) -> tuple[str, ...]:
     """The keys `names`, a list or separated by commas, each of which an axis has.
 
-    Raises:
-        ConfigurationError: for a key that no axis has.
+    ConfigurationError for a key that no axis has.
     """
     names = names.split(",") if isinstance(names, str) else list(names)
     swept = [key for axis in axes for key in axis]
@@ -377,7 +351,18 @@ def sweep_design(
     if file is not None:
         design = read_design(find_file(file), trust_code)
         words += ["--from", file]
-    design = joined(design, design_from_line(overrides))
+    fixed, axes = [*design.fixed], [*design.axes]
+    for override in read_overrides(overrides, TYPED):
+        if override.sweep is None:
+            fixed.append(override)
+        else:
+            axes.append(Axis((override.key,), tuple((one,) for one in override.singles())))
+    # Seeds vary fastest, so that the first finished runs complete one setting.
+    axes.sort(key=lambda axis: axis.keys == (SEED,))
+    try:
+        design = replace(design, fixed=tuple(fixed), axes=tuple(axes))
+    except ConfigurationError as fault:
+        raise ConfigurationError(f"{fault}, in {design.file} or on the command line") from None
     check_overrides(design.overrides)
     check_size(design, one_is_enough)
     if over != SEED:

@@ -81,11 +81,6 @@ class SweepPlan:
         """Raise UserError for an unusable cache or scheduler, before a folder is created."""
         probe(len(self.missing), self.store, self.executor)
 
-    def complete_runs(self) -> int:
-        """Number of runs whose results are all in the store."""
-        missing = set(self.missing)
-        return sum(missing.isdisjoint(run.targets) for run in self.runs)
-
 
 def plan_runs(
     runs: Sequence[RunResult],

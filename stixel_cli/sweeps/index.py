@@ -17,7 +17,7 @@ from stixel_cli.evaluation.metric_table import MAIN, metric
 from stixel_cli.evaluation.verdict import verdict, word
 from stixel_cli.experiment.run_names import differences, short_setting, swept_setting
 from stixel_cli.files import read_text
-from stixel_cli.report.static_page import filled_page
+from stixel_cli.report.metrics import filled_page
 from stixel_cli.results.folder import PAGE
 from stixel_cli.results.result import (
     DONE,

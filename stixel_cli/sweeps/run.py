@@ -361,10 +361,9 @@ def new_sweep(
         plan: by `plan_sweep`.
         results: parent of the sweep's folder, see `check_results`; None to write nothing.
         name: of the sweep's folder; None for the file's name, or the swept keys, and the time.
-        visible: show progress on stderr.
         note: called with notes on the axes before anything runs.
         advice: note files that the user's code may read without declaring them, too.
-        fail_fast, label: see `Sweep`.
+        visible, label, fail_fast: see `Sweep`.
 
     Raises:
         UserError, SweepInterrupted: as `Sweep.run` does.
@@ -407,9 +406,8 @@ def resumed_sweep(
         path: the sweep's folder.
         overrides: of executor and cache; those of the folder are never used.
         names: where the names of code in the folder come from.
-        visible: show progress on stderr, with the prefix `label`.
         note: called with the number of finished runs that are out of date.
-        fail_fast: see `Sweep`.
+        visible, label, fail_fast: see `Sweep`.
 
     Raises:
         UserError, SweepInterrupted: as `Sweep.run` does; if the folder is not of a sweep.
@@ -452,9 +450,7 @@ def stored_runs(
     """The runs of a folder's request, with executor and cache replaced by `overrides`.
 
     `origin` is the folder; to compare its runs, without `imports`, it may name code.
-
-    Raises:
-        ConfigurationError: as of `resumed_overrides`, or for a wrong run.
+    ConfigurationError as of `resumed_overrides`, or for a wrong run.
     """
     each = resumed_overrides(request.runs, overrides, origin)
     return compose_runs(each, request.keys, Composer(request.working_directory, imports))
@@ -466,10 +462,8 @@ def resumed_overrides(
     """Overrides that a folder keeps, each with executor and cache replaced by `overrides`.
 
     Nothing of these groups is kept: somebody else may have written the folder, and a cache holds
-    pickles, a scheduler's address a computer.
-
-    Raises:
-        ConfigurationError: for an override of other groups or of several values.
+    pickles, a scheduler's address a computer. ConfigurationError for an override of other groups or
+    of several values.
     """
     parsed, given = read_overrides(overrides, TYPED), []
     for override in parsed:

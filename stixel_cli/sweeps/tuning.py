@@ -44,6 +44,39 @@ BATCH = 4
 """Trials that are asked for together, whatever the number of workers."""
 
 
+REQUEST = "tune.yaml"
+
+
+@parameters
+class TuneRequest:
+    """The content of `tune.yaml`.
+
+    Attributes:
+        overrides: as typed: fixed ones, the parameters (choices, ranges, intervals), given axes.
+        objectives: names of one metric or two.
+        over: keys of the given axes to average over, such as path; seeds always are.
+        seeds: number of seeds from 1000, unless the overrides have the key `seed`, and from 0.
+        trials: their number.
+    """
+
+    overrides: list[str]
+    objectives: list[str]
+    over: list[str]
+    seeds: Annotated[int, Ge(1), Le(1000)]
+    trials: Annotated[int, Ge(1), Le(10_000)]
+
+
+def create(folder: Path, request: TuneRequest) -> None:
+    """Create the folder with its `tune.yaml`, with the errors of `whole_folder`."""
+    write_whole_folder(folder, {REQUEST: yaml_text(vars(request))})
+
+
+def read_request(folder: Path) -> TuneRequest:
+    """The content of `tune.yaml`; UserError if this is not the folder of a tuning."""
+    file = folder / REQUEST
+    return validated(TuneRequest, read_yaml(file), file)
+
+
 @dataclass
 class Trial:
     """Values of the parameters, as texts, with what came of them.
@@ -67,26 +100,11 @@ class Trial:
 class Tuning:
     """A tuning, its `trials`, the `default` on the same seeds, and Optuna's `study`."""
 
-    def __init__(
-        self,
-        overrides: Sequence[Override],
-        objectives: Sequence[str],
-        over: Sequence[str],
-        seeds: int,
-    ):
-        """Read a command line.
-
-        Args:
-            overrides: fixed ones, the parameters (choices, ranges, intervals), and given axes.
-            objectives: names of one metric or two.
-            over: keys of the given axes to average over, such as path; seeds always are.
-            seeds: number of seeds from 1000, unless the overrides have the key `seed`, and from 0.
-
-        Raises:
-            ConfigurationError: for the first fault.
-        """
+    def __init__(self, overrides: Sequence[Override], request: TuneRequest):
+        """With the overrides of a request, parsed; ConfigurationError for the first fault."""
         if find_spec("optuna") is None:
             raise UserError("tune needs Optuna: pip install 'stixel[tune]'")
+        objectives, over, seeds = request.objectives, request.over, request.seeds
         _check_objectives(objectives)
         self.objectives, self.trials, self.default = objectives, list[Trial](), Trial("default")
         self.sign = np.array([-1.0 if metric(n).better == "more" else 1.0 for n in objectives])
@@ -290,31 +308,6 @@ def _value(name: str, metrics: Mapping[str, Any]) -> float:
     if metric(name).better == "one":
         return abs(math.log(value)) if value else math.nan
     return math.nan if value is None else float(value)
-
-
-REQUEST = "tune.yaml"
-
-
-@parameters
-class TuneRequest:
-    """The content of `tune.yaml`: the arguments of `Tuning`, and the number of trials."""
-
-    overrides: list[str]
-    objectives: list[str]
-    over: list[str]
-    seeds: Annotated[int, Ge(1), Le(1000)]
-    trials: Annotated[int, Ge(1), Le(10_000)]
-
-
-def create(folder: Path, request: TuneRequest) -> None:
-    """Create the folder with its `tune.yaml`, with the errors of `whole_folder`."""
-    write_whole_folder(folder, {REQUEST: yaml_text(vars(request))})
-
-
-def read_request(folder: Path) -> TuneRequest:
-    """The content of `tune.yaml`; UserError if this is not the folder of a tuning."""
-    file = folder / REQUEST
-    return validated(TuneRequest, read_yaml(file), file)
 
 
 def write_outcome(folder: Path, tuning: Tuning, command: str) -> tuple[Trial, list[Answer]]:
