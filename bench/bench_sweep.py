@@ -14,11 +14,11 @@ from small import sized
 from stixel_cli.border import TYPED
 from stixel_cli.cli.sweep import sweep as sweep_command
 from stixel_cli.config.compose import Composer, compose
-from stixel_cli.config.override_checks import read_overrides
+from stixel_cli.config.overrides import read_overrides
 from stixel_cli.engine.store import Store
+from stixel_cli.sweeps.design import sweep_design
 from stixel_cli.sweeps.graphs import plan_sweep
-from stixel_cli.sweeps.runs import sweep_design
-from stixel_cli.sweeps.whole import new_sweep
+from stixel_cli.sweeps.run import new_sweep
 
 RUNS, TRACKER_RUNS = sized((1000, 200), (10, 3))
 SETTINGS = f"tracker.sigma_q=range(0.1,{TRACKER_RUNS / 10 + 0.1:.1f},0.1)"
@@ -84,7 +84,7 @@ def test_tracker_runs(benchmark, cache, tmp_path, how):
     made = new_sweep(plan_sweep(sweep_design([*FABRICATED, "tracker.sigma_q=30,31"])))
     assert made.complete
     plan = plan_sweep(sweep_design(line))
-    assert {stage.name for stage in plan.stages if stage.to_run} == {"track", "scores"}
+    assert {stage["name"] for stage in plan.stages if stage["to_run"]} == {"track", "scores"}
     if how == "sweep":
         result = benchmark.pedantic(
             lambda: new_sweep(plan_sweep(sweep_design(line)), tmp_path / "results"), rounds=1

@@ -10,8 +10,7 @@ from pathlib import Path
 import pandas as pd
 
 from stixel_cli import sweep
-from stixel_cli.answers.answer import Answer
-from stixel_cli.answers.runs import Runs
+from stixel_cli.answers.runs import Answer, Runs
 
 README = Path(__file__).parents[1] / "README.md"
 BEGIN, END = "<!-- from docs/home_away.py -->", "<!-- end -->"

@@ -23,10 +23,9 @@ from stixel_cli.errors import UserError
 from stixel_cli.evaluation.scores import Scores
 from stixel_cli.experiment.run import read_stored_run, record_run
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.results.arrays import with_arrays
 from stixel_cli.results.folder import check_results
-from stixel_cli.results.reader import SWEEP_FILE
-from stixel_cli.results.result import RunResult
+from stixel_cli.results.result import SWEEP_FILE, RunResult
+from stixel_cli.results.tables import with_arrays
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.sweeps.index import update_index
 from stixel_cli.tracking.track import Track
@@ -139,11 +138,8 @@ def sweep(
         overrides: as in `compose`, including several values: `"seed=range(0,5)"`, and of a mapping
             or keyword a tuple or range, `tracker=("contour", "gp_ekf"), seed=range(5)`.
         file: with axes, seeds and excluded runs: a path, or the name of a shipped file.
-        results: parent of the sweep's folder; None to write nothing.
-        name: of that folder; None for a name from the file's name and the time.
+        results, name, workers, cache: as in `run`, of the sweep's folder.
         pictures: draw the pictures of every run.
-        workers: None for the number in the configuration.
-        cache: folder of the cache; None for the one in the configuration.
         last_wins, settings: as in `compose`.
         trust_code: run the user-defined code that the file names.
 
@@ -156,9 +152,9 @@ def sweep(
         >>> frame.groupby("tracker")["iou_mean"].count().to_dict()
         {'box': 2, 'point': 2}
     """
+    from stixel_cli.sweeps.design import sweep_design
     from stixel_cli.sweeps.graphs import plan_sweep
-    from stixel_cli.sweeps.runs import sweep_design
-    from stixel_cli.sweeps.whole import new_sweep
+    from stixel_cli.sweeps.run import new_sweep
 
     machine = starmap(override_text, _of_this_machine(workers, cache).items())
     texts = [*_texts((*overrides, settings), last_wins), *machine]
@@ -206,7 +202,7 @@ def track(scans: Scans, prior: str = "car", *, tracker: str = "contour", **setti
 def load(folder: Path | str) -> "RunResult | Runs":
     """The run in a result folder, or the runs of a sweep's folder; nothing is computed.
 
-    A run has its scenario, scans, track and scores; what the folder lacks is in `results.arrays`.
+    A run has its scenario, scans, track and scores; what the folder lacks is in `results.tables`.
     The `Runs` of a sweep answer questions: `load("results/sweep").ask(metric="iou_mean")`.
     UserError as `stixel run FOLDER` and `stixel report` have it.
 
@@ -219,7 +215,7 @@ def load(folder: Path | str) -> "RunResult | Runs":
         True
     """
     if (Path(folder) / SWEEP_FILE).exists():
-        from stixel_cli.sweeps.page import read_sweep
+        from stixel_cli.sweeps.folder import read_sweep
 
         return read_sweep(Path(folder))[0].table
     return with_arrays(read_stored_run(Path(folder)))

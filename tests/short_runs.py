@@ -25,8 +25,8 @@ _ALL_METRICS = Runs.metrics.func
 SHORT = {
     "drawn": {
         "stixel_cli.experiment.run.PICTURES": (),
-        "stixel_cli.sweeps.page.sweep_page": lambda *_, **given: "",
-        "stixel_cli.studies.run.study_page": lambda *_: "",
+        "stixel_cli.sweeps.folder.sweep_page": lambda *_, **given: "",
+        "stixel_cli.studies.report.study_page": lambda *_: "",
         "stixel_cli.answers.figures.drawing": lambda *_: b"<svg/>",
     },
     "summed": {"stixel_cli.answers.runs.Runs.metrics": property(_shown_metrics)},

@@ -19,7 +19,7 @@ from stixel_cli.config.compose import from_resolved
 from stixel_cli.config.texts import mapping_texts
 from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.results.result import RunResult
-from stixel_cli.sweeps.results import SweepResult
+from stixel_cli.sweeps.folder import SweepResult
 from stixel_cli.tracking.baselines import point
 
 FABRICATED = ["measurement=fabricated", "path.duration=0.5", "pictures.frames=[0]"]

@@ -23,20 +23,19 @@ TYPES = {
     "api.py": "the module of an option that the user's program names",
     "benchmark/run.py": "words of its command line",
     "benchmark/sequences.py": "the tracker and the workers of the command line",
-    "cli/sweep.py": "words of its command line",
+    "cli/sweep.py": "words of its command line; a stored sweep that is compared, not imported",
     "studies/plan.py": "words of its command line",
     "sweeps/design.py": "words of its command line",
-    "sweeps/whole.py": "words of its command line",
+    "sweeps/run.py": "words of its command line",
     "sweeps/tuning.py": "seeds that it counts itself",
     "config/compose.py": "the function `compose`, whose callers are below",
-    "cli/plan.py": "a stored sweep is compared: nothing that it names is imported",
     "studies/file.py": "functions that shipped studies name",
     "studies/run.py": "a sweep equal to that of the study, which was admitted",
     "own_code.py": "the function of a planned node, which was admitted when composed",
     "engine/loaded_code.py": "the function of a planned node, as above",
     "engine/store.py": "the cache of a planned graph, as above",
     "engine/dask_pool.py": "the scheduler of a planned graph, as above",
-    "results/made_here.py": "a folder that this user's command made, by a note in the cache",
+    "results/folder.py": "a folder that this user's command made, by a note in the cache",
 }
 """Modules that call a name typed, as nothing is by default, and what it is."""
 

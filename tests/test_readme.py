@@ -11,7 +11,7 @@ from stixel_cli import compose
 from stixel_cli.border import TYPED
 from stixel_cli.cli.app import main
 from stixel_cli.config.folders import STUDIES
-from stixel_cli.config.override_checks import check_overrides, read_overrides
+from stixel_cli.config.overrides import check_overrides, read_overrides
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")

@@ -17,15 +17,14 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from stixel_cli.answers.answer import FOLDER, STATUS, Answer
+from stixel_cli.answers.runs import FOLDER, STATUS, Answer
 from stixel_cli.errors import UserError
 from stixel_cli.evaluation.intervals import LEAST_UNITS, Bounds, mean_interval
 from stixel_cli.evaluation.scan_errors import LOW_OVERLAP
 from stixel_cli.evaluation.scores import SERIES
 from stixel_cli.pictures import style
-from stixel_cli.report.page import Drawing, drawing_for_page
-from stixel_cli.results.reader import read_series
-from stixel_cli.results.result import DONE
+from stixel_cli.report.page import drawing_for_page
+from stixel_cli.results.result import DONE, read_series
 
 _LETTERS, _MARK, _LINE, _ROW = 13.0, 7, 0.16, 2.25
 """Letters of a legend to an inch; the room of its marks, in letters; heights of a line and of a
@@ -133,7 +132,7 @@ Errors = tuple[np.ndarray, Mapping[str, np.ndarray]]
 """Times (K,), s, and each of the `SERIES` that is known, (n, K) of n runs, in its own unit."""
 
 
-def error_curves(lines: Mapping[str, Errors], x: str) -> list[tuple[str, Drawing]]:
+def error_curves(lines: Mapping[str, Errors], x: str) -> list[tuple[str, dict[str, Any]]]:
     """(title, drawing) of each error that a line has, first those that a page shows at once.
 
     A line is the mean of its runs, with its interval at each time, see `mean_line`. The
@@ -386,6 +385,10 @@ def pdf(figure: matplotlib.figure.Figure) -> bytes:
     buffer, dated = io.BytesIO(), ("CreationDate", "Creator", "Producer")
     figure.savefig(buffer, format="pdf", metadata=dict.fromkeys(dated))
     return buffer.getvalue()
+
+
+FORMATS = {"svg": style.svg, "pdf": pdf, "png": style.png}
+"""Format of a figure to what writes it."""
 
 
 def _mark(answer: Answer, option: object) -> str:

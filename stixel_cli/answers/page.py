@@ -11,20 +11,16 @@ import numpy as np
 import pandas as pd
 
 from stixel_cli.answers import figures, render
-from stixel_cli.answers.answer import ERROR, FOLDER, STATUS, Answer
 from stixel_cli.answers.figures import SHARES, error_curves, over_time
-from stixel_cli.answers.runs import Runs
+from stixel_cli.answers.runs import ERROR, FOLDER, STATUS, Answer, Runs
 from stixel_cli.errors import UserError
 from stixel_cli.evaluation.metric_table import metric
 from stixel_cli.evaluation.verdict import verdict
-from stixel_cli.report.compare import run_labels
-from stixel_cli.report.metrics import number
+from stixel_cli.report.metrics import json_in_html, number
 from stixel_cli.report.page import drawing_for_page, page_template
-from stixel_cli.report.static_page import json_in_html
-from stixel_cli.results.differences import differing_settings, warnings
-from stixel_cli.results.folder import PAGE
-from stixel_cli.results.reader import check_folder
-from stixel_cli.results.result import DONE, RunResult, read_scored_run
+from stixel_cli.results.folder import PAGE, run_labels
+from stixel_cli.results.lineage import differing_settings, warnings
+from stixel_cli.results.result import DONE, RunResult, check_folder, read_scored_run
 
 
 @dataclass(frozen=True)
@@ -78,8 +74,7 @@ def asked_runs(
 ) -> Asked:
     """What is asked of the runs in two folders or more.
 
-    Raises:
-        UserError: for one folder, or one that is no result folder.
+    UserError for one folder, or one that is no result folder.
     """
     if len(folders) < 2:
         check_folder(folders[0])

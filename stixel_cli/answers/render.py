@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from stixel_cli.answers.answer import Answer, known
+from stixel_cli.answers.runs import Answer, known
 from stixel_cli.evaluation.intervals import LEAST_UNITS
 from stixel_cli.report.metrics import number, with_interval
 

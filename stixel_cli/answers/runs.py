@@ -1,23 +1,383 @@
-"""Many runs as one tidy frame, of which questions are asked.
+"""Many runs as one tidy frame, of which questions are asked, and the answers.
 
 A sweep, a study, several folders, a tuning and a pack of the benchmark all become `Runs`: one row a
 run, with its settings, its status and its metrics as columns. Nothing here knows where they come
 from.
+
+The rules: a cell (scenario, unit) counts if every option has a value there. Of two rectangles the
+larger one is used: the scenarios that have every unit, or the units that have every scenario. The
+value of a unit is the mean over its scenarios. Differences are paired by unit. Failed runs stay in
+the table, and count as lost. Without an interval nothing is claimed.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pandas as pd
 
-from stixel_cli.answers.answer import STATUS, Answer, Groups, Question, answered, grouped
-from stixel_cli.errors import UserError, printable
-from stixel_cli.evaluation.metric_table import MAIN, METRICS, main_first
+from stixel_cli.errors import UserError, counted, printable
+from stixel_cli.evaluation.intervals import LEAST_UNITS, mean_interval, share_interval
+from stixel_cli.evaluation.metric_table import (
+    LOSS_RATE,
+    MAIN,
+    METRICS,
+    NO_VALUE,
+    Metric,
+    main_first,
+    metric,
+    over_runs,
+)
+from stixel_cli.report.metrics import with_interval
+from stixel_cli.results.result import FAILED, MISSING, SKIPPED, listed
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+
+STATUS, LOST, FOLDER, ERROR = "status", "track_lost", "folder", "error"
+"""Columns of a frame of runs that are neither settings nor asked about."""
+
+
+@dataclass(frozen=True)
+class Question:
+    """What is asked of many runs.
+
+    Attributes:
+        compare: columns whose combinations of values are the options.
+        within: columns whose combinations are scenarios, of equal weight.
+        over: columns whose combinations are the units of statistics.
+        metric: the column of the values.
+        better: "more" or "less"; "one" for a ratio that should be 1; None as the table of metrics.
+        reference: the option that others are compared with; None for the best one.
+    """
+
+    compare: tuple[str, ...]
+    within: tuple[str, ...]
+    over: tuple[str, ...]
+    metric: str
+    better: str | None = None
+    reference: object = None
+
+    @property
+    def named(self) -> str:
+        """The compared columns in one text; "option" where all runs are one."""
+        return " ".join(self.compare) or "option"
+
+    @property
+    def row(self) -> Metric:
+        """Label, unit, bounds and better direction of the metric's mean over runs."""
+        row = metric(over_runs(self.metric))
+        return row if self.better is None else replace(row, better=self.better)
+
+    @property
+    def heading(self) -> str:
+        """Label of the metric, with its unit."""
+        return self.row.heading
+
+
+MOST_NAMED = 4
+_OPTION, _SCENARIO, _UNIT, _VALUE = "option", "scenario", "unit", "value"
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """The answer to a question about many runs.
+
+    Attributes:
+        table: one row an option, in their order. Columns: `runs`, `failed`, `lost_share` of all
+            runs; `mean` with its interval `low`, `high`; `minus`, the mean of the paired
+            differences from the best option (or the reference), with its interval `minus_low`,
+            `minus_high`. NaN where there is none.
+        best: the option with the best mean; None if no value is better, or there is none.
+        shown: whether every other option's interval excludes 0.
+        units: number of units that the means are over.
+        left_out: number of cells (scenario, unit) that are left out, because an option lacks them.
+        values: of each unit (row) and option (column).
+        scenarios: the scenarios that the means are over.
+        runs: the frame with the columns `option`, `scenario` and `unit` as texts or values.
+    """
+
+    question: Question
+    table: pd.DataFrame
+    best: object
+    shown: bool
+    units: int
+    left_out: int
+    values: pd.DataFrame = field(repr=False)
+    scenarios: tuple[str, ...] = field(repr=False)
+    runs: pd.DataFrame = field(repr=False)
+
+    @property
+    def order(self) -> list:
+        """The options from the best to the worst; those without a value last."""
+        key = {"more": -self.table["mean"], "less": self.table["mean"]}.get(
+            self.question.row.better
+        )
+        return [*self.table.index] if key is None else [*key.sort_values(kind="stable").index]
+
+    @property
+    def over(self) -> str:
+        """What the means are over: "8 seeds, each the mean of 2 paths"."""
+        names = [name.rpartition(".")[2].replace("_", " ") for name in self.question.over]
+        if not names:
+            text = "one run each"
+        elif len(names) == 1:
+            text = counted(self.units, names[0])
+        else:
+            text = f"{counted(self.units, 'combination')} of {listed(names)}"
+        if len(self.scenarios) > 1:
+            within = self.question.within
+            word = within[0].rpartition(".")[2] if len(within) == 1 else "scenario"
+            text += f", each the mean of {counted(len(self.scenarios), word.replace('_', ' '))}"
+        return text
+
+    @property
+    def lacking(self) -> str:
+        """How many more units a comparison needs; "" if it has enough, or nothing is compared."""
+        if self.values.shape[1] < 2 or self.units >= LEAST_UNITS:
+            return ""
+        return f"{self.over}: too few to compare, {LEAST_UNITS} are needed"
+
+    @property
+    def notes(self) -> list[str]:
+        """What is left out, and what has failed, each in one sentence."""
+        found = []
+        if self.left_out:
+            cells = counted(self.left_out, "combination")
+            found.append(f"{cells} of scenario and unit left out: not every option has a value.")
+        failed = self.table["failed"]
+        for option, number in failed[failed > 0].items():
+            runs = self.table.loc[option, "runs"]
+            found.append(
+                f"{option}: {number} of {counted(int(runs), 'run')} failed, counted as lost."
+            )
+        return found
+
+    @cached_property
+    def sentence(self) -> str:
+        """The answer in one sentence, with its numbers."""
+        label = self.question.row.short_label
+        return (
+            f"{label[:1].upper()}{label[1:]}: {self._said(f' ({self.lacking or self.over})', ';')}."
+        )
+
+    @property
+    def brief(self) -> str:
+        """The answer without its metric and units, to follow a label in a longer sentence."""
+        return self._said("", ",")
+
+    def _said(self, over: str, then: str) -> str:
+        """What the values show, `over` which units, and `then` between two of its parts."""
+        heard = [option for option in self.order if np.isfinite(self.table.loc[option, "mean"])]
+        reference = self.question.reference
+        if not heard:
+            return "no run has a value"
+        if len(heard) == 1 or self.lacking or (self.best is None and reference is None):
+            return self._named(heard) + over
+        if reference is not None:
+            others = [option for option in heard if option != reference]
+            parts = [f"{self.name(option)} {self._minus(option)}" for option in others[:MOST_NAMED]]
+            return (
+                f"{listed(parts)} against {self.name(reference)} ({self._value(reference)}){over}"
+            )
+        first, second = self._named(heard[:1]), heard[1]
+        same = [self.name(option) for option in heard[1:] if not self._excludes_zero(option)]
+        if same:
+            return f"{first}{over}{then} not shown to differ: {listed(same)}"
+        return f"{first} is the best{over}{then} {self.name(second)} is next, {self._minus(second)}"
+
+    @property
+    def worst(self) -> pd.DataFrame:
+        """The row of the worst run of each option that has one; a failed one comes first."""
+        better = self.question.row.better
+        sign = -1.0 if better == "more" else 1.0
+        failed = self.runs[STATUS].isin((FAILED, SKIPPED))
+        badness = (sign * self.runs[_VALUE]).where(~failed, np.inf)
+        if better == "one":
+            badness = (
+                np.log(self.runs[_VALUE].where(self.runs[_VALUE] > 0.0))
+                .abs()
+                .where(~failed, np.inf)
+            )
+        chosen = badness.dropna().groupby(self.runs[_OPTION], sort=False).idxmax()
+        return self.runs.loc[chosen].set_index(_OPTION, drop=False)
+
+    def by_scenario(self) -> pd.DataFrame:
+        """The mean over units of each scenario (row) and option (column)."""
+        found = self.runs.pivot_table(
+            index=_SCENARIO, columns=_OPTION, values=_VALUE, dropna=False, sort=False, observed=True
+        )
+        return found.reindex(columns=self.table.index)
+
+    def figure(self) -> "Figure":
+        """The values of each option, and below them the paired differences."""
+        from stixel_cli.answers.figures import differences
+
+        return differences(self, lambda figure: figure)
+
+    def to_latex(self, caption: str = "", label: str = "") -> str:
+        """The table of the options in LaTeX, for the package booktabs."""
+        from stixel_cli.answers.render import latex
+
+        return latex([self], caption, label)
+
+    def name(self, option: object) -> str:
+        """An option in a sentence: a number with its key, which tells it from the values."""
+        compare = self.question.compare
+        return _with_key(compare[0], option) if len(compare) == 1 else str(option)
+
+    def _named(self, options: Sequence) -> str:
+        parts = [f"{self.name(option)} {self._value(option)}" for option in options[:MOST_NAMED]]
+        more = len(options) - MOST_NAMED
+        return listed([*parts, f"{more} more"] if more > 0 else parts)
+
+    def _value(self, option: object) -> str:
+        row = self.table.loc[option]
+        return with_interval(*known(row[["mean", "low", "high"]]), self.question.row.unit)
+
+    def _minus(self, option: object) -> str:
+        row = self.table.loc[option]
+        ends = known(row[["minus", "minus_low", "minus_high"]])
+        return with_interval(*ends, self.question.row.unit, sign=True)
+
+    def _excludes_zero(self, option: object) -> bool:
+        row = self.table.loc[option]
+        return bool(row["minus_low"] > 0.0 or row["minus_high"] < 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Groups:
+    """The runs of a frame by option, scenario and unit, for the answers of all its metrics.
+
+    Attributes:
+        runs: the frame with the columns option, scenario and unit.
+        failed: whether each run failed, or was skipped.
+        cells: numbers of the option, scenario and unit of each run.
+        options, scenarios, units: their values.
+        table: one row an option, with the columns `runs`, `failed`, `lost_share`.
+    """
+
+    runs: pd.DataFrame
+    failed: pd.Series
+    cells: tuple[np.ndarray, np.ndarray, np.ndarray]
+    options: pd.Index
+    scenarios: pd.Index
+    units: pd.Index
+    table: pd.DataFrame
+
+
+def grouped(frame: pd.DataFrame, question: Question) -> Groups:
+    """The groups of a question, whatever its metric; UserError for runs that are equal."""
+    named = {_OPTION: question.compare, _SCENARIO: question.within, _UNIT: question.over}
+    runs = frame.reset_index(drop=True)
+    runs = runs.assign(**{name: combined(runs, columns) for name, columns in named.items()})
+    twice = runs[runs[[*named]].duplicated()]
+    if len(twice):
+        what = " ".join(str(twice.iloc[0][name]) for name in named).strip()
+        raise UserError(
+            f"runs: two are {printable(what, 120)}: name the column in which they differ in "
+            "compare, within or over"
+        )
+    cells, values = zip(*(pd.factorize(runs[name]) for name in named), strict=True)
+    failed = runs[STATUS].isin((FAILED, SKIPPED))
+    lost = failed | (runs[LOST].fillna(0) > 0) if LOST in runs else failed
+    by_option = pd.DataFrame({"runs": 1, "failed": failed, "lost_share": lost})
+    of_options = by_option.groupby(runs[_OPTION], sort=False)
+    table = of_options.agg({"runs": "sum", "failed": "sum", "lost_share": "mean"})
+    return Groups(runs, failed, cells, *values, table)
+
+
+def answered(groups: Groups, question: Question) -> Answer:
+    """The answer to a question about runs in its groups, see `Runs.ask`."""
+    options, scenarios, units, row = groups.options, groups.scenarios, groups.units, question.row
+    value = groups.runs[question.metric].astype(float)
+    value = value.where(~groups.failed & (groups.runs[STATUS] != MISSING))
+    if question.metric == LOST:
+        value = value.mask(groups.failed, 1.0)
+    cells = np.full((len(options), len(scenarios), len(units)), np.nan)
+    cells[groups.cells] = value
+    has = np.isfinite(cells)
+    heard = has.any(axis=(1, 2))
+    columns, rows = _rectangle(has[heard].all(axis=0)) if heard.any() else ([], [])
+    if not len(columns):
+        rows = []
+    used = cells[heard][:, columns][:, :, rows]
+    means = used.mean(axis=1).T if len(rows) else np.empty((0, int(heard.sum())))
+    values = pd.DataFrame(means, index=units[rows], columns=options[heard])
+    mean = values.mean()
+    interval = (
+        share_interval(values) if row.name == LOSS_RATE else mean_interval(values, row.bounds)
+    )
+    best = _best(mean.dropna(), row.better)
+    reference = question.reference if question.reference is not None else best
+    if question.reference is not None and reference not in values:
+        raise UserError(f"reference: {printable(str(reference), 60)}: no option with a value")
+    shown, minus, ends = False, pd.DataFrame(), pd.DataFrame(columns=["low", "high"])
+    if reference is not None and values.shape[1] > 1:
+        tests = values.shape[1] - 1 if question.reference is None else 1
+        minus = values.drop(columns=reference).sub(values[reference], axis=0)
+        ends = mean_interval(minus, tests=tests)
+        shown = bool(((ends["low"] > 0.0) | (ends["high"] < 0.0)).all())
+    found = {
+        **{"mean": mean, "low": interval["low"], "high": interval["high"]},
+        **{"minus": minus.mean(), "minus_low": ends["low"], "minus_high": ends["high"]},
+    }
+    table = groups.table.join(pd.DataFrame(found, index=options, dtype=float))
+    return Answer(
+        question=question,
+        table=table,
+        best=best,
+        shown=shown,
+        units=len(rows),
+        left_out=len(scenarios) * len(units) - len(columns) * len(rows),
+        values=values,
+        scenarios=tuple(scenarios[columns]),
+        runs=groups.runs.assign(**{_VALUE: value}),
+    )
+
+
+def combined(runs: pd.DataFrame, names: Sequence[str]) -> pd.Series:
+    """The values of one column, or the texts of several; – for a value that is missing."""
+    columns = [runs[name] for name in names]
+    columns = [one.astype(object).fillna(NO_VALUE) if one.hasnans else one for one in columns]
+    if len(columns) == 1:
+        return columns[0]
+    if not columns:
+        return pd.Series("all", runs.index)
+    texts = [
+        [_with_key(name, value) for value in one] for name, one in zip(names, columns, strict=True)
+    ]
+    return pd.Series([" ".join(row) for row in zip(*texts, strict=True)], runs.index)
+
+
+def _with_key(key: str, value: object) -> str:
+    text = str(value)
+    is_number = text.strip("+-")[:1].isdigit()
+    return f"{key.rpartition('.')[2]}={text}" if is_number else text
+
+
+def _rectangle(known: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Numbers of the scenarios (rows) and units (columns) of the larger rectangle of known ones."""
+    whole, full = np.flatnonzero(known.all(axis=1)), np.flatnonzero(known.all(axis=0))
+    scenarios, units = known.shape
+    if len(whole) * units >= len(full) * scenarios:
+        return whole, np.arange(units)
+    return np.arange(scenarios), full
+
+
+def _best(means: pd.Series, better: str | None) -> object:
+    if means.empty or better not in ("more", "less"):
+        return None
+    return means.idxmax() if better == "more" else means.idxmin()
+
+
+def known(values: pd.Series) -> list[float | None]:
+    """Numbers in plain types, None for those that are not finite."""
+    return [float(value) if np.isfinite(value) else None for value in values]
+
 
 SCENE = ("road_user", "path", "pace", "ego", "world", "road", "source", "measurement", "rig")
 """Groups whose axes are scenarios, unless nothing else differs between the runs."""

@@ -4,7 +4,9 @@ A scene is a class, a case and a seed: its sequences of several sensors share ro
 start. Sensors, classes and cases are scenarios, seeds the units.
 """
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,15 +15,24 @@ import pandas as pd
 from stixel_cli.answers import render
 from stixel_cli.answers.page import Asked, answers_page
 from stixel_cli.answers.runs import Runs
-from stixel_cli.benchmark import score
-from stixel_cli.benchmark.sequences import FROZEN, named
+from stixel_cli.benchmark.packs import (
+    CONSISTENT,
+    FIXED,
+    FRESH,
+    TIME,
+    first_scored,
+    read_pack,
+    scored_track,
+)
+from stixel_cli.benchmark.sequences import FROZEN, Data, named, planned
 from stixel_cli.report.page import page_template
-from stixel_cli.results.result import DONE
+from stixel_cli.report.playback import playback_html
+from stixel_cli.results.result import DONE, RunResult
 
 AXES = ("tracker", "sensor", "road_user", "case", "seed")
 SHOWN = (
     *("iou_mean", "iou_box_mean", "centre_rmse_m", "orientation_rmse_deg", "track_lost"),
-    *(score.CONSISTENT, score.TIME),
+    *(CONSISTENT, TIME),
 )
 """Metrics of the page, the main one first."""
 RANKED = "ranked"
@@ -29,8 +40,8 @@ RANKED = "ranked"
 
 def kind_of(row: Mapping[str, Any]) -> str:
     """`RANKED`, or what keeps a row out of the comparison."""
-    if row["tier"] == score.FIXED:
-        return score.FIXED
+    if row["tier"] == FIXED:
+        return FIXED
     about = row["tracker"]
     notes = ["not causal"] * (not about["causal"]) + ["per class"] * about["per_class"]
     return ", ".join(notes + ["own start"] * (about["start"] == "own")) or RANKED
@@ -68,7 +79,7 @@ def bench_pages(rows: Sequence[Mapping[str, Any]], played: Collection[str] = ())
     # Not by the id of the data: another processor renders the same sequences to other last bits.
     for names in dict.fromkeys(tuple(row["sequences"]) for row in rows):
         own = [row for row in rows if tuple(row["sequences"]) == names]
-        fresh = "-fresh" * (own[0]["tier"] == score.FRESH)
+        fresh = "-fresh" * (own[0]["tier"] == FRESH)
         for part, frame in score_frame(own).groupby("part"):
             name = own[0]["benchmark"][:12] + fresh + f"-{part}" * (part != FROZEN)
             files |= _set_files(name, str(part), frame.reset_index(drop=True), played)
@@ -97,3 +108,32 @@ def _set_files(
         f"{name}.csv": render.csv(answers),
         f"{name}.md": render.markdown(answers),
     }
+
+
+NOTES = ("A pack does not say which points a tracker used, nor its NIS: here it used them all.",)
+
+
+def playback_pages(packs: Sequence[Path], data: Data) -> Iterator[tuple[str, str]]:
+    """The file name and the page of each sequence; UserError for a pack that is refused."""
+    read = [read_pack(file, data) for file in packs]
+    for name, run in zip(data.names, planned(map(named, data.names), {}), strict=True):
+        given, results = data.read(name), []
+        for manifest, tracks in read:
+            track, scores, _ = scored_track(tracks[name], given, first_scored(manifest))
+            tracker = manifest["tracker"]["name"]
+            # The noise that a tracker assumed is not known: the page shows that of the scan.
+            configuration = replace(run.composition.configuration, tracker=None)
+            results.append(
+                RunResult(
+                    settings=run.composition.resolved,
+                    manifest={"choices": run.composition.choices | {"tracker": tracker}},
+                    metrics=scores.metrics,
+                    composition=replace(run.composition, configuration=configuration),
+                    scenario=given.truth,
+                    scans=given.scans,
+                    track=track,
+                    scores=scores,
+                    label=tracker,
+                )
+            )
+        yield f"{name}.html", playback_html(results, name, NOTES)

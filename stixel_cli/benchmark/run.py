@@ -8,12 +8,11 @@ from typing import Any, get_args
 
 import numpy as np
 
-from stixel_cli.benchmark.data import Data, SequenceData, npz
 from stixel_cli.benchmark.packs import TRACKER
-from stixel_cli.benchmark.sequences import named, planned
+from stixel_cli.benchmark.sequences import Data, SequenceData, named, npz, planned
 from stixel_cli.border import TYPED, write_whole, written
 from stixel_cli.config.compose import compose
-from stixel_cli.config.override_checks import read_overrides
+from stixel_cli.config.overrides import read_overrides
 from stixel_cli.engine.keys import Stage
 from stixel_cli.errors import UserError
 from stixel_cli.experiment.stages import pipeline_stages

@@ -1,22 +1,41 @@
-"""The sequences of the benchmark: names, settings, and the sets that consist of them."""
+"""The sequences of the benchmark: settings, sets, and their files, rendered, read and verified.
+
+The bytes depend on the sequence alone: numbers are rounded, so that the last bits of another
+processor do not count, and arrays are not compressed, as versions of zlib give other bytes. They
+are rendered with the cached graph of a sweep, which resumes and uses any workers.
+"""
 
 import hashlib
-from collections.abc import Iterable, Mapping
+import json
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
 
-from stixel_cli.border import TYPED
+import numpy as np
+
+from stixel_cli.border import TYPED, write_whole, written
 from stixel_cli.config.compose import Composer
 from stixel_cli.config.folders import shipped_folder
-from stixel_cli.config.override_checks import read_overrides
+from stixel_cli.config.overrides import read_overrides
 from stixel_cli.config.texts import override_text
+from stixel_cli.engine.cache_folder import Lease
+from stixel_cli.engine.execute import execute
+from stixel_cli.engine.progress import Progress
 from stixel_cli.errors import MissingData, UserError
-from stixel_cli.files import read_json, read_yaml
+from stixel_cli.evaluation.contour_errors import even_points, in_frames, seen_points
+from stixel_cli.files import GREATEST_ARRAYS, read_arrays, read_bytes, read_json, read_yaml
+from stixel_cli.measurements.scans import FieldOfView, Scans
+from stixel_cli.results.folder import arrays_content, json_text
+from stixel_cli.results.lineage import provenance
 from stixel_cli.results.result import RunResult
+from stixel_cli.scene.scenario import Scenario
 from stixel_cli.studies.report import data_folder
-from stixel_cli.sweeps.runs import compose_runs
+from stixel_cli.sweeps.design import compose_runs
+from stixel_cli.sweeps.graphs import plan_runs
+from stixel_cli.tracking.prior import PriorShape
+from stixel_cli.tracking.track import InitialState
 
 FROZEN = "frozen"
 """The part that is ranked."""
@@ -77,12 +96,6 @@ def definitions() -> dict[str, Any]:
     return read_yaml(bench_folder() / "sequences.yaml")
 
 
-def published() -> dict[str, str]:
-    """SHA-256 by path of the published mini set."""
-    file = bench_folder() / "MANIFEST-mini.json"
-    return read_json(file)["files"] if file.exists() else {}
-
-
 def sequences(part: str, seeds: Iterable[int] = ()) -> list[Sequence]:
     """The sequences of a part; with `seeds`, these of all its sensors and cases."""
     if part not in (parts := definitions()["parts"]):
@@ -129,3 +142,160 @@ def planned(chosen: Iterable[Sequence], further: Mapping[str, Any]) -> list[RunR
     more = read_overrides((override_text(key, value) for key, value in further.items()), TYPED)
     each = [[*read_overrides(one.overrides, TYPED), *more] for one in chosen]
     return compose_runs(each, ["seed"], Composer())
+
+
+MANIFEST = "MANIFEST.json"
+RENDERED = "RENDERED.json"
+"""Commit, package versions and machine of a rendering: not in the manifest, which has the id."""
+FILES = ("scans.npz", "start.json", "prior.json", "truth.npz")
+DECIMALS = 4
+"""Of points and contours, m: 0.1 mm; of poses, times and starts two more."""
+
+
+@dataclass(frozen=True)
+class SequenceData:
+    """What the files of a sequence have; a tracker gets all except the truth."""
+
+    scans: Scans
+    initial: InitialState
+    prior: PriorShape
+    truth: Scenario
+
+    def files(self) -> dict[str, bytes]:
+        """The content of the four files, by name."""
+        scans, truth, view = self.scans, self.truth, self.scans.field_of_view
+        contours = truth.contours_target
+        sensors = in_frames(scans.sensor_poses_world[:, None, :2], truth.target_poses_world)[:, 0]
+        seen = seen_points(even_points(contours), contours, truth.limb_poses, sensors)
+        return {
+            "scans.npz": npz(
+                times=_rounded(scans.times),
+                sensor_poses=_rounded(scans.sensor_poses_world),
+                offsets=scans.offsets.astype(np.int32),
+                points=np.round(scans.points_world, DECIMALS).astype(np.float32),
+                variances=scans.covariances_world[:, [0, 0, 1], [0, 1, 1]].astype(np.float32),
+                field_of_view=_rounded([view.right, view.left, view.baseline] if view else []),
+            ),
+            "start.json": _json(**{k: _rounded(v).tolist() for k, v in vars(self.initial).items()}),
+            "prior.json": _json(**vars(self.prior)),
+            "truth.npz": npz(
+                poses=_rounded(truth.target_poses_world),
+                rates=_rounded(truth.target_rates_world),
+                contours=np.round(contours, DECIMALS).astype(np.float32),
+                limb_poses=truth.limb_poses.astype(np.int32),
+                box=np.round(truth.box_target, DECIMALS),
+                seen=np.packbits(seen, axis=1),
+                **({} if truth.scored is None else {"scored": truth.scored}),
+            ),
+        }
+
+
+def _rounded(values: Any) -> np.ndarray:
+    # The sum turns -0.0, which has other bytes, into 0.0.
+    return np.round(np.asarray(values, np.float64), DECIMALS + 2) + 0.0
+
+
+def _json(**values: Any) -> bytes:
+    return (json.dumps(values, indent=1) + "\n").encode()
+
+
+def npz(**arrays: np.ndarray) -> bytes:
+    """An uncompressed NPZ file; equal arrays give equal bytes."""
+    return arrays_content({n: np.asarray(values, order="C") for n, values in arrays.items()})
+
+
+def sha256(content: bytes) -> str:
+    """In hexadecimal."""
+    return hashlib.sha256(content).hexdigest()
+
+
+def sha256_of(file: Path) -> str:
+    """The same of a file's content."""
+    return sha256(read_bytes(file, GREATEST_ARRAYS))
+
+
+class Data:
+    """A folder of sequences: `files` (SHA-256 by path), the `names` of the sequences, the `id`."""
+
+    def __init__(self, folder: Path):
+        """UserError unless the folder has a manifest of this version of the benchmark."""
+        self.folder, manifest = folder, folder / MANIFEST
+        if not manifest.exists():
+            raise UserError(f"{manifest}: is missing: write all sequences with stixel bench render")
+        content, version = read_json(manifest), definitions()["version"]
+        if content.get("benchmark") != version or not isinstance(content.get("files"), dict):
+            raise UserError(f"{manifest}: not of benchmark {version}: run stixel bench render")
+        self.files: dict[str, str] = content["files"]
+        for path in self.files:
+            name, _, file = path.partition("/")
+            if file not in FILES or not name.replace("-", "").replace("_", "").isalnum():
+                raise UserError(f"{manifest}: {path[:80]!r}: not a file of a sequence")
+        self.names = list(dict.fromkeys(path.partition("/")[0] for path in self.files))
+        self.id = sha256_of(manifest)
+
+    def faults(self) -> list[str]:
+        """One line for each file that is missing or has another SHA-256."""
+        return [
+            f"{path}: is missing or damaged: its SHA-256 is not that of {MANIFEST}"
+            for path, expected in self.files.items()
+            if not (self.folder / path).exists() or sha256_of(self.folder / path) != expected
+        ]
+
+    def read(self, name: str) -> SequenceData:
+        """A sequence; UserError if a file is not valid."""
+        folder = self.folder / name
+        scans, truth = (read_arrays(folder / f"{file}.npz") for file in ("scans", "truth"))
+        start, prior = (read_json(folder / f"{file}.json") for file in ("start", "prior"))
+        try:
+            times, sensor = scans["times"], scans["sensor_poses"]
+            xx, xy, yy = scans["variances"].astype(np.float64).T
+            covariances = np.stack([xx, xy, xy, yy], axis=1).reshape(-1, 2, 2)
+            offsets, points = scans["offsets"].astype(np.int64), scans["points"].astype(np.float64)
+            borders = scans["field_of_view"].tolist()
+            view = FieldOfView(*borders) if borders else None
+            contours, limbs = truth["contours"].astype(np.float64), truth["limb_poses"]
+            motion = times, sensor, truth["poses"], truth["rates"]
+            return SequenceData(
+                Scans(times, sensor, offsets, points, covariances, view),
+                InitialState(**{key: np.array(values) for key, values in start.items()}),
+                PriorShape(**prior),
+                Scenario(*motion, contours, limbs, scored=truth.get("scored")),
+            )
+        except (KeyError, TypeError, ValueError) as fault:
+            raise UserError(f"{folder}: not a sequence: {fault}") from None
+
+
+NODES = ("scenario", "scans", "start")
+BATCH = 6
+"""Sequences that are computed together: the images of more would fill the cache."""
+
+
+def render(
+    chosen: list[Sequence], folder: Path, workers: int | None, note: Callable[[str], None]
+) -> None:
+    """Write sequences into a folder, and last their manifest; `note` gets a line for each batch.
+
+    What the cache has is not computed again. The manifest's own SHA-256 is the id, so it has
+    nothing that differs between two renderings.
+    """
+    runs = planned(chosen, {} if workers is None else {"executor.workers": workers})
+    digests: dict[str, str] = {}
+    with written(folder):
+        (folder / MANIFEST).unlink(missing_ok=True)
+        for first in range(0, len(chosen), BATCH):
+            batch = slice(first, first + BATCH)
+            plan = plan_runs(runs[batch], nodes=NODES)
+            own, store = plan.runs, plan.store
+            targets = [key for run in own for key in run.graph.expand(NODES)]
+            with Lease(store.folder, targets):
+                execute(plan.graph, targets, store, plan.executor, Progress(visible=True))
+                for sequence, run in zip(chosen[batch], own, strict=True):
+                    truth, scans, start = map(store.load, run.graph.expand(NODES))
+                    prior = run.composition.configuration.prior
+                    for name, content in SequenceData(scans, start, prior, truth).files().items():
+                        write_whole(folder / sequence.name / name, content)
+                        digests[f"{sequence.name}/{name}"] = sha256(content)
+            note(f"{first + len(own)} of {len(chosen)} sequences")
+        content = {"benchmark": definitions()["version"], "files": dict(sorted(digests.items()))}
+        write_whole(folder / RENDERED, json_text(provenance()))
+        write_whole(folder / MANIFEST, json.dumps(content, indent=1) + "\n")

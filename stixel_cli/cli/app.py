@@ -15,17 +15,14 @@ from typer.core import TyperGroup
 from stixel_cli.cli import options
 from stixel_cli.cli.bench import app as bench
 from stixel_cli.cli.describe import describe
+from stixel_cli.cli.images import app as new
 from stixel_cli.cli.images import assess, stixels
-from stixel_cli.cli.ls import ls
 from stixel_cli.cli.machine import app as cache
 from stixel_cli.cli.machine import doctor
-from stixel_cli.cli.new import app as new
-from stixel_cli.cli.plan import explain
-from stixel_cli.cli.report import report
-from stixel_cli.cli.run import run
-from stixel_cli.cli.stored import export, verify
+from stixel_cli.cli.report import ls, report
+from stixel_cli.cli.run import export, run, verify
 from stixel_cli.cli.study import study
-from stixel_cli.cli.sweep import sweep, tune
+from stixel_cli.cli.sweep import explain, sweep, tune
 from stixel_cli.cli.terminal import Interrupted, escaping, guarded, say, settle_streams, usage_line
 from stixel_cli.engine.limits import ENVIRONMENT
 from stixel_cli.errors import UserError

@@ -34,12 +34,11 @@ def render(
     workers: options.Workers = None,
 ) -> int:
     """Render the sequences, or those that a pack draws, and print their id; repeat it to resume."""
-    from stixel_cli.benchmark import data, sequences
-    from stixel_cli.benchmark.render import render as write
+    from stixel_cli.benchmark import sequences
 
     chosen = [sequences.named(name) for name in dict.fromkeys(only or ())]
     if fresh is not None:
-        chosen = sequences.fresh_set(data.sha256_of(fresh))
+        chosen = sequences.fresh_set(sequences.sha256_of(fresh))
     if part:
         chosen = sequences.sequences(part)
     chosen = chosen or sequences.whole_set(mini)
@@ -47,18 +46,19 @@ def render(
     if sensor and sensor not in sensors:
         raise UserError(f"--sensor: {sensor[:80]!r}: must be one of {', '.join(sensors)}")
     chosen = [one for one in chosen if sensor in ("", one.sensor)]
-    write(chosen, folder, workers, tell)
-    say(f"{folder}: {counted(len(chosen), 'sequence')}", data.Data(folder).id)
+    sequences.render(chosen, folder, workers, tell)
+    say(f"{folder}: {counted(len(chosen), 'sequence')}", sequences.Data(folder).id)
     return 0
 
 
 @app.command()
 def verify(folder: Folder = FOLDER) -> int:
     """Check sequences against their manifest and the published mini set."""
-    from stixel_cli.benchmark.data import FILES, Data
-    from stixel_cli.benchmark.sequences import published
+    from stixel_cli.benchmark.sequences import FILES, Data, bench_folder
+    from stixel_cli.files import read_json
 
-    data, known = Data(folder), published()
+    file = bench_folder() / "MANIFEST-mini.json"
+    data, known = Data(folder), read_json(file)["files"] if file.exists() else {}
     other = [path for path, one in data.files.items() if known.get(path, one) != one]
     truths = [path for path in other if not path.endswith(FILES[0])]
     faults = [*data.faults(), *(f"{path}: differs from the published one" for path in truths)]
@@ -77,8 +77,8 @@ def run(
     own_start: options.flag("--own-start", "From scans 0 to 9.") = False,
 ) -> int:
     """Run TRACKER, as in tracker=… or pyrecest:NAME, on all sequences, and pack its tracks."""
-    from stixel_cli.benchmark.data import Data
     from stixel_cli.benchmark.run import run as write
+    from stixel_cli.benchmark.sequences import Data
 
     return pack(write(tracker, settings or (), own_start, Data(folder), tell), folder)
 
@@ -89,9 +89,9 @@ def pack(
     folder: Folder = FOLDER,
 ) -> int:
     """Pack a folder of tracks: tracker.json, and NAME.npz or NAME.csv for each sequence."""
-    from stixel_cli.benchmark.data import Data
     from stixel_cli.benchmark.packs import pack as write
     from stixel_cli.benchmark.run import this_machine
+    from stixel_cli.benchmark.sequences import Data
 
     target, data = tracks.with_name(f"{tracks.name}.zip"), Data(folder)
     for name, count in write(tracks, data, this_machine(data), target).items():
@@ -110,8 +110,8 @@ def score(
     fixed: options.flag("--fixed", "Add the true box.") = False,
 ) -> int:
     """Score packs from their tracks, and write a row of each; --fresh-of drew the seeds."""
-    from stixel_cli.benchmark.data import Data, sha256_of
-    from stixel_cli.benchmark.score import MISSING, fixed_rows, scored_pack, write_row
+    from stixel_cli.benchmark.packs import MISSING, fixed_rows, scored_pack, write_row
+    from stixel_cli.benchmark.sequences import Data, sha256_of
 
     data, drawn_by = Data(folder), "" if fresh_of is None else sha256_of(fresh_of)
     tier = "rerun" if rerun else "scored"
@@ -135,11 +135,9 @@ def page(
 
     Each sequence of PACKs gets a page that plays back their tracks.
     """
-    from stixel_cli.benchmark.data import Data, sha256_of
-    from stixel_cli.benchmark.page import bench_pages
-    from stixel_cli.benchmark.play import playback_pages
-    from stixel_cli.benchmark.score import read_rows
-    from stixel_cli.benchmark.sequences import bench_folder
+    from stixel_cli.benchmark.packs import read_rows
+    from stixel_cli.benchmark.page import bench_pages, playback_pages
+    from stixel_cli.benchmark.sequences import Data, bench_folder, sha256_of
     from stixel_cli.border import write_below, written
 
     if rows != ROWS and not rows.is_dir():

@@ -2,22 +2,12 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from stixel_cli.cli import options
 from stixel_cli.cli.terminal import print_table, say
-from stixel_cli.config.folders import (
-    ENTRY_POINTS,
-    default_option,
-    group_options,
-    installed_functions,
-    options_default_first,
-)
+from stixel_cli.config import folders
 from stixel_cli.config.texts import split_override
 from stixel_cli.errors import ConfigurationError, UserError
-
-if TYPE_CHECKING:
-    from stixel_cli.config.keys import Key
 
 
 def describe(
@@ -53,7 +43,7 @@ def describe(
     from stixel_cli.evaluation.metric_table import METRICS
 
     group, option = split_override(name or "")
-    group = group.replace(".", "/") if group.replace(".", "/") in group_options() else group
+    group = group.replace(".", "/") if group.replace(".", "/") in folders.group_options() else group
     if schema is not None:
         _write_schemas(schema, name)
     elif name is None:
@@ -62,7 +52,7 @@ def describe(
         _print_metric(name)
     elif group in known_keys():
         _print_key(group)
-    elif group not in group_options():
+    elif group not in folders.group_options():
         raise ConfigurationError(unknown_key(group, others=METRICS))
     elif "=" in name:
         _print_option(group, option)
@@ -87,7 +77,11 @@ def _print_groups() -> None:
     from stixel_cli.config.keys import groups, meaning_of_group, settings_of_top
 
     rows = [
-        (name, " ".join([*options_default_first(name), *_installed(name)]), meaning_of_group(name))
+        (
+            name,
+            " ".join([*folders.options_default_first(name), *_installed(name)]),
+            meaning_of_group(name),
+        )
         for name in groups()
     ]
     print_table(("group", "options (default first)", "meaning"), rows)
@@ -106,22 +100,22 @@ def _print_group(group: str) -> None:
     say("")
     options = [
         (f"{group}={option}", meaning_of_option(group, option))
-        for option in options_default_first(group)
+        for option in folders.options_default_first(group)
     ]
     print_table(("option (default first)", "meaning"), options)
     say("")
-    _print_keys(group, default_option(group))
+    _print_keys(group, folders.default_option(group))
 
 
 def _print_option(group: str, option: str) -> None:
     from stixel_cli.config.keys import meaning_of_option, parameters_of_own
     from stixel_cli.config.messages import unknown_option
-    from stixel_cli.config.own_options import user_function
+    from stixel_cli.config.overrides import user_function
 
     if user_function(group, option):
         columns = (f"key of {group}={option}", "default", "range", "meaning")
         print_table(columns, parameters_of_own(group, option))
-    elif option in group_options()[group]:
+    elif option in folders.group_options()[group]:
         say(f"{group}={option}: {meaning_of_option(group, option)}", "")
         _print_keys(group, option)
     else:
@@ -147,7 +141,10 @@ def _print_key(name: str) -> None:
     for i, key in enumerate(describe_key(name)):
         if i:
             say("")
-        rows = [("range", key.range), ("default", _values(key))]
+        default, values = key.default, key.values
+        if len(set(values.values())) > 1:
+            default = ", ".join(f"{value} ({option})" for option, value in values.items())
+        rows = [("range", key.range), ("default", default)]
         rows.append(("belongs to", " ".join(key.belongs_to)))
         rows.append(("of installed packages", " ".join(_installed(name))))
         rows.append(("read by", _listed([*readers(name), *key.followers])))
@@ -175,14 +172,7 @@ def _print_metric(name: str) -> None:
 
 def _installed(name: str) -> list[str]:
     """The functions of installed packages that are options of a group or values of a key."""
-    return [*installed_functions(name)] if name in ENTRY_POINTS else []
-
-
-def _values(key: "Key") -> str:
-    """The default, and the values of other options where they differ."""
-    if len(set(key.values.values())) < 2:
-        return key.default
-    return ", ".join(f"{value} ({option})" for option, value in key.values.items())
+    return [*folders.installed_functions(name)] if name in folders.ENTRY_POINTS else []
 
 
 def _listed(names: Sequence[str]) -> str:

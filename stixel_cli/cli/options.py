@@ -6,20 +6,11 @@ The words are those of the files of `conf/`: no schema is read.
 import os
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 
-from stixel_cli.config.folders import (
-    ENTRY_POINTS,
-    STUDIES,
-    conf_state,
-    flat,
-    group_options,
-    installed_functions,
-    trust_presets,
-    use_presets,
-)
+from stixel_cli.config import folders
 from stixel_cli.config.texts import override_text, split_override
 from stixel_cli.errors import UserError, printable_path
 
@@ -47,7 +38,7 @@ def complete_setting(incomplete: str) -> list[str]:
 
 def complete_study(incomplete: str) -> list[str]:
     """Complete to names of studies, and to overrides as in a sweep."""
-    studies = [name for name in (*STUDIES, "all") if name.startswith(incomplete)]
+    studies = [name for name in (*folders.STUDIES, "all") if name.startswith(incomplete)]
     return studies + (complete_override(incomplete) if incomplete else [])
 
 
@@ -60,8 +51,8 @@ def complete_folder(incomplete: str) -> list[str]:
         places = [f"{folder}{slash}"] if incomplete else ["", "results/"]
         for place in places:
             with os.scandir(os.path.expanduser(place) or ".") as entries:
-                folders = sorted(entry.name for entry in entries if entry.is_dir())
-            for child in folders:
+                children = sorted(entry.name for entry in entries if entry.is_dir())
+            for child in children:
                 if child.startswith(name) and (name or not child.startswith(".")):
                     path = place + child
                     is_run = os.path.isfile(os.path.join(os.path.expanduser(path), "manifest.json"))
@@ -90,14 +81,18 @@ def _candidates(typed: str, words: list[str]) -> list[str]:
     key, values = split_override(typed)
     *given, last = values.split(",")
     if given:
-        further = [o for o in group_options().get(key, ()) if o.startswith(last) and o not in given]
+        further = [
+            o for o in folders.group_options().get(key, ()) if o.startswith(last) and o not in given
+        ]
         return [f"{key}={','.join((*given, option))}" for option in further]
-    groups = [group for group in group_options() if group.startswith(key)]
+    groups = [group for group in folders.group_options() if group.startswith(key)]
     if "=" in typed or len(groups) == 1:
         # The shell appends a space to a single `group=`, so complete to its options.
-        matches = [f"{group}={option}" for group in groups for option in group_options()[group]]
-        for group in {*ENTRY_POINTS}.intersection(groups):
-            matches += [f"{group}={name}" for name in installed_functions(group)]
+        matches = [
+            f"{group}={option}" for group in groups for option in folders.group_options()[group]
+        ]
+        for group in {*folders.ENTRY_POINTS}.intersection(groups):
+            matches += [f"{group}={name}" for name in folders.installed_functions(group)]
     else:
         matches = [f"{group}=" for group in groups]
     if key and "seed".startswith(key):
@@ -111,8 +106,12 @@ def _keys(typed: str, words: list[str]) -> list[str]:
     from stixel_cli.config.choice import compose_options
 
     line = map(split_override, "".join(f" {word}" for word in words).replace(" = ", "=").split())
-    chosen = {group: option for group, option in line if option in group_options().get(group, ())}
-    values = dict(flat(compose_options(tuple(sorted(chosen.items())), conf_state()).plain))
+    chosen = {
+        group: option for group, option in line if option in folders.group_options().get(group, ())
+    }
+    values = dict(
+        folders.flat(compose_options(tuple(sorted(chosen.items())), folders.conf_state()).plain)
+    )
     matches = [key for key in values if key.startswith(typed) and not key.endswith(".kind")]
     if len(matches) != 1:
         return [f"{key}=" for key in matches]
@@ -124,6 +123,11 @@ def _keys(typed: str, words: list[str]) -> list[str]:
 def option(kind: Any, help: str, metavar: str | None = None, *names: str, **more: Any) -> Any:
     """The annotation of an option with a value of type `kind`; `names` as of its parameter."""
     return Annotated[kind, typer.Option(*names, help=help, metavar=metavar, **more)]
+
+
+def choice(names: str, help: str, *options: str) -> Any:
+    """The annotation of an option whose values are `names`, as help shows them: A|B|C."""
+    return option(Literal[*names.split("|")], help, names, *options)
 
 
 def flag(name: str, help: str, *names: str) -> Any:
@@ -163,7 +167,7 @@ def _names_folder(word: str) -> bool:
     """Whether a word is a path. The default name of a result folder has `=`, as an override has."""
     if "=" not in word:
         return os.sep in word or os.path.isdir(word)
-    # Named as in `results.reader`, which imports NumPy.
+    # Named as in `results.result`, which imports NumPy.
     files = ("manifest.json", "sweep.yaml")
     return any(os.path.isfile(os.path.join(word, file)) for file in files)
 
@@ -179,11 +183,9 @@ def recording_overrides(
     """The overrides that the words of a command line stand for; [] without words.
 
     Words without = are two images or one recording. Added is what a recording without a target
-    needs, on which no stixel depends. `files` has the keys of
-    `source` that belong to two images, with their files; the calibration is required.
-
-    Raises:
-        UserError: for another number of files than one or two, or options that do not belong.
+    needs, on which no stixel depends. `files` has the keys of `source` that belong to two images,
+    with their files; the calibration is required. UserError for another number of files than one or
+    two, or options that do not belong.
     """
     named = [word for word in words if "=" not in word]
     given = {key: file for key, file in files.items() if file is not None}
@@ -279,7 +281,7 @@ ConfigDir = option(
     Path | None,
     "Folder with presets of your own, laid out as conf/: DIR/GROUP/OPTION.yaml.",
     "DIR",
-    callback=use_presets,
+    callback=folders.use_presets,
     is_eager=True,
 )
 
@@ -288,5 +290,5 @@ TrustCode = option(
     "Run user-defined code that a result folder, a file or presets refer to.",
     None,
     "--trust-code",
-    callback=trust_presets,
+    callback=folders.trust_presets,
 )

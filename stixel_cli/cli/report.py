@@ -1,11 +1,19 @@
-"""`stixel report`: a page, a table, a figure or a player of a sweep, or of several runs."""
+"""`stixel report` and `stixel ls`: pages, tables and figures of results, and lists of them."""
 
+import re
+from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from stixel_cli.cli import options
-from stixel_cli.cli.stored import stored_run
-from stixel_cli.cli.terminal import say, say_wrapped, tell
+from stixel_cli.cli.run import stored_run
+from stixel_cli.cli.terminal import print_json, print_table, say, say_wrapped, tell
 from stixel_cli.errors import UserError
+
+if TYPE_CHECKING:
+    from stixel_cli.results.result import RunResult
+
 
 Compare = options.option(str | None, "Swept keys whose values are compared, in a sweep.", "KEYS")
 Metrics = options.option(str | None, "Metrics by commas, the main one first.", "NAMES")
@@ -15,10 +23,9 @@ Reference = options.option(str | None, "Option to compare with, instead of the b
 def report(
     folders: options.Folders,
     output: options.Output = None,
-    form: options.option(
-        str,
+    form: options.choice(
+        "html|md|tex|csv|svg|pdf|png",
         "html, the page; md, tex or csv, one table; svg, pdf or png, one figure.",
-        None,
         "--format",
     ) = "html",
     over: options.Over = None,
@@ -48,17 +55,13 @@ def report(
       stixel report results/my_sweep --metrics centre_rmse_m --format pdf
       stixel report --play results/gp results/point
     """
-    from stixel_cli.answers.figures import differences
+    from stixel_cli.answers.figures import FORMATS, differences
     from stixel_cli.answers.render import TABLES
     from stixel_cli.border import write_new
-    from stixel_cli.report.compare import default_page
-    from stixel_cli.results.folder import PAGE
+    from stixel_cli.results.folder import PAGE, default_page
+    from stixel_cli.sweeps.folder import asked_folders, sweep_page
     from stixel_cli.sweeps.index import update_index
-    from stixel_cli.sweeps.page import FIGURES, asked_folders, sweep_page
 
-    forms = ("html", *TABLES, *FIGURES)
-    if form not in forms:
-        raise UserError(f"--format: {form}: must be one of {', '.join(forms)}")
     if player:
         if form != "html":
             raise UserError("--play writes a page: leave out --format")
@@ -70,11 +73,11 @@ def report(
             write_new(output, text)
         say(text.rstrip("\n") if output is None else output)
         return 0
-    file = output or default_page(folders, *(("figure", form) if form in FIGURES else ()))
+    file = output or default_page(folders, *(("figure", form) if form in FORMATS else ()))
     answers = asked.answers
-    if form in FIGURES:
+    if form in FORMATS:
         answers = answers[:1]
-        write_new(file, differences(answers[0], FIGURES[form]))
+        write_new(file, differences(answers[0], FORMATS[form]))
     else:
         given = {"--over": over, "--compare": compare, "--metrics": metrics}
         given |= {"--reference": reference, "--output": output and str(output)}
@@ -96,11 +99,9 @@ def _play(folders: list[Path], output: Path | None, workers: int | None, trust_c
     from stixel_cli.border import write_new
     from stixel_cli.engine.progress import Progress
     from stixel_cli.experiment.playback import folders_page
-    from stixel_cli.report.compare import default_page, run_labels
-    from stixel_cli.results.folder import PAGE
-    from stixel_cli.results.reader import SWEEP_FILE
-    from stixel_cli.sweeps.folder import PLAYER, SweepFolder
-    from stixel_cli.sweeps.page import asked_folders, sweep_page
+    from stixel_cli.results.folder import PAGE, default_page, run_labels
+    from stixel_cli.results.result import SWEEP_FILE
+    from stixel_cli.sweeps.folder import PLAYER, SweepFolder, asked_folders, sweep_page
 
     is_sweep, runs = len(folders) == 1 and (folders[0] / SWEEP_FILE).exists(), folders
     if is_sweep:
@@ -120,3 +121,202 @@ def _play(folders: list[Path], output: Path | None, workers: int | None, trust_c
         write_new(file, page)
     say(file)
     return 0
+
+
+OF_IMAGES = ("correction", "row_difference_px")
+COLUMNS = {"iou_box_mean": "box IoU", "centre_rmse_m": "centre (m)"}
+COLUMNS |= {"orientation_rmse_deg": "heading (°)"}
+"""Metric to its column in a list; the verdict tells whether the track was lost."""
+
+
+def ls(
+    folders: options.argument(
+        list[Path] | None,
+        "Folder to search (default: results), runs or a sweep.",
+        "DIR",
+        options.complete_folder,
+    ) = None,
+    json: options.Json = False,
+) -> int:
+    """List runs and sweeps, show one, or compare several.
+
+    A folder of runs: one line each, oldest first, with the settings that differ from the default. A
+    run: its origin, scores and stages. A sweep: its answer and its runs. Several runs: the settings
+    and metrics that differ.
+
+    \b
+    Examples:
+      stixel ls
+      stixel ls results/contour
+      stixel ls results/simulated results/fabricated
+    """
+    from stixel_cli.results.result import MANIFEST, SWEEP_FILE
+
+    folders = folders or [Path("results")]
+    if len(folders) > 1:
+        _compare(folders, json)
+    elif (folders[0] / SWEEP_FILE).exists():
+        _show_sweep(folders[0], json)
+    elif (folders[0] / MANIFEST).exists():
+        _show_run(folders[0], json)
+    else:
+        _list(folders[0], json)
+    return 0
+
+
+def _list(folder: Path, json: bool) -> None:
+    from stixel_cli.results.result import list_runs
+    from stixel_cli.sweeps.index import Line, line_of
+
+    entries, runs = [], list_runs(folder)
+    for run in runs:
+        try:
+            entries.append((run, line_of(run)))
+        except UserError as fault:
+            tell(str(fault))
+            entries.append((run, Line("sweep" if run.is_sweep else "run", "", "", str(fault), {})))
+    if json:
+        print_json([_as_json(*entry) for entry in entries])
+    elif not runs:
+        tell(f"{folder}: no result folders")
+    else:
+        columns = ("folder", "settings", "verdict", *COLUMNS.values(), "created", "seed")
+        rows = [_row(*entry) for entry in entries]
+        print_table(columns, rows, right=(3, 4, 5, 7), leave_out=(6, 7, 5, 4))
+
+
+def _as_json(run: "RunResult", line: Any) -> dict[str, Any]:
+    from stixel_cli.evaluation.verdict import word
+
+    return {
+        "path": str(run.folder),
+        "kind": line.kind,
+        "created": str(run.manifest.get("created", "")),
+        "choices": line.settings,
+        "overrides": run.overrides,
+        "swept": run.setting,
+        "seed": run.seed,
+        "verdict": word(run.metrics),
+        "text": line.text,
+        "metrics": run.metrics,
+        "fault": None if run.failure is None else str(run.failure),
+    }
+
+
+def _row(run: "RunResult", line: Any) -> list[str]:
+    from stixel_cli.report.metrics import shown_value
+
+    metrics = line.metrics
+    shown = [shown_value(n, metrics[n]) if metrics.get(n) is not None else "" for n in COLUMNS]
+    created = str(run.manifest.get("created", ""))[:16].replace("T", " ")
+    # A line of the table may break at the spaces.
+    settings = re.sub(r",(?=\S)", ", ", line.settings)
+    seed = "" if run.seed is None else str(run.seed)
+    return [str(run.folder), settings, line.word, *shown, created, seed]
+
+
+def _show_run(folder: Path, json: bool) -> None:
+    from stixel_cli.evaluation.verdict import verdict
+    from stixel_cli.report.metrics import in_order, score_table
+    from stixel_cli.results.result import flat_settings, read_run
+
+    run = read_run(folder)
+    manifest, metrics = run.manifest, run.metrics
+    if json:
+        answer = {"folder": str(folder), "settings": flat_settings(run.settings)}
+        answer |= {"metrics": metrics, "verdict": verdict(metrics), "manifest": manifest}
+        print_json(answer)
+        return
+    for sentence in verdict(metrics):
+        say_wrapped(sentence)
+    say("")
+    print_table(*score_table(in_order(metrics)))
+    say("")
+    print_table(("run", str(folder)), _provenance(run))
+    say("")
+    stages, cut = manifest.get("stages"), {"key": 12}
+    missing = {"stage": "?", "status": "?", "nodes": "", "seconds": "", "key": ""}
+    known = [s for s in stages if isinstance(s, dict)] if isinstance(stages, list) else []
+    rows = [missing | s | {"stage": s.get("name", "?")} for s in known]
+    cells = [[str(row[name])[: cut.get(name)] for name in missing] for row in rows]
+    print_table((*missing,), cells, right=(2, 3))
+
+
+def _show_sweep(folder: Path, json: bool) -> None:
+    """Print the request of a sweep, the status of its runs, its answer, and its runs."""
+    from stixel_cli.sweeps.folder import SweepFolder
+
+    result, request = SweepFolder(folder).result()
+    if json:
+        print_json({"folder": str(folder), "notes": dict(request.notes), "runs": result.rows})
+        return
+    statuses = Counter(run.status for run in result.runs)
+    about = [("runs", ", ".join(f"{count} {status}" for status, count in statuses.items()))]
+    about += [(n, str(request.notes[n])) for n in ("command", "created") if n in request.notes]
+    print_table(("sweep", str(folder)), about)
+    say("")
+    if result.count("done"):
+        from stixel_cli.cli.sweep import print_answers
+
+        print_answers(result)
+        say("")
+        _list(folder / "runs", json)
+
+
+def _compare(folders: Sequence[Path], json: bool) -> None:
+    """Print the settings and metrics in which runs differ."""
+    from stixel_cli.evaluation.metric_table import main_first, metric
+    from stixel_cli.report.metrics import shown_value
+    from stixel_cli.results.folder import run_labels
+    from stixel_cli.results.lineage import differing_settings
+    from stixel_cli.results.result import read_run
+
+    labels = run_labels(folders)
+    from_third = range(len(labels), 2, -1)
+    runs = [read_run(folder) for folder in folders]
+    settings = differing_settings(runs)
+    names = main_first(dict.fromkeys(name for run in runs for name in run.metrics))
+    metrics = {name: [run.metrics.get(name) for run in runs] for name in names}
+    differing = {name: values for name, values in metrics.items() if len(set(values)) > 1}
+    if json:
+        answer = {
+            "folders": [str(folder) for folder in folders],
+            "settings": {k: dict(zip(labels, v, strict=True)) for k, v in settings.items()},
+            "metrics": {k: dict(zip(labels, v, strict=True)) for k, v in differing.items()},
+        }
+        print_json(answer)
+        return
+    if differing:
+        rows = []
+        for name, values in differing.items():
+            title = ", ".join(filter(None, (metric(name).label, metric(name).shown_unit)))
+            rows.append((title, *(shown_value(name, value) for value in values)))
+        right = range(1, 1 + len(labels))
+        print_table(("metric", *labels), rows, right, leave_out=from_third)
+        say("One run per column: a difference may be due to chance.")
+    else:
+        say("the metrics are the same")
+    say("")
+    if settings:
+        rows = [(key, *values) for key, values in settings.items()]
+        print_table(("setting", *labels), rows, leave_out=from_third)
+    else:
+        say("the settings are the same")
+
+
+def _provenance(run: "RunResult") -> list[tuple[str, str]]:
+    from stixel_cli.results.lineage import shown_revision
+
+    manifest = run.manifest
+    rows = [
+        (name, str(manifest[name]))
+        for name in ("command", "rerun_of", "created", "seconds", "seed", "workers", *OF_IMAGES)
+        if name in manifest
+    ]
+    choices = " ".join(f"{group}={option}" for group, option in run.choices.items())
+    rows.append(("choices", choices))
+    revision = shown_revision(run.entry("git"))
+    rows += [] if revision is None else [("git", revision)]
+    for name in ("versions", "machine"):
+        rows.append((name, ", ".join(f"{k} {v}" for k, v in run.entry(name).items())))
+    return rows

@@ -1,19 +1,21 @@
-"""`stixel run`: run one experiment."""
+"""`stixel run`, `verify` and `export`: one run, also a stored one, repeated or in other formats."""
 
+import shlex
 import sys
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from stixel_cli.cli import options
-from stixel_cli.cli.stored import stored_run, tell_changed_code
-from stixel_cli.cli.terminal import print_json, print_table, say, say_wrapped
+from stixel_cli.cli.terminal import Interrupted, print_json, print_table, say, say_wrapped, tell
 
 if TYPE_CHECKING:
     from stixel_cli.config.compose import Composition
     from stixel_cli.evaluation.scores import Scores
+    from stixel_cli.experiment.verify import Verification
     from stixel_cli.results.result import RunResult
     from stixel_cli.scene.scenario import Scenario
+
 
 _STYLES = {"good": "bold green", "fair": "bold yellow", "uncertainty": ""}
 _STYLES |= dict.fromkeys(("poor", "lost"), "bold red")
@@ -86,7 +88,7 @@ def _print_plan(composition: "Composition", json: bool) -> None:
     """Print the configuration, and what its run would compute."""
     import yaml
 
-    from stixel_cli.cli.plan import plan_content, print_plan
+    from stixel_cli.cli.sweep import plan_content, print_plan
     from stixel_cli.sweeps.graphs import planned_run
 
     plan = planned_run(composition)
@@ -126,22 +128,155 @@ def print_scores(verbose: bool, _: "Scenario", scores: "Scores") -> None:
     That is the verdict and a table: of the main metrics, or of all if `verbose`.
     """
     from stixel_cli.evaluation.verdict import verdict
-    from stixel_cli.report.metrics import (
-        LABEL_COLUMNS,
-        in_order,
-        label_rows,
-        main_metrics,
-        score_table,
-    )
+    from stixel_cli.report import metrics
 
     for sentence in verdict(scores.metrics):
         say_wrapped(sentence, _STYLES.get(sentence.partition(":")[0], "yellow"))
-    shown = in_order(scores.metrics) if verbose else main_metrics(scores.metrics)
+    shown = metrics.in_order(scores.metrics) if verbose else metrics.main_metrics(scores.metrics)
     say("")
-    print_table(*score_table(shown))
+    print_table(*metrics.score_table(shown))
     say("")
-    labels = label_rows(scores.labels)
+    labels = metrics.label_rows(scores.labels)
     if labels:
-        print_table(LABEL_COLUMNS, labels, right=range(1, len(LABEL_COLUMNS)))
+        print_table(metrics.LABEL_COLUMNS, labels, right=range(1, len(metrics.LABEL_COLUMNS)))
         say("")
     sys.stdout.flush()
+
+
+def stored_run(folder: Path, workers: int | None, trust_code: bool) -> "RunResult":
+    """The run of a result folder, to be computed with the executor and cache of this machine.
+
+    UserError if the folder cannot be read, or names user-defined code that is not trusted.
+    """
+    from stixel_cli.experiment.run import read_stored_run, trust_stored_run
+
+    stored = read_stored_run(folder, tuple(options.with_workers((), workers)))
+    trust_stored_run(stored, trust_code)
+    return stored
+
+
+def tell_changed_code(stored: "RunResult") -> None:
+    """Name each of the user's modules on stderr that differs from the copy in a folder."""
+    from stixel_cli.experiment.run import changed_code
+    from stixel_cli.results.lineage import CODE_FOLDER
+
+    for name in changed_code(stored):
+        tell(f"{name}: is not as in {stored.folder / CODE_FOLDER}: today's is used")
+
+
+def verify(
+    folder: options.Folder,
+    cached: options.flag("--cached", "Take unchanged results from the cache.") = False,
+    workers: options.Workers = None,
+    trust_code: options.TrustCode = False,
+    json: options.Json = False,
+) -> int:
+    """Repeat a run and check that the results are identical.
+
+    All stages are computed again, outside the cache. If results differ, the command reports the
+    first stage that differs, by how much, and which version or function changed. The exit code is
+    0 if all results are identical, otherwise 1.
+
+    Example: stixel verify results/contour
+    """
+    import tempfile
+
+    from stixel_cli.border import written
+    from stixel_cli.engine.progress import Progress
+    from stixel_cli.engine.store import Store, open_store
+    from stixel_cli.experiment.verify import verify_run
+    from stixel_cli.results.lineage import provenance
+
+    stored = stored_run(folder, workers, trust_code)
+    tell_changed_code(stored)
+    store = open_store(stored.composition.configuration.cache)
+    progress = Progress(visible=True)
+    if cached:
+        verification = verify_run(stored, store, store, provenance(), progress)
+    else:
+        with written(Path("the temporary folder")):
+            temporary = tempfile.TemporaryDirectory(prefix="stixel-verify-")
+        try:
+            with temporary as scratch:
+                verification = verify_run(stored, Store(scratch), store, provenance(), progress)
+        except KeyboardInterrupt:
+            raise Interrupted("the results are discarded (--cached keeps them)") from None
+    if json:
+        print_json(_as_json(folder, verification))
+    else:
+        say(*_as_text(verification, stored.lineage is None))
+    return 0 if verification.identical else 1
+
+
+def _as_json(folder: Path, verification: "Verification") -> dict[str, Any]:
+    return {
+        "folder": str(folder),
+        "identical": verification.identical,
+        "files_compared": verification.compared,
+        "files": [vars(file) for file in verification.files],
+        "first_by_key": None if verification.by_key is None else vars(verification.by_key),
+        "first_by_value": None if verification.by_value is None else vars(verification.by_value),
+        "changes": list(verification.changes),
+        "stages": verification.stages,
+    }
+
+
+def _as_text(verification: "Verification", no_record: bool) -> list[str]:
+    computed = sum(stage["nodes_computed"] for stage in verification.stages)
+    nodes = sum(stage["nodes"] for stage in verification.stages)
+    again = f"{computed} of {nodes} nodes computed again"
+    if verification.identical:
+        lines = [f"identical: {verification.compared} files compared, {again}"]
+    else:
+        lines = [f"differs: {len(verification.files)} of {verification.compared} files, {again}"]
+        lines += [f"  {file.file}: {file.what}" for file in verification.files]
+    for kind, stage in (("key", verification.by_key), ("result", verification.by_value)):
+        if stage is not None:
+            lines.append(f"first stage with another {kind}: {stage.stage}: {stage.what}")
+            lines += [f"  {cause}" for cause in stage.causes]
+    if no_record:
+        lines.append("the keys of the stages are unknown: lineage.json is missing")
+    if verification.changes:
+        lines.append("since then:")
+        lines += [f"  {change}" for change in verification.changes]
+    return lines
+
+
+def export(
+    folder: options.Folder,
+    format: options.choice(
+        "kitti|csv|tum|stx1|rerun|mlflow",
+        "kitti: images, calibration, labels, poses, disparity as a clip of KITTI's "
+        "tracking benchmark. csv: scans, track, truth, contours, and their columns. tum: "
+        "trajectories, as evo reads them. stx1: stixels for pyStixel-lib. rerun: run.rrd. "
+        "mlflow: settings, scores, pages, of a sweep too.",
+        "--format",
+    ),
+    output: options.NewFolder = None,
+    workers: options.Workers = None,
+    trust_code: options.TrustCode = False,
+) -> int:
+    """Write a run, or with mlflow a sweep, in the format of other tools.
+
+    Missing results are computed, but for mlflow.
+
+    \b
+    Examples:
+      stixel export results/contour --format kitti --output clip
+      stixel export results/contour --format csv
+      stixel export results/my_sweep --format mlflow
+    """
+    from stixel_cli.engine.progress import Progress
+    from stixel_cli.export.export import export as write
+    from stixel_cli.export.mlflow_folder import export_mlflow
+
+    target = options.new_file(output or Path(f"{folder.resolve().name}-{format}"))
+    if format == "mlflow":
+        export_mlflow(folder.resolve(), target.absolute())
+    else:
+        stored = stored_run(folder, workers, trust_code)
+        answer = write(stored, target.absolute(), format, Progress(visible=True))
+    say(target)
+    if format == "kitti":
+        say(shlex.join(["stixel", "run", *answer]))
+    return 0

@@ -7,16 +7,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stixel_cli.cli import options
-from stixel_cli.cli.plan import estimate_text, plan_content, print_plan
+from stixel_cli.cli.sweep import INCOMPLETE, estimate_text, plan_content, print_plan
 from stixel_cli.cli.terminal import console, print_json, say, say_wrapped, tell
 from stixel_cli.config.folders import STUDIES
 from stixel_cli.errors import ConfigurationError, MissingData, UserError, counted
 
 if TYPE_CHECKING:
     from stixel_cli.studies.plan import StudyPlan
-    from stixel_cli.studies.run import StudyResult
-
-INCOMPLETE = 1
+    from stixel_cli.studies.run import Study
 
 
 def study(
@@ -62,10 +60,11 @@ def study(
       stixel study rq2 road_user=car 'seed=range(0,3)' --name rq2-car
       stixel study all
     """
-    from stixel_cli.studies.file import ALL, find_study, read_study
-    from stixel_cli.studies.folder import StudyFolder, study_folder
+    from stixel_cli.results.folder import check_plain_name
+    from stixel_cli.studies.file import ALL, read_study
     from stixel_cli.studies.plan import plan_study
-    from stixel_cli.studies.run import run_study
+    from stixel_cli.studies.run import Study
+    from stixel_cli.sweeps.design import find_file
     from stixel_cli.sweeps.index import update_index
     from stixel_cli.sweeps.run import SweepInterrupted
 
@@ -87,24 +86,28 @@ def study(
     # Report studies that cannot run before the first one runs for minutes.
     for study in studies:
         try:
-            plans[study] = plan_study(read_study(find_study(study), trust_code), overrides)
+            plans[study] = plan_study(
+                read_study(find_file(study, study=True), trust_code), overrides
+            )
         except UserError as error:
             failed(study, error)
             codes += [] if isinstance(error, MissingData) else [error.exit_code]
     for study, plan in plans.items():
         try:
-            folder = study_folder(results, plan.folder_name if name is None else name)
+            own_name = plan.folder_name if name is None else name
+            check_plain_name(own_name)
+            command = shlex.join(["stixel", "study", study, *overrides, *repeated])
+            asked = Study(plan, results / own_name, command, tell)
             if dry_run:
-                StudyFolder(folder).check(plan, fresh)
+                asked.check(fresh)
                 answers[study] = _planned(plan, json)
                 continue
-            command = shlex.join(["stixel", "study", study, *overrides, *repeated])
-            result = run_study(plan, folder, command, fresh, tell)
+            asked.run(fresh)
             if not json:
-                _print(plan, result)
+                _print(asked)
             update_index(results)
-            answers[study] = _answer(plan, result)
-            codes.append(_tell_what_is_missing(result, command))
+            answers[study] = _answer(asked)
+            codes.append(_tell_what_is_missing(asked))
         except SweepInterrupted:
             raise
         except UserError as error:
@@ -131,17 +134,17 @@ def _checked(words: Sequence[str], name: str | None) -> Sequence[str]:
     return words
 
 
-def _tell_what_is_missing(result: "StudyResult", command: str) -> int:
+def _tell_what_is_missing(asked: "Study") -> int:
     """Name the runs that are missing on stderr; returns the exit code."""
-    missing = [state for state in result.sweeps if not state.complete]
+    missing = [state for state in asked.states if not state.complete]
     for state in missing:
         for fault in state.faults:
             tell(f"sweep {state.name}: {fault}")
     if not missing:
         return 0
     counts = (f"{state.name} {state.done} of {state.runs or '?'}" for state in missing)
-    tell(f"no statistics yet: runs are missing: {', '.join(counts)}; see {result.page}")
-    print(command, file=sys.stderr)  # noqa: T201
+    tell(f"no statistics yet: runs are missing: {', '.join(counts)}; see {asked.page}")
+    print(asked.command, file=sys.stderr)  # noqa: T201
     return INCOMPLETE
 
 
@@ -174,15 +177,15 @@ def _total(plans: "Iterable[StudyPlan]") -> str:
     return text + (f", and without {counted(derived, 'derived sweep')}" if derived else "")
 
 
-def _answer(plan: "StudyPlan", result: "StudyResult") -> dict[str, Any]:
+def _answer(asked: "Study") -> dict[str, Any]:
     return {
-        "study": plan.study.name,
-        "folder": str(result.folder),
-        "report": str(result.page),
-        "complete": result.report is not None,
-        "answer": None if result.report is None else list(result.report.answer),
-        "notes": list(plan.notes),
-        "nodes": {"computed": result.computed, "cached": result.cached},
+        "study": asked.plan.study.name,
+        "folder": str(asked.path),
+        "report": str(asked.page),
+        "complete": asked.report is not None,
+        "answer": None if asked.report is None else list(asked.report.answer),
+        "notes": list(asked.plan.notes),
+        "nodes": {name: asked.count(name) for name in ("computed", "cached")},
         "sweeps": {
             state.name: {
                 "runs": state.runs,
@@ -190,19 +193,16 @@ def _answer(plan: "StudyPlan", result: "StudyResult") -> dict[str, Any]:
                 "folder": str(state.folder),
                 "faults": list(state.faults),
             }
-            for state in result.sweeps
+            for state in asked.states
         },
     }
 
 
-def _print(plan: "StudyPlan", result: "StudyResult") -> None:
-    if result.report is not None:
-        console().print(plan.study.title, markup=False, style="bold")
-        say_wrapped(result.report.answer[0])
-    done = sum(state.done for state in result.sweeps)
-    say(
-        f"{done} runs done; nodes: {result.computed} computed, {result.cached} cached; "
-        f"{result.seconds:.1f} s"
-    )
-    say(result.page)
+def _print(asked: "Study") -> None:
+    if asked.report is not None:
+        console().print(asked.plan.study.title, markup=False, style="bold")
+        say_wrapped(asked.report.answer[0])
+    done = sum(state.done for state in asked.states)
+    nodes = f"{asked.count('computed')} computed, {asked.count('cached')} cached"
+    say(f"{done} runs done; nodes: {nodes}; {asked.seconds:.1f} s", asked.page)
     sys.stdout.flush()

@@ -14,15 +14,11 @@ import textwrap
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from stixel_cli.config.folders import group_options
 from stixel_cli.config.texts import suggestion
 from stixel_cli.errors import UserError, escaped, printable, printable_path
-
-if TYPE_CHECKING:
-    from rich.console import Console
-
 
 CRASHED = 1
 LONGEST_USAGE = 300
@@ -172,6 +168,7 @@ def usage_line(error: Any, words: Sequence[str]) -> str:
     """A usage error of the command line `words`: the fault, the nearest option, what to read."""
     text = " ".join(error.format_message().split()).rstrip(".?")
     text = (text[:1].lower() + text[1:]).replace(": Input should be ", ": must be ")
+    text = text.replace(": Value error, ", ": ")
     text = text.partition(", unable to parse")[0].partition(". Did you mean")[0]
     context = getattr(error, "ctx", None)
     wrong = getattr(error, "option_name", None)
@@ -235,7 +232,7 @@ def escaping() -> Iterator[None]:
         vars(sys).update({n: before[n] for n in before if getattr(sys, n) is ours[n]})
 
 
-def console(width: int | None = None) -> "Console":
+def console(width: int | None = None) -> Any:
     """Rich's console on stdout; it escapes what would control the terminal."""
     from rich.console import Console
 

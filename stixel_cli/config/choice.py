@@ -57,9 +57,7 @@ def compose_options(chosen: tuple[tuple[str, str], ...], state: str) -> Choice:
 
     Hydra takes 0.1 s and more, so the result is stored in the cache folder, under a digest of the
     options, of the files of `conf/` (`state`, see `conf_state`), of Hydra's version and the fields.
-
-    Raises:
-        ConfigurationError: in one line, if Hydra cannot compose the options.
+    ConfigurationError in one line, if Hydra cannot compose the options.
     """
     versions = [installed_version(name) for name in ("hydra-core", "omegaconf")]
     key = json.dumps([chosen, state, versions, list(Choice.__annotations__)])
@@ -70,12 +68,9 @@ def compose_options(chosen: tuple[tuple[str, str], ...], state: str) -> Choice:
         _write(file, choice)
     if choice.options[folders.EXPERIMENT] == folders.default_option(folders.EXPERIMENT):
         return choice
-    inner = choice.plain.get(INNER, {})
+    inner = choice.plain.get(INNER) or {}
     if not isinstance(inner, Mapping):
-        raise ConfigurationError(
-            f"{folders.EXPERIMENT}={choice.options[folders.EXPERIMENT]}: {INNER}: must be GROUP: "
-            "OPTION pairs"
-        )
+        raise ConfigurationError(f"{folders.EXPERIMENT}: {INNER}: must be GROUP: OPTION pairs")
     # Inner groups that the chosen options lack are left out.
     missing = [(g, o) for g, o in inner.items() if g in choice.options and g not in dict(chosen)]
     if missing:
@@ -101,9 +96,8 @@ def set_by_experiment(option: str) -> dict[str, Any]:
     """The groups and keys that an experiment's file sets, with their options and values."""
     content = folders.option_content(folders.EXPERIMENT, option)
     values = folders.option_values(folders.EXPERIMENT, option)
-    inner = content.get(INNER)
     return {
-        **(inner if isinstance(inner, Mapping) else {}),
+        **(content.get(INNER) or {}),
         **folders.chosen_options(content),
         **{name: v for name, v in values.items() if not name.startswith((INNER, SOURCES))},
     }
@@ -254,7 +248,7 @@ def _resolved(value: Any, name: str, tree: Mapping[str, Any], pending: tuple[str
         raise ConfigurationError(f"{name}: '{printable(value)}' {fault}")
     for part in match[1].split("."):
         if not isinstance(target, Mapping) or part not in target:
-            hint = suggestion(match[1], known_keys(), form="${{{}}}")
+            hint = suggestion(match[1], known_keys(), "${{{}}}".format)
             raise ConfigurationError(f"{name}: refers to {match[1]}, an unknown key{hint}")
         target = target[part]
     return _resolved(target, name, tree, (*pending, value))

@@ -6,11 +6,22 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from stixel_cli.border import TYPED
-from stixel_cli.config import folders, messages, override_checks, own_options
-from stixel_cli.config.annotations import read_as
+from stixel_cli.config import folders, messages
 from stixel_cli.config.choice import compose_options, with_values
-from stixel_cli.config.overrides import Override
-from stixel_cli.config.schema import Configuration, check
+from stixel_cli.config.overrides import (
+    GIVEN,
+    Override,
+    admit_code,
+    check_parameters,
+    find_folders,
+    functions_of,
+    is_own,
+    nested,
+    read_overrides,
+    settings_of_run,
+    user_sections,
+)
+from stixel_cli.config.schema import Configuration
 from stixel_cli.config.texts import split_override
 from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.measurements.file import FileParameters
@@ -161,9 +172,7 @@ def compose(overrides: Sequence[str] = (), working_directory: str = "") -> Compo
     Raises:
         ConfigurationError: in one line, for any fault of the overrides.
     """
-    composition = Composer(working_directory).compose(
-        override_checks.read_overrides(overrides, TYPED)
-    )
+    composition = Composer(working_directory).compose(read_overrides(overrides, TYPED))
     return replace(composition, resolved=copy.deepcopy(composition.resolved))
 
 
@@ -188,12 +197,8 @@ class Composer:
 
     def compose(self, overrides: Sequence[Override]) -> Composition:
         """The same as the function `compose`."""
-        parsed = override_checks.refuse_twice(overrides)
-        override_checks.check_overrides(parsed)
-        override_checks.check_one_run(parsed)
-        settings = {override.key: override.value for override in parsed}
-        settings |= override_checks.implied_by_file(settings)
-        user_defined = own_options.user_sections(settings)
+        parsed, settings = settings_of_run(overrides)
+        user_defined = user_sections(settings)
         shipped = {
             k: v for k, v in settings.items() if folders.outermost_group(k) not in user_defined
         }
@@ -202,16 +207,20 @@ class Composer:
         resolved, choices = self._with_recording(shipped)
         resolved |= user_defined
         choices |= {group: str(settings[group]) for group in user_defined}
-        own_options.admit_code(resolved, parsed, folders.PRESETS.origin)
-        resolved["metrics"] = _metric_functions(resolved["metrics"])
-        resolved["code_folders"] = own_options.find_folders(resolved, self._working_directory)
+        admit_code(resolved, parsed, folders.PRESETS.origin)
+        metrics = resolved["metrics"]
+        # The validation of the whole configuration reports another type.
+        if isinstance(metrics, list) and not all(":" in str(name) for name in metrics):
+            installed = folders.installed_functions("metrics")
+            resolved["metrics"] = [installed.get(str(name), name) for name in metrics]
+        resolved["code_folders"] = find_folders(resolved, self._working_directory)
         for group in _FILES:
             resolved[group] = with_full_names(group, resolved[group], self._working_directory)
         configuration = _validate(resolved, settings)
-        if self._imports and own_options.functions_of(resolved):
-            own = repr([resolved[n] for n in (*own_options.GIVEN, "metrics", "code_folders")])
+        if self._imports and functions_of(resolved):
+            own = repr([resolved[n] for n in (*GIVEN, "metrics", "code_folders")])
             if own not in self._checked:
-                self._checked[own] = own_options.check_parameters(configuration)
+                self._checked[own] = check_parameters(configuration)
             for group, values in self._checked[own].items():
                 resolved[group] = resolved[group] | values
                 code = replace(getattr(configuration, group), parameters=values)
@@ -247,13 +256,6 @@ class Composer:
         return with_recording(typed, self._resolved, self._files, self._working_directory)
 
 
-def _metric_functions(metrics: Any) -> Any:
-    """The value of `metrics`, with functions for the names of installed packages."""
-    if not isinstance(metrics, list) or all(":" in str(name) for name in metrics):
-        return metrics  # The validation of the whole configuration reports another type.
-    return [folders.installed_functions("metrics").get(str(name), name) for name in metrics]
-
-
 def with_full_names(
     group: str, section: Mapping[str, Any], working_directory: str = ""
 ) -> Mapping[str, Any]:
@@ -261,7 +263,7 @@ def with_full_names(
 
     They refer to `working_directory`; "" for the working directory of the process.
     """
-    if own_options.is_own(section):
+    if is_own(section):
         return section
     words = {"road_user": not str(section.get("road_user")).endswith(".json")}
     words["calibration"] = section.get("calibration") in CALIBRATIONS
@@ -282,19 +284,7 @@ def from_resolved(resolved: Mapping[str, Any]) -> Configuration:
 
 
 def _validate(plain: dict[str, Any], typed: Iterable[str]) -> Configuration:
-    from pydantic import ValidationError
-
-    try:
-        for group in own_options.GIVEN:
-            if own_options.is_own(plain.get(group)):
-                plain = plain | {group: own_options.nested(group, plain[group])}
-        configuration = read_as(Configuration, plain)
-    except ValidationError as error:
-        faults = error.errors(include_url=False)
-        raise ConfigurationError(messages.describe_faults(faults, plain, typed)) from None
-    except (TypeError, ValueError) as fault:
-        raise ConfigurationError(
-            f"the configuration has values that are not plain: {fault}"
-        ) from None
-    check(configuration)
-    return configuration
+    for group in GIVEN:
+        if is_own(plain.get(group)):
+            plain = plain | {group: nested(group, plain[group])}
+    return messages.read_settings(Configuration, plain, typed)

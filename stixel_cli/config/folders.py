@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from functools import cache
 from glob import glob
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 from stixel_cli.border import Origin, forget_told
@@ -312,3 +313,38 @@ def flat(section: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, An
             yield from flat(value, f"{prefix}{name}.")
         else:
             yield prefix + name, value
+
+
+@cache
+def real_image_parameters() -> SimpleNamespace:
+    """The parameters of the groups from real images to scans, as `source=pair` composes them.
+
+    They are the values of `conf/`, with what `conf/recorded.yaml` sets for real images; a test
+    compares them with those of `compose(["source=pair", …])`. Hydra is not imported.
+    """
+    from stixel_cli.measurements.stixels import StixelsParameters
+    from stixel_cli.stereo.matching import SgmParameters
+    from stixel_cli.stixels import parameters
+
+    # Where `conf/` chooses another option by default, its schema belongs here.
+    schemas = {
+        "stereo": SgmParameters,
+        "road": parameters.EstimatedRoad,
+        "occupancy": parameters.OccupancyParameters,
+        "free_space": parameters.FreeSpaceParameters,
+        "height": parameters.HeightParameters,
+        "extraction": parameters.ExtractionParameters,
+        "measurement": StixelsParameters,
+    }
+    suitable = values_beside_groups("recorded")["source"]
+    options = suitable["options"]
+    suiting = values_that_suit(suitable, options | {"source": "pair", "auto": False})
+    sections = {
+        group: option_values(group, options.get(group) or configured_option(group))
+        for group in schemas
+    }
+    for key, value in suiting.items():
+        group, _, name = key.partition(".")
+        if group in sections:
+            sections[group][name] = value
+    return SimpleNamespace(**{group: schemas[group](**v) for group, v in sections.items()})

@@ -257,7 +257,7 @@ def parameters_of_own(group: str, option: str) -> list[tuple[str, str, str, str]
 
     ConfigurationError if its module cannot be imported.
     """
-    from stixel_cli.config.own_options import GIVEN, imported_option
+    from stixel_cli.config.overrides import GIVEN, imported_option
     from stixel_cli.own_code import parameters_type
 
     function, given = imported_option(group, option), GIVEN[group]

@@ -44,27 +44,30 @@ def unknown_key(
         return f"{name}: unknown key; it is called {_OTHER_KEYS[name]}"
     kinds = kinds or {}
     variants = keys.known_keys().get(name)
-    name = printable(name)
+    name, options = printable(name), group_options()
     if variants:
         # A preset of the user's own may lack a key of its kind.
         owners = dict(variants[0].owners)
         group = next((g for g, kind in owners.items() if kinds.get(g) != kind), next(iter(owners)))
         chosen = f" with {group}={kinds[group]}" if group in kinds else " in the chosen option"
-        owners = ", ".join(_owners(variants, kinds))
-        return f"{name}: unknown key{chosen}; it belongs to {owners}"
+        return f"{name}: unknown key{chosen}; it belongs to {_owners(variants, kinds)}"
+    dotted, meant = name.replace("/", "."), name.removesuffix(".kind").replace(".", "/")
+    if dotted in keys.known_keys() or meant in options:
+        right = dotted if dotted in keys.known_keys() else f"{meant}={'|'.join(options[meant])}"
+        return f"{name}: unknown key; did you mean {right}?"
     group = innermost_group(name) or name.partition(".")[0]
     within = group.replace("/", ".") + "."
     inner = [key for key in keys.known_keys() if key.startswith(name + ".")]
-    if inner and name not in group_options():
+    if inner:
         return f"{name}: is a group of keys: give one of them, such as {inner[0]}=VALUE"
     candidates = [
         key
         for key, variants in keys.known_keys().items()
         if not key.startswith(within) or any(v.fits(dict(v.owners) | dict(kinds)) for v in variants)
     ]
-    groups = [] if "." in name or name in group_options() else group_options()
+    groups = [] if "." in name else options
     hint = suggestion(name, [*groups, *candidates, *others])
-    if not hint and group in group_options():
+    if not hint and group in options:
         its = [key.removeprefix(within) for key in candidates if key.startswith(within)]
         hint = f"; {group} has {', '.join(its) or 'no keys'}"
         hint = hint if len(its) < 20 else f"; `stixel describe {group}` lists its keys"
@@ -73,22 +76,11 @@ def unknown_key(
     return f"{name}: unknown key{hint}"
 
 
-def _owners(variants: Sequence[keys.Key], kinds: Mapping[str, str]) -> list[str]:
+def _owners(variants: Sequence[keys.Key], kinds: Mapping[str, str]) -> str:
     """The options that each variant of a key belongs to, without the chosen ones."""
-    return [
-        " ".join(
-            f"{group}={'|'.join(options_of_kind(group, kind))}"
-            for group, kind in variant.owners
-            if kinds.get(group) != kind
-        )
-        for variant in variants
-    ]
-
-
-def owners_of(name: str) -> str:
-    """The options that a key belongs to, as `path=turn or path=circle`; "" if it is in all."""
-    variants = keys.known_keys().get(name, ())
-    return " or ".join(_owners(variants, {})) if all(v.owners for v in variants) else ""
+    owners = ([(g, kind) for g, kind in v.owners if kinds.get(g) != kind] for v in variants)
+    texts = ([f"{g}={'|'.join(options_of_kind(g, kind))}" for g, kind in own] for own in owners)
+    return ", ".join(map(" ".join, texts))
 
 
 def unknown_option(group: str, option: str) -> str:
@@ -96,17 +88,9 @@ def unknown_option(group: str, option: str) -> str:
     if (group, option) in _REPLACED:
         return f"{group}: {option} is gone: use {_REPLACED[group, option]}"
     options = group_options()[group]
-    hint = suggestion(option, options, form=group + "={}")
+    hint = suggestion(option, options, f"{group}={{}}".format)
     text = f"{group}: unknown option {show(option)}{hint} (options: {', '.join(options)})"
     return text + (f"; for your own, give {_OWN[group]}" if group in _OWN else "")
-
-
-def group_by_dots(name: str, value: Any) -> str:
-    """Message: an inner group is chosen with a slash, `measurement/noise=constant`."""
-    group = name.replace(".", "/")
-    options = group_options()[group]
-    meant = value if value in options else "|".join(options)
-    return f"{name}: is a group: write {group}={meant}"
 
 
 def show(value: Any) -> str:
@@ -126,10 +110,15 @@ _UNSUITABLE |= dict.fromkeys(
 
 def _describe_fault(fault: dict[str, Any], plain: dict[str, Any]) -> str:
     """One line for one of pydantic's errors."""
-    kind, value = fault["type"], fault["input"]
-    name, annotation = keys.locate(fault["loc"])
+    kind, (name, annotation) = fault["type"], keys.locate(fault["loc"])
     if kind in ("unexpected_keyword_argument", "extra_forbidden"):
         return unknown_key(name, keys.chosen_kinds(plain))
+    return describe_fault(fault, name, annotation)
+
+
+def describe_fault(fault: Mapping[str, Any], name: str, annotation: Any) -> str:
+    """One line for one of pydantic's errors about the key `name`; None for no `annotation`."""
+    kind, value = fault["type"], fault["input"]
     if kind == "missing":
         return f"{name}: is missing" + (f": must be {describe(annotation)}" if annotation else "")
     if kind.startswith("union_tag"):
@@ -151,12 +140,28 @@ def _describe_fault(fault: dict[str, Any], plain: dict[str, Any]) -> str:
     return f"{name}: {show(value)} {what}: must be {right}{hint}"
 
 
+def named_fault(fault: BaseException, file: str = "") -> str:
+    """Type and text of an exception of the user's code, and the line, of a `file`, that led to it.
+
+    Without a file it is the innermost line outside of libraries.
+    """
+    import traceback
+
+    from stixel_cli.engine.errors import StageFailure
+
+    trace = "".join(traceback.format_exception(fault))
+    place = StageFailure("", "", fault, trace, frozenset([file])).place
+    text = printable(" ".join(f"{type(fault).__name__}: {fault}".split()), LONGEST_REASON)
+    # A SyntaxError names its line itself.
+    place = printable(place, LONGEST_REASON)
+    return f"{text} ({place})" if place and not isinstance(fault, SyntaxError) else text
+
+
 def validated(kind: type, content: Any, where: Path | str, known: Iterable[str] = ()) -> Any:
     """The content of a file, or of an entry of it, as the dataclass `kind`.
 
-    Raises:
-        ConfigurationError: in one line that begins with `where` and names the entry; for an unknown
-            one it suggests one of those `known`.
+    ConfigurationError in one line that begins with `where` and names the entry; for an unknown one
+    it suggests one of those `known`.
     """
     from pydantic import ValidationError
 
@@ -171,17 +176,24 @@ def validated(kind: type, content: Any, where: Path | str, known: Iterable[str] 
         raise ConfigurationError(f"{where}: {printable(str(fault), 200)}") from None
 
 
-def describe_faults(
-    faults: Sequence[dict[str, Any]], plain: dict[str, Any], typed: Iterable[str]
-) -> str:
-    """Describe the fault to correct first, and count the others.
+def read_settings(kind: Any, plain: Any, typed: Iterable[str], group: str = "") -> Any:
+    """A configuration in plain types, or its section `group`, as the class `kind`.
 
-    Args:
-        faults: pydantic's errors, at least one.
-        plain: the configuration that was validated.
-        typed: the keys that the user gave; their faults come first.
+    ConfigurationError in one line for the fault to correct first, of the keys `typed` if one of
+    them has any, with the number of the others.
     """
-    given, names = tuple(typed), [keys.locate(fault["loc"])[0] for fault in faults]
-    first = next((i for i, name in enumerate(names) if name.startswith(given)), 0)
-    text, others = _describe_fault(faults[first], plain), len(set(names)) - 1
-    return f"{text} (and {counted(others, 'more fault')})" if others > 0 else text
+    from pydantic import ValidationError
+
+    try:
+        return read_as(kind, plain)
+    except ValidationError as error:
+        within = (group,) if group else ()
+        faults = [one | {"loc": (*within, *one["loc"])} for one in error.errors(include_url=False)]
+        given, names = tuple(typed), [keys.locate(fault["loc"])[0] for fault in faults]
+        first = next((i for i, name in enumerate(names) if name.startswith(given)), 0)
+        text = _describe_fault(faults[first], {group: plain} if group else plain)
+        others = len(set(names)) - 1
+        more = f" (and {counted(others, 'more fault')})" if others > 0 else ""
+        raise ConfigurationError(text + more) from None
+    except (TypeError, ValueError) as fault:
+        raise ConfigurationError(" ".join(str(fault).split())) from None

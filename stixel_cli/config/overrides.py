@@ -1,22 +1,41 @@
-"""Overrides: `KEY=VALUE`, `GROUP=OPTION`, or several values, in Hydra's grammar.
+"""Overrides, parsed and checked: `KEY=VALUE`, `GROUP=OPTION`, or several values.
 
-Hydra's parser is not public: the project pins Hydra.
+Hydra's parser is not public: the project pins Hydra. An option of tracker and measurement, and a
+metric, can be the user's own function, `tracker=module:function`, with its parameters as keys.
 """
 
 import itertools
+import os
 import re
-from collections.abc import Iterator
+import sys
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from decimal import Decimal
 from functools import cache, lru_cache
-from typing import Any
+from importlib.machinery import PathFinder
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, get_type_hints
 
-from stixel_cli.border import Origin
+from stixel_cli.border import Origin, admit
 from stixel_cli.config import messages
-from stixel_cli.config.folders import group_options
+from stixel_cli.config.folders import (
+    absolute,
+    default_option,
+    group_options,
+    installed_functions,
+    outer_options,
+)
 from stixel_cli.config.keys import known_keys
-from stixel_cli.config.texts import split_override
-from stixel_cli.errors import ConfigurationError
+from stixel_cli.config.messages import unknown_option
+from stixel_cli.config.schema import Configuration
+from stixel_cli.config.texts import override_text, split_override
+from stixel_cli.engine.cache_folder import CELLS
+from stixel_cli.engine.parameters import default_cache_folder
+from stixel_cli.engine.versions import providers
+from stixel_cli.errors import BelongsElsewhere, ConfigurationError, printable
+from stixel_cli.own_code import OwnCode, all_values, check_name, parameters_type
 
 MOST_TYPED = 5_000
 """Maximum commas of one override: Hydra's parser takes 1 s for these; its time is quadratic."""
@@ -34,8 +53,6 @@ _PLAIN = re.compile(
     r"(?P<number>-?(0|[1-9][0-9]{0,15})([.][0-9]{1,15})?))"
 )
 """Most overrides: one word or number. Hydra takes 0.2 s to import."""
-
-_SWEEPS = ("choice", "range", "glob", "sort", "interval")
 
 
 @dataclass(frozen=True)
@@ -74,18 +91,15 @@ class Override:
     def singles(self) -> "list[Override]":
         """Overrides of one value each, in order; for one value only itself.
 
-        Raises:
-            ConfigurationError: for no values, too many, an interval, or a random order.
+        ConfigurationError for no values, too many, an interval, or a random order.
         """
         if self.sweep is None:
             return [self]
         texts = _single_texts(self)
-        if not texts:
+        if not 0 < len(texts) <= MOST_VALUES:
             options = group_options().get(self.key, ())
             hint = f" (options: {', '.join(options)})" if options else ""
-            raise ConfigurationError(f"{self.shown}: has no values{hint}")
-        if len(texts) > MOST_VALUES:
-            raise ConfigurationError(f"{self.shown}: has more than {MOST_VALUES} values")
+            raise ConfigurationError(f"{self.shown}: must have 1 to {MOST_VALUES} values{hint}")
         if self.key in group_options():  # Hydra escapes the colon of module:function.
             texts = [text.replace("\\:", ":") for text in texts]
         return [parse(f"{self.sign}{self.key}={text}", self.origin) for text in texts]
@@ -110,11 +124,9 @@ def parse(text: str, origin: Origin) -> Override:
         override = Override(text, read.key_or_group, origin, value, sweep)
     except (HydraException, ValueError, RecursionError):
         raise ConfigurationError(_unreadable(text)) from None
-    shown = override.shown
-    if read.package is not None:
-        raise ConfigurationError(f"{shown}: no package (@) can be given; write {override.key}=…")
-    if override.key == "hydra" or read.is_hydra_override():
-        raise ConfigurationError(f"{shown}: Hydra's own settings have no effect here: leave it out")
+    if read.package is not None or override.key == "hydra" or read.is_hydra_override():
+        fault = "packages (@) and Hydra's own settings have no effect here"
+        raise ConfigurationError(f"{override.shown}: {fault}: leave it out")
     return override
 
 
@@ -141,39 +153,25 @@ def _malformed(text: str) -> str:
             return f"{shown}: {fault}"
     if "=" in bare or text.startswith("~"):
         return ""
-    if bare in groups or bare in known_keys():
-        return f"{bare}: a value is missing: write {bare}={'|'.join(groups.get(bare, ['VALUE']))}"
-    if bare.replace(".", "/") in groups:
-        return messages.group_by_dots(bare, None)
     # `car` is an option of three groups; the road user chooses the others.
-    of = sorted((g for g in groups if bare in groups[g]), key=lambda group: group != "road_user")
-    if of and bare != "default":
-        return f"{bare}: is an option: write {of[0]}={bare}"
-    options = [f"{group}={option}" for group in groups for option in groups[group]]
-    hint = messages.suggestion(bare, [*groups, *known_keys()], form="{}=…")
-    hint = hint or messages.suggestion(bare, options)
-    return f"{messages.show(text)}: must be KEY=VALUE{hint}"
+    forms: dict[str, str] = {}
+    for group in sorted(groups, key=lambda group: group == "road_user"):
+        for option in groups[group]:
+            forms |= dict.fromkeys((option, f"{group}={option}"), f"{group}={option}")
+    forms |= {key: f"{key}=VALUE" for key in known_keys()}
+    forms |= {group: f"{group}={'|'.join(options)}" for group, options in groups.items()}
+    return f"{messages.show(text)}: must be KEY=VALUE{messages.suggestion(bare, forms, forms.get)}"
 
 
 def _unreadable(text: str) -> str:
-    words, (name, value), shown = text.split(), split_override(text), messages.printable(text)
+    words, (name, _), shown = text.split(), split_override(text), messages.printable(text)
     if len(words) > 1 and all("=" in word for word in words):
         return f"{shown}: is several overrides in one text: separate them"
     known = [*group_options(), *known_keys()]
     if name not in known and (hint := messages.suggestion(name, known)):
         return f"{messages.printable(name)}: unknown key{hint}"
-    for opening, closing in ("[]", "{}", "()"):
-        if value.count(opening) != value.count(closing):
-            return f"{shown}: {opening} and {closing} do not match"
-    for quote in "'\"":
-        if value.count(quote) % 2:
-            return f"{shown}: the quote {quote} is not closed"
-    sweep = value.partition("(")[0]
-    if sweep in _SWEEPS and not value.removeprefix(sweep)[1:-1].strip():
-        return f"{shown}: has no values: write {name}=A,B or {name}=range(START,STOP,STEP)"
-    if value.startswith(",") or value.endswith(",") or ",," in value:
-        return f"{shown}: a value is missing next to a comma"
-    return f"""{shown}: cannot be read; quote text with special characters: KEY='"text"'"""
+    how = "brackets and quotes must match, with a value beside each comma and in brackets"
+    return f"""{shown}: cannot be read: {how}; quote text with special characters: KEY='"text"'"""
 
 
 def _single_texts(override: Override) -> list[str]:
@@ -217,3 +215,308 @@ def _decimal_range(sweep: Any) -> Iterator[float]:
         if number >= stop if step > 0 else number <= stop:
             return
         yield float(number)
+
+
+WITHOUT_EFFECT = {
+    *("pace", "path", "ego", "rig", "world", "renderer", "sensor", "stereo"),
+    *("road", "occupancy", "free_space", "height", "extraction"),
+}
+"""Groups of the scene and the cameras, which scans from a file do not have."""
+
+
+def read_overrides(texts: Iterable[str], origin: Origin) -> list[Override]:
+    """The overrides of texts from one place; ConfigurationError if two are of one key."""
+    return refuse_twice(parse(text, origin) for text in texts)
+
+
+def refuse_twice(overrides: Iterable[Override]) -> list[Override]:
+    """The overrides; ConfigurationError if two are of one key."""
+    parsed: dict[str, Override] = {}
+    for override in overrides:
+        # Hydra silently takes the last value.
+        if override.key in parsed:
+            both = f"{parsed[override.key].shown} and {override.shown}"
+            raise ConfigurationError(f"{override.key}: is given twice, {both}: give it once")
+        parsed[override.key] = override
+    return list(parsed.values())
+
+
+def check_overrides(parsed: Iterable[Override]) -> None:
+    """Refuse code that a file names, and invalid overrides that Hydra accepts or reports unclearly.
+
+    Faults that depend on all overrides of a run are checked by `settings_of_run`.
+
+    Args:
+        parsed: those of a run, or the single values of those of a sweep.
+
+    Raises:
+        ConfigurationError: for the first invalid override.
+    """
+    parsed = list(parsed)
+    admit_overrides(parsed)
+    user_defined = {o.key for o in parsed if user_function(o.key, o.value)}
+    for override in parsed:
+        if fault := _fault(override, user_defined):
+            raise ConfigurationError(fault)
+
+
+def _fault(override: Override, user_defined: Collection[str]) -> str:
+    """What is wrong with an override by itself; "" if nothing is."""
+    name, value, options = override.key, override.value, group_options().get(override.key)
+    if options is None and name not in known_keys():
+        group, _, parameter = name.partition(".")
+        if group not in user_defined or not parameter.isidentifier():
+            return messages.unknown_key(name)
+        if parameter in RESERVED:
+            return f"{name}: the name is reserved; rename the parameter"
+    if override.sign and (override.sign != "++" or options):
+        return f"{override.shown}: no key can be added or removed: leave out the {override.sign}"
+    if options is None or override.sweep is not None:
+        return ""
+    if isinstance(value, dict | list):
+        within = name.replace("/", ".") + "."
+        example = next(key for key in known_keys() if key.startswith(within))
+        needed = f"one option is needed (options: {', '.join(options)}), or single keys as"
+        return f"{name}: {messages.show(value)}: {needed} {example}=VALUE"
+    option = "null" if value is None else str(value)
+    known = option in options or user_function(name, option)
+    return "" if known else unknown_option(name, option)
+
+
+def settings_of_run(overrides: Iterable[Override]) -> tuple[list[Override], dict[str, Any]]:
+    """The overrides of one run, checked, and its settings: key or group to value or option.
+
+    They must be all overrides of the run, because some of them choose options. ConfigurationError
+    for a wrong override, several values, an inner group that the chosen option does not have, or a
+    setting that has no effect.
+    """
+    parsed = refuse_twice(overrides)
+    check_overrides(parsed)
+    settings = {override.key: override.value for override in parsed}
+    for override in parsed:
+        name = override.key
+        if override.sweep is not None:
+            value = messages.printable(override.value_text)
+            hint = " (a list is written in brackets)" if name in known_keys() else ""
+            several = f"{value} has several values: one run needs one{hint}"
+            raise ConfigurationError(f"{name}: {several}; `stixel sweep` takes several")
+        outer, owners = name.rpartition("/")[0], outer_options(name)
+        option = settings.get(outer) or (default_option(outer) if owners else "")
+        if owners and option not in owners:
+            there = f"there is no such group with {outer}={option}"
+            valid = f"{outer}={'|'.join(owners)}"
+            raise BelongsElsewhere(f"{name}: {there}; it belongs to {valid}", name)
+    return parsed, settings | implied_by_file(settings)
+
+
+def implied_by_file(settings: Mapping[str, Any]) -> dict[str, str]:
+    """Further settings of a run with these: `start=scans` for scans from a file without truth.
+
+    BelongsElsewhere for a setting that has no effect on such a run.
+    """
+    if settings.get("measurement") != "file":
+        return {}
+    for name in settings:
+        of_user = name.startswith("road_user.")
+        if of_user or name.partition(".")[0] in WITHOUT_EFFECT:
+            why = "has no effect with measurement=file, which has no scene and no cameras"
+            more = "; prior.… sets the class's size" if of_user else ""
+            raise BelongsElsewhere(f"{name}: {why}: leave it out{more}", name)
+    with_truth = settings.get("measurement.truth") or "start" in settings
+    return {} if with_truth else {"start": "scans"}
+
+
+GIVEN = {"tracker": 3, "measurement": 2}
+"""Groups whose option can be a function, with its number of arguments before its parameters."""
+
+RESERVED = ("kind", "function")
+
+_RUN_CODE = ("metrics", "code_folders", "cache.folder", "executor.address")
+"""Keys whose values can run code: a cache holds pickles, a scheduler sends them."""
+
+COMMON = {"measurement": {"dropout": None, "clutter_rate": 0.0}}
+"""Keys that every option of a group has, with their values if they are not typed."""
+
+
+def user_function(group: str, option: Any) -> str | None:
+    """The "module:function" of an option that is the user's own; None for another option."""
+    if group not in GIVEN or not isinstance(option, str) or option in group_options()[group]:
+        return None
+    return option if ":" in option else installed_functions(group).get(option)
+
+
+def user_sections(settings: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """The user-defined sections of a configuration with these options and values, by group."""
+    sections = {}
+    for group in GIVEN:
+        if function := user_function(group, settings.get(group)):
+            within = f"{group}."
+            given = {k.removeprefix(within): v for k, v in settings.items() if k.startswith(within)}
+            sections[group] = {"kind": "own", "function": function} | COMMON.get(group, {}) | given
+    return sections
+
+
+def nested(group: str, section: Mapping[str, Any]) -> dict[str, Any]:
+    """A section of the user's own as `OwnCode` has it: the parameters in a mapping of their own."""
+    known = (*RESERVED, *COMMON.get(group, ()))
+    rest = {name: value for name, value in section.items() if name not in known}
+    return {name: section[name] for name in known if name in section} | {"parameters": rest}
+
+
+def is_own(section: Any) -> bool:
+    """Whether a section of a configuration in plain types is the user's own."""
+    return isinstance(section, Mapping) and section.get("kind") == "own"
+
+
+def functions_of(resolved: Mapping[str, Any]) -> dict[str, str]:
+    """The user's functions that a configuration in plain types names: key to "module:function"."""
+    functions = {g: str(resolved[g].get("function")) for g in GIVEN if is_own(resolved.get(g))}
+    metrics = resolved.get("metrics")
+    names = enumerate(metrics if isinstance(metrics, list) else ())
+    return functions | {f"metrics[{i}]": str(name) for i, name in names}
+
+
+def admit_overrides(parsed: "Iterable[Override]") -> dict[str, Origin]:
+    """`border.admit` the values of overrides that can run code; returns their origins by key."""
+    own = [o for o in parsed if o.key in _RUN_CODE or user_function(o.key, o.value)]
+    admit((f"{one.key}={one.value}", one.origin) for one in own if one.value)
+    return {one.key: one.origin for one in own}
+
+
+def admit_code(resolved: Mapping[str, Any], given: "Iterable[Override]", other: Origin) -> None:
+    """`border.admit` what a configuration in plain types names that can run code.
+
+    An override is the origin of its very key only, and of a group if its option is a function; all
+    else comes from `other`: options of presets, or a result folder.
+    """
+    origins = admit_overrides(given)
+    names = functions_of(resolved)
+    for key in _RUN_CODE[1:]:
+        group, _, name = key.partition(".")
+        names[key] = resolved[group].get(name) if name else resolved[group]
+    admit(
+        (f"{key}={value}", other)
+        for key, value in names.items()
+        if value and key.partition("[")[0] not in origins
+    )
+
+
+def find_folders(resolved: Mapping[str, Any], working_directory: str) -> list[str]:
+    """The folders of the user's modules, those of `code_folders` first; nothing is imported.
+
+    ConfigurationError if a module is missing, or has the name of another one.
+    """
+    given = resolved["code_folders"]
+    if not isinstance(given, list):
+        return given  # The validation of the whole configuration reports it.
+    folders = [absolute(str(folder), working_directory) for folder in given]
+    places = [*folders, str(default_cache_folder() / CELLS), absolute("", working_directory)]
+    found = [_folder_of(key, name, places) for key, name in functions_of(resolved).items()]
+    return list(dict.fromkeys([*folders, *filter(None, found)]))
+
+
+def _folder_of(key: str, function: str, places: Sequence[str]) -> str | None:
+    """The folder of a function's module; None if a distribution provides it."""
+    try:
+        check_name(function)
+    except ValueError as fault:
+        raise ConfigurationError(f"{key}: {fault}") from None
+    module = function.partition(":")[0]
+    top = module.partition(".")[0]
+    if top == __name__.partition(".")[0]:
+        return None  # Of this program, also in its own checkout.
+    local = next((place for place in places if _exists(place, top)), None)
+    # Not as `find_spec`, which may answer with a module of the same name that is imported.
+    spec = PathFinder.find_spec(top, [p for p in sys.path if p not in places])
+    if spec is None and top in providers():
+        with suppress(ImportError, ValueError):  # an editable install has its own finder
+            spec = find_spec(top)
+    where = None
+    if spec is not None:
+        first = next(iter(spec.submodule_search_locations or ()), spec.origin or "")
+        where = str(Path(first).parent)
+    taken = top in sys.stdlib_module_names or (top in providers() and where not in (None, local))
+    if local is not None and taken:
+        name = f"{local} has a module {top}, but this is the name of an installed one"
+        raise ConfigurationError(f"{key}: {name}: rename the file")
+    if local is None and where is None:
+        missing = f"no module {printable(top)} found in {places[-1]}"
+        raise ConfigurationError(f"{key}: {missing}, and no installed package has it")
+    if local is None and top not in providers():
+        local = where
+    if local is not None and not _exists(local, module):
+        raise ConfigurationError(f"{key}: no module {printable(module)} found in {local}")
+    return local
+
+
+def _exists(folder: str, module: str) -> bool:
+    path = Path(folder, *module.split("."))
+    return path.is_dir() or path.with_name(f"{path.name}.py").is_file()
+
+
+def with_own_values(overrides: Sequence[str], resolved: Mapping[str, Any]) -> tuple[str, ...]:
+    """The overrides with all parameters of the user's functions, whose defaults may change."""
+    typed = {split_override(text)[0] for text in overrides}
+    more = [
+        override_text(f"{group}.{name}", value)
+        for group in GIVEN
+        if is_own(resolved[group])
+        for name, value in nested(group, resolved[group])["parameters"].items()
+        if f"{group}.{name}" not in typed
+    ]
+    return (*overrides, *more)
+
+
+def imported_option(group: str, option: str) -> Any:
+    """The user's function that an option names; ConfigurationError if it cannot be imported."""
+    function = user_function(group, option)
+    folder = _folder_of(group, function, [os.getcwd()])
+    return _imported(group, function, [] if folder is None else [folder])
+
+
+def check_parameters(configuration: Configuration) -> dict[str, dict[str, Any]]:
+    """Import the user's functions, check their parameters, and return all values, by group.
+
+    ConfigurationError in one line that names the key, or the file and line of a fault.
+    """
+    from pydantic import ValidationError
+
+    folders, values = configuration.code_folders, {}
+    for group, given in GIVEN.items():
+        code = getattr(configuration, group)
+        if not isinstance(code, OwnCode):
+            continue
+        function = _imported(group, code.function, folders)
+        try:
+            checked = all_values(function, given, code.parameters)
+        except ValidationError as error:
+            hints = get_type_hints(parameters_type(function, given), include_extras=True)
+            fault = error.errors(include_url=False)[0]
+            key, annotation = ".".join(map(str, fault["loc"])), hints.get(fault["loc"][0])
+            text = messages.describe_fault(fault, f"{group}.{key}", annotation)
+            text += "" if annotation else f"; it has {', '.join(hints) or 'no parameters'}"
+            raise ConfigurationError(text) from None
+        except (TypeError, ValueError) as fault:
+            raise ConfigurationError(f"{group}.{' '.join(str(fault).split())}") from None
+        values[group] = nested(group, checked)["parameters"]
+    for i, name in enumerate(configuration.metrics):
+        _imported(f"metrics[{i}]", name, folders)
+    return values
+
+
+def _imported(key: str, name: str, folders: Sequence[str]) -> Any:
+    from stixel_cli.engine.errors import CodeChanged
+    from stixel_cli.engine.loaded_code import current_function
+
+    try:
+        function = current_function(name, tuple(map(Path, folders)))
+    except CodeChanged:
+        raise
+    except LookupError as fault:
+        raise ConfigurationError(f"{key}: {' '.join(str(fault).split())}") from None
+    except Exception as error:
+        what = messages.named_fault(error)
+        raise ConfigurationError(f"{key}: {name} cannot be imported: {what}") from None
+    if not callable(function):
+        raise ConfigurationError(f"{key}: {name} is not a function")
+    return function

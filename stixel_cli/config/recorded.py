@@ -10,13 +10,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import Field, ValidationError
+from pydantic import Field
 
 from stixel_cli.config import folders, messages
-from stixel_cli.config.annotations import read_as
 from stixel_cli.config.choice import set_by_experiment
 from stixel_cli.config.compose import UserFiles, with_full_names
-from stixel_cli.config.real_images import real_image_parameters
+from stixel_cli.config.folders import real_image_parameters
 from stixel_cli.errors import ConfigurationError
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.recordings.find import guess_layout
@@ -115,14 +114,7 @@ def _parameters(
     content = {**section, "sample_time": section["sample_time"] or 0.1}
     if group == "path":
         content["duration"] = 1.0  # It follows from the files.
-    try:
-        given = read_as(_SCHEMAS[group], content)
-    except ValidationError as error:
-        faults = [fault | {"loc": (group, *fault["loc"])} for fault in error.errors()]
-        text = messages.describe_faults(faults, {group: content}, typed)
-        raise ConfigurationError(text) from None
-    except ValueError as fault:
-        raise ConfigurationError(str(fault)) from None
+    given = messages.read_settings(_SCHEMAS[group], content, typed, group)
     for name in typed:
         outer = name.partition(".")[0]
         if group == "source" and outer in OF_THE_SCENE and name != "ego":

@@ -17,7 +17,6 @@ from annotated_types import Ge, Le, Len
 from pydantic import Field
 
 from stixel_cli.engine.parameters import CacheParameters, Executor
-from stixel_cli.errors import ConfigurationError
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.measurements.fabricated import FabricatedParameters
 from stixel_cli.measurements.file import FileParameters
@@ -134,6 +133,11 @@ class Configuration:
     executor: Annotated[Executor, _BY_KIND]
     cache: CacheParameters
 
+    def check(self) -> None:
+        """Raise ValueError if keys that are valid one by one contradict each other."""
+        for fault in _faults(self):
+            raise ValueError(fault)
+
     @property
     def field_of_view(self) -> tuple[float, float] | None:
         """Bearings of the sensor's right and left border, rad; None if they are unknown."""
@@ -155,15 +159,6 @@ class Configuration:
     def range_max(self) -> float | None:
         """The sensor's greatest range, m; None if it is unknown."""
         return getattr(self.measurement, "range_max", None)
-
-
-def check(configuration: Configuration) -> None:
-    """Raise ConfigurationError if keys that are valid one by one contradict each other."""
-    try:
-        for fault in _faults(configuration):
-            raise ValueError(fault)
-    except ValueError as fault:
-        raise ConfigurationError(" ".join(str(fault).split())) from None
 
 
 def _faults(configuration: Configuration) -> Iterator[str]:

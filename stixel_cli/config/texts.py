@@ -101,13 +101,12 @@ def likeness(word: str, name: str) -> float:
     return 0.8 * alike + 0.2 * SequenceMatcher(None, group, outer).ratio()
 
 
-def suggestion(word: str, names: Iterable[str], form: str = "{}") -> str:
+def suggestion(word: str, names: Iterable[str], shown: Callable[[str], str] = str) -> str:
     """`; did you mean …?` for the names that are most like `word`; empty if none is like it."""
     scores = {name: likeness(word[:LONGEST], name) for name in names}
     best = max(scores.values(), default=0.0)
     near = [name for name, score in scores.items() if score == best >= LEAST_LIKENESS]
-    shown = " or ".join(map(form.format, near[:4]))
-    return f"; did you mean {shown}?" if near else ""
+    return f"; did you mean {' or '.join(map(shown, near[:4]))}?" if near else ""
 
 
 def function_name(function: Callable[..., Any]) -> str:
@@ -115,9 +114,7 @@ def function_name(function: Callable[..., Any]) -> str:
 
     A worker cannot import a notebook or a script, so such a function is written to a module in the
     cache folder, with what it uses of the notebook: functions, imports and plain values.
-
-    Raises:
-        ConfigurationError: for a function that no module can have.
+    ConfigurationError for a function that no module can have.
     """
     module, name = function.__module__, getattr(function, "__qualname__", "")
     if not name.isidentifier():

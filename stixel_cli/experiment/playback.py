@@ -9,8 +9,7 @@ from stixel_cli.engine.progress import Progress
 from stixel_cli.errors import UserError
 from stixel_cli.experiment.run import run_experiment
 from stixel_cli.report.playback import playback_html
-from stixel_cli.results.reader import flat_settings, listed
-from stixel_cli.results.result import RunResult
+from stixel_cli.results.result import RunResult, flat_settings, listed
 
 SCENE = ("road_user", "path", "ego")
 """The groups that define the scene; with scans from a file, those files do."""

@@ -11,7 +11,7 @@ from typing import Any
 from stixel_cli.border import Origin
 from stixel_cli.config.compose import Composition, compose, from_resolved
 from stixel_cli.config.folders import OF_THE_MACHINE, PRESETS
-from stixel_cli.config.own_options import admit_code, check_parameters, functions_of
+from stixel_cli.config.overrides import admit_code, check_parameters, functions_of
 from stixel_cli.config.schema import Configuration
 from stixel_cli.engine.progress import Progress
 from stixel_cli.engine.store import Store
@@ -21,9 +21,8 @@ from stixel_cli.experiment.run_names import differences, joined_name
 from stixel_cli.experiment.stages import RESULTS, compared_rows, computed_stages, experiment_graph
 from stixel_cli.experiment.table import PICTURES
 from stixel_cli.report.playback import playback_html
-from stixel_cli.results.folder import check_results, new_folder, write_folder
+from stixel_cli.results.folder import check_results, new_folder, origin_of, write_folder
 from stixel_cli.results.lineage import lineage_of, provenance, read_lineage
-from stixel_cli.results.made_here import origin_of
 from stixel_cli.results.result import RunResult, read_run
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.tracking.file import FileTrackParameters, track_doubts

@@ -12,8 +12,12 @@ from stixel_cli.engine.store import Store
 from stixel_cli.experiment.run import has_pictures, run_experiment
 from stixel_cli.experiment.stages import experiment_graph
 from stixel_cli.files import read_arrays, read_bytes
-from stixel_cli.results.differences import StageDifference, first_changed_stage, first_difference
-from stixel_cli.results.lineage import Lineage
+from stixel_cli.results.lineage import (
+    Lineage,
+    StageDifference,
+    first_changed_stage,
+    first_difference,
+)
 from stixel_cli.results.result import RunResult
 
 COMPARED = {"ego": "scenario", "truth": "scenario"}

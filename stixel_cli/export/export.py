@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from stixel_cli.border import Origin, write_below
 from stixel_cli.config.compose import Composer
-from stixel_cli.config.override_checks import read_overrides
+from stixel_cli.config.overrides import read_overrides
 from stixel_cli.config.texts import override_text
 from stixel_cli.engine.progress import Progress
 from stixel_cli.errors import UserError

@@ -6,13 +6,18 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from stixel_cli.answers.answer import known
+from stixel_cli.answers.runs import known
 from stixel_cli.errors import UserError, printable_path
 from stixel_cli.results.folder import PAGE, whole_folder
-from stixel_cli.results.reader import SWEEP_FILE, flat_settings, read_config
-from stixel_cli.results.result import DONE, RunResult, read_run
-from stixel_cli.sweeps.page import read_sweep
-from stixel_cli.sweeps.results import SweepResult
+from stixel_cli.results.result import (
+    DONE,
+    SWEEP_FILE,
+    RunResult,
+    flat_settings,
+    read_config,
+    read_run,
+)
+from stixel_cli.sweeps.folder import SweepResult, read_sweep
 
 DATABASE = "mlflow.db"
 

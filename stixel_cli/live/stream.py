@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stixel_cli.config.real_images import real_image_parameters
+from stixel_cli.config.folders import real_image_parameters
 from stixel_cli.errors import ArgumentError
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD, planar_poses
 from stixel_cli.geometry.rig import Rig

@@ -10,7 +10,7 @@ from matplotlib.colors import Normalize
 
 from stixel_cli.pictures import style
 from stixel_cli.report.metrics import NO_VALUE
-from stixel_cli.report.page import page_template, picture_for_page, sentences_of
+from stixel_cli.report.page import page_template, picture_for_page
 from stixel_cli.stixels.types import Stixels
 from stixel_cli.validation.pair_errors import AreaErrors
 
@@ -135,4 +135,7 @@ def shown(name: str, value: Any) -> str:
 def sentences(found: Assessment) -> list[str]:
     """The answers, the most important first."""
     text = {name: shown(name, value) for name, value in found.values.items()}
-    return sentences_of(__package__, "assess", values=found.values, text=text, rig=found.rig)
+    template = page_template(__package__, "assess.txt")
+    paragraphs = template.render(values=found.values, text=text, rig=found.rig).split("\n\n")
+    lines = (" ".join(paragraph.splitlines()).strip() for paragraph in paragraphs)
+    return [line for line in lines if line]

@@ -3,7 +3,6 @@
 import base64
 import math
 import re
-from dataclasses import dataclass
 from typing import Any
 
 import jinja2
@@ -25,25 +24,15 @@ _LEAST_TEXT = 10
 """px: a drawing is never shown so small that its smallest text is below this."""
 
 
-@dataclass(frozen=True)
-class Drawing:
-    """A drawing of a page.
+def drawing_for_page(drawing: bytes, name: str) -> dict[str, Any]:
+    """An SVG file as a page shows it: its element `svg`; `name` makes its ids unique.
 
-    Attributes:
-        svg: its element.
-        width, least: px, the largest width and the one below which text would be too small.
+    `width` is the largest one, px, `least` that below which text would be too small.
     """
-
-    svg: Markup
-    width: int
-    least: int
-
-
-def drawing_for_page(drawing: bytes, name: str) -> Drawing:
-    """An SVG file as a page shows it; `name` makes its ids unique."""
     svg, points = svg_for_page(drawing.decode(), name)
     least = math.ceil(_LEAST_TEXT * points / smallest_text(svg))
-    return Drawing(Markup(svg), max(least, round(points * _PIXELS_A_POINT)), least)
+    width = max(least, round(points * _PIXELS_A_POINT))
+    return {"svg": Markup(svg), "width": width, "least": least}
 
 
 def picture_for_page(png: bytes) -> dict[str, Any]:
@@ -100,10 +89,3 @@ def page_template(package: str, name: str) -> jinja2.Template:
     )
     environment.globals["run_colours"] = style.RUNS
     return environment.get_template(f"{name}.j2")
-
-
-def sentences_of(package: str, name: str, **values: Any) -> list[str]:
-    """The paragraphs of `templates/NAME.txt.j2` of a package, filled with values."""
-    paragraphs = page_template(package, f"{name}.txt").render(values).split("\n\n")
-    lines = (" ".join(paragraph.splitlines()).strip() for paragraph in paragraphs)
-    return [line for line in lines if line]

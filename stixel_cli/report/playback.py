@@ -25,8 +25,13 @@ from stixel_cli.pictures.uncertainty import (
     target_radius,
     tracker_noise,
 )
-from stixel_cli.report.metrics import LABEL_COLUMNS, label_rows, shown_value, smoothed_label
-from stixel_cli.report.static_page import filled_page
+from stixel_cli.report.metrics import (
+    LABEL_COLUMNS,
+    filled_page,
+    label_rows,
+    shown_value,
+    smoothed_label,
+)
 from stixel_cli.results.lineage import shown_revision
 from stixel_cli.results.pictures import CameraFrames
 from stixel_cli.results.result import RunResult
@@ -185,18 +190,14 @@ def noise_of(run: RunResult) -> dict[str, Any]:
     those of the scan.
     """
     text, covariances, std = tracker_noise(run.composition.configuration.tracker, run.scans)
-    if std is not None:
-        return {"text": text, "std": round(1000.0 * std), "ellipses": None}
-    if run.track is None:
-        return {"text": text, "std": None, "ellipses": None}
-    rows, shown = run.track.used_points, None
-    is_own = covariances is not run.scans.covariances_world
-    if is_own and len(rows) > MOST_OF_NOISE:
-        text += "; too many points to show it"
-    elif is_own:
-        scans = pairwise(run.track.used_offsets)
-        shown = [ellipses(covariances[rows[start:stop]]) for start, stop in scans]
-    return {"text": text, "std": None, "ellipses": shown}
+    shown, is_own = None, std is None and covariances is not run.scans.covariances_world
+    if is_own and run.track is not None:
+        rows, scans = run.track.used_points, pairwise(run.track.used_offsets)
+        if len(rows) > MOST_OF_NOISE:
+            text += "; too many points to show it"
+        else:
+            shown = [ellipses(covariances[rows[start:stop]]) for start, stop in scans]
+    return {"text": text, "std": None if std is None else round(1000.0 * std), "ellipses": shown}
 
 
 IMAGE_BUDGET = 6_300_000

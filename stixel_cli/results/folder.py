@@ -1,4 +1,9 @@
-"""Write result folders: everything needed to read a run and to repeat it."""
+"""Write result folders, all that is needed to read a run and to repeat it; name files beside them.
+
+What a folder names that this user's own command made needs no `--trust-code`: a note in the cache
+has the digest of its files that name code. Another folder at its place, or a changed file, is as
+one from anybody.
+"""
 
 import io
 import itertools
@@ -8,16 +13,20 @@ import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from datetime import datetime
+from hashlib import sha256
+from itertools import chain, count
 from pathlib import Path
 
 import numpy as np
 
-from stixel_cli.border import write_below, written
+from stixel_cli.border import TYPED, Origin, write_below, write_whole, written
+from stixel_cli.engine.cache_folder import make_folder
+from stixel_cli.engine.errors import CacheError
+from stixel_cli.engine.parameters import default_cache_folder
 from stixel_cli.errors import FolderTaken, UserError
+from stixel_cli.files import read_bytes
 from stixel_cli.results import lineage
-from stixel_cli.results.made_here import note_made_here
-from stixel_cli.results.reader import json_text, yaml_text
-from stixel_cli.results.result import RunResult
+from stixel_cli.results.result import RunResult, json_text, yaml_text
 
 PAGE = "index.html"
 """The playback page of a run."""
@@ -162,3 +171,71 @@ def csv_text(columns: Mapping[str, Sequence]) -> str:
 
 def _cell(value: float | str) -> str:
     return '"' + value.replace('"', '""') + '"' if isinstance(value, str) else repr(value)
+
+
+NOTES = "folders"
+"""Folder in the cache."""
+
+FILES = ("config.yaml", "lineage.json", "sweep.yaml", "tune.yaml")
+"""Those that name code, or have its digests."""
+
+
+def note_made_here(folder: Path) -> None:
+    """Note in the cache what a folder names now; nothing if there is no cache to write in."""
+    if default_cache_folder().is_dir():
+        with suppress(OSError, CacheError, UserError):
+            note = make_folder(default_cache_folder(), NOTES) / _name(folder)
+            write_whole(note, _digest(folder))
+
+
+def origin_of(folder: Path, trusted: bool) -> Origin:
+    """Where the names in a folder of results were written: here, or by somebody, who is `trusted`.
+
+    Whether the code that they name is still the same is not checked.
+    """
+    with suppress(UserError):
+        if read_bytes(default_cache_folder() / NOTES / _name(folder)) == _digest(folder).encode():
+            return TYPED
+    return Origin(str(folder), trusted)
+
+
+def _name(folder: Path) -> str:
+    return sha256(str(folder.resolve()).encode()).hexdigest()
+
+
+def _digest(folder: Path) -> str:
+    found = [name for name in FILES if (folder / name).exists()]
+    digests = [f"{name} {sha256(read_bytes(folder / name)).hexdigest()}" for name in found]
+    return sha256("\n".join(digests).encode()).hexdigest()
+
+
+_LONGEST_NAME = 150
+
+
+def run_labels(folders: Sequence[Path]) -> list[str]:
+    """Name of each run: its folder's name, with the parents' names where that is not unique.
+
+    UserError if a folder is named twice.
+    """
+    paths = [folder.resolve() for folder in folders]
+    for parts in range(1, max(len(path.parts) for path in paths) + 1):
+        labels = ["/".join(path.parts[-parts:]) for path in paths]
+        if len(set(labels)) == len(labels):
+            return labels
+    raise UserError("two arguments name the same folder; give each folder once")
+
+
+def default_page(folders: Sequence[Path], what: str = "report", suffix: str = "html") -> Path:
+    """An unused file next to the first folder, named by `what` and the folders' names."""
+    first, *others = (folder.resolve().name for folder in folders)
+    stem = "-".join([what, first, *others])
+    if len(stem) > _LONGEST_NAME:
+        stem = f"{what}-{first}"[:_LONGEST_NAME] + f"-and-{len(others)}-more"
+    parent = folders[0].parent if folders[0].name not in ("", "..") else folders[0].resolve().parent
+    return unused_page(parent / f"{stem}.{suffix}")
+
+
+def unused_page(page: Path) -> Path:
+    """The file, or one with a number at the end of its name if it exists."""
+    numbered = (page.with_name(f"{page.stem}-{number}{page.suffix}") for number in count(2))
+    return next(file for file in chain([page], numbered) if not file.exists())

@@ -4,24 +4,89 @@
 dotted name of an installed module. Only `stixel study` imports it.
 """
 
-import traceback
+import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from types import ModuleType
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from annotated_types import MinLen
-from pydantic import StringConstraints
+from pydantic import BeforeValidator, StringConstraints
 
 from stixel_cli.border import TYPED, Origin, admit, imported, imported_file
 from stixel_cli.config import messages
 from stixel_cli.config.folders import STUDIES, shipped_folder
 from stixel_cli.config.texts import value_text
 from stixel_cli.errors import ConfigurationError, UserError
+from stixel_cli.evaluation.metric_table import MAIN
 from stixel_cli.parameters import parameters
-from stixel_cli.studies.questions import NAME, PLACE, StudyQuestion, study_question
-from stixel_cli.sweeps.design import SWEEP_ENTRIES, Design, design_of, is_study, read_mapping
+from stixel_cli.sweeps.design import SWEEP_ENTRIES, Design, design_of, read_mapping
+
+NAME = "^[A-Za-z][A-Za-z0-9_]{0,59}$"
+"""Of a sweep or a question: it is in names of folders and files, and in messages."""
+PLACE = re.compile(r"\{([A-Za-z_][A-Za-z0-9_]*)\}")
+"""A question's name in a study's text."""
+
+
+def _texts(given: Any) -> Any:
+    given = [given] if isinstance(given, str) else given
+    return tuple(given) if isinstance(given, list) else given
+
+
+def _values(given: Any) -> tuple[str, ...]:
+    return tuple(map(str, given if isinstance(given, list) else [given]))
+
+
+Texts = Annotated[tuple[str, ...], BeforeValidator(_texts)]
+"""A text, or a list of texts."""
+
+
+@parameters
+class StudyQuestion:
+    """A question of a study's file.
+
+    Attributes:
+        heading, note: of its section.
+        sweeps: whose runs are asked.
+        where: column to the values, as texts, that the runs have there.
+        by: columns; there is an answer for each combination of their values.
+        compare, within, over, better, reference: as in `answers.runs.Runs.question`.
+        metrics: the main one first.
+    """
+
+    name: Annotated[str, StringConstraints(pattern=NAME)]
+    heading: str
+    sweeps: Texts
+    note: str = ""
+    where: dict[str, Annotated[tuple[str, ...], BeforeValidator(_values)]] = field(
+        default_factory=dict
+    )
+    by: Texts = ()
+    compare: Texts = ("tracker",)
+    within: Texts | None = None
+    over: Texts | None = None
+    metrics: Texts = MAIN
+    better: Literal["more", "less", "one"] | None = None
+    reference: Annotated[str, BeforeValidator(str)] | None = None
+
+
+QUESTION_ENTRIES = tuple(one.name for one in fields(StudyQuestion) if one.name != "name")
+
+
+def study_question(name: Any, entries: Any, sweeps: Sequence[str]) -> StudyQuestion:
+    """A question of a file; ConfigurationError in one line that names it and the entry."""
+    where = f"questions: {messages.printable(str(name))}"
+    if not isinstance(entries, dict):
+        raise ConfigurationError(f"{where}: must have entries, as KEY: VALUE")
+    given = {key: value for key, value in entries.items() if value is not None}
+    default = {"heading": str(name).replace("_", " ").capitalize(), "sweeps": [*sweeps]}
+    entries = {**default, **given, "name": name}
+    question = messages.validated(StudyQuestion, entries, where, QUESTION_ENTRIES)
+    for one in (one for one in question.sweeps if one not in sweeps):
+        raise ConfigurationError(f"{where}: sweeps: there is no sweep {messages.printable(one)}")
+    return replace(question, note=" ".join(question.note.split()))
+
 
 Axes = Sequence[Mapping[str, list]]
 """Further axes of a sweep: each maps one key, or several zipped ones, to values."""
@@ -29,7 +94,16 @@ Axes = Sequence[Mapping[str, list]]
 
 @parameters
 class _Entries:
-    """The entries of a sweep that a sweep's own file does not have."""
+    """The entries of a sweep that a sweep's own file does not have.
+
+    Attributes:
+        results: stages whose results the report reads in addition to the scores.
+        derive: name of the module's function that returns further axes, from the data of the
+            earlier sweeps; or None.
+        axes_of: name of the module's function that returns further axes when the study is
+            planned, such as those of the user's data; or None.
+        variants: name to key to value; the first has all keys, the others those that differ.
+    """
 
     name: Annotated[str, StringConstraints(pattern=NAME)]
     results: tuple[str, ...] = ()
@@ -48,27 +122,16 @@ class _Entries:
                 )
 
 
-@dataclass(frozen=True)
-class SweepEntry:
-    """A sweep of the file.
+@dataclass(frozen=True, kw_only=True)
+class SweepEntry(_Entries):
+    """A sweep of the file, whose variants all have the same keys.
 
     Attributes:
         content: entries as in a sweep's file.
-        steps: stages whose results the report reads in addition to the scores.
-        derive: name of the module's function that returns further axes, from the data of the
-            earlier sweeps; or None.
-        axes_of: name of the module's function that returns further axes when the study is
-            planned, such as those of the user's data; or None.
-        variants: name to key to value, the same keys in all.
         origin: of all that the file names.
     """
 
-    name: str
     content: Mapping[str, Any]
-    steps: tuple[str, ...]
-    derive: str | None
-    axes_of: str | None
-    variants: Mapping[str, Mapping[str, Any]]
     origin: Origin
 
     def variant_of(self, setting: Mapping[str, str]) -> str:
@@ -81,8 +144,7 @@ class SweepEntry:
     def design(self, further: Axes = ()) -> Design:
         """The design of the runs, with further axes.
 
-        Raises:
-            ConfigurationError: in one line that names the sweep and the entry.
+        ConfigurationError in one line that names the sweep and the entry.
         """
         axes, zipped = self.content.get("axes"), self.content.get("zipped")
         variants = list(self.variants.values())
@@ -108,7 +170,7 @@ def sweep_entry(name: Any, entries: Any, origin: Origin) -> SweepEntry:
     first = next(iter(own.variants.values()), {})
     # The first variant gives all keys, the others those that differ.
     variants = {variant: {**first, **values} for variant, values in own.variants.items()}
-    return SweepEntry(name, content, own.results, own.derive, own.axes_of, variants, origin)
+    return SweepEntry(**vars(own) | {"variants": variants}, content=content, origin=origin)
 
 
 ALL = "all"
@@ -164,8 +226,7 @@ class StudyFile:
     def function(self, name: str) -> Callable:
         """A function of the report's module.
 
-        Raises:
-            ConfigurationError: if the module has no function of that name.
+        ConfigurationError if the module has no function of that name.
         """
         function = getattr(self.module, name, None)
         if not callable(function):
@@ -178,8 +239,7 @@ class StudyFile:
     def further_axes(self, name: str | None, *data: Any) -> Axes:
         """Axes from a function that `derive` (with the data) or `axes_of` (without) names.
 
-        Raises:
-            UserError: if the function fails or returns another type.
+        UserError if the function fails or returns another type.
         """
         axes = [] if name is None else self.call(name, *data)
         if not isinstance(axes, list) or not all(
@@ -194,9 +254,8 @@ class StudyFile:
     def call(self, name: str, *data: Any) -> Any:
         """What a function of the report's module returns.
 
-        Raises:
-            UserError: if the function of a study outside the package fails; the line names the
-                module's file and line.
+        UserError if the function of a study outside the package fails; the line names the module's
+        file and line.
         """
         function = self.function(name)
         try:
@@ -206,41 +265,16 @@ class StudyFile:
         except Exception as fault:
             if self.is_shipped:
                 raise
-            raise UserError(f"{name}: {_place_and_reason(fault, self.module.__file__)}") from fault
-
-
-def _shipped(name: str) -> Path:
-    return shipped_folder("pipelines") / "studies" / f"{name}.yaml"
-
-
-def find_study(name: str) -> Path:
-    """The file of a study: a path to a YAML file, or the name of a shipped study.
-
-    Raises:
-        ConfigurationError: if there is no such study, or it is a plain sweep.
-    """
-    path = Path(name)
-    if path.suffix == ".yaml" and path.exists():
-        return path
-    inside = _shipped(name)
-    if path.name == name and inside.is_file():
-        if is_study(inside):
-            return inside
-        raise ConfigurationError(
-            f"{name}: is a sweep, not a study: run it by stixel sweep --from {name}"
-        )
-    listed = f" (studies: {', '.join(STUDIES)}, or {ALL})"
-    hint = messages.suggestion(name, [*STUDIES, ALL]) or listed
-    raise ConfigurationError(f"{messages.printable(name)}: there is no such study{hint}")
+            raise UserError(
+                f"{name}: {messages.named_fault(fault, self.module.__file__)}"
+            ) from fault
 
 
 def read_study(path: Path, trusted: bool = False) -> StudyFile:
     """The study of a file, with valid designs of its sweeps.
 
     A file that is not shipped may name a module or functions of its own only if it is `trusted`.
-
-    Raises:
-        ConfigurationError: in one line that names the file and the entry.
+    ConfigurationError in one line that names the file and the entry.
     """
     content = read_mapping(path, ENTRIES)
     try:
@@ -249,7 +283,8 @@ def read_study(path: Path, trusted: bool = False) -> StudyFile:
         given = {key: value for key, value in content.items() if value is not None}
         file = messages.validated(_Content, given, _shown(path), ENTRIES)
         module_name, questions = file.module, file.questions
-        is_shipped = path in map(_shipped, STUDIES)
+        shipped = shipped_folder("pipelines") / "studies"
+        is_shipped = path in [shipped / f"{name}.yaml" for name in STUDIES]
         origin = TYPED if is_shipped else Origin(str(path), trusted)
         sweeps = tuple(sweep_entry(name, entries, origin) for name, entries in file.sweeps.items())
         functions = [f for sweep in sweeps for f in (sweep.derive, sweep.axes_of) if f]
@@ -264,9 +299,7 @@ def read_study(path: Path, trusted: bool = False) -> StudyFile:
         for place in PLACE.finditer(file.text):
             if place[1] not in questions:
                 raise ConfigurationError(f"text: {messages.printable(place[0])}: is no question")
-        module = None
-        if module_name:
-            module = _module(path.parent, module_name, origin)
+        module = _module(path.parent, module_name, origin) if module_name else None
         title, question = (" ".join(text.split()) for text in (file.title, file.question))
         study = StudyFile(
             path, title, question, file.text, module_name, module, sweeps, asked, is_shipped
@@ -293,19 +326,9 @@ def _module(folder: Path, name: str, origin: Origin) -> ModuleType:
     try:
         return imported_file(file, f"stixel_study_{file.stem}", origin)
     except Exception as fault:
-        reason = _place_and_reason(fault, str(file))
-        raise ConfigurationError(f"module: cannot be imported: {reason}") from fault
+        reason = messages.named_fault(fault, str(file))
+        raise ConfigurationError(f"module: {name} cannot be imported: {reason}") from fault
 
 
 def _shown(path: Path) -> str:
     return messages.printable(str(path), _LONGEST_PATH)
-
-
-def _place_and_reason(fault: Exception, file: str) -> str:
-    """Last line of the module's file that led to the fault, and the fault, in one line."""
-    frames = traceback.extract_tb(fault.__traceback__)
-    line = next((frame.lineno for frame in reversed(frames) if frame.filename == file), None)
-    if isinstance(fault, SyntaxError) and fault.filename == file:
-        line = fault.lineno
-    place = _shown(Path(file)) + (f": line {line}" if line else "")
-    return f"{place}: {messages.printable(f'{type(fault).__name__}: {fault}', 200)}"

@@ -55,8 +55,7 @@ class RealTrack:
 def real_tracks(folder: Path) -> list[RealTrack]:
     """The tracks that have enough frames, of all clips with ego poses, and of the logs beside them.
 
-    Raises:
-        UserError: if a file is not valid.
+    UserError if a file is not valid.
     """
     clips = [(folder, sequence) for sequence in sequences(label_root(folder))]
     logs = sorted(file.parent for file in (folder.parent / LOGS).glob(f"*/{ANNOTATIONS}"))

@@ -11,11 +11,10 @@ from stixel_cli.border import TYPED
 from stixel_cli.config import messages
 from stixel_cli.config.compose import Composer
 from stixel_cli.config.folders import group_options, of_the_machine
-from stixel_cli.config.override_checks import read_overrides
-from stixel_cli.config.overrides import Override, parse
+from stixel_cli.config.overrides import Override, parse, read_overrides
 from stixel_cli.engine.graph import GraphBuilder
 from stixel_cli.errors import BelongsElsewhere, ConfigurationError
-from stixel_cli.results.reader import listed
+from stixel_cli.results.result import listed
 from stixel_cli.studies.file import Axes, StudyFile, SweepEntry
 from stixel_cli.sweeps.design import Axis, Design, check_size, has
 from stixel_cli.sweeps.graphs import SweepPlan, plan_sweep
@@ -43,7 +42,7 @@ class PlannedSweep:
                 for step in axis.steps
             )
             found[axis.name] = ",".join(steps)
-        left_out, results = map(dict, self.design.left_out), self.sweep.steps
+        left_out, results = map(dict, self.design.left_out), self.sweep.results
         further = {"leave_out": [*left_out], "results": [*results], "derive": self.sweep.derive}
         return found | {name: str(value) for name, value in further.items() if value}
 
@@ -81,11 +80,7 @@ class StudyPlan:
 
 
 def plan_study(study: StudyFile, overrides: Sequence[str]) -> StudyPlan:
-    """The plan of a study.
-
-    Raises:
-        ConfigurationError: in one line, if a run is not valid.
-    """
+    """The plan of a study; ConfigurationError in one line, if a run is not valid."""
     designs, notes = overridden(
         [sweep.design(study.further_axes(sweep.axes_of)) for sweep in study.sweeps],
         # The request does not depend on their order.
@@ -119,10 +114,10 @@ def _plan(sweep: SweepEntry, design: Design, *shared: Any) -> SweepPlan:
     """The plan of a sweep; `shared` are the composer and the builders of graphs."""
     try:
         check_size(design, one_is_enough=True)
-        plan = plan_sweep(design, False, sweep.steps, *shared)
+        plan = plan_sweep(design, False, sweep.results, *shared)
     except ConfigurationError as fault:
         raise ConfigurationError(f"sweep {sweep.name}: {fault}") from None
-    for step in sweep.steps:
+    for step in sweep.results:
         if not any(step in run.graph.stages for run in plan.runs):
             known = sorted({name for run in plan.runs for name in run.graph.stages})
             hint = messages.suggestion(step, known) or f" (steps: {', '.join(known)})"
@@ -147,10 +142,7 @@ def overridden(
     them. A key whose fixed values distinguish the sweeps is refused.
 
     Also returns a line for each override that is left out of some sweeps, with their `names` and
-    the first reason.
-
-    Raises:
-        ConfigurationError: for an override that is not valid, or that fits no sweep.
+    the first reason. ConfigurationError for an override that is not valid, or that fits no sweep.
     """
     # Groups first, then nested groups: the meaning of a key depends on the options.
     parsed = sorted(

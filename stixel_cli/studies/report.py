@@ -5,27 +5,132 @@ import os
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
 from stixel_cli.answers import render
-from stixel_cli.answers.answer import STATUS
 from stixel_cli.answers.page import page_links, worst_runs
-from stixel_cli.answers.runs import Runs
+from stixel_cli.answers.render import INTERVAL, Cells, overview
+from stixel_cli.answers.runs import STATUS, Answer, Runs, combined
+from stixel_cli.config import messages
 from stixel_cli.config.folders import shipped_folder
 from stixel_cli.engine.store import Store
 from stixel_cli.errors import MissingData, UserError, printable
+from stixel_cli.evaluation.metric_table import METRICS
 from stixel_cli.report.page import drawing_for_page, page_template
 from stixel_cli.results.folder import PAGE
 from stixel_cli.results.lineage import provenance, shown_revision
-from stixel_cli.results.result import GROUPS, RunResult, read_scored_run
-from stixel_cli.studies.file import FUNCTIONS, StudyFile, SweepEntry
+from stixel_cli.results.result import GROUPS, RunResult, listed, read_scored_run
+from stixel_cli.studies.file import FUNCTIONS, PLACE, StudyFile, StudyQuestion, SweepEntry
 from stixel_cli.studies.plan import StudyPlan
-from stixel_cli.studies.questions import PLACE, Section, asked
-from stixel_cli.sweeps.folder import SweepFolder
-from stixel_cli.sweeps.results import SweepResult
+from stixel_cli.sweeps.folder import SweepFolder, SweepResult
+
+
+@dataclass(frozen=True)
+class Section:
+    """The answers of a question: the label of each group of runs ("" for one), and an answer for
+    each metric that the group has."""
+
+    question: StudyQuestion
+    groups: tuple[tuple[str, tuple[Answer, ...]], ...]
+
+    @property
+    def brief(self) -> str:
+        """What the main metric's answers say, in a few words for each group."""
+        answers = [(label, own[0]) for label, own in self.groups]
+        parts = [f"{label}: {one.brief}" if label else one.brief for label, one in answers]
+        text = "; ".join(parts) or "no run has a value"
+        lacking = listed([*dict.fromkeys(one.lacking for _, one in answers if one.lacking)])
+        return f"{text} ({lacking})" if lacking else text
+
+    @property
+    def cells(self) -> Cells:
+        """One table of all groups."""
+        return joined(
+            " ".join(self.question.by), [(label, overview(own)) for label, own in self.groups]
+        )
+
+    @cached_property
+    def drawings(self) -> list[bytes]:
+        """The figure of each group, an SVG, for the page and for a file of its own."""
+        from stixel_cli.answers.figures import drawing
+
+        return [drawing(own[0]) for _, own in self.groups]
+
+
+def asked(question: StudyQuestion, frames: Mapping[str, Runs]) -> Section:
+    """The answers of a question; a group without a run, and a metric without a value, has none.
+
+    UserError in one line that names the question: for a name that is no column of the runs, and as
+    of `Runs.ask`.
+    """
+    parts = {name: frames[name] for name in question.sweeps}
+    axes = tuple(dict.fromkeys(axis for part in parts.values() for axis in part.axes))
+    whole = pd.concat(
+        [part.frame.assign(sweep=name) for name, part in parts.items()], ignore_index=True
+    )
+    _check_columns(question, whole)
+    for column, values in question.where.items():
+        whole = whole[whole[column].astype(str).isin(values)]
+    axes = tuple(axis for axis in axes if axis not in question.by)
+    by = list(question.by)
+    groups = whole.groupby(by, sort=False, observed=True) if by else [((), whole)]
+    found = []
+    for key, own in groups:
+        runs = Runs(own, tuple(axis for axis in axes if own[axis].notna().any()))
+        label = " ".join(map(str, key))
+        metrics = [name for name in question.metrics if name in runs.metrics]
+        try:
+            answers = tuple(runs.ask(metric=name, **_parts(question, runs)) for name in metrics)
+        except UserError as fault:
+            raise UserError(f"questions: {question.name}: {fault}") from None
+        if answers:
+            found.append((label, answers))
+    return Section(question, tuple(found))
+
+
+def _check_columns(question: StudyQuestion, whole: pd.DataFrame) -> None:
+    """Refuse a name that is no column, where `Runs.ask` does not."""
+    metrics = (name for name in question.metrics if name not in METRICS)
+    named = (*question.where, *question.by, *question.compare, *metrics)
+    for name in (name for name in named if name not in whole):
+        raise UserError(
+            f"questions: {question.name}: {messages.printable(name)}: no such column of the runs"
+            f"{messages.suggestion(name, [*whole])}"
+        )
+
+
+def _parts(question: StudyQuestion, runs: Runs) -> dict[str, Any]:
+    """The parts of a question that a group of runs can answer; it may lack the reference."""
+    parts = {"compare": question.compare, "better": question.better}
+    if question.reference in set(combined(runs.frame, question.compare)):
+        parts["reference"] = question.reference
+    given = {"within": question.within, "over": question.over}
+    return parts | {name: columns for name, columns in given.items() if columns is not None}
+
+
+def joined(heading: str, tables: Sequence[tuple[str, Cells]]) -> Cells:
+    """One table of several, each with its label in a first column if that has a `heading`.
+
+    A group of few units has no intervals: its values are in the same column as the others'.
+    """
+    shown: dict[str, str] = {}
+    for name in (name for _, cells in tables for name in cells.header):
+        if name.endswith(INTERVAL) or name not in shown:
+            shown[name.removesuffix(INTERVAL)] = name
+    first = (heading.replace("_", " "),) if heading else ()
+    header, rows, best = (*first, *shown.values()), [], []
+    for label, cells in tables:
+        names = [name.removesuffix(INTERVAL) for name in cells.header]
+        for row, marks in zip(cells.rows, cells.best, strict=True):
+            texts, marked = (dict(zip(names, each, strict=True)) for each in (row, marks))
+            rows.append((*(label for _ in first), *(texts.get(name, "–") for name in shown)))
+            best.append((*(False for _ in first), *(marked.get(name, False) for name in shown)))
+    return Cells(header, tuple(rows), tuple(best), tuple(range(1 + len(first), len(header))))
+
 
 DATA = "STIXEL_DATA"
 """Environment variable that names the folder of the user's recordings."""
@@ -34,8 +139,7 @@ DATA = "STIXEL_DATA"
 def data_folder(contents: str, needed: str = "") -> Path:
     """The folder that `DATA` names, or the folder `needed` in it; `contents` says what it has.
 
-    Raises:
-        MissingData: if there is no such folder.
+    MissingData if there is no such folder.
     """
     named = os.environ.get(DATA, "")
     folder = Path(named, needed)
@@ -64,8 +168,7 @@ class StudyData:
 def with_stages(result: SweepResult, entry: SweepEntry, store: Store) -> SweepResult:
     """A complete sweep, whose runs have what a report reads of their stages.
 
-    Raises:
-        UserError: if a run's folder cannot be read.
+    UserError if a run's folder cannot be read.
     """
 
     def with_results(run: RunResult) -> RunResult:
@@ -126,10 +229,8 @@ def study_report(study: StudyFile, data: StudyData) -> Report:
     """The report of a study, with what `FUNCTIONS` of its module add, if it has them.
 
     `columns` returns the runs of a sweep, by its name, frame and results, with further columns or
-    rows; `material` the module's own tables and files.
-
-    Raises:
-        UserError: for a question that the runs refuse, or a function that returns another type.
+    rows; `material` the module's own tables and files. UserError for a question that the runs
+    refuse, or a function that returns another type.
     """
     frames = {name: frame_of(sweep) for name, sweep in data.sweeps.items()}
     adds_columns, adds_material = (callable(getattr(study.module, n, None)) for n in FUNCTIONS)

@@ -7,8 +7,7 @@ import pandas as pd
 
 from stixel_cli.answers.runs import Runs
 from stixel_cli.measurements.rays import FittedNoise
-from stixel_cli.results.reader import listed
-from stixel_cli.results.result import RunResult
+from stixel_cli.results.result import RunResult, listed
 from stixel_cli.studies.report import Material, StudyData, frame_of, with_columns
 from stixel_cli.validation.point_errors import PointErrors
 from stixel_cli.validation.point_statistics import fit_noise, neighbour_columns, point_statistics

@@ -1,106 +1,142 @@
-"""Run a study: the sweeps one after the other, then the report."""
+"""Run a study: the sweeps one after the other, then the report. Its folder:
+
+study.yaml         the request: sweeps, overrides, provenance
+sweeps/NAME/       a sweep
+report.html        the report
+report.json        its answer and its tables as data, once all runs are complete
+tables/ figures/   tables as CSV, Markdown and LaTeX, figures as SVG, once all runs are complete
+"""
 
 import os
 import shutil
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from stixel_cli.border import TYPED, Origin
+from stixel_cli.border import TYPED, Origin, write_below, write_whole, written
 from stixel_cli.config import messages
 from stixel_cli.config.folders import of_the_machine
 from stixel_cli.engine.cache_folder import Lease
 from stixel_cli.errors import UserError
-from stixel_cli.results.reader import SWEEP_FILE
-from stixel_cli.results.result import SKIPPED
-from stixel_cli.studies.folder import PAGE, StudyFolder
+from stixel_cli.files import read_yaml
+from stixel_cli.results.lineage import first_difference, provenance
+from stixel_cli.results.result import SKIPPED, SWEEP_FILE, yaml_text
+from stixel_cli.studies import report
 from stixel_cli.studies.plan import PlannedSweep, StudyPlan, derived_sweep
-from stixel_cli.studies.report import (
-    Report,
-    StudyData,
-    SweepState,
-    study_page,
-    study_report,
-    with_stages,
-)
-from stixel_cli.sweeps.folder import SweepFolder
-from stixel_cli.sweeps.graphs import plan_sweep
-from stixel_cli.sweeps.results import SweepResult
-from stixel_cli.sweeps.run import SweepInterrupted
-from stixel_cli.sweeps.whole import new_sweep, resumed_sweep
+from stixel_cli.sweeps.folder import SweepFolder, SweepResult
+from stixel_cli.sweeps.run import SweepInterrupted, new_sweep, resumed_sweep
 
+FILE, PAGE = "study.yaml", "report.html"
 _RESUME = "; resume with: "
 _MOST_FAILURES = 5
 
 
-@dataclass(frozen=True)
-class StudyResult:
-    """Result of a study; `report` is None unless every sweep is complete."""
+class Study:
+    """A study in its folder, at `path`; a failing disk raises UserError.
 
-    folder: Path
-    page: Path
-    sweeps: tuple[SweepState, ...]
-    report: Report | None
-    computed: int
-    cached: int
-    seconds: float
-
-
-def run_study(
-    plan: StudyPlan, folder: Path, command: str, fresh: bool, tell: Callable[[str], Any]
-) -> StudyResult:
-    """Run the missing runs of a study, and write its report; progress is on stderr.
-
-    Args:
-        folder: of the study; resumed if it exists and has the same plan.
-        command: the command line that does this.
-        fresh: start over and remove the folder's content.
-        tell: called with notes before the first run, and with the runs that are out of date before
-            their sweep.
-
-    Raises:
-        UserError: before notes and files if the cache, the scheduler or the folder is unusable.
-            Computed results stay.
-        SweepInterrupted: by Ctrl-C, after the report is written.
+    Attributes:
+        results: of the sweeps so far, by name.
+        states: of all sweeps, as in the report.
+        report: None unless every sweep is complete.
+        seconds: time until the report was written.
     """
-    run = _Study(plan, StudyFolder(folder), command, tell)
-    for one in plan.sweeps:
-        if one.plan is not None:
-            one.plan.probe()
-    run.folder.begin(plan, command, fresh)
-    of_sweeps = (f"{p.sweep.name}: {note}" for p in plan.sweeps if p.plan for note in p.plan.notes)
-    for note in (*plan.notes, *of_sweeps):
-        tell(note)
-    try:
-        for one in plan.sweeps:
-            run.compute(one)
-    except SweepInterrupted:
-        run.report()
-        raise SweepInterrupted(
-            f"interrupted in sweep {one.sweep.name}; what was computed is kept{_RESUME}{command}"
-        ) from None
-    except UserError as error:
-        with suppress(UserError):
-            run.report()
-        reason = str(error).partition(_RESUME)[0]
-        raise type(error)(f"sweep {one.sweep.name}: {reason}{_RESUME}{command}") from error
-    return run.report()
-
-
-class _Study:
-    """The state of one study."""
 
     def __init__(
-        self, plan: StudyPlan, folder: StudyFolder, command: str, tell: Callable[[str], Any]
+        self,
+        plan: StudyPlan,
+        path: Path,
+        command: str = "",
+        tell: Callable[[str], Any] = lambda text: None,
     ):
-        self.plan, self.folder, self.command, self.tell = plan, folder, command, tell
+        """With the `command` line that runs it.
+
+        `tell` is called with notes before the first run, and with the runs that are out of date
+        before their sweep.
+        """
+        self.plan, self.path, self.command, self.tell = plan, path, command, tell
+        self.page, self.report = path / PAGE, None
         self.results: dict[str, SweepResult] = {}
-        self.started = time.perf_counter()
-        self.store = next(one.plan.store for one in plan.sweeps if one.plan)
+        self.states: tuple[report.SweepState, ...] = ()
+        self.started, self.seconds = time.perf_counter(), 0.0
+
+    def check(self, fresh: bool) -> bool:
+        """Whether the folder exists and can be resumed by this plan; writes nothing.
+
+        UserError if the folder has another request, unless `fresh`, or is not a study's.
+        """
+        if not self.path.exists():
+            return False
+        if not (self.path / FILE).exists():
+            if self.path.is_dir() and not any(self.path.iterdir()):
+                return False
+            raise UserError(f"{self.path}: exists and is not a study folder; choose another --name")
+        if fresh:
+            return False
+        there, wanted = read_yaml(self.path / FILE), self.plan.request()
+        if isinstance(there, dict):
+            there = {name: there.get(name) for name in wanted}
+        difference = first_difference(there, wanted)
+        if difference is not None:
+            raise UserError(
+                f"{self.path}: has another request: {difference}; choose another --name, or start "
+                "over with --fresh"
+            )
+        return True
+
+    def begin(self, fresh: bool) -> None:
+        """Make the folder, or check that the existing one can be resumed."""
+        if self.check(fresh):
+            return
+        content = {
+            "title": self.plan.study.title,
+            "question": self.plan.study.question,
+            "command": self.command,
+            "created": datetime.now(UTC).isoformat(timespec="seconds"),
+            **provenance(),
+            "overrides": list(self.plan.overrides),
+            **self.plan.request(),
+        }
+        with written(self.path):
+            if fresh and self.path.exists():
+                shutil.rmtree(self.path)
+            write_whole(self.path / FILE, yaml_text(content))
+
+    def run(self, fresh: bool) -> None:
+        """Run the missing runs, and write the report; progress is on stderr.
+
+        With `fresh` start over and remove the folder's content; else a folder is resumed.
+
+        Raises:
+            UserError: before notes and files if the cache, the scheduler or the folder is unusable.
+                Computed results stay.
+            SweepInterrupted: by Ctrl-C, after the report is written.
+        """
+        plans = {one.sweep.name: one.plan for one in self.plan.sweeps if one.plan is not None}
+        for plan in plans.values():
+            plan.probe()
+        self.begin(fresh)
+        of_sweeps = (f"{name}: {note}" for name, plan in plans.items() for note in plan.notes)
+        for note in (*self.plan.notes, *of_sweeps):
+            self.tell(note)
+        try:
+            for one in self.plan.sweeps:
+                self.compute(one)
+        except SweepInterrupted:
+            self.write_report()
+            raise SweepInterrupted(
+                f"interrupted in sweep {one.sweep.name}; what was computed is kept"
+                f"{_RESUME}{self.command}"
+            ) from None
+        except UserError as error:
+            with suppress(UserError):
+                self.write_report()
+            reason = str(error).partition(_RESUME)[0]
+            raise type(error)(f"sweep {one.sweep.name}: {reason}{_RESUME}{self.command}") from error
+        self.write_report()
 
     def compute(self, one: PlannedSweep) -> None:
         """Compute a sweep's missing runs, unless its axes depend on an incomplete sweep."""
@@ -115,16 +151,15 @@ class _Study:
         with self._leased():
             result = self._sweep(one)
         if result.complete:
-            result = with_stages(result, one.sweep, self.store)
+            result = report.with_stages(result, one.sweep, one.plan.store)
         self.results[one.sweep.name] = result
 
-    def report(self) -> StudyResult:
+    def write_report(self) -> None:
         """Write the report; it has statistics only if all sweeps are complete."""
-        states = tuple(map(self._state, self.plan.sweeps))
-        report = None
-        if all(state.complete for state in states):
+        self.states = tuple(map(self._state, self.plan.sweeps))
+        if all(state.complete for state in self.states):
             with self._leased():
-                report = study_report(self.plan.study, self._data())
+                self.report = report.study_report(self.plan.study, self._data())
         origin = {
             "command": self.command,
             "created": datetime.now(UTC).isoformat(timespec="seconds"),
@@ -133,19 +168,30 @@ class _Study:
                 for name, result in self.results.items()
             },
         }
-        html = study_page(self.plan, states, report, origin, self.folder.path / PAGE)
-        return StudyResult(
-            folder=self.folder.path,
-            page=self.folder.write(html, report),
-            sweeps=states,
-            report=report,
-            computed=sum(result.computed for result in self.results.values()),
-            cached=sum(result.cached for result in self.results.values()),
-            seconds=time.perf_counter() - self.started,
-        )
+        self.write(report.study_page(self.plan, self.states, self.report, origin, self.page))
+        self.seconds = time.perf_counter() - self.started
 
-    def _data(self) -> StudyData:
-        return StudyData({name: own for name, own in self.results.items() if own.complete})
+    def write(self, html: str) -> None:
+        """Write the page, and the tables and figures of the report.
+
+        With a report the study is complete, and runs that were out of date were computed again: it
+        then has the present provenance.
+        """
+        with written(self.path):
+            if self.report is not None:
+                content = read_yaml(self.path / FILE) | provenance()
+                write_whole(self.path / FILE, yaml_text(content))
+            for name in ("tables", "figures"):
+                shutil.rmtree(self.path / name, ignore_errors=True)
+            files = {} if self.report is None else report.files_of(self.report)
+            write_below(self.path, files | {PAGE: html})
+
+    def count(self, nodes: str) -> int:
+        """The number of `computed` or `cached` nodes of all sweeps."""
+        return sum(getattr(result, nodes) for result in self.results.values())
+
+    def _data(self) -> report.StudyData:
+        return report.StudyData({name: own for name, own in self.results.items() if own.complete})
 
     def _leased(self):
         """A lease on all results that the report can read."""
@@ -155,11 +201,12 @@ class _Study:
             for run in result.runs
             for target in run.targets
         }
-        return Lease(self.store.folder, sorted(keys))
+        store = next(one.plan.store for one in self.plan.sweeps if one.plan)
+        return Lease(store.folder, sorted(keys))
 
     def _sweep(self, one: PlannedSweep) -> SweepResult:
         name = one.sweep.name
-        path, label = self.folder.sweep(name), f"{self.plan.study.name} {name}"
+        path, label = self.path / "sweeps" / name, f"{self.plan.study.name} {name}"
         if (path / SWEEP_FILE).exists():
             request = SweepFolder(path).request()
             texts = [run.overrides for run in one.plan.runs]
@@ -168,7 +215,7 @@ class _Study:
                 [[text for text in overrides if not of_the_machine(text)] for overrides in runs]
                 for runs in (request.runs, texts)
             )
-            if there == wanted and request.nodes == one.sweep.steps:
+            if there == wanted and request.nodes == one.sweep.results:
                 return resumed_sweep(
                     path,
                     visible=True,
@@ -182,17 +229,23 @@ class _Study:
         if path.exists():
             shutil.rmtree(path)
         design = replace(one.design, words=("--resume", str(path)))
-        plan = plan_sweep(design, nodes=one.sweep.steps)
-        return new_sweep(plan, path.parent, path.name, True, advice=False, label=label)
+        return new_sweep(
+            replace(one.plan, design=design),
+            path.parent,
+            path.name,
+            True,
+            advice=False,
+            label=label,
+        )
 
-    def _state(self, one: PlannedSweep) -> SweepState:
-        name, folder = one.sweep.name, self.folder.sweep(one.sweep.name)
+    def _state(self, one: PlannedSweep) -> report.SweepState:
+        name, folder = one.sweep.name, self.path / "sweeps" / one.sweep.name
         result = self.results.get(name)
         if result is None:
             count = None if one.plan is None else len(one.plan.runs)
             done = len(list(folder.glob("runs/[0-9]*")))
             why = "not started" if count is not None else "its axes depend on the sweeps before"
-            return SweepState(name, count, done, ("interrupted" if done else why,), folder)
+            return report.SweepState(name, count, done, ("interrupted" if done else why,), folder)
         failed = [run for run in result.runs if run.failure is not None]
         faults = [
             f"{run.label}: {messages.printable(' '.join(str(run.failure).split()), 300)}"
@@ -201,4 +254,6 @@ class _Study:
         ]
         if len(failed) > _MOST_FAILURES:
             faults.append(f"and {len(failed) - _MOST_FAILURES} more, see runs.csv")
-        return SweepState(name, len(result.runs), result.count("done"), tuple(faults), folder)
+        return report.SweepState(
+            name, len(result.runs), result.count("done"), tuple(faults), folder
+        )

@@ -1,10 +1,10 @@
-"""The design of a sweep: the overrides that all runs share, and the axes that they vary."""
+"""The design of a sweep: what all runs share, the axes that they vary, and its runs, composed."""
 
 import itertools
 import math
 import re
 from collections import Counter
-from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -13,13 +13,22 @@ from annotated_types import MinLen
 
 from stixel_cli.border import TYPED, Origin
 from stixel_cli.config import messages
+from stixel_cli.config.compose import Composer, Composition
 from stixel_cli.config.folders import shipped_folder
-from stixel_cli.config.override_checks import check_overrides, read_overrides
-from stixel_cli.config.overrides import MOST_VALUES, Override, parse
+from stixel_cli.config.messages import LONGEST_REASON, printable
+from stixel_cli.config.overrides import (
+    MOST_VALUES,
+    Override,
+    check_overrides,
+    parse,
+    read_overrides,
+)
 from stixel_cli.config.texts import override_text
-from stixel_cli.errors import ConfigurationError
+from stixel_cli.errors import BelongsElsewhere, ConfigurationError
+from stixel_cli.experiment.table import PICTURES
 from stixel_cli.files import check_plain, read_text, read_yaml_text
 from stixel_cli.parameters import parameters
+from stixel_cli.results.result import MISSING, RunResult
 
 SEED = "seed"
 NOT_GIVEN = "–"
@@ -115,31 +124,6 @@ def has(overrides: Iterable[Override], key: str, value: Any) -> bool:
     )
 
 
-def design_from_line(overrides: Sequence[str]) -> Design:
-    """The design of a line in Hydra's grammar: overrides with several values are the axes.
-
-    Raises:
-        ConfigurationError: for an invalid override.
-    """
-    fixed, axes = [], []
-    for override in read_overrides(overrides, TYPED):
-        if override.sweep is None:
-            fixed.append(override)
-        else:
-            axes.append(Axis((override.key,), tuple((one,) for one in override.singles())))
-    return Design(tuple(fixed), tuple(axes))
-
-
-def joined(one: Design, other: Design) -> Design:
-    """The design of a file and that of a command line; ConfigurationError if they share a key."""
-    # Seeds vary fastest, so that the first finished runs complete one setting.
-    axes = sorted((*one.axes, *other.axes), key=lambda axis: axis.keys == (SEED,))
-    try:
-        return replace(one, fixed=(*one.fixed, *other.fixed), axes=tuple(axes))
-    except ConfigurationError as fault:
-        raise ConfigurationError(f"{fault}, in {one.file} or on the command line") from None
-
-
 def check_size(design: Design, one_is_enough: bool = False) -> None:
     """Refuse a design of too many runs, or of a single one unless `one_is_enough`."""
     if not design.axes and not one_is_enough:
@@ -170,18 +154,21 @@ class SweepEntries:
 SWEEP_ENTRIES = tuple(one.name for one in fields(SweepEntries))
 
 
-def find_file(name: str) -> Path:
-    """The file of a path, or of a name in `pipelines/studies`; ConfigurationError without one."""
-    path = Path(name)
-    if path.is_file() or (path.suffix == ".yaml" and path.exists()):
+def find_file(name: str, study: bool = False) -> Path:
+    """The file of a sweep or a study: a path, or a name in `pipelines/studies`.
+
+    ConfigurationError without one; what is in the file is not checked.
+    """
+    path, shipped = Path(name), shipped_folder("pipelines") / "studies"
+    if path.exists() and (path.suffix == ".yaml" or (path.is_file() and not study)):
         return path
-    shipped = shipped_folder("pipelines") / "studies"
     inside = shipped / f"{name.removesuffix('.yaml')}.yaml"
     if path.name == name and inside.is_file():
         return inside
-    known = [file.stem for file in sorted(shipped.glob("*.yaml")) if not is_study(file)]
-    hint = messages.suggestion(name, known) or (f" (shipped: {', '.join(known)})" if known else "")
-    raise ConfigurationError(f"--from: {messages.printable(name)}: no such file{hint}")
+    known = [file.stem for file in sorted(shipped.glob("*.yaml")) if is_study(file) == study]
+    hint = messages.suggestion(name, known) or f" (shipped: {', '.join(known)})"
+    what = f"{messages.printable(name)}: no such {'study' if study else 'file'}{hint}"
+    raise ConfigurationError(what if study else f"--from: {what}")
 
 
 def is_study(path: Path) -> bool:
@@ -247,15 +234,15 @@ def read_mapping(path: Path, entries: Sequence[str]) -> dict[str, Any]:
     try:
         # OmegaConf reads 1e-6 as a number and refuses a repeated key.
         content = OmegaConf.to_container(OmegaConf.create(text), resolve=False)
-    except YAMLError as error:
+    except (
+        *(YAMLError, OmegaConfBaseException, ValueError, TypeError, RecursionError),
+        AssertionError,  # The whole file is one number.
+    ) as error:
         mark = getattr(error, "problem_mark", None)
         line = f"line {mark.line + 1}: " if mark is not None else ""
-        reason = str(getattr(error, "problem", None) or "not valid YAML")
-        raise ConfigurationError(f"{where}: {line}{messages.printable(reason, 200)}") from None
-    except (OmegaConfBaseException, AssertionError, ValueError, TypeError, RecursionError) as error:
-        # AssertionError: the whole file is one number.
-        reason = str(error).partition("\n")[0] or "not valid YAML"
-        raise ConfigurationError(f"{where}: {messages.printable(reason, 200)}") from None
+        reason = getattr(error, "problem", None) or str(error).partition("\n")[0]
+        text = messages.printable(reason or "not valid YAML", 200)
+        raise ConfigurationError(f"{where}: {line}{text}") from None
     check_plain(content, path)
     if not isinstance(content, dict):
         raise ConfigurationError(
@@ -286,3 +273,182 @@ def _values(where: str, key: str, values: Any, origin: Origin) -> list[Override]
         f"{where}: {key}: {messages.show(values)} is one value: write a list [a, b], or a sweep "
         "such as range(0,1,0.1)"
     )
+
+
+def over_keys(names: str | Sequence[str], axes: Sequence[Sequence[str]]) -> tuple[str, ...]:
+    """The keys `names`, a list or separated by commas, each of which an axis has.
+
+    ConfigurationError for a key that no axis has.
+    """
+    names = names.split(",") if isinstance(names, str) else list(names)
+    swept = [key for axis in axes for key in axis]
+    for name in (name for name in names if name not in swept and names != [SEED]):
+        raise ConfigurationError(
+            f"over: {printable(name, 60)} is not swept; swept: {', '.join(swept) or 'nothing'}"
+        )
+    return tuple(names)
+
+
+def planned_as(index: int, swept: Mapping[str, str], composition: Composition) -> RunResult:
+    """Run `index`, from 0 in the order of the axes, to be computed.
+
+    `swept` has the keys that differ between runs, each with its value as typed.
+    """
+    return RunResult(
+        settings=composition.resolved,
+        manifest={
+            "overrides": list(composition.overrides),
+            "choices": composition.choices,
+            "seed": composition.configuration.seed,
+            # Runs that are equal without their seeds are repetitions.
+            "swept": {key: value for key, value in swept.items() if key != SEED},
+            "run": index,
+        },
+        composition=composition,
+        label=setting_label(swept),
+        status=MISSING,
+    )
+
+
+def picture_keys(run: RunResult) -> list[str]:
+    """Keys of its pictures; empty unless they are required."""
+    return [key for key in run.targets if run.graph.nodes[key].stage.name in PICTURES]
+
+
+def is_done_by(
+    planned: RunResult, stored: RunResult | None, missing: Set[str] = frozenset()
+) -> bool:
+    """Whether a complete run of the folder has results of the keys that are planned.
+
+    Results other than scores and pictures stay in the store: none may be `missing` there.
+    """
+    if stored is None or stored.manifest["results"] != list(planned.targets):
+        return False
+    return missing.isdisjoint({*planned.targets[1:]}.difference(picture_keys(planned)))
+
+
+def sweep_design(
+    overrides: Sequence[str],
+    file: str | None = None,
+    trust_code: bool = False,
+    over: str = SEED,
+    one_is_enough: bool = False,
+) -> Design:
+    """The design of a command line and a file.
+
+    Args:
+        overrides: in Hydra's grammar; several values of a key make an axis.
+        file: a path, or a name in `pipelines/studies`; see `stixel_cli.sweeps.design`.
+        trust_code: accept user-defined code that the file names.
+        over: keys of the axes that means are over, separated by commas.
+        one_is_enough: accept a design of a single run.
+
+    Raises:
+        ConfigurationError: for an invalid override, a key in both, code that is not trusted, or
+            means over an axis that is not swept.
+    """
+    design, words = Design((), ()), [*overrides]
+    if file is not None:
+        design = read_design(find_file(file), trust_code)
+        words += ["--from", file]
+    fixed, axes = [*design.fixed], [*design.axes]
+    for override in read_overrides(overrides, TYPED):
+        if override.sweep is None:
+            fixed.append(override)
+        else:
+            axes.append(Axis((override.key,), tuple((one,) for one in override.singles())))
+    # Seeds vary fastest, so that the first finished runs complete one setting.
+    axes.sort(key=lambda axis: axis.keys == (SEED,))
+    try:
+        design = replace(design, fixed=tuple(fixed), axes=tuple(axes))
+    except ConfigurationError as fault:
+        raise ConfigurationError(f"{fault}, in {design.file} or on the command line") from None
+    check_overrides(design.overrides)
+    check_size(design, one_is_enough)
+    if over != SEED:
+        words += ["--over", over]
+    keys = over_keys(over, [a.keys for a in design.axes])
+    return replace(design, words=tuple(words), over=keys)
+
+
+def design_runs(design: Design, composer: Composer) -> list[RunResult]:
+    """The runs of a design, in the order of its axes; ConfigurationError for the first fault."""
+    each = [(*design.fixed, *changes) for changes in design.combinations()]
+    if not each:
+        raise ConfigurationError("leave_out: every run is left out")
+    runs = compose_runs(each, design.keys, composer)
+    # One composer made them, so equal groups are one object.
+    groups = equal_runs(runs, lambda r: (*map(id, vars(r.composition.configuration).values()),))
+    for one, other in groups:
+        raise ConfigurationError(
+            f"runs {one.index} and {other.index} are equal: {one.label} and {other.label} give "
+            "the same configuration"
+        )
+    return runs
+
+
+def compose_runs(
+    each: Sequence[Sequence[Override]], keys: Sequence[str], composer: Composer
+) -> list[RunResult]:
+    """The runs of the overrides of each, of one value each; `keys` differ between them.
+
+    Where options of a group differ, a run leaves out keys that only others of the options have:
+    its setting of such a key is `NOT_GIVEN`, and runs that differ in such keys alone are one.
+
+    ConfigurationError in one line that names the first invalid run by its settings.
+    """
+    runs: dict[Hashable, RunResult] = {}
+    left_out: Counter[str] = Counter()
+    for parsed in each:
+        values = {one.key: one.value_text for one in parsed}
+        try:
+            composition = _composed(parsed, keys, composer, left_out, len(each))
+        except ConfigurationError as fault:
+            if not keys:
+                raise
+            named = setting_label({key: values.get(key, NOT_GIVEN) for key in keys})
+            raise ConfigurationError(f"{fault} (run {len(runs)}: {named})") from None
+        given = composition.keys
+        settings = {key: values[key] if key in given else NOT_GIVEN for key in keys}
+        shown = (*settings.values(),)
+        mark = shown if NOT_GIVEN in shown else len(runs)
+        runs.setdefault(mark, planned_as(len(runs), settings, composition))
+    return [*runs.values()]
+
+
+def _composed(
+    parsed: Sequence[Override],
+    keys: Sequence[str],
+    composer: Composer,
+    left_out: Counter[str],
+    count: int,
+) -> Composition:
+    """The composition of one of `count` runs, without keys that only other options have.
+
+    `left_out` counts the runs without each key: at least one run must have it.
+    """
+    try:
+        return composer.compose(parsed)
+    except BelongsElsewhere as fault:
+        key, kept = fault.key, [one for one in parsed if one.key != fault.key]
+        left_out[key] += 1
+        group, dot, _ = key.partition(".")
+        if not dot or group not in keys or len(kept) == len(parsed) or left_out[key] == count:
+            raise
+        return _composed(kept, keys, composer, left_out, count)
+
+
+def setting_label(settings: Mapping[str, str]) -> str:
+    """`key=value …`, printable."""
+    return printable(" ".join(f"{k}={v}" for k, v in settings.items()), LONGEST_REASON)
+
+
+def equal_runs(
+    runs: Sequence[RunResult], what: Callable[[RunResult], Hashable]
+) -> Iterator[tuple[RunResult, RunResult]]:
+    """Pairs of runs, the earlier one first, of which `what` is equal."""
+    first: dict[Hashable, RunResult] = {}
+    for run in runs:
+        other = first.setdefault(what(run), run)
+        if other is not run:
+            yield other, run

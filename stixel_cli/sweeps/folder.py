@@ -12,11 +12,12 @@ failed/0007/ …         config.yaml, failure.json, traceback.txt
 
 import shlex
 import shutil
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from stixel_cli.border import check_below, write_below, written
 from stixel_cli.config.folders import PRESETS, of_the_machine
@@ -25,10 +26,27 @@ from stixel_cli.config.texts import split_override
 from stixel_cli.errors import UserError, printable, printable_path
 from stixel_cli.files import read_json, read_yaml
 from stixel_cli.parameters import parameters
-from stixel_cli.results.folder import write_whole_folder
-from stixel_cli.results.reader import SWEEP_FILE, read_metrics, yaml_text
-from stixel_cli.results.result import FAILED, MISSING, SKIPPED, RunResult, listed_run
-from stixel_cli.sweeps.design import NOT_GIVEN, SEED
+from stixel_cli.results.folder import PAGE, write_whole_folder
+from stixel_cli.results.lineage import shown_revision
+from stixel_cli.results.result import (
+    DONE,
+    FAILED,
+    MISSING,
+    SKIPPED,
+    SWEEP_FILE,
+    RunResult,
+    listed_run,
+    read_metrics,
+    yaml_text,
+)
+from stixel_cli.sweeps.design import NOT_GIVEN, SEED, over_keys
+
+if TYPE_CHECKING:
+    import pandas
+
+    from stixel_cli.answers.page import Asked
+    from stixel_cli.answers.runs import Answer, Runs
+
 
 TABLE = "runs.csv"
 SUMMARIES = ("summary.csv", "summary.md", "index.html")
@@ -116,6 +134,12 @@ class SweepFolder:
         """The folder of a run; it may not exist."""
         return self.path / RUNS / f"{index:04d}"
 
+    def result(self) -> "tuple[SweepResult, SweepRequest]":
+        """The sweep with its runs as they are now, and its request."""
+        request = self.request()
+        runs = tuple(self.runs(request))
+        return SweepResult(self.path, runs, axes=request.axes, over=request.over), request
+
     def runs(self, request: SweepRequest) -> list[RunResult]:
         """The runs in the order of their indices; those that are not done have no metrics."""
         runs = []
@@ -166,3 +190,203 @@ class SweepFolder:
         for path in [path for pattern in patterns for path in self.path.glob(pattern)]:
             with suppress(OSError):
                 shutil.rmtree(path) if path.is_dir() else path.unlink()
+
+
+@dataclass(frozen=True)
+class SweepResult:
+    """A sweep with its results, computed or read.
+
+    Attributes:
+        folder: its folder; None if nothing was written.
+        runs: one entry for each run, in the order of their indices.
+        computed: number of nodes that this call computed.
+        cached: number of needed nodes that were in the store before.
+        axes: the keys of each axis.
+        over: keys that means are over: seeds are the units of statistics, others are scenarios.
+    """
+
+    folder: Path | None
+    runs: tuple[RunResult, ...]
+    computed: int = 0
+    cached: int = 0
+    axes: tuple[tuple[str, ...], ...] = ()
+    over: tuple[str, ...] = (SEED,)
+
+    @property
+    def rows(self) -> list[dict[str, Any]]:
+        """The rows of `runs.csv`."""
+        rows = []
+        for run in self.runs:
+            failure = run.failure
+            at = "failed" if failure is not None else "runs" if run.status == DONE else None
+            rows.append(
+                {
+                    "run": run.index,
+                    "status": run.status,
+                    **run.setting,
+                    SEED: run.manifest.get("seed", ""),
+                    "overrides": " ".join(map(shlex.quote, run.overrides)),
+                    "folder": None if None in (at, self.folder) else f"{at}/{run.index:04d}",
+                    "failed_stage": getattr(failure, "stage", None),
+                    "error": None if failure is None else " ".join(str(failure).split()),
+                    **run.metrics,
+                }
+            )
+        return rows
+
+    @property
+    def records(self) -> list[dict[str, Any]]:
+        """The rows with values of keys that differ between runs in their own types."""
+        return [
+            row | {k: run.composition.value(k) for k, v in run.setting.items() if v != NOT_GIVEN}
+            for row, run in zip(self.rows, self.runs, strict=True)
+        ]
+
+    def frame(self) -> "pandas.DataFrame":
+        """The records as a table: one row per run, with its settings, status and metrics."""
+        import pandas
+
+        return pandas.DataFrame(self.records)
+
+    @cached_property
+    def table(self) -> "Runs":
+        """The runs of which questions are asked; settings as typed, `folder` the whole path."""
+        import pandas
+
+        from stixel_cli.answers.runs import Runs
+
+        rows = [
+            row | {"folder": None if row["folder"] is None else str(self.folder / row["folder"])}
+            for row in self.rows
+        ]
+        keys = [key for axis in self.axes for key in axis if any(key in row for row in rows)]
+        keys = keys or [SEED]
+        frame = pandas.DataFrame(rows).set_index("run")
+        numbers = dict.fromkeys(name for run in self.runs for name in run.metrics)
+        typed = frame.astype({name: float for name in numbers if name not in keys})
+        rest = (name for name in (SEED, "overrides", "failed_stage") if name not in keys)
+        typed = typed.drop(columns=[*rest])
+        return Runs(typed, tuple(keys), question_over(self.over, self.axes))
+
+    def ask(self, **parts: Any) -> "Answer":
+        """The answer of a question about the runs, see `answers.runs.Runs.ask`."""
+        return self.table.ask(**parts)
+
+    def __repr__(self) -> str:
+        """The numbers of runs and nodes, and the folder, in one line."""
+        runs = f"{self.count(DONE)} of {len(self.runs)} runs done"
+        nodes = f"{self.computed} nodes computed, {self.cached} cached"
+        return f"<SweepResult {runs}; {nodes} {self.folder or ''}>"
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: the table of the runs."""
+        return self.frame()._repr_html_()
+
+    @property
+    def complete(self) -> bool:
+        """Whether every run is done."""
+        return self.count(DONE) == len(self.runs)
+
+    def count(self, status: str) -> int:
+        """Number of runs with a status."""
+        return sum(run.status == status for run in self.runs)
+
+
+def question_over(over: Sequence[str], axes: Sequence[Sequence[str]]) -> dict[str, Any]:
+    """The parts of a question whose means are over some keys of axes; {} for the seed alone.
+
+    Seeds are units; where none is named, all named keys are. The other named keys are scenarios,
+    and the keys that are not named are compared.
+    """
+    if tuple(over) == (SEED,):
+        return {}
+    averaged = [axis for axis in axes if set(axis) & set(over)]
+    drawn = [axis for axis in averaged if any(key.endswith(SEED) for key in axis)] or averaged
+    named = [key for axis in averaged for key in axis]
+    units = [key for axis in drawn for key in axis]
+    compare = [key for axis in axes for key in axis if key not in named]
+    return {
+        "over": units,
+        "within": [key for key in named if key not in units],
+        **({"compare": compare} if compare else {}),
+    }
+
+
+def summary_files(result: SweepResult, notes: Mapping[str, Any]) -> dict[str, str]:
+    """The summaries and the page by file name; `notes` are those of the sweep's request."""
+    from stixel_cli.answers import render
+
+    every, shown = result.table.answers(result.table.metrics), result.table.answers()
+    page = result.folder / PAGE
+    texts = (
+        render.csv(every),
+        f"# {notes['command']}\n\n{render.markdown(shown)}",
+        sweep_page(of_sweep(result, notes, shown), page, ["stixel", "report", str(result.folder)]),
+    )
+    return dict(zip(SUMMARIES, texts, strict=True))
+
+
+def read_sweep(folder: Path) -> tuple[SweepResult, dict[str, Any]]:
+    """The sweep in a folder and its notes; UserError if it is no sweep, or no run is done."""
+    result, request = SweepFolder(folder).result()
+    if not result.count(DONE):
+        raise UserError(f"{folder}: no run is done; resume with: stixel sweep --resume {folder}")
+    return result, request.notes
+
+
+def of_sweep(result: SweepResult, notes: Mapping[str, Any], answers: "Sequence[Answer]") -> "Asked":
+    """What is asked of a sweep; `notes` are those of its request."""
+    from stixel_cli.answers.page import Asked
+
+    git, player = notes.get("git"), result.folder / PLAYER
+    origin = {
+        "command": notes.get("command", ""),
+        "created": notes.get("created", "–"),
+        "revision": (shown_revision(git) if isinstance(git, dict) else None) or "–",
+    }
+    title = f"Sweep {result.folder.resolve().name}"
+    is_played = player if player.exists() else None
+    return Asked(title, result.table, answers, (), origin, is_played)
+
+
+def asked_folders(
+    folders: Sequence[Path],
+    metrics: str | None = None,
+    reference: str | None = None,
+    over: str | None = None,
+    compare: str | None = None,
+) -> "Asked":
+    """What is asked of one sweep's folder, or of the folders of several runs.
+
+    Args:
+        metrics, over, compare: names by commas; see `answers.runs.Runs.question`. The last two
+            are of a sweep only.
+        reference: the option to compare with.
+
+    Raises:
+        UserError: for a folder that is neither, and as of `Runs.ask`.
+    """
+    names = metrics.split(",") if metrics else ()
+    if len(folders) > 1 or not (folders[0] / SWEEP_FILE).exists():
+        for option, value in (("--over", over), ("--compare", compare)):
+            if value is not None:
+                raise UserError(f"{option}: is for one sweep; these are runs")
+        from stixel_cli.answers.page import asked_runs
+
+        return asked_runs(folders, names, reference)
+    result, notes = read_sweep(folders[0])
+    if over is not None:
+        result = replace(result, over=over_keys(over, result.axes))
+    compared = None if compare is None else compare.split(",")
+    answers = result.table.answers(names, compare=compared, reference=reference)
+    return of_sweep(result, notes, answers)
+
+
+def sweep_page(asked: "Asked", page: Path, command: Sequence[str]) -> str:
+    """The page; `page` is its file, `command` the one that writes it."""
+    from stixel_cli.answers.page import answers_page, page_links
+
+    frame = asked.runs.frame
+    folders = [Path(one) for one in frame["folder"].dropna()] if "folder" in frame else []
+    links = page_links([*folders, *filter(None, [asked.player])], page, PAGE)
+    return answers_page(asked, links, command)

@@ -4,6 +4,7 @@ from collections import defaultdict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 from stixel_cli.config.compose import Composer, Composition
 from stixel_cli.config.folders import of_the_machine
@@ -16,23 +17,7 @@ from stixel_cli.experiment.run import CAMERA, OBJECTS, TRACKS
 from stixel_cli.experiment.stages import CHUNK_SIZE, RESULTS, pipeline_stages, scan_count
 from stixel_cli.experiment.table import PICTURES
 from stixel_cli.results.result import RunResult
-from stixel_cli.sweeps.design import SEED, Design
-from stixel_cli.sweeps.runs import design_runs, equal_runs, planned_as
-
-
-@dataclass(frozen=True)
-class StagePlan:
-    """The nodes of one stage in a sweep, each counted once: needed, in the store, and missing.
-
-    `seconds` is the estimated time of the missing ones on one worker, without those whose function
-    was never measured; None if none was.
-    """
-
-    name: str
-    nodes: int
-    cached: int
-    to_run: int
-    seconds: float | None
+from stixel_cli.sweeps.design import SEED, Design, design_runs, equal_runs, planned_as
 
 
 @dataclass(frozen=True)
@@ -69,17 +54,22 @@ class SweepPlan:
         return self.runs[0].composition.configuration.executor
 
     @property
-    def stages(self) -> list[StagePlan]:
-        """The work by stage, in the order of the data."""
+    def stages(self) -> list[dict[str, Any]]:
+        """The work by stage, in the order of the data: `name`, and numbers of nodes, each once.
+
+        These are `nodes` that are needed, `cached` in the store, and missing (`to_run`). `seconds`
+        is the estimated time of the missing ones on one worker, without those whose function was
+        never measured; None if none was.
+        """
         missing, stages = set(self.missing), []
         for name, all_keys in self.graph.stages.items():
             keys = [key for key in all_keys if key in self.needed]
             to_run = [self.graph.nodes[key] for key in keys if key in missing]
             if keys:
                 seconds, unknown = self.durations.estimate(to_run)
-                known = seconds if seconds or not unknown else None
-                counts = len(keys), len(keys) - len(to_run), len(to_run)
-                stages.append(StagePlan(name, *counts, known))
+                counts = {"cached": len(keys) - len(to_run), "to_run": len(to_run)}
+                known = round(seconds, 2) if seconds or not unknown else None
+                stages.append({"name": name, "nodes": len(keys), **counts, "seconds": known})
         return stages
 
     @property
@@ -90,11 +80,6 @@ class SweepPlan:
     def probe(self) -> None:
         """Raise UserError for an unusable cache or scheduler, before a folder is created."""
         probe(len(self.missing), self.store, self.executor)
-
-    def complete_runs(self) -> int:
-        """Number of runs whose results are all in the store."""
-        missing = set(self.missing)
-        return sum(missing.isdisjoint(run.targets) for run in self.runs)
 
 
 def plan_runs(

@@ -17,10 +17,17 @@ from stixel_cli.evaluation.metric_table import MAIN, metric
 from stixel_cli.evaluation.verdict import verdict, word
 from stixel_cli.experiment.run_names import differences, short_setting, swept_setting
 from stixel_cli.files import read_text
-from stixel_cli.report.static_page import filled_page
+from stixel_cli.report.metrics import filled_page
 from stixel_cli.results.folder import PAGE
-from stixel_cli.results.reader import MANIFEST, SWEEP_FILE, find_folders
-from stixel_cli.results.result import DONE, GROUPS, RunResult, listed_run
+from stixel_cli.results.result import (
+    DONE,
+    GROUPS,
+    MANIFEST,
+    SWEEP_FILE,
+    RunResult,
+    find_folders,
+    listed_run,
+)
 from stixel_cli.sweeps.design import NOT_GIVEN
 from stixel_cli.sweeps.folder import TABLE, SweepFolder
 from stixel_cli.version import __version__
@@ -159,7 +166,7 @@ def _link(path: str) -> str:
 
 def _answer(folder: Path) -> tuple[str, str]:
     """The best option of a sweep, if one is shown to be, and its answer in words."""
-    from stixel_cli.sweeps.page import read_sweep
+    from stixel_cli.sweeps.folder import read_sweep
 
     try:
         result, _ = read_sweep(folder)

@@ -1,33 +1,64 @@
-"""Compute the runs of a sweep and write its folder, without a command line."""
+"""Compute the runs of a sweep, new or resumed, and write its folder, without a command line."""
 
+import os
+import re
 import shlex
 import traceback
 from collections import ChainMap, defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from datetime import UTC, datetime
 from importlib import import_module
+from pathlib import Path
+from typing import Any
 
-from stixel_cli.config.folders import PRESETS
+from stixel_cli.border import TYPED, Origin
+from stixel_cli.config.compose import Composer
+from stixel_cli.config.folders import OF_THE_MACHINE, PRESETS, of_the_machine
+from stixel_cli.config.overrides import (
+    Override,
+    check_overrides,
+    parse,
+    read_overrides,
+    with_own_values,
+)
+from stixel_cli.config.texts import override_text
 from stixel_cli.engine.errors import CacheError, MissingEntry, StageFailure
 from stixel_cli.engine.execute import Execution, execute
 from stixel_cli.engine.graph import Node
 from stixel_cli.engine.keys import digest
+from stixel_cli.engine.plan import undeclared_reads
 from stixel_cli.engine.progress import Progress
-from stixel_cli.errors import UserError
+from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.evaluation.scores import Scores
+from stixel_cli.experiment.run_names import joined_name
 from stixel_cli.experiment.stages import compared_rows
 from stixel_cli.files import read_json
 from stixel_cli.results import lineage
-from stixel_cli.results.folder import arrays_content, figure_files
-from stixel_cli.results.reader import json_text, yaml_text
-from stixel_cli.results.result import DONE, FAILED, SKIPPED, RunResult
+from stixel_cli.results.folder import arrays_content, figure_files, new_folder
+from stixel_cli.results.lineage import provenance
+from stixel_cli.results.result import (
+    DONE,
+    FAILED,
+    SKIPPED,
+    SWEEP_FILE,
+    RunResult,
+    json_text,
+    yaml_text,
+)
 from stixel_cli.results.tables import score_columns
-from stixel_cli.sweeps.folder import RUNS, SUMMARIES, TABLE, SweepFolder, SweepRequest
-from stixel_cli.sweeps.graphs import SweepPlan
-from stixel_cli.sweeps.page import summary_files
-from stixel_cli.sweeps.results import SweepResult
-from stixel_cli.sweeps.runs import is_done_by, picture_keys
+from stixel_cli.sweeps.design import compose_runs, is_done_by, picture_keys
+from stixel_cli.sweeps.folder import (
+    RUNS,
+    SUMMARIES,
+    TABLE,
+    SweepFolder,
+    SweepRequest,
+    SweepResult,
+    summary_files,
+)
+from stixel_cli.sweeps.graphs import SweepPlan, check_axes, plan_runs
 
 
 def remove_unused_code(folder: SweepFolder) -> None:
@@ -49,56 +80,8 @@ class SweepInterrupted(UserError):
     exit_code = 130
 
 
-def run_sweep(
-    plan: SweepPlan,
-    request: SweepRequest,
-    folder: SweepFolder | None,
-    visible: bool,
-    label: str = "",
-    finished: Mapping[int, RunResult] | None = None,
-    fail_fast: bool = False,
-) -> SweepResult:
-    """Compute the missing nodes of a sweep and write its results. A failing run stops no other.
-
-    Args:
-        plan: the runs, in the order of their indices.
-        request: has the axes, and the notes for the manifest of every run.
-        folder: of the sweep, with its `sweep.yaml`; None to write nothing.
-        visible: show progress on stderr.
-        label: prefix of the progress.
-        finished: complete runs of the folder by index, which may be out of date.
-        fail_fast: start nothing after the first failure; the other runs are missing.
-
-    Raises:
-        SweepInterrupted: by Ctrl-C; the tables in the folder show which runs are done.
-        UserError: if the cache or the folder cannot be written, or there are no workers.
-    """
-    sweep = Sweep(plan, folder, request, label, visible)
-    typed = plan.runs[0].overrides
-    resume = "" if folder is None else f"; resume with: {folder.resume_command(typed)}"
-    try:
-        sweep.take_finished(finished or {})
-        sweep.compute(fail_fast)
-    except (KeyboardInterrupt, UserError) as error:
-        # The runs in the folder count, even if its tables cannot be written. Figures would delay
-        # Ctrl-C.
-        with suppress(UserError):
-            sweep.write_tables()
-        if isinstance(error, UserError):
-            kind = CacheError if isinstance(error, MissingEntry) else type(error)
-            raise kind(f"{error}{resume}") from error
-        raise SweepInterrupted(
-            f"interrupted: {len(sweep.runs)} of {len(plan.runs)} runs are done; computed results "
-            f"are kept{resume}"
-        ) from None
-    result = sweep.write_tables()
-    if folder is not None:
-        remove_unused_code(folder)
-    return result
-
-
 class Sweep(Progress):
-    """The state of a sweep: it takes each run as soon as all its results are in the store.
+    """A sweep that computes its missing nodes, and writes each run once all its results are there.
 
     Attributes:
         runs: those that are done or have failed, by index.
@@ -114,7 +97,15 @@ class Sweep(Progress):
         label: str = "",
         visible: bool = False,
     ):
-        """With the arguments of `run_sweep`; no run is done."""
+        """Nothing is computed or written yet.
+
+        Args:
+            plan: the runs, in the order of their indices.
+            folder: of the sweep, with its `sweep.yaml`; None to write nothing.
+            request: has the axes, and the notes for the manifest of every run.
+            label: prefix of the progress.
+            visible: show progress on stderr.
+        """
         super().__init__(visible)
         self.plan, self.folder, self.request, self.store = plan, folder, request, plan.store
         self.runs: dict[int, RunResult] = {}
@@ -130,6 +121,41 @@ class Sweep(Progress):
         # Runs share the digests of results, by key, and code files, four fifths of each lineage.
         self._digests: dict[str, str] = {}
         self._code_files: set[str] = set()
+
+    def run(
+        self, finished: Mapping[int, RunResult] | None = None, fail_fast: bool = False
+    ) -> SweepResult:
+        """Compute the missing nodes and write the results. A failing run stops no other.
+
+        Args:
+            finished: complete runs of the folder by index, which may be out of date.
+            fail_fast: start nothing after the first failure; the other runs are missing.
+
+        Raises:
+            SweepInterrupted: by Ctrl-C; the tables in the folder show which runs are done.
+            UserError: if the cache or the folder cannot be written, or there are no workers.
+        """
+        folder, typed = self.folder, self.plan.runs[0].overrides
+        resume = "" if folder is None else f"; resume with: {folder.resume_command(typed)}"
+        try:
+            self.take_finished(finished or {})
+            self.compute(fail_fast)
+        except (KeyboardInterrupt, UserError) as error:
+            # The runs in the folder count, even if its tables cannot be written. Figures would
+            # delay Ctrl-C.
+            with suppress(UserError):
+                self.write_tables()
+            if isinstance(error, UserError):
+                kind = CacheError if isinstance(error, MissingEntry) else type(error)
+                raise kind(f"{error}{resume}") from error
+            raise SweepInterrupted(
+                f"interrupted: {len(self.runs)} of {len(self.plan.runs)} runs are done; computed "
+                f"results are kept{resume}"
+            ) from None
+        result = self.write_tables()
+        if folder is not None:
+            remove_unused_code(folder)
+        return result
 
     def wait_for(self, runs: Iterable[RunResult]) -> None:
         """Take each of the runs, to be computed, once all its results are in the store."""
@@ -317,3 +343,141 @@ class Sweep(Progress):
             if result.count(DONE):
                 self.folder.write(summary_files(result, self.request.notes))
         return result
+
+
+def new_sweep(
+    plan: SweepPlan,
+    results: Path | None = None,
+    name: str | None = None,
+    visible: bool = False,
+    note: Callable[[str], Any] = lambda text: None,
+    advice: bool = True,
+    fail_fast: bool = False,
+    label: str = "",
+) -> SweepResult:
+    """Run a sweep.
+
+    Args:
+        plan: by `plan_sweep`.
+        results: parent of the sweep's folder, see `check_results`; None to write nothing.
+        name: of the sweep's folder; None for the file's name, or the swept keys, and the time.
+        note: called with notes on the axes before anything runs.
+        advice: note files that the user's code may read without declaring them, too.
+        visible, label, fail_fast: see `Sweep`.
+
+    Raises:
+        UserError, SweepInterrupted: as `Sweep.run` does.
+    """
+    design, options = plan.design, [*(["--pictures"] if plan.pictures else []), *PRESETS.option]
+    request = SweepRequest(
+        axes=tuple(axis.keys for axis in design.axes),
+        runs=tuple(with_own_values(o.overrides, o.composition.resolved) for o in plan.runs),
+        pictures=plan.pictures,
+        nodes=plan.nodes,
+        working_directory=os.getcwd(),
+        notes=_origin(shlex.join(["stixel", "sweep", *design.words, *options])),
+        over=design.over,
+    )
+    missing = [plan.graph.nodes[key] for key in plan.missing] if advice else []
+    for text in [*plan.notes, *undeclared_reads(missing)]:
+        note(text)
+    folder = None
+    if results is not None:
+        plan.probe()
+        swept = [re.split("[./]", key)[-1] for key in design.keys]
+        stem = Path(design.file).stem if design.file else joined_name(["sweep", *swept])
+        now, create = datetime.now(UTC), lambda path: SweepFolder(path).create(request)
+        folder = SweepFolder(new_folder(results, name, stem, now, create))
+    return Sweep(plan, folder, request, label, visible).run(fail_fast=fail_fast)
+
+
+def resumed_sweep(
+    path: Path,
+    overrides: Sequence[str],
+    names: Origin,
+    visible: bool = False,
+    label: str = "",
+    note: Callable[[str], Any] = lambda text: None,
+    fail_fast: bool = False,
+) -> SweepResult:
+    """Resume the sweep in a folder: run what is missing, has failed, or is out of date.
+
+    Args:
+        path: the sweep's folder.
+        overrides: of executor and cache; those of the folder are never used.
+        names: where the names of code in the folder come from.
+        note: called with the number of finished runs that are out of date.
+        visible, label, fail_fast: see `Sweep`.
+
+    Raises:
+        UserError, SweepInterrupted: as `Sweep.run` does; if the folder is not of a sweep.
+    """
+    folder = SweepFolder(path)
+    request = folder.request()
+    runs = stored_runs(request, overrides, names, imports=True)
+    plan = plan_runs(runs, request.pictures, request.nodes)
+    check_axes(plan.runs)
+    origin = _origin(str(request.notes.get("command", path.name)))
+    finished = folder.finished(len(runs))
+    there = [one for one in plan.runs if one.index in finished]
+    outdated = [one for one in there if not is_done_by(one, finished[one.index])]
+    if outdated:
+        note(
+            f"{len(outdated)} of {len(finished)} finished runs out of date, recomputed now (before "
+            f"that, stixel verify --cached {folder.run(outdated[0].index)} says why)"
+        )
+    missing = frozenset(plan.missing)
+    if not all(is_done_by(one, finished.get(one.index), missing) for one in plan.runs):
+        command, revision = folder.resume_command(overrides), origin["git"]["revision"]
+        entry = {"time": origin["created"], "command": command, "revision": revision}
+        before = request.notes.get("resumed")
+        resumed = [*(before if isinstance(before, list) else ()), entry]
+        folder.write(
+            {SWEEP_FILE: replace(request, notes={**request.notes, "resumed": resumed}).text}
+        )
+    request = replace(request, notes=origin)
+    return Sweep(plan, folder, request, label, visible).run(finished, fail_fast)
+
+
+def _origin(command: str) -> dict[str, Any]:
+    now = datetime.now(UTC).isoformat(timespec="seconds")
+    return {"command": command, "created": now, **provenance()}
+
+
+def stored_runs(
+    request: SweepRequest, overrides: Sequence[str], origin: Origin, imports: bool
+) -> list[RunResult]:
+    """The runs of a folder's request, with executor and cache replaced by `overrides`.
+
+    `origin` is the folder; to compare its runs, without `imports`, it may name code.
+    ConfigurationError as of `resumed_overrides`, or for a wrong run.
+    """
+    each = resumed_overrides(request.runs, overrides, origin)
+    return compose_runs(each, request.keys, Composer(request.working_directory, imports))
+
+
+def resumed_overrides(
+    kept: Iterable[Iterable[str]], overrides: Sequence[str], origin: Origin
+) -> list[list[Override]]:
+    """Overrides that a folder keeps, each with executor and cache replaced by `overrides`.
+
+    Nothing of these groups is kept: somebody else may have written the folder, and a cache holds
+    pickles, a scheduler's address a computer. ConfigurationError for an override of other groups or
+    of several values.
+    """
+    parsed, given = read_overrides(overrides, TYPED), []
+    for override in parsed:
+        if not of_the_machine(override.key):
+            raise ConfigurationError(
+                f"{override.shown}: --resume keeps the settings in the folder: only keys of "
+                f"{' and '.join(OF_THE_MACHINE)}, which do not affect results, can be changed"
+            )
+        if override.sweep is not None:
+            raise ConfigurationError(f"{override.shown}: --resume: one value is needed")
+        text, folder = override.text, override.value
+        if override.key == "cache.folder" and isinstance(folder, str) and folder:
+            # Paths of the runs refer to the sweep's working directory, this one to today's.
+            text = override_text("cache.folder", os.path.abspath(os.path.expanduser(folder)))
+        given.append(parse(text, TYPED))
+    check_overrides(parsed)
+    return [[*(parse(t, origin) for t in own if not of_the_machine(t)), *given] for own in kept]

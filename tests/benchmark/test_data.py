@@ -3,8 +3,7 @@ import json
 import numpy as np
 import pytest
 
-from stixel_cli.benchmark.data import Data
-from stixel_cli.benchmark.sequences import fresh_set, named, planned, whole_set
+from stixel_cli.benchmark.sequences import Data, fresh_set, named, planned, whole_set
 from stixel_cli.cli.app import main
 from stixel_cli.errors import UserError
 

@@ -8,12 +8,17 @@ import pytest
 from pydantic import TypeAdapter
 
 from stixel_cli.benchmark import sequences
-from stixel_cli.benchmark.data import Data, npz
-from stixel_cli.benchmark.packs import COVARIANCE, Manifest
+from stixel_cli.benchmark.packs import (
+    COVARIANCE,
+    Manifest,
+    late_scans,
+    read_rows,
+    sequence_scores,
+    true_box,
+)
 from stixel_cli.benchmark.page import bench_pages
 from stixel_cli.benchmark.run import no_track
-from stixel_cli.benchmark.score import late_scans, read_rows, sequence_scores, true_box
-from stixel_cli.benchmark.sequences import named, planned
+from stixel_cli.benchmark.sequences import Data, named, npz, planned
 from stixel_cli.cli.app import main
 from stixel_cli.errors import UserError
 from stixel_cli.experiment.run import run_experiment

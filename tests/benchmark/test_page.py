@@ -6,10 +6,9 @@ import pandas as pd
 import pytest
 
 from stixel_cli.benchmark import sequences
-from stixel_cli.benchmark.data import sha256
+from stixel_cli.benchmark.packs import METRIC_VERSION, write_row
 from stixel_cli.benchmark.page import bench_pages, kind_of
-from stixel_cli.benchmark.score import METRIC_VERSION, write_row
-from stixel_cli.benchmark.sequences import bench_folder, named, whole_set
+from stixel_cli.benchmark.sequences import bench_folder, named, sha256, whole_set
 from stixel_cli.cli.app import main
 
 NAMES = [one.name for one in whole_set(mini=True)]

@@ -154,7 +154,7 @@ def test_no_folder_is_no_error(monkeypatch):
     def missing():
         raise OSError
 
-    monkeypatch.setattr("stixel_cli.cli.options.group_options", missing)
+    monkeypatch.setattr("stixel_cli.config.folders.group_options", missing)
     assert complete_override("r") == []
 
 

@@ -8,8 +8,8 @@ import yaml
 
 from stixel_cli.cli.app import main
 from stixel_cli.config.folders import STUDIES, shipped_folder, use_presets
-from stixel_cli.studies.file import find_study, read_study
-from stixel_cli.sweeps.design import is_study
+from stixel_cli.studies.file import read_study
+from stixel_cli.sweeps.design import find_file, is_study
 
 FEW = {"measurement": "fabricated", "path.duration": 0.3}
 PLANNING = [["explain"], ["sweep", "--dry-run"]]
@@ -164,7 +164,7 @@ def test_the_list_of_shipped_studies_is_that_of_the_checkout():
     files = sorted((shipped_folder("pipelines") / "studies").glob("*.yaml"))
     assert [file.stem for file in files if is_study(file)] == [*STUDIES]
     for name in STUDIES:
-        assert read_study(find_study(name)).is_shipped
+        assert read_study(find_file(name, study=True)).is_shipped
 
 
 def test_trusted_code_of_a_study_is_told_and_runs_once(evil, tmp_path, capsys):

@@ -10,7 +10,7 @@ from stixel_cli.border import TYPED
 from stixel_cli.config import choice
 from stixel_cli.config.compose import Composer, compose, from_resolved
 from stixel_cli.config.folders import group_options, option_values, shipped_folder
-from stixel_cli.config.override_checks import read_overrides
+from stixel_cli.config.overrides import read_overrides
 from stixel_cli.config.texts import override_text
 from stixel_cli.errors import ConfigurationError, UserError
 
@@ -99,7 +99,7 @@ def test_stored_configuration_comes_back(default):
         (lambda plain: plain.update(source=16), "a whole number: must be a group of keys"),
         (lambda plain: plain["rig"].update(baseline=-1), "must be ≥ 0.001 and ≤ 5"),
         (lambda plain: plain["road_user"].update(mesh="\udcff"), "not UTF-8"),
-        (lambda plain: plain["road_user"].update(mesh=object), "not plain"),
+        (lambda plain: plain["road_user"].update(mesh=object), "is not JSON serializable"),
         (lambda plain: noise(plain).update(kind="white"), "measurement.noise: its kind is unknown"),
         (lambda plain: noise(plain).pop("kind"), "measurement.noise: its kind is unknown"),
         (lambda plain: noise(plain).pop("range_std"), "measurement.noise.range_std: is miss"),

@@ -14,7 +14,6 @@ from stixel_cli.cli.app import app
 from stixel_cli.config.keys import WRITTEN, schema_files
 from stixel_cli.files import read_yaml
 from stixel_cli.studies import file as study_file
-from stixel_cli.studies import questions
 from stixel_cli.sweeps.design import SWEEP_ENTRIES
 
 ROOT = Path(__file__).parents[2]
@@ -58,7 +57,7 @@ def test_entries_of_sweeps_and_studies_are_those_of_their_readers():
     study = SCHEMAS["study.json"]["properties"]
     assert {*study} == {*study_file.ENTRIES}
     entries = study["questions"]["additionalProperties"]["properties"]
-    assert {*entries} == {*questions.ENTRIES}
+    assert {*entries} == {*study_file.QUESTION_ENTRIES}
     assert entries["better"]["enum"] == ["more", "less", "one"]
 
 

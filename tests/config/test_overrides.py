@@ -48,7 +48,7 @@ def test_key_group_and_value_of_the_text():
 def test_a_plain_override_imports_no_hydra():
     code = (
         "import sys; from stixel_cli.border import TYPED; "
-        "from stixel_cli.config.override_checks import *; "
+        "from stixel_cli.config.overrides import *; "
         "check_overrides(read_overrides(['seed=3', 'path=turn'], TYPED)); "
         "assert 'hydra' not in sys.modules and 'antlr4' not in sys.modules"
     )

@@ -7,7 +7,7 @@ from stixel_cli.border import TYPED
 from stixel_cli.config import choice
 from stixel_cli.config.compose import Composer
 from stixel_cli.config.folders import conf_state, group_options, outer_options
-from stixel_cli.config.override_checks import read_overrides
+from stixel_cli.config.overrides import read_overrides
 
 OPTIONS = [
     (group, option)

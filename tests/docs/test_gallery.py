@@ -8,7 +8,7 @@ from test_settings_page import DOCS, load_script
 
 from stixel_cli import compose
 from stixel_cli.border import TYPED
-from stixel_cli.config.override_checks import check_overrides, read_overrides
+from stixel_cli.config.overrides import check_overrides, read_overrides
 from stixel_cli.experiment.stages import pictured_frames, scan_count
 
 MOST_BYTES = 1_800_000

@@ -8,7 +8,7 @@ import pytest
 from test_settings_page import DOCS, load_script
 
 from stixel_cli.border import TYPED
-from stixel_cli.config.override_checks import check_overrides, read_overrides
+from stixel_cli.config.overrides import check_overrides, read_overrides
 
 terminal = load_script("terminal")
 MOST_BYTES = 60_000

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from stixel_cli.results.differences import first_difference
+from stixel_cli.results.lineage import first_difference
 
 
 @dataclasses.dataclass(frozen=True)

@@ -61,10 +61,10 @@ def test_parameters_are_a_dataclass_or_plain_keys(own):
 @pytest.mark.parametrize(
     ("words", "fault"),
     [
-        (["track", "tracker.alpha=2"], "tracker.alpha: 2: must be a number > 0 and ≤ 1"),
-        (["track", "tracker.alpha=much"], "tracker.alpha: 'much': must be a number > 0"),
-        (["track", "tracker.mode=fa"], "tracker.mode: 'fa': must be one of near, far"),
-        (["track", "tracker.beta=1"], "tracker.beta: unknown parameter; it has alpha, mode"),
+        (["track", "tracker.alpha=2"], "tracker.alpha: 2 is out of range: must be > 0 and ≤ 1"),
+        (["track", "tracker.alpha=much"], "tracker.alpha: 'much' is text: must be a number > 0"),
+        (["track", "tracker.mode=fa"], "tracker.mode: 'fa' is not known: must be one of near, far"),
+        (["track", "tracker.beta=1"], "tracker.beta: 1: is unknown; it has alpha, mode"),
         (["plain", "tracker.beta=1"], "tracker.beta: unknown parameter; it has alpha"),
         (["track", "tracker.kind=1"], "tracker.kind: the name is reserved"),
         (["nothing"], ".py has no function nothing"),

@@ -179,7 +179,7 @@ def test_a_time_without_a_pose_has_no_row():
 def test_what_cannot_be_exported_is_refused_in_one_line(rendered, tmp_path, capsys):
     capsys.readouterr()
     for words, said in (
-        (["--format", "xyz"], "'xyz' is not known: must be one of kitti, csv, tum, stx1, rerun"),
+        (["--format", "xyz"], "'xyz' is not one of 'kitti', 'csv', 'tum', 'stx1', 'rerun'"),
         (["--format", "tum", "--output", str(tmp_path)], "exists and is not overwritten"),
     ):
         assert main(["export", str(rendered), *words]) == 2

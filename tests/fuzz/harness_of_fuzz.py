@@ -62,7 +62,7 @@ def no_computing(monkeypatch) -> None:
             raise _Computes("would compute")
         return execute(graph, targets, store, *others, **options)
 
-    for module in ("experiment.stages", "sweeps.run", "benchmark.render"):
+    for module in ("experiment.stages", "sweeps.run", "benchmark.sequences"):
         monkeypatch.setattr(f"stixel_cli.{module}.execute", only_cached)
 
 

@@ -15,8 +15,7 @@ from damaged_arrays import ARRAYS, npy
 from harness_of_fuzz import Kind, run_cases, settle
 
 from stixel_cli.benchmark import sequences
-from stixel_cli.benchmark.data import Data
-from stixel_cli.benchmark.sequences import bench_folder
+from stixel_cli.benchmark.sequences import Data, bench_folder
 from stixel_cli.cli.app import main
 
 SMALL = 12

@@ -12,7 +12,7 @@ from real_data import real_data
 from rendered_clip import assert_same, results_of_run
 
 from stixel_cli import StixelStream, compose, stixels_from_disparity, stixels_from_pair
-from stixel_cli.config.real_images import real_image_parameters
+from stixel_cli.config.folders import real_image_parameters
 from stixel_cli.errors import ArgumentError, UserError
 from stixel_cli.live.pairs import check_rows, grey_pair
 from stixel_cli.rendering.frames import StereoPairs

@@ -13,7 +13,7 @@ from stixel_cli.calibration.motion_fit import calibrate_rig
 from stixel_cli.calibration.track_points import track_points
 from stixel_cli.calibration.tracks import Tracks, gathered, places_of, points_at
 from stixel_cli.cli.app import main
-from stixel_cli.config.real_images import real_image_parameters
+from stixel_cli.config.folders import real_image_parameters
 from stixel_cli.experiment.stages import computed_stages
 from stixel_cli.export.export import calibration_text
 from stixel_cli.geometry.rig_calibration import UNKNOWN_STD

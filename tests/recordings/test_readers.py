@@ -11,7 +11,7 @@ from made_files import RIG_FILES, png_of
 
 from stixel_cli.calibration.road_pose import compared_rows, contradiction, road_pose
 from stixel_cli.config.compose import compose
-from stixel_cli.config.real_images import real_image_parameters
+from stixel_cli.config.folders import real_image_parameters
 from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.export.export import calibration_text
 from stixel_cli.geometry.rig import Rig

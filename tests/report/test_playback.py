@@ -19,9 +19,8 @@ from stixel_cli.pictures import style
 from stixel_cli.pictures.camera import WIDEST, camera_frames
 from stixel_cli.pictures.uncertainty import normalised_chi_square_bounds
 from stixel_cli.report import playback
-from stixel_cli.report.metrics import number
+from stixel_cli.report.metrics import json_in_html, number
 from stixel_cli.report.playback import playback_data, playback_html
-from stixel_cli.report.static_page import json_in_html
 
 
 def data_of(page):

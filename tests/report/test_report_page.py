@@ -13,12 +13,11 @@ from stixel_cli.border import write_new
 from stixel_cli.errors import UserError
 from stixel_cli.evaluation.metric_table import METRICS
 from stixel_cli.evaluation.verdict import verdict
-from stixel_cli.report.compare import default_page, run_labels
 from stixel_cli.report.metrics import MAIN, main_metrics, score_table
 from stixel_cli.report.playback import summary_of
-from stixel_cli.results.reader import read_png
-from stixel_cli.results.result import read_scored_run
-from stixel_cli.sweeps.page import asked_folders, sweep_page
+from stixel_cli.results.folder import default_page, run_labels
+from stixel_cli.results.result import read_png, read_scored_run
+from stixel_cli.sweeps.folder import asked_folders, sweep_page
 
 
 @pytest.fixture

@@ -7,8 +7,9 @@ import pytest
 
 from stixel_cli.errors import MissingData
 from stixel_cli.studies import motions
-from stixel_cli.studies.file import find_study, read_study
+from stixel_cli.studies.file import read_study
 from stixel_cli.studies.report import data_folder
+from stixel_cli.sweeps.design import find_file
 
 sys.path.append(str(Path(__file__).parents[1] / "recordings"))
 from made_argoverse import TARGET, make_motion
@@ -111,7 +112,7 @@ def test_all_studies_leave_it_out_without_data(studies, monkeypatch):
 
 
 def test_the_shipped_study_has_the_eight_paths_and_a_shape_for_each_seed():
-    study = read_study(find_study("motions"))
+    study = read_study(find_file("motions", study=True))
     assert len(study.sweeps[0].content["axes"]["path"]) == 8
     for sweep in study.sweeps:
         assert sweep.content["fixed"]["road_user.shape_seed"] == "${seed}"

@@ -9,8 +9,16 @@ import pytest
 from stixel_cli.answers.render import INTERVAL
 from stixel_cli.answers.runs import Runs
 from stixel_cli.errors import UserError
-from stixel_cli.studies.questions import asked, joined, study_question
-from stixel_cli.studies.report import Material, Report, files_of, rows_of, with_columns
+from stixel_cli.studies.file import study_question
+from stixel_cli.studies.report import (
+    Material,
+    Report,
+    asked,
+    files_of,
+    joined,
+    rows_of,
+    with_columns,
+)
 
 IOU = {"contour": 0.9, "gp_ekf": 0.8, "point": 0.5}
 

@@ -17,9 +17,9 @@ from stixel_cli.evaluation.metric_table import METRICS as KNOWN
 from stixel_cli.results.result import GROUPS
 from stixel_cli.scene.mesh_file import load_mesh
 from stixel_cli.studies import robustness, rq1, rq3
-from stixel_cli.studies.file import find_study, read_study
-from stixel_cli.studies.questions import asked
-from stixel_cli.studies.report import answer_text, rows_of, with_columns
+from stixel_cli.studies.file import read_study
+from stixel_cli.studies.report import answer_text, asked, rows_of, with_columns
+from stixel_cli.sweeps.design import find_file
 
 MESHES = sorted((shipped_folder("pipelines") / "studies" / "meshes").glob("*/*.obj"))
 TABLES = "/data/{}/scans.csv"
@@ -72,7 +72,7 @@ def with_module(study, sweep, runs):
         axes = [axis for axis in axes if axis != "seed" or sweep.name == "hand_made"]
         motion = runs.frame["path"] + runs.frame.get("path.target", pd.Series("", runs.frame.index))
         return with_columns(Runs(runs.frame, tuple(axes)), motion=motion)
-    if study.module is rq1 and "stage_errors" in sweep.steps:
+    if study.module is rq1 and "stage_errors" in sweep.results:
         metrics = rq1.stage_metrics(*EMPTY)
         each = [{"range": f"{a:g}–{b:g} m", **dict.fromkeys(metrics, 0.5)} for a, b in rq1.RANGES]
         return rows_of(runs, [each] * len(runs), ("range",))
@@ -96,7 +96,7 @@ EMPTY = (
 def test_every_question_compares_options_that_are_balanced(name, monkeypatch):
     monkeypatch.setattr(robustness, "_found_again", lambda run: 1.0)
     monkeypatch.setattr(robustness, "_while_shown", lambda run: (1.0, 1.0))
-    study = read_study(find_study(name))
+    study = read_study(find_file(name, study=True))
     frames = {
         sweep.name: with_module(study, sweep, runs_of(study, sweep)) for sweep in study.sweeps
     }
@@ -118,7 +118,7 @@ def test_every_question_compares_options_that_are_balanced(name, monkeypatch):
 
 @pytest.mark.parametrize("name", STUDIES)
 def test_the_first_paragraph_has_sixty_words_at_most(name):
-    study = read_study(find_study(name))
+    study = read_study(find_file(name, study=True))
     first = study.text.partition("\n\n")[0]
     questions = [one for one in study.questions if f"{{{one.name}}}" in first]
     sweeps = [one for one in study.sweeps if any(one.name in own.sweeps for own in questions)]
@@ -129,7 +129,9 @@ def test_the_first_paragraph_has_sixty_words_at_most(name):
 
 @pytest.mark.parametrize("name", ["ablation", "ablation_lidar"])
 def test_each_variant_of_the_ablation_switches_one_term_off(name):
-    (sweep,) = [one for one in read_study(find_study("accuracy")).sweeps if one.name == name]
+    (sweep,) = [
+        one for one in read_study(find_file("accuracy", study=True)).sweeps if one.name == name
+    ]
     (axis,) = [axis for axis in sweep.design().axes if len(axis.keys) > 1]
     steps = [tuple(one.text for one in step) for step in axis.steps]
     texts = [
@@ -147,7 +149,7 @@ def test_each_variant_of_the_ablation_switches_one_term_off(name):
 
 
 def test_each_sweep_of_rq1_changes_one_setting():
-    sweeps = {sweep.name: sweep for sweep in read_study(find_study("rq1")).sweeps}
+    sweeps = {sweep.name: sweep for sweep in read_study(find_file("rq1", study=True)).sweeps}
     approach = sweeps["ranges"].content["fixed"]
     del sweeps["widths"]
     for sweep in sweeps.values():
@@ -193,7 +195,7 @@ def test_the_held_out_meshes_are_those_that_the_script_makes(tmp_path, monkeypat
     ],
 )
 def test_the_text_of_rq3_is_right_of_few_runs(kept, said, unsaid):
-    study = read_study(find_study("rq3"))
+    study = read_study(find_file("rq3", study=True))
     frames = {}
     for sweep in study.sweeps:
         runs = with_module(study, sweep, runs_of(study, sweep))

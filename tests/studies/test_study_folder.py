@@ -8,9 +8,9 @@ import study_toy
 import yaml
 
 from stixel_cli.studies.file import read_study
-from stixel_cli.studies.folder import StudyFolder
 from stixel_cli.studies.plan import StudyPlan, plan_study
 from stixel_cli.studies.report import Material, Report
+from stixel_cli.studies.run import Study
 
 
 def test_a_folder_with_another_request_is_refused_without_name_or_fresh(studies, toy):
@@ -43,24 +43,25 @@ def test_a_folder_with_another_request_is_refused_without_name_or_fresh(studies,
 
 
 def test_a_resumed_folder_has_the_revision_of_its_results(toy, tmp_path, monkeypatch):
-    folder = StudyFolder(tmp_path / "study")
     plan = plan_study(read_study(toy(), trusted=True), [])
     found = []
     for revision in ("old", "new"):
         monkeypatch.setattr(
-            "stixel_cli.studies.folder.provenance", lambda own=revision: {"git": {"revision": own}}
+            "stixel_cli.studies.run.provenance", lambda own=revision: {"git": {"revision": own}}
         )
-        folder.begin(plan, f"command of {revision}", fresh=False)
+        study = Study(plan, tmp_path / "study", f"command of {revision}")
+        study.begin(fresh=False)
         if found:
             # Not before its results: a sweep that is refused leaves the file as it is.
-            folder.write("", None)
-            assert yaml.safe_load((folder.path / "study.yaml").read_text()) == found[0]
-        folder.write("", Report((), (), Material()))
-        found.append(yaml.safe_load((folder.path / "study.yaml").read_text()))
+            study.write("")
+            assert yaml.safe_load((study.path / "study.yaml").read_text()) == found[0]
+        study.report = Report((), (), Material())
+        study.write("")
+        found.append(yaml.safe_load((study.path / "study.yaml").read_text()))
     first, resumed = found
     assert resumed["git"]["revision"] == "new"
     assert resumed | {"git": first["git"]} == first
-    assert folder.check(plan, fresh=False)
+    assert study.check(fresh=False)
 
 
 def test_a_cache_that_is_too_small_keeps_what_the_report_reads(

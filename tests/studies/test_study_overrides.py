@@ -7,8 +7,7 @@ from stixel_cli.config.compose import Composer
 from stixel_cli.config.overrides import parse
 from stixel_cli.errors import ConfigurationError
 from stixel_cli.studies.plan import overridden
-from stixel_cli.sweeps.design import Axis, Design
-from stixel_cli.sweeps.runs import design_runs
+from stixel_cli.sweeps.design import Axis, Design, design_runs
 
 
 def axis(key, *values):

@@ -107,7 +107,7 @@ def test_no_text_of_a_drawing_is_shown_below_10_px():
     assert smallest_text(drawing.decode()) == pytest.approx(6.0)
     shown = drawing_for_page(drawing, "f1")
     # 288 points with letters of 6 points need 480 px.
-    assert shown.least == 480 and shown.width == 480
+    assert shown["least"] == 480 and shown["width"] == 480
 
 
 def test_numbers_in_prose():

@@ -114,7 +114,7 @@ def test_recomputed_runs_are_reported(studies, toy, monkeypatch):
 
 
 def test_a_study_with_failed_runs_can_be_resumed(studies, toy, tmp_path, monkeypatch):
-    monkeypatch.setattr(study_run, "study_page", study_page)
+    monkeypatch.setattr(study_run.report, "study_page", study_page)
     mesh = tmp_path / "bad.obj"
     mesh.write_text("this is no mesh\n", encoding="utf-8")
     axes = {"tracker": ["gp_ekf", "point"], "road_user.mesh": [None, str(mesh)]}
@@ -173,7 +173,7 @@ def test_overrides_replace_values_of_sweeps(studies, toy):
 
 
 def test_an_override_that_a_sweep_does_not_accept_is_noted(studies, toy, capsys, monkeypatch):
-    monkeypatch.setattr(study_run, "study_page", study_page)
+    monkeypatch.setattr(study_run.report, "study_page", study_page)
     file = toy()
     note = (
         "path=s_curve: left out of sweep first: path: goes together with road_user here: give one "
@@ -195,12 +195,9 @@ def test_an_invalid_study_is_reported_before_all_runs_and_stops_no_other(studies
     good, bad = toy(name="good"), toy("title: x\n", name="bad")
     told = []
     monkeypatch.setattr("stixel_cli.cli.study.STUDIES", [str(bad), str(good)])
-    monkeypatch.setattr(
-        "stixel_cli.studies.folder.study_folder", lambda results, name: results / Path(name).stem
-    )
     monkeypatch.setattr("stixel_cli.cli.study.tell", told.append)
-    run = study_run.run_study
-    monkeypatch.setattr(study_run, "run_study", lambda *a, **k: told.append("runs") or run(*a, **k))
+    run = study_run.Study.run
+    monkeypatch.setattr(study_run.Study, "run", lambda *a: told.append("runs") or run(*a))
     answer = studies.run("all", "road_user=car", "seed=0", code=2)
     assert [one["complete"] for one in answer["studies"]] == [False, True]
     assert "bad.yaml: question: is missing" in told[0] and told[1] == "runs"

@@ -12,8 +12,7 @@ from result_folders import make_folder
 from stixel_cli.answers.figures import SHARES, over_time
 from stixel_cli.cli.report import report
 from stixel_cli.errors import UserError
-from stixel_cli.sweeps.folder import SweepFolder, SweepRequest
-from stixel_cli.sweeps.page import read_sweep
+from stixel_cli.sweeps.folder import SweepFolder, SweepRequest, read_sweep
 
 pytestmark = pytest.mark.drawn
 

@@ -55,16 +55,16 @@ def test_trials_depend_on_no_worker_and_an_interrupted_tuning_continues(
     assert "importance for mean NEES" in page and page.count("</svg>") == 2
 
     monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "other"))
-    run_sweep, calls = tuning.run_sweep, []
+    run, calls = tuning.Sweep.run, []
 
-    def interrupted(*given):
-        calls.append(given)
+    def interrupted(sweep):
+        calls.append(sweep)
         if len(calls) == 3:
             raise SweepInterrupted("interrupted")
-        return run_sweep(*given)
+        return run(sweep)
 
     with monkeypatch.context() as patch:
-        patch.setattr(tuning, "run_sweep", interrupted)
+        patch.setattr(tuning.Sweep, "run", interrupted)
         said = tune(*TUNED, *OPTIONS, "--workers", "2", "--name", "two", code=130)
     machine = ["executor=threads", "executor.workers=2"]
     assert said.splitlines()[-1].endswith(f"stixel tune --resume results/two {' '.join(machine)}")
