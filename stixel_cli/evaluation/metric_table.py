@@ -284,6 +284,6 @@ def metric(name: str) -> Metric:
         labels = {field: f"{getattr(row, field)}, smoothed" for field in ("label", "short_label")}
         return replace(row, name=name, **labels, over_runs="")
     suffix = next((s for s in _SUFFIXES if name.endswith(s)), "")
-    words = name.removesuffix(suffix).replace("_", " ")
-    bounds = (0.0, 1.0) if name.endswith("_share") else (None, None)
+    words = name.removesuffix(suffix).replace("_", " ").replace("iou", "IoU")
+    bounds = (0.0, 1.0) if name.endswith("_share") or name.startswith("iou_") else (None, None)
     return Metric(name, words, words, _SUFFIXES.get(suffix, ""), None, bounds)

@@ -92,7 +92,7 @@ def columns(name: str, runs: Runs, results: Sequence[RunResult]) -> Runs:
         found = with_columns(found, found_again=[_found_again(run) for run in results])
     if "world.occluder" in runs.axes:
         seen, again = zip(*map(_while_shown, results), strict=True)
-        found = with_columns(found, iou_box_shown=seen, found_again=again)
+        found = with_columns(found, iou_box_while_shown=seen, found_again=again)
     return found
 
 
