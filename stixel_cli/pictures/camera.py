@@ -329,7 +329,7 @@ WIDEST, WIDEST_VIEW = 512, 400
 
 Averaging removes the noise, which JPEG cannot.
 """
-QUALITY, QUALITY_OF_VIEWS = 70, 40
+QUALITY, QUALITY_OF_VIEWS = 60, 30
 """Of their JPEG."""
 
 
@@ -387,4 +387,5 @@ def reduced(image: np.ndarray, widest: int) -> np.ndarray:
 
 def _jpeg(image: np.ndarray, quality: int) -> bytes:
     """The file of an image, (H, W) or BGR (H, W, 3) uint8."""
-    return cv2.imencode(".jpg", image, (cv2.IMWRITE_JPEG_QUALITY, quality))[1].tobytes()
+    settings = cv2.IMWRITE_JPEG_QUALITY, quality, cv2.IMWRITE_JPEG_OPTIMIZE, 1
+    return cv2.imencode(".jpg", image, settings)[1].tobytes()
