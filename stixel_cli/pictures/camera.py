@@ -11,7 +11,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import ListedColormap, LogNorm, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
+from matplotlib.patches import Patch, Rectangle
 
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.images import ImageStack, encode_png
@@ -243,33 +243,41 @@ def camera_pictures(
         "stixels": view.stixels_image,
     }
     with style.drawing({"axes.spines.top": True, "axes.spines.right": True}):
-        figure = _page(view, images, style.title("Camera", frame, float(ego_motion.times[frame])))
-        files = {"camera": style.png(figure)}
+        page = _page(view, images, style.title("Camera", frame, float(ego_motion.times[frame])))
+        files = {"camera": style.png(*page)}
     files |= {name: encode_png(image) for name, image in images.items()}
     return Pictures({f"k{frame:04d}/{name}.png": data for name, data in files.items()})
 
 
-def _page(view: FrameView, images: dict[str, np.ndarray], title: str) -> Figure:
-    """All images on one page; wide ones in two columns, others in three."""
+def _page(view: FrameView, images: dict[str, np.ndarray], title: str):
+    """All images on one page; wide ones in two columns, others in three. Arguments of `png`."""
     columns, width = (2, 600) if view.rig.width > 2 * view.rig.height else (3, 430)
     height = round(width * view.rig.height / view.rig.width)
     count = -(-len(images) // columns)
     across, down = width + 44, height + 30
     size = (columns * across + 24 + BAR, count * down + 34 + LEGEND + 22)
-    figure = style.new_figure(size[0] / style.DPI, size[1] / style.DPI)
+    figure = style.new_figure(size[0] / style.DPI, size[1] / style.DPI, facecolor="none")
+    under = []
     for i, (name, image) in enumerate(images.items()):
         left = 40 + (i % columns) * across
         bottom = LEGEND + 26 + (count - 1 - i // columns) * down
-        axes = _axes_at(figure, size, left, bottom, width, height)
-        axes.imshow(image, interpolation="antialiased", aspect="auto")
-        axes.set_xticks([])
-        axes.set_yticks([])
+        top = size[1] - bottom - height
+        shrinks = width <= image.shape[1] and height <= image.shape[0]
+        how = cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR
+        under.append((left, top, cv2.resize(image, (width, height), interpolation=how)))
+        place = (left / size[0], bottom / size[1], width / size[0], height / size[1])
         if name == "occupancy":
+            axes = figure.add_axes(place, facecolor="none")
             _draw_limit(axes, view)
             _label_depths(axes, view.grid.depths)
-        axes.set_title(TITLES[name])
-    bar = _axes_at(figure, size, columns * across + 24, LEGEND + 26, 12, count * down - 30)
-    _colour_bar(figure, bar)
+        else:
+            frame = Rectangle(place[:2], *place[2:], fill=False, linewidth=0.7)
+            figure.add_artist(frame)
+        # As far over the image as Matplotlib's own titles.
+        over = 1.0 - (top - 6.0 * style.DPI / 72.0) / size[1]
+        figure.text(place[0], over, TITLES[name], fontsize=10.0)
+    place = (columns * across + 24, LEGEND + 26, 12, count * down - 30)
+    _colour_bar(figure, figure.add_axes([v / size[i % 2] for i, v in enumerate(place)]))
     figure.legend(
         handles=[
             Patch(color=style.INVALID, label="no disparity found"),
@@ -284,12 +292,7 @@ def _page(view: FrameView, images: dict[str, np.ndarray], title: str) -> Figure:
         borderaxespad=0.3,
     )
     figure.text(40 / size[0], 1.0 - 14 / size[1], title, va="center")
-    return figure
-
-
-def _axes_at(figure: Figure, size, left, bottom, width, height) -> Axes:
-    """Axes of a figure of `size` px at a place given in px."""
-    return figure.add_axes((left / size[0], bottom / size[1], width / size[0], height / size[1]))
+    return figure, under
 
 
 def _draw_limit(axes: Axes, view: FrameView) -> None:
@@ -299,6 +302,8 @@ def _draw_limit(axes: Axes, view: FrameView) -> None:
     # Neighbouring columns may be far apart in a Cartesian grid: a line would mean nothing.
     look = {"linestyle": "", "marker": "."} if view.grid.kind == "cartesian" else {}
     axes.plot(columns, len(view.grid.depths) - 1 - rows, color=style.FREE, markersize=2.5, **look)
+    axes.set(xlim=(-0.5, len(view.grid.laterals) - 0.5), xticks=[])
+    axes.set_ylim(len(view.grid.depths) - 0.5, -0.5)
 
 
 def _colour_bar(figure: Figure, axes: Axes) -> None:
