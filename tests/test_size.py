@@ -12,14 +12,14 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 48_415
+TOTAL = 48_411
 """Greatest number of lines in all."""
 
 MODULES = 276
 """Greatest number of modules, without `__init__`."""
 
 BUDGET = {
-    "": 1507,
+    "": 1513,
     "answers": 1318,
     "benchmark": 1013,
     "calibration": 576,
@@ -28,17 +28,17 @@ BUDGET = {
     "engine": 4287,
     "evaluation": 1728,
     "experiment": 1360,
-    "export": 611,
+    "export": 612,
     "geometry": 413,
     "live": 636,
     "machine": 203,
     "measurements": 2087,
-    "pictures": 1374,
+    "pictures": 1396,
     "recordings": 2800,
-    "rendering": 2304,
+    "rendering": 2284,
     "report": 840,
     "results": 1469,
-    "scene": 3549,
+    "scene": 3536,
     "stereo": 512,
     "stixels": 2248,
     "studies": 1857,

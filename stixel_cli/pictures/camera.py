@@ -336,6 +336,8 @@ Averaging removes the noise, which JPEG cannot.
 """
 QUALITY, QUALITY_OF_VIEWS = 60, 30
 """Of their JPEG."""
+VIEWS, OF_STIXELS = ("disparity", "grid", "free_space"), ("left", "right", "top", "base", "depth")
+"""What was found, images of a `FrameView`; what the page needs of stixels."""
 
 
 def camera_frames(
@@ -355,13 +357,13 @@ def camera_frames(
         rig, road, occupancy: those of the grid.
         frames: indices k.
     """
-    images = {name: [] for name in ("grey", "disparity", "grid", "free_space")}
+    images = {name: [] for name in ("grey", *VIEWS)}
     for k in frames:
         grid = picture_grid(disparities, free_space, rig, road, occupancy, k)
         nouns = (pairs, disparities, grid, free_space, stixels)
         view = FrameView(k, rig, *nouns, widest=WIDEST_VIEW)
         images["grey"].append(_jpeg(reduced(pairs.left[k - pairs.first], WIDEST), QUALITY))
-        for name in ("disparity", "grid", "free_space"):
+        for name in VIEWS:
             shown = getattr(view, f"{name}_image")[..., ::-1]
             images[name].append(_jpeg(shown, QUALITY_OF_VIEWS))
     first = frames.start - stixels.first
@@ -373,11 +375,7 @@ def camera_frames(
         height=rig.height,
         images={name: tuple(files) for name, files in images.items()},
         offsets=(offsets - offsets[0]).astype(np.int64),
-        left=stixels.left[rows],
-        right=stixels.right[rows],
-        top=stixels.top[rows],
-        base=stixels.base[rows],
-        depth=stixels.depth[rows],
+        **{name: getattr(stixels, name)[rows] for name in OF_STIXELS},
     )
 
 

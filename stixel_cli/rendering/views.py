@@ -7,6 +7,7 @@ for each frame.
 
 from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
 
 from stixel_cli.rendering import tracing
@@ -111,7 +112,9 @@ def view_with_target(
             edge, at_shadow = edge_pixels(
                 shot.bodies, centres.hits, centres.lit, centres.light, bottom - top
             )
-            edge &= _grown(changed.reshape(bottom - top, right - left)).ravel()
+            # Those that changed and their neighbours (of four).
+            mask = changed.reshape(bottom - top, right - left).view(np.uint8)
+            edge &= cv2.dilate(mask, cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))).ravel() > 0
             edge[near] |= _thin(shot, centres.at(near), view.hits.depth[pixels[near]])
             again = np.flatnonzero(edge)
             fresh = changed | edge
@@ -173,16 +176,6 @@ def _touched_rectangles(shot: Shot, corners_target: np.ndarray):
     fall = (corners[:, 2] - floor) / SUN[2]
     swept = np.concatenate([corners, corners - fall[:, None] * SUN])
     return shot.camera.rectangle_of(corners, MARGIN), shot.camera.rectangle_of(swept, MARGIN)
-
-
-def _grown(mask: np.ndarray) -> np.ndarray:
-    """`mask` (h, w) bool and its neighbours (of four)."""
-    grown = mask.copy()
-    grown[1:] |= mask[:-1]
-    grown[:-1] |= mask[1:]
-    grown[:, 1:] |= mask[:, :-1]
-    grown[:, :-1] |= mask[:, 1:]
-    return grown
 
 
 def _thin(shot: Shot, centres: Centres, static_depth: np.ndarray) -> np.ndarray:
