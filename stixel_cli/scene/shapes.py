@@ -250,12 +250,8 @@ class MonotoneCurve:
         i = np.clip(np.searchsorted(self._x, at, side="right") - 1, 0, len(self._cubic) - 1)
         s = at - self._x[i]
         square = s * s
-        return (
-            self._constant[i]
-            + self._linear[i] * s
-            + self._square[i] * square
-            + self._cubic[i] * (square * s)
-        )
+        low = self._constant[i] + self._linear[i] * s + self._square[i] * square
+        return low + self._cubic[i] * (square * s)
 
 
 def _end_tangent(step: float, next_step: float, slope: float, next_slope: float) -> float:
