@@ -18,7 +18,7 @@ from bench_raycast import SIZE, motion, preset
 from small import sized
 
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.images import encode_png
+from stixel_cli.images import encode_png, encode_pnm
 from stixel_cli.rendering import tracing
 from stixel_cli.rendering.edges import edge_pixels
 from stixel_cli.rendering.frames import DEPTH_STEP
@@ -94,7 +94,7 @@ def test_import_of_open3d(benchmark):
 def test_png(benchmark, scene):
     """Next to OpenCV with the compression level 1, which changes its filter and strategy.
 
-    Of a rendered pair, the right image is stored without compression.
+    Of a rendered pair, the pictures are stored without compression.
     """
     left, right, depth, ids = render_frame(*scene, motion(False), 0)
     steps = np.where(np.isfinite(depth), np.rint(depth / DEPTH_STEP), 0).astype(np.uint32)
@@ -111,12 +111,12 @@ def test_png(benchmark, scene):
             return [encode_png(image) for image in images]
 
         def stored(images=images):
-            return [encode_png(image, compressed=image is not right) for image in images]
+            return [(encode_png if image.ndim == 2 else encode_pnm)(image) for image in images]
 
         title = f"PNG of {name}"
         ways = {"level_1": level, "default": default}
         if len(images) > 1:
-            ways["right stored"] = stored
+            ways["pictures plain"] = stored
         compare(benchmark, title, 9, **ways)
         for label, way in ways.items():
             size = sum(len(data) for data in way()) / 1e3

@@ -12,14 +12,14 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 47_425
+TOTAL = 47_401
 """Greatest number of lines in all."""
 
 MODULES = 250
 """Greatest number of modules, without `__init__`."""
 
 BUDGET = {
-    "": 1505,
+    "": 1511,
     "answers": 1312,
     "benchmark": 976,
     "calibration": 569,
@@ -28,17 +28,17 @@ BUDGET = {
     "engine": 4287,
     "evaluation": 1651,
     "experiment": 1361,
-    "export": 606,
+    "export": 607,
     "geometry": 385,
     "live": 625,
     "machine": 203,
     "measurements": 2006,
-    "pictures": 1374,
+    "pictures": 1396,
     "recordings": 2660,
-    "rendering": 2304,
+    "rendering": 2269,
     "report": 779,
     "results": 1452,
-    "scene": 3549,
+    "scene": 3531,
     "stereo": 508,
     "stixels": 2134,
     "studies": 1762,

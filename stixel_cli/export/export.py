@@ -207,8 +207,8 @@ def write_clip(
     """
     for chunk in pairs:
         for camera, images in (("image_02", chunk.left), ("image_03", chunk.right)):
-            for i, data in enumerate(images.encoded):
-                write_below(folder, {f"{camera}/{sequence}/{chunk.first + i:06d}.png": data})
+            for k, image in enumerate(images, chunk.first):
+                write_below(folder, {f"{camera}/{sequence}/{k:06d}.png": encode_png(image)})
     # The left camera's poses, in the frame of the first.
     poses = list(map(rig.world_from_camera, scenario.ego_poses_world))
     first = np.linalg.inv(poses[0])

@@ -14,6 +14,7 @@ import numpy as np
 
 from stixel_cli.border import write_below
 from stixel_cli.geometry.rig import Rig
+from stixel_cli.images import encode_png
 from stixel_cli.measurements.parameters import Gates
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.measurements.stixel_file import stx1_library
@@ -104,7 +105,7 @@ def export_stx1(stored: "RunResult", folder: Path, progress: "Progress | None" =
             for i in range(len(stixels.offsets) - 1):
                 name = f"{stixels.first + i:06d}"
                 world = stixel_world(library, stixels, i, of_target, rig, kind)
-                world.image = pairs.left.encoded[i]
+                world.image = encode_png(pairs.left[i])
                 world.context.name = name
                 world.context.calibration.img_name = f"{name}.png"
                 write_below(partial, {f"{name}.stx1": world.SerializeToString()})

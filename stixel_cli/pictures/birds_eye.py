@@ -95,12 +95,11 @@ def _draw_scan(axes: Axes, scans: Scans, noise: np.ndarray, track: Track, k: int
     rows = scans.rows(k)
     used = np.zeros(len(scans.points_world), dtype=bool)
     used[track.used_points[track.used_offsets[k] : track.used_offsets[k + 1]]] = True
-    points, covariances = scans.points_world[rows], scans.covariances_world[rows]
-    for chosen, shown, colour in (
-        (~used[rows], covariances, style.UNUSED),
-        (used[rows], noise[rows], style.USED),
-    ):
-        ground.draw_points(axes, points[chosen], shown[chosen], colour)
+    looks = (~used, scans.covariances_world, style.UNUSED), (used, noise, style.USED)
+    for chosen, covariances, colour in looks:
+        of_scan = chosen[rows]
+        points = scans.points_world[rows][of_scan]
+        ground.draw_points(axes, points, covariances[rows][of_scan], colour)
 
 
 def _draw_surroundings(

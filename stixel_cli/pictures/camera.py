@@ -11,7 +11,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import ListedColormap, LogNorm, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
+from matplotlib.patches import Patch, Rectangle
 
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.images import ImageStack, encode_png
@@ -57,6 +57,7 @@ class FrameView:
         pairs: the camera's images.
         disparities, grid, free_space, stixels: of these stages.
         objects: clusters of the stixels; None without.
+        widest: wider images are made smaller, to this width, px; the images with stixels are not.
     """
 
     k: int
@@ -67,6 +68,7 @@ class FrameView:
     free_space: FreeSpace
     stixels: Stixels
     objects: Objects | None = None
+    widest: int = 2**15
 
     @property
     def rows(self) -> slice:
@@ -81,7 +83,15 @@ class FrameView:
     @cached_property
     def grey_image(self) -> np.ndarray:
         """The camera's image, (H, W, 3) uint8."""
-        return np.repeat(self.pairs.left[self.k - self.pairs.first][..., None], 3, axis=2)
+        grey = reduced(self.pairs.left[self.k - self.pairs.first], self.widest)
+        return cv2.cvtColor(grey, cv2.COLOR_GRAY2RGB)
+
+    @property
+    def pixels(self) -> tuple[np.ndarray, np.ndarray]:
+        """The rows (h, 1) and the columns (w,) of the camera's image that `grey_image` shows."""
+        height, width = self.grey_image.shape[:2]
+        rows = (np.arange(height)[:, None] + 0.5) * self.rig.height / height
+        return rows.astype(int), ((np.arange(width) + 0.5) * self.rig.width / width).astype(int)
 
     @property
     def free_limit(self) -> tuple[np.ndarray, np.ndarray]:
@@ -96,15 +106,16 @@ class FrameView:
     @cached_property
     def grid_image(self) -> np.ndarray:
         """The occupancy grid, near depths below, and the end of free space, (D, L, 3) uint8."""
-        greatest = float(self.grid.values.max(initial=0.0)) or 1.0
-        least = greatest / LIKELIHOOD_RANGE
-        scale = ScalarMappable(LogNorm(least, greatest), colormaps["Greys"])
-        values = np.maximum(self.grid.values, least)
-        image = scale.to_rgba(values, bytes=True)[..., :3]
+        least = (float(self.grid.values.max(initial=0.0)) or 1.0) / LIKELIHOOD_RANGE
+        values = np.maximum(reduced(self.grid.values, self.widest), least)
+        share = np.log(values / least) / np.log(LIKELIHOOD_RANGE)
+        image = colormaps["Greys"](share, bytes=True)[..., :3]
         across, rows = self.free_limit
         ends = np.isfinite(rows)
-        columns = np.interp(across[ends], self.grid.laterals, np.arange(image.shape[1]))
-        places = np.rint([rows[ends], columns]).astype(np.int64)
+        columns = np.linspace(0.0, image.shape[1] - 1.0, len(self.grid.laterals))
+        columns = np.interp(across[ends], self.grid.laterals, columns)
+        rows = rows[ends] * (len(image) - 1) / (len(self.grid.depths) - 1)
+        places = np.rint([rows, columns]).astype(np.int64)
         for up in range(3):  # three rows, to be seen in a small image
             image[np.maximum(places[0] - up, 0), places[1]] = _rgb(style.FREE)
         return image[::-1]
@@ -118,7 +129,7 @@ class FrameView:
             depth = self.rig.depth_from_disparity(np.arange(highest + 1) / SUBPIXELS)
         colours = np.rint(255.0 * style.depth_colours(depth)).astype(np.uint8)
         table = np.concatenate([[_rgb(style.INVALID)], colours])
-        return table.take(np.maximum(raw, -1) + 1, axis=0)
+        return table.take(np.maximum(raw[self.pixels], -1) + 1, axis=0)
 
     @cached_property
     def free_space_image(self) -> np.ndarray:
@@ -133,12 +144,12 @@ class FrameView:
         farthest = self.rig.disparity_from_depth(float(self.grid.depths[-1]))
         horizon = (farthest - intercept) / slope if slope > 0 else 0.0
         horizon = int(np.clip(np.ceil(horizon), 0, self.rig.height))
-        base_row = self.free_space.base_row[i]
+        rows, columns = self.pixels
+        base_row, unknown_row = self.free_space.base_row[i], self.free_space.unknown_row[i]
         free = np.isnan(self.obstacle_disparity) | (base_row < 0)
-        first = np.where(free, horizon, base_row + 1)
-        rows = np.arange(len(image))[:, None]
+        first = np.where(free, horizon, base_row + 1)[columns]
         for colour, known in ((style.FREE, True), (style.UNKNOWN, False)):
-            space = (rows >= first) & ((rows > self.free_space.unknown_row[i]) == known)
+            space = (rows >= first) & ((rows > unknown_row[columns]) == known)
             cv2.copyTo(_tinted(self.grey_image, colour), space.astype(np.uint8), image)
         return image
 
@@ -232,33 +243,41 @@ def camera_pictures(
         "stixels": view.stixels_image,
     }
     with style.drawing({"axes.spines.top": True, "axes.spines.right": True}):
-        figure = _page(view, images, style.title("Camera", frame, float(ego_motion.times[frame])))
-        files = {"camera": style.png(figure)}
+        page = _page(view, images, style.title("Camera", frame, float(ego_motion.times[frame])))
+        files = {"camera": style.png(*page)}
     files |= {name: encode_png(image) for name, image in images.items()}
     return Pictures({f"k{frame:04d}/{name}.png": data for name, data in files.items()})
 
 
-def _page(view: FrameView, images: dict[str, np.ndarray], title: str) -> Figure:
-    """All images on one page; wide ones in two columns, others in three."""
+def _page(view: FrameView, images: dict[str, np.ndarray], title: str):
+    """All images on one page; wide ones in two columns, others in three. Arguments of `png`."""
     columns, width = (2, 600) if view.rig.width > 2 * view.rig.height else (3, 430)
     height = round(width * view.rig.height / view.rig.width)
     count = -(-len(images) // columns)
     across, down = width + 44, height + 30
     size = (columns * across + 24 + BAR, count * down + 34 + LEGEND + 22)
-    figure = style.new_figure(size[0] / style.DPI, size[1] / style.DPI)
+    figure = style.new_figure(size[0] / style.DPI, size[1] / style.DPI, facecolor="none")
+    under = []
     for i, (name, image) in enumerate(images.items()):
         left = 40 + (i % columns) * across
         bottom = LEGEND + 26 + (count - 1 - i // columns) * down
-        axes = _axes_at(figure, size, left, bottom, width, height)
-        axes.imshow(image, interpolation="antialiased", aspect="auto")
-        axes.set_xticks([])
-        axes.set_yticks([])
+        top = size[1] - bottom - height
+        shrinks = width <= image.shape[1] and height <= image.shape[0]
+        how = cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR
+        under.append((left, top, cv2.resize(image, (width, height), interpolation=how)))
+        place = (left / size[0], bottom / size[1], width / size[0], height / size[1])
         if name == "occupancy":
+            axes = figure.add_axes(place, facecolor="none")
             _draw_limit(axes, view)
             _label_depths(axes, view.grid.depths)
-        axes.set_title(TITLES[name])
-    bar = _axes_at(figure, size, columns * across + 24, LEGEND + 26, 12, count * down - 30)
-    _colour_bar(figure, bar)
+        else:
+            frame = Rectangle(place[:2], *place[2:], fill=False, linewidth=0.7)
+            figure.add_artist(frame)
+        # As far over the image as Matplotlib's own titles.
+        over = 1.0 - (top - 6.0 * style.DPI / 72.0) / size[1]
+        figure.text(place[0], over, TITLES[name], fontsize=10.0)
+    place = (columns * across + 24, LEGEND + 26, 12, count * down - 30)
+    _colour_bar(figure, figure.add_axes([v / size[i % 2] for i, v in enumerate(place)]))
     figure.legend(
         handles=[
             Patch(color=style.INVALID, label="no disparity found"),
@@ -273,12 +292,7 @@ def _page(view: FrameView, images: dict[str, np.ndarray], title: str) -> Figure:
         borderaxespad=0.3,
     )
     figure.text(40 / size[0], 1.0 - 14 / size[1], title, va="center")
-    return figure
-
-
-def _axes_at(figure: Figure, size, left, bottom, width, height) -> Axes:
-    """Axes of a figure of `size` px at a place given in px."""
-    return figure.add_axes((left / size[0], bottom / size[1], width / size[0], height / size[1]))
+    return figure, under
 
 
 def _draw_limit(axes: Axes, view: FrameView) -> None:
@@ -288,6 +302,8 @@ def _draw_limit(axes: Axes, view: FrameView) -> None:
     # Neighbouring columns may be far apart in a Cartesian grid: a line would mean nothing.
     look = {"linestyle": "", "marker": "."} if view.grid.kind == "cartesian" else {}
     axes.plot(columns, len(view.grid.depths) - 1 - rows, color=style.FREE, markersize=2.5, **look)
+    axes.set(xlim=(-0.5, len(view.grid.laterals) - 0.5), xticks=[])
+    axes.set_ylim(len(view.grid.depths) - 0.5, -0.5)
 
 
 def _colour_bar(figure: Figure, axes: Axes) -> None:
@@ -313,13 +329,15 @@ def _label_depths(axes: Axes, depths: np.ndarray) -> None:
     axes.set_yticks(list(ticks.values()), [str(value) for value in ticks])
 
 
-WIDEST = 512
-"""Wider images are reduced to this width, px. Averaging removes the noise, which JPEG cannot."""
+WIDEST, WIDEST_VIEW = 512, 400
+"""Greatest widths of the page's images and of what was found in them, px.
 
-_VIEW = (".webp", 400, (cv2.IMWRITE_WEBP_QUALITY, 40))
-IMAGES = {"grey": (".jpg", WIDEST, (cv2.IMWRITE_JPEG_QUALITY, 70))}
-IMAGES |= dict.fromkeys(("disparity", "grid", "free_space"), _VIEW)
-"""Format, greatest width in px and quality of the images of a `FrameView` that the page shows."""
+Averaging removes the noise, which JPEG cannot.
+"""
+QUALITY, QUALITY_OF_VIEWS = 60, 30
+"""Of their JPEG."""
+VIEWS, OF_STIXELS = ("disparity", "grid", "free_space"), ("left", "right", "top", "base", "depth")
+"""What was found, images of a `FrameView`; what the page needs of stixels."""
 
 
 def camera_frames(
@@ -339,11 +357,15 @@ def camera_frames(
         rig, road, occupancy: those of the grid.
         frames: indices k.
     """
-    views = [
-        FrameView(k, rig, pairs, disparities, grid, free_space, stixels)
-        for k in frames
-        for grid in [picture_grid(disparities, free_space, rig, road, occupancy, k)]
-    ]
+    images = {name: [] for name in ("grey", *VIEWS)}
+    for k in frames:
+        grid = picture_grid(disparities, free_space, rig, road, occupancy, k)
+        nouns = (pairs, disparities, grid, free_space, stixels)
+        view = FrameView(k, rig, *nouns, widest=WIDEST_VIEW)
+        images["grey"].append(_jpeg(reduced(pairs.left[k - pairs.first], WIDEST), QUALITY))
+        for name in VIEWS:
+            shown = getattr(view, f"{name}_image")[..., ::-1]
+            images[name].append(_jpeg(shown, QUALITY_OF_VIEWS))
     first = frames.start - stixels.first
     offsets = stixels.offsets[first : first + len(frames) + 1]
     rows = slice(offsets[0], offsets[-1])
@@ -351,23 +373,22 @@ def camera_frames(
         first=frames.start,
         width=rig.width,
         height=rig.height,
-        images={
-            name: tuple(_encoded(getattr(view, f"{name}_image"), *how) for view in views)
-            for name, how in IMAGES.items()
-        },
+        images={name: tuple(files) for name, files in images.items()},
         offsets=(offsets - offsets[0]).astype(np.int64),
-        left=stixels.left[rows],
-        right=stixels.right[rows],
-        top=stixels.top[rows],
-        base=stixels.base[rows],
-        depth=stixels.depth[rows],
+        **{name: getattr(stixels, name)[rows] for name in OF_STIXELS},
     )
 
 
-def _encoded(image: np.ndarray, extension: str, widest: int, quality: tuple[int, int]) -> bytes:
-    """An RGB image (H, W, 3) uint8 as a file, made smaller if it is wider than `widest`."""
+def reduced(image: np.ndarray, widest: int) -> np.ndarray:
+    """An image (H, W) or (H, W, 3) with means of its pixels, if it is wider than `widest`, px."""
     height, width = image.shape[:2]
-    if width > widest:
-        size = (widest, max(1, round(height * widest / width)))
-        image = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
-    return cv2.imencode(extension, image[..., ::-1], quality)[1].tobytes()
+    if width <= widest:
+        return image
+    size = (widest, max(1, round(height * widest / width)))
+    return cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+
+
+def _jpeg(image: np.ndarray, quality: int) -> bytes:
+    """The file of an image, (H, W) or BGR (H, W, 3) uint8."""
+    settings = cv2.IMWRITE_JPEG_QUALITY, quality, cv2.IMWRITE_JPEG_OPTIMIZE, 1
+    return cv2.imencode(".jpg", image, settings)[1].tobytes()

@@ -1,13 +1,14 @@
 """Things drawn on the ground plane: contours and their band, points, headings, field of view.
 
-All coordinates are metres in the world frame; a pose is (x, y, heading).
+All coordinates are metres in the world frame; a pose is (x, y, heading). Patches are added as
+artists, which do not affect the limits: to find their extents takes longer than to draw them.
 """
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import EllipseCollection
 from matplotlib.markers import MarkerStyle
-from matplotlib.patches import Patch, PathPatch, Polygon
+from matplotlib.patches import PathPatch, Polygon
 from matplotlib.path import Path
 from matplotlib.typing import ColorType
 
@@ -24,7 +25,9 @@ def draw_contour(axes: Axes, contour_world: np.ndarray, colour: str, **options) 
     """The outline of a polygon (M, 2) m; nothing if it is not finite."""
     if np.isfinite(contour_world).all():
         options = {"linewidth": 1.6, "zorder": 4.0, "joinstyle": "round"} | options
-        _add(axes, Polygon(contour_world, closed=True, fill=False, edgecolor=colour, **options))
+        axes.add_artist(
+            Polygon(contour_world, closed=True, fill=False, edgecolor=colour, **options)
+        )
 
 
 def draw_band(
@@ -58,7 +61,7 @@ def draw_band(
     codes = [Path.MOVETO, *[Path.LINETO] * 3, Path.CLOSEPOLY] * len(outer)
     ring = Path(quads.reshape(-1, 2), codes)
     look = {"facecolor": style.ESTIMATE, "alpha": 0.2, "linewidth": 0, "zorder": 2.0}
-    _add(axes, PathPatch(ring, **look))
+    axes.add_artist(PathPatch(ring, **look))
 
 
 def _normals(contour: np.ndarray, reach: int) -> np.ndarray:
@@ -66,11 +69,6 @@ def _normals(contour: np.ndarray, reach: int) -> np.ndarray:
     pieces = np.roll(contour, -reach, axis=0) - np.roll(contour, reach, axis=0)
     lengths = np.maximum(np.linalg.norm(pieces, axis=1), 1e-9)
     return np.stack([pieces[:, 1], -pieces[:, 0]], axis=1) / lengths[:, None]
-
-
-def _add(axes: Axes, patch: Patch) -> None:
-    """Add a patch that does not affect the limits: to find its extent takes longer than it."""
-    axes.add_artist(patch)
 
 
 def draw_points(
@@ -139,7 +137,9 @@ def draw_field_of_view(axes: Axes, pose_world: np.ndarray, bearings: tuple[float
     angles = pose_world[2] + np.linspace(*bearings, 25)
     arc = pose_world[:2] + reach * np.stack([np.cos(angles), np.sin(angles)], axis=1)
     wedge = np.concatenate([[pose_world[:2]], arc])
-    _add(axes, Polygon(wedge, facecolor=style.FIELD_OF_VIEW, alpha=0.09, linewidth=0, zorder=0))
+    axes.add_artist(
+        Polygon(wedge, facecolor=style.FIELD_OF_VIEW, alpha=0.09, linewidth=0, zorder=0)
+    )
     edges = np.stack([arc[0], pose_world[:2], arc[-1]])
     axes.plot(*edges.T, color=style.FIELD_OF_VIEW, linewidth=0.9, zorder=1.0)
 
@@ -175,6 +175,5 @@ def fit(axes: Axes, points_world: np.ndarray, margin: float) -> None:
     size = np.array([box.width * figure_width, box.height * figure_height])
     half = 0.5 * size * np.max((high - low) / size)
     centre = 0.5 * (low + high)
-    axes.set_xlim(centre[0] - half[0], centre[0] + half[0])
-    axes.set_ylim(centre[1] - half[1], centre[1] + half[1])
-    axes.set_aspect("equal")
+    limits = np.stack([centre - half, centre + half], axis=1)
+    axes.set(xlim=limits[0], ylim=limits[1], aspect="equal")

@@ -81,9 +81,8 @@ def _draw_errors(column, scores: Scores) -> None:
         if series.consistent is not None:
             axes.axhline(series.consistent, color=style.TRUTH, linewidth=0.7)
         axes.plot(scores.times, series.factor * getattr(scores, name), color=style.ESTIMATE)
-        axes.set_ylim(*series.bounds)
-        axes.set_title(title)
-        axes.set_ylabel(series.unit or series.short_label)
+        label = series.unit or series.short_label
+        axes.set(ylim=series.bounds, title=title, ylabel=label)
 
 
 def _draw_consistency(axes: Axes, scores: Scores, name: str, degrees_of_freedom) -> None:
@@ -100,8 +99,7 @@ def _draw_consistency(axes: Axes, scores: Scores, name: str, degrees_of_freedom)
     axes.fill_between(scores.times, low, high, color=style.CONSISTENT, linewidth=0)
     axes.axhline(series.consistent, color=style.TRUTH, linewidth=0.7)
     axes.plot(scores.times, ratio, color=style.ESTIMATE)
-    axes.set_title(f"{series.label}  (consistent: 1; grey: 95 % interval)")
-    axes.set_ylabel("ratio")
+    axes.set(title=f"{series.label}  (consistent: 1; grey: 95 % interval)", ylabel="ratio")
 
 
 def _draw_counts(axes: Axes, times, candidates, used) -> None:
@@ -109,9 +107,8 @@ def _draw_counts(axes: Axes, times, candidates, used) -> None:
     # Wide, so that it shows where all points of a scan are used.
     axes.plot(times, candidates, color=style.UNUSED, linewidth=3.5, label="in scan", **steps)
     axes.plot(times, used, color=style.USED, label="used", **steps)
-    axes.set_ylim(0.0, 1.25 * max(1, int(candidates.max(initial=0))))
-    axes.set_title("Points per scan")
-    axes.set_ylabel("points")
+    top = 1.25 * max(1, int(candidates.max(initial=0)))
+    axes.set(ylim=(0.0, top), title="Points per scan", ylabel="points")
     axes.legend(loc="upper right", ncols=2)
 
 
@@ -143,11 +140,9 @@ def rig_pictures(calibration: RigCalibration) -> Pictures:
         for depth, colour in zip(DEPTHS, style.RUNS, strict=False):
             per_pixel = depth / rig.disparity_from_depth(depth)
             right.plot(columns, -per_pixel * error, color=colour, label=f"{depth:g} m")
-            right.fill_between(
-                columns, -2 * per_pixel * band, 2 * per_pixel * band, color=colour, alpha=0.2
-            )
-        right.set_title("Error of a depth: lines before, bands (± 2 std) after")
-        right.set_ylabel("m")
+            reach = 2 * per_pixel * band
+            right.fill_between(columns, -reach, reach, color=colour, alpha=0.2)
+        right.set(title="Error of a depth: lines before, bands (± 2 std) after", ylabel="m")
         right.legend(loc="upper center", ncols=3)
         for axes in (left, right):
             axes.set_xlabel("column (px)")

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from stixel_cli.errors import UserError
-from stixel_cli.images import ImageStack, eight_bits, encode_png
+from stixel_cli.images import ImageStack, eight_bits, encode_pnm
 from stixel_cli.recordings.image_files import grey, read_image, rectified, rgb
 from stixel_cli.recordings.rosbag import read_images
 from stixel_cli.recordings.types import Messages, Rectification
@@ -28,7 +28,7 @@ def read_pairs(
         messages: the images, if they are in a bag.
     """
     encoded = [
-        [encode_png(rectified(grey(image), rectification, i == 1)) for i, image in enumerate(pair)]
+        [encode_pnm(rectified(grey(image), rectification, i == 1)) for i, image in enumerate(pair)]
         for pair in _images(files, frames, messages, "left", "right")
     ]
     return StereoPairs(frames.start, *map(ImageStack, zip(*encoded, strict=True)))

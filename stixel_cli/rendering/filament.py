@@ -77,11 +77,10 @@ def describe_scene(
             ids.append(identity)
             limb_poses.append(limb_pose)
     poses = [rig_cameras(rig, scenario.ego_poses_world[k]) for k in frames]
+    focals = rig.focal, rig.focal_v
     return arrays | {
         "size": np.array([rig.width, rig.height]),
-        "intrinsics": np.array(
-            [[rig.focal, rig.focal_v, u, rig.v0] for u in (rig.u0, rig.u0_right)]
-        ),
+        "intrinsics": np.array([[*focals, u, rig.v0] for u in (rig.u0, rig.u0_right)]),
         "parts": np.array(len(ids)),
         "texture_of": np.array(texture_of),
         "ids": np.array(ids),
@@ -169,6 +168,4 @@ def _death(child: subprocess.Popen, folder: Path) -> str:
 
 
 def _transform(camera: Camera) -> np.ndarray:
-    transform = np.eye(4)
-    transform[:3, :3], transform[:3, 3] = camera.rotation, camera.origin
-    return transform
+    return np.vstack([np.column_stack([camera.rotation, camera.origin]), np.eye(4)[3]])

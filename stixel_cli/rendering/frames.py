@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stixel_cli.images import ImageStack, encode_png
+from stixel_cli.images import ImageStack, encode_png, encode_pnm
 
 SKY_ID, ROAD_ID, TARGET_ID, BACKGROUND_ID = 0, 1, 2, 3
 
@@ -47,8 +47,8 @@ class RenderedFrames:
             steps = np.where(np.isfinite(depth), np.rint(depth / DEPTH_STEP), 0).astype(np.uint32)
             high, low = (steps >> 16).astype(np.uint16), (steps & 0xFFFF).astype(np.uint16)
             for stack, image in zip(stacks, (left, right, high, low, ids), strict=True):
-                # Only the sensor's noise reads the right image, once.
-                stack.append(encode_png(image, compressed=image is not right))
+                # Depths and ids shrink to a tenth; a picture to a half, in 20 times the time.
+                stack.append((encode_png if image.ndim == 2 else encode_pnm)(image))
         return cls(first, *(ImageStack(tuple(stack)) for stack in stacks))
 
     def __len__(self) -> int:

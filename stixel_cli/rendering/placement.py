@@ -24,13 +24,8 @@ EXPOSURE = 0.85
 """Factor from light to the image's linear grey, with full scale 1: white stays below it."""
 
 _AZIMUTH, _ELEVATION = np.radians(200.0), np.radians(38.0)
-SUN = np.array(
-    [
-        np.cos(_ELEVATION) * np.cos(_AZIMUTH),
-        np.cos(_ELEVATION) * np.sin(_AZIMUTH),
-        np.sin(_ELEVATION),
-    ]
-)
+_LEVEL = np.cos(_ELEVATION)
+SUN = np.array([_LEVEL * np.cos(_AZIMUTH), _LEVEL * np.sin(_AZIMUTH), np.sin(_ELEVATION)])
 """Unit vector in the world towards the sun: 200° counter-clockwise from the +x axis (the ego car
 looks along +90° at k = 0), 38° above the horizon."""
 
@@ -149,13 +144,12 @@ class Camera:
         if len(corners) == 0:
             return 0, 0, 0, 0
         u, v, _ = self.project(corners).T
-        left, right = np.floor(u.min()) - margin, np.ceil(u.max()) + margin + 1
-        top, bottom = np.floor(v.min()) - margin, np.ceil(v.max()) + margin + 1
-        top, bottom = (int(np.clip(row, 0, self.height)) for row in (top, bottom))
-        left, right = (int(np.clip(column, 0, self.width)) for column in (left, right))
-        if top >= bottom or left >= right:
-            return 0, 0, 0, 0
-        return top, bottom, left, right
+        ends = [
+            int(np.clip(end, 0, size))
+            for values, size in ((v, self.height), (u, self.width))
+            for end in (np.floor(values.min()) - margin, np.ceil(values.max()) + margin + 1)
+        ]
+        return (0, 0, 0, 0) if ends[0] >= ends[1] or ends[2] >= ends[3] else tuple(ends)
 
 
 def rig_cameras(rig: Rig, ego_pose_world: np.ndarray) -> tuple[Camera, Camera]:

@@ -8,7 +8,7 @@ import numpy as np
 from annotated_types import Ge, Le
 
 from stixel_cli.geometry.rig import Pixels, Rig
-from stixel_cli.images import ImageStack, encode_png
+from stixel_cli.images import ImageStack, encode_pnm
 from stixel_cli.parameters import parameters
 from stixel_cli.randomness import generator
 from stixel_cli.rendering.frames import RenderedFrames, StereoPairs
@@ -93,7 +93,7 @@ def _noisy(grey: np.ndarray, sensor: Sensor, random: np.random.Generator) -> byt
     drawn = random.integers(0, len(normal_quantiles()), grey.shape, dtype=np.uint16)
     grey += normal_quantiles()[drawn] * noise_std(grey, sensor)
     np.clip(np.rint(grey, out=grey), 0, 255, out=grey)
-    return encode_png(grey.astype(np.uint8))
+    return encode_pnm(grey.astype(np.uint8))
 
 
 @cache

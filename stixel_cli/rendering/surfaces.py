@@ -112,12 +112,8 @@ def _geometry(meshes: list[Mesh]) -> dict[str, Any]:
     parts = [part for mesh in meshes for part in mesh.parts]
     starts = np.cumsum([0] + [len(part.vertices) for part in parts])
     vertices = np.concatenate([np.asarray(part.vertices, dtype=np.float64) for part in parts])
-    triangles = np.concatenate(
-        [
-            np.asarray(part.triangles, dtype=np.int64) + start
-            for part, start in zip(parts, starts, strict=False)
-        ]
-    )
+    counted = zip(parts, starts, strict=False)
+    triangles = np.concatenate([np.asarray(p.triangles, np.int64) + start for p, start in counted])
     uvs = np.concatenate([np.asarray(part.uvs, dtype=np.float64) for part in parts])
     corners = vertices[triangles]
     normals, offsets = _planes(corners)

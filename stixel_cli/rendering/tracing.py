@@ -104,17 +104,15 @@ def nearest(shot: Shot, u: np.ndarray, v: np.ndarray) -> Hits:
 
 def sunlit(shot: Shot, hits: Hits, blockers: Iterable[int]) -> np.ndarray:
     """(n,) bool: whether the hits see the sun past the bodies with the indices `blockers`."""
-    count = len(hits.u)
-    lit = np.zeros(count, dtype=bool)
+    lit = np.zeros(len(hits.u), dtype=bool)
     for index, body in enumerate(shot.bodies):
-        rays, facing = np.empty((count, 6), dtype=np.float32), np.empty(count, dtype=np.int64)
+        rays, facing = np.empty((len(lit), 6), np.float32), np.empty(len(lit), np.int64)
         pinhole = shot.camera.seen_from(body.world_from_body).pinhole
         sun = body.world_from_body[:3, :3].T @ SUN
         normals = body.surfaces.normals
-        count_facing = sun_rays(
-            rays, facing, np.empty(3), hits.arrays, index, pinhole, normals, sun
-        )
-        rays, facing = rays[:count_facing], facing[:count_facing]
+        written = rays, facing, np.empty(3)
+        count = sun_rays(*written, hits.arrays, index, pinhole, normals, sun)
+        rays, facing = rays[:count], facing[:count]
         for blocker in blockers:
             other = shot.bodies[blocker]
             asked = rays
@@ -143,18 +141,12 @@ def light_of(shot: Shot, hits: Hits, lit: np.ndarray, spread: np.ndarray | float
     )
     for index, body in enumerate(shot.bodies):
         surfaces, textures = body.surfaces, body.surfaces.textures
-        shading.shade(
-            result,
-            hits.arrays,
-            lit,
-            index,
-            FINER_TARGET if index else 1,
-            spread,
-            camera.seen_from(body.world_from_body).pinhole,
-            (surfaces.normals, surfaces.uv_gradients, surfaces.texture),
-            (textures.texels, textures.levels, textures.first_level),
-            (body.world_from_body[:3, :3].T @ SUN, *lights),
-        )
+        samples = hits.arrays, lit, index, FINER_TARGET if index else 1, spread
+        pinhole = camera.seen_from(body.world_from_body).pinhole
+        planes = surfaces.normals, surfaces.uv_gradients, surfaces.texture
+        tables = textures.texels, textures.levels, textures.first_level
+        suns = body.world_from_body[:3, :3].T @ SUN, *lights
+        shading.shade(result, *samples, pinhole, planes, tables, suns)
     rotation, _, *lens = camera.pinhole
     sky = EXPOSURE * ZENITH, EXPOSURE * HORIZON
     shading.sky_light(result, hits.u, hits.v, hits.body, rotation, *lens, camera.stretch, *sky)

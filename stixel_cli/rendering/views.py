@@ -7,6 +7,7 @@ for each frame.
 
 from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
 
 from stixel_cli.rendering import tracing
@@ -103,7 +104,9 @@ def view_with_target(
     top, bottom, left, right = box
     if top < bottom:
         pixels = (np.arange(top, bottom)[:, None] * width + np.arange(left, right)).ravel()
-        near = np.flatnonzero(_inside(*np.divmod(pixels, width), body_box))
+        inside = np.zeros((height, width), dtype=bool)
+        inside[slice(*body_box[:2]), slice(*body_box[2:])] = True
+        near = np.flatnonzero(inside[top:bottom, left:right])
         centres, over, changed = _centres_with_target(view, shot, pixels, near)
         light, fresh = view.light[pixels], changed
         light[changed] = centres.light[changed]
@@ -111,7 +114,9 @@ def view_with_target(
             edge, at_shadow = edge_pixels(
                 shot.bodies, centres.hits, centres.lit, centres.light, bottom - top
             )
-            edge &= _grown(changed.reshape(bottom - top, right - left)).ravel()
+            # Those that changed and their neighbours (of four).
+            mask = changed.reshape(bottom - top, right - left).view(np.uint8)
+            edge &= cv2.dilate(mask, cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))).ravel() > 0
             edge[near] |= _thin(shot, centres.at(near), view.hits.depth[pixels[near]])
             again = np.flatnonzero(edge)
             fresh = changed | edge
@@ -119,11 +124,8 @@ def view_with_target(
         picture[pixels[fresh]] = srgb_from_linear(light[fresh])
         depth[pixels[over]] = centres.hits.depth[over]
         ids[pixels[over]] = target.surfaces.object_ids[centres.hits.triangle[over]]
-    return (
-        picture.reshape(height, width, 3),
-        depth.reshape(height, width),
-        ids.reshape(height, width),
-    )
+    size = height, width
+    return picture.reshape(*size, 3), depth.reshape(size), ids.reshape(size)
 
 
 def _centres_with_target(
@@ -175,16 +177,6 @@ def _touched_rectangles(shot: Shot, corners_target: np.ndarray):
     return shot.camera.rectangle_of(corners, MARGIN), shot.camera.rectangle_of(swept, MARGIN)
 
 
-def _grown(mask: np.ndarray) -> np.ndarray:
-    """`mask` (h, w) bool and its neighbours (of four)."""
-    grown = mask.copy()
-    grown[1:] |= mask[:-1]
-    grown[:-1] |= mask[1:]
-    grown[:, 1:] |= mask[:, :-1]
-    grown[:, :-1] |= mask[:, 1:]
-    return grown
-
-
 def _thin(shot: Shot, centres: Centres, static_depth: np.ndarray) -> np.ndarray:
     """(n,) bool: pixels where only a part of some samples meets the target, as at a thin tube."""
     alone = replace(shot, bodies=shot.bodies[1:])
@@ -192,9 +184,3 @@ def _thin(shot: Shot, centres: Centres, static_depth: np.ndarray) -> np.ndarray:
     inverse, _ = rasterised(alone, centres.rows, centres.columns, *offsets)
     met = inverse > 1.0 / static_depth[:, None]
     return (met != (centres.hits.body == 1)[:, None]).any(axis=1)
-
-
-def _inside(rows: np.ndarray, columns: np.ndarray, box: tuple[int, int, int, int]) -> np.ndarray:
-    """(n,) bool: whether pixels are in the rectangle `box`."""
-    top, bottom, left, right = box
-    return (rows >= top) & (rows < bottom) & (columns >= left) & (columns < right)

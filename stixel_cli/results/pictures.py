@@ -29,7 +29,7 @@ class CameraFrames:
     Attributes:
         first: index k of the first frame.
         width, height: size of the camera's own image, px; the pictures may be smaller.
-        images: one file per frame by name: `grey` (JPEG), `disparity`, `grid`, `free_space` (WebP).
+        images: one JPEG a frame by name: `grey`, `disparity`, `grid`, `free_space`.
         offsets: (n + 1,) int64, the stixels of frame i are rows offsets[i]:offsets[i + 1].
         left, right, top, base: (S,) int32, columns left … right - 1 and rows top … base of the
             camera's own image.

@@ -61,9 +61,8 @@ def moved(mesh: Mesh, offset: np.ndarray, turn: float = 0.0) -> Mesh:
     """`mesh` turned about z by `turn` rad, counter-clockwise, then shifted by `offset` (3,) m."""
     matrix = np.eye(3)
     matrix[:2, :2] = rotation(turn)
-    return Mesh(
-        tuple(replace(part, vertices=part.vertices @ matrix.T + offset) for part in mesh.parts)
-    )
+    parts = (replace(part, vertices=part.vertices @ matrix.T + offset) for part in mesh.parts)
+    return Mesh(tuple(parts))
 
 
 def fitted(meshes: Sequence[Mesh], length: float, width: float, height: float) -> tuple[Mesh, ...]:

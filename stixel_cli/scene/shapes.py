@@ -27,12 +27,9 @@ def part(name: str, surfaces: list[Surface], texture: np.ndarray, tile: float) -
 def joined(surfaces: list[Surface]) -> Surface:
     """Several surfaces as one."""
     offsets = np.cumsum([0] + [len(vertices) for vertices, _ in surfaces])
-    return (
-        np.concatenate([vertices for vertices, _ in surfaces]),
-        np.concatenate(
-            [triangles + offset for (_, triangles), offset in zip(surfaces, offsets, strict=False)]
-        ).astype(np.int32),
-    )
+    counted = zip(surfaces, offsets, strict=False)
+    triangles = np.concatenate([triangles + offset for (_, triangles), offset in counted])
+    return np.concatenate([vertices for vertices, _ in surfaces]), triangles.astype(np.int32)
 
 
 def cube_uvs(vertices: np.ndarray, triangles: np.ndarray, tile: float) -> np.ndarray:
@@ -105,13 +102,8 @@ def tube(points: ArrayLike, radii: ArrayLike, sides: int = 10) -> Surface:
     tangents = np.concatenate([segments[:1], segments[1:] + segments[:-1], segments[-1:]])
     tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)
     lean = np.cos(np.radians(50.0))
-    centres = np.concatenate(
-        [
-            points[:1] - 0.7 * radii[0] * tangents[:1],
-            points,
-            points[-1:] + 0.7 * radii[-1] * tangents[-1:],
-        ]
-    )
+    before, after = 0.7 * radii[0] * tangents[:1], 0.7 * radii[-1] * tangents[-1:]
+    centres = np.concatenate([points[:1] - before, points, points[-1:] + after])
     tangents = np.concatenate([tangents[:1], tangents, tangents[-1:]])
     radii = np.concatenate([lean * radii[:1], radii, lean * radii[-1:]])
     # One reference direction for all rings, so that the tube does not twist.
@@ -132,14 +124,8 @@ def ellipsoid(centre: ArrayLike, radii: ArrayLike, rings: int = 8, sides: int = 
     # The first and the last ring are drawn together, so that the fans close nearly flat poles.
     polar[0], polar[-1] = 0.08, np.pi - 0.08
     azimuth = 2.0 * np.pi * np.arange(sides) / sides
-    unit = np.stack(
-        [
-            np.sin(polar)[:, None] * np.cos(azimuth),
-            np.sin(polar)[:, None] * np.sin(azimuth),
-            np.cos(polar)[:, None] * np.ones(sides),
-        ],
-        axis=-1,
-    )
+    across, up = np.sin(polar)[:, None], np.cos(polar)[:, None] * np.ones(sides)
+    unit = np.stack([across * np.cos(azimuth), across * np.sin(azimuth), up], axis=-1)
     return loft(np.asarray(centre) + unit * np.asarray(radii))
 
 
@@ -196,9 +182,8 @@ def rounded_rectangle(
         angles = 0.5 * np.pi * (corner + np.arange(per_corner + 1) / per_corner)
         arc = np.array(centre) + radius * np.column_stack([np.cos(angles), np.sin(angles)])
         following = 0.5 * np.pi * (corner + 1)
-        goal = np.array(centres[(corner + 1) % 4]) + radius * np.array(
-            [np.cos(following), np.sin(following)]
-        )
+        out = radius * np.array([np.cos(following), np.sin(following)])
+        goal = np.array(centres[(corner + 1) % 4]) + out
         steps = (np.arange(1, per_side) / per_side)[:, None]
         points += [arc, arc[-1] + steps * (goal - arc[-1])]
     return np.concatenate(points)
@@ -265,12 +250,8 @@ class MonotoneCurve:
         i = np.clip(np.searchsorted(self._x, at, side="right") - 1, 0, len(self._cubic) - 1)
         s = at - self._x[i]
         square = s * s
-        return (
-            self._constant[i]
-            + self._linear[i] * s
-            + self._square[i] * square
-            + self._cubic[i] * (square * s)
-        )
+        low = self._constant[i] + self._linear[i] * s + self._square[i] * square
+        return low + self._cubic[i] * (square * s)
 
 
 def _end_tangent(step: float, next_step: float, slope: float, next_slope: float) -> float:

@@ -27,12 +27,14 @@ def noise(name: str, size: int = SIZE, coarsest: float = 1.0, finest: float = 25
     spectrum = np.fft.rfft2(draws)
     spectrum *= np.where((frequency >= coarsest) & (frequency <= finest), gain, 0.0)
     values = np.fft.irfft2(spectrum, s=(size, size))
-    values = ((values - values.mean()) / values.std()).astype(np.float32)
+    values -= values.mean()
+    # NumPy's `std` would subtract the mean again.
+    values = (values / np.sqrt(np.mean(values * values))).astype(np.float32)
     values.setflags(write=False)
     return values
 
 
-@lru_cache(maxsize=1)
+@lru_cache(maxsize=4)
 def _frequencies(size: int) -> tuple[np.ndarray, np.ndarray]:
     """Frequencies (size, size // 2 + 1), cycles an image, and 1 / frequency, 1 where below 1."""
     frequency = np.hypot(np.fft.fftfreq(size)[:, None], np.fft.rfftfreq(size)) * size

@@ -98,16 +98,17 @@ def test_frames_are_compressed_one_at_a_time(monkeypatch):
     picture = np.zeros((8, 8, 3), dtype=np.uint8)
     events = []
 
-    def encode(image, compressed):
+    def encode(image):
         events.append("store")
-        return encode_png(image, compressed)
+        return encode_png(image)
 
     def frame_arrays():
         for k in range(3):
             events.append("render")
             yield picture + np.uint8(k), picture, np.full((8, 8), k + 0.5), picture[..., 0]
 
-    monkeypatch.setattr(frames, "encode_png", encode)
+    for name in ("encode_png", "encode_pnm"):
+        monkeypatch.setattr(frames, name, encode)
     rendered = RenderedFrames.from_frames(5, frame_arrays())
     assert events == ["render", *["store"] * 5] * 3
     assert len(rendered) == 3

@@ -16,7 +16,7 @@ from report_nouns import (
 )
 
 from stixel_cli.config.compose import compose
-from stixel_cli.images import decode_png
+from stixel_cli.images import decode_image
 from stixel_cli.pictures import ground, style
 from stixel_cli.pictures.birds_eye import moving_pictures, track_pictures
 from stixel_cli.pictures.camera import camera_pictures
@@ -71,7 +71,7 @@ def make_camera_inputs(rig, kind="polar"):
 def check_pngs(files, least_height=250):
     for name, data in files.items():
         if name.endswith(".png"):
-            height, width = decode_png(data).shape[:2]
+            height, width = decode_image(data).shape[:2]
             assert least_height <= height <= 2000, name
             assert 400 <= width <= 2000, name
             assert b"Software" not in data, name
@@ -95,14 +95,14 @@ def test_camera_pictures_have_all_panels(kind):
 def test_camera_pictures_keep_the_pixels_of_the_image():
     rig = make_rig(640, 200)
     inputs = make_camera_inputs(rig)
-    picture = decode_png(camera_pictures(**inputs).files["k0005/left.png"])
+    picture = decode_image(camera_pictures(**inputs).files["k0005/left.png"])
     image = inputs["rendered"].left[1]
     assert np.array_equal(picture, image)
 
 
 def test_stixels_are_painted_in_the_colour_of_their_depth_and_objects_have_boxes():
     inputs = make_camera_inputs(make_rig(640, 200))
-    plain = decode_png(camera_pictures(**inputs).files["k0005/stixels.png"])
+    plain = decode_image(camera_pictures(**inputs).files["k0005/stixels.png"])
     stixels, grey = inputs["stixels"], inputs["pairs"].left[5 - inputs["pairs"].first]
     rows = stixels.rows(5 - stixels.first)
     row = rows.start + int(np.argmin(stixels.depth[rows]))  # nothing covers the nearest one
@@ -112,7 +112,7 @@ def test_stixels_are_painted_in_the_colour_of_their_depth_and_objects_have_boxes
     box = np.array([[10, 60, 20, 90]])
     counts, of_stixels = np.ones(1, np.int64), np.full(len(stixels.depth), -1, np.int32)
     one = Objects(5, np.array([0, 1]), box, np.zeros((1, 4, 2)), counts, of_stixels)
-    boxed = decode_png(camera_pictures(**inputs, objects=one).files["k0005/stixels.png"])
+    boxed = decode_image(camera_pictures(**inputs, objects=one).files["k0005/stixels.png"])
     assert (boxed[90, 10:60] == boxed[90, 10]).all() and (boxed[90, 10] != plain[90, 10]).any()
 
 
@@ -134,7 +134,7 @@ def test_camera_pictures_accept_empty_results():
     files = camera_pictures(**inputs).files
     check_pngs({"camera.png": files["k0005/camera.png"]})
     grey = np.repeat(inputs["pairs"].left[5 - inputs["pairs"].first][..., None], 3, axis=2)
-    assert np.array_equal(decode_png(files["k0005/stixels.png"]), grey)
+    assert np.array_equal(decode_image(files["k0005/stixels.png"]), grey)
 
 
 def test_used_points_have_the_ellipses_of_the_tracker_s_noise(run, monkeypatch):

@@ -118,7 +118,7 @@ function drawCamera() {
   const i = Math.min(Math.floor(frame / shots.every), shots.frames.length - 1), name = `${run.camera}-${i}-${view}`;
   if (imageShown === name) return;
   imageShown = name;
-  find("image").src = `data:image/${view === "grey" ? "jpeg" : "webp"};base64,${shots.images[view][i]}`;
+  find("image").src = `data:image/jpeg;base64,${shots.images[view][i]}`;
   find("image").alt = `${title} at k = ${shots.frames[i]}`;
   // The grid is no image of the camera: nothing lies over it.
   find("image").style.aspectRatio = `${shots.width} / ${shots.height}`;
