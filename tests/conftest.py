@@ -22,7 +22,7 @@ from stixel_cli.tracking.contour import ray_table
 
 # What is imported and collected lives to the end: without this a tenth of the time goes to
 # looking through it for garbage.
-gc.set_threshold(50_000, 20, 100)
+gc.set_threshold(50_000, 20, 10)
 
 # The same examples in every run, and no fault because the machine is busy.
 hypothesis.settings.register_profile("same", derandomize=True, deadline=None, max_examples=20)
