@@ -1,5 +1,6 @@
 """What every test may use: a cache of its own, away from the user's, and short runs."""
 
+import gc
 import os
 from functools import cache, lru_cache
 
@@ -14,8 +15,14 @@ import typer.main
 from browser import open_page as open_page
 from rendered_clip import clip as clip
 from short_runs import marks_of, runs_with
+from tables_of_arrays import remembered
 
 from stixel_cli.scene import contours, road_user
+from stixel_cli.tracking.contour import ray_table
+
+# What is imported and collected lives to the end: without this a tenth of the time goes to
+# looking through it for garbage.
+gc.set_threshold(50_000, 20, 10)
 
 # The same examples in every run, and no fault because the machine is busy.
 hypothesis.settings.register_profile("same", derandomize=True, deadline=None, max_examples=20)
@@ -24,6 +31,9 @@ hypothesis.settings.load_profile("same")
 # The tests have more shapes than a run: meshes and outlines of more of them are remembered.
 contours._united = cache(contours._united.__wrapped__)
 road_user._built_in = lru_cache(maxsize=16)(road_user._built_in.__wrapped__)
+
+# So are the tables of what a sensor sees of them, which each track of `contour` makes anew.
+ray_table.first_depths = remembered(ray_table.first_depths)
 
 # Typer makes all commands anew for each command line of a process, of which the tests have many.
 typer.main.get_command = cache(typer.main.get_command)
@@ -69,3 +79,4 @@ def pytest_collection_modifyitems(items):
     long += ("stale_shipped_tree", "pyrecest", "verdict", "mlflow_folder")
     items.sort(key=lambda item: item.path.stem.removeprefix("test_") not in long)
     items.sort(key=lambda item: item.path.name != "test_bench.py")
+    gc.freeze()

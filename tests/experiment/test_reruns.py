@@ -21,8 +21,8 @@ AFTER_SCANS = {"track", "scores", "track_pictures", "run_pictures"}
 def checkout(tmp_path_factory):
     """A copy of the package whose files a test may edit."""
     folder = tmp_path_factory.mktemp("checkout")
-    # Numba's compiled kernels go along, if there are any: it compiles anew what is edited.
-    leave = shutil.ignore_patterns("*.pyc*", "*.tmp.*")
+    # What Python and Numba have compiled goes along: they compile anew what is edited.
+    leave = shutil.ignore_patterns("*.pyc.*", "*.tmp.*")
     for name in ("stixel_cli", "conf", "pipelines"):
         shutil.copytree(ROOT / name, folder / name, ignore=leave)
     shutil.copy(ROOT / "pyproject.toml", folder)

@@ -8,9 +8,8 @@ from box_scene import RAYCAST, RIG, objects, scenario, target_mesh
 from constants import with_constants
 
 from stixel_cli.errors import UserError
-from stixel_cli.rendering import filament_process
+from stixel_cli.rendering import filament, filament_process, placement
 from stixel_cli.rendering.filament import (
-    COMMAND,
     RendererUnavailable,
     describe_scene,
     probe_filament,
@@ -62,8 +61,17 @@ def describe(frames: range) -> dict[str, np.ndarray]:
 
 @pytest.fixture(scope="module")
 def runs():
+    """Of the stage's function, whose scene is this small one: two frames, and the second alone."""
     try:
-        return [list(rendered(describe(f), FILAMENT, COMMAND)) for f in (range(2), range(1, 2))]
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(placement, "motion_of", lambda *_: None)
+            patch.setattr(placement, "numbered_objects", lambda *_: objects())
+            patch.setattr(filament, "road_user_meshes", lambda _: [target_mesh()])
+            given = {"scenario": scenario(), "road_user": None, "world": None, "rig": RIG}
+            return [
+                filament.render(**given, renderer=FILAMENT, frames=frames)
+                for frames in (range(2), range(1, 2))
+            ]
     except RendererUnavailable:
         problem = probe_filament(60.0)
         if problem is None:
@@ -74,7 +82,8 @@ def runs():
 def test_filament_agrees_with_the_ray_caster(runs):
     static, target = StaticScene(objects(), RIG, RAYCAST), Target([target_mesh()])
     for k in range(2):
-        left, right, depth, ids = runs[0][k]
+        shots = runs[0]
+        left, right, depth, ids = shots.left[k], shots.right[k], shots.depth(k), shots.ids[k]
         cast_left, cast_right, cast_depth, cast_ids = render_frame(static, target, scenario(), k)
         one, other = ids == TARGET_ID, cast_ids == TARGET_ID
         # A silhouette within 1 px: where they differ, it is at an edge of the other one.
@@ -93,8 +102,10 @@ def test_filament_agrees_with_the_ray_caster(runs):
 
 
 def test_filament_gives_the_same_bytes_in_another_process_and_chunk(runs):
-    for one, other in zip(runs[0][1], runs[1][0], strict=True):
-        assert np.array_equal(one, other)
+    assert [frames.first for frames in runs] == [0, 1]
+    for name in ("left", "right", "depth_high", "depth_low", "ids"):
+        one, other = (getattr(frames, name) for frames in runs)
+        assert np.array_equal(one[1], other[0]), name
 
 
 def test_hanging_child_gives_a_one_line_error():

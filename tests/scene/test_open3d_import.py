@@ -56,9 +56,11 @@ def test_all_of_open3d_can_be_imported_after_its_bindings():
 
 
 def test_where_open3d_is_imported_already_that_is_used():
+    """As if it were: to execute the module takes seconds."""
     run(
-        "open3d = import_open3d()\nbefore = cast(open3d)\n"
-        f"bindings = import_open3d_bindings()\nassert bindings is open3d\n{WHOLE}"
+        "from importlib.util import find_spec, module_from_spec\n"
+        "open3d = sys.modules['open3d'] = module_from_spec(find_spec('open3d'))\n"
+        "assert import_open3d_bindings() is open3d"
     )
 
 

@@ -75,7 +75,7 @@ def test_a_cache_that_is_too_small_keeps_what_the_report_reads(
         return plain(data)
 
     monkeypatch.setattr(study_toy, "material", reading)
-    assert studies.run(toy(), "cache.max_size=1kB")["complete"]
+    assert studies.run(toy(), "road_user=car", "seed=0", "cache.max_size=1kB")["complete"]
 
 
 def test_a_folder_is_named_after_its_overrides(studies, toy):

@@ -29,9 +29,10 @@ from stixel_cli.tracking.contour.contour_update import SHAPE_ERRORS, update
 from stixel_cli.tracking.kalman import condition
 from stixel_cli.tracking.track import InitialState
 
-TRACKER = dataclasses.replace(
-    compose(["tracker=contour"]).configuration.tracker, seen_by="fabricated"
-)
+# Of one class: that the filters of the others change nothing is said in `test_disturbed_scans.py`.
+TRACKER = compose(
+    ["tracker=contour", "tracker.seen_by=fabricated", "tracker.road_user=fixed"]
+).configuration.tracker
 STIXELS = dataclasses.replace(TRACKER, seen_by="stixels")
 SHAPES = {name: class_shape(name) for name in ("car", "cyclist", "pedestrian")}
 PRIORS = {

@@ -16,9 +16,10 @@ from stixel_cli.tracking.contour.contour_recovery import RECENT, clusters_of, is
 from stixel_cli.tracking.contour.contour_report import box_sizes
 from stixel_cli.tracking.contour.residual import Residual
 
-TRACKER = dataclasses.replace(
-    compose(["tracker=contour"]).configuration.tracker, seen_by="fabricated"
-)
+TRACKER = compose(
+    ["tracker=contour", "tracker.seen_by=fabricated", "tracker.road_user=fixed"]
+).configuration.tracker
+OF_ANY_CLASS = dataclasses.replace(TRACKER, road_user="estimated")
 SHAPE, CAR_SHAPE = class_shape("cyclist"), class_shape("car")
 KNOWN = dataclasses.replace(CAR, length=4.52, width=1.83)
 """A car of the size of its class."""
@@ -125,7 +126,7 @@ def test_a_target_is_found_again_that_turned_during_a_gap():
         for k, pair in enumerate(zip(points, covariances, strict=True))
     ]
     scans = scans_of([pair[0] for pair in pairs], covariances=np.concatenate([p[1] for p in pairs]))
-    result = track(scans, start_at(poses), KNOWN, TRACKER)
+    result = track(scans, start_at(poses), KNOWN, OF_ANY_CLASS)
     assert np.hypot(*(result.means[40:, :2] - poses[40:, :2]).T).max() < 0.3
     assert np.abs(wrap_angle(result.means[40:, 2] - poses[40:, 2])).max() < np.radians(5)
 
@@ -137,7 +138,7 @@ def test_a_start_that_is_as_wrong_as_it_states_is_mended(offset):
     initial = dataclasses.replace(
         start_at(poses, offset), covariance=np.diag([1.0, 1.0, 0.25, 4.0, 4.0, 0.1])
     )
-    result = track(scans, initial, KNOWN, TRACKER)
+    result = track(scans, initial, KNOWN, OF_ANY_CLASS)
     assert result.class_replaced is None
     assert np.hypot(*(result.means[3:, :2] - poses[3:, :2]).T).max() < 0.15
 

@@ -142,7 +142,7 @@ def test_a_wrong_class_is_reported_without_the_truth(user, prior, fits):
 
 def test_each_scan_has_the_state_of_the_class_that_it_reports(monkeypatch):
     p, scenario, whole = clean("cyclist")
-    count = 12
+    count = 6
     each = [
         (whole.points_world[rows], whole.covariances_world[rows])
         for rows in map(whole.rows, range(count))

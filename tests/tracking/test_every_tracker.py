@@ -51,7 +51,7 @@ def tracker_of(words):
 
 def given():
     """Scans of a car that turns, and the start of its track."""
-    poses = turning(12, 4.0, 0.3)
+    poses = turning(8, 4.0, 0.3)
     return scans_seen(OUTLINE, poses, noise=0.05), start_at(poses)
 
 

@@ -24,7 +24,7 @@ TRACKERS = {
     name: dataclasses.replace(compose([f"tracker={name}"]).configuration.tracker, lag=4)
     for name in ("point", "contour", "gp_ekf")
 }
-CONTOUR = dataclasses.replace(TRACKERS["contour"], seen_by="fabricated")
+CONTOUR = dataclasses.replace(TRACKERS["contour"], seen_by="fabricated", road_user="fixed")
 KNOWN = dataclasses.replace(CAR, length=4.52, width=1.83)
 POSES = turning(20, 4.0, 0.3)
 
