@@ -12,7 +12,7 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 47_401
+TOTAL = 47_397
 """Greatest number of lines in all."""
 
 MODULES = 250
@@ -21,14 +21,14 @@ MODULES = 250
 BUDGET = {
     "": 1511,
     "answers": 1312,
-    "benchmark": 976,
+    "benchmark": 978,
     "calibration": 569,
     "cli": 2730,
     "config": 2815,
     "engine": 4287,
     "evaluation": 1651,
     "experiment": 1361,
-    "export": 607,
+    "export": 608,
     "geometry": 385,
     "live": 625,
     "machine": 203,
@@ -37,13 +37,13 @@ BUDGET = {
     "recordings": 2660,
     "rendering": 2269,
     "report": 779,
-    "results": 1452,
+    "results": 1454,
     "scene": 3531,
     "stereo": 508,
     "stixels": 2134,
     "studies": 1762,
     "sweeps": 2112,
-    "tracking": 6649,
+    "tracking": 6640,
     "validation": 1111,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""

@@ -175,6 +175,7 @@ class SequenceData:
                 points=np.round(scans.points_world, DECIMALS).astype(np.float32),
                 variances=scans.covariances_world[:, [0, 0, 1], [0, 1, 1]].astype(np.float32),
                 field_of_view=_rounded([view.right, view.left, view.baseline] if view else []),
+                **({} if scans.heights is None else {"heights": scans.heights.astype(np.float32)}),
             ),
             "start.json": _json(**{k: _rounded(v).tolist() for k, v in vars(self.initial).items()}),
             "prior.json": _json(**vars(self.prior)),
@@ -253,10 +254,11 @@ class Data:
             offsets, points = scans["offsets"].astype(np.int64), scans["points"].astype(np.float64)
             borders = scans["field_of_view"].tolist()
             view = FieldOfView(*borders) if borders else None
+            heights = scans["heights"].astype(np.float64) if "heights" in scans else None
             contours, limbs = truth["contours"].astype(np.float64), truth["limb_poses"]
             motion = times, sensor, truth["poses"], truth["rates"]
             return SequenceData(
-                Scans(times, sensor, offsets, points, covariances, view),
+                Scans(times, sensor, offsets, points, covariances, view, heights=heights),
                 InitialState(**{key: np.array(values) for key, values in start.items()}),
                 PriorShape(**prior),
                 Scenario(*motion, contours, limbs, scored=truth.get("scored")),

@@ -65,6 +65,7 @@ COLUMNS: dict[str, tuple[str, str]] = {
     "var_xx": ("m²", "variance of x"),
     "var_xy": ("m²", "covariance of x and y"),
     "var_yy": ("m²", "variance of y"),
+    "z": ("m", "height above the road"),
     "used": ("", "1 if the track was updated with the point, else 0"),
     "points_used": ("", "number of points with which the track was updated"),
     "nis": ("", "normalised innovation squared; nan without a point"),

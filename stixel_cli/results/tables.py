@@ -74,7 +74,7 @@ def _turns(headings: np.ndarray) -> np.ndarray:
 
 
 def scan_columns(scans: Scans) -> dict[str, np.ndarray]:
-    """The scans as a table, one row per point: k, t (s), x, y (m), variances (m²)."""
+    """The scans as a table, one row per point: k, t (s), x, y (m), variances (m²), z if known."""
     k = np.repeat(np.arange(len(scans)), np.diff(scans.offsets))
     return {
         "k": k,
@@ -84,6 +84,7 @@ def scan_columns(scans: Scans) -> dict[str, np.ndarray]:
         "var_xx": scans.covariances_world[:, 0, 0],
         "var_xy": scans.covariances_world[:, 0, 1],
         "var_yy": scans.covariances_world[:, 1, 1],
+        **({} if scans.heights is None else {"z": scans.heights}),
     }
 
 
@@ -275,7 +276,8 @@ def _track(arrays: Table) -> Track:
 def _scans(ego: Table, scans: Table) -> Scans:
     offsets = np.searchsorted(scans["k"], np.arange(len(ego["t"]) + 1))
     variances = _columns(scans, ("var_xx", "var_xy", "var_xy", "var_yy")).reshape(-1, 2, 2)
-    return Scans(ego["t"], _columns(ego), offsets, _columns(scans, ("x", "y")), variances)
+    points = _columns(scans, ("x", "y"))
+    return Scans(ego["t"], _columns(ego), offsets, points, variances, heights=scans.get("z"))
 
 
 def _scenario(ego: Table, truth: Table) -> Scenario:

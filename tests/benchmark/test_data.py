@@ -1,4 +1,5 @@
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -6,6 +7,7 @@ import pytest
 from stixel_cli.benchmark.sequences import Data, fresh_set, named, planned, whole_set
 from stixel_cli.cli.app import main
 from stixel_cli.errors import UserError
+from stixel_cli.results import tables
 
 
 def test_version_1_0_has_450_sequences_which_their_names_give_back():
@@ -43,6 +45,19 @@ def test_a_second_rendering_has_the_same_id_and_a_tracker_gets_what_was_rendered
     assert given.prior.length == 4.52 and truth.known.all()
     assert np.all(np.linalg.eigvalsh(given.scans.covariances_world) > 0.0)
     assert np.hypot(*(given.initial.mean[:2] - truth.target_poses_world[0, :2])) < 3.0
+
+
+def test_heights_of_points_come_back_from_a_sequence_and_from_a_run(rendered):
+    name = "fabricated-car-turn-1"
+    given = Data(rendered).read(name)
+    heights = np.linspace(0.2, 1.4, len(given.scans.points_world))
+    scans = replace(given.scans, heights=heights)
+    for file, content in replace(given, scans=scans).files().items():
+        (rendered / name / file).write_bytes(content)
+    np.testing.assert_allclose(Data(rendered).read(name).scans.heights, heights, atol=1e-6)
+    x, y, heading = scans.sensor_poses_world.T
+    ego = {"t": scans.times, "x": x, "y": y, "heading": heading}
+    np.testing.assert_array_equal(tables._scans(ego, tables.scan_columns(scans)).heights, heights)
 
 
 def test_verify_names_a_file_that_was_changed_or_is_missing(rendered, capsys):

@@ -6,11 +6,7 @@ import numpy as np
 
 from stixel_cli.geometry.pose import wrap_angle
 from stixel_cli.measurements.scans import FieldOfView
-from stixel_cli.tracking.contour.class_shape import (
-    class_shape,
-    visible_shape,
-    visible_table,
-)
+from stixel_cli.tracking.contour.class_shape import class_shape, visible_shape, visible_table
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
 from stixel_cli.tracking.contour.ray_kernels import expected
 from stixel_cli.tracking.contour.ray_table import RayTable

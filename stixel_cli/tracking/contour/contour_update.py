@@ -8,12 +8,7 @@ import numpy as np
 from stixel_cli.tracking.association import uncut
 from stixel_cli.tracking.consider import NODES, JointCovariance, field_weights
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
-from stixel_cli.tracking.contour.contour_rays import (
-    Rays,
-    Sight,
-    gate_widths,
-    sampling_inset,
-)
+from stixel_cli.tracking.contour.contour_rays import Rays, Sight, gate_widths, sampling_inset
 from stixel_cli.tracking.contour.ray_kernels import Linear, fill_rows, linearise
 from stixel_cli.tracking.kalman import condition, correct
 from stixel_cli.tracking.smoothing import Step
