@@ -42,7 +42,7 @@ summary has the main metrics alone.
 
 
 SKETCHED = {
-    "stixel_cli.pictures.style.png": lambda figure: _empty("png"),
+    "stixel_cli.pictures.style.png": lambda *figure: _empty("png"),
     "stixel_cli.pictures.style.svg": lambda figure: _empty("svg"),
 }
 """With the mark `sketched` all is drawn as with `drawn`, but written as empty pictures.

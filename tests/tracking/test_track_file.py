@@ -251,7 +251,7 @@ WRONG = {
     "length must be > 0": ("track.csv", "k,x,y,heading,length,width\n0,1,2,3,0,1\n"),
     "radius_0, radius_1, … must be": ("track.csv", "k,x,y,heading,radius_1\n0,1,2,3,4\n"),
     "row 1: 17 columns are needed": ("track.txt", "0 31 Car\n"),
-    "not finite": ("track.txt", "0 1 nan 0 0 0 0 1\n"),
+    "nan must be within": ("track.txt", "0 1 nan 0 0 0 0 1\n"),
     "qw, qx, qy, qz must have the length 1": ("track.txt", "0 1 2 0 0 0 0 0\n"),
     "track.csv is missing": ("other.csv", ""),
 }
