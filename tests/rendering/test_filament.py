@@ -133,7 +133,7 @@ def test_child_reports_a_missing_requirement():
 def test_child_that_hangs_half_way_is_stopped():
     writes = "import pathlib, signal, sys; pathlib.Path(sys.argv[-1], 'ready').touch(); "
     command = (sys.executable, "-c", writes + "signal.pause()")
-    hasty = with_constants(HASTY, start_timeout=60.0, attempts=1)
+    hasty = with_constants(HASTY, start_timeout=5.0, attempts=1)
     with pytest.raises(RendererUnavailable, match=r"did not render within 0\.1 s \(1 attempts\)"):
         next(rendered(describe(range(2)), hasty, command))
 
