@@ -47,7 +47,7 @@ def main() -> None:
 
     Several processes would each import and start Numba, and compile what kernels share.
     """
-    print("compiling the kernels (once, about 15 s) …", file=sys.stderr)  # noqa: T201
+    print("compiling the kernels (once, about 30 s) …", file=sys.stderr)  # noqa: T201
     start = perf_counter()
     # The compiler makes millions of small objects: without the collection of cycles, which
     # would find few of them, it takes a fifth less time, and 0.3 GB of memory.

@@ -18,7 +18,7 @@ from stixel_cli.pictures.uncertainty import ellipse_axes
 from stixel_cli.stixels.types import Objects
 
 BAND_REACH = 4
-"""Points of a contour to both sides that give the direction of its band."""
+"""Points of a contour to both sides, at most, that give the direction of its band."""
 
 
 def draw_contour(axes: Axes, contour_world: np.ndarray, colour: str, **options) -> None:
@@ -47,9 +47,9 @@ def draw_band(
         return
     radii = np.linalg.norm(contour_world - centre_world, axis=1)
     reach = 2.0 * std * np.maximum(np.sum(_normals(contour_world, 1) * directions, axis=1), 0.2)
-    beside = range(-BAND_REACH, BAND_REACH + 1)
-    reach = np.median([np.roll(reach, shift) for shift in beside], axis=0)
-    across = _normals(contour_world, BAND_REACH)
+    beside = min(BAND_REACH, (len(contour_world) - 1) // 2)
+    reach = np.median([np.roll(reach, shift) for shift in range(-beside, beside + 1)], axis=0)
+    across = _normals(contour_world, beside)
     inner = contour_world - np.minimum(reach, radii)[:, None] * across
     outer = contour_world + reach[:, None] * across
     # One area per edge, all of one orientation: where they overlap, nothing is left out.

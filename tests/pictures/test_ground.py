@@ -28,3 +28,16 @@ def test_the_band_is_across_the_contour_and_no_mirror_spreads_it():
     assert shapely.hausdorff_distance(band, outline) < 0.3
     assert band.covers(shapely.Point(1.0, 1.15)) and not band.covers(shapely.Point(1.0, 1.25))
     assert band.covers(shapely.Point(2.15, 0.3)) and not band.covers(shapely.Point(2.25, 0.3))
+
+
+def test_a_contour_of_four_points_has_a_band():
+    """Four points on to either side of one is itself: the band had no width."""
+    square = np.array([[2.0, 1.0], [-2.0, 1.0], [-2.0, -1.0], [2.0, -1.0]])
+    directions = square / np.hypot(*square.T)[:, None]
+    with style.drawing():
+        axes = style.new_figure(3.0, 3.0).add_axes((0.0, 0.0, 1.0, 1.0))
+        ground.draw_band(axes, np.zeros(2), square, directions, np.full(4, 0.3))
+        (patch,) = axes.artists or axes.patches
+        parts = patch.get_path().vertices.reshape(-1, 5, 2)
+    band = shapely.union_all(shapely.make_valid(shapely.polygons(parts)))
+    assert band.covers(shapely.Point(2.1, 0.0)) and not band.covers(shapely.Point(0.0, 0.0))

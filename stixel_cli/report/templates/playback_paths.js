@@ -100,7 +100,7 @@ function placed(contour, pose) {
 const BAND_REACH = 4;  // points of the outline to both sides, as in pictures/ground.py
 function band(contour, std, pose) {
   if (!contour || !std || !pose) return "";
-  const count = std.length, wrapped = (i) => (i + count) % count;
+  const count = std.length, side = Math.min(BAND_REACH, Math.floor((count - 1) / 2)), wrapped = (i) => (i + count) % count;
   const at = (i) => contour.slice(2 * wrapped(i), 2 * wrapped(i) + 2);
   const normal = (i, reach) => {
     const [from, to] = [at(i - reach), at(i + reach)], x = to[1] - from[1], y = from[0] - to[0];
@@ -113,9 +113,9 @@ function band(contour, std, pose) {
     return 2 * value * Math.max((x * rays[i][0] + y * rays[i][1]) / radius, 0.2);
   });
   const edges = std.map((_, i) => {
-    const beside = Array.from({ length: 2 * BAND_REACH + 1 }, (_, j) => widths[wrapped(i + j - BAND_REACH)]);
-    const out = beside.sort((a, b) => a - b)[BAND_REACH], inside = Math.min(out, Math.hypot(...rays[i]));
-    const [[x, y], [acrossX, acrossY]] = [at(i), normal(i, BAND_REACH)];
+    const beside = Array.from({ length: 2 * side + 1 }, (_, j) => widths[wrapped(i + j - side)]);
+    const out = beside.sort((a, b) => a - b)[side], inside = Math.min(out, Math.hypot(...rays[i]));
+    const [[x, y], [acrossX, acrossY]] = [at(i), normal(i, side)];
     return [[x + out * acrossX, y + out * acrossY], [x - inside * acrossX, y - inside * acrossY]];
   });
   return edges.map(([outer, inner], i) => {
