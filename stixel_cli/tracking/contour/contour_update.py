@@ -70,25 +70,25 @@ def update(
     # A single ray does not show where an outline begins or ends.
     silhouettes &= ~np.array(rays.hidden) & (count > 1 or not sight.outline)
     rows = np.concatenate([np.ones(count, bool), silhouettes])
-    ranges, no_inset, no_miss = (sight.std_factor * rays.stds) ** 2, np.zeros(2), np.zeros(count)
+    ranges = (sight.std_factor * rays.stds) ** 2
     miss_variances = MISS_STD**2 + tracker.offset_std**2 + rays.across_variances
     # What is not measured has no precision.
     of_ends = np.where(silhouettes, tracker.silhouette_factor**2 * inset_variance, np.inf)
-    of_misses = tracker.shape_factor**2 * miss_variances if sight.residual else no_miss + np.inf
+    of_misses = (
+        tracker.shape_factor**2 * miss_variances if sight.residual else np.full(count, np.inf)
+    )
     factors = np.full(count + 2, tracker.shape_factor**2)
     factors[count:] = tracker.silhouette_factor**2
-    measured = np.concatenate(
-        [rays.ranges - sight.bias_per_std * rays.stds, no_inset - inset, no_miss]
-    )
+    measured = np.zeros(2 * count + 2)
+    measured[:count] = rays.ranges - sight.bias_per_std * rays.stds
+    measured[count : count + 2] = -inset
     variances = np.concatenate([tracker.noise_factor**2 * ranges, of_ends, of_misses])
     beside = rays.across_variances + tracker.offset_std**2
     seen_from = rays.sensor, rays.directions, rays.ranges, ends, sight.half
     tables = sight.table.arrays, (sight.far or sight.table).arrays
     linear, matrix = Linear.of_rays(count), np.empty((2 * count + 2, len(mean)))
-    posterior, iterate = (
-        np.ascontiguousarray(covariance),
-        mean if first_iterate is None else first_iterate,
-    )
+    iterate = mean if first_iterate is None else first_iterate
+    posterior = np.ascontiguousarray(covariance)
     for _ in range(tracker.iterations):
         linearise(linear, iterate, posterior, *seen_from, *tables)
         errors, noise = measured.copy(), variances.copy()
