@@ -249,8 +249,8 @@ def camera_pictures(
     return Pictures({f"k{frame:04d}/{name}.png": data for name, data in files.items()})
 
 
-def _page(view: FrameView, images: dict[str, np.ndarray], title: str):
-    """All images on one page; wide ones in two columns, others in three. Arguments of `png`."""
+def _page(view: FrameView, images: dict[str, np.ndarray], title: str) -> tuple[Figure, list]:
+    """All images on one page, as `style.png` takes it; wide ones in two columns, others three."""
     columns, width = (2, 600) if view.rig.width > 2 * view.rig.height else (3, 430)
     height = round(width * view.rig.height / view.rig.width)
     count = -(-len(images) // columns)
@@ -360,8 +360,8 @@ def camera_frames(
     images = {name: [] for name in ("grey", *VIEWS)}
     for k in frames:
         grid = picture_grid(disparities, free_space, rig, road, occupancy, k)
-        nouns = (pairs, disparities, grid, free_space, stixels)
-        view = FrameView(k, rig, *nouns, widest=WIDEST_VIEW)
+        found = (pairs, disparities, grid, free_space, stixels)
+        view = FrameView(k, rig, *found, widest=WIDEST_VIEW)
         images["grey"].append(_jpeg(reduced(pairs.left[k - pairs.first], WIDEST), QUALITY))
         for name in VIEWS:
             shown = getattr(view, f"{name}_image")[..., ::-1]
