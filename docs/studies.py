@@ -18,13 +18,13 @@ BEGIN, END = "<!-- from the studies -->", "<!-- end -->"
 TABLES = {
     "accuracy": [
         "ablation",
-        "ablation_lidar",
         "wrong_class",
         "wrong_class_lidar",
         "simulated",
         "held_out",
     ],
     "consistency": ["by_measurement"],
+    "robustness_real": ["terms"],
 }
 """Study to the questions whose tables are written, too: those of `accuracy` to docs/accuracy.md."""
 

@@ -55,8 +55,8 @@ def runs_of(study, sweep, seeds=2):
             rows.append({**setting, **groups, "variant": sweep.variant_of(setting)})
     frame = pd.DataFrame(rows)
     axes = [key for axis in design.axes for key in axis.keys]
-    if sweep.variants:
-        axes = [axis for axis in axes if axis in GROUPS or axis.endswith("seed")]
+    varied = {key for own in sweep.variants.values() for key in own} - {*GROUPS}
+    axes = [axis for axis in axes if axis not in varied]
     frame = frame[list(dict.fromkeys([*axes, *GROUPS, "variant"]))].assign(status="done")
     rng = np.random.default_rng(0)
     values = {one: rng.uniform(size=len(frame)) for one in (*MAIN, "nees_position_mean")}
@@ -127,11 +127,15 @@ def test_the_first_paragraph_has_sixty_words_at_most(name):
     assert len(text.split()) <= 60, text
 
 
-@pytest.mark.parametrize("name", ["ablation", "ablation_lidar"])
-def test_each_variant_of_the_ablation_switches_one_term_off(name):
-    (sweep,) = [
-        one for one in read_study(find_file("accuracy", study=True)).sweeps if one.name == name
-    ]
+@pytest.mark.parametrize(
+    ("study", "name", "terms", "plain"),
+    [
+        ("accuracy", "ablation", 8, ["road_user=cyclist", "measurement=lidar_64"]),
+        ("robustness_real", "terms", 6, ["experiment=pandaset", "road_user=cyclist"]),
+    ],
+)
+def test_each_variant_of_the_ablation_switches_one_term_off(study, name, terms, plain):
+    (sweep,) = [one for one in read_study(find_file(study, study=True)).sweeps if one.name == name]
     (axis,) = [axis for axis in sweep.design().axes if len(axis.keys) > 1]
     steps = [tuple(one.text for one in step) for step in axis.steps]
     texts = [
@@ -141,10 +145,10 @@ def test_each_variant_of_the_ablation_switches_one_term_off(name):
     assert texts == steps
     whole, *others = map(set, texts)
     changed = [tuple(text.partition("=")[0] for text in own - whole) for own in others]
-    assert len(changed) == len(set(changed)) == 8
+    assert len(changed) == len(set(changed)) == terms
     assert {key for keys in changed for key in keys} == set(axis.keys)
     # The first is the tracker as it is.
-    plain = ["tracker=contour", "road_user=cyclist", "measurement=lidar_64"]
+    plain = [*plain, "tracker=contour"]
     assert compose([*plain, *steps[0]]).configuration == compose(plain).configuration
 
 
