@@ -283,7 +283,6 @@ IMAGES = (
 @pytest.mark.parametrize(
     ("subpixel", "at_full_size"),
     [
-        pytest.param("second_match", None, id="second_match"),
         pytest.param("phase_table", None, id="phase_table"),
         pytest.param("phase_table", 64, id="phase_table, 64 at full size"),
         pytest.param("parabola", None, id="parabola"),

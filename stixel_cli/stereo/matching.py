@@ -30,15 +30,11 @@ class MatchingParameters:
         nearest: least depth that must be measurable, m: so many disparities are searched as an
             object there needs with the rig at hand.
         block_size: side of the matched block, px, odd, below the image's sides.
-        subpixel: how the pull of the sub-pixel parabola to whole pixels is corrected. "parabola":
-            not at all; "second_match": by the mean with a second match, whose right image is moved
-            half a pixel, in nearly twice the time.
     """
 
     kind: str
     nearest: Annotated[float, Gt(0), Le(100)]
     block_size: int
-    subpixel: str
 
     # OpenCV's checks of a match, at values that its documentation recommends.
     left_right_difference: ClassVar[int] = 1
@@ -75,8 +71,8 @@ class SgmParameters(MatchingParameters):
     """Semi-global matching, Hirschmüller 2008, as OpenCV's StereoSGBM; it filters by x-derivative.
 
     Attributes:
-        subpixel: also "phase_table": by a table fitted to this matcher, and a median, in half of
-            the time of "second_match".
+        subpixel: how the pull of the sub-pixel parabola to whole pixels is corrected. "parabola":
+            not at all; "phase_table": by a table fitted to this matcher, and a median.
         disparities_at_full_size: number of disparities searched on whole images, px, a multiple of
             16; null, or a number that is not below that of all disparities: all. Images of half the
             size then give the larger ones, and check the others. The check of left and right and
@@ -85,7 +81,7 @@ class SgmParameters(MatchingParameters):
 
     kind: Literal["sgm"]
     block_size: Annotated[int, Ge(1), Le(21)]
-    subpixel: Literal["parabola", "phase_table", "second_match"]
+    subpixel: Literal["parabola", "phase_table"]
     disparities_at_full_size: Annotated[int, Ge(BLOCK), Le(1024), MultipleOf(BLOCK)] | None = None
 
     pre_filter_cap: ClassVar[int] = 63
@@ -101,8 +97,8 @@ class BmParameters(MatchingParameters):
 
     kind: Literal["bm"]
     block_size: Annotated[int, Ge(5), Le(255)]
-    subpixel: Literal["parabola", "second_match"]
 
+    subpixel: ClassVar[str] = "parabola"
     disparities_at_full_size: ClassVar[None] = None
     pre_filter_cap: ClassVar[int] = 31
     texture_threshold: ClassVar[int] = 10
@@ -186,35 +182,23 @@ def _matcher(stereo: StereoParameters, count: int) -> Any:
 def _find(
     matcher: Any, left: np.ndarray, right: np.ndarray, stereo: MatchingParameters, checked: bool
 ) -> np.ndarray:
-    """Raw disparity (H, W) int16, 1/16 px, corrected as `stereo.subpixel` demands."""
-    checks = stereo.left_right_difference, stereo.uniqueness_ratio, stereo.speckle_window
-    _set_checks(matcher, *(checks if checked else (-1, 0, 0)))
-    found = _match(matcher, left, right)
-    if stereo.subpixel == "second_match":
-        # The first match has rejected what is wrong: checks here would only take time.
-        _set_checks(matcher, -1, 0, 0)
-        return cancel_errors(found, _match(matcher, left, half_pixel_right(right)))
-    return correct_phases(found) if stereo.subpixel == "phase_table" else found
+    """Raw disparity (H, W) int16 in 1/16 px of two grey images (H, W) uint8.
 
-
-def _set_checks(matcher: Any, difference: int, uniqueness: int, speckle_window: int) -> None:
-    matcher.setDisp12MaxDiff(difference)
-    matcher.setUniquenessRatio(uniqueness)
-    matcher.setSpeckleWindowSize(speckle_window)
-
-
-def _match(matcher: Any, left: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Raw disparity (H, W) int16 in 1/16 px of two grey images (H, W) uint8."""
+    Corrected as `stereo.subpixel` demands.
+    """
     import cv2
 
+    matcher.setDisp12MaxDiff(stereo.left_right_difference if checked else -1)
+    matcher.setUniquenessRatio(stereo.uniqueness_ratio if checked else 0)
+    matcher.setSpeckleWindowSize(stereo.speckle_window if checked else 0)
     # A matcher reports nothing in so many columns on the left: they are put there and cut off.
     border = matcher.getNumDisparities()
     if isinstance(matcher, cv2.StereoBM):
         border += matcher.getBlockSize() // 2
     widen = ((0, 0), (border, 0))
     raw = matcher.compute(np.pad(left, widen, mode="edge"), np.pad(right, widen, mode="edge"))
-    raw = raw[:, border:]
-    return np.where(raw < 0, np.int16(INVALID), raw)
+    found = np.where(raw[:, border:] < 0, np.int16(INVALID), raw[:, border:])
+    return correct_phases(found) if stereo.subpixel == "phase_table" else found
 
 
 def corrected(raw: np.ndarray, errors: np.ndarray, count: int) -> np.ndarray:
@@ -225,32 +209,6 @@ def corrected(raw: np.ndarray, errors: np.ndarray, count: int) -> np.ndarray:
     moved = raw - errors
     inside = (raw != INVALID) & (moved >= 0) & (moved < count * SUBPIXELS)
     return np.where(inside, moved, np.int16(INVALID)).astype(np.int16)
-
-
-def half_pixel_right(image: np.ndarray) -> np.ndarray:
-    """A grey image (H, W) uint8 moved half a pixel to the right, by cubic interpolation."""
-    import cv2
-
-    kernel = np.array([[-1.0, 9.0, 9.0, -1.0]], dtype=np.float32) / 16.0
-    moved = cv2.filter2D(image, cv2.CV_32F, kernel, anchor=(2, 0), borderType=cv2.BORDER_REPLICATE)
-    return np.clip(np.rint(moved), 0, 255).astype(np.uint8)
-
-
-def cancel_errors(raw: np.ndarray, moved: np.ndarray) -> np.ndarray:
-    """Mean (H, W) int16 of a raw disparity and of that to the right image moved half a pixel.
-
-    A sub-pixel parabola is drawn towards whole pixels; half a pixel on it is drawn the other way,
-    so that the mean of both has little of the error (Shimizu, Okutomi 2005, *Sub-pixel estimation
-    error cancellation on area-based matching*). Where the two are more than a pixel apart, or one
-    is invalid, `raw` stays.
-    """
-    first = raw.astype(np.int32)
-    second = moved.astype(np.int32) + SUBPIXELS // 2
-    both = (raw != INVALID) & (moved != INVALID) & (np.abs(first - second) <= SUBPIXELS)
-    mean = (first + second) >> 1
-    # Halves to the even number: always up would be a bias of its own.
-    mean += (first + second) & mean & 1
-    return np.where(both, mean, first).astype(np.int16)
 
 
 @contextmanager
@@ -278,8 +236,7 @@ def correct_phases(raw: np.ndarray) -> np.ndarray:
 
     `raw` (H, W) int16 is in 1/16 px, negative without a match. True phases are even over a large
     area, matched phases are not, so their cumulated histogram is the correction. The median of
-    5 × 5 px makes up for the noise that the mean with a second match removes; it is taken only
-    within `NEAR`, so that edges stay.
+    5 × 5 px is taken only within `NEAR`, so that edges stay.
     """
     import cv2
 

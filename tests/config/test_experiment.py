@@ -136,7 +136,7 @@ def changed_defaults(conf):
             lines = path.read_text(encoding="utf-8")
             other = re.sub(r"(?<=: )(\d+\.\d+)", lambda m: str(1.01 * float(m[1]) + 0.01), lines)
             other = re.sub(r"(?<=: )(\d+)(?![\d.])", lambda m: str(int(m[1]) + 2), other)
-            path.write_text(other.replace("second_match", "phase_table"), encoding="utf-8")
+            path.write_text(other.replace("phase_table", "parabola"), encoding="utf-8")
             changed |= {name.partition("/")[0]} if other != lines else set()
     return changed
 

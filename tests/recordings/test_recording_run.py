@@ -48,8 +48,7 @@ def test_the_recording_gives_rig_times_class_and_what_suits_real_images(clip):
     assert made.choices["road"] == "estimated" and chosen.road.pitch_range == 4.0
     assert chosen.stereo.nearest == chosen.occupancy.nearest == 2.0
     assert made.resolved["source"]["frames"] == "0:5"
-    # Each halves the time of matching.
-    assert chosen.stereo.subpixel == "phase_table"
+    # It halves the time of matching.
     assert chosen.stereo.disparities_at_full_size == 64
     # The labels' cars are smaller than the drawn ones.
     assert (chosen.prior.length, chosen.prior.width_std) == (4.0, 0.086)
@@ -126,7 +125,7 @@ def test_what_an_experiment_sets_stays(clip, tmp_path):
     finally:
         use_presets(None)
     assert (chosen.nearest, chosen.disparities_at_full_size) == (3.0, 128)
-    assert (chosen.subpixel, typed.nearest) == ("phase_table", 5.0)
+    assert typed.nearest == 5.0
     assert (blocks.kind, blocks.nearest) == ("bm", 2.0)
 
 
@@ -141,7 +140,7 @@ def test_the_errors_of_a_real_rig_are_those_of_its_calibration(clip):
     assert own.configuration.prior.length == 1.77
     rendered = compose(["tracker=contour"]).configuration.tracker
     assert (rendered.silhouette_std, rendered.noise_factor) == (0.0, 2.0)
-    assert compose(of(clip, "stereo=bm")).configuration.stereo.subpixel == "parabola"
+    assert compose(of(clip, "stereo=bm")).configuration.stereo.kind == "bm"
 
 
 def test_a_start_from_the_scans_uses_the_first_box_only(clip):

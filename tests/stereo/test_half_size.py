@@ -43,7 +43,7 @@ def shrunk(box, pixels):
     return tuple(slice(side.start + pixels, side.stop - pixels) for side in box)
 
 
-@pytest.mark.parametrize("subpixel", ["parabola", "phase_table", "second_match"])
+@pytest.mark.parametrize("subpixel", ["parabola", "phase_table"])
 def test_near_and_far_planes_are_found(pairs, subpixel):
     stereo = replace(STEREO, subpixel=subpixel)
     disparities = match(pairs, stereo, RIG, range(1))

@@ -6,6 +6,7 @@ import pytest
 from constants import with_constants
 from projection import nearest_of
 
+from stixel_cli.config.compose import compose
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.images import ImageStack
 from stixel_cli.rendering.frames import StereoPairs
@@ -14,11 +15,9 @@ from stixel_cli.stereo.matching import (
     PHASE_TABLE,
     BmParameters,
     SgmParameters,
-    cancel_errors,
     correct_phases,
     corrected,
     disparity_count,
-    half_pixel_right,
     match,
 )
 
@@ -41,7 +40,7 @@ SGM = with_constants(
     speckle_window=0,
 )
 BM = with_constants(
-    BmParameters(kind="bm", nearest=nearest_of(RIG, 32), block_size=9, subpixel="parabola"),
+    BmParameters(kind="bm", nearest=nearest_of(RIG, 32), block_size=9),
     speckle_window=0,
 )
 
@@ -111,39 +110,21 @@ def test_matching_rejects_inconsistent_parameters():
         replace(BM, block_size=101).check(RIG)
 
 
-def test_half_pixel_shift_of_a_smooth_image_is_accurate():
-    u = np.arange(60)
-    wave = 128 + 100 * np.sin(2 * np.pi * (u[None] + np.arange(5)[:, None]) / 12)
-    moved = half_pixel_right(np.rint(wave).astype(np.uint8))
-    expected = 128 + 100 * np.sin(2 * np.pi * (u[None] - 0.5 + np.arange(5)[:, None]) / 12)
-    assert np.abs(moved.astype(float) - expected)[:, 3:-3].max() < 2
-
-
-def test_second_match_averages_both_matches():
-    raw = np.array([[160, 160, 160, 160, -1, 160, 163]], dtype=np.int16)
-    moved = np.array([[156, 153, 155, 120, 152, -1, 154]], dtype=np.int16)
-    # 162, 160.5 and 161.5 to the even neighbour, three that stay, 162.5.
-    assert cancel_errors(raw, moved).tolist() == [[162, 160, 162, 160, -1, 160, 162]]
-    # A pixel apart, and a sixteenth more.
-    raw, moved = (np.array([values], dtype=np.int16) for values in ([160, 160], [168, 169]))
-    assert cancel_errors(raw, moved).tolist() == [[168, 160]]
-
-
-def test_second_match_removes_the_bias_towards_whole_pixels():
-    """A plane at a quarter and at three quarters of a pixel, drawn from a fine texture."""
+def test_the_table_removes_the_bias_towards_whole_pixels():
+    """A plane at a quarter, a half and three quarters of a pixel, drawn from a fine texture."""
     noise = np.random.default_rng(4).integers(0, 256, (96, 4 * 200)).astype(np.float32)
     fine = cv2.GaussianBlur(noise, (0, 0), 5.0)
     fine = np.clip(128 + 6 * (fine - fine.mean()), 0, 255).astype(np.uint8)
-    errors = {"parabola": [], "second_match": []}
+    errors = {"parabola": [], "phase_table": []}
     for quarters in (41, 42, 43):
         left, right = fine[:, : 4 * 160 : 4], fine[:, quarters : quarters + 4 * 160 : 4]
         pair = StereoPairs(0, *(ImageStack.from_images([image]) for image in (left, right)))
         for subpixel, of_kind in errors.items():
-            stereo = replace(SGM, subpixel=subpixel)
+            stereo = compose([f"stereo.subpixel={subpixel}"]).configuration.stereo
             pixels = match(pair, stereo, RIG, range(1)).pixels(0)[8:-8, 24:-8]
             of_kind.append(np.abs(np.nanmedian(pixels) - quarters / 4))
-    assert max(errors["second_match"]) <= 1 / 16
-    assert sum(errors["second_match"]) < sum(errors["parabola"])
+    assert max(errors["phase_table"]) <= 1 / 16
+    assert sum(errors["phase_table"]) < sum(errors["parabola"])
 
 
 def test_phase_table_is_symmetric_and_keeps_whole_and_half_pixels():
@@ -175,18 +156,6 @@ def test_phase_table_takes_the_median_of_near_disparities_only():
     assert np.all(correct_phases(raw) == 160)
     raw[4, 4] = 168
     assert correct_phases(raw)[4, 4] == 168
-
-
-@pytest.mark.parametrize("stereo", [SGM, BM])
-def test_the_first_match_decides_what_is_valid(pairs, stereo):
-    """The second one is unchecked, and the checks are back for the next frame."""
-    strict = with_constants(stereo, uniqueness_ratio=60, speckle_window=200)
-    one = match(pairs, strict, RIG, FRAMES)
-    both = match(pairs, replace(strict, subpixel="second_match"), RIG, FRAMES)
-    for i in range(len(FRAMES)):
-        single, mean = one.raw(i)[:, 32:] == INVALID, both.raw(i)[:, 32:] == INVALID
-        assert np.array_equal(single, mean)
-        assert np.any(single)
 
 
 def test_the_errors_of_the_rig_are_taken_off_column_by_column(pairs):
