@@ -12,7 +12,7 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 47_354
+TOTAL = 47_353
 """Greatest number of lines in all."""
 
 MODULES = 250
@@ -43,7 +43,7 @@ BUDGET = {
     "stixels": 2134,
     "studies": 1762,
     "sweeps": 2112,
-    "tracking": 6640,
+    "tracking": 6639,
     "validation": 1111,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""

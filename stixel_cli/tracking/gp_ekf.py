@@ -6,6 +6,7 @@ State: x, y, heading, their rates, then the radii at the basis angles; world fra
 """
 
 from dataclasses import replace
+from functools import cache
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
@@ -110,26 +111,22 @@ def track(
     covariance = block_diag(initial.covariance, process.covariance)
     filtered = Filtered(scans, len(mean))
     steps: list[Step] = []
-    process_noises, transitions = {}, {}
-    for interval in set(motion.intervals(scans.times)):
-        process_noises[interval] = motion.process_noise(
-            interval, tracker.sigma_q, tracker.sigma_q_psi
-        )
-        kept = np.exp(-tracker.forgetting_rate * interval) * np.eye(tracker.basis_points)
-        transitions[interval] = block_diag(motion.transition(interval), kept)
+    forgetting = tracker.forgetting_rate
+
+    @cache
+    def moved(interval: float) -> tuple[np.ndarray, np.ndarray]:
+        """The pose's process noise, and the transition of all states."""
+        kept = np.exp(-forgetting * interval) * np.eye(tracker.basis_points)
+        noise = motion.process_noise(interval, tracker.sigma_q, tracker.sigma_q_psi)
+        return noise, block_diag(motion.transition(interval), kept)
+
     for scan in filtered:
-        interval = scan.interval
+        interval, (noise, transition) = scan.interval, moved(scan.interval)
         mean, covariance = predicted = motion.predict(
-            mean,
-            covariance,
-            interval,
-            process_noises[interval],
-            tracker.forgetting_rate,
-            process.covariance,
-            process.mean_radius,
+            mean, covariance, interval, noise, forgetting, process
         )
         if stated:
-            stated.predict(transitions[interval], process_noises[interval], interval)
+            stated.predict(transition, noise, interval)
         if tracker.slip is not None:
             before = mean
             mean, covariance, gain = motion.tied_to_velocity(mean, covariance, tracker.slip)
@@ -141,7 +138,7 @@ def track(
         filtered.add(mean, stated.reported if stated else covariance, indices, nis)
         if tracker.lag != 0:
             last = steps[-1] if steps else None
-            steps.append(Step(mean, covariance, *predicted, last, transitions[interval]))
+            steps.append(Step(mean, covariance, *predicted, last, transition))
 
     def reported(*states: np.ndarray) -> Track:
         return filtered.track(contours_of(*states, process), states)

@@ -5,9 +5,14 @@ heading of its own has the four states `MOVING`, moved by a white acceleration: 
 Kirubarajan 2001, chapter 5 and (6.2.2).
 """
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from stixel_cli.geometry.pose import wrap_angle
+
+if TYPE_CHECKING:
+    from stixel_cli.tracking.kernel import ContourProcess
 
 POSE, RATES = np.arange(3), np.arange(3, 6)
 """Indices of the pose and its rates in the state."""
@@ -80,16 +85,18 @@ def predict(
     interval: float,
     noise: np.ndarray,
     forgetting_rate: float,
-    radii_covariance: np.ndarray | None = None,
-    mean_radius: float = 0.0,
+    process: "ContourProcess | None" = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Mean (6 + N,) and covariance (6 + N, 6 + N) one `interval` in s later; thesis (71), (75).
 
-    F^f = e^(-alpha T) I and Q^f = (1 - e^(-2 alpha T)) K, with `forgetting_rate` alpha in 1/s and
-    `radii_covariance` K (N, N) in m², which nothing needs where alpha is 0. The radii return to
-    `mean_radius`, m. `noise` is Q̄. F is never formed: it scales blocks.
+    F^f = e^(-alpha T) I and Q^f = (1 - e^(-2 alpha T)) K, with `forgetting_rate` alpha in 1/s, and
+    K and the mean radius, to which the radii return, of the `process`; None: without radii.
+    `noise` is Q̄. F is never formed: it scales blocks.
     """
-    decay = np.exp(-forgetting_rate * interval)
+    decay, mean_radius = (
+        np.exp(-forgetting_rate * interval),
+        process.mean_radius if process else 0.0,
+    )
     pose = transition(interval)
     radii = mean_radius + decay * (mean[6:] - mean_radius)
     predicted_mean = np.concatenate([pose @ mean[:6], radii])
@@ -100,7 +107,7 @@ def predict(
     predicted[6:, :6] = cross.T
     np.multiply(covariance[6:, 6:], decay**2, out=predicted[6:, 6:])
     if forgetting_rate > 0.0:
-        predicted[6:, 6:] += -np.expm1(-2.0 * forgetting_rate * interval) * radii_covariance
+        predicted[6:, 6:] += -np.expm1(-2.0 * forgetting_rate * interval) * process.covariance
     return predicted_mean, predicted
 
 

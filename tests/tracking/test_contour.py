@@ -301,7 +301,7 @@ def test_a_point_where_it_is_expected_is_likelier_than_clutter(std):
     covariance = 1e-4 * np.eye(7)
     joint = JointCovariance(covariance, np.full(SHAPE_ERRORS, 0.5))
     likelihoods = [
-        update(mean, covariance, joint, rays.subset(np.arange(n)), sight, TRACKER)[-1]
+        update((mean, covariance, joint), rays.subset(np.arange(n)), sight, TRACKER)[-1]
         for n in (6, 12)
     ]
     assert likelihoods[1] > likelihoods[0]

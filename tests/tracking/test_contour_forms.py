@@ -343,5 +343,5 @@ def test_uneven_points_hardly_show_the_ends_and_a_single_one_does_not():
         JointCovariance(0.1 * np.eye(len(state)), np.ones(SHAPE_ERRORS)),
     )
     one, two = [[0.0, 21.0]], [[0.0, 21.0], [0.2, 21.0]]
-    degrees = [update(*prior, rays_at(points), sight, tracker)[4] for points in (one, two)]
+    degrees = [update(prior, rays_at(points), sight, tracker)[4] for points in (one, two)]
     assert degrees == [1, 4]

@@ -68,8 +68,8 @@ def test_a_wrong_detection_is_given_up_again(monkeypatch):
     detect_again = contour_recovery.detect_again
 
     def turned(*arguments):
-        widen = float(arguments[-2])
-        turn = widen * np.radians(70) * np.eye(len(arguments[0]))[2]
+        widen = float(arguments[-1])
+        turn = widen * np.radians(70) * np.eye(len(arguments[0][0]))[2]
         return [
             (indices, (mean + turn, *rest, likelihood + 50.0 * widen))
             for indices, (mean, *rest, likelihood) in detect_again(*arguments)

@@ -33,7 +33,7 @@ def test_prediction_matches_the_dense_formula(seed, alpha):
     dense = block_diag(transition(interval), np.exp(-alpha * interval) * np.eye(8))
     radii_noise = (1.0 - np.exp(-2.0 * alpha * interval)) * process.covariance
     expected = dense @ root @ root.T @ dense.T + block_diag(noise, radii_noise)
-    predicted, covariance = predict(mean, root @ root.T, interval, noise, alpha, process.covariance)
+    predicted, covariance = predict(mean, root @ root.T, interval, noise, alpha, process)
     np.testing.assert_allclose(predicted, dense @ mean, atol=1e-12)
     np.testing.assert_allclose(covariance, expected, atol=1e-10)
 
@@ -43,6 +43,6 @@ def test_unmeasured_radii_keep_the_prior_covariance():
     mean, covariance = np.ones(14), np.eye(14)
     covariance[6:, 6:] = process.covariance
     for _ in range(50):
-        mean, covariance = predict(mean, covariance, 0.1, np.zeros((6, 6)), 1.0, process.covariance)
+        mean, covariance = predict(mean, covariance, 0.1, np.zeros((6, 6)), 1.0, process)
     np.testing.assert_allclose(covariance[6:, 6:], process.covariance, rtol=1e-12)
     assert mean[6:] == pytest.approx(np.exp(-5.0))

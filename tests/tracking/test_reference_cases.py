@@ -40,7 +40,7 @@ def test_basis_and_motion_match_the_reference(case):
     np.testing.assert_allclose(transition(interval), case["F"][:6, :6])
     noise = process_noise(interval, float(case["sigma_q"]), float(case["sigma_q_psi"]))
     np.testing.assert_allclose(noise, case["Q"][:6, :6], atol=1e-15)
-    _, predicted = predict(case["x0"], case["P0"], interval, noise, alpha, process.covariance)
+    _, predicted = predict(case["x0"], case["P0"], interval, noise, alpha, process)
     expected = case["F"] @ case["P0"] @ case["F"].T + case["Q"]
     np.testing.assert_allclose(predicted, expected, atol=1e-12)
 
@@ -52,7 +52,7 @@ def test_every_posterior_matches_the_reference(case):
     mean, covariance = case["x0"], case["P0"]
     for k, points in enumerate(points_of(case)):
         mean, covariance = predict(
-            mean, covariance, float(case["T"]), noise, float(case["alpha"]), process.covariance
+            mean, covariance, float(case["T"]), noise, float(case["alpha"]), process
         )
         np.testing.assert_allclose(mean, case["expected_x_predicted"][k], rtol=0, atol=1e-5)
         model = linearise(points, mean, process)

@@ -43,6 +43,7 @@ from stixel_cli.tracking.contour.contour_parameters import ContourParameters
 from stixel_cli.tracking.contour.contour_rays import Rays, Sight, associate
 from stixel_cli.tracking.contour.contour_recovery import (
     RECENT,
+    clusters_of,
     detect_again,
     is_inconsistent,
     rivals,
@@ -184,7 +185,7 @@ class ClassFilter:
         advanced = Hypothesis.unseen(prediction, one.log_likelihood)
         if len(indices):
             taken = rays.subset(indices)
-            posterior = update(*prediction, taken, self.sight, self._tracker)
+            posterior = update(prediction, taken, self.sight, self._tracker)
             advanced = Hypothesis.updated(prediction, one.log_likelihood, indices, posterior)
         # Only smoothing looks back; a filter without it keeps no chain of all its scans.
         before = None if self._tracker.lag == 0 else one
@@ -196,9 +197,8 @@ class ClassFilter:
         `first`: at the first scan with points, or the first after a gap.
         """
         after_gap = first and bool(self._reported)
-        results = detect_again(
-            *one.predicted, rays, one.indices, self.sight, self._tracker, not first, after_gap
-        )
+        clusters = clusters_of(rays, one.indices, self.sight, after_gap)
+        results = detect_again(one.predicted, rays, clusters, self.sight, self._tracker, not first)
         if not results:
             unseen = Hypothesis.unseen(one.predicted, one.log_likelihood_before)
             return [replace(unseen, before=one.before, transition=one.transition)]

@@ -18,7 +18,7 @@ from stixel_cli.measurements.clusters import cluster
 from stixel_cli.tracking.consider import NODES, JointCovariance
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
 from stixel_cli.tracking.contour.contour_rays import Rays, Sight
-from stixel_cli.tracking.contour.contour_update import Hypothesis, Posterior, update
+from stixel_cli.tracking.contour.contour_update import Hypothesis, Posterior, State, update
 
 RECENT, INCONSISTENT = 3, 1.5
 """A track is inconsistent if the mean NIS / degrees of freedom of so many scans is above this."""
@@ -52,23 +52,19 @@ def is_inconsistent(nis: np.ndarray, degrees: np.ndarray) -> bool:
 
 
 def detect_again(
-    mean: np.ndarray,
-    covariance: np.ndarray,
-    joint: JointCovariance,
+    predicted: State,
     rays: Rays,
-    indices: np.ndarray,
+    clusters: list[np.ndarray],
     sight: Sight,
     tracker: ContourParameters,
     widen: bool,
-    after_gap: bool,
 ) -> list[tuple[np.ndarray, Posterior]]:
     """Points of the target (m,) and posteriors of a prediction that is inconsistent.
 
-    `mean` (d,), `covariance` (d, d) and `joint` are the prediction, `indices` (n,) its points.
-    `widen`: whether the prediction may be wrong by more than its covariance. `after_gap`: the
-    points may be another object's: nothing if all of them are of objects longer than the class.
+    `clusters` are those of `clusters_of`. `widen`: whether the prediction may be wrong by more than
+    its covariance.
     """
-    clusters = clusters_of(rays, indices, sight, after_gap)
+    mean, covariance, joint = predicted
     wide, joint = covariance.copy(), joint.copy()
     if widen:
         wide[:7, :7] += WIDE
@@ -84,7 +80,7 @@ def detect_again(
             begin = mean.copy()
             begin[:2] = place + rotation(turn) @ (mean[:2] - place) + shift * left
             begin[2] += turn
-            results.append((found, update(mean, wide, joint, taken, sight, tracker, begin)))
+            results.append((found, update((mean, wide, joint), taken, sight, tracker, begin)))
     return results
 
 
@@ -131,7 +127,8 @@ def clusters_of(rays: Rays, indices: np.ndarray, sight: Sight, after_gap: bool) 
     """Which points may be the target's: indices (m,), ascending, of each possibility.
 
     All clusters of the points at `indices` together, if they are no longer than the class.
-    Otherwise `indices`; but `after_gap` each of the clusters that is no longer than the class.
+    Otherwise `indices`; but `after_gap`, when the points may be another object's, each of the
+    clusters that is no longer than the class.
     """
     points = rays.points_world
     bearings = np.stack([np.cos(rays.bearings), np.sin(rays.bearings)], axis=-1)

@@ -43,25 +43,23 @@ rays that pass by the shape, log likelihood of all others."""
 
 
 State = tuple[np.ndarray, np.ndarray, JointCovariance]
-"""Mean (d,), covariance (d, d) of the gain and joint covariance."""
+"""Mean (d,), the covariance (d, d) that makes the gain, and the joint covariance: of the error that
+the mean has with these gains, and of the errors that are considered."""
 
 
 def update(
-    mean: np.ndarray,
-    covariance: np.ndarray,
-    joint: JointCovariance,
+    predicted: State,
     rays: Rays,
     sight: Sight,
     tracker: ContourParameters,
     first_iterate: np.ndarray | None = None,
 ) -> Posterior:
-    """Posterior of a state (d,) with n > 0 rays.
+    """Posterior of the `predicted` state, which is not changed, with n > 0 rays.
 
-    `covariance` (d, d) makes the gain. `joint` is that of the error which the state has with these
-    gains, and of the errors that are considered; it is not changed. NIS and log
-    likelihood are those of the innovation as the joint covariance has it, at the last iterate. The
-    iteration begins at `first_iterate` (d,), by default at the prior's `mean`.
+    NIS and log likelihood are those of the innovation as the joint covariance has it, at the last
+    iterate. The iteration begins at `first_iterate` (d,), by default at the prediction.
     """
+    mean, covariance, joint = predicted
     count = len(rays.ranges)
     ends = np.array([np.argmin(rays.bearings), np.argmax(rays.bearings)])
     inset, inset_variance = sampling_inset(rays, sight)
