@@ -59,7 +59,8 @@ def static_view(shot: Shot, samples: int) -> StaticView:
     plain = tracing.light_of(shot, hits, lit, 1.0)
     light = plain.copy()
     if samples > 1:
-        edge, at_shadow = edge_pixels(shot.bodies, hits, lit, plain, camera.height)
+        colours = srgb_from_linear(plain)
+        edge, at_shadow = edge_pixels(hits, shot.tables, lit, colours, camera.width)
         again = np.flatnonzero(edge)
         centres = Centres(rows, columns, hits, lit, plain).at(again)
         light[again] = supersampled(shot, centres, at_shadow[again], samples)
@@ -76,7 +77,7 @@ def _sunlit_static(shot: Shot, hits: Hits) -> np.ndarray:
     lit = np.zeros(len(hits.u), dtype=bool)
     even = np.flatnonzero((hits.u + hits.v) % 2 == 0)
     lit[even] = tracing.sunlit(shot, hits.at(even), (0,))
-    odd = unclear_pixels(shot.bodies, hits, lit, shot.camera.height)
+    odd = np.flatnonzero(unclear_pixels(hits, shot.tables, lit, shot.camera.width))
     lit[odd] = tracing.sunlit(shot, hits.at(odd), (0,))
     return lit
 
@@ -111,9 +112,8 @@ def view_with_target(
         light, fresh = view.light[pixels], changed
         light[changed] = centres.light[changed]
         if view.samples > 1:
-            edge, at_shadow = edge_pixels(
-                shot.bodies, centres.hits, centres.lit, centres.light, bottom - top
-            )
+            surfaces, colours = (centres.hits, shot.tables), srgb_from_linear(centres.light)
+            edge, at_shadow = edge_pixels(*surfaces, centres.lit, colours, right - left)
             # Those that changed and their neighbours (of four).
             mask = changed.reshape(bottom - top, right - left).view(np.uint8)
             edge &= cv2.dilate(mask, cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))).ravel() > 0
@@ -181,6 +181,6 @@ def _thin(shot: Shot, centres: Centres, static_depth: np.ndarray) -> np.ndarray:
     """(n,) bool: pixels where only a part of some samples meets the target, as at a thin tube."""
     alone = replace(shot, bodies=shot.bodies[1:])
     offsets = sample_offsets(THIN_SAMPLES)
-    inverse, _ = rasterised(alone, centres.rows, centres.columns, *offsets)
+    inverse, _ = rasterised(alone, centres.rows, centres.columns, offsets)
     met = inverse > 1.0 / static_depth[:, None]
     return (met != (centres.hits.body == 1)[:, None]).any(axis=1)

@@ -9,9 +9,9 @@ from functools import cached_property
 import numpy as np
 from numba import njit
 
+from stixel_cli.geometry.kernel import returning
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.stereo.disparities import SUBPIXELS
-from stixel_cli.stixels.kernel import returning
 from stixel_cli.stixels.parameters import HeightParameters
 from stixel_cli.stixels.road import pitch_factors
 

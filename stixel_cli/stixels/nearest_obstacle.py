@@ -8,7 +8,7 @@ first. The depths of the rows need not be even.
 import numpy as np
 from numba import njit
 
-from stixel_cli.stixels.kernel import returning
+from stixel_cli.geometry.kernel import returning
 from stixel_cli.stixels.occupancy import BINS_PER_PIXEL, Layout, accumulate, to_polar
 from stixel_cli.stixels.parameters import FreeSpaceParameters, RoadParameters
 

@@ -14,9 +14,9 @@ import numpy as np
 from numba import njit
 from scipy.special import ndtr
 
+from stixel_cli.geometry.kernel import returning
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.stereo.disparities import SUBPIXELS, Disparities
-from stixel_cli.stixels.kernel import returning
 from stixel_cli.stixels.parameters import OccupancyParameters, RoadParameters
 from stixel_cli.stixels.road import obstacle_limits, pitch_factors
 from stixel_cli.stixels.types import FreeSpace, OccupancyGrid

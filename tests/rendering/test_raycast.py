@@ -214,8 +214,7 @@ def test_texture_is_averaged_over_the_pixel_area():
     offsets = (np.arange(16) + 0.5) / 16 - 0.5
     du, dv = (array.ravel() for array in np.meshgrid(offsets, offsets))
     uu, vv = np.add.outer(u, du).ravel(), np.add.outer(v, dv).ravel()
-    rays = np.empty((len(uu), 6), dtype=np.float32)
-    tracing.camera_rays(rays, uu, vv, *view.shot.camera.pinhole)
+    rays = tracing.camera_rays(uu, vv, view.shot.camera.pinhole)
     points = rays[:, :3] + rays[:, 3:] * (12.0 / rays[:, 4])[:, None]
     columns = np.floor((points[:, 0] + 9) / 18 * 3 * 64).astype(int) % 64
     rows = np.floor((8 - points[:, 2]) / 14 * 3 * 64).astype(int) % 64
@@ -258,9 +257,10 @@ def test_shading_accepts_an_empty_list(static):
     none, ids = np.empty(0), np.empty(0, dtype=np.int32)
     one, light = np.ones(3), np.empty((0, 3), dtype=np.float32)
     textures = surfaces.textures
-    hits = none, none, none, ids.astype(np.int8), ids
+    hits = tracing.Hits(none, none, none, ids.astype(np.int8), ids)
+    samples = hits, np.empty(0, dtype=bool), none, 0, 1
     shade(
-        light, hits, np.empty(0, dtype=bool), 0, 1, none, (np.eye(3), np.zeros(3), 1.0, 0.0, 0.0),
+        light, samples, (np.eye(3), np.zeros(3), 1.0, 0.0, 0.0),
         (surfaces.normals, surfaces.uv_gradients, surfaces.texture),
         (textures.texels, textures.levels, textures.first_level), (one, one, one, one),
     )  # fmt: skip
