@@ -68,7 +68,7 @@ def describe_scene(
     used = np.unique(scenario.limb_poses[frames.start : frames.stop])
     moving = [(TARGET_ID, targets[pose], pose) for pose in used]
     for identity, mesh, limb_pose in [*((*one, -1) for one in objects), *moving]:
-        for part in mesh.parts:
+        for part in mesh:
             number = numbers.setdefault(id(part.texture), len(numbers))
             arrays[f"texture_{number}"] = part.texture
             arrays[f"corners_{len(ids)}"] = part.vertices[part.triangles]

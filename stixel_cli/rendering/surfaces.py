@@ -89,7 +89,7 @@ def build_surfaces(objects: Iterable[tuple[int, Mesh]]) -> Surfaces:
     texture, ids, images = [], [], {}
     numbers: dict[int, int] = {}  # of textures, by identity
     for object_id, mesh in objects:
-        for part in mesh.parts:
+        for part in mesh:
             number = numbers.setdefault(id(part.texture), len(numbers))
             images[number] = part.texture
             texture.append(np.full(len(part.triangles), number, dtype=np.int32))
@@ -109,7 +109,7 @@ def with_other_vertices(surfaces: Surfaces, mesh: Mesh) -> Surfaces:
 
 def _geometry(meshes: list[Mesh]) -> dict[str, Any]:
     """The attributes of `Surfaces` that depend on vertices."""
-    parts = [part for mesh in meshes for part in mesh.parts]
+    parts = [part for mesh in meshes for part in mesh]
     starts = np.cumsum([0] + [len(part.vertices) for part in parts])
     vertices = np.concatenate([np.asarray(part.vertices, dtype=np.float64) for part in parts])
     counted = zip(parts, starts, strict=False)

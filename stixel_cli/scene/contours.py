@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 import shapely
 
-from stixel_cli.scene.mesh import Mesh, Part, corners
+from stixel_cli.scene.mesh import Part, corners
 from stixel_cli.scene.parameters import RoadUser
 from stixel_cli.scene.road_user import limb_poses, moving_parts, road_user_meshes
 from stixel_cli.scene.scenario import EgoMotion, Scenario
@@ -23,7 +23,7 @@ GRID = 1e-6
 
 def seen_from_above(parts: list[Part]) -> shapely.Geometry:
     """Ground projection of closed surfaces: its upward triangles cover all of it."""
-    flat = corners(Mesh(tuple(parts)))[:, :, :2]
+    flat = corners(tuple(parts))[:, :, :2]
     return _united(flat[_doubled_areas(flat) > 1e-10].tobytes())
 
 
@@ -118,8 +118,8 @@ def road_user_contours(road_user: RoadUser) -> np.ndarray:
         return outline(corners(meshes[0]))[None]
     # What does not move is projected once.
     moving = moving_parts(road_user)
-    rest = seen_from_above([p for p in meshes[0].parts if p.name not in moving])
-    limbs = [seen_from_above([p for p in mesh.parts if p.name in moving]) for mesh in meshes]
+    rest = seen_from_above([p for p in meshes[0] if p.name not in moving])
+    limbs = [seen_from_above([p for p in mesh if p.name in moving]) for mesh in meshes]
     contours = [polygon_of(shapely.union(rest, one, grid_size=GRID)) for one in limbs]
     count = max(len(contour) for contour in contours)
     return np.stack([_with_vertices(contour, count) for contour in contours])

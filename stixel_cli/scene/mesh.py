@@ -28,41 +28,33 @@ class Part:
     name: str
 
 
-@dataclass(frozen=True)
-class Mesh:
-    """Parts that make up one object.
-
-    Attributes:
-        parts: the surfaces.
-    """
-
-    parts: tuple[Part, ...]
+Mesh = tuple[Part, ...]
+"""The surfaces that make up one object."""
 
 
 def bounding_box(*meshes: Mesh) -> np.ndarray:
     """Least and greatest coordinates, (2, 3) m, of the vertices that triangles of `meshes` use."""
     used = np.concatenate(
-        [part.vertices[np.unique(part.triangles)] for mesh in meshes for part in mesh.parts]
+        [part.vertices[np.unique(part.triangles)] for mesh in meshes for part in mesh]
     )
     return np.array([used.min(axis=0), used.max(axis=0)])
 
 
 def corners(mesh: Mesh) -> np.ndarray:
     """The corners of all triangles, (T, 3, 3) m: triangle, corner, coordinate."""
-    return np.concatenate([part.vertices[part.triangles] for part in mesh.parts])
+    return np.concatenate([part.vertices[part.triangles] for part in mesh])
 
 
 def scaled(mesh: Mesh, factors: np.ndarray) -> Mesh:
     """`mesh` with its coordinates multiplied by `factors` (3,), all positive."""
-    return Mesh(tuple(replace(part, vertices=part.vertices * factors) for part in mesh.parts))
+    return tuple(replace(part, vertices=part.vertices * factors) for part in mesh)
 
 
 def moved(mesh: Mesh, offset: np.ndarray, turn: float = 0.0) -> Mesh:
     """`mesh` turned about z by `turn` rad, counter-clockwise, then shifted by `offset` (3,) m."""
     matrix = np.eye(3)
     matrix[:2, :2] = rotation(turn)
-    parts = (replace(part, vertices=part.vertices @ matrix.T + offset) for part in mesh.parts)
-    return Mesh(tuple(parts))
+    return tuple(replace(part, vertices=part.vertices @ matrix.T + offset) for part in mesh)
 
 
 def fitted(meshes: Sequence[Mesh], length: float, width: float, height: float) -> tuple[Mesh, ...]:

@@ -116,7 +116,7 @@ def mesh_doubt(path: str, scale: float, up: str) -> str | None:
 
 def _read(path: str, placed: Callable[[np.ndarray], np.ndarray], contrast: float) -> Mesh:
     try:
-        return Mesh(read_parts(Path(path), placed, contrast))
+        return read_parts(Path(path), placed, contrast)
     except Exception as error:
         # Readers raise errors of any class where a file is damaged.
         reason = printable(str(error) or type(error).__name__, 200)
@@ -146,9 +146,7 @@ PAINT = (66, 108, 160)
 """Colour of what has none in the file."""
 
 
-def read_parts(
-    path: Path, placed: Callable[[np.ndarray], np.ndarray], contrast: float
-) -> tuple[Part, ...]:
+def read_parts(path: Path, placed: Callable[[np.ndarray], np.ndarray], contrast: float) -> Mesh:
     """The surfaces in the mesh file `path`; their vertices (V, 3) are `placed`.
 
     They have the file's textures, or colours (as one of each triangle), or are painted with

@@ -108,7 +108,7 @@ def world_objects(world: World) -> list[tuple[str, Mesh]]:
 
 
 def _distance(mesh: Mesh) -> float:
-    points = np.concatenate([part.vertices for part in mesh.parts])
+    points = np.concatenate([part.vertices for part in mesh])
     return float(np.min(np.hypot(points[:, 0], points[:, 1])))
 
 
@@ -183,7 +183,7 @@ def roadside_objects(
     )
     made: list[tuple[str, Mesh]] = []
     for name, mesh in _along(way, world, materials, draws):
-        vertices = np.concatenate([one.vertices for one in mesh.parts])
+        vertices = np.concatenate([one.vertices for one in mesh])
         footprint = shapely.convex_hull(shapely.multipoints(vertices[:, :2]))
         if not footprint.intersects(free):
             made.append((name, mesh))
@@ -193,7 +193,7 @@ def roadside_objects(
     made += [("woods", mesh) for mesh in _woods(low + 6.0, high - 6.0, materials)]
     made.sort(key=lambda named: float(np.hypot(*bounding_box(named[1])[:, :2].mean(axis=0))))
     ground = flat("asphalt", [(*low, *high)], 0.0, asphalt(world.contrast), 7.3)
-    return [("road", Mesh((ground,))), *made]
+    return [("road", (ground,)), *made]
 
 
 def _way(poses: np.ndarray) -> np.ndarray:

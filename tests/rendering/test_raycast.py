@@ -23,7 +23,7 @@ from stixel_cli.rendering.surfaces import (
     srgb_from_linear,
 )
 from stixel_cli.rendering.tracing import Body, Shot
-from stixel_cli.scene.mesh import Mesh, scaled
+from stixel_cli.scene.mesh import scaled
 from stixel_cli.scene.parameters import World
 
 POSE = np.array([0.0, 0.0, box_scene.AHEAD])
@@ -204,7 +204,7 @@ def test_texture_is_averaged_over_the_pixel_area():
     """Brute force: many unfiltered samples in each pixel have the filter's mean and its values."""
     texture = speckle(9, 64)
     static = StaticScene(
-        [(3, Mesh((quad([(-9, 12, -6), (9, 12, -6), (9, 12, 8), (-9, 12, 8)], texture, 3.0),)))],
+        [(3, (quad([(-9, 12, -6), (9, 12, -6), (9, 12, 8), (-9, 12, 8)], texture, 3.0),))],
         replace(RIG, pitch=0.0),
         RAYCAST,
     )
@@ -228,7 +228,7 @@ def test_texture_is_averaged_over_the_pixel_area():
 
 def test_texture_of_the_target_is_nearer_to_the_mean_over_the_pixel(monkeypatch):
     """Against 16 × 16 samples in each pixel; the same wall once with plain mip-maps."""
-    wall = Mesh((quad([(-9, 12, -6), (9, 12, -6), (9, 12, 8), (-9, 12, 8)], speckle(9, 256), 3.0),))
+    wall = (quad([(-9, 12, -6), (9, 12, -6), (9, 12, 8), (-9, 12, 8)], speckle(9, 256), 3.0),)
     meshes = road(speckle(1)), wall
     bodies = tuple(Body(build_surfaces([(3, mesh)]), np.eye(4)) for mesh in meshes)
     shot = Shot(bodies, rig_cameras(RIG, POSE)[0])

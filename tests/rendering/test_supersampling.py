@@ -17,7 +17,7 @@ from stixel_cli.rendering.raycast import StaticScene, Target
 from stixel_cli.rendering.supersampling import Centres, rasterised, sample_offsets, supersampled
 from stixel_cli.rendering.surfaces import build_surfaces
 from stixel_cli.rendering.tracing import Body, Shot
-from stixel_cli.scene.mesh import Mesh, Part
+from stixel_cli.scene.mesh import Part
 from stixel_cli.scene.parameters import RoadUser, World
 from stixel_cli.scene.road_user import road_user_meshes
 
@@ -66,7 +66,7 @@ def test_triangles_around_the_camera_are_rasterised_as_they_are_cast(seed):
     points = (centres + random.normal(0.0, random.choice([0.3, 5.0]), (40, 3, 3))) + [0, 0, 1.2]
     one, uvs = np.array([[0, 1, 2]], dtype=np.int32), np.zeros((1, 3, 2))
     parts = [Part(corners, one, uvs, speckle(1), "triangle") for corners in points]
-    body = Body(build_surfaces([(3, Mesh(tuple(parts)))]), np.eye(4))
+    body = Body(build_surfaces([(3, tuple(parts))]), np.eye(4))
     camera = rig_cameras(RIG, POSE)[0]
     shot = Shot((body,), camera)
     rows, columns = np.divmod(np.arange(0, camera.height * camera.width, 7), camera.width)
@@ -77,7 +77,7 @@ def test_triangles_around_the_camera_are_rasterised_as_they_are_cast(seed):
 
 def test_two_triangles_with_a_common_edge_leave_no_sample_between_them():
     corners = [(-5, 6, -4), (5.3, 7, -4), (5.1, 7, 4.7), (-5.2, 6, 4.7)]
-    body = Body(build_surfaces([(3, Mesh((quad(corners, speckle(1)),)))]), np.eye(4))
+    body = Body(build_surfaces([(3, (quad(corners, speckle(1)),))]), np.eye(4))
     shot = Shot((body,), rig_cameras(replace(RIG, pitch=0.0), POSE)[0])
     rows, columns = (grid.ravel() for grid in np.mgrid[10:80, 20:100])
     _, found = rasterised(shot, rows, columns, sample_offsets(8))

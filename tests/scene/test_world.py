@@ -37,10 +37,10 @@ def test_ground_is_large_flat_and_textured(objects):
     low, high = bounding_box(objects[0][1])
     assert (low[:2] <= -150).all() and (high[:2] >= 150).all()
     assert low[2] == 0.0 and high[2] == KERB
-    asphalt, _, marks = objects[0][1].parts[:3]
+    asphalt, _, marks = objects[0][1][:3]
     assert asphalt.texture.astype(float).std() > 15.0
     assert (marks.vertices[:, 2] == MARK).all()
-    for part in objects[0][1].parts[:3]:
+    for part in objects[0][1][:3]:
         points = part.vertices[part.triangles]
         normals = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])
         assert (normals[:, 2] > 0.0).all() and (normals[:, :2] == 0.0).all()
@@ -89,7 +89,7 @@ def test_ego_paths_are_free_of_objects(obstacles, name):
 
 def test_world_parts_meet_the_requirements_of_the_renderers(objects):
     for _, mesh in objects:
-        for part in mesh.parts:
+        for part in mesh:
             assert part.triangles.dtype == np.int32 and np.isfinite(part.vertices).all()
             assert part.uvs.shape == (len(part.triangles), 3, 2)
             assert part.texture.dtype == np.uint8
@@ -98,7 +98,7 @@ def test_world_parts_meet_the_requirements_of_the_renderers(objects):
 
 def test_world_is_repeatable_and_depends_on_its_seed(objects):
     def bytes_of(items):
-        parts = [part for _, mesh in items for part in mesh.parts]
+        parts = [part for _, mesh in items for part in mesh]
         return [(part.vertices.tobytes(), part.texture.tobytes()) for part in parts]
 
     assert bytes_of(world_objects(scene_presets.world())) == bytes_of(objects)
@@ -107,4 +107,4 @@ def test_world_is_repeatable_and_depends_on_its_seed(objects):
 
 def test_asphalt_without_contrast_has_one_colour():
     ground = world_objects(World("street", 1, 0.0))[0][1]
-    assert ground.parts[0].texture.std(axis=(0, 1)).max() == 0.0
+    assert ground[0].texture.std(axis=(0, 1)).max() == 0.0
