@@ -12,7 +12,7 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 47_260
+TOTAL = 47_176
 """Greatest number of lines in all."""
 
 MODULES = 250
@@ -22,29 +22,29 @@ BUDGET = {
     "": 1511,
     "answers": 1312,
     "benchmark": 978,
-    "calibration": 569,
+    "calibration": 568,
     "cli": 2730,
     "config": 2815,
-    "engine": 4287,
+    "engine": 4255,
     "evaluation": 1651,
-    "experiment": 1361,
+    "experiment": 1356,
     "export": 608,
-    "geometry": 413,
+    "geometry": 412,
     "live": 625,
     "machine": 203,
-    "measurements": 2006,
+    "measurements": 1996,
     "pictures": 1396,
-    "recordings": 2660,
-    "rendering": 2216,
+    "recordings": 2654,
+    "rendering": 2207,
     "report": 779,
     "results": 1454,
-    "scene": 3447,
+    "scene": 3430,
     "stereo": 508,
     "stixels": 2106,
     "studies": 1762,
     "sweeps": 2112,
     "tracking": 6640,
-    "validation": 1111,
+    "validation": 1108,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
 

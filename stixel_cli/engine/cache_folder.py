@@ -140,8 +140,7 @@ class Lease:
 def collector_lock(folder: Path) -> Iterator[None]:
     """Acquire the lock that every cleanup and every new lease needs.
 
-    Raises:
-        CacheError: the folder cannot be written, or another process keeps the lock for too long.
+    CacheError if the folder cannot be written, or another process keeps the lock for too long.
     """
     try:
         lock = file_lock(folder / "collector.lock")

@@ -124,10 +124,8 @@ class CodeIndex:
     def code(self, roots: Iterable[str], folders: tuple[Path, ...] = ()) -> Code:
         """Find the code that the modules `roots` reach, including themselves.
 
-        Modules that the import path lacks are looked for in `folders`.
-
-        Raises:
-            LookupError: a root is not a module, or a module is not valid Python.
+        Modules that the import path lacks are looked for in `folders`. LookupError if a root is not
+        a module, or a module is not valid Python.
         """
         return self._walk(folders).code(tuple(sorted(set(roots))))
 

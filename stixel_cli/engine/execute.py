@@ -151,8 +151,7 @@ def _prepare(nodes: Sequence[Node], store: Store, progress: Progress) -> None:
 def make_pool(executor: Executor, nodes: Sequence[Node], here: Sequence[Node]) -> Pool:
     """Make the pool of an executor for `nodes`, those `here` excepted.
 
-    Raises:
-        ExecutorError: its workers cannot be started or reached; one line.
+    ExecutorError if its workers cannot be started or reached; one line.
     """
     if isinstance(executor, ThreadsExecutor):
         return ThreadPool(executor.workers)

@@ -76,8 +76,7 @@ class Graph:
     def expand(self, targets: Sequence[str]) -> list[str]:
         """Node ids of `targets`, which are ids or names of stages.
 
-        Raises:
-            KeyError: no such node or stage.
+        KeyError if there is no such node or stage.
         """
         ids: dict[str, None] = {}
         for target in targets:

@@ -89,9 +89,7 @@ def canonical(value: Any) -> Any:
 
     Dataclasses carry the name of their type. A field with its default value is left out: adding
     such a field keeps the keys. 1, 1.0 and True differ, as do 0.0 and -0.0, and a list and a tuple.
-
-    Raises:
-        TypeError: a value of a type that has no canonical form.
+    TypeError for a value of a type that has no canonical form.
     """
     if value is None or isinstance(value, bool | str):
         return value

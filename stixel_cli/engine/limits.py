@@ -35,10 +35,8 @@ def one_thread() -> Iterator[None]:
 
     A process that started with `ENVIRONMENT` needs no limit. Others do: a program that calls this
     package, or a worker that another program started. Numba is not limited: its kernels here are
-    not parallel, and it rejects a change after its start.
-
-    Raises:
-        ExecutorError: a library still uses more threads.
+    not parallel, and it rejects a change after its start. ExecutorError if a library still uses
+    more threads.
     """
     controller = _limits.enter()
     try:
@@ -147,9 +145,8 @@ class TimeLimit:
 def limited(limit: TimeLimit | None) -> AbstractContextManager[None]:
     """A context that enforces `limit`.
 
-    Raises:
-        TimeLimitExceeded: the block took too long in the calling process; or, at once, the node
-            took too long in another worker (Dask retries the tasks of a lost worker).
+    TimeLimitExceeded if the block took too long in the calling process; or, at once, the node took
+    too long in another worker (Dask retries the tasks of a lost worker).
     """
     if limit is None:
         return nullcontext()

@@ -130,10 +130,8 @@ def check_bytecode(modules: Mapping[str, Path]) -> None:
     """Ensure that Python runs the current source of `modules` (name -> file).
 
     Bytecode is compared with its source once per process, and replaced by bytecode that Python
-    itself checks by the hash of the source.
-
-    Raises:
-        CodeChanged: this process has imported stale bytecode, or it cannot be replaced.
+    itself checks by the hash of the source. CodeChanged if this process has imported stale
+    bytecode, or it cannot be replaced.
     """
     for name, source in modules.items():
         if source not in _checked and source.suffix == ".py":

@@ -63,8 +63,7 @@ _unsaved: set[str] = set()
 def parse(path: Path, content: bytes) -> Source:
     """Return the meaning of the source file `path` with this content.
 
-    Raises:
-        InvalidCode: it is not valid Python, or declares its files in another form.
+    InvalidCode if it is not valid Python, or declares its files in another form.
     """
     key = sha256(content).hexdigest()
     fields = _digests.pop(key, None)
@@ -100,8 +99,7 @@ def _declared_files(path: Path, tree: ast.Module) -> list[str] | None:
 def declared_files(path: Path, source: Source) -> Iterator[tuple[str, Path, str]]:
     """Name, path and digest of each file that the module at `path` declares.
 
-    Raises:
-        InvalidCode: one is missing, not a regular file next to the module, or too large.
+    InvalidCode if one is missing, not a regular file next to the module, or too large.
     """
     for name in source.files or ():
         if Path(name).is_absolute():

@@ -184,10 +184,8 @@ def read_stored_run(path: Path, overrides: tuple[str, ...] = ()) -> RunResult:
     """Read the result folder `path`, with its validated experiment and its lineage.
 
     The experiment has the executor and the cache of this machine. `overrides` may only change the
-    groups `OF_THE_MACHINE`.
-
-    Raises:
-        UserError: if it is not a result folder, or its configuration is not valid in this version.
+    groups `OF_THE_MACHINE`. UserError if it is not a result folder, or its configuration is not
+    valid in this version.
     """
     run = read_run(path)
     own = compose(overrides).resolved

@@ -76,8 +76,7 @@ def verify_run(
         now: the `provenance` of this moment.
         progress: reports the progress.
 
-    Raises:
-        UserError: if a file of the folder is not valid; and the errors of `computed_stages`.
+    UserError if a file of the folder is not valid; and the errors of `computed_stages`.
     """
     # Before the run, which may take long.
     paths = {name: stored.folder / f"{name}.npz" for name in COMPARED}

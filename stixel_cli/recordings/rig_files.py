@@ -44,8 +44,7 @@ COUNTERPARTS = {
 def our_names(given: Mapping[str, Any]) -> dict[str, Any]:
     """The numbers of a rig by our names: `fx`, `fy`, `cx`, `cy` and `K`, (3, 3), become ours.
 
-    Raises:
-        ValueError: for a K that is not a camera matrix, or a number that is given twice.
+    ValueError for a K that is not a camera matrix, or a number that is given twice.
     """
     pairs = [(SAME.get(name, name), value) for name, value in given.items() if name != "K"]
     if "K" in given:

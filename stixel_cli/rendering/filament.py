@@ -40,9 +40,7 @@ def render(
     """Render `frames` of the scenario without noise, as `raycast.render` does.
 
     Depth is Filament's own depth image, ids are its own rendering in flat colours.
-
-    Raises:
-        RendererUnavailable: if the child hung or died `renderer.attempts` times.
+    RendererUnavailable if the child hung or died `renderer.attempts` times.
     """
     objects = placement.numbered_objects(world, placement.motion_of(world, scenario))
     meshes = road_user_meshes(road_user)
@@ -102,8 +100,7 @@ def rendered(
 ) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]:
     """Yield (left, right, depth, ids) of each frame of `scene`, restarting the child as needed.
 
-    Raises:
-        RendererUnavailable: if the child hung or died `renderer.attempts` times.
+    RendererUnavailable if the child hung or died `renderer.attempts` times.
     """
     with tempfile.TemporaryDirectory(prefix="stixel-filament-") as name:
         folder, timeouts = Path(name), (renderer.start_timeout, renderer.frame_timeout)

@@ -45,10 +45,7 @@ def motion_of(world: World, scenario: Scenario) -> Motion:
 def numbered_objects(world: World, motion: Motion = ()) -> list[tuple[int, Mesh]]:
     """Object ids (as in `RenderedFrames.ids`) and meshes in the world of the road and background.
 
-    `motion` is that of `motion_of`.
-
-    Raises:
-        ValueError: if there are more objects than ids.
+    `motion` is that of `motion_of`. ValueError if there are more objects than ids.
     """
     poses, ids = np.array(motion).reshape(-1, 5), [ROAD_ID, *range(BACKGROUND_ID, 256)]
     ways = poses[:, :3], poses[:, 3:]

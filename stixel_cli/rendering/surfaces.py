@@ -82,8 +82,7 @@ class Surfaces:
 def build_surfaces(objects: Iterable[tuple[int, Mesh]]) -> Surfaces:
     """Surfaces of `objects`, meshes with their ids, all in one frame.
 
-    Raises:
-        ValueError: as `build_textures` does.
+    ValueError as `build_textures` does.
     """
     objects = list(objects)
     texture, ids, images = [], [], {}
@@ -151,10 +150,8 @@ def _uv_gradients(corners: np.ndarray, normals: np.ndarray, uvs: np.ndarray) -> 
 def build_textures(images: Iterable[np.ndarray]) -> Textures:
     """Mip-maps of `images`, (h, w, 3) uint8 sRGB with sides that are powers of two.
 
-    Averages are taken in linear light, for that is what a pixel collects.
-
-    Raises:
-        ValueError: if a side is not a power of two.
+    Averages are taken in linear light, for that is what a pixel collects. ValueError if a side is
+    not a power of two.
     """
     images = [np.asarray(image) for image in images]
     levels, first_level, count = [], [0], 0

@@ -34,10 +34,7 @@ def outline(triangles: np.ndarray) -> np.ndarray:
     a sensor on the ground can only see the outline. Parts that do not touch in the projection are
     joined by a morphological closing with the smallest sufficient radius of 1, 2, 4 … mm. This
     fills gaps and notches narrower than twice that radius, and changes nothing else. The outline is
-    then simplified by `SIMPLIFIED_BY` at most.
-
-    Raises:
-        ValueError: if the projection has no area.
+    then simplified by `SIMPLIFIED_BY` at most. ValueError if the projection has no area.
     """
     flat = triangles[:, :, :2]
     flat = flat[np.abs(_doubled_areas(flat)) > 1e-10]
@@ -92,8 +89,7 @@ def moving_target(
         poses_world, rates_world: (K, 3) its poses (x m, y m, heading rad) and their derivatives.
         travelled: (K,) m, which moves the limbs.
 
-    Raises:
-        ValueError: if the mesh cannot be read.
+    ValueError if the mesh cannot be read.
     """
     return Scenario(
         times=ego_motion.times,
@@ -108,10 +104,8 @@ def moving_target(
 def road_user_contours(road_user: RoadUser) -> np.ndarray:
     """The outlines (L, M, 2) m of `road_user_meshes`, as `outline` states them.
 
-    All have the same number of vertices: edges are halved where a contour has fewer.
-
-    Raises:
-        ValueError: as `road_user_meshes` and `outline` do.
+    All have the same number of vertices: edges are halved where a contour has fewer. ValueError as
+    `road_user_meshes` and `outline` do.
     """
     meshes = road_user_meshes(road_user)
     if len(meshes) == 1:

@@ -22,8 +22,7 @@ GAUSS_NODES, GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(12)
 def build_scenario(ego_motion: EgoMotion, road_user: RoadUser, path: Path) -> Scenario:
     """Ground truth at the ego motion's times: poses, their rates, and the target's true contour.
 
-    Raises:
-        ValueError: if the path's values contradict each other, or the mesh cannot be read.
+    ValueError if the path's values contradict each other, or the mesh cannot be read.
     """
     poses, rates = path_poses(path, ego_motion.times)
     travelled = distance_travelled(path, ego_motion.times)
@@ -40,8 +39,7 @@ def path_poses(path: Path, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     Returns:
         poses_world (K, 3): x m, y m, heading rad, and rates_world (K, 3), their derivatives.
 
-    Raises:
-        ValueError: where `path.check()` does.
+    ValueError where `path.check()` does.
     """
     path.check()
     times = np.asarray(times, dtype=np.float64)

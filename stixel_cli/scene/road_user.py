@@ -33,9 +33,7 @@ def road_user_meshes(road_user: RoadUser) -> tuple[Mesh, ...]:
     All have the same parts and triangles; only vertices move. The origin is the centre of the
     footprint of the box around all of them, on the ground. That box is exactly `length` × `width` ×
     `height`, except for a drawn shape and for a mesh of the user's own, which keep their size.
-
-    Raises:
-        ValueError: if the user's file cannot be read, see `load_mesh`.
+    ValueError if the user's file cannot be read, see `load_mesh`.
     """
     if road_user.mesh is not None:
         # trimesh takes a second to import; a built-in road user never needs it.

@@ -293,8 +293,7 @@ def occluder(world: World, ego_poses_world: np.ndarray, targets_world: np.ndarra
         ego_poses_world: (K, 3) x m, y m, heading rad.
         targets_world: (K, 2) m, the target's centre.
 
-    Raises:
-        UserError: if no place is far enough from the ways of both.
+    UserError if no place is far enough from the ways of both.
     """
     draws, materials = generator(world.seed, "occluder"), Materials(world.seed, world.contrast)
     eyes, last = ego_poses_world[:, :2], len(targets_world) - 1

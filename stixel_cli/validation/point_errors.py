@@ -75,8 +75,7 @@ class PointErrors:
 def point_errors(scans: Scans, scenario: Scenario, rig: Rig) -> PointErrors:
     """Errors of the points of all scans; for the conventions see the module.
 
-    Raises:
-        ValueError: unless the scans' times are the scenario's.
+    ValueError unless the scans' times are the scenario's.
     """
     if not np.array_equal(scans.times, scenario.times):
         raise ValueError("the times of the scans differ from those of the scenario")
