@@ -97,9 +97,7 @@ def followed(
 ) -> Iterator[tuple[int, np.ndarray, np.ndarray, np.ndarray]]:
     """Steps, rows as of `_tracked`, rotation and shift to the later images at the `TRAVELS`.
 
-    Args:
-        images: grey, (H, W) uint8; the first has the `disparity` (H, W) px, NaN where unknown.
-        rig: of the images.
+    The `images` are grey, (H, W) uint8; the first has the `disparity` (H, W) px, NaN where unknown.
     """
     import cv2
 

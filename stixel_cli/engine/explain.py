@@ -91,10 +91,7 @@ def explain(
 
     A node is compared with one of the results `before`, given as their keys and the digests of all
     their modules; if the store has none of its stage, with the most similar one and these modules.
-
-    Raises:
-        KeyError: no such target.
-        CacheError: the store cannot be read.
+    KeyError if there is no such target, CacheError if the store cannot be read.
     """
     wanted = list(graph.nodes) if targets is None else targets
     nodes = [graph.nodes[key] for key in plan(graph, wanted, store, verify=False).missing]

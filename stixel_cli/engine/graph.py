@@ -144,11 +144,8 @@ class GraphBuilder:
     def build(self, stages: Sequence[Stage], frame_count: int, chunk_size: int) -> Graph:
         """The graph of `stages` over the frames 0 … `frame_count` - 1, in chunks of `chunk_size`.
 
-        No stage is imported or computed.
-
-        Raises:
-            ValueError: the stages are not valid; one line.
-            LookupError, TypeError, UserError: see `stage_identity`.
+        No stage is imported or computed. ValueError, in one line, if the stages are not valid; and
+        the errors of `stage_identity`.
         """
         if frame_count < 1 or chunk_size < 1:
             raise ValueError(f"no frames: {frame_count} frames in chunks of {chunk_size}")

@@ -209,10 +209,8 @@ class Identity:
 def stage_identity(stage: Stage, index: CodeIndex) -> Identity:
     """Compute the identity of a stage.
 
-    Raises:
-        LookupError: a module is missing or is not valid Python.
-        TypeError: a setting cannot be part of a key.
-        UserError: one of the stage's files cannot be read.
+    LookupError if a module is missing or is not valid Python, TypeError if a setting cannot be part
+    of a key, UserError if one of the stage's files cannot be read.
     """
     types = settings_types(dict(stage.settings))
     module = stage.function.partition(":")[0]

@@ -66,10 +66,8 @@ class Store:
         """Read the value of an entry, as a new object each time.
 
         Large arrays are memory maps; what is written into them never reaches the entry.
-
-        Raises:
-            MissingEntry: there is no entry, or it is damaged. A damaged entry is removed.
-            CacheError: it cannot be read.
+        MissingEntry if there is no entry, or a damaged one, which is removed; CacheError if it
+        cannot be read.
         """
         content = self._content(key)
         with suppress(OSError):

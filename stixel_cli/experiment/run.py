@@ -45,10 +45,8 @@ def run_experiment(
 ) -> RunResult:
     """Compute the missing nodes of an experiment and load its result.
 
-    Args:
-        composition, progress, on_scores, store: as in `computed_stages`, which has the errors.
-        pictures: whether to draw pictures.
-        camera: whether to load the camera's frames for the page; None: if there are pictures.
+    With `pictures` they are drawn; with `camera` the camera's frames are loaded for the page, as
+    with pictures if it is None. The errors and the other arguments are those of `computed_stages`.
     """
     wanted = [*RESULTS, *(PICTURES if pictures else ()), OBJECTS, TRACKS, "calibration"]
     wanted += ["stixels"] if composition.configuration.source.kind != "rendered" else []

@@ -352,10 +352,7 @@ def camera_frames(
 ) -> CameraFrames:
     """The left images of `frames` and what was found in them, in small, and their stixels.
 
-    Args:
-        pairs, disparities, free_space, stixels: all contain all of `frames`.
-        rig, road, occupancy: those of the grid.
-        frames: indices k.
+    Each chunk contains all of `frames`; `rig`, `road` and `occupancy` are those of the grid.
     """
     images = {name: [] for name in ("grey", *VIEWS)}
     for k in frames:

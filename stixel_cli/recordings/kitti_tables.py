@@ -182,12 +182,9 @@ def read_labels(file: Path) -> Tracks:
 def tracks_of(labels: Iterable[tuple]) -> Tracks:
     """The labels of each target by its track id.
 
-    Args:
-        labels: of each one its place in the file, for errors; its type; and KITTI's columns but for
-            that, 16 values: frame, track id (a number or a name), state of truncation, ….
-
-    UserError if a number of a frame or track or a size is not valid, or a track has two labels in a
-    frame, or two types.
+    Of each label: its place in the file, for errors; its type; and KITTI's columns but for that, 16
+    values: frame, track id (a number or a name), state of truncation, …. UserError if a number of a
+    frame or track or a size is not valid, or a track has two labels in a frame, or two types.
     """
     rows: dict[int | str, dict[int, tuple]] = {}
     kinds: dict[int | str, str] = {}

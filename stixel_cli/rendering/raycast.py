@@ -43,14 +43,6 @@ def render(
     One ray goes through each pixel's centre and gives depth and identity; a rasteriser finds what
     `renderer.samples`² samples show for the colour of a pixel at an edge. While the ego car does
     not move, the static scene is rendered once; the bytes are those of a frame rendered alone.
-
-    Args:
-        scenario: poses of the ego car and the target.
-        road_user: what the target is.
-        world: road and background.
-        rig: the cameras.
-        renderer: samples.
-        frames: consecutive frame indices.
     """
     target = Target(road_user_meshes(road_user))
     static = _static_scene(world, motion_of(world, scenario), rig, renderer)

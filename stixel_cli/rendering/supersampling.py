@@ -59,12 +59,9 @@ def rasterised(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Surfaces that the samples of pixels show: the rasteriser's answer to `tracing.nearest`.
 
-    The pixels at `rows` and `columns` (n,) are distinct, inside the image, in row-major order;
-    `offsets` are those of `sample_offsets`.
-
-    Returns:
-        Inverse depths (n, s) float64 1/m, 0 where nothing is seen; and triangles (n, s) int32,
-        counted through all bodies; -1 where nothing is seen.
+    Inverse depths (n, s) float64 1/m, 0 where nothing is seen; and triangles (n, s) int32, counted
+    through all bodies, -1 where nothing is seen. The pixels at `rows` and `columns` (n,) are
+    distinct, inside the image, in row-major order; `offsets` are those of `sample_offsets`.
     """
     camera, first = shot.camera, 0
     inverse = np.zeros((len(rows), len(offsets[0])))

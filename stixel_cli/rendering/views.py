@@ -87,14 +87,9 @@ def view_with_target(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """`view` with the target and its shadow in it.
 
-    Args:
-        view: the static scene, from the same camera.
-        target: the body.
-        corners_target: (8, 3) m, corners of the target's box in its own frame.
-        whole: render the whole image and not just the rectangle that can change (same bytes).
-
-    Returns:
-        Picture (H, W, 3) uint8 sRGB, depth (H, W) float64 m with inf for the sky, ids (H, W) uint8.
+    Picture (H, W, 3) uint8 sRGB, depth (H, W) float64 m with inf for the sky, ids (H, W) uint8.
+    `corners_target` (8, 3) m are those of the target's box in its own frame. With `whole` not just
+    the rectangle is rendered that can change; the bytes are the same.
     """
     shot = replace(view.shot, bodies=(*view.shot.bodies, target))
     height, width = shot.camera.height, shot.camera.width
@@ -133,15 +128,9 @@ def _centres_with_target(
 ) -> tuple[Centres, np.ndarray, np.ndarray]:
     """The rays through the centres of `pixels` (n,) of `view`, with the target in it.
 
-    Args:
-        view: the static scene.
-        shot: with the target.
-        pixels: (n,) indices in row-major order.
-        near: (m,) indices of those `pixels` that the target itself can touch.
-
-    Returns:
-        Their values; (n,) bool, whether the target is met; (n,) bool, whether that or its
-        shadow changes the static view's colour.
+    Their values; (n,) bool, whether the target is met; (n,) bool, whether that or its shadow
+    changes the static view's colour. The `shot` has the target; `pixels` (n,) are in row-major
+    order, `near` (m,) the indices of those that the target itself can touch.
     """
     hits, lit, plain = view.hits.at(pixels), view.lit[pixels], view.plain[pixels]
     # The target, where it is nearer than the static scene.

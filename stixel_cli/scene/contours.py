@@ -85,11 +85,8 @@ def moving_target(
 ) -> Scenario:
     """Ground truth of `road_user` at the ego motion's K times.
 
-    Args:
-        poses_world, rates_world: (K, 3) its poses (x m, y m, heading rad) and their derivatives.
-        travelled: (K,) m, which moves the limbs.
-
-    ValueError if the mesh cannot be read.
+    It has the poses (K, 3) x m, y m, heading rad, whose derivatives are the rates (K, 3), and has
+    `travelled` (K,) m, which moves the limbs. ValueError if the mesh cannot be read.
     """
     return Scenario(
         times=ego_motion.times,

@@ -30,16 +30,9 @@ def build_scenario(ego_motion: EgoMotion, road_user: RoadUser, path: Path) -> Sc
 
 
 def path_poses(path: Path, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Poses and rates of a target on `path`.
+    """Poses (K, 3) x m, y m, heading rad of a target on `path`, and their derivatives (K, 3).
 
-    Args:
-        path: which path, with its parameters.
-        times: (K,) s, 0 at the start.
-
-    Returns:
-        poses_world (K, 3): x m, y m, heading rad, and rates_world (K, 3), their derivatives.
-
-    ValueError where `path.check()` does.
+    The `times` (K,) s are 0 at the start. ValueError where `path.check()` does.
     """
     path.check()
     times = np.asarray(times, dtype=np.float64)

@@ -12,13 +12,9 @@ Surface = tuple[np.ndarray, np.ndarray]
 
 
 def part(name: str, surfaces: list[Surface], texture: np.ndarray, tile: float) -> Part:
-    """Surfaces of one texture, laid on from the six sides of a cube.
+    """Surfaces of one texture (h, w, 3) uint8 RGB, laid on from the six sides of a cube.
 
-    Args:
-        name: the part's name.
-        surfaces: its surfaces, as (vertices, triangles).
-        texture: (h, w, 3) uint8 RGB.
-        tile: length that one repetition of the texture covers, m.
+    One repetition of the texture covers `tile` m.
     """
     vertices, triangles = joined(surfaces)
     return Part(vertices, triangles, cube_uvs(vertices, triangles, tile), texture, name)

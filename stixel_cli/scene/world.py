@@ -170,10 +170,8 @@ def roadside_objects(
 ) -> list[tuple[str, Mesh]]:
     """As `world.world_objects`: the road first, then the background, nearest to the start first.
 
-    Args:
-        world: its seed draws the layout.
-        ego_poses_world: (K, 3) x m, y m, heading rad.
-        targets_world: (K, 2) m, the target's centre.
+    `world.seed` draws the layout. The ego car's poses (K, 3) are x m, y m, heading rad, the targets
+    (K, 2) m the target's centre.
     """
     draws, materials = generator(world.seed, "roadside"), Materials(world.seed, world.contrast)
     way = _way(ego_poses_world)
@@ -287,13 +285,8 @@ def occluder(world: World, ego_poses_world: np.ndarray, targets_world: np.ndarra
 
     `world.seed` draws when the target's centre is behind its middle, and how far along that line
     it is: 50 to 65 %. A hedge is as long as to hide the centre for 25 to 42 % of the time, and 0.9
-    to 1.6 m high: a high one hides all of the target. A post is a lamp post or a bollard.
-
-    Args:
-        ego_poses_world: (K, 3) x m, y m, heading rad.
-        targets_world: (K, 2) m, the target's centre.
-
-    UserError if no place is far enough from the ways of both.
+    to 1.6 m high: a high one hides all of the target. A post is a lamp post or a bollard. The
+    arguments are those of `roadside_objects`. UserError if no place is far enough from both ways.
     """
     draws, materials = generator(world.seed, "occluder"), Materials(world.seed, world.contrast)
     eyes, last = ego_poses_world[:, :2], len(targets_world) - 1

@@ -63,12 +63,7 @@ def group_columns(
     top is the median of theirs. The disparities within the window in their areas, from `head`
     (from the top where these are too few) down to `foot`, make a histogram. It is split: what is
     more than `front_margin` behind the front face (`front_face`) is another surface. The disparity
-    is the maximum of the rest.
-
-    Args:
-        columns, scale, count: as in `Frame`.
-        layer: the obstacles.
-        grouping: how they are grouped.
+    is the maximum of the rest. `columns`, `scale` and `count` are as in `Frame`.
     """
     width, height = columns.shape
     groups = (width + grouping.stixel_width - 1) // grouping.stixel_width
@@ -182,12 +177,8 @@ def front_face(count, total, columns, extent):
     """Disparity, px, of the nearest face: the greatest mean over `extent` rows next to each other.
 
     Only where at least half of the pixels there have a disparity. Without such rows, the mean of
-    all: then nothing is known of a relief.
-
-    Args:
-        count, total: (n,) number and sum of the disparities of each row.
-        columns: pixels of a row.
-        extent: rows of the face; at most n count.
+    all: then nothing is known of a relief. `count` and `total` (n,) are number and sum of the
+    disparities of each row, `columns` its pixels; of the `extent` at most n rows count.
     """
     extent = min(extent, len(count))
     found, pixels, summed = False, 0, 0.0
