@@ -12,12 +12,7 @@ from stixel_cli.engine.store import Store
 from stixel_cli.experiment.run import has_pictures, run_experiment
 from stixel_cli.experiment.stages import experiment_graph
 from stixel_cli.files import read_arrays, read_bytes
-from stixel_cli.results.lineage import (
-    Lineage,
-    StageDifference,
-    first_changed_stage,
-    first_difference,
-)
+from stixel_cli.results import lineage
 from stixel_cli.results.result import RunResult
 
 COMPARED = {"ego": "scenario", "truth": "scenario"}
@@ -49,8 +44,8 @@ class Verification:
 
     files: tuple[FileDifference, ...]
     compared: int
-    by_key: StageDifference | None
-    by_value: StageDifference | None
+    by_key: lineage.StageDifference | None
+    by_value: lineage.StageDifference | None
     changes: tuple[str, ...]
     stages: list[dict[str, Any]]
 
@@ -87,12 +82,12 @@ def verify_run(
     by_key = by_value = None
     if stored.lineage is not None:
         graph = experiment_graph(stored.composition)
-        by_key = first_changed_stage(stored.lineage, new.lineage, graph)
+        by_key = lineage.first_changed_stage(stored.lineage, new.lineage, graph)
         by_value = _first_by_digest(stored.lineage, new.lineage, old_store, store, bool(files))
     if by_value is None and files:
         first, altered = files[0], "altered after the run: lineage.json matches the new result"
         causes = () if stored.lineage is None else (f"{first.file} was {altered}",)
-        by_value = StageDifference(first.stage, f"{first.file}: {first.what}", causes)
+        by_value = lineage.StageDifference(first.stage, f"{first.file}: {first.what}", causes)
     if by_value is not None and by_key is not None and not by_value.causes:
         by_value = replace(by_value, causes=by_key.causes)
     changes = tuple(_changes(stored, now))
@@ -105,17 +100,17 @@ def _compared_files(
     """(file, stage, difference or None) of every file with results that the folder has."""
     arrays = new.arrays
     for name, content in old.items():
-        yield f"{name}.npz", COMPARED[name], first_difference(content, arrays.get(name))
-    yield "metrics.json", "scores", first_difference(stored.metrics, new.metrics)
+        yield f"{name}.npz", COMPARED[name], lineage.first_difference(content, arrays.get(name))
+    yield "metrics.json", "scores", lineage.first_difference(stored.metrics, new.metrics)
     for name, data in new.pictures.items():
         picture = stored.folder / "figures" / name
         if picture.exists():
-            yield f"figures/{name}", "pictures", first_difference(read_bytes(picture), data)
+            yield f"figures/{name}", "pictures", lineage.first_difference(read_bytes(picture), data)
 
 
 def _first_by_digest(
-    old: Lineage, new: Lineage, old_store: Store, new_store: Store, guess: bool
-) -> StageDifference | None:
+    old: lineage.Lineage, new: lineage.Lineage, old_store: Store, new_store: Store, guess: bool
+) -> lineage.StageDifference | None:
     """The first stage with a node whose stored bytes differ, and whose value does.
 
     `guess` that it does where the old value is lost: an older version stored values differently.
@@ -130,14 +125,14 @@ def _first_by_digest(
             try:
                 # Equal values may be stored in other bytes: the values themselves decide.
                 old_value, new_value = old_store.load(before.keys[i]), new_store.load(stage.keys[i])
-                what = first_difference(old_value, new_value)
+                what = lineage.first_difference(old_value, new_value)
             except CacheError:
                 if not guess:
                     continue
                 what = "different bytes (by how much is unknown: the old result is not cached)"
             if what is not None:
                 chunk = f"chunk {i + 1} of {len(stage.keys)}: " if len(stage.keys) > 1 else ""
-                return StageDifference(name, chunk + what, ())
+                return lineage.StageDifference(name, chunk + what, ())
     return None
 
 

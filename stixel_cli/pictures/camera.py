@@ -20,6 +20,7 @@ from stixel_cli.rendering.frames import RenderedFrames, StereoPairs
 from stixel_cli.results.pictures import CameraFrames, Pictures
 from stixel_cli.scene.scenario import EgoMotion
 from stixel_cli.stereo.disparities import SUBPIXELS, Disparities
+from stixel_cli.stereo.rectification import reduced
 from stixel_cli.stixels.occupancy import picture_grid
 from stixel_cli.stixels.parameters import OccupancyParameters, RoadParameters
 from stixel_cli.stixels.types import FreeSpace, Objects, OccupancyGrid, Stixels
@@ -374,15 +375,6 @@ def camera_frames(
         offsets=(offsets - offsets[0]).astype(np.int64),
         **{name: getattr(stixels, name)[rows] for name in OF_STIXELS},
     )
-
-
-def reduced(image: np.ndarray, widest: int) -> np.ndarray:
-    """An image (H, W) or (H, W, 3) with means of its pixels, if it is wider than `widest`, px."""
-    height, width = image.shape[:2]
-    if width <= widest:
-        return image
-    size = (widest, max(1, round(height * widest / width)))
-    return cv2.resize(image, size, interpolation=cv2.INTER_AREA)
 
 
 def _jpeg(image: np.ndarray, quality: int) -> bytes:

@@ -43,8 +43,8 @@ def compare_rows(left: np.ndarray, right: np.ndarray, far_disparity: float) -> R
     pixel by optical flow (Lucas, Kanade 1981). Offset, roll and scale of the rows are a robust fit
     (Fischler, Bolles 1981, *RANSAC*). `far_disparity` is that of the rig, px.
     """
-    whole = [_at_most(image, WIDTH) for image in (left, right)]
-    small = [_at_most(image, WIDTH // 2) for image in whole]
+    whole = [reduced(image, WIDTH) for image in (left, right)]
+    small = [reduced(image, WIDTH // 2) for image in whole]
     with one_thread():
         (ours, words), (theirs, other_words) = map(_corners, small)
         if min(len(ours), len(theirs)) < LEAST_CORNERS:
@@ -65,13 +65,13 @@ def compare_rows(left: np.ndarray, right: np.ndarray, far_disparity: float) -> R
     agree = agree[:, 0] == 1
     if fit is None or agree.sum() < max(LEAST_CORNERS, LEAST_SHARE * len(one)):
         return None
-    (height, width), reduced = whole[0].shape, left.shape[1] / whole[0].shape[1]
+    (height, width), factor = whole[0].shape, left.shape[1] / whole[0].shape[1]
     roll, scale = fit[1, :2] - [0.0, 1.0]
     # Of the lower half, which shows the road and the feet of obstacles.
-    mean = reduced * (fit[1, 2] + roll * 0.5 * (width - 1) + scale * 0.75 * (height - 1))
-    uneven = reduced * np.hypot(roll * width, scale * 0.5 * height) / np.sqrt(12.0)
+    mean = factor * (fit[1, 2] + roll * 0.5 * (width - 1) + scale * 0.75 * (height - 1))
+    uneven = factor * np.hypot(roll * width, scale * 0.5 * height) / np.sqrt(12.0)
     difference = float(np.hypot(mean, uneven))
-    negative = np.mean(reduced * (one - other)[agree, 0] < far_disparity - 1.0)
+    negative = np.mean(factor * (one - other)[agree, 0] < far_disparity - 1.0)
     fault = None
     if negative >= MOST_NEGATIVE:
         fault = (
@@ -99,9 +99,10 @@ def _corners(image: np.ndarray) -> tuple[list[tuple[float, float]], np.ndarray]:
     return places, np.concatenate(descriptors)
 
 
-def _at_most(image: np.ndarray, width: int) -> np.ndarray:
-    """The image, reduced to `width` px if it is wider."""
-    if image.shape[1] <= width:
+def reduced(image: np.ndarray, widest: int) -> np.ndarray:
+    """An image (H, W) or (H, W, 3) with means of its pixels, if it is wider than `widest`, px."""
+    height, width = image.shape[:2]
+    if width <= widest:
         return image
-    height = round(image.shape[0] * width / image.shape[1])
-    return cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA)
+    size = (widest, max(1, round(height * widest / width)))
+    return cv2.resize(image, size, interpolation=cv2.INTER_AREA)
