@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from stixel_cli.rendering.frames import encoded
 from stixel_cli.scene.open3d_import import import_open3d
 
 REASON = "stixel: "
@@ -163,12 +164,6 @@ class Stage:
             eye.astype(np.float32),
             (-camera[:3, 1]).astype(np.float32),
         )
-
-
-def encoded(light: np.ndarray) -> np.ndarray:
-    """sRGB in [0, 1] of linear light, any shape (IEC 61966-2-1)."""
-    light = np.clip(light, 0.0, 1.0)
-    return np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
 
 
 def identity_colour(identity: int) -> list[float]:

@@ -77,3 +77,9 @@ class StereoPairs:
 
     def __len__(self) -> int:
         return len(self.left)
+
+
+def encoded(light: np.ndarray) -> np.ndarray:
+    """sRGB in [0, 1] of linear light, any shape (IEC 61966-2-1)."""
+    light = np.clip(light, 0.0, 1.0)
+    return np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)

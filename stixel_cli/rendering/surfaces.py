@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from stixel_cli.rendering.frames import encoded
 from stixel_cli.rendering.shading import GREEN, RED, TEXEL_STEP
 from stixel_cli.scene.mesh import Mesh
 from stixel_cli.scene.open3d_import import import_open3d_bindings
@@ -183,8 +184,8 @@ def build_textures(images: Iterable[np.ndarray]) -> Textures:
 
 def srgb_from_linear(light: np.ndarray) -> np.ndarray:
     """sRGB uint8 of linear light, any shape, with full scale 1 (IEC 61966-2-1)."""
-    top = np.float32(len(ENCODE) - 1)
-    return ENCODE[(np.clip(light, 0.0, 1.0) * top + np.float32(0.5)).astype(np.int32)]
+    top = np.float32(len(_ENCODE) - 1)
+    return _ENCODE[(np.clip(light, 0.0, 1.0) * top + np.float32(0.5)).astype(np.int32)]
 
 
 def linear_from_srgb(image: np.ndarray) -> np.ndarray:
@@ -192,16 +193,8 @@ def linear_from_srgb(image: np.ndarray) -> np.ndarray:
     return _DECODE[image]
 
 
-def _decode_table() -> np.ndarray:
-    value = np.arange(256) / 255.0
-    light = np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
-    return light.astype(np.float32)
+_VALUES = np.arange(256) / 255.0
+_DECODE = np.where(_VALUES <= 0.04045, _VALUES / 12.92, ((_VALUES + 0.055) / 1.055) ** 2.4)
+_DECODE = _DECODE.astype(np.float32)
 
-
-def _encode_table(size: int = 1 << 16) -> np.ndarray:
-    light = np.arange(size) / (size - 1)
-    value = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
-    return np.rint(255.0 * value).astype(np.uint8)
-
-
-_DECODE, ENCODE = _decode_table(), _encode_table()
+_ENCODE = np.rint(255.0 * encoded(np.arange(1 << 16) / ((1 << 16) - 1))).astype(np.uint8)
