@@ -3,7 +3,6 @@
 import os
 import platform
 import shutil
-import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -61,22 +60,9 @@ def probe_raycast(
     timeout: float = RENDERER_TIMEOUT, command: tuple[str, ...] = RAYCAST_PROBE
 ) -> str | None:
     """Why ray casting does not work here, in one line; None if it renders a picture in time."""
-    try:
-        child = subprocess.run(
-            command,
-            stdin=subprocess.DEVNULL,
-            capture_output=True,
-            text=True,
-            errors="replace",
-            start_new_session=True,
-            timeout=timeout,
-        )
-    except subprocess.TimeoutExpired:
-        return f"no picture within {timeout:g} s"
-    if child.returncode == 0:
-        return None
-    lines = [line.strip() for line in child.stderr.splitlines() if line.strip()]
-    return lines[-1] if lines else f"its process ended with exit code {child.returncode}"
+    from stixel_cli.rendering.filament import probe
+
+    return probe("raycast", timeout, command)
 
 
 def _probe_filament() -> str | None:

@@ -147,7 +147,7 @@ class Stage:
             self.renderer.scene.show_geometry(plain, shown and flat)
 
     def _look(self, camera: np.ndarray, intrinsics: np.ndarray, shift: float) -> None:
-        """Look through a camera (4, 4 to the world), the fine image shifted by `shift` px.
+        """Look through a camera (3, 4 to the world), the fine image shifted by `shift` px.
 
         Unshifted, the fine pixel (FINER u, FINER v) looks along the ray of the pixel (u, v).
         """
