@@ -123,23 +123,21 @@ LEFT = (
 
 @dataclass(frozen=True)
 class Collection:
-    """Result of a cleanup.
-
-    Attributes:
-        removed, removed_size: number and bytes of the entries that were, or would be, removed.
-        kept, kept_size: number and bytes of the entries that remain.
-        in_use: number of entries that a running process uses.
-        left, left_size: number and bytes of the files of killed processes and earlier versions that
-            were, or would be, removed, too.
-    """
+    """Result of a cleanup."""
 
     removed: int
     removed_size: int
+    """`removed`, `removed_size`: number and bytes of the entries that were, or would be,
+    removed."""
     kept: int
     kept_size: int
+    """`kept`, `kept_size`: number and bytes of the entries that remain."""
     in_use: int
+    """Number of entries that a running process uses."""
     left: int
     left_size: int
+    """`left`, `left_size`: number and bytes of the files of killed processes and earlier versions
+    that were, or would be, removed, too."""
 
 
 def keep_limit(store: Store) -> None:

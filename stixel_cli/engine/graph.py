@@ -12,30 +12,27 @@ from stixel_cli.engine.keys import CHUNKED, Identity, Stage, node_key, stage_ide
 
 @dataclass(frozen=True)
 class Node:
-    """One result: a stage on a range of frames.
-
-    Attributes:
-        key: key of the result, and id of the node. A result that two graphs share is one node.
-        stage: the stage.
-        identity: the part of the key that all nodes of the stage share.
-        label: `average[0:10]`, `plot[12]` or `load`.
-        first, stop: the frames are first … stop - 1; None for `once`.
-        inputs: argument name -> keys of the nodes that provide it.
-        sequences: arguments that are passed as a lazy sequence.
-        previous: key of the node before in a fold, or None.
-        depth: length of the longest path from a node without inputs.
-    """
+    """One result: a stage on a range of frames."""
 
     key: str
+    """Key of the result, and id of the node. A result that two graphs share is one node."""
     stage: Stage
+    """The stage."""
     identity: Identity
+    """The part of the key that all nodes of the stage share."""
     label: str
+    """`average[0:10]`, `plot[12]` or `load`."""
     first: int | None
     stop: int | None
+    """`first`, `stop`: the frames are first … stop - 1; None for `once`."""
     inputs: Mapping[str, tuple[str, ...]]
+    """Argument name -> keys of the nodes that provide it."""
     sequences: frozenset[str]
+    """Arguments that are passed as a lazy sequence."""
     previous: str | None
+    """Key of the node before in a fold, or None."""
     depth: int
+    """Length of the longest path from a node without inputs."""
 
     @property
     def frames(self) -> list[int] | None:

@@ -125,16 +125,13 @@ _limits = _Limits()
 
 @dataclass(frozen=True)
 class TimeLimit:
-    """Time limit of one node.
-
-    Attributes:
-        seconds: maximum time.
-        mark: file that the watchdog writes; None in the calling process, which must not be ended:
-            there the stage is interrupted.
-    """
+    """Time limit of one node."""
 
     seconds: float
+    """Maximum time."""
     mark: Path | None
+    """File that the watchdog writes; None in the calling process, which must not be ended: there
+    the stage is interrupted."""
 
     @property
     def error(self) -> TimeLimitExceeded:

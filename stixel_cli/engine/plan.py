@@ -18,19 +18,16 @@ from stixel_cli.files import read_bytes
 
 @dataclass(frozen=True)
 class Plan:
-    """What an execution would do.
-
-    Attributes:
-        graph: of all nodes.
-        targets: ids of the target nodes.
-        needed: ids of the targets and of all nodes that they depend on.
-        missing: ids of the nodes to compute, each after its inputs.
-    """
+    """What an execution would do."""
 
     graph: Graph
+    """Of all nodes."""
     targets: tuple[str, ...]
+    """Ids of the target nodes."""
     needed: frozenset[str]
+    """Ids of the targets and of all nodes that they depend on."""
     missing: tuple[str, ...]
+    """Ids of the nodes to compute, each after its inputs."""
 
 
 def undeclared_reads(nodes: Iterable[Node]) -> list[str]:

@@ -32,22 +32,19 @@ from stixel_cli.engine.versions import check_versions
 
 @dataclass(frozen=True)
 class Outcome:
-    """Outcome of the computation of a node.
-
-    Attributes:
-        status: `computed`, `cached` (another process was first), `missing` (an input is missing or
-            damaged), or `failed`.
-        seconds: time to load, compute and store, without the wait for the lock.
-        size: bytes that were stored.
-        error: MissingEntry of the missing input, or the stage's error.
-        traceback_text: see `StageFailure`.
-    """
+    """Outcome of the computation of a node."""
 
     status: Literal["computed", "cached", "missing", "failed"]
+    """`computed`, `cached` (another process was first), `missing` (an input is missing or damaged),
+    or `failed`."""
     seconds: float = 0.0
+    """Time to load, compute and store, without the wait for the lock."""
     size: int = 0
+    """Bytes that were stored."""
     error: Exception | None = None
+    """MissingEntry of the missing input, or the stage's error."""
     traceback_text: str = ""
+    """See `StageFailure`."""
 
 
 class ChunkSequence(Sequence):

@@ -37,20 +37,17 @@ DIGITS = 32
 
 @dataclass(frozen=True)
 class Source:
-    """The meaning of a source file.
-
-    Attributes:
-        digest: of its syntax tree without comments, layout and docstrings.
-        is_empty: whether it has no statement.
-        imports: (level, module, name) of each import; the level of a relative import, 0 for an
-            absolute one; the name is None for `import module`.
-        files: names that the module declares as `FILES`, relative to its folder; None without.
-    """
+    """The meaning of a source file."""
 
     digest: str
+    """Of its syntax tree without comments, layout and docstrings."""
     is_empty: bool
+    """Whether it has no statement."""
     imports: list[tuple[int, str, str | None]]
+    """(level, module, name) of each import; the level of a relative import, 0 for an absolute one;
+    the name is None for `import module`."""
     files: list[str] | None
+    """Names that the module declares as `FILES`, relative to its folder; None without."""
 
 
 _digests: dict[str, list] = {}

@@ -31,23 +31,19 @@ class FileDifference:
 
 @dataclass(frozen=True)
 class Verification:
-    """The comparison of a folder with a new run of its configuration.
-
-    Attributes:
-        files: the different ones, in the order of the data, of the number `compared`.
-        by_key: the first stage whose keys differ; None if all are equal, or if the folder has no
-            lineage.
-        by_value: the first stage whose result differs; None if all are equal.
-        changes: changed versions, revision and machine, one line each.
-        stages: records of the new run, as in a manifest.
-    """
+    """The comparison of a folder with a new run of its configuration."""
 
     files: tuple[FileDifference, ...]
+    """The different ones, in the order of the data, of the number `compared`."""
     compared: int
     by_key: lineage.StageDifference | None
+    """The first stage whose keys differ; None if all are equal, or if the folder has no lineage."""
     by_value: lineage.StageDifference | None
+    """The first stage whose result differs; None if all are equal."""
     changes: tuple[str, ...]
+    """Changed versions, revision and machine, one line each."""
     stages: list[dict[str, Any]]
+    """Records of the new run, as in a manifest."""
 
     @property
     def identical(self) -> bool:

@@ -27,18 +27,15 @@ RAYCAST_PROBE = (sys.executable, "-c", _RENDER)
 
 @dataclass(frozen=True)
 class Check:
-    """The result of one check.
-
-    Attributes:
-        name: what was checked.
-        status: `fails` keeps the default experiment from running; `absent` is needed by some
-            experiments only; `limited` works in part.
-        text: the finding or the fault, in one line.
-    """
+    """The result of one check."""
 
     name: str
+    """What was checked."""
     status: Literal["ok", "absent", "limited", "fails"]
+    """`fails` keeps the default experiment from running; `absent` is needed by some experiments
+    only; `limited` works in part."""
     text: str
+    """The finding or the fault, in one line."""
 
 
 def examine(

@@ -50,26 +50,23 @@ GRID_DEPTHS = (10, 20, 50, 100, 5, 2, 30, 200, 1, 40, 60, 80, 3, 15, 4, 7)
 
 @dataclass(frozen=True)
 class FrameView:
-    """Frame k and the results of its stages; each is a chunk that contains the frame.
-
-    Attributes:
-        k: index of the frame.
-        rig: of the images.
-        pairs: the camera's images.
-        disparities, grid, free_space, stixels: of these stages.
-        objects: clusters of the stixels; None without.
-        widest: wider images are made smaller, to this width, px; the images with stixels are not.
-    """
+    """Frame k and the results of its stages; each is a chunk that contains the frame."""
 
     k: int
+    """Index of the frame."""
     rig: Rig
+    """Of the images."""
     pairs: StereoPairs
+    """The camera's images."""
     disparities: Disparities
     grid: OccupancyGrid
     free_space: FreeSpace
     stixels: Stixels
+    """`disparities`, `grid`, `free_space`, `stixels`: of these stages."""
     objects: Objects | None = None
+    """Clusters of the stixels; None without."""
     widest: int = 2**15
+    """Wider images are made smaller, to this width, px; the images with stixels are not."""
 
     @property
     def rows(self) -> slice:

@@ -32,20 +32,17 @@ def sample_offsets(samples: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 class Centres(NamedTuple):
-    """Values of pixels (n,) from the ray through the centre of each.
-
-    Attributes:
-        rows, columns: (n,) int64.
-        hits: what is met.
-        lit: (n,) bool, whether it sees the sun.
-        light: (n, 3) float32, linear light.
-    """
+    """Values of pixels (n,) from the ray through the centre of each."""
 
     rows: np.ndarray
     columns: np.ndarray
+    """`rows`, `columns`: (n,) int64."""
     hits: Hits
+    """What is met."""
     lit: np.ndarray
+    """(n,) bool, whether it sees the sun."""
     light: np.ndarray
+    """(n, 3) float32, linear light."""
 
     def at(self, index: np.ndarray | slice) -> "Centres":
         """The values of the pixels with the indices `index`."""

@@ -14,17 +14,14 @@ from stixel_cli.scene.open3d_import import import_open3d_bindings
 
 @dataclass(frozen=True)
 class Textures:
-    """Mip-maps of every texture, one after the other.
-
-    Attributes:
-        texels: (n,) uint64, red, green and blue linear light packed as `shading` adds them up.
-        levels: (m, 3) int64, for each level of each texture its first texel, width and height.
-        first_level: (t + 1,) int32, the first row in `levels` of each texture.
-    """
+    """Mip-maps of every texture, one after the other."""
 
     texels: np.ndarray
+    """(n,) uint64, red, green and blue linear light packed as `shading` adds them up."""
     levels: np.ndarray
+    """(m, 3) int64, for each level of each texture its first texel, width and height."""
     first_level: np.ndarray
+    """(t + 1,) int32, the first row in `levels` of each texture."""
 
 
 class RayTree:
@@ -57,27 +54,24 @@ class RayTree:
 
 @dataclass(frozen=True)
 class Surfaces:
-    """One rigid body's triangles in the body's own frame, and the structure that rays ask.
-
-    Attributes:
-        tree: all triangles, in the order of the tables.
-        corners: (T, 3, 3) float64 m.
-        normals: (T, 3) float64 unit vectors, outward.
-        offsets: (T,) float64 m, a triangle's plane is normal · point = offset.
-        uv_gradients: (T, 2, 4) float64; a row times (x, y, z, 1) is a texture coordinate.
-        texture: (T,) int32, the texture of each triangle.
-        object_ids: (T,) uint8, as in `RenderedFrames.ids`.
-        textures: what `texture` counts.
-    """
+    """One rigid body's triangles in the body's own frame, and the structure that rays ask."""
 
     tree: RayTree
+    """All triangles, in the order of the tables."""
     corners: np.ndarray
+    """(T, 3, 3) float64 m."""
     normals: np.ndarray
+    """(T, 3) float64 unit vectors, outward."""
     offsets: np.ndarray
+    """(T,) float64 m, a triangle's plane is normal · point = offset."""
     uv_gradients: np.ndarray
+    """(T, 2, 4) float64; a row times (x, y, z, 1) is a texture coordinate."""
     texture: np.ndarray
+    """(T,) int32, the texture of each triangle."""
     object_ids: np.ndarray
+    """(T,) uint8, as in `RenderedFrames.ids`."""
     textures: Textures
+    """What `texture` counts."""
 
 
 def build_surfaces(objects: Iterable[tuple[int, Mesh]]) -> Surfaces:

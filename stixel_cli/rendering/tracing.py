@@ -40,15 +40,12 @@ class Body:
 
 @dataclass(frozen=True)
 class Shot:
-    """Bodies and camera: a picture depends on nothing else.
-
-    Attributes:
-        bodies: the static scene, then the target, if it has one.
-        camera: in the world.
-    """
+    """Bodies and camera: a picture depends on nothing else."""
 
     bodies: tuple[Body, ...]
+    """The static scene, then the target, if it has one."""
     camera: Camera
+    """In the world."""
 
     @property
     def tables(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -58,20 +55,17 @@ class Shot:
 
 
 class Hits(NamedTuple):
-    """First surfaces that samples (n,) of one camera meet.
-
-    Attributes:
-        u, v: (n,) float64 px, the samples.
-        depth: (n,) float64 m along the optical axis, inf where nothing is met.
-        body: (n,) int8, index of the body; -1 without a hit.
-        triangle: (n,) int32 of that body's surfaces; -1 without a hit.
-    """
+    """First surfaces that samples (n,) of one camera meet."""
 
     u: np.ndarray
     v: np.ndarray
+    """`u`, `v`: (n,) float64 px, the samples."""
     depth: np.ndarray
+    """(n,) float64 m along the optical axis, inf where nothing is met."""
     body: np.ndarray
+    """(n,) int8, index of the body; -1 without a hit."""
     triangle: np.ndarray
+    """(n,) int32 of that body's surfaces; -1 without a hit."""
 
     def at(self, index: np.ndarray | slice) -> "Hits":
         """The hits of the samples with the indices `index`."""

@@ -27,27 +27,24 @@ MARGIN = 3
 
 @dataclass(frozen=True)
 class StaticView:
-    """The road, the background and the sky from one camera.
-
-    Attributes:
-        shot: without the target.
-        samples: along each axis of a pixel that shows an edge.
-        hits: the surface that each pixel's centre ray hits, in row-major order.
-        lit: (n,) bool, whether it sees the sun.
-        plain: (n, 3) float32, linear light by one ray a pixel.
-        light: (n, 3) float32, linear light with more rays where `plain` has edges.
-        picture: (n, 3) uint8, sRGB of `light`.
-        ids: (n,) uint8, as in `RenderedFrames.ids`.
-    """
+    """The road, the background and the sky from one camera."""
 
     shot: Shot
+    """Without the target."""
     samples: int
+    """Along each axis of a pixel that shows an edge."""
     hits: Hits
+    """The surface that each pixel's centre ray hits, in row-major order."""
     lit: np.ndarray
+    """(n,) bool, whether it sees the sun."""
     plain: np.ndarray
+    """(n, 3) float32, linear light by one ray a pixel."""
     light: np.ndarray
+    """(n, 3) float32, linear light with more rays where `plain` has edges."""
     picture: np.ndarray
+    """(n, 3) uint8, sRGB of `light`."""
     ids: np.ndarray
+    """(n,) uint8, as in `RenderedFrames.ids`."""
 
 
 def static_view(shot: Shot, samples: int) -> StaticView:

@@ -16,27 +16,24 @@ from stixel_cli.scene.textures import Colour, mottled, paint
 
 @dataclass(frozen=True)
 class CarShape:
-    """One car's body.
-
-    Attributes:
-        length, width: outer size with mirrors, m.
-        roof: how much higher the roof is than the hatchback's, m.
-        lift: how much higher the flanks are, as a share of their height.
-        windscreen_foot, windscreen_top: how much farther in front the windscreen's lower and upper
-            edges are, m on the hatchback's scale.
-        roof_end, tail: the same for the roof's rear edge and the rear window's lower edge.
-        fullness: 1 for the hatchback's corners seen from above, more for rounder ones.
-    """
+    """One car's body."""
 
     length: float
     width: float
+    """`length`, `width`: outer size with mirrors, m."""
     roof: float = 0.0
+    """How much higher the roof is than the hatchback's, m."""
     lift: float = 0.0
+    """How much higher the flanks are, as a share of their height."""
     windscreen_foot: float = 0.0
     windscreen_top: float = 0.0
+    """`windscreen_foot`, `windscreen_top`: how much farther in front the windscreen's lower and
+    upper edges are, m on the hatchback's scale."""
     roof_end: float = 0.0
     tail: float = 0.0
+    """`roof_end`, `tail`: the same for the roof's rear edge and the rear window's lower edge."""
     fullness: float = 1.0
+    """1 for the hatchback's corners seen from above, more for rounder ones."""
 
     @property
     def stretch(self) -> float:

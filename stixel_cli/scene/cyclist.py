@@ -30,28 +30,25 @@ SKIN = (205, 158, 132)
 
 @dataclass(frozen=True)
 class CyclistShape:
-    """One bicycle with its rider; the default is today's model.
-
-    Attributes:
-        wheelbase: factor on the bicycle's length; its wheels keep their size.
-        handlebar: factor on the handlebar's width.
-        size, breadth: factors on the rider's bones and on the breadth.
-        upright: angle by which the back is more upright, rad.
-        coat, backpack, panniers: what the rider wears and carries.
-        jacket, trousers, bicycle: colours.
-    """
+    """One bicycle with its rider; the default is today's model."""
 
     wheelbase: float = 1.0
+    """Factor on the bicycle's length; its wheels keep their size."""
     handlebar: float = 1.0
+    """Factor on the handlebar's width."""
     size: float = 1.0
     breadth: float = 1.0
+    """`size`, `breadth`: factors on the rider's bones and on the breadth."""
     upright: float = 0.0
+    """Angle by which the back is more upright, rad."""
     coat: bool = False
     backpack: bool = False
     panniers: bool = False
+    """`coat`, `backpack`, `panniers`: what the rider wears and carries."""
     jacket: Colour = (222, 158, 36)
     trousers: Colour = (84, 90, 112)
     bicycle: Colour = (40, 92, 84)
+    """`jacket`, `trousers`, `bicycle`: colours."""
 
     cycle_length = 5.0
     """Distance that one turn of the cranks drives, m."""

@@ -10,22 +10,19 @@ from stixel_cli.geometry.pose import rotation
 
 @dataclass(frozen=True)
 class Part:
-    """A surface of one texture.
-
-    Attributes:
-        vertices: (V, 3) float64, m.
-        triangles: (T, 3) int32 rows of `vertices`, counter-clockwise seen from outside.
-        uvs: (T, 3, 2) float64, texture coordinates of the triangles' corners, repeated beyond
-            [0, 1); u along the texture's columns, v along its rows, downwards.
-        texture: (h, w, 3) uint8 RGB, h and w powers of two.
-        name: of the surface.
-    """
+    """A surface of one texture."""
 
     vertices: np.ndarray
+    """(V, 3) float64, m."""
     triangles: np.ndarray
+    """(T, 3) int32 rows of `vertices`, counter-clockwise seen from outside."""
     uvs: np.ndarray
+    """(T, 3, 2) float64, texture coordinates of the triangles' corners, repeated beyond [0, 1); u
+    along the texture's columns, v along its rows, downwards."""
     texture: np.ndarray
+    """(h, w, 3) uint8 RGB, h and w powers of two."""
     name: str
+    """Of the surface."""
 
 
 Mesh = tuple[Part, ...]

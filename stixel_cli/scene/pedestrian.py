@@ -19,28 +19,25 @@ SKIN = (205, 158, 132)
 
 @dataclass(frozen=True)
 class PedestrianShape:
-    """One person; the default is today's model.
-
-    Attributes:
-        size: factor on all of it.
-        breadth, depth: factors on the body across and along the heading.
-        step: distance between the ankles at its longest, m on the model's scale.
-        swing: angle of the arms at its largest, rad.
-        coat: whether a coat reaches to the knees.
-        bag: "back", "side" (hanging from the left shoulder) or "" for no bag.
-        top, trousers, hair: colours.
-    """
+    """One person; the default is today's model."""
 
     size: float = 1.0
+    """Factor on all of it."""
     breadth: float = 1.0
     depth: float = 1.0
+    """`breadth`, `depth`: factors on the body across and along the heading."""
     step: float = 0.40
+    """Distance between the ankles at its longest, m on the model's scale."""
     swing: float = 0.32
+    """Angle of the arms at its largest, rad."""
     coat: bool = False
+    """Whether a coat reaches to the knees."""
     bag: str = ""
+    """Either "back", "side" (hanging from the left shoulder) or "" for no bag."""
     top: Colour = (164, 62, 48)
     trousers: Colour = (72, 92, 136)
     hair: Colour = (62, 42, 30)
+    """`top`, `trousers`, `hair`: colours."""
 
     @property
     def cycle_length(self) -> float:

@@ -23,17 +23,14 @@ images of two scenes, have fewer."""
 
 
 class Rows(NamedTuple):
-    """The comparison of the corners in a pair's images.
-
-    Attributes:
-        difference: vertical disparity, px: the root mean square over the lower half of the image.
-        fault: the fault of the pair, and the remedy; None without a fault.
-        refused: whether the fault makes stixels wrong.
-    """
+    """The comparison of the corners in a pair's images."""
 
     difference: float
+    """Vertical disparity, px: the root mean square over the lower half of the image."""
     fault: str | None
+    """The fault of the pair, and the remedy; None without a fault."""
     refused: bool
+    """Whether the fault makes stixels wrong."""
 
 
 def compare_rows(left: np.ndarray, right: np.ndarray, far_disparity: float) -> Rows | None:

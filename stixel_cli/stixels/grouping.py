@@ -31,23 +31,20 @@ class Layer(NamedTuple):
 
 
 class Grouping(NamedTuple):
-    """How columns are grouped.
-
-    Attributes:
-        stixel_width: columns of a group.
-        bins_per_pixel: of the histogram.
-        kernel: (2 r + 1,) float64 that the histogram is smoothed with.
-        least_pixels: groups with fewer pixels in the window are no stixel.
-        front_rows: rows of a front face for each px of its disparity.
-        front_margin: px.
-    """
+    """How columns are grouped."""
 
     stixel_width: int
+    """Columns of a group."""
     bins_per_pixel: int
+    """Of the histogram."""
     kernel: np.ndarray
+    """(2 r + 1,) float64 that the histogram is smoothed with."""
     least_pixels: int
+    """Groups with fewer pixels in the window are no stixel."""
     front_rows: float
+    """Rows of a front face for each px of its disparity."""
     front_margin: float
+    """In px."""
 
 
 def group_columns(
