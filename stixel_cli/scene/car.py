@@ -260,23 +260,19 @@ def _both(points):
 
 def _seams(shape):
     """Dark joints about the doors, and rubbing strips along the flanks."""
-    share = np.linspace(0.10, 0.99, 7)
-    surfaces = []
-    for x in (0.80, -0.42, -1.02):
-        for line in _both(_side(np.full_like(share, x), share, shape)):
-            surfaces.append(shapes.tube(line, 0.008, 4))
-    along = np.linspace(-0.84, 0.92, 9)
-    for line in _both(_side(along, np.full_like(along, 0.12), shape)):
-        surfaces.append(shapes.tube(line, 0.022, 6))
-    return surfaces
+    share, along = np.linspace(0.10, 0.99, 7), np.linspace(-0.84, 0.92, 9)
+    joints = [_side(np.full_like(share, x), share, shape) for x in (0.80, -0.42, -1.02)]
+    strips = _both(_side(along, np.full_like(along, 0.12), shape))
+    return [
+        *(shapes.tube(line, 0.008, 4) for joint in joints for line in _both(joint)),
+        *(shapes.tube(line, 0.022, 6) for line in strips),
+    ]
 
 
 def _handles(shape):
-    surfaces = []
-    for x in (-0.28, -0.90):
-        for line in _both(_side(np.array([x, x + 0.17]), np.array([0.80, 0.80]), shape)):
-            surfaces.append(shapes.tube(line, 0.017, 6))
-    return surfaces
+    share = np.array([0.80, 0.80])
+    handles = [_side(np.array([x, x + 0.17]), share, shape) for x in (-0.28, -0.90)]
+    return [shapes.tube(line, 0.017, 6) for handle in handles for line in _both(handle)]
 
 
 def _mirrors(shape):
@@ -285,8 +281,8 @@ def _mirrors(shape):
     for sign in (1.0, -1.0):
         centre = np.add(shift, (0.70, sign * 0.83, 1.01))
         arm = np.add(shift, [(0.74, sign * 0.70, 0.93), (0.71, sign * 0.80, 0.98)])
-        surfaces.append(shapes.ellipsoid(centre, (0.065, 0.07, 0.065), 6, 12))
-        surfaces.append(shapes.tube(arm, 0.022, 6))
+        mirror = shapes.ellipsoid(centre, (0.065, 0.07, 0.065), 6, 12)
+        surfaces += [mirror, shapes.tube(arm, 0.022, 6)]
     return surfaces
 
 

@@ -133,16 +133,14 @@ def _spline_parameter(spline: "CubicSpline", length: np.ndarray):
     def pace(parameter):
         return np.linalg.norm(spline(parameter, 1), axis=-1)
 
-    driven = np.concatenate([[0.0], np.cumsum(_panel_integrals(pace, panels))])
+    driven = np.concatenate([[0.0], np.cumsum(_integrals(pace, panels[:-1], panels[1:]))])
     past = np.maximum(length - driven[-1], 0.0)
     inside = np.clip(length, 0.0, driven[-1])
     panel = np.clip(np.searchsorted(driven, inside, side="right") - 1, 0, len(panels) - 2)
     low, high = panels[panel], panels[panel + 1]
     parameter = low + (inside - driven[panel]) / (driven[panel + 1] - driven[panel]) * (high - low)
     for _ in range(8):
-        half = 0.5 * (parameter - low)
-        nodes = low[:, None] + half[:, None] * (1.0 + GAUSS_NODES)
-        error = driven[panel] + half * (pace(nodes) @ GAUSS_WEIGHTS) - inside
+        error = driven[panel] + _integrals(pace, low, parameter) - inside
         parameter = np.clip(parameter - error / pace(parameter), low, high)
     return parameter, past
 
@@ -162,20 +160,16 @@ def _integral(function: Callable, ends: np.ndarray, longest_panel: float) -> np.
     """Integral of `function` (n,) → (n, 2) from 0 to each of `ends` (K,), to rounding."""
     count = max(1, int(np.ceil(np.max(ends, initial=0.0) / longest_panel)))
     panels = longest_panel * np.arange(count + 1)
-    whole = np.concatenate(
-        [np.zeros((1, 2)), np.cumsum(_panel_integrals(function, panels), axis=0)]
-    )
+    inside = np.cumsum(_integrals(function, panels[:-1], panels[1:]), axis=0)
+    whole = np.concatenate([np.zeros((1, 2)), inside])
     panel = np.clip((ends / longest_panel).astype(int), 0, count - 1)
-    half = 0.5 * (ends - panels[panel])
-    nodes = panels[panel][:, None] + half[:, None] * (1.0 + GAUSS_NODES)
-    rest = half[:, None] * np.einsum("knd,n->kd", function(nodes), GAUSS_WEIGHTS)
-    return whole[panel] + rest
+    return whole[panel] + _integrals(function, panels[panel], ends)
 
 
-def _panel_integrals(function: Callable, panels: np.ndarray) -> np.ndarray:
-    """Gauss-Legendre integrals of `function` between neighbouring `panels` (n + 1,)."""
-    half = 0.5 * np.diff(panels)
-    values = function(panels[:-1, None] + half[:, None] * (1.0 + GAUSS_NODES))
+def _integrals(function: Callable, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
+    """Gauss-Legendre integrals of `function` from `starts` to `ends` (n,), short panels."""
+    half = 0.5 * (ends - starts)
+    values = function(starts[:, None] + half[:, None] * (1.0 + GAUSS_NODES))
     if values.ndim == 2:
         return half * (values @ GAUSS_WEIGHTS)
     return half[:, None] * np.einsum("knd,n->kd", values, GAUSS_WEIGHTS)

@@ -14,19 +14,16 @@ LEAST_ROWS = 5
 
 
 class Layer(NamedTuple):
-    """Obstacles of a frame's columns.
-
-    Attributes:
-        obstacle, window: (W,) float32 px; obstacle is NaN in free columns.
-        tops, base_row: (W,) int32 rows of the obstacle, both inclusive.
-        head, foot: (W,) int32 first and last row whose pixels count, inclusive.
-    """
+    """Obstacles of a frame's columns."""
 
     obstacle: np.ndarray
     window: np.ndarray
+    """`obstacle`, `window`: (W,) float32 px; the obstacle is NaN in free columns."""
     tops: np.ndarray
+    """(W,) int32, first row of the obstacle, whose last row is `base_row`."""
     head: np.ndarray
     foot: np.ndarray
+    """`head`, `foot`: (W,) int32, first and last row whose pixels count."""
     base_row: np.ndarray
 
 

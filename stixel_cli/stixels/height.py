@@ -18,18 +18,13 @@ from stixel_cli.stixels.road import pitch_factors
 
 @dataclass(frozen=True)
 class Frame:
-    """One frame's disparities, and the road and the nearest obstacles in them.
-
-    Attributes:
-        columns, count, line: see the package.
-        obstacle, base_row: (W,) a frame of `FreeSpace`.
-        rig: the cameras.
-    """
+    """One frame's disparities, and the road and the nearest obstacles in them; see the package."""
 
     columns: np.ndarray
     count: int
     obstacle: np.ndarray
     base_row: np.ndarray
+    """`obstacle`, `base_row`: (W,) of a frame of `FreeSpace`."""
     line: np.ndarray
     rig: Rig
 
