@@ -49,8 +49,7 @@ def numbered_objects(world: World, motion: Motion = ()) -> list[tuple[int, Mesh]
     """
     poses, ids = np.array(motion).reshape(-1, 5), [ROAD_ID, *range(BACKGROUND_ID, 256)]
     ways = poses[:, :3], poses[:, 3:]
-    objects = world_objects(world) if world.kind == "street" else roadside_objects(world, *ways)
-    meshes = [mesh for _, mesh in objects]
+    meshes = world_objects(world) if world.kind == "street" else roadside_objects(world, *ways)
     if world.occluder != "none":
         meshes.append(occluder(world, *ways))
     if len(meshes) > len(ids):

@@ -59,7 +59,7 @@ def test_frame_bytes_do_not_depend_on_chunk_or_partial_rendering(target, moving)
 
 
 def test_render_does_not_depend_on_the_chunks(monkeypatch):
-    world = [(str(i), mesh) for i, mesh in objects()]
+    world = [mesh for _, mesh in objects()]
     monkeypatch.setattr("stixel_cli.rendering.placement.world_objects", lambda _: world)
     monkeypatch.setattr(raycast, "road_user_meshes", lambda _: [target_mesh()])
     rest = {"scenario": scenario(), "road_user": None, "world": World("street", 1, 1.0)}
