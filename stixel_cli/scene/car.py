@@ -5,7 +5,6 @@ as their `CarShape` states.
 """
 
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 
@@ -148,24 +147,15 @@ def _stretched(mesh: Mesh, shape: CarShape) -> Mesh:
     return tuple(parts)
 
 
-@cache
-def _curve(points):
-    """The monotone cubic through `points`, (x, value) m."""
-    # Takes 0.2 s, which only the process that makes a car needs.
-    from scipy.interpolate import PchipInterpolator
-
-    return PchipInterpolator(*points)
-
-
 def _top(x, shape):
     """Upper edge of the flank at `x`, m."""
-    top = _curve(_TOP)(x)
-    return top + shape.lift * (top - _curve(_SILL)(x))
+    top = shapes.monotone(_TOP, x)
+    return top + shape.lift * (top - shapes.monotone(_SILL, x))
 
 
 def _half_width(x, shape):
     """Half of the body's breadth at `x`, m: more rounded in plan where `fullness` is above 1."""
-    breadth = _curve(_HALF_WIDTH)(x)
+    breadth = shapes.monotone(_HALF_WIDTH, x)
     return breadth * (breadth / 0.83) ** (shape.fullness - 1.0)
 
 
@@ -175,7 +165,7 @@ def _body(shape):
     ends = [2.25, 2.23, 2.19, 2.13, 2.05, 1.95, -1.95, -2.05, -2.12, -2.17, -2.21, -2.235, -2.25]
     stations = np.unique(np.round(np.concatenate([*arches, ends, np.linspace(-0.85, 0.9, 8)]), 4))
     top, width = _top(stations, shape), _half_width(stations, shape)
-    sill = _curve(_SILL)(stations)
+    sill = shapes.monotone(_SILL, stations)
     for x in WHEEL_X:
         along = shape.stretch * (stations - x)
         lift = np.sqrt(np.maximum(ARCH_RADIUS**2 - along**2, 0.0))
@@ -249,7 +239,7 @@ def _cabin(painted: np.ndarray, shape: CarShape) -> tuple[Part, Part]:
 def _side(x, share, shape):
     """Points (n, 3) on the left flank at `x` and at the share of the height from sill to top."""
     breadth = np.interp(share, _SECTION[:, 0], _SECTION[:, 1])
-    sill = _curve(_SILL)(x)
+    sill = shapes.monotone(_SILL, x)
     height = sill + share * (_top(x, shape) - sill)
     return np.stack([x, _half_width(x, shape) * breadth, height], axis=-1)
 
