@@ -12,14 +12,14 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 46_799
+TOTAL = 46_801
 """Greatest number of lines in all."""
 
 MODULES = 250
 """Greatest number of modules, without `__init__`."""
 
 BUDGET = {
-    "": 1511,
+    "": 1522,
     "answers": 1312,
     "benchmark": 978,
     "calibration": 564,
@@ -33,13 +33,13 @@ BUDGET = {
     "live": 625,
     "machine": 186,
     "measurements": 1964,
-    "pictures": 1380,
+    "pictures": 1379,
     "recordings": 2622,
     "rendering": 2148,
     "report": 779,
     "results": 1454,
     "scene": 3375,
-    "stereo": 503,
+    "stereo": 495,
     "stixels": 2073,
     "studies": 1762,
     "sweeps": 2112,

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
+from stixel_cli.images import reduced
 from stixel_cli.stereo.matching import one_thread
 
 WARNED, REFUSED = 0.5, 2.0
@@ -94,12 +95,3 @@ def _corners(image: np.ndarray) -> tuple[list[tuple[float, float]], np.ndarray]:
         places += [(corner.pt[0], corner.pt[1] + first) for corner in corners]
         descriptors += [described] if corners else []
     return places, np.concatenate(descriptors)
-
-
-def reduced(image: np.ndarray, widest: int) -> np.ndarray:
-    """An image (H, W) or (H, W, 3) with means of its pixels, if it is wider than `widest`, px."""
-    height, width = image.shape[:2]
-    if width <= widest:
-        return image
-    size = (widest, max(1, round(height * widest / width)))
-    return cv2.resize(image, size, interpolation=cv2.INTER_AREA)
