@@ -178,7 +178,7 @@ def test_edges(benchmark, scene):
     hits = tracing.nearest(shot, columns.astype(float), rows.astype(float))
     lit = tracing.sunlit(shot, hits, (0, 1))
     plain = tracing.light_of(shot, hits, lit, 1.0)
-    edge, at_shadow = edge_pixels(bodies, hits, lit, plain, camera.height)
+    edge, at_shadow = edge_pixels(hits, shot.tables, lit, srgb_from_linear(plain), camera.width)
     edge = np.flatnonzero(edge)
     centres, at_shadow = Centres(rows, columns, hits, lit, plain).at(edge), at_shadow[edge]
     ways = {

@@ -60,6 +60,17 @@ def eight_bits(images: Mapping[str, np.ndarray]) -> list[np.ndarray]:
     return [np.rint(image * (255.0 / greatest)).astype(np.uint8) for image in plain]
 
 
+def reduced(image: np.ndarray, widest: int) -> np.ndarray:
+    """An image (H, W) or (H, W, 3) with means of its pixels, if it is wider than `widest`, px."""
+    import cv2
+
+    height, width = image.shape[:2]
+    if width <= widest:
+        return image
+    size = (widest, max(1, round(height * widest / width)))
+    return cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+
+
 def encode_png(image: np.ndarray) -> bytes:
     """One image, (H, W) uint8 or uint16 or (H, W, 3) uint8 RGB, as the bytes of a PNG.
 

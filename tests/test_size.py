@@ -12,39 +12,39 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 47_353
+TOTAL = 46_757
 """Greatest number of lines in all."""
 
 MODULES = 250
 """Greatest number of modules, without `__init__`."""
 
 BUDGET = {
-    "": 1511,
+    "": 1522,
     "answers": 1312,
     "benchmark": 978,
-    "calibration": 569,
+    "calibration": 564,
     "cli": 2730,
     "config": 2815,
-    "engine": 4287,
+    "engine": 4188,
     "evaluation": 1651,
-    "experiment": 1361,
-    "export": 608,
-    "geometry": 385,
+    "experiment": 1321,
+    "export": 600,
+    "geometry": 412,
     "live": 625,
-    "machine": 203,
-    "measurements": 2006,
-    "pictures": 1396,
-    "recordings": 2660,
-    "rendering": 2269,
+    "machine": 186,
+    "measurements": 1964,
+    "pictures": 1379,
+    "recordings": 2622,
+    "rendering": 2148,
     "report": 779,
     "results": 1454,
-    "scene": 3531,
-    "stereo": 465,
-    "stixels": 2134,
+    "scene": 3375,
+    "stereo": 452,
+    "stixels": 2073,
     "studies": 1762,
     "sweeps": 2112,
     "tracking": 6639,
-    "validation": 1111,
+    "validation": 1094,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
 

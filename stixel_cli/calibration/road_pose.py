@@ -36,8 +36,7 @@ def road_pose(recording: Recording, rig: Rig, stereo: SgmParameters) -> tuple[fl
 def compared_rows(recording: Recording, far_disparity: float, check: bool) -> Rows | None:
     """The rows of the images, as `compare_rows`, of the first of three frames with enough corners.
 
-    Raises:
-        UserError: for a pair that is to be refused, if `check`, `source.check_rectification`.
+    UserError for a pair that is to be refused, if `check`, `source.check_rectification`.
     """
     for k in (recording.count * np.array([3, 1, 5]) // 6).tolist():
         pairs = _pairs(recording, k)

@@ -46,24 +46,22 @@ GREATEST_MISS = 8.0
 
 @dataclass(frozen=True)
 class Tracks:
-    """Points of static surfaces in two images each, n in all, in P pairs of images.
-
-    Attributes:
-        pairs: (n,) int64, the pair of images; 0, 1, …, increasing.
-        places: (n, 2) px, u and v in the first image, and moved: (n, 2) px, in the second.
-        disparities: (n,) px in the first image, as measured: with the rig's whole error.
-        frames: (P, 2) int64, the first and the second image of each pair.
-        rotations: (P, 3, 3), and shifts: (P, 3) m, which move points from the first camera's frame
-            to the second's.
-    """
+    """Points of static surfaces in two images each, n in all, in P pairs of images."""
 
     pairs: np.ndarray
+    """(n,) int64, the pair of images; 0, 1, …, increasing."""
     places: np.ndarray
+    """(n, 2) px, u and v in the first image."""
     moved: np.ndarray
+    """(n, 2) px, in the second image."""
     disparities: np.ndarray
+    """(n,) px in the first image, as measured: with the rig's whole error."""
     frames: np.ndarray
+    """(P, 2) int64, the first and the second image of each pair."""
     rotations: np.ndarray
     shifts: np.ndarray
+    """`rotations` (P, 3, 3) and `shifts` (P, 3) m move points from the first camera's frame to the
+    second's."""
 
     def chosen(self, pairs: np.ndarray) -> "Tracks":
         """Those of some pairs of images, given by (P,) bool."""
@@ -97,9 +95,7 @@ def followed(
 ) -> Iterator[tuple[int, np.ndarray, np.ndarray, np.ndarray]]:
     """Steps, rows as of `_tracked`, rotation and shift to the later images at the `TRAVELS`.
 
-    Args:
-        images: grey, (H, W) uint8; the first has the `disparity` (H, W) px, NaN where unknown.
-        rig: of the images.
+    The `images` are grey, (H, W) uint8; the first has the `disparity` (H, W) px, NaN where unknown.
     """
     import cv2
 

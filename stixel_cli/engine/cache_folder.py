@@ -54,9 +54,7 @@ def check_owner(folder: Path) -> None:
 def make_folder(root: Path, name: str) -> Path:
     """The folder `name` of the cache `root`, created if it is missing. A new cache gets its mark.
 
-    Raises:
-        CacheError: as `check_owner` does.
-        OSError: it cannot be written.
+    CacheError as `check_owner` does; OSError if it cannot be written.
     """
     mark = root / MARK
     if not mark.exists():
@@ -140,8 +138,7 @@ class Lease:
 def collector_lock(folder: Path) -> Iterator[None]:
     """Acquire the lock that every cleanup and every new lease needs.
 
-    Raises:
-        CacheError: the folder cannot be written, or another process keeps the lock for too long.
+    CacheError if the folder cannot be written, or another process keeps the lock for too long.
     """
     try:
         lock = file_lock(folder / "collector.lock")

@@ -36,24 +36,21 @@ OWN_PACKAGE = __name__.partition(".")[0]
 
 @dataclass(frozen=True)
 class Code:
-    """The code of one stage.
-
-    Attributes:
-        roots: the modules that the walk starts from.
-        digest: of all modules.
-        modules: module -> digest of its syntax tree.
-        files: module -> the file it was read from and the SHA-256 of its bytes; declared files too.
-        versions: distribution that the modules import from -> its version; None for an imported
-            name that is not installed.
-        folders: searched for modules that the import path lacks.
-    """
+    """The code of one stage."""
 
     roots: tuple[str, ...]
+    """The modules that the walk starts from."""
     digest: str
+    """Of all modules."""
     modules: dict[str, str]
+    """Module -> digest of its syntax tree."""
     files: dict[str, tuple[Path, str]]
+    """Module -> the file it was read from and the SHA-256 of its bytes; declared files too."""
     versions: dict[str, str | None]
+    """Distribution that the modules import from -> its version; None for an imported name that is
+    not installed."""
     folders: tuple[Path, ...] = ()
+    """Searched for modules that the import path lacks."""
 
     @property
     def modules_of_user(self) -> dict[str, str]:
@@ -124,10 +121,8 @@ class CodeIndex:
     def code(self, roots: Iterable[str], folders: tuple[Path, ...] = ()) -> Code:
         """Find the code that the modules `roots` reach, including themselves.
 
-        Modules that the import path lacks are looked for in `folders`.
-
-        Raises:
-            LookupError: a root is not a module, or a module is not valid Python.
+        Modules that the import path lacks are looked for in `folders`. LookupError if a root is not
+        a module, or a module is not valid Python.
         """
         return self._walk(folders).code(tuple(sorted(set(roots))))
 

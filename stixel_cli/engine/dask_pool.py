@@ -43,8 +43,7 @@ class DaskPool(Pool):
     def __init__(self, executor: DaskExecutor):
         """Connect to the executor's address.
 
-        Raises:
-            ExecutorError: Dask is not installed, or no scheduler answers; one line.
+        ExecutorError if Dask is not installed, or no scheduler answers; one line.
         """
         self._workers = executor.workers
         self._counted = 0.0
@@ -75,10 +74,8 @@ class DaskPool(Pool):
     def tend(self, note: Callable[[str], None]) -> None:
         """End the futures of tasks that have no outcome, and report that there are no workers.
 
-        A queue or an adaptive cluster may still start some.
-
-        Raises:
-            ExecutorError: no worker came for `LONG_PATIENCE`.
+        A queue or an adaptive cluster may still start some. ExecutorError if no worker came for
+        `LONG_PATIENCE`.
         """
         for key, future in list(self._open.items()):
             if future.cancelled():
@@ -116,10 +113,7 @@ class DaskPool(Pool):
         """Run `function` in a worker.
 
         Dask's own executor is not used: its futures may stay open forever if a worker is killed
-        just after it has finished a task.
-
-        Raises:
-            ExecutorError: the scheduler is lost.
+        just after it has finished a task. ExecutorError if the scheduler is lost.
         """
         if self._client.status != "running":
             raise self._lost()

@@ -41,8 +41,7 @@ class Entry:
 def entry_folders(store: Store) -> list[Entry]:
     """List the folders of all entries, least recently used first, without reading a file.
 
-    Raises:
-        CacheError: the store cannot be read.
+    CacheError if the store cannot be read.
     """
     found = []
     for prefix in _folders(store.folder):
@@ -64,10 +63,8 @@ def entries(
 ) -> list[Entry]:
     """List all entries whose notes, and `values`, are not damaged, least recently used first.
 
-    Damaged entries are removed, if possible, and added to the list `damaged`.
-
-    Raises:
-        CacheError: the store cannot be read.
+    Damaged entries are removed, if possible, and added to the list `damaged`. CacheError if the
+    store cannot be read.
     """
     found = []
     for folder in entry_folders(store):
@@ -90,8 +87,7 @@ def stored_notes(
 ) -> Iterator[dict[str, Any]]:
     """Yield the notes of `keys` and of the last entries of `stages`, most recently used first.
 
-    Raises:
-        CacheError: the store cannot be read.
+    CacheError if the store cannot be read.
     """
     counts: dict[str, int] = {}
     for one in reversed(entry_folders(store)):
@@ -127,23 +123,21 @@ LEFT = (
 
 @dataclass(frozen=True)
 class Collection:
-    """Result of a cleanup.
-
-    Attributes:
-        removed, removed_size: number and bytes of the entries that were, or would be, removed.
-        kept, kept_size: number and bytes of the entries that remain.
-        in_use: number of entries that a running process uses.
-        left, left_size: number and bytes of the files of killed processes and earlier versions that
-            were, or would be, removed, too.
-    """
+    """Result of a cleanup."""
 
     removed: int
     removed_size: int
+    """`removed`, `removed_size`: number and bytes of the entries that were, or would be,
+    removed."""
     kept: int
     kept_size: int
+    """`kept`, `kept_size`: number and bytes of the entries that remain."""
     in_use: int
+    """Number of entries that a running process uses."""
     left: int
     left_size: int
+    """`left`, `left_size`: number and bytes of the files of killed processes and earlier versions
+    that were, or would be, removed, too."""
 
 
 def keep_limit(store: Store) -> None:
@@ -173,8 +167,7 @@ def collect(
         older_than: remove entries that were not used for these seconds.
         dry_run: report what would be removed, and remove nothing.
 
-    Raises:
-        CacheError: the store cannot be read or written.
+    CacheError if the store cannot be read or written.
     """
     if not store.folder.is_dir():
         return Collection(0, 0, 0, 0, 0, 0, 0)

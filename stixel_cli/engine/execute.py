@@ -22,21 +22,18 @@ from stixel_cli.engine.store import Store
 
 @dataclass(frozen=True)
 class Execution:
-    """Record of an execution.
-
-    Attributes:
-        graph: the executed graph.
-        status: by node id, of the targets and all nodes that they depend on.
-        seconds: by node id, of the nodes that this execution computed.
-        failures: by node id, of the failed nodes; only with `keep_going`.
-        store: that has the results; None in the record of a part.
-    """
+    """Record of an execution."""
 
     graph: Graph
+    """The executed graph."""
     status: Mapping[str, Status]
+    """By node id, of the targets and all nodes that they depend on."""
     seconds: Mapping[str, float]
+    """By node id, of the nodes that this execution computed."""
     failures: Mapping[str, StageFailure] = field(default_factory=dict)
+    """By node id, of the failed nodes; only with `keep_going`."""
     store: Store | None = None
+    """That has the results; None in the record of a part."""
 
     def failure_of(self, targets: Sequence[str]) -> tuple[str, StageFailure] | None:
         """The first failed node that `targets` depend on, and its failure; None if none failed.
@@ -151,8 +148,7 @@ def _prepare(nodes: Sequence[Node], store: Store, progress: Progress) -> None:
 def make_pool(executor: Executor, nodes: Sequence[Node], here: Sequence[Node]) -> Pool:
     """Make the pool of an executor for `nodes`, those `here` excepted.
 
-    Raises:
-        ExecutorError: its workers cannot be started or reached; one line.
+    ExecutorError if its workers cannot be started or reached; one line.
     """
     if isinstance(executor, ThreadsExecutor):
         return ThreadPool(executor.workers)

@@ -19,22 +19,18 @@ MOST_NAMED = 4
 
 @dataclass(frozen=True)
 class Change:
-    """One reason to compute a node.
-
-    Attributes:
-        kind: `new` (no result of the stage is stored), `evicted` (the result before is no longer
-            stored), `needed` (nothing changed, but the result is not stored), or what differs from
-            the most similar stored result: a `setting`, the `seed`, a `file`, the `code`, a
-            `version` or an `input`.
-        what: key of the setting, module, distribution, or stage of the input.
-        before, after: value in the most similar stored result, and now; "" for a setting that is
-            read in only one of the two.
-    """
+    """One reason to compute a node."""
 
     kind: Kind
+    """`new` (no result of the stage is stored), `evicted` (the result before is no longer stored),
+    `needed` (nothing changed, but the result is not stored), or what differs from the most similar
+    stored result: a `setting`, the `seed`, a `file`, the `code`, a `version` or an `input`."""
     what: str
+    """Key of the setting, module, distribution, or stage of the input."""
     before: str = ""
     after: str = ""
+    """`before`, `after`: value in the most similar stored result, and now; "" for a setting that is
+    read in only one of the two."""
 
     def __str__(self) -> str:
         match self.kind:
@@ -62,18 +58,15 @@ class Change:
 
 @dataclass(frozen=True)
 class Explanation:
-    """Reasons to compute one node.
-
-    Attributes:
-        key, stage, label: of the node.
-        changes: the reasons: changes in the node itself, then changes in stages before it that
-            need not be computed, since their results with the new settings are stored.
-    """
+    """Reasons to compute one node."""
 
     key: str
     stage: str
     label: str
+    """`key`, `stage`, `label`: of the node."""
     changes: tuple[Change, ...]
+    """The reasons: changes in the node itself, then changes in stages before it that need not be
+    computed, since their results with the new settings are stored."""
 
     @property
     def text(self) -> str:
@@ -91,10 +84,7 @@ def explain(
 
     A node is compared with one of the results `before`, given as their keys and the digests of all
     their modules; if the store has none of its stage, with the most similar one and these modules.
-
-    Raises:
-        KeyError: no such target.
-        CacheError: the store cannot be read.
+    KeyError if there is no such target, CacheError if the store cannot be read.
     """
     wanted = list(graph.nodes) if targets is None else targets
     nodes = [graph.nodes[key] for key in plan(graph, wanted, store, verify=False).missing]

@@ -12,30 +12,27 @@ from stixel_cli.engine.keys import CHUNKED, Identity, Stage, node_key, stage_ide
 
 @dataclass(frozen=True)
 class Node:
-    """One result: a stage on a range of frames.
-
-    Attributes:
-        key: key of the result, and id of the node. A result that two graphs share is one node.
-        stage: the stage.
-        identity: the part of the key that all nodes of the stage share.
-        label: `average[0:10]`, `plot[12]` or `load`.
-        first, stop: the frames are first … stop - 1; None for `once`.
-        inputs: argument name -> keys of the nodes that provide it.
-        sequences: arguments that are passed as a lazy sequence.
-        previous: key of the node before in a fold, or None.
-        depth: length of the longest path from a node without inputs.
-    """
+    """One result: a stage on a range of frames."""
 
     key: str
+    """Key of the result, and id of the node. A result that two graphs share is one node."""
     stage: Stage
+    """The stage."""
     identity: Identity
+    """The part of the key that all nodes of the stage share."""
     label: str
+    """`average[0:10]`, `plot[12]` or `load`."""
     first: int | None
     stop: int | None
+    """`first`, `stop`: the frames are first … stop - 1; None for `once`."""
     inputs: Mapping[str, tuple[str, ...]]
+    """Argument name -> keys of the nodes that provide it."""
     sequences: frozenset[str]
+    """Arguments that are passed as a lazy sequence."""
     previous: str | None
+    """Key of the node before in a fold, or None."""
     depth: int
+    """Length of the longest path from a node without inputs."""
 
     @property
     def frames(self) -> list[int] | None:
@@ -76,8 +73,7 @@ class Graph:
     def expand(self, targets: Sequence[str]) -> list[str]:
         """Node ids of `targets`, which are ids or names of stages.
 
-        Raises:
-            KeyError: no such node or stage.
+        KeyError if there is no such node or stage.
         """
         ids: dict[str, None] = {}
         for target in targets:
@@ -145,11 +141,8 @@ class GraphBuilder:
     def build(self, stages: Sequence[Stage], frame_count: int, chunk_size: int) -> Graph:
         """The graph of `stages` over the frames 0 … `frame_count` - 1, in chunks of `chunk_size`.
 
-        No stage is imported or computed.
-
-        Raises:
-            ValueError: the stages are not valid; one line.
-            LookupError, TypeError, UserError: see `stage_identity`.
+        No stage is imported or computed. ValueError, in one line, if the stages are not valid; and
+        the errors of `stage_identity`.
         """
         if frame_count < 1 or chunk_size < 1:
             raise ValueError(f"no frames: {frame_count} frames in chunks of {chunk_size}")

@@ -24,47 +24,44 @@ GIVEN = {"once": (), "map": ("frames",), "fold": ("frames", "previous"), "pick":
 
 @dataclass(frozen=True)
 class Stage:
-    """A function with its name, inputs and settings.
-
-    Attributes:
-        name: unique in its graph.
-        function: "package.module:function", imported only where it runs.
-        pattern: `once` is one node. `map` is one node per chunk of frames, called with
-            `frames: range`. `fold` is `map` with `previous`, its own result of the chunk before
-            (None for the first). `pick` is one node per chosen frame, called with `frame: int`.
-        inputs: argument name -> name of the stage that provides it. A chunked input is passed to a
-            chunked stage as the chunk of the same frames, to `pick` as the chunk that contains the
-            frame, and to `once` as a lazy sequence of all chunks.
-        settings: argument name -> slice of the configuration, a frozen dataclass or plain value.
-        modules: further modules whose code is part of the key: those that no import statement of
-            the function's module leads to.
-        seed: passed as `seed` and part of the key; None for a stage that draws no random numbers.
-        frames: the chosen frames of a `pick` stage.
-        files: external files; the digest of their content is part of the key.
-        gives_files: whether `files` is passed as an argument of this name. Their paths are not
-            part of the key.
-        folders: searched for modules that the import path lacks; not part of the key.
-        own: whether `modules` are the user's own code: an error there is reported with its place.
-        keys: argument name -> key of the setting in the configuration, if it differs from the
-            argument. Used to explain changes; not part of the result's key.
-        amount: of work for a frame, or for the one node, such as the megapixels of an image or the
-            number of scans. Only for estimates of the time; not part of the key.
-    """
+    """A function with its name, inputs and settings."""
 
     name: str
+    """Unique in its graph."""
     function: str
+    """As "package.module:function"; imported only where it runs."""
     pattern: Pattern
+    """`once` is one node. `map` is one node per chunk of frames, called with `frames: range`.
+    `fold` is `map` with `previous`, its own result of the chunk before (None for the first). `pick`
+    is one node per chosen frame, called with `frame: int`."""
     inputs: Mapping[str, str]
+    """Argument name -> name of the stage that provides it. A chunked input is passed to a chunked
+    stage as the chunk of the same frames, to `pick` as the chunk that contains the frame, and to
+    `once` as a lazy sequence of all chunks."""
     settings: Mapping[str, Any]
+    """Argument name -> slice of the configuration, a frozen dataclass or plain value."""
     modules: tuple[str, ...] = ()
+    """Further modules whose code is part of the key: those that no import statement of the
+    function's module leads to."""
     seed: int | None = None
+    """Passed as `seed` and part of the key; None for a stage that draws no random numbers."""
     frames: tuple[int, ...] = ()
+    """The chosen frames of a `pick` stage."""
     files: tuple[Path, ...] = ()
+    """External files; the digest of their content is part of the key."""
     gives_files: bool = False
+    """Whether `files` is passed as an argument of this name. Their paths are not part of the
+    key."""
     folders: tuple[Path, ...] = ()
+    """Searched for modules that the import path lacks; not part of the key."""
     own: bool = False
+    """Whether `modules` are the user's own code: an error there is reported with its place."""
     keys: Mapping[str, str] = field(default_factory=dict)
+    """Argument name -> key of the setting in the configuration, if it differs from the argument.
+    Used to explain changes; not part of the result's key."""
     amount: float = 1.0
+    """Of work for a frame, or for the one node, such as the megapixels of an image or the number of
+    scans. Only for estimates of the time; not part of the key."""
 
     def check(self) -> None:
         """Raise ValueError, in one line, if the stage is not valid."""
@@ -89,9 +86,7 @@ def canonical(value: Any) -> Any:
 
     Dataclasses carry the name of their type. A field with its default value is left out: adding
     such a field keeps the keys. 1, 1.0 and True differ, as do 0.0 and -0.0, and a list and a tuple.
-
-    Raises:
-        TypeError: a value of a type that has no canonical form.
+    TypeError for a value of a type that has no canonical form.
     """
     if value is None or isinstance(value, bool | str):
         return value
@@ -195,26 +190,21 @@ LAYOUT = 5
 
 @dataclass(frozen=True)
 class Identity:
-    """The part of the key that all nodes of a stage share.
-
-    Attributes:
-        code: code that the stage reaches.
-        content: stage, function, settings, code, versions, seed and files as a JSON tree.
-        digest: of `content`.
-    """
+    """The part of the key that all nodes of a stage share."""
 
     code: Code
+    """Code that the stage reaches."""
     content: dict[str, Any]
+    """Stage, function, settings, code, versions, seed and files as a JSON tree."""
     digest: str
+    """Of `content`."""
 
 
 def stage_identity(stage: Stage, index: CodeIndex) -> Identity:
     """Compute the identity of a stage.
 
-    Raises:
-        LookupError: a module is missing or is not valid Python.
-        TypeError: a setting cannot be part of a key.
-        UserError: one of the stage's files cannot be read.
+    LookupError if a module is missing or is not valid Python, TypeError if a setting cannot be part
+    of a key, UserError if one of the stage's files cannot be read.
     """
     types = settings_types(dict(stage.settings))
     module = stage.function.partition(":")[0]

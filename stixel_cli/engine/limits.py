@@ -35,10 +35,8 @@ def one_thread() -> Iterator[None]:
 
     A process that started with `ENVIRONMENT` needs no limit. Others do: a program that calls this
     package, or a worker that another program started. Numba is not limited: its kernels here are
-    not parallel, and it rejects a change after its start.
-
-    Raises:
-        ExecutorError: a library still uses more threads.
+    not parallel, and it rejects a change after its start. ExecutorError if a library still uses
+    more threads.
     """
     controller = _limits.enter()
     try:
@@ -127,16 +125,13 @@ _limits = _Limits()
 
 @dataclass(frozen=True)
 class TimeLimit:
-    """Time limit of one node.
-
-    Attributes:
-        seconds: maximum time.
-        mark: file that the watchdog writes; None in the calling process, which must not be ended:
-            there the stage is interrupted.
-    """
+    """Time limit of one node."""
 
     seconds: float
+    """Maximum time."""
     mark: Path | None
+    """File that the watchdog writes; None in the calling process, which must not be ended: there
+    the stage is interrupted."""
 
     @property
     def error(self) -> TimeLimitExceeded:
@@ -147,9 +142,8 @@ class TimeLimit:
 def limited(limit: TimeLimit | None) -> AbstractContextManager[None]:
     """A context that enforces `limit`.
 
-    Raises:
-        TimeLimitExceeded: the block took too long in the calling process; or, at once, the node
-            took too long in another worker (Dask retries the tasks of a lost worker).
+    TimeLimitExceeded if the block took too long in the calling process; or, at once, the node took
+    too long in another worker (Dask retries the tasks of a lost worker).
     """
     if limit is None:
         return nullcontext()

@@ -52,10 +52,8 @@ def may_run_here(code: Code) -> bool:
 def planned_function(name: str, code: Code) -> Callable[..., Any]:
     """Import the function "package.module:function".
 
-    Raises:
-        LookupError: the module has no such function.
-        CodeChanged: it is not, or may not be, the planned code: a module was edited that this
-            process had imported before.
+    LookupError if the module has no such function; CodeChanged if it is not, or may not be, the
+    planned code: a module was edited that this process had imported before.
     """
     # Without the lock, another thread could see the module imported but not yet in `_imported`.
     with _lock:
@@ -89,11 +87,8 @@ def current_function(name: str, folders: tuple[Path, ...]) -> Callable[..., Any]
     """Import the user's function "module:function" as it is on disk, for a check before a run.
 
     If this process has imported an older version, as a notebook may have, its modules are imported
-    again. Modules that it finds only in `folders` are looked for there.
-
-    Raises:
-        LookupError: there is no such module or function.
-        Exception: whatever the user's module raises.
+    again. Modules that it finds only in `folders` are looked for there. LookupError if there is no
+    such module or function; and whatever the user's module raises.
     """
     module = name.partition(":")[0]
     code = CodeIndex().code([module], folders)
@@ -130,10 +125,8 @@ def check_bytecode(modules: Mapping[str, Path]) -> None:
     """Ensure that Python runs the current source of `modules` (name -> file).
 
     Bytecode is compared with its source once per process, and replaced by bytecode that Python
-    itself checks by the hash of the source.
-
-    Raises:
-        CodeChanged: this process has imported stale bytecode, or it cannot be replaced.
+    itself checks by the hash of the source. CodeChanged if this process has imported stale
+    bytecode, or it cannot be replaced.
     """
     for name, source in modules.items():
         if source not in _checked and source.suffix == ".py":

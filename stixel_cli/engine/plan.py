@@ -18,19 +18,16 @@ from stixel_cli.files import read_bytes
 
 @dataclass(frozen=True)
 class Plan:
-    """What an execution would do.
-
-    Attributes:
-        graph: of all nodes.
-        targets: ids of the target nodes.
-        needed: ids of the targets and of all nodes that they depend on.
-        missing: ids of the nodes to compute, each after its inputs.
-    """
+    """What an execution would do."""
 
     graph: Graph
+    """Of all nodes."""
     targets: tuple[str, ...]
+    """Ids of the target nodes."""
     needed: frozenset[str]
+    """Ids of the targets and of all nodes that they depend on."""
     missing: tuple[str, ...]
+    """Ids of the nodes to compute, each after its inputs."""
 
 
 def undeclared_reads(nodes: Iterable[Node]) -> list[str]:
@@ -46,11 +43,7 @@ def plan(graph: Graph, targets: Sequence[str], store: Store, verify: bool = True
 
     The digests of stored targets are verified, since they will be loaded; for other nodes it is
     enough that an entry exists. With `verify=False` this is enough for the targets too: fast for
-    many targets.
-
-    Raises:
-        KeyError: no such target.
-        CacheError: the store cannot be read.
+    many targets. KeyError if there is no such target, CacheError if the store cannot be read.
     """
     ids = graph.expand(targets)
     needed = frozenset(graph.ancestors(ids))
@@ -127,11 +120,8 @@ class Durations:
 def probe(missing: int, store: Store, executor: Executor | None) -> None:
     """Raise what `execute` would raise before it computes `missing` nodes.
 
-    Without missing nodes neither a writable store nor workers are needed.
-
-    Raises:
-        CacheError: results cannot be stored.
-        ExecutorError: Dask is not installed, or no scheduler answers at the executor's address.
+    Without missing nodes neither a writable store nor workers are needed. CacheError if results
+    cannot be stored, ExecutorError as `probe_scheduler` does.
     """
     check_writable(missing, store)
     if missing and isinstance(executor, DaskExecutor):

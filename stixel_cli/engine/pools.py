@@ -48,8 +48,7 @@ class Pool(Protocol):
     def tend(self, note: Callable[[str], None]) -> None:
         """Report by `note` that the tasks wait for workers. Called while tasks run.
 
-        Raises:
-            ExecutorError: no worker came for too long.
+        ExecutorError if no worker came for too long.
         """
 
     def close(self) -> None:

@@ -94,11 +94,8 @@ def _rich_bar() -> Any:
 class Progress:
     """Count nodes and frames, and show them if `visible`; notes are always shown.
 
-    All calls come from the thread of the execution.
-
-    Args:
-        visible: whether to show the counts.
-        advice: whether to note files that the user's code may read without declaring them.
+    All calls come from the thread of the execution. With `advice`, files are noted that the user's
+    code may read without declaring them.
     """
 
     def __init__(self, visible: bool = False, advice: bool = False):

@@ -32,22 +32,19 @@ from stixel_cli.engine.versions import check_versions
 
 @dataclass(frozen=True)
 class Outcome:
-    """Outcome of the computation of a node.
-
-    Attributes:
-        status: `computed`, `cached` (another process was first), `missing` (an input is missing or
-            damaged), or `failed`.
-        seconds: time to load, compute and store, without the wait for the lock.
-        size: bytes that were stored.
-        error: MissingEntry of the missing input, or the stage's error.
-        traceback_text: see `StageFailure`.
-    """
+    """Outcome of the computation of a node."""
 
     status: Literal["computed", "cached", "missing", "failed"]
+    """`computed`, `cached` (another process was first), `missing` (an input is missing or damaged),
+    or `failed`."""
     seconds: float = 0.0
+    """Time to load, compute and store, without the wait for the lock."""
     size: int = 0
+    """Bytes that were stored."""
     error: Exception | None = None
+    """MissingEntry of the missing input, or the stage's error."""
     traceback_text: str = ""
+    """See `StageFailure`."""
 
 
 class ChunkSequence(Sequence):
@@ -177,32 +174,28 @@ FATAL = (errors.CacheError, errors.CodeChanged, errors.ExecutorError)
 
 @dataclass
 class Scheduler:
-    """The state of one execution.
-
-    Attributes:
-        planned, store, progress, keep_going: see `execute`.
-        pool: where tasks run.
-        time_limit: of a node, in seconds; None for no limit.
-        lease: on the needed keys; already taken.
-        first: missing keys to compute before all others.
-        on_first: called once, when no key of `first` is left to compute.
-        here: missing keys to compute in this process, whatever the pool.
-        seconds: by key, of the nodes that this execution computed.
-        failures: by key, of the failed nodes, with `keep_going`.
-    """
+    """The state of one execution; for `store`, `progress` and `keep_going` see `execute`."""
 
     planned: Plan
     store: Store
     pool: Pool
+    """Where tasks run."""
     progress: Progress
     time_limit: float | None
+    """Of a node, in seconds; None for no limit."""
     keep_going: bool
     lease: Lease
+    """On the needed keys; already taken."""
     first: frozenset[str] = frozenset()
+    """Missing keys to compute before all others."""
     on_first: Callable[[], None] | None = None
+    """Called once, when no key of `first` is left to compute."""
     here: frozenset[str] = frozenset()
+    """Missing keys to compute in this process, whatever the pool."""
     seconds: dict[str, float] = field(default_factory=dict)
+    """By key, of the nodes that this execution computed."""
     failures: dict[str, errors.StageFailure] = field(default_factory=dict)
+    """By key, of the failed nodes, with `keep_going`."""
 
     def __post_init__(self):
         self.graph = self.planned.graph

@@ -37,20 +37,17 @@ DIGITS = 32
 
 @dataclass(frozen=True)
 class Source:
-    """The meaning of a source file.
-
-    Attributes:
-        digest: of its syntax tree without comments, layout and docstrings.
-        is_empty: whether it has no statement.
-        imports: (level, module, name) of each import; the level of a relative import, 0 for an
-            absolute one; the name is None for `import module`.
-        files: names that the module declares as `FILES`, relative to its folder; None without.
-    """
+    """The meaning of a source file."""
 
     digest: str
+    """Of its syntax tree without comments, layout and docstrings."""
     is_empty: bool
+    """Whether it has no statement."""
     imports: list[tuple[int, str, str | None]]
+    """(level, module, name) of each import; the level of a relative import, 0 for an absolute one;
+    the name is None for `import module`."""
     files: list[str] | None
+    """Names that the module declares as `FILES`, relative to its folder; None without."""
 
 
 _digests: dict[str, list] = {}
@@ -63,8 +60,7 @@ _unsaved: set[str] = set()
 def parse(path: Path, content: bytes) -> Source:
     """Return the meaning of the source file `path` with this content.
 
-    Raises:
-        InvalidCode: it is not valid Python, or declares its files in another form.
+    InvalidCode if it is not valid Python, or declares its files in another form.
     """
     key = sha256(content).hexdigest()
     fields = _digests.pop(key, None)
@@ -100,8 +96,7 @@ def _declared_files(path: Path, tree: ast.Module) -> list[str] | None:
 def declared_files(path: Path, source: Source) -> Iterator[tuple[str, Path, str]]:
     """Name, path and digest of each file that the module at `path` declares.
 
-    Raises:
-        InvalidCode: one is missing, not a regular file next to the module, or too large.
+    InvalidCode if one is missing, not a regular file next to the module, or too large.
     """
     for name in source.files or ():
         if Path(name).is_absolute():

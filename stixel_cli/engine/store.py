@@ -33,8 +33,7 @@ MAPPED = 32 * 2**20
 def open_store(parameters: CacheParameters) -> "Store":
     """The store that the configuration names, with its limit. The folder is not created yet.
 
-    Raises:
-        CacheError: the folder exists, and is not a cache.
+    CacheError if the folder exists, and is not a cache.
     """
     name, limit = parameters.folder, parameters.max_size
     folder = default_cache_folder() if name is None else Path(name).expanduser().absolute()
@@ -67,10 +66,8 @@ class Store:
         """Read the value of an entry, as a new object each time.
 
         Large arrays are memory maps; what is written into them never reaches the entry.
-
-        Raises:
-            MissingEntry: there is no entry, or it is damaged. A damaged entry is removed.
-            CacheError: it cannot be read.
+        MissingEntry if there is no entry, or a damaged one, which is removed; CacheError if it
+        cannot be read.
         """
         content = self._content(key)
         with suppress(OSError):
@@ -86,8 +83,7 @@ class Store:
     def meta(self, key: str) -> dict[str, Any]:
         """Read the notes of an entry: stage, label, seconds, size, digest, ….
 
-        Raises:
-            MissingEntry, CacheError: as `load` does.
+        MissingEntry, CacheError as `load` does.
         """
         content = self._read(key, META)
         fault = _notes_fault(content, key)
@@ -110,8 +106,7 @@ class Store:
     def save(self, key: str, value: Any, **notes: Any) -> int:
         """Store a value with notes (JSON); return the size of the value in bytes.
 
-        Raises:
-            CacheError: it cannot be written. Nothing of it remains.
+        CacheError if it cannot be written. Nothing of it remains.
         """
         import joblib
 
@@ -136,8 +131,7 @@ class Store:
     def lock(self, key: str) -> Iterator[None]:
         """Acquire the lock of a key, for one thread of one process at a time.
 
-        Raises:
-            CacheError: the folder cannot be written.
+        CacheError if the folder cannot be written.
         """
         try:
             path = cache_folder.make_folder(self.folder, "locks") / f"{key}.lock"

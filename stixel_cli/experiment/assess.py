@@ -45,12 +45,7 @@ IN_THIS_PROCESS = ThreadsExecutor("threads", 1)
 
 
 def assess(composition: Composition, progress: Progress | None = None) -> Assessment:
-    """Assess the first frame of a recording.
-
-    Raises:
-        UserError: if the composition has no recording.
-        StageFailure: if a stage fails.
-    """
+    """Assess the first frame of a recording; UserError if the composition has none."""
     configuration = composition.configuration
     if configuration.source.kind == "rendered":
         raise UserError(
@@ -94,11 +89,8 @@ def assess_stixels(
 ) -> Assessment:
     """Assess stixels that anybody has made, with the truth of a recording if one is given.
 
-    `composition` is that of a recording whose first frame has the stixels.
-
-    Raises:
-        UserError: if the file is of an image of another size.
-        StageFailure: if the images cannot be aligned with their truth.
+    `composition` is that of a recording whose first frame has the stixels. UserError if the file is
+    of an image of another size.
     """
     stixels, image = file.stixels, file.image
     if composition is not None:
@@ -186,9 +178,7 @@ def _sizes(errors: np.ndarray, prefix: str = "") -> dict[str, float | None]:
 def calibrate(composition: Composition, progress: Progress | None = None) -> RigCalibration:
     """The disparity error of a recording's rig, also of one that states an error.
 
-    Raises:
-        UserError: if the composition has no recording.
-        StageFailure: if a stage fails.
+    UserError if the composition has no recording.
     """
     configuration = composition.configuration
     if configuration.source.kind == "rendered":

@@ -31,12 +31,7 @@ from stixel_cli.scene.scenario import Scenario
 from stixel_cli.tracking.contour import class_size
 from stixel_cli.tracking.contour.class_shape import ClassShape, OutlineModes, VisibleShape
 from stixel_cli.tracking.contour.class_size import ClassSize
-from stixel_cli.validation.visible_shape import (
-    class_shape_of,
-    outline_modes_of,
-    visible_outline_of,
-    visible_shape_of,
-)
+from stixel_cli.validation import visible_shape
 
 PATHS = ("turn", "crossing", "approach", "s_curve")
 SEEDS = range(1000, 1008)
@@ -83,14 +78,14 @@ def learned_class(
     stds = np.maximum(sizes.std(axis=0) / mean, LEAST_SIZE_STD)
     size = ClassSize(mean.round(2), stds.round(2))
     # The size that is written, whole centimetres, is that of the fit.
-    shape = dataclasses.replace(class_shape_of(scenarios), size=size.mean)
+    shape = dataclasses.replace(visible_shape.class_shape_of(scenarios), size=size.mean)
     visible = {
-        sensor: visible_outline_of(scenarios, shape)
+        sensor: visible_shape.visible_outline_of(scenarios, shape)
         if sensor == "outline"
-        else visible_shape_of(_samples(seen, sensor), shape)
+        else visible_shape.visible_shape_of(_samples(seen, sensor), shape)
         for sensor in sensors
     }
-    return size, entry(size, shape, outline_modes_of(scenarios, shape.size), visible)
+    return size, entry(size, shape, visible_shape.outline_modes_of(scenarios, shape.size), visible)
 
 
 def _scenario(p: Configuration) -> Scenario:

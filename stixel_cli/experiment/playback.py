@@ -26,10 +26,8 @@ def folders_page(
     Results that the cache lacks are computed; the page shows the new results. Where they differ
     from those of a folder, the page and the notes say so.
 
-    `labels` are the names of the folders, all different.
-
-    Raises:
-        UserError: if the runs are not of one scene; and the errors of `computed_stages`.
+    `labels` are the names of the folders, all different. UserError if the runs are not of one
+    scene; and the errors of `computed_stages`.
     """
     check_one_scene(stored, labels)
     trackers = [one.choice("tracker") for one in stored]

@@ -45,10 +45,8 @@ def run_experiment(
 ) -> RunResult:
     """Compute the missing nodes of an experiment and load its result.
 
-    Args:
-        composition, progress, on_scores, store: as in `computed_stages`, which has the errors.
-        pictures: whether to draw pictures.
-        camera: whether to load the camera's frames for the page; None: if there are pictures.
+    With `pictures` they are drawn; with `camera` the camera's frames are loaded for the page, as
+    with pictures if it is None. The errors and the other arguments are those of `computed_stages`.
     """
     wanted = [*RESULTS, *(PICTURES if pictures else ()), OBJECTS, TRACKS, "calibration"]
     wanted += ["stixels"] if composition.configuration.source.kind != "rendered" else []
@@ -184,10 +182,8 @@ def read_stored_run(path: Path, overrides: tuple[str, ...] = ()) -> RunResult:
     """Read the result folder `path`, with its validated experiment and its lineage.
 
     The experiment has the executor and the cache of this machine. `overrides` may only change the
-    groups `OF_THE_MACHINE`.
-
-    Raises:
-        UserError: if it is not a result folder, or its configuration is not valid in this version.
+    groups `OF_THE_MACHINE`. UserError if it is not a result folder, or its configuration is not
+    valid in this version.
     """
     run = read_run(path)
     own = compose(overrides).resolved

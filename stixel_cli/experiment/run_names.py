@@ -23,12 +23,8 @@ LONGEST_NAME = 90
 def differences(choices: Mapping[str, str], overrides: Sequence[str]) -> list[str]:
     """The options of `ALWAYS`, then each override that differs from the default, shortened.
 
-    Args:
-        choices: the option of each group.
-        overrides: of one value each, as typed.
-
-    Returns:
-        For example `car`, `turn`, `fabricated`, `rig=kitti`, `sigma_f=0.5`.
+    For example `car`, `turn`, `fabricated`, `rig=kitti`, `sigma_f=0.5`. `choices` has the option of
+    each group; the `overrides` have one value each, as typed.
     """
     # The path of scans from a file is in the file.
     named = ALWAYS[:1] if choices.get("measurement") == "file" else ALWAYS
@@ -55,9 +51,8 @@ def short_setting(key: str, value: str) -> str:
 def swept_setting(keys: Sequence[str], values: Sequence[str]) -> str:
     """`tracker=gp_ekf,contour` or `seed=0..9`: an axis of a sweep, shortened.
 
-    Args:
-        keys: of the axis; of several zipped keys, the first is shown with the number of the others.
-        values: of its first key, as typed.
+    Of several zipped `keys`, the first is shown with the number of the others; the `values`, as
+    typed, are its own.
     """
     whole = [int(value) for value in values if re.fullmatch(r"-?\d{1,9}", value)]
     if len(whole) == len(values) > 2 and whole == list(range(whole[0], whole[-1] + 1)):

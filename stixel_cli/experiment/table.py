@@ -14,37 +14,33 @@ from stixel_cli.config.schema import Renderer, Tracker
 
 @dataclass(frozen=True)
 class Definition:
-    """One stage of the table.
-
-    Attributes:
-        functions: "module:function" to call, by the `kind` of the settings that `chosen_by` names;
-            a stage with one implementation has the single key "".
-        pattern: how it runs over the frames, see `stixel_cli.engine.keys.Stage`.
-        reads: argument name to the dotted path of its settings in the configuration.
-        chosen_by: dotted path of the settings whose `kind` selects the function; "" if there is no
-            choice.
-        seeded: whether it draws random numbers, and so needs the experiment's seed.
-        files: dotted paths of the settings that are files, of those that the chosen option has.
-            Their content, and that of the files they refer to, is part of the key.
-        recorded: the files of the recording that the function gets as `files`, an attribute of
-            `Recording`, before those of `files`; "" for no file.
-        pictures: whether it draws: its result is a `Pictures`.
-        code: dotted paths of the settings that name the user's own functions: their code is part of
-            the key.
-        calls: another stage whose function this one calls: it gets the function's name as
-            `function` and its settings as `settings`; "" for no stage.
-    """
+    """One stage of the table."""
 
     functions: Mapping[str, str]
+    """The "module:function" to call, by the `kind` of the settings that `chosen_by` names; a stage
+    with one implementation has the single key ""."""
     pattern: Literal["once", "map", "fold", "pick"]
+    """How it runs over the frames, see `stixel_cli.engine.keys.Stage`."""
     reads: Mapping[str, str] = field(default_factory=dict)
+    """Argument name to the dotted path of its settings in the configuration."""
     chosen_by: str = ""
+    """Dotted path of the settings whose `kind` selects the function; "" if there is no choice."""
     seeded: bool = False
+    """Whether it draws random numbers, and so needs the experiment's seed."""
     files: tuple[str, ...] = ()
+    """Dotted paths of the settings that are files, of those that the chosen option has. Their
+    content, and that of the files they refer to, is part of the key."""
     recorded: str = ""
+    """The files of the recording that the function gets as `files`, an attribute of `Recording`,
+    before those of `files`; "" for no file."""
     pictures: bool = False
+    """Whether it draws: its result is a `Pictures`."""
     code: tuple[str, ...] = ()
+    """Dotted paths of the settings that name the user's own functions: their code is part of the
+    key."""
     calls: str = ""
+    """Another stage whose function this one calls: it gets the function's name as `function` and
+    its settings as `settings`; "" for no stage."""
 
 
 def by_kind(options: Any, name: str) -> dict[str, str]:

@@ -12,12 +12,7 @@ from stixel_cli.engine.store import Store
 from stixel_cli.experiment.run import has_pictures, run_experiment
 from stixel_cli.experiment.stages import experiment_graph
 from stixel_cli.files import read_arrays, read_bytes
-from stixel_cli.results.lineage import (
-    Lineage,
-    StageDifference,
-    first_changed_stage,
-    first_difference,
-)
+from stixel_cli.results import lineage
 from stixel_cli.results.result import RunResult
 
 COMPARED = {"ego": "scenario", "truth": "scenario"}
@@ -36,23 +31,19 @@ class FileDifference:
 
 @dataclass(frozen=True)
 class Verification:
-    """The comparison of a folder with a new run of its configuration.
-
-    Attributes:
-        files: the different ones, in the order of the data, of the number `compared`.
-        by_key: the first stage whose keys differ; None if all are equal, or if the folder has no
-            lineage.
-        by_value: the first stage whose result differs; None if all are equal.
-        changes: changed versions, revision and machine, one line each.
-        stages: records of the new run, as in a manifest.
-    """
+    """The comparison of a folder with a new run of its configuration."""
 
     files: tuple[FileDifference, ...]
+    """The different ones, in the order of the data, of the number `compared`."""
     compared: int
-    by_key: StageDifference | None
-    by_value: StageDifference | None
+    by_key: lineage.StageDifference | None
+    """The first stage whose keys differ; None if all are equal, or if the folder has no lineage."""
+    by_value: lineage.StageDifference | None
+    """The first stage whose result differs; None if all are equal."""
     changes: tuple[str, ...]
+    """Changed versions, revision and machine, one line each."""
     stages: list[dict[str, Any]]
+    """Records of the new run, as in a manifest."""
 
     @property
     def identical(self) -> bool:
@@ -76,8 +67,7 @@ def verify_run(
         now: the `provenance` of this moment.
         progress: reports the progress.
 
-    Raises:
-        UserError: if a file of the folder is not valid; and the errors of `computed_stages`.
+    UserError if a file of the folder is not valid; and the errors of `computed_stages`.
     """
     # Before the run, which may take long.
     paths = {name: stored.folder / f"{name}.npz" for name in COMPARED}
@@ -88,12 +78,12 @@ def verify_run(
     by_key = by_value = None
     if stored.lineage is not None:
         graph = experiment_graph(stored.composition)
-        by_key = first_changed_stage(stored.lineage, new.lineage, graph)
+        by_key = lineage.first_changed_stage(stored.lineage, new.lineage, graph)
         by_value = _first_by_digest(stored.lineage, new.lineage, old_store, store, bool(files))
     if by_value is None and files:
         first, altered = files[0], "altered after the run: lineage.json matches the new result"
         causes = () if stored.lineage is None else (f"{first.file} was {altered}",)
-        by_value = StageDifference(first.stage, f"{first.file}: {first.what}", causes)
+        by_value = lineage.StageDifference(first.stage, f"{first.file}: {first.what}", causes)
     if by_value is not None and by_key is not None and not by_value.causes:
         by_value = replace(by_value, causes=by_key.causes)
     changes = tuple(_changes(stored, now))
@@ -106,17 +96,17 @@ def _compared_files(
     """(file, stage, difference or None) of every file with results that the folder has."""
     arrays = new.arrays
     for name, content in old.items():
-        yield f"{name}.npz", COMPARED[name], first_difference(content, arrays.get(name))
-    yield "metrics.json", "scores", first_difference(stored.metrics, new.metrics)
+        yield f"{name}.npz", COMPARED[name], lineage.first_difference(content, arrays.get(name))
+    yield "metrics.json", "scores", lineage.first_difference(stored.metrics, new.metrics)
     for name, data in new.pictures.items():
         picture = stored.folder / "figures" / name
         if picture.exists():
-            yield f"figures/{name}", "pictures", first_difference(read_bytes(picture), data)
+            yield f"figures/{name}", "pictures", lineage.first_difference(read_bytes(picture), data)
 
 
 def _first_by_digest(
-    old: Lineage, new: Lineage, old_store: Store, new_store: Store, guess: bool
-) -> StageDifference | None:
+    old: lineage.Lineage, new: lineage.Lineage, old_store: Store, new_store: Store, guess: bool
+) -> lineage.StageDifference | None:
     """The first stage with a node whose stored bytes differ, and whose value does.
 
     `guess` that it does where the old value is lost: an older version stored values differently.
@@ -131,14 +121,14 @@ def _first_by_digest(
             try:
                 # Equal values may be stored in other bytes: the values themselves decide.
                 old_value, new_value = old_store.load(before.keys[i]), new_store.load(stage.keys[i])
-                what = first_difference(old_value, new_value)
+                what = lineage.first_difference(old_value, new_value)
             except CacheError:
                 if not guess:
                     continue
                 what = "different bytes (by how much is unknown: the old result is not cached)"
             if what is not None:
                 chunk = f"chunk {i + 1} of {len(stage.keys)}: " if len(stage.keys) > 1 else ""
-                return StageDifference(name, chunk + what, ())
+                return lineage.StageDifference(name, chunk + what, ())
     return None
 
 

@@ -353,11 +353,8 @@ def export(
     """Write a run in one of `FORMATS` into a new folder, which appears complete or not at all.
 
     Results that the cache lacks are computed. Returned is what the format's function returns.
-
-    Raises:
-        UserError: if the folder cannot be written or exists by then, the run lacks what the format
-            needs or cannot be repeated, or the format's package is not installed.
-        StageFailure: if a stage fails.
+    UserError if the folder cannot be written or exists by then, the run lacks what the format needs
+    or cannot be repeated, or the format's package is not installed.
     """
     stage, noun = NEEDED.get(format, ("track", "track"))
     if stage not in {one.name for one in pipeline_stages(stored.composition)}:

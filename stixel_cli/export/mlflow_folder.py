@@ -8,15 +8,8 @@ from typing import Any
 
 from stixel_cli.answers.runs import known
 from stixel_cli.errors import UserError, printable_path
+from stixel_cli.results import result
 from stixel_cli.results.folder import PAGE, whole_folder
-from stixel_cli.results.result import (
-    DONE,
-    SWEEP_FILE,
-    RunResult,
-    flat_settings,
-    read_config,
-    read_run,
-)
 from stixel_cli.sweeps.folder import SweepResult, read_sweep
 
 DATABASE = "mlflow.db"
@@ -39,8 +32,8 @@ def export_mlflow(folder: Path, target: Path) -> None:
         from mlflow.tracking import MlflowClient
     except ImportError:
         raise UserError("--format: mlflow needs mlflow: pip install 'stixel[mlflow]'") from None
-    is_sweep = (folder / SWEEP_FILE).exists()
-    run = None if is_sweep else read_run(folder)
+    is_sweep = (folder / result.SWEEP_FILE).exists()
+    run = None if is_sweep else result.read_run(folder)
     sweep = read_sweep(folder)[0] if is_sweep else None
     with whole_folder(target) as partial:
         client = MlflowClient(tracking_uri=f"sqlite:///{partial / DATABASE}")
@@ -93,10 +86,12 @@ class _Log:
         self.client.set_terminated(made)
         return made
 
-    def run(self, run: RunResult, name: str, parent: str | None = None) -> None:
+    def run(self, run: result.RunResult, name: str, parent: str | None = None) -> None:
         """Log a run of this program."""
         files = {file: run.folder / file for file in (PAGE, "manifest.json", "config.yaml")}
-        self.one(name, flat_settings(read_config(run.folder)), run.metrics, files, parent)
+        self.one(
+            name, result.flat_settings(result.read_config(run.folder)), run.metrics, files, parent
+        )
 
 
 def _log_sweep(log: _Log, sweep: SweepResult) -> None:
@@ -114,5 +109,5 @@ def _log_sweep(log: _Log, sweep: SweepResult) -> None:
         values = answers[0].runs.loc[indices[0], [*keys]]
         parent = log.one(str(option), {key: str(values[key]) for key in keys}, bounds, {}, top)
         for run in (sweep.runs[i] for i in indices):
-            if run.status == DONE:
+            if run.status == result.DONE:
                 log.run(run, f"run {run.index}", parent)

@@ -76,8 +76,7 @@ class Rig:
     def focal(self) -> float:
         """Horizontal focal length f_u in px: N_w / (2 tan(fov / 2)), thesis (4).
 
-        Raises:
-            ValueError: unless exactly one of `horizontal_fov` and `focal_length` is given.
+        ValueError unless exactly one of `horizontal_fov` and `focal_length` is given.
         """
         if (self.horizontal_fov is None) == (self.focal_length is None):
             raise ValueError(

@@ -3,7 +3,6 @@
 import os
 import platform
 import shutil
-import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -28,18 +27,15 @@ RAYCAST_PROBE = (sys.executable, "-c", _RENDER)
 
 @dataclass(frozen=True)
 class Check:
-    """The result of one check.
-
-    Attributes:
-        name: what was checked.
-        status: `fails` keeps the default experiment from running; `absent` is needed by some
-            experiments only; `limited` works in part.
-        text: the finding or the fault, in one line.
-    """
+    """The result of one check."""
 
     name: str
+    """What was checked."""
     status: Literal["ok", "absent", "limited", "fails"]
+    """`fails` keeps the default experiment from running; `absent` is needed by some experiments
+    only; `limited` works in part."""
     text: str
+    """The finding or the fault, in one line."""
 
 
 def examine(
@@ -61,22 +57,9 @@ def probe_raycast(
     timeout: float = RENDERER_TIMEOUT, command: tuple[str, ...] = RAYCAST_PROBE
 ) -> str | None:
     """Why ray casting does not work here, in one line; None if it renders a picture in time."""
-    try:
-        child = subprocess.run(
-            command,
-            stdin=subprocess.DEVNULL,
-            capture_output=True,
-            text=True,
-            errors="replace",
-            start_new_session=True,
-            timeout=timeout,
-        )
-    except subprocess.TimeoutExpired:
-        return f"no picture within {timeout:g} s"
-    if child.returncode == 0:
-        return None
-    lines = [line.strip() for line in child.stderr.splitlines() if line.strip()]
-    return lines[-1] if lines else f"its process ended with exit code {child.returncode}"
+    from stixel_cli.rendering.filament import probe
+
+    return probe("raycast", timeout, command)
 
 
 def _probe_filament() -> str | None:

@@ -32,12 +32,8 @@ def distances(points_ego: np.ndarray, covariances_ego: np.ndarray, gap: float = 
 
     Along the ray a step counts in units of `gap` and the standard deviation of the difference,
     across it, where bearings are exact, in units of `gap`. So far objects, whose depth is
-    uncertain, do not break up, and those next to each other do not merge.
-
-    Args:
-        points_ego: (n, 2) m, from the camera.
-        covariances_ego: (n, 2, 2) m².
-        gap: m.
+    uncertain, do not break up, and those next to each other do not merge. Points (n, 2) m are from
+    the camera, covariances (n, 2, 2) in m², `gap` in m.
     """
     ranges = np.hypot(*points_ego.T)
     bearings = np.arctan2(points_ego[:, 1], points_ego[:, 0])

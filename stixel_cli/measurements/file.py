@@ -15,21 +15,9 @@ from annotated_types import Ge, Gt, Le
 
 from stixel_cli.errors import UserError, counted
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD
+from stixel_cli.measurements import tables
 from stixel_cli.measurements.parameters import Disturbance
 from stixel_cli.measurements.scans import NO_SHARED_ERRORS, FieldOfView, Scans, SharedErrors
-from stixel_cli.measurements.tables import (
-    MOST_SCANS,
-    AngleUnit,
-    TimeUnit,
-    in_radians,
-    indices,
-    read_table,
-    refuse_other_times,
-    refuse_rows,
-    scan_indices,
-    seconds,
-    unit_and_epoch,
-)
 from stixel_cli.parameters import parameters
 
 
@@ -64,8 +52,8 @@ class FileParameters(Disturbance):
     ego_std: tuple[Annotated[float, Ge(0), Le(10)], Annotated[float, Ge(0), Le(45)]]
     time_std: Annotated[float, Ge(0), Le(10)]
     horizontal_fov: Annotated[float, Gt(0), Le(360)] | None
-    time_unit: TimeUnit | None
-    angle_unit: AngleUnit
+    time_unit: tables.TimeUnit | None
+    angle_unit: tables.AngleUnit
     road_z: Annotated[float, Ge(-10000), Le(10000)] | None
 
     @property
@@ -94,8 +82,8 @@ def read_scans(
     ego: str | None,
     range_std: float,
     horizontal_fov: float | None = None,
-    time_unit: TimeUnit | None = None,
-    angle_unit: AngleUnit = "rad",
+    time_unit: tables.TimeUnit | None = None,
+    angle_unit: tables.AngleUnit = "rad",
     note: Callable[[str], object] = str,
     shared_errors: SharedErrors = NO_SHARED_ERRORS,
     road_z: float | None = None,
@@ -110,7 +98,7 @@ def read_scans(
     file = Path(path)
     needed = ("t", "x", "y") if road_z is None else ("t", "x", "y", "z")
     returns = ("x", "y", "z", *VARIANCES)
-    table = read_table(file, needed, (("k",), VARIANCES), returns=returns)
+    table = tables.read_table(file, needed, (("k",), VARIANCES), returns=returns)
     k, times, poses, epoch = _clock(file, table, ego, time_unit, angle_unit, note)
     # A return without a point tells that there is a scan.
     order = np.argsort(k, kind="stable")
@@ -138,24 +126,24 @@ def _clock(
     file: Path,
     table: Mapping[str, np.ndarray],
     ego: str | None,
-    time_unit: TimeUnit | None,
-    angle_unit: AngleUnit,
+    time_unit: tables.TimeUnit | None,
+    angle_unit: tables.AngleUnit,
     note: Callable[[str], object],
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, int | None]:
     """The scan (n,) of each row, times (K,) s and sensor poses (K, 3) of the scans, the epoch."""
     clock, rows, lacks = file, table, "points: give the times of the scans, measurement.ego=FILE"
     if ego is not None:
         clock, lacks = Path(ego), "rows, so there are no scans"
-        rows = read_table(clock, ("t", "x", "y", "heading"), (("k",),))
-    unit, epoch = unit_and_epoch(rows["t"], time_unit)
-    t = seconds(clock, rows["t"], time_unit, epoch)
+        rows = tables.read_table(clock, ("t", "x", "y", "heading"), (("k",),))
+    unit, epoch = tables.unit_and_epoch(rows["t"], time_unit)
+    t = tables.seconds(clock, rows["t"], time_unit, epoch)
     if len(t) == 0:
         raise UserError(f"{clock}: has no {lacks}")
     k = _scans_of_rows(clock, rows, t)
     present, first = np.unique(k, return_index=True)
     known = t[first]
     if ego is None:
-        refuse_other_times(file, k, t, known[np.searchsorted(present, k)], 0.0)
+        tables.refuse_other_times(file, k, t, known[np.searchsorted(present, k)], 0.0)
     elif not np.array_equal(present, np.arange(len(k))):
         raise UserError(
             f"{clock}: must have one row for each scan k, each number from 0 to {len(k) - 1} once"
@@ -169,9 +157,9 @@ def _clock(
         times = _all_times(file, present, known)
         poses = np.tile([0.0, 0.0, STRAIGHT_AHEAD], (len(times), 1))
     else:
-        headings = in_radians(rows["heading"], angle_unit)
+        headings = tables.in_radians(rows["heading"], angle_unit)
         times, poses = known, np.stack([rows["x"], rows["y"], headings], axis=1)[first]
-        k = scan_indices(file, table, times, time_unit, epoch)
+        k = tables.scan_indices(file, table, times, time_unit, epoch)
     if epoch is not None and time_unit is None:
         day = datetime.fromtimestamp(epoch // 10**9, UTC).date()
         note(
@@ -198,11 +186,11 @@ def _all_times(file: Path, present: np.ndarray, known: np.ndarray) -> np.ndarray
 def _scans_of_rows(file: Path, table: Mapping[str, np.ndarray], t: np.ndarray) -> np.ndarray:
     """The scan k (n,) of each row at `t` (n,); without a column k, the rows of one t are a scan."""
     if "k" in table:
-        return indices(file, "k", table["k"])
+        return tables.indices(file, "k", table["k"])
     times, k = np.unique(t, return_inverse=True)
-    if len(times) > MOST_SCANS:
+    if len(times) > tables.MOST_SCANS:
         raise UserError(
-            f"{file}: without the column k, each t is a scan: at most {MOST_SCANS}, "
+            f"{file}: without the column k, each t is a scan: at most {tables.MOST_SCANS}, "
             f"got {len(times)}"
         )
     return k
@@ -214,7 +202,7 @@ def _covariances(file: Path, table: dict[str, np.ndarray], range_std: float) -> 
         return np.tile(range_std**2 * np.eye(2), (len(table["t"]), 1, 1))
     xx, xy, yy = (table[name] for name in VARIANCES)
     # A point measured exactly across the ray has a determinant of zero, up to rounding.
-    refuse_rows(
+    tables.refuse_rows(
         file,
         (xx < 0) | (yy < 0) | (xx * yy - xy**2 < -1e-9 * xx * yy),
         lambda _: (

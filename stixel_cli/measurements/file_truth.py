@@ -14,15 +14,8 @@ import shapely
 
 from stixel_cli.errors import UserError
 from stixel_cli.geometry.pose import rectangle
+from stixel_cli.measurements import tables
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.measurements.tables import (
-    AngleUnit,
-    TimeUnit,
-    in_radians,
-    indices,
-    read_table,
-    scan_indices,
-)
 from stixel_cli.scene.scenario import Scenario
 
 RATES = ("x_rate", "y_rate", "heading_rate")
@@ -47,8 +40,8 @@ MOST_CORNERS = 100_000
 def read_truth(
     scans: Scans,
     truth: str | None,
-    time_unit: TimeUnit | None = None,
-    angle_unit: AngleUnit = "rad",
+    time_unit: tables.TimeUnit | None = None,
+    angle_unit: tables.AngleUnit = "rad",
 ) -> Scenario:
     """The truth in the file `truth` at the times of `scans`, and the sensor's poses.
 
@@ -62,10 +55,10 @@ def read_truth(
     if truth is not None:
         file = Path(truth)
         groups = (("k",), ("t",), RATES, SIZE, LIMBS)
-        table = read_table(file, ("x", "y", "heading"), groups, "contour")
+        table = tables.read_table(file, ("x", "y", "heading"), groups, "contour")
         if "k" in table:
             table.pop("t", None)
-        k = scan_indices(file, table, scans.times, time_unit, scans.epoch)
+        k = tables.scan_indices(file, table, scans.times, time_unit, scans.epoch)
         if len(np.unique(k)) < len(k):
             raise UserError(f"{file}: each scan must have one row only: give one target")
         if len(k) == 0:
@@ -74,7 +67,7 @@ def read_truth(
             )
         for name in ("heading", "heading_rate"):
             if name in table:
-                table[name] = in_radians(table[name], angle_unit)
+                table[name] = tables.in_radians(table[name], angle_unit)
         poses[k] = np.stack([table[name] for name in ("x", "y", "heading")], axis=1)
         if RATES[0] in table:
             rates[k] = np.stack([table[name] for name in RATES], axis=1)
@@ -86,7 +79,7 @@ def read_truth(
             if LIMBS[0] not in table:
                 has = f"contour has {len(contours)} poses"
                 raise UserError(f"{file}: the column limb_pose is missing: {has}")
-            limb_poses[k] = indices(file, LIMBS[0], table[LIMBS[0]], len(contours))
+            limb_poses[k] = tables.indices(file, LIMBS[0], table[LIMBS[0]], len(contours))
     return Scenario(
         times=scans.times,
         ego_poses_world=scans.sensor_poses_world,
@@ -106,13 +99,13 @@ def differences(poses_world: np.ndarray, times: np.ndarray) -> np.ndarray:
     return np.gradient(unwound, times, axis=0, edge_order=2 if len(times) > 2 else 1)
 
 
-def heading_note(scenario: Scenario, angle_unit: AngleUnit) -> str | None:
+def heading_note(scenario: Scenario, angle_unit: tables.AngleUnit) -> str | None:
     """One line if the headings, read as `angle_unit`, contradict the motion or are no radians.
 
     A target that turns on and on may have headings beyond 2 pi rad, but along its motion.
     """
     headings = scenario.target_poses_world[scenario.known, 2]
-    other: AngleUnit = "rad" if angle_unit == "deg" else "deg"
+    other: tables.AngleUnit = "rad" if angle_unit == "deg" else "deg"
     others = np.degrees(headings) if other == "rad" else np.radians(headings)
     angle, other_angle = _angle_to_motion(scenario, headings), _angle_to_motion(scenario, others)
     beyond = angle_unit == "rad" and np.abs(headings).max(initial=0.0) > MOST_RADIANS

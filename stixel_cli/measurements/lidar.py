@@ -64,12 +64,9 @@ def lidar_scans(
     noisy ranges is too near by about their standard deviation: 0.6 of it for two that measure the
     same face, 1.5 for ten.
 
-    The covariance of a point is the noise along the beam, projected to the ground, and
-    (r dtheta)² / 12 across. `field_of_view` has the bearings of the lidar's right and left
-    border, rad.
-
-    Raises:
-        ValueError: unless the returns are those of the ego motion's times.
+    The covariance of a point is the noise along the beam, projected to the ground, and (r dtheta)²
+    / 12 across. `field_of_view` has the bearings of the lidar's right and left border, rad.
+    ValueError unless the returns are those of the ego motion's times.
     """
     if len(returns) != len(ego_motion.times):
         raise ValueError(f"returns of {len(returns)} scans, but {len(ego_motion.times)} times")

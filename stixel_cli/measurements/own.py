@@ -24,10 +24,8 @@ def own_scans(scenario: Scenario, function: str, parameters: Mapping[str, Any], 
     """The scans that the user's function returns.
 
     It is called as `function(scenario, seed, …)`, with its parameters as one dataclass or as
-    keyword arguments. `randomness.generator(seed, name, k)` gives its random numbers.
-
-    Raises:
-        ValueError: if the result is not scans of this scenario.
+    keyword arguments. `randomness.generator(seed, name, k)` gives its random numbers. ValueError if
+    the result is not scans of this scenario.
     """
     own = loaded(function)
     scans = own(scenario, seed, **further_arguments(own, GIVEN, parameters))

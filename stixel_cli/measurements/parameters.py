@@ -106,17 +106,14 @@ class Scanner:
 
 @dataclass(frozen=True)
 class LidarReturns:
-    """Noise-free returns of K scans of the whole scene, L layers of A beams each.
-
-    Attributes:
-        elevations: (L,) rad, ascending.
-        azimuths: (A,) rad, ascending.
-        ranges: (K, L, A) float32 m along the beams to the first surface; inf without a hit.
-    """
+    """Noise-free returns of K scans of the whole scene, L layers of A beams each."""
 
     elevations: np.ndarray
+    """(L,) rad, ascending."""
     azimuths: np.ndarray
+    """(A,) rad, ascending."""
     ranges: np.ndarray
+    """(K, L, A) float32 m along the beams to the first surface; inf without a hit."""
 
     def __len__(self) -> int:
         return len(self.ranges)

@@ -15,17 +15,14 @@ from stixel_cli.parameters import parameters
 
 @dataclass(frozen=True)
 class Rays:
-    """Rays over a horizontal field of view, thesis (16).
-
-    Attributes:
-        angles: (n,) rad, ascending.
-        directions: (n, 2) unit vectors along them.
-        steps: (n,) rad, the angle between neighbours, there.
-    """
+    """Rays over a horizontal field of view, thesis (16)."""
 
     angles: np.ndarray
+    """(n,) rad, ascending."""
     directions: np.ndarray
+    """(n, 2) unit vectors along them."""
     steps: np.ndarray
+    """(n,) rad, the angle between neighbours, there."""
 
 
 def spread_rays(count: int, field_of_view: tuple[float, float], even_tangent: bool) -> Rays:

@@ -26,17 +26,14 @@ MOST = 100_000
 
 @dataclass(frozen=True)
 class StixelFile:
-    """The stixels of one frame.
-
-    Attributes:
-        stixels: their columns, rows and depths; a disparity is NaN if the file has none.
-        image: (H, W, 3) uint8 RGB; black if the file has none.
-        has_size: whether the file states the image's size; else all stixels are inside of it.
-    """
+    """The stixels of one frame."""
 
     stixels: Stixels
+    """Their columns, rows and depths; a disparity is NaN if the file has none."""
     image: np.ndarray
+    """(H, W, 3) uint8 RGB; black if the file has none."""
     has_size: bool
+    """Whether the file states the image's size; else all stixels are inside of it."""
 
 
 def stx1_library(asked_by: str) -> Any:

@@ -27,10 +27,8 @@ def gather_scans(
     """Scans of the stixels inside the gates of height and range, in the world frame.
 
     Free space is a gate already: a stixel is the nearest obstacle of its columns, or visible behind
-    that. `stixels` are chunks in the order of their frames.
-
-    Raises:
-        ValueError: unless the chunks have each frame of `ego_motion` once, in order.
+    that. `stixels` are chunks in the order of their frames. ValueError unless the chunks have each
+    frame of `ego_motion` once, in order.
     """
     scans: list[tuple[np.ndarray, np.ndarray]] = []
     for chunk in stixels:

@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.images import ImageStack, encode_png
+from stixel_cli.images import ImageStack, encode_png, reduced
 from stixel_cli.pictures import style
 from stixel_cli.rendering.frames import RenderedFrames, StereoPairs
 from stixel_cli.results.pictures import CameraFrames, Pictures
@@ -49,26 +49,23 @@ GRID_DEPTHS = (10, 20, 50, 100, 5, 2, 30, 200, 1, 40, 60, 80, 3, 15, 4, 7)
 
 @dataclass(frozen=True)
 class FrameView:
-    """Frame k and the results of its stages; each is a chunk that contains the frame.
-
-    Attributes:
-        k: index of the frame.
-        rig: of the images.
-        pairs: the camera's images.
-        disparities, grid, free_space, stixels: of these stages.
-        objects: clusters of the stixels; None without.
-        widest: wider images are made smaller, to this width, px; the images with stixels are not.
-    """
+    """Frame k and the results of its stages; each is a chunk that contains the frame."""
 
     k: int
+    """Index of the frame."""
     rig: Rig
+    """Of the images."""
     pairs: StereoPairs
+    """The camera's images."""
     disparities: Disparities
     grid: OccupancyGrid
     free_space: FreeSpace
     stixels: Stixels
+    """`disparities`, `grid`, `free_space`, `stixels`: of these stages."""
     objects: Objects | None = None
+    """Clusters of the stixels; None without."""
     widest: int = 2**15
+    """Wider images are made smaller, to this width, px; the images with stixels are not."""
 
     @property
     def rows(self) -> slice:
@@ -352,10 +349,7 @@ def camera_frames(
 ) -> CameraFrames:
     """The left images of `frames` and what was found in them, in small, and their stixels.
 
-    Args:
-        pairs, disparities, free_space, stixels: all contain all of `frames`.
-        rig, road, occupancy: those of the grid.
-        frames: indices k.
+    Each chunk contains all of `frames`; `rig`, `road` and `occupancy` are those of the grid.
     """
     images = {name: [] for name in ("grey", *VIEWS)}
     for k in frames:
@@ -377,15 +371,6 @@ def camera_frames(
         offsets=(offsets - offsets[0]).astype(np.int64),
         **{name: getattr(stixels, name)[rows] for name in OF_STIXELS},
     )
-
-
-def reduced(image: np.ndarray, widest: int) -> np.ndarray:
-    """An image (H, W) or (H, W, 3) with means of its pixels, if it is wider than `widest`, px."""
-    height, width = image.shape[:2]
-    if width <= widest:
-        return image
-    size = (widest, max(1, round(height * widest / width)))
-    return cv2.resize(image, size, interpolation=cv2.INTER_AREA)
 
 
 def _jpeg(image: np.ndarray, quality: int) -> bytes:

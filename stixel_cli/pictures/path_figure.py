@@ -49,9 +49,7 @@ def path_figure(
     contours = {k: scenario.contour_world(k) for k in chosen if known[k]}
     certain = np.concatenate([ego[:, :2], poses[:, :2], *contours.values()])
     estimated = ground.near(track.contours_world[list(chosen)].reshape(-1, 2), certain)
-    points = np.concatenate([certain, estimated])
-
-    strip = None
+    points, strip = np.concatenate([certain, estimated]), None
     if axes is None:
         axes, strip = _axes_for(points, 0.8 * size + 1.0, len(chosen) + SCALE)
     ground.fit(axes, points, 0.8 * size + 1.0)

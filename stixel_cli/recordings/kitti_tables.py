@@ -182,13 +182,9 @@ def read_labels(file: Path) -> Tracks:
 def tracks_of(labels: Iterable[tuple]) -> Tracks:
     """The labels of each target by its track id.
 
-    Args:
-        labels: of each one its place in the file, for errors; its type; and KITTI's columns but for
-            that, 16 values: frame, track id (a number or a name), state of truncation, ….
-
-    Raises:
-        UserError: if a number of a frame or track or a size is not valid, or a track has two labels
-            in a frame, or two types.
+    Of each label: its place in the file, for errors; its type; and KITTI's columns but for that, 16
+    values: frame, track id (a number or a name), state of truncation, …. UserError if a number of a
+    frame or track or a size is not valid, or a track has two labels in a frame, or two types.
     """
     rows: dict[int | str, dict[int, tuple]] = {}
     kinds: dict[int | str, str] = {}
@@ -266,8 +262,7 @@ GREATEST_TURN = 30.0
 def read_poses(file: Path) -> np.ndarray:
     """Poses (n, 3, 4) of the left camera (x right, y down, z forward) in that of the first row, m.
 
-    Raises:
-        UserError: if a row is short, not finite, not a rigid motion, or not in order.
+    UserError if a row is short, not finite, not a rigid motion, or not in order.
     """
     rows = text_rows(file)
     return checked_poses(

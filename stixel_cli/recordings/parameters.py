@@ -198,8 +198,7 @@ Source = (
 def chosen_frames(text: str | None, key: str = "source.frames") -> range | None:
     """The frames that the setting `key` names; None for all.
 
-    Raises:
-        ValueError: unless it is `first:stop` with first < stop.
+    ValueError unless it is `first:stop` with first < stop.
     """
     if text is None:
         return None

@@ -14,14 +14,7 @@ import numpy as np
 from stixel_cli.errors import UserError, printable
 from stixel_cli.files import read_text, read_yaml
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.recordings.kitti_tables import (
-    GREATEST,
-    PAIRS,
-    check_baseline,
-    named_numbers,
-    read_calibration,
-    rectified_pair,
-)
+from stixel_cli.recordings import kitti_tables
 from stixel_cli.recordings.types import ERROR_VALUES, Calibration
 
 NEEDED = ("focal_length", "principal_u", "principal_v", "baseline")
@@ -44,8 +37,7 @@ COUNTERPARTS = {
 def our_names(given: Mapping[str, Any]) -> dict[str, Any]:
     """The numbers of a rig by our names: `fx`, `fy`, `cx`, `cy` and `K`, (3, 3), become ours.
 
-    Raises:
-        ValueError: for a K that is not a camera matrix, or a number that is given twice.
+    ValueError for a K that is not a camera matrix, or a number that is given twice.
     """
     pairs = [(SAME.get(name, name), value) for name, value in given.items() if name != "K"]
     if "K" in given:
@@ -74,7 +66,7 @@ def read_named_calibration(file: Path) -> Calibration:
         return read_rig(file)
     if "cam0=" in read_text(file):
         return _middlebury(file)
-    return read_calibration(file, *PAIRS)
+    return kitti_tables.read_calibration(file, *kitti_tables.PAIRS)
 
 
 def read_rig(file: Path) -> Calibration:
@@ -88,10 +80,10 @@ def read_rig(file: Path) -> Calibration:
         if right[0, 3] == 0.0:
             raise UserError(f"{file}: {name} has no baseline: give the file of the right camera")
         left = right * [1.0, 1.0, 1.0, 0.0]
-        return rectified_pair(file, ("the left", "the right camera"), (left, right))
+        return kitti_tables.rectified_pair(file, ("the left", "the right camera"), (left, right))
     if {"P1", "P2"} <= content.keys():
         pair = [_projection(file, name, content[name]) for name in ("P1", "P2")]
-        return rectified_pair(file, ("P1", "P2"), pair)
+        return kitti_tables.rectified_pair(file, ("P1", "P2"), pair)
     try:
         content = our_names(content)
     except ValueError as fault:
@@ -111,7 +103,7 @@ def read_rig(file: Path) -> Calibration:
     for name in NEEDED:
         if name not in content:
             raise UserError(f"{file}: {name} is missing")
-    check_baseline(file, content["baseline"], "the left", "the right camera")
+    kitti_tables.check_baseline(file, content["baseline"], "the left", "the right camera")
     content |= {name: tuple(content[name]) for name in ERROR_VALUES if name in content}
     absent = {"focal_length_v": content["focal_length"], "camera_height": None}
     return Calibration(**absent | content)
@@ -135,11 +127,13 @@ def rig_text(rig: Rig, comment: str) -> str:
 
 def _middlebury(file: Path) -> Calibration:
     """The calibration in a `calib.txt`; its `doffs` is the distance of both cameras' cx."""
-    left, right = (np.reshape(named_numbers(file, 9, name), (3, 3)) for name in ("cam0", "cam1"))
+    left, right = (
+        np.reshape(kitti_tables.named_numbers(file, 9, name), (3, 3)) for name in ("cam0", "cam1")
+    )
     # The baseline is in mm.
-    moved = -1e-3 * named_numbers(file, 1, "baseline")[0] * right[:, :1]
+    moved = -1e-3 * kitti_tables.named_numbers(file, 1, "baseline")[0] * right[:, :1]
     pair = np.hstack([left, 0.0 * moved]), np.hstack([right, moved])
-    return rectified_pair(file, ("cam0", "cam1"), pair)
+    return kitti_tables.rectified_pair(file, ("cam0", "cam1"), pair)
 
 
 def _projection(file: Path, name: str, value: Any) -> np.ndarray:
@@ -149,6 +143,6 @@ def _projection(file: Path, name: str, value: Any) -> np.ndarray:
         matrix = np.array(data, dtype=np.float64).reshape(3, 4)
     except (KeyError, TypeError, ValueError):
         raise UserError(f"{file}: {name}: must have 12 numbers") from None
-    if not (np.abs(matrix) < GREATEST).all():
-        raise UserError(f"{file}: {name}: numbers must be within ±{GREATEST:g}")
+    if not (np.abs(matrix) < kitti_tables.GREATEST).all():
+        raise UserError(f"{file}: {name}: numbers must be within ±{kitti_tables.GREATEST:g}")
     return matrix

@@ -118,9 +118,8 @@ def read_messages(
 ) -> Iterator[tuple[str, int, Any]]:
     """Topic, time of recording in ns, and content of messages; with `span`, of those times.
 
-    Raises:
-        UserError: if the files are not a bag or damaged, one of the `topics` is missing or of other
-            `types`, there is no message, or one is too large.
+    UserError if the files are not a bag or damaged, one of the `topics` is missing or of other
+    `types`, there is no message, or one is too large.
     """
     try:
         from rosbags import rosbag1, rosbag2

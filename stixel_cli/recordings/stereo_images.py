@@ -21,11 +21,8 @@ def read_pairs(
 ) -> StereoPairs:
     """The grey images of `frames`, both of a pair by one scale (`eight_bits`).
 
-    Args:
-        files: the left images of all frames, then the right ones; or those of a bag.
-        frames: indices k.
-        rectification: of the images; None if the files are rectified.
-        messages: the images, if they are in a bag.
+    `files` are the left images of all frames, then the right ones; or a bag, in which `messages`
+    are the images. `rectification` is None if the files are rectified.
     """
     encoded = [
         [encode_pnm(rectified(grey(image), rectification, i == 1)) for i, image in enumerate(pair)]

@@ -36,8 +36,7 @@ def labels_of(
 ) -> Labels:
     """The labels of one target; `key` is the setting that names it.
 
-    Raises:
-        UserError: if the files have no such track; the line lists tracks that they have.
+    UserError if the files have no such track; the line lists tracks that they have.
     """
     tracks = read_labels(files, tables)
     if target not in tracks:

@@ -71,12 +71,8 @@ def poses_at(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Rotations (n, 3, 3) and places (n, 3) m at `times` (n,) ns, on straight lines between poses.
 
-    Args:
-        name: of the file, for errors.
-        times: of the frames, ns, each with a pose before and after it.
-        stamps: (m,) times of the poses, ns, in any order.
-        turns: (m, 4) quaternions: w, x, y, z.
-        places: (m, 3) m.
+    Each has a pose before and after it. The poses are at `stamps` (m,) ns, in any order: `turns`
+    (m, 4) are quaternions w, x, y, z, `places` (m, 3) in m. Errors have the `name` of the file.
     """
     stamps, rows = np.unique(stamps, return_index=True)
     after = np.clip(np.searchsorted(stamps, times), 1, max(len(stamps) - 1, 1))

@@ -74,10 +74,7 @@ def rocking(poses: np.ndarray, level_from_camera: np.ndarray) -> tuple[np.ndarra
 
     The road at a frame is the line through the camera's places up to it, by least squares: so a
     slope of the road is no pitch. No later pose counts. A pitch is positive with the nose down.
-
-    Args:
-        poses: (K, 3, 4) as in `planar_poses`.
-        level_from_camera: (3, 3) rotation, see `Rig`.
+    The `poses` (K, 3, 4) are as in `planar_poses`; for the rotation (3, 3) see `Rig`.
     """
     pitches, heights = np.zeros(len(poses)), np.zeros(len(poses))
     way = np.concatenate(

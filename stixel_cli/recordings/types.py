@@ -80,38 +80,33 @@ def vertical_angle(focal_length: float, focal_length_v: float, height: int) -> f
 
 @dataclass(frozen=True)
 class Rectification:
-    """How the images of two cameras become a rectified pair.
-
-    Attributes:
-        left, right: homographies from the pixels of a file to those of the pair, row by row.
-        size: width and height of the pair, px; and file_size: of the files.
-    """
+    """How the images of two cameras become a rectified pair."""
 
     left: tuple[float, ...]
     right: tuple[float, ...]
+    """`left`, `right`: homographies from the pixels of a file to those of the pair, row by row."""
     size: tuple[int, int]
+    """Width and height of the pair, px."""
     file_size: tuple[int, int]
+    """Of the files."""
 
 
 @dataclass(frozen=True)
 class Tables:
-    """How the tables of a recording, its ego poses and its labels, are written.
-
-    Attributes:
-        kind: `kitti`, or another one that `tables` reads.
-        times: time stamps of all left images of the clip, ns, where files name times and not
-            frames; else ().
-        first: number of the recording's first frame.
-        left_camera: (x, y, z) m, the left camera's place in the frame of the labels, whose axes are
-            the camera's (x right, y down, z forward).
-        topics: those of a bag that have the poses; else ().
-    """
+    """How the tables of a recording, its ego poses and its labels, are written."""
 
     kind: str = "kitti"
+    """`kitti`, or another one that `tables` reads."""
     times: tuple[int, ...] = ()
+    """Time stamps of all left images of the clip, ns, where files name times and not frames; else
+    ()."""
     first: int = 0
+    """Number of the recording's first frame."""
     left_camera: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """(x, y, z) m, the left camera's place in the frame of the labels, whose axes are the camera's
+    (x right, y down, z forward)."""
     topics: tuple[str, ...] = ()
+    """Those of a bag that have the poses; else ()."""
 
 
 Messages = tuple[tuple[str, tuple[int, ...]], ...]
@@ -120,42 +115,39 @@ Messages = tuple[tuple[str, tuple[int, ...]], ...]
 
 @dataclass(frozen=True)
 class Recording:
-    """The files of a stretch of frames, and the calibration of the cameras.
-
-    Attributes:
-        layout: the option of the group `source`.
-        frames: numbers of the frames in the files, without gaps.
-        tables: how the files of the ego poses and the labels are written.
-        calibration: of the rig; None if only its motion is replayed.
-        left, right: one image file per frame; () if only its motion is replayed. Of a bag, `left`
-            has its files.
-        width, height: of the rectified images, px.
-        pose_files: files of the ego poses; () without.
-        label_files: files of the labels; () without.
-        target: track id in the labels; None for no truth.
-        auto: whether every moving object is tracked.
-        label: type of the target's label, such as `Car`; None without target.
-        first_box: left and right border, px, of the target's box in the first image, or None.
-        true_disparities: one file per frame of the left images' true disparities; () without.
-        messages: the images, if they are in a bag.
-    """
+    """The files of a stretch of frames, and the calibration of the cameras."""
 
     layout: str
+    """The option of the group `source`."""
     frames: range
+    """Numbers of the frames in the files, without gaps."""
     tables: Tables
+    """How the files of the ego poses and the labels are written."""
     calibration: Calibration | None = None
+    """Of the rig; None if only its motion is replayed."""
     left: tuple[Path, ...] = ()
     right: tuple[Path, ...] = ()
+    """`left`, `right`: one image file per frame; () if only its motion is replayed. Of a bag,
+    `left` has its files."""
     width: int = 0
     height: int = 0
+    """`width`, `height`: of the rectified images, px."""
     pose_files: tuple[Path, ...] = ()
+    """Files of the ego poses; () without."""
     label_files: tuple[Path, ...] = ()
+    """Files of the labels; () without."""
     target: int | str | None = None
+    """Track id in the labels; None for no truth."""
     auto: bool = False
+    """Whether every moving object is tracked."""
     label: str | None = None
+    """Type of the target's label, such as `Car`; None without target."""
     first_box: tuple[float, float] | None = None
+    """Left and right border, px, of the target's box in the first image, or None."""
     true_disparities: tuple[Path, ...] = ()
+    """One file per frame of the left images' true disparities; () without."""
     messages: Messages = ()
+    """The images, if they are in a bag."""
 
     @property
     def road_user(self) -> str | None:
@@ -189,26 +181,23 @@ class Recording:
 
 @dataclass(frozen=True)
 class Labels:
-    """The labels of one target, one row a frame in which it is labelled.
-
-    Attributes:
-        frames: (n,) int64, increasing.
-        boxes: (n, 4) px: left, top, right, bottom in the left image.
-        sizes: (n, 3) m: height, width, length.
-        places: (n, 3) m: centre of the box's bottom in the frame of the labels.
-        yaws: (n,) rad about the y axis (down), 0 along x: `rotation_y` of KITTI.
-        truncated, occluded: (n,) int64: 0 for not at all.
-        kind: the label's type, such as `Car`.
-    """
+    """The labels of one target, one row a frame in which it is labelled."""
 
     frames: np.ndarray
+    """(n,) int64, increasing."""
     boxes: np.ndarray
+    """(n, 4) px: left, top, right, bottom in the left image."""
     sizes: np.ndarray
+    """(n, 3) m: height, width, length."""
     places: np.ndarray
+    """(n, 3) m: centre of the box's bottom in the frame of the labels."""
     yaws: np.ndarray
+    """(n,) rad about the y axis (down), 0 along x: `rotation_y` of KITTI."""
     truncated: np.ndarray
     occluded: np.ndarray
+    """`truncated`, `occluded`: (n,) int64: 0 for not at all."""
     kind: str
+    """The label's type, such as `Car`."""
 
 
 Tracks = dict[int | str, Labels]
@@ -217,14 +206,11 @@ Tracks = dict[int | str, Labels]
 
 @dataclass(frozen=True)
 class LabelTruth:
-    """The truth of one label.
-
-    Attributes:
-        name: its track id in the files.
-        road_user: the class of its type; "other" for a type without a class.
-        scenario: with this label as the target.
-    """
+    """The truth of one label."""
 
     name: str
+    """Its track id in the files."""
     road_user: str
+    """The class of its type; "other" for a type without a class."""
     scenario: Scenario
+    """With this label as the target."""

@@ -1,10 +1,13 @@
-"""Where one ray a pixel is not enough: edges of surfaces and of shadows."""
+"""Where one ray a pixel is not enough: edges of surfaces and of shadows.
+
+The kernels get the hits (n,) of the pixels' centres in row-major order, as `Hits` has them, and the
+tables of `Shot.tables`.
+"""
 
 import numpy as np
 from numba import njit
 
-from stixel_cli.rendering.surfaces import ENCODE
-from stixel_cli.rendering.tracing import Body, Hits
+from stixel_cli.geometry.kernel import returning
 
 EDGE_CONTRAST = 5
 """Neighbours that differ by no more grey levels than this need no further samples."""
@@ -19,54 +22,10 @@ FLAT = 0.99
 """Neighbours whose normals' scalar product is less are tested for sunlight one by one."""
 
 
-def edge_pixels(
-    bodies: tuple[Body, ...], hits: Hits, lit: np.ndarray, light: np.ndarray, rows: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """Pixels that show an edge of surface or shadow, and pixels where a shadow's edge may be.
-
-    Args:
-        bodies: the one or two that `hits` counts.
-        hits, lit: what the pixels' centres (n,) meet, and whether it sees the sun.
-        light: (n, 3) float32, linear light there.
-        rows: of the image, in row-major order.
-
-    Returns:
-        Two masks (n,) bool.
-    """
-    edge, at_shadow = np.zeros((2, len(lit)), dtype=bool)
-    surfaces = (hits.body, hits.triangle, hits.depth), _tables(bodies)
-    limits = (ENCODE, EDGE_CONTRAST, EDGE_BEND, EDGE_JUMP)
-    _mark_edges(edge, at_shadow, len(lit) // rows, *surfaces, lit, light, *limits)
-    return edge, at_shadow
-
-
-def unclear_pixels(bodies: tuple[Body, ...], hits: Hits, lit: np.ndarray, rows: int) -> np.ndarray:
-    """Let the odd fields of a chequer-board take `lit` from their neighbours.
-
-    Args:
-        bodies, hits, rows: as for `edge_pixels`.
-        lit: (n,) bool, right on the even fields; where all four neighbours of an odd field
-            continue its surface and agree, theirs is written.
-
-    Returns:
-        Indices of the odd fields that meet something and stay unknown.
-    """
-    unclear = np.empty(len(lit), dtype=np.int64)
-    surfaces = (hits.body, hits.triangle, hits.depth), _tables(bodies)
-    count = _spread_light(unclear, len(lit) // rows, *surfaces, lit, FLAT, EDGE_JUMP)
-    return unclear[:count]
-
-
-def _tables(bodies: tuple[Body, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Texture and normals of the first body's triangles, and of the last one's."""
-    first, last = bodies[0].surfaces, bodies[-1].surfaces
-    return first.texture, first.normals, last.texture, last.normals
-
-
 @njit(inline="always")
-def _continues(pixel, other, hits, tables, bend, jump):
+def _continues(pixel, other, hits, tables, bend):
     """Whether `pixel` and `other` show one surface: no other body or texture, no bend or gap."""
-    body, triangle, depth = hits
+    _, _, depth, body, triangle = hits
     texture0, normals0, texture1, normals1 = tables
     if body[pixel] != body[other]:
         return False
@@ -82,27 +41,23 @@ def _continues(pixel, other, hits, tables, bend, jump):
         + normals[a, 2] * normals[b, 2]
     )
     near, far = min(depth[pixel], depth[other]), max(depth[pixel], depth[other])
-    return product >= bend and far - near <= jump * near
+    return product >= bend and far - near <= EDGE_JUMP * near
 
 
 @njit(inline="always")
-def _contrasts(pixel, other, light, encode, contrast):
-    """Whether the colours of two pixels differ by more than `contrast` grey levels."""
-    top = np.float32(len(encode) - 1)
-    half, unit, zero = np.float32(0.5), np.float32(1.0), np.float32(0.0)
+def _contrasts(pixel, other, colours):
+    """Whether the colours of two pixels differ by more than `EDGE_CONTRAST` grey levels."""
     for channel in range(3):
-        a = min(max(light[pixel, channel], zero), unit)
-        b = min(max(light[other, channel], zero), unit)
-        difference = np.int64(encode[np.int64(a * top + half)])
-        difference -= np.int64(encode[np.int64(b * top + half)])
-        if abs(difference) > contrast:
+        difference = np.int64(colours[pixel, channel]) - np.int64(colours[other, channel])
+        if abs(difference) > EDGE_CONTRAST:
             return True
     return False
 
 
+@returning(lambda hits, *_: np.zeros((2, len(hits.u)), dtype=bool))
 @njit(cache=True, nogil=True, error_model="numpy")
-def _mark_edges(edge, at_shadow, width, hits, tables, lit, light, encode, contrast, bend, jump):
-    """Set the pixels of `edge_pixels` in its two masks (n,) bool.
+def edge_pixels(masks, hits, tables, lit, colours, width):
+    """Masks (2, n) bool: pixels that show an edge, of a surface or a shadow; near a shadow's edge.
 
     Inside one surface the texture's own filter is enough, and an invisible edge needs no
     further samples. So an edge needs another surface or another light than that of a neighbour (of
@@ -110,16 +65,13 @@ def _mark_edges(edge, at_shadow, width, hits, tables, lit, light, encode, contra
     shadow's edge.
 
     Args:
-        width: of the image.
-        hits: body, triangle and depth (n,) of the pixels in row-major order, as `Hits` has them.
-        tables: of `_tables`.
-        lit, light: (n,) bool and (n, 3) float32, of the same pixels.
-        encode: (m,) uint8, sRGB of linear light.
-        contrast: least difference of colours, grey levels.
-        bend: neighbours whose normals' scalar product is below this are bent.
-        jump: least relative difference of two depths that make an edge.
+        hits, tables: see the module.
+        lit: (n,) bool, whether the pixel's centre sees the sun.
+        colours: (n, 3) uint8 sRGB there.
+        width: of the image, px.
     """
-    body, triangle, _ = hits
+    edge, at_shadow = masks[0], masks[1]
+    _, _, _, body, triangle = hits
     count = len(body)
     column = -1
     for pixel in range(count):
@@ -135,22 +87,24 @@ def _mark_edges(edge, at_shadow, width, hits, tables, lit, light, encode, contra
                 and not other_light
             ):
                 continue
-            same = _continues(pixel, other, hits, tables, bend, jump)
+            same = _continues(pixel, other, hits, tables, EDGE_BEND)
             if other_light and same:
                 at_shadow[pixel] = at_shadow[other] = True
-            if (other_light or not same) and _contrasts(pixel, other, light, encode, contrast):
+            if (other_light or not same) and _contrasts(pixel, other, colours):
                 edge[pixel] = edge[other] = True
 
 
+@returning(lambda hits, *_: np.zeros(len(hits.u), dtype=bool))
 @njit(cache=True, nogil=True, error_model="numpy")
-def _spread_light(unclear, width, hits, tables, lit, bend, jump):
-    """Write the indices of `unclear_pixels`, and to `lit`; return how many indices there are.
+def unclear_pixels(unclear, hits, tables, lit, width):
+    """Let the odd fields of a chequer-board take `lit` from their neighbours.
 
-    The other arguments are those of `_mark_edges`.
+    Right on the even fields, `lit` (n,) bool gets that of the four neighbours of an odd field where
+    all continue its surface and agree. The result (n,) bool are the odd fields that meet something
+    and stay unknown. The other arguments are those of `edge_pixels`.
     """
-    body, triangle, _ = hits
+    _, _, _, body, triangle = hits
     count = len(body)
-    written = 0
     column, row = -1, 0
     for pixel in range(count):
         column += 1
@@ -169,12 +123,10 @@ def _spread_light(unclear, width, hits, tables, lit, bend, jump):
                     and body[pixel] == body[other]
                 ):
                     continue
-                if lit[other] != agreed or not _continues(pixel, other, hits, tables, bend, jump):
+                if lit[other] != agreed or not _continues(pixel, other, hits, tables, FLAT):
                     clear = False
                     break
         if clear:
             lit[pixel] = agreed
         else:
-            unclear[written] = pixel
-            written += 1
-    return written
+            unclear[pixel] = True

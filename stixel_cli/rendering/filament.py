@@ -15,7 +15,7 @@ from stixel_cli.rendering import placement
 from stixel_cli.rendering.filament_process import REASON, main
 from stixel_cli.rendering.frames import TARGET_ID, RenderedFrames
 from stixel_cli.rendering.parameters import FilamentParameters
-from stixel_cli.rendering.placement import Camera, rig_cameras
+from stixel_cli.rendering.placement import rig_cameras
 from stixel_cli.scene.mesh import Mesh
 from stixel_cli.scene.parameters import RoadUser, World
 from stixel_cli.scene.road_user import road_user_meshes
@@ -40,9 +40,7 @@ def render(
     """Render `frames` of the scenario without noise, as `raycast.render` does.
 
     Depth is Filament's own depth image, ids are its own rendering in flat colours.
-
-    Raises:
-        RendererUnavailable: if the child hung or died `renderer.attempts` times.
+    RendererUnavailable if the child hung or died `renderer.attempts` times.
     """
     objects = placement.numbered_objects(world, placement.motion_of(world, scenario))
     meshes = road_user_meshes(road_user)
@@ -68,7 +66,7 @@ def describe_scene(
     used = np.unique(scenario.limb_poses[frames.start : frames.stop])
     moving = [(TARGET_ID, targets[pose], pose) for pose in used]
     for identity, mesh, limb_pose in [*((*one, -1) for one in objects), *moving]:
-        for part in mesh.parts:
+        for part in mesh:
             number = numbers.setdefault(id(part.texture), len(numbers))
             arrays[f"texture_{number}"] = part.texture
             arrays[f"corners_{len(ids)}"] = part.vertices[part.triangles]
@@ -90,7 +88,9 @@ def describe_scene(
         "sun_colour": placement.SUN_COLOUR,
         "light": placement.EXPOSURE * np.array([placement.SUNLIGHT, placement.AMBIENT]),
         "frames": np.array(frames),
-        "cameras": np.array([[_transform(camera) for camera in pair] for pair in poses]),
+        "cameras": np.array(
+            [[np.column_stack([c.rotation, c.origin]) for c in pair] for pair in poses]
+        ),
         "target_poses": np.array(
             [placement.world_from_target_3d(scenario.target_poses_world[k]) for k in frames]
         ),
@@ -102,14 +102,13 @@ def rendered(
 ) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]:
     """Yield (left, right, depth, ids) of each frame of `scene`, restarting the child as needed.
 
-    Raises:
-        RendererUnavailable: if the child hung or died `renderer.attempts` times.
+    RendererUnavailable if the child hung or died `renderer.attempts` times.
     """
     with tempfile.TemporaryDirectory(prefix="stixel-filament-") as name:
         folder, timeouts = Path(name), (renderer.start_timeout, renderer.frame_timeout)
         np.savez(folder / "scene.npz", **scene)
         for _ in range(renderer.attempts):
-            problem = _run((*command, name), folder, *timeouts)
+            problem = _run("filament", (*command, name), folder, *timeouts)
             if problem is None:
                 break
         else:
@@ -122,13 +121,18 @@ def rendered(
 
 
 def probe_filament(timeout: float, command: tuple[str, ...] = COMMAND) -> str | None:
-    """Reason why Filament cannot start here, in one line; None if it renders within `timeout` s."""
-    with tempfile.TemporaryDirectory(prefix="stixel-filament-") as name:
-        return _run((*command, "--probe"), Path(name), timeout, timeout)
+    """As `probe`, of Filament."""
+    return probe("filament", timeout, (*command, "--probe"))
+
+
+def probe(renderer: str, timeout: float, command: Sequence[str]) -> str | None:
+    """Why a renderer's `command` draws no picture here within `timeout` s, in one line, or None."""
+    with tempfile.TemporaryDirectory(prefix=f"stixel-{renderer}-") as name:
+        return _run(renderer, command, Path(name), timeout, timeout)
 
 
 def _run(
-    command: Sequence[str], folder: Path, start_timeout: float, frame_timeout: float
+    renderer: str, command: Sequence[str], folder: Path, start_timeout: float, frame_timeout: float
 ) -> str | None:
     """Run a child that writes files into `folder`; None if it ends well, else the failure.
 
@@ -147,25 +151,21 @@ def _run(
             except subprocess.TimeoutExpired:
                 before, written = written, len([*folder.iterdir()])
                 if written == before:
-                    return f"filament did not {task} within {timeout:g} s"
+                    return f"{renderer} did not {task} within {timeout:g} s"
                 task, timeout = "render", frame_timeout
     finally:
         child.kill()
         child.wait()
-    return _death(child, folder) if child.returncode else None
+    return _death(renderer, child, folder) if child.returncode else None
 
 
-def _death(child: subprocess.Popen, folder: Path) -> str:
+def _death(renderer: str, child: subprocess.Popen, folder: Path) -> str:
     """Why the child ended, in one line: the reason that it printed, or its signal and last line."""
     lines = (folder / "log").read_text(errors="replace").splitlines()
     lines = [line.strip() for line in lines if line.strip()]
     for line in lines:
         if line.startswith(REASON):
-            return f"filament cannot start: {line.removeprefix(REASON)}"
+            return f"{renderer} cannot start: {line.removeprefix(REASON)}"
     code = child.returncode
     end = f"signal {-code}" if code < 0 else f"exit code {code}"
-    return f"filament's process died with {end}" + (f": {lines[-1]}" if lines else "")
-
-
-def _transform(camera: Camera) -> np.ndarray:
-    return np.vstack([np.column_stack([camera.rotation, camera.origin]), np.eye(4)[3]])
+    return f"{renderer}'s process died with {end}" + (f": {lines[-1]}" if lines else "")

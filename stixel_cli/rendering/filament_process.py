@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from stixel_cli.rendering.frames import encoded
 from stixel_cli.scene.open3d_import import import_open3d
 
 REASON = "stixel: "
@@ -146,7 +147,7 @@ class Stage:
             self.renderer.scene.show_geometry(plain, shown and flat)
 
     def _look(self, camera: np.ndarray, intrinsics: np.ndarray, shift: float) -> None:
-        """Look through a camera (4, 4 to the world), the fine image shifted by `shift` px.
+        """Look through a camera (3, 4 to the world), the fine image shifted by `shift` px.
 
         Unshifted, the fine pixel (FINER u, FINER v) looks along the ray of the pixel (u, v).
         """
@@ -163,12 +164,6 @@ class Stage:
             eye.astype(np.float32),
             (-camera[:3, 1]).astype(np.float32),
         )
-
-
-def encoded(light: np.ndarray) -> np.ndarray:
-    """sRGB in [0, 1] of linear light, any shape (IEC 61966-2-1)."""
-    light = np.clip(light, 0.0, 1.0)
-    return np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
 
 
 def identity_colour(identity: int) -> list[float]:

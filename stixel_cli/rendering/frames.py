@@ -15,23 +15,20 @@ DEPTH_STEP = 1.0 / 4096.0
 
 @dataclass(frozen=True)
 class RenderedFrames:
-    """Rendered frames `first`, `first` + 1, ….
-
-    Attributes:
-        first: index k of the first frame.
-        left, right: RGB images, (H, W, 3) uint8.
-        depth_high, depth_low: the upper and lower 16 bits of the left view's depth along the
-            optical axis in multiples of `DEPTH_STEP`; 0 without a surface (sky).
-        ids: the object that each pixel of the left view shows, (H, W) uint8: `SKY_ID`, `ROAD_ID`,
-            `TARGET_ID`, or `BACKGROUND_ID` + the object's number.
-    """
+    """Rendered frames `first`, `first` + 1, …."""
 
     first: int
+    """Index k of the first frame."""
     left: ImageStack
     right: ImageStack
+    """`left`, `right`: RGB images, (H, W, 3) uint8."""
     depth_high: ImageStack
     depth_low: ImageStack
+    """`depth_high`, `depth_low`: the upper and lower 16 bits of the left view's depth along the
+    optical axis in multiples of `DEPTH_STEP`; 0 without a surface (sky)."""
     ids: ImageStack
+    """The object that each pixel of the left view shows, (H, W) uint8: `SKY_ID`, `ROAD_ID`,
+    `TARGET_ID`, or `BACKGROUND_ID` + the object's number."""
 
     @classmethod
     def from_frames(
@@ -63,17 +60,20 @@ class RenderedFrames:
 
 @dataclass(frozen=True)
 class StereoPairs:
-    """Images of the cameras for frames `first`, `first` + 1, …: all that later stages may see.
-
-    Attributes:
-        first: index k of the first frame.
-        left, right: grey images with the sensor's noise, (H, W) uint8; a tuple of arrays in place
-            of a stack where nothing is stored.
-    """
+    """Images of the cameras for frames `first`, `first` + 1, …: all that later stages may see."""
 
     first: int
+    """Index k of the first frame."""
     left: ImageStack
     right: ImageStack
+    """`left`, `right`: grey images with the sensor's noise, (H, W) uint8; a tuple of arrays in
+    place of a stack where nothing is stored."""
 
     def __len__(self) -> int:
         return len(self.left)
+
+
+def encoded(light: np.ndarray) -> np.ndarray:
+    """sRGB in [0, 1] of linear light, any shape (IEC 61966-2-1)."""
+    light = np.clip(light, 0.0, 1.0)
+    return np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)

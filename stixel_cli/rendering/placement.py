@@ -45,15 +45,11 @@ def motion_of(world: World, scenario: Scenario) -> Motion:
 def numbered_objects(world: World, motion: Motion = ()) -> list[tuple[int, Mesh]]:
     """Object ids (as in `RenderedFrames.ids`) and meshes in the world of the road and background.
 
-    `motion` is that of `motion_of`.
-
-    Raises:
-        ValueError: if there are more objects than ids.
+    `motion` is that of `motion_of`. ValueError if there are more objects than ids.
     """
     poses, ids = np.array(motion).reshape(-1, 5), [ROAD_ID, *range(BACKGROUND_ID, 256)]
     ways = poses[:, :3], poses[:, 3:]
-    objects = world_objects(world) if world.kind == "street" else roadside_objects(world, *ways)
-    meshes = [mesh for _, mesh in objects]
+    meshes = world_objects(world) if world.kind == "street" else roadside_objects(world, *ways)
     if world.occluder != "none":
         meshes.append(occluder(world, *ways))
     if len(meshes) > len(ids):
@@ -75,26 +71,23 @@ NEAR = 0.05
 
 @dataclass(frozen=True)
 class Camera:
-    """A pinhole camera; pixel (u, v) has its centre at integer coordinates.
-
-    Attributes:
-        rotation: (3, 3), from the camera (x right, y down, z forward) to the frame; its second
-            column is times `stretch`, so that one focal length serves both axes of a ray.
-        origin: (3,) m, the camera's centre in the frame.
-        focal: focal length, px.
-        u0, v0: principal point, px.
-        width, height: image size, px.
-        stretch: f_u / f_v, 1 for square pixels.
-    """
+    """A pinhole camera; pixel (u, v) has its centre at integer coordinates."""
 
     rotation: np.ndarray
+    """(3, 3), from the camera (x right, y down, z forward) to the frame; its second column is times
+    `stretch`, so that one focal length serves both axes of a ray."""
     origin: np.ndarray
+    """(3,) m, the camera's centre in the frame."""
     focal: float
+    """Focal length, px."""
     u0: float
     v0: float
+    """`u0`, `v0`: principal point, px."""
     width: int
     height: int
+    """`width`, `height`: image size, px."""
     stretch: float
+    """f_u / f_v, 1 for square pixels."""
 
     def seen_from(self, world_from_body: np.ndarray) -> "Camera":
         """This camera of the world in the frame of a body with the pose (4, 4)."""

@@ -21,14 +21,14 @@ MARGIN = 1e-6
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def rasterise(inverse, found, memory, first, corners, pinhole, pixels, right, down):
+def rasterise(results, first, corners, pinhole, pixels, offsets):
     """Write the nearest triangle of a body into the samples of pixels, where it is nearer.
 
     Args:
-        inverse: (n, s) float64 1/m, inverse depth of what is found so far; 0: nothing.
-        found: (n, s) int32, its number; -1: nothing.
-        memory: filled (n,) 1/m, zero at first: what is behind it need not be looked at, because a
-            triangle fills the pixel; points and edges (3, 3).
+        results: inverse (n, s) float64 1/m, inverse depth of what is found so far, 0 for nothing;
+            found (n, s) int32, its number, -1 for nothing; filled (n,) 1/m, zero at first: what is
+            behind it need not be looked at, because a triangle fills the pixel; and working memory,
+            points and edges (3, 3).
         first: number of the body's first triangle.
         corners: (T, 3, 3) float64 m, triangles in the frame of the body.
         pinhole: projection, origin, focal, u0, v0: the camera in that frame, see
@@ -36,11 +36,12 @@ def rasterise(inverse, found, memory, first, corners, pinhole, pixels, right, do
         pixels: columns (n,) int64 of the pixels, which are sorted by row and then by column;
             preceding (H W + 1,) int32, how many of them precede each of the image, row by row;
             width of the image, px.
-        right, down: (s,) float64 px, the samples' offsets from a pixel's centre.
+        offsets: right and down (s,) float64 px, of the samples from a pixel's centre.
     """
-    filled, points, edges = memory
+    inverse, found, filled, points, edges = results
     projection, origin, focal, u0, v0 = pinhole
     columns, preceding, width = pixels
+    right, down = offsets
     height, samples, most = (len(preceding) - 1) // width, len(right), 1.0 / NEAREST
     for t in range(len(corners)):
         nearest, depth = -np.inf, np.inf
@@ -170,7 +171,7 @@ def _span(edges, row):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def fragments(results, memory, found, inverse, second, pixels, samples):
+def fragments(results, memory, seen, second, pixels, samples):
     """Write the distinct triangles of each pixel, the fragments, and return how many there are.
 
     They are in the order of their first samples, pixel by pixel.
@@ -180,7 +181,7 @@ def fragments(results, memory, found, inverse, second, pixels, samples):
             has, int64; the mean u and v of these, px, and the depth there, m, inf without a
             triangle, float64; the body, int8, and its triangle, int32, both -1 without one.
         memory: (s,) int32 and (s,) int64.
-        found, inverse: (n, s), of `rasterise`.
+        seen: inverse and found (n, s), of `rasterise`.
         second: number of the first triangle of the second body.
         pixels: rows and columns (n,) int64; split (n,) bool, whether a triangle's parts count as
             distinct.
@@ -189,6 +190,7 @@ def fragments(results, memory, found, inverse, second, pixels, samples):
     """
     to_pixel, covered, u, v, depth, body, triangle = results
     numbers, own_parts = memory
+    inverse, found = seen
     rows, columns, split = pixels
     right, down, parts = samples
     count, size = found.shape

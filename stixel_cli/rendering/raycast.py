@@ -7,15 +7,9 @@ from itertools import product
 import numpy as np
 
 from stixel_cli.geometry.rig import Rig
+from stixel_cli.rendering import placement
 from stixel_cli.rendering.frames import TARGET_ID, RenderedFrames
 from stixel_cli.rendering.parameters import RaycastParameters
-from stixel_cli.rendering.placement import (
-    Motion,
-    motion_of,
-    numbered_objects,
-    rig_cameras,
-    world_from_target_3d,
-)
 from stixel_cli.rendering.surfaces import Surfaces, build_surfaces, with_other_vertices
 from stixel_cli.rendering.tracing import Body, Shot
 from stixel_cli.rendering.views import StaticView, static_view, view_with_target
@@ -43,17 +37,9 @@ def render(
     One ray goes through each pixel's centre and gives depth and identity; a rasteriser finds what
     `renderer.samples`² samples show for the colour of a pixel at an edge. While the ego car does
     not move, the static scene is rendered once; the bytes are those of a frame rendered alone.
-
-    Args:
-        scenario: poses of the ego car and the target.
-        road_user: what the target is.
-        world: road and background.
-        rig: the cameras.
-        renderer: samples.
-        frames: consecutive frame indices.
     """
     target = Target(road_user_meshes(road_user))
-    static = _static_scene(world, motion_of(world, scenario), rig, renderer)
+    static = _static_scene(world, placement.motion_of(world, scenario), rig, renderer)
     images = (render_frame(static, target, scenario, k) for k in frames)
     return RenderedFrames.from_frames(frames.start, images)
 
@@ -77,7 +63,7 @@ class StaticScene:
             self._pose, self._views = None, []
             self._views = [
                 static_view(Shot((self.body,), camera), self.renderer.samples)
-                for camera in rig_cameras(self.rig, ego_pose_world)
+                for camera in placement.rig_cameras(self.rig, ego_pose_world)
             ]
             self._pose = ego_pose_world.tobytes()
         return self._views
@@ -106,9 +92,9 @@ class Target:
 # One worker renders many chunks of one scene, and to build it takes as long as ten frames.
 @lru_cache(maxsize=1)
 def _static_scene(
-    world: World, motion: Motion, rig: Rig, renderer: RaycastParameters
+    world: World, motion: placement.Motion, rig: Rig, renderer: RaycastParameters
 ) -> StaticScene:
-    return StaticScene(numbered_objects(world, motion), rig, renderer)
+    return StaticScene(placement.numbered_objects(world, motion), rig, renderer)
 
 
 def render_frame(
@@ -118,7 +104,7 @@ def render_frame(
 
     `whole` renders whole images where a rectangle would do: slower, with the same bytes.
     """
-    pose = world_from_target_3d(scenario.target_poses_world[k])
+    pose = placement.world_from_target_3d(scenario.target_poses_world[k])
     body = Body(target.surfaces(int(scenario.limb_poses[k])), pose)
     (left, depth, ids), (right, _, _) = (
         view_with_target(view, body, target.corners, whole)

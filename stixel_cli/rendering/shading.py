@@ -39,16 +39,18 @@ def _bilinear(texels, start, width, height, s, t):
 
 
 @njit(inline="always")
-def _filtered(texels, levels, first, past, s, t, sx, tx, sy, ty, finer):
-    """The texture's colour round (s, t), averaged over a pixel's footprint.
+def _filtered(textures, texture, place, right, below, finer):
+    """The colour of a texture round a `place` (s, t), averaged over a pixel's footprint.
 
-    (sx, tx) and (sy, ty) are the steps of (s, t) to the next pixel, in texture widths. The
+    `right` and `below` are the steps of (s, t) to the next pixel, in texture widths. The
     footprint is taken as an ellipse: mip-maps blur by its short axis over `finer`, probes along
     both axes do the rest, so a road seen at a grazing angle neither shimmers nor loses its texture
     across.
     """
-    width, height = levels[first, 1], levels[first, 2]
-    sx, sy, tx, ty = sx * width, sy * width, tx * height, ty * height
+    texels, levels, first_level = textures
+    first, past = first_level[texture], first_level[texture + 1]
+    (s, t), width, height = place, levels[first, 1], levels[first, 2]
+    sx, sy, tx, ty = right[0] * width, below[0] * width, right[1] * height, below[1] * height
     a, b, c = sx * sx + sy * sy, sx * tx + sy * ty, tx * tx + ty * ty
     middle, half = 0.5 * (a + c), np.sqrt(0.25 * (a - c) * (a - c) + b * b)
     longest = np.sqrt(middle + half)
@@ -107,26 +109,23 @@ def _filtered(texels, levels, first, past, s, t, sx, tx, sy, ty, finer):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def shade(light, hits, lit, index, finer, spread, pinhole, planes, textures, suns):
+def shade(light, samples, pinhole, planes, textures, suns):
     """Write the linear light of the hits on one body: Lambert's law, textured.
 
     Args:
         light: (n, 3) float32, written where the body is hit.
-        hits: u, v, depth, body, triangle (n,): samples and what they hit.
-        lit: (n,) bool, whether the sun is seen from there.
-        index: of the body.
-        finer: probes along the short axis of a footprint. The grid of a mip-map is not that of the
+        samples: hits, as in `Hits`; lit (n,) bool, whether the sun is seen from there; spread (n,)
+            float64, width of the square that a sample represents, px; index of the body; finer:
+            probes along the short axis of a footprint. The grid of a mip-map is not that of the
             pixels; the smaller its texels, the less do two cameras see different textures.
-        spread: (n,) float64, width of the square that a sample represents, px.
-        pinhole: rotation, origin, focal, u0, v0 of the camera.
+        pinhole: of the camera.
         planes: normals, uv_gradients, texture, as in `Surfaces`.
         textures: texels, levels, first_level, as in `Textures`.
         suns: (3,) each: towards the sun; light of the sun, of the sky above, of the ground below.
     """
-    u, v, depth, body, triangle = hits
+    (u, v, depth, body, triangle), lit, spread, index, finer = samples
     rotation, origin, focal, u0, v0 = pinhole
     normals, uv_gradients, texture = planes
-    texels, levels, first_level = textures
     sun, sunlight, skylight, groundlight = suns
     inverse = 1.0 / focal
     # Columns of the rotation: the camera's right, down and forward. Written out in coordinates,
@@ -154,19 +153,11 @@ def shade(light, hits, lit, index, finer, spread, pinhole, planes, textures, sun
         px, py, pz = origin[0] + z * ax, origin[1] + z * ay, origin[2] + z * az
         g00, g01, g02 = uv_gradients[t, 0, 0], uv_gradients[t, 0, 1], uv_gradients[t, 0, 2]
         g10, g11, g12 = uv_gradients[t, 1, 0], uv_gradients[t, 1, 1], uv_gradients[t, 1, 2]
-        red, green, blue = _filtered(
-            texels,
-            levels,
-            first_level[texture[t]],
-            first_level[texture[t] + 1],
-            g00 * px + g01 * py + g02 * pz + uv_gradients[t, 0, 3],
-            g10 * px + g11 * py + g12 * pz + uv_gradients[t, 1, 3],
-            g00 * sx + g01 * sy + g02 * sz,
-            g10 * sx + g11 * sy + g12 * sz,
-            g00 * tx + g01 * ty + g02 * tz,
-            g10 * tx + g11 * ty + g12 * tz,
-            finer,
-        )
+        at_s = g00 * px + g01 * py + g02 * pz + uv_gradients[t, 0, 3]
+        at_t = g10 * px + g11 * py + g12 * pz + uv_gradients[t, 1, 3]
+        to_right = g00 * sx + g01 * sy + g02 * sz, g10 * sx + g11 * sy + g12 * sz
+        to_below = g00 * tx + g01 * ty + g02 * tz, g10 * tx + g11 * ty + g12 * tz
+        red, green, blue = _filtered(textures, texture[t], (at_s, at_t), to_right, to_below, finer)
         direct = 0.0
         if lit[i]:
             direct = max((nx * sun[0] + ny * sun[1] + nz * sun[2]) * side, 0.0)
@@ -178,11 +169,15 @@ def shade(light, hits, lit, index, finer, spread, pinhole, planes, textures, sun
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def sky_light(light, u, v, body, rotation, focal, u0, v0, stretch, zenith, horizon):
+def sky_light(light, hits, pinhole, stretch, sky):
     """Write the linear light of the sky into `light` (n, 3) float32 where no body is hit.
 
-    `rotation` leads to a frame with z up; `stretch` is that of the camera.
+    The camera's `pinhole` and `stretch` are those in a frame with z up; `sky` is the light (3,) of
+    the zenith, and that of the horizon.
     """
+    u, v, _, body, _ = hits
+    rotation, _, focal, u0, v0 = pinhole
+    zenith, horizon = sky
     for i in range(len(u)):
         if body[i] >= 0:
             continue

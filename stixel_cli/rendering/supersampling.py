@@ -4,7 +4,7 @@ A rasteriser finds what each sample shows. The light and the way to the sun are 
 each distinct triangle of a pixel, at the mean of its samples, and weighted by how many it has.
 """
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,58 +31,47 @@ def sample_offsets(samples: int) -> tuple[np.ndarray, np.ndarray]:
     return right, down
 
 
-@dataclass(frozen=True)
-class Centres:
-    """Values of pixels (n,) from the ray through the centre of each.
-
-    Attributes:
-        rows, columns: (n,) int64.
-        hits: what is met.
-        lit: (n,) bool, whether it sees the sun.
-        light: (n, 3) float32, linear light.
-    """
+class Centres(NamedTuple):
+    """Values of pixels (n,) from the ray through the centre of each."""
 
     rows: np.ndarray
     columns: np.ndarray
+    """`rows`, `columns`: (n,) int64."""
     hits: Hits
+    """What is met."""
     lit: np.ndarray
+    """(n,) bool, whether it sees the sun."""
     light: np.ndarray
+    """(n, 3) float32, linear light."""
 
     def at(self, index: np.ndarray | slice) -> "Centres":
         """The values of the pixels with the indices `index`."""
-        rows, columns, hits = self.rows[index], self.columns[index], self.hits.at(index)
-        return Centres(rows, columns, hits, self.lit[index], self.light[index])
+        rows, columns, hits, *others = self
+        chosen = rows[index], columns[index], hits.at(index)
+        return Centres(*chosen, *(values[index] for values in others))
 
 
 def rasterised(
-    shot: Shot, rows: np.ndarray, columns: np.ndarray, right: np.ndarray, down: np.ndarray
+    shot: Shot, rows: np.ndarray, columns: np.ndarray, offsets: tuple[np.ndarray, np.ndarray]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Surfaces that the samples of pixels show: the rasteriser's answer to `tracing.nearest`.
 
-    Args:
-        shot: what is shown.
-        rows, columns: (n,) of the pixels, distinct, inside the image, in row-major order.
-        right, down: (s,) px, the samples' offsets from a pixel's centre.
-
-    Returns:
-        Inverse depths (n, s) float64 1/m, 0 where nothing is seen; and triangles (n, s) int32,
-        counted through all bodies; -1 where nothing is seen.
+    Inverse depths (n, s) float64 1/m, 0 where nothing is seen; and triangles (n, s) int32, counted
+    through all bodies, -1 where nothing is seen. The pixels at `rows` and `columns` (n,) are
+    distinct, inside the image, in row-major order; `offsets` are those of `sample_offsets`.
     """
-    camera = shot.camera
-    inverse = np.zeros((len(rows), len(right)))
+    camera, first = shot.camera, 0
+    inverse = np.zeros((len(rows), len(offsets[0])))
     triangles = np.full(inverse.shape, -1, dtype=np.int32)
     preceding = np.zeros(camera.height * camera.width + 1, dtype=np.int32)
     preceding[rows * camera.width + columns + 1] = 1
     np.cumsum(preceding, out=preceding)
     pixels = columns, preceding, camera.width
-    first = 0
     for body in shot.bodies:
-        corners = body.surfaces.corners
-        seen = camera.seen_from(body.world_from_body)
-        _, *pinhole = seen.pinhole
-        memory = np.zeros(len(columns)), np.empty((3, 3)), np.empty((3, 3))
-        pinhole = (seen.projection, *pinhole)
-        rasterise(inverse, triangles, memory, first, corners, pinhole, pixels, right, down)
+        seen, corners = camera.seen_from(body.world_from_body), body.surfaces.corners
+        results = inverse, triangles, np.zeros(len(rows)), *np.empty((2, 3, 3))
+        pinhole = (seen.projection, *seen.pinhole[1:])
+        rasterise(results, first, corners, pinhole, pixels, offsets)
         first += len(corners)
     return inverse, triangles
 
@@ -102,16 +91,15 @@ def supersampled(shot: Shot, centres: Centres, at_shadow: np.ndarray, samples: i
 
 def _block(shot: Shot, centres: Centres, at_shadow: np.ndarray, samples: int) -> np.ndarray:
     """As `supersampled`, all pixels at a time."""
-    right, down = sample_offsets(samples)
-    inverse, triangles = rasterised(shot, centres.rows, centres.columns, right, down)
+    offsets = sample_offsets(samples)
+    seen = rasterised(shot, centres.rows, centres.columns, offsets)
     # Memory that is not written is not taken.
     types = np.int64, np.int64, np.float64, np.float64, np.float64, np.int8, np.int32
-    results = tuple(np.empty(triangles.size, dtype) for dtype in types)
-    memory = np.empty(len(right), dtype=np.int32), np.empty(len(right), dtype=np.int64)
+    results = tuple(np.empty(seen[0].size, dtype) for dtype in types)
+    memory = np.empty(samples**2, dtype=np.int32), np.empty(samples**2, dtype=np.int64)
     second = len(shot.bodies[0].surfaces.corners)
     pixels = centres.rows, centres.columns, at_shadow
-    offsets = right, down, _parts(samples)
-    count = fragments(results, memory, triangles, inverse, second, pixels, offsets)
+    count = fragments(results, memory, seen, second, pixels, (*offsets, _parts(samples)))
     pixel, covered, *values = (result[:count] for result in results)
     hits = Hits(*values)
     # The centre's way to the sun is that of its whole triangle, where no shadow's edge is near.

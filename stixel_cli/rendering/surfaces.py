@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from stixel_cli.rendering.frames import encoded
 from stixel_cli.rendering.shading import GREEN, RED, TEXEL_STEP
 from stixel_cli.scene.mesh import Mesh
 from stixel_cli.scene.open3d_import import import_open3d_bindings
@@ -13,17 +14,14 @@ from stixel_cli.scene.open3d_import import import_open3d_bindings
 
 @dataclass(frozen=True)
 class Textures:
-    """Mip-maps of every texture, one after the other.
-
-    Attributes:
-        texels: (n,) uint64, red, green and blue linear light packed as `shading` adds them up.
-        levels: (m, 3) int64, for each level of each texture its first texel, width and height.
-        first_level: (t + 1,) int32, the first row in `levels` of each texture.
-    """
+    """Mip-maps of every texture, one after the other."""
 
     texels: np.ndarray
+    """(n,) uint64, red, green and blue linear light packed as `shading` adds them up."""
     levels: np.ndarray
+    """(m, 3) int64, for each level of each texture its first texel, width and height."""
     first_level: np.ndarray
+    """(t + 1,) int32, the first row in `levels` of each texture."""
 
 
 class RayTree:
@@ -56,40 +54,36 @@ class RayTree:
 
 @dataclass(frozen=True)
 class Surfaces:
-    """One rigid body's triangles in the body's own frame, and the structure that rays ask.
-
-    Attributes:
-        tree: all triangles, in the order of the tables.
-        corners: (T, 3, 3) float64 m.
-        normals: (T, 3) float64 unit vectors, outward.
-        offsets: (T,) float64 m, a triangle's plane is normal · point = offset.
-        uv_gradients: (T, 2, 4) float64; a row times (x, y, z, 1) is a texture coordinate.
-        texture: (T,) int32, the texture of each triangle.
-        object_ids: (T,) uint8, as in `RenderedFrames.ids`.
-        textures: what `texture` counts.
-    """
+    """One rigid body's triangles in the body's own frame, and the structure that rays ask."""
 
     tree: RayTree
+    """All triangles, in the order of the tables."""
     corners: np.ndarray
+    """(T, 3, 3) float64 m."""
     normals: np.ndarray
+    """(T, 3) float64 unit vectors, outward."""
     offsets: np.ndarray
+    """(T,) float64 m, a triangle's plane is normal · point = offset."""
     uv_gradients: np.ndarray
+    """(T, 2, 4) float64; a row times (x, y, z, 1) is a texture coordinate."""
     texture: np.ndarray
+    """(T,) int32, the texture of each triangle."""
     object_ids: np.ndarray
+    """(T,) uint8, as in `RenderedFrames.ids`."""
     textures: Textures
+    """What `texture` counts."""
 
 
 def build_surfaces(objects: Iterable[tuple[int, Mesh]]) -> Surfaces:
     """Surfaces of `objects`, meshes with their ids, all in one frame.
 
-    Raises:
-        ValueError: as `build_textures` does.
+    ValueError as `build_textures` does.
     """
     objects = list(objects)
     texture, ids, images = [], [], {}
     numbers: dict[int, int] = {}  # of textures, by identity
     for object_id, mesh in objects:
-        for part in mesh.parts:
+        for part in mesh:
             number = numbers.setdefault(id(part.texture), len(numbers))
             images[number] = part.texture
             texture.append(np.full(len(part.triangles), number, dtype=np.int32))
@@ -109,7 +103,7 @@ def with_other_vertices(surfaces: Surfaces, mesh: Mesh) -> Surfaces:
 
 def _geometry(meshes: list[Mesh]) -> dict[str, Any]:
     """The attributes of `Surfaces` that depend on vertices."""
-    parts = [part for mesh in meshes for part in mesh.parts]
+    parts = [part for mesh in meshes for part in mesh]
     starts = np.cumsum([0] + [len(part.vertices) for part in parts])
     vertices = np.concatenate([np.asarray(part.vertices, dtype=np.float64) for part in parts])
     counted = zip(parts, starts, strict=False)
@@ -151,10 +145,8 @@ def _uv_gradients(corners: np.ndarray, normals: np.ndarray, uvs: np.ndarray) -> 
 def build_textures(images: Iterable[np.ndarray]) -> Textures:
     """Mip-maps of `images`, (h, w, 3) uint8 sRGB with sides that are powers of two.
 
-    Averages are taken in linear light, for that is what a pixel collects.
-
-    Raises:
-        ValueError: if a side is not a power of two.
+    Averages are taken in linear light, for that is what a pixel collects. ValueError if a side is
+    not a power of two.
     """
     images = [np.asarray(image) for image in images]
     levels, first_level, count = [], [0], 0
@@ -186,8 +178,8 @@ def build_textures(images: Iterable[np.ndarray]) -> Textures:
 
 def srgb_from_linear(light: np.ndarray) -> np.ndarray:
     """sRGB uint8 of linear light, any shape, with full scale 1 (IEC 61966-2-1)."""
-    top = np.float32(len(ENCODE) - 1)
-    return ENCODE[(np.clip(light, 0.0, 1.0) * top + np.float32(0.5)).astype(np.int32)]
+    top = np.float32(len(_ENCODE) - 1)
+    return _ENCODE[(np.clip(light, 0.0, 1.0) * top + np.float32(0.5)).astype(np.int32)]
 
 
 def linear_from_srgb(image: np.ndarray) -> np.ndarray:
@@ -195,16 +187,8 @@ def linear_from_srgb(image: np.ndarray) -> np.ndarray:
     return _DECODE[image]
 
 
-def _decode_table() -> np.ndarray:
-    value = np.arange(256) / 255.0
-    light = np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
-    return light.astype(np.float32)
+_VALUES = np.arange(256) / 255.0
+_DECODE = np.where(_VALUES <= 0.04045, _VALUES / 12.92, ((_VALUES + 0.055) / 1.055) ** 2.4)
+_DECODE = _DECODE.astype(np.float32)
 
-
-def _encode_table(size: int = 1 << 16) -> np.ndarray:
-    light = np.arange(size) / (size - 1)
-    value = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
-    return np.rint(255.0 * value).astype(np.uint8)
-
-
-_DECODE, ENCODE = _decode_table(), _encode_table()
+_ENCODE = np.rint(255.0 * encoded(np.arange(1 << 16) / ((1 << 16) - 1))).astype(np.uint8)

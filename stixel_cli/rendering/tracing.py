@@ -7,10 +7,12 @@ a ray's parameter is the depth in m.
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
+from stixel_cli.geometry.kernel import returning
 from stixel_cli.rendering import shading
 from stixel_cli.rendering.placement import AMBIENT, EXPOSURE, SUN, SUN_COLOUR, SUNLIGHT, Camera
 from stixel_cli.rendering.surfaces import Surfaces
@@ -38,42 +40,36 @@ class Body:
 
 @dataclass(frozen=True)
 class Shot:
-    """Bodies and camera: a picture depends on nothing else.
-
-    Attributes:
-        bodies: the static scene, then the target, if it has one.
-        camera: in the world.
-    """
+    """Bodies and camera: a picture depends on nothing else."""
 
     bodies: tuple[Body, ...]
+    """The static scene, then the target, if it has one."""
     camera: Camera
+    """In the world."""
+
+    @property
+    def tables(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Texture and normals of the first body's triangles, and of the last one's."""
+        first, last = self.bodies[0].surfaces, self.bodies[-1].surfaces
+        return first.texture, first.normals, last.texture, last.normals
 
 
-@dataclass(frozen=True)
-class Hits:
-    """First surfaces that samples (n,) of one camera meet.
-
-    Attributes:
-        u, v: (n,) float64 px, the samples.
-        depth: (n,) float64 m along the optical axis, inf where nothing is met.
-        body: (n,) int8, index of the body; -1 without a hit.
-        triangle: (n,) int32 of that body's surfaces; -1 without a hit.
-    """
+class Hits(NamedTuple):
+    """First surfaces that samples (n,) of one camera meet."""
 
     u: np.ndarray
     v: np.ndarray
+    """`u`, `v`: (n,) float64 px, the samples."""
     depth: np.ndarray
+    """(n,) float64 m along the optical axis, inf where nothing is met."""
     body: np.ndarray
+    """(n,) int8, index of the body; -1 without a hit."""
     triangle: np.ndarray
+    """(n,) int32 of that body's surfaces; -1 without a hit."""
 
     def at(self, index: np.ndarray | slice) -> "Hits":
         """The hits of the samples with the indices `index`."""
-        return Hits(*(values[index] for values in self.arrays))
-
-    @property
-    def arrays(self) -> tuple[np.ndarray, ...]:
-        """The attributes in their order, as the kernels take them."""
-        return self.u, self.v, self.depth, self.body, self.triangle
+        return Hits(*(values[index] for values in self))
 
 
 def intersect(
@@ -82,11 +78,9 @@ def intersect(
     """Depths (n,) m (inf without a hit) and triangles (n,) int32 of `body` behind samples (n,)."""
     surfaces = body.surfaces
     pinhole = camera.seen_from(body.world_from_body).pinhole
-    rays, depth = np.empty((len(u), 6), dtype=np.float32), np.empty(len(u))
-    camera_rays(rays, u, v, *pinhole)
-    hit, triangle = surfaces.tree.first_hits(rays)
-    exact_depths(depth, u, v, triangle, hit, *pinhole, surfaces.normals, surfaces.offsets)
-    return depth, triangle
+    hit, triangle = surfaces.tree.first_hits(camera_rays(u, v, pinhole))
+    planes = surfaces.normals, surfaces.offsets
+    return exact_depths(u, v, triangle, hit, pinhole, planes), triangle
 
 
 def nearest(shot: Shot, u: np.ndarray, v: np.ndarray) -> Hits:
@@ -106,20 +100,17 @@ def sunlit(shot: Shot, hits: Hits, blockers: Iterable[int]) -> np.ndarray:
     """(n,) bool: whether the hits see the sun past the bodies with the indices `blockers`."""
     lit = np.zeros(len(hits.u), dtype=bool)
     for index, body in enumerate(shot.bodies):
-        rays, facing = np.empty((len(lit), 6), np.float32), np.empty(len(lit), np.int64)
+        written = np.empty((len(lit), 6), np.float32), np.empty(len(lit), np.int64), np.empty(3)
         pinhole = shot.camera.seen_from(body.world_from_body).pinhole
         sun = body.world_from_body[:3, :3].T @ SUN
-        normals = body.surfaces.normals
-        written = rays, facing, np.empty(3)
-        count = sun_rays(*written, hits.arrays, index, pinhole, normals, sun)
-        rays, facing = rays[:count], facing[:count]
+        count = sun_rays(written, hits, index, pinhole, body.surfaces.normals, sun)
+        rays, facing = (values[:count] for values in written[:2])
         for blocker in blockers:
             other = shot.bodies[blocker]
             asked = rays
             if blocker != index:
-                asked = np.empty_like(rays)
                 transform = np.linalg.inv(other.world_from_body) @ body.world_from_body
-                moved_rays(asked, rays, transform)
+                asked = moved_rays(rays, transform)
             free = ~other.surfaces.tree.blocked(asked)
             rays, facing = rays[free], facing[free]
         lit[facing] = True
@@ -141,21 +132,22 @@ def light_of(shot: Shot, hits: Hits, lit: np.ndarray, spread: np.ndarray | float
     )
     for index, body in enumerate(shot.bodies):
         surfaces, textures = body.surfaces, body.surfaces.textures
-        samples = hits.arrays, lit, index, FINER_TARGET if index else 1, spread
+        samples = hits, lit, spread, index, FINER_TARGET if index else 1
         pinhole = camera.seen_from(body.world_from_body).pinhole
         planes = surfaces.normals, surfaces.uv_gradients, surfaces.texture
         tables = textures.texels, textures.levels, textures.first_level
         suns = body.world_from_body[:3, :3].T @ SUN, *lights
-        shading.shade(result, *samples, pinhole, planes, tables, suns)
-    rotation, _, *lens = camera.pinhole
+        shading.shade(result, samples, pinhole, planes, tables, suns)
     sky = EXPOSURE * ZENITH, EXPOSURE * HORIZON
-    shading.sky_light(result, hits.u, hits.v, hits.body, rotation, *lens, camera.stretch, *sky)
+    shading.sky_light(result, hits, camera.pinhole, camera.stretch, sky)
     return result
 
 
+@returning(lambda u, *_: np.empty((len(u), 6), dtype=np.float32))
 @njit(cache=True, nogil=True, error_model="numpy")
-def camera_rays(rays, u, v, rotation, origin, focal, u0, v0):
-    """Write the rays (n, 6) float32 (origin, direction) through samples (n,) float64."""
+def camera_rays(rays, u, v, pinhole):
+    """The rays (n, 6) float32 (origin, direction) through samples (n,) float64."""
+    rotation, origin, focal, u0, v0 = pinhole
     for i in range(len(u)):
         x, y = (u[i] - u0) / focal, (v[i] - v0) / focal
         for axis in range(3):
@@ -163,12 +155,16 @@ def camera_rays(rays, u, v, rotation, origin, focal, u0, v0):
             rays[i, 3 + axis] = rotation[axis, 0] * x + rotation[axis, 1] * y + rotation[axis, 2]
 
 
+@returning(lambda u, *_: np.empty(len(u)))
 @njit(cache=True, nogil=True, error_model="numpy")
-def exact_depths(depth, u, v, triangle, hit, rotation, origin, focal, u0, v0, normals, offsets):
-    """Write depths (n,) float64 m of the hits: the ray against the triangle's plane; inf: no hit.
+def exact_depths(depth, u, v, triangle, hit, pinhole, planes):
+    """Depths (n,) float64 m of the hits: the ray against the triangle's plane; inf: no hit.
 
-    `hit` (n,) float32 is the caster's own depth, kept where the ray grazes the plane.
+    `hit` (n,) float32 is the caster's own depth, kept where the ray grazes the plane. `planes` are
+    the normals and the offsets of all triangles.
     """
+    rotation, origin, focal, u0, v0 = pinhole
+    normals, offsets = planes
     for i in range(len(u)):
         t = triangle[i]
         if t < 0:
@@ -188,13 +184,14 @@ def exact_depths(depth, u, v, triangle, hit, rotation, origin, focal, u0, v0, no
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def sun_rays(rays, which, direction, hits, index, pinhole, normals, sun):
+def sun_rays(written, hits, index, pinhole, normals, sun):
     """Write rays from the hits on body `index` that face the sun, and return how many there are.
 
-    `rays` (n, 6) float32 gets them, `which` (n,) int64 their samples. `direction` (3,) is working
-    memory. `sun` (3,) is the unit vector towards the sun. A back face counts as if it were turned
+    `written` gets the rays (n, 6) float32 and their samples (n,) int64, and has working memory
+    (3,). `sun` (3,) is the unit vector towards the sun. A back face counts as if it were turned
     round.
     """
+    rays, which, direction = written
     u, v, depth, body, triangle = hits
     rotation, origin, focal, u0, v0 = pinhole
     count = 0
@@ -221,9 +218,10 @@ def sun_rays(rays, which, direction, hits, index, pinhole, normals, sun):
     return count
 
 
+@returning(lambda rays, _: np.empty_like(rays))
 @njit(cache=True, nogil=True, error_model="numpy")
 def moved_rays(moved, rays, transform):
-    """Write rays (n, 6) float32 in the frame that `transform` (4, 4) leads to."""
+    """The `rays` (n, 6) float32 in the frame that `transform` (4, 4) leads to."""
     for i in range(len(rays)):
         for axis in range(3):
             point, direction = transform[axis, 3], 0.0

@@ -27,27 +27,24 @@ MARGIN = 3
 
 @dataclass(frozen=True)
 class StaticView:
-    """The road, the background and the sky from one camera.
-
-    Attributes:
-        shot: without the target.
-        samples: along each axis of a pixel that shows an edge.
-        hits: the surface that each pixel's centre ray hits, in row-major order.
-        lit: (n,) bool, whether it sees the sun.
-        plain: (n, 3) float32, linear light by one ray a pixel.
-        light: (n, 3) float32, linear light with more rays where `plain` has edges.
-        picture: (n, 3) uint8, sRGB of `light`.
-        ids: (n,) uint8, as in `RenderedFrames.ids`.
-    """
+    """The road, the background and the sky from one camera."""
 
     shot: Shot
+    """Without the target."""
     samples: int
+    """Along each axis of a pixel that shows an edge."""
     hits: Hits
+    """The surface that each pixel's centre ray hits, in row-major order."""
     lit: np.ndarray
+    """(n,) bool, whether it sees the sun."""
     plain: np.ndarray
+    """(n, 3) float32, linear light by one ray a pixel."""
     light: np.ndarray
+    """(n, 3) float32, linear light with more rays where `plain` has edges."""
     picture: np.ndarray
+    """(n, 3) uint8, sRGB of `light`."""
     ids: np.ndarray
+    """(n,) uint8, as in `RenderedFrames.ids`."""
 
 
 def static_view(shot: Shot, samples: int) -> StaticView:
@@ -59,7 +56,8 @@ def static_view(shot: Shot, samples: int) -> StaticView:
     plain = tracing.light_of(shot, hits, lit, 1.0)
     light = plain.copy()
     if samples > 1:
-        edge, at_shadow = edge_pixels(shot.bodies, hits, lit, plain, camera.height)
+        colours = srgb_from_linear(plain)
+        edge, at_shadow = edge_pixels(hits, shot.tables, lit, colours, camera.width)
         again = np.flatnonzero(edge)
         centres = Centres(rows, columns, hits, lit, plain).at(again)
         light[again] = supersampled(shot, centres, at_shadow[again], samples)
@@ -76,7 +74,7 @@ def _sunlit_static(shot: Shot, hits: Hits) -> np.ndarray:
     lit = np.zeros(len(hits.u), dtype=bool)
     even = np.flatnonzero((hits.u + hits.v) % 2 == 0)
     lit[even] = tracing.sunlit(shot, hits.at(even), (0,))
-    odd = unclear_pixels(shot.bodies, hits, lit, shot.camera.height)
+    odd = np.flatnonzero(unclear_pixels(hits, shot.tables, lit, shot.camera.width))
     lit[odd] = tracing.sunlit(shot, hits.at(odd), (0,))
     return lit
 
@@ -86,14 +84,9 @@ def view_with_target(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """`view` with the target and its shadow in it.
 
-    Args:
-        view: the static scene, from the same camera.
-        target: the body.
-        corners_target: (8, 3) m, corners of the target's box in its own frame.
-        whole: render the whole image and not just the rectangle that can change (same bytes).
-
-    Returns:
-        Picture (H, W, 3) uint8 sRGB, depth (H, W) float64 m with inf for the sky, ids (H, W) uint8.
+    Picture (H, W, 3) uint8 sRGB, depth (H, W) float64 m with inf for the sky, ids (H, W) uint8.
+    `corners_target` (8, 3) m are those of the target's box in its own frame. With `whole` not just
+    the rectangle is rendered that can change; the bytes are the same.
     """
     shot = replace(view.shot, bodies=(*view.shot.bodies, target))
     height, width = shot.camera.height, shot.camera.width
@@ -111,9 +104,8 @@ def view_with_target(
         light, fresh = view.light[pixels], changed
         light[changed] = centres.light[changed]
         if view.samples > 1:
-            edge, at_shadow = edge_pixels(
-                shot.bodies, centres.hits, centres.lit, centres.light, bottom - top
-            )
+            surfaces, colours = (centres.hits, shot.tables), srgb_from_linear(centres.light)
+            edge, at_shadow = edge_pixels(*surfaces, centres.lit, colours, right - left)
             # Those that changed and their neighbours (of four).
             mask = changed.reshape(bottom - top, right - left).view(np.uint8)
             edge &= cv2.dilate(mask, cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))).ravel() > 0
@@ -133,15 +125,9 @@ def _centres_with_target(
 ) -> tuple[Centres, np.ndarray, np.ndarray]:
     """The rays through the centres of `pixels` (n,) of `view`, with the target in it.
 
-    Args:
-        view: the static scene.
-        shot: with the target.
-        pixels: (n,) indices in row-major order.
-        near: (m,) indices of those `pixels` that the target itself can touch.
-
-    Returns:
-        Their values; (n,) bool, whether the target is met; (n,) bool, whether that or its
-        shadow changes the static view's colour.
+    Their values; (n,) bool, whether the target is met; (n,) bool, whether that or its shadow
+    changes the static view's colour. The `shot` has the target; `pixels` (n,) are in row-major
+    order, `near` (m,) the indices of those that the target itself can touch.
     """
     hits, lit, plain = view.hits.at(pixels), view.lit[pixels], view.plain[pixels]
     # The target, where it is nearer than the static scene.
@@ -181,6 +167,6 @@ def _thin(shot: Shot, centres: Centres, static_depth: np.ndarray) -> np.ndarray:
     """(n,) bool: pixels where only a part of some samples meets the target, as at a thin tube."""
     alone = replace(shot, bodies=shot.bodies[1:])
     offsets = sample_offsets(THIN_SAMPLES)
-    inverse, _ = rasterised(alone, centres.rows, centres.columns, *offsets)
+    inverse, _ = rasterised(alone, centres.rows, centres.columns, offsets)
     met = inverse > 1.0 / static_depth[:, None]
     return (met != (centres.hits.body == 1)[:, None]).any(axis=1)

@@ -9,7 +9,7 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stixel_cli.scene.car import car
+from stixel_cli.scene import car
 from stixel_cli.scene.mesh import Mesh, Part, fitted, moved
 from stixel_cli.scene.shapes import box, ellipsoid, lathe, loft, part, quads_to_triangles, tube
 from stixel_cli.scene.textures import Colour, asphalt, facade, leaves, mottled, paving, roof_tiles
@@ -65,8 +65,8 @@ def house(
         uvs += [(lower_left, lower_right, upper_right), (lower_left, upper_right, upper_left)]
     triangles = quads_to_triangles(np.arange(len(vertices)))
     walls = Part(np.array(vertices), triangles, np.array(uvs), front, "walls")
-    return Mesh((walls, part("roof", [_gable(low, high, height, ridge)], roof, 4.0),
-                 part("chimney", [_chimney(low, high, height)], front, 6.0)))  # fmt: skip
+    gable = part("roof", [_gable(low, high, height, ridge)], roof, 4.0)
+    return walls, gable, part("chimney", [_chimney(low, high, height)], front, 6.0)
 
 
 def _gable(low, high, height, ridge):
@@ -91,7 +91,7 @@ def tower(
     low: ArrayLike, high: ArrayLike, height: float, front: np.ndarray, roof: np.ndarray
 ) -> Mesh:
     """A church tower with a steep pyramid on top; see `house` for what it is given."""
-    shaft = house(low, high, height, front, roof, "x").parts[0]
+    shaft = house(low, high, height, front, roof, "x")[0]
     middle = 0.5 * (np.asarray(low) + np.asarray(high))
     half = 0.5 * (np.asarray(high) - np.asarray(low)) + 0.3
     ring = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
@@ -99,7 +99,7 @@ def tower(
         np.column_stack([middle + share * half * ring, np.full(4, z)])
         for share, z in ((1.0, height), (0.02, height + 5.0 * half.min()))
     ]
-    return Mesh((shaft, part("roof", [loft(np.array(rings))], roof, 4.0)))
+    return shaft, part("roof", [loft(np.array(rings))], roof, 4.0)
 
 
 def tree(
@@ -131,7 +131,7 @@ def tree(
         lumps.append(
             (vertices + 0.035 * height * draws.normal(size=vertices.shape) * 0.5, triangles)
         )
-    return Mesh((part("trunk", surfaces, bark, 1.0), part("crown", lumps, foliage, 2.5)))
+    return part("trunk", surfaces, bark, 1.0), part("crown", lumps, foliage, 2.5)
 
 
 def lamp_post(
@@ -146,7 +146,7 @@ def lamp_post(
               tip], [0.075, 0.055, 0.045, 0.04], 6),
     ]  # fmt: skip
     lamp = ellipsoid(tip - (0.0, 0.0, 0.08), (0.32, 0.32, 0.11), 4, 8)
-    return Mesh((part("pole", pole, metal, 0.6), part("lamp", [lamp], glass, 0.6)))
+    return part("pole", pole, metal, 0.6), part("lamp", [lamp], glass, 0.6)
 
 
 def sign(place: ArrayLike, metal: np.ndarray, plate: np.ndarray) -> Mesh:
@@ -154,12 +154,12 @@ def sign(place: ArrayLike, metal: np.ndarray, plate: np.ndarray) -> Mesh:
     x, y = place
     pole = tube([(x, y, 0.0), (x, y, 2.75)], 0.04, 5)
     disc = lathe([(-0.02, 0.34), (0.02, 0.34)], (x, y - 0.05, 2.45), 20)
-    return Mesh((part("pole", [pole], metal, 0.5), part("plate", [disc], plate, 0.5)))
+    return part("pole", [pole], metal, 0.5), part("plate", [disc], plate, 0.5)
 
 
 def hedge(low: ArrayLike, high: ArrayLike, foliage: np.ndarray) -> Mesh:
     """A clipped hedge that fills the box `low` … `high`, (3,) m."""
-    return Mesh((part("hedge", [box(low, high)], foliage, 2.0),))
+    return (part("hedge", [box(low, high)], foliage, 2.0),)
 
 
 def fence(start: ArrayLike, end: float, height: float, wood: np.ndarray) -> Mesh:
@@ -169,7 +169,7 @@ def fence(start: ArrayLike, end: float, height: float, wood: np.ndarray) -> Mesh
         box((x, y, 0.05), (x + 0.09, y + 0.02, height)) for x in np.arange(x0, end - 0.09, 0.15)
     ]
     rails = [box((x0, y + 0.02, z), (end, y + 0.06, z + 0.09)) for z in (0.3, height - 0.3)]
-    return Mesh((part("fence", [*pickets, *rails], wood, 1.0),))
+    return (part("fence", [*pickets, *rails], wood, 1.0),)
 
 
 def bollard(place: ArrayLike, metal: np.ndarray) -> Mesh:
@@ -177,18 +177,18 @@ def bollard(place: ArrayLike, metal: np.ndarray) -> Mesh:
     x, y = place
     shaft = tube([(x, y, 0.0), (x, y, 0.85)], [0.10, 0.08], 8)
     knob = ellipsoid((x, y, 0.93), (0.10, 0.10, 0.08), 4, 8)
-    return Mesh((part("bollard", [shaft, knob], metal, 0.5),))
+    return (part("bollard", [shaft, knob], metal, 0.5),)
 
 
 def parked_car(place: ArrayLike, heading: float, colour: Colour, contrast: float) -> Mesh:
     """A car of one size at `place` (2,) m, `heading` rad; its paint has less than `contrast`."""
-    (mesh,) = fitted([car(colour, 0.7 * contrast)], 4.3, 1.75, 1.48)
+    (mesh,) = fitted([car.mesh(0.7 * contrast, colour=colour)], 4.3, 1.75, 1.48)
     return moved(mesh, np.array([*place, 0.0]), heading)
 
 
 def woods(x0: float, y0: float, x1: float, y1: float, foliage: np.ndarray) -> Mesh:
     """A row of trees, far away, over a rectangle, m."""
-    return Mesh((part("woods", [box((x0, y0, 0.0), (x1, y1, 9.0))], foliage, 9.0),))
+    return (part("woods", [box((x0, y0, 0.0), (x1, y1, 9.0))], foliage, 9.0),)
 
 
 REACH = 150.0
@@ -220,8 +220,7 @@ def ground(contrast: float) -> Mesh:
     iron = mottled("iron", (88, 84, 82), 0.15 + 0.20 * contrast, coarsest=8.0)
     stones = paving(contrast)
     kerb = mottled("kerb", (168, 166, 160), 0.05 + 0.15 * contrast)
-    return Mesh(
-        (
+    return (
             flat("asphalt", [(-REACH, -REACH, REACH, REACH)], 0.0, tarred, 7.3),
             flat("patches", _patches(), 0.5 * MARK, dark, 5.1),
             flat("marks", _marks(), MARK, white, 1.0),
@@ -229,7 +228,6 @@ def ground(contrast: float) -> Mesh:
             flat("pavements", PAVEMENTS, KERB, stones, 4.0),
             part("kerbs", [box((x0, y0, 0.0), (x1, y1, KERB - 0.001)) for x0, y0, x1, y1 in
                            PAVEMENTS], kerb, 1.3),
-        )
     )  # fmt: skip
 
 

@@ -15,35 +15,32 @@ from stixel_cli.scene.textures import Colour, mottled, paint
 
 @dataclass(frozen=True)
 class CarShape:
-    """One car's body.
-
-    Attributes:
-        length, width: outer size with mirrors, m.
-        roof: how much higher the roof is than the hatchback's, m.
-        lift: how much higher the flanks are, as a share of their height.
-        windscreen_foot, windscreen_top: how much farther in front the windscreen's lower and upper
-            edges are, m on the hatchback's scale.
-        roof_end, tail: the same for the roof's rear edge and the rear window's lower edge.
-        fullness: 1 for the hatchback's corners seen from above, more for rounder ones.
-    """
+    """One car's body."""
 
     length: float
     width: float
+    """`length`, `width`: outer size with mirrors, m."""
     roof: float = 0.0
+    """How much higher the roof is than the hatchback's, m."""
     lift: float = 0.0
+    """How much higher the flanks are, as a share of their height."""
     windscreen_foot: float = 0.0
     windscreen_top: float = 0.0
+    """`windscreen_foot`, `windscreen_top`: how much farther in front the windscreen's lower and
+    upper edges are, m on the hatchback's scale."""
     roof_end: float = 0.0
     tail: float = 0.0
+    """`roof_end`, `tail`: the same for the roof's rear edge and the rear window's lower edge."""
     fullness: float = 1.0
+    """1 for the hatchback's corners seen from above, more for rounder ones."""
 
     @property
     def stretch(self) -> float:
         """Length over that of the hatchback."""
-        return self.length / HATCHBACK.length
+        return self.length / STANDARD.length
 
 
-HATCHBACK = CarShape(length=4.5, width=1.8)
+STANDARD = CarShape(length=4.5, width=1.8)
 
 _BODIES = {
     # length, height, lift, windscreen's foot and top, roof's end, tail: from … to
@@ -62,7 +59,7 @@ _BODIES = {
 }  # fmt: skip
 
 
-def drawn_car(random: np.random.Generator) -> CarShape:
+def drawn(random: np.random.Generator) -> CarShape:
     """A car's body: one of six kinds, then its measures; longer cars are wider.
 
     Length 3.6 … 5.1 m, width 1.6 … 2.0 m, height 1.38 … 1.98 m.
@@ -81,17 +78,17 @@ WHEEL_Y = 0.70
 WHEEL_RADIUS = 0.32
 ARCH_RADIUS = 0.385
 
-_TOP = shapes.MonotoneCurve(
-    [-2.25, -2.20, -2.05, -1.60, 0.00, 0.95, 1.30, 1.80, 2.08, 2.20, 2.25],
-    [0.62, 0.86, 0.94, 0.96, 0.94, 0.93, 0.89, 0.81, 0.72, 0.60, 0.50],
+_TOP = (
+    (-2.25, -2.20, -2.05, -1.60, 0.00, 0.95, 1.30, 1.80, 2.08, 2.20, 2.25),
+    (0.62, 0.86, 0.94, 0.96, 0.94, 0.93, 0.89, 0.81, 0.72, 0.60, 0.50),
 )
-_SILL = shapes.MonotoneCurve(
-    [-2.25, -2.15, -1.90, -1.00, 1.00, 1.90, 2.15, 2.25],
-    [0.42, 0.30, 0.24, 0.2, 0.2, 0.2, 0.25, 0.36],
+_SILL = (
+    (-2.25, -2.15, -1.90, -1.00, 1.00, 1.90, 2.15, 2.25),
+    (0.42, 0.30, 0.24, 0.2, 0.2, 0.2, 0.25, 0.36),
 )
-_HALF_WIDTH = shapes.MonotoneCurve(
-    [-2.25, -2.21, -2.08, -1.80, -1.20, 1.20, 1.75, 2.05, 2.19, 2.25],
-    [0.48, 0.63, 0.755, 0.805, 0.83, 0.83, 0.80, 0.73, 0.62, 0.45],
+_HALF_WIDTH = (
+    (-2.25, -2.21, -2.08, -1.80, -1.20, 1.20, 1.75, 2.05, 2.19, 2.25),
+    (0.48, 0.63, 0.755, 0.805, 0.83, 0.83, 0.80, 0.73, 0.62, 0.45),
 )
 # Height (share of sill to top) and breadth (share of the half width) of a cross-section, upwards.
 _SECTION = np.array(
@@ -107,56 +104,58 @@ _SECTION = np.array(
 )
 
 
-def car(colour: Colour, contrast: float, shape: CarShape = HATCHBACK) -> Mesh:
-    """The car, its paint of `colour` and of `contrast` 0 … 1."""
+limbs = None
+
+
+def mesh(contrast: float, shape: CarShape = STANDARD, colour: Colour = (66, 108, 160)) -> Mesh:
+    """The car, its paint of `contrast` 0 … 1 and of `colour`."""
     painted = paint(colour, contrast)
     shell, windows = _cabin(painted, shape)
     trim = mottled("trim", (34, 34, 37), 0.20)
     underbody = shapes.box((-2.02, -0.60, 0.24), (2.05, 0.60, 0.66))
     raised = np.array([0.0, 0.0, 0.4 * shape.lift])
-    mesh = Mesh(
-        (
-            shapes.part("body", [_body(shape), *_mirrors(shape), *_handles(shape)], painted, 1.1),
-            shell,
-            windows,
-            shapes.part("trim", [underbody, *_seams(shape), *_grilles()], trim, 0.5),
-            shapes.part("tyres", [_tyre(x, y) for x in WHEEL_X for y in (1, -1)], trim, 0.4),
-            shapes.part("rims", _rims(), mottled("alloy", (176, 178, 184), 0.12), 0.3),
-            shapes.part(
-                "headlamps", _lamps(np.add(raised, (2.065, 0.585, 0.645)), (0.12, 0.15, 0.075)),
-                mottled("headlamp", (238, 240, 245), 0.05), 0.2),
-            shapes.part(
-                "tail lamps", _lamps(np.add(raised, (-2.135, 0.605, 0.80)), (0.07, 0.11, 0.09)),
-                mottled("tail lamp", (176, 18, 22), 0.12), 0.2),
-            shapes.part("plates", [shapes.box((2.225, -0.26, 0.385), (2.258, 0.26, 0.49)),
-                                   shapes.box((-2.262, -0.26, 0.64), (-2.225, 0.26, 0.75))],
-                        mottled("plate", (228, 228, 220), 0.10), 0.3),
-        )
+    parts = (
+        shapes.part("body", [_body(shape), *_mirrors(shape), *_handles(shape)], painted, 1.1),
+        shell,
+        windows,
+        shapes.part("trim", [underbody, *_seams(shape), *_grilles()], trim, 0.5),
+        shapes.part("tyres", [_tyre(x, y) for x in WHEEL_X for y in (1, -1)], trim, 0.4),
+        shapes.part("rims", _rims(), mottled("alloy", (176, 178, 184), 0.12), 0.3),
+        shapes.part(
+            "headlamps", _lamps(np.add(raised, (2.065, 0.585, 0.645)), (0.12, 0.15, 0.075)),
+            mottled("headlamp", (238, 240, 245), 0.05), 0.2),
+        shapes.part(
+            "tail lamps", _lamps(np.add(raised, (-2.135, 0.605, 0.80)), (0.07, 0.11, 0.09)),
+            mottled("tail lamp", (176, 18, 22), 0.12), 0.2),
+        shapes.part("plates", [shapes.box((2.225, -0.26, 0.385), (2.258, 0.26, 0.49)),
+                               shapes.box((-2.262, -0.26, 0.64), (-2.225, 0.26, 0.75))],
+                    mottled("plate", (228, 228, 220), 0.10), 0.3),
     )  # fmt: skip
-    return _stretched(mesh, shape)
+    return _stretched(parts, shape)
 
 
 def _stretched(mesh: Mesh, shape: CarShape) -> Mesh:
     """`mesh` at the length and width of `shape`: wheels move along, and stay round."""
-    stretch = np.array([shape.stretch, shape.width / HATCHBACK.width, 1.0])
+    stretch = np.array([shape.stretch, shape.width / STANDARD.width, 1.0])
     parts = []
-    for one in scaled(mesh, stretch).parts:
+    for one in scaled(mesh, stretch):
         if one.name in ("tyres", "rims"):
-            x = next(own for own in mesh.parts if own.name == one.name).vertices[:, 0]
+            x = next(own for own in mesh if own.name == one.name).vertices[:, 0]
             hub = np.where(x > 0.0, *WHEEL_X)
             one.vertices[:, 0] = x + (shape.stretch - 1.0) * hub
         parts.append(one)
-    return Mesh(tuple(parts))
+    return tuple(parts)
 
 
 def _top(x, shape):
     """Upper edge of the flank at `x`, m."""
-    return _TOP(x) + shape.lift * (_TOP(x) - _SILL(x))
+    top = shapes.monotone(_TOP, x)
+    return top + shape.lift * (top - shapes.monotone(_SILL, x))
 
 
 def _half_width(x, shape):
     """Half of the body's breadth at `x`, m: more rounded in plan where `fullness` is above 1."""
-    breadth = _HALF_WIDTH(x)
+    breadth = shapes.monotone(_HALF_WIDTH, x)
     return breadth * (breadth / 0.83) ** (shape.fullness - 1.0)
 
 
@@ -166,7 +165,7 @@ def _body(shape):
     ends = [2.25, 2.23, 2.19, 2.13, 2.05, 1.95, -1.95, -2.05, -2.12, -2.17, -2.21, -2.235, -2.25]
     stations = np.unique(np.round(np.concatenate([*arches, ends, np.linspace(-0.85, 0.9, 8)]), 4))
     top, width = _top(stations, shape), _half_width(stations, shape)
-    sill = _SILL(stations)
+    sill = shapes.monotone(_SILL, stations)
     for x in WHEEL_X:
         along = shape.stretch * (stations - x)
         lift = np.sqrt(np.maximum(ARCH_RADIUS**2 - along**2, 0.0))
@@ -240,7 +239,7 @@ def _cabin(painted: np.ndarray, shape: CarShape) -> tuple[Part, Part]:
 def _side(x, share, shape):
     """Points (n, 3) on the left flank at `x` and at the share of the height from sill to top."""
     breadth = np.interp(share, _SECTION[:, 0], _SECTION[:, 1])
-    sill = _SILL(x)
+    sill = shapes.monotone(_SILL, x)
     height = sill + share * (_top(x, shape) - sill)
     return np.stack([x, _half_width(x, shape) * breadth, height], axis=-1)
 
@@ -251,23 +250,19 @@ def _both(points):
 
 def _seams(shape):
     """Dark joints about the doors, and rubbing strips along the flanks."""
-    share = np.linspace(0.10, 0.99, 7)
-    surfaces = []
-    for x in (0.80, -0.42, -1.02):
-        for line in _both(_side(np.full_like(share, x), share, shape)):
-            surfaces.append(shapes.tube(line, 0.008, 4))
-    along = np.linspace(-0.84, 0.92, 9)
-    for line in _both(_side(along, np.full_like(along, 0.12), shape)):
-        surfaces.append(shapes.tube(line, 0.022, 6))
-    return surfaces
+    share, along = np.linspace(0.10, 0.99, 7), np.linspace(-0.84, 0.92, 9)
+    joints = [_side(np.full_like(share, x), share, shape) for x in (0.80, -0.42, -1.02)]
+    strips = _both(_side(along, np.full_like(along, 0.12), shape))
+    return [
+        *(shapes.tube(line, 0.008, 4) for joint in joints for line in _both(joint)),
+        *(shapes.tube(line, 0.022, 6) for line in strips),
+    ]
 
 
 def _handles(shape):
-    surfaces = []
-    for x in (-0.28, -0.90):
-        for line in _both(_side(np.array([x, x + 0.17]), np.array([0.80, 0.80]), shape)):
-            surfaces.append(shapes.tube(line, 0.017, 6))
-    return surfaces
+    share = np.array([0.80, 0.80])
+    handles = [_side(np.array([x, x + 0.17]), share, shape) for x in (-0.28, -0.90)]
+    return [shapes.tube(line, 0.017, 6) for handle in handles for line in _both(handle)]
 
 
 def _mirrors(shape):
@@ -276,8 +271,8 @@ def _mirrors(shape):
     for sign in (1.0, -1.0):
         centre = np.add(shift, (0.70, sign * 0.83, 1.01))
         arm = np.add(shift, [(0.74, sign * 0.70, 0.93), (0.71, sign * 0.80, 0.98)])
-        surfaces.append(shapes.ellipsoid(centre, (0.065, 0.07, 0.065), 6, 12))
-        surfaces.append(shapes.tube(arm, 0.022, 6))
+        mirror = shapes.ellipsoid(centre, (0.065, 0.07, 0.065), 6, 12)
+        surfaces += [mirror, shapes.tube(arm, 0.022, 6)]
     return surfaces
 
 

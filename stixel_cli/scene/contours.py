@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 import shapely
 
-from stixel_cli.scene.mesh import Mesh, Part, corners
+from stixel_cli.scene.mesh import Part, corners
 from stixel_cli.scene.parameters import RoadUser
 from stixel_cli.scene.road_user import limb_poses, moving_parts, road_user_meshes
 from stixel_cli.scene.scenario import EgoMotion, Scenario
@@ -23,7 +23,7 @@ GRID = 1e-6
 
 def seen_from_above(parts: list[Part]) -> shapely.Geometry:
     """Ground projection of closed surfaces: its upward triangles cover all of it."""
-    flat = corners(Mesh(tuple(parts)))[:, :, :2]
+    flat = corners(tuple(parts))[:, :, :2]
     return _united(flat[_doubled_areas(flat) > 1e-10].tobytes())
 
 
@@ -34,10 +34,7 @@ def outline(triangles: np.ndarray) -> np.ndarray:
     a sensor on the ground can only see the outline. Parts that do not touch in the projection are
     joined by a morphological closing with the smallest sufficient radius of 1, 2, 4 … mm. This
     fills gaps and notches narrower than twice that radius, and changes nothing else. The outline is
-    then simplified by `SIMPLIFIED_BY` at most.
-
-    Raises:
-        ValueError: if the projection has no area.
+    then simplified by `SIMPLIFIED_BY` at most. ValueError if the projection has no area.
     """
     flat = triangles[:, :, :2]
     flat = flat[np.abs(_doubled_areas(flat)) > 1e-10]
@@ -88,12 +85,8 @@ def moving_target(
 ) -> Scenario:
     """Ground truth of `road_user` at the ego motion's K times.
 
-    Args:
-        poses_world, rates_world: (K, 3) its poses (x m, y m, heading rad) and their derivatives.
-        travelled: (K,) m, which moves the limbs.
-
-    Raises:
-        ValueError: if the mesh cannot be read.
+    It has the poses (K, 3) x m, y m, heading rad, whose derivatives are the rates (K, 3), and has
+    `travelled` (K,) m, which moves the limbs. ValueError if the mesh cannot be read.
     """
     return Scenario(
         times=ego_motion.times,
@@ -108,18 +101,16 @@ def moving_target(
 def road_user_contours(road_user: RoadUser) -> np.ndarray:
     """The outlines (L, M, 2) m of `road_user_meshes`, as `outline` states them.
 
-    All have the same number of vertices: edges are halved where a contour has fewer.
-
-    Raises:
-        ValueError: as `road_user_meshes` and `outline` do.
+    All have the same number of vertices: edges are halved where a contour has fewer. ValueError as
+    `road_user_meshes` and `outline` do.
     """
     meshes = road_user_meshes(road_user)
     if len(meshes) == 1:
         return outline(corners(meshes[0]))[None]
     # What does not move is projected once.
     moving = moving_parts(road_user)
-    rest = seen_from_above([p for p in meshes[0].parts if p.name not in moving])
-    limbs = [seen_from_above([p for p in mesh.parts if p.name in moving]) for mesh in meshes]
+    rest = seen_from_above([p for p in meshes[0] if p.name not in moving])
+    limbs = [seen_from_above([p for p in mesh if p.name in moving]) for mesh in meshes]
     contours = [polygon_of(shapely.union(rest, one, grid_size=GRID)) for one in limbs]
     count = max(len(contour) for contour in contours)
     return np.stack([_with_vertices(contour, count) for contour in contours])

@@ -30,28 +30,25 @@ SKIN = (205, 158, 132)
 
 @dataclass(frozen=True)
 class CyclistShape:
-    """One bicycle with its rider; the default is today's model.
-
-    Attributes:
-        wheelbase: factor on the bicycle's length; its wheels keep their size.
-        handlebar: factor on the handlebar's width.
-        size, breadth: factors on the rider's bones and on the breadth.
-        upright: angle by which the back is more upright, rad.
-        coat, backpack, panniers: what the rider wears and carries.
-        jacket, trousers, bicycle: colours.
-    """
+    """One bicycle with its rider; the default is today's model."""
 
     wheelbase: float = 1.0
+    """Factor on the bicycle's length; its wheels keep their size."""
     handlebar: float = 1.0
+    """Factor on the handlebar's width."""
     size: float = 1.0
     breadth: float = 1.0
+    """`size`, `breadth`: factors on the rider's bones and on the breadth."""
     upright: float = 0.0
+    """Angle by which the back is more upright, rad."""
     coat: bool = False
     backpack: bool = False
     panniers: bool = False
+    """`coat`, `backpack`, `panniers`: what the rider wears and carries."""
     jacket: Colour = (222, 158, 36)
     trousers: Colour = (84, 90, 112)
     bicycle: Colour = (40, 92, 84)
+    """`jacket`, `trousers`, `bicycle`: colours."""
 
     cycle_length = 5.0
     """Distance that one turn of the cranks drives, m."""
@@ -81,7 +78,7 @@ class CyclistShape:
         return self.on_bicycle(points) * [1.0, self.handlebar, 1.0]
 
 
-def drawn_cyclist(random: np.random.Generator) -> CyclistShape:
+def drawn(random: np.random.Generator) -> CyclistShape:
     """A bicycle with its rider: length 1.65 … 1.95 m, width 0.45 … 0.75 m, height 1.55 … 2.0 m."""
     jacket, trousers, bicycle = (
         tuple(float(c) for c in random.uniform(30.0, 210.0, 3)) for _ in range(3)
@@ -104,10 +101,10 @@ def drawn_cyclist(random: np.random.Generator) -> CyclistShape:
 STANDARD = CyclistShape()
 
 
-def cyclist(contrast: float, shape: CyclistShape = STANDARD) -> Mesh:
+def mesh(contrast: float, shape: CyclistShape = STANDARD) -> Mesh:
     """Rider and bicycle, the texture of cloth and paint of `contrast` 0 … 1."""
     hubs = [shape.on_bicycle((x, 0.0, 0.35)) for x in (-0.54, 0.54)]
-    moving = pedalling(shape, 0.0)
+    moving = limbs(shape, 0.0)
     head = ellipsoid(shape.on_body((0.185, 0.0, 1.60)), (0.100, 0.076, 0.122), 12, 18)
     neck = tube(shape.on_body([(0.10, 0.0, 1.43), (0.165, 0.0, 1.55)]), 0.05, 12)
     helmet = ellipsoid(shape.on_body((0.165, 0.0, 1.655)), (0.135, 0.095, 0.095), 10, 18)
@@ -118,24 +115,22 @@ def cyclist(contrast: float, shape: CyclistShape = STANDARD) -> Mesh:
     )
     places = (shape.on_bar((0.305, side * 0.262, 1.01)) for side in (1, -1))
     hands = [ellipsoid(place, (0.05, 0.032, 0.035), 6, 10) for place in places]
-    return Mesh(
-        (
-            part("frame", _frame(shape), paint(shape.bicycle, contrast), 0.6),
-            part("tyres", [torus(hub, 0.325, 0.025) for hub in hubs], rubber, 0.3),
-            part("spokes", _spokes(hubs), mottled("steel", (168, 170, 174), 0.15), 0.3),
-            part("saddle and grips", _black(shape), mottled("saddle", (36, 34, 33), 0.25), 0.3),
-            part("cranks", moving["cranks"], mottled("saddle", (36, 34, 33), 0.25), 0.3),
-            part("jacket", [_torso(shape), *_sleeves(shape)], jacket, 0.8),
-            part("trousers", moving["trousers"], cloth(shape.trousers, contrast), 0.5),
-            part("shoes", moving["shoes"], sneakers, 0.3),
-            part("skin", [head, neck, *hands], mottled("skin", SKIN, 0.10), 0.5),
-            part("helmet", [helmet], paint((206, 210, 214), 0.4 * contrast), 0.4),
-            *_luggage(shape, contrast),
-        )
+    return (
+        part("frame", _frame(shape), paint(shape.bicycle, contrast), 0.6),
+        part("tyres", [torus(hub, 0.325, 0.025) for hub in hubs], rubber, 0.3),
+        part("spokes", _spokes(hubs), mottled("steel", (168, 170, 174), 0.15), 0.3),
+        part("saddle and grips", _black(shape), mottled("saddle", (36, 34, 33), 0.25), 0.3),
+        part("cranks", moving["cranks"], mottled("saddle", (36, 34, 33), 0.25), 0.3),
+        part("jacket", [_torso(shape), *_sleeves(shape)], jacket, 0.8),
+        part("trousers", moving["trousers"], cloth(shape.trousers, contrast), 0.5),
+        part("shoes", moving["shoes"], sneakers, 0.3),
+        part("skin", [head, neck, *hands], mottled("skin", SKIN, 0.10), 0.5),
+        part("helmet", [helmet], paint((206, 210, 214), 0.4 * contrast), 0.4),
+        *_luggage(shape, contrast),
     )  # fmt: skip
 
 
-def pedalling(shape: CyclistShape, turn: float) -> dict[str, list[Surface]]:
+def limbs(shape: CyclistShape, turn: float) -> dict[str, list[Surface]]:
     """Surfaces of the parts that move, by name, when the cranks have turned by `turn` rad.
 
     At 0 the left pedal is below. The cranks turn forwards: a pedal on top moves ahead.

@@ -56,10 +56,8 @@ Ego = Parked | Straight | Turning | RecordedEgo
 def ego_motion(ego: Ego, duration: float, sample_time: float) -> EgoMotion:
     """Times and exact poses of the ego car, (0, 0, pi/2) at k = 0.
 
-    Args:
-        ego: parked, straight or turning.
-        duration: s. There are K = round(duration / sample_time) scans, but one at least.
-        sample_time: T in s; scan k is at t = k T.
+    There are K = round(`duration` / `sample_time`) scans, s, but one at least; scan k is at
+    t = k `sample_time`.
     """
     count = max(1, round(duration / sample_time))
     times = sample_time * np.arange(count)

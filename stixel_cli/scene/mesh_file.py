@@ -46,13 +46,10 @@ def load_mesh(
     Its coordinates are multiplied by `scale`; if `up` is y, that axis becomes z, and z becomes −y;
     then they are turned about z by `turn` rad, counter-clockwise, and shifted so that its
     footprint's box is centred on the origin and its lowest point is on z = 0. `contrast` is as in
-    `read_parts`.
-
-    Raises:
-        ValueError: if there is no such file, it is too large, damaged or of an unknown format, a
-            number in it is not finite, it has no triangles or one of a vertex that it lacks, it has
-            no area seen from above, a side of the box around it is not 0.1 … 30 m, or a texture is
-            too large to decode.
+    `read_parts`. ValueError if there is no such file, it is too large, damaged or of an unknown
+    format, a number in it is not finite, it has no triangles or one of a vertex that it lacks, it
+    has no area seen from above, a side of the box around it is not 0.1 … 30 m, or a texture is too
+    large to decode.
     """
     digest = sha256()
     try:
@@ -95,8 +92,7 @@ def _loaded(path: str, contrast: float, scale: float, turn: float, up: str, dige
 def mesh_doubt(path: str, scale: float, up: str) -> str | None:
     """What is probably wrong with the pose of the mesh in the file `path`, and what to set.
 
-    Raises:
-        ValueError: if it cannot be read, see `load_mesh`.
+    ValueError if it cannot be read, see `load_mesh`.
     """
     low, high = bounding_box(_read(path, lambda vertices: scale * vertices, 0.0))
     axis, other = (2, 1) if up == "z" else (1, 2)
@@ -116,7 +112,7 @@ def mesh_doubt(path: str, scale: float, up: str) -> str | None:
 
 def _read(path: str, placed: Callable[[np.ndarray], np.ndarray], contrast: float) -> Mesh:
     try:
-        return Mesh(read_parts(Path(path), placed, contrast))
+        return read_parts(Path(path), placed, contrast)
     except Exception as error:
         # Readers raise errors of any class where a file is damaged.
         reason = printable(str(error) or type(error).__name__, 200)
@@ -146,17 +142,13 @@ PAINT = (66, 108, 160)
 """Colour of what has none in the file."""
 
 
-def read_parts(
-    path: Path, placed: Callable[[np.ndarray], np.ndarray], contrast: float
-) -> tuple[Part, ...]:
+def read_parts(path: Path, placed: Callable[[np.ndarray], np.ndarray], contrast: float) -> Mesh:
     """The surfaces in the mesh file `path`; their vertices (V, 3) are `placed`.
 
     They have the file's textures, or colours (as one of each triangle), or are painted with
     `contrast`. Faces of more than three corners are split from their first corner. Materials,
     textures and buffers are read from the folder of the file and those below it, no others.
-
-    Raises:
-        Exception: of any class, if the file is damaged, too large or of an unknown format.
+    An exception of any class if the file is damaged, too large or of an unknown format.
     """
     suffix, content = path.suffix.lower(), read_bytes(path, GREATEST_ARRAYS)
     if suffix not in FORMATS:

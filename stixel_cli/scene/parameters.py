@@ -19,22 +19,19 @@ RoadUserClass = Literal["car", "cyclist", "pedestrian"]
 
 @dataclass(frozen=True)
 class ClassRow:
-    """Names of a class in other formats, and its speed.
-
-    Attributes:
-        kitti_types: types of KITTI's labels that are of this class; exported labels have the first.
-        stx1_type: type of pyStixel-lib's segmentation.
-        speed: root mean square speed, m/s.
-        reverse_speed: it drives or walks backwards no faster, m/s.
-        argoverse_category: of Argoverse's labels; None without one: its BICYCLIST is only the
-            rider, and the BICYCLE has a label of its own.
-    """
+    """Names of a class in other formats, and its speed."""
 
     kitti_types: tuple[str, ...]
+    """Types of KITTI's labels that are of this class; exported labels have the first."""
     stx1_type: str
+    """Type of pyStixel-lib's segmentation."""
     speed: float
+    """Root mean square speed, m/s."""
     reverse_speed: float
+    """It drives or walks backwards no faster, m/s."""
     argoverse_category: str | None = None
+    """Of Argoverse's labels; None without one: its BICYCLIST is only the rider, and the BICYCLE has
+    a label of its own."""
 
 
 CLASS_ROWS: dict[RoadUserClass, ClassRow] = {

@@ -22,49 +22,35 @@ GAUSS_NODES, GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(12)
 def build_scenario(ego_motion: EgoMotion, road_user: RoadUser, path: Path) -> Scenario:
     """Ground truth at the ego motion's times: poses, their rates, and the target's true contour.
 
-    Raises:
-        ValueError: if the path's values contradict each other, or the mesh cannot be read.
+    ValueError if the path's values contradict each other, or the mesh cannot be read.
     """
     poses, rates = path_poses(path, ego_motion.times)
-    travelled = distance_travelled(path, ego_motion.times)
+    travelled, _ = driven(path, ego_motion.times)
     return moving_target(ego_motion, road_user, poses, rates, travelled)
 
 
 def path_poses(path: Path, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Poses and rates of a target on `path`.
+    """Poses (K, 3) x m, y m, heading rad of a target on `path`, and their derivatives (K, 3).
 
-    Args:
-        path: which path, with its parameters.
-        times: (K,) s, 0 at the start.
-
-    Returns:
-        poses_world (K, 3): x m, y m, heading rad, and rates_world (K, 3), their derivatives.
-
-    Raises:
-        ValueError: where `path.check()` does.
+    The `times` (K,) s are 0 at the start. ValueError where `path.check()` does.
     """
     path.check()
-    times = np.asarray(times, dtype=np.float64)
-    poses, curvature, speed = _FUNCTIONS[type(path)](path, times)
+    length, speed = driven(path, times)
+    poses, curvature = _FUNCTIONS[type(path)](path, length)
     heading = poses[:, 2]
     rates = np.stack([speed * np.cos(heading), speed * np.sin(heading), speed * curvature], axis=1)
     return poses, rates
 
 
-def distance_travelled(path: Path, times: np.ndarray) -> np.ndarray:
-    """Length driven along the path (K,) m at `times` (K,) s."""
-    times = np.asarray(times, dtype=np.float64)
-    if isinstance(path, StopAndGo):
-        return stop_and_go_profile(path, times)[0]
-    return path.speed * times
+def driven(path: Path, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Length driven along the path (K,) m and speed (K,) m/s at `times` (K,) s.
 
-
-def stop_and_go_profile(path: StopAndGo, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Length driven (K,) m and speed (K,) m/s at `times` (K,) s.
-
-    One round is: drive, brake, wait, pull away. The speed is piecewise linear, the length its
-    exact integral, piecewise quadratic.
+    One round of stop-and-go is: drive, brake, wait, pull away. The speed is piecewise linear, the
+    length its exact integral, piecewise quadratic.
     """
+    times = np.asarray(times, dtype=np.float64)
+    if not isinstance(path, StopAndGo):
+        return path.speed * times, np.full_like(times, path.speed)
     phases = [path.drive_time, path.ramp_time, path.stand_time, path.ramp_time]
     knots = np.concatenate([[0.0], np.cumsum(phases)])
     speeds = path.speed * np.array([1.0, 1.0, 0.0, 0.0, 1.0])
@@ -79,57 +65,41 @@ def stop_and_go_profile(path: StopAndGo, times: np.ndarray) -> tuple[np.ndarray,
     return rounds * lengths[-1] + length, speed
 
 
-def _line(path: Line, times):
-    speed = np.full_like(times, path.speed)
-    return _straight_on(path, path.speed * times), np.zeros_like(times), speed
-
-
-def _stop_and_go(path: StopAndGo, times):
-    length, speed = stop_and_go_profile(path, times)
-    return _straight_on(path, length), np.zeros_like(times), speed
-
-
-def _straight_on(path, length):
+def _straight(path: Line | StopAndGo, length):
     heading = np.radians(path.heading)
     x = path.start[0] + length * np.cos(heading)
     y = path.start[1] + length * np.sin(heading)
-    return np.stack([x, y, np.full_like(length, heading)], axis=1)
+    return np.stack([x, y, np.full_like(length, heading)], axis=1), np.zeros_like(length)
 
 
-def _arc(path: Arc, times):
+def _arc(path: Arc, length):
     radius = path.closing_radius if path.radius is None else path.radius
     curvature = (1.0 if path.side == "left" else -1.0) / radius
     first = np.radians(path.heading)
-    heading = first + path.speed * times * curvature
+    heading = first + length * curvature
     x = path.start[0] + (np.sin(heading) - np.sin(first)) / curvature
     y = path.start[1] - (np.cos(heading) - np.cos(first)) / curvature
-    return (
-        np.stack([x, y, heading], axis=1),
-        np.full_like(times, curvature),
-        np.full_like(times, path.speed),
-    )
+    return np.stack([x, y, heading], axis=1), np.full_like(length, curvature)
 
 
-def _s_curve(path: SCurve, times):
+def _s_curve(path: SCurve, length):
     mean, swing = np.radians(path.heading), np.radians(path.swing)
     rate = 2.0 * np.pi / path.wavelength
 
     def heading_at(s):
         return mean + swing * np.sin(rate * s)
 
-    length = path.speed * times
     positions = np.array(path.start) + _integral(
         lambda s: np.stack([np.cos(heading_at(s)), np.sin(heading_at(s))], axis=-1),
         length,
         path.wavelength / 8.0,
     )
     poses = np.concatenate([positions, heading_at(length)[:, None]], axis=1)
-    return poses, swing * rate * np.cos(rate * length), np.full_like(times, path.speed)
+    return poses, swing * rate * np.cos(rate * length)
 
 
-def _waypoints(path: Waypoints, times):
+def _waypoints(path: Waypoints, length):
     spline = waypoint_spline(np.array(path.points, dtype=np.float64))
-    length = path.speed * times
     parameter, past = _spline_parameter(spline, length)
     tangent, bend = spline(parameter, 1), spline(parameter, 2)
     pace = np.hypot(tangent[:, 0], tangent[:, 1])
@@ -138,11 +108,7 @@ def _waypoints(path: Waypoints, times):
     curvature = (tangent[:, 0] * bend[:, 1] - tangent[:, 1] * bend[:, 0]) / pace**3
     curvature = np.where(past > 0.0, 0.0, curvature)
     heading = _continuous_heading(spline, parameter)
-    return (
-        np.concatenate([positions, heading[:, None]], axis=1),
-        curvature,
-        np.full_like(times, path.speed),
-    )
+    return np.concatenate([positions, heading[:, None]], axis=1), curvature
 
 
 def waypoint_spline(points: np.ndarray) -> "CubicSpline":
@@ -167,16 +133,14 @@ def _spline_parameter(spline: "CubicSpline", length: np.ndarray):
     def pace(parameter):
         return np.linalg.norm(spline(parameter, 1), axis=-1)
 
-    driven = np.concatenate([[0.0], np.cumsum(_panel_integrals(pace, panels))])
+    driven = np.concatenate([[0.0], np.cumsum(_integrals(pace, panels[:-1], panels[1:]))])
     past = np.maximum(length - driven[-1], 0.0)
     inside = np.clip(length, 0.0, driven[-1])
     panel = np.clip(np.searchsorted(driven, inside, side="right") - 1, 0, len(panels) - 2)
     low, high = panels[panel], panels[panel + 1]
     parameter = low + (inside - driven[panel]) / (driven[panel + 1] - driven[panel]) * (high - low)
     for _ in range(8):
-        half = 0.5 * (parameter - low)
-        nodes = low[:, None] + half[:, None] * (1.0 + GAUSS_NODES)
-        error = driven[panel] + half * (pace(nodes) @ GAUSS_WEIGHTS) - inside
+        error = driven[panel] + _integrals(pace, low, parameter) - inside
         parameter = np.clip(parameter - error / pace(parameter), low, high)
     return parameter, past
 
@@ -196,29 +160,26 @@ def _integral(function: Callable, ends: np.ndarray, longest_panel: float) -> np.
     """Integral of `function` (n,) → (n, 2) from 0 to each of `ends` (K,), to rounding."""
     count = max(1, int(np.ceil(np.max(ends, initial=0.0) / longest_panel)))
     panels = longest_panel * np.arange(count + 1)
-    whole = np.concatenate(
-        [np.zeros((1, 2)), np.cumsum(_panel_integrals(function, panels), axis=0)]
-    )
+    inside = np.cumsum(_integrals(function, panels[:-1], panels[1:]), axis=0)
+    whole = np.concatenate([np.zeros((1, 2)), inside])
     panel = np.clip((ends / longest_panel).astype(int), 0, count - 1)
-    half = 0.5 * (ends - panels[panel])
-    nodes = panels[panel][:, None] + half[:, None] * (1.0 + GAUSS_NODES)
-    rest = half[:, None] * np.einsum("knd,n->kd", function(nodes), GAUSS_WEIGHTS)
-    return whole[panel] + rest
+    return whole[panel] + _integrals(function, panels[panel], ends)
 
 
-def _panel_integrals(function: Callable, panels: np.ndarray) -> np.ndarray:
-    """Gauss-Legendre integrals of `function` between neighbouring `panels` (n + 1,)."""
-    half = 0.5 * np.diff(panels)
-    values = function(panels[:-1, None] + half[:, None] * (1.0 + GAUSS_NODES))
+def _integrals(function: Callable, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
+    """Gauss-Legendre integrals of `function` from `starts` to `ends` (n,), short panels."""
+    half = 0.5 * (ends - starts)
+    values = function(starts[:, None] + half[:, None] * (1.0 + GAUSS_NODES))
     if values.ndim == 2:
         return half * (values @ GAUSS_WEIGHTS)
     return half[:, None] * np.einsum("knd,n->kd", values, GAUSS_WEIGHTS)
 
 
 _FUNCTIONS = {
-    Line: _line,
+    Line: _straight,
+    StopAndGo: _straight,
     Arc: _arc,
     SCurve: _s_curve,
-    StopAndGo: _stop_and_go,
     Waypoints: _waypoints,
 }
+"""Poses (K, 3) and curvatures (K,) 1/m on each path at lengths (K,) m driven along it."""

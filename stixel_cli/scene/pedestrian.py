@@ -19,28 +19,25 @@ SKIN = (205, 158, 132)
 
 @dataclass(frozen=True)
 class PedestrianShape:
-    """One person; the default is today's model.
-
-    Attributes:
-        size: factor on all of it.
-        breadth, depth: factors on the body across and along the heading.
-        step: distance between the ankles at its longest, m on the model's scale.
-        swing: angle of the arms at its largest, rad.
-        coat: whether a coat reaches to the knees.
-        bag: "back", "side" (hanging from the left shoulder) or "" for no bag.
-        top, trousers, hair: colours.
-    """
+    """One person; the default is today's model."""
 
     size: float = 1.0
+    """Factor on all of it."""
     breadth: float = 1.0
     depth: float = 1.0
+    """`breadth`, `depth`: factors on the body across and along the heading."""
     step: float = 0.40
+    """Distance between the ankles at its longest, m on the model's scale."""
     swing: float = 0.32
+    """Angle of the arms at its largest, rad."""
     coat: bool = False
+    """Whether a coat reaches to the knees."""
     bag: str = ""
+    """Either "back", "side" (hanging from the left shoulder) or "" for no bag."""
     top: Colour = (164, 62, 48)
     trousers: Colour = (72, 92, 136)
     hair: Colour = (62, 42, 30)
+    """`top`, `trousers`, `hair`: colours."""
 
     @property
     def cycle_length(self) -> float:
@@ -48,7 +45,7 @@ class PedestrianShape:
         return 1.4 * self.size
 
 
-def drawn_pedestrian(random: np.random.Generator) -> PedestrianShape:
+def drawn(random: np.random.Generator) -> PedestrianShape:
     """A person: height 1.5 … 1.95 m, 0.3 … 0.7 m wide with arms and bag."""
     top, trousers = (tuple(float(c) for c in random.uniform(30.0, 210.0, 3)) for _ in range(2))
     grey = float(random.uniform(25.0, 170.0))
@@ -70,9 +67,9 @@ def drawn_pedestrian(random: np.random.Generator) -> PedestrianShape:
 STANDARD = PedestrianShape()
 
 
-def pedestrian(contrast: float, shape: PedestrianShape = STANDARD) -> Mesh:
+def mesh(contrast: float, shape: PedestrianShape = STANDARD) -> Mesh:
     """The person, the cloth's texture of `contrast` 0 … 1."""
-    moving = walking(shape, 0.0)
+    moving = limbs(shape, 0.0)
     skin = mottled("skin", SKIN, 0.10)
     head = ellipsoid((0.02, 0.0, 1.625), (0.098, 0.075, 0.122), 12, 18)
     neck = tube([(0.0, 0.0, 1.44), (0.015, 0.0, 1.56)], 0.052, 12)
@@ -80,21 +77,19 @@ def pedestrian(contrast: float, shape: PedestrianShape = STANDARD) -> Mesh:
         ellipsoid((-0.005, 0.0, 1.665), (0.100, 0.081, 0.092), 10, 18),
         ellipsoid((-0.04, 0.0, 1.60), (0.065, 0.074, 0.075), 8, 14),
     ]
-    return Mesh(
-        (
-            part("torso", [_torso(shape)], cloth(shape.top, contrast, 5), 0.9),
-            part("sleeves", moving["sleeves"], cloth(shape.top, contrast, 5), 0.9),
-            part("trousers", moving["trousers"], cloth(shape.trousers, contrast), 0.5),
-            part("shoes", moving["shoes"], mottled("leather", (58, 44, 36), 0.25), 0.3),
-            part("hands", moving["hands"], skin, 0.5),
-            part("head", _grown([head, neck], shape), skin, 0.5),
-            part("hair", _grown(hair, shape), mottled("hair", shape.hair, 0.35, 4.0), 0.3),
-            *_clothes(shape, contrast),
-        )
+    return (
+        part("torso", [_torso(shape)], cloth(shape.top, contrast, 5), 0.9),
+        part("sleeves", moving["sleeves"], cloth(shape.top, contrast, 5), 0.9),
+        part("trousers", moving["trousers"], cloth(shape.trousers, contrast), 0.5),
+        part("shoes", moving["shoes"], mottled("leather", (58, 44, 36), 0.25), 0.3),
+        part("hands", moving["hands"], skin, 0.5),
+        part("head", _grown([head, neck], shape), skin, 0.5),
+        part("hair", _grown(hair, shape), mottled("hair", shape.hair, 0.35, 4.0), 0.3),
+        *_clothes(shape, contrast),
     )
 
 
-def walking(shape: PedestrianShape, turn: float) -> dict[str, list[Surface]]:
+def limbs(shape: PedestrianShape, turn: float) -> dict[str, list[Surface]]:
     """Surfaces of the parts that move, by name; `turn` goes from 0 to 2 pi in two steps.
 
     At 0 the right foot is farthest ahead and on the ground; it goes back until pi, and is lifted

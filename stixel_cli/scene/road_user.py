@@ -1,20 +1,19 @@
-"""The target's meshes, one for each pose of its limbs: made in code, or the user's own."""
+"""The target's meshes, one for each pose of its limbs: made in code, or the user's own.
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
-from functools import lru_cache, partial
-from typing import Any
+The module of a class has `STANDARD`, the shape without a seed; `drawn`, which draws a shape; `mesh`
+of a contrast and a shape, limbs in their first pose; and `limbs`, the parts that move, by name, of
+a shape and an angle from 0 to 2 pi, or None.
+"""
+
+from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
 from stixel_cli.randomness import generator
-from stixel_cli.scene.car import HATCHBACK, car, drawn_car
-from stixel_cli.scene.cyclist import STANDARD as STANDARD_CYCLIST
-from stixel_cli.scene.cyclist import cyclist, drawn_cyclist, pedalling
+from stixel_cli.scene import car, cyclist, pedestrian
 from stixel_cli.scene.mesh import Mesh, fitted, grounded
 from stixel_cli.scene.parameters import RoadUser
-from stixel_cli.scene.pedestrian import STANDARD as STANDARD_PEDESTRIAN
-from stixel_cli.scene.pedestrian import drawn_pedestrian, pedestrian, walking
 from stixel_cli.scene.shapes import Surface, joined
 
 LIMB_POSES = 32
@@ -24,31 +23,7 @@ FORWARD = {"x": 0.0, "y": 0.5 * np.pi, "-x": np.pi, "-y": -0.5 * np.pi}
 FORWARD |= {"z": FORWARD["-y"], "-z": FORWARD["y"]}
 """Direction of each axis of a mesh's file, rad: where y is up, z points to the right."""
 
-CAR_COLOUR = (66, 108, 160)
-
-
-@dataclass(frozen=True)
-class _Class:
-    """A class of road user.
-
-    Attributes:
-        standard: the shape without a seed.
-        drawn: draws a shape.
-        mesh: the mesh of a contrast and a shape, limbs in their first pose.
-        limbs: the parts that move, by name, of a shape and an angle from 0 to 2 pi; or None.
-    """
-
-    standard: Any
-    drawn: Callable[[np.random.Generator], Any]
-    mesh: Callable[[float, Any], Mesh]
-    limbs: Callable[[Any, float], dict[str, list[Surface]]] | None = None
-
-
-_CLASSES = {
-    "car": _Class(HATCHBACK, drawn_car, partial(car, CAR_COLOUR)),
-    "cyclist": _Class(STANDARD_CYCLIST, drawn_cyclist, cyclist, pedalling),
-    "pedestrian": _Class(STANDARD_PEDESTRIAN, drawn_pedestrian, pedestrian, walking),
-}
+_CLASSES = {"car": car, "cyclist": cyclist, "pedestrian": pedestrian}
 
 
 def road_user_meshes(road_user: RoadUser) -> tuple[Mesh, ...]:
@@ -58,9 +33,7 @@ def road_user_meshes(road_user: RoadUser) -> tuple[Mesh, ...]:
     All have the same parts and triangles; only vertices move. The origin is the centre of the
     footprint of the box around all of them, on the ground. That box is exactly `length` × `width` ×
     `height`, except for a drawn shape and for a mesh of the user's own, which keep their size.
-
-    Raises:
-        ValueError: if the user's file cannot be read, see `load_mesh`.
+    ValueError if the user's file cannot be read, see `load_mesh`.
     """
     if road_user.mesh is not None:
         # trimesh takes a second to import; a built-in road user never needs it.
@@ -104,14 +77,13 @@ def moving_parts(road_user: RoadUser) -> frozenset[str]:
 def _shape(road_user: RoadUser):
     of_class = _CLASSES[road_user.kind]
     if road_user.shape_seed is None:
-        return of_class.standard
+        return of_class.STANDARD
     return of_class.drawn(generator(road_user.shape_seed, f"shape of a {road_user.kind}"))
 
 
 def _posed(mesh: Mesh, moving: dict[str, list[Surface]]) -> Mesh:
     """`mesh` with other vertices of its `moving` parts; the texture stays on its triangles."""
-    parts = [
+    return tuple(
         replace(part, vertices=joined(moving[part.name])[0]) if part.name in moving else part
-        for part in mesh.parts
-    ]
-    return Mesh(tuple(parts))
+        for part in mesh
+    )

@@ -9,19 +9,16 @@ from stixel_cli.geometry.pose import world_from_target
 
 @dataclass(frozen=True)
 class EgoMotion:
-    """The ego car's known motion, as from odometry.
-
-    Attributes:
-        times: (K,) s.
-        poses_world: (K, 3) x m, y m, heading rad; (0, 0, pi/2) at k = 0.
-        pitches: (K,) rad, the camera's pitch beyond that of the rig, positive with the nose down.
-        heights: (K,) m, its height beyond that of the rig. By default, both are 0.
-    """
+    """The ego car's known motion, as from odometry."""
 
     times: np.ndarray
+    """(K,) s."""
     poses_world: np.ndarray
+    """(K, 3) x m, y m, heading rad; (0, 0, pi/2) at k = 0."""
     pitches: np.ndarray = None
+    """(K,) rad, the camera's pitch beyond that of the rig, positive with the nose down."""
     heights: np.ndarray = None
+    """(K,) m, its height beyond that of the rig. By default, both are 0."""
 
     def __post_init__(self) -> None:
         for name in ("pitches", "heights"):

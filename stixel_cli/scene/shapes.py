@@ -12,13 +12,9 @@ Surface = tuple[np.ndarray, np.ndarray]
 
 
 def part(name: str, surfaces: list[Surface], texture: np.ndarray, tile: float) -> Part:
-    """Surfaces of one texture, laid on from the six sides of a cube.
+    """Surfaces of one texture (h, w, 3) uint8 RGB, laid on from the six sides of a cube.
 
-    Args:
-        name: the part's name.
-        surfaces: its surfaces, as (vertices, triangles).
-        texture: (h, w, 3) uint8 RGB.
-        tile: length that one repetition of the texture covers, m.
+    One repetition of the texture covers `tile` m.
     """
     vertices, triangles = joined(surfaces)
     return Part(vertices, triangles, cube_uvs(vertices, triangles, tile), texture, name)
@@ -210,48 +206,28 @@ def turned(points: np.ndarray, about: np.ndarray, angle: float) -> np.ndarray:
     return about + (np.asarray(points) - about) @ matrix.T
 
 
-class MonotoneCurve:
-    """The piecewise cubic through points, monotone wherever the points are.
+def monotone(points: ArrayLike, at: ArrayLike) -> np.ndarray:
+    """The cubics through `points` (2, n), x and y with n ≥ 3, monotone where these are, `at` any x.
 
     Fritsch, Butland 1984, *A method for constructing local monotone piecewise cubic interpolants*,
-    with the ends of Moler 2004, *Numerical computing with MATLAB*: the values of SciPy's
-    `PchipInterpolator`, to the bit. SciPy's interpolation takes 0.4 s to import, in every process
-    that knows a road user.
-
-    Args:
-        x: (n,) ascending, n ≥ 3.
-        y: (n,).
+    with the ends of Moler 2004, *Numerical computing with MATLAB*: to the bit SciPy's
+    `PchipInterpolator`, which takes 0.4 s to import in every process that makes a car.
     """
-
-    def __init__(self, x: ArrayLike, y: ArrayLike):
-        x, y = np.array(x, dtype=np.float64), np.array(y, dtype=np.float64)
-        step = np.diff(x)
-        slope = np.diff(y) / step
-        tangent = np.zeros(len(x))
-        before, after = slope[:-1], slope[1:]
-        # At an extreme the tangent is level, elsewhere the weighted harmonic mean.
-        rising = before * after > 0.0
-        first, second = 2.0 * step[1:] + step[:-1], step[1:] + 2.0 * step[:-1]
-        harmonic = (first[rising] / before[rising] + second[rising] / after[rising]) / (
-            first[rising] + second[rising]
-        )
-        tangent[1:-1][rising] = 1.0 / harmonic
-        tangent[0] = _end_tangent(step[0], step[1], slope[0], slope[1])
-        tangent[-1] = _end_tangent(step[-1], step[-2], slope[-1], slope[-2])
-        bend = (tangent[:-1] + tangent[1:] - 2.0 * slope) / step
-        self._x = x
-        self._cubic = bend / step
-        self._square = (slope - tangent[:-1]) / step - bend
-        self._linear, self._constant = tangent[:-1], y[:-1]
-
-    def __call__(self, at: ArrayLike) -> np.ndarray:
-        """Values at `at`, any shape; beyond the points, of the first or the last cubic."""
-        at = np.asarray(at, dtype=np.float64)
-        i = np.clip(np.searchsorted(self._x, at, side="right") - 1, 0, len(self._cubic) - 1)
-        s = at - self._x[i]
-        square = s * s
-        low = self._constant[i] + self._linear[i] * s + self._square[i] * square
-        return low + self._cubic[i] * (square * s)
+    x, y = np.array(points, dtype=np.float64)
+    step = np.diff(x)
+    slope = np.diff(y) / step
+    # At an extreme the tangent is level, elsewhere the weighted harmonic mean.
+    first, second = 2.0 * step[1:] + step[:-1], step[1:] + 2.0 * step[:-1]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        harmonic = (first / slope[:-1] + second / slope[1:]) / (first + second)
+        inner = np.where(slope[:-1] * slope[1:] > 0.0, 1.0 / harmonic, 0.0)
+    ends = _end_tangent(*step[:2], *slope[:2]), _end_tangent(*step[:-3:-1], *slope[:-3:-1])
+    tangent = np.concatenate([ends[:1], inner, ends[1:]])
+    bend = (tangent[:-1] + tangent[1:] - 2.0 * slope) / step
+    i = np.clip(np.searchsorted(x, at, side="right") - 1, 0, len(step) - 1)
+    s = at - x[i]
+    low = y[i] + tangent[i] * s + ((slope[i] - tangent[i]) / step[i] - bend[i]) * (s * s)
+    return low + bend[i] / step[i] * (s * s * s)
 
 
 def _end_tangent(step: float, next_step: float, slope: float, next_slope: float) -> float:
@@ -259,6 +235,5 @@ def _end_tangent(step: float, next_step: float, slope: float, next_slope: float)
     tangent = ((2.0 * step + next_step) * slope - step * next_slope) / (step + next_step)
     if np.sign(tangent) != np.sign(slope):
         return 0.0
-    if np.sign(slope) != np.sign(next_slope) and abs(tangent) > 3.0 * abs(slope):
-        return 3.0 * slope
-    return tangent
+    turns = np.sign(slope) != np.sign(next_slope) and abs(tangent) > 3.0 * abs(slope)
+    return 3.0 * slope if turns else tangent

@@ -92,8 +92,8 @@ WOODS = (
 )
 
 
-def world_objects(world: World) -> list[tuple[str, Mesh]]:
-    """Names and meshes of all but the target and the sky: the road, then what is nearest, first.
+def world_objects(world: World) -> list[Mesh]:
+    """Meshes of all but the target and the sky: the road, then what is nearest, first.
 
     The background's order is the order of its ids. The same `world` gives the same bytes.
     """
@@ -103,12 +103,12 @@ def world_objects(world: World) -> list[tuple[str, Mesh]]:
         *_green(world.contrast, materials, draws),
         *_furniture(world.contrast, materials),
     ]
-    made.sort(key=lambda named: _distance(named[1]))
-    return [("road", ground(world.contrast)), *made]
+    made.sort(key=_distance)
+    return [ground(world.contrast), *made]
 
 
 def _distance(mesh: Mesh) -> float:
-    points = np.concatenate([part.vertices for part in mesh.parts])
+    points = np.concatenate([part.vertices for part in mesh])
     return float(np.min(np.hypot(points[:, 0], points[:, 1])))
 
 
@@ -119,32 +119,32 @@ def _houses(contrast: float, materials: Materials, draws: np.random.Generator):
     for i, (x0, y0, x1, y1, height, ridge) in enumerate(HOUSES):
         front = fronts[order[i % len(fronts)]]
         roof = roofs[draws.integers(2)]
-        yield "house", background.house((x0, y0), (x1, y1), height, front, roof, ridge)
-    yield "church", background.tower((-4.5, 102.0), (4.5, 111.0), 22.0, fronts[2], roofs[1])
+        yield background.house((x0, y0), (x1, y1), height, front, roof, ridge)
+    yield background.tower((-4.5, 102.0), (4.5, 111.0), 22.0, fronts[2], roofs[1])
 
 
 def _green(contrast: float, materials: Materials, draws: np.random.Generator):
     greens = [materials.leaves, leaves("dark leaves", (62, 92, 46), contrast)]
     for i, place in enumerate(TREES):
         height = draws.uniform(5.5, 8.0)
-        yield "tree", background.tree(draws, place, height, materials.bark, greens[i % 2])
+        yield background.tree(draws, place, height, materials.bark, greens[i % 2])
     for rectangle in WOODS:
-        yield "woods", background.woods(*rectangle, materials.woods)
+        yield background.woods(*rectangle, materials.woods)
     clipped = leaves("hedge", (66, 98, 50), contrast)
     for x0, y0, x1, y1, height in HEDGES:
-        yield "hedge", background.hedge((x0, y0, 0.0), (x1, y1, height), clipped)
+        yield background.hedge((x0, y0, 0.0), (x1, y1, height), clipped)
 
 
 def _furniture(contrast: float, materials: Materials):
     metal, plate = materials.metal, mottled("sign", (44, 92, 168), 0.08 + 0.20 * contrast)
     for x, y, *reach in LAMPS:
-        yield "lamp post", background.lamp_post((x, y), 6.2, reach, metal, materials.glass)
+        yield background.lamp_post((x, y), 6.2, reach, metal, materials.glass)
     for place in BOLLARDS:
-        yield "bollard", background.bollard(place, metal)
+        yield background.bollard(place, metal)
     for place in SIGNS:
-        yield "sign", background.sign(place, metal, plate)
+        yield background.sign(place, metal, plate)
     for x, y, heading, colour in PARKED:
-        yield "parked car", background.parked_car((x, y), np.radians(heading), colour, contrast)
+        yield background.parked_car((x, y), np.radians(heading), colour, contrast)
 
 
 BEHIND, AHEAD = 30.0, 90.0
@@ -167,13 +167,11 @@ PAINTS = ((150, 38, 34), (172, 174, 170), (60, 94, 70), (52, 66, 104))
 
 def roadside_objects(
     world: World, ego_poses_world: np.ndarray, targets_world: np.ndarray
-) -> list[tuple[str, Mesh]]:
-    """As `world.world_objects`: the road first, then the background, nearest to the start first.
+) -> list[Mesh]:
+    """As `world_objects`: the road first, then the background, nearest to the start first.
 
-    Args:
-        world: its seed draws the layout.
-        ego_poses_world: (K, 3) x m, y m, heading rad.
-        targets_world: (K, 2) m, the target's centre.
+    `world.seed` draws the layout. The ego car's poses (K, 3) are x m, y m, heading rad, the targets
+    (K, 2) m the target's centre.
     """
     draws, materials = generator(world.seed, "roadside"), Materials(world.seed, world.contrast)
     way = _way(ego_poses_world)
@@ -181,19 +179,19 @@ def roadside_objects(
     free = shapely.union_all(
         [shapely.LineString(way).buffer(ROAD), *shapely.buffer(shapely.linestrings(pairs), VIEW)]
     )
-    made: list[tuple[str, Mesh]] = []
-    for name, mesh in _along(way, world, materials, draws):
-        vertices = np.concatenate([one.vertices for one in mesh.parts])
+    made: list[Mesh] = []
+    for mesh in _along(way, world, materials, draws):
+        vertices = np.concatenate([one.vertices for one in mesh])
         footprint = shapely.convex_hull(shapely.multipoints(vertices[:, :2]))
         if not footprint.intersects(free):
-            made.append((name, mesh))
+            made.append(mesh)
             free = free.union(footprint)
     places = np.concatenate([way, *pairs])
     low, high = places.min(axis=0) - MARGIN, places.max(axis=0) + MARGIN
-    made += [("woods", mesh) for mesh in _woods(low + 6.0, high - 6.0, materials)]
-    made.sort(key=lambda named: float(np.hypot(*bounding_box(named[1])[:, :2].mean(axis=0))))
+    made += _woods(low + 6.0, high - 6.0, materials)
+    made.sort(key=lambda mesh: float(np.hypot(*bounding_box(mesh)[:, :2].mean(axis=0))))
     ground = flat("asphalt", [(*low, *high)], 0.0, asphalt(world.contrast), 7.3)
-    return [("road", Mesh((ground,))), *made]
+    return [(ground,), *made]
 
 
 def _way(poses: np.ndarray) -> np.ndarray:
@@ -208,7 +206,7 @@ def _way(poses: np.ndarray) -> np.ndarray:
 
 def _along(
     way: np.ndarray, world: World, materials: Materials, draws: np.random.Generator
-) -> Iterator[tuple[str, Mesh]]:
+) -> Iterator[Mesh]:
     """Objects on both sides of the way, where they would be if nothing had to be left free."""
     line = shapely.LineString(way)
     spacing = max(SPACING, line.length / MOST_SLOTS)
@@ -217,24 +215,22 @@ def _along(
         direction = np.arctan2(further.y - here.y, further.x - here.x)
         # In an object's own frame, y points away from the road.
         for turn in (direction, direction + np.pi):
-            for name, mesh in _slot(world, materials, draws):
-                yield name, moved(mesh, np.array([here.x, here.y, 0.0]), turn)
+            for mesh in _slot(world, materials, draws):
+                yield moved(mesh, np.array([here.x, here.y, 0.0]), turn)
 
 
-def _slot(
-    world: World, materials: Materials, draws: np.random.Generator
-) -> Iterator[tuple[str, Mesh]]:
+def _slot(world: World, materials: Materials, draws: np.random.Generator) -> Iterator[Mesh]:
     """Something tall at the back, something low in front; x along the road, y away from it, m."""
     if draws.uniform() < 0.6:
         half, near = 0.5 * draws.uniform(8.0, 12.0), draws.uniform(12.0, 16.0)
         front = materials.fronts[draws.integers(len(materials.fronts))]
         height = draws.uniform(6.5, 9.0)
         low, high = (-half, near), (half, near + 9.0)
-        yield "house", background.house(low, high, height, front, materials.roof, "x")
+        yield background.house(low, high, height, front, materials.roof, "x")
     else:
         place = (draws.uniform(-3.0, 3.0), draws.uniform(11.0, 16.0))
         height = draws.uniform(5.5, 8.0)
-        yield "tree", background.tree(draws, place, height, materials.bark, materials.leaves)
+        yield background.tree(draws, place, height, materials.bark, materials.leaves)
     if world.kind == "fenced":
         yield _fence_or_hedge(materials, draws)
         return
@@ -242,25 +238,24 @@ def _slot(
     kind = draws.integers(4)
     if kind == 0:
         paint = PAINTS[draws.integers(len(PAINTS))]
-        yield "parked car", background.parked_car(place, 0.0, paint, world.contrast)
+        yield background.parked_car(place, 0.0, paint, world.contrast)
     elif kind == 1:
-        post = background.lamp_post(place, 6.2, (0.0, -1.2), materials.metal, materials.glass)
-        yield "lamp post", post
+        yield background.lamp_post(place, 6.2, (0.0, -1.2), materials.metal, materials.glass)
     elif kind == 2:
         x, y = place
         low, high = (x - 3.0, y, 0.0), (x + 3.0, y + 0.9, draws.uniform(0.9, 1.4))
-        yield "hedge", background.hedge(low, high, materials.leaves)
+        yield background.hedge(low, high, materials.leaves)
     else:
-        yield "bollard", background.bollard(place, materials.metal)
+        yield background.bollard(place, materials.metal)
 
 
-def _fence_or_hedge(materials: Materials, draws: np.random.Generator) -> tuple[str, Mesh]:
+def _fence_or_hedge(materials: Materials, draws: np.random.Generator) -> Mesh:
     """Along the road, 5 to 12 m long."""
     half, near = 0.5 * draws.uniform(5.0, 12.0), draws.uniform(5.8, 7.0)
     low, high = (-half, near, 0.0), (half, near + 0.7, draws.uniform(0.9, 1.6))
     if draws.uniform() < 0.5:
-        return "hedge", background.hedge(low, high, materials.leaves)
-    return "fence", background.fence(low[:2], high[0], high[2], materials.bark)
+        return background.hedge(low, high, materials.leaves)
+    return background.fence(low[:2], high[0], high[2], materials.bark)
 
 
 def _woods(low: np.ndarray, high: np.ndarray, materials: Materials) -> Iterator[Mesh]:
@@ -287,14 +282,8 @@ def occluder(world: World, ego_poses_world: np.ndarray, targets_world: np.ndarra
 
     `world.seed` draws when the target's centre is behind its middle, and how far along that line
     it is: 50 to 65 %. A hedge is as long as to hide the centre for 25 to 42 % of the time, and 0.9
-    to 1.6 m high: a high one hides all of the target. A post is a lamp post or a bollard.
-
-    Args:
-        ego_poses_world: (K, 3) x m, y m, heading rad.
-        targets_world: (K, 2) m, the target's centre.
-
-    Raises:
-        UserError: if no place is far enough from the ways of both.
+    to 1.6 m high: a high one hides all of the target. A post is a lamp post or a bollard. The
+    arguments are those of `roadside_objects`. UserError if no place is far enough from both ways.
     """
     draws, materials = generator(world.seed, "occluder"), Materials(world.seed, world.contrast)
     eyes, last = ego_poses_world[:, :2], len(targets_world) - 1

@@ -16,17 +16,14 @@ INVALID = -1
 
 @dataclass(frozen=True)
 class Disparities:
-    """Disparities of frames `first`, `first` + 1, ….
-
-    Attributes:
-        first: index k of the first frame.
-        count: number of disparities searched, px: every valid disparity is in [0, count).
-        stored: raw + 1 as (H, W) uint16, so that 0 is invalid.
-    """
+    """Disparities of frames `first`, `first` + 1, …."""
 
     first: int
+    """Index k of the first frame."""
     count: int
+    """Number of disparities searched, px: every valid disparity is in [0, count)."""
     stored: ImageStack | tuple[np.ndarray, ...]
+    """raw + 1 as (H, W) uint16, so that 0 is invalid."""
 
     @classmethod
     def from_raw(cls, first: int, count: int, raw: Iterable[np.ndarray]) -> "Disparities":

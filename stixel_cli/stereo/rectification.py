@@ -5,6 +5,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
+from stixel_cli.images import reduced
 from stixel_cli.stereo.matching import one_thread
 
 WARNED, REFUSED = 0.5, 2.0
@@ -23,17 +24,14 @@ images of two scenes, have fewer."""
 
 
 class Rows(NamedTuple):
-    """The comparison of the corners in a pair's images.
-
-    Attributes:
-        difference: vertical disparity, px: the root mean square over the lower half of the image.
-        fault: the fault of the pair, and the remedy; None without a fault.
-        refused: whether the fault makes stixels wrong.
-    """
+    """The comparison of the corners in a pair's images."""
 
     difference: float
+    """Vertical disparity, px: the root mean square over the lower half of the image."""
     fault: str | None
+    """The fault of the pair, and the remedy; None without a fault."""
     refused: bool
+    """Whether the fault makes stixels wrong."""
 
 
 def compare_rows(left: np.ndarray, right: np.ndarray, far_disparity: float) -> Rows | None:
@@ -43,8 +41,8 @@ def compare_rows(left: np.ndarray, right: np.ndarray, far_disparity: float) -> R
     pixel by optical flow (Lucas, Kanade 1981). Offset, roll and scale of the rows are a robust fit
     (Fischler, Bolles 1981, *RANSAC*). `far_disparity` is that of the rig, px.
     """
-    whole = [_at_most(image, WIDTH) for image in (left, right)]
-    small = [_at_most(image, WIDTH // 2) for image in whole]
+    whole = [reduced(image, WIDTH) for image in (left, right)]
+    small = [reduced(image, WIDTH // 2) for image in whole]
     with one_thread():
         (ours, words), (theirs, other_words) = map(_corners, small)
         if min(len(ours), len(theirs)) < LEAST_CORNERS:
@@ -65,13 +63,13 @@ def compare_rows(left: np.ndarray, right: np.ndarray, far_disparity: float) -> R
     agree = agree[:, 0] == 1
     if fit is None or agree.sum() < max(LEAST_CORNERS, LEAST_SHARE * len(one)):
         return None
-    (height, width), reduced = whole[0].shape, left.shape[1] / whole[0].shape[1]
+    (height, width), factor = whole[0].shape, left.shape[1] / whole[0].shape[1]
     roll, scale = fit[1, :2] - [0.0, 1.0]
     # Of the lower half, which shows the road and the feet of obstacles.
-    mean = reduced * (fit[1, 2] + roll * 0.5 * (width - 1) + scale * 0.75 * (height - 1))
-    uneven = reduced * np.hypot(roll * width, scale * 0.5 * height) / np.sqrt(12.0)
+    mean = factor * (fit[1, 2] + roll * 0.5 * (width - 1) + scale * 0.75 * (height - 1))
+    uneven = factor * np.hypot(roll * width, scale * 0.5 * height) / np.sqrt(12.0)
     difference = float(np.hypot(mean, uneven))
-    negative = np.mean(reduced * (one - other)[agree, 0] < far_disparity - 1.0)
+    negative = np.mean(factor * (one - other)[agree, 0] < far_disparity - 1.0)
     fault = None
     if negative >= MOST_NEGATIVE:
         fault = (
@@ -97,11 +95,3 @@ def _corners(image: np.ndarray) -> tuple[list[tuple[float, float]], np.ndarray]:
         places += [(corner.pt[0], corner.pt[1] + first) for corner in corners]
         descriptors += [described] if corners else []
     return places, np.concatenate(descriptors)
-
-
-def _at_most(image: np.ndarray, width: int) -> np.ndarray:
-    """The image, reduced to `width` px if it is wider."""
-    if image.shape[1] <= width:
-        return image
-    height = round(image.shape[0] * width / image.shape[1])
-    return cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA)

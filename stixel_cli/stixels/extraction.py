@@ -129,9 +129,8 @@ def group_fields(
 ) -> dict[str, np.ndarray]:
     """Fields of `Stixels` from column ranges, tops and disparities.
 
-    Args:
-        areas: (S, 4) left, right (exclusive), top and base row.
-        measured: (S, 2) pitch-compensated disparity px, mean row of the pixels.
+    `areas` (S, 4) are left, right (exclusive), top and base row; `measured` (S, 2)
+    pitch-compensated disparity px and mean row of the pixels.
     """
     left, right, top = areas[:, 0], areas[:, 1], areas[:, 2].astype(np.float64)
     disparity, mean_row = measured[:, 0], measured[:, 1]

@@ -80,9 +80,8 @@ def expected_depth(
 ) -> np.ndarray:
     """Depths (W,) in m of the last frame's obstacles now; NaN where no obstacle is expected.
 
-    Args:
-        obstacle, base_row, line: the last frame's solution, as `FreeSpace` has it.
-        ego_before, ego_now: (3,) poses in the world of the last frame and of this one.
+    The last frame's solution is as `FreeSpace` has it; the ego car's poses (3,) in the world are
+    those of the last frame and of this one.
     """
     # Where the foot is hidden below the image its row is clipped; at that row depth is the same.
     factors = pitch_factors(line, rig).astype(np.float64)

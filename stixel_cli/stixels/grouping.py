@@ -14,40 +14,34 @@ LEAST_ROWS = 5
 
 
 class Layer(NamedTuple):
-    """Obstacles of a frame's columns.
-
-    Attributes:
-        obstacle, window: (W,) float32 px; obstacle is NaN in free columns.
-        tops, base_row: (W,) int32 rows of the obstacle, both inclusive.
-        head, foot: (W,) int32 first and last row whose pixels count, inclusive.
-    """
+    """Obstacles of a frame's columns."""
 
     obstacle: np.ndarray
     window: np.ndarray
+    """`obstacle`, `window`: (W,) float32 px; the obstacle is NaN in free columns."""
     tops: np.ndarray
+    """(W,) int32, first row of the obstacle, whose last row is `base_row`."""
     head: np.ndarray
     foot: np.ndarray
+    """`head`, `foot`: (W,) int32, first and last row whose pixels count."""
     base_row: np.ndarray
 
 
 class Grouping(NamedTuple):
-    """How columns are grouped.
-
-    Attributes:
-        stixel_width: columns of a group.
-        bins_per_pixel: of the histogram.
-        kernel: (2 r + 1,) float64 that the histogram is smoothed with.
-        least_pixels: groups with fewer pixels in the window are no stixel.
-        front_rows: rows of a front face for each px of its disparity.
-        front_margin: px.
-    """
+    """How columns are grouped."""
 
     stixel_width: int
+    """Columns of a group."""
     bins_per_pixel: int
+    """Of the histogram."""
     kernel: np.ndarray
+    """(2 r + 1,) float64 that the histogram is smoothed with."""
     least_pixels: int
+    """Groups with fewer pixels in the window are no stixel."""
     front_rows: float
+    """Rows of a front face for each px of its disparity."""
     front_margin: float
+    """In px."""
 
 
 def group_columns(
@@ -63,12 +57,7 @@ def group_columns(
     top is the median of theirs. The disparities within the window in their areas, from `head`
     (from the top where these are too few) down to `foot`, make a histogram. It is split: what is
     more than `front_margin` behind the front face (`front_face`) is another surface. The disparity
-    is the maximum of the rest.
-
-    Args:
-        columns, scale, count: as in `Frame`.
-        layer: the obstacles.
-        grouping: how they are grouped.
+    is the maximum of the rest. `columns`, `scale` and `count` are as in `Frame`.
     """
     width, height = columns.shape
     groups = (width + grouping.stixel_width - 1) // grouping.stixel_width
@@ -182,12 +171,8 @@ def front_face(count, total, columns, extent):
     """Disparity, px, of the nearest face: the greatest mean over `extent` rows next to each other.
 
     Only where at least half of the pixels there have a disparity. Without such rows, the mean of
-    all: then nothing is known of a relief.
-
-    Args:
-        count, total: (n,) number and sum of the disparities of each row.
-        columns: pixels of a row.
-        extent: rows of the face; at most n count.
+    all: then nothing is known of a relief. `count` and `total` (n,) are number and sum of the
+    disparities of each row, `columns` its pixels; of the `extent` at most n rows count.
     """
     extent = min(extent, len(count))
     found, pixels, summed = False, 0, 0.0

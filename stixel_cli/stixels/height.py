@@ -9,27 +9,22 @@ from functools import cached_property
 import numpy as np
 from numba import njit
 
+from stixel_cli.geometry.kernel import returning
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.stereo.disparities import SUBPIXELS
-from stixel_cli.stixels.kernel import returning
 from stixel_cli.stixels.parameters import HeightParameters
 from stixel_cli.stixels.road import pitch_factors
 
 
 @dataclass(frozen=True)
 class Frame:
-    """One frame's disparities, and the road and the nearest obstacles in them.
-
-    Attributes:
-        columns, count, line: see the package.
-        obstacle, base_row: (W,) a frame of `FreeSpace`.
-        rig: the cameras.
-    """
+    """One frame's disparities, and the road and the nearest obstacles in them; see the package."""
 
     columns: np.ndarray
     count: int
     obstacle: np.ndarray
     base_row: np.ndarray
+    """`obstacle`, `base_row`: (W,) of a frame of `FreeSpace`."""
     line: np.ndarray
     rig: Rig
 

@@ -8,7 +8,7 @@ first. The depths of the rows need not be even.
 import numpy as np
 from numba import njit
 
-from stixel_cli.stixels.kernel import returning
+from stixel_cli.geometry.kernel import returning
 from stixel_cli.stixels.occupancy import BINS_PER_PIXEL, Layout, accumulate, to_polar
 from stixel_cli.stixels.parameters import FreeSpaceParameters, RoadParameters
 
@@ -23,10 +23,8 @@ def nearest_obstacle(
 ) -> np.ndarray:
     """Pitch-compensated disparity (W,) float32 px of each column's nearest obstacle; NaN: free.
 
-    Args:
-        columns, line: see the package.
-        expected: (W,) depths of the last solution in this frame, m, NaN where unknown; or None.
-        grid: `layout` for these disparities.
+    `expected` (W,) are depths of the last solution in this frame, m, NaN where unknown; or None.
+    `grid` is the `layout` for these disparities; for the others see the package.
     """
     histogram, values = accumulate(columns, line, road, grid)
     if grid.occupancy.kind == "cartesian":

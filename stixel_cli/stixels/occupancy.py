@@ -14,9 +14,9 @@ import numpy as np
 from numba import njit
 from scipy.special import ndtr
 
+from stixel_cli.geometry.kernel import returning
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.stereo.disparities import SUBPIXELS, Disparities
-from stixel_cli.stixels.kernel import returning
 from stixel_cli.stixels.parameters import OccupancyParameters, RoadParameters
 from stixel_cli.stixels.road import obstacle_limits, pitch_factors
 from stixel_cli.stixels.types import FreeSpace, OccupancyGrid
@@ -30,29 +30,26 @@ REACH = 4.0
 
 @dataclass(frozen=True)
 class Layout:
-    """Rows of a grid and the likelihoods that fill them.
-
-    Attributes:
-        occupancy, rig: what the grid is made for.
-        depths: (R,) float32 m, ascending.
-        disparities: (R,) float32 px, descending.
-        reaches: (R,) float32 px, a cell's half extent and two standard deviations.
-        likelihoods: (bins, R) float32 1/px, mean of G over the cell for a pixel of the bin.
-        first, last: (bins,) int32, rows first … last - 1 of a bin are not zero.
-        peaks: (R,) float32 1/px, the most that one pixel can add to a cell.
-        laterals: (C,) float32 m, centres of a Cartesian grid's cells, else empty.
-    """
+    """Rows of a grid and the likelihoods that fill them."""
 
     occupancy: OccupancyParameters
     rig: Rig
+    """`occupancy`, `rig`: what the grid is made for."""
     depths: np.ndarray
+    """(R,) float32 m, ascending."""
     disparities: np.ndarray
+    """(R,) float32 px, descending."""
     reaches: np.ndarray
+    """(R,) float32 px, a cell's half extent and two standard deviations."""
     likelihoods: np.ndarray
+    """(bins, R) float32 1/px, mean of G over the cell for a pixel of the bin."""
     first: np.ndarray
     last: np.ndarray
+    """`first`, `last`: (bins,) int32, rows first … last - 1 of a bin are not zero."""
     peaks: np.ndarray
+    """(R,) float32 1/px, the most that one pixel can add to a cell."""
     laterals: np.ndarray
+    """(C,) float32 m, centres of a Cartesian grid's cells, else empty."""
 
 
 @lru_cache(maxsize=1)

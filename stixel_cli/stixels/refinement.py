@@ -3,7 +3,7 @@
 import numpy as np
 from numba import njit
 
-from stixel_cli.stixels.kernel import returning
+from stixel_cli.geometry.kernel import returning
 
 PAD = 2
 """Columns of the patch on either side of the stixel: a few columns have too little texture."""

@@ -16,9 +16,9 @@ import cv2
 import numpy as np
 from numba import njit
 
+from stixel_cli.geometry.kernel import returning
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.stereo.disparities import SUBPIXELS, Disparities
-from stixel_cli.stixels.kernel import returning
 from stixel_cli.stixels.parameters import EstimatedRoad, RoadParameters
 
 STEPS = 41

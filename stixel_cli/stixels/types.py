@@ -14,22 +14,19 @@ SAME_OBJECT = 1.5
 
 @dataclass(frozen=True)
 class FreeSpace:
-    """The nearest obstacle of every image column, for n frames `first`, `first` + 1, ….
-
-    Attributes:
-        first: index k of the first frame.
-        disparity: (n, W) float32, disparity of the obstacle in px; NaN where the column is free.
-        base_row: (n, W) int32, image row where that obstacle meets the road; -1 where free.
-        road: (n, 2) float64, the road's disparity in row v: road[0] * v + road[1], px.
-        unknown_row: (n, W) int32, nothing is known of the column from this row upwards to its
-            obstacle; -1 where all is known. By default, all is.
-    """
+    """The nearest obstacle of every image column, for n frames `first`, `first` + 1, …."""
 
     first: int
+    """Index k of the first frame."""
     disparity: np.ndarray
+    """(n, W) float32, disparity of the obstacle in px; NaN where the column is free."""
     base_row: np.ndarray
+    """(n, W) int32, image row where that obstacle meets the road; -1 where free."""
     road: np.ndarray
+    """(n, 2) float64, the road's disparity in row v: road[0] * v + road[1], px."""
     unknown_row: np.ndarray = None
+    """(n, W) int32, nothing is known of the column from this row upwards to its obstacle; -1 where
+    all is known. By default, all is."""
 
     def __post_init__(self) -> None:
         if self.unknown_row is None:
@@ -85,21 +82,18 @@ class Stixels:
 
 @dataclass(frozen=True)
 class OccupancyGrid:
-    """The occupancy grid of one frame, for its picture.
-
-    Attributes:
-        kind: "polar", "column_disparity" or "cartesian".
-        values: (R, C) float32, obstacle pixels per px of disparity (cartesian: per px²).
-        depths: (R,) m, depth of each row's centre, nearest first.
-        disparities: (R,) px, the same as disparities.
-        laterals: (C,) m lateral position of each column (cartesian), else the image column u, px.
-    """
+    """The occupancy grid of one frame, for its picture."""
 
     kind: str
+    """One of "polar", "column_disparity" and "cartesian"."""
     values: np.ndarray
+    """(R, C) float32, obstacle pixels per px of disparity (cartesian: per px²)."""
     depths: np.ndarray
+    """(R,) m, depth of each row's centre, nearest first."""
     disparities: np.ndarray
+    """(R,) px, the same as disparities."""
     laterals: np.ndarray
+    """(C,) m lateral position of each column (cartesian), else the image column u, px."""
 
 
 @dataclass(frozen=True)

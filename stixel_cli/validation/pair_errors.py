@@ -34,19 +34,16 @@ ELSEWHERE = 1.5
 
 @dataclass(frozen=True)
 class AreaErrors:
-    """Stixels against the truth in their areas, one row per stixel with enough of it.
-
-    Attributes:
-        stixels: (n,) their indices.
-        errors: (n,) px, found disparity minus the median of the true ones.
-        spreads: (n,) px, of the true disparities, from 10 % to 90 %.
-        truths: (n,) px, the median of the true ones.
-    """
+    """Stixels against the truth in their areas, one row per stixel with enough of it."""
 
     stixels: np.ndarray
+    """(n,) their indices."""
     errors: np.ndarray
+    """(n,) px, found disparity minus the median of the true ones."""
     spreads: np.ndarray
+    """(n,) px, of the true disparities, from 10 % to 90 %."""
     truths: np.ndarray
+    """(n,) px, the median of the true ones."""
 
     @property
     def square(self) -> np.ndarray:

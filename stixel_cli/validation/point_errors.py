@@ -35,48 +35,43 @@ _BEHIND = 0.1
 
 @dataclass(frozen=True)
 class PointErrors:
-    """Errors of N points of the target, of C columns that see it, and of K scans.
-
-    Attributes:
-        times: (K,) s.
-        spacing: columns from one point to its neighbour, px: the median; NaN if there are no
-            neighbours.
-        scans: (N,) int64, the scan of each point; within a scan by column.
-        columns: (N,) px.
-        along: (N,) m, error of the range.
-        disparities: (N,) px, error of the disparity.
-        range_sensitivities: (N,) m/px, change of range with disparity.
-        inside: (N,) px from the nearer end of the silhouette; negative outside it.
-        covered: (C,) whether a point of the target is within half of `spacing` of each column of
-            the image, a pixel wide round its pixels' middles, in the silhouette of each scan.
-        reach_left, reach_right: (K,) px, how far the scan's points, half of `spacing` round the
-            outermost, go beyond either end of the silhouette; negative if they fall short; NaN
-            where that end is not in the image, or no point is the target's.
-        columns_per_metre: (K,) px that a metre across the rays is worth at the silhouette's ends,
-            their mean; NaN where the target is not seen.
-        clutter: (K,) int64, points in front of or behind the target in its columns.
-    """
+    """Errors of N points of the target, of C columns that see it, and of K scans."""
 
     times: np.ndarray
+    """(K,) s."""
     spacing: float
+    """Columns from one point to its neighbour, px: the median; NaN if there are no neighbours."""
     scans: np.ndarray
+    """(N,) int64, the scan of each point; within a scan by column."""
     columns: np.ndarray
+    """(N,) px."""
     along: np.ndarray
+    """(N,) m, error of the range."""
     disparities: np.ndarray
+    """(N,) px, error of the disparity."""
     range_sensitivities: np.ndarray
+    """(N,) m/px, change of range with disparity."""
     inside: np.ndarray
+    """(N,) px from the nearer end of the silhouette; negative outside it."""
     covered: np.ndarray
+    """(C,) whether a point of the target is within half of `spacing` of each column of the image, a
+    pixel wide round its pixels' middles, in the silhouette of each scan."""
     reach_left: np.ndarray
     reach_right: np.ndarray
+    """`reach_left`, `reach_right`: (K,) px, how far the scan's points, half of `spacing` round the
+    outermost, go beyond either end of the silhouette; negative if they fall short; NaN where that
+    end is not in the image, or no point is the target's."""
     columns_per_metre: np.ndarray
+    """(K,) px that a metre across the rays is worth at the silhouette's ends, their mean; NaN where
+    the target is not seen."""
     clutter: np.ndarray
+    """(K,) int64, points in front of or behind the target in its columns."""
 
 
 def point_errors(scans: Scans, scenario: Scenario, rig: Rig) -> PointErrors:
     """Errors of the points of all scans; for the conventions see the module.
 
-    Raises:
-        ValueError: unless the scans' times are the scenario's.
+    ValueError unless the scans' times are the scenario's.
     """
     if not np.array_equal(scans.times, scenario.times):
         raise ValueError("the times of the scans differ from those of the scenario")

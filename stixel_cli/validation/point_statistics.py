@@ -91,10 +91,8 @@ def fit_noise(runs: Sequence[PointErrors]) -> FittedNoise:
 
     Each parameter of `FittedNoise` has a simple estimator: means for bias and variance, the mean
     product of neighbouring residuals for the correlation, mean and variance of the points' reach
-    beyond the silhouette's ends, counts for missed points.
-
-    Raises:
-        UserError: if the runs have too few points between the ends of the silhouette.
+    beyond the silhouette's ends, counts for missed points. UserError if the runs have too few
+    points between the ends of the silhouette.
     """
     first = np.cumsum([0, *(len(run.times) for run in runs)])
     scan = np.concatenate([run.scans + first[i] for i, run in enumerate(runs)])

@@ -31,50 +31,43 @@ STIXEL_COLUMNS = ("depth", "disparity", "error", "square", "sigma", "lateral", "
 
 @dataclass(frozen=True)
 class StageErrors:
-    """Errors of all stages in n frames `first`, `first` + 1, ….
-
-    Attributes:
-        first: index k of the first frame.
-        frames: columns (n,) by name. `depth`: m, true depth along the road of the target's nearest
-            column, NaN without one. Of the pixels inside the target: `pixels`; `valid`, with a
-            disparity; `gross`, of these, off by more than `GROSS`; `total` and `squares`, sums of
-            the errors of the others, px and px². Of the image's columns: `columns`, whose nearest
-            obstacle is the target; `missed`, in which free space has no obstacle, or one more than
-            `GROSS` px farther; `uncovered`, without a stixel.
-        stixels: columns (S,) by name, one row for each stixel on the target: the target is the
-            nearest obstacle in at least half of its columns. `depth`: m, the true one along the
-            road, of the front face, which is the median nearest obstacle of its columns on the
-            target (`frame_truth`); `disparity`, px, and `error`, m: errors against
-            that; `square`: m, error of the depth against the median of the target's pixels in the
-            stixel's area, NaN if their depths are not within `SQUARE`; `sigma`: m, the stated
-            standard deviation in depth; `lateral`: m, error of the point to the right; `height`:
-            m, error of the top's height above the road.
-    """
+    """Errors of all stages in n frames `first`, `first` + 1, …."""
 
     first: int
+    """Index k of the first frame."""
     frames: dict[str, np.ndarray]
+    """Columns (n,) by name. `depth`: m, true depth along the road of the target's nearest column,
+    NaN without one. Of the pixels inside the target: `pixels`; `valid`, with a disparity; `gross`,
+    of these, off by more than `GROSS`; `total` and `squares`, sums of the errors of the others, px
+    and px². Of the image's columns: `columns`, whose nearest obstacle is the target; `missed`, in
+    which free space has no obstacle, or one more than `GROSS` px farther; `uncovered`, without a
+    stixel."""
     stixels: dict[str, np.ndarray]
+    """Columns (S,) by name, one row for each stixel on the target: the target is the nearest
+    obstacle in at least half of its columns. `depth`: m, the true one along the road, of the front
+    face, which is the median nearest obstacle of its columns on the target (`frame_truth`);
+    `disparity`, px, and `error`, m: errors against that; `square`: m, error of the depth against
+    the median of the target's pixels in the stixel's area, NaN if their depths are not within
+    `SQUARE`; `sigma`: m, the stated standard deviation in depth; `lateral`: m, error of the point
+    to the right; `height`: m, error of the top's height above the road."""
 
 
 @dataclass(frozen=True)
 class FrameTruth:
-    """Truth of one frame of the left camera.
-
-    Attributes:
-        disparity: (H, W) px, f B / z of the image; 0 where there is nothing.
-        depth: (H, W) m along the road; inf without a surface.
-        ids: (H, W) uint8, as in `RenderedFrames`.
-        nearest_depth: (W,) m along the road, of each column's nearest obstacle; NaN where free.
-        nearest_lateral: (W,) m to the right of the camera, of the same point.
-        of_target: (W,) bool, whether that obstacle is the target.
-    """
+    """Truth of one frame of the left camera."""
 
     disparity: np.ndarray
+    """(H, W) px, f B / z of the image; 0 where there is nothing."""
     depth: np.ndarray
+    """(H, W) m along the road; inf without a surface."""
     ids: np.ndarray
+    """(H, W) uint8, as in `RenderedFrames`."""
     nearest_depth: np.ndarray
+    """(W,) m along the road, of each column's nearest obstacle; NaN where free."""
     nearest_lateral: np.ndarray
+    """(W,) m to the right of the camera, of the same point."""
     of_target: np.ndarray
+    """(W,) bool, whether that obstacle is the target."""
 
     @cached_property
     def on_target(self) -> np.ndarray:

@@ -18,7 +18,7 @@ from stixel_cli.measurements.lidar_casting import (
 )
 from stixel_cli.measurements.parameters import LidarReturns, Scanner
 from stixel_cli.measurements.scans import FieldOfView
-from stixel_cli.scene.mesh import Mesh, corners
+from stixel_cli.scene.mesh import corners
 from stixel_cli.scene.open3d_import import import_open3d_bindings
 from stixel_cli.scene.parameters import World
 from stixel_cli.scene.road_user import road_user_meshes
@@ -54,7 +54,7 @@ HOUSE = ((-20.0, 30.0, 0.0), (20.0, 31.0, 9.0))
 
 def mesh_of(*boxes):
     texture = np.zeros((4, 4, 3), np.uint8)
-    return Mesh((part("boxes", [box(*b) for b in boxes], texture, 1.0),))
+    return (part("boxes", [box(*b) for b in boxes], texture, 1.0),)
 
 
 GROUND = ((-200.0, -200.0, -1.0), (200.0, 200.0, 0.0))

@@ -47,12 +47,12 @@ def box(low, high, texture: np.ndarray) -> Mesh:
         [(x0, y0, z1), (x1, y0, z1), (x1, y1, z1), (x0, y1, z1)],
         [(x0, y1, z0), (x1, y1, z0), (x1, y0, z0), (x0, y0, z0)],
     )
-    return Mesh(tuple(quad(face, texture) for face in faces))
+    return tuple(quad(face, texture) for face in faces)
 
 
 def road(texture: np.ndarray, repeats: float = 40.0) -> Mesh:
     corners = [(-60, -10, 0), (60, -10, 0), (60, 110, 0), (-60, 110, 0)]
-    return Mesh((quad(corners, texture, repeats, "road"),))
+    return (quad(corners, texture, repeats, "road"),)
 
 
 def objects() -> list[tuple[int, Mesh]]:
@@ -67,7 +67,7 @@ def objects() -> list[tuple[int, Mesh]]:
 def target_mesh() -> Mesh:
     body = box((-1.5, -0.7, 0.2), (1.5, 0.7, 0.8), speckle(4, 32))
     antenna = box((-1.0, -0.01, 0.8), (-0.98, 0.01, 1.6), speckle(6, 32))
-    return Mesh((*body.parts, *antenna.parts))
+    return (*body, *antenna)
 
 
 def scenario(count: int = 4, moving: bool = False) -> Scenario:

@@ -17,12 +17,11 @@ from stixel_cli.rendering.filament import (
 )
 from stixel_cli.rendering.filament_process import (
     ID_STEPS,
-    encoded,
     identities,
     identity_colour,
     main,
 )
-from stixel_cli.rendering.frames import SKY_ID, TARGET_ID
+from stixel_cli.rendering.frames import SKY_ID, TARGET_ID, encoded
 from stixel_cli.rendering.parameters import FilamentParameters
 from stixel_cli.rendering.raycast import StaticScene, Target, render_frame
 from stixel_cli.rendering.surfaces import linear_from_srgb

@@ -23,7 +23,7 @@ from stixel_cli.rendering.surfaces import (
     srgb_from_linear,
 )
 from stixel_cli.rendering.tracing import Body, Shot
-from stixel_cli.scene.mesh import Mesh, scaled
+from stixel_cli.scene.mesh import scaled
 from stixel_cli.scene.parameters import World
 
 POSE = np.array([0.0, 0.0, box_scene.AHEAD])
@@ -59,7 +59,7 @@ def test_frame_bytes_do_not_depend_on_chunk_or_partial_rendering(target, moving)
 
 
 def test_render_does_not_depend_on_the_chunks(monkeypatch):
-    world = [(str(i), mesh) for i, mesh in objects()]
+    world = [mesh for _, mesh in objects()]
     monkeypatch.setattr("stixel_cli.rendering.placement.world_objects", lambda _: world)
     monkeypatch.setattr(raycast, "road_user_meshes", lambda _: [target_mesh()])
     rest = {"scenario": scenario(), "road_user": None, "world": World("street", 1, 1.0)}
@@ -204,7 +204,7 @@ def test_texture_is_averaged_over_the_pixel_area():
     """Brute force: many unfiltered samples in each pixel have the filter's mean and its values."""
     texture = speckle(9, 64)
     static = StaticScene(
-        [(3, Mesh((quad([(-9, 12, -6), (9, 12, -6), (9, 12, 8), (-9, 12, 8)], texture, 3.0),)))],
+        [(3, (quad([(-9, 12, -6), (9, 12, -6), (9, 12, 8), (-9, 12, 8)], texture, 3.0),))],
         replace(RIG, pitch=0.0),
         RAYCAST,
     )
@@ -214,8 +214,7 @@ def test_texture_is_averaged_over_the_pixel_area():
     offsets = (np.arange(16) + 0.5) / 16 - 0.5
     du, dv = (array.ravel() for array in np.meshgrid(offsets, offsets))
     uu, vv = np.add.outer(u, du).ravel(), np.add.outer(v, dv).ravel()
-    rays = np.empty((len(uu), 6), dtype=np.float32)
-    tracing.camera_rays(rays, uu, vv, *view.shot.camera.pinhole)
+    rays = tracing.camera_rays(uu, vv, view.shot.camera.pinhole)
     points = rays[:, :3] + rays[:, 3:] * (12.0 / rays[:, 4])[:, None]
     columns = np.floor((points[:, 0] + 9) / 18 * 3 * 64).astype(int) % 64
     rows = np.floor((8 - points[:, 2]) / 14 * 3 * 64).astype(int) % 64
@@ -229,7 +228,7 @@ def test_texture_is_averaged_over_the_pixel_area():
 
 def test_texture_of_the_target_is_nearer_to_the_mean_over_the_pixel(monkeypatch):
     """Against 16 × 16 samples in each pixel; the same wall once with plain mip-maps."""
-    wall = Mesh((quad([(-9, 12, -6), (9, 12, -6), (9, 12, 8), (-9, 12, 8)], speckle(9, 256), 3.0),))
+    wall = (quad([(-9, 12, -6), (9, 12, -6), (9, 12, 8), (-9, 12, 8)], speckle(9, 256), 3.0),)
     meshes = road(speckle(1)), wall
     bodies = tuple(Body(build_surfaces([(3, mesh)]), np.eye(4)) for mesh in meshes)
     shot = Shot(bodies, rig_cameras(RIG, POSE)[0])
@@ -258,9 +257,10 @@ def test_shading_accepts_an_empty_list(static):
     none, ids = np.empty(0), np.empty(0, dtype=np.int32)
     one, light = np.ones(3), np.empty((0, 3), dtype=np.float32)
     textures = surfaces.textures
-    hits = none, none, none, ids.astype(np.int8), ids
+    hits = tracing.Hits(none, none, none, ids.astype(np.int8), ids)
+    samples = hits, np.empty(0, dtype=bool), none, 0, 1
     shade(
-        light, hits, np.empty(0, dtype=bool), 0, 1, none, (np.eye(3), np.zeros(3), 1.0, 0.0, 0.0),
+        light, samples, (np.eye(3), np.zeros(3), 1.0, 0.0, 0.0),
         (surfaces.normals, surfaces.uv_gradients, surfaces.texture),
         (textures.texels, textures.levels, textures.first_level), (one, one, one, one),
     )  # fmt: skip

@@ -17,7 +17,7 @@ from stixel_cli.rendering.raycast import StaticScene, Target
 from stixel_cli.rendering.supersampling import Centres, rasterised, sample_offsets, supersampled
 from stixel_cli.rendering.surfaces import build_surfaces
 from stixel_cli.rendering.tracing import Body, Shot
-from stixel_cli.scene.mesh import Mesh, Part
+from stixel_cli.scene.mesh import Part
 from stixel_cli.scene.parameters import RoadUser, World
 from stixel_cli.scene.road_user import road_user_meshes
 
@@ -37,7 +37,7 @@ def agreement(shot, rows, columns, samples) -> tuple[float, float]:
     """Shares of the samples in which rasteriser and ray caster meet the same triangle, and with
     the same depth."""
     right, down = sample_offsets(samples)
-    inverse, found = rasterised(shot, rows, columns, right, down)
+    inverse, found = rasterised(shot, rows, columns, (right, down))
     u, v = np.add.outer(columns, right).ravel(), np.add.outer(rows, down).ravel()
     hits = tracing.nearest(shot, u, v)
     number = hits.triangle + np.where(hits.body == 1, len(shot.bodies[0].surfaces.corners), 0)
@@ -66,7 +66,7 @@ def test_triangles_around_the_camera_are_rasterised_as_they_are_cast(seed):
     points = (centres + random.normal(0.0, random.choice([0.3, 5.0]), (40, 3, 3))) + [0, 0, 1.2]
     one, uvs = np.array([[0, 1, 2]], dtype=np.int32), np.zeros((1, 3, 2))
     parts = [Part(corners, one, uvs, speckle(1), "triangle") for corners in points]
-    body = Body(build_surfaces([(3, Mesh(tuple(parts)))]), np.eye(4))
+    body = Body(build_surfaces([(3, tuple(parts))]), np.eye(4))
     camera = rig_cameras(RIG, POSE)[0]
     shot = Shot((body,), camera)
     rows, columns = np.divmod(np.arange(0, camera.height * camera.width, 7), camera.width)
@@ -77,10 +77,10 @@ def test_triangles_around_the_camera_are_rasterised_as_they_are_cast(seed):
 
 def test_two_triangles_with_a_common_edge_leave_no_sample_between_them():
     corners = [(-5, 6, -4), (5.3, 7, -4), (5.1, 7, 4.7), (-5.2, 6, 4.7)]
-    body = Body(build_surfaces([(3, Mesh((quad(corners, speckle(1)),)))]), np.eye(4))
+    body = Body(build_surfaces([(3, (quad(corners, speckle(1)),))]), np.eye(4))
     shot = Shot((body,), rig_cameras(replace(RIG, pitch=0.0), POSE)[0])
     rows, columns = (grid.ravel() for grid in np.mgrid[10:80, 20:100])
-    _, found = rasterised(shot, rows, columns, *sample_offsets(8))
+    _, found = rasterised(shot, rows, columns, sample_offsets(8))
     assert set(np.unique(found)) == {0, 1}
 
 
@@ -111,7 +111,7 @@ def brute_force(shot, centres, samples) -> np.ndarray:
 
 def test_more_samples_come_nearer_to_the_mean_over_the_pixel(edges):
     shot, centres = edges
-    _, found = rasterised(shot, centres.rows, centres.columns, *sample_offsets(4))
+    _, found = rasterised(shot, centres.rows, centres.columns, sample_offsets(4))
     mixed = np.flatnonzero((found != found[:, :1]).any(axis=1))
     assert len(mixed) > 300
     centres, at_shadow = centres.at(mixed), np.zeros(len(mixed), dtype=bool)
@@ -129,7 +129,7 @@ def test_more_samples_come_nearer_to_the_mean_over_the_pixel(edges):
 def test_a_shadows_edge_inside_a_triangle_is_blended(edges):
     shot, centres = edges
     exact = brute_force(shot, centres, 4)
-    _, found = rasterised(shot, centres.rows, centres.columns, *sample_offsets(4))
+    _, found = rasterised(shot, centres.rows, centres.columns, sample_offsets(4))
     one = (found == found[:, :1]).all(axis=1) & (found[:, 0] >= 0)
     unlike = np.flatnonzero(one & (np.abs(exact - centres.light).max(axis=1) > 0.1))
     assert len(unlike) > 15

@@ -10,7 +10,7 @@ from scipy.ndimage import binary_fill_holes
 
 from stixel_cli.scene.contours import outline
 from stixel_cli.scene.ego import ego_motion
-from stixel_cli.scene.mesh import Mesh, Part, corners
+from stixel_cli.scene.mesh import Part, corners
 from stixel_cli.scene.path import build_scenario
 from stixel_cli.scene.road_user import road_user_meshes
 from stixel_cli.scene.scenario import is_star_convex
@@ -50,7 +50,7 @@ def meshes():
 
 
 def boxes(*corner_pairs):
-    return Mesh((part("boxes", [box(low, high) for low, high in corner_pairs], GREY, 1.0),))
+    return (part("boxes", [box(low, high) for low, high in corner_pairs], GREY, 1.0),)
 
 
 def rasterised(mesh, step):
@@ -130,7 +130,7 @@ def test_contour_rejects_a_mesh_without_ground_projection():
     upright = np.array([[0.0, 0, 0], [1, 0, 0], [1, 0, 1]])
     wall = Part(upright, np.array([[0, 1, 2]], np.int32), np.zeros((1, 3, 2)), GREY, "wall")
     with pytest.raises(ValueError, match="no area"):
-        outline(corners(Mesh((wall,))))
+        outline(corners((wall,)))
 
 
 def test_star_convexity_of_known_shapes():

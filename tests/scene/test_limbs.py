@@ -90,7 +90,7 @@ def test_meshes_of_the_poses_differ_in_vertices_of_moving_parts_only():
     moving = moving_parts(road_user)
     assert moving == {"cranks", "trousers", "shoes"}
     for mesh in others:
-        for one, other in zip(first.parts, mesh.parts, strict=True):
+        for one, other in zip(first, mesh, strict=True):
             assert one.name == other.name and one.texture is other.texture
             np.testing.assert_array_equal(one.triangles, other.triangles)
             np.testing.assert_array_equal(one.uvs, other.uvs)
@@ -129,4 +129,4 @@ def test_knee_keeps_the_bones_and_points_ahead():
 
 
 def _part(mesh, name):
-    return next(part.vertices for part in mesh.parts if part.name == name)
+    return next(part.vertices for part in mesh if part.name == name)

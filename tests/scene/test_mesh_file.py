@@ -56,7 +56,7 @@ def test_user_mesh_keeps_its_texture_upright(tmp_path):
     uvs = "vt 0 0.1\nvt 1 0.1\nvt 0.5 0.1\nvt 0.5 0.9\nusemtl coat\n"
     path = tmp_path / "wedge.obj"
     path.write_text(wedge("mtllib wedge.mtl\n", uvs, "{0}/{0}"))
-    (part,) = load_mesh(str(path), 0.5).parts
+    (part,) = load_mesh(str(path), 0.5)
     assert part.texture.shape == (8, 8, 3)
     heights = part.vertices[part.triangles][:, :, 2]
     rows = np.floor(part.uvs[:, :, 1] * 8).astype(int)
@@ -88,7 +88,7 @@ def test_user_mesh_keeps_vertex_colours(tmp_path):
         "1 1 3 250 10 10\n3 1 3 250 10 10\n1 2 3 250 10 10\n1 1 4 250 10 10\n"
         "3 0 2 1\n3 0 1 3\n3 1 2 3\n3 2 0 3\n"
     )
-    (part,) = load_mesh(str(path), 0.5).parts
+    (part,) = load_mesh(str(path), 0.5)
     u, v = part.uvs[:, 0, 0], part.uvs[:, 0, 1]
     height, width = part.texture.shape[:2]
     colours = part.texture[np.floor(v * height).astype(int), np.floor(u * width).astype(int)]
@@ -286,7 +286,7 @@ def test_ply_of_polygons(tmp_path, order, polygons):
         body += b"".join(bytes([len(q)]) + np.array(q, f"{end}i4").tobytes() for q in polygons)
     path.write_bytes(head.encode() + body)
     mesh = load_mesh(str(path), 0.5)
-    found = {frozenset(one) for one in mesh.parts[0].triangles.tolist()}
+    found = {frozenset(one) for one in mesh[0].triangles.tolist()}
     assert found == {
         frozenset((q[0], *q[i : i + 2])) for q in polygons for i in range(1, len(q) - 1)
     }
@@ -368,9 +368,9 @@ def test_gltf_is_placed_by_its_nodes_and_textured(tmp_path, name):
     (mesh,) = road_user_meshes(user)
     # Two boxes of 4 × 2 × 1.5 m in a row, once doubled and once halved.
     np.testing.assert_allclose(bounding_box(mesh), [[-4, -1, 0], [4, 1, 1.5]], atol=1e-6)
-    assert len(mesh.parts) == 2
-    assert mesh.parts[0].texture is mesh.parts[1].texture
-    assert (mesh.parts[0].texture == [250, 0, 0]).all()
+    assert len(mesh) == 2
+    assert mesh[0].texture is mesh[1].texture
+    assert (mesh[0].texture == [250, 0, 0]).all()
 
 
 def test_gltf_reads_nothing_outside_of_its_folder(tmp_path):

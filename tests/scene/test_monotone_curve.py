@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import PchipInterpolator
 
-from stixel_cli.scene.shapes import MonotoneCurve
+from stixel_cli.scene.shapes import monotone
 
 POINTS = {
     "rising": ([0.0, 1.0, 1.5, 4.0], [0.0, 0.1, 2.0, 2.1]),
@@ -16,7 +16,7 @@ POINTS = {
 def test_values_are_those_of_scipy_to_the_bit(name):
     x, y = POINTS[name]
     at = np.concatenate([np.linspace(x[0] - 0.3, x[-1] + 0.3, 997), x]).reshape(-1, 1)
-    assert np.array_equal(MonotoneCurve(x, y)(at), PchipInterpolator(x, y)(at))
+    assert np.array_equal(monotone((x, y), at), PchipInterpolator(x, y)(at))
 
 
 def test_many_curves_are_those_of_scipy_to_the_bit():
@@ -24,4 +24,4 @@ def test_many_curves_are_those_of_scipy_to_the_bit():
     for _ in range(50):
         x, y = np.cumsum(random.uniform(0.01, 2.0, 8)), random.normal(size=8).round(1)
         at = random.uniform(x[0], x[-1], 200)
-        assert np.array_equal(MonotoneCurve(x, y)(at), PchipInterpolator(x, y)(at))
+        assert np.array_equal(monotone((x, y), at), PchipInterpolator(x, y)(at))

@@ -11,7 +11,7 @@ from scipy.integrate import quad
 from stixel_cli.geometry.pose import world_from_target
 from stixel_cli.scene.ego import Parked, ego_motion
 from stixel_cli.scene.parameters import Arc, Line, SCurve, StopAndGo, Waypoints
-from stixel_cli.scene.path import path_poses, stop_and_go_profile, waypoint_spline
+from stixel_cli.scene.path import driven, path_poses, waypoint_spline
 
 EVERY = [(kind, path) for kind in scene_presets.ROAD_USERS for path in scene_presets.PATHS]
 
@@ -180,12 +180,12 @@ def stop_and_go(**times):
 def test_stop_and_go_stops_and_keeps_its_heading():
     path = stop_and_go()
     times = np.linspace(0.0, 20.0, 2001)
-    length, speed = stop_and_go_profile(path, times)
+    length, speed = driven(path, times)
     standing = (times % 6.0 > 2.5) & (times % 6.0 < 4.5)
     assert (speed[standing] == 0.0).all() and (speed[~standing] >= 0.0).all()
     assert speed.max() == 4.0
     # A round drives 1 s at full speed and brakes and pulls away at half of it on the mean.
-    np.testing.assert_allclose(stop_and_go_profile(path, np.array([6.0, 12.0]))[0], [10.0, 20.0])
+    np.testing.assert_allclose(driven(path, np.array([6.0, 12.0]))[0], [10.0, 20.0])
     np.testing.assert_allclose(np.gradient(length, times)[1:-1], speed[1:-1], atol=0.02)
     poses, rates = path_poses(path, times)
     assert (poses[:, 2] == np.radians(-90.0)).all()
@@ -194,7 +194,7 @@ def test_stop_and_go_stops_and_keeps_its_heading():
 
 def test_stop_and_go_accepts_zero_drive_or_stand_time():
     path = stop_and_go(drive_time=0.0, ramp_time=1.0, stand_time=0.0)
-    length, speed = stop_and_go_profile(path, np.array([0.0, 0.5, 1.0, 1.5, 2.0]))
+    length, speed = driven(path, np.array([0.0, 0.5, 1.0, 1.5, 2.0]))
     np.testing.assert_allclose(speed, [4, 2, 0, 2, 4], atol=1e-12)
     np.testing.assert_allclose(length, [0, 1.5, 2, 2.5, 4], atol=1e-12)
 

@@ -29,9 +29,9 @@ def test_bounding_box_has_the_given_size(kind, size):
 @pytest.mark.parametrize("kind", scene_presets.ROAD_USERS)
 def test_road_user_parts_meet_the_requirements_of_the_renderers(kind):
     mesh = road_user_meshes(parameters(kind))[0]
-    assert len({part.name for part in mesh.parts}) == len(mesh.parts) >= 5
+    assert len({part.name for part in mesh}) == len(mesh) >= 5
     assert len(corners(mesh)) < 8000
-    for part in mesh.parts:
+    for part in mesh:
         assert part.vertices.dtype == np.float64 and part.vertices.shape[1:] == (3,)
         assert part.triangles.dtype == np.int32 and part.triangles.shape[1:] == (3,)
         assert part.triangles.min() >= 0 and part.triangles.max() < len(part.vertices)
@@ -43,7 +43,7 @@ def test_road_user_parts_meet_the_requirements_of_the_renderers(kind):
 @pytest.mark.parametrize("kind", scene_presets.ROAD_USERS)
 def test_triangles_face_outwards(kind):
     """The signed volume of every closed piece is positive; windows and cabin close together."""
-    parts = {part.name: part for part in road_user_meshes(parameters(kind))[0].parts}
+    parts = {part.name: part for part in road_user_meshes(parameters(kind))[0]}
     groups = [[name] for name in parts if name not in ("cabin", "windows")]
     for names in groups:
         for triangles in _pieces(parts[names[0]].triangles):
@@ -67,7 +67,7 @@ def _pieces(triangles):
 @pytest.mark.parametrize("kind", scene_presets.ROAD_USERS)
 def test_contrast_changes_paint_and_cloth(kind):
     def std(contrast):
-        part = road_user_meshes(parameters(kind, contrast=contrast))[0].parts[0]
+        part = road_user_meshes(parameters(kind, contrast=contrast))[0][0]
         return part.texture.astype(float).std(axis=(0, 1)).max()
 
     plain, middling, strong = map(std, (0.0, 0.5, 1.0))
@@ -77,7 +77,7 @@ def test_contrast_changes_paint_and_cloth(kind):
 
 def test_paint_has_detail_at_short_and_long_range():
     """Averaged over squares of 2 mm … 14 cm the paint still varies: stereo matches on it."""
-    texture = road_user_meshes(parameters("car"))[0].parts[0].texture.mean(axis=2)
+    texture = road_user_meshes(parameters("car"))[0][0].texture.mean(axis=2)
     for square in (1, 4, 16, 64):
         side = len(texture) // square
         averaged = texture.reshape(side, square, side, square).mean(axis=(1, 3))

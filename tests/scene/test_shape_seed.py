@@ -38,7 +38,7 @@ def test_drawn_shapes_are_closed_and_have_plausible_sizes(kind, seed):
     np.testing.assert_allclose(low + high, [0.0, 0.0, high[2]], atol=1e-9)
     assert low[2] == pytest.approx(0.0, abs=1e-9)
     for mesh in (meshes[0], meshes[len(meshes) // 3]):
-        for part in mesh.parts:
+        for part in mesh:
             assert np.isfinite(part.vertices).all()
             # The cabin and its windows close together with the body.
             if part.name not in ("cabin", "windows"):
@@ -75,7 +75,7 @@ def test_cars_have_round_wheels_and_lengths_over_the_whole_range():
     for seed in range(1000, 1024):
         (mesh,) = drawn("car", seed)
         lengths.append(np.ptp(bounding_box(mesh)[:, 0]))
-        tyres = next(part.vertices for part in mesh.parts if part.name == "tyres")
+        tyres = next(part.vertices for part in mesh if part.name == "tyres")
         front_left = tyres[: len(tyres) // 4]
         assert np.ptp(front_left[:, 0]) == pytest.approx(0.64, abs=1e-9)
     assert min(lengths) < 4.1 and max(lengths) > 4.8
