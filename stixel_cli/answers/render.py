@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 
 from stixel_cli.answers.runs import Answer, known
+from stixel_cli.errors import counted
 from stixel_cli.evaluation.intervals import LEAST_UNITS
 from stixel_cli.report.metrics import number, with_interval
 
@@ -57,22 +58,26 @@ def overview(answers: Sequence[Answer], intervals: int | None = None) -> Cells:
     """One row an option, in the order of the first answer, one column a metric.
 
     Answers must be of the same comparison. Only the first `intervals` metrics have intervals; None:
-    all. A column `failed` is added if a run has failed.
+    all. A column `failed` is added if a run has failed. The runs are those that the values are of;
+    the header of a metric says its own number if that is another.
     """
     first = answers[0]
     failed = first.table["failed"].any()
-    header = [first.question.named, "runs", *(["failed"] if failed else [])]
-    texts = len(header)
+    used = {o: first.used * (o in first.values) for o in first.order}
+    partly = any(first.table.loc[option, "runs"] != number for option, number in used.items())
+    counts = ["runs used" if partly else "runs", *(["failed"] if failed else [])]
+    header = [first.question.named, *counts]
     bare = [intervals is not None and i >= intervals for i in range(len(answers))]
-    header += [
-        one.question.heading + ("" if plain or one.table["low"].isna().all() else INTERVAL)
-        for one, plain in zip(answers, bare, strict=True)
-    ]
+    for one, plain in zip(answers, bare, strict=True):
+        of = "" if one.used == first.used else f" ({counted(one.used, 'run')})"
+        interval = "" if plain or one.table["low"].isna().all() else INTERVAL
+        header.append(one.question.heading + of + interval)
     rows, best = [], []
     for option in first.order:
-        counts = first.table.loc[option, ["runs", "failed"][: 1 + failed]]
-        cells = [str(option), *(str(int(one)) for one in counts)]
-        marks = [False] * texts
+        runs, failures = first.table.loc[option, ["runs", "failed"]].astype(int).astype(str)
+        shown = f"{used[option]} of {runs}" if partly else runs
+        cells = [str(option), shown, failures][: 2 + failed]
+        marks = [False] * len(cells)
         for one, plain in zip(answers, bare, strict=True):
             mean, *ends = known(one.table.loc[option, ["mean", "low", "high"]])
             cells.append(number(mean) if plain else with_interval(mean, *ends))
@@ -87,7 +92,8 @@ def explanation(answer: Answer | None = None) -> str:
     if answer is not None and answer.units < 2 and len(answer.scenarios) < 2:
         return f"Each value is that of one run. Nothing is compared below {LEAST_UNITS} units."
     over = "named under “In words”" if answer is None else answer.over
-    return EXPLANATION.format(over=over, least=LEAST_UNITS)
+    more = " A column that names a number of runs is over those." * bool(answer and answer.left_out)
+    return EXPLANATION.format(over=over, least=LEAST_UNITS) + more
 
 
 def markdown(answers: Sequence[Answer]) -> str:
