@@ -13,11 +13,10 @@ from stixel_cli.report.metrics import number, with_interval
 
 INTERVAL = " [95 %]"
 """End of the header of cells with an interval."""
-EXPLANATION = (
-    "Each value is the mean over units, {over}, of which every option has all; in brackets its "
-    "95 % interval (Student's t on a scale on which all values are possible; none below {least} "
-    "units). The best is marked where the paired differences of all others exclude 0, together "
-    "with 95 % (Bonferroni)."
+INTERVALS = (
+    "; in brackets its 95 % interval (Student's t on a scale on which all values are possible; "
+    f"none below {LEAST_UNITS} units). The best is marked where the paired differences of all "
+    "others exclude 0, together with 95 % (Bonferroni)."
 )
 _LATEX = {
     "\u2212": "$-$",
@@ -87,13 +86,19 @@ def overview(answers: Sequence[Answer], intervals: int | None = None) -> Cells:
     return Cells(tuple(header), tuple(rows), tuple(best), tuple(range(1, len(header))))
 
 
-def explanation(answer: Answer | None = None) -> str:
-    """What the values of an answer's table are, or those of several answers."""
-    if answer is not None and answer.units < 2 and len(answer.scenarios) < 2:
-        return f"Each value is that of one run. Nothing is compared below {LEAST_UNITS} units."
-    over = "named under “In words”" if answer is None else answer.over
-    more = " A column that names a number of runs is over those." * bool(answer and answer.left_out)
-    return EXPLANATION.format(over=over, least=LEAST_UNITS) + more
+def explanation(answers: Sequence[Answer] = ()) -> str:
+    """What the values of a table of answers to one comparison are; () for several tables."""
+    over, units = "named under “In words”", LEAST_UNITS
+    text = "Each value is the mean over units, {over}, of which every option has all"
+    if answers:
+        first = answers[0]
+        over, units = first.over, first.units
+        if any(one.used != first.used for one in answers):
+            over += " (other runs where a header says so)"
+        if first.used == 1:
+            text = "Each value is that of one run"
+    few = f". Nothing is compared below {LEAST_UNITS} units."
+    return text.format(over=over) + (INTERVALS if units >= LEAST_UNITS else few)
 
 
 def markdown(answers: Sequence[Answer]) -> str:
@@ -110,7 +115,7 @@ def markdown(answers: Sequence[Answer]) -> str:
     lines = [f"| {' | '.join(row)} |" for row in (cells.header, rule, *rows)]
     said = [f"- {one.sentence}" for one in answers]
     notes = [f"- {text}" for text in answers[0].notes]
-    return "\n".join([*lines, "", *said, *notes, "", explanation(answers[0]), ""])
+    return "\n".join([*lines, "", *said, *notes, "", explanation(answers), ""])
 
 
 def latex(answers: Sequence[Answer], caption: str = "", label: str = "") -> str:

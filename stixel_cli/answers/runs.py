@@ -112,11 +112,15 @@ class Answer:
 
     @property
     def order(self) -> list:
-        """The options from the best to the worst; those without a value last."""
-        key = {"more": -self.table["mean"], "less": self.table["mean"]}.get(
-            self.question.row.better
-        )
-        return [*self.table.index] if key is None else [*key.sort_values(kind="stable").index]
+        """The options from the best to the worst; those without a value last.
+
+        From the least to the greatest value where none is better.
+        """
+        mean = self.table["mean"]
+        if self.question.row.better == "one":
+            mean = np.log(mean.where(mean > 0.0)).abs()
+        key = -mean if self.question.row.better == "more" else mean
+        return [*key.sort_values(kind="stable").index]
 
     @property
     def used(self) -> int:
@@ -192,8 +196,8 @@ class Answer:
         heard = [option for option in self.order if np.isfinite(self.table.loc[option, "mean"])]
         reference = self.question.reference
         if not heard:
-            every = "no scenario and unit has a value of every option"
-            return every if len(self.values.columns) else "no run has a value"
+            common = "no scenario has every unit, and no unit every scenario, of every option"
+            return common if len(self.values.columns) else "no run has a value"
         if len(heard) == 1 or self.lacking or (self.best is None and reference is None):
             return self._named(heard) + over
         if reference is not None:

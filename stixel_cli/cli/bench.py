@@ -131,7 +131,7 @@ def page(
     rows: Rows = ROWS,
     output: options.option(Path, "Folder of the page.", "DIR") = SITE,
 ) -> int:
-    """Write the table of all rows, the shipped ones too, as a page, CSV and Markdown.
+    """Write a page, CSV and Markdown of each set of sequences, with all rows, the shipped ones too.
 
     Each sequence of PACKs gets a page that plays back their tracks.
     """
@@ -143,9 +143,11 @@ def page(
     if rows != ROWS and not rows.is_dir():
         raise UserError(f"--rows: {rows}: no such folder")
     folders = dict.fromkeys([(bench_folder() / "rows").resolve(), rows.resolve()])
-    files = bench_pages(
-        [row for one in folders for row in read_rows(one)], [*map(sha256_of, packs or ())]
-    )
+    found = [row for one in folders for row in read_rows(one)]
+    given = [("--data", folder, FOLDER), ("--rows", rows, ROWS), ("--output", output, SITE)]
+    command = ["stixel", "bench", "page", *map(str, packs or ())]
+    command += [word for name, own, usual in given if own != usual for word in (name, str(own))]
+    files = bench_pages(found, [*map(sha256_of, packs or ())], command)
     played = playback_pages(packs, Data(folder)) if packs else ()
     with written(output):
         # One playback page after the other: together they need not fit into memory.

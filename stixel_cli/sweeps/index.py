@@ -97,8 +97,7 @@ def update_index(root: Path | None) -> None:
             "columns": [_column(name) for name in _TEXTS],
             "first": "run or sweep",
             "sorted": _TEXTS.index("created"),
-            "axes": [],
-            "errors": [],
+            **dict.fromkeys(("axes", "errors", "options"), ()),
             **{name: [row[i] for row in rows] for i, name in enumerate(_LISTS)},
         }
         title = f"Runs in {root.resolve().name}"
@@ -108,11 +107,12 @@ def update_index(root: Path | None) -> None:
 
 
 def _column(name: str) -> dict[str, Any]:
-    is_metric = name in MAIN
-    title = metric(name).heading if is_metric else name.replace("_", " ")
+    is_metric, row = name in MAIN, metric(name)
+    about = {"title": row.heading, "about": row.label, "bounds": row.bounds} if is_metric else {}
     shown = name not in ("seed", "kind", "folder", *GROUPS)
     wide = name in ("settings", "verdict")
-    return {"title": title, "shown": shown, "number": is_metric, "wide": wide}
+    look = {"shown": shown, "number": is_metric, "wide": wide}
+    return {"title": name.replace("_", " ")} | about | look
 
 
 def _known_rows(page: Path) -> dict[str, tuple]:

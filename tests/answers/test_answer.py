@@ -153,7 +153,7 @@ def test_a_scenario_in_which_an_option_fails_is_named_as_left_out():
 
 def test_options_that_share_no_cell_are_not_compared():
     answer = of_values({"a": {"turn": [0.9, None]}, "b": {"turn": [None, 0.5]}}).ask()
-    assert "no scenario and unit has a value of every option" in answer.sentence
+    assert "no scenario has every unit, and no unit every scenario" in answer.sentence
     assert answer.notes[0] == "Left out: turn, where a and b lack values."
     none = of_values({"a": {"turn": [None]}, "b": {"turn": [None]}}).ask(metric=IOU)
     assert "no run has a value" in none.sentence
