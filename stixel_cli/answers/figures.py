@@ -314,12 +314,13 @@ def differences(
 ) -> Any:
     """The units' values of each option with their mean, the best on top; below, the differences.
 
-    Bars are 95 % intervals. Options without a value are left out. Returns what `write` makes of the
-    figure.
+    Bars are 95 % intervals, without which there are no differences. Options without a value are
+    left out. Returns what `write` makes of the figure.
     """
     order = [option for option in answer.order if option in answer.values]
     table, values = answer.table.loc[order], answer.values[order]
-    paired = bool(table["minus"].notna().any())
+    # Without intervals nothing is compared.
+    paired = bool(table["minus_low"].notna().any())
     names = [fill(f"{_mark(answer, option)} {option}".strip(), _NAME) for option in order]
     longest = max((len(line) for name in names for line in name.split("\n")), default=0)
     lines = max((1 + name.count("\n") for name in names), default=1)
