@@ -217,10 +217,11 @@ def _plain(value: Any) -> Any:
 
 
 def page_links(folders: Sequence[Path], page: Path, index: str) -> dict[str, str]:
-    """Each run's own page, or else its folder, relative to the folder of `page`; by folder."""
+    """Each run's own page, or why it failed, or else its folder, relative to that of `page`."""
     links = {}
     for folder in folders:
-        target = folder / index if (folder / index).exists() else folder
+        files = (folder / index, folder / "traceback.txt")
+        target = next((file for file in files if file.exists()), folder)
         relative = os.path.relpath(target.resolve(), page.resolve().parent)
         links[str(folder)] = relative.replace(os.sep, "/")
     return links

@@ -1,5 +1,6 @@
 """`stixel bench`: the benchmark of extended target trackers; docs/benchmark-1.0.md."""
 
+from collections.abc import Iterable
 from itertools import chain
 from pathlib import Path
 
@@ -100,6 +101,14 @@ def pack(
     return 0
 
 
+def _check_packs(packs: Iterable[Path]) -> None:
+    for file in (file for file in packs if not file.is_file()):
+        known = (
+            ", ".join(sorted(one.name for one in file.absolute().parent.glob("*.zip"))) or "none"
+        )
+        raise UserError(f"{file}: no such pack; the ZIP files there: {known}")
+
+
 @app.command()
 def score(
     packs: Packs = None,
@@ -113,6 +122,7 @@ def score(
     from stixel_cli.benchmark.packs import MISSING, fixed_rows, scored_pack, write_row
     from stixel_cli.benchmark.sequences import Data, sha256_of
 
+    _check_packs(packs or ())
     data, drawn_by = Data(folder), "" if fresh_of is None else sha256_of(fresh_of)
     tier = "rerun" if rerun else "scored"
     found = [scored_pack(file, data, tier, drawn_by) for file in packs or ()]
@@ -140,6 +150,7 @@ def page(
     from stixel_cli.benchmark.sequences import Data, bench_folder, sha256_of
     from stixel_cli.border import write_below, written
 
+    _check_packs(packs or ())
     if rows != ROWS and not rows.is_dir():
         raise UserError(f"--rows: {rows}: no such folder")
     folders = dict.fromkeys([(bench_folder() / "rows").resolve(), rows.resolve()])

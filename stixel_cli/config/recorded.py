@@ -154,7 +154,7 @@ def _missing(
         why = _height_of_road(recording, given, chosen)[1]
         yield (
             "rig.camera_height: is required, m above the road: the recording's files do not state "
-            f"it, and {why}"
+            f"it, and {why}. Check first that the two images are one pair, of this rig"
         )
     if chosen.get("start.motion") == "sensor" and not (
         {"start.bearing", "start.range"} & chosen.keys()

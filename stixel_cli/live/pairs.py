@@ -338,5 +338,8 @@ def rig_of(rig: RigLike, shape: tuple[int, int], disparities: "Disparities | Non
         return valid
     seen = seen_road(disparities, valid)
     if seen is None:
-        raise ArgumentError(f"rig: camera_height: is required, m above the road: {NO_ROAD}")
+        check = "Check first that the two images are one pair, of this rig"
+        raise ArgumentError(
+            f"rig: camera_height: is required, m above the road: {NO_ROAD}. {check}"
+        )
     return replace(valid, camera_height=round(seen[1], 2))
