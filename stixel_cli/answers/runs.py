@@ -232,13 +232,11 @@ class Answer:
 
         It is over the units that every option with a value there has. NaN without one.
         """
-        values = self.runs.set_index([_SCENARIO, _UNIT, _OPTION])[_VALUE].unstack()
-        values = values.reindex(columns=self.table.index)
-        rows = {}
-        for scenario in self.runs[_SCENARIO].unique():
-            own = values.loc[scenario].dropna(axis=1, how="all")
-            rows[scenario] = own.dropna().mean()
-        return pd.DataFrame(rows, index=self.table.index).T.rename_axis(_SCENARIO)
+        cells = self.runs.pivot(index=[_SCENARIO, _UNIT], columns=_OPTION, values=_VALUE)
+        each = cells.groupby(level=0, sort=False)
+        means = {name: own.dropna(axis=1, how="all").dropna().mean() for name, own in each}
+        found = pd.DataFrame(means, index=self.table.index).T.rename_axis(_SCENARIO)
+        return found.reindex(self.runs[_SCENARIO].unique())
 
     def figure(self) -> "Figure":
         """The values of each option, and below them the paired differences."""

@@ -15,6 +15,7 @@ import pandas as pd
 from stixel_cli.answers import render
 from stixel_cli.answers.page import Asked, answers_page
 from stixel_cli.answers.runs import Runs
+from stixel_cli.benchmark import sequences
 from stixel_cli.benchmark.packs import (
     CONSISTENT,
     FIXED,
@@ -24,15 +25,7 @@ from stixel_cli.benchmark.packs import (
     read_pack,
     scored_track,
 )
-from stixel_cli.benchmark.sequences import (
-    FROZEN,
-    Data,
-    definitions,
-    named,
-    planned,
-    sequences,
-    whole_set,
-)
+from stixel_cli.benchmark.sequences import FROZEN, Data, named, planned
 from stixel_cli.report.page import page_template
 from stixel_cli.report.playback import playback_html
 from stixel_cli.results.result import DONE, RunResult, listed
@@ -44,12 +37,7 @@ SHOWN = (
 )
 """Metrics of the page, the main one first."""
 BETTER = {CONSISTENT: "more"}
-EXPLAINED = {
-    CONSISTENT: "In nees band: share of sequences whose mean NEES / 2 of the position is in the "
-    "95 % band of χ² with two degrees of freedom; a wide covariance is in it, too.",
-    TIME: "Ms per scan: milliseconds, of the machine that ran the tracker.",
-}
-"""Direction and meaning of those that the table of metrics does not have."""
+"""Direction of those that the table of metrics does not have."""
 RANKED = "ranked"
 
 
@@ -124,21 +112,22 @@ def _asked(data: str, part: str, fresh: bool, frame: pd.DataFrame) -> Asked:
     parts = {"compare": "tracker", "within": within, "over": "seed"}
     known = [name for name in SHOWN if name in asked.metrics]
     answers = [asked.ask(metric=name, better=BETTER.get(name), **parts) for name in known]
-    remarks = [text for name, text in EXPLAINED.items() if name in known]
     beside = [name for name in frame["tracker"].unique() if name not in {*asked.frame["tracker"]}]
-    if beside:
-        remarks.append(f"Not compared, in “All runs” only: {listed(beside)}.")
+    remarks = [f"Not compared, in “All runs” only: {listed(beside)}."] if beside else []
     title = f"Benchmark 1.0, {part_in_words({*frame['folder']}, part, fresh)}, data {data}"
     return Asked(title, Runs(frame.drop(columns="part"), AXES), answers, remarks)
 
 
 def part_in_words(names: Collection[str], part: str, fresh: bool = False) -> str:
     """What a set of sequences is of a part: all of it has its name."""
-    whole, mini = ({one.name for one in of} for of in (sequences(part), whole_set(mini=True)))
+    whole, mini = (
+        {one.name for one in of}
+        for of in (sequences.sequences(part), sequences.whole_set(mini=True))
+    )
     if fresh:
         return f"fresh seeds of {part}, drawn by a pack"
     if names == mini:
-        return f"mini: seeds {listed(definitions()['mini_seeds'])} of {part}"
+        return f"mini: seeds {listed(sequences.definitions()['mini_seeds'])} of {part}"
     if names == whole:
         return f"part {part}"
     return f"some sequences of {part}" if names <= whole else f"other seeds than those of {part}"

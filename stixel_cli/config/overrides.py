@@ -490,7 +490,7 @@ def check_parameters(configuration: Configuration) -> dict[str, dict[str, Any]]:
         function = _imported(group, code.function, folders)
         try:
             checked = all_values(function, given, code.parameters)
-            _check_kinds(function, code.parameters)
+            _check_numbers(function, code.parameters)
         except ValidationError as error:
             hints = get_type_hints(parameters_type(function, given), include_extras=True)
             fault = error.errors(include_url=False)[0]
@@ -506,28 +506,13 @@ def check_parameters(configuration: Configuration) -> dict[str, dict[str, Any]]:
     return values
 
 
-_KINDS = {
-    bool: (bool, "true or false"),
-    str: (str, "text"),
-    (int, float): ((int, float), "a number"),
-}
-
-
-def _check_kinds(function: Any, values: Mapping[str, Any]) -> None:
-    """Raise ValueError for a value that is of another kind than its parameter's default.
-
-    A parameter with an annotation, or whose default is of another type, takes any value.
-    """
-    further = inspect.signature(function).parameters
-    for name in (n for n in values if n in further and further[n].annotation is further[n].empty):
-        value, default = values[name], further[name].default
-        kind, words = next(
-            (row for of, row in _KINDS.items() if isinstance(default, of)), (object, "")
-        )
-        if words and (not isinstance(value, kind) or isinstance(value, bool) != (kind is bool)):
-            raise ValueError(
-                f"{name}: {messages.show(value)}: must be {words}, as its default {default}"
-            )
+def _check_numbers(function: Any, values: Mapping[str, Any]) -> None:
+    """Raise ValueError for text where a parameter without an annotation has a number by default."""
+    for name, one in inspect.signature(function).parameters.items():
+        is_number = isinstance(one.default, int | float) and one.annotation is one.empty
+        if is_number and isinstance(values.get(name), str):
+            text = messages.show(values[name])
+            raise ValueError(f"{name}: {text} is text: must be a number, such as {one.default}")
 
 
 def _imported(key: str, name: str, folders: Sequence[str]) -> Any:

@@ -39,13 +39,8 @@ from stixel_cli.stixels.types import Objects
 from stixel_cli.tracking.track import Track
 
 SUMMARY = (
-    "centre_rmse_m",
-    "orientation_rmse_deg",
-    "iou_mean",
-    "iou_box_mean",
-    "low_overlap_share",
-    "nees_position_mean",
-    "nis_mean",
+    *("centre_rmse_m", "orientation_rmse_deg", "iou_mean", "iou_box_mean", "low_overlap_share"),
+    *("nees_position_mean", "nis_mean"),
 )
 """The metrics that the page shows of a whole run."""
 
