@@ -479,8 +479,7 @@ class Runs:
             better: "more", "less" or None; by default as the table of metrics says.
             reference: the option that others are compared with; None for the best one.
 
-        Raises:
-            UserError: for a column that the frame does not have, or an axis that is named twice.
+        UserError for a column that the frame does not have, or an axis that is named twice.
         """
         over = _names(over, [name for name in self.axes if name.endswith("seed")])
         rest = [name for name in self.axes if name not in over]
@@ -505,9 +504,8 @@ class Runs:
     def ask(self, **parts: Any) -> Answer:
         """The answer of a question; `parts` as in `question`, those that are None as by default.
 
-        Raises:
-            UserError: as in `question`; for a reference that is no option, or runs that are equal
-                in all of compare, within and over.
+        UserError as in `question`; for a reference that is no option, or runs that are equal in all
+        of compare, within and over.
         """
         parts = {name: value for name, value in parts.items() if value is not None}
         default = dict(self.default)

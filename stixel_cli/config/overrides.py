@@ -250,8 +250,7 @@ def check_overrides(parsed: Iterable[Override]) -> None:
     Args:
         parsed: those of a run, or the single values of those of a sweep.
 
-    Raises:
-        ConfigurationError: for the first invalid override.
+    ConfigurationError for the first invalid override.
     """
     parsed = list(parsed)
     admit_overrides(parsed)

@@ -53,8 +53,7 @@ def with_recording(
         files: opens the recording.
         working_directory: to which relative names of folders refer.
 
-    Raises:
-        UserError: for a recording that cannot be opened, or settings that do not suit it.
+    UserError for a recording that cannot be opened, or settings that do not suit it.
     """
     settings, group = dict(typed), "source"
     folder = typed.get("source.folder")

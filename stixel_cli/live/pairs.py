@@ -103,8 +103,7 @@ class FrameStixels:
     def to_stx1(self) -> bytes:
         """The content of a `.stx1` file, with the left image if there is one.
 
-        Raises:
-            UserError: without pyStixel-lib, `pip install 'stixel[stx1]'`.
+        UserError without pyStixel-lib, `pip install 'stixel[stx1]'`.
         """
         from stixel_cli.export.stx1 import stixel_world
         from stixel_cli.images import encode_png

@@ -99,8 +99,7 @@ def lineage_of(
         store: that has their results; None to leave out the digests of these.
         known: digests by key, so that shared nodes are looked up once.
 
-    Raises:
-        CacheError: the store cannot be read.
+    CacheError if the store cannot be read.
     """
     known = {} if known is None else known
     stages, code, sources = {}, {}, {}

@@ -345,9 +345,8 @@ def sweep_design(
         over: keys of the axes that means are over, separated by commas.
         one_is_enough: accept a design of a single run.
 
-    Raises:
-        ConfigurationError: for an invalid override, a key in both, code that is not trusted, or
-            means over an axis that is not swept.
+    ConfigurationError for an invalid override, a key in both, code that is not trusted, or means
+    over an axis that is not swept.
     """
     design, words = Design((), ()), [*overrides]
     if file is not None:
