@@ -29,6 +29,8 @@ from stixel_cli.results.result import DONE, read_series
 _LETTERS, _MARK, _LINE, _ROW = 13.0, 7, 0.16, 2.25
 """Letters of a legend to an inch; the room of its marks, in letters; heights of a line and of a
 panel, in."""
+_NAME = 26
+"""Letters of a line of an option's name."""
 DASHES = ("-", "--", "-.", ":")
 MARKERS = ("o", "s", "^", "D", "v")
 
@@ -312,17 +314,19 @@ def differences(
 ) -> Any:
     """The units' values of each option with their mean, the best on top; below, the differences.
 
-    Bars are 95 % intervals. Options without a value are left out. Returns what `write` makes of the
-    figure.
+    Bars are 95 % intervals, without which there are no differences. Options without a value are
+    left out. Returns what `write` makes of the figure.
     """
     order = [option for option in answer.order if option in answer.values]
     table, values = answer.table.loc[order], answer.values[order]
-    paired = bool(table["minus"].notna().any())
-    names = [f"{_mark(answer, option)} {option}".strip() for option in order]
-    width = max(style.NARROW, 4.0 + 0.085 * max(map(len, names), default=0))
+    # Without intervals nothing is compared.
+    paired = bool(table["minus_low"].notna().any())
+    names = [fill(f"{_mark(answer, option)} {option}".strip(), _NAME) for option in order]
+    longest = max((len(line) for name in names for line in name.split("\n")), default=0)
+    lines = max((1 + name.count("\n") for name in names), default=1)
     with style.drawing({"axes.spines.left": False, **style.LEGIBLE}):
-        height = (1 + paired) * (0.7 + 0.2 * len(order))
-        figure = style.new_figure(width, height)
+        height = (1 + paired) * (0.7 + 0.2 * lines * len(order))
+        figure = style.new_figure(style.NARROW, height)
         sides = figure.subplots(1 + paired, sharey=True, squeeze=False)[:, 0]
         for place, option in enumerate(order):
             row, own = table.loc[option], values[option]
@@ -342,6 +346,8 @@ def differences(
         sides[0].set_yticks(range(len(order)), names)
         sides[0].set_ylim(len(order) - 0.4, -0.6)
         for axes in sides:
+            if axes.get_xscale() == "linear":
+                axes.locator_params("x", nbins=3 if longest > _NAME // 2 else 5)
             axes.tick_params("y", length=0.0)
             axes.grid(True, axis="x")
         style.place(figure, sides)

@@ -12,9 +12,9 @@ import pandas as pd
 
 from stixel_cli.answers import figures, render
 from stixel_cli.answers.figures import SHARES, error_curves, over_time
-from stixel_cli.answers.runs import ERROR, FOLDER, STATUS, Answer, Runs
+from stixel_cli.answers.runs import ERROR, FOLDER, STATUS, Answer, Runs, combined
 from stixel_cli.errors import UserError
-from stixel_cli.evaluation.metric_table import metric
+from stixel_cli.evaluation.metric_table import METRICS, metric
 from stixel_cli.evaluation.verdict import verdict
 from stixel_cli.report.metrics import json_in_html, number
 from stixel_cli.report.page import drawing_for_page, page_template
@@ -123,7 +123,7 @@ def answers_page(asked: Asked, links: Mapping[str, str], command: Sequence[str])
         player=links.get(str(asked.player), ""),
         cells=render.overview(answers),
         worst=worst_runs(first, links),
-        explanation=render.explanation(first),
+        explanation=render.explanation(answers),
         scenarios=_scenarios(first),
         axes=[
             (one.question.named, one.sentence, drawing_for_page(drawn, f"a{i}"))
@@ -131,7 +131,8 @@ def answers_page(asked: Asked, links: Mapping[str, str], command: Sequence[str])
             if (drawn := figures.over_axis(one)) is not None
         ],
         over_time=error_curves(curves, x=times),
-        data=json_in_html(_table(runs, links)),
+        data=json_in_html(_table(runs, first, links)),
+        linked=bool(links),
         origin=asked.origin,
         command=shlex.join(command),
     )
@@ -175,13 +176,18 @@ def _scenarios(answer: Answer) -> render.Cells | None:
     return render.cells_of(table)
 
 
-def _table(runs: Runs, links: Mapping[str, str]) -> dict[str, Any]:
-    """What `runs.js` shows: columns, rows and links of all runs, numbers with five digits."""
+def _table(runs: Runs, answer: Answer, links: Mapping[str, str]) -> dict[str, Any]:
+    """What `runs.js` shows: columns, rows and links of all runs, numbers with five digits.
+
+    The options of the answer have colours of their own.
+    """
     frame = runs.frame
     names = [n for n in (*runs.axes, STATUS, *runs.metrics) if n != frame.index.name]
     columns = [
         {
             "title": name if name not in runs.metrics else metric(name).heading,
+            "about": metric(name).label if name in METRICS else "",
+            "bounds": metric(name).bounds,
             "shown": name in (*runs.axes, STATUS, *runs.metrics[:6]),
             "number": name in runs.metrics,
         }
@@ -200,6 +206,7 @@ def _table(runs: Runs, links: Mapping[str, str]) -> dict[str, Any]:
         "links": [links.get(folder, "") for folder in folders],
         "errors": [*errors],
         "axes": [name for name in runs.axes if name in names],
+        "options": [str(option) for option in combined(frame, answer.question.compare)],
     }
 
 
@@ -210,10 +217,11 @@ def _plain(value: Any) -> Any:
 
 
 def page_links(folders: Sequence[Path], page: Path, index: str) -> dict[str, str]:
-    """Each run's own page, or else its folder, relative to the folder of `page`; by folder."""
+    """Each run's own page, or why it failed, or else its folder, relative to that of `page`."""
     links = {}
     for folder in folders:
-        target = folder / index if (folder / index).exists() else folder
+        files = (folder / index, folder / "traceback.txt")
+        target = next((file for file in files if file.exists()), folder)
         relative = os.path.relpath(target.resolve(), page.resolve().parent)
         links[str(folder)] = relative.replace(os.sep, "/")
     return links

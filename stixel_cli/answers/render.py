@@ -7,16 +7,16 @@ import numpy as np
 import pandas as pd
 
 from stixel_cli.answers.runs import Answer, known
+from stixel_cli.errors import counted
 from stixel_cli.evaluation.intervals import LEAST_UNITS
 from stixel_cli.report.metrics import number, with_interval
 
 INTERVAL = " [95 %]"
 """End of the header of cells with an interval."""
-EXPLANATION = (
-    "Each value is the mean over units, {over}, of which every option has all; in brackets its "
-    "95 % interval (Student's t on a scale on which all values are possible; none below {least} "
-    "units). The best is marked where the paired differences of all others exclude 0, together "
-    "with 95 % (Bonferroni)."
+INTERVALS = (
+    "; in brackets its 95 % interval (Student's t on a scale on which all values are possible; "
+    f"none below {LEAST_UNITS} units). The best is marked where the paired differences of all "
+    "others exclude 0, together with 95 % (Bonferroni)."
 )
 _LATEX = {
     "\u2212": "$-$",
@@ -57,22 +57,26 @@ def overview(answers: Sequence[Answer], intervals: int | None = None) -> Cells:
     """One row an option, in the order of the first answer, one column a metric.
 
     Answers must be of the same comparison. Only the first `intervals` metrics have intervals; None:
-    all. A column `failed` is added if a run has failed.
+    all. A column `failed` is added if a run has failed. The runs are those that the values are of;
+    the header of a metric says its own number if that is another.
     """
     first = answers[0]
     failed = first.table["failed"].any()
-    header = [first.question.named, "runs", *(["failed"] if failed else [])]
-    texts = len(header)
+    used = {o: first.used * (o in first.values) for o in first.order}
+    partly = any(first.table.loc[option, "runs"] != number for option, number in used.items())
+    counts = ["runs used" if partly else "runs", *(["failed"] if failed else [])]
+    header = [first.question.named, *counts]
     bare = [intervals is not None and i >= intervals for i in range(len(answers))]
-    header += [
-        one.question.heading + ("" if plain or one.table["low"].isna().all() else INTERVAL)
-        for one, plain in zip(answers, bare, strict=True)
-    ]
+    for one, plain in zip(answers, bare, strict=True):
+        of = "" if one.used == first.used else f" ({counted(one.used, 'run')})"
+        interval = "" if plain or one.table["low"].isna().all() else INTERVAL
+        header.append(one.question.heading + of + interval)
     rows, best = [], []
     for option in first.order:
-        counts = first.table.loc[option, ["runs", "failed"][: 1 + failed]]
-        cells = [str(option), *(str(int(one)) for one in counts)]
-        marks = [False] * texts
+        runs, failures = first.table.loc[option, ["runs", "failed"]].astype(int).astype(str)
+        shown = f"{used[option]} of {runs}" if partly else runs
+        cells = [str(option), shown, failures][: 2 + failed]
+        marks = [False] * len(cells)
         for one, plain in zip(answers, bare, strict=True):
             mean, *ends = known(one.table.loc[option, ["mean", "low", "high"]])
             cells.append(number(mean) if plain else with_interval(mean, *ends))
@@ -82,12 +86,19 @@ def overview(answers: Sequence[Answer], intervals: int | None = None) -> Cells:
     return Cells(tuple(header), tuple(rows), tuple(best), tuple(range(1, len(header))))
 
 
-def explanation(answer: Answer | None = None) -> str:
-    """What the values of an answer's table are, or those of several answers."""
-    if answer is not None and answer.units < 2 and len(answer.scenarios) < 2:
-        return f"Each value is that of one run. Nothing is compared below {LEAST_UNITS} units."
-    over = "named under “In words”" if answer is None else answer.over
-    return EXPLANATION.format(over=over, least=LEAST_UNITS)
+def explanation(answers: Sequence[Answer] = ()) -> str:
+    """What the values of a table of answers to one comparison are; () for several tables."""
+    over, units = "named under “In words”", LEAST_UNITS
+    text = "Each value is the mean over units, {over}, of which every option has all"
+    if answers:
+        first = answers[0]
+        over, units = first.over, first.units
+        if any(one.used != first.used for one in answers):
+            over += " (other runs where a header says so)"
+        if first.used == 1:
+            text = "Each value is that of one run"
+    few = f". Nothing is compared below {LEAST_UNITS} units."
+    return text.format(over=over) + (INTERVALS if units >= LEAST_UNITS else few)
 
 
 def markdown(answers: Sequence[Answer]) -> str:
@@ -104,7 +115,7 @@ def markdown(answers: Sequence[Answer]) -> str:
     lines = [f"| {' | '.join(row)} |" for row in (cells.header, rule, *rows)]
     said = [f"- {one.sentence}" for one in answers]
     notes = [f"- {text}" for text in answers[0].notes]
-    return "\n".join([*lines, "", *said, *notes, "", explanation(answers[0]), ""])
+    return "\n".join([*lines, "", *said, *notes, "", explanation(answers), ""])
 
 
 def latex(answers: Sequence[Answer], caption: str = "", label: str = "") -> str:

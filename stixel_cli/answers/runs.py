@@ -112,26 +112,38 @@ class Answer:
 
     @property
     def order(self) -> list:
-        """The options from the best to the worst; those without a value last."""
-        key = {"more": -self.table["mean"], "less": self.table["mean"]}.get(
-            self.question.row.better
-        )
-        return [*self.table.index] if key is None else [*key.sort_values(kind="stable").index]
+        """The options from the best to the worst; those without a value last.
+
+        From the least to the greatest value where none is better.
+        """
+        mean = self.table["mean"]
+        if self.question.row.better == "one":
+            mean = np.log(mean.where(mean > 0.0)).abs()
+        key = -mean if self.question.row.better == "more" else mean
+        return [*key.sort_values(kind="stable").index]
+
+    @property
+    def used(self) -> int:
+        """Number of runs of each option with a value that the means are over."""
+        return self.units * len(self.scenarios)
 
     @property
     def over(self) -> str:
         """What the means are over: "8 seeds, each the mean of 2 paths"."""
         names = [name.rpartition(".")[2].replace("_", " ") for name in self.question.over]
+        units, scenarios = self.runs[_UNIT].nunique(), self.runs[_SCENARIO].nunique()
+        text = _part(self.units, units, names[0] if len(names) == 1 else "combination")
         if not names:
             text = "one run each"
-        elif len(names) == 1:
-            text = counted(self.units, names[0])
-        else:
-            text = f"{counted(self.units, 'combination')} of {listed(names)}"
+        elif len(names) > 1:
+            text += f" of {listed(names)}"
         if len(self.scenarios) > 1:
             within = self.question.within
             word = within[0].rpartition(".")[2] if len(within) == 1 else "scenario"
-            text += f", each the mean of {counted(len(self.scenarios), word.replace('_', ' '))}"
+            of = _part(len(self.scenarios), scenarios, word.replace("_", " "))
+            text += f", each the mean of {of}"
+        elif scenarios > 1:
+            text += f", {listed(self.scenarios)} only"
         return text
 
     @property
@@ -144,16 +156,26 @@ class Answer:
     @property
     def notes(self) -> list[str]:
         """What is left out, and what has failed, each in one sentence."""
-        found = []
+        found, runs, over = [], self.runs, self.question.over
         if self.left_out:
-            cells = counted(self.left_out, "combination")
-            found.append(f"{cells} of scenario and unit left out: not every option has a value.")
+            kept = runs[_SCENARIO].isin(self.scenarios), runs[_UNIT].isin(self.values.index)
+            out = [*runs.loc[~kept[0], _SCENARIO].unique()]
+            if not out:
+                key = over[0] if len(over) == 1 else ""
+                out = [_with_key(key, unit) for unit in runs.loc[~kept[1], _UNIT].unique()]
+            has = runs[~(kept[0] & kept[1])].groupby(_OPTION)[_VALUE].count()
+            has = has.reindex(self.values.columns, fill_value=0)
+            lack = [self.name(option) for option in has.index[has < self.left_out]]
+            lacks = f"lack{'s' if len(lack) == 1 else ''} values"
+            found.append(f"Left out: {_first_of(out)}, where {_first_of(lack)} {lacks}.")
+        none = [self.name(option) for option in self.table.index.difference(self.values.columns)]
+        if none and len(self.values.columns):
+            found.append(f"Not compared: {_first_of(none)}, without a value.")
         failed = self.table["failed"]
         for option, number in failed[failed > 0].items():
-            runs = self.table.loc[option, "runs"]
-            found.append(
-                f"{option}: {number} of {counted(int(runs), 'run')} failed, counted as lost."
-            )
+            of = counted(int(self.table.loc[option, "runs"]), "run")
+            lost = "counted as lost in the track loss rate, and in no other value"
+            found.append(f"{self.name(option)}: {number} of {of} failed, {lost}.")
         return found
 
     @cached_property
@@ -174,19 +196,19 @@ class Answer:
         heard = [option for option in self.order if np.isfinite(self.table.loc[option, "mean"])]
         reference = self.question.reference
         if not heard:
-            return "no run has a value"
+            common = "no scenario has every unit, and no unit every scenario, of every option"
+            return common if len(self.values.columns) else "no run has a value"
         if len(heard) == 1 or self.lacking or (self.best is None and reference is None):
             return self._named(heard) + over
         if reference is not None:
             others = [option for option in heard if option != reference]
-            parts = [f"{self.name(option)} {self._minus(option)}" for option in others[:MOST_NAMED]]
-            return (
-                f"{listed(parts)} against {self.name(reference)} ({self._value(reference)}){over}"
-            )
+            parts = [f"{self.name(option)} {self._minus(option)}" for option in others]
+            against = f"against {self.name(reference)} ({self._value(reference)})"
+            return f"{_first_of(parts)} {against}{over}"
         first, second = self._named(heard[:1]), heard[1]
         same = [self.name(option) for option in heard[1:] if not self._excludes_zero(option)]
         if same:
-            return f"{first}{over}{then} not shown to differ: {listed(same)}"
+            return f"{first}{over}{then} not shown to differ: {_first_of(same)}"
         return f"{first} is the best{over}{then} {self.name(second)} is next, {self._minus(second)}"
 
     @property
@@ -206,11 +228,15 @@ class Answer:
         return self.runs.loc[chosen].set_index(_OPTION, drop=False)
 
     def by_scenario(self) -> pd.DataFrame:
-        """The mean over units of each scenario (row) and option (column)."""
-        found = self.runs.pivot_table(
-            index=_SCENARIO, columns=_OPTION, values=_VALUE, dropna=False, sort=False, observed=True
-        )
-        return found.reindex(columns=self.table.index)
+        """The mean of each scenario (row) and option (column).
+
+        It is over the units that every option with a value there has. NaN without one.
+        """
+        cells = self.runs.pivot(index=[_SCENARIO, _UNIT], columns=_OPTION, values=_VALUE)
+        each = cells.groupby(level=0, sort=False)
+        means = {name: own.dropna(axis=1, how="all").dropna().mean() for name, own in each}
+        found = pd.DataFrame(means, index=self.table.index).T.rename_axis(_SCENARIO)
+        return found.reindex(self.runs[_SCENARIO].unique())
 
     def figure(self) -> "Figure":
         """The values of each option, and below them the paired differences."""
@@ -230,9 +256,7 @@ class Answer:
         return _with_key(compare[0], option) if len(compare) == 1 else str(option)
 
     def _named(self, options: Sequence) -> str:
-        parts = [f"{self.name(option)} {self._value(option)}" for option in options[:MOST_NAMED]]
-        more = len(options) - MOST_NAMED
-        return listed([*parts, f"{more} more"] if more > 0 else parts)
+        return _first_of([f"{self.name(option)} {self._value(option)}" for option in options])
 
     def _value(self, option: object) -> str:
         row = self.table.loc[option]
@@ -353,6 +377,16 @@ def combined(runs: pd.DataFrame, names: Sequence[str]) -> pd.Series:
     return pd.Series([" ".join(row) for row in zip(*texts, strict=True)], runs.index)
 
 
+def _part(kept: int, every: int, word: str) -> str:
+    return counted(every, word) if kept == every else f"{kept} of {counted(every, word)}"
+
+
+def _first_of(texts: Sequence[object]) -> str:
+    """The first ones in words, and how many more there are."""
+    more = len(texts) - MOST_NAMED
+    return listed([*map(str, texts[:MOST_NAMED]), *([f"{more} more"] if more > 0 else [])])
+
+
 def _with_key(key: str, value: object) -> str:
     text = str(value)
     is_number = text.strip("+-")[:1].isdigit()
@@ -445,8 +479,7 @@ class Runs:
             better: "more", "less" or None; by default as the table of metrics says.
             reference: the option that others are compared with; None for the best one.
 
-        Raises:
-            UserError: for a column that the frame does not have, or an axis that is named twice.
+        UserError for a column that the frame does not have, or an axis that is named twice.
         """
         over = _names(over, [name for name in self.axes if name.endswith("seed")])
         rest = [name for name in self.axes if name not in over]
@@ -471,9 +504,8 @@ class Runs:
     def ask(self, **parts: Any) -> Answer:
         """The answer of a question; `parts` as in `question`, those that are None as by default.
 
-        Raises:
-            UserError: as in `question`; for a reference that is no option, or runs that are equal
-                in all of compare, within and over.
+        UserError as in `question`; for a reference that is no option, or runs that are equal in all
+        of compare, within and over.
         """
         parts = {name: value for name, value in parts.items() if value is not None}
         default = dict(self.default)

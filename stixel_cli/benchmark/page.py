@@ -15,6 +15,7 @@ import pandas as pd
 from stixel_cli.answers import render
 from stixel_cli.answers.page import Asked, answers_page
 from stixel_cli.answers.runs import Runs
+from stixel_cli.benchmark import sequences
 from stixel_cli.benchmark.packs import (
     CONSISTENT,
     FIXED,
@@ -27,7 +28,7 @@ from stixel_cli.benchmark.packs import (
 from stixel_cli.benchmark.sequences import FROZEN, Data, named, planned
 from stixel_cli.report.page import page_template
 from stixel_cli.report.playback import playback_html
-from stixel_cli.results.result import DONE, RunResult
+from stixel_cli.results.result import DONE, RunResult, listed
 
 AXES = ("tracker", "sensor", "road_user", "case", "seed")
 SHOWN = (
@@ -35,6 +36,8 @@ SHOWN = (
     *(CONSISTENT, TIME),
 )
 """Metrics of the page, the main one first."""
+BETTER = {CONSISTENT: "more"}
+"""Direction of those that the table of metrics does not have."""
 RANKED = "ranked"
 
 
@@ -68,46 +71,66 @@ def score_frame(rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
     return pd.concat(frames, ignore_index=True)
 
 
-def bench_pages(rows: Sequence[Mapping[str, Any]], played: Collection[str] = ()) -> dict[str, str]:
+def bench_pages(
+    rows: Sequence[Mapping[str, Any]],
+    played: Collection[str] = (),
+    command: Sequence[str] = ("stixel", "bench", "page"),
+) -> dict[str, str]:
     """The content of `index.html`, and of `ID.html`, `.csv` and `.md` for each set of sequences.
 
     Fresh rows, on seeds that the pack draws, are a set of their own. `played` are the SHA-256 of
-    the packs whose sequences have a playback page, `SEQUENCE.html`.
+    the packs whose sequences have a playback page, `SEQUENCE.html`; `command` writes the pages.
     """
     files: dict[str, str] = {}
     index = []
     # Not by the id of the data: another processor renders the same sequences to other last bits.
     for names in dict.fromkeys(tuple(row["sequences"]) for row in rows):
         own = [row for row in rows if tuple(row["sequences"]) == names]
-        fresh = "-fresh" * (own[0]["tier"] == FRESH)
+        fresh = own[0]["tier"] == FRESH
         for part, frame in score_frame(own).groupby("part"):
-            name = own[0]["benchmark"][:12] + fresh + f"-{part}" * (part != FROZEN)
-            files |= _set_files(name, str(part), frame.reset_index(drop=True), played)
-            index.append((name, part, frame["folder"].nunique(), frame["tracker"].nunique()))
+            data = own[0]["benchmark"][:12]
+            name = data + "-fresh" * fresh + f"-{part}" * (part != FROZEN)
+            asked = _asked(data, str(part), fresh, frame.reset_index(drop=True))
+            shown = {*frame.loc[frame["pack"].isin(played), "folder"]}
+            links = {sequence: f"{sequence}.html" for sequence in shown}
+            files[f"{name}.html"] = answers_page(asked, links, command)
+            files |= {
+                f"{name}.{form}": render.TABLES[form](asked.answers) for form in ("csv", "md")
+            }
+            index.append((name, asked, frame["folder"].nunique()))
     page = page_template(__package__, "benchmark.html").render(sets=index)
     return files | {"index.html": page}
 
 
-def _set_files(
-    name: str, part: str, frame: pd.DataFrame, played: Collection[str]
-) -> dict[str, str]:
-    runs = Runs(frame.drop(columns="part"), AXES)
+def _asked(data: str, part: str, fresh: bool, frame: pd.DataFrame) -> Asked:
     ranked = frame[frame["kind"] == RANKED].reset_index(drop=True)
     # Where no row is compared, such as the fixed ones alone, all are listed.
     asked = Runs(ranked if len(ranked) else frame, AXES)
-    known = [metric for metric in SHOWN if metric in asked.metrics]
-    # A seed of one sensor is no unit of the others' scenarios.
-    within = AXES[1 + (frame.groupby("seed")["sensor"].nunique().max() == 1) : -1]
-    answers = asked.answers(known, compare="tracker", within=within, over="seed")
-    shown = set(frame.loc[frame["pack"].isin(played), "folder"])
-    links = {sequence: f"{sequence}.html" for sequence in shown}
-    title = f"Benchmark 1.0, data {name}, part {part}"
-    page = answers_page(Asked(title, runs, answers), links, ("stixel", "bench", "page"))
-    return {
-        f"{name}.html": page,
-        f"{name}.csv": render.csv(answers),
-        f"{name}.md": render.markdown(answers),
-    }
+    # A seed of one sensor, or of one case, is no unit of the others' scenarios.
+    by_seed = frame.groupby("seed")
+    within = [name for name in AXES[1:-1] if by_seed[name].nunique().max() > 1]
+    parts = {"compare": "tracker", "within": within, "over": "seed"}
+    known = [name for name in SHOWN if name in asked.metrics]
+    answers = [asked.ask(metric=name, better=BETTER.get(name), **parts) for name in known]
+    beside = [name for name in frame["tracker"].unique() if name not in {*asked.frame["tracker"]}]
+    remarks = [f"Not compared, in “All runs” only: {listed(beside)}."] if beside else []
+    title = f"Benchmark 1.0, {part_in_words({*frame['folder']}, part, fresh)}, data {data}"
+    return Asked(title, Runs(frame.drop(columns="part"), AXES), answers, remarks)
+
+
+def part_in_words(names: Collection[str], part: str, fresh: bool = False) -> str:
+    """What a set of sequences is of a part: all of it has its name."""
+    whole, mini = (
+        {one.name for one in of}
+        for of in (sequences.sequences(part), sequences.whole_set(mini=True))
+    )
+    if fresh:
+        return f"fresh seeds of {part}, drawn by a pack"
+    if names == mini:
+        return f"mini: seeds {listed(sequences.definitions()['mini_seeds'])} of {part}"
+    if names == whole:
+        return f"part {part}"
+    return f"some sequences of {part}" if names <= whole else f"other seeds than those of {part}"
 
 
 NOTES = ("A pack does not say which points a tracker used, nor its NIS: here it used them all.",)

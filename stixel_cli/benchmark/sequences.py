@@ -222,7 +222,10 @@ class Data:
         """UserError unless the folder has a manifest of this version of the benchmark."""
         self.folder, manifest = folder, folder / MANIFEST
         if not manifest.exists():
-            raise UserError(f"{manifest}: is missing: write all sequences with stixel bench render")
+            raise UserError(
+                f"--data: {manifest}: is missing: name the folder of the sequences, or write those "
+                "of the mini set with stixel bench render --mini"
+            )
         content, version = read_json(manifest), definitions()["version"]
         if content.get("benchmark") != version or not isinstance(content.get("files"), dict):
             raise UserError(f"{manifest}: not of benchmark {version}: run stixel bench render")

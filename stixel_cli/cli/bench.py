@@ -1,5 +1,6 @@
 """`stixel bench`: the benchmark of extended target trackers; docs/benchmark-1.0.md."""
 
+from collections.abc import Iterable
 from itertools import chain
 from pathlib import Path
 
@@ -100,6 +101,14 @@ def pack(
     return 0
 
 
+def _check_packs(packs: Iterable[Path]) -> None:
+    for file in (file for file in packs if not file.is_file()):
+        known = (
+            ", ".join(sorted(one.name for one in file.absolute().parent.glob("*.zip"))) or "none"
+        )
+        raise UserError(f"{file}: no such pack; the ZIP files there: {known}")
+
+
 @app.command()
 def score(
     packs: Packs = None,
@@ -113,6 +122,7 @@ def score(
     from stixel_cli.benchmark.packs import MISSING, fixed_rows, scored_pack, write_row
     from stixel_cli.benchmark.sequences import Data, sha256_of
 
+    _check_packs(packs or ())
     data, drawn_by = Data(folder), "" if fresh_of is None else sha256_of(fresh_of)
     tier = "rerun" if rerun else "scored"
     found = [scored_pack(file, data, tier, drawn_by) for file in packs or ()]
@@ -131,7 +141,7 @@ def page(
     rows: Rows = ROWS,
     output: options.option(Path, "Folder of the page.", "DIR") = SITE,
 ) -> int:
-    """Write the table of all rows, the shipped ones too, as a page, CSV and Markdown.
+    """Write a page, CSV and Markdown of each set of sequences, with all rows, the shipped ones too.
 
     Each sequence of PACKs gets a page that plays back their tracks.
     """
@@ -140,12 +150,15 @@ def page(
     from stixel_cli.benchmark.sequences import Data, bench_folder, sha256_of
     from stixel_cli.border import write_below, written
 
+    _check_packs(packs or ())
     if rows != ROWS and not rows.is_dir():
         raise UserError(f"--rows: {rows}: no such folder")
     folders = dict.fromkeys([(bench_folder() / "rows").resolve(), rows.resolve()])
-    files = bench_pages(
-        [row for one in folders for row in read_rows(one)], [*map(sha256_of, packs or ())]
-    )
+    found = [row for one in folders for row in read_rows(one)]
+    given = [("--data", folder, FOLDER), ("--rows", rows, ROWS), ("--output", output, SITE)]
+    command = ["stixel", "bench", "page", *map(str, packs or ())]
+    command += [word for name, own, usual in given if own != usual for word in (name, str(own))]
+    files = bench_pages(found, [*map(sha256_of, packs or ())], command)
     played = playback_pages(packs, Data(folder)) if packs else ()
     with written(output):
         # One playback page after the other: together they need not fit into memory.

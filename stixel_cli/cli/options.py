@@ -177,6 +177,9 @@ def with_workers(overrides: Sequence[str], workers: int | None) -> list[str]:
     return [*overrides, *([] if workers is None else [f"executor.workers={workers}"])]
 
 
+_IMAGES = (".png", ".jpg", ".jpeg", ".pgm", ".ppm", ".bmp", ".tif", ".tiff")
+
+
 def recording_overrides(
     command: str, words: Sequence[str], files: Mapping[str, Path | None]
 ) -> list[str]:
@@ -197,10 +200,10 @@ def recording_overrides(
     elif given:
         option = next(iter(given)).replace("calibration", "rig")
         raise UserError(f"--{option}: belongs to two images: give LEFT and RIGHT")
-    elif len(named) > 2:
+    elif len(named) > 2 or any(word.lower().endswith(_IMAGES) for word in named):
         raise UserError(
             f"{command} needs two images, LEFT and RIGHT, or one recording, got {len(named)}: "
-            f"{printable_path(named[0])} …"
+            f"{printable_path(named[0])}{' …' * (len(named) > 1)}"
         )
     else:
         settings = {"source.folder": named[0]} if named else {}

@@ -3,6 +3,7 @@
 import shlex
 import sys
 import time
+from collections import Counter
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
@@ -144,8 +145,9 @@ def _tell_what_is_missing(result: "SweepResult") -> None:
             lines.append(f"run {run.index} {status} ({run.label}): {reason}")
         if len(runs) > _MOST_SHOWN:
             lines.append(f"{len(runs) - _MOST_SHOWN} more runs {status}, see runs.csv")
-    lacking = len(result.runs) - result.count("done")
-    last = f"{lacking} of {len(result.runs)} runs are missing"
+    states = Counter(run.status for run in result.runs if run.status != "done")
+    counts = ", ".join(f"{number} {status}" for status, number in states.items())
+    last = f"{states.total()} of {len(result.runs)} runs are not done: {counts}"
     for line in (*lines, last):
         tell(line)
     command = SweepFolder(result.folder).resume_command(result.runs[0].overrides)

@@ -175,7 +175,9 @@ def usage_line(error: Any, words: Sequence[str]) -> str:
     if wrong and "no such option" in text:
         text = f"no such option {wrong}{_near_option(wrong, context)}"
     elif text.startswith("no such command"):
-        text += suggestion(words[-1], context.command.commands)
+        name = text.split("'")[1]
+        new = f"; did you mean stixel new tracker {name}?" * (words[0] == "new")
+        text += suggestion(name, context.command.commands) or new
     if words[0] in REPLACED:
         return f"{words[0]} is gone: use stixel {REPLACED[words[0]]}"
     if text.startswith("no such command") and "=" in words[0]:

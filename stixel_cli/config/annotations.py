@@ -138,9 +138,8 @@ def _adapter(kind: Any) -> Any:
 def read_as(kind: Any, content: Any) -> Any:
     """Values in plain types as the class of parameters `kind`, which its `check` accepts.
 
-    Raises:
-        pydantic.ValidationError: for values that do not fit, a ValueError; see `first_fault`.
-        TypeError, ValueError: for values that are not plain; of the class's `check`.
+    pydantic.ValidationError for values that do not fit, a ValueError; see `first_fault`. TypeError,
+    ValueError for values that are not plain; of the class's `check`.
     """
     # As JSON, because strict validation of Python values takes only finished objects: of JSON it
     # accepts lists for tuples, and converts nothing else.

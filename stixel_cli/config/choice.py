@@ -209,9 +209,8 @@ def with_values(plain: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str
         plain: a configuration in plain types with references as text; not changed.
         values: keys, with dots, to their values.
 
-    Raises:
-        BelongsElsewhere: for a key that the chosen options do not have.
-        ConfigurationError: for a reference to no key, or to itself.
+    BelongsElsewhere for a key that the chosen options do not have. ConfigurationError for a
+    reference to no key, or to itself.
     """
     tree = dict(plain)
     for name, value in values.items():

@@ -60,8 +60,7 @@ class UserFiles:
     def recording(self, configuration: Configuration) -> "Recording | None":
         """The recording or the replayed motion of a configuration; None without one.
 
-        Raises:
-            UserError: if a file is missing or not valid.
+        UserError if a file is missing or not valid.
         """
         if isinstance(configuration.path, ReplayedPath):
             return self.open(configuration.path)
@@ -169,8 +168,7 @@ def compose(overrides: Sequence[str] = (), working_directory: str = "") -> Compo
         working_directory: the folder to which relative file names refer; "" for the working
             directory of the process.
 
-    Raises:
-        ConfigurationError: in one line, for any fault of the overrides.
+    ConfigurationError in one line, for any fault of the overrides.
     """
     composition = Composer(working_directory).compose(read_overrides(overrides, TYPED))
     return replace(composition, resolved=copy.deepcopy(composition.resolved))

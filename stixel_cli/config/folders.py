@@ -113,8 +113,7 @@ def trust_presets(trusted: bool) -> bool:
 def use_presets(folder: Path | None) -> Path | None:
     """Add the options in `folder`, laid out as `conf/`, to those of `conf/`; returns `folder`.
 
-    Raises:
-        UserError: if a group is unknown, an option of that name exists, or a file is not a preset.
+    UserError if a group is unknown, an option of that name exists, or a file is not a preset.
     """
     if PRESETS.folder is not None or folder is not None:
         group_options.cache_clear()

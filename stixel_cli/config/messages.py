@@ -137,6 +137,9 @@ def describe_fault(fault: Mapping[str, Any], name: str, annotation: Any) -> str:
         what, right = _UNSUITABLE[kind], re.sub("^a (whole )?number (?=[<>≥≤])", "", right)
     elif words and isinstance(value, str):
         what, hint = "is not known", suggestion(value, words)
+    elif ends := re.fullmatch(r"(-?\d+)(\.\.|:)(-?\d+)", str(value)):
+        # As lists of runs write several seeds, 0..3, or as Python does, 0:4.
+        hint = f"; several values: '{name}=range({ends[1]},{int(ends[3]) + (ends[2] != ':')})'"
     return f"{name}: {show(value)} {what}: must be {right}{hint}"
 
 

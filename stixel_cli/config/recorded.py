@@ -53,8 +53,7 @@ def with_recording(
         files: opens the recording.
         working_directory: to which relative names of folders refer.
 
-    Raises:
-        UserError: for a recording that cannot be opened, or settings that do not suit it.
+    UserError for a recording that cannot be opened, or settings that do not suit it.
     """
     settings, group = dict(typed), "source"
     folder = typed.get("source.folder")
@@ -154,7 +153,7 @@ def _missing(
         why = _height_of_road(recording, given, chosen)[1]
         yield (
             "rig.camera_height: is required, m above the road: the recording's files do not state "
-            f"it, and {why}"
+            f"it, and {why}. Check first that the two images are one pair, of this rig"
         )
     if chosen.get("start.motion") == "sensor" and not (
         {"start.bearing", "start.range"} & chosen.keys()

@@ -103,8 +103,7 @@ class FrameStixels:
     def to_stx1(self) -> bytes:
         """The content of a `.stx1` file, with the left image if there is one.
 
-        Raises:
-            UserError: without pyStixel-lib, `pip install 'stixel[stx1]'`.
+        UserError without pyStixel-lib, `pip install 'stixel[stx1]'`.
         """
         from stixel_cli.export.stx1 import stixel_world
         from stixel_cli.images import encode_png
@@ -338,5 +337,8 @@ def rig_of(rig: RigLike, shape: tuple[int, int], disparities: "Disparities | Non
         return valid
     seen = seen_road(disparities, valid)
     if seen is None:
-        raise ArgumentError(f"rig: camera_height: is required, m above the road: {NO_ROAD}")
+        check = "Check first that the two images are one pair, of this rig"
+        raise ArgumentError(
+            f"rig: camera_height: is required, m above the road: {NO_ROAD}. {check}"
+        )
     return replace(valid, camera_height=round(seen[1], 2))

@@ -123,8 +123,7 @@ class StixelStream:
             pose: of the car: (3,) x m, y m, heading rad on the ground, or (3, 4), the left camera's
                 pose as in KITTI's `poses.txt`. Without poses the car counts as parked.
 
-        Raises:
-            ArgumentError: as `stixels_from_pair`, and for a pose that is none.
+        ArgumentError as `stixels_from_pair`, and for a pose that is none.
         """
         return self._advance(*self._matched(left, right), pose)
 

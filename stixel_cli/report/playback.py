@@ -39,13 +39,8 @@ from stixel_cli.stixels.types import Objects
 from stixel_cli.tracking.track import Track
 
 SUMMARY = (
-    "centre_rmse_m",
-    "orientation_rmse_deg",
-    "iou_mean",
-    "iou_box_mean",
-    "low_overlap_share",
-    "nees_position_mean",
-    "nis_mean",
+    *("centre_rmse_m", "orientation_rmse_deg", "iou_mean", "iou_box_mean", "low_overlap_share"),
+    *("nees_position_mean", "nis_mean"),
 )
 """The metrics that the page shows of a whole run."""
 
@@ -185,11 +180,14 @@ MOST_OF_NOISE = 20_000
 def noise_of(run: RunResult) -> dict[str, Any]:
     """R of the used points of a computed run, for the playback page.
 
-    Returns `text`, a description; `std`, mm, if R is the same for all points, else None; and
+    Returns `text`, a description; `std`, mm, if R is the same for all points, else None;
     `ellipses`, for each scan the 1σ ellipses of its used points in their order, None if they are
-    those of the scan.
+    those of the scan; `known`, whether R is that of the tracker; `used`, whether it is known which
+    points it used.
     """
-    text, covariances, std = tracker_noise(run.composition.configuration.tracker, run.scans)
+    tracker = run.composition.configuration.tracker
+    text, covariances, std = tracker_noise(tracker, run.scans)
+    known = {"known": getattr(tracker, "kind", "own") != "own", "used": tracker is not None}
     shown, is_own = None, std is None and covariances is not run.scans.covariances_world
     if is_own and run.track is not None:
         rows, scans = run.track.used_points, pairwise(run.track.used_offsets)
@@ -197,7 +195,8 @@ def noise_of(run: RunResult) -> dict[str, Any]:
             text += "; too many points to show it"
         else:
             shown = [ellipses(covariances[rows[start:stop]]) for start, stop in scans]
-    return {"text": text, "std": None if std is None else round(1000.0 * std), "ellipses": shown}
+    same = None if std is None else round(1000.0 * std)
+    return {"text": text, "std": same, "ellipses": shown, **known}
 
 
 IMAGE_BUDGET = 6_300_000
@@ -266,8 +265,7 @@ def playback_data(
         "series": [
             asdict(series) | {"name": name}
             for name, series in SERIES.items()
-            if (with_truth and not (scenario.only_box and name == "iou"))
-            or any(np.isfinite(getattr(run.scores, name)).any() for run in runs)
+            if any(np.isfinite(getattr(run.scores, name)).any() for run in runs)
         ],
         "neesBounds": numbers(normalised_chi_square_bounds(np.array([2])).ravel(), 4),
         "runs": played,

@@ -43,9 +43,7 @@ def new_folder(
     """Write a new folder: `results` / `name`, or an unused one named by stem and time.
 
     `write` writes the folder at a path, and raises FolderTaken if another process was faster.
-
-    Raises:
-        FolderTaken: if the name exists; `check_results` says so earlier.
+    FolderTaken if the name exists; `check_results` says so earlier.
     """
     for number in itertools.count(1):
         more = f"-{number}" if number > 1 else ""
@@ -100,9 +98,8 @@ def check_plain_name(name: str) -> None:
 def whole_folder(folder: Path, replace: bool = False) -> Iterator[Path]:
     """Context with a partial folder, which at the end becomes `folder`: complete, or not at all.
 
-    Raises:
-        FolderTaken: if `folder` exists by now, unless `replace`.
-        UserError: if it cannot be written (disk full, no permission).
+    FolderTaken if `folder` exists by now, unless `replace`. UserError if it cannot be written (disk
+    full, no permission).
     """
     partial = folder.with_name(f".{folder.name}.partial-{os.getpid()}")
     with written(folder):

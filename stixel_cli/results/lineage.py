@@ -32,16 +32,8 @@ from stixel_cli.version import __version__
 
 FILE = "lineage.json"
 PACKAGES = (
-    "numpy",
-    "scipy",
-    "numba",
-    "opencv-python-headless",
-    "open3d-cpu",
-    "open3d",
-    "shapely",
-    "matplotlib",
-    "joblib",
-    "hydra-core",
+    *("numpy", "scipy", "numba", "opencv-python-headless", "open3d-cpu", "open3d", "shapely"),
+    *("matplotlib", "joblib", "hydra-core"),
 )
 
 LARGEST_DIFFERENCE = 1_000_000
@@ -107,8 +99,7 @@ def lineage_of(
         store: that has their results; None to leave out the digests of these.
         known: digests by key, so that shared nodes are looked up once.
 
-    Raises:
-        CacheError: the store cannot be read.
+    CacheError if the store cannot be read.
     """
     known = {} if known is None else known
     stages, code, sources = {}, {}, {}

@@ -195,8 +195,7 @@ class Material:
         tables: by heading; columns as they are shown.
         files: path in the study's folder to content of further files.
 
-    Raises:
-        TypeError: for content of another type.
+    TypeError for content of another type.
     """
 
     tables: Mapping[str, pd.DataFrame] = field(default_factory=dict)

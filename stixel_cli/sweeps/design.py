@@ -283,8 +283,10 @@ def over_keys(names: str | Sequence[str], axes: Sequence[Sequence[str]]) -> tupl
     names = names.split(",") if isinstance(names, str) else list(names)
     swept = [key for axis in axes for key in axis]
     for name in (name for name in names if name not in swept and names != [SEED]):
+        hint = "; it takes keys, whose values are overrides: --over seed 'seed=range(0,4)'"
         raise ConfigurationError(
             f"over: {printable(name, 60)} is not swept; swept: {', '.join(swept) or 'nothing'}"
+            f"{hint if '=' in name else ''}"
         )
     return tuple(names)
 
@@ -343,9 +345,8 @@ def sweep_design(
         over: keys of the axes that means are over, separated by commas.
         one_is_enough: accept a design of a single run.
 
-    Raises:
-        ConfigurationError: for an invalid override, a key in both, code that is not trusted, or
-            means over an axis that is not swept.
+    ConfigurationError for an invalid override, a key in both, code that is not trusted, or means
+    over an axis that is not swept.
     """
     design, words = Design((), ()), [*overrides]
     if file is not None:

@@ -363,8 +363,7 @@ def asked_folders(
             are of a sweep only.
         reference: the option to compare with.
 
-    Raises:
-        UserError: for a folder that is neither, and as of `Runs.ask`.
+    UserError for a folder that is neither, and as of `Runs.ask`.
     """
     names = metrics.split(",") if metrics else ()
     if len(folders) > 1 or not (folders[0] / SWEEP_FILE).exists():

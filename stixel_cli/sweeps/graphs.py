@@ -91,11 +91,8 @@ def plan_runs(
     """The nodes that the store of the runs' settings lacks; entries are not read.
 
     Each run requires its scores; with `pictures` also its pictures; and the results of those
-    `nodes` that its pipeline has. `builders` makes the builder of a store's folder.
-
-    Raises:
-        UserError: if a pipeline or an input file is wrong.
-        CacheError: if the store is damaged.
+    `nodes` that its pipeline has. `builders` makes the builder of a store's folder. UserError if a
+    pipeline or an input file is wrong. CacheError if the store is damaged.
     """
     store = open_store(runs[0].composition.configuration.cache)
     wanted = dict.fromkeys(["scores", *(PICTURES if pictures else ()), *nodes])

@@ -43,7 +43,7 @@ PATIENCE = 10.0
 
 _DATA = re.compile('<script type="application/json" id="(?:index|runs)">(.*?)</script>', re.S)
 """Of this page; `runs` in older versions."""
-_TEXTS = ("settings", *MAIN, "verdict", "created", "seed", "kind", "folder", *GROUPS)
+_TEXTS = ("result", "settings", *MAIN, "verdict", "created", "seed", "kind", "folder", *GROUPS)
 _LISTS = ("names", "links", "stamps", "rows")
 
 
@@ -97,8 +97,7 @@ def update_index(root: Path | None) -> None:
             "columns": [_column(name) for name in _TEXTS],
             "first": "run or sweep",
             "sorted": _TEXTS.index("created"),
-            "axes": [],
-            "errors": [],
+            **dict.fromkeys(("axes", "errors", "options"), ()),
             **{name: [row[i] for row in rows] for i, name in enumerate(_LISTS)},
         }
         title = f"Runs in {root.resolve().name}"
@@ -108,11 +107,12 @@ def update_index(root: Path | None) -> None:
 
 
 def _column(name: str) -> dict[str, Any]:
-    is_metric = name in MAIN
-    title = metric(name).heading if is_metric else name.replace("_", " ")
+    is_metric, row = name in MAIN, metric(name)
+    about = {"title": row.heading, "about": row.label, "bounds": row.bounds} if is_metric else {}
     shown = name not in ("seed", "kind", "folder", *GROUPS)
     wide = name in ("settings", "verdict")
-    return {"title": title, "shown": shown, "number": is_metric, "wide": wide}
+    look = {"shown": shown, "number": is_metric, "wide": wide}
+    return {"title": name.replace("_", " ")} | about | look
 
 
 def _known_rows(page: Path) -> dict[str, tuple]:
@@ -123,7 +123,8 @@ def _known_rows(page: Path) -> dict[str, tuple]:
     with suppress(ValueError, KeyError, TypeError):
         data = json.loads(found[1])
         # Another version has other verdicts.
-        if data["version"] == __version__:
+        titles = [column["title"] for column in data["columns"]]
+        if data["version"] == __version__ and titles == [_column(name)["title"] for name in _TEXTS]:
             return {row[0]: row for row in zip(*(data[name] for name in _LISTS), strict=True)}
     return {}
 
@@ -150,13 +151,14 @@ def _row(root: Path, folder: Path, known: dict[str, tuple]) -> tuple[str, str, l
     top = name.partition("/")[0] if "/" in name else ""
     options = [run.choices.get(group, "") for group in GROUPS]
     metrics = [line.metrics.get(metric) for metric in MAIN]
-    values = [line.settings, *metrics, line.text, created, run.seed, line.kind, top, *options]
+    texts = line.word, line.settings, *metrics, line.text
+    values = [*texts, created, run.seed, line.kind, top, *options]
     return name, link, stamp, values
 
 
 def _study(root: Path, name: str) -> tuple[str, str, list, list]:
     values = dict.fromkeys(_TEXTS) | {"settings": "report of the study", "kind": "study"}
-    values |= dict.fromkeys(("verdict", "created", *GROUPS), "") | {"folder": name}
+    values |= dict.fromkeys(("result", "verdict", "created", *GROUPS), "") | {"folder": name}
     return name, _link(f"{name}/{REPORT}"), [], list(values.values())
 
 

@@ -131,9 +131,8 @@ class Sweep(Progress):
             finished: complete runs of the folder by index, which may be out of date.
             fail_fast: start nothing after the first failure; the other runs are missing.
 
-        Raises:
-            SweepInterrupted: by Ctrl-C; the tables in the folder show which runs are done.
-            UserError: if the cache or the folder cannot be written, or there are no workers.
+        SweepInterrupted by Ctrl-C; the tables in the folder show which runs are done. UserError if
+        the cache or the folder cannot be written, or there are no workers.
         """
         folder, typed = self.folder, self.plan.runs[0].overrides
         resume = "" if folder is None else f"; resume with: {folder.resume_command(typed)}"
@@ -365,8 +364,7 @@ def new_sweep(
         advice: note files that the user's code may read without declaring them, too.
         visible, label, fail_fast: see `Sweep`.
 
-    Raises:
-        UserError, SweepInterrupted: as `Sweep.run` does.
+    UserError, SweepInterrupted as `Sweep.run` does.
     """
     design, options = plan.design, [*(["--pictures"] if plan.pictures else []), *PRESETS.option]
     request = SweepRequest(
@@ -409,8 +407,7 @@ def resumed_sweep(
         note: called with the number of finished runs that are out of date.
         visible, label, fail_fast: see `Sweep`.
 
-    Raises:
-        UserError, SweepInterrupted: as `Sweep.run` does; if the folder is not of a sweep.
+    UserError, SweepInterrupted as `Sweep.run` does; if the folder is not of a sweep.
     """
     folder = SweepFolder(path)
     request = folder.request()

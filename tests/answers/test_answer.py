@@ -55,9 +55,9 @@ def test_only_what_every_value_of_an_axis_has_counts():
     assert (answer.best, answer.shown) == (0.15, True)
     assert answer.sentence == (
         "Mean IoU, box: sigma_f=0.15 0.605 [0.596, 0.614] is the best (4 seeds, each the mean of 2 "
-        "road users); sigma_f=0.45 is next, −0.0200 [−0.0200, −0.0200]."
+        "of 3 road users); sigma_f=0.45 is next, −0.0200 [−0.0200, −0.0200]."
     )
-    assert "4 combinations" in answer.notes[0]
+    assert answer.notes == ["Left out: bus, where sigma_f=0.15 and sigma_f=0.45 lack values."]
 
 
 def test_a_harder_scene_of_one_option_does_not_count():
@@ -129,13 +129,41 @@ def test_a_failed_run_stays_and_counts_as_lost():
     np.testing.assert_allclose(answer.table["lost_share"], [1 / 3, 0.0, 1.0])
     assert (answer.units, answer.left_out) == (4, 2)
     assert np.isnan(answer.table.loc["broken", "mean"])
-    assert answer.notes[1:] == [
-        "mine: 2 of 6 runs failed, counted as lost.",
-        "broken: 6 of 6 runs failed, counted as lost.",
+    assert answer.over == "4 of 6 seeds"
+    lost = "counted as lost in the track loss rate, and in no other value."
+    assert answer.notes == [
+        "Left out: seed=1 and seed=4, where mine lacks values.",
+        "Not compared: broken, without a value.",
+        f"mine: 2 of 6 runs failed, {lost}",
+        f"broken: 6 of 6 runs failed, {lost}",
     ]
     assert answer.worst.loc["mine", "status"] == "failed" and answer.order[-1] == "broken"
     rate = of_values(values).ask(metric="track_lost").table["mean"]
     assert (rate["mine"], rate["broken"]) == (pytest.approx(1 / 3), 1.0)
+
+
+def test_a_scenario_in_which_an_option_fails_is_named_as_left_out():
+    good, poor = [0.9, 0.91, 0.92, 0.9], [0.5, 0.52, 0.51, 0.5]
+    values = {"mine": {"car": poor, "cyclist": [None] * 4}, "point": {"car": good, "cyclist": poor}}
+    answer = of_values(values).ask()
+    assert (answer.over, answer.used) == ("4 seeds, car only", 4)
+    assert answer.sentence.startswith("Mean IoU, box: point 0.907 [0.891, 0.922] is the best (4 ")
+    assert answer.notes[0] == "Left out: cyclist, where mine lacks values."
+
+
+def test_options_that_share_no_cell_are_not_compared():
+    answer = of_values({"a": {"turn": [0.9, None]}, "b": {"turn": [None, 0.5]}}).ask()
+    assert "no scenario has every unit, and no unit every scenario" in answer.sentence
+    assert answer.notes[0] == "Left out: turn, where a and b lack values."
+    none = of_values({"a": {"turn": [None]}, "b": {"turn": [None]}}).ask(metric=IOU)
+    assert "no run has a value" in none.sentence
+
+
+def test_scenarios_compare_options_over_the_same_units():
+    values = {"a": {"p": [0.9, 0.5], "q": [0.8, 0.8]}, "b": {"p": [0.7, None], "q": [None, None]}}
+    found = of_values(values).ask().by_scenario()
+    np.testing.assert_allclose(found.loc["p"], [0.9, 0.7])
+    np.testing.assert_allclose(found.loc["q"], [0.8, np.nan])
 
 
 def test_two_units_claim_nothing():

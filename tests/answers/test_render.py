@@ -6,6 +6,7 @@ import pytest
 from test_answer import CENTRE, IOU, of_values
 
 from stixel_cli.answers import figures, render
+from stixel_cli.answers.runs import Runs
 from stixel_cli.pictures import style
 
 
@@ -23,10 +24,12 @@ def answers():
 
 def test_the_overview_has_the_best_first_and_counts_failures(answers):
     cells = render.overview(answers)
-    assert cells.header[:3] == ("tracker", "runs", "failed")
+    assert cells.header[:3] == ("tracker", "runs used", "failed")
     assert [row[:3] for row in cells.rows] == [
-        ("contour", "4", "0"), ("gp_ekf", "4", "0"), ("my_100%", "4", "1"),
+        ("contour", "3 of 4", "0"), ("gp_ekf", "3 of 4", "0"), ("my_100%", "3 of 4", "1"),
     ]  # fmt: skip
+    lost = Runs(answers[0].runs, ("tracker", "path", "seed")).ask(metric="track_lost")
+    assert render.overview([answers[0], lost]).header[-1] == "track loss rate (4 runs) [95 %]"
     # Three units are left: no interval, no best.
     assert not any(map(any, cells.best)) and "[" not in cells.rows[0][3]
 

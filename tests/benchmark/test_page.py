@@ -62,6 +62,10 @@ def test_the_page_compares_what_is_comparable():
     assert ("is the best" in text) == (len(seeds) >= 4)
     assert ("too few to compare, 4 are needed" in text) == (len(seeds) < 4)
     page = files[f"{'a' * 12}.html"]
+    assert "mini: seeds 0 and 1 of frozen" in page and "the link opens" not in page
+    assert "Not compared, in “All runs” only: smoothed (not causal)." in page
+    # A time has no better one: the least comes first.
+    assert "Ms per scan: gp_ekf 1.00, equal 1.00 and better 1.00" in text
     # A smoothed track is in the table of all rows, not in the comparison.
     assert "smoothed (not causal)" in page and "smoothed" not in text
 
@@ -71,6 +75,23 @@ def test_a_part_whose_seeds_each_have_one_sensor_is_compared_over_them():
     files = bench_pages([row(name, np.full(len(names), 0.5), names=names) for name in "ab"])
     table = pd.read_csv(io.StringIO(files[f"{'a' * 12}-hard.csv"]))
     assert set(table["units"]) == {5} and set(table["mean"][:2]) == {0.5}
+
+
+def test_a_set_of_other_seeds_is_not_called_frozen():
+    names = ["lidar-car-turn-1000"]
+    command = ["stixel", "bench", "page", "mine.zip", "--data", "tuning"]
+    files = bench_pages([row("mine", [0.5], names=names)], (), command)
+    page = files[f"{'a' * 12}.html"]
+    assert "other seeds than those of frozen" in page and "mine.zip --data tuning" in page
+    assert "Mean IoU: mine 0.500" in files["index.html"]
+
+
+def test_seeds_of_one_case_each_are_units():
+    names = ["lidar-car-turn-5", "lidar-car-crossing-6", "lidar-car-approach-7"]
+    files = bench_pages([row("mine", [0.2, 0.3, 0.4], "fresh", names=names)])
+    table = pd.read_csv(io.StringIO(files[f"{'a' * 12}-fresh.csv"]))
+    assert table["mean"][0] == pytest.approx(0.3) and table["units"][0] == 3
+    assert "fresh seeds of frozen, drawn by a pack" in files["index.html"]
 
 
 def test_fresh_rows_and_other_processors():

@@ -66,10 +66,7 @@ def test_a_part_is_rendered_run_and_scored(tmp_path, monkeypatch, capsys):
     scored = ["bench", "score", "box.zip", "--data", "demo", "--rows", "rows"]
     assert main(scored) == 0 and len(list((tmp_path / "rows").iterdir())) == 1
     assert main(["bench", "verify", "--data", "absent"]) == 2
-    assert (
-        "MANIFEST.json: is missing: write all sequences with stixel bench"
-        in capsys.readouterr().err
-    )
+    assert "MANIFEST.json: is missing: name the folder of the sequences" in capsys.readouterr().err
     assert main(["bench", "page", "--rows", "absent"]) == 2
     assert "--rows: absent: no such folder" in capsys.readouterr().err
     nothing = ["bench", "render", "--part", "guest_demo", "--sensor", "lidar", "--data", "demo"]

@@ -66,6 +66,7 @@ def test_parameters_are_a_dataclass_or_plain_keys(own):
         (["track", "tracker.mode=fa"], "tracker.mode: 'fa' is not known: must be one of near, far"),
         (["track", "tracker.beta=1"], "tracker.beta: 1: is unknown; it has alpha, mode"),
         (["plain", "tracker.beta=1"], "tracker.beta: unknown parameter; it has alpha"),
+        (["plain", "tracker.alpha=high"], "tracker.alpha: 'high' is text: must be a number"),
         (["track", "tracker.kind=1"], "tracker.kind: the name is reserved"),
         (["nothing"], ".py has no function nothing"),
         (["Parameters.x"], "must be module:function"),

@@ -69,7 +69,7 @@ def test_each_folder_has_a_row(root, monkeypatch):
     assert rows["rq2/sweeps/main"]["mean IoU"] is None, "a mean over trackers is none of any"
     assert rows["rq2/sweeps/main"]["verdict"] == (
         "2 of 3 runs done. Mean IoU: contour 0.900 and gp_ekf 0.500 (one run each: too few to "
-        "compare, 4 are needed)."
+        "compare, 4 are needed). Not compared: point, without a value."
     )
     assert "not valid JSON" in rows["broken"]["verdict"]
     assert rows["foreign"]["verdict"] == "not a valid result: ZeroDivisionError: division by zero"

@@ -43,7 +43,7 @@ def test_a_failing_run_stops_no_other_and_resume_retries_it(sweeps, bad_mesh):
     statuses = [row["status"] for row in swept["runs"]]
     assert statuses == ["done"] * 4 + ["failed"] + ["skipped"] * 3
     assert sweeps.error.splitlines()[-1] == f"stixel sweep --resume {folder}"
-    assert "4 of 8 runs are missing" in sweeps.error
+    assert "4 of 8 runs are not done" in sweeps.error
     assert "run 4 failed" in sweeps.error
     assert "failed" in (folder / "summary.md").read_text()
     failed = folder / swept["runs"][4]["folder"]

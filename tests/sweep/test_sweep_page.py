@@ -65,8 +65,10 @@ def test_a_seed_that_an_option_lacks_is_left_out(made, tmp_path):
     shutil.rmtree(folder / "runs/0001")
     assert report([folder], tmp_path / "page.html") == 0
     html = (tmp_path / "page.html").read_text(encoding="utf-8")
-    assert "11 done, 1 missing" in html and "1 combination of scenario and unit left out" in html
-    assert "3 seeds: too few to compare" in html
+    assert (
+        "11 done, 1 missing" in html and "Left out: seed=1, where sigma_q=0.1 lacks values" in html
+    )
+    assert "3 of 4 seeds: too few to compare" in html
     # The options that have the seed are shown without it.
     curves = over_time(read_sweep(folder)[0].ask())
     assert {len(errors["iou"]) for _, errors in curves.values()} == {3}
@@ -127,7 +129,7 @@ def test_failed_runs_of_a_stored_sweep_count_as_lost(made, tmp_path, capsys):
     answer = runs.ask(metric="iou_mean")
     assert answer.table.loc["0.4", "lost_share"] == 0.5
     assert report([folder], form="md", metrics="iou_mean") == 0
-    assert "0.4: 2 of 4 runs failed, counted as lost." in capsys.readouterr().out
+    assert "sigma_q=0.4: 2 of 4 runs failed, counted as lost" in capsys.readouterr().out
 
 
 def test_the_runs_can_be_sorted_filtered_grouped_and_plotted(made, open_page):

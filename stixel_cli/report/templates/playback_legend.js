@@ -50,13 +50,13 @@ function describe() {
   entries.push(
     [area(runs.length === 1 ? "var(--estimate)" : "var(--faint)", 0.25), "± 2σ of the contour"],
     [lineSwatch(runs.length === 1 ? "var(--estimate)" : "var(--faint)", "4 3", 1.5), "2σ ellipse of the centre"],
-    [dot("var(--used)"), "used point, with the tracker's R (1σ)"],
-    [dot("var(--unused)"), "unused point, with the scan's 1σ"],
+    [dot("var(--used)"), runs.every((run) => run.noise.known) ? "used point, with the tracker's R (1σ)" : runs.some((run) => run.noise.used) ? "used point, with 1σ" : "point, with the scan's 1σ"],
+    ...(runs.some((run) => run.noise.used) ? [[dot("var(--unused)"), "unused point, with the scan's 1σ"]] : []),
     [(picture) => { svg("path", { d: "M16 0 22 12H10Z" }, picture).style.fill = "var(--ego)"; }, "ego car's sensor"],
     ...(runs.some((run) => run.fieldOfView) ? [[area("var(--field-of-view)", 0.35), "field of view"]] : []),
-    [area("var(--consistent)", 1), "NEES, NIS: 95 % interval of a consistent filter"],
+    [area("var(--consistent)", 1), `${data.series.filter((one) => BOUNDS[one.name]).map((one) => one.name === "nis" ? "NIS" : "NEES").join(", ")}: 95 % interval of a consistent filter`],
     ...(data.known ? [[lineSwatch("var(--unused)", "4 3", 1.5), `low overlap: IoU < ${data.lowOverlap}`]] : []),
-    [lineSwatch("var(--unused)", "", 3), runs.length === 1 || severalTracks ? "points in the scan" : "points in the scan of the chosen run"]);
+    [lineSwatch("var(--unused)", "", 3), data.scans.length === 1 ? "points in the scan" : "points in the scan of the chosen run"]);
   if (data.cameras.length) entries.push(
     [(picture) => { svg("rect", { x: 11, y: 1, width: 10, height: 10, class: "outlined" }, picture); }, "stixel on the target"]);
   if (data.truths.length) entries.push([lineSwatch("var(--truth)"), "label of the recording"]);

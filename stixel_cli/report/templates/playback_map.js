@@ -182,7 +182,7 @@ function drawScan(scan, used, k, noise) {
   const of = `${count} point${count === 1 ? "" : "s"} in the scan, `;
   find("scan-caption").textContent = (count === 0 ? "Empty scan: the track is a prediction."
     : used.length === 0 ? `${of}0 used: the track is a prediction`
-      : `${of}${used.length} used by the tracker, with ${noise.text}`) +
+      : `${of}${noise.used ? `${used.length} used by the tracker, ` : ""}drawn with ${noise.text}`) +
     (scan.ellipses ? "" : "; the run has too many points to show their σ");
 }
 
