@@ -110,20 +110,6 @@ def test_help_and_composition_import_nothing_heavy(program, heavy):
     assert done.returncode == 0, done.stderr
 
 
-def test_run_hands_over_what_was_typed(stand_in, tmp_path):
-    seen = []
-    stand_in(lambda *arguments: seen.append(arguments) or 0)
-    assert main(["run"]) == 0
-    line = ["run", "seed=1", "--name", "a", "rig=kitti", "--workers", "3", "--json", "--dry-run"]
-    assert main([*line, "--results", str(tmp_path)]) == 0
-    defaults, given = seen
-    assert not defaults[0]
-    assert defaults[1] is None
-    assert str(defaults[2]) == "results"
-    assert defaults[3:] == (None, False, False, False, False, None)
-    assert given == (["seed=1", "rig=kitti"], "a", tmp_path, 3, True, False, True, False, None)
-
-
 def test_exit_code_of_the_body_is_the_command_s(stand_in):
     stand_in(lambda *arguments: 3)
     assert main(["run"]) == 3

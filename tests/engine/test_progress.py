@@ -127,20 +127,6 @@ class Terminal(io.StringIO):
         return True
 
 
-def test_a_bar_on_a_terminal(project, clock, capsys):
-    terminal = Terminal()
-    # Undone before capsys is, which keeps what stderr was at its beginning.
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("sys.stderr", terminal)
-        patch.setenv("TERM", "xterm")
-        bar = Progress(visible=True)
-        bar.expect({stage: 60.0 for stage in project.graph().stages}, 1)
-        feed(bar, project, clock, 2.0)
-    assert "about 2 s left; grid 1/2 frames" in terminal.getvalue()
-    assert "%" in terminal.getvalue() and "recomputed" in terminal.getvalue()
-    assert capsys.readouterr().out == ""
-
-
 def test_the_note_on_a_crashed_worker():
     note = crash_note(["double", "double", "grid[0:10]"], True)
     assert "crashed" in note and "double (2 nodes), grid[0:10]" in note and "retrying each" in note

@@ -298,18 +298,9 @@ def test_truth_behind_an_object_is_not_its_own():
     assert found.errors[0] == pytest.approx(0.2) and not found.square[0]
 
 
-@pytest.mark.parametrize(
-    ("error", "truth", "outlier"),
-    [
-        (3.1, 10.0, True),
-        (-3.1, 10.0, True),
-        (2.9, 10.0, False),
-        (3.1, 80.0, False),
-        (4.1, 80.0, True),
-    ],
-)
-def test_an_outlier_is_beyond_both_limits(error, truth, outlier):
-    assert is_outlier(np.array([error]), np.array([truth])).tolist() == [outlier]
+def test_an_outlier_is_beyond_both_limits():
+    errors, truths = np.array([3.1, -3.1, 2.9, 3.1, 4.1]), np.array([10.0, 10.0, 10.0, 80.0, 80.0])
+    assert is_outlier(errors, truths).tolist() == [True, True, False, False, True]
 
 
 def test_a_phantom_is_an_outlier_that_is_too_near():
