@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas
 import pytest
+from made_stixels import made_stixels
 from made_street import poses_ahead, stereo_view, street_rig
 
 from stixel_cli import compose, stixels_from_pair, sweep
@@ -270,20 +271,9 @@ def test_wrong_arguments_are_refused_in_one_line(arguments, said, tmp_path, monk
 
 
 def stixel_at(left, disparity, top, base):
-    return Stixels(
-        first=0,
-        offsets=np.array([0, 1]),
-        left=np.array([left]),
-        right=np.array([left + 3]),
-        top=np.array([top]),
-        base=np.array([base]),
-        disparity=np.array([disparity]),
-        disparity_variance=np.zeros(1),
-        depth=np.array([RIG.depth_from_disparity(disparity)]),
-        height=np.array([1.5]),
-        points_ego=np.zeros((1, 2)),
-        covariances_ego=np.zeros((1, 2, 2)),
-    )
+    area = {"left": [left], "right": [left + 3], "top": [top], "base": [base]}
+    depth = RIG.depth_from_disparity(disparity)
+    return made_stixels(**area, disparity=[disparity], depth=[depth], height=[1.5])
 
 
 def test_truth_behind_an_object_is_not_its_own():
