@@ -138,7 +138,8 @@ def test_values_of_every_run_are_legible(open_page, tmp_path, dark):
     opened = open_page(page_file, dark=dark)
     seen = opened.page.evaluate(
         """() => {
-            const pen = document.createElement("canvas").getContext("2d");
+            const canvas = document.createElement("canvas");
+            const pen = canvas.getContext("2d", { willReadFrequently: true });
             const bytes = (colour) => {
                 pen.fillStyle = colour;
                 pen.fillRect(0, 0, 1, 1);
