@@ -115,36 +115,6 @@ def test_exit_code_of_the_body_is_the_command_s(stand_in):
     assert main(["run"]) == 3
 
 
-@pytest.mark.parametrize(
-    ("line", "message"),
-    [
-        (["run", "--wrokers", "3"], "did you mean --workers?"),
-        (["run", "--dryrun"], "did you mean --dry-run?"),
-        (["run", "--nmae=a"], "did you mean --name?"),
-        (["run", "--seed=3"], "did you mean seed=… without the dashes?"),
-        (["run", "--rig.width", "3"], "did you mean rig.width=… without the dashes?"),
-        (["run", "--road_user=car"], "did you mean road_user=…"),
-        (["run", "-m", "seed=1,2"], "`stixel sweep KEY=1,2,3`"),
-        (["run", "--multirun", "seed=1,2"], "`stixel sweep KEY=1,2,3`"),
-        (["--verison"], "did you mean --version?"),
-        (["run", "--xyzzy"], "no such option --xyzzy (see stixel run --help)"),
-        (["run", "--name"], "requires an argument (see stixel run --help)"),
-        (["path.duration=1"], "did you mean stixel run path.duration=1?"),
-        (["run", "--workers", "many"], "'--workers'"),
-        (["rnu"], "did you mean run?"),
-        (["xyzzy"], "no such command 'xyzzy'"),
-        (["report"], "missing argument"),
-    ],
-)
-def test_wrong_usage_is_one_line(line, message, capsys):
-    assert main(line) == 2
-    said = capsys.readouterr()
-    assert said.out == ""
-    assert said.err.count("\n") == 1
-    assert said.err.startswith("stixel: ")
-    assert message in said.err
-
-
 def raising(error):
     """The body of a command that fails."""
 
