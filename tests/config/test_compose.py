@@ -42,12 +42,6 @@ def test_pace_and_prior_follow_the_road_user(user):
     assert "pace" not in composition.resolved
 
 
-def test_pace_can_be_another_ones():
-    composition = compose(["pace=cyclist", "road_user=pedestrian"])
-    assert composition.choices["pace"] == "cyclist"
-    assert composition.choices["prior"] == "pedestrian"
-
-
 @pytest.mark.parametrize("path", sorted({*group_options()["path"]} - {"recorded"}))
 def test_every_path_goes_with_another_class(path):
     assert compose(["road_user=pedestrian", f"path={path}"]).configuration.path.kind == path
@@ -66,10 +60,6 @@ def test_types_of_the_schema():
     assert baseline == 1.0
     assert type(baseline) is float
     assert composed.configuration.pictures.frames == (0, 5)
-
-
-def test_a_value_can_stand_for_another():
-    assert compose(["rig.height=${rig.width}"]).configuration.rig.height == 640
 
 
 def test_stored_configuration_comes_back(default):

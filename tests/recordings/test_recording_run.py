@@ -156,12 +156,6 @@ def test_a_start_from_the_scans_uses_the_first_box_only(clip):
     )
 
 
-def test_the_layout_is_guessed_from_the_folder(clip):
-    guessed = compose([one for one in of(clip) if one != "source=kitti_tracking"])
-    assert guessed.choices["source"] == "kitti_tracking"
-    assert guessed.configuration == compose(of(clip)).configuration
-
-
 @pytest.mark.parametrize(
     ("label", "road_user"),
     [("Van", "car"), ("Cyclist", "cyclist"), ("Person_sitting", "pedestrian"), ("Tram", None)],
