@@ -1,6 +1,5 @@
 """Progress: quiet when it is short, on stderr only, and true about the numbers."""
 
-import io
 import sys
 from dataclasses import replace
 
@@ -120,11 +119,6 @@ def test_a_short_execution_shows_nothing(project, clock, capsys, monkeypatch, te
     feed(Progress(visible=True), project, clock, 0.01)
     captured = capsys.readouterr()
     assert (captured.out, captured.err) == ("", "stixel: recomputed\n")
-
-
-class Terminal(io.StringIO):
-    def isatty(self):
-        return True
 
 
 def test_the_note_on_a_crashed_worker():

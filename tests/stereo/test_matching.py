@@ -157,6 +157,12 @@ def test_phase_table_corrects_every_surface_and_keeps_edges_and_holes():
     assert np.array_equal(found, expected)
 
 
+def test_phase_table_keeps_pixels_without_a_match():
+    raw = np.zeros((9, 9), dtype=np.int16)
+    raw[4, 4] = raw[:, 7:] = INVALID
+    assert np.array_equal(correct_phases(raw), raw)
+
+
 def test_phase_table_takes_the_median_of_near_disparities_only():
     raw = np.full((9, 9), 160, dtype=np.int16)
     raw[4, 4] = 161
