@@ -131,10 +131,15 @@ def test_a_surface_less_than_the_depth_margin_behind_is_no_layer_and_road_is_non
 def test_covariances_follow_from_disparity_variance_surroundings_and_width(
     pipeline, rig, render, as_disparities
 ):
-    stixels = pipeline(as_disparities(render(rig, boxes=BOXES, wall=30.0)), rig)
+    raw = render(rig, boxes=BOXES, wall=30.0)
+    # A sixteenth of a pixel up and down, from stixel to stixel.
+    raw += (raw > 0) & (np.arange(rig.width) // 5 % 2 == 1)
+    stixels = pipeline(as_disparities(raw), rig)
     assert np.all(np.linalg.eigvalsh(stixels.covariances_ego) > 0)
     count, scatter = surroundings(stixels.left, stixels.depth, 5)
-    scatter = scatter + unevenness(stixels.left, stixels.depth, 5)
+    uneven = unevenness(stixels.left, stixels.depth, 5)
+    assert uneven.max() > 0.01
+    scatter = scatter + uneven
     # Stixels at the edge of an object add `edge_std`, here as large as `least_std`.
     edge = stixels.disparity_variance > 1.5 * 0.1**2
     assert np.array_equal(edge, count < 3) and edge.any() and not edge.all()
