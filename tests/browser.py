@@ -6,7 +6,7 @@ where there is no browser:
     def test_it(open_page, tmp_path):
         opened = open_page(tmp_path / "page.html", width=390, height=844, dark=True)
         opened.page.get_by_role("button", name="Play").click()
-        assert opened.problems == [] and opened.overflow() == 0
+        assert opened.overflow() == 0
 """
 
 import shutil
@@ -46,63 +46,71 @@ class OpenedPage:
         )
 
 
-OpenPage = Callable[..., OpenedPage]
-
-
 @pytest.fixture(scope="session")
-def open_page() -> Iterator[OpenPage]:
-    """Function (file, width=1440, height=900, dark=False, touch=False, still=False) -> OpenedPage.
-
-    `still` is a user's wish for little motion. One browser a session.
-    """
+def browser() -> Iterator[Any]:
+    """One browser a session."""
     program = next(filter(None, map(shutil.which, NAMES)), None)
     if program is None:
         pytest.skip(f"no browser is installed: none of {', '.join(NAMES)} is found")
     playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
     with playwright.sync_playwright() as driver:
-        browser = driver.chromium.launch(
+        started = driver.chromium.launch(
             executable_path=program, args=["--no-sandbox", "--disable-dev-shm-usage"]
         )
-
-        def open_file(
-            file: Path,
-            width: int = 1440,
-            height: int = 900,
-            dark: bool = False,
-            touch: bool = False,
-            still: bool = False,
-        ) -> OpenedPage:
-            address = file.resolve().as_uri()
-            page = browser.new_page(
-                viewport={"width": width, "height": height},
-                color_scheme="dark" if dark else "light",
-                has_touch=touch,
-                is_mobile=touch,
-                reduced_motion="reduce" if still else "no-preference",
-            )
-            page.set_default_timeout(300_000)
-            opened = OpenedPage(page)
-            say = opened.problems.append
-            page.on(
-                "console",
-                lambda said: (
-                    say(f"{said.type}: {said.text}") if said.type in ("error", "warning") else None
-                ),
-            )
-            page.on("pageerror", lambda error: say(f"thrown: {error}"))
-            page.on(
-                "request",
-                lambda asked: (
-                    None
-                    if asked.url.partition("#")[0] == address or asked.url.startswith("data:")
-                    else say(f"request: {asked.url[:200]}")
-                ),
-            )
-            page.goto(address)
-            opened.settle()
-            return opened
-
         try:
-            yield open_file
+            yield started
         finally:
-            browser.close()
+            started.close()
+
+
+@pytest.fixture
+def open_page(browser) -> Iterator[Callable[..., OpenedPage]]:
+    """Function (file, width=1440, height=900, dark=False, touch=False, still=False) -> OpenedPage.
+
+    `still` is a user's wish for little motion. At its end a test fails for the problems of a page.
+    """
+    all_opened = []
+
+    def open_file(
+        file: Path,
+        width: int = 1440,
+        height: int = 900,
+        dark: bool = False,
+        touch: bool = False,
+        still: bool = False,
+    ) -> OpenedPage:
+        address = file.resolve().as_uri()
+        page = browser.new_page(
+            viewport={"width": width, "height": height},
+            color_scheme="dark" if dark else "light",
+            has_touch=touch,
+            is_mobile=touch,
+            reduced_motion="reduce" if still else "no-preference",
+        )
+        page.set_default_timeout(300_000)
+        opened = OpenedPage(page)
+        all_opened.append(opened)
+        say = opened.problems.append
+        page.on(
+            "console",
+            lambda said: (
+                say(f"{said.type}: {said.text}") if said.type in ("error", "warning") else None
+            ),
+        )
+        page.on("pageerror", lambda error: say(f"thrown: {error}"))
+        page.on(
+            "request",
+            lambda asked: (
+                None
+                if asked.url.partition("#")[0] == address or asked.url.startswith("data:")
+                else say(f"request: {asked.url[:200]}")
+            ),
+        )
+        page.goto(address)
+        opened.settle()
+        return opened
+
+    yield open_file
+    for opened in all_opened:
+        opened.page.close()
+    assert [problem for opened in all_opened for problem in opened.problems] == []

@@ -12,6 +12,7 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 import hypothesis
 import pytest
 import typer.main
+from browser import browser as browser
 from browser import open_page as open_page
 from rendered_clip import clip as clip
 from short_runs import marks_of, runs_with

@@ -110,53 +110,9 @@ def test_help_and_composition_import_nothing_heavy(program, heavy):
     assert done.returncode == 0, done.stderr
 
 
-def test_run_hands_over_what_was_typed(stand_in, tmp_path):
-    seen = []
-    stand_in(lambda *arguments: seen.append(arguments) or 0)
-    assert main(["run"]) == 0
-    line = ["run", "seed=1", "--name", "a", "rig=kitti", "--workers", "3", "--json", "--dry-run"]
-    assert main([*line, "--results", str(tmp_path)]) == 0
-    defaults, given = seen
-    assert not defaults[0]
-    assert defaults[1] is None
-    assert str(defaults[2]) == "results"
-    assert defaults[3:] == (None, False, False, False, False, None)
-    assert given == (["seed=1", "rig=kitti"], "a", tmp_path, 3, True, False, True, False, None)
-
-
 def test_exit_code_of_the_body_is_the_command_s(stand_in):
     stand_in(lambda *arguments: 3)
     assert main(["run"]) == 3
-
-
-@pytest.mark.parametrize(
-    ("line", "message"),
-    [
-        (["run", "--wrokers", "3"], "did you mean --workers?"),
-        (["run", "--dryrun"], "did you mean --dry-run?"),
-        (["run", "--nmae=a"], "did you mean --name?"),
-        (["run", "--seed=3"], "did you mean seed=… without the dashes?"),
-        (["run", "--rig.width", "3"], "did you mean rig.width=… without the dashes?"),
-        (["run", "--road_user=car"], "did you mean road_user=…"),
-        (["run", "-m", "seed=1,2"], "`stixel sweep KEY=1,2,3`"),
-        (["run", "--multirun", "seed=1,2"], "`stixel sweep KEY=1,2,3`"),
-        (["--verison"], "did you mean --version?"),
-        (["run", "--xyzzy"], "no such option --xyzzy (see stixel run --help)"),
-        (["run", "--name"], "requires an argument (see stixel run --help)"),
-        (["path.duration=1"], "did you mean stixel run path.duration=1?"),
-        (["run", "--workers", "many"], "'--workers'"),
-        (["rnu"], "did you mean run?"),
-        (["xyzzy"], "no such command 'xyzzy'"),
-        (["report"], "missing argument"),
-    ],
-)
-def test_wrong_usage_is_one_line(line, message, capsys):
-    assert main(line) == 2
-    said = capsys.readouterr()
-    assert said.out == ""
-    assert said.err.count("\n") == 1
-    assert said.err.startswith("stixel: ")
-    assert message in said.err
 
 
 def raising(error):

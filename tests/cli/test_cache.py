@@ -70,10 +70,6 @@ def test_gc_by_age_and_size(store, capsys):
     assert 3 not in left(store)
 
 
-def test_gc_without_anything_keeps_the_limit(store, capsys):
-    assert answer(capsys, "gc")["removed"] == 0
-
-
 def test_verify_names_what_is_bad_and_removes_it(store, capsys):
     assert answer(capsys, "verify")["bad"] == []
     file = store.entry("4" * 64) / VALUE

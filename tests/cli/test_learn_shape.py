@@ -1,6 +1,5 @@
-from itertools import product
-
 import pytest
+from boxes import write_box
 
 from stixel_cli.cli.app import main
 from stixel_cli.config.compose import compose
@@ -8,22 +7,11 @@ from stixel_cli.errors import ConfigurationError
 from stixel_cli.tracking.contour.class_shape import class_shape
 from stixel_cli.tracking.contour.user_shape import read_class
 
-SIDES = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
-
-
-def mesh(tmp_path, name, length, width):
-    corners = product((-length / 2, length / 2), (-width / 2, width / 2), (0, 1.5))
-    lines = [f"v {x} {y} {z}" for x, y, z in corners]
-    for a, b, c, d in SIDES:
-        lines += [f"f {a + 1} {b + 1} {c + 1}", f"f {a + 1} {c + 1} {d + 1}"]
-    file = tmp_path / name
-    file.write_text("\n".join(lines), encoding="utf-8")
-    return str(file)
-
 
 def test_the_overrides_that_it_prints_use_the_class_of_the_meshes(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    meshes = [mesh(tmp_path, "a.obj", 4.0, 1.6), mesh(tmp_path, "b.obj", 5.0, 2.0)]
+    sizes = {"a.obj": (4.0, 1.6), "b.obj": (5.0, 2.0)}
+    meshes = [str(write_box(tmp_path / name, *size)) for name, size in sizes.items()]
     given = ["--sensor", "outline", "--output", "vans.json"]
     assert main(["new", "class", *meshes, *given]) == 0
     assert {file.name for file in tmp_path.glob("*")} == {"a.obj", "b.obj", "vans.json"}
@@ -60,7 +48,7 @@ def test_the_overrides_that_it_prints_use_the_class_of_the_meshes(tmp_path, monk
 )
 def test_wrong_input_is_one_line_and_no_file(tmp_path, monkeypatch, capsys, arguments, fault):
     monkeypatch.chdir(tmp_path)
-    mesh(tmp_path, "a.obj", 4.0, 1.6)
+    write_box(tmp_path / "a.obj", 4.0, 1.6)
     (tmp_path / "old.json").write_text("{}", encoding="utf-8")
     assert main(["new", "class", *arguments]) == 2
     error = capsys.readouterr().err

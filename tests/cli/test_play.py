@@ -6,6 +6,7 @@ import re
 import numpy as np
 import pytest
 import yaml
+from boxes import write_box
 
 from stixel_cli.cli.app import main
 from stixel_cli.config.compose import compose
@@ -107,12 +108,7 @@ def test_runs_of_one_tracker_are_called_by_their_folders(results, tmp_path, caps
 
 
 def test_a_mesh_of_ones_own_is_named(tmp_path, capsys):
-    corners = [(x, y, z) for x in (-1, 1) for y in (-0.5, 0.5) for z in (0, 1)]
-    quads = ((1, 2, 4, 3), (5, 7, 8, 6), (1, 5, 6, 2), (3, 4, 8, 7), (1, 3, 7, 5), (2, 6, 8, 4))
-    lines = [f"v {x} {y} {z}" for x, y, z in corners]
-    lines += [f"f {a} {b} {c}\nf {a} {c} {d}" for a, b, c, d in quads]
-    mesh = tmp_path / "barrow.obj"
-    mesh.write_text("\n".join(lines))
+    mesh = write_box(tmp_path / "barrow.obj")
     make_point(tmp_path / "own", [*FABRICATED, f"road_user.mesh={mesh}"])
     assert play(capsys, tmp_path / "own")[0] == 0
     facts = page_data(tmp_path / "play-own.html")["runs"][0]["facts"]

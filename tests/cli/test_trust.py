@@ -80,46 +80,34 @@ def test_presets_that_name_code_are_refused(command, named, evil, tmp_path, caps
     assert not (tmp_path / "ran").exists()
 
 
-@pytest.mark.parametrize("module", ["evil.py", "stixel_cli.studies.rq1", ""])
-def test_a_study_outside_of_the_package_is_refused(module, evil, tmp_path, capsys):
-    entries = {"title": "t", "question": "q", "text": "t", "module": module}
-    fixed = FEW | {"tracker": "evil:track"}
-    content = entries | {"sweeps": {"first": {"fixed": fixed, "seeds": 1}}}
-    file = evil / "mine.yaml"
-    file.write_text(yaml.safe_dump(content))
-    named = module or "tracker=evil:track"
-    assert named in refused(capsys, "study", file, "--dry-run")
-    assert not (tmp_path / "ran").exists()
-
-
-SHIPPED = "stixel_cli.studies.rq3"
-
-
-def study_file(folder, **entries):
-    """A study whose only sweep has the entries `axes_of` or `derive` of `entries`, too."""
-    functions = {key: entries.pop(key) for key in ("axes_of", "derive") if key in entries}
-    content = {"title": "t", "question": "q", "text": "t", "module": SHIPPED}
-    sweeps = {"first": {"fixed": FEW, "seeds": 1}, "second": {"fixed": FEW, "seeds": 1} | functions}
+def study_file(folder, module, **fixed):
+    """A study of two sweeps."""
+    content = {"title": "t", "question": "q", "text": "t", "module": module}
+    sweeps = {name: {"fixed": FEW | fixed, "seeds": 1} for name in ("first", "second")}
     file = folder / "theirs.yaml"
-    file.write_text(yaml.safe_dump(content | {"sweeps": sweeps} | entries))
+    file.write_text(yaml.safe_dump(content | {"sweeps": sweeps}))
     return file
 
 
 @pytest.mark.parametrize(
-    ("entries", "named"),
+    ("module", "named"),
     [
-        ({"module": "stixel_cli.evil.py"}, "stixel_cli.evil.py:columns"),
-        ({"module": "./evil.py"}, "evil.py:columns"),
-        ({"module": "evil"}, "evil:columns"),
-        ({"module": "stixel_cli.engine.entries"}, "stixel_cli.engine.entries:columns"),
+        ("stixel_cli.evil.py", "stixel_cli.evil.py:columns"),
+        ("./evil.py", "evil.py:columns"),
+        ("evil", "evil:columns"),
+        ("stixel_cli.engine.entries", "stixel_cli.engine.entries:columns"),
+        # It is shipped, and not for a study of others.
+        ("stixel_cli.studies.rq1", "stixel_cli.studies.rq1:columns"),
+        ("", "tracker=evil:track"),
     ],
 )
-def test_a_study_of_others_runs_no_code(entries, named, evil, tmp_path, capsys):
+def test_a_study_of_others_runs_no_code(module, named, evil, tmp_path, capsys):
     (evil / "stixel_cli.evil.py").write_text((evil / "evil.py").read_text())
+    file = study_file(evil, module, **({} if module else {"tracker": "evil:track"}))
     sys.path.append(str(evil))
     try:
         for more in (["--dry-run"], []):
-            assert named in refused(capsys, "study", study_file(evil, **entries), *more)
+            assert named in refused(capsys, "study", file, *more)
     finally:
         sys.path.remove(str(evil))
     assert not (tmp_path / "ran").exists() and not (tmp_path / "results").exists()
@@ -140,21 +128,13 @@ def in_pipelines(monkeypatch, evil, tmp_path):
     return folder / "studies"
 
 
-@pytest.mark.parametrize(
-    ("entries", "named"),
-    [
-        ({"module": "stixel_cli.evil"}, "stixel_cli.evil:columns"),
-        ({"module": "stixel_cli.studies.rq33"}, "stixel_cli.studies.rq33:columns"),
-    ],
-)
-def test_a_file_among_the_shipped_ones_is_not_shipped(
-    entries, named, in_pipelines, evil, tmp_path, capsys
-):
-    file = study_file(in_pipelines, **entries)
+@pytest.mark.parametrize("module", ["stixel_cli.evil", "stixel_cli.studies.rq33"])
+def test_a_file_among_the_shipped_ones_is_not_shipped(module, in_pipelines, evil, tmp_path, capsys):
+    file, named = study_file(in_pipelines, module), f"{module}:columns"
     for study in (file, file.stem):
         assert named in refused(capsys, "study", study, "--dry-run")
     # Its functions are not shipped for a file elsewhere, either.
-    assert named in refused(capsys, "study", study_file(evil, **entries), "--dry-run")
+    assert named in refused(capsys, "study", study_file(evil, module), "--dry-run")
     sweep_file(in_pipelines, tracker="evil:track").rename(in_pipelines / "sweep.yaml")
     assert "tracker=evil:track" in refused(capsys, "sweep", "--from", "sweep")
     assert not (tmp_path / "ran").exists()
@@ -168,7 +148,7 @@ def test_the_list_of_shipped_studies_is_that_of_the_checkout():
 
 
 def test_trusted_code_of_a_study_is_told_and_runs_once(evil, tmp_path, capsys):
-    file = study_file(evil, module="stixel_cli.evil.py")
+    file = study_file(evil, "stixel_cli.evil.py")
     code = (evil / "evil.py").read_text() + "def material(data): ...\n"
     (evil / "stixel_cli.evil.py").write_text(code)
     assert main(["study", str(file), "--dry-run", "--trust-code"]) == 0

@@ -2,13 +2,11 @@
 
 import itertools
 import re
-import shutil
 
 import numpy as np
 import pytest
 import yaml
 
-from stixel_cli.config import folders
 from stixel_cli.config.choice import set_by_experiment
 from stixel_cli.config.compose import compose
 from stixel_cli.config.folders import EXPERIMENT, group_options, option_values, shipped_folder
@@ -35,17 +33,6 @@ def flatten(plain, prefix=""):
             yield from flatten(value, f"{prefix}{key}.")
         else:
             yield f"{prefix}{key}"
-
-
-@pytest.fixture
-def own_conf(tmp_path, monkeypatch):
-    """A checkout of the user's own: its folder of experiments."""
-    shutil.copytree(shipped_folder("conf"), tmp_path / "conf")
-    (tmp_path / "pyproject.toml").touch()
-    monkeypatch.setattr(folders, "_PACKAGE", tmp_path / "stixel_cli")
-    group_options.cache_clear()
-    yield tmp_path / "conf" / EXPERIMENT
-    group_options.cache_clear()
 
 
 def test_by_default_there_is_no_experiment():
@@ -144,7 +131,7 @@ def changed_defaults(conf):
 @pytest.mark.parametrize("measurement", [(), ("measurement=fabricated",)], ids=len)
 def test_no_default_changes_the_thesis(measurement, own_conf):
     before = plain_thesis(*measurement)
-    assert changed_defaults(own_conf.parent) == {*METHOD, "prior"}
+    assert changed_defaults(own_conf) == {*METHOD, "prior"}
     group_options.cache_clear()
     assert plain_thesis(*measurement) == before
 
@@ -213,7 +200,7 @@ def test_values_of_keys_that_another_option_lacks_are_left_out(group, other, opt
 
 
 def test_values_of_the_users_own_experiment(own_conf):
-    (own_conf / "mine.yaml").write_text(
+    (own_conf / EXPERIMENT / "mine.yaml").write_text(
         "# @package _global_\n"
         "defaults: [thesis, override /road_user: cyclist, _self_]\n"
         "seed: 7\ntracker: {sigma_f: 0.4}\n"
@@ -244,7 +231,7 @@ def test_values_of_the_users_own_experiment(own_conf):
     ],
 )
 def test_a_fault_in_an_experiment_is_one_line(content, named, own_conf):
-    (own_conf / "mine.yaml").write_text(f"# @package _global_\n{content}\n")
+    (own_conf / EXPERIMENT / "mine.yaml").write_text(f"# @package _global_\n{content}\n")
     group_options.cache_clear()
     around = ["measurement=fabricated"] if "measurement" in content else []
     with pytest.raises(ConfigurationError, match=named) as fault:

@@ -9,7 +9,7 @@ import time
 import numpy as np
 import pytest
 
-from stixel_cli.engine.cache_folder import Lease, leased_keys
+from stixel_cli.engine.cache_folder import Lease
 from stixel_cli.engine.entries import collect, entries, entry_folders, keep_limit
 from stixel_cli.engine.errors import CacheError
 from stixel_cli.engine.parameters import CacheParameters, parse_age, parse_size, show_size
@@ -60,27 +60,6 @@ def test_the_least_recently_used_go_first(store):
     assert (collection.removed, collection.kept, collection.in_use) == (2, 3, 0)
     assert collection.kept_size == sum(one.size for one in entries(store))
     assert list((store.folder / "tmp").iterdir()) == []
-
-
-def test_by_age(store):
-    assert collect(store, older_than=parse_age("60h")).removed == 3
-    assert left(store) == KEYS[3:]
-
-
-def test_a_dry_run_removes_nothing(store):
-    collection = collect(store, max_size=0, dry_run=True)
-    assert collection.removed == 5 and collection.removed_size > 40_000
-    assert left(store) == KEYS
-
-
-def test_entries_in_use_stay(store):
-    with Lease(store.folder, KEYS[:2]):
-        collection = collect(store, max_size=0)
-        assert left(store) == KEYS[:2] and collection.in_use == 2
-    assert leased_keys(store.folder) == set()
-    collect(store, 0)
-    assert left(store) == []
-    assert list((store.folder / "leases").iterdir()) == []
 
 
 def test_a_lease_that_is_taken_again_lets_the_others_go(store):
@@ -140,27 +119,6 @@ def test_what_killed_processes_left(store):
         assert not old.exists() and not lock.exists()
         assert fresh.exists() and mark.exists() and held.exists()
     assert left(store) == KEYS
-
-
-def test_bad_entries_are_named_and_removed(store):
-    flipped = store.entry(KEYS[1]) / VALUE
-    flipped.write_bytes(flipped.read_bytes()[:-1] + b"x")
-    cut = store.entry(KEYS[3]) / VALUE
-    cut.write_bytes(cut.read_bytes()[:-9])
-    (store.entry(KEYS[4]) / VALUE).unlink()
-    bad = []
-    assert [one.key for one in entries(store, bad, values=True)] == [KEYS[0], KEYS[2]]
-    assert [(one.key, one.stage, one.label) for one, _ in bad] == [
-        (KEYS[1], "stage1", "label1"),
-        (KEYS[3], "stage1", "label3"),
-        (KEYS[4], "stage0", "label4"),
-    ]
-    assert [fault.reason.partition(" (")[0] for _, fault in bad] == [
-        "its content has changed",
-        "it is truncated",
-        "value.joblib is missing",
-    ]
-    assert left(store) == [KEYS[0], KEYS[2]] and all(fault.removed for _, fault in bad)
 
 
 def test_a_bad_entry_that_cannot_be_removed(store, monkeypatch):

@@ -273,13 +273,6 @@ def test_a_scheduler_that_is_lost(project, tmp_path):
         process.communicate(timeout=600)
 
 
-def test_no_scheduler_there(project, monkeypatch):
-    monkeypatch.setattr("stixel_cli.engine.dask_pool.PATIENCE", 0.5)
-    executor = DaskExecutor("dask", 2, None, "tcp://127.0.0.1:9")
-    with pytest.raises(ExecutorError, match=r"no Dask scheduler at tcp://127.0.0.1:9 \("):
-        execute(project.graph(), ["numbers"], project.store, executor=executor)
-
-
 def test_no_address_is_refused(project):
     with pytest.raises(ExecutorError, match=r"executor\.address: is required"):
         execute(project.graph(), ["numbers"], project.store, executor=executor_at(None))

@@ -25,20 +25,6 @@ def reasons(project):
     return reasons
 
 
-def test_nothing_to_explain(project, reasons):
-    assert reasons(project.graph()) == {}
-
-
-def test_an_empty_cache(project):
-    explanations = explain(project.graph(), project.store, ["double"])
-    assert [f"{one.label}: {one.text}" for one in explanations] == [
-        "numbers: new: no result of numbers is stored",
-        "double[0:4]: new: no result of double is stored",
-        "double[4:8]: new: no result of double is stored",
-        "double[8:10]: new: no result of double is stored",
-    ]
-
-
 def test_a_setting_and_its_dependents(project, reasons):
     answer = reasons(project.graph(factor=2.5))
     assert answer["double[4:8]"] == "double[4:8]: gain.factor changed from 2.0 to 2.5"
@@ -181,11 +167,6 @@ def test_a_removed_result(project, reasons):
     assert reasons(graph, ["numbers"]) == {
         "numbers": "numbers: new: no result of numbers is stored"
     }
-
-
-def test_other_frames(project, reasons):
-    answer = reasons(project.graph(frames=(2, 5)))
-    assert answer["grid[5]"] == "grid[5]: new: no result of grid[5] is stored"
 
 
 def test_nodes_of_a_stage_with_equal_reasons_are_one_group(project, reasons):

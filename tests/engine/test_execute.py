@@ -109,15 +109,6 @@ def test_an_edit_reruns_the_stage_and_its_dependents(project, module, old, new, 
     assert project.calls() == [], "the code is as it was, and its results are still there"
 
 
-def test_a_setting_reruns_the_stage_and_its_dependents(project):
-    project.run()
-    project.calls()
-    project.run(project.graph(seed=2))
-    assert project.calls() == ["gather"]
-    project.run(project.graph(factor=5.0))
-    assert set(project.calls()) == set(ALL) - {"numbers"}
-
-
 def test_the_same_bytes_on_any_executor(project):
     graph = project.graph()
     found = []

@@ -107,19 +107,6 @@ def damage(project, graph, name, position=0, cut=False):
     path.write_bytes(content)
 
 
-@pytest.mark.parametrize("cut", [False, True])
-def test_a_damaged_target_is_made_again(project, cut):
-    graph = project.graph()
-    project.run(graph)
-    expected = project.store.load(graph.of_stage("show")[0].key)
-    project.calls()
-    damage(project, graph, "show", cut=cut)
-    execution = project.run(graph)
-    assert project.calls() == ["show 2"]
-    assert _computed(execution, "show") == 1
-    assert project.store.load(graph.of_stage("show")[0].key) == expected
-
-
 @pytest.mark.parametrize("executor", ["serial", "local"])
 def test_a_damaged_input_is_made_again(project, executor, notes):
     graph = project.graph()
@@ -284,17 +271,6 @@ def test_a_closed_pool_leaves_no_thread():
         assert pool.submit(abs, -1).result() == 1
         pool.close()
         assert set(threading.enumerate()) <= before
-
-
-def test_a_killed_process_leaves_nothing_that_blocks_or_misleads(project):
-    process = start(project, "serial")
-    wait_for_calls(project, 1)
-    process.kill()
-    process.communicate(timeout=600)
-    (project.folder / "go").touch()
-    process = start(project, "serial")
-    assert process.communicate(timeout=600) == ("", "")
-    assert project.calls() == ["wait 0", "wait 0", "wait 1"]
 
 
 def test_kill_9_of_a_process_with_workers(project):

@@ -11,29 +11,6 @@ def labels(graph, name):
     return [node.label for node in graph.of_stage(name)]
 
 
-def test_labels_and_frames(project):
-    graph = project.graph()
-    assert labels(graph, "numbers") == ["numbers"]
-    assert labels(graph, "double") == ["double[0:4]", "double[4:8]", "double[8:10]"]
-    assert labels(graph, "show") == ["show[2]", "show[9]"]
-    names = list(graph.stages)
-    assert names.index("double") < names.index("running")
-
-
-def test_inputs_of_each_node(project):
-    graph = project.graph()
-    double, running = graph.of_stage("double"), graph.of_stage("running")
-    assert [node.previous for node in running] == [None, running[0].key, running[1].key]
-    assert [node.inputs["doubled"] for node in running] == [(node.key,) for node in double]
-    gather = graph.of_stage("gather")[0]
-    assert gather.inputs["doubled"] == tuple(node.key for node in double)
-    assert gather.sequences == {"doubled", "running"}
-    show = graph.of_stage("show")
-    assert [node.inputs["doubled"] for node in show] == [(double[0].key,), (double[2].key,)]
-    assert [node.inputs["grid"] for node in show] == [(n.key,) for n in graph.of_stage("grid")]
-    assert gather.depth > running[2].depth > running[1].depth > double[1].depth
-
-
 def test_targets_are_stages_or_nodes(project):
     graph = project.graph()
     node = graph.of_stage("double")[1].key

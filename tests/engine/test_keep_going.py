@@ -71,17 +71,6 @@ def test_two_failures_with_a_common_successor(project, notes):
     assert execution.failure_of([graph.of_stage("show")[1].key]) is None
 
 
-def test_a_killer_of_workers_fails_alone(project, notes):
-    project.add_line("gather", "import os; os.kill(os.getpid(), 9)")
-    execution = project.run(executor="local", keep_going=True, progress=notes)
-    assert {label for label, status in statuses(execution).items() if status != "computed"} == {
-        "gather"
-    }
-    assert str(execution.failures[execution.graph.of_stage("gather")[0].key]) == (
-        "gather: WorkerDied: it crashed its worker twice"
-    )
-
-
 def test_a_result_that_was_stored_before_a_crash_is_computed(project, notes, tmp_path, monkeypatch):
     mark = tmp_path / "crashed"
 

@@ -76,13 +76,6 @@ def keys(graph, *stages):
 ALL = ("numbers", "double", "running", "gather", "grid", "show")
 
 
-def test_the_same_in_every_graph(project):
-    first = keys(project.graph(), *ALL)
-    project.forget()
-    assert keys(project.graph(), *ALL) == first
-    assert len(set(first)) == len(first)
-
-
 def test_other_pictures_leave_the_rest_alone(project):
     before, after = project.graph(), project.graph(frames=(2, 5))
     others = [name for name in ALL if name not in ("grid", "show")]

@@ -1,6 +1,5 @@
 """Progress: quiet when it is short, on stderr only, and true about the numbers."""
 
-import io
 import sys
 from dataclasses import replace
 
@@ -120,25 +119,6 @@ def test_a_short_execution_shows_nothing(project, clock, capsys, monkeypatch, te
     feed(Progress(visible=True), project, clock, 0.01)
     captured = capsys.readouterr()
     assert (captured.out, captured.err) == ("", "stixel: recomputed\n")
-
-
-class Terminal(io.StringIO):
-    def isatty(self):
-        return True
-
-
-def test_a_bar_on_a_terminal(project, clock, capsys):
-    terminal = Terminal()
-    # Undone before capsys is, which keeps what stderr was at its beginning.
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("sys.stderr", terminal)
-        patch.setenv("TERM", "xterm")
-        bar = Progress(visible=True)
-        bar.expect({stage: 60.0 for stage in project.graph().stages}, 1)
-        feed(bar, project, clock, 2.0)
-    assert "about 2 s left; grid 1/2 frames" in terminal.getvalue()
-    assert "%" in terminal.getvalue() and "recomputed" in terminal.getvalue()
-    assert capsys.readouterr().out == ""
 
 
 def test_the_note_on_a_crashed_worker():

@@ -71,14 +71,6 @@ def test_a_second_save_leaves_the_first(store):
     assert list((store.folder / "tmp").iterdir()) == []
 
 
-def test_the_remains_of_an_entry_do_not_stand_in_the_way(store):
-    store.save(KEY, 1)
-    (store.entry(KEY) / META).unlink()
-    assert not store.has(KEY)
-    store.save(KEY, 2)
-    assert store.load(KEY) == 2
-
-
 def flip(path):
     content = bytearray(path.read_bytes())
     content[len(content) // 2] ^= 1
@@ -131,11 +123,6 @@ def test_a_damaged_entry_is_removed(store, spoil, reason):
     assert not store.has(KEY) and not store.entry(KEY).exists()
     store.save(KEY, np.arange(3))
     np.testing.assert_array_equal(store.load(KEY), np.arange(3))
-
-
-def test_notes_are_json(store):
-    store.save(KEY, 1, settings={"a": [0.1, None, "é"]})
-    assert json.loads((store.entry(KEY) / META).read_text("utf-8"))["settings"]["a"][2] == "é"
 
 
 def test_damaged_notes_are_no_entry_and_do_not_stand_in_the_way(store):

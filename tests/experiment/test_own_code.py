@@ -15,8 +15,6 @@ from stixel_cli import compose, run
 from stixel_cli.cli.app import main
 from stixel_cli.cli.options import complete_override
 from stixel_cli.config import folders
-from stixel_cli.config.texts import override_text
-from stixel_cli.engine.code import CodeIndex
 from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.experiment.stages import experiment_graph
 
@@ -281,12 +279,3 @@ def test_functions_of_installed_packages_are_options(own, monkeypatch, capsys):
             compose(["metrics=[min]"])
     finally:
         folders.installed_functions.cache_clear()
-
-
-def test_a_keys_code_holds_the_modules_of_the_folder_only(own):
-    code = CodeIndex().code([own.name], (own.folder,))
-    assert {own.name, own.helper} <= set(code.modules)
-    assert "numpy" in code.versions
-    assert override_text("tracker", f"{own.name}:track") in (
-        f"tracker={own.name}:track", f"tracker='{own.name}:track'",
-    )  # fmt: skip

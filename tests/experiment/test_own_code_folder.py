@@ -56,22 +56,6 @@ def remove_results(folder):
         shutil.rmtree(entry)
 
 
-def test_explain_compares_a_sweep_with_its_own_code(own, words, capsys):
-    line = ["sweep", "--results", str(own.results), "--name", "s", *words, "seed=0,1"]
-    assert main(line) == 0
-    capsys.readouterr()
-    assert main(["explain", str(own.results / "s")]) == 0
-    assert capsys.readouterr().out == "nothing to recompute: all results are cached\n"
-    helper = own.folder / f"{own.helper}.py"
-    for value in (2.0, 3.0):
-        helper.write_text(f"OFFSET = {value}\n")
-        if value == 2.0:
-            folder_of(own, "b", *words)
-    capsys.readouterr()
-    assert main(["explain", str(own.results / "s")]) == 0
-    assert f": code: {own.helper} changed" in capsys.readouterr().out
-
-
 @pytest.mark.parametrize("text", ["def (", 'FILES = ["nothing.npz"]\n'])
 def test_code_that_is_no_longer_valid_is_one_line(text, own, words, capsys):
     folder = folder_of(own, "a", *words)

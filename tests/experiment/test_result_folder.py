@@ -98,12 +98,6 @@ def test_of_two_in_one_second_both_are_written(results, capsys, monkeypatch):
     assert "mine: was created by another process meanwhile\n" in capsys.readouterr().err
 
 
-def test_default_names_do_not_collide(results, capsys):
-    folders = {run_json(capsys, results, *FABRICATED)["folder"] for _ in range(3)}
-    assert len(folders) == 3
-    assert all("/car-turn-fabricated-" in folder for folder in folders)
-
-
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [

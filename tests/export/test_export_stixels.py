@@ -1,10 +1,10 @@
 """Which stixels an export gives to the target."""
 
 import numpy as np
+from made_stixels import made_stixels
 
 from stixel_cli.export.stx1 import used_stixels
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.stixels.types import Stixels
 
 GATES = (0.3, 2.5, 1.0, 40.0)
 
@@ -12,12 +12,9 @@ GATES = (0.3, 2.5, 1.0, 40.0)
 def stixels_of(first, heights_of_each):
     """Stixels of frames from `first` on, 10 m ahead; one below 0.3 m is no candidate."""
     heights = np.concatenate(heights_of_each)
-    count = len(heights)
-    zeros, ones = np.zeros(count, np.int32), np.ones(count)
+    points = np.tile([0.0, 10.0], (len(heights), 1))
     offsets = np.cumsum([0, *map(len, heights_of_each)])
-    points = np.tile([0.0, 10.0], (count, 1))
-    measured = (ones, ones, ones, heights, points, np.tile(np.eye(2), (count, 1, 1)))
-    return Stixels(first, offsets, zeros, zeros, zeros, zeros, *measured)
+    return made_stixels(first, offsets, height=heights, points_ego=points)
 
 
 def scans_with(counts):

@@ -8,7 +8,6 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from real_data import real_data
 from rendered_clip import assert_same, results_of_run
 
 from stixel_cli import StixelStream, compose, stixels_from_disparity, stixels_from_pair
@@ -51,18 +50,6 @@ def test_a_rendered_pair_has_the_stixels_of_stixel_run(clip, pair):
     found = stixels_from_pair(*pair)
     free_space, stixels = results_of_run(composed(*files_of(clip)), "free_space", "stixels")
     assert len(found) > 20
-    assert_same(found.stixels, stixels)
-    assert_same(found.free_space, free_space)
-
-
-def test_a_real_pair_has_the_stixels_of_stixel_run():
-    folder = real_data("kitti_object")
-    left, right, calibration = (folder / name for name in ("left.png", "right.png", "calib.txt"))
-    images = [cv2.imread(str(file))[..., ::-1] for file in (left, right)]
-    free_space, stixels = results_of_run(
-        composed(left, right, calibration), "free_space", "stixels"
-    )
-    found = stixels_from_pair(*images, calibration)
     assert_same(found.stixels, stixels)
     assert_same(found.free_space, free_space)
 
@@ -251,7 +238,6 @@ def moved(image, rows=0.0, roll=0.0, scale=1.0):
     [
         ({"left": np.zeros((160, 240), int)}, "left: must be uint8, uint16 or float, got int64"),
         ({"left": np.full((160, 240), 300.0)}, "left: must have values in .*255"),
-        ({"left": np.full((160, 240), np.nan)}, "left: must have values in .*255"),
         ({"left": np.zeros((160, 240, 5), np.uint8)}, "left: must be .*, got \\(160, 240, 5\\)"),
         ({"left": np.zeros(9, np.uint8)}, "left: must be .*, got \\(9,\\)"),
         (
@@ -260,10 +246,7 @@ def moved(image, rows=0.0, roll=0.0, scale=1.0):
         ),
         ({"rig": {"focal_length": 200.0}}, "rig: baseline: "),
         ({"rig": NUMBERS | {"baseline": -0.4}}, "rig: baseline: .*, got -0.4"),
-        ({"rig": NUMBERS | {"baseline": None}}, "rig: baseline: "),
-        ({"rig": NUMBERS | {"fov": 3}}, "rig: fov: is unknown; did you mean horizontal_fov"),
         ({"rig": NUMBERS | {"tx": 3}}, "rig: tx: is unknown; did you mean baseline"),
-        ({"rig": {"fx": 200.0, "tx": 3}}, "rig: tx: is unknown; did you mean baseline"),
         ({"rig": NUMBERS | {"fx": 3}}, "rig: a number is given twice.*: focal_length"),
         ({"rig": NUMBERS | {"fy": 0.0}}, "rig: focal_length_v: must be > 0, got 0"),
         ({"rig": {"K": [1, 2], "baseline": 0.4}}, "rig: K: must be a camera matrix of 3 × 3"),

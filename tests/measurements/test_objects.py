@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from made_stixels import made_stixels
 
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD
 from stixel_cli.measurements.clusters import cluster
 from stixel_cli.measurements.objects import find_objects, smallest_rectangle
 from stixel_cli.results.tables import object_columns
-from stixel_cli.stixels.types import Stixels
 
 GATES = (0.3, 2.5, 1.0, 80.0)
 FOCAL = 700.0
@@ -28,21 +28,18 @@ def stixels(points_of_each, heights=None):
     # 0.3 px of 380 m px: as uncertain as stixels are.
     std = 0.3 * points[:, 1] ** 2 / 380.0
     middle = np.rint(600 + FOCAL * points[:, 0] / np.maximum(points[:, 1], 1.0)).astype(np.int32)
-    one = np.ones(len(points))
     covariances = np.zeros((len(points), 2, 2))
     covariances[:, 1, 1], covariances[:, 0, 0] = std**2, 1e-4
     base = np.rint(170 + FOCAL * 1.65 / np.maximum(points[:, 1], 1.0)).astype(np.int32)
-    return Stixels(
-        first=3,
-        offsets=np.cumsum([0, *map(len, points_of_each)], dtype=np.int64),
+    return made_stixels(
+        3,
+        np.cumsum([0, *map(len, points_of_each)], dtype=np.int64),
         left=middle - WIDTH // 2,
         right=middle + WIDTH // 2,
         top=base - 20,
         base=base,
-        disparity=one,
-        disparity_variance=one,
         depth=points[:, 1],
-        height=one if heights is None else np.asarray(heights, float),
+        height=np.ones(len(points)) if heights is None else np.asarray(heights, float),
         points_ego=points,
         covariances_ego=covariances,
     )

@@ -54,20 +54,6 @@ def test_crossings_match_a_brute_force_search(seed, distance, bearing, even_tang
     np.testing.assert_allclose(found, expected, rtol=1e-9)
 
 
-def test_concave_contour_occludes_itself():
-    # A U that opens to the left: its upper arm hides nothing of the lower one.
-    contour = np.array(
-        [[4, -2], [10, -2], [10, 2], [4, 2], [4, 1], [9, 1], [9, -1], [4, -1]], float
-    )
-    rays = spread_rays(5, (-np.arctan(0.375), np.arctan(0.375)), True)
-    hit, ranges = first_crossings(contour, rays)
-    assert hit.tolist() == [0, 1, 2, 3, 4]
-    depth = ranges * np.cos(rays.angles)
-    # tan = ±0.375 meet the arms' ends at depth 4, the others look into the U.
-    inner_wall = [1.0 / 0.1875, 9.0, 1.0 / 0.1875]
-    np.testing.assert_allclose(depth, [4.0, *inner_wall, 4.0])
-
-
 @pytest.mark.parametrize("even_tangent", [False, True])
 def test_rays_span_the_field_of_view_evenly(even_tangent):
     rays = spread_rays(11, (-0.6, 0.9), even_tangent)
@@ -76,11 +62,3 @@ def test_rays_span_the_field_of_view_evenly(even_tangent):
     np.testing.assert_allclose(rays.angles[[0, -1]], [-0.6, 0.9])
     # The step is the derivative of the angle by the ray's index.
     np.testing.assert_allclose(rays.steps[1:-1], np.gradient(rays.angles)[1:-1], rtol=0.02)
-
-
-def test_contour_outside_the_field_of_view_has_no_crossing():
-    rays = spread_rays(64, (-0.5, 0.5), True)
-    square = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]], float)
-    for centre in ([-10, 0], [0, 10], [0, -10], [0, 0]):
-        hit, ranges = first_crossings(square + centre, rays)
-        assert len(hit) == len(ranges) == 0

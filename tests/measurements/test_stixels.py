@@ -2,13 +2,13 @@ import dataclasses
 
 import numpy as np
 import pytest
+from made_stixels import made_stixels
 
 from stixel_cli.config.compose import compose
 from stixel_cli.geometry.pose import rotation
 from stixel_cli.measurements.scans import FieldOfView
 from stixel_cli.measurements.stixels import StixelsParameters, gather_scans
 from stixel_cli.scene.scenario import EgoMotion
-from stixel_cli.stixels.types import Stixels
 
 GATES = StixelsParameters(
     kind="stixels", dropout=None, clutter_rate=0.0, height_min=0.3, height_max=2.5, range_max=40.0
@@ -18,20 +18,13 @@ RIG = compose([]).configuration.rig
 
 def stixels(first, per_frame, points, heights, covariances=None):
     count = len(points)
-    whole = np.zeros(count, np.int32)
-    real = np.ones(count)
     if covariances is None:
         covariances = np.tile(np.diag([0.01, 0.25]), (count, 1, 1))
-    return Stixels(
-        first=first,
-        offsets=np.concatenate([[0], np.cumsum(per_frame)]).astype(np.int64),
-        left=whole,
-        right=whole + 7,
-        top=whole,
-        base=whole,
-        disparity=real,
-        disparity_variance=real,
-        depth=real,
+    return made_stixels(
+        first,
+        np.concatenate([[0], np.cumsum(per_frame)]).astype(np.int64),
+        left=np.zeros(count, np.int32),
+        right=np.full(count, 7, np.int32),
         height=np.array(heights, float),
         points_ego=np.array(points, float).reshape(-1, 2),
         covariances_ego=covariances,

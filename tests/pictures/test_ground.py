@@ -6,6 +6,16 @@ import shapely
 from stixel_cli.pictures import ground, style
 
 
+def band_of(contour, directions, std):
+    """The area that is drawn round a contour about the origin."""
+    with style.drawing():
+        axes = style.new_figure(3.0, 3.0).add_axes((0.0, 0.0, 1.0, 1.0))
+        ground.draw_band(axes, np.zeros(2), contour, directions, std)
+        (patch,) = axes.artists or axes.patches
+        parts = patch.get_path().vertices.reshape(-1, 5, 2)
+    return shapely.union_all(shapely.make_valid(shapely.polygons(parts)))
+
+
 def test_the_band_is_across_the_contour_and_no_mirror_spreads_it():
     angles = 2.0 * np.pi * np.arange(180) / 180
     directions = np.stack([np.cos(angles), np.sin(angles)], axis=1)
@@ -18,12 +28,7 @@ def test_the_band_is_across_the_contour_and_no_mirror_spreads_it():
     normals = np.stack([edges[:, 1], -edges[:, 0]], axis=1)
     facing = np.sum(normals * directions, axis=1) / np.linalg.norm(edges, axis=1)
     std = 0.1 / np.maximum(facing, 0.2)
-    with style.drawing():
-        axes = style.new_figure(3.0, 3.0).add_axes((0.0, 0.0, 1.0, 1.0))
-        ground.draw_band(axes, np.zeros(2), contour, directions, std)
-        (patch,) = axes.artists or axes.patches
-        parts = patch.get_path().vertices.reshape(-1, 5, 2)
-    band = shapely.union_all(shapely.make_valid(shapely.polygons(parts)))
+    band = band_of(contour, directions, std)
     outline = shapely.Polygon(contour).exterior
     assert shapely.hausdorff_distance(band, outline) < 0.3
     assert band.covers(shapely.Point(1.0, 1.15)) and not band.covers(shapely.Point(1.0, 1.25))
@@ -34,10 +39,5 @@ def test_a_contour_of_four_points_has_a_band():
     """Four points on to either side of one is itself: the band had no width."""
     square = np.array([[2.0, 1.0], [-2.0, 1.0], [-2.0, -1.0], [2.0, -1.0]])
     directions = square / np.hypot(*square.T)[:, None]
-    with style.drawing():
-        axes = style.new_figure(3.0, 3.0).add_axes((0.0, 0.0, 1.0, 1.0))
-        ground.draw_band(axes, np.zeros(2), square, directions, np.full(4, 0.3))
-        (patch,) = axes.artists or axes.patches
-        parts = patch.get_path().vertices.reshape(-1, 5, 2)
-    band = shapely.union_all(shapely.make_valid(shapely.polygons(parts)))
+    band = band_of(square, directions, np.full(4, 0.3))
     assert band.covers(shapely.Point(2.1, 0.0)) and not band.covers(shapely.Point(0.0, 0.0))

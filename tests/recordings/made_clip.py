@@ -89,8 +89,8 @@ def tracking(folder, **changes):
     return KittiTracking(kind="kitti_tracking", folder=str(folder), **values | changes)
 
 
-def truth_of(found):
+def truth_of(found, rig=None):
     """The scenario of a recording that was made here."""
-    rig, tables = small_rig(), found.tables
+    rig, tables = rig or small_rig(), found.tables
     motion = recorded_motion(found.pose_files, tables, found.count, 0.1, rig)
     return recorded_scenario(motion, found.truth_files, rig, tables, found.target)

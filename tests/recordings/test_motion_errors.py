@@ -223,12 +223,6 @@ def test_poses_cannot_be_scaled_by_a_recording_that_shows_no_length(
     assert "source.pose_scale: cannot be estimated" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("key", ["rig.disparity_offset=0.1", "rig.disparity_slope=0.001"])
-def test_the_old_keys_name_the_new_one(key, capsys):
-    assert main(["run", key]) == 2
-    assert "rig.disparity_error" in capsys.readouterr().err
-
-
 def test_rendered_images_need_no_calibration(capsys):
     assert main(["assess", "--calibrate", "seed=0"]) == 2
     assert "source: rendered is exact" in capsys.readouterr().err

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas
 import pytest
+from made_stixels import made_stixels
 from made_street import poses_ahead, stereo_view, street_rig
 
 from stixel_cli import compose, stixels_from_pair, sweep
@@ -270,20 +271,9 @@ def test_wrong_arguments_are_refused_in_one_line(arguments, said, tmp_path, monk
 
 
 def stixel_at(left, disparity, top, base):
-    return Stixels(
-        first=0,
-        offsets=np.array([0, 1]),
-        left=np.array([left]),
-        right=np.array([left + 3]),
-        top=np.array([top]),
-        base=np.array([base]),
-        disparity=np.array([disparity]),
-        disparity_variance=np.zeros(1),
-        depth=np.array([RIG.depth_from_disparity(disparity)]),
-        height=np.array([1.5]),
-        points_ego=np.zeros((1, 2)),
-        covariances_ego=np.zeros((1, 2, 2)),
-    )
+    area = {"left": [left], "right": [left + 3], "top": [top], "base": [base]}
+    depth = RIG.depth_from_disparity(disparity)
+    return made_stixels(**area, disparity=[disparity], depth=[depth], height=[1.5])
 
 
 def test_truth_behind_an_object_is_not_its_own():
@@ -298,18 +288,9 @@ def test_truth_behind_an_object_is_not_its_own():
     assert found.errors[0] == pytest.approx(0.2) and not found.square[0]
 
 
-@pytest.mark.parametrize(
-    ("error", "truth", "outlier"),
-    [
-        (3.1, 10.0, True),
-        (-3.1, 10.0, True),
-        (2.9, 10.0, False),
-        (3.1, 80.0, False),
-        (4.1, 80.0, True),
-    ],
-)
-def test_an_outlier_is_beyond_both_limits(error, truth, outlier):
-    assert is_outlier(np.array([error]), np.array([truth])).tolist() == [outlier]
+def test_an_outlier_is_beyond_both_limits():
+    errors, truths = np.array([3.1, -3.1, 2.9, 3.1, 4.1]), np.array([10.0, 10.0, 10.0, 80.0, 80.0])
+    assert is_outlier(errors, truths).tolist() == [True, True, False, False, True]
 
 
 def test_a_phantom_is_an_outlier_that_is_too_near():

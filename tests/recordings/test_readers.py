@@ -6,7 +6,17 @@ import shutil
 import cv2
 import numpy as np
 import pytest
-from made_clip import LENGTH, WIDTH, make_clip, plain_folder, small_rig, small_scenario, tracking
+from damages import GIT_LFS, cut, is_refused, missing, put, text
+from made_clip import (
+    LENGTH,
+    WIDTH,
+    make_clip,
+    plain_folder,
+    small_rig,
+    small_scenario,
+    tracking,
+    truth_of,
+)
 from made_files import RIG_FILES, png_of
 
 from stixel_cli.calibration.road_pose import compared_rows, contradiction, road_pose
@@ -21,7 +31,7 @@ from stixel_cli.recordings.image_files import grey, image_size, read_image, rgb
 from stixel_cli.recordings.kitti_tables import read_calibration
 from stixel_cli.recordings.rig_files import read_named_calibration
 from stixel_cli.recordings.stereo_images import read_left, read_pairs
-from stixel_cli.recordings.truth import recorded_motion, recorded_scenario, rocking, slopes
+from stixel_cli.recordings.truth import recorded_motion, rocking, slopes
 from stixel_cli.recordings.types import Tables
 from stixel_cli.rendering.placement import rig_cameras
 
@@ -30,23 +40,6 @@ from stixel_cli.rendering.placement import rig_cameras
 def copy(clip, tmp_path):
     """A clip to damage."""
     return shutil.copytree(clip, tmp_path / "clip")
-
-
-def truth_of(recording, target=0, rig=None):
-    rig = small_rig() if rig is None else rig
-    motion = recorded_motion(recording.pose_files, recording.tables, recording.count, 0.1, rig)
-    return recorded_scenario(motion, recording.truth_files, rig, recording.tables, target)
-
-
-def test_files_and_calibration_of_a_clip(clip):
-    recording = find_recording(tracking(clip))
-    assert recording.frames == range(5) and recording.label == "Car"
-    assert [file.name for file in recording.left] == [f"{k:06d}.png" for k in range(5)]
-    assert (recording.width, recording.height) == (160, 96)
-    calibration = recording.calibration
-    assert calibration.focal_length == 150.0 and calibration.principal_v == 40.0
-    assert calibration.baseline == pytest.approx(0.5, abs=1e-12)
-    assert recording.tables.left_camera == (0.0, 0.0, 0.0)
 
 
 def test_the_folder_above_training_will_do(clip, tmp_path):
@@ -147,12 +140,6 @@ def test_pairs_are_those_of_their_frames(clip):
     assert (pairs.right[0] == grey(read_image(recording.right[2]))).all()
 
 
-def _put(path, row, column, word):
-    rows = [line.split() for line in path.read_text().splitlines()]
-    rows[row][column] = word
-    path.write_text("\n".join(" ".join(words) for words in rows))
-
-
 def _cut(path, row):
     lines = path.read_text().splitlines()
     lines[row] = " ".join(lines[row].split()[:-3])
@@ -170,60 +157,48 @@ RIGHT, LABELS = "image_03/0003/000003.png", "label_02/0003.txt"
 CALIBRATION, POSES = "calib/0003.txt", "ego_poses/0003.txt"
 PIXELS = np.zeros((96, 160), dtype=np.uint8)
 DAMAGE = {
-    "no right image": (RIGHT, lambda f: f.unlink(), "the image of frame 3 is missing"),
+    "no right image": (RIGHT, missing, "the image of frame 3 is missing"),
     "no right images": ("image_03", shutil.rmtree, "image_03/0003: no such folder"),
-    "Git LFS pointer": (
-        RIGHT,
-        lambda f: f.write_text("version https://git-lfs.github.com/spec/v1\noid sha256:00\n"),
-        "000003.png: a Git LFS pointer",
-    ),
+    "Git LFS pointer": (RIGHT, GIT_LFS, "000003.png: a Git LFS pointer"),
     "other size": (
         RIGHT,
         lambda f: f.write_bytes(encode_png(PIXELS[:90])),
         "000003.png: 160 × 90 px, but the images before have 160 × 96 px",
     ),
-    "text": (RIGHT, lambda f: f.write_text("an image"), "000003.png: not a PNG image"),
+    "text": (RIGHT, text("an image"), "000003.png: not a PNG image"),
     "empty image": (RIGHT, lambda f: f.write_bytes(b""), "000003.png: not a PNG image"),
     "short label": (LABELS, lambda f: _cut(f, 2), "row 3: 17 columns are needed, got 14"),
-    "label of words": (LABELS, lambda f: _put(f, 1, 13, "near"), "row 2: 'near' is not a number"),
-    "label NaN": (LABELS, lambda f: _put(f, 1, 13, "nan"), "row 2: nan must be within ±1e+09"),
-    "label size": (LABELS, lambda f: _put(f, 0, 11, "0"), "row 1: height, width and length must"),
-    "label twice": (LABELS, lambda f: _put(f, 1, 0, "0"), "row 2: track 0 is labelled twice"),
-    "no labels": (LABELS, lambda f: f.unlink(), "0003.txt is missing"),
+    "label of words": (LABELS, put(1, 13, "near"), "row 2: 'near' is not a number"),
+    "label NaN": (LABELS, put(1, 13, "nan"), "row 2: nan must be within ±1e+09"),
+    "label size": (LABELS, put(0, 11, "0"), "row 1: height, width and length must"),
+    "label twice": (LABELS, put(1, 0, "0"), "row 2: track 0 is labelled twice"),
+    "no labels": (LABELS, missing, "0003.txt is missing"),
     "binary labels": (LABELS, lambda f: f.write_bytes(b"\xff\xfe\x00"), "not a text in UTF-8"),
-    "other target": (LABELS, lambda f: f.write_text(""), "has no track 0"),
+    "other target": (LABELS, text(""), "has no track 0"),
     "short pose": (POSES, lambda f: _cut(f, 2), "row 3: 12 columns are needed, got 9"),
-    "pose NaN": (POSES, lambda f: _put(f, 2, 3, "inf"), "row 3: inf must be within ±1e+09"),
-    "pose too large": (POSES, lambda f: _put(f, 2, 0, "1e308"), "row 3: 1e308 must be within"),
-    "label too large": (LABELS, lambda f: _put(f, 1, 13, "-1e300"), "row 2: -1e300 must be"),
+    "pose NaN": (POSES, put(2, 3, "inf"), "row 3: inf must be within ±1e+09"),
+    "pose too large": (POSES, put(2, 0, "1e308"), "row 3: 1e308 must be within"),
+    "label too large": (LABELS, put(1, 13, "-1e300"), "row 2: -1e300 must be"),
     "pose out of order": (POSES, _swap, "row 4: out of order: 39."),
-    "no rotation": (POSES, lambda f: _put(f, 2, 0, "0.2"), "row 3: not a rigid pose"),
-    "no pose": (POSES, lambda f: f.write_text("\n"), "0003.txt: has no poses"),
-    "no baseline": (
-        CALIBRATION,
-        lambda f: _put(f, 3, 4, "0.0"),
-        "no baseline: P3 is 0 m to the right of P2",
-    ),
-    "not rectified": (CALIBRATION, lambda f: _put(f, 3, 1, "151"), "P2 and P3 are not rectified"),
+    "no rotation": (POSES, put(2, 0, "0.2"), "row 3: not a rigid pose"),
+    "no pose": (POSES, text("\n"), "0003.txt: has no poses"),
+    "no baseline": (CALIBRATION, put(3, 4, "0.0"), "no baseline: P3 is 0 m to the right of P2"),
+    "not rectified": (CALIBRATION, put(3, 1, "151"), "P2 and P3 are not rectified"),
     "short calibration": (CALIBRATION, lambda f: _cut(f, 2), "row 3: 12 columns are needed, got 9"),
-    "no projection": (CALIBRATION, lambda f: f.write_text("P2: 1"), "row 1: 12 columns are needed"),
-    "no calibration": (CALIBRATION, lambda f: f.unlink(), "0003.txt is missing"),
+    "no projection": (CALIBRATION, text("P2: 1"), "row 1: 12 columns are needed"),
+    "no calibration": (CALIBRATION, missing, "0003.txt is missing"),
 }
 
 
 @pytest.mark.parametrize(("file", "damage", "said"), DAMAGE.values(), ids=DAMAGE)
 def test_a_wrong_folder_is_refused_in_one_line_that_names_the_file(file, damage, said, copy):
     damage(copy / file)
-    with pytest.raises(UserError) as caught:
-        find_recording(tracking(copy))
-    text = str(caught.value)
-    assert said in text and "\n" not in text
-    assert str(copy / file.split("/")[0]) in text
+    is_refused(tracking(copy), said, str(copy / file.split("/")[0]))
 
 
 def test_the_principal_points_of_two_cameras_may_differ(copy):
     assert find_recording(tracking(copy)).calibration.principal_u_right is None
-    _put(copy / CALIBRATION, 3, 3, "98.5")
+    put(3, 3, "98.5")(copy / CALIBRATION)
     calibration = find_recording(tracking(copy)).calibration
     assert calibration.principal_u == 78.0 and calibration.principal_u_right == 98.5
     assert calibration.baseline == pytest.approx(0.5)
@@ -235,9 +210,7 @@ def test_the_principal_points_of_two_cameras_may_differ(copy):
 
 @pytest.mark.parametrize("kept", [0.3, 0.9])
 def test_a_cut_off_image_is_refused_when_it_is_read(kept, copy, capfd):
-    file = copy / RIGHT
-    data = file.read_bytes()
-    file.write_bytes(data[: int(kept * len(data))])
+    cut(kept)(copy / RIGHT)
     recording = find_recording(tracking(copy))
     with pytest.raises(UserError, match=r"000003\.png: a damaged or incomplete PNG image"):
         read_pairs(recording.images, range(5))
@@ -282,7 +255,7 @@ def test_a_plain_folder_has_the_same_recording(clip, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("content", "said"),
     [
         ("focal_length: 150\n", "principal_u is missing"),
         ("focus: 150\n", "focus: unknown; it has focal_length, "),
@@ -302,9 +275,9 @@ def test_a_plain_folder_has_the_same_recording(clip, tmp_path):
         ("focal_length: 9\nprincipal_u: 1\nprincipal_v: 1\nbaseline: 120\n", "is it in mm"),
     ],
 )
-def test_a_wrong_rig_is_refused(text, said, clip, tmp_path):
+def test_a_wrong_rig_is_refused(content, said, clip, tmp_path):
     wrong = plain_folder(clip, tmp_path)
-    (tmp_path / "rig.yaml").write_text(text)
+    (tmp_path / "rig.yaml").write_text(content)
     with pytest.raises(UserError, match=said):
         find_recording(wrong)
 

@@ -10,8 +10,6 @@ from real_data import real_data
 from stixel_cli import compose
 from stixel_cli.cli.app import main
 from stixel_cli.config.compose import from_resolved
-from stixel_cli.engine.code import CodeIndex
-from stixel_cli.engine.keys import stage_identity
 from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.experiment.stages import pipeline_stages, scan_count
 from stixel_cli.recordings.replay import replayed_scenario, smoothing_spline
@@ -146,40 +144,6 @@ def test_a_label_without_a_class_needs_a_road_user(tmp_path):
     with pytest.raises(ConfigurationError, match=r"path\.target: is a Tram, which no class suits"):
         compose(of(tmp_path))
     assert compose(of(tmp_path, "road_user=car")).choices["prior"] == "car"
-
-
-def test_keys_hold_the_content_of_the_files_and_not_their_place(motion, tmp_path):
-    def keys(folder):
-        return {
-            name: stage_identity(stages_of(folder)[name], CodeIndex()).digest
-            for name in ("ego_motion", "scenario")
-        }
-
-    shutil.copytree(motion, tmp_path / "motion")
-    first = keys(motion)
-    assert keys(tmp_path / "motion") == first
-    labels = tmp_path / "motion/training/label_02/0003.txt"
-    labels.write_text(labels.read_text().replace("Car 0 0", "Car 0 1", 1))
-    changed = keys(tmp_path / "motion")
-    assert changed["ego_motion"] == first["ego_motion"]
-    assert changed["scenario"] != first["scenario"]
-
-
-def test_no_stage_from_matching_to_the_track_gets_labels(motion):
-    stages = stages_of(motion)
-    for name in ("match", "free_space", "stixels", "scans", "track"):
-        assert "scenario" not in stages[name].inputs.values()
-        assert not stages[name].gives_files
-
-
-def test_a_sweep_over_targets_and_measurements(motion, tmp_path, monkeypatch, capsys):
-    monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "cache"))
-    capsys.readouterr()
-    words = of(motion, "path.target=0,1", "measurement=fabricated,lidar", "path.frames=0:6")
-    words += ["tracker=point", "pictures.frames=[]", "executor=threads"]
-    assert main(["sweep", *words, "--results", str(tmp_path), "--name", "targets"]) == 0
-    rows = (tmp_path / "targets" / "runs.csv").read_text().splitlines()
-    assert len(rows) == 5 and all("done" in row for row in rows[1:])
 
 
 @pytest.mark.sketched

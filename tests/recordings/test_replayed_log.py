@@ -6,7 +6,6 @@ from made_argoverse import STEP, TARGET, make_motion
 from real_data import real_data
 
 from stixel_cli import compose
-from stixel_cli.cli.app import main
 from stixel_cli.errors import UserError
 from stixel_cli.experiment.stages import pipeline_stages
 from stixel_cli.recordings.replay import find_motion, replayed_scenario
@@ -37,15 +36,6 @@ def test_target_and_ego_car_move_as_they_did(mounted, tmp_path):
     np.testing.assert_allclose(found.target_poses_world, targets, atol=1e-6)
     speeds = np.hypot(*found.target_rates_world[:, :2].T)
     np.testing.assert_allclose(speeds, np.hypot(3.0, 1.0), atol=1e-5)
-
-
-def test_a_run_by_the_command_line(tmp_path, monkeypatch, capsys):
-    monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "cache"))
-    make_motion(tmp_path / "log", mounted=False, category="PEDESTRIAN")
-    words = of(tmp_path / "log", "measurement=fabricated", "pictures.frames=[]", "executor=threads")
-    words += ["path.frames=0:6", "--results", str(tmp_path), "--name", "one"]
-    assert main(["run", *words]) == 0, capsys.readouterr().err
-    assert "road_user" in (tmp_path / "one" / "config.yaml").read_text()
 
 
 WRONG = {

@@ -5,10 +5,10 @@ import re
 import shutil
 import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
+from damages import cut, missing, text
 from made_bag import IMAGE, INFO, ODOMETRY, START, STATIC, STEP, header, messages, write_bag
 from made_clip import plain_folder, small_rig
 
@@ -175,28 +175,14 @@ def test_wrong_content_is_refused_in_one_line(change, said, clip, tmp_path, caps
     assert re.search(said, said_of(capsys, path))
 
 
-def _cut(path):
-    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
-
-
 FILES = {
-    "no file": ("x", "drive.mcap", Path.unlink, "drive.mcap is missing"),
-    "not a bag": ("x", "drive.mcap", lambda path: path.write_text("text"), "not a bag of ROS: "),
-    "cut": ("mcap", "drive/drive.mcap", _cut, "not a bag of ROS: ReaderError: File end magic"),
-    "cut database": ("sqlite3", "drive/drive.db3", _cut, "not a bag of ROS: "),
-    "cut ROS 1": ("", "drive.bag", _cut, "not a bag of ROS: "),
-    "missing part": (
-        "mcap",
-        "drive/drive.mcap",
-        lambda path: path.unlink(),
-        "drive.mcap is missing",
-    ),
-    "no metadata": (
-        "mcap",
-        "drive/metadata.yaml",
-        lambda path: path.write_text("a: 1"),
-        "not the metadata of a ROS 2 bag",
-    ),
+    "no file": ("x", "drive.mcap", missing, "drive.mcap is missing"),
+    "not a bag": ("x", "drive.mcap", text("text"), "not a bag of ROS: "),
+    "cut": ("mcap", "drive/drive.mcap", cut(0.5), "not a bag of ROS: ReaderError: File end magic"),
+    "cut database": ("sqlite3", "drive/drive.db3", cut(0.5), "not a bag of ROS: "),
+    "cut ROS 1": ("", "drive.bag", cut(0.5), "not a bag of ROS: "),
+    "missing part": ("mcap", "drive/drive.mcap", missing, "drive.mcap is missing"),
+    "no metadata": ("mcap", "drive/metadata.yaml", text("a: 1"), "not the metadata of a ROS 2 bag"),
 }
 
 

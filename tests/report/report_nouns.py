@@ -1,6 +1,7 @@
 """Plausible nouns of a small run, made without any other stage."""
 
 import numpy as np
+from made_stixels import made_stixels
 
 from stixel_cli.evaluation.scores import Scores
 from stixel_cli.geometry.pose import world_from_target, wrap_angle
@@ -9,7 +10,7 @@ from stixel_cli.measurements.scans import Scans
 from stixel_cli.rendering.frames import RenderedFrames, StereoPairs
 from stixel_cli.scene.scenario import EgoMotion, Scenario
 from stixel_cli.stereo.disparities import Disparities
-from stixel_cli.stixels.types import FreeSpace, Stixels
+from stixel_cli.stixels.types import FreeSpace
 from stixel_cli.tracking.track import Track
 
 
@@ -127,9 +128,9 @@ def make_camera_nouns(rig, rng, first=4, count=2):
     lines = np.tile([slope, -slope * rig.v0], (count, 1))
     left = np.tile(np.arange(width // 3, width // 2 - 4, 5), count)
     n = len(left)
-    stixels = Stixels(
-        first=first,
-        offsets=np.arange(count + 1) * (n // count),
+    stixels = made_stixels(
+        first,
+        np.arange(count + 1) * (n // count),
         left=left.astype(np.int32),
         right=(left + 5).astype(np.int32),
         top=np.full(n, top, np.int32),
@@ -138,7 +139,6 @@ def make_camera_nouns(rig, rng, first=4, count=2):
         disparity_variance=np.full(n, 0.01),
         depth=np.full(n, rig.depth_from_disparity(target)),
         height=np.full(n, 1.5),
-        points_ego=np.zeros((n, 2)),
         covariances_ego=np.tile(np.eye(2), (n, 1, 1)),
     )
     return rendered, pairs, disparities, FreeSpace(first, nearest, base_row, lines), stixels

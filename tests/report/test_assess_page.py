@@ -3,11 +3,11 @@
 import io
 
 import numpy as np
+from made_stixels import made_stixels
 from PIL import Image
 
 from stixel_cli.pictures import style
 from stixel_cli.report.assess import LABELS, PICTURES, Assessment, error_map, page_html, sentences
-from stixel_cli.stixels.types import Stixels
 from stixel_cli.validation.pair_errors import AreaErrors
 
 
@@ -37,21 +37,7 @@ def test_all_stixels_come_before_those_on_square_surfaces():
 
 
 def test_the_error_map_colours_a_stixel_by_its_error():
-    zero, one = np.zeros(2), np.array([2, 12])
-    stixels = Stixels(
-        first=0,
-        offsets=np.array([0, 2]),
-        left=one,
-        right=one + 6,
-        top=np.array([2, 2]),
-        base=np.array([12, 12]),
-        disparity=zero,
-        disparity_variance=zero,
-        depth=zero,
-        height=zero,
-        points_ego=np.zeros((2, 2)),
-        covariances_ego=np.zeros((2, 2, 2)),
-    )
+    stixels = made_stixels(left=[2, 12], right=[8, 18], top=[2, 2], base=[12, 12])
     errors = AreaErrors(np.array([1]), np.array([2.5]), np.zeros(1), np.array([10.0]))
     image = np.full((16, 24), 100, dtype=np.uint8)
     png = error_map(image, stixels, errors)

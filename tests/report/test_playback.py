@@ -15,6 +15,7 @@ from playback_runs import SCANS, composed_grid, make_run, with_objects, with_sev
 from report_nouns import make_camera_nouns, make_rig
 from scipy.stats import chi2
 
+from stixel_cli.geometry.pose import rotation
 from stixel_cli.pictures import style
 from stixel_cli.pictures.camera import WIDEST, camera_frames
 from stixel_cli.pictures.uncertainty import normalised_chi_square_bounds
@@ -75,12 +76,7 @@ def test_ellipse_matches_its_covariance():
         run.scans.covariances_world[rows],
         strict=True,
     ):
-        turn = np.array(
-            [
-                [np.cos(angle / 1e3), -np.sin(angle / 1e3)],
-                [np.sin(angle / 1e3), np.cos(angle / 1e3)],
-            ]
-        )
+        turn = rotation(angle / 1e3)
         again = turn @ np.diag([(major / 1e3) ** 2, (minor / 1e3) ** 2]) @ turn.T
         assert np.allclose(again, covariance, atol=3e-4)
 

@@ -4,8 +4,6 @@ import numpy as np
 import pytest
 import scene_presets
 import shapely
-from hypothesis import given
-from hypothesis import strategies as st
 from scipy.ndimage import binary_fill_holes
 
 from stixel_cli.scene.contours import outline
@@ -141,15 +139,6 @@ def test_star_convexity_of_known_shapes():
     assert is_star_convex(dented)
     hooked = np.array([[-1.0, -1], [1, -1], [1, 1], [0.6, 1], [0.9, 0.5], [-1, 0.5]])
     assert not is_star_convex(hooked)
-
-
-@given(st.lists(st.floats(0.3, 2.0), min_size=5, max_size=12))
-def test_star_convexity_agrees_with_lines_of_sight(radii):
-    angles = 2.0 * np.pi * np.arange(len(radii)) / len(radii)
-    polygon = np.array(radii)[:, None] * np.column_stack([np.cos(angles), np.sin(angles)])
-    assert is_star_convex(polygon)
-    shape = shapely.Polygon(polygon).buffer(1e-9)
-    assert all(shape.covers(shapely.LineString([(0, 0), point])) for point in polygon)
 
 
 @pytest.mark.parametrize("kind", scene_presets.ROAD_USERS)

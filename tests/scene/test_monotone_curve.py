@@ -17,11 +17,3 @@ def test_values_are_those_of_scipy_to_the_bit(name):
     x, y = POINTS[name]
     at = np.concatenate([np.linspace(x[0] - 0.3, x[-1] + 0.3, 997), x]).reshape(-1, 1)
     assert np.array_equal(monotone((x, y), at), PchipInterpolator(x, y)(at))
-
-
-def test_many_curves_are_those_of_scipy_to_the_bit():
-    random = np.random.default_rng(1)
-    for _ in range(50):
-        x, y = np.cumsum(random.uniform(0.01, 2.0, 8)), random.normal(size=8).round(1)
-        at = random.uniform(x[0], x[-1], 200)
-        assert np.array_equal(monotone((x, y), at), PchipInterpolator(x, y)(at))

@@ -10,9 +10,10 @@ from scipy.integrate import quad
 
 from stixel_cli.geometry.pose import world_from_target
 from stixel_cli.scene.ego import Parked, ego_motion
-from stixel_cli.scene.parameters import Arc, Line, SCurve, StopAndGo, Waypoints
+from stixel_cli.scene.parameters import Waypoints
 from stixel_cli.scene.path import driven, path_poses, waypoint_spline
 
+S_CURVE = scene_presets.path("s_curve", "car")
 EVERY = [(kind, path) for kind in scene_presets.ROAD_USERS for path in scene_presets.PATHS]
 
 
@@ -41,21 +42,11 @@ def test_headings_are_tangential_continuous_and_finite(kind, name):
     assert np.isfinite(poses).all() and np.isfinite(rates).all()
     speed = np.hypot(rates[:, 0], rates[:, 1])
     assert (speed <= path.speed * (1 + 1e-9)).all()
+    if name != "stop_and_go":
+        np.testing.assert_allclose(speed, path.speed, rtol=1e-6)
     np.testing.assert_allclose(speed * np.cos(poses[:, 2]), rates[:, 0], atol=1e-12)
     np.testing.assert_allclose(speed * np.sin(poses[:, 2]), rates[:, 1], atol=1e-12)
     assert np.abs(np.diff(poses[:, 2])).max() < 0.5
-
-
-@pytest.mark.parametrize(("kind", "name"), EVERY)
-def test_path_length_equals_speed_times_duration(kind, name):
-    path, _, _, _ = preset_run(kind, name)
-    fine = np.linspace(0.0, path.duration, 20001)
-    poses, rates = path_poses(path, fine)
-    driven = np.hypot(*np.diff(poses[:, :2], axis=0).T).sum()
-    speed = np.hypot(rates[:, 0], rates[:, 1])
-    assert driven == pytest.approx(np.trapezoid(speed, fine), rel=1e-6)
-    if name != "stop_and_go":
-        assert driven == pytest.approx(path.speed * path.duration, rel=1e-6)
 
 
 @pytest.mark.parametrize(("kind", "name"), EVERY)
@@ -107,30 +98,11 @@ def test_preset_circle_closes_within_its_duration(kind):
 
 
 def test_circle_follows_given_side_and_radius():
-    path = Arc(
-        kind="circle",
-        start=(0.0, 20.0),
-        heading=0.0,
-        side="right",
-        radius=5.0,
-        speed=2.0,
-        duration=10.0,
-        sample_time=0.1,
-    )
+    given = {"start": (0.0, 20.0), "heading": 0.0, "side": "right", "radius": 5.0, "speed": 2.0}
+    path = replace(scene_presets.path("circle", "car"), **given)
     poses, rates = path_poses(path, np.linspace(0.0, 10.0, 33))
     np.testing.assert_allclose(np.hypot(poses[:, 0], poses[:, 1] - 15.0), 5.0)
     np.testing.assert_allclose(rates[:, 2], -0.4)
-
-
-def test_depart_is_a_straight_line():
-    path = Line(
-        kind="depart", start=(1.0, 10.0), heading=90.0, speed=2.0, duration=5.0, sample_time=0.1
-    )
-    poses, rates = path_poses(path, np.array([0.0, 1.0, 2.5]))
-    np.testing.assert_allclose(
-        poses, [[1, 10, np.pi / 2], [1, 12, np.pi / 2], [1, 15, np.pi / 2]], atol=1e-12
-    )
-    np.testing.assert_allclose(rates, [[0, 2, 0]] * 3, atol=1e-12)
 
 
 @settings(max_examples=15)
@@ -142,16 +114,8 @@ def test_depart_is_a_straight_line():
     st.floats(0.01, 9),
 )
 def test_s_curve_positions_integrate_its_heading(heading, swing, wavelength, speed, time):
-    path = SCurve(
-        kind="s_curve",
-        start=(1.0, 50.0),
-        heading=heading,
-        swing=swing,
-        wavelength=wavelength,
-        speed=speed,
-        duration=10.0,
-        sample_time=0.1,
-    )
+    given = {"heading": heading, "swing": swing, "wavelength": wavelength, "speed": speed}
+    path = replace(S_CURVE, start=(1.0, 50.0), **given)
     pose = path_poses(path, np.array([time]))[0][0]
 
     def heading_at(t):
@@ -166,14 +130,8 @@ def test_s_curve_positions_integrate_its_heading(heading, swing, wavelength, spe
 
 
 def stop_and_go(**times):
-    path = StopAndGo(
-        kind="stop_and_go",
-        start=(0.0, 30.0),
-        heading=-90.0,
-        speed=4.0,
-        duration=20.0,
-        sample_time=0.1,
-    )
+    given = {"start": (0.0, 30.0), "heading": -90.0, "speed": 4.0, "duration": 20.0}
+    path = replace(scene_presets.path("stop_and_go", "car"), **given)
     return with_constants(path, **times) if times else path
 
 
@@ -223,13 +181,6 @@ def test_path_continues_straight_after_the_last_waypoint():
     np.testing.assert_allclose(np.hypot(rates[:, 0], rates[:, 1]), 3.0)
     steps = np.hypot(*np.diff(poses[last:, :2], axis=0).T)
     np.testing.assert_allclose(steps, 0.03, rtol=1e-9)
-
-
-def test_two_waypoints_give_a_straight_line():
-    poses, rates = path_poses(waypoints(((0.0, 10.0), (3.0, 14.0))), np.array([0.0, 1.0, 9.0]))
-    np.testing.assert_allclose(poses[:, 0], [0.0, 1.8, 16.2], atol=1e-9)
-    np.testing.assert_allclose(poses[:, 1], [10.0, 12.4, 31.6], atol=1e-9)
-    np.testing.assert_allclose(rates[:, 2], 0.0, atol=1e-12)
 
 
 @settings(max_examples=15)

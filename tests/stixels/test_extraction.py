@@ -21,7 +21,6 @@ from stixel_cli.stixels.grouping import (
     LEAST_ROWS,
     Grouping,
     Layer,
-    front_face,
     group_columns,
     histogram_peak,
 )
@@ -132,10 +131,15 @@ def test_a_surface_less_than_the_depth_margin_behind_is_no_layer_and_road_is_non
 def test_covariances_follow_from_disparity_variance_surroundings_and_width(
     pipeline, rig, render, as_disparities
 ):
-    stixels = pipeline(as_disparities(render(rig, boxes=BOXES, wall=30.0)), rig)
+    raw = render(rig, boxes=BOXES, wall=30.0)
+    # A sixteenth of a pixel up and down, from stixel to stixel.
+    raw += (raw > 0) & (np.arange(rig.width) // 5 % 2 == 1)
+    stixels = pipeline(as_disparities(raw), rig)
     assert np.all(np.linalg.eigvalsh(stixels.covariances_ego) > 0)
     count, scatter = surroundings(stixels.left, stixels.depth, 5)
-    scatter = scatter + unevenness(stixels.left, stixels.depth, 5)
+    uneven = unevenness(stixels.left, stixels.depth, 5)
+    assert uneven.max() > 0.01
+    scatter = scatter + uneven
     # Stixels at the edge of an object add `edge_std`, here as large as `least_std`.
     edge = stixels.disparity_variance > 1.5 * 0.1**2
     assert np.array_equal(edge, count < 3) and edge.any() and not edge.all()
@@ -184,18 +188,6 @@ def test_surroundings_match_a_brute_force_search():
             assert scatter[i] == pytest.approx(expected)
 
 
-def test_unevenness_is_the_variance_about_a_slope():
-    left = np.arange(0, 3000, 3)
-    slope = 20.0 + 0.1 * np.arange(1000)
-    assert unevenness(left, slope, 3) == pytest.approx(0.0, abs=1e-12)
-    count, step = surroundings(left, slope, 3)
-    assert count.tolist() == [2, 3, *[4] * 996, 3, 2]
-    # Half of a step of 0.1 m.
-    assert np.sqrt(step[50]) == pytest.approx(0.05, rel=0.2)
-    noise = np.random.default_rng(1).normal(0.0, 0.2, 1000)
-    assert np.mean(unevenness(left, slope + noise, 3)) == pytest.approx(0.2**2, rel=0.2)
-
-
 def test_unevenness_matches_a_brute_force_search():
     rng = np.random.default_rng(3)
     for n in (0, 1, 2, 3, 40, 40, 40):
@@ -220,15 +212,6 @@ def test_unevenness_matches_a_brute_force_search():
             assert found[i] == pytest.approx(np.mean(bent) if bent else 0.0, abs=1e-12)
 
 
-@pytest.mark.parametrize("fraction", [0.0, 0.1, 0.25, 0.4, 0.5, 0.8])
-def test_histogram_peak_of_one_value_is_that_value(fraction):
-    """Votes shared by two bins stand for a value between them."""
-    kernel = smoothing_kernel(0.35)
-    histogram = np.zeros(20, dtype=np.int32)
-    histogram[7], histogram[8] = round(100 * (1 - fraction)), round(100 * fraction)
-    assert histogram_peak(histogram, kernel) == pytest.approx(7 + fraction, abs=0.05)
-
-
 def test_histogram_peak_is_the_parabola_through_the_smoothed_maximum():
     rng = np.random.default_rng(3)
     kernel = smoothing_kernel(0.2)
@@ -244,26 +227,6 @@ def test_histogram_peak_is_the_parabola_through_the_smoothed_maximum():
 
 SCALE = np.full(40, 1 / 16, dtype=np.float32)
 GROUPING = Grouping(5, BINS_PER_PIXEL, smoothing_kernel(0.35), 10, front_rows=0.6, front_margin=0.3)
-
-
-def test_group_follows_its_median_column():
-    """Two columns of a near box, three of what stands behind: the far ones make the stixel."""
-    columns = np.full((5, 40), -1, dtype=np.int16)
-    columns[:2, 10:35], columns[2:, 8:30] = 16 * 20, 16 * 10 + 4
-    obstacle = np.array([20, 20, 10, 10, 10], dtype=np.float32)
-    window = np.full(5, 2.0, dtype=np.float32)
-    tops = np.array([10, 10, 8, 9, 8], dtype=np.int32)
-    base = np.array([34, 34, 29, 29, 29], dtype=np.int32)
-    layer = Layer(obstacle, window, tops, tops, base, base)
-    areas, values = group_columns(columns, SCALE, 32, layer, GROUPING)
-    assert areas.tolist() == [[0, 5, 8, 29]]
-    assert values[0, 0] == pytest.approx(10.25, abs=1e-3)
-    assert values[0, 1] == pytest.approx((22 * 18.5 + 21 * 19 + 22 * 18.5) / 65)
-    base[1:4] = -1
-    obstacle[1:4] = np.nan
-    layer = Layer(obstacle, window, base - 20, base - 20, base, base)
-    few, _ = group_columns(columns, SCALE, 32, layer, GROUPING)
-    assert len(few) == 0
 
 
 def brute_front(pixels, columns, extent):
@@ -380,27 +343,6 @@ def stepped(rows_near, rows_far, near=20.0, far=18.0, width=5):
     window = np.full(width, 4.0, dtype=np.float32)
     obstacle = np.full(width, near, dtype=np.float32)
     return columns, Layer(obstacle, window, tops, tops, base, base)
-
-
-@pytest.mark.parametrize(("rows_near", "expected"), [(30, 20.0), (13, 20.0), (4, 18.67)])
-def test_stixel_is_split_where_its_relief_shows(rows_near, expected):
-    """The bonnet decides, though the cabin behind it has more pixels, if it is high enough."""
-    columns, layer = stepped(rows_near, rows_far=20)
-    areas, values = group_columns(columns, np.repeat(SCALE[:1], 60), 32, layer, GROUPING)
-    assert len(areas) == 1 and areas[0, 2] == layer.tops[0]
-    if rows_near >= 12:
-        assert values[0, 0] == pytest.approx(expected, abs=1e-3)
-    else:
-        # 12 rows are a front face here: a kerb of 4 rows does not make one.
-        assert values[0, 0] < 19.0
-
-
-def test_front_face_of_a_flat_stixel_is_its_mean():
-    count = np.array([3, 3, 0, 3, 3, 3])
-    assert front_face(count, 7.5 * count, 3, 4) == pytest.approx(7.5)
-    # Too few disparities in every window: the mean of all.
-    few = np.array([1, 0, 0, 0, 1, 0])
-    assert front_face(few, few * np.arange(6.0), 3, 4) == pytest.approx(2.0)
 
 
 def test_hidden_rows_raise_the_tops(pipeline, rig, render, as_disparities, height):

@@ -107,14 +107,6 @@ def test_column_with_only_noise_is_free(find, rig, as_disparities):
     assert np.all(np.isnan(find(as_disparities(invalid), rig).disparity))
 
 
-def test_mirrored_image_gives_mirrored_free_space(find, rig, render, as_disparities):
-    raw = render(rig, boxes=BOXES, wall=30.0)
-    one = find(as_disparities(raw), rig)
-    other = find(as_disparities(np.ascontiguousarray(raw[:, ::-1])), rig)
-    different = np.abs(one.disparity[0] - other.disparity[0][::-1]) > 0.01
-    assert np.mean(different) < 0.02
-
-
 def test_chunks_give_the_same_free_space_as_one_pass(find, rig, render, as_disparities, free_space):
     rng = np.random.default_rng(0)
     strong = replace(free_space, temporal_cost=1.0)

@@ -1,5 +1,3 @@
-import itertools
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -42,19 +40,6 @@ def test_path_has_the_least_cost(seed, width, rows, cost, limit):
     )
 
 
-def test_path_is_the_cheapest_of_all_paths():
-    rng = np.random.default_rng(2)
-    for _ in range(10):
-        costs = rng.random((5, 4)).astype(np.float32)
-        depths = np.cumsum(rng.random(4)).astype(np.float32)
-        path = cheapest_path(costs, depths, np.float32(0.6), np.float32(0.8))
-        cost_of = {
-            p: path_cost(np.array(p), costs, depths, 0.6, 0.8)
-            for p in itertools.product(range(4), repeat=5)
-        }
-        assert tuple(path) == min(cost_of, key=cost_of.get)
-
-
 def brute_costs(column, inverse_requirement, bound, free_cost):
     evidence = column * inverse_requirement
     rows = len(evidence)
@@ -78,16 +63,6 @@ def test_cell_costs_subtract_the_background(seed, rows):
     costs = cell_costs(occupancy, inverse, np.float32(1.5), ONE)
     expected = [brute_costs(column, inverse, 1.5, 1.0) for column in occupancy]
     np.testing.assert_allclose(costs, expected, rtol=1e-6)
-
-
-def test_nearest_obstacle_wins_over_the_cell_with_most_votes():
-    occupancy = np.zeros((3, 30), dtype=np.float32)
-    occupancy[:, 8:11] = [2.0, 3.0, 1.0]
-    occupancy[:, 20:23] = [20.0, 90.0, 20.0]
-    inverse = np.ones(30, dtype=np.float32)
-    costs = cell_costs(occupancy, inverse, np.float32(1.5), ONE)
-    depths = np.arange(31, dtype=np.float32)
-    assert cheapest_path(costs, depths, np.float32(0.2), np.float32(5.0)).tolist() == [9] * 3
 
 
 def test_temporal_cost_is_the_truncated_distance():

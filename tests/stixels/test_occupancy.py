@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from stixel_cli.stixels.occupancy import (
     BINS_PER_PIXEL,
     accumulate,
-    cell_likelihoods,
     column_histograms,
     fill,
     layout,
@@ -62,13 +61,6 @@ def test_occupancy_is_the_sum_of_the_likelihoods(rig, occupancies, kind):
         samples = np.linspace(*ends, 2001)[:-1] + 0.5 * np.diff(ends) / 2000
         expected = normal(samples[None, None] - bins[..., None] / BINS_PER_PIXEL, 0.5)
         np.testing.assert_allclose(got[:, j], expected.sum(axis=1).mean(axis=1), atol=1e-3)
-
-
-def test_small_cells_have_the_likelihood_at_their_centre():
-    centres = np.array([3.0, 7.25, 12.0])
-    got = cell_likelihoods(16, centres - 1e-3, centres + 1e-3, np.full(3, 0.6))
-    bins = np.arange(2 * 16 + 1)[:, None] / 2
-    np.testing.assert_allclose(got, normal(bins - centres, 0.6), atol=4e-4)
 
 
 def test_relief_widens_only_near_cells(rig, occupancies):

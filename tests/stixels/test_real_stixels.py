@@ -68,10 +68,6 @@ def free_space_of(disparities, rig, road):
     )
 
 
-def stixels_of(rig, left, right, road="rig"):
-    return processed(rig, left, right, road)[1]
-
-
 def processed(rig, left, right, road="rig", **stereo):
     """Free space and stixels of a pair of files; `stereo` replaces values of that group."""
     grey = [cv2.imread(str(path), cv2.IMREAD_GRAYSCALE) for path in (left, right)]
@@ -107,11 +103,9 @@ def errors_in_areas(stixels, u, v, disparity):
 
 @pytest.mark.parametrize("road", ["rig", "estimated"])
 def test_stixels_agree_with_the_labelled_disparity(data, road):
-    rig = Rig(1242, 375, None, 721.5377, 609.5593, 172.854, 0.5327254, 1.65, 0.0, None)
-    folder = data / "kitti2015"
-    stixels = stixels_of(rig, folder / "000000_10_left.png", folder / "000000_10_right.png", road)
-    truth = cv2.imread(str(folder / "000000_10_disp_occ.png"), cv2.IMREAD_UNCHANGED) / 256.0
-    v, u = np.nonzero(truth)
+    rig, left, right, truth = pair_with_truth(data, "kitti2015")
+    _, stixels = processed(rig, left, right, road)
+    v, u = np.nonzero(np.isfinite(truth))
     errors = errors_in_areas(stixels, u, v, truth[v, u])
     print(f"\nlabelled: {summary(errors)}")
     assert len(errors) > 100
@@ -119,34 +113,16 @@ def test_stixels_agree_with_the_labelled_disparity(data, road):
     assert np.mean(np.abs(errors) > 3) < 0.15
 
 
-def object_rig(folder):
-    """The rig of kitti_object, and its calibration matrices by name."""
-    matrices = {}
-    for line in (folder / "calib.txt").read_text().splitlines():
-        name, _, numbers = line.partition(":")
-        matrices[name] = np.array(numbers.split(), dtype=float)
-    left, right = (matrices[name].reshape(3, 4) for name in ("P2", "P3"))
-    focal = left[0, 0]
-    rig = Rig(
-        1242,
-        375,
-        None,
-        focal,
-        left[0, 2],
-        left[1, 2],
-        (left[0, 3] - right[0, 3]) / focal,
-        1.65,
-        0.0,
-        None,
-    )
-    return rig, left, matrices
+def rig_of(file, cameras, width=1242, height=375):
+    """The rig of a calibration in KITTI's form."""
+    found = read_calibration(file, cameras)
+    values = found.focal_length, found.principal_u, found.principal_v, found.baseline
+    return Rig(width, height, None, *values, 1.65, 0.0, None)
 
 
 def test_dark_car_beside_the_camera_is_unknown_and_not_free(data):
-    folder = data / "kitti_object"
-    rig, _, _ = object_rig(folder)
-    images = folder / "left.png", folder / "right.png"
-    free_space, _ = processed(rig, *images, "estimated", disparities_at_full_size=None)
+    rig, left, right, _ = pair_with_truth(data, "kitti_object")
+    free_space, _ = processed(rig, left, right, "estimated", disparities_at_full_size=None)
     unknown = free_space.unknown_row[0] >= 0
     # The car is in the last 400 columns, from the bottom of the image on; at full size, 80 % of its
     # pixels have no disparity. The road ahead is known.
@@ -172,21 +148,23 @@ def test_half_the_size_finds_more_of_a_dark_car(data):
     assert columns[64] > 2 * columns[None]
 
 
-def lidar_disparities(folder, rig, left, matrices):
+def lidar_disparities(folder, rig):
     """Places (u, v) and disparities of the laser's points, px."""
+    rows = [line.split() for line in (folder / "calib.txt").read_text().splitlines() if line]
+    matrices = {name.removesuffix(":"): np.array(numbers, float) for name, *numbers in rows}
+    left, to_camera = (matrices[name].reshape(3, 4) for name in ("P2", "Tr_velo_to_cam"))
     scan = np.fromfile(folder / "lidar.bin", dtype=np.float32).reshape(-1, 4)[:, :3]
-    turn, to_camera = matrices["R0_rect"].reshape(3, 3), matrices["Tr_velo_to_cam"].reshape(3, 4)
-    points = turn @ (to_camera[:, :3] @ scan.T + to_camera[:, 3:])
+    points = to_camera[:, :3] @ scan.T + to_camera[:, 3:]
+    points = matrices["R0_rect"].reshape(3, 3) @ points
     points = points[:, points[2] > 2.0]
     u, v, w = left[:, :3] @ points + left[:, 3:]
     return u / w, v / w, rig.focal * rig.baseline / w
 
 
 def test_stixels_agree_with_the_lidar(data):
-    folder = data / "kitti_object"
-    rig, left, matrices = object_rig(folder)
-    stixels = stixels_of(rig, folder / "left.png", folder / "right.png")
-    u, v, disparity = lidar_disparities(folder, rig, left, matrices)
+    rig, left, right, _ = pair_with_truth(data, "kitti_object")
+    _, stixels = processed(rig, left, right)
+    u, v, disparity = lidar_disparities(left.parent, rig)
     errors = errors_in_areas(stixels, u, v, disparity)
     print(f"\nlidar: {summary(errors)}")
     assert len(errors) > 100
@@ -212,8 +190,8 @@ def pair_with_truth(data, name):
     """Rig, left and right image, and true disparities (H, W) px of a pair; NaN where unknown."""
     if name == "kitti_object":
         folder = data / name
-        rig, left, matrices = object_rig(folder)
-        u, v, d = lidar_disparities(folder, rig, left, matrices)
+        rig = rig_of(folder / "calib.txt", ("P2", "P3"))
+        u, v, d = lidar_disparities(folder, rig)
         truth = np.full((rig.height, rig.width), np.nan, dtype=np.float32)
         inside = (u >= 0) & (u < rig.width - 0.5) & (v >= 0) & (v < rig.height - 0.5)
         # The nearest point of a pixel is written last.
@@ -223,12 +201,13 @@ def pair_with_truth(data, name):
     folder = data / name.split()[0]
     left, right, disparity = (folder / f"{file}.png" for file in TRUE_PAIRS[name])
     truth = read_disparity(disparity)
-    values = CALIBRATIONS.get(name)
-    if values is None:
-        found = read_calibration(folder / "calib" / f"{name.split()[1]}.txt", ("P0", "P1"))
-        values = found.focal_length, found.principal_u, found.principal_v, found.baseline
     height, width = truth.shape
-    return Rig(width, height, None, *values, 1.65, 0.0, None), left, right, truth
+    if name in CALIBRATIONS:
+        rig = Rig(width, height, None, *CALIBRATIONS[name], 1.65, 0.0, None)
+    else:
+        calibration = folder / "calib" / f"{name.split()[1]}.txt"
+        rig = rig_of(calibration, ("P0", "P1"), width, height)
+    return rig, left, right, truth
 
 
 @pytest.mark.parametrize("name", [*TRUE_PAIRS, "kitti_object"])

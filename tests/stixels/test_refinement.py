@@ -54,14 +54,6 @@ def brute(left, right, start):
     return tried[np.argmin(costs)]
 
 
-def test_alignment_matches_a_brute_force_search():
-    for seed in range(8):
-        true = np.random.default_rng(seed).uniform(5.0, 9.0)
-        left, right = shifted(true, seed, noise=3.0)
-        expected = brute(left, right, true + 0.05)
-        assert align(left, right, true + 0.05) == pytest.approx(expected, abs=0.005)
-
-
 def test_pitch_compensated_disparities_are_those_of_the_image_times_the_factor():
     left, right = shifted(7.3)
     scale = np.full(HEIGHT, 1.25 / 16, dtype=np.float32)

@@ -103,16 +103,3 @@ def test_a_long_folder_name_is_shortened_with_a_hash(toy, overrides, name):
     assert re.fullmatch(name, plan.folder_name)
     other = StudyPlan(plan.study, (*overrides, "tracker.sigma_f=3"), (), ())
     assert other.folder_name != plan.folder_name
-
-
-def test_a_full_disk_leaves_no_empty_folder(studies, toy, monkeypatch):
-    file = toy()
-    to_bytes = Path.write_bytes
-
-    def full(path, content):
-        to_bytes(path, content[:1])
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(Path, "write_bytes", full)
-    assert "toy: cannot be written: No space left on device" in studies.refused(file)
-    assert not studies.results.exists()

@@ -1,5 +1,7 @@
 """Wrong input of a study: one line on stderr, exit code 2, and no new folder."""
 
+import re
+
 import pytest
 from study_toy import changed
 
@@ -22,13 +24,7 @@ TINY = ("road_user=car", "seed=0")
             "return data.sweeps['third']",
             "toy.py, line 6: `return data.sweeps['third']`)",
         ),
-        ("material(data)", "return Material({'a': 3})", "toy.py, line 6: "),
         ("material(data)", "return 3", "material: must return Material, got 3"),
-        (
-            "material(data)",
-            "return Material(files={'../x': ''})",
-            "'../x' is not a path below the folder",
-        ),
         ("columns(name, runs, results)", "return 1 / 0", "toy.py, line 6: `return 1 / 0`)"),
         ("columns(name, runs, results)", "return runs.frame", "columns: must return Runs, got "),
         (
@@ -48,8 +44,7 @@ def test_a_failing_module_names_its_file_and_line(studies, toy, tmp_path, name, 
 @pytest.mark.parametrize(
     ("value", "error"),
     [
-        ("data['first']", "widths: "),
-        ("data['first']", "toy.py, line 5: "),
+        ("data['first']", r"widths: .*toy\.py, line 5: "),
         ("[{'seed': 3}]", "widths must return a list of mappings"),
     ],
 )
@@ -58,7 +53,7 @@ def test_a_failing_derive_names_its_file_and_line(studies, toy, tmp_path, value,
     text = f"\n\n\ndef widths(data):\n    return {value}\n"
     (tmp_path / "toy.py").write_text(text, encoding="utf-8")
     studies.run(file, *TINY, code=2)
-    assert error in studies.messages[-1]
+    assert re.search(error, studies.messages[-1])
 
 
 def test_a_missing_scheduler_is_refused_in_one_line_before_the_notes(

@@ -84,12 +84,10 @@ def test_trials_depend_on_no_worker_and_an_interrupted_tuning_continues(
     ("words", "said"),
     [
         ([TUNED[3], "--objective", "iou"], "--objective: iou: no such metric"),
-        ([TUNED[3], "--objective", "scan_count"], "--objective: scan_count: no"),
         ([TUNED[3], "--objective", "iou_mean,iou_mean"], "two different ones"),
         ([TUNED[3], "--over", "path"], "--over: path is not swept"),
         ([TUNED[3], "seed=999,1000"], "seed=999: seeds to tune on are 1000 and more"),
         ([TUNED[3], "road_user.shape_seed=1,2"], "road_user.shape_seed=1: seeds"),
-        ([TUNED[3], "road_user.shape_seed=7"], "road_user.shape_seed=7: seeds"),
         (["tracker.mean_function=interval(0,1)"], "not a number: write tracker.mean_function=A,B"),
         (["tracker=interval(0,1)"], "tracker=interval(0,1): not a number: write tracker=A,B"),
         (["tracker.sigma_q=tag(log,interval(0,1))"], "for log with A > 0"),

@@ -45,18 +45,6 @@ def test_with_the_optimal_gain_and_nothing_considered_it_is_a_kalman_update():
     np.testing.assert_allclose(joint.matrix, (np.eye(3) - gain @ rows) @ covariance, atol=1e-12)
 
 
-def test_an_error_that_is_always_the_same_cannot_be_averaged_out():
-    """The mean of many points with a common error is as uncertain as that error."""
-    shared = JointCovariance(np.array([[100.0]]), np.array([np.inf]))
-    forgotten = JointCovariance(np.array([[100.0]]), np.array([0.1]))
-    for k in range(1, 2001):
-        for joint in (shared, forgotten):
-            joint.predict(np.eye(1), np.zeros((1, 1)), 0.1)
-            joint.correct(np.array([[1.0 / k]]), np.array([[1.0, 0.5]]), np.array([0.01]))
-    assert abs(shared.matrix[0, 0] ** 0.5 - 0.5) < 0.01
-    assert forgotten.matrix[0, 0] ** 0.5 < 0.05
-
-
 def test_the_field_has_unit_variance_and_neighbours_share_it():
     angles = np.linspace(-np.pi, np.pi, 101)
     weights = field_weights(angles)

@@ -33,7 +33,6 @@ from stixel_cli.tracking.track import InitialState
 TRACKER = compose(
     ["tracker=contour", "tracker.seen_by=fabricated", "tracker.road_user=fixed"]
 ).configuration.tracker
-STIXELS = dataclasses.replace(TRACKER, seen_by="stixels")
 SHAPES = {name: class_shape(name) for name in ("car", "cyclist", "pedestrian")}
 PRIORS = {
     name: dataclasses.replace(
@@ -72,16 +71,6 @@ def test_contour_estimates_the_size():
     result = track(scans_seen(poses, noise=0.02), start_at(poses), small, TRACKER)
     assert abs(result.means[-1, 6]) < 0.02
     assert result.covariances[-1, 6, 6] < TRACKER.length_std**2
-
-
-def test_contour_holds_through_a_second_without_points():
-    poses = turning(40, 4.0, 0.2)
-    points, covariances = seen(poses, noise=0.03)
-    for k in range(15, 25):
-        points[k], covariances[k] = np.zeros((0, 2)), np.zeros((0, 2, 2))
-    scans = scans_of(points, covariances=np.concatenate(covariances))
-    result = track(scans, start_at(poses), PRIORS["car"], TRACKER)
-    assert np.hypot(*(result.means[-1, :2] - poses[-1, :2])) < 0.1
 
 
 def position_nees(result, poses):
@@ -143,25 +132,6 @@ def test_contour_trusts_edges_less_where_they_are_uncertain():
     plain, wide = (track(scans, initial, PRIORS["car"], t) for t in (TRACKER, unsure))
     assert abs(wide.means[-1, 0]) < 0.5 * abs(plain.means[-1, 0])
     assert position_nees(wide, poses) < 0.5 * position_nees(plain, poses)
-
-
-def test_contour_does_not_use_points_far_from_the_target():
-    poses = turning(20, 4.0, 0.2)
-    points, covariances = seen(poses, noise=0.03)
-    clutter = np.array([[-6.0, 14.0], [1.0, 25.0]])
-    mixed = [np.concatenate([clutter, scan]) for scan in points]
-    noises = [np.concatenate([np.tile(0.01 * np.eye(2), (2, 1, 1)), c]) for c in covariances]
-    alone = track(
-        scans_of(points, covariances=np.concatenate(covariances)),
-        start_at(poses),
-        PRIORS["car"],
-        TRACKER,
-    )
-    among = track(
-        scans_of(mixed, covariances=np.concatenate(noises)), start_at(poses), PRIORS["car"], TRACKER
-    )
-    np.testing.assert_allclose(among.means, alone.means, atol=1e-12)
-    assert len(among.used_points) == len(alone.used_points)
 
 
 @given(seed=SEEDS)
@@ -278,17 +248,6 @@ def test_stixels_see_a_class_behind_its_outline_and_within_it(name):
     assert seen.depth_biases.mean() + 0.2 * seen.bias_per_std > 0.0  # at a range with σ = 0.2 m
     assert shapely.polygons(shape.outline).area > 0.3 * np.prod(shape.size)
     assert shapely.linearrings(shape.outline).is_ccw
-
-
-def test_one_point_is_enough_for_an_update():
-    poses = turning(5, 4.0, 0.2)
-    points, covariances = seen(poses)
-    middle = [scan[len(scan) // 2][None] for scan in points]
-    noises = np.concatenate([c[len(c) // 2][None] for c in covariances])
-    noises += 0.25 * np.eye(2)  # Stixels see less than the outline, on which these points are.
-    result = track(scans_of(middle, covariances=noises), start_at(poses), CAR, STIXELS)
-    np.testing.assert_array_equal(np.diff(result.used_offsets), 1)
-    assert np.isfinite(result.means).all()
 
 
 @pytest.mark.parametrize("std", [0.05, 0.3, 1.0])

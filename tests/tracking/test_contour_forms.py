@@ -9,7 +9,7 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 from seen_targets import SENSOR, scans_seen, seen, start_at, turning
-from tracking_cases import CAR, scans_of
+from tracking_cases import CAR
 
 from stixel_cli.config.compose import compose
 from stixel_cli.geometry.pose import rotation, world_from_target
@@ -303,19 +303,6 @@ def test_ends_are_uncertain_by_what_rays_graze():
     # At 45 degrees no side is grazed; a little off the front, one is.
     assert max(low_stds[slanted], high_stds[slanted]) < 0.1
     assert max(low_stds[10], high_stds[10]) > 0.4
-
-
-def test_a_neighbour_costs_nothing_where_the_target_is_seen_alone():
-    poses = turning(20, 4.0, 0.2)
-    points, covariances = seen(SHAPE.outline, poses, noise=0.03)
-    post = np.array([[2.0, 8.0], [2.05, 8.0]])
-    mixed = [np.concatenate([scan, post]) for scan in points]
-    noises = [np.concatenate([c, np.tile(0.01 * np.eye(2), (2, 1, 1))]) for c in covariances]
-    alone = track(
-        scans_of(points, covariances=np.concatenate(covariances)), start_at(poses), PRIOR, FILE
-    )
-    among = track(scans_of(mixed, covariances=np.concatenate(noises)), start_at(poses), PRIOR, FILE)
-    assert overlap(among, SHAPE.outline, poses) > overlap(alone, SHAPE.outline, poses) - 0.05
 
 
 def test_a_front_alone_does_not_measure_the_length():

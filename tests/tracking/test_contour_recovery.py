@@ -109,12 +109,6 @@ def test_the_cluster_of_the_points_has_their_neighbours_but_nothing_larger_than_
     np.testing.assert_array_equal(found, [12, 13, 14])
 
 
-def test_the_update_begins_again_from_turns_to_both_sides():
-    turns = contour_recovery.TURNS
-    assert turns[0] == 0.0  # of equal results the first one, not turned, is taken
-    np.testing.assert_allclose(np.sort(turns), np.sort(-turns), atol=1e-12)
-
-
 def test_a_target_is_found_again_that_turned_during_a_gap():
     """For 2 s without points it turned by 86 degrees, while the filter went straight on."""
     poses = turning(50, 4.0, 0.75)

@@ -44,10 +44,3 @@ def test_slope_is_the_derivative_of_the_regression():
     slope = process.slope(directions, process.correlations(directions), radii)
     difference = (process.at(angles + step)[0] - process.at(angles - step)[0]) @ radii
     np.testing.assert_allclose(slope, difference / (2 * step), atol=1e-5)
-
-
-def test_regression_interpolates_the_basis_points():
-    process = ContourProcess(30, LENGTH, SIGMA, 0.8, 1e-9)
-    matrix, variance = process.at(process.basis_angles)
-    np.testing.assert_allclose(matrix, np.eye(30), atol=1e-5)
-    np.testing.assert_allclose(variance, 0.0, atol=1e-6)

@@ -1,5 +1,4 @@
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import block_diag
@@ -36,13 +35,3 @@ def test_prediction_matches_the_dense_formula(seed, alpha):
     predicted, covariance = predict(mean, root @ root.T, interval, noise, alpha, process)
     np.testing.assert_allclose(predicted, dense @ mean, atol=1e-12)
     np.testing.assert_allclose(covariance, expected, atol=1e-10)
-
-
-def test_unmeasured_radii_keep_the_prior_covariance():
-    process = ContourProcess(8, 0.5, 1.0, 0.5, 1e-6)
-    mean, covariance = np.ones(14), np.eye(14)
-    covariance[6:, 6:] = process.covariance
-    for _ in range(50):
-        mean, covariance = predict(mean, covariance, 0.1, np.zeros((6, 6)), 1.0, process)
-    np.testing.assert_allclose(covariance[6:, 6:], process.covariance, rtol=1e-12)
-    assert mean[6:] == pytest.approx(np.exp(-5.0))

@@ -19,24 +19,15 @@ def points(prior):
     return radii[:, None] * np.stack([np.cos(ANGLES), np.sin(ANGLES)], axis=-1)
 
 
-def test_rectangle_prior_has_its_size_and_rounded_corners():
-    outline = points(CAR)
-    assert np.abs(outline).max(axis=0) == pytest.approx([2.1, 0.85])
+@pytest.mark.parametrize("radius", [0.0, 0.3, 0.85])
+def test_rectangle_prior_has_its_size_and_rounded_corners(radius):
+    outline = points(dataclasses.replace(CAR, corner_radius=radius))
+    assert np.abs(outline).max(axis=0) == pytest.approx([2.1, 0.85], abs=1e-3)
     # The signed distance to a rounded rectangle is zero all round.
-    inner = np.abs(outline) - (np.array([2.1, 0.85]) - 0.3)
-    distance = np.hypot(*np.maximum(inner, 0.0).T) + np.minimum(inner.max(axis=1), 0.0) - 0.3
+    inner = np.abs(outline) - (np.array([2.1, 0.85]) - radius)
+    outside = np.hypot(*np.maximum(inner, 0.0).T)
+    distance = outside + np.minimum(inner.max(axis=1), 0.0) - radius
     np.testing.assert_allclose(distance, 0.0, atol=1e-12)
-
-
-def test_rectangle_prior_without_radius_has_sharp_corners():
-    sharp = dataclasses.replace(CAR, corner_radius=0.0)
-    corner = prior_radii(sharp, np.array([np.arctan2(0.85, 2.1)]))
-    assert corner == pytest.approx(np.hypot(2.1, 0.85))
-
-
-def test_fully_rounded_square_prior_is_a_circle():
-    circle = PriorShape(1.0, 1.0, "rectangle", 0.5, 0.1, 0.1, 0.1, 0.3, "car", 0.06, 0.06, None)
-    np.testing.assert_allclose(prior_radii(circle, ANGLES), 0.5)
 
 
 def test_ellipse_prior_is_an_ellipse():

@@ -68,18 +68,6 @@ def test_rays_of_one_aspect_meet_a_notch_at_its_floor():
     np.testing.assert_allclose(high, [1.0, 2.0], atol=1e-12)
 
 
-@pytest.mark.parametrize("index", [-1, 1], ids=["low", "high"])
-def test_a_ray_through_an_end_of_the_shape_has_no_inset(index):
-    # From the front the ends are at the sides: the left one, +y, is the high one.
-    table = outline_table(RECTANGLE)
-    state, sensor = np.array([0.0, 0.0, np.pi, 0.0, 0.0]), np.array([-10.0, 0.0])
-    across = 0.8 * index
-    ray = np.array([[10.0, across]]) / np.hypot(10.0, across)
-    inset = insets_of(state, sensor, ray, [0, 0], table.arrays)[int(index > 0)]
-    assert inset == pytest.approx(0.0, abs=0.16)
-    assert expected(state, sensor, ray, table.arrays)[1] == pytest.approx(-inset)
-
-
 @pytest.mark.parametrize("factors", [(1.0, 1.0), (2.0, 1.0), (1.0, 2.0), (0.5, 1.3)])
 def test_distances_across_a_ray_are_metres_of_the_world(factors):
     table = outline_table(RECTANGLE).arrays
@@ -91,31 +79,6 @@ def test_distances_across_a_ray_are_metres_of_the_world(factors):
         assert expected(state, sensor, direction, table)[1] == pytest.approx(0.3, abs=1e-9)
         insets = insets_of(state, sensor, direction, [0, 0], table)
         assert sorted(insets) == pytest.approx([-0.3, 2.0 * half[beside] + 0.3])
-
-
-@given(seed=SEEDS, angle=st.floats(-3, 3))
-def test_expectation_is_invariant_to_rigid_motions_of_the_world(seed, angle):
-    random = np.random.default_rng(seed)
-    state, sensor = some_state(random)
-    directions, _ = rays_at(RECTANGLE, state, sensor)
-    table = outline_table(RECTANGLE).arrays
-    turn, shift = rotation(angle), random.uniform(-20, 20, 2)
-    moved = np.array([*(turn @ state[:2] + shift), state[2] + angle, *state[3:]])
-    turned, place = directions @ turn.T, turn @ sensor[:2] + shift
-    plain = expected(state, sensor, directions, table)
-    other = expected(moved, place, turned, table)
-    ends = [0, len(directions) - 1]
-    np.testing.assert_allclose(plain, other, atol=1e-6)
-    insets = insets_of(state, sensor, directions, ends, table)
-    np.testing.assert_allclose(insets_of(moved, place, turned, ends, table), insets, atol=1e-6)
-
-
-def test_table_covers_a_full_turn_evenly():
-    table = outline_table(RECTANGLE)
-    # Half a turn on, a symmetric shape looks the same.
-    np.testing.assert_allclose(
-        table.depths, np.roll(table.depths, len(table.depths) // 2, 0), atol=1e-9
-    )
 
 
 def test_a_point_at_the_sensor_has_no_range_and_changes_no_other():

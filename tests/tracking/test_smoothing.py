@@ -2,7 +2,6 @@
 
 import dataclasses
 from functools import cache
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -10,7 +9,7 @@ from seen_targets import scans_seen, start_at, turning
 from tracking_cases import CAR, START, scans_of, seen_car
 
 from stixel_cli.config.compose import compose
-from stixel_cli.measurements.scans import NO_SHARED_ERRORS, Scans, SharedErrors
+from stixel_cli.measurements.scans import NO_SHARED_ERRORS, SharedErrors
 from stixel_cli.tracking import gp_ekf
 from stixel_cli.tracking.baselines import point
 from stixel_cli.tracking.contour import contour, contour_filter, contour_recovery
@@ -19,7 +18,7 @@ from stixel_cli.tracking.motion import MOVING, process_noise, transition
 from stixel_cli.tracking.smoothing import Step, smooth
 
 COUNT, SIZE = 12, 3
-LAGS = (1, 3, COUNT - 1, COUNT + 5, None)
+LAGS = (0, 1, 3, COUNT - 1, COUNT + 5, None)
 TRACKERS = {
     name: dataclasses.replace(compose([f"tracker={name}"]).configuration.tracker, lag=4)
     for name in ("point", "contour", "gp_ekf")
@@ -92,23 +91,6 @@ def test_smoothed_is_the_joint_posterior_of_the_scans_up_to_the_lag(seed, lag):
         np.testing.assert_allclose(covariances[k], expected_covariances[k], atol=1e-9)
 
 
-def test_without_a_lag_it_is_the_filter():
-    steps = filtered(random_model(0))
-    means, covariances = smooth(steps, 0)
-    assert means.tobytes() == np.stack([step.mean for step in steps]).tobytes()
-    assert covariances.tobytes() == np.stack([step.covariance for step in steps]).tobytes()
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_each_further_scan_takes_from_the_covariance(seed):
-    steps = filtered(random_model(seed))
-    spreads = [smooth(steps, lag)[1] for lag in (0, 1, 2, 5, None)]
-    for before, after in pairwise(spreads):
-        assert np.linalg.eigvalsh(before - after).min() > -1e-12
-    assert np.linalg.eigvalsh(spreads[-1]).min() > 0.0
-    np.testing.assert_array_equal(spreads[-1][-1], steps[-1].covariance)
-
-
 def test_nothing_goes_back_across_a_restart():
     steps = filtered(random_model(0))
     after = dataclasses.replace(steps[6], transition=None)
@@ -177,17 +159,6 @@ def test_a_smoothed_estimate_knows_no_scan_beyond_its_lag(name):
         np.testing.assert_allclose(known.means[k], whole.means[k], atol=1e-12)
         np.testing.assert_allclose(known.covariances[k], whole.covariances[k], atol=1e-12)
         np.testing.assert_allclose(known.contours_world[k], whole.contours_world[k], atol=1e-12)
-
-
-@pytest.mark.parametrize("name", ["point", "gp_ekf"])
-def test_later_scans_take_from_the_covariance_of_a_track(name):
-    track = tracks(name, lag=None, **({"seen_by": None} if name == "gp_ekf" else {}))
-    reduced = track.covariances[:, :6, :6] - track.smoothed.covariances[:, :6, :6]
-    assert np.linalg.eigvalsh(reduced[:, :2, :2]).min() > -1e-9
-    assert np.trace(reduced[:-1], axis1=1, axis2=2).min() > 0.0
-    if name == "gp_ekf":
-        spreads = track.covariances[:, 6:, 6:] - track.smoothed.covariances[:, 6:, 6:]
-        assert np.linalg.eigvalsh(spreads).min() > -1e-6
 
 
 def test_of_one_side_the_smoothed_track_states_the_covariance_of_the_filter():
@@ -269,10 +240,3 @@ def test_a_ruled_out_class_leaves_a_smoothed_track():
     known = contour.track(scans, start_at(POSES), KNOWN, CONTOUR)
     assert track.class_probabilities["car"][-1] > 0.99
     np.testing.assert_allclose(track.smoothed.means[6:], known.smoothed.means[6:], atol=1e-6)
-
-
-def test_one_scan_has_a_smoothed_track():
-    scans = scans_of(seen_car(1, 30))
-    assert isinstance(scans, Scans)
-    found = point.track(scans, START, CAR, dataclasses.replace(TRACKERS["point"], lag=None))
-    np.testing.assert_array_equal(found.smoothed.means, found.means)

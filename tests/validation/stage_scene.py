@@ -1,13 +1,14 @@
 """A target before a wall, as its truth and as each stage would find it without error."""
 
 import numpy as np
+from made_stixels import made_stixels
 
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.rendering.frames import BACKGROUND_ID, ROAD_ID, SKY_ID, TARGET_ID, RenderedFrames
 from stixel_cli.stereo.disparities import Disparities
 from stixel_cli.stixels.parameters import FreeSpaceParameters, OccupancyParameters, RigRoad
 from stixel_cli.stixels.road import base_rows, road_line
-from stixel_cli.stixels.types import FreeSpace, Stixels
+from stixel_cli.stixels.types import FreeSpace
 from stixel_cli.validation.stage_errors import frame_truth, stage_errors
 
 ROAD = RigRoad(kind="rig")
@@ -69,17 +70,14 @@ def perfect_stixels(rig, truth, width=3, first=0):
         np.array(c) for c in zip(*rows, strict=True)
     )
     n = len(rows)
-    return Stixels(
-        first=first,
-        offsets=np.array([0, n]),
-        left=left.astype(np.int32),
-        right=right.astype(np.int32),
-        top=top.astype(np.int32),
-        base=base.astype(np.int32),
-        disparity=d.astype(float),
+    areas = {"left": left, "right": right, "top": top, "base": base}
+    return made_stixels(
+        first,
+        **{name: value.astype(np.int32) for name, value in areas.items()},
+        disparity=d,
         disparity_variance=np.full(n, 0.01),
-        depth=depth.astype(float),
-        height=height.astype(float),
+        depth=depth,
+        height=height,
         points_ego=np.stack([lateral, depth], axis=1),
         covariances_ego=np.tile(np.diag([0.01, 0.25]), (n, 1, 1)),
     )
