@@ -20,7 +20,7 @@ setup: .venv/kernels .venv/schemas
 
 .venv/installed: pyproject.toml $(CONSTRAINTS)
 	$(CHECK_PYTHON)
-	@echo "make: installing the packages into .venv; this takes a minute"
+	@echo "make: installing the packages into .venv; this takes one to four minutes"
 	$(PYTHON) -m venv .venv
 	$(INSTALL) '.[peers]'
 	@touch $@
@@ -33,7 +33,7 @@ setup: .venv/kernels .venv/schemas
 
 # Numba's kernels, compiled where they have changed. Without this, the first run compiles them.
 .venv/kernels: .venv/installed $(shell grep -rl --include='*.py' 'import njit' stixel_cli)
-	@echo "make: compiling the kernels; this takes up to a minute"
+	@echo "make: compiling the kernels; this takes about a minute"
 	$(BIN)/python -m stixel_cli.machine.kernels
 	@touch $@
 

@@ -37,21 +37,18 @@ MARKERS = ("o", "s", "^", "D", "v")
 
 @dataclass(frozen=True)
 class Panel:
-    """One pair of axes of a chart.
-
-    Attributes:
-        draw: adds lines to the axes.
-        title, x, y: labels; "" for none.
-        ratio: whether the axis is logarithmic, with a line at 1, the value of a consistent filter.
-        limits: of y; None where Matplotlib chooses.
-    """
+    """One pair of axes of a chart."""
 
     draw: Callable[[Axes], None]
+    """Adds lines to the axes."""
     title: str = ""
     x: str = ""
     y: str = ""
+    """Labels; "" for none."""
     ratio: bool = False
+    """Whether the axis is logarithmic, with a line at 1, the value of a consistent filter."""
     limits: tuple[float | None, float | None] = (None, None)
+    """Of y; None where Matplotlib chooses."""
 
 
 def chart(panels: Sequence[Panel]) -> bytes:

@@ -25,21 +25,18 @@ from stixel_cli.results.result import DONE, RunResult, check_folder, read_scored
 
 @dataclass(frozen=True)
 class Asked:
-    """What a page says of several runs: of a sweep, or of the runs in several folders.
-
-    Attributes:
-        answers: of one comparison, the main metric first.
-        remarks: on the runs, each in one sentence.
-        origin: `command`, `created` and `revision` of the runs; {} if they differ.
-        player: the page that plays the runs back, if there is one.
-    """
+    """What a page says of several runs: of a sweep, or of the runs in several folders."""
 
     title: str
     runs: Runs
     answers: Sequence[Answer]
+    """Of one comparison, the main metric first."""
     remarks: Sequence[str] = ()
+    """On the runs, each in one sentence."""
     origin: Mapping[str, Any] = field(default_factory=dict)
+    """`command`, `created` and `revision` of the runs; {} if they differ."""
     player: Path | None = None
+    """The page that plays the runs back, if there is one."""
 
 
 def compared_runs(runs: Sequence[RunResult], labels: Sequence[str]) -> Runs:

@@ -30,19 +30,16 @@ _LATEX = {
 
 @dataclass(frozen=True)
 class Cells:
-    """A table as it is shown.
-
-    Attributes:
-        header: of the columns.
-        rows: the texts.
-        best: whether a cell is the best of its column, by row; () without any.
-        numbers: the columns of numbers, which are aligned right.
-    """
+    """A table as it is shown."""
 
     header: tuple[str, ...]
+    """Of the columns."""
     rows: tuple[tuple[str, ...], ...]
+    """The texts."""
     best: tuple[tuple[bool, ...], ...] = ()
+    """Whether a cell is the best of its column, by row; () without any."""
     numbers: tuple[int, ...] = ()
+    """The columns of numbers, which are aligned right."""
 
 
 def cells_of(table: pd.DataFrame) -> Cells:

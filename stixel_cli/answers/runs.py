@@ -43,23 +43,20 @@ STATUS, LOST, FOLDER, ERROR = "status", "track_lost", "folder", "error"
 
 @dataclass(frozen=True)
 class Question:
-    """What is asked of many runs.
-
-    Attributes:
-        compare: columns whose combinations of values are the options.
-        within: columns whose combinations are scenarios, of equal weight.
-        over: columns whose combinations are the units of statistics.
-        metric: the column of the values.
-        better: "more" or "less"; "one" for a ratio that should be 1; None as the table of metrics.
-        reference: the option that others are compared with; None for the best one.
-    """
+    """What is asked of many runs."""
 
     compare: tuple[str, ...]
+    """Columns whose combinations of values are the options."""
     within: tuple[str, ...]
+    """Columns whose combinations are scenarios, of equal weight."""
     over: tuple[str, ...]
+    """Columns whose combinations are the units of statistics."""
     metric: str
+    """The column of the values."""
     better: str | None = None
+    """"more" or "less"; "one" for a ratio that should be 1; None as the table of metrics."""
     reference: object = None
+    """The option that others are compared with; None for the best one."""
 
     @property
     def named(self) -> str:
@@ -84,31 +81,28 @@ _OPTION, _SCENARIO, _UNIT, _VALUE = "option", "scenario", "unit", "value"
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """The answer to a question about many runs.
-
-    Attributes:
-        table: one row an option, in their order. Columns: `runs`, `failed`, `lost_share` of all
-            runs; `mean` with its interval `low`, `high`; `minus`, the mean of the paired
-            differences from the best option (or the reference), with its interval `minus_low`,
-            `minus_high`. NaN where there is none.
-        best: the option with the best mean; None if no value is better, or there is none.
-        shown: whether every other option's interval excludes 0.
-        units: number of units that the means are over.
-        left_out: number of cells (scenario, unit) that are left out, because an option lacks them.
-        values: of each unit (row) and option (column).
-        scenarios: the scenarios that the means are over.
-        runs: the frame with the columns `option`, `scenario` and `unit` as texts or values.
-    """
+    """The answer to a question about many runs."""
 
     question: Question
     table: pd.DataFrame
+    """One row an option, in their order. Columns: `runs`, `failed`, `lost_share` of all runs;
+    `mean` with its interval `low`, `high`; `minus`, the mean of the paired differences from the
+    best option (or the reference), with its interval `minus_low`, `minus_high`. NaN where there is
+    none."""
     best: object
+    """The option with the best mean; None if no value is better, or there is none."""
     shown: bool
+    """Whether every other option's interval excludes 0."""
     units: int
+    """Number of units that the means are over."""
     left_out: int
+    """Number of cells (scenario, unit) that are left out, because an option lacks them."""
     values: pd.DataFrame = field(repr=False)
+    """Of each unit (row) and option (column)."""
     scenarios: tuple[str, ...] = field(repr=False)
+    """The scenarios that the means are over."""
     runs: pd.DataFrame = field(repr=False)
+    """The frame with the columns `option`, `scenario` and `unit` as texts or values."""
 
     @property
     def order(self) -> list:
@@ -274,23 +268,20 @@ class Answer:
 
 @dataclass(frozen=True, eq=False)
 class Groups:
-    """The runs of a frame by option, scenario and unit, for the answers of all its metrics.
-
-    Attributes:
-        runs: the frame with the columns option, scenario and unit.
-        failed: whether each run failed, or was skipped.
-        cells: numbers of the option, scenario and unit of each run.
-        options, scenarios, units: their values.
-        table: one row an option, with the columns `runs`, `failed`, `lost_share`.
-    """
+    """The runs of a frame by option, scenario and unit, for the answers of all its metrics."""
 
     runs: pd.DataFrame
+    """The frame with the columns option, scenario and unit."""
     failed: pd.Series
+    """Whether each run failed, or was skipped."""
     cells: tuple[np.ndarray, np.ndarray, np.ndarray]
+    """Numbers of the option, scenario and unit of each run."""
     options: pd.Index
     scenarios: pd.Index
     units: pd.Index
+    """Their values."""
     table: pd.DataFrame
+    """One row an option, with the columns `runs`, `failed`, `lost_share`."""
 
 
 def grouped(frame: pd.DataFrame, question: Question) -> Groups:
@@ -422,19 +413,16 @@ SHOWN = (*MAIN, "nees_position_mean")
 
 @dataclass(frozen=True, eq=False)
 class Runs:
-    """A frame of runs.
-
-    Attributes:
-        frame: one row a run; `status` is "done", "failed", "skipped" or "missing". Columns that it
-            may have: `folder` and `error`, texts. Metrics are numbers, NaN without a value.
-        axes: the columns that differ between the runs, such as ("tracker", "path", "seed"); by
-            default the columns before `status`.
-        default: the parts of the question that is asked where a call gives no others.
-    """
+    """A frame of runs."""
 
     frame: pd.DataFrame
+    """One row a run; `status` is "done", "failed", "skipped" or "missing". Columns that it may
+    have: `folder` and `error`, texts. Metrics are numbers, NaN without a value."""
     axes: tuple[str, ...] = ()
+    """The columns that differ between the runs, such as ("tracker", "path", "seed"); by default the
+    columns before `status`."""
     default: Mapping[str, Any] = field(default_factory=dict)
+    """The parts of the question that is asked where a call gives no others."""
 
     def __post_init__(self):
         if STATUS not in self.frame:

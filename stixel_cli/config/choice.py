@@ -40,15 +40,12 @@ _REFERENCE = re.compile(r"\$\{([A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*)\}")
 
 @dataclass(frozen=True)
 class Choice:
-    """The configuration of chosen options, before values are set; not to be changed.
-
-    Attributes:
-        plain: in plain types with interpolations as text.
-        options: the option of each group.
-    """
+    """The configuration of chosen options, before values are set; not to be changed."""
 
     plain: dict[str, Any]
+    """In plain types with interpolations as text."""
     options: dict[str, str]
+    """The option of each group."""
 
 
 @lru_cache(maxsize=1024)

@@ -118,22 +118,19 @@ def _open(parameters: Any, notes: list[str]) -> Any:
 
 @dataclass(frozen=True)
 class Composition:
-    """A configuration and where it came from.
-
-    Attributes:
-        configuration: validated.
-        choices: the option of each group.
-        overrides: as they were typed.
-        resolved: the configuration in plain types with every interpolation resolved: the content of
-            `config.yaml` in a result folder, and the argument of `from_resolved`.
-        files: opens what the configuration names.
-    """
+    """A configuration and where it came from."""
 
     configuration: Configuration
+    """Validated."""
     choices: dict[str, str]
+    """The option of each group."""
     overrides: tuple[str, ...]
+    """As they were typed."""
     resolved: dict[str, Any]
+    """The configuration in plain types with every interpolation resolved: the content of
+    `config.yaml` in a result folder, and the argument of `from_resolved`."""
     files: UserFiles = field(default_factory=UserFiles, compare=False, repr=False)
+    """Opens what the configuration names."""
 
     def __repr__(self) -> str:
         return f"<Composition {' '.join(self.overrides) or 'of the defaults'}>"

@@ -79,15 +79,12 @@ def shipped_folder(name: str) -> Path:
 
 @dataclass
 class Presets:
-    """The user's own presets of this command.
-
-    Attributes:
-        folder: `--config-dir`; None without one.
-        trusted: whether they may name code, by `--trust-code`.
-    """
+    """The user's own presets of this command."""
 
     folder: Path | None = None
+    """`--config-dir`; None without one."""
     trusted: bool = False
+    """Whether they may name code, by `--trust-code`."""
 
     @property
     def option(self) -> list[str]:

@@ -48,20 +48,17 @@ _NO_SCHEMA = {
 
 @dataclass(frozen=True)
 class Key:
-    """A key of the schema, of one variant of its group.
-
-    Attributes:
-        name: with dots, as it is typed.
-        annotation: the type with its range.
-        owners: the variants that have it, as (group, kind), the outer group first; () if none of
-            its groups has variants.
-        schema: the class that has it.
-    """
+    """A key of the schema, of one variant of its group."""
 
     name: str
+    """With dots, as it is typed."""
     annotation: Any
+    """The type with its range."""
     owners: tuple[tuple[str, str], ...]
+    """The variants that have it, as (group, kind), the outer group first; () if none of its groups
+    has variants."""
     schema: type
+    """The class that has it."""
 
     def fits(self, kinds: Mapping[str, str]) -> bool:
         """Whether the chosen kinds of groups are those of a variant that has it."""

@@ -58,21 +58,18 @@ _PLAIN = re.compile(
 
 @dataclass(frozen=True)
 class Override:
-    """An override, parsed once; equal texts are equal.
-
-    Attributes:
-        text: as typed.
-        key: the key, or the group.
-        origin: where it was written: typed, or in which file.
-        value: in its own type; None for several values.
-        sweep: Hydra's override of several values; None for one value.
-    """
+    """An override, parsed once; equal texts are equal."""
 
     text: str
+    """As typed."""
     key: str
+    """The key, or the group."""
     origin: Origin = field(compare=False)
+    """Where it was written: typed, or in which file."""
     value: Any = field(compare=False)
+    """In its own type; None for several values."""
     sweep: Any = field(default=None, compare=False)
+    """Hydra's override of several values; None for one value."""
 
     @property
     def value_text(self) -> str:

@@ -47,41 +47,35 @@ MOST_THREADS, FARTHEST = 64, 1e6
 
 @dataclass(frozen=True)
 class MovingObject:
-    """An object that moves like a road user.
-
-    Attributes:
-        number: the same in all frames.
-        mean: (4,) place and velocity in the world, m and m/s; and covariance: its, (4, 4).
-        points: (n, 2) m, its points in the world; none where it is not seen.
-        estimate: pose, size and contour, of the tracker `contour` on these points.
-    """
+    """An object that moves like a road user."""
 
     number: int
+    """The same in all frames."""
     mean: np.ndarray
+    """(4,) place and velocity in the world, m and m/s; and covariance: its, (4, 4)."""
     covariance: np.ndarray
     points: np.ndarray
+    """(n, 2) m, its points in the world; none where it is not seen."""
     estimate: "Estimate"
+    """Pose, size and contour, of the tracker `contour` on these points."""
 
 
 @dataclass(frozen=True)
 class StreamFrame:
-    """What `StixelStream` knows after one pair; the world is the ground plane of the first one.
-
-    Attributes:
-        k: number of the pair, from 0.
-        stixels: of the pair.
-        objects: clusters of the stixels.
-        scan: one scan, the points of the stixels in the world.
-        tracks: the objects that move.
-        calibration: what is known by now of the rig's disparity error; None for nothing.
-    """
+    """What `StixelStream` knows after one pair; the world is the ground plane of the first one."""
 
     k: int
+    """Number of the pair, from 0."""
     stixels: FrameStixels
+    """Of the pair."""
     objects: "Objects"
+    """Clusters of the stixels."""
     scan: "Scans"
+    """One scan, the points of the stixels in the world."""
     tracks: tuple[MovingObject, ...]
+    """The objects that move."""
     calibration: "RigCalibration | None" = None
+    """What is known by now of the rig's disparity error; None for nothing."""
 
 
 class StixelStream:

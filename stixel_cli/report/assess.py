@@ -2,12 +2,14 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import Normalize
 
+from stixel_cli.files import read_json
 from stixel_cli.pictures import style
 from stixel_cli.report.metrics import NO_VALUE
 from stixel_cli.report.page import page_template, picture_for_page
@@ -29,43 +31,19 @@ MOST_ERROR = 3.0
 
 @dataclass(frozen=True)
 class Assessment:
-    """How good the stixels of one pair are.
-
-    Attributes:
-        values: by name; a value is None where its truth is missing. Their meaning is in `LABELS`.
-        pictures: PNG by name.
-        seconds: time by stage, without loading or compiling code.
-        rig: what is known of the rig's disparity error, by name, and as `text`.
-    """
+    """How good the stixels of one pair are."""
 
     values: Mapping[str, Any]
+    """By name; a value is None where its truth is missing. Their meaning is in `LABELS`."""
     pictures: Mapping[str, bytes]
+    """PNG by name."""
     seconds: Mapping[str, float]
+    """Time by stage, without loading or compiling code."""
     rig: Mapping[str, Any] = field(default_factory=dict)
+    """What is known of the rig's disparity error, by name, and as `text`."""
 
 
-LABELS = {
-    "stixels": ("stixels", ""),
-    "stixel_share": ("columns with a stixel", "%"),
-    "free_share": ("columns without an obstacle", "%"),
-    "unknown_share": ("columns with an unknown part", "%"),
-    "disparity_share": ("pixels with a disparity", "%"),
-    "row_difference_px": ("difference of the rows of the two images", "px"),
-    "obstacle_columns": ("columns with a true obstacle", ""),
-    "obstacle_covered_share": ("of them with a stixel", "%"),
-    "found_share": ("of them with a stixel that is no outlier", "%"),
-    "compared_share": ("stixels with true disparities in their area", "%"),
-    "stixels_compared": ("stixels compared", ""),
-    "median_px": ("median size of the error", "px"),
-    "beyond_1px_share": ("errors beyond 1 px", "%"),
-    "outlier_share": ("outliers: errors beyond 3 px and 5 %", "%"),
-    "phantoms": ("phantoms: outliers that are too near", ""),
-    "square_compared": ("stixels compared, on square surfaces", ""),
-    "square_median_px": ("median size of the error, on square surfaces", "px"),
-    "square_beyond_1px_share": ("errors beyond 1 px, on square surfaces", "%"),
-    "near_columns": ("columns with a true obstacle nearer than 6 m", ""),
-    "near_called_free": ("of them called free", ""),
-}
+LABELS = read_json(Path(__file__).parent / "templates" / "assess_labels.json")
 """Label and unit of each value; a share is shown in %."""
 
 

@@ -50,39 +50,33 @@ _CodeName = Annotated[str, StringConstraints(pattern="^[0-9a-f]{16}$")]
 
 @dataclass(frozen=True)
 class StageLineage:
-    """One stage of a run.
-
-    Attributes:
-        settings: digest of its settings, seed, frames and the content of its files.
-        versions: version of Python and of each package that it reaches.
-        keys: of its nodes, in the order of their frames.
-        digests: of the stored result of each key; None for an evicted one.
-        files: path of each user file that it reads -> digest of its content; None in a folder of
-            an older version.
-    """
+    """One stage of a run."""
 
     settings: str
+    """Digest of its settings, seed, frames and the content of its files."""
     versions: Mapping[str, str | None]
+    """Version of Python and of each package that it reaches."""
     keys: tuple[_Key, ...]
+    """Of its nodes, in the order of their frames."""
     digests: tuple[str | None, ...]
+    """Of the stored result of each key; None for an evicted one."""
     files: Mapping[str, str] | None = None
+    """Path of each user file that it reads -> digest of its content; None in a folder of an older
+    version."""
 
 
 @dataclass(frozen=True)
 class Lineage:
-    """All stages of a run in the order of the data.
-
-    Attributes:
-        stages: by name.
-        code: module -> digest, by name, of all code that the stages reach; None if unknown: in a
-            folder of an older version, or for a run that was moved out of its sweep.
-        sources: of the user's modules, module -> file and SHA-256 of its bytes when the run was
-            planned; of a new run only.
-    """
+    """All stages of a run in the order of the data."""
 
     stages: Mapping[str, StageLineage]
+    """By name."""
     code: Mapping[str, str] | None
+    """Module -> digest, by name, of all code that the stages reach; None if unknown: in a folder of
+    an older version, or for a run that was moved out of its sweep."""
     sources: Mapping[str, tuple[Path, str]] = field(default_factory=dict)
+    """Of the user's modules, module -> file and SHA-256 of its bytes when the run was planned; of a
+    new run only."""
 
 
 def lineage_of(

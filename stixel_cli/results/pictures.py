@@ -12,40 +12,33 @@ from stixel_cli.parameters import parameters
 
 @dataclass(frozen=True)
 class Pictures:
-    """Finished pictures.
-
-    Attributes:
-        files: file name relative to the folder of figures (`k0033/left.png`, `path.svg`) to the
-            file's bytes.
-    """
+    """Finished pictures."""
 
     files: dict[str, bytes]
+    """File name relative to the folder of figures (`k0033/left.png`, `path.svg`) to the file's
+    bytes."""
 
 
 @dataclass(frozen=True)
 class CameraFrames:
-    """The left camera's images and their stixels, small enough for a page.
-
-    Attributes:
-        first: index k of the first frame.
-        width, height: size of the camera's own image, px; the pictures may be smaller.
-        images: one JPEG a frame by name: `grey`, `disparity`, `grid`, `free_space`.
-        offsets: (n + 1,) int64, the stixels of frame i are rows offsets[i]:offsets[i + 1].
-        left, right, top, base: (S,) int32, columns left … right - 1 and rows top … base of the
-            camera's own image.
-        depth: (S,) float64 m.
-    """
+    """The left camera's images and their stixels, small enough for a page."""
 
     first: int
+    """Index k of the first frame."""
     width: int
     height: int
+    """Size of the camera's own image, px; the pictures may be smaller."""
     images: dict[str, tuple[bytes, ...]]
+    """One JPEG a frame by name: `grey`, `disparity`, `grid`, `free_space`."""
     offsets: np.ndarray
+    """(n + 1,) int64, the stixels of frame i are rows offsets[i]:offsets[i + 1]."""
     left: np.ndarray
     right: np.ndarray
     top: np.ndarray
     base: np.ndarray
+    """(S,) int32, columns left … right - 1 and rows top … base of the camera's own image."""
     depth: np.ndarray
+    """(S,) float64 m."""
 
 
 @parameters

@@ -37,15 +37,12 @@ NOT_GIVEN = "–"
 
 @dataclass(frozen=True)
 class Axis:
-    """An axis of a sweep.
-
-    Attributes:
-        keys: one key, or several zipped keys.
-        steps: for each value of the axis an override of each key.
-    """
+    """An axis of a sweep."""
 
     keys: tuple[str, ...]
+    """One key, or several zipped keys."""
     steps: tuple[tuple[Override, ...], ...]
+    """For each value of the axis an override of each key."""
 
     def __post_init__(self):
         seen: set[tuple] = set()
@@ -66,23 +63,20 @@ class Axis:
 
 @dataclass(frozen=True)
 class Design:
-    """A sweep before its runs are composed.
-
-    Attributes:
-        fixed: overrides of all runs.
-        axes: the runs are all combinations of their steps; the last axis varies fastest.
-        left_out: combinations to leave out, each as keys of axes with their values.
-        file: that names them; "" if there is no file.
-        words: of the command line that gives this design, without `stixel sweep`.
-        over: keys of the axes that means are over.
-    """
+    """A sweep before its runs are composed."""
 
     fixed: tuple[Override, ...]
+    """Overrides of all runs."""
     axes: tuple[Axis, ...]
+    """The runs are all combinations of their steps; the last axis varies fastest."""
     left_out: tuple[Mapping[str, Any], ...] = ()
+    """Combinations to leave out, each as keys of axes with their values."""
     file: str = ""
+    """That names them; "" if there is no file."""
     words: tuple[str, ...] = ()
+    """Of the command line that gives this design, without `stixel sweep`."""
     over: tuple[str, ...] = (SEED,)
+    """Keys of the axes that means are over."""
 
     def __post_init__(self):
         counts = Counter([*(one.key for one in self.fixed), *self.keys])

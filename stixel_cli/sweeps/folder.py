@@ -194,23 +194,20 @@ class SweepFolder:
 
 @dataclass(frozen=True)
 class SweepResult:
-    """A sweep with its results, computed or read.
-
-    Attributes:
-        folder: its folder; None if nothing was written.
-        runs: one entry for each run, in the order of their indices.
-        computed: number of nodes that this call computed.
-        cached: number of needed nodes that were in the store before.
-        axes: the keys of each axis.
-        over: keys that means are over: seeds are the units of statistics, others are scenarios.
-    """
+    """A sweep with its results, computed or read."""
 
     folder: Path | None
+    """Its folder; None if nothing was written."""
     runs: tuple[RunResult, ...]
+    """One entry for each run, in the order of their indices."""
     computed: int = 0
+    """Number of nodes that this call computed."""
     cached: int = 0
+    """Number of needed nodes that were in the store before."""
     axes: tuple[tuple[str, ...], ...] = ()
+    """The keys of each axis."""
     over: tuple[str, ...] = (SEED,)
+    """Keys that means are over: seeds are the units of statistics, others are scenarios."""
 
     @property
     def rows(self) -> list[dict[str, Any]]:

@@ -22,31 +22,28 @@ from stixel_cli.sweeps.design import SEED, Design, design_runs, equal_runs, plan
 
 @dataclass(frozen=True)
 class SweepPlan:
-    """The work of a sweep.
-
-    Attributes:
-        runs: all runs.
-        pictures: whether each run requires its pictures.
-        nodes: of the pipelines, whose results are required, too.
-        graph: of all runs.
-        needed: ids of the nodes that the runs need.
-        missing: ids of the nodes to compute, each after its inputs.
-        store: where results are.
-        durations: of the stages, as measured so far.
-        design: of the runs, by `plan_sweep`.
-        notes: on runs that give equal results.
-    """
+    """The work of a sweep."""
 
     runs: tuple[RunResult, ...]
+    """All runs."""
     pictures: bool
+    """Whether each run requires its pictures."""
     nodes: tuple[str, ...]
+    """Of the pipelines, whose results are required, too."""
     graph: Graph
+    """Of all runs."""
     needed: frozenset[str]
+    """Ids of the nodes that the runs need."""
     missing: tuple[str, ...]
+    """Ids of the nodes to compute, each after its inputs."""
     store: Store
+    """Where results are."""
     durations: Durations
+    """Of the stages, as measured so far."""
     design: Design = field(default_factory=lambda: Design((), ()))
+    """Of the runs, by `plan_sweep`."""
     notes: tuple[str, ...] = ()
+    """On runs that give equal results."""
 
     @property
     def executor(self) -> Executor:

@@ -49,21 +49,18 @@ _LISTS = ("names", "links", "stamps", "rows")
 
 @dataclass(frozen=True)
 class Line:
-    """A run or sweep in a list.
-
-    Attributes:
-        kind: run, sweep or study.
-        settings: that differ from the default, or between the runs of a sweep.
-        word: of a run's verdict; the option of a sweep that is shown to be the best.
-        text: the verdict, or the answer of a sweep.
-        metrics: of a run. A sweep has no mean over its options.
-    """
+    """A run or sweep in a list."""
 
     kind: str
+    """Run, sweep or study."""
     settings: str
+    """That differ from the default, or between the runs of a sweep."""
     word: str
+    """Of a run's verdict; the option of a sweep that is shown to be the best."""
     text: str
+    """The verdict, or the answer of a sweep."""
     metrics: dict[str, Any]
+    """Of a run. A sweep has no mean over its options."""
 
 
 def line_of(run: RunResult) -> Line:

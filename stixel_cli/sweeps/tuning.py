@@ -79,17 +79,14 @@ def read_request(folder: Path) -> TuneRequest:
 
 @dataclass
 class Trial:
-    """Values of the parameters, as texts, with what came of them.
-
-    Attributes:
-        values: (objectives, runs) so far, in the order of the runs.
-        state: "complete", "stopped" as clearly worse, or "failed: reason".
-    """
+    """Values of the parameters, as texts, with what came of them."""
 
     name: str
     settings: dict[str, str] = field(default_factory=dict)
     values: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
+    """(objectives, runs) so far, in the order of the runs."""
     state: str = "complete"
+    """"complete", "stopped" as clearly worse, or "failed: reason"."""
 
     @property
     def means(self) -> np.ndarray:
