@@ -64,7 +64,7 @@ def verify(folder: Folder = FOLDER) -> int:
     truths = [path for path in other if not path.endswith(FILES[0])]
     faults = [*data.faults(), *(f"{path}: differs from the published one" for path in truths)]
     if scans := len(other) - len(truths):
-        tell(f"{FILES[0]} of {counted(scans, 'sequence')} differ, as on another processor")
+        tell(f"{FILES[0]} of {counted(scans, 'sequence')} differ: another processor or revision")
     common = len(known.keys() & data.files.keys())
     say(*faults, f"{counted(len(data.files), 'file')}, {common} published", data.id)
     return 1 if faults else 0

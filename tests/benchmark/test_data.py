@@ -79,7 +79,9 @@ def test_verify_takes_other_scans_for_those_of_another_processor_but_no_other_tr
     file.write_text(json.dumps(published))
     capsys.readouterr()
     assert main(["bench", "verify", "--data", "data"]) == 0
-    assert "scans.npz of 1 sequence differ, as on another processor" in capsys.readouterr().err
+    assert (
+        "scans.npz of 1 sequence differ: another processor or revision" in capsys.readouterr().err
+    )
     published["files"]["fabricated-car-turn-0/truth.npz"] = "0"
     file.write_text(json.dumps(published))
     assert main(["bench", "verify", "--data", "data"]) == 1
