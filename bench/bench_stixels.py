@@ -197,7 +197,7 @@ def test_disparity_to_stixels_plain(benchmark, raw):
     both = np.isfinite(fast) & np.isfinite(obstacle)
     # The plain one is not refined within the row.
     depth = RIG.focal * RIG.baseline / fast[both]
-    assert np.mean(np.abs(RIG.focal * RIG.baseline / obstacle[both] - depth) < 1.0) > 0.95
+    assert np.mean(np.abs(RIG.focal * RIG.baseline / obstacle[both] - depth) < 1.0) > 0.9
     columns = cv2.transpose(raw)
     assert (
         np.mean(np.abs(top_rows(Frame(columns, COUNT, fast, base, line, RIG), HEIGHT) - top) <= 3)

@@ -12,7 +12,7 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 46_751
+TOTAL = 46_695
 """Greatest number of lines in all."""
 
 MODULES = 250
@@ -26,7 +26,7 @@ BUDGET = {
     "cli": 2750,
     "config": 2807,
     "engine": 4188,
-    "evaluation": 1651,
+    "evaluation": 1648,
     "experiment": 1321,
     "export": 600,
     "geometry": 412,
@@ -37,13 +37,13 @@ BUDGET = {
     "recordings": 2622,
     "rendering": 2148,
     "report": 755,
-    "results": 1426,
+    "results": 1429,
     "scene": 3375,
     "stereo": 452,
     "stixels": 2073,
-    "studies": 1761,
+    "studies": 1755,
     "sweeps": 2090,
-    "tracking": 6639,
+    "tracking": 6589,
     "validation": 1094,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""

@@ -63,25 +63,22 @@ class Scores:
 
 @dataclass(frozen=True)
 class Series:
-    """An error over time.
-
-    Attributes:
-        label: full name.
-        short_label: name where space is short.
-        unit: of the values shown; "" without one.
-        factor: from the unit of the field of `Scores` to `unit`.
-        bounds: least and greatest possible value; None where there is no bound.
-        consistent: the value of a perfect or consistent filter, to mark; None to mark no value.
-        ratio: whether the axis is logarithmic.
-    """
+    """An error over time."""
 
     label: str
+    """Full name."""
     short_label: str
+    """Name where space is short."""
     unit: str
+    """Of the values shown; "" without one."""
     bounds: tuple[float | None, float | None]
+    """Least and greatest possible value; None where there is no bound."""
     consistent: float | None = None
+    """The value of a perfect or consistent filter, to mark; None to mark no value."""
     factor: float = 1.0
+    """From the unit of the field of `Scores` to `unit`."""
     ratio: bool = False
+    """Whether the axis is logarithmic."""
 
 
 SERIES = {

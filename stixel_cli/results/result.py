@@ -178,53 +178,56 @@ class RunResult:
     `experiment.run.read_stored_run`. One of a sweep has `composition`, `graph`, `targets`,
     `metrics`, `status` and `failure`, and the entries `run`, `overrides`, `choices`, `seed` and
     `swept` of its manifest; one of a sweep's folder has the seed as typed, and no graph.
+
+    Attributes:
+        settings: the configuration in plain types, as in `config.yaml`.
+        manifest: content of `manifest.json`.
+        metrics: name to value, None for a metric without a value; as in `metrics.json`.
+        folder: the result folder; None if nothing was written.
+        composition: the validated experiment, see `stixel_cli.compose`.
+        scenario, scans, track, scores: results of the stages of these names.
+        pictures: path below `figures/` to the file's bytes.
+        camera: chunks of the camera's frames, in order; empty for a run without images.
+        stixels, objects: chunks of the stixels and of their clusters, in order; empty unless images
+            are recorded.
+        tracks: those of moving objects, with `source.target=auto`, which has no `track`.
+        truths: those of all labels of the recording, with `source.target=auto`.
+        calibration: what is known of the disparity error of a recording's rig.
+        lineage: keys, settings and versions of each stage; None in a folder of an older version.
+        label: name of the run in a legend; in a sweep `key=value …`.
+        status: `done`, `failed`, `skipped` or `missing`.
+        failure: of a run that failed or was skipped: why; of a listed one: why it is not readable.
+        graph: of this run only; in a sweep, from `graphs.plan_runs` on.
+        targets: in a sweep, keys of the nodes whose results it requires, the scores first.
+        variant: in a study, name of the sweep's variant; "" if it has none.
+        load: in a study, returns the result of a stage that the sweep's `results` names, or the
+            list of the results of its chunks. It reads the store at each call.
     """
 
     settings: Mapping[str, Any] = field(default_factory=dict)
-    """The configuration in plain types, as in `config.yaml`."""
     manifest: Mapping[str, Any] = field(default_factory=dict)
-    """Content of `manifest.json`."""
     metrics: Mapping[str, float | int | None] = field(default_factory=dict)
-    """Name to value, None for a metric without a value; as in `metrics.json`."""
     folder: Path | None = None
-    """The result folder; None if nothing was written."""
     composition: Any = None
-    """The validated experiment, see `stixel_cli.compose`."""
     scenario: "Scenario | None" = None
     scans: "Scans | None" = None
     track: "Track | None" = None
     scores: Scores | None = None
-    """Results of the stages of these names."""
     pictures: Mapping[str, bytes] = field(default_factory=dict)
-    """Path below `figures/` to the file's bytes."""
     camera: "tuple[CameraFrames, ...]" = ()
-    """Chunks of the camera's frames, in order; empty for a run without images."""
     stixels: "tuple[Stixels, ...]" = ()
     objects: "tuple[Objects, ...]" = ()
-    """Chunks of the stixels and of their clusters, in order; empty unless images are recorded."""
     tracks: "tuple[ObjectTrack, ...]" = ()
-    """Those of moving objects, with `source.target=auto`, which has no `track`."""
     truths: "tuple[LabelTruth, ...]" = ()
-    """Those of all labels of the recording, with `source.target=auto`."""
     calibration: "RigCalibration | None" = None
-    """What is known of the disparity error of a recording's rig."""
     lineage: "Lineage | None" = None
-    """Keys, settings and versions of each stage; None in a folder of an older version."""
     label: str = ""
-    """Name of the run in a legend; in a sweep `key=value …`."""
     status: str = DONE
-    """`done`, `failed`, `skipped` or `missing`."""
     failure: Exception | None = None
-    """Of a run that failed or was skipped: why; of a listed one: why it is not readable."""
     graph: "Graph | None" = None
-    """Of this run only; in a sweep, from `graphs.plan_runs` on."""
     targets: tuple[str, ...] = ()
-    """In a sweep, keys of the nodes whose results it requires, the scores first."""
     variant: str = ""
-    """In a study, name of the sweep's variant; "" if it has none."""
     load: Callable[[str], Any] | None = None
-    """In a study, returns the result of a stage that the sweep's `results` names, or the list of
-    the results of its chunks. It reads the store at each call."""
     plot: ClassVar[Callable[..., Any]]
     """Draws the run from above, `plot(ax=None)`: `stixel_cli.plot`, which sets it."""
 

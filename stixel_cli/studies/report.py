@@ -211,17 +211,14 @@ class Material:
 
 @dataclass(frozen=True)
 class Report:
-    """The report of a complete study.
-
-    Attributes:
-        answer: the paragraphs of the study's text; the first is the answer.
-        sections: of the questions.
-        material: of the study's own module.
-    """
+    """The report of a complete study."""
 
     answer: tuple[str, ...]
+    """The paragraphs of the study's text; the first is the answer."""
     sections: tuple[Section, ...]
+    """Of the questions."""
     material: Material
+    """Of the study's own module."""
 
 
 def study_report(study: StudyFile, data: StudyData) -> Report:
@@ -309,18 +306,15 @@ def files_of(report: Report) -> dict[str, str | bytes]:
 
 @dataclass(frozen=True)
 class SweepState:
-    """Progress of a sweep.
-
-    Attributes:
-        runs: their number; None if it depends on earlier sweeps.
-        done: number of finished runs.
-        faults: one line for each reason why others are missing.
-    """
+    """Progress of a sweep."""
 
     name: str
     runs: int | None
+    """Their number; None if it depends on earlier sweeps."""
     done: int
+    """Number of finished runs."""
     faults: tuple[str, ...]
+    """One line for each reason why others are missing."""
     folder: Path
 
     @property

@@ -69,24 +69,21 @@ def least_speed(of_sensor: float) -> float:
 
 @dataclass
 class OpenTrack:
-    """A cluster over time, while it is followed.
-
-    Attributes:
-        rows: of each scan that has the cluster, ascending, the rows (n_k,) of the scans' arrays.
-        mean, covariance: (4,), (4, 4) of place and velocity, m and m/s, at the last scan.
-        missed: scans in a row without the cluster.
-        begun: whether it has passed M of N.
-        ended: whether it gets no more clusters.
-        number: of the road user, where tracks are numbered.
-    """
+    """A cluster over time, while it is followed."""
 
     rows: dict[int, np.ndarray]
+    """Of each scan that has the cluster, ascending, the rows (n_k,) of the scans' arrays."""
     mean: np.ndarray
     covariance: np.ndarray
+    """`mean`, `covariance`: (4,), (4, 4) of place and velocity, m and m/s, at the last scan."""
     missed: int = 0
+    """Scans in a row without the cluster."""
     begun: bool = False
+    """Whether it has passed M of N."""
     ended: bool = False
+    """Whether it gets no more clusters."""
     number: int | None = None
+    """Of the road user, where tracks are numbered."""
 
     def within(self, scans: Scans, first: int, duration: float) -> "OpenTrack":
         """The track in scan `first` and those of the next `duration` s."""

@@ -25,25 +25,21 @@ SEEN = 3
 
 @dataclass(frozen=True)
 class Linearisation:
-    """The measurement model at n points, in each point's radial and tangential direction.
-
-    Attributes:
-        directions: (n, 2) unit vectors p from the centre to the points, world frame.
-        residuals: (n,) m, r - f, along p.
-        radial_matrix: (n, 3 + N) derivatives of the radial component of h by x, y, heading and
-            the radii.
-        tangential_slopes: (n,) 1 - f / r: the tangential component's derivative by x^c is this
-            times t = (-p_y, p_x).
-        radius_variances: (n,) R^f in m².
-        turns: (n,) f' / r, the slope of the radius over the point's distance, 1/rad.
-    """
+    """The measurement model at n points, in each point's radial and tangential direction."""
 
     directions: np.ndarray
+    """(n, 2) unit vectors p from the centre to the points, world frame."""
     residuals: np.ndarray
+    """(n,) m, r - f, along p."""
     radial_matrix: np.ndarray
+    """(n, 3 + N) derivatives of the radial component of h by x, y, heading and the radii."""
     tangential_slopes: np.ndarray
+    """(n,) 1 - f / r: the tangential component's derivative by x^c is this times t = (-p_y,
+    p_x)."""
     radius_variances: np.ndarray
+    """(n,) R^f in m²."""
     turns: np.ndarray
+    """(n,) f' / r, the slope of the radius over the point's distance, 1/rad."""
 
     @property
     def gradients(self) -> np.ndarray:

@@ -28,22 +28,19 @@ def kernel(
 
 @dataclass(frozen=True)
 class ContourProcess:
-    """The process, and what regression from its basis points needs at every scan.
-
-    Attributes:
-        basis_points: N, at even angles.
-        length_scale, sigma_f, sigma_r: of the kernel; rad, m, m.
-        jitter: m², goes only into the inverse of K.
-        mean_radius: the process's mean function, a constant, m; thesis, 5.4. The regression is that
-            of the radii's differences from it.
-    """
+    """The process, and what regression from its basis points needs at every scan."""
 
     basis_points: int
+    """N, at even angles."""
     length_scale: float
     sigma_f: float
     sigma_r: float
+    """`length_scale`, `sigma_f`, `sigma_r`: of the kernel; rad, m, m."""
     jitter: float
+    """In m²; goes only into the inverse of K."""
     mean_radius: float = 0.0
+    """The process's mean function, a constant, m; thesis, 5.4. The regression is that of the
+    radii's differences from it."""
 
     @cached_property
     def basis_angles(self) -> np.ndarray:

@@ -11,20 +11,18 @@ from stixel_cli.tracking.track import Track
 
 
 class Scan(NamedTuple):
-    """One scan, in the world.
-
-    Attributes:
-        k: its number.
-        interval: s since the scan before; at the first, the filter starts one sample before it.
-        points: (n, 2) m, and covariances: (n, 2, 2) m².
-        sensor: (3,) its pose.
-    """
+    """One scan, in the world."""
 
     k: int
+    """Its number."""
     interval: float
+    """Time in s since the scan before; at the first, the filter starts one sample before it."""
     points: np.ndarray
+    """(n, 2) m."""
     covariances: np.ndarray
+    """(n, 2, 2) m²."""
     sensor: np.ndarray
+    """(3,) its pose."""
 
 
 class Filtered:

@@ -22,22 +22,19 @@ is that of rounding."""
 
 @dataclass(frozen=True)
 class Step:
-    """What a filter has at one scan.
-
-    Attributes:
-        mean, covariance: (d,) and (d, d), after the scan, and
-        predicted_mean, predicted_covariance: before it.
-        before: the step that was predicted; None at the first scan.
-        transition: (d, d) Jacobian F of that prediction; None where the filter began anew: nothing
-            of this scan and of later ones changes the estimates before.
-    """
+    """What a filter has at one scan."""
 
     mean: np.ndarray
     covariance: np.ndarray
+    """`mean`, `covariance`: (d,) and (d, d), after the scan."""
     predicted_mean: np.ndarray
     predicted_covariance: np.ndarray
+    """`predicted_mean`, `predicted_covariance`: before it."""
     before: "Step | None" = None
+    """The step that was predicted; None at the first scan."""
     transition: np.ndarray | None = None
+    """(d, d) Jacobian F of that prediction; None where the filter began anew: nothing of this scan
+    and of later ones changes the estimates before."""
 
     @cached_property
     def gain(self) -> np.ndarray:

@@ -255,7 +255,7 @@ def test_stixels_from_a_file_have_the_scores_of_ours(pair, tmp_path, monkeypatch
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["left.png"], "source.folder: "),
+        (["left.png"], "needs two images, LEFT and RIGHT"),
         (["a.png", "b.png", "c.png"], " needs two images, LEFT and RIGHT, or one recording, got 3"),
         (["left.png", "right.png"], "--rig: is required with two images"),
         (["left.png", "right.png", "--rig", "rig.yaml"], "rig.yaml"),

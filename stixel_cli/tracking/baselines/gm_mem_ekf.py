@@ -73,18 +73,15 @@ LEAST_HALF = 0.1
 
 
 class Estimate(NamedTuple):
-    """Gaussians of the kinematic state and of the shape.
-
-    Attributes:
-        state, covariance: (4,) and (4, 4) of x, y and their rates, m and m/s, world frame.
-        shape, shape_covariance: (3,) and (3, 3) of the first axis's angle in rad and the half
-            sizes in m.
-    """
+    """Gaussians of the kinematic state and of the shape."""
 
     state: np.ndarray
     covariance: np.ndarray
+    """`state`, `covariance`: (4,) and (4, 4) of x, y and their rates, m and m/s, world frame."""
     shape: np.ndarray
     shape_covariance: np.ndarray
+    """`shape`, `shape_covariance`: (3,) and (3, 3) of the first axis's angle in rad and the half
+    sizes in m."""
 
 
 def track(

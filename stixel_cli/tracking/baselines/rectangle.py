@@ -72,17 +72,14 @@ ENDS_POINTS = 3
 
 
 class Rows(NamedTuple):
-    """Linearised measurements: m scalars.
-
-    Attributes:
-        innovations: (m,) measured minus predicted.
-        matrix: (m, 12) derivatives by the eight states and by the errors of the four sides.
-        variances: (m,) of the errors that are independent.
-    """
+    """Linearised measurements: m scalars."""
 
     innovations: np.ndarray
+    """(m,) measured minus predicted."""
     matrix: np.ndarray
+    """(m, 12) derivatives by the eight states and by the errors of the four sides."""
     variances: np.ndarray
+    """(m,) of the errors that are independent."""
 
 
 def track(

@@ -30,19 +30,15 @@ NODES = (24, 9)
 
 @dataclass(frozen=True)
 class ClassShape:
-    """The outlines of a class.
-
-    Attributes:
-        outline: (N, 2) m, the mean outline: counter-clockwise, at even angles from the heading on.
-        outline_stds: (N,) m, standard deviation of the radius of the class's outlines, scaled to
-            one box.
-        size: (2,) m, length and width of this box, which contains the limbs in all poses. The
-            outline may be smaller; it is scaled with the box.
-    """
+    """The outlines of a class."""
 
     outline: np.ndarray
+    """(N, 2) m, the mean outline: counter-clockwise, at even angles from the heading on."""
     outline_stds: np.ndarray
+    """(N,) m, standard deviation of the radius of the class's outlines, scaled to one box."""
     size: np.ndarray
+    """(2,) m, length and width of this box, which contains the limbs in all poses. The outline may
+    be smaller; it is scaled with the box."""
 
 
 @dataclass(frozen=True)
@@ -50,14 +46,12 @@ class OutlineModes:
     """How the outlines of a class differ from its mean outline, scaled to one box.
 
     Each mode is the change of the radius, m, by one standard deviation, independent of the others.
-
-    Attributes:
-        fixed: (12, 120), by which road users differ from each other.
-        limbs: (6, 120), by which one road user changes as it moves.
     """
 
     fixed: np.ndarray
+    """(12, 120), by which road users differ from each other."""
     limbs: np.ndarray
+    """(6, 120), by which one road user changes as it moves."""
 
     @property
     def radius_stds(self) -> np.ndarray:
@@ -67,25 +61,20 @@ class OutlineModes:
 
 @dataclass(frozen=True)
 class VisibleShape:
-    """What a kind of sensor sees of a class.
-
-    Attributes:
-        depth_biases: (24, 9) m, how far behind the outline a point is measured, by aspect and
-            offset.
-        bias_per_std: the same, in standard deviations of the point's range: added to it.
-        depth_stds: (24, 9) m, standard deviation of that distance beyond the point's own, and
-        std_factor: the factor on the point's own.
-        insets: (2, 24) m, how far inside the outline the visible shape begins (low) and
-            ends (high).
-        inset_stds: (2, 24) m.
-    """
+    """What a kind of sensor sees of a class."""
 
     depth_biases: np.ndarray
+    """(24, 9) m, how far behind the outline a point is measured, by aspect and offset."""
     bias_per_std: float
+    """The same, in standard deviations of the point's range: added to it."""
     depth_stds: np.ndarray
+    """(24, 9) m, standard deviation of that distance beyond the point's own."""
     std_factor: float
+    """Factor on the point's own standard deviation."""
     insets: np.ndarray
+    """(2, 24) m, how far inside the outline the visible shape begins (low) and ends (high)."""
     inset_stds: np.ndarray
+    """(2, 24) m."""
 
 
 def known_class(road_user: str) -> dict[str, Any]:

@@ -18,15 +18,12 @@ thousandths of the size. Made by `python -m stixel_cli.experiment.class_shapes`.
 
 @dataclass(frozen=True)
 class ClassSize:
-    """The boxes of a class, in all poses of the limbs.
-
-    Attributes:
-        mean: (2,) m, length and width.
-        stds: (2,) relative to the mean.
-    """
+    """The boxes of a class, in all poses of the limbs."""
 
     mean: np.ndarray
+    """(2,) m, length and width."""
     stds: np.ndarray
+    """(2,) relative to the mean."""
 
 
 def class_size(road_user: RoadUserClass) -> ClassSize:

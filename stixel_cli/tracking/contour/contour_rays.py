@@ -27,25 +27,22 @@ LEARNED = ("stixels", "fabricated", "lidar")
 
 @dataclass(frozen=True)
 class Sight:
-    """How a sensor sees the class.
-
-    Attributes:
-        table: the visible shape.
-        bias_per_std, std_factor: see `VisibleShape`.
-        outline: whether the sensor sees the outline itself, between whose ends the first and last
-            ray fall at random.
-        residual: how the outline may differ from the form; None where the visible shape was
-            learned from such scans, see `forms.py`.
-        far: where rays leave the shape, if points may be there; None if they are where rays meet it
-            first.
-    """
+    """How a sensor sees the class."""
 
     table: RayTable
+    """The visible shape."""
     bias_per_std: float
     std_factor: float
+    """`bias_per_std`, `std_factor`: see `VisibleShape`."""
     outline: bool
+    """Whether the sensor sees the outline itself, between whose ends the first and last ray fall at
+    random."""
     residual: Residual | None = None
+    """How the outline may differ from the form; None where the visible shape was learned from such
+    scans, see `forms.py`."""
     far: RayTable | None = None
+    """Where rays leave the shape, if points may be there; None if they are where rays meet it
+    first."""
 
     @property
     def half(self) -> np.ndarray:
@@ -55,32 +52,29 @@ class Sight:
 
 @dataclass(frozen=True)
 class Rays:
-    """The rays of a scan's points.
-
-    Attributes:
-        sensor: (3,) pose of the sensor in the world.
-        directions: (n, 2) unit vectors in the world.
-        bearings: (n,) rad from the sensor's heading.
-        ranges: (n,) m.
-        stds: (n,) m, of the ranges.
-        across_variances: (n,) m², of the points across their rays.
-        shared: (n, 2, m) m, how far one standard deviation of each of m errors that all scans share
-            moves a point in the world.
-        field_of_view: of the sensor; None: unknown.
-        hidden: whether a nearer object hides what is beside the first and the last ray.
-        others: (n,) whether a point is known to be another object's.
-    """
+    """The rays of a scan's points."""
 
     sensor: np.ndarray
+    """(3,) pose of the sensor in the world."""
     directions: np.ndarray
+    """(n, 2) unit vectors in the world."""
     bearings: np.ndarray
+    """(n,) rad from the sensor's heading."""
     ranges: np.ndarray
+    """(n,) m."""
     stds: np.ndarray
+    """(n,) m, of the ranges."""
     across_variances: np.ndarray
+    """(n,) m², of the points across their rays."""
     shared: np.ndarray
+    """(n, 2, m) m, how far one standard deviation of each of m errors that all scans share moves a
+    point in the world."""
     others: np.ndarray
+    """(n,) whether a point is known to be another object's."""
     field_of_view: FieldOfView | None = None
+    """Of the sensor; None: unknown."""
     hidden: tuple[bool, bool] = (False, False)
+    """Whether a nearer object hides what is beside the first and the last ray."""
 
     @property
     def normals(self) -> np.ndarray:

@@ -142,31 +142,28 @@ def _weights(errors: np.ndarray, variances: np.ndarray, tracker: ContourParamete
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """Where the target may be after a scan.
-
-    Attributes:
-        state: after the scan, and
-        predicted: before its update.
-        log_likelihood: of all scans, and
-        log_likelihood_before: of all before this one.
-        indices: of the scan's points that were used.
-        nis, degrees: of the scan; NaN and 0 without points.
-        missed: log odds against the scan's rays that pass by the shape. They count between places
-            of one class, and not between classes, whose sizes may be wrong.
-        before: the hypothesis that was predicted; None before the first scan.
-        transition: (d, d) Jacobian of that prediction; None where the filter began anew.
-    """
+    """Where the target may be after a scan."""
 
     state: State
+    """After the scan."""
     predicted: State
+    """Before the scan's update."""
     log_likelihood: float
+    """Of all scans."""
     log_likelihood_before: float
+    """Of all scans before this one."""
     indices: np.ndarray
+    """Of the scan's points that were used."""
     nis: float = np.nan
     degrees: int = 0
+    """`nis`, `degrees`: of the scan; NaN and 0 without points."""
     missed: float = 0.0
+    """Log odds against the scan's rays that pass by the shape. They count between places of one
+    class, and not between classes, whose sizes may be wrong."""
     before: "Hypothesis | None" = None
+    """The hypothesis that was predicted; None before the first scan."""
     transition: np.ndarray | None = None
+    """(d, d) Jacobian of that prediction; None where the filter began anew."""
 
     @classmethod
     def unseen(cls, state: State, log_likelihood: float = 0.0) -> "Hypothesis":

@@ -55,23 +55,20 @@ def _expect(ranges, misses, stds, state, sensor, directions, table):
 
 
 class Linear(NamedTuple):
-    """What a state (d,) predicts of n ranges, of minus the two insets, and of n misses.
-
-    Attributes:
-        values: (2 n + 2,) m; a miss is how far a ray passes by the shape, negative inside.
-        slopes: (2 n + 2, 5), by the states that a ray sees.
-        stds: (n + 2,) m, of the ranges and insets.
-        curvatures: (n + 2,) m², the variance of what the slopes leave out: that of a parabola over
-            one standard deviation of each state (Nørgaard, Poulsen & Ravn 2000, *New developments
-            in state estimation for nonlinear systems*).
-        angles: (n,) rad, where the rays meet the shape, in units of half its size.
-    """
+    """What a state (d,) predicts of n ranges, of minus the two insets, and of n misses."""
 
     values: np.ndarray
+    """(2 n + 2,) m; a miss is how far a ray passes by the shape, negative inside."""
     slopes: np.ndarray
+    """(2 n + 2, 5), by the states that a ray sees."""
     stds: np.ndarray
+    """(n + 2,) m, of the ranges and insets."""
     curvatures: np.ndarray
+    """(n + 2,) m², the variance of what the slopes leave out: that of a parabola over one standard
+    deviation of each state (Nørgaard, Poulsen & Ravn 2000, *New developments in state estimation
+    for nonlinear systems*)."""
     angles: np.ndarray
+    """(n,) rad, where the rays meet the shape, in units of half its size."""
 
     @classmethod
     def of_rays(cls, count: int) -> "Linear":

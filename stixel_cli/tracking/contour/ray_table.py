@@ -32,24 +32,21 @@ REACH = 1.25
 
 @dataclass(frozen=True)
 class RayTable:
-    """Depths and limits of a shape, over A even aspects from 0 on and O offsets.
-
-    Attributes:
-        lowest, highest: (A,) m, offsets of the table's first and last column.
-        depths: (A, O) m, where the sensor measures the shape.
-        stds: (A, O) m, standard deviation of one point's depth.
-        low, high: (A,) m, offsets at which the sensor sees the shape begin and end.
-        low_stds, high_stds: (A,) m, their standard deviations.
-    """
+    """Depths and limits of a shape, over A even aspects from 0 on and O offsets."""
 
     lowest: np.ndarray
     highest: np.ndarray
+    """`lowest`, `highest`: (A,) m, offsets of the table's first and last column."""
     depths: np.ndarray
+    """(A, O) m, where the sensor measures the shape."""
     stds: np.ndarray
+    """(A, O) m, standard deviation of one point's depth."""
     low: np.ndarray
     high: np.ndarray
+    """`low`, `high`: (A,) m, offsets at which the sensor sees the shape begin and end."""
     low_stds: np.ndarray
     high_stds: np.ndarray
+    """`low_stds`, `high_stds`: (A,) m, their standard deviations."""
 
     @cached_property
     def extents(self) -> np.ndarray:
