@@ -255,15 +255,15 @@ def _typed(kind: type, name: str, found: Any) -> Any:
 
 def frame_of(sweep: SweepResult) -> Runs:
     """The runs of a sweep, with the option of each of `GROUPS`, and the variant, as columns."""
-    runs = sweep.table
-    frame, axes = runs.frame.copy(), list(runs.axes)
+    frame, axes = sweep.table.frame.copy(), list(sweep.table.axes)
     for group in GROUPS:
         if group not in frame:
             frame[group] = [getattr(run.configuration, group).kind for run in sweep.runs]
     if any(run.variant for run in sweep.runs):
-        keys = [key for key in axes if key not in GROUPS and not key.endswith("seed")]
-        frame = frame.drop(columns=keys).assign(variant=[run.variant for run in sweep.runs])
-        axes = [*(axis for axis in axes if axis not in keys), "variant"]
+        frame["variant"] = [run.variant for run in sweep.runs]
+        own = frame.groupby("variant")[axes].nunique().max() == 1
+        keys = [key for key in axes if own[key] and frame[key].nunique() > 1 and key not in GROUPS]
+        frame, axes = frame.drop(columns=keys), [*(k for k in axes if k not in keys), "variant"]
     return Runs(frame, tuple(axes))
 
 
