@@ -3,6 +3,7 @@
 import itertools
 import runpy
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -18,7 +19,7 @@ from stixel_cli.results.result import GROUPS
 from stixel_cli.scene.mesh_file import load_mesh
 from stixel_cli.studies import robustness, rq1, rq3
 from stixel_cli.studies.file import read_study
-from stixel_cli.studies.report import answer_text, asked, rows_of, with_columns
+from stixel_cli.studies.report import answer_text, asked, frame_of, rows_of, with_columns
 from stixel_cli.sweeps.design import find_file
 
 MESHES = sorted((shipped_folder("pipelines") / "studies" / "meshes").glob("*/*.obj"))
@@ -114,6 +115,16 @@ def test_every_question_compares_options_that_are_balanced(name, monkeypatch):
         asked_of |= set(question.sweeps)
     unasked = {sweep.name for sweep in study.sweeps} - asked_of
     assert unasked <= {"training", "gallery", "pictures"}
+
+
+def test_of_a_sweep_with_variants_only_their_own_keys_are_no_axes():
+    frame = pd.DataFrame({"tracker.slip": [0.1, 0.1, 0.2, 0.2], "measurement.path": ["a", "b"] * 2})
+    frame = frame.assign(**dict.fromkeys(GROUPS, "one"), seed=0)
+    sweep = SimpleNamespace(
+        table=Runs(frame, ("tracker.slip", "measurement.path", "seed")),
+        runs=[SimpleNamespace(variant=name) for name in ("–", "–", "slip", "slip")],
+    )
+    assert frame_of(sweep).axes == ("measurement.path", "seed", "variant")
 
 
 @pytest.mark.parametrize("name", STUDIES)
