@@ -119,7 +119,7 @@ def test_every_question_compares_options_that_are_balanced(name, monkeypatch):
 
 def test_of_a_sweep_with_variants_only_their_own_keys_are_no_axes():
     frame = pd.DataFrame({"tracker.slip": [0.1, 0.1, 0.2, 0.2], "measurement.path": ["a", "b"] * 2})
-    frame = frame.assign(**dict.fromkeys(GROUPS, "one"), seed=0)
+    frame = frame.assign(**dict.fromkeys(GROUPS, "one"), seed=0, status="done")
     sweep = SimpleNamespace(
         table=Runs(frame, ("tracker.slip", "measurement.path", "seed")),
         runs=[SimpleNamespace(variant=name) for name in ("–", "–", "slip", "slip")],
