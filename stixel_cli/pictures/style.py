@@ -136,7 +136,7 @@ def place(figure: Figure, column: Sequence[Axes], below: float = 0.0) -> None:
     """
     width, height = figure.get_size_inches()
     ticks = [axes.yaxis.get_major_formatter().format_ticks(axes.get_yticks()) for axes in column]
-    left = 0.12 + _LETTER * max((len(text) for texts in ticks for text in texts), default=0)
+    left = 0.12 + _LETTER * max(map(len, "\n".join(map("\n".join, ticks)).split("\n")))
     left += (_LINE + 0.05) * any(axes.get_ylabel() for axes in column)
     over, under = 0.08 + _LINE * any(axes.get_title("left") for axes in column), 0.12 + 2.0 * _LINE
     inside = (height - below) / len(column) - over - under

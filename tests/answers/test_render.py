@@ -110,3 +110,10 @@ def test_the_figure_of_a_nees_is_a_reliability_diagram(tmp_path):
     assert figures.drawing(answer) == figures.reliability(answer) != figures.differences(answer)
     (folders[0] / "scores.npz").unlink()
     assert figures.drawing(answer) == figures.differences(answer)
+
+
+@pytest.mark.drawn
+def test_names_of_any_length_leave_room_for_the_values():
+    names = ["tracker.degrees_of_freedom=4.0 tracker.slip=0.05 " * 6, "x" * 300]
+    answer = of_values({name: {"turn": [0.5, 0.6, 0.7, 0.8]} for name in names}).ask()
+    assert b"</svg>" in figures.differences(answer)
