@@ -86,6 +86,10 @@ def further_arguments(
         variable = parameter.kind in (parameter.VAR_KEYWORD, parameter.VAR_POSITIONAL)
         if parameter.default is parameter.empty and name not in values and not variable:
             raise ValueError(f"{name}: is missing")
+        value, untyped = values.get(name), parameter.annotation is parameter.empty
+        if untyped and type(parameter.default) in (int, float) and isinstance(value, str):
+            right = f"must be a number, such as {parameter.default}"
+            raise ValueError(f"{name}: {value[:60]!r} is text: {right}")
     return dict(values)
 
 

@@ -12,19 +12,19 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 46_695
+TOTAL = 46_694
 """Greatest number of lines in all."""
 
 MODULES = 250
 """Greatest number of modules, without `__init__`."""
 
 BUDGET = {
-    "": 1522,
-    "answers": 1348,
+    "": 1526,
+    "answers": 1354,
     "benchmark": 1004,
     "calibration": 564,
     "cli": 2750,
-    "config": 2807,
+    "config": 2796,
     "engine": 4188,
     "evaluation": 1648,
     "experiment": 1321,

@@ -81,28 +81,31 @@ _OPTION, _SCENARIO, _UNIT, _VALUE = "option", "scenario", "unit", "value"
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """The answer to a question about many runs."""
+    """The answer to a question about many runs.
+
+    Attributes:
+        table: one row an option, in their order. Columns: `runs`, `failed`, `lost_share` of all
+            runs; `mean` with its interval `low`, `high`; `minus`, the mean of the paired
+            differences from the best option (or the reference), with its interval `minus_low`,
+            `minus_high`. NaN where there is none.
+        best: the option with the best mean; None if no value is better, or there is none.
+        shown: whether every other option's interval excludes 0.
+        units: number of units that the means are over.
+        left_out: number of cells (scenario, unit) that are left out, because an option lacks them.
+        values: of each unit (row) and option (column).
+        scenarios: the scenarios that the means are over.
+        runs: the frame with the columns `option`, `scenario` and `unit` as texts or values.
+    """
 
     question: Question
     table: pd.DataFrame
-    """One row an option, in their order. Columns: `runs`, `failed`, `lost_share` of all runs;
-    `mean` with its interval `low`, `high`; `minus`, the mean of the paired differences from the
-    best option (or the reference), with its interval `minus_low`, `minus_high`. NaN where there is
-    none."""
     best: object
-    """The option with the best mean; None if no value is better, or there is none."""
     shown: bool
-    """Whether every other option's interval excludes 0."""
     units: int
-    """Number of units that the means are over."""
     left_out: int
-    """Number of cells (scenario, unit) that are left out, because an option lacks them."""
     values: pd.DataFrame = field(repr=False)
-    """Of each unit (row) and option (column)."""
     scenarios: tuple[str, ...] = field(repr=False)
-    """The scenarios that the means are over."""
     runs: pd.DataFrame = field(repr=False)
-    """The frame with the columns `option`, `scenario` and `unit` as texts or values."""
 
     @property
     def order(self) -> list:
@@ -413,16 +416,19 @@ SHOWN = (*MAIN, "nees_position_mean")
 
 @dataclass(frozen=True, eq=False)
 class Runs:
-    """A frame of runs."""
+    """A frame of runs.
+
+    Attributes:
+        frame: one row a run; `status` is "done", "failed", "skipped" or "missing". Columns that it
+            may have: `folder` and `error`, texts. Metrics are numbers, NaN without a value.
+        axes: the columns that differ between the runs, such as ("tracker", "path", "seed"); by
+            default the columns before `status`.
+        default: the parts of the question that is asked where a call gives no others.
+    """
 
     frame: pd.DataFrame
-    """One row a run; `status` is "done", "failed", "skipped" or "missing". Columns that it may
-    have: `folder` and `error`, texts. Metrics are numbers, NaN without a value."""
     axes: tuple[str, ...] = ()
-    """The columns that differ between the runs, such as ("tracker", "path", "seed"); by default the
-    columns before `status`."""
     default: Mapping[str, Any] = field(default_factory=dict)
-    """The parts of the question that is asked where a call gives no others."""
 
     def __post_init__(self):
         if STATUS not in self.frame:

@@ -4,7 +4,6 @@ Hydra's parser is not public: the project pins Hydra. An option of tracker and m
 metric, can be the user's own function, `tracker=module:function`, with its parameters as keys.
 """
 
-import inspect
 import itertools
 import os
 import re
@@ -486,7 +485,6 @@ def check_parameters(configuration: Configuration) -> dict[str, dict[str, Any]]:
         function = _imported(group, code.function, folders)
         try:
             checked = all_values(function, given, code.parameters)
-            _check_numbers(function, code.parameters)
         except ValidationError as error:
             hints = get_type_hints(parameters_type(function, given), include_extras=True)
             fault = error.errors(include_url=False)[0]
@@ -500,15 +498,6 @@ def check_parameters(configuration: Configuration) -> dict[str, dict[str, Any]]:
     for i, name in enumerate(configuration.metrics):
         _imported(f"metrics[{i}]", name, folders)
     return values
-
-
-def _check_numbers(function: Any, values: Mapping[str, Any]) -> None:
-    """Raise ValueError for text where a parameter without an annotation has a number by default."""
-    for name, one in inspect.signature(function).parameters.items():
-        is_number = isinstance(one.default, int | float) and one.annotation is one.empty
-        if is_number and isinstance(values.get(name), str):
-            text = messages.show(values[name])
-            raise ValueError(f"{name}: {text} is text: must be a number, such as {one.default}")
 
 
 def _imported(key: str, name: str, folders: Sequence[str]) -> Any:
