@@ -108,6 +108,8 @@ class Contour:
         Raises:
             ArgumentError: in one line that names the argument.
         """
+        from stixel_cli.tracking.contour.contour_rays import rays_of
+
         points = _array("points", points, (None, 2))
         covariances = _array("covariances", covariances, (len(points), 2, 2))
         sensor_pose = _array("sensor_pose", sensor_pose, (3,))
@@ -119,7 +121,8 @@ class Contour:
         shared = self._shared_errors.directions(points, sensor_pose, rates)
         self._time, self._sensor_pose = time, sensor_pose
         interval = min(interval, LONGEST_GAP)
-        self._bank.step(interval, points, covariances, sensor_pose, self._field_of_view, shared)
+        seen = rays_of(points, covariances, sensor_pose, self._field_of_view, shared)
+        self._bank.step(interval, seen)
         track = self._bank.latest()
         return Estimate(
             track.means[0, :3],

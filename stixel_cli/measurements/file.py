@@ -97,8 +97,7 @@ def read_scans(
     """
     file = Path(path)
     needed = ("t", "x", "y") if road_z is None else ("t", "x", "y", "z")
-    returns = ("x", "y", "z", *VARIANCES)
-    table = tables.read_table(file, needed, (("k",), VARIANCES), returns=returns)
+    table = tables.read_table(file, needed, (("k",), VARIANCES), gaps=("x", "y", "z", *VARIANCES))
     k, times, poses, epoch = _clock(file, table, ego, time_unit, angle_unit, note)
     # A return without a point tells that there is a scan.
     order = np.argsort(k, kind="stable")

@@ -2,9 +2,10 @@
 table of another source.
 
 One row per scan with a known pose: k (or t, s), x, y (m), heading (rad), optionally x_rate, y_rate,
-heading_rate (m/s, rad/s). The size is in the columns length and width (m), the same in each row:
-then only the box is known. Or an `.npz` has the array `contour`, m, in the target's frame: (M, 2),
-or (L, M, 2) for L poses of the limbs, of which the column limb_pose names one for each row.
+heading_rate (m/s, rad/s; empty: unknown). The size is in the columns length and width (m), the same
+in each row: then only the box is known. Or an `.npz` has the array `contour`, m, in the target's
+frame: (M, 2), or (L, M, 2) for L poses of the limbs, of which the column limb_pose names one for
+each row.
 """
 
 from pathlib import Path
@@ -55,7 +56,7 @@ def read_truth(
     if truth is not None:
         file = Path(truth)
         groups = (("k",), ("t",), RATES, SIZE, LIMBS)
-        table = tables.read_table(file, ("x", "y", "heading"), groups, "contour")
+        table = tables.read_table(file, ("x", "y", "heading"), groups, "contour", RATES)
         if "k" in table:
             table.pop("t", None)
         k = tables.scan_indices(file, table, scans.times, time_unit, scans.epoch)

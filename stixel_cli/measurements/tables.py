@@ -30,7 +30,7 @@ def read_table(
     needed: Sequence[str],
     together: Sequence[Sequence[str]] = (),
     other: str = "",
-    returns: Sequence[str] = (),
+    gaps: Sequence[str] = (),
 ) -> dict[str, np.ndarray]:
     """The columns (n,) of a table, by name: float64, but a t of whole numbers int64.
 
@@ -42,14 +42,13 @@ def read_table(
         needed: columns that must be there.
         together: groups of optional columns: all of a group, or no column of it.
         other: name of an array of an `.npz` of any shape, returned as it is.
-        returns: columns that may be empty, NaN, in rows in which the first two are: a sensor's
-            returns without a point.
+        gaps: columns that may be empty, NaN, in rows in which the first two of them are: a
+            sensor's returns without a point, and unknown rates.
     """
     suffix = file.suffix.lower()
     if suffix not in (".csv", ".npz"):
         raise UserError(f"{file}: must be a table with the suffix .csv or .npz")
-    groups = [group for group in together if group]
-    names = [*needed, *(name for group in groups for name in group)]
+    names = [*needed, *(name for group in together for name in group)]
     columns = _from_csv(file) if suffix == ".csv" else read_arrays(file)
     # `X [m]` means x.
     plain = {re.match(r"\w*", column.strip().lower())[0]: column for column in columns}
@@ -60,7 +59,7 @@ def read_table(
     missing = [name for name in needed if name not in columns]
     if missing:
         raise UserError(f"{file}: the column {missing[0]} is missing (needed: {', '.join(needed)})")
-    for group in groups:
+    for group in together:
         absent = [name for name in group if name not in columns]
         if absent and len(absent) < len(group):
             raise UserError(
@@ -70,10 +69,10 @@ def read_table(
     table = {name: _numbers(file, name, columns[name]) for name in names if name in columns}
     if len({len(column) for column in table.values()}) > 1:
         raise UserError(f"{file}: its columns must have equal lengths")
-    pointless = np.all([np.isnan(table[name]) for name in returns[:2]], axis=0)
+    empty = np.all([np.isnan(table[name]) for name in gaps[:2] if name in table], axis=0)
     for name in names:
         if name in table and name != "t":
-            _check_numbers(file, name, table[name], pointless & (name in returns))
+            _check_numbers(file, name, table[name], empty & (name in gaps))
     if other in columns:
         table[other] = columns[other].astype(np.float64)
     return table

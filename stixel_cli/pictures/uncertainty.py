@@ -60,20 +60,18 @@ def tracker_noise(tracker: Any, scans: Scans) -> tuple[str, np.ndarray, float | 
         added = scans.covariances_world + std**2 * np.eye(2)
         return f"R = the scan's + ({std:.3g} m)²", added, None
     if kind == "contour":
-        stretched = _stretched(scans, tracker.noise_factor, tracker.offset_std)
+        stretched = _stretched(scans, tracker.noise_factor)
         text = f"R along the ray = ({tracker.noise_factor:g} σ)², and the shape's error"
         return text, stretched, None
     return "the covariance that the scan states", scans.covariances_world, None
 
 
-def _stretched(scans: Scans, factor: float, across_std: float) -> np.ndarray:
-    """Covariances (P, 2, 2) m² with `factor` on the std along the ray, and more std across it."""
+def _stretched(scans: Scans, factor: float) -> np.ndarray:
+    """Covariances (P, 2, 2) m² with a `factor` on the standard deviation along the ray."""
     k = np.repeat(np.arange(len(scans)), np.diff(scans.offsets))
     rays = scans.points_world - scans.sensor_poses_world[k, :2]
     rays /= np.maximum(np.linalg.norm(rays, axis=1), 1e-9)[:, None]
     along = np.einsum("pi,pij,pj->p", rays, scans.covariances_world, rays)
     across = np.trace(scans.covariances_world, axis1=1, axis2=2) - along
-    normal = np.stack([-rays[:, 1], rays[:, 0]], axis=1)
-    return (factor**2 * along)[:, None, None] * rays[:, :, None] * rays[:, None, :] + (
-        across + across_std**2
-    )[:, None, None] * normal[:, :, None] * normal[:, None, :]
+    squares = rays[:, :, None] * rays[:, None, :]
+    return (factor**2 * along - across)[:, None, None] * squares + across[:, None, None] * np.eye(2)

@@ -6,7 +6,6 @@ one from anybody.
 """
 
 import io
-import itertools
 import os
 import re
 import shutil
@@ -45,7 +44,7 @@ def new_folder(
     `write` writes the folder at a path, and raises FolderTaken if another process was faster.
     FolderTaken if the name exists; `check_results` says so earlier.
     """
-    for number in itertools.count(1):
+    for number in count(1):
         more = f"-{number}" if number > 1 else ""
         folder = results / (name or f"{stem}-{moment:%Y%m%d-%H%M%S}{more}")
         if name is None and os.path.lexists(folder):

@@ -356,11 +356,10 @@ class RunResult:
         """
         from stixel_cli.results.tables import scans_in_ego_frame, track_in_ego_frame
 
-        tables = self.tables
-        ego = tables["ego"]
-        found = {"ego": ego, "scans": scans_in_ego_frame(tables["scans"], ego)}
+        ego, poses = self.tables["ego"], self.scenario.ego_poses_world
+        found = {"ego": ego, "scans": scans_in_ego_frame(self.scans, poses)}
         if self.track is not None:
-            found["track"] = track_in_ego_frame(vars(self.track), ego)
+            found["track"] = track_in_ego_frame(self.track, poses)
         return found
 
     def numbered(self, index: int) -> "RunResult":

@@ -1,7 +1,6 @@
 """The results of a run as tables and as named arrays, those of its files, written and read."""
 
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import fields, replace
 from pathlib import Path
 
@@ -11,13 +10,13 @@ from stixel_cli.errors import UserError
 from stixel_cli.evaluation.scores import Scores
 from stixel_cli.files import read_arrays
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD, rotation, world_from_ego, wrap_angle
+from stixel_cli.measurements.file import read_scans
+from stixel_cli.measurements.file_truth import read_truth
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.results.result import RunResult, read_png, read_scored_run
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.stixels.types import Objects, Stixels
 from stixel_cli.tracking.track import STATE, ObjectTrack, Track, state_columns
-
-Table = Mapping[str, np.ndarray]
 
 
 def pose_columns(times: np.ndarray, poses_world: np.ndarray) -> dict[str, np.ndarray]:
@@ -26,46 +25,39 @@ def pose_columns(times: np.ndarray, poses_world: np.ndarray) -> dict[str, np.nda
     return {"k": np.arange(len(times)), "t": times, "x": x, "y": y, "heading": heading}
 
 
-def scans_in_ego_frame(scans: Table, ego: Table) -> dict[str, np.ndarray]:
-    """The table of points with x, y (m) and their variances (m²) in the ego car's frame at k.
-
-    Args:
-        scans: columns as in `scans.csv`, in the world frame.
-        ego: columns as in `ego.csv`, one row per k.
-    """
-    k = scans["k"].astype(np.int64)
-    turn = _turns(ego["heading"][k])
-    away = np.stack([scans["x"] - ego["x"][k], scans["y"] - ego["y"][k]], axis=1)
-    x, y = (turn @ away[:, :, None])[:, :, 0].T
-    xx, xy, yy = (scans[name] for name in ("var_xx", "var_xy", "var_yy"))
-    covariances = turn @ np.moveaxis(np.array([[xx, xy], [xy, yy]]), 2, 0) @ turn.swapaxes(1, 2)
-    (xx, xy), (_, yy) = np.moveaxis(covariances, 0, 2)
-    return {**scans, "x": x, "y": y, "var_xx": xx, "var_xy": xy, "var_yy": yy}
+def scans_in_ego_frame(scans: Scans, ego_poses_world: np.ndarray) -> dict[str, np.ndarray]:
+    """The table of the scans in the frame of the ego car, whose pose at each k is in (K, 3)."""
+    poses = np.repeat(ego_poses_world, np.diff(scans.offsets), axis=0)
+    turn, away = _turns(poses[:, 2]), scans.points_world - poses[:, :2]
+    return scan_columns(
+        replace(
+            scans,
+            points_world=(turn @ away[:, :, None])[:, :, 0],
+            covariances_world=turn @ scans.covariances_world @ turn.swapaxes(1, 2),
+        )
+    )
 
 
-def track_in_ego_frame(track: Table, ego: Table) -> dict[str, np.ndarray]:
-    """The state over time in the ego car's frame at each k, one row per scan.
+def track_in_ego_frame(track: Track, ego_poses_world: np.ndarray) -> dict[str, np.ndarray]:
+    """The state over time in the frame of the ego car, whose poses are (K, 3), one row per scan.
 
     The rates are those over the ground, along the axes of the ego car: its own motion is not
     subtracted. The heading is in (-pi, pi], counter-clockwise from the ego car's x axis, so a
     target that drives as the ego car does has pi/2.
 
-    Args:
-        track: arrays as in `track.npz`.
-        ego: columns as in `ego.csv`, one row per k.
-
     Returns:
         k, t (s), x, y (m), heading (rad), x_rate, y_rate (m/s), heading_rate (rad/s), and for each
         of the six std_….
     """
-    times, turn = track["times"], _turns(ego["heading"])
-    means, covariances = track["means"].copy(), track["covariances"].copy()
-    means[:, :3] -= np.stack([ego["x"], ego["y"], ego["heading"] - STRAIGHT_AHEAD], axis=1)
+    turn, means = _turns(ego_poses_world[:, 2]), track.means.copy()
+    means[:, :3] -= ego_poses_world - [0.0, 0.0, STRAIGHT_AHEAD]
     means[:, 2] = wrap_angle(means[:, 2])
+    covariances = track.covariances.copy()
     for xy in (slice(0, 2), slice(3, 5)):
         means[:, xy] = (turn @ means[:, xy, None])[:, :, 0]
         covariances[:, xy, xy] = turn @ covariances[:, xy, xy] @ turn.swapaxes(1, 2)
-    return {"k": np.arange(len(times)), "t": times, **state_columns(means, covariances)}
+    k = np.arange(len(track.times))
+    return {"k": k, "t": track.times, **state_columns(means, covariances)}
 
 
 def _turns(headings: np.ndarray) -> np.ndarray:
@@ -231,68 +223,27 @@ def with_arrays(run: RunResult) -> RunResult:
     The poses of the sensor are those of the ego car. Folders do not store `Scenario.scored`.
     UserError if a file is missing or not valid; folders of older versions have no `ego.npz`.
     """
-    scored, picture = read_scored_run(run.folder), run.folder / "figures/path.png"
-    with _reading(run.folder / "ego.npz") as ego:
-        scenario = _scenario(ego, {})
-    if (run.folder / "truth.npz").exists():
-        with _reading(run.folder / "truth.npz") as truth:
-            scenario = _scenario(ego, truth)
-    with _reading(run.folder / "scans.npz") as table:
-        scans = _scans(ego, table)
-    smoothed = None
-    if (run.folder / "smoothed.npz").exists():
-        with _reading(run.folder / "smoothed.npz") as table:
-            smoothed = _track(table)
-    with _reading(run.folder / "track.npz") as table:
-        track = replace(_track(table), smoothed=smoothed)
+    folder, picture = run.folder, run.folder / "figures/path.png"
+    points, truth, smoothed = (folder / f"{name}.npz" for name in ("scans", "truth", "smoothed"))
+    road_z = 0.0 if "z" in read_arrays(points) else None
+    scans = read_scans(str(points), str(folder / "ego.npz"), 0.0, road_z=road_z)
+    track = _read_track(folder / "track.npz")
     return replace(
         run,
-        scores=scored.scores,
+        scores=read_scored_run(folder).scores,
         pictures={picture.name: read_png(picture)} if picture.exists() else {},
-        scenario=scenario,
+        scenario=read_truth(scans, str(truth) if truth.exists() else None),
         scans=scans,
-        track=track,
+        track=replace(track, smoothed=_read_track(smoothed) if smoothed.exists() else None),
     )
 
 
-@contextmanager
-def _reading(file: Path) -> Iterator[Table]:
-    """Context with the arrays of a file; UserError, which names it, if they are not of a run."""
-    try:
-        yield read_arrays(file)
-    except KeyError as missing:
-        raise UserError(f"{file}: has no array {missing}") from None
-    except (IndexError, TypeError, ValueError) as fault:
-        raise UserError(f"{file}: not of a run: {fault}") from None
-
-
-def _track(arrays: Table) -> Track:
-    ending = "_probability"
+def _read_track(file: Path) -> Track:
+    """The track in a file; UserError, which names it, if its arrays are not of a run."""
+    arrays, ending = read_arrays(file), "_probability"
     classes = {n.removesuffix(ending): p for n, p in arrays.items() if n.endswith(ending)}
     own = {f.name: arrays[f.name] for f in fields(Track) if f.name in arrays}
-    return Track(**own, class_probabilities=classes or None)
-
-
-def _scans(ego: Table, scans: Table) -> Scans:
-    offsets = np.searchsorted(scans["k"], np.arange(len(ego["t"]) + 1))
-    variances = _columns(scans, ("var_xx", "var_xy", "var_xy", "var_yy")).reshape(-1, 2, 2)
-    points = _columns(scans, ("x", "y"))
-    return Scans(ego["t"], _columns(ego), offsets, points, variances, heights=scans.get("z"))
-
-
-def _scenario(ego: Table, truth: Table) -> Scenario:
-    """The scenario; without truth its poses are NaN. Where only the box is known, it is centred."""
-    poses, rates = np.full((2, len(ego["t"]), 3), np.nan)
-    contours, limb_poses = np.zeros((1, 0, 2)), np.zeros(len(ego["t"]), np.int64)
-    if truth:
-        k = truth["k"].astype(np.int64)
-        poses[k], rates[k] = _columns(truth), _columns(truth, STATE[3:])
-        half = 0.5 * _columns(truth, ("length", "width"))[0]
-        box = half * np.array([[[-1, -1], [1, -1], [1, 1], [-1, 1]]])
-        contours, limb_poses[k] = truth.get("contour", box), truth.get("limb_pose", 0)
-    only_box = "contour" not in truth
-    return Scenario(ego["t"], _columns(ego), poses, rates, contours, limb_poses, only_box)
-
-
-def _columns(table: Table, names: tuple[str, ...] = STATE[:3]) -> np.ndarray:
-    return np.stack([table[name] for name in names], axis=1)
+    try:
+        return Track(**own, class_probabilities=classes or None)
+    except (IndexError, TypeError, ValueError) as fault:
+        raise UserError(f"{file}: not of a run: {fault}") from None

@@ -60,20 +60,17 @@ class JointCovariance:
         self.matrix *= kept[:, None] * kept
         self.matrix.flat[:: len(kept) + 1] += 1.0 - kept**2
 
-    def correct(self, gain: np.ndarray, rows: np.ndarray, noise: np.ndarray) -> np.ndarray:
-        """After an update by `gain` (d, n); returns the covariance V (n, n) of the innovation.
+    def correct(self, gain: np.ndarray, rows: np.ndarray, noise: np.ndarray) -> None:
+        """After an update by `gain` (d, n).
 
         `rows` (n, d + m) are A, `noise` (n,) the variances of independent errors.
         """
-        spread = rows @ self.matrix
-        innovation = spread @ rows.T
-        innovation.flat[:: len(noise) + 1] += noise
+        states, moved = slice(0, self.size), gain @ rows
         # Factor by factor and symmetric: the sum of the three terms loses its definiteness.
-        self.matrix[: self.size] -= gain @ spread
-        self.matrix[:, : self.size] -= self.matrix @ rows.T @ gain.T
-        self.matrix[: self.size, : self.size] += (gain * noise) @ gain.T
+        self.matrix[states] -= moved @ self.matrix
+        self.matrix[:, states] -= self.matrix @ moved.T
+        self.matrix[states, states] += (gain * noise) @ gain.T
         self.matrix = 0.5 * (self.matrix + self.matrix.T)
-        return innovation
 
 
 def node_weights(angles: np.ndarray) -> np.ndarray:

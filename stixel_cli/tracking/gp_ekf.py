@@ -210,16 +210,13 @@ def contours_of(
     deviations = means[:, 2 * SEEN :] - process.mean_radius
     radii = np.maximum(process.mean_radius + deviations @ matrix.T, 0.0)
     contours = means[:, None, :2] + radii[..., None] * directions
-    rows = np.empty((*radii.shape, SEEN))
     slopes = process.slope(unit, correlations, deviations)
-    fill_pose_columns(rows, directions, np.maximum(radii, NO_DIRECTION), slopes)
-    # J P Jᵀ in parts: the radii's is one matrix product for all scans, as their rows are the same.
-    i, j = np.triu_indices(matrix.shape[1])
-    products = matrix[:, i] * matrix[:, j] * np.where(i == j, 1.0, 2.0)
-    spread = covariances[:, 2 * SEEN + i, 2 * SEEN + j] @ products.T
-    with_radii = covariances[:, :SEEN, 2 * SEEN :] @ matrix.T
-    with_pose = covariances[:, :SEEN, :SEEN] @ rows.transpose(0, 2, 1)
-    spread += np.einsum("kmi,kim->km", rows, 2.0 * with_radii + with_pose)
+    rows, spread = np.empty((points, SEEN + matrix.shape[1])), np.empty(radii.shape)
+    rows[:, SEEN:] = matrix
+    chosen = np.r_[:SEEN, 2 * SEEN : means.shape[1]]
+    for k, covariance in enumerate(covariances):
+        fill_pose_columns(rows, directions[k], np.maximum(radii[k], NO_DIRECTION), slopes[k])
+        spread[k] = ((rows @ covariance[np.ix_(chosen, chosen)]) * rows).sum(axis=1)
     return contours, directions, np.sqrt(np.maximum(spread, 0.0) + variances)
 
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stixel_cli.geometry.pose import rotation
-from stixel_cli.tracking.kalman import condition
+from stixel_cli.tracking.kalman import correct
 from stixel_cli.tracking.kernel import ContourProcess
 
 SEEN = 3
@@ -118,7 +118,7 @@ def update(
         rows[:, 1] = model.directions[:, 0] * model.tangential_slopes
         matrix, noise = np.vstack([matrix, rows]), np.concatenate([noise, own])
         innovation = np.concatenate([innovation, np.zeros(radial)])
-    correction, posterior, nis, _ = condition(covariance, matrix, noise, innovation)
+    correction, posterior, nis = correct(covariance, matrix, noise, innovation)
     gain = posterior @ (matrix[:radial].T / noise[:radial])
     return mean + correction, posterior, gain, nis
 

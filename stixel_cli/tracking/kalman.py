@@ -9,31 +9,38 @@ PLACE = np.eye(2, 4)
 """The place as a function of the four states of place and velocity."""
 
 
-def condition(
-    covariance: np.ndarray, matrix: np.ndarray, noise: np.ndarray, innovation: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, float, float]:
-    """`correct`, and the NIS and the logarithm of the density of the `innovation` (n,)."""
-    correction, posterior, scale = correct(covariance, matrix, noise, innovation)
-    pull = matrix.T @ (innovation / noise)
-    nis = innovation @ (innovation / noise) - pull @ correction
-    determinant = np.linalg.slogdet(scale)[1] + np.log(noise).sum()
-    density = -0.5 * (nis + determinant + len(innovation) * np.log(2.0 * np.pi))
-    return correction, posterior, float(nis), float(density)
-
-
 def correct(
     covariance: np.ndarray, matrix: np.ndarray, noise: np.ndarray, innovation: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A Kalman update with independent errors: correction (d,), covariance (d, d), I + P Hᵀ R⁻¹ H.
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """A Kalman update with independent errors: correction (d,), covariance (d, d) and NIS.
 
     `covariance` (d, d) is the prior's, `matrix` (n, d) the measurement's, `noise` (n,) variances,
     which must be far above rounding. In the information form the cost grows with n and not with n³.
     """
     weighted = matrix.T / noise
-    scale = np.eye(len(covariance)) + covariance @ (weighted @ matrix)
-    posterior = np.linalg.solve(scale, covariance)
-    posterior = 0.5 * (posterior + posterior.T)
-    return posterior @ (weighted @ innovation), posterior, scale
+    posterior = np.linalg.solve(_scale(covariance, weighted @ matrix), covariance)
+    posterior, pull = 0.5 * (posterior + posterior.T), weighted @ innovation
+    correction = posterior @ pull
+    return correction, posterior, float(innovation @ (innovation / noise) - pull @ correction)
+
+
+def innovation_density(
+    covariance: np.ndarray, matrix: np.ndarray, noise: np.ndarray, innovation: np.ndarray
+) -> tuple[float, float]:
+    """NIS and logarithm of the density of an `innovation` (n,); the others as of `correct`."""
+    weighted = matrix.T / noise
+    scale, pull = _scale(covariance, weighted @ matrix), weighted @ innovation
+    nis = innovation @ (innovation / noise) - pull @ np.linalg.solve(scale, covariance @ pull)
+    determinant = np.linalg.slogdet(scale)[1] + np.log(noise).sum()
+    density = -0.5 * (nis + determinant + len(innovation) * np.log(2.0 * np.pi))
+    return float(nis), float(density)
+
+
+def _scale(covariance: np.ndarray, precision: np.ndarray) -> np.ndarray:
+    """I + P Hᵀ R⁻¹ H: the prior's covariance (d, d) is so many times that of the posterior."""
+    scale = covariance @ precision
+    scale.flat[:: len(scale) + 1] += 1.0
+    return scale
 
 
 def update(

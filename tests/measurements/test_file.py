@@ -291,6 +291,10 @@ def test_truth_has_poses_and_rates_where_they_are_known(scans, write):
     np.testing.assert_allclose(np.ptp(scenario.contour_target(0), axis=0), [4.0, 2.0])
     assert scenario.star_convex and scenario.only_box
     assert np.array_equal(scenario.ego_poses_world, scans.sensor_poses_world)
+    # A run on a recording with two labels writes such rows.
+    unknown = "k,x,y,heading,length,width,x_rate,y_rate,heading_rate\n0,1,9,1,4,2,,,\n"
+    unknown = read_truth(scans, write(unknown, "truth.csv"))
+    assert unknown.known[0] and np.isnan(unknown.target_rates_world).all()
 
 
 def test_without_a_file_nothing_is_known(scans):

@@ -46,7 +46,7 @@ def test_added_and_stretched_noise_have_own_ellipses(noise, monkeypatch):
     assert many["ellipses"] is None and many["text"].endswith("too many points to show it")
     traces = (added[:, :2] ** 2).sum(axis=1) / 1e6
     assert traces == pytest.approx(np.trace(covariances, axis1=1, axis2=2) + 0.18, rel=0.01)
-    stretched = noise("tracker=contour", "tracker.noise_factor=3.0", "tracker.offset_std=0.0")
+    stretched = noise("tracker=contour", "tracker.noise_factor=3.0")
     major = np.reshape(stretched["ellipses"][2], (-1, 3))[:, 0] / 1e3
     # The made scans have their noise along the ray.
     assert major == pytest.approx(3.0 * np.sqrt(np.linalg.eigvalsh(covariances)[:, 1]), rel=0.05)

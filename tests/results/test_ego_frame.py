@@ -1,5 +1,7 @@
 """Tables in the ego car's frame, of a result and of its folder."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -47,7 +49,9 @@ def test_a_state_is_turned_with_its_covariance(result):
 def test_an_unknown_rate_leaves_the_place_known(result):
     means = result.track.means.copy()
     means[:, 3] = np.nan
-    ego = track_in_ego_frame(vars(result.track) | {"means": means}, result.tables["ego"])
+    ego = track_in_ego_frame(
+        dataclasses.replace(result.track, means=means), result.scenario.ego_poses_world
+    )
     known = result.ego_tables["track"]
     assert np.isnan(ego["x_rate"]).all()
     for name in ("x", "y", "heading", "std_x", "std_x_rate"):

@@ -6,6 +6,7 @@ from tracking_cases import FIELD, scans_of
 from stixel_cli.geometry.pose import rotation, world_from_target
 from stixel_cli.measurements.rays import first_crossings, spread_rays
 from stixel_cli.measurements.scans import Scans, points_along
+from stixel_cli.tracking.contour.ray_kernels import Measured, empty_rows, measure
 from stixel_cli.tracking.track import InitialState
 
 SENSOR = np.array([0.0, 0.0, np.pi / 2])
@@ -69,3 +70,13 @@ def moved(scans, initial, angle, shift):
     )
     mean = whole @ initial.mean + np.array([*shift, angle, 0.0, 0.0, 0.0])
     return turned, InitialState(mean, whole @ initial.covariance @ whole.T)
+
+
+def rows_at(state, covariance, sensor, directions, ranges, table):
+    """The rows of rays from a `sensor` in ascending bearings; all variances are 1, insets 0."""
+    count = len(ranges)
+    rows, one = empty_rows(count, len(state)), np.ones(count)
+    of_scan = sensor, directions, ranges, np.array([0, count - 1]), 0.0
+    measured = Measured(*of_scan, np.ones(count + 2), one, one, 1.0, 1.0)
+    measure(rows, state, covariance, measured, table.arrays, np.zeros((0, 0)))
+    return rows

@@ -26,10 +26,9 @@ def test_the_covariance_is_that_of_the_errors_of_many_runs():
             (runs, 2)
         )
         gain, rows, variances = spread(2, 3), spread(3, 4), np.array([0.1, 0.2, 0.3])
-        innovation = joint.correct(gain, rows, variances)
+        joint.correct(gain, rows, variances)
         residuals = np.hstack([errors, considered]) @ rows.T
         residuals += np.sqrt(variances) * GENERATOR.standard_normal((runs, 3))
-        np.testing.assert_allclose(innovation, np.cov(residuals.T), rtol=0.05, atol=0.02)
         errors = errors - residuals @ gain.T
     found = np.cov(np.hstack([errors, considered]).T)
     np.testing.assert_allclose(joint.matrix, found, rtol=0.05, atol=0.02)
@@ -41,7 +40,7 @@ def test_with_the_optimal_gain_and_nothing_considered_it_is_a_kalman_update():
     innovation = rows @ covariance @ rows.T + np.diag(noise)
     gain = np.linalg.solve(innovation, rows @ covariance).T
     joint = JointCovariance(covariance, np.zeros(0))
-    np.testing.assert_allclose(joint.correct(gain, rows, noise), innovation)
+    joint.correct(gain, rows, noise)
     np.testing.assert_allclose(joint.matrix, (np.eye(3) - gain @ rows) @ covariance, atol=1e-12)
 
 

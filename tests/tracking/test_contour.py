@@ -25,8 +25,8 @@ from stixel_cli.tracking.contour.contour_report import (
     contours_of,
     reported,
 )
-from stixel_cli.tracking.contour.contour_update import SHAPE_ERRORS, update
-from stixel_cli.tracking.kalman import condition
+from stixel_cli.tracking.contour.contour_update import SHAPE_ERRORS, Measurement
+from stixel_cli.tracking.kalman import correct, innovation_density
 from stixel_cli.tracking.track import InitialState
 
 # Of one class: that the filters of the others change nothing is said in `test_disturbed_scans.py`.
@@ -260,7 +260,7 @@ def test_a_point_where_it_is_expected_is_likelier_than_clutter(std):
     covariance = 1e-4 * np.eye(7)
     joint = JointCovariance(covariance, np.full(SHAPE_ERRORS, 0.5))
     likelihoods = [
-        update((mean, covariance, joint), rays.subset(np.arange(n)), sight, TRACKER)[-1]
+        Measurement(rays.subset(np.arange(n)), sight, TRACKER).update((mean, covariance, joint))[-1]
         for n in (6, 12)
     ]
     assert likelihoods[1] > likelihoods[0]
@@ -272,7 +272,8 @@ def test_the_information_form_is_the_kalman_update(seed, count):
     root = random.standard_normal((8, 8))
     covariance, matrix = root @ root.T, random.standard_normal((count, 8))
     noise, innovation = random.uniform(0.1, 2.0, count), random.standard_normal(count)
-    correction, posterior, nis, density = condition(covariance, matrix, noise, innovation)
+    model = covariance, matrix, noise, innovation
+    correction, posterior, nis = correct(*model)
     innovation_covariance = matrix @ covariance @ matrix.T + np.diag(noise)
     gain = covariance @ matrix.T @ np.linalg.inv(innovation_covariance)
     np.testing.assert_allclose(correction, gain @ innovation, rtol=1e-6, atol=1e-8)
@@ -280,4 +281,4 @@ def test_the_information_form_is_the_kalman_update(seed, count):
     np.testing.assert_allclose(posterior, expected, rtol=1e-6, atol=1e-8)
     assert nis == pytest.approx(innovation @ np.linalg.solve(innovation_covariance, innovation))
     whole = multivariate_normal(np.zeros(count), innovation_covariance)
-    assert density == pytest.approx(whole.logpdf(innovation))
+    assert innovation_density(*model) == pytest.approx((nis, whole.logpdf(innovation)))

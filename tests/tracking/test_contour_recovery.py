@@ -14,6 +14,7 @@ from stixel_cli.tracking.contour.contour import track
 from stixel_cli.tracking.contour.contour_rays import rays_of, sight_of
 from stixel_cli.tracking.contour.contour_recovery import RECENT, clusters_of, is_inconsistent
 from stixel_cli.tracking.contour.contour_report import box_sizes
+from stixel_cli.tracking.contour.contour_update import Hypothesis
 from stixel_cli.tracking.contour.residual import Residual
 
 TRACKER = compose(
@@ -56,7 +57,7 @@ def test_a_track_that_the_scans_do_not_contradict_is_left_as_it_is(monkeypatch):
     poses = coming(-105, 0.4)
     scans = scans_seen(SHAPE.outline, poses, noise=0.02)
     with_recovery = track(scans, start_at(poses), CYCLIST, TRACKER)
-    monkeypatch.setattr(contour_filter, "is_inconsistent", lambda nis, degrees: False)
+    monkeypatch.setattr(contour_filter, "is_inconsistent", lambda scans: False)
     without = track(scans, start_at(poses), CYCLIST, TRACKER)
     assert with_recovery.means.tobytes() == without.means.tobytes()
 
@@ -75,7 +76,7 @@ def test_a_wrong_detection_is_given_up_again(monkeypatch):
             for indices, (mean, *rest, likelihood) in detect_again(*arguments)
         ]
 
-    monkeypatch.setattr(contour_filter, "is_inconsistent", lambda nis, degrees: len(nis) == 8)
+    monkeypatch.setattr(contour_filter, "is_inconsistent", lambda scans: len(scans) == 8)
     monkeypatch.setattr(contour_filter, "detect_again", turned)
     result = track(scans, start_at(poses), KNOWN, TRACKER)
     errors = np.abs(wrap_angle(result.means[:, 2] - poses[:, 2]))
@@ -84,11 +85,16 @@ def test_a_wrong_detection_is_given_up_again(monkeypatch):
 
 
 def test_a_track_is_inconsistent_after_enough_scans_with_a_great_innovation():
-    degrees = np.array([4, 4, 0, 4, 4])
-    nis = np.array([0.1, 8.0, np.nan, 8.0, 8.0])
-    assert [is_inconsistent(nis[:k], degrees[:k]) for k in range(1, 6)] == [False] * 4 + [True]
-    assert not is_inconsistent(nis[: RECENT - 1], degrees[: RECENT - 1])
-    assert not is_inconsistent(nis / 2.0, degrees)
+    def scans(*nis):
+        unseen = Hypothesis.unseen((np.zeros(7), np.eye(7), None))
+        return [
+            dataclasses.replace(unseen, nis=one, degrees=0 if np.isnan(one) else 4) for one in nis
+        ]
+
+    great = scans(0.1, 8.0, np.nan, 8.0, 8.0)
+    assert [is_inconsistent(great[:k]) for k in range(1, 6)] == [False] * 4 + [True]
+    assert not is_inconsistent(great[: RECENT - 1])
+    assert not is_inconsistent(scans(0.05, 4.0, np.nan, 4.0, 4.0))
 
 
 def test_the_cluster_of_the_points_has_their_neighbours_but_nothing_larger_than_the_class():

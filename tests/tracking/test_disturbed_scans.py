@@ -157,7 +157,9 @@ def test_each_scan_has_the_state_of_the_class_that_it_reports(monkeypatch):
 
     def reporting(classes):
         chosen = iter(classes)
-        monkeypatch.setattr(contour, "reported_classes", lambda weights, prior: [next(chosen)])
+        monkeypatch.setattr(
+            contour, "reported_class", lambda weights, assumed: [*weights][next(chosen)]
+        )
         return track(scans, initial, unknown.prior, unknown.tracker)
 
     known = [reporting(np.full(count, i)) for i in range(len(USERS))]

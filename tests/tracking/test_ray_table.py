@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from seen_targets import rows_at
 
 from stixel_cli.geometry.pose import rotation, world_from_target
 from stixel_cli.measurements.rays import first_crossings, spread_rays
-from stixel_cli.tracking.contour.ray_kernels import Linear, expected, linearise
+from stixel_cli.tracking.contour.ray_kernels import expected
 from stixel_cli.tracking.contour.ray_table import behind, first_depths, outline_table, widths
 
 RECTANGLE = np.array([[2.0, -0.8], [2.0, 0.8], [-2.0, 0.8], [-2.0, -0.8]])
@@ -15,15 +16,6 @@ NOTCHED = np.array(
     [[2, -1], [2, 1], [0.5, 1], [0.5, 0.2], [-0.5, 0.2], [-0.5, 1], [-2, 1], [-2, -1]]
 )
 SEEDS = st.integers(0, 2**31)
-
-
-def insets_of(state, sensor, directions, ends, table):
-    """How far inside the limits of the shape's table the rays at `ends` (2,) pass, (2,) m."""
-    whole = np.insert(state, 3, [0.0, 0.0])
-    rays = sensor, directions, np.zeros(len(directions)), np.array(ends)
-    linear = Linear.of_rays(len(directions))
-    linearise(linear, whole, 0.01 * np.eye(7), *rays, np.ones(2), table, table)
-    return -linear.values[len(directions) : len(directions) + 2]
 
 
 def rays_at(outline, state, sensor):
@@ -70,15 +62,16 @@ def test_rays_of_one_aspect_meet_a_notch_at_its_floor():
 
 @pytest.mark.parametrize("factors", [(1.0, 1.0), (2.0, 1.0), (1.0, 2.0), (0.5, 1.3)])
 def test_distances_across_a_ray_are_metres_of_the_world(factors):
-    table = outline_table(RECTANGLE).arrays
+    table = outline_table(RECTANGLE)
     state = np.array([0.0, 0.0, 0.0, *np.log(factors)])
     half = np.array([2.0, 0.8]) * factors
     for along, beside in ((0, 1), (1, 0)):
         sensor, direction = np.full(2, -30.0), np.zeros((1, 2))
         sensor[beside], direction[0, along] = half[beside] + 0.3, 1.0
-        assert expected(state, sensor, direction, table)[1] == pytest.approx(0.3, abs=1e-9)
-        insets = insets_of(state, sensor, direction, [0, 0], table)
-        assert sorted(insets) == pytest.approx([-0.3, 2.0 * half[beside] + 0.3])
+        assert expected(state, sensor, direction, table.arrays)[1] == pytest.approx(0.3, abs=1e-9)
+        whole = np.insert(state, 3, [0.0, 0.0])
+        rows = rows_at(whole, 0.01 * np.eye(7), sensor, direction, np.zeros(1), table)
+        assert sorted(rows.errors[1:3]) == pytest.approx([-0.3, 2.0 * half[beside] + 0.3])
 
 
 def test_a_point_at_the_sensor_has_no_range_and_changes_no_other():

@@ -92,7 +92,8 @@ def test_update_is_that_of_the_textbook_with_sides_that_share_an_error(seed):
     noise = np.diag(rows.variances) + 0.1**2 * errors @ errors.T
     spread = matrix @ covariance @ matrix.T + noise
     gain = np.linalg.solve(spread, matrix @ covariance).T
-    found = update(mean, covariance, rows, 0.1)
+    whole = np.pad(covariance, (0, 4)) + np.diag([0.0] * 8 + [0.1**2] * 4)
+    found = update(mean, whole, rows)
     np.testing.assert_allclose(found[0], mean + gain @ rows.innovations, atol=1e-7)
     np.testing.assert_allclose(found[1], covariance - gain @ spread @ gain.T, atol=1e-7)
     nis = rows.innovations @ np.linalg.solve(spread, rows.innovations)

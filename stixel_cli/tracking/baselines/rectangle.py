@@ -30,7 +30,7 @@ from stixel_cli.measurements.scans import FieldOfView, Scans
 from stixel_cli.parameters import parameters
 from stixel_cli.tracking.association import associate, uncut
 from stixel_cli.tracking.baselines.rectangle_contour import NORMALS, contours_of
-from stixel_cli.tracking.kalman import condition
+from stixel_cli.tracking.kalman import correct
 from stixel_cli.tracking.loop import Filtered
 from stixel_cli.tracking.motion import predict, process_noise, velocity_across
 from stixel_cli.tracking.prior import PriorShape, fullness_of
@@ -96,7 +96,7 @@ def track(
     covariance = np.zeros((8, 8))
     covariance[:6, :6] = initial.covariance
     covariance[6, 6], covariance[7, 7] = (size * [prior.length_std, prior.width_std]) ** 2
-
+    of_sides = np.diag([0.0] * 8 + [tracker.side_std**2] * 4)
     filtered = Filtered(scans, 8)
     for scan in filtered:
         noise = process_noise(scan.interval, tracker.sigma_q, tracker.sigma_q_psi)
@@ -117,11 +117,12 @@ def track(
                 tracker,
                 scans.field_of_view,
             )
-            kept = inside(covariance, measured, tracker)
+            whole = np.pad(covariance, (0, 4)) + of_sides
+            kept = inside(whole, measured, tracker.gate_probability)
             indices = indices[kept[: len(indices)]]
         if len(indices):
             measured = Rows(*(part[kept] for part in measured))
-            mean, covariance, nis = update(mean, covariance, measured, tracker.side_std)
+            mean, covariance, nis = update(mean, whole, measured)
             degrees = len(measured.innovations)
         filtered.add(mean, covariance, indices, nis, degrees)
     return filtered.track(contours_of(*filtered.states, prior, tracker.side_std))
@@ -214,34 +215,25 @@ def _ends(
     return Rows(innovations[kept], matrix[kept], variances[kept])
 
 
-def inside(covariance: np.ndarray, rows: Rows, tracker: RectangleParameters) -> np.ndarray:
-    """Which rows (m,) have an innovation inside the gate."""
-    if tracker.gate_probability is None:
+def inside(covariance: np.ndarray, rows: Rows, probability: float | None) -> np.ndarray:
+    """Which rows (m,) have an innovation inside the gate; `covariance` as of `update`."""
+    if probability is None:
         return np.ones(len(rows.innovations), bool)
     from scipy.special import chdtri
 
-    whole = _with_sides(covariance, tracker.side_std)
-    spread = np.einsum("mi,ij,mj->m", rows.matrix, whole, rows.matrix) + rows.variances
-    return rows.innovations**2 <= chdtri(1, 1.0 - tracker.gate_probability) * spread
-
-
-def _with_sides(covariance: np.ndarray, side_std: float) -> np.ndarray:
-    """Covariance (12, 12) of the eight states and the errors of the four sides."""
-    whole = side_std**2 * np.eye(12)
-    whole[:8, :8] = covariance
-    return whole
+    spread = np.einsum("mi,ij,mj->m", rows.matrix, covariance, rows.matrix) + rows.variances
+    return rows.innovations**2 <= chdtri(1, 1.0 - probability) * spread
 
 
 def update(
-    mean: np.ndarray, covariance: np.ndarray, rows: Rows, side_std: float
+    mean: np.ndarray, covariance: np.ndarray, rows: Rows
 ) -> tuple[np.ndarray, np.ndarray, float]:
     """Posterior mean (8,), covariance (8, 8) and NIS.
 
-    In information form: with the sides' errors as further states and D the rows' own variances,
-    A = Hᵀ D⁻¹ H, P⁺ = (I + P A)⁻¹ P and vᵀ S⁻¹ v = vᵀ D⁻¹ v - (Hᵀ D⁻¹ v)ᵀ P⁺ (Hᵀ D⁻¹ v).
+    `covariance` (12, 12) is that of the eight states and of the errors of the four sides.
     """
-    whole = _with_sides(covariance, side_std)
-    correction, posterior, nis, _ = condition(whole, rows.matrix, rows.variances, rows.innovations)
+    model = rows.matrix, rows.variances, rows.innovations
+    correction, posterior, nis = correct(covariance, *model)
     updated = mean + correction[:8]
     updated[6:] = np.maximum(updated[6:], LEAST_SIZE)
     return updated, posterior[:8, :8], nis

@@ -74,23 +74,12 @@ def probabilities_of(log_weights: Mapping[str, np.ndarray]) -> dict[str, np.ndar
     return excluded | dict(zip(log_weights, odds / odds.sum(axis=0), strict=True))
 
 
-def reported_classes(
-    log_weights: Mapping[str, np.ndarray], class_of_prior: str | None
-) -> np.ndarray:
-    """Which of the classes is reported at each scan, (K,) indices.
-
-    Args:
-        log_weights: class to (K,), -inf where the class is dropped.
-        class_of_prior: reported until the scans contradict it, then the most probable one. None: it
-            is unknown, and the most probable one is reported from the start.
-    """
-    weights = np.stack(list(log_weights.values()))
-    best = weights.argmax(axis=0)
-    if class_of_prior is not None:
-        own = list(log_weights).index(class_of_prior)
-        contradicted = weights.max(axis=0) - weights[own] > CONTRADICTED
-        best[~np.logical_or.accumulate(contradicted)] = own
-    return best
+def reported_class(log_weights: Mapping[str, float], assumed: str | None) -> str:
+    """The most probable class; but that which is `assumed`, until the scans contradict it."""
+    best = max(log_weights, key=log_weights.__getitem__)
+    if assumed is None or log_weights[best] - log_weights[assumed] > CONTRADICTED:
+        return best
+    return assumed
 
 
 def start_of_other(initial: InitialState, size: np.ndarray, other: ClassSize) -> InitialState:

@@ -6,20 +6,20 @@ from typing import Any
 
 import numpy as np
 
-from stixel_cli.measurements.scans import FieldOfView, Scans
+from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.parameters import ROAD_USER_CLASSES
 from stixel_cli.tracking.background import Background
 from stixel_cli.tracking.contour.class_probabilities import (
     CONTRADICTED,
     RULED_OUT,
     probabilities_of,
-    reported_classes,
+    reported_class,
     start_of_other,
 )
 from stixel_cli.tracking.contour.class_size import class_size, states_size
 from stixel_cli.tracking.contour.contour_filter import ClassFilter
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
-from stixel_cli.tracking.contour.contour_rays import rays_of
+from stixel_cli.tracking.contour.contour_rays import Rays, rays_of
 from stixel_cli.tracking.contour.forms import FORM_ODDS, forms_of, free_form
 from stixel_cli.tracking.motion import intervals
 from stixel_cli.tracking.prior import PriorShape
@@ -28,8 +28,8 @@ from stixel_cli.tracking.track import OTHER, InitialState, Track, used_rows
 FITS = 5.0
 """A size that the user states fits a class within so many standard deviations of both."""
 
-GREATEST_DEVIATION = 4.0
-"""A class whose size is farther from its mean, in its standard deviations, replaces none."""
+GREATEST_DEVIATION = 3.0
+"""A target whose size is farther from a class's mean, in its standard deviations, is not of it."""
 
 
 def track(
@@ -42,15 +42,10 @@ def track(
     scans, used = scans.nearest_returns()
     bank = ClassBank(initial, prior, tracker, scans.shared_errors.count)
     for k, interval in enumerate(intervals(scans.times)):
-        rows = scans.rows(k)
-        bank.step(
-            interval,
-            scans.points_world[rows],
-            scans.covariances_world[rows],
-            scans.sensor_poses_world[k],
-            scans.field_of_view,
-            scans.shared_directions(k, scans.points_world[rows]),
-        )
+        rows, sensor = scans.rows(k), scans.sensor_poses_world[k]
+        points = scans.points_world[rows], scans.covariances_world[rows]
+        shared = scans.shared_directions(k, points[0])
+        bank.step(interval, rays_of(*points, sensor, scans.field_of_view, shared))
     return bank.track(scans.times, scans.offsets[:-1]).of_points(used)
 
 
@@ -86,17 +81,8 @@ class ClassBank:
         self._start = next((key for key in self._filters if key[0] == self._own), None)
         self._assumed, self._chosen, self._log_weights = self._own, [], []
 
-    def step(
-        self,
-        interval: float,
-        points_world: np.ndarray,
-        covariances: np.ndarray,
-        sensor: np.ndarray,
-        field_of_view: FieldOfView | None = None,
-        shared: np.ndarray | None = None,
-    ) -> None:
-        """The next scan, an `interval` in s after the one before; the others as in `rays_of`."""
-        rays = rays_of(points_world, covariances, sensor, field_of_view, shared)
+    def step(self, interval: float, rays: Rays) -> None:
+        """The next scan, an `interval` in s after the one before, with the `rays` of its points."""
         leader = self._kept.get(self._chosen[-1] if self._chosen else self._start)
         if leader:
             others = self._background.others(rays, *leader.expected(interval), leader.unseen)
@@ -104,7 +90,7 @@ class ClassBank:
         if leader and leader.unseen and self._chosen:
             # What appears may be of another class: the reported one looks.
             used = leader.step(interval, rays, True)
-            rays = replace(rays, others=~np.isin(np.arange(len(points_world)), used))
+            rays = replace(rays, others=~np.isin(np.arange(len(rays.ranges)), used))
         else:
             leader = None
         for one in self._kept.values():
@@ -123,21 +109,14 @@ class ClassBank:
 
     def _choose(self) -> None:
         """Which filter is reported at this scan."""
-        weights = {}
+        weights, of_class = {}, dict[str, float]()
         for (road_user, form), one in self._kept.items():
-            weight = one.log_weights[-1] + FORM_ODDS.get(form, 0.0)
-            # Another class's points stretch or shrink the size before they contradict the shape;
-            # and a class that the scans contradict, too, names nothing better.
-            other = self._own not in (None, road_user)
+            # Another class's points stretch or shrink the size before they contradict the shape.
             far = one.sight.residual and one.size_deviations[-1] > GREATEST_DEVIATION
-            far = other and (far or one.inconsistent)
-            weights[road_user, form] = -1e9 if far else weight
-        of_class: dict[str, np.ndarray] = {}
-        for (road_user, _), weight in weights.items():
-            sum_before = of_class.get(road_user, np.array([-np.inf]))
-            of_class[road_user] = np.logaddexp(sum_before, weight)
-        (best,) = reported_classes(of_class, self._assumed)
-        name = list(of_class)[best]
+            weight = -1e9 if far else one.log_weights[-1] + FORM_ODDS.get(form, 0.0)
+            weights[road_user, form] = weight
+            of_class[road_user] = float(np.logaddexp(of_class.get(road_user, -np.inf), weight))
+        name = reported_class(of_class, self._assumed)
         if name != self._own:
             self._assumed = None
         self._chosen.append(max((key for key in weights if key[0] == name), key=weights.get))
@@ -172,7 +151,7 @@ class ClassBank:
         chosen, log_weights = self._chosen[scans], self._log_weights[scans]
         names = list(dict.fromkeys(road_user for road_user, _ in self._filters))
         weights = {
-            name: np.array([one.get(name, [-np.inf])[0] for one in log_weights]) for name in names
+            name: np.array([one.get(name, -np.inf) for one in log_weights]) for name in names
         }
         replaced = np.array([road_user != self._own for road_user, _ in chosen])
         return {

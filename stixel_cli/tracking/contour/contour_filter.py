@@ -54,8 +54,8 @@ from stixel_cli.tracking.contour.contour_update import (
     SEEN,
     SHAPE_ERRORS,
     Hypothesis,
+    Measurement,
     constant_errors,
-    update,
 )
 from stixel_cli.tracking.contour.residual import Residual
 from stixel_cli.tracking.prior import PriorShape
@@ -105,20 +105,13 @@ class ClassFilter:
         self._size = len(mean)
         self._reported: list[Hypothesis] = []
         self._covariances: list[np.ndarray] = []
-        self._nis: list[float] = []
-        self._degrees: list[int] = []
         self.size_deviations: list[float] = []
         self.log_weights: list[float] = []
 
     @property
     def unseen(self) -> bool:
         """Whether none of the last scans, or no scan yet, had points of the target."""
-        return not np.isfinite(self._nis[-RECENT:]).any()
-
-    @property
-    def inconsistent(self) -> bool:
-        """Whether the last scans contradict the track."""
-        return is_inconsistent(np.array(self._nis[-RECENT:]), np.array(self._degrees[-RECENT:]))
+        return not any(one.degrees for one in self._reported[-RECENT:])
 
     def expected(self, interval: float) -> tuple[np.ndarray, float, float]:
         """Place (2,) m an `interval` in s later, half of the class's diagonal, the place's std."""
@@ -138,8 +131,7 @@ class ClassFilter:
         steps = rivals([self._advanced(one, interval, rays) for one in self._hypotheses])
         best = steps[0]
         if best.degrees:
-            nis, degrees = [*self._nis, best.nis], [*self._degrees, best.degrees]
-            contradicted = is_inconsistent(np.array(nis), np.array(degrees))
+            contradicted = is_inconsistent([*self._reported, best])
             if first or (recovers and len(steps) == 1 and contradicted):
                 # A turned or shifted target may be an error that only later scans contradict.
                 steps = rivals([*self._detected(best, rays, first), *([] if first else steps)])
@@ -155,8 +147,6 @@ class ClassFilter:
         kept = replace(best, state=(mean, best.state[1], None), predicted=None)
         self._reported.append(kept if self._tracker.lag == 0 else best)
         self._covariances.append(covariance)
-        self._nis.append(best.nis)
-        self._degrees.append(best.degrees)
         deviation = float(np.abs((mean[5:7] - self._of_class) / self._size_stds).max())
         weight = log_weight(
             best.log_likelihood, deviation, mean[3], covariance[3, 3], self._road_user
@@ -184,8 +174,8 @@ class ClassFilter:
         )
         advanced = Hypothesis.unseen(prediction, one.log_likelihood)
         if len(indices):
-            taken = rays.subset(indices)
-            posterior = update(prediction, taken, self.sight, self._tracker)
+            measurement = Measurement(rays.subset(indices), self.sight, self._tracker)
+            posterior = measurement.update(prediction)
             advanced = Hypothesis.updated(prediction, one.log_likelihood, indices, posterior)
         # Only smoothing looks back; a filter without it keeps no chain of all its scans.
         before = None if self._tracker.lag == 0 else one
@@ -254,8 +244,8 @@ class ClassFilter:
                 reported(means, covariances, residual),
                 contours_of(means, covariances, self._shape, points, residual),
                 [one.indices + offset for one, offset in zip(chosen, offsets, strict=True)],
-                np.array(self._nis[scans]),
-                np.array(self._degrees[scans], np.int64),
+                np.array([one.nis for one in chosen]),
+                np.array([one.degrees for one in chosen], np.int64),
             ),
             box_sizes=box_sizes(means, self._shape, residual),
             size_deviations=np.array(self.size_deviations[scans]),

@@ -30,8 +30,6 @@ class ContourParameters:
             stands for that.
         shape_factor: factor on the standard deviation of the visible shape. Neighbours share its
             error, and it changes little from scan to scan, so this factor is larger.
-        offset_std: standard deviation, m, of the shape across the rays: where a ray grazes the
-            shape it makes the range uncertain.
         silhouette_factor: factor on the standard deviation of the silhouette.
         silhouette_std: standard deviation of the bearing of a silhouette, degrees, beyond that of
             rendered images: a matcher moves the edges of real objects.
@@ -52,7 +50,6 @@ class ContourParameters:
     width_std: Annotated[float, Gt(0), Le(1)]
     noise_factor: Annotated[float, Gt(0), Le(100)]
     shape_factor: Annotated[float, Ge(0.1), Le(100)]
-    offset_std: Annotated[float, Ge(0), Le(10)]
     silhouette_factor: Annotated[float, Ge(0.1), Le(100)]
     silhouette_std: Annotated[float, Ge(0), Le(10)]
     degrees_of_freedom: Annotated[float, Gt(0), Le(1000)]

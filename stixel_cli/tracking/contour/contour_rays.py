@@ -43,11 +43,8 @@ class Sight:
     far: RayTable | None = None
     """Where rays leave the shape, if points may be there; None if they are where rays meet it
     first."""
-
-    @property
-    def half(self) -> np.ndarray:
-        """Half of the length and of the width (2,) m of the outline."""
-        return 0.5 * self.table.extents
+    rounding_std: float = 0.0
+    """Of the shape across the rays, m: where they graze it, its edges are round."""
 
 
 @dataclass(frozen=True)

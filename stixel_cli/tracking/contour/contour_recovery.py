@@ -11,6 +11,8 @@ as it is: the start or the prediction may be wrong by more than a local update c
 that goes backwards faster than its class does is turned round.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from stixel_cli.geometry.pose import rotation, wrap_angle
@@ -18,7 +20,13 @@ from stixel_cli.measurements.clusters import cluster
 from stixel_cli.tracking.consider import NODES, JointCovariance
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
 from stixel_cli.tracking.contour.contour_rays import Rays, Sight
-from stixel_cli.tracking.contour.contour_update import Hypothesis, Posterior, State, update
+from stixel_cli.tracking.contour.contour_update import (
+    Fit,
+    Hypothesis,
+    Measurement,
+    Posterior,
+    State,
+)
 
 RECENT, INCONSISTENT = 3, 1.5
 """A track is inconsistent if the mean NIS / degrees of freedom of so many scans is above this."""
@@ -30,7 +38,7 @@ WIDE = np.diag([0.3, 0.3, 0.35, 1.0, 0.5, 0.0, 0.0]) ** 2
 """Added to the covariance of an inconsistent prediction: m, rad, m/s, rad/s."""
 
 SHIFTS = (-1.0, -0.5, 0.5, 1.0)
-"""Places across the rays from which it begins, too, m."""
+"""Places across the rays from which it begins, too, m: of a target longer than its class."""
 
 UNLIKELY, MOST = 20.0, 4
 """Log odds against a hypothesis beyond which it is given up; so many are kept at most."""
@@ -38,17 +46,17 @@ UNLIKELY, MOST = 20.0, 4
 SAME = 0.3, 0.2
 """Two hypotheses are one if they are no farther apart, m and rad."""
 
+MERGED = 0.05, 0.05
+"""Two iterations have the same end if they are no farther apart, m and rad."""
+
 LARGEST = 1.3
 """A cluster is the target if it is at most this many times the class's diagonal long."""
 
 
-def is_inconsistent(nis: np.ndarray, degrees: np.ndarray) -> bool:
-    """Whether the last scans contradict the track.
-
-    `nis` and `degrees` of freedom are (k,); the NIS is NaN at a scan without points.
-    """
-    known = np.flatnonzero(np.isfinite(nis))[-RECENT:]
-    return len(known) == RECENT and bool(np.mean(nis[known] / degrees[known]) > INCONSISTENT)
+def is_inconsistent(scans: Sequence[Hypothesis]) -> bool:
+    """Whether the last of these scans with points contradict the track."""
+    ratios = [one.nis / one.degrees for one in scans if one.degrees][-RECENT:]
+    return len(ratios) == RECENT and float(np.mean(ratios)) > INCONSISTENT
 
 
 def detect_again(
@@ -76,11 +84,17 @@ def detect_again(
     for found in clusters:
         taken = rays.subset(found)
         place, left = taken.points_world.mean(axis=0), taken.normals.mean(axis=0)
+        measurement = Measurement(taken, sight, tracker)
+        fits: list[Fit] = []
         for turn, shift in begins:
             begin = mean.copy()
             begin[:2] = place + rotation(turn) @ (mean[:2] - place) + shift * left
             begin[2] += turn
-            results.append((found, update((mean, wide, joint), taken, sight, tracker, begin)))
+            fit = measurement.fit(mean, wide, begin)
+            # Most begins end at the same place.
+            if all(_apart(fit.mean, other.mean, MERGED) for other in fits):
+                fits.append(fit)
+        results += [(found, measurement.posterior(joint, fit)) for fit in fits]
     return results
 
 
@@ -93,15 +107,19 @@ def rivals(hypotheses: list[Hypothesis]) -> list[Hypothesis]:
     kept: list[Hypothesis] = []
     for one in sorted(hypotheses, key=odds, reverse=True):
         likely = not kept or odds(one) > odds(kept[0]) - UNLIKELY
-        if likely and len(kept) < MOST and all(_apart(one, other) for other in kept):
+        if (
+            likely
+            and len(kept) < MOST
+            and all(_apart(one.state[0], other.state[0], SAME) for other in kept)
+        ):
             kept.append(one)
     return kept
 
 
-def _apart(one: Hypothesis, other: Hypothesis) -> bool:
-    """Whether two hypotheses are of different places or headings."""
-    change = one.state[0][:3] - other.state[0][:3]
-    return bool(np.hypot(*change[:2]) > SAME[0] or np.abs(wrap_angle(change[2])) > SAME[1])
+def _apart(one: np.ndarray, other: np.ndarray, limits: tuple[float, float]) -> bool:
+    """Whether two means (d,) are farther apart than the `limits`, m and rad."""
+    change = one[:3] - other[:3]
+    return bool(np.hypot(*change[:2]) > limits[0] or np.abs(wrap_angle(change[2])) > limits[1])
 
 
 def turned(

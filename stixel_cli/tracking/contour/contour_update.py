@@ -9,8 +9,8 @@ from stixel_cli.tracking.association import uncut
 from stixel_cli.tracking.consider import NODES, JointCovariance, field_weights
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
 from stixel_cli.tracking.contour.contour_rays import Rays, Sight, gate_widths, sampling_inset
-from stixel_cli.tracking.contour.ray_kernels import Linear, fill_rows, linearise
-from stixel_cli.tracking.kalman import condition, correct
+from stixel_cli.tracking.contour.ray_kernels import Fit, Measured, fit
+from stixel_cli.tracking.kalman import innovation_density
 from stixel_cli.tracking.smoothing import Step
 
 SEEN = np.array([0, 1, 2, 5, 6])
@@ -31,12 +31,6 @@ MISS_STD = 0.05
 CLUTTER = 3.0
 """Log odds against a ray that passes by the shape, at most: then its point is clutter."""
 
-SIZE_STEP = 0.3
-"""Greatest change of a factor of the size in one iteration, relative: slopes are local."""
-
-CONVERGED = 2e-3
-"""The iteration ends when no state moves by more than this."""
-
 Posterior = tuple[np.ndarray, np.ndarray, JointCovariance, float, int, float, float]
 """Mean, covariance of the gain, joint covariance, NIS, its degrees of freedom, log odds against the
 rays that pass by the shape, log likelihood of all others."""
@@ -47,97 +41,101 @@ State = tuple[np.ndarray, np.ndarray, JointCovariance]
 the mean has with these gains, and of the errors that are considered."""
 
 
-def update(
-    predicted: State,
-    rays: Rays,
-    sight: Sight,
-    tracker: ContourParameters,
-    first_iterate: np.ndarray | None = None,
-) -> Posterior:
-    """Posterior of the `predicted` state, which is not changed, with n > 0 rays.
+class Measurement:
+    """What n > 0 rays measure of a target that is seen as `sight`."""
 
-    NIS and log likelihood are those of the innovation as the joint covariance has it, at the last
-    iterate. The iteration begins at `first_iterate` (d,), by default at the prediction.
-    """
-    mean, covariance, joint = predicted
-    count = len(rays.ranges)
-    ends = np.array([np.argmin(rays.bearings), np.argmax(rays.bearings)])
-    inset, inset_variance = sampling_inset(rays, sight)
-    inset_variance = inset_variance + (np.radians(tracker.silhouette_std) * rays.ranges[ends]) ** 2
-    silhouettes = uncut(rays.bearings[ends], rays.ranges[ends], rays.field_of_view)
-    # A single ray does not show where an outline begins or ends.
-    silhouettes &= ~np.array(rays.hidden) & (count > 1 or not sight.outline)
-    rows = np.concatenate([np.ones(count, bool), silhouettes])
-    ranges = (sight.std_factor * rays.stds) ** 2
-    miss_variances = MISS_STD**2 + tracker.offset_std**2 + rays.across_variances
-    # What is not measured has no precision.
-    of_ends = np.where(silhouettes, tracker.silhouette_factor**2 * inset_variance, np.inf)
-    of_misses = (
-        tracker.shape_factor**2 * miss_variances if sight.residual else np.full(count, np.inf)
-    )
-    factors = np.full(count + 2, tracker.shape_factor**2)
-    factors[count:] = tracker.silhouette_factor**2
-    measured = np.zeros(2 * count + 2)
-    measured[:count] = rays.ranges - sight.bias_per_std * rays.stds
-    measured[count : count + 2] = -inset
-    variances = np.concatenate([tracker.noise_factor**2 * ranges, of_ends, of_misses])
-    beside = rays.across_variances + tracker.offset_std**2
-    seen_from = rays.sensor, rays.directions, rays.ranges, ends, sight.half
-    tables = sight.table.arrays, (sight.far or sight.table).arrays
-    linear, matrix = Linear.of_rays(count), np.empty((2 * count + 2, len(mean)))
-    iterate = mean if first_iterate is None else first_iterate
-    posterior = np.ascontiguousarray(covariance)
-    for _ in range(tracker.iterations):
-        linearise(linear, iterate, posterior, *seen_from, *tables)
-        errors, noise = measured.copy(), variances.copy()
-        rows_of = linear, iterate, rays.directions, ends, factors, beside
-        fill_rows(matrix, errors, noise, *rows_of, sight.far is not None)
-        noise /= _weights(errors, noise, tracker)
-        innovation = errors + matrix @ (iterate - mean)
-        correction, posterior, _ = correct(covariance, matrix, noise, innovation)
-        moved = mean + correction
-        moved[5:7] = np.clip(moved[5:7], iterate[5:7] - SIZE_STEP, iterate[5:7] + SIZE_STEP)
-        change = np.abs(moved - iterate).max()
-        iterate = moved
-        if change < CONVERGED:
-            break
-    values, _, stds, _, angles = linear
-    across = (matrix[:count, :2] * rays.normals).sum(axis=1)
-    grazing = across**2 * rays.across_variances
-    shape = stds**2 + np.append((across * tracker.offset_std) ** 2, [0.0, 0.0])
-    # What the errors really are, as far as the model knows them; a miss is a penalty of the gain.
-    own = np.concatenate([ranges + grazing, inset_variance + rays.across_variances[ends]])
-    own += FINE * shape
-    whole = np.zeros((len(matrix), len(joint.matrix)))
-    whole[:, : len(mean)] = matrix
-    shared = whole[: count + 2, len(mean) :]
-    shared[:count, :NODES] = field_weights(angles)
-    shared[[count, count + 1], [NODES, NODES + 1]] = 1.0
-    shared *= np.sqrt(SHARED[tracker.seen_by] * shape)[:, None]
-    # To move a point changes the innovation as to move the target does, on oblique faces, too.
-    moves = np.concatenate([rays.shared, rays.shared[ends]])
-    of_sensor = slice(SHAPE_ERRORS, SHAPE_ERRORS + moves.shape[2])
-    shared[:, of_sensor] = np.einsum("ni,nim->nm", matrix[: count + 2, :2], moves)
-    own /= _weights(errors[: count + 2], own + (shared**2).sum(axis=1), tracker)
-    rows = np.flatnonzero(rows)
-    _, _, nis, likelihood = condition(joint.matrix, whole[rows], own[rows], innovation[rows])
-    likelihood += np.log(gate_widths(rays, tracker)).sum()
-    missed = np.maximum(values[count + 2 :], 0.0) ** 2
-    missed = np.minimum(0.5 * missed / (MISS_STD**2 + rays.across_variances), CLUTTER).sum()
-    joint = joint.copy()
-    joint.correct(posterior @ (matrix.T / noise), whole, np.concatenate([own, miss_variances]))
-    return iterate, posterior, joint, nis, len(rows), float(missed), likelihood
+    def __init__(self, rays: Rays, sight: Sight, tracker: ContourParameters):
+        self._rays, self._tracker = rays, tracker
+        self._tables = sight.table.arrays, sight.far.arrays[2] if sight.far else np.zeros((0, 0))
+        count = len(rays.ranges)
+        ends = np.array([rays.bearings.argmin(), rays.bearings.argmax()])
+        inset, variance = sampling_inset(rays, sight)
+        self._of_ends = variance + (np.radians(tracker.silhouette_std) * rays.ranges[ends]) ** 2
+        silhouettes = uncut(rays.bearings[ends], rays.ranges[ends], rays.field_of_view)
+        # A single ray does not show where an outline begins or ends.
+        silhouettes &= ~np.array(rays.hidden) & (count > 1 or not sight.outline)
+        self._scored = np.flatnonzero(np.append(np.ones(count, bool), silhouettes))
+        self._of_ranges = (sight.std_factor * rays.stds) ** 2
+        across = rays.across_variances
+        self._rounding = sight.rounding_std**2
+        self._of_misses = MISS_STD**2 + self._rounding + across
+        # What is not measured has no precision.
+        of_ends = np.where(silhouettes, tracker.silhouette_factor**2 * self._of_ends, np.inf)
+        self._measured = Measured(
+            rays.sensor,
+            rays.directions,
+            rays.ranges - sight.bias_per_std * rays.stds,
+            ends,
+            inset,
+            np.append(tracker.noise_factor**2 * self._of_ranges, of_ends),
+            across + self._rounding,
+            tracker.shape_factor**2 * self._of_misses if sight.residual else np.full(count, np.inf),
+            tracker.shape_factor**2,
+            tracker.silhouette_factor**2,
+        )
+
+    def fit(self, mean: np.ndarray, covariance: np.ndarray, begin: np.ndarray) -> Fit:
+        """The update of a predicted `mean` (d,) and `covariance` (d, d).
+
+        The iteration begins at `begin` (d,).
+        """
+        limits = self._tracker.degrees_of_freedom, self._tracker.iterations
+        prior = mean, np.ascontiguousarray(covariance), begin
+        return fit(*prior, self._measured, *self._tables, *limits)
+
+    def update(self, predicted: State) -> Posterior:
+        """The posterior of a `predicted` state, which is not changed."""
+        mean, covariance, joint = predicted
+        return self.posterior(joint, self.fit(mean, covariance, mean))
+
+    def posterior(self, joint: JointCovariance, found: Fit) -> Posterior:
+        """The posterior of a state that was predicted with the `joint` covariance.
+
+        NIS and log likelihood are those of the innovation as the joint covariance has it, at the
+        last iterate.
+        """
+        rays, tracker, rows = self._rays, self._tracker, found.rows
+        count, ends = len(rays.ranges), self._measured.ends
+        matrix, states = rows.matrix, len(found.mean)
+        shape = rows.stds**2
+        shape[:count] += rows.slants**2 * self._rounding
+        # What the errors really are, as far as the model knows them; a miss is a penalty of the
+        # gain.
+        across = rays.across_variances
+        own = np.append(self._of_ranges + rows.slants**2 * across, self._of_ends + across[ends])
+        own += FINE * shape
+        whole = np.zeros((len(matrix), len(joint.matrix)))
+        whole[:, :states] = matrix
+        shared = whole[: count + 2, states:]
+        shared[:count, :NODES] = field_weights(rows.angles)
+        shared[[count, count + 1], [NODES, NODES + 1]] = 1.0
+        shared *= np.sqrt(SHARED[tracker.seen_by] * shape)[:, None]
+        if moved := rays.shared.shape[2]:
+            # To move a point changes the innovation as to move the target does, on oblique faces,
+            # too.
+            moves = np.concatenate([rays.shared, rays.shared[ends]])
+            of_sensor = shared[:, SHAPE_ERRORS : SHAPE_ERRORS + moved]
+            of_sensor[:] = np.einsum("ni,nim->nm", matrix[: count + 2, :2], moves)
+        squared = rows.errors[: count + 2] ** 2 / (own + (shared**2).sum(axis=1))
+        freedom = tracker.degrees_of_freedom
+        own *= np.maximum((freedom + squared) / (freedom + 1.0), 1.0)
+        scored = self._scored
+        nis, likelihood = innovation_density(
+            joint.matrix, whole[scored], own[scored], rows.innovations[scored]
+        )
+        likelihood += np.log(gate_widths(rays, tracker)).sum()
+        missed = 0.5 * np.minimum(rows.insides, 0.0) ** 2 / (MISS_STD**2 + across)
+        joint = joint.copy()
+        of_misses = self._of_misses[rows.insides < 0.0][: len(matrix) - count - 2]
+        gain = found.covariance @ (matrix.T / rows.noise)
+        joint.correct(gain, whole, np.append(own, of_misses))
+        state = found.mean, found.covariance, joint
+        return *state, nis, len(scored), float(np.minimum(missed, CLUTTER).sum()), likelihood
 
 
 def constant_errors(joint: JointCovariance) -> np.ndarray:
     """How far m errors that stay, of the sensor and of the class's size, move a state: (d, m)."""
     return joint.matrix[: joint.size, joint.size + SHAPE_ERRORS :]
-
-
-def _weights(errors: np.ndarray, variances: np.ndarray, tracker: ContourParameters) -> np.ndarray:
-    """Weights (n,) ≤ 1 of errors with a Student distribution, see `contour_filter.py`."""
-    freedom = tracker.degrees_of_freedom
-    return np.minimum((freedom + 1.0) / (freedom + errors**2 / variances), 1.0)
 
 
 @dataclass(frozen=True)

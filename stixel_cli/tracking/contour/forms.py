@@ -41,8 +41,8 @@ form, fit, m."""
 GREATEST_SLOPE = 2.0
 """Depth over offset, tan 63°: where a ray grazes the shape more, a real sensor may get no echo."""
 
-SILHOUETTE_FACTOR, OFFSET_STD = 4.0, 0.08
-"""In the place of smaller values of `silhouette_factor` and `offset_std`: real edges are round."""
+SILHOUETTE_FACTOR, ROUNDING_STD = 4.0, 0.04
+"""In the place of a smaller `silhouette_factor`, and m: real edges are round."""
 
 LEAST_RADIUS = 0.02
 """Of an outline whose centre is outside of it, m."""
@@ -60,7 +60,6 @@ def forms_of(
     tracker = replace(
         tracker,
         silhouette_factor=max(tracker.silhouette_factor, SILHOUETTE_FACTOR),
-        offset_std=max(tracker.offset_std, OFFSET_STD),
     )
     box = rectangle(shape)
     tables = {} if learned else {"class": (shape, sight.table)}
@@ -70,6 +69,7 @@ def forms_of(
         exact = sight.outline or tracker.seen_by not in LEARNED
         table = _exact_table(vertices) if exact else sight_of(road_user, tracker, vertices).table
         tables = ({} if learned else tables) | {"outline": (star_of(vertices), table)}
+    sight = replace(sight, rounding_std=ROUNDING_STD)
     return learned | {
         form: (form_shape, _of_table(sight, form_table, Residual(form_shape), tracker), tracker)
         for form, (form_shape, form_table) in tables.items()

@@ -1,7 +1,6 @@
 """What the scan's rays measure of a state of the tracker `contour`: its Numba kernels.
 
-`RayTable` says what they look up, `contour_filter.py` what the model is. They write into arrays of
-their caller.
+`RayTable` says what they look up, `contour_filter.py` what the model is.
 """
 
 from math import atan2, cos, exp, floor, pi, sin, sqrt
@@ -22,7 +21,14 @@ LEAST_TURN, GREATEST_TURN = 0.01, 0.2
 GREATEST_SLANT = 4.0
 """Where a ray grazes the shape, a residual changes the range by at most so many times as much."""
 
+SIZE_STEP = 0.3
+"""Greatest change of a factor of the size in one iteration, relative: slopes are local."""
 
+CONVERGED = 2e-3
+"""The iteration ends when no state moves by more than this."""
+
+
+@njit(cache=True, error_model="numpy")
 def expected(
     state: np.ndarray, sensor: np.ndarray, directions: np.ndarray, table: tuple[np.ndarray, ...]
 ) -> np.ndarray:
@@ -35,14 +41,7 @@ def expected(
         (3, n) m: ranges; misses, how far outside of the shape's seen limits each ray passes,
         negative inside; standard deviations of the ranges.
     """
-    results = np.empty((3, len(directions)))
-    _expect(*results, state, sensor, directions, table)
-    return results
-
-
-@njit(cache=True, error_model="numpy")
-def _expect(ranges, misses, stds, state, sensor, directions, table):
-    """Write `expected`."""
+    found = np.empty((3, len(directions)))
     cosine, sine = cos(state[2]), sin(state[2])
     dx, dy = sensor[0] - state[0], sensor[1] - state[1]
     x, y = cosine * dx + sine * dy, cosine * dy - sine * dx
@@ -50,208 +49,281 @@ def _expect(ranges, misses, stds, state, sensor, directions, table):
     for i in range(len(directions)):
         u = cosine * directions[i, 0] + sine * directions[i, 1]
         v = cosine * directions[i, 1] - sine * directions[i, 0]
-        ranges[i], low, high, place = _meet(x, y, u, v, shrink, table)
-        misses[i], stds[i] = -min(low, high), _between(table[3], place)
+        found[0, i], low, high, place = _meet(x, y, _ray(u, v, shrink, table), table, table[2])
+        found[1, i], found[2, i] = -min(low, high), _between(table[3], place)
+    return found
 
 
-class Linear(NamedTuple):
-    """What a state (d,) predicts of n ranges, of minus the two insets, and of n misses."""
+class Measured(NamedTuple):
+    """What a scan measures of one target, and how well."""
 
-    values: np.ndarray
-    """(2 n + 2,) m; a miss is how far a ray passes by the shape, negative inside."""
-    slopes: np.ndarray
-    """(2 n + 2, 5), by the states that a ray sees."""
+    sensor: np.ndarray
+    """(3,) pose in the world."""
+    directions: np.ndarray
+    """(n, 2) unit vectors of the rays in the world."""
+    ranges: np.ndarray
+    """(n,) m."""
+    ends: np.ndarray
+    """(2,) indices of the rays with the least and the greatest bearing."""
+    inset: float
+    """How far inside the shape's limits these two are, m."""
+    variances: np.ndarray
+    """(n + 2,) m² of the ranges and the two insets; infinite: not measured."""
+    across_variances: np.ndarray
+    """(n,) m² of what is across the rays."""
+    miss_variances: np.ndarray
+    """(n,) m² of how far a ray passes by the shape; infinite: that says nothing."""
+    range_factor: float
+    limit_factor: float
+    """`range_factor`, `limit_factor`: on the variances of the shape's ranges and limits."""
+
+
+class Rows(NamedTuple):
+    """Rows of a Kalman update: n ranges, minus the two insets, then the m rays that pass by."""
+
+    matrix: np.ndarray
+    """(n + 2 + m, d) derivatives by the state."""
+    errors: np.ndarray
+    """(n + 2 + m,) m, measured minus predicted."""
+    innovations: np.ndarray
+    """(n + 2 + m,) m, of the mean before the update, linear from the iterate."""
+    noise: np.ndarray
+    """(n + 2 + m,) m²."""
     stds: np.ndarray
-    """(n + 2,) m, of the ranges and insets."""
-    curvatures: np.ndarray
-    """(n + 2,) m², the variance of what the slopes leave out: that of a parabola over one standard
-    deviation of each state (Nørgaard, Poulsen & Ravn 2000, *New developments in state estimation
-    for nonlinear systems*)."""
+    """(n + 2,) m, of the shape's ranges and limits."""
+    slants: np.ndarray
+    """(n,) by how much a range grows as the shape moves to the left of the ray."""
     angles: np.ndarray
     """(n,) rad, where the rays meet the shape, in units of half its size."""
+    insides: np.ndarray
+    """(n,) m, how far inside the shape's limits each ray is; negative: it passes by."""
 
-    @classmethod
-    def of_rays(cls, count: int) -> "Linear":
-        """Arrays for `linearise` to write to, of so many rays."""
-        rows = 2 * count + 2
-        measured = np.empty(count + 2), np.empty(count + 2)
-        return cls(np.empty(rows), np.empty((rows, 5)), *measured, np.empty(count))
+
+class Fit(NamedTuple):
+    """What an update finds."""
+
+    mean: np.ndarray
+    covariance: np.ndarray
+    """`mean`, `covariance`: (d,) and (d, d) of the state."""
+    rows: Rows
+    """Of the last iterate."""
 
 
 @njit(cache=True, error_model="numpy")
-def linearise(
-    linear: Linear,
+def fit(
+    mean: np.ndarray,
+    covariance: np.ndarray,
+    begin: np.ndarray,
+    measured: Measured,
+    table: tuple[np.ndarray, ...],
+    far: np.ndarray,
+    degrees_of_freedom: float,
+    iterations: int,
+) -> Fit:
+    """An iterated update of the predicted `mean` (d,) and `covariance` (d, d) from `begin` (d,) on.
+
+    `RayTable.arrays`, and `far` (A, O) m has the depths where rays leave the shape, if points may
+    be there, too; else it is empty. See `contour_filter.py`. In information form the cost grows
+    with n and not with n³.
+    """
+    rows, iterate = empty_rows(len(measured.ranges), len(mean)), begin
+    posterior, states, count = covariance, len(mean), 0
+    for _ in range(iterations):
+        count = measure(rows, iterate, posterior, measured, table, far)
+        precision, pull = np.zeros((states, states)), np.zeros(states)
+        for row in range(count):
+            slopes, error = rows.matrix[row], rows.errors[row]
+            weight = (degrees_of_freedom + 1.0) / (degrees_of_freedom + error**2 / rows.noise[row])
+            rows.noise[row] /= min(weight, 1.0)
+            innovation = error
+            for i in range(states):
+                innovation += slopes[i] * (iterate[i] - mean[i])
+            rows.innovations[row] = innovation
+            for i in range(states):
+                if slopes[i] != 0.0:
+                    weighted = slopes[i] / rows.noise[row]
+                    pull[i] += weighted * innovation
+                    for j in range(states):
+                        precision[i, j] += weighted * slopes[j]
+        posterior = np.linalg.solve(np.eye(states) + covariance @ precision, covariance)
+        posterior = 0.5 * (posterior + posterior.T)
+        moved = mean + posterior @ pull
+        for i in (5, 6):
+            moved[i] = min(max(moved[i], iterate[i] - SIZE_STEP), iterate[i] + SIZE_STEP)
+        change = np.abs(moved - iterate).max()
+        iterate = moved
+        if change < CONVERGED:
+            break
+    of_all = rows.errors[:count], rows.innovations[:count], rows.noise[:count]
+    rows = Rows(rows.matrix[:count], *of_all, rows.stds, rows.slants, rows.angles, rows.insides)
+    return Fit(iterate, posterior, rows)
+
+
+@njit(cache=True, error_model="numpy")
+def empty_rows(count: int, states: int) -> Rows:
+    """Arrays for the rows of so many rays, each of which may pass by."""
+    most = 2 * count + 2
+    of_all = np.empty(most), np.empty(most), np.empty(most)
+    of_rays = np.empty(count), np.empty(count), np.empty(count)
+    return Rows(np.empty((most, states)), *of_all, np.empty(count + 2), *of_rays)
+
+
+@njit(cache=True, error_model="numpy")
+def measure(
+    rows: Rows,
     state: np.ndarray,
     covariance: np.ndarray,
-    sensor: np.ndarray,
-    directions: np.ndarray,
-    ranges: np.ndarray,
-    ends: np.ndarray,
-    half: np.ndarray,
+    measured: Measured,
     table: tuple[np.ndarray, ...],
-    far: tuple[np.ndarray, ...],
-) -> None:
-    """Write to `linear` what a `state` (d,) with a `covariance` (d, d) predicts.
+    far: np.ndarray,
+) -> int:
+    """Write the `rows` at a `state` (d,) with a `covariance` (d, d); returns their number.
 
-    `sensor`, `directions` and `table` are as in `expected`; `ranges` (n,) m are measured, and those
-    that are nearer to what `far` expects are taken for its. `ends` (2,) are the indices of the rays
-    with the least and the greatest bearing, `half` (2,) m half of the shape's length and width.
-
-    The slopes are central differences along the target's axes, over about a standard deviation: so
-    no frame of the world matters.
+    The slopes by the place across a ray and by the heading are central differences over about a
+    standard deviation. Where the outline has a residual, the variance of what they leave out is
+    added to the noise: that of a parabola over one standard deviation (Nørgaard, Poulsen & Ravn
+    2000, *New developments in state estimation for nonlinear systems*). The nodes of the residual
+    are the states from 7 on. Rays that may end on both sides leave them alone, as the slopes are of
+    sides that face the sensor.
     """
-    values, slopes, stds, curvatures, angles = linear
-    count = len(directions)
-    curvatures[:] = 0.0
+    count, has_nodes, both_sides = len(measured.directions), len(state) > 7, len(far) > 0
+    used = count + 2
     cosine, sine = cos(state[2]), sin(state[2])
-    dx, dy = sensor[0] - state[0], sensor[1] - state[1]
+    dx, dy = measured.sensor[0] - state[0], measured.sensor[1] - state[1]
     x, y = cosine * dx + sine * dy, cosine * dy - sine * dx
     shrink = exp(-state[5]), exp(-state[6])
-    half_x, half_y = half[0] / shrink[0], half[1] / shrink[1]
-    both = 2.0 * cosine * sine * covariance[0, 1]
-    xx, yy = covariance[0, 0], covariance[1, 1]
-    along, left = cosine**2 * xx + both + sine**2 * yy, sine**2 * xx - both + cosine**2 * yy
-    steps = (
-        min(max(sqrt(max(along, 0.0)), LEAST_STEP), GREATEST_STEP),
-        min(max(sqrt(max(left, 0.0)), LEAST_STEP), GREATEST_STEP),
-        min(max(sqrt(max(covariance[2, 2], 0.0)), LEAST_TURN), GREATEST_TURN),
-    )
-    turns = cos(steps[2]), sin(steps[2])
+    quarter = len(table[4]) // 4
+    half_x = 0.5 * (table[5][quarter] - table[4][quarter]) / shrink[0]
+    half_y = 0.5 * (table[5][0] - table[4][0]) / shrink[1]
+    turn = min(max(sqrt(max(covariance[2, 2], 0.0)), LEAST_TURN), GREATEST_TURN)
+    c, s = cos(turn), sin(turn)
+    rows.matrix[:] = 0.0
     for i in range(count):
-        u = cosine * directions[i, 0] + sine * directions[i, 1]
-        v = cosine * directions[i, 1] - sine * directions[i, 0]
-        distance, low, high, place = _meet(x, y, u, v, shrink, table)
-        other, _, _, _ = _meet(x, y, u, v, shrink, far)
-        is_far = abs(ranges[i] - other) < abs(ranges[i] - distance)
-        values[i] = other if is_far else distance
-        stds[i], values[count + 2 + i] = _between(table[3], place), -min(low, high)
-        hit_x, hit_y = x + values[i] * u, y + values[i] * v
-        angles[i] = atan2(hit_y / half_y, hit_x / half_x)
+        ahead_x, ahead_y = measured.directions[i, 0], measured.directions[i, 1]
+        u, v = cosine * ahead_x + sine * ahead_y, cosine * ahead_y - sine * ahead_x
+        ray, depths = _ray(u, v, shrink, table), table[2]
+        distance, low, high, place = _meet(x, y, ray, table, depths)
+        if both_sides:
+            other = _meet(x, y, ray, table, far)[0]
+            if abs(measured.ranges[i] - other) < abs(measured.ranges[i] - distance):
+                distance, depths = other, far
+        across = ahead_y**2 * covariance[0, 0] + ahead_x**2 * covariance[1, 1]
+        across -= 2.0 * ahead_x * ahead_y * covariance[0, 1]
+        step = min(max(sqrt(max(across, 0.0)), LEAST_STEP), GREATEST_STEP)
+        # The target moves to the left or turns, so in its frame the ray does the opposite.
+        left = _meet(x + step * v, y - step * u, ray, table, depths)[0]
+        right = _meet(x - step * v, y + step * u, ray, table, depths)[0]
+        ray = _ray(c * u + s * v, c * v - s * u, shrink, table)
+        after, low_after, high_after, _ = _meet(c * x + s * y, c * y - s * x, ray, table, depths)
+        ray = _ray(c * u - s * v, c * v + s * u, shrink, table)
+        before, low_before, high_before, _ = _meet(c * x - s * y, c * y + s * x, ray, table, depths)
+        hit_x, hit_y = x + distance * u, y + distance * v
+        angle, slant = atan2(hit_y / half_y, hit_x / half_x), (left - right) / (2.0 * step)
         # How far a change of the size moves the surface that the ray meets, along both axes.
         shift_x = half_x * min(max(hit_x / (CAP * half_x), -1.0), 1.0)
         shift_y = half_y * min(max(hit_y / (CAP * half_y), -1.0), 1.0)
-        for axis in range(3):
-            step = steps[axis]
-            # The target moves by a step, so the ray does by minus one in its frame.
-            if axis == 2:
-                c, s = turns
-                ray = c * x + s * y, c * y - s * x, c * u + s * v, c * v - s * u
-                back = c * x - s * y, c * y + s * x, c * u - s * v, c * v + s * u
-            else:
-                a, b = (step, 0.0) if axis == 0 else (0.0, step)
-                ray, back = (x - a, y - b, u, v), (x + a, y + b, u, v)
-            after, low_after, high_after, _ = _meet(*ray, shrink, table)
-            before, low_before, high_before, _ = _meet(*back, shrink, table)
-            miss = min(low_before, high_before) - min(low_after, high_after)
-            if is_far:
-                after, before = _meet(*ray, shrink, far)[0], _meet(*back, shrink, far)[0]
-            slopes[i, axis] = (after - before) / (2.0 * step)
-            slopes[count + 2 + i, axis] = miss / (2.0 * step)
-            curvatures[i] += 0.5 * (after + before - 2.0 * values[i]) ** 2
-            # Minus the insets, as they fall where the range grows.
-            if i == ends[0]:
-                slopes[count, axis] = (low_before - low_after) / (2.0 * step)
-                curvatures[count] += 0.5 * (low_after + low_before - 2.0 * low) ** 2
-            if i == ends[1]:
-                slopes[count + 1, axis] = (high_before - high_after) / (2.0 * step)
-                curvatures[count + 1] += 0.5 * (high_after + high_before - 2.0 * high) ** 2
-        if i == ends[0]:
-            values[count], stds[count] = -low, _beside(table[6], place)
-            _finish(slopes[count], shift_x, shift_y, cosine, sine)
-        if i == ends[1]:
-            values[count + 1], stds[count + 1] = -high, _beside(table[7], place)
-            _finish(slopes[count + 1], shift_x, shift_y, cosine, sine)
-        _finish(slopes[i], shift_x, shift_y, cosine, sine)
-        _finish(slopes[count + 2 + i], shift_x, shift_y, cosine, sine)
+        std, slopes = _between(table[3], place), rows.matrix[i]
+        slopes[0], slopes[1] = ahead_x - slant * ahead_y, ahead_y + slant * ahead_x
+        slopes[2] = (after - before) / (2.0 * turn)
+        slopes[5], slopes[6] = (u - slant * v) * shift_x, (v + slant * u) * shift_y
+        rows.stds[i], rows.slants[i], rows.angles[i], rows.insides[i] = (
+            std,
+            slant,
+            angle,
+            min(low, high),
+        )
+        rows.errors[i] = measured.ranges[i] - distance
+        # Where the ray grazes the shape, a small error across it is a large one of the range.
+        noise = measured.variances[i] + slant**2 * measured.across_variances[i]
+        rows.noise[i] = noise + measured.range_factor * std**2
+        if has_nodes:
+            bent = (left + right - 2.0 * distance) ** 2 + (after + before - 2.0 * distance) ** 2
+            rows.noise[i] += 0.5 * bent
+            if not both_sides:
+                _add_nodes(rows, i, angle, min(sqrt(1.0 + slant**2), GREATEST_SLANT), state)
+        bent = 0.5 * (low_after + low_before - 2.0 * low) ** 2
+        of_low = 1.0, low, (low_before - low_after) / (2.0 * turn), bent
+        bent = 0.5 * (high_after + high_before - 2.0 * high) ** 2
+        of_high = -1.0, high, (high_before - high_after) / (2.0 * turn), bent
+        sides = ahead_x, ahead_y, -v * shift_x, u * shift_y
+        for end in range(2):
+            if i == measured.ends[end]:
+                row, limit = count + end, of_low if end == 0 else of_high
+                std = _beside(table[6] if end == 0 else table[7], place)
+                inside = _fill_limit(rows.matrix[row], limit, sides)
+                rows.stds[row], rows.errors[row] = std, inside - measured.inset
+                rows.noise[row] = measured.variances[row] + measured.limit_factor * std**2
+                if has_nodes:
+                    rows.noise[row] += limit[3]
+                    _add_nodes(rows, row, angle, 1.0, state)
+        if min(low, high) < 0.0 and measured.miss_variances[i] < np.inf:
+            nearer = of_low if low < high else of_high
+            rows.errors[used] = _fill_limit(rows.matrix[used], nearer, sides)
+            rows.noise[used] = measured.miss_variances[i]
+            used += 1
+    return used
 
 
 @njit(cache=True, error_model="numpy")
-def fill_rows(
-    matrix: np.ndarray,
-    errors: np.ndarray,
-    noise: np.ndarray,
-    linear: Linear,
-    state: np.ndarray,
-    directions: np.ndarray,
-    ends: np.ndarray,
-    factors: np.ndarray,
-    across_variances: np.ndarray,
-    both_sides: bool,
-) -> None:
-    """The rows of a Kalman update at a `state` (d,), in the order of `linear`.
+def _fill_limit(slopes, limit, sides):
+    """Write the slopes of minus how far a ray is inside a limit; returns that distance."""
+    sign, inside, by_turn, _ = limit
+    ahead_x, ahead_y, by_length, by_width = sides
+    slopes[0], slopes[1], slopes[2] = -sign * ahead_y, sign * ahead_x, by_turn
+    slopes[5], slopes[6] = sign * by_length, sign * by_width
+    return inside
 
-    `errors` (2 n + 2,) has what is measured, m, and becomes measured minus predicted; `noise` (2 n
-    + 2,) m² has the sensor's variances, infinite where nothing is measured. Those of the shape,
-    `factors` (n + 2,) times, and of `across_variances` (n,) m² of what is across the rays are added
-    to it. `matrix` (2 n + 2, d) gets the slopes. The states from 7 on are the nodes of a residual;
-    rays that may end on `both_sides` leave them alone, as the slopes are of sides that face the
-    sensor.
+
+@njit(cache=True, error_model="numpy")
+def _add_nodes(rows, row, angle, weight, state):
+    """Add what the residual moves in a row at an `angle`, by so many times its own size."""
+    nodes = len(state) - 7
+    position = angle / (2.0 * pi) * nodes
+    node, share = floor(position), position - floor(position)
+    for k, of_node in ((node % nodes, 1.0 - share), ((node + 1) % nodes, share)):
+        rows.matrix[row, 7 + k] = -weight * of_node
+        rows.errors[row] += weight * of_node * state[7 + k]
+
+
+@njit(cache=True, error_model="numpy")
+def _ray(u, v, shrink, table):
+    """A ray along (u, v) of the target's frame, scaled: direction, scales, and rows of the table.
+
+    The scales are metres of the scaled frame per metre of the world along the ray, and the world's
+    per metre of the scaled frame across it: areas scale alike.
     """
-    values, slopes, stds, curvatures, angles = linear
-    count, nodes = len(directions), len(state) - 7
-    for row in range(len(values)):
-        matrix[row] = 0.0
-        for k in range(5):
-            matrix[row, k if k < 3 else k + 2] = slopes[row, k]
-        errors[row] -= values[row]
-        slant = 1.0
-        if row < count:
-            tangent = slopes[row, 1] * directions[row, 0] - slopes[row, 0] * directions[row, 1]
-            # Where the ray grazes the shape, a small error across it is a large one of the range.
-            noise[row] += tangent**2 * across_variances[row]
-            slant = min(sqrt(1.0 + tangent**2), GREATEST_SLANT)
-        if row < count + 2:
-            noise[row] += factors[row] * stds[row] ** 2
-        elif values[row] <= 0.0:
-            noise[row] = np.inf
-        if nodes and row < count + 2:
-            noise[row] += curvatures[row]
-            if row >= count or not both_sides:
-                position = angles[row if row < count else ends[row - count]] / (2.0 * pi) * nodes
-                node, share = floor(position), position - floor(position)
-                for k, weight in ((node % nodes, 1.0 - share), ((node + 1) % nodes, share)):
-                    matrix[row, 7 + k] = -weight * slant
-                    errors[row] += weight * slant * state[7 + k]
-
-
-@njit(cache=True, error_model="numpy")
-def _finish(slopes, shift_x, shift_y, cosine, sine):
-    """From slopes along the target's axes to those of the world's, and those of the sizes."""
-    along, left = slopes[0], slopes[1]
-    slopes[0], slopes[1] = cosine * along - sine * left, sine * along + cosine * left
-    slopes[3], slopes[4] = along * shift_x, left * shift_y
-
-
-@njit(cache=True, error_model="numpy")
-def _meet(x, y, u, v, shrink, table):
-    """Range of a ray from (x, y) along (u, v) in the target's frame; how far it is inside; place.
-
-    The place in the table: two rows, the share of the second, a column, the share of the next.
-    """
-    lowest, highest, depths, _, low, high, _, _ = table
-    x, y, u, v = x * shrink[0], y * shrink[1], u * shrink[0], v * shrink[1]
-    # Metres of the scaled frame per metre of the world, along this ray.
+    u, v = u * shrink[0], v * shrink[1]
     scale = sqrt(u * u + v * v)
     u, v = u / scale, v / scale
-    # Metres of the world per metre of the scaled frame, across: areas scale alike.
-    across = scale / (shrink[0] * shrink[1])
-    offset = u * y - v * x
-    rows, columns = depths.shape
+    rows = len(table[0])
     position = (atan2(-v, -u) / (2.0 * pi) * rows) % rows
     a = int(position)
     f = position - a
     a = a % rows
-    b = (a + 1) % rows
-    start = lowest[a] * (1.0 - f) + lowest[b] * f
-    end = highest[a] * (1.0 - f) + highest[b] * f
+    scales = scale, scale / (shrink[0] * shrink[1])
+    return u, v, shrink[0], shrink[1], scales, (a, (a + 1) % rows, f)
+
+
+@njit(cache=True, error_model="numpy")
+def _meet(x, y, ray, table, depths):
+    """Range of a `ray` from (x, y) of the target's frame; how far it is inside both limits; place.
+
+    The place in the table: two rows, the share of the second, a column, the share of the next.
+    """
+    u, v, shrink_x, shrink_y, (scale, across), (a, b, f) = ray
+    x, y = x * shrink_x, y * shrink_y
+    offset = u * y - v * x
+    columns = depths.shape[1]
+    start = table[0][a] * (1.0 - f) + table[0][b] * f
+    end = table[1][a] * (1.0 - f) + table[1][b] * f
     column = (offset - start) / (end - start) * (columns - 1)
     # Not a number, of a point at the sensor itself, is no index.
     column = min(column, columns - 1.0) if column >= 0.0 else 0.0
     c = min(int(column), columns - 2)
     place = a, b, f, c, column - c
     distance = (_between(depths, place) - u * x - v * y) / scale
-    inside_low = (offset - _beside(low, place)) * across
-    return distance, inside_low, (_beside(high, place) - offset) * across, place
+    inside_low = (offset - _beside(table[4], place)) * across
+    return distance, inside_low, (_beside(table[5], place) - offset) * across, place
 
 
 @njit(cache=True, error_model="numpy")
