@@ -21,7 +21,7 @@ from stixel_cli.evaluation.scores import Scores
 from stixel_cli.experiment.table import OWN, REPLAYED, TABLE
 from stixel_cli.files import read_yaml
 from stixel_cli.measurements.file import FileParameters
-from stixel_cli.measurements.parameters import Disturbance, is_disturbed, undisturbed
+from stixel_cli.measurements.parameters import Disturbance, undisturbed
 from stixel_cli.own_code import OwnCode
 from stixel_cli.remembered import remembered
 from stixel_cli.scene.mesh_file import referred_files
@@ -52,7 +52,7 @@ def pipeline_stages(composition: Composition) -> list[Stage]:
             raise UserError("metrics: score one track; with source.target=auto there are several")
     path = shipped_folder("pipelines") / f"{kind}.yaml"
     pipeline = _read(path)
-    if is_disturbed(configuration.measurement):
+    if undisturbed(configuration.measurement) != configuration.measurement:
         # `disturb_scans` comes between the sensor's scans and all that use them.
         pipeline = {("clean_scans" if n == "scans" else n): own for n, own in pipeline.items()}
         pipeline["scans"] = {"stage": "disturb_scans", "scans": "clean_scans"}

@@ -11,7 +11,6 @@ from stixel_cli.measurements.parameters import Disturbance
 from stixel_cli.measurements.rays import (
     Noise,
     Rays,
-    columns_per_point,
     first_crossings,
     measure,
     range_std,
@@ -103,5 +102,5 @@ def fabricate_scan(
         keep &= random.random(len(ray)) >= measurement.missed_probability
     angles, steps, measured = rays.angles[ray][keep], rays.steps[ray][keep], measured[keep]
     along_variance = range_std(measurement.noise, measured, angles, rig) ** 2
-    across_variance = (measured * steps * columns_per_point(measurement.noise)) ** 2 / 12.0
+    across_variance = (measured * steps * measurement.noise.columns_per_point) ** 2 / 12.0
     return points_along(sensor_pose_world, angles, measured, along_variance, across_variance)

@@ -31,18 +31,13 @@ class LidarParameters(Gated):
 
     def check(self) -> None:
         """Raise ValueError unless the gate of height is open and the layers go upwards."""
-        scanner = self.scanner
-        if scanner.elevation_highest < scanner.elevation_lowest:
+        lowest, highest = self.scanner.elevation_lowest, self.scanner.elevation_highest
+        single = self.scanner.layers == 1
+        if highest < lowest or (highest == lowest and not single):
             raise ValueError(
-                f"measurement.scanner.elevation_highest: must be ≥ "
-                f"measurement.scanner.elevation_lowest ({scanner.elevation_lowest} degrees), "
-                f"got {scanner.elevation_highest}"
-            )
-        if scanner.layers > 1 and scanner.elevation_highest == scanner.elevation_lowest:
-            raise ValueError(
-                f"measurement.scanner.layers: {scanner.layers} layers need different "
-                "measurement.scanner.elevation_lowest and measurement.scanner.elevation_highest, "
-                f"got {scanner.elevation_lowest} degrees for both"
+                f"measurement.scanner.elevation_highest: must be {'≥' if single else '>'} "
+                f"measurement.scanner.elevation_lowest ({lowest} degrees) with "
+                f"measurement.scanner.layers={self.scanner.layers}, got {highest}"
             )
         super().check()
 

@@ -1,7 +1,7 @@
 """Parameters that kinds of measurements share: dropouts, clutter, gates; the lidar's scanner."""
 
 from dataclasses import dataclass, replace
-from typing import Annotated, ClassVar, TypeVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 from annotated_types import Ge, Gt, Le
@@ -9,8 +9,6 @@ from annotated_types import Ge, Gt, Le
 from stixel_cli.parameters import parameters
 
 Seconds = Annotated[float, Ge(0), Le(1e6)]
-
-Measurement = TypeVar("Measurement", bound="Disturbance")
 
 
 @parameters(kw_only=True)
@@ -73,12 +71,7 @@ def check_dropout(measurement: Disturbance) -> None:
         )
 
 
-def is_disturbed(measurement: Disturbance) -> bool:
-    """Whether the scans are changed at all."""
-    return measurement.dropout is not None or measurement.clutter_rate > 0.0
-
-
-def undisturbed(measurement: Measurement) -> Measurement:
+def undisturbed(measurement: Disturbance) -> Disturbance:
     """The same measurement without dropout and clutter, as its own stages see it."""
     return replace(measurement, dropout=None, clutter_rate=0.0)
 

@@ -4,7 +4,7 @@ Frame: angles phi in the sensor's frame, counter-clockwise from its heading, rad
 """
 
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from annotated_types import Ge, Le, Lt
@@ -64,6 +64,7 @@ class StereoNoise:
 
     kind: Literal["stereo"]
     disparity_std: Annotated[float, Ge(0), Le(10)]
+    columns_per_point: ClassVar[int] = 1
 
 
 @parameters
@@ -76,6 +77,7 @@ class ConstantNoise:
 
     kind: Literal["constant"]
     range_std: Annotated[float, Ge(0), Le(10)]
+    columns_per_point: ClassVar[int] = 1
 
 
 @parameters
@@ -127,11 +129,6 @@ def range_std(noise: Noise, ranges: np.ndarray, angles: np.ndarray, rig: Rig) ->
     return range_sensitivity(ranges, angles, rig, noise.disparity_std)
 
 
-def columns_per_point(noise: Noise) -> int:
-    """Number of neighbouring rays that make one point."""
-    return noise.columns_per_point if noise.kind == "fitted" else 1
-
-
 def range_sensitivity(
     ranges: np.ndarray, angles: np.ndarray, rig: Rig, disparity: float = 1.0
 ) -> np.ndarray:
@@ -154,23 +151,12 @@ def measure(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Rays (n,) that give a point, the ranges (n,) m that they should measure, and those they do.
 
-    `hit` (m,) are the rays that meet the contour, ascending, at `ranges` (m,) m.
+    `hit` (m,) are the rays that meet the contour, ascending, at `ranges` (m,) m. With fitted noise,
+    each block of rays gives a point whose middle ray is between the shifted ends.
     """
-    if noise.kind == "fitted":
-        return _measure_blocks(noise, hit, ranges, rays, rig, random)
-    std = range_std(noise, ranges, rays.angles[hit], rig)
-    return hit, ranges, ranges + std * random.standard_normal(len(hit))
-
-
-def _measure_blocks(
-    noise: FittedNoise,
-    hit: np.ndarray,
-    ranges: np.ndarray,
-    rays: Rays,
-    rig: Rig,
-    random: np.random.Generator,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """One point for each block of rays whose middle ray is between the shifted ends."""
+    if noise.kind != "fitted":
+        std = range_std(noise, ranges, rays.angles[hit], rig)
+        return hit, ranges, ranges + std * random.standard_normal(len(hit))
     drawn = random.standard_normal(2)
     if len(hit) == 0:
         return hit, ranges, ranges
