@@ -18,7 +18,7 @@ from stixel_cli.border import TYPED, Origin, admit, imported, imported_file
 from stixel_cli.config import messages
 from stixel_cli.config.folders import STUDIES, shipped_folder
 from stixel_cli.config.texts import value_text
-from stixel_cli.errors import ConfigurationError, UserError
+from stixel_cli.errors import ConfigurationError, UserError, printable_path
 from stixel_cli.evaluation.metric_table import MAIN
 from stixel_cli.parameters import parameters
 from stixel_cli.sweeps.design import SWEEP_ENTRIES, Design, design_of, read_mapping
@@ -176,7 +176,6 @@ def sweep_entry(name: Any, entries: Any, origin: Origin) -> SweepEntry:
 ALL = "all"
 FUNCTIONS = ("columns", "material")
 """Functions of a module that add to the report, if it has them."""
-_LONGEST_PATH = 200
 _Text = Annotated[str, StringConstraints(pattern=r"\S")]
 
 
@@ -230,10 +229,9 @@ class StudyFile:
         """
         function = getattr(self.module, name, None)
         if not callable(function):
-            raise ConfigurationError(
-                f"{_shown(self.path)}: {messages.printable(self.module_name)} has no function "
-                f"{messages.printable(name)}"
-            )
+            module, shown = messages.printable(self.module_name), messages.printable(name)
+            where = printable_path(self.path)
+            raise ConfigurationError(f"{where}: {module} has no function {shown}")
         return function
 
     def further_axes(self, name: str | None, *data: Any) -> Axes:
@@ -276,12 +274,12 @@ def read_study(path: Path, trusted: bool = False) -> StudyFile:
     A file that is not shipped may name a module or functions of its own only if it is `trusted`.
     ConfigurationError in one line that names the file and the entry.
     """
-    content = read_mapping(path, ENTRIES)
+    content, where = read_mapping(path, ENTRIES), printable_path(path)
     try:
         if "sweeps" not in content and not set(content) - set(SWEEP_ENTRIES):
-            raise ConfigurationError(f"is a sweep, not a study: stixel sweep --from {_shown(path)}")
+            raise ConfigurationError(f"is a sweep, not a study: stixel sweep --from {where}")
         given = {key: value for key, value in content.items() if value is not None}
-        file = messages.validated(_Content, given, _shown(path), ENTRIES)
+        file = messages.validated(_Content, given, where, ENTRIES)
         module_name, questions = file.module, file.questions
         shipped = shipped_folder("pipelines") / "studies"
         is_shipped = path in [shipped / f"{name}.yaml" for name in STUDIES]
@@ -307,7 +305,6 @@ def read_study(path: Path, trusted: bool = False) -> StudyFile:
         for name in functions:
             study.function(name)
     except ConfigurationError as fault:
-        where = _shown(path)
         text = str(fault)
         raise ConfigurationError(text if where in text else f"{where}: {text}") from None
     return study
@@ -322,13 +319,10 @@ def _module(folder: Path, name: str, origin: Origin) -> ModuleType:
             raise ConfigurationError(f"module: no module {messages.printable(name)}") from None
     file = folder / name
     if not file.is_file():
-        raise ConfigurationError(f"module: no file {messages.printable(name)} in {_shown(folder)}")
+        where = printable_path(folder)
+        raise ConfigurationError(f"module: no file {messages.printable(name)} in {where}")
     try:
         return imported_file(file, f"stixel_study_{file.stem}", origin)
     except Exception as fault:
         reason = messages.named_fault(fault, str(file))
         raise ConfigurationError(f"module: {name} cannot be imported: {reason}") from fault
-
-
-def _shown(path: Path) -> str:
-    return messages.printable(str(path), _LONGEST_PATH)

@@ -335,17 +335,12 @@ def study_page(
     `origin`: `command` line that makes the report; when it was `created`, UTC; the `seeds` of each
     sweep's runs.
     """
-    made = provenance()
+    made, shown = provenance(), report or Report((), (), Material())
     return page_template(__package__, "study.html").render(
         plan=plan,
         answer=report and report.answer,
-        sections=[_section(one, i, page) for i, one in enumerate(report.sections)]
-        if report
-        else [],
-        tables=[
-            (heading, render.cells_of(table))
-            for heading, table in (report.material.tables.items() if report else ())
-        ],
+        sections=[_section(one, i, page) for i, one in enumerate(shown.sections)],
+        tables=[(name, render.cells_of(own)) for name, own in shown.material.tables.items()],
         explanation=render.explanation(),
         states=render.Cells(
             ("sweep", "runs", "done", "seeds", "faults"),

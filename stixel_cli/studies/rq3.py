@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields
 
+import numpy as np
 import pandas as pd
 
 from stixel_cli.answers.runs import Runs
@@ -77,15 +78,11 @@ def columns(name: str, runs: Runs, results: Sequence[RunResult]) -> Runs:
     lag = neighbour_columns(list(loaded.values()))
     found = {key: point_statistics(errors, lag) for key, errors in loaded.items()}
     axes = tuple(axis for axis in runs.axes if not axis.startswith("measurement"))
-    return with_columns(
-        Runs(runs.frame, axes),
-        **{
-            column: pd.array([found[key][statistic] for key in keys], dtype="float64").to_numpy(
-                float, na_value=float("nan")
-            )
-            for statistic, column in POINTS.items()
-        },
-    )
+    statistics = {
+        column: np.array([found[key][statistic] for key in keys], dtype=np.float64)
+        for statistic, column in POINTS.items()
+    }
+    return with_columns(Runs(runs.frame, axes), **statistics)
 
 
 def material(data: StudyData) -> Material:

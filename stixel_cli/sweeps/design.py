@@ -24,7 +24,7 @@ from stixel_cli.config.overrides import (
     read_overrides,
 )
 from stixel_cli.config.texts import override_text
-from stixel_cli.errors import BelongsElsewhere, ConfigurationError
+from stixel_cli.errors import BelongsElsewhere, ConfigurationError, printable_path
 from stixel_cli.experiment.table import PICTURES
 from stixel_cli.files import check_plain, read_text, read_yaml_text
 from stixel_cli.parameters import parameters
@@ -174,14 +174,14 @@ def read_design(path: Path, trusted: bool) -> Design:
     """The design in a file, whose names of code count as `trusted`; UserError if it is wrong."""
     content = read_mapping(path, SWEEP_ENTRIES)
     if "sweeps" in content:
-        where = messages.printable(str(path), 200)
+        where = printable_path(path)
         raise ConfigurationError(f"{where}: is a study, not a sweep: stixel study {path.stem}")
     return replace(design_of(content, str(path), Origin(str(path), trusted)), file=str(path))
 
 
 def design_of(content: Mapping[Any, Any], where: str, origin: Origin) -> Design:
     """The design of entries that `origin` has; ConfigurationError in one line after `where`."""
-    where = messages.printable(where, 200)
+    where = printable_path(where)
     given = {key: value for key, value in content.items() if value is not None}
     entries = messages.validated(SweepEntries, given, where, SWEEP_ENTRIES)
     try:
@@ -224,7 +224,7 @@ def read_mapping(path: Path, entries: Sequence[str]) -> dict[str, Any]:
     from yaml import YAMLError
 
     text = read_yaml_text(path, _MOST_ENTRIES)
-    where = messages.printable(str(path), 200)
+    where = printable_path(path)
     try:
         # OmegaConf reads 1e-6 as a number and refuses a repeated key.
         content = OmegaConf.to_container(OmegaConf.create(text), resolve=False)
