@@ -14,7 +14,7 @@ from stixel_cli import compose
 from stixel_cli.experiment.stages import computed_stages
 from stixel_cli.recordings.tables import read_labels
 from stixel_cli.scene.parameters import CLASS_OF_KITTI_TYPE
-from stixel_cli.validation.pair_errors import column_rays, label_face
+from stixel_cli.validation.pair_errors import label_face
 
 GREATEST_ERROR = 3.0
 """A stixel farther from the label's face than this, px, is of another object."""
@@ -28,7 +28,7 @@ LEAST_STIXELS = 3
 
 def label_errors(stixels, recording, rig):
     """Frame, track, column px, depth m and error px of all labels, one row each."""
-    rays, tables = column_rays(rig), recording.tables
+    tables = recording.tables
     cars = {
         track: one
         for track, one in read_labels(recording.label_files, tables).items()
@@ -42,7 +42,7 @@ def label_errors(stixels, recording, rig):
                 for row in np.flatnonzero(labels.frames == number):
                     if labels.truncated[row] or labels.occluded[row]:
                         continue
-                    face = label_face(labels, row, rays, rig, tables.left_camera)
+                    face = label_face(labels, row, rig, tables.left_camera)
                     found = one_label(chunk, chunk.rows(i), face, rig)
                     rows += [] if found is None else [(number, track, *found)]
     return np.array(rows, dtype=float).reshape(-1, 5)

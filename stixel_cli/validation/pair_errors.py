@@ -6,11 +6,11 @@ import numpy as np
 
 from stixel_cli.geometry.pose import rectangle, world_from_target
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.measurements.rays import Rays, first_crossings, spread_rays
 from stixel_cli.recordings.types import Labels
 from stixel_cli.stixels.parameters import FreeSpaceParameters, RoadParameters
 from stixel_cli.stixels.road import find_road, pitch_and_height, pitch_factors
 from stixel_cli.stixels.types import FreeSpace, Stixels
+from stixel_cli.validation.point_errors import ranges_along
 from stixel_cli.validation.stage_errors import nearest_rows
 
 LEAST_PIXELS = 4
@@ -165,37 +165,31 @@ def label_obstacles(
     labels: list[Labels], frame: int, rig: Rig, left_camera: tuple[float, float, float]
 ) -> np.ndarray:
     """Depth (W,) m of the nearest labelled box that each column sees; NaN without one."""
-    rays = column_rays(rig)
     nearest = np.full(rig.width, np.nan)
     for one in labels:
         for row in np.flatnonzero(one.frames == frame):
-            nearest = np.fmin(nearest, label_face(one, row, rays, rig, left_camera))
+            nearest = np.fmin(nearest, label_face(one, row, rig, left_camera))
     return nearest
 
 
-def column_rays(rig: Rig) -> Rays:
-    """One ray per image column, the rightmost first."""
-    right = -np.arctan((rig.width - 1 - rig.u0) / rig.focal)
-    return spread_rays(rig.width, (float(right), float(np.arctan(rig.u0 / rig.focal))), True)
+def face_depths(contour: np.ndarray, rig: Rig) -> np.ndarray:
+    """Depth (W,) m at which the ray of each column enters a contour (M, 2) m; NaN outside it.
 
-
-def face_depths(contour: np.ndarray, rays: Rays, rig: Rig) -> np.ndarray:
-    """Depth (W,) m at which the ray of each column enters a contour (M, 2); NaN outside it."""
-    depths = np.full(rig.width, np.nan)
-    hit, ranges = first_crossings(contour, rays)
-    depths[rig.width - 1 - hit] = ranges * np.cos(rays.angles[hit])
-    return depths
+    The contour is in the camera's frame: x ahead, y to the left.
+    """
+    angles = np.arctan((rig.u0 - np.arange(rig.width)) / rig.focal)
+    depths = ranges_along(contour, angles) * np.cos(angles)
+    return np.where(np.isfinite(depths), depths, np.nan)
 
 
 def label_face(
-    labels: Labels, row: int, rays: Rays, rig: Rig, left_camera: tuple[float, float, float]
+    labels: Labels, row: int, rig: Rig, left_camera: tuple[float, float, float]
 ) -> np.ndarray:
     """Depth (W,) m at which the ray of each column enters a label's box; NaN outside it."""
     place = rig.level_from_camera @ (labels.places[row] - np.array(left_camera))
     _, width, length = labels.sizes[row]
-    # Frame of the rays: x ahead, y to the left.
     pose = np.array([place[2], -place[0], -labels.yaws[row] - 0.5 * np.pi])
-    return face_depths(world_from_target(rectangle(length, width), pose), rays, rig)
+    return face_depths(world_from_target(rectangle(length, width), pose), rig)
 
 
 def called_free(
