@@ -12,14 +12,14 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 46_678
+TOTAL = 46_619
 """Greatest number of lines in all."""
 
 MODULES = 250
 """Greatest number of modules, without `__init__`."""
 
 BUDGET = {
-    "": 1529,
+    "": 1454,
     "answers": 1354,
     "benchmark": 1004,
     "calibration": 564,
@@ -32,19 +32,19 @@ BUDGET = {
     "geometry": 412,
     "live": 620,
     "machine": 186,
-    "measurements": 1963,
+    "measurements": 1936,
     "pictures": 1377,
-    "recordings": 2622,
+    "recordings": 2685,
     "rendering": 2148,
     "report": 755,
     "results": 1378,
     "scene": 3375,
     "stereo": 452,
     "stixels": 2073,
-    "studies": 1755,
+    "studies": 1741,
     "sweeps": 2090,
     "tracking": 6624,
-    "validation": 1094,
+    "validation": 1088,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
 

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from stixel_cli.errors import UserError, printable
-from stixel_cli.feather import read_columns
+from stixel_cli.recordings.feather import read_columns
 from stixel_cli.recordings.kitti_tables import seen_box, tracks_of
 from stixel_cli.recordings.times import GREATEST_GAP, poses_at, unit_rotations
 from stixel_cli.recordings.types import Calibration, Recording, Rectification, Tables, Tracks

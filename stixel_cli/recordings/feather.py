@@ -8,17 +8,13 @@ import numpy as np
 
 from stixel_cli.errors import UserError
 from stixel_cli.files import read_bytes
+from stixel_cli.recordings.kitti_tables import GREATEST, MOST_ROWS
 
 if TYPE_CHECKING:
     import pyarrow
 
-GREATEST = 16 * 2**20
+LARGEST = 16 * 2**20
 """Bytes of a file."""
-
-MOST_ROWS = 1_000_000
-
-LARGEST = 1e9
-"""Greatest absolute value of a number, in its unit: products of larger ones overflow."""
 
 
 def read_columns(
@@ -30,7 +26,7 @@ def read_columns(
         UserError: if the file is missing, not valid or too large, pyarrow is not installed, a
             column is missing or of another type, or a number is too large.
     """
-    data = read_bytes(file, GREATEST)
+    data = read_bytes(file, LARGEST)
     try:
         import pyarrow
         from pyarrow.dataset import IpcFileFormat
@@ -48,8 +44,8 @@ def read_columns(
         raise UserError(f"{file}: not a valid Feather file: {cause}") from None
     found = {name: _column(file, table, name, "numbers") for name in numbers}
     for name, values in found.items():
-        if values.dtype == float and not (np.abs(values) <= LARGEST).all():
-            raise UserError(f"{file}: the column {name} must be within ±{LARGEST:g} in each row")
+        if values.dtype == float and not (np.abs(values) <= GREATEST).all():
+            raise UserError(f"{file}: the column {name} must be within ±{GREATEST:g} in each row")
     return found | {name: _column(file, table, name, "text") for name in words}
 
 

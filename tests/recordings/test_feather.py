@@ -5,8 +5,8 @@ import struct
 
 import pytest
 
-from stixel_cli import feather
 from stixel_cli.errors import UserError
+from stixel_cli.recordings import feather
 
 pyarrow = pytest.importorskip("pyarrow")
 
