@@ -8,7 +8,7 @@ from pathlib import Path
 
 from stixel_cli.config.folders import (
     group_options,
-    options_default_first,
+    options_of_kind,
 )
 from stixel_cli.config.keys import (
     Key,
@@ -37,7 +37,7 @@ def _lines() -> Iterator[str]:
     yield "| group | options | meaning |"
     yield "|---|---|---|"
     for group in groups():
-        options = " ".join(f"`{option}`" for option in options_default_first(group))
+        options = " ".join(f"`{option}`" for option in options_of_kind(group))
         yield f"| [`{group}`](#{group}) | {options} | {_cell(meaning_of_group(group))} |"
     yield ""
     yield "Without a group:"
@@ -51,7 +51,7 @@ def _section(group: str) -> Iterator[str]:
     yield ""
     yield f"## {group}"
     yield ""
-    options = options_default_first(group)
+    options = options_of_kind(group)
     for option in options:
         yield f"- `{group}={option}`: {_cell(meaning_of_option(group, option))}"
     if not any(keys_of_option(group, option) for option in options):

@@ -79,7 +79,7 @@ def _print_groups() -> None:
     rows = [
         (
             name,
-            " ".join([*folders.options_default_first(name), *_installed(name)]),
+            " ".join([*folders.options_of_kind(name), *_installed(name)]),
             meaning_of_group(name),
         )
         for name in groups()
@@ -100,7 +100,7 @@ def _print_group(group: str) -> None:
     say("")
     options = [
         (f"{group}={option}", meaning_of_option(group, option))
-        for option in folders.options_default_first(group)
+        for option in folders.options_of_kind(group)
     ]
     print_table(("option (default first)", "meaning"), options)
     say("")

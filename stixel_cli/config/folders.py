@@ -264,14 +264,6 @@ def outer_options(group: str) -> tuple[str, ...]:
     return tuple(option for option in options if group in inner_options(outer, option))
 
 
-def options_of_kind(group: str, kind: str) -> tuple[str, ...]:
-    """The options of a group with this `kind`; only the one of that name if it exists."""
-    options = group_options()[group]
-    if kind in options:
-        return (kind,)
-    return tuple(name for name in options if option_values(group, name).get("kind") == kind)
-
-
 def default_option(group: str) -> str:
     """The option of a group that `config.yaml` chooses; the first if that follows another group.
 
@@ -285,9 +277,10 @@ def default_option(group: str) -> str:
     return group_options()[group][0] if chosen is None or "$" in chosen else chosen
 
 
-def options_default_first(group: str) -> list[str]:
-    """The options of a group in alphabetical order, but for the default, which is the first."""
-    return sorted(group_options()[group], key=lambda option: option != default_option(group))
+def options_of_kind(group: str, kind: str | None = None) -> list[str]:
+    """The options of a group, only those of a `kind` if it is given; the default first."""
+    options = sorted(group_options()[group], key=lambda option: option != default_option(group))
+    return [o for o in options if kind is None or option_values(group, o).get("kind") == kind]
 
 
 def configured_option(group: str) -> str | None:

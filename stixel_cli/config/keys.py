@@ -32,7 +32,7 @@ from stixel_cli.config.folders import (
     innermost_group,
     option_file,
     option_values,
-    options_default_first,
+    options_of_kind,
     shipped_folder,
     values_beside_groups,
 )
@@ -72,7 +72,7 @@ class Key:
     @property
     def belongs_to(self) -> list[str]:
         """The options that have it, as `tracker=gp_ekf`; empty if its group has one variant."""
-        return [f"{group}={o}" for group, kind in self.owners for o in _options(group, kind)]
+        return [f"{g}={option}" for g, kind in self.owners for option in options_of_kind(g, kind)]
 
     @property
     def meaning(self) -> str:
@@ -98,7 +98,7 @@ class Key:
         name = self.name[len(group) + 1 :]
         values = {
             option: option_values(group, option).get(name, default)
-            for option in _options(group, dict(self.owners).get(group))
+            for option in options_of_kind(group, dict(self.owners).get(group))
         }
         return {o: "" if v is dataclasses.MISSING else _typed(v) for o, v in values.items()}
 
@@ -118,12 +118,6 @@ class Key:
             if f"${{{self.name}}}" in str(value)
         }
         return [*followers]
-
-
-def _options(group: str, kind: str | None) -> list[str]:
-    """The options of a group, only those of a `kind` if it is given; the default first."""
-    options = options_default_first(group)
-    return [o for o in options if kind is None or option_values(group, o).get("kind") == kind]
 
 
 def _typed(value: Any) -> str:
@@ -147,34 +141,31 @@ def known_keys() -> dict[str, tuple[Key, ...]]:
     """
     keys: dict[str, tuple[Key, ...]] = {}
     for key in _walk(Configuration):
-        if not dataclasses.is_dataclass(key.annotation):
-            keys[key.name] = (*keys.get(key.name, ()), key)
+        keys[key.name] = (*keys.get(key.name, ()), key)
     return keys
 
 
 def _walk(
     schema: type, prefix: str = "", owners: tuple[tuple[str, str], ...] = ()
 ) -> Iterator[Key]:
-    """The keys of a schema, and the variants of its groups with their classes as annotations."""
+    """The keys of a schema."""
     for name, annotation in fields_of(schema).items():
         variants = classes_in(annotation)
         group = (prefix + name).replace(".", "/")
         several = [(one, kind) for one in variants for kind in kinds_of(one)]
         for variant, kind in several if len(variants) > 1 else [(one, "") for one in variants]:
             of_variant = (*owners, (group, kind)) if kind else owners
-            yield Key(prefix + name, variant, of_variant, schema)
             yield from _walk(variant, f"{prefix}{name}.", of_variant)
         if not variants and name != "kind":
             yield Key(prefix + name, annotation, owners, schema)
 
 
-@cache
-def schema_of(group: str, kind: str) -> type | None:
-    """The class of the parameters of a group's variant; None for a group without a schema."""
-    for key in _walk(Configuration):
-        if key.name.replace(".", "/") == group and dict(key.owners).get(group, kind) == kind:
-            return key.annotation
-    return None
+def _classes_of(group: str) -> list[type]:
+    """The classes of the parameters of a group's variants; [] for a group without a schema."""
+    classes = [Configuration]
+    for part in group.split("/"):
+        classes = [one for owner in classes for one in classes_in(fields_of(owner).get(part))]
+    return classes
 
 
 def chosen_kinds(plain: Any, prefix: str = "") -> dict[str, str]:
@@ -244,8 +235,9 @@ def meaning_of_option(group: str, option: str) -> str:
     comment = [line[2:] for line in takewhile(lambda line: line.startswith("# "), lines)]
     text = " ".join(comment)
     if not comment:
-        schema = schema_of(group, option_values(group, option).get("kind", ""))
-        text = inspect.getdoc(schema).splitlines()[0] if schema else ""
+        kind = option_values(group, option).get("kind")
+        schemas = [one for one in _classes_of(group) if kind in (kinds_of(one) or [kind])]
+        text = inspect.getdoc(schemas[0]).splitlines()[0] if schemas else ""
     return re.split(r"\.(?= [A-Z]|$)", text)[0].strip()
 
 
@@ -308,10 +300,7 @@ def _group_schema(group: str) -> dict[str, Any]:
 
     An option may leave out its kind, if it derives from another by `defaults`.
     """
-    classes = [Configuration]
-    for part in group.split("/"):
-        classes = [one for owner in classes for one in classes_in(fields_of(owner).get(part))]
-    variants = [_section([one])["properties"] | _DEFAULTS for one in classes]
+    variants = [_section([one])["properties"] | _DEFAULTS for one in _classes_of(group)]
     null = [{"type": "null"}] if group in ("source", "path") else []
     return _any_of(_object({k: _any_of([v, *null]) for k, v in one.items()}) for one in variants)
 

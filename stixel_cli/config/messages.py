@@ -108,14 +108,6 @@ _UNSUITABLE |= dict.fromkeys(
 )
 
 
-def _describe_fault(fault: dict[str, Any], plain: dict[str, Any]) -> str:
-    """One line for one of pydantic's errors."""
-    kind, (name, annotation) = fault["type"], keys.locate(fault["loc"])
-    if kind in ("unexpected_keyword_argument", "extra_forbidden"):
-        return unknown_key(name, keys.chosen_kinds(plain))
-    return describe_fault(fault, name, annotation)
-
-
 def describe_fault(fault: Mapping[str, Any], name: str, annotation: Any) -> str:
     """One line for one of pydantic's errors about the key `name`; None for no `annotation`."""
     kind, value = fault["type"], fault["input"]
@@ -192,10 +184,14 @@ def read_settings(kind: Any, plain: Any, typed: Iterable[str], group: str = "") 
     except ValidationError as error:
         within = (group,) if group else ()
         faults = [one | {"loc": (*within, *one["loc"])} for one in error.errors(include_url=False)]
-        given, names = tuple(typed), [keys.locate(fault["loc"])[0] for fault in faults]
-        first = next((i for i, name in enumerate(names) if name.startswith(given)), 0)
-        text = _describe_fault(faults[first], {group: plain} if group else plain)
-        others = len(set(names)) - 1
+        given, places = tuple(typed), [keys.locate(fault["loc"]) for fault in faults]
+        first = next((i for i, (name, _) in enumerate(places) if name.startswith(given)), 0)
+        if faults[first]["type"] == "unexpected_keyword_argument":
+            kinds = keys.chosen_kinds({group: plain} if group else plain)
+            text = unknown_key(places[first][0], kinds)
+        else:
+            text = describe_fault(faults[first], *places[first])
+        others = len({name for name, _ in places}) - 1
         more = f" (and {counted(others, 'more fault')})" if others > 0 else ""
         raise ConfigurationError(text + more) from None
     except (TypeError, ValueError) as fault:

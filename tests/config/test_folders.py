@@ -70,6 +70,6 @@ def test_a_group_within_another():
     assert innermost_group("measurement.noise") == "measurement/noise"
     assert innermost_group("measurement.rays") == "measurement"
     assert innermost_group("nothing.rays") == ""
-    assert options_of_kind("measurement/noise", "constant") == ("constant",)
+    assert options_of_kind("measurement/noise", "constant") == ["constant"]
     fitted = options_of_kind("measurement/noise", "fitted")
     assert {"fitted_car", "fitted_cyclist", "fitted_pedestrian"} <= set(fitted)
