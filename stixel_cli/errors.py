@@ -33,6 +33,17 @@ class MissingData(UserError):
     """Data that only some machines have are missing."""
 
 
+class Interrupted(UserError):
+    """Ctrl-C; the text says what is kept."""
+
+    exit_code = 130
+
+    def __init__(
+        self, text: str = "interrupted; what was computed is kept: repeat the command to resume"
+    ):
+        super().__init__(text)
+
+
 class FolderTaken(UserError):
     """Another process has already created the folder."""
 

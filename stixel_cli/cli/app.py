@@ -23,9 +23,9 @@ from stixel_cli.cli.report import ls, report
 from stixel_cli.cli.run import export, run, verify
 from stixel_cli.cli.study import study
 from stixel_cli.cli.sweep import explain, sweep, tune
-from stixel_cli.cli.terminal import Interrupted, escaping, guarded, say, settle_streams, usage_line
+from stixel_cli.cli.terminal import escaping, guarded, say, settle_streams, usage_line
 from stixel_cli.engine.limits import ENVIRONMENT
-from stixel_cli.errors import UserError
+from stixel_cli.errors import Interrupted, UserError
 from stixel_cli.version import __version__
 
 _GROUPS: dict[str, tuple[Callable[..., int] | typer.Typer, ...]] = {

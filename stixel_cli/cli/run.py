@@ -2,12 +2,14 @@
 
 import shlex
 import sys
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from stixel_cli.cli import options
-from stixel_cli.cli.terminal import Interrupted, print_json, print_table, say, say_wrapped, tell
+from stixel_cli.cli.terminal import print_json, print_table, say, say_wrapped, tell
+from stixel_cli.errors import Interrupted
 
 if TYPE_CHECKING:
     from stixel_cli.config.compose import Composition
@@ -64,9 +66,7 @@ def run(
     if folder is None:
         composition = compose(options.with_workers(overrides or [], workers))
     else:
-        stored = stored_run(folder, workers, trust_code)
-        tell_changed_code(stored)
-        composition = stored.composition
+        composition = stored_run(folder, workers, trust_code).composition
     if dry_run:
         check_results(results, name)
         _print_plan(composition, json)
@@ -146,22 +146,16 @@ def print_scores(verbose: bool, _: "Scenario", scores: "Scores") -> None:
 def stored_run(folder: Path, workers: int | None, trust_code: bool) -> "RunResult":
     """The run of a result folder, to be computed with the executor and cache of this machine.
 
+    Each of the user's modules that differs from its copy in the folder is named on stderr.
     UserError if the folder cannot be read, or names user-defined code that is not trusted.
     """
     from stixel_cli.experiment.run import read_stored_run, trust_stored_run
-
-    stored = read_stored_run(folder, tuple(options.with_workers((), workers)))
-    trust_stored_run(stored, trust_code)
-    return stored
-
-
-def tell_changed_code(stored: "RunResult") -> None:
-    """Name each of the user's modules on stderr that differs from the copy in a folder."""
-    from stixel_cli.experiment.run import changed_code
     from stixel_cli.results.lineage import CODE_FOLDER
 
-    for name in changed_code(stored):
+    stored = read_stored_run(folder, tuple(options.with_workers((), workers)))
+    for name in trust_stored_run(stored, trust_code):
         tell(f"{name}: is not as in {stored.folder / CODE_FOLDER}: today's is used")
+    return stored
 
 
 def verify(
@@ -188,7 +182,6 @@ def verify(
     from stixel_cli.results.lineage import provenance
 
     stored = stored_run(folder, workers, trust_code)
-    tell_changed_code(stored)
     store = open_store(stored.composition.configuration.cache)
     progress = Progress(visible=True)
     if cached:
@@ -200,37 +193,28 @@ def verify(
             with temporary as scratch:
                 verification = verify_run(stored, Store(scratch), store, provenance(), progress)
         except KeyboardInterrupt:
-            raise Interrupted("the results are discarded (--cached keeps them)") from None
+            discarded = "interrupted; the results are discarded (--cached keeps them)"
+            raise Interrupted(discarded) from None
     if json:
-        print_json(_as_json(folder, verification))
+        answer = {"folder": str(folder), "identical": verification.identical}
+        print_json(answer | asdict(verification))
     else:
         say(*_as_text(verification, stored.lineage is None))
     return 0 if verification.identical else 1
-
-
-def _as_json(folder: Path, verification: "Verification") -> dict[str, Any]:
-    return {
-        "folder": str(folder),
-        "identical": verification.identical,
-        "files_compared": verification.compared,
-        "files": [vars(file) for file in verification.files],
-        "first_by_key": None if verification.by_key is None else vars(verification.by_key),
-        "first_by_value": None if verification.by_value is None else vars(verification.by_value),
-        "changes": list(verification.changes),
-        "stages": verification.stages,
-    }
 
 
 def _as_text(verification: "Verification", no_record: bool) -> list[str]:
     computed = sum(stage["nodes_computed"] for stage in verification.stages)
     nodes = sum(stage["nodes"] for stage in verification.stages)
     again = f"{computed} of {nodes} nodes computed again"
+    compared = verification.files_compared
     if verification.identical:
-        lines = [f"identical: {verification.compared} files compared, {again}"]
+        lines = [f"identical: {compared} files compared, {again}"]
     else:
-        lines = [f"differs: {len(verification.files)} of {verification.compared} files, {again}"]
+        lines = [f"differs: {len(verification.files)} of {compared} files, {again}"]
         lines += [f"  {file.file}: {file.what}" for file in verification.files]
-    for kind, stage in (("key", verification.by_key), ("result", verification.by_value)):
+    first = {"key": verification.first_by_key, "result": verification.first_by_value}
+    for kind, stage in first.items():
         if stage is not None:
             lines.append(f"first stage with another {kind}: {stage.stage}: {stage.what}")
             lines += [f"  {cause}" for cause in stage.causes]

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 from stixel_cli.cli import options
 from stixel_cli.cli.sweep import INCOMPLETE, estimate_text, plan_content, print_plan
-from stixel_cli.cli.terminal import console, print_json, say, say_wrapped, tell
+from stixel_cli.cli.terminal import print_json, say, say_wrapped, tell
 from stixel_cli.config.folders import STUDIES
-from stixel_cli.errors import ConfigurationError, MissingData, UserError, counted
+from stixel_cli.errors import ConfigurationError, Interrupted, MissingData, UserError, counted
 
 if TYPE_CHECKING:
     from stixel_cli.studies.plan import StudyPlan
@@ -66,7 +66,6 @@ def study(
     from stixel_cli.studies.run import Study
     from stixel_cli.sweeps.design import find_file
     from stixel_cli.sweeps.index import update_index
-    from stixel_cli.sweeps.run import SweepInterrupted
 
     chosen, *overrides = _checked(words or [], name)
     studies = STUDIES if chosen == ALL else (chosen,)
@@ -108,7 +107,7 @@ def study(
             update_index(results)
             answers[study] = _answer(asked)
             codes.append(_tell_what_is_missing(asked))
-        except SweepInterrupted:
+        except Interrupted:
             raise
         except UserError as error:
             failed(study, error)
@@ -200,7 +199,7 @@ def _answer(asked: "Study") -> dict[str, Any]:
 
 def _print(asked: "Study") -> None:
     if asked.report is not None:
-        console().print(asked.plan.study.title, markup=False, style="bold")
+        say_wrapped(asked.plan.study.title, "bold")
         say_wrapped(asked.report.answer[0])
     done = sum(state.done for state in asked.states)
     nodes = f"{asked.count('computed')} computed, {asked.count('cached')} cached"

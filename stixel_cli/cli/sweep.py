@@ -13,7 +13,7 @@ from stixel_cli.border import TYPED
 from stixel_cli.cli import options
 from stixel_cli.cli.terminal import print_json, print_table, say, say_wrapped, tell
 from stixel_cli.config.folders import PRESETS, of_the_machine
-from stixel_cli.errors import UserError, counted
+from stixel_cli.errors import Interrupted, UserError, counted
 
 if TYPE_CHECKING:
     from stixel_cli.results.lineage import Lineage
@@ -185,7 +185,7 @@ def tune(
     from stixel_cli.answers.render import records
     from stixel_cli.config.overrides import read_overrides
     from stixel_cli.results.folder import check_results, new_folder, origin_of
-    from stixel_cli.sweeps.run import SweepInterrupted, resumed_overrides
+    from stixel_cli.sweeps.run import resumed_overrides
     from stixel_cli.sweeps.tuning import (
         TuneRequest,
         Tuning,
@@ -217,8 +217,8 @@ def tune(
     try:
         tuning.search(request.trials)
         best, gain = write_outcome(folder, tuning, command)
-    except SweepInterrupted:
-        raise SweepInterrupted(f"interrupted; resume with: {command}") from None
+    except Interrupted:
+        raise Interrupted(f"interrupted; resume with: {command}") from None
     if json:
         answer = {"trial": best.name, "settings": best.settings, "gain": records(gain)}
         print_json({"folder": str(folder.absolute()), **answer})

@@ -18,7 +18,7 @@ from typing import Any
 
 from stixel_cli.config.folders import group_options
 from stixel_cli.config.texts import suggestion
-from stixel_cli.errors import UserError, escaped, printable, printable_path
+from stixel_cli.errors import Interrupted, UserError, escaped, printable, printable_path
 
 CRASHED = 1
 LONGEST_USAGE = 300
@@ -32,15 +32,6 @@ _OF_THE_USER = (errno.ENAMETOOLONG, errno.EACCES)
 
 _OF_STDOUT = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EPIPE)
 """Errors of printing, which have no file name."""
-
-
-class Interrupted(UserError):
-    """Ctrl-C."""
-
-    exit_code = 130
-
-    def __init__(self, what: str = "what was computed is kept: repeat the command to resume"):
-        super().__init__(f"interrupted; {what}")
 
 
 def guarded(command: Callable[[], int]) -> int:
@@ -113,22 +104,17 @@ def _tell_crash(error: Exception) -> None:
 
     if isinstance(error, StageFailure):
         # The cause is more often the user's own code.
-        head, what, place = "", f"stage {error.label} failed: {_named(error.cause)}", error.place
+        head, cause, place = f"stage {error.label} failed", error.cause, error.place
     else:
-        head, what, place = "internal error, please report it: ", _named(error), ""
+        head, cause, place = "internal error, please report it", error, ""
     text = "".join(traceback.format_exception(error))
-    line = head + what + (f" ({place})" if place else "")
+    what = printable(" ".join(f"{type(cause).__name__}: {cause}".split()), 200)
+    line = f"{head}: {what}" + (f" ({place})" if place else "")
     try:
         tell(f"{line}; traceback: {_write_log(text)}")
     except OSError as fault:
         tell(f"{line}; no log could be written: {fault}")
         sys.stderr.write(text)
-
-
-def _named(error: BaseException) -> str:
-    """Type and message of an error in one line, not too long."""
-    what = " ".join(f"{type(error).__name__}: {error}".split())
-    return what[:199] + "…" if len(what) > 200 else what
 
 
 def _write_log(text: str) -> Path:
@@ -234,18 +220,6 @@ def escaping() -> Iterator[None]:
         vars(sys).update({n: before[n] for n in before if getattr(sys, n) is ours[n]})
 
 
-def console(width: int | None = None) -> Any:
-    """Rich's console on stdout; it escapes what would control the terminal."""
-    from rich.console import Console
-
-    class Escaping(Console):
-        def render(self, renderable: Any, options: Any = None) -> Iterator[Any]:
-            for part in super().render(renderable, options):
-                yield part if part.control else part._replace(text=escaped(part.text))
-
-    return Escaping(highlight=False, soft_wrap=width is None, width=width)
-
-
 def say(*lines: object) -> None:
     """Print lines verbatim on stdout."""
     sys.stdout.write("".join(f"{line}\n" for line in lines))
@@ -253,9 +227,11 @@ def say(*lines: object) -> None:
 
 def say_wrapped(text: str, style: str = "") -> None:
     """Print a text on stdout, wrapped at its spaces; a longer word, like a path, stays whole."""
-    width = shutil.get_terminal_size().columns
+    from rich.console import Console
+
+    width, console = shutil.get_terminal_size().columns, Console(highlight=False, soft_wrap=True)
     for line in textwrap.wrap(text, width, break_long_words=False, break_on_hyphens=False):
-        console().print(line, style=style, markup=False)
+        console.print(escaped(line), style=style, markup=False)
 
 
 def print_json(value: Any) -> None:
@@ -282,6 +258,7 @@ def print_table(
             are left out in this order, and a line names them.
     """
     from rich import box
+    from rich.console import Console
     from rich.table import Table
     from rich.text import Text
 
@@ -305,7 +282,7 @@ def print_table(
         table.add_column(header[i], justify="right" if i in right else "left", width=widths[i])
     for row in cells:
         table.add_row(*(row[i] for i in shown))
-    console(_line_width(widths, shown)).print(table, soft_wrap=False)
+    Console(width=_line_width(widths, shown)).print(table)
     missing = [name for i, name in enumerate(columns) if i not in shown]
     if missing:
         say_wrapped(f"Not shown on a screen of {screen} columns: {'; '.join(missing)}")

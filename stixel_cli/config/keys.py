@@ -287,7 +287,8 @@ def schema_files() -> dict[str, str]:
     found[PACE] = {"type": "object"}  # Options of paths refer to its values: they are in no class.
     parts = _DEFAULTS | {"inner_options": _WORDS, "sources": _WORDS}
     found[EXPERIMENT] = _object(whole["properties"] | parts)
-    found["settings"] = {"$defs": _settings(dict(_flat(whole)))}
+    values = {name: _any_of(map(_key_schema, variants)) for name, variants in known_keys().items()}
+    found["settings"] = {"$defs": _settings(values)}
     folder = shipped_folder("conf") / "schema"
     return {f"{name}.json": read_text(folder / f"{name}.json") for name in WRITTEN} | {
         f"{name.replace('/', '-')}.json": json.dumps(schema, indent=1, ensure_ascii=False) + "\n"
@@ -321,18 +322,21 @@ def _settings(values: Mapping[str, Any]) -> dict[str, Any]:
 
 def _section(variants: Iterable[type]) -> dict[str, Any]:
     """The object of the keys of all variants."""
-    from pydantic import TypeAdapter
-
     values: dict[str, list[Any]] = {}
     for variant in variants:
         for name, annotation in fields_of(variant).items():
-            inner = classes_in(annotation)
-            schema = _section(inner) if inner else _value(TypeAdapter(annotation).json_schema())
-            text = attribute_texts(variant).get(name)
-            if text:
-                schema["description"] = text if inner else f"{text}: {describe(annotation)}"
+            inner, key = classes_in(annotation), Key(name, annotation, (), variant)
+            text = {"description": key.meaning} if inner and key.meaning else {}
+            schema = _section(inner) | text if inner else _key_schema(key)
             values.setdefault(name, []).append(schema)
     return _object({name: _any_of(options) for name, options in values.items()})
+
+
+def _key_schema(key: Key) -> dict[str, Any]:
+    from pydantic import TypeAdapter
+
+    text = {"description": f"{key.meaning}: {key.range}"} if key.meaning else {}
+    return _value(TypeAdapter(key.annotation).json_schema()) | text
 
 
 def _value(schema: Mapping[str, Any]) -> dict[str, Any]:
@@ -355,12 +359,3 @@ def _any_of(options: Iterable[Any]) -> dict[str, Any]:
     flat = [one for o in options for one in (o["anyOf"] if [*o] == ["anyOf"] else [o])]
     different = list({json.dumps(one): one for one in flat}.values())
     return different[0] if len(different) == 1 else {"anyOf": different}
-
-
-def _flat(section: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """The keys with dots of a section, with their schemas."""
-    for name, one in section["properties"].items():
-        if "properties" in one:
-            yield from _flat(one, f"{prefix}{name}.")
-        elif name != "kind":
-            yield prefix + name, one

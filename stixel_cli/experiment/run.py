@@ -154,20 +154,22 @@ def record_run(
     return replace(run, folder=new_folder(results, name, stem, now, write))
 
 
-def trust_stored_run(run: RunResult, trusted: bool) -> None:
+def trust_stored_run(run: RunResult, trusted: bool) -> list[str]:
     """Refuse a stored run of user-defined code, unless `trusted`, or of wrong parameters.
 
-    What this user ran here is trusted while neither the folder nor the code has changed.
+    What this user ran here is trusted while neither the folder nor the code has changed. Returns
+    the names of `_changed_code`.
     """
     origin = origin_of(run.folder, trusted)
-    if not origin.source and changed_code(run):
+    if not origin.source and _changed_code(run):
         origin = Origin(str(run.folder), trusted)
     admit_code(run.settings, (), origin)
     if functions_of(run.settings):
         check_parameters(run.composition.configuration)
+    return _changed_code(run)
 
 
-def changed_code(stored: RunResult) -> list[str]:
+def _changed_code(stored: RunResult) -> list[str]:
     """The user's modules, and files that they declare, that differ from those of a stored run."""
     before = None if stored.lineage is None else stored.lineage.code
     if before is None or not functions_of(stored.settings):

@@ -33,12 +33,12 @@ class FileDifference:
 class Verification:
     """The comparison of a folder with a new run of its configuration."""
 
+    files_compared: int
     files: tuple[FileDifference, ...]
-    """The different ones, in the order of the data, of the number `compared`."""
-    compared: int
-    by_key: lineage.StageDifference | None
+    """The different ones, in the order of the data."""
+    first_by_key: lineage.StageDifference | None
     """The first stage whose keys differ; None if all are equal, or if the folder has no lineage."""
-    by_value: lineage.StageDifference | None
+    first_by_value: lineage.StageDifference | None
     """The first stage whose result differs; None if all are equal."""
     changes: tuple[str, ...]
     """Changed versions, revision and machine, one line each."""
@@ -87,7 +87,7 @@ def verify_run(
     if by_value is not None and by_key is not None and not by_value.causes:
         by_value = replace(by_value, causes=by_key.causes)
     changes = tuple(_changes(stored, now))
-    return Verification(files, len(compared), by_key, by_value, changes, new.stages)
+    return Verification(len(compared), files, by_key, by_value, changes, new.stages)
 
 
 def _compared_files(

@@ -21,14 +21,14 @@ from stixel_cli.border import TYPED, Origin, write_below, write_whole, written
 from stixel_cli.config import messages
 from stixel_cli.config.folders import of_the_machine
 from stixel_cli.engine.cache_folder import Lease
-from stixel_cli.errors import UserError
+from stixel_cli.errors import Interrupted, UserError
 from stixel_cli.files import read_yaml
 from stixel_cli.results.lineage import first_difference, provenance
 from stixel_cli.results.result import SKIPPED, SWEEP_FILE, yaml_text
 from stixel_cli.studies import report
 from stixel_cli.studies.plan import PlannedSweep, StudyPlan, derived_sweep
 from stixel_cli.sweeps.folder import SweepFolder, SweepResult
-from stixel_cli.sweeps.run import SweepInterrupted, new_sweep, resumed_sweep
+from stixel_cli.sweeps.run import new_sweep, resumed_sweep
 
 FILE, PAGE = "study.yaml", "report.html"
 _RESUME = "; resume with: "
@@ -113,7 +113,7 @@ class Study:
         Raises:
             UserError: before notes and files if the cache, the scheduler or the folder is unusable.
                 Computed results stay.
-            SweepInterrupted: by Ctrl-C, after the report is written.
+            Interrupted: by Ctrl-C, after the report is written.
         """
         plans = {one.sweep.name: one.plan for one in self.plan.sweeps if one.plan is not None}
         for plan in plans.values():
@@ -125,9 +125,9 @@ class Study:
         try:
             for one in self.plan.sweeps:
                 self.compute(one)
-        except SweepInterrupted:
+        except Interrupted:
             self.write_report()
-            raise SweepInterrupted(
+            raise Interrupted(
                 f"interrupted in sweep {one.sweep.name}; what was computed is kept"
                 f"{_RESUME}{self.command}"
             ) from None

@@ -30,7 +30,7 @@ from stixel_cli.engine.graph import Node
 from stixel_cli.engine.keys import digest
 from stixel_cli.engine.plan import undeclared_reads
 from stixel_cli.engine.progress import Progress
-from stixel_cli.errors import ConfigurationError, UserError
+from stixel_cli.errors import ConfigurationError, Interrupted, UserError
 from stixel_cli.evaluation.scores import Scores
 from stixel_cli.experiment.run_names import joined_name
 from stixel_cli.experiment.stages import compared_rows
@@ -72,12 +72,6 @@ def remove_unused_code(folder: SweepFolder) -> None:
             used.add(str(read_json(run / lineage.FILE).get("code")))
     unused = [one for one in files if one.stem not in used]
     folder.remove(f"{lineage.CODE_FOLDER}/{n}" for one in unused for n in (one.name, one.stem))
-
-
-class SweepInterrupted(UserError):
-    """Ctrl-C during a sweep."""
-
-    exit_code = 130
 
 
 class Sweep(Progress):
@@ -131,7 +125,7 @@ class Sweep(Progress):
             finished: complete runs of the folder by index, which may be out of date.
             fail_fast: start nothing after the first failure; the other runs are missing.
 
-        SweepInterrupted by Ctrl-C; the tables in the folder show which runs are done. UserError if
+        Interrupted by Ctrl-C; the tables in the folder show which runs are done. UserError if
         the cache or the folder cannot be written, or there are no workers.
         """
         folder, typed = self.folder, self.plan.runs[0].overrides
@@ -147,7 +141,7 @@ class Sweep(Progress):
             if isinstance(error, UserError):
                 kind = CacheError if isinstance(error, MissingEntry) else type(error)
                 raise kind(f"{error}{resume}") from error
-            raise SweepInterrupted(
+            raise Interrupted(
                 f"interrupted: {len(self.runs)} of {len(self.plan.runs)} runs are done; computed "
                 f"results are kept{resume}"
             ) from None
@@ -364,7 +358,7 @@ def new_sweep(
         advice: note files that the user's code may read without declaring them, too.
         visible, label, fail_fast: see `Sweep`.
 
-    UserError, SweepInterrupted as `Sweep.run` does.
+    UserError, Interrupted as `Sweep.run` does.
     """
     design, options = plan.design, [*(["--pictures"] if plan.pictures else []), *PRESETS.option]
     request = SweepRequest(
@@ -407,7 +401,7 @@ def resumed_sweep(
         note: called with the number of finished runs that are out of date.
         visible, label, fail_fast: see `Sweep`.
 
-    UserError, SweepInterrupted as `Sweep.run` does; if the folder is not of a sweep.
+    UserError, Interrupted as `Sweep.run` does; if the folder is not of a sweep.
     """
     folder = SweepFolder(path)
     request = folder.request()

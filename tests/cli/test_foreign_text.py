@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 from stixel_cli.cli.app import main
-from stixel_cli.cli.terminal import console, escaping, print_table
+from stixel_cli.cli.terminal import escaping, print_table, say_wrapped
 from stixel_cli.errors import escaped
 
 STRANGE = "\x1b[2J\u202emp4\x9b31m\r\x07"
@@ -83,7 +83,7 @@ def test_styles_of_a_terminal_stay(monkeypatch):
     monkeypatch.setattr(sys, "stdout", Terminal())
     stream = sys.stdout
     with escaping():
-        console().print(f"green {STRANGE}", style="bold green", markup=False)
+        say_wrapped(f"green {STRANGE}", "bold green")
         print_table(("head",), [(STRANGE,)])
         print(STRANGE)
     text = stream.getvalue()

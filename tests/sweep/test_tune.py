@@ -7,8 +7,8 @@ import pytest
 import yaml
 
 from stixel_cli.cli.app import main
+from stixel_cli.errors import Interrupted
 from stixel_cli.sweeps import tuning
-from stixel_cli.sweeps.run import SweepInterrupted
 
 FEW = ["measurement=fabricated", "path.duration=0.3", "executor=threads"]
 TUNED = [
@@ -60,7 +60,7 @@ def test_trials_depend_on_no_worker_and_an_interrupted_tuning_continues(
     def interrupted(sweep):
         calls.append(sweep)
         if len(calls) == 3:
-            raise SweepInterrupted("interrupted")
+            raise Interrupted("interrupted")
         return run(sweep)
 
     with monkeypatch.context() as patch:
