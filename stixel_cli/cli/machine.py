@@ -64,9 +64,9 @@ def doctor(json: options.Json = False) -> int:
 def ls(json: options.Json = False) -> int:
     """List cached results by stage: number, size, last use."""
     from stixel_cli.engine.entries import entries
-    from stixel_cli.engine.parameters import show_size
+    from stixel_cli.engine.parameters import duration, show_size
 
-    store = local_store()
+    store, now = local_store(), time.time()
     damaged: list[tuple[Entry, MissingEntry]] = []
     listed = entries(store, damaged)
     if damaged:
@@ -86,10 +86,10 @@ def ls(json: options.Json = False) -> int:
         counts = {"entries": len(listed), "damaged": len(damaged)}
         print_json({**answer, **counts, "stages": stages})
         return 0
-    rows = [
-        (name, str(row["entries"]), show_size(row["size"]), _ago(row["last_use"]))
-        for name, row in stages.items()
-    ]
+    rows = []
+    for name, row in stages.items():
+        age = f"{duration(now - row['last_use'])} ago"
+        rows.append((name, str(row["entries"]), show_size(row["size"]), age))
     if rows:
         print_table(("stage", "entries", "size", "last use"), rows, right=(1, 2))
     limit = "no limit" if store.max_size is None else f"limit {show_size(store.max_size)}"
@@ -204,11 +204,3 @@ def _print_collection(store: "Store", done: "Collection", verb: str, json: bool)
     if done.left:
         left, size = counted(done.left, "item"), show_size(done.left_size)
         say(f"no results, such as files of killed processes: {left}, {size}, {verb}")
-
-
-def _ago(moment: float) -> str:
-    seconds = max(0.0, time.time() - moment)
-    for unit, name in ((86400.0, "d"), (3600.0, "h"), (60.0, "min")):
-        if seconds >= unit:
-            return f"{seconds / unit:.0f} {name} ago"
-    return "just now"

@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from stixel_cli.cli import options
+from stixel_cli.cli.sweep import print_plan
 from stixel_cli.cli.terminal import print_json, print_table, say, say_wrapped, tell
 from stixel_cli.errors import Interrupted
 
 if TYPE_CHECKING:
-    from stixel_cli.config.compose import Composition
     from stixel_cli.evaluation.scores import Scores
     from stixel_cli.experiment.verify import Verification
     from stixel_cli.results.result import RunResult
@@ -60,6 +60,7 @@ def run(
     from stixel_cli.engine.progress import Progress
     from stixel_cli.experiment.run import record_run
     from stixel_cli.results.folder import check_results
+    from stixel_cli.sweeps.graphs import planned_run
     from stixel_cli.sweeps.index import update_index
 
     folder = options.result_folder(overrides or [])
@@ -69,7 +70,7 @@ def run(
         composition = stored_run(folder, workers, trust_code).composition
     if dry_run:
         check_results(results, name)
-        _print_plan(composition, json)
+        print_plan(planned_run(composition), json, composition.resolved)
         return 0
     made = record_run(
         composition,
@@ -82,21 +83,6 @@ def run(
     print_run(made, json, verbose)
     update_index(results)
     return 0
-
-
-def _print_plan(composition: "Composition", json: bool) -> None:
-    """Print the configuration, and what its run would compute."""
-    import yaml
-
-    from stixel_cli.cli.sweep import plan_content, print_plan
-    from stixel_cli.sweeps.graphs import planned_run
-
-    plan = planned_run(composition)
-    if json:
-        print_json({"config": composition.resolved, **plan_content(plan)})
-        return
-    sys.stdout.write(yaml.safe_dump(composition.resolved, sort_keys=False, allow_unicode=True))
-    print_plan(plan)
 
 
 def print_run(made: "RunResult", json: bool, verbose: bool) -> None:

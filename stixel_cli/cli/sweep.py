@@ -230,12 +230,16 @@ def tune(
     return 0
 
 
-def print_plan(plan: "SweepPlan", json: bool = False) -> None:
-    """Print a plan as JSON or as a table."""
+def print_plan(plan: "SweepPlan", json: bool = False, config: dict[str, Any] | None = None) -> None:
+    """Print a plan, of one run after its `config`, as JSON or as a table."""
     content = plan_content(plan)
     if json:
-        print_json(content)
+        print_json(content if config is None else {"config": config, **content})
         return
+    if config is not None:
+        import yaml
+
+        sys.stdout.write(yaml.safe_dump(config, sort_keys=False, allow_unicode=True))
     from stixel_cli.engine.parameters import duration
 
     for axis in plan.design.axes:

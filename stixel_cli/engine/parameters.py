@@ -49,13 +49,14 @@ def show_size(size: int) -> str:
 
 
 def duration(seconds: float) -> str:
-    """Format a time: `40 s`, `12 min`, `3 h 20 min`."""
+    """Format a time: `40 s`, `12 min`, `3 h 20 min`, `7 d`."""
     if seconds < 90:
         return f"{max(1, round(seconds))} s"
     minutes = round(seconds / 60)
     if minutes < 90:
         return f"{minutes} min"
-    return f"{minutes // 60} h {minutes % 60} min"
+    days = f"{minutes / 1440:.0f} d"
+    return days if minutes >= 2880 else f"{minutes // 60} h {minutes % 60} min"
 
 
 def _parsed(text: str, units: Mapping[str, float], right: str) -> float:

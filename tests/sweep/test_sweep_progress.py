@@ -56,3 +56,4 @@ def test_the_end_of_a_sweep_is_prepared_once_after_its_first_nodes_started(monke
 
 def test_times_in_words():
     assert [duration(s) for s in (0.2, 80, 600, 12_000)] == ["1 s", "80 s", "10 min", "3 h 20 min"]
+    assert [duration(86_400 * days) for days in (1, 7)] == ["24 h 0 min", "7 d"]
