@@ -6,10 +6,7 @@ python docs/settings.py
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-from stixel_cli.config.folders import (
-    group_options,
-    options_of_kind,
-)
+from stixel_cli.config.folders import group_options, options_of_kind
 from stixel_cli.config.keys import (
     Key,
     groups,
