@@ -76,14 +76,10 @@ def _top_levels(distribution: Distribution) -> set[str]:
     declared = (distribution.read_text("top_level.txt") or "").split()
     if declared:
         return set(declared)
-    record = distribution.read_text("RECORD")
-    if record is None:
-        files = map(str, distribution.files or ())
-    else:
-        # One line per file: path, digest, size.
-        files = (line.partition(",")[0].strip('"') for line in record.splitlines())
+    # One line per file: path, digest, size. An egg has no such file.
+    record = distribution.read_text("RECORD") or "\n".join(map(str, distribution.files or ()))
     # Of a file in a folder only the folder counts; most files share a few folders.
-    heads = {path[: path.find("/") + 1] or path for path in files}
+    heads = set(re.findall(r'^"?([^,"/\n]+/?)', record, re.MULTILINE))
     names = {head[:-1] if head[-1:] == "/" else inspect.getmodulename(head) for head in heads}
     return {name for name in names if name and "." not in name}
 

@@ -160,7 +160,8 @@ def figure_files(pictures: Mapping[str, bytes]) -> dict[str, bytes]:
 
 def csv_text(columns: Mapping[str, Sequence]) -> str:
     """Comma-separated columns, with enough digits to read numbers back exactly; texts in quotes."""
-    texts = [map(_cell, np.asarray(column).tolist()) for column in columns.values()]
+    arrays = map(np.asarray, columns.values())
+    texts = [map(_cell if one.dtype.kind in "OU" else repr, one.tolist()) for one in arrays]
     # The writer of the module `csv` takes half as long again.
     return "\n".join([",".join(columns), *map(",".join, zip(*texts, strict=True)), ""])
 

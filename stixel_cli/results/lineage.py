@@ -11,6 +11,7 @@ import platform
 import re
 import subprocess
 from collections.abc import Container, Iterable, Iterator, Mapping, MutableMapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, fields, is_dataclass
 from hashlib import sha256
 from pathlib import Path
@@ -127,11 +128,8 @@ def settings_digest(content: Mapping[str, Any], files: Iterable[str] | None = No
 def _stored_digest(key: str, store: Store | None, known: MutableMapping[str, str]) -> str | None:
     if key in known or store is None:
         return known.get(key)
-    try:
-        if store.has(key):
-            known[key] = str(store.meta(key)["digest"])[:16]
-    except (MissingEntry, KeyError):
-        return None
+    with suppress(MissingEntry, KeyError):
+        known[key] = str(store.meta(key)["digest"])[:16]
     return known.get(key)
 
 
