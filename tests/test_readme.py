@@ -1,13 +1,16 @@
-"""The README's examples are valid, and its tables are complete."""
+"""The README's examples are valid, its tables complete, and its method is that of the stages."""
 
 import ast
+import inspect
 import re
 import shlex
+from dataclasses import fields
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from stixel_cli import compose
+from stixel_cli import compose, method, run
 from stixel_cli.border import TYPED
 from stixel_cli.cli.app import main
 from stixel_cli.config.folders import STUDIES
@@ -67,3 +70,26 @@ def test_commands_of_the_docs_are_valid(page, capsys):
         assert main([verb, "--help"]) == 0, line
         given = [word for word in words if re.match(r"[a-z_./]+=", word)]
         check_overrides(read_overrides(given, TYPED))
+
+
+SMALL = ("path.duration=1.2", "rig.width=320", "rig.height=240", "seed=5", "executor=threads")
+
+
+def test_the_method_gives_the_bytes_of_the_cached_run(tmp_path, monkeypatch):
+    monkeypatch.setenv("STIXEL_CACHE", str(tmp_path))
+    found = method.follow_road_user(compose(SMALL).configuration, seed=5)
+    cached = run(SMALL)
+    for ours, theirs in zip(found, (cached.scans, cached.track, cached.scores), strict=True):
+        for field in fields(ours):
+            a, b = getattr(ours, field.name), getattr(theirs, field.name)
+            if isinstance(a, np.ndarray):
+                assert (a.dtype, a.shape, a.tobytes()) == (b.dtype, b.shape, b.tobytes()), (
+                    field.name
+                )
+            else:
+                assert a == b, field.name
+
+
+def test_the_method_fits_on_one_screen():
+    lines, _ = inspect.getsourcelines(method.follow_road_user)
+    assert len(lines) <= 40

@@ -1,4 +1,4 @@
-"""Answers about many runs: small frames whose answers are calculated by hand or by plain loops."""
+"""Answers about many runs, calculated by hand or by plain loops; their tables and figures."""
 
 import itertools
 

@@ -194,7 +194,7 @@ TRIED = {other: experiment for experiment in EXPERIMENTS for other in others_of(
 def test_values_of_keys_that_another_option_lacks_are_left_out(group, other, option):
     outer = ["measurement=fabricated"] if group == "measurement/noise" else []
     if group == "tracker" and other not in ("box", "contour", "gp_ekf", "gp_ekf_thesis", "no_data"):
-        outer = ["prior.shape=ellipse"]  # refused without one: test_checks.py
+        outer = ["prior.shape=ellipse"]  # refused without one: test_overrides.py
     composition = compose([f"experiment={option}", *outer, f"{group}={other}"])
     assert composition.choices[group] == other
 

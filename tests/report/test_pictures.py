@@ -1,6 +1,7 @@
-"""The picture stages: what they give, whatever the run."""
+"""The picture stages: which frames they picture, and what they give, whatever the run."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -23,6 +24,7 @@ from stixel_cli.pictures.camera import camera_pictures
 from stixel_cli.pictures.over_time import run_pictures
 from stixel_cli.pictures.path_figure import path_figure, spaced_frames
 from stixel_cli.recordings.types import LabelTruth
+from stixel_cli.results.pictures import PicturesParameters
 from stixel_cli.stixels.types import Objects, OccupancyGrid
 from stixel_cli.tracking.track import ObjectTrack
 
@@ -255,3 +257,21 @@ def test_the_times_along_a_path_are_inside_its_axes(run):
         box = text.get_window_extent()
         assert axes.x0 <= box.x0 and box.x1 <= axes.x1, text.get_text()
         assert axes.y0 <= box.y0 and box.y1 <= axes.y1, text.get_text()
+
+
+PATH, MEASUREMENT = SimpleNamespace(duration=1.0, sample_time=0.1), SimpleNamespace(kind="lidar")
+
+
+def test_frames_must_increase():
+    PicturesParameters(None).check(PATH, MEASUREMENT)
+    PicturesParameters(()).check(PATH, MEASUREMENT)
+    PicturesParameters((0, 3, 9)).check(PATH, MEASUREMENT)
+    for frames in ((3, 3), (5, 2)):
+        with pytest.raises(ValueError, match=r"pictures\.frames"):
+            PicturesParameters(frames).check(PATH, MEASUREMENT)
+
+
+def test_frames_end_with_the_path_unless_a_file_has_them():
+    with pytest.raises(ValueError, match="<= 9, the last frame, got 10"):
+        PicturesParameters((9, 10)).check(PATH, MEASUREMENT)
+    PicturesParameters((9, 10)).check(PATH, SimpleNamespace(kind="file"))

@@ -7,11 +7,13 @@ from constants import with_constants
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad
+from scipy.interpolate import PchipInterpolator
 
 from stixel_cli.geometry.pose import world_from_target
 from stixel_cli.scene.ego import Parked, ego_motion
 from stixel_cli.scene.parameters import Waypoints
 from stixel_cli.scene.path import driven, path_poses, waypoint_spline
+from stixel_cli.scene.shapes import monotone
 
 S_CURVE = scene_presets.path("s_curve", "car")
 EVERY = [(kind, path) for kind in scene_presets.ROAD_USERS for path in scene_presets.PATHS]
@@ -247,3 +249,18 @@ def test_path_rejects_too_many_scans(name):
     path = replace(scene_presets.path(name, "car"), duration=3600.0, sample_time=0.001)
     with pytest.raises(ValueError, match=r"path\.duration: .* more than 100000 scans"):
         path.check()
+
+
+POINTS = {
+    "rising": ([0.0, 1.0, 1.5, 4.0], [0.0, 0.1, 2.0, 2.1]),
+    "with extremes": ([-2.0, -1.0, 0.0, 0.5, 3.0, 3.1], [1.0, 3.0, 3.0, -1.0, 0.0, 0.0]),
+    "ends that are bent back": ([0.0, 1.0, 1.1, 5.0, 5.1, 9.0], [0.0, 1.0, 9.0, 8.0, 1.0, 0.9]),
+    "three": ([0.0, 1.0, 3.0], [2.0, 1.0, 1.0]),
+}
+
+
+@pytest.mark.parametrize("name", POINTS)
+def test_values_are_those_of_scipy_to_the_bit(name):
+    x, y = POINTS[name]
+    at = np.concatenate([np.linspace(x[0] - 0.3, x[-1] + 0.3, 997), x]).reshape(-1, 1)
+    assert np.array_equal(monotone((x, y), at), PchipInterpolator(x, y)(at))

@@ -1,6 +1,7 @@
 """What the studies' own modules compute, of small inputs made by hand."""
 
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,10 +10,15 @@ import pytest
 
 from stixel_cli.answers.runs import Runs
 from stixel_cli.config.compose import compose
+from stixel_cli.errors import MissingData
 from stixel_cli.geometry.rig import Rig
+from stixel_cli.measurements.fabricated import fabricate_scans
 from stixel_cli.measurements.scans import Scans
+from stixel_cli.scene.ego import ego_motion
+from stixel_cli.scene.path import build_scenario
 from stixel_cli.studies import motions, robustness, rq1, rq3
 from stixel_cli.studies.report import StudyData
+from stixel_cli.studies.wrong_poses import wrong_poses
 from stixel_cli.validation.point_errors import PointErrors
 
 
@@ -206,3 +212,93 @@ def test_few_tracks_of_each_class_are_spread_evenly(monkeypatch):
     tracks.append(replace(track, target=7, kind="Pedestrian"))
     monkeypatch.setattr(motions, "MOST_SIMULATED", 3)
     assert [one.target for one in motions.simulated_subset(tracks)] == [0, 2, 4, 7]
+
+
+@pytest.fixture
+def recordings(tmp_path, monkeypatch):
+    """A folder of data with tables of two targets of a lidar, and of one run of a scenario."""
+    for name in ("pandaset/car-a", "pandaset/pedestrian-b", "lidarrm/default-00"):
+        (tmp_path / name).mkdir(parents=True)
+        (tmp_path / name / "scans.csv").touch()
+    monkeypatch.setenv("STIXEL_DATA", str(tmp_path))
+    return tmp_path
+
+
+def test_recordings_are_those_of_the_users_data(recordings):
+    (axes,) = robustness.pandaset()
+    assert axes["road_user"] == ["car", "pedestrian"]
+    folder = recordings / "pandaset"
+    assert axes["measurement.truth"] == [
+        str(folder / name / "truth.csv") for name in ("car-a", "pedestrian-b")
+    ]
+    assert {*axes} == {"road_user", *(f"measurement.{name}" for name in ("path", "ego", "truth"))}
+    (axes,) = robustness.lidarrm()
+    assert axes["measurement.path"] == [str(recordings / "lidarrm/default-00/scans.csv")]
+    (axes,) = robustness.clip()
+    assert axes["source.target"] == [31, 0, 1] and len(axes["source.folder"]) == 3
+
+
+def test_shapes_are_shipped_meshes_of_their_class():
+    (axes,) = robustness.shapes()
+    names = [(user, Path(mesh).stem) for user, mesh in zip(*axes.values(), strict=True)]
+    assert ("car", "trapezium") in names and ("cyclist", "cargo_bike") in names
+    assert len(robustness.held_out()[0]["road_user"]) >= 3
+    assert {Path(mesh).stem for mesh in robustness.odd()[0]["road_user.mesh"]} >= {
+        "truck",
+        "stroller",
+    }
+
+
+def test_without_data_one_line_names_the_variable(studies, recordings, monkeypatch):
+    (recordings / "lidarrm/default-00/scans.csv").unlink()
+    with pytest.raises(MissingData, match="lidarrm has no folder"):
+        robustness.lidarrm()
+    monkeypatch.delenv("STIXEL_DATA")
+    assert "STIXEL_DATA: must name a folder that has pandaset" in studies.refused("robustness_real")
+
+
+OVERRIDES = ("measurement=fabricated", "measurement/noise=constant", "path=depart", "ego=straight")
+SPEED = 5.0
+
+
+@pytest.fixture(scope="module")
+def scenario():
+    p = compose((*OVERRIDES, f"ego.speed={SPEED}", "path.duration=0.6")).configuration
+    return build_scenario(ego_motion(p.ego, 0.6, 0.1), p.road_user, p.path)
+
+
+@pytest.fixture(scope="module")
+def true(scenario):
+    p = compose(OVERRIDES).configuration
+    return fabricate_scans(scenario, p.rig, p.measurement, seed=3)
+
+
+def test_right_poses_change_nothing_but_what_is_stated(scenario, true):
+    found = wrong_poses(scenario, 3)
+    np.testing.assert_allclose(found.points_world, true.points_world, atol=1e-12)
+    np.testing.assert_allclose(found.covariances_world, true.covariances_world, atol=1e-12)
+    np.testing.assert_array_equal(found.sensor_poses_world, true.sensor_poses_world)
+    file = compose(("measurement=file", "measurement.path=scans.csv")).configuration.measurement
+    assert found.shared_errors == file.shared_errors != true.shared_errors
+
+
+def test_each_error_moves_the_points_as_it_should(scenario, true):
+    poses, rows = true.sensor_poses_world, true.rows(4)
+    offsets = true.points_world[rows] - poses[4, :2]
+    turned = wrong_poses(scenario, 3, yaw_deg=90.0)
+    moved = turned.points_world[rows] - poses[4, :2]
+    np.testing.assert_allclose(moved, offsets[:, ::-1] * [-1.0, 1.0], atol=1e-9)
+    variances = turned.covariances_world[rows, 0, 0]
+    np.testing.assert_allclose(variances, true.covariances_world[rows, 1, 1], atol=1e-12)
+    farther = wrong_poses(scenario, 3, range_m=0.25).points_world[rows] - poses[4, :2]
+    along = offsets / np.hypot(*offsets.T)[:, None]
+    np.testing.assert_allclose(farther - offsets, 0.25 * along, atol=1e-9)
+    # The ego car drives along y; the first pose has no earlier one.
+    late = wrong_poses(scenario, 3, late_s=0.1)
+    shift = late.points_world - true.points_world
+    np.testing.assert_allclose(shift[rows], [[0.0, -0.1 * SPEED]] * len(offsets), atol=1e-9)
+    np.testing.assert_allclose(shift[true.rows(0)], 0.0, atol=1e-9)
+    drifting = wrong_poses(scenario, 3, drift_m_s=0.5)
+    np.testing.assert_allclose(drifting.sensor_poses_world[4] - poses[4], [0.2, 0.0, 0.0])
+    shift = drifting.points_world[rows] - true.points_world[rows]
+    np.testing.assert_allclose(shift, [[0.2, 0.0]] * len(offsets), atol=1e-9)

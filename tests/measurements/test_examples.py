@@ -1,4 +1,4 @@
-"""The example that reads PandaSet, on a made-up sequence: the data itself is not at hand."""
+"""The examples that write a user's own scans: they are read, and a track can start from them."""
 
 import gzip
 import json
@@ -11,10 +11,29 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from stixel_cli.config.compose import compose
 from stixel_cli.measurements.file import read_scans
 from stixel_cli.measurements.file_truth import read_truth
+from stixel_cli.tracking.motion import transition
+from stixel_cli.tracking.start_scans import start_from_scans
 
-EXAMPLE = runpy.run_path(str(Path(__file__).parents[2] / "examples" / "pandaset_scans.py"))
+EXAMPLE = Path(__file__).parents[2] / "examples" / "radar_scans.py"
+
+
+def test_the_example_is_a_run_s_input(tmp_path):
+    runpy.run_path(str(EXAMPLE))["main"](tmp_path)
+    scans = read_scans(str(tmp_path / "scans.csv"), str(tmp_path / "ego.csv"), 0.2)
+    truth = read_truth(scans, str(tmp_path / "truth.csv"))
+    assert len(scans) == 60
+    assert np.all(np.diff(scans.offsets)[9::10] == 0)
+    configuration = compose(["start=scans"]).configuration
+    state = start_from_scans(scans, configuration.start, configuration.prior)
+    first = transition(scans.times[1]) @ state.mean
+    assert np.hypot(*(first[:2] - truth.target_poses_world[0, :2])) < 1.0
+    assert np.hypot(*(first[3:5] - truth.target_rates_world[0, :2])) < 2.0
+
+
+PANDASET = runpy.run_path(str(Path(__file__).parents[2] / "examples" / "pandaset_scans.py"))
 LEFT = {"w": np.sqrt(0.5), "x": 0.0, "y": 0.0, "z": np.sqrt(0.5)}
 
 
@@ -49,8 +68,8 @@ def sequence(tmp_path):
 
 
 def test_its_tables_are_a_run_s_input(sequence, tmp_path):
-    assert EXAMPLE["moving"](EXAMPLE["cuboids"](sequence)).loc["a", "frames"] == 3
-    EXAMPLE["main"](sequence, "a", tmp_path / "out")
+    assert PANDASET["moving"](PANDASET["cuboids"](sequence)).loc["a", "frames"] == 3
+    PANDASET["main"](sequence, "a", tmp_path / "out")
     scans = read_scans(str(tmp_path / "out/scans.csv"), str(tmp_path / "out/ego.csv"), 0.1)
     truth = read_truth(scans, str(tmp_path / "out/truth.csv"))
     np.testing.assert_allclose(scans.times, [0.0, 0.1, 0.2])
@@ -60,7 +79,7 @@ def test_its_tables_are_a_run_s_input(sequence, tmp_path):
     # Only the rotating lidar, the car's heights, and one point of each bearing.
     np.testing.assert_array_equal(scans.points_world[:, 1], -0.9)
     bearings = np.arctan2(*scans.points_world[scans.rows(0)].T[::-1])
-    assert 0 < len(bearings) == len(np.unique(np.round(bearings / EXAMPLE["BEARING"])))
+    assert 0 < len(bearings) == len(np.unique(np.round(bearings / PANDASET["BEARING"])))
 
 
 def test_a_pickle_of_anything_else_is_refused(tmp_path, capsys):
@@ -72,7 +91,7 @@ def test_a_pickle_of_anything_else_is_refused(tmp_path, capsys):
     for value, words in ((Evil(), "is no part of a data frame"), ([1], "is no data frame")):
         write(file, value)
         with pytest.raises(SystemExit, match=words):
-            EXAMPLE["read_frame"](file)
+            PANDASET["read_frame"](file)
     file.write_bytes(b"text")
     with pytest.raises(SystemExit, match=r"evil\.pkl\.gz"):
-        EXAMPLE["read_frame"](file)
+        PANDASET["read_frame"](file)
