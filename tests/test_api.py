@@ -103,12 +103,20 @@ def test_threads_may_call_at_once():
     assert results[0].metrics == results[1].metrics != results[2].metrics
 
 
-def test_a_composition_says_what_it_is():
+def test_a_composition_says_what_it_is_and_later_overrides_win_only_if_asked_for():
     composition = compose("rig=kitti")
     assert composition.choices["rig"] == "kitti"
     assert compose().configuration.seed == 0
     with pytest.raises(ConfigurationError, match=r"executor\.workers"):
         run(FABRICATED, workers=0)
+    base = ["measurement=fabricated", "seed=1"]
+    with pytest.raises(ConfigurationError, match="given twice"):
+        compose(base, "seed=2")
+    composition = compose(base, "seed=2", ["rig=kitti"], last_wins=True)
+    assert composition.overrides == ("measurement=fabricated", "seed=2", "rig=kitti")
+    assert compose(base, "rig=kitti").choices["rig"] == "kitti"
+    with pytest.raises(UserError, match="one composition"):
+        run(composition, "seed=3")
 
 
 def test_a_composition_keeps_its_settings_on_another_number_of_workers(tmp_path):
@@ -157,29 +165,17 @@ def test_a_result_is_short_in_a_terminal_and_a_picture_in_a_notebook():
     assert "<img" not in dataclasses.replace(result, pictures={})._repr_html_()
 
 
-def test_plot_draws_the_run_from_above():
+def test_a_run_is_drawn_from_above_also_into_axes():
     figure = plot(run(FABRICATED))
     assert figure.axes[0].get_xlabel() == "x in the world (m)"
     with pytest.raises(UserError, match="no track"):
         plot(dataclasses.replace(run(FABRICATED), track=None))
-
-
-def test_later_overrides_win_only_if_asked_for():
-    base = ["measurement=fabricated", "seed=1"]
-    with pytest.raises(ConfigurationError, match="given twice"):
-        compose(base, "seed=2")
-    composition = compose(base, "seed=2", ["rig=kitti"], last_wins=True)
-    assert composition.overrides == ("measurement=fabricated", "seed=2", "rig=kitti")
-    assert compose(base, "rig=kitti").choices["rig"] == "kitti"
-    with pytest.raises(UserError, match="one composition"):
-        run(composition, "seed=3")
-
-
-def test_several_overrides_in_one_text_are_named():
-    with pytest.raises(UserError) as told:
-        run("tracker=contour seed=3")
-    assert "several overrides" in str(told.value)
-    assert "\n" not in str(told.value) and "tracker=contour" in str(told.value)
+    result = run(FABRICATED)
+    figure = Figure()
+    left, right = figure.subplots(1, 2)
+    assert result.plot(ax=left) is figure
+    assert plot(result, ax=right) is figure
+    assert len(figure.axes) == 2 and len(left.lines) == len(right.lines) > 2
 
 
 def test_overrides_are_texts_mappings_or_keywords():
@@ -197,6 +193,10 @@ def test_overrides_are_texts_mappings_or_keywords():
     assert [(r["tracker.sigma_f"], r["seed"]) for r in swept.records] == [
         *((0.1, 2), (0.1, 3), (0.2, 2), (0.2, 3))
     ]
+    with pytest.raises(UserError) as told:
+        run("tracker=contour seed=3")
+    assert "several overrides" in str(told.value)
+    assert "\n" not in str(told.value) and "tracker=contour" in str(told.value)
 
 
 @pytest.mark.parametrize(
@@ -224,15 +224,6 @@ def test_a_folder_is_loaded_as_the_run_that_wrote_it(tmp_path, settings):
         np.savez(tmp_path / "mine" / "ego.npz", **table)
         with pytest.raises(UserError, match=rf"ego\.npz: {fault}"):
             load(tmp_path / "mine")
-
-
-def test_a_run_is_drawn_into_axes():
-    result = run(FABRICATED)
-    figure = Figure()
-    left, right = figure.subplots(1, 2)
-    assert result.plot(ax=left) is figure
-    assert plot(result, ax=right) is figure
-    assert len(figure.axes) == 2 and len(left.lines) == len(right.lines) > 2
 
 
 SCRIPT = """

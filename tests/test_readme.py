@@ -25,8 +25,20 @@ RUNS = [
 ]
 
 
-def test_there_are_examples():
+def test_there_are_examples_that_take_no_other_runs_along_and_every_study():
     assert len(RUNS) >= 4
+    # Each result folder that is used was named before, and no name is given twice.
+    made = re.findall(r"^stixel (?:run|sweep) .*--name (\S+)", README, flags=re.MULTILINE)
+    used = re.findall(r"\bresults/(\S+)", README)
+    assert len(made) == len(set(made))
+    assert set(used) <= set(made)
+    text = (ROOT / "docs" / "studies.md").read_text(encoding="utf-8")
+    assert re.findall(r"^\| `stixel study (\w+)", text, flags=re.MULTILINE) == [*STUDIES]
+    (code,) = re.findall(r"^```python\n(.*?)^```", README, flags=re.MULTILINE | re.DOTALL)
+    lists = [node for node in ast.walk(ast.parse(code)) if isinstance(node, ast.List)]
+    assert lists
+    for overrides in lists:
+        compose(ast.literal_eval(overrides))
 
 
 @pytest.mark.parametrize("arguments", RUNS, ids=" ".join)
@@ -38,27 +50,6 @@ def test_examples_are_valid(arguments, tmp_path, monkeypatch, capsys):
 def test_every_command_exists(capsys):
     for verb in set(re.findall(r"^stixel (\w+)", README, flags=re.MULTILINE)):
         assert main([verb, "--help"]) == 0, verb
-
-
-def test_every_study_is_on_its_page():
-    text = (ROOT / "docs" / "studies.md").read_text(encoding="utf-8")
-    assert re.findall(r"^\| `stixel study (\w+)", text, flags=re.MULTILINE) == [*STUDIES]
-
-
-def test_python_example_is_valid():
-    (code,) = re.findall(r"^```python\n(.*?)^```", README, flags=re.MULTILINE | re.DOTALL)
-    lists = [node for node in ast.walk(ast.parse(code)) if isinstance(node, ast.List)]
-    assert lists
-    for overrides in lists:
-        compose(ast.literal_eval(overrides))
-
-
-def test_no_example_takes_other_runs_along():
-    """Each result folder that is used was named before, and no name is given twice."""
-    made = re.findall(r"^stixel (?:run|sweep) .*--name (\S+)", README, flags=re.MULTILINE)
-    used = re.findall(r"\bresults/(\S+)", README)
-    assert len(made) == len(set(made))
-    assert set(used) <= set(made)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)

@@ -41,7 +41,7 @@ def arrows():
                 yield folder, other, file
 
 
-def test_no_folder_imports_one_above_it():
+def test_folders_have_their_place_and_import_none_above():
     rank = {name: at for at, name in enumerate(ORDER)}
     up = {
         (file, other)
@@ -49,14 +49,8 @@ def test_no_folder_imports_one_above_it():
         if other in rank and rank[other] < rank[folder]
     }
     assert up == set()
-
-
-def test_every_folder_has_its_place():
     folders = {path.parent.relative_to(PACKAGE).parts[0] for path in PACKAGE.glob("*/**/*.py")}
     assert folders == {*ORDER, "engine"}
-
-
-def test_no_module_imports_the_face_of_the_package():
     # `stixel_cli/__init__.py` hands on names of `api.py`: from below that would be an arrow up.
     faces = [
         file

@@ -111,11 +111,16 @@ def test_differences_from_the_best_hold_together():
     assert "against a (0.798" in alone.sentence
 
 
-def test_a_ratio_is_compared_with_a_stated_reference_alone():
+def test_a_ratio_has_no_best_and_is_compared_with_a_stated_reference_alone():
     values = {"a": {"turn": [1.0, 1.1, 0.9, 1.0, 1.05]}, "b": {"turn": [3.0, 3.1, 2.9, 3.0, 3.05]}}
     nees = "nees_position_mean"
     assert "b +2.00" in of_values(values, nees).ask(metric=nees, reference="a").sentence
     assert "minus" not in of_values(values, nees).ask(metric=nees).sentence
+    answer = of_values(
+        {"a": {"turn": [0.5] * 4}, "b": {"turn": [1.1] * 4}}, "nees_position_mean"
+    ).ask(metric="nees_position_mean")
+    assert answer.best is None and not answer.shown and "best" not in answer.sentence
+    assert answer.worst.loc["a", "value"] == 0.5
 
 
 def test_a_failed_run_stays_and_counts_as_lost():
@@ -184,14 +189,6 @@ def test_shares_of_lost_runs_have_intervals_over_the_same_units():
     assert (row["mean"], row["low"]) == (0.0, 0.0) and row["high"] == pytest.approx(0.434, abs=1e-3)
 
 
-def test_a_ratio_has_no_best():
-    answer = of_values(
-        {"a": {"turn": [0.5] * 4}, "b": {"turn": [1.1] * 4}}, "nees_position_mean"
-    ).ask(metric="nees_position_mean")
-    assert answer.best is None and not answer.shown and "best" not in answer.sentence
-    assert answer.worst.loc["a", "value"] == 0.5
-
-
 @pytest.mark.parametrize("seed", range(20))
 def test_answers_agree_with_plain_loops(seed):
     """Any holes: the larger rectangle of cells that every option has, and its means."""
@@ -232,7 +229,7 @@ def test_what_is_not_a_question_is_refused():
         Runs(pd.DataFrame({"tracker": ["a"]}))
 
 
-def test_any_frame_of_numbers_is_asked_by_name():
+def test_any_frame_of_numbers_is_asked_by_name_and_a_missing_setting_is_a_value():
     frame = pd.DataFrame(
         {"method": ["a", "b"] * 4, "seed": [0, 0, 1, 1, 2, 2, 3, 3], "status": "done"}
     )
@@ -240,9 +237,6 @@ def test_any_frame_of_numbers_is_asked_by_name():
     answer = Runs(frame).ask(metric="quality", better="more")
     assert (answer.best, answer.shown) == ("b", True)
     assert Runs(frame).ask(metric="quality", better="less").best == "a"
-
-
-def test_a_missing_value_of_a_setting_is_a_value():
     rows = [("a", None, 0, 0.5), ("a", "turn", 0, 0.7), ("b", None, 0, 0.6), ("b", "turn", 0, 0.8)]
     answer = Runs(frame_of(rows, ("tracker", "path", "seed"))).ask()
     assert answer.scenarios == ("–", "turn")

@@ -23,7 +23,7 @@ from stixel_cli.results import tables
 from stixel_cli.scene.scenario import Scenario
 
 
-def test_version_1_0_has_450_sequences_which_their_names_give_back():
+def test_version_1_0_has_450_sequences_and_fresh_seeds_nobody_can_have_tuned_on():
     of_version = whole_set()
     assert len(of_version) == len({one.name for one in of_version}) == 360 + 90
     assert [named(one.name) for one in of_version] == of_version
@@ -32,13 +32,15 @@ def test_version_1_0_has_450_sequences_which_their_names_give_back():
     assert len(planned([one for one in hard if one.road_user == "car"], {})) == 6
     with pytest.raises(UserError, match="not the name of a sequence"):
         named("stixels-car-../../etc-0")
-
-
-def test_fresh_seeds_follow_from_the_pack_and_nobody_can_have_tuned_on_them():
     one, other = fresh_set("ab"), fresh_set("cd")
     seeds = {sequence.seed for sequence in one}
     assert one == fresh_set("ab") and len(one) == 90 and len(seeds) == 10
     assert min(seeds) >= 10_000 and seeds.isdisjoint(sequence.seed for sequence in other)
+    parts = ("guest_demo", "guest_lidarrm", "real_pandaset", "real_kitti")
+    assert [len(sequences(part)) for part in parts] == [180, 38, 9, 3]
+    assert all(named(one.name) == one for part in parts for one in sequences(part))
+    with pytest.raises(UserError, match="is not a part"):
+        sequences("demo")
 
 
 def test_a_second_rendering_has_the_same_id_and_a_tracker_gets_what_was_rendered(
@@ -108,14 +110,6 @@ def test_a_manifest_cannot_name_other_files(rendered, path, capsys):
     manifest.write_text(json.dumps(content | {"files": {path: "0"}}))
     assert main(["bench", "verify", "--data", "data"]) == 2
     assert "not a file of a sequence" in capsys.readouterr().err
-
-
-def test_the_names_of_all_parts_give_their_sequences_back():
-    parts = ("guest_demo", "guest_lidarrm", "real_pandaset", "real_kitti")
-    assert [len(sequences(part)) for part in parts] == [180, 38, 9, 3]
-    assert all(named(one.name) == one for part in parts for one in sequences(part))
-    with pytest.raises(UserError, match="is not a part"):
-        sequences("demo")
 
 
 def test_the_demo_has_its_own_shapes_and_needs_no_data_of_the_user(monkeypatch):

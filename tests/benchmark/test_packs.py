@@ -199,12 +199,6 @@ def test_pack_refuses(packed, refused, content, expected):
     assert expected in refused("pack", "gp_ekf")
 
 
-def test_pack_refuses_an_unknown_entry_of_the_tracker(packed, refused):
-    file = packed / "gp_ekf" / "tracker.json"
-    file.write_text(json.dumps(json.loads(file.read_text()) | {"iou_mean": 0.99}))
-    assert "tracker.iou_mean: is unknown" in refused("pack", "gp_ekf")
-
-
 def changed_pack(packed, **members):
     with zipfile.ZipFile(packed / "gp_ekf.zip") as archive:
         content = {name: archive.read(name) for name in archive.namelist()}
@@ -215,7 +209,7 @@ def changed_pack(packed, **members):
     return content
 
 
-def test_score_refuses_what_pack_would_not_have_made(packed, refused):
+def test_score_and_pack_refuse_unknown_entries_and_what_pack_would_not_have_made(packed, refused):
     content = changed_pack(packed, **{f"{NAME}/means.npy": None})
     assert "means is missing" in refused("score", "gp_ekf.zip")
     manifest = json.loads(content["manifest.json"])
@@ -223,6 +217,9 @@ def test_score_refuses_what_pack_would_not_have_made(packed, refused):
     assert "iou_mean" in refused("score", "gp_ekf.zip")
     changed_pack(packed, **(content | {"manifest.json": json.dumps(manifest | {"benchmark": "0"})}))
     assert "its tracks are of the data 0" in refused("score", "gp_ekf.zip")
+    file = packed / "gp_ekf" / "tracker.json"
+    file.write_text(json.dumps(json.loads(file.read_text()) | {"iou_mean": 0.99}))
+    assert "tracker.iou_mean: is unknown" in refused("pack", "gp_ekf")
 
 
 @pytest.mark.parametrize("size", [400 * 2**20, 63 * 2**20])

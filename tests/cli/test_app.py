@@ -35,7 +35,7 @@ def stand_in(monkeypatch):
     typer.main.get_command.cache_clear()
 
 
-def test_help_groups_every_command(capsys):
+def test_help_groups_every_command_and_names_every_study(capsys):
     assert main(["--help"]) == 0
     answer = capsys.readouterr().out
     assert main([]) == 0 and capsys.readouterr().out == answer
@@ -43,6 +43,13 @@ def test_help_groups_every_command(capsys):
     assert len(re.findall(r"^\S.*:$", start + shown, flags=re.MULTILINE)) == 4
     named = re.findall(r"^  (\w+) +[A-Z]", shown, flags=re.MULTILINE)
     assert sorted(named) == sorted(COMMANDS) and len(named) <= 16
+    assert main(["study", "--help"]) == 0
+    said = capsys.readouterr().out
+    named = re.findall(r"^ {4}(\w+) +[A-Z]", said, flags=re.MULTILINE)
+    assert named == [*sorted(STUDIES), "all"]
+    assert "the study's name, then the overrides" in " ".join(said.split())
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out == f"stixel {__version__}\n"
 
 
 @pytest.mark.parametrize("word", REPLACED)
@@ -76,19 +83,6 @@ def test_every_command_has_a_help(command, capsys):
     assert max(map(len, said.splitlines())) <= 100
 
 
-def test_help_of_study_names_the_studies_that_are_there(capsys):
-    assert main(["study", "--help"]) == 0
-    said = capsys.readouterr().out
-    named = re.findall(r"^ {4}(\w+) +[A-Z]", said, flags=re.MULTILINE)
-    assert named == [*sorted(STUDIES), "all"]
-    assert "the study's name, then the overrides" in " ".join(said.split())
-
-
-def test_version(capsys):
-    assert main(["--version"]) == 0
-    assert capsys.readouterr().out == f"stixel {__version__}\n"
-
-
 @pytest.mark.parametrize(
     ("program", "heavy"),
     [
@@ -110,9 +104,15 @@ def test_help_and_composition_import_nothing_heavy(program, heavy):
     assert done.returncode == 0, done.stderr
 
 
-def test_exit_code_of_the_body_is_the_command_s(stand_in):
+def test_known_errors_and_ctrl_c_are_one_line_and_a_body_has_its_exit_code(stand_in, capsys):
     stand_in(lambda *arguments: 3)
     assert main(["run"]) == 3
+    stand_in(raising(UserError("rig.file: cannot\nbe read")))
+    assert main(["run"]) == 2
+    assert capsys.readouterr().err == "stixel: rig.file: cannot be read\n"
+    stand_in(raising(KeyboardInterrupt))
+    assert main(["run"]) == 130
+    assert capsys.readouterr().err.count("\n") == 1
 
 
 def raising(error):
@@ -122,15 +122,6 @@ def raising(error):
         raise error
 
     return body
-
-
-def test_known_errors_and_ctrl_c_are_one_line(stand_in, capsys):
-    stand_in(raising(UserError("rig.file: cannot\nbe read")))
-    assert main(["run"]) == 2
-    assert capsys.readouterr().err == "stixel: rig.file: cannot be read\n"
-    stand_in(raising(KeyboardInterrupt))
-    assert main(["run"]) == 130
-    assert capsys.readouterr().err.count("\n") == 1
 
 
 @pytest.mark.parametrize("line", ["ls {}", "sweep --resume {}", "verify {}", "study {}"])

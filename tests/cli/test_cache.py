@@ -44,7 +44,7 @@ def left(store):
     return [i for i in range(6) if store.has(f"{i:x}" * 64)]
 
 
-def test_ls(store, capsys):
+def test_ls_of_a_cache_and_of_none(store, capsys, tmp_path, monkeypatch):
     found = answer(capsys, "ls")
     assert found["folder"] == str(store.folder)
     assert found["entries"] == 6
@@ -54,9 +54,6 @@ def test_ls(store, capsys):
     assert "render" in said
     assert "7 d ago" in said
     assert "6 results" in said
-
-
-def test_ls_of_no_cache(tmp_path, capsys, monkeypatch):
     monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "none"))
     assert answer(capsys, "ls")["entries"] == 0
     assert main(["cache", "ls"]) == 0
@@ -224,29 +221,20 @@ def test_filament_may_be_absent_and_rays_may_not(renderers, capsys):
     assert "renderer raycast fails: libusb-1.0.so.0" in capsys.readouterr().out
 
 
-def test_a_renderer_that_hangs_is_left():
+def test_renderers_are_tried_in_a_process_of_their_own_that_may_hang_or_die():
+    assert health.probe_raycast(600.0) is None
     assert "within 0.5 s" in health.probe_raycast(0.5, HANGS)
     assert "within 0.5 s" in probe_filament(0.5, HANGS)
-
-
-def test_a_renderer_that_dies_is_survived():
     assert "signal 6" in health.probe_raycast(600.0, DIES)
     assert health.probe_raycast(600.0, SAYS).endswith("code 1: libusb-1.0.so.0: no such file")
 
 
-def test_rays_are_cast_in_a_process_of_their_own():
-    assert health.probe_raycast(600.0) is None
-
-
-def test_a_cache_that_cannot_be_written_fails(renderers, tmp_path):
+def test_a_cache_that_cannot_be_written_and_a_full_disk_fail(renderers, tmp_path, monkeypatch):
     (tmp_path / "file").write_text("mine")
     checks = {one.name: one for one in health.examine(Store(tmp_path / "file"))}
     assert checks["cache folder"].status == "fails"
     below = {one.name: one for one in health.examine(Store(tmp_path / "file" / "a"))}
     assert below["cache folder"].status == "fails"
-
-
-def test_a_full_disk_fails(renderers, tmp_path, monkeypatch):
     usage = namedtuple("usage", "total used free")
     monkeypatch.setattr("shutil.disk_usage", lambda folder: usage(10, 9, 1))
     checks = {one.name: one for one in health.examine(Store(tmp_path))}

@@ -116,24 +116,15 @@ def _no_shell(monkeypatch):
         monkeypatch.delenv(name, raising=False)
 
 
-def test_groups():
+def test_groups_options_and_keys_are_completed():
     assert complete_override("") == [f"{group}=" for group in group_options()]
     assert complete_override("ro") == ["road=", "road_user="]
-
-
-def test_options_of_a_group():
     users = [f"road_user={user}" for user in USERS]
     assert complete_override("road_user=") == users
     assert complete_override("road_u") == users
     assert complete_override("road_user=c") == users[:2]
     assert complete_override("nothing=") == []
-
-
-def test_settings_to_describe_have_no_values():
     assert complete_setting("rig.wid") == ["rig.width"]
-
-
-def test_keys():
     offered = complete_override("rig.")
     assert "rig.width=" in offered
     assert "rig.kind=" not in offered
@@ -142,7 +133,7 @@ def test_keys():
     assert "seed=" in complete_override("se")
 
 
-def test_keys_of_a_group_within_another(in_bash):
+def test_keys_of_a_group_within_another_and_of_the_option_in_the_line(in_bash, monkeypatch):
     assert "measurement.noise.disparity_std=" in in_bash(
         "measurement", "=", "fabricated", "measurement."
     )
@@ -152,9 +143,6 @@ def test_keys_of_a_group_within_another(in_bash):
         "measurement.noise.range_std=0.1",
     ]
     assert "measurement/noise=constant" in complete_override("measurement/")
-
-
-def test_keys_of_the_option_in_the_line(in_bash, monkeypatch):
     assert "path.points=" in in_bash("path", "=", "waypoints", "path.p")
     assert in_bash("path", "=", "nothing", "path.p") == []
     monkeypatch.delenv("COMP_WORDS")

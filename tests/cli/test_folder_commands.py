@@ -108,20 +108,17 @@ def test_the_line_of_a_sweep_without_axes_is_its_number_of_runs(tmp_path, capsys
     assert found["choices"] == "1 run"
 
 
-def test_a_damaged_sweep_is_a_line_and_a_message(tmp_path, capsys):
+def test_ls_of_an_empty_folder_and_of_a_damaged_sweep(tmp_path, capsys):
+    assert main(["ls", str(tmp_path)]) == 0
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert "no result folders" in said.err
     (tmp_path / "one").mkdir()
     (tmp_path / "one" / "sweep.yaml").write_text("runs: []\n")
     assert main(["ls", str(tmp_path)]) == 0
     said = capsys.readouterr()
     assert "one" in said.out
     assert said.err.count("\n") == 1 and "sweep.yaml" in said.err
-
-
-def test_ls_of_an_empty_folder(tmp_path, capsys):
-    assert main(["ls", str(tmp_path)]) == 0
-    said = capsys.readouterr()
-    assert said.out == ""
-    assert "no result folders" in said.err
 
 
 def test_show(results, capsys):
@@ -139,9 +136,6 @@ def test_show(results, capsys):
         "2025",
     ):
         assert text in said
-
-
-def test_show_survives_a_manifest_of_anything(results, capsys):
     (results / "first" / "manifest.json").write_text(
         '{"stages": [1, {"name": null}], "git": 3, "versions": [], "choices": "x"}'
     )
@@ -163,7 +157,7 @@ def test_show_of_a_sweep(tmp_path, capsys):
     assert "identical: 2 files" in capsys.readouterr().out
 
 
-def test_compare_shows_what_differs(results, capsys):
+def test_compare_shows_what_differs_and_what_is_alike(results, capsys):
     folders = [str(results / name) for name in ("first", "second")]
     found = answer(capsys, "ls", *folders)
     assert found["settings"]["tracker.basis_points"] == {"first": "50", "second": "20"}
@@ -173,9 +167,6 @@ def test_compare_shows_what_differs(results, capsys):
     assert "tracker.basis_points" in said
     assert "0.250" in said and "due to chance" in said
     assert "road_user.length" not in said
-
-
-def test_compare_of_two_that_are_alike(results, capsys):
     make_folder(results / "alike", metrics={"centre_rmse_m": 0.5, "iou_mean": 0.8})
     make_folder(results / "too", metrics={"centre_rmse_m": 0.5, "iou_mean": 0.8})
     assert main(["ls", str(results / "alike"), str(results / "too")]) == 0

@@ -32,7 +32,7 @@ def folders(tmp_path):
 
 
 @pytest.mark.sketched
-def test_report_prints_the_page(folders, capsys):
+def test_report_prints_its_page_or_writes_where_it_is_told(folders, capsys, tmp_path):
     assert report(folders, None) == 0
     sentence, page = capsys.readouterr().out.strip().rsplit("\n", 1)
     assert sentence.startswith("Mean IoU: two 0.600 and one 0.500")
@@ -41,10 +41,6 @@ def test_report_prints_the_page(folders, capsys):
     assert "two 0.600" in page.read_text()
     assert report(folders, None) == 0
     assert capsys.readouterr().out.strip().endswith("report-one-two-2.html")
-
-
-@pytest.mark.sketched
-def test_report_writes_where_it_is_told(folders, tmp_path, capsys):
     page = tmp_path / "page.html"
     assert report(folders, page) == 0
     assert f"--output {page}" in page.read_text()
@@ -60,9 +56,6 @@ def test_report_refuses(folders, tmp_path):
             report(given, None)
         assert "\n" not in str(failure.value)
     assert not list(tmp_path.glob("*.html"))
-
-
-def test_report_of_one_folder_names_its_page_or_its_fault(folders, tmp_path):
     with pytest.raises(UserError, match=f"is one run: .*; its page is {folders[0]}/index.html"):
         report(folders[:1], None)
     with pytest.raises(UserError, match="nowhere: no such folder"):
@@ -153,7 +146,7 @@ def test_a_runs_folder_holds_its_page(tmp_path):
         assert main(["ls", str(place)]) == 0
 
 
-def test_two_trackers_on_one_scene(results, tmp_path, capsys):
+def test_runs_on_one_scene_are_called_by_their_trackers_or_folders(results, tmp_path, capsys):
     page = tmp_path / "both.html"
     code, out, _ = play(capsys, results / "one", results / "point", "--output", page)
     assert (code, out) == (0, str(page))
@@ -162,9 +155,6 @@ def test_two_trackers_on_one_scene(results, tmp_path, capsys):
     assert data["notes"] == []
     assert len(data["scans"]) == 1
     assert "not overwritten" in play(capsys, results / "one", "--output", page)[2]
-
-
-def test_runs_of_one_tracker_are_called_by_their_folders(results, tmp_path, capsys):
     page = tmp_path / "same.html"
     folders = [results / name for name in ("one", "again", "point")]
     assert play(capsys, *folders, "--output", page)[0] == 0

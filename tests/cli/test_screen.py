@@ -120,13 +120,11 @@ def test_no_command_prints_it_as_it_is(words, code, originals, monkeypatch, caps
         assert json.loads(said.out)["manifest"]["command"] == STRANGE
 
 
-def test_escaping_keeps_lines_spaces_and_letters():
+def test_escaping_keeps_lines_letters_and_the_styles_of_a_terminal(monkeypatch):
     text = "Größe ±\u00a0µ 漢\n\tend"
     assert escaped(text) == text
     assert escaped(STRANGE) == f"{SHOWN}\\r\\x07"
 
-
-def test_styles_of_a_terminal_stay(monkeypatch):
     class Terminal(io.StringIO):
         def isatty(self):
             return True

@@ -47,14 +47,11 @@ def test_every_path_goes_with_another_class(path):
     assert compose(["road_user=pedestrian", f"path={path}"]).configuration.path.kind == path
 
 
-def test_a_key_changes_that_key_alone(default):
+def test_a_key_changes_that_key_alone_and_has_the_type_of_the_schema(default):
     changed = compose(["tracker.length_scale=0.6"])
     tracker = replace(default.configuration.tracker, length_scale=0.6)
     assert changed.configuration == replace(default.configuration, tracker=tracker)
     assert changed.overrides == ("tracker.length_scale=0.6",)
-
-
-def test_types_of_the_schema():
     composed = compose(["rig.baseline=1", "road_user.mesh=null", "pictures.frames=[0,5]"])
     baseline = composed.configuration.rig.baseline
     assert baseline == 1.0
@@ -71,6 +68,8 @@ def test_stored_configuration_comes_back(default):
     for composition in (default, fabricated, constant):
         stored = yaml.safe_load(yaml.safe_dump(composition.resolved))
         assert from_resolved(stored) == composition.configuration
+    with pytest.raises(ConfigurationError, match="not a configuration"):
+        from_resolved([1, 2])
 
 
 @pytest.mark.parametrize(
@@ -110,11 +109,6 @@ def test_stored_configuration_that_is_wrong(change, message):
 
 def noise(plain):
     return plain["measurement"]["noise"]
-
-
-def test_no_configuration_at_all():
-    with pytest.raises(ConfigurationError, match="not a configuration"):
-        from_resolved([1, 2])
 
 
 def test_nothing_stays_behind_in_hydra():
@@ -235,7 +229,9 @@ def test_a_key_with_the_same_first_word_is_suggested(typed, meant):
     assert meant in str(error.value).partition("did you mean")[2]
 
 
-def test_compositions_are_stored_and_damaged_ones_are_ignored(tmp_path, monkeypatch):
+def test_few_compositions_are_stored_damaged_ones_are_ignored_and_none_needs_hydra(
+    tmp_path, monkeypatch
+):
     monkeypatch.setenv("STIXEL_CACHE", str(tmp_path))
     choice.compose_options.cache_clear()
     composed = compose()
@@ -244,9 +240,12 @@ def test_compositions_are_stored_and_damaged_ones_are_ignored(tmp_path, monkeypa
         stored.write_bytes(content)
         choice.compose_options.cache_clear()
         assert compose() == composed
-
-
-def test_a_stored_composition_needs_no_hydra(tmp_path, monkeypatch):
+    monkeypatch.setenv("STIXEL_CACHE", str(tmp_path))
+    monkeypatch.setattr(choice, "MOST_STORED", 2)
+    choice.compose_options.cache_clear()
+    for option in ("turn", "circle", "approach"):
+        compose([f"path={option}"])
+    assert len(list((tmp_path / choice.FOLDER).iterdir())) == 2
     monkeypatch.setenv("STIXEL_CACHE", str(tmp_path))
     compose(["rig=kitti"])
     choice.compose_options.cache_clear()
@@ -256,27 +255,15 @@ def test_a_stored_composition_needs_no_hydra(tmp_path, monkeypatch):
     assert compose(["rig=kitti"]) == expected
 
 
-def test_a_cache_that_cannot_be_written_is_no_fault(tmp_path, monkeypatch, default):
+def test_composing_creates_no_cache_and_needs_none(tmp_path, monkeypatch, default):
     (tmp_path / "file").touch()
     monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "file"))
     choice.compose_options.cache_clear()
     assert compose() == default
-
-
-def test_composing_creates_no_cache(tmp_path, monkeypatch, default):
     monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "missing"))
     choice.compose_options.cache_clear()
     assert compose() == default
     assert not (tmp_path / "missing").exists()
-
-
-def test_few_compositions_stay_stored(tmp_path, monkeypatch):
-    monkeypatch.setenv("STIXEL_CACHE", str(tmp_path))
-    monkeypatch.setattr(choice, "MOST_STORED", 2)
-    choice.compose_options.cache_clear()
-    for option in ("turn", "circle", "approach"):
-        compose([f"path={option}"])
-    assert len(list((tmp_path / choice.FOLDER).iterdir())) == 2
 
 
 @pytest.mark.parametrize(

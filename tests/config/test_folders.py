@@ -51,7 +51,12 @@ def test_default_options():
         assert default_option(group) == expected
 
 
-def test_installed_copy_is_taken_where_there_is_no_checkout(tmp_path, monkeypatch):
+def test_an_installed_copy_is_taken_where_there_is_no_checkout_and_a_missing_folder_is_said(
+    tmp_path, monkeypatch
+):
+    monkeypatch.setattr(folders, "_PACKAGE", tmp_path / "stixel_cli")
+    with pytest.raises(ConfigurationError, match="conf: the folder is missing"):
+        shipped_folder("conf")
     package = tmp_path / "site-packages" / "stixel_cli"
     shutil.copytree(shipped_folder("conf"), package / "conf")
     # Somebody else's folder of the same name.
@@ -60,12 +65,6 @@ def test_installed_copy_is_taken_where_there_is_no_checkout(tmp_path, monkeypatc
     assert shipped_folder("conf") == package / "conf"
     (package.parent / "pyproject.toml").touch()
     assert shipped_folder("conf") == package.parent / "conf"
-
-
-def test_a_missing_folder_is_said(tmp_path, monkeypatch):
-    monkeypatch.setattr(folders, "_PACKAGE", tmp_path / "stixel_cli")
-    with pytest.raises(ConfigurationError, match="conf: the folder is missing"):
-        shipped_folder("conf")
 
 
 def test_a_group_within_another():
@@ -106,7 +105,7 @@ def dry_run(capsys, *arguments):
     return code, captured.out, captured.err
 
 
-def test_they_are_options_like_those_of_conf(presets, capsys):
+def test_presets_are_options_like_those_of_conf_until_the_next_command(presets, capsys):
     words = ["tracker=coarse", "rig=mine", "experiment=quick", "measurement=fabricated"]
     code, out, err = dry_run(capsys, "--config-dir", str(presets), *words)
     assert code == 0, err
@@ -114,9 +113,6 @@ def test_they_are_options_like_those_of_conf(presets, capsys):
     assert (config["tracker"]["basis_points"], config["rig"]["width"]) == (12, 320)
     assert (config["path"]["kind"], config["path"]["duration"]) == ("crossing", 0.5)
     assert "coarse" in group_options()["tracker"]
-
-
-def test_they_are_forgotten_by_the_next_command(presets, capsys):
     assert dry_run(capsys, "--config-dir", str(presets), "tracker=coarse")[0] == 0
     code, _, err = dry_run(capsys, "tracker=coarse")
     assert code == 2

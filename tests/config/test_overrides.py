@@ -32,14 +32,11 @@ def test_they_are_what_hydra_reads(text):
     assert (overrides._PLAIN.fullmatch(text) is not None) == (text in PLAIN)
 
 
-def test_several_values_are_overrides_of_one_value_each():
+def test_several_values_are_overrides_of_one_value_each_and_texts_have_their_parts():
     for text, expected in SEVERAL.items():
         assert parse(text, TYPED).value is None
         assert [one.value for one in parse(text, TYPED).singles()] == expected
     assert [one.text for one in parse("+x=1,2", TYPED).singles()] == ["+x=1", "+x=2"]
-
-
-def test_key_group_and_value_of_the_text():
     inner, key = (
         parse(text, TYPED) for text in ("++measurement/noise=constant", "measurement.rays= [1,2]")
     )
@@ -166,12 +163,9 @@ def test_the_impossible_is_refused(overrides):
     assert "\n" not in str(error.value)
 
 
-def test_a_mesh_that_exists_is_taken(tmp_path):
+def test_the_possible_is_taken(tmp_path):
     mesh = tmp_path / "a car.obj"
     mesh.touch()
     assert compose([f"road_user.mesh='{mesh}'"]).configuration.road_user.mesh == str(mesh)
-
-
-def test_the_other_way_to_give_the_focal_length():
     rig = compose(["rig.focal_length=700", "rig.horizontal_fov=null"]).configuration.rig
     assert rig.focal == 700

@@ -46,10 +46,20 @@ def named_schema(path):
     return (path.parent / found[1]).resolve() if found else None
 
 
-def test_the_schemas_are_valid():
+def test_the_schemas_are_valid_written_and_have_the_entries_of_their_readers(tmp_path):
     assert {f"{name}.json" for name in WRITTEN} < SCHEMAS.keys()
     for content in SCHEMAS.values():
         Draft202012Validator.check_schema(content)
+    assert tuple(SCHEMAS["sweep.json"]["properties"]) == SWEEP_ENTRIES
+    study = SCHEMAS["study.json"]["properties"]
+    assert {*study} == {*study_file.ENTRIES}
+    entries = study["questions"]["additionalProperties"]["properties"]
+    assert {*entries} == {*study_file.QUESTION_ENTRIES}
+    assert entries["better"]["enum"] == ["more", "less", "one"]
+    result = CliRunner().invoke(app, ["describe", "--schema", str(tmp_path / "new")])
+    assert result.exit_code == 0
+    written = {file.name: json.loads(file.read_text()) for file in (tmp_path / "new").iterdir()}
+    assert written == SCHEMAS
 
 
 def test_every_file_names_its_schema_and_follows_it():
@@ -59,15 +69,6 @@ def test_every_file_names_its_schema_and_follows_it():
         if path.parent.parent.name == "conf":
             assert schema.stem == path.parent.name
         assert faults(schema.name, read_yaml(path) or {}) == [], path
-
-
-def test_entries_of_sweeps_and_studies_are_those_of_their_readers():
-    assert tuple(SCHEMAS["sweep.json"]["properties"]) == SWEEP_ENTRIES
-    study = SCHEMAS["study.json"]["properties"]
-    assert {*study} == {*study_file.ENTRIES}
-    entries = study["questions"]["additionalProperties"]["properties"]
-    assert {*entries} == {*study_file.QUESTION_ENTRIES}
-    assert entries["better"]["enum"] == ["more", "less", "one"]
 
 
 @pytest.mark.parametrize(
@@ -98,13 +99,6 @@ def test_a_fault_is_found(name, content):
 )
 def test_interpolations_and_options_of_ones_own_are_accepted(name, content):
     assert faults(name, content) == []
-
-
-def test_the_command_writes_them(tmp_path):
-    result = CliRunner().invoke(app, ["describe", "--schema", str(tmp_path / "new")])
-    assert result.exit_code == 0
-    written = {file.name: json.loads(file.read_text()) for file in (tmp_path / "new").iterdir()}
-    assert written == SCHEMAS
 
 
 @pytest.fixture(scope="module")
@@ -175,15 +169,11 @@ def fault(plain):
 
 
 @pytest.mark.parametrize("group", GROUPS)
-def test_wrong_type_names_key_and_type(group, plain_of):
+def test_wrong_types_and_ranges_are_named_with_the_key(group, plain_of):
     for key in keys_of(group):
         text = fault(with_value(plain_of(key), key.name, {"a": 1}))
         assert text.startswith(f"{key.name}: ")
         assert describe(key.annotation) in text
-
-
-@pytest.mark.parametrize("group", GROUPS)
-def test_out_of_range_says_the_range(group, plain_of):
     for key in filter(of_numbers, keys_of(group)):
         for value in limits(key.annotation):
             text = fault(with_value(plain_of(key), key.name, value))
@@ -224,9 +214,6 @@ def test_every_key_is_found_again():
             group = "/".join(groups[: i + 1])
             path += [part, kinds[group]] if group in kinds else [part]
         assert locate((*path, last)) == (key.name, key.annotation)
-
-
-def test_unknown_place():
     assert locate(("rig", "nope")) == ("rig.nope", None)
     assert locate(("path", "waypoints", "points", 2, 1))[0] == "path.points[2][1]"
 

@@ -24,13 +24,10 @@ gallery = load_script("gallery")
 ENTRIES = [entry for group in gallery.sections().values() for entry in group]
 
 
-def test_page_is_output_of_script():
+def test_the_gallery_is_the_output_of_its_script_and_small():
     assert (DOCS / "gallery.md").read_text(encoding="utf-8") == gallery.page(), (
         "run python docs/gallery.py"
     )
-
-
-def test_pictures_are_output_of_script_and_small():
     files = sorted((DOCS / gallery.FOLDER).iterdir())
     assert [file.name for file in files] == sorted(f"{entry.name}.webp" for entry in ENTRIES)
     assert all(file.read_bytes()[8:12] == b"WEBP" for file in files)
@@ -85,15 +82,12 @@ examples = load_script("examples")
 README = (DOCS.parent / "README.md").read_text(encoding="utf-8")
 
 
-def test_all_are_shown():
+def test_all_examples_are_shown_and_drawn():
     shown = re.findall(r"\(docs/figures/example_(\w+)\.webp\)", README)
     assert sorted(shown) == sorted(examples.PICTURES)
     assert {file.stem for file in (DOCS / "figures").glob("example_*")} == {
         f"example_{name}" for name in shown
     }
-
-
-def test_the_runs_draw_these_frames():
     for name, overrides in examples.examples().items():
         frame = re.match(r"k(\d+)/", examples.PICTURES[name])
         assert frame is None or int(frame[1]) in pictured_frames(compose(overrides))

@@ -103,34 +103,25 @@ def is_named(author):
     return bool(author.get("name")) != bool(author.get("family-names"))
 
 
-def test_required_fields():
+def test_the_citation_is_complete_and_agrees_with_the_package():
     assert CITATION["cff-version"] == "1.2.0"
     assert {"message", "title", "authors"} <= CITATION.keys()
     assert CITATION["authors"]
     assert all(is_named(author) for author in CITATION["authors"])
-
-
-def test_it_agrees_with_the_package():
     assert CITATION["version"] == stixel_cli.__version__
     assert CITATION["license"] == PROJECT["license"]
     assert [a["name"] for a in CITATION["authors"]] == [a["name"] for a in PROJECT["authors"]]
-
-
-def test_references_are_complete():
     for reference in CITATION["references"]:
         assert {"type", "title", "authors"} <= reference.keys()
         assert reference["type"] in REFERENCE_TYPES
         assert all(is_named(author) for author in reference["authors"])
     families = {a["family-names"] for r in CITATION["references"] for a in r["authors"]}
     assert {"Olsson", "Wahlström", "Badino", "Hirschmüller", "Konolige", "Huber"} <= families
-
-
-def test_the_changelog_has_the_version():
     text = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
     assert f"## [{stixel_cli.__version__}]" in text
 
 
-def test_the_places_of_a_class_of_road_user_exist():
+def test_what_contributing_and_results_name_exists():
     text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
     (row,) = re.findall(r"^\| a class of road user \|.*$", text, flags=re.MULTILINE)
     for module, names in (
@@ -148,9 +139,6 @@ def test_the_places_of_a_class_of_road_user_exist():
         assert users == set(parameters.CLASS_ROWS)
     noises = {file.stem for file in (ROOT / "conf/measurement/noise").glob("fitted_*.yaml")}
     assert noises == {f"fitted_{name}" for name in parameters.CLASS_ROWS}
-
-
-def test_the_list_of_files_that_results_refers_to_exists():
     text = (ROOT / "results" / "README.md").read_text(encoding="utf-8")
     (link,) = re.findall(r"\]\(([^)]+)\)", text)
     assert "manifest.json" in (ROOT / "results" / link).read_text(encoding="utf-8")
@@ -168,10 +156,18 @@ def test_every_folder_is_named():
 
 
 @pytest.mark.parametrize("page", THEORY)
-def test_functions_are_named_in_one_form(page):
+def test_functions_are_named_in_one_form_and_maths_is_closed(page):
     """Otherwise the test below would not check them."""
     odd = re.findall(rf"`((?:{'|'.join(FOLDERS)})[./][^`\n]*)`", page)
     assert [name for name in odd if name not in NAMES_OF_FUNCTIONS] == []
+    without_code = re.sub(r"`[^`\n]*`", "", page)
+    blocks = without_code.split("$$")
+    assert len(blocks) % 2 == 1
+    for between in blocks[::2]:
+        assert between.count("$") % 2 == 0
+    for inside in blocks[1::2]:
+        assert inside.count("{") == inside.count("}")
+        assert inside.count(r"\begin") == inside.count(r"\end")
 
 
 @pytest.mark.parametrize("name", NAMES_OF_FUNCTIONS)
@@ -181,18 +177,6 @@ def test_function_exists(name):
     for part in path.split("."):
         found = getattr(found, part)
     assert found.__doc__
-
-
-@pytest.mark.parametrize("page", THEORY)
-def test_maths_is_closed(page):
-    without_code = re.sub(r"`[^`\n]*`", "", page)
-    blocks = without_code.split("$$")
-    assert len(blocks) % 2 == 1
-    for between in blocks[::2]:
-        assert between.count("$") % 2 == 0
-    for inside in blocks[1::2]:
-        assert inside.count("{") == inside.count("}")
-        assert inside.count(r"\begin") == inside.count(r"\end")
 
 
 SCRIPT = Path(__file__).parents[2] / "docs" / "studies.py"

@@ -207,12 +207,9 @@ def test_an_editable_install_counts_by_its_code(editable, project, code, tmp_pat
     assert (name in found.versions) == (not editable)
 
 
-def test_a_module_reached_by_a_declaration_counts(project, code):
+def test_declarations_count_and_circular_imports_end(project, code):
     project.write("first", "")
     assert names(project, code("first", "log")) == {"first", "log"}
-
-
-def test_circular_imports_end(project, code):
     code(a="from . import b\nfrom .b import g", b="from .a import *\nfrom . import a")
     assert names(project, code("a")) == {"a", "b"}
 
@@ -226,13 +223,10 @@ def test_a_loose_module_on_the_path_counts_whole(project, code, tmp_path):
     assert code("first").digest != before.digest
 
 
-def test_installed_and_missing_distributions(project, code):
+def test_distributions_may_be_missing_and_the_engines_package_is_first_party(project, code):
     text = "import cv2\nimport os.path\ntry:\n    import no_such_module\nexcept ImportError: pass"
     assert code("first", first=text).versions.keys() == {"opencv-python-headless", "no_such_module"}
     assert code("first").versions["no_such_module"] is None
-
-
-def test_the_package_of_the_engine_is_first_party(project, code):
     found = code("first", first="from stixel_cli.geometry.pose import wrap_angle")
     assert names(project, found) == {"first", "stixel_cli.geometry.pose"}
 

@@ -25,12 +25,13 @@ def reasons(project):
     return reasons
 
 
-def test_a_setting_and_its_dependents(project, reasons):
+def test_a_setting_its_dependents_and_the_seed(project, reasons):
     answer = reasons(project.graph(factor=2.5))
     assert answer["double[4:8]"] == "double[4:8]: gain.factor changed from 2.0 to 2.5"
     assert answer["running[0:4]"] == "running[0:4]: input changed: double"
     assert answer["show[9]"] == "show[9]: input changed: double; input changed: grid"
     assert "numbers" not in answer
+    assert reasons(project.graph(seed=7)) == {"gather": "gather: seed changed from 1 to 7"}
 
 
 def test_a_setting_has_the_name_of_its_key(project, reasons):
@@ -99,11 +100,7 @@ def test_the_nearest_has_the_same_function(project):
     assert "its function" not in found["double[4:8]"]
 
 
-def test_the_seed(project, reasons):
-    assert reasons(project.graph(seed=7)) == {"gather": "gather: seed changed from 1 to 7"}
-
-
-def test_the_code(project, reasons):
+def test_code_that_changed_and_not_what_is_reached_because_of_it(project, reasons):
     project.edit("helpers", "FACTOR * values", "values * FACTOR")
     project.edit("helpers", "FACTOR = 3.0", "FACTOR = 3.5")
     project.forget()
@@ -111,9 +108,6 @@ def test_the_code(project, reasons):
     assert reasons(project.graph(), ["double"])["double[0:4]"] == (
         f"double[0:4]: code: {name}.helpers changed"
     )
-
-
-def test_code_that_is_newly_reached(project, reasons):
     project.write("more", "OFFSET = 1.0")
     project.edit("helpers", "UNUSED = 1.0", "from .more import OFFSET as UNUSED")
     project.forget()

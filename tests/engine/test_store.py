@@ -23,20 +23,6 @@ def store(tmp_path):
     return Store(tmp_path / "cache")
 
 
-def test_load_returns_the_stored_value(store):
-    value = (np.arange(12.0).reshape(3, 4).T, b"bytes", {"a": [1, None]}, np.zeros((0, 2), "f4"))
-    assert not store.has(KEY)
-    size = store.save(KEY, value, stage="any", seconds=0.5)
-    assert store.has(KEY) and store.verify(KEY)
-    array, content, plain, empty = store.load(KEY)
-    np.testing.assert_array_equal(array, value[0])
-    assert (content, plain, empty.shape, empty.dtype) == (b"bytes", {"a": [1, None]}, (0, 2), "f4")
-    meta = store.meta(KEY)
-    assert (meta["stage"], meta["seconds"], meta["size"]) == ("any", 0.5, size)
-    assert (store.entry(KEY) / VALUE).stat().st_size == size
-    assert list((store.folder / "tmp").iterdir()) == []
-
-
 def test_each_load_is_a_new_object_that_may_be_written(store):
     store.save(KEY, np.zeros(3))
     store.load(KEY)[0] = 1.0
@@ -57,11 +43,22 @@ def test_large_arrays_are_memory_maps_that_may_be_written(store, monkeypatch):
         store.load(KEY)
 
 
-def test_nothing_is_made_before_it_is_needed(store):
+def test_load_returns_the_stored_value_and_nothing_is_made_before(store):
     assert not store.has(KEY) and not store.verify(KEY)
     with pytest.raises(MissingEntry, match="not found"):
         store.load(KEY)
     assert not store.folder.exists()
+    value = (np.arange(12.0).reshape(3, 4).T, b"bytes", {"a": [1, None]}, np.zeros((0, 2), "f4"))
+    assert not store.has(KEY)
+    size = store.save(KEY, value, stage="any", seconds=0.5)
+    assert store.has(KEY) and store.verify(KEY)
+    array, content, plain, empty = store.load(KEY)
+    np.testing.assert_array_equal(array, value[0])
+    assert (content, plain, empty.shape, empty.dtype) == (b"bytes", {"a": [1, None]}, (0, 2), "f4")
+    meta = store.meta(KEY)
+    assert (meta["stage"], meta["seconds"], meta["size"]) == ("any", 0.5, size)
+    assert (store.entry(KEY) / VALUE).stat().st_size == size
+    assert list((store.folder / "tmp").iterdir()) == []
 
 
 def test_a_second_save_leaves_the_first(store):

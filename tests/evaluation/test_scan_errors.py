@@ -102,10 +102,14 @@ def test_off_target(iou_box, degrees, speed, replaced_wrongly, expected):
     assert off_target(*arrays, np.array([replaced_wrongly])).tolist() == [expected]
 
 
-def test_sure_and_wrong_needs_both():
+def test_shares_count_what_is_known():
     sigmas, iou = np.array([2.9, 3.1, 3.1, np.nan]), np.array([0.1, 0.1, 0.3, 0.1])
     errors = output(nees_position=0.5 * sigmas**2, iou_box=iou)
     assert sure_and_wrong_share(errors) == 0.25
+    assert low_overlap_share(np.array([0.1, 0.3])) == 0.5
+    assert low_overlap_share(np.array([0.1, np.nan])) is None
+    assert finite_median(np.array([3.0, np.nan, 1.0])) == 2.0
+    assert finite_median(np.array([np.nan])) is None
 
 
 def test_success_and_precision_are_areas_under_their_curves():
@@ -120,13 +124,6 @@ def test_success_and_precision_are_areas_under_their_curves():
         assert found == pytest.approx(area, abs=1e-12)
     assert success(np.ones(3)) == precision(np.zeros(3)) == 1.0
     assert success(np.array([0.5, np.nan])) is None and precision(np.array([np.nan])) is None
-
-
-def test_shares_and_medians_without_a_value_are_none():
-    assert low_overlap_share(np.array([0.1, 0.3])) == 0.5
-    assert low_overlap_share(np.array([0.1, np.nan])) is None
-    assert finite_median(np.array([3.0, np.nan, 1.0])) == 2.0
-    assert finite_median(np.array([np.nan])) is None
 
 
 UNITS = {"_deg_s": "°/s", "_m_s": "m/s", "_m": "m", "_deg": "°", "_s": "s"}
@@ -156,20 +153,14 @@ def test_a_metric_of_errors_that_are_not_finite_has_no_value():
     assert greatest.of_run(ScanErrors(centre=np.array([1.0, 3.0, 2.0]))) == 3.0
 
 
-def test_unknown_metric_has_a_label_from_its_name():
+def test_labels_of_other_metrics_follow_from_their_names():
     row = metric("new_thing_m")
     assert (row.label, row.unit, row.better, row.bounds) == ("new thing", "m", None, (None, None))
     assert row.bounds == (None, None)
     assert metric("missed_columns_share").bounds == (0.0, 1.0)  # An interval ends within them.
-
-
-def test_a_metric_of_the_smoothed_track_is_shown_as_that_of_the_filter_and_named_so():
     row, filtered = metric("smoothed_success"), METRICS["success"]
     assert row.label == f"{filtered.label}, smoothed" and row.name == "smoothed_success"
     assert (row.percent, row.better, row.unit) == (True, "more", filtered.unit)
     assert OF_ESTIMATES and set(OF_ESTIMATES) <= METRICS.keys()
-
-
-def test_a_lost_track_is_a_rate_over_runs():
     assert over_runs("track_lost") == "track_loss_rate" and over_runs("iou_mean") == "iou_mean"
     assert metric("track_loss_rate").better == "less"

@@ -88,12 +88,9 @@ def changed(*words):
     return {one for one in stages if before.of_stage(one)[0].key != after.of_stage(one)[0].key}
 
 
-def test_a_setting_recomputes_its_stage_and_what_depends_on_it():
+def test_a_setting_or_the_seed_recomputes_its_stage_and_what_depends_on_it():
     assert changed() == set()
     assert changed("tracker.sigma_q=0.7") == AFTER_SCANS
-
-
-def test_the_seed_recomputes_what_draws_and_what_depends_on_it():
     again = changed("seed=5")
     assert {"add_sensor_noise", "match", "start", "track"} <= again
     assert again.isdisjoint({"scenario", "render", "ego_motion"})

@@ -222,18 +222,12 @@ def test_what_differs_is_in_the_name(overrides, name):
     check_plain_name(name)
 
 
-def test_road_user_and_path_are_always_in_it():
+def test_names_have_road_user_and_path_but_of_a_file_and_are_short_and_printable():
     choices = DEFAULT | {"road_user": "cyclist", "path": "crossing"}
     assert run_name(choices, ["road_user=cyclist", "path=crossing"]) == "cyclist-crossing"
-
-
-def test_scans_of_a_file_have_no_path_in_their_name():
     choices = DEFAULT | {"measurement": "file"}
     overrides = ["measurement=file", "measurement.path=a/scans.csv"]
     assert run_name(choices, overrides) == "car-file-path=scans.csv"
-
-
-def test_a_long_list_is_cut():
     overrides = ["path=waypoints", f"path.points={[[0, k] for k in range(99)]}"]
     name = run_name(DEFAULT | {"path": "waypoints"}, overrides)
     assert name.startswith("car-waypoints-points=0,0,0,1,") and name.endswith("..")
@@ -241,9 +235,6 @@ def test_a_long_list_is_cut():
     name = run_name(DEFAULT, many)
     assert len(name) < LONGEST_NAME + 5 and name.endswith("+16")
     check_plain_name(name)
-
-
-def test_a_foreign_manifest_gives_printable_words():
     found = differences({"road_user": "a\nb\x1b"}, ["=", "x\n=\t\u202e1", "stereo=" + "y" * 99])
     assert all(part.isprintable() for part in found)
     check_plain_name("x" + joined_name(["ä\x00/.."]))

@@ -26,12 +26,9 @@ poses = st.tuples(st.floats(-50, 50), st.floats(-50, 50), st.floats(-7, 7)).map(
 POINTS = np.array([[1.0, 0.0], [0.0, 1.0], [-2.0, 3.5]])
 
 
-def test_target_x_axis_points_along_heading():
+def test_axes_point_along_the_heading():
     moved = world_from_target(POINTS[:2], np.array([5.0, 6.0, np.pi / 2]))
     np.testing.assert_allclose(moved, [[5, 7], [4, 6]], atol=1e-12)
-
-
-def test_ego_y_axis_points_along_heading():
     np.testing.assert_allclose(
         world_from_ego(POINTS, np.array([0.0, 0.0, STRAIGHT_AHEAD])), POINTS, atol=1e-12
     )
@@ -72,30 +69,20 @@ def test_wrapped_angles_keep_their_direction(angle):
     assert np.sin(wrapped) == pytest.approx(np.sin(angle), abs=1e-9)
 
 
-def test_wrap_angle_accepts_any_shape():
-    assert wrap_angle(np.zeros((2, 3))).shape == (2, 3)
-
-
 RIG = Rig(640, 480, 60.0, None, None, None, 0.3, 1.2, 1.0, None)
 
 
-def test_field_of_view_and_focal_length_give_the_same_rig():
+def test_fields_of_view_give_the_focal_lengths_and_include_the_outermost_pixels():
     assert RIG.focal == pytest.approx(320.0 / np.tan(np.radians(30.0)))
     assert RIG.field_of_view == pytest.approx(np.radians([-30.0, 30.0]))
     same = replace(RIG, horizontal_fov=None, focal_length=RIG.focal)
     assert same.field_of_view == pytest.approx(RIG.field_of_view)
-
-
-def test_pixels_are_square_unless_there_is_a_vertical_field_of_view():
     assert RIG.focal_v == RIG.focal
     tall = replace(RIG, vertical_fov=40.0)
     assert tall.focal == RIG.focal
     assert tall.focal_v == pytest.approx(240.0 / np.tan(np.radians(20.0)))
     border = project(tall, [[0.0, np.tan(np.radians(20.0)), 1.0]])
     np.testing.assert_allclose(border[0, 1], 479.5)
-
-
-def test_field_of_view_includes_the_outermost_pixels():
     rig = replace(RIG, principal_u=200.0)
     right, left = rig.field_of_view
     points = [[-np.tan(left), 0.0, 1.0], [-np.tan(right), 0.0, 1.0]]
@@ -108,10 +95,11 @@ def test_rig_requires_exactly_one_of_field_of_view_and_focal_length(changes):
         _ = replace(RIG, **changes).focal
 
 
-def test_principal_point_defaults_to_the_image_centre():
+def test_principal_point_defaults_to_the_image_centre_and_depth_is_inverted():
     assert (RIG.u0, RIG.v0) == (319.5, 239.5)
     given_point = replace(RIG, principal_u=300.0, principal_v=0.0)
     assert (given_point.u0, given_point.v0) == (300.0, 0.0)
+    assert RIG.depth_from_disparity(RIG.disparity_from_depth(17.0)) == pytest.approx(17.0)
 
 
 @given(st.floats(-20, 20), st.floats(-5, 5), st.floats(0.5, 80))
@@ -124,10 +112,6 @@ def test_unproject_inverts_project(x, y, z):
     np.testing.assert_allclose(unproject(RIG, np.array([[u, v, disparity]])), point, atol=1e-9)
     right = project(RIG, point - [RIG.baseline, 0.0, 0.0])[0]
     assert u - right[0] == pytest.approx(disparity)
-
-
-def test_depth_from_disparity_inverts_disparity_from_depth():
-    assert RIG.depth_from_disparity(RIG.disparity_from_depth(17.0)) == pytest.approx(17.0)
 
 
 def test_positive_pitch_points_the_camera_at_the_road():

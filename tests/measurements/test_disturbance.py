@@ -31,7 +31,7 @@ def scans(count=30):
 SCANS = scans()
 
 
-def test_scans_are_empty_in_the_dropout_and_as_before_elsewhere():
+def test_scans_are_empty_in_the_dropout_and_those_without_any_point_have_no_clutter():
     found = disturb_scans(SCANS, (0.5, 1.5), 0.0, 40.0, seed=0)
     empty = np.flatnonzero(np.diff(found.offsets) == 0)
     np.testing.assert_array_equal(empty, np.arange(5, 16))
@@ -40,6 +40,10 @@ def test_scans_are_empty_in_the_dropout_and_as_before_elsewhere():
             own, before = getattr(found, name), getattr(SCANS, name)
             np.testing.assert_array_equal(own[found.rows(k)], before[SCANS.rows(k)])
     assert found.field_of_view == SCANS.field_of_view == FieldOfView(*FIELD)
+    empty = Scans.of_each(
+        SCANS.times, SCANS.sensor_poses_world, [(np.zeros((0, 2)), np.zeros((0, 2, 2)))] * 30
+    )
+    assert len(disturb_scans(empty, None, 5.0, 40.0, seed=0).points_world) == 0
 
 
 def test_clutter_is_even_over_field_of_view_and_range_and_follows_the_points():
@@ -92,13 +96,6 @@ def test_clutter_depends_only_on_seed_and_scan():
     np.testing.assert_array_equal(
         part.points_world[part.rows(20)], whole.points_world[whole.rows(20)]
     )
-
-
-def test_scans_without_any_point_have_no_clutter():
-    empty = Scans.of_each(
-        SCANS.times, SCANS.sensor_poses_world, [(np.zeros((0, 2)), np.zeros((0, 2, 2)))] * 30
-    )
-    assert len(disturb_scans(empty, None, 5.0, 40.0, seed=0).points_world) == 0
 
 
 @pytest.mark.parametrize(
@@ -159,11 +156,13 @@ def test_an_error_of_the_disparity_changes_the_depth_as_the_rig_does():
     np.testing.assert_allclose(found[:, :, 0], (moved - POINTS) / step, rtol=1e-4)
 
 
-def test_an_error_of_all_ranges_is_along_the_rays():
+def test_an_error_of_all_ranges_is_along_the_rays_and_none_has_no_direction():
     found = SharedErrors(range_bias=0.1).directions(POINTS, SENSOR, RATES)[:, :, 0]
     offsets = POINTS - SENSOR[:2]
     np.testing.assert_allclose(np.hypot(*found.T), 0.1)
     np.testing.assert_allclose(found[:, 0] * offsets[:, 1], found[:, 1] * offsets[:, 0])
+    assert SharedErrors().count == 0
+    assert SharedErrors().directions(POINTS, SENSOR, RATES).shape == (3, 2, 0)
 
 
 def test_scans_carry_their_shared_errors_and_the_sensors_motion():
@@ -177,8 +176,3 @@ def test_scans_carry_their_shared_errors_and_the_sensors_motion():
     np.testing.assert_allclose(still, 0.0)
     rates = np.array([4.0, 2.0, (2.0 * np.pi - 6.2) / 0.5])
     np.testing.assert_allclose(moving, errors.directions(POINTS, poses[1], rates)[:, :, 1])
-
-
-def test_without_a_stated_error_there_is_no_direction():
-    assert SharedErrors().count == 0
-    assert SharedErrors().directions(POINTS, SENSOR, RATES).shape == (3, 2, 0)

@@ -43,9 +43,6 @@ def test_rows_become_scans_in_the_order_of_k_and_an_absent_k_is_an_empty_scan(wr
     assert np.array_equal(scans.points_world, [[1, 10], [2, 11], [1.5, 9]])
     assert np.array_equal(scans.covariances_world[2], [[0.04, 0.01], [0.01, 0.09]])
     assert np.array_equal(scans.sensor_poses_world, [[0, 0, 0.5 * np.pi]] * 3)
-
-
-def test_the_first_scans_may_be_empty(write):
     scans = read_scans(write("k,t,x,y\n2,1.2,0,5\n4,1.4,0,5\n"), None, 0.5)
     np.testing.assert_allclose(scans.times, [1.0, 1.1, 1.2, 1.3, 1.4])
     assert np.array_equal(np.diff(scans.offsets), [0, 0, 1, 0, 1])
@@ -61,11 +58,21 @@ def test_poses_of_the_sensor_give_times_and_the_number_of_scans(write):
     assert (len(empty), len(empty.points_world)) == (4, 0)
 
 
-def test_arrays_and_unknown_columns_are_read_as_a_csv_is(write, tmp_path):
+def test_arrays_are_read_as_a_csv_is_and_refused_if_they_are_no_columns(write, tmp_path):
     np.savez(tmp_path / "a.npz", k=[0, 1], t=[0.0, 0.5], x=[1, 2], y=[3.0, 4.0], power=[7, 8])
     scans = read_scans(str(tmp_path / "a.npz"), None, 1.0)
     same = read_scans(write("k,t,x,y,power\n0,0,1,3,7\n1,0.5,2,4,8\n"), None, 1.0)
     assert all(np.array_equal(value, vars(same)[name]) for name, value in vars(scans).items())
+    for arrays, fault in (
+        ({"k": [[0]], "t": [0], "x": [0], "y": [0]}, "must be a column"),
+        ({"k": [0, 1], "t": [0], "x": [0], "y": [0]}, "equal lengths"),
+    ):
+        np.savez(tmp_path / "a.npz", **arrays)
+        with pytest.raises(UserError, match=fault):
+            read_scans(str(tmp_path / "a.npz"), None, 0.5)
+    Path(tmp_path / "b.npz").write_bytes(b"no archive")
+    with pytest.raises(UserError, match="not a file of numeric arrays"):
+        read_scans(str(tmp_path / "b.npz"), None, 0.5)
 
 
 def same_scans(found, expected):
@@ -262,19 +269,6 @@ def test_a_file_that_is_no_table_or_missing(name, tmp_path):
         read_scans(str(tmp_path / name), None, 0.5)
 
 
-def test_arrays_that_are_no_columns(tmp_path):
-    for arrays, fault in (
-        ({"k": [[0]], "t": [0], "x": [0], "y": [0]}, "must be a column"),
-        ({"k": [0, 1], "t": [0], "x": [0], "y": [0]}, "equal lengths"),
-    ):
-        np.savez(tmp_path / "a.npz", **arrays)
-        with pytest.raises(UserError, match=fault):
-            read_scans(str(tmp_path / "a.npz"), None, 0.5)
-    Path(tmp_path / "b.npz").write_bytes(b"no archive")
-    with pytest.raises(UserError, match="not a file of numeric arrays"):
-        read_scans(str(tmp_path / "b.npz"), None, 0.5)
-
-
 @pytest.fixture
 def scans(write):
     return read_scans(write(SCANS), write(EGO, "ego.csv"), 0.5)
@@ -291,9 +285,6 @@ def test_truth_has_poses_and_rates_where_they_are_known(scans, write):
     np.testing.assert_allclose(np.ptp(scenario.contour_target(0), axis=0), [4.0, 2.0])
     assert scenario.star_convex and scenario.only_box
     assert np.array_equal(scenario.ego_poses_world, scans.sensor_poses_world)
-
-
-def test_without_a_file_nothing_is_known(scans):
     scenario = read_truth(scans, None)
     assert not scenario.known.any()
     assert scenario.contour_target(0).shape == (0, 2)
@@ -308,7 +299,7 @@ def test_differences_are_exact_for_a_parabola_and_defined_for_few_poses():
     assert np.array_equal(differences(poses[:1], times[:1]), np.zeros((1, 3)))
 
 
-def test_a_contour_is_read_from_arrays_and_made_counter_clockwise(scans, tmp_path):
+def test_contours_are_read_from_arrays_one_for_each_pose_of_the_limbs(scans, tmp_path):
     contour = np.array([[1.0, 1.0], [1.0, -1.0], [-1.0, -1.0], [-1.0, 1.0]])
     pose = {"k": [1], "x": [0.0], "y": [9.0], "heading": [0.0]}
     np.savez(tmp_path / "truth.npz", contour=contour, **pose)
@@ -320,9 +311,6 @@ def test_a_contour_is_read_from_arrays_and_made_counter_clockwise(scans, tmp_pat
         np.savez(tmp_path / "truth.npz", contour=wrong, **pose)
         with pytest.raises(UserError, match="contour"):
             read_truth(scans, str(tmp_path / "truth.npz"))
-
-
-def test_each_pose_of_the_limbs_has_its_contour(scans, tmp_path):
     box = np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
     contours = np.stack([box, 0.5 * box])
     pose = {"k": [0, 2], "x": [0.0, 1.0], "y": [9.0, 9.0], "heading": [0.0, 0.0]}

@@ -169,7 +169,7 @@ def test_lidar_returns_of_a_road_user_are_on_its_mesh(road_user):
         assert surface.compute_distance(asked, nthreads=1).numpy().max() < 1e-4
 
 
-def test_beams_are_inside_the_field_of_view_and_symmetric():
+def test_beams_are_evenly_spaced_symmetric_and_inside_the_field_of_view():
     scanner = dataclasses.replace(SCANNER, azimuth_step=0.7)
     azimuths = np.degrees(beam_azimuths(scanner, FIELD))
     np.testing.assert_allclose(np.diff(azimuths), 0.7)
@@ -180,9 +180,6 @@ def test_beams_are_inside_the_field_of_view_and_symmetric():
     around = beam_azimuths(dataclasses.replace(own, horizontal_fov=360.0), FIELD)
     assert len(around) == 1440
     assert len(np.unique(np.round(np.degrees(around) % 360.0, 6))) == 1440
-
-
-def test_layers_are_evenly_spaced():
     np.testing.assert_allclose(np.degrees(beam_elevations(SCANNER)), np.arange(-12.0, 3.0, 2.0))
     single = dataclasses.replace(SCANNER, layers=1)
     np.testing.assert_allclose(np.degrees(beam_elevations(single)), [-5.0])

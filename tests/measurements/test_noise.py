@@ -30,23 +30,26 @@ def measured(hit=HIT, ranges=RANGES, seed=0, **changes):
     return measure(noise, hit, ranges, RAYS, RIG, generator(seed, "test"))
 
 
-def test_block_without_noise_has_the_range_of_its_middle_ray():
+def test_block_without_noise_has_the_range_of_its_middle_ray_and_bias_shifts_it():
     ray, true, found = measured()
     # Blocks are of the image, not of the target: their middles are rays 1, 4, 7, …
     np.testing.assert_array_equal(ray, np.arange(502, 3500, 3))
     np.testing.assert_array_equal(true, RANGES[ray - 500])
     np.testing.assert_array_equal(found, true)
-
-
-def test_bias_shifts_the_range():
     _, true, found = measured(range_bias=0.05)
     np.testing.assert_allclose(found - true, 0.05)
 
 
-def test_range_sensitivity_matches_the_rig_to_first_order():
+def test_kinds_of_noise_agree_on_their_std_and_sensitivity():
     depth = 12.0
     step = RIG.disparity_from_depth(depth) - RIG.disparity_from_depth(depth + 1e-4)
     np.testing.assert_allclose(SENSITIVITY * np.cos(RAYS.angles[HIT]), 1e-4 / step, rtol=1e-4)
+    angles = RAYS.angles[HIT]
+    stereo = range_std(StereoNoise("stereo", 0.2), RANGES, angles, RIG)
+    fitted = dataclasses.replace(NONE, disparity_std=0.2)
+    np.testing.assert_allclose(range_std(fitted, RANGES, angles, RIG), stereo)
+    constant = range_std(ConstantNoise("constant", 0.3), RANGES, angles, RIG)
+    np.testing.assert_array_equal(constant, 0.3)
 
 
 def test_noise_has_the_given_std_and_correlation():
@@ -61,16 +64,7 @@ def test_noise_has_the_given_std_and_correlation():
     assert abs(np.mean(even[:, 4:] * even[:, :-4]) - np.exp(-2.0)) < 0.06
 
 
-def test_kinds_of_noise_agree_on_their_std():
-    angles = RAYS.angles[HIT]
-    stereo = range_std(StereoNoise("stereo", 0.2), RANGES, angles, RIG)
-    fitted = dataclasses.replace(NONE, disparity_std=0.2)
-    np.testing.assert_allclose(range_std(fitted, RANGES, angles, RIG), stereo)
-    constant = range_std(ConstantNoise("constant", 0.3), RANGES, angles, RIG)
-    np.testing.assert_array_equal(constant, 0.3)
-
-
-def test_ends_extend_or_shorten_the_silhouette():
+def test_ends_extend_or_shorten_the_silhouette_but_at_the_image_border():
     # What 9 columns are at the ends, which are about 13 m away, of rays 0.3 mrad apart.
     metres = 9.0 * RANGES[0] * RAYS.steps[HIT[0]]
     ray, true, _ = measured(edge_metres=metres)
@@ -80,9 +74,6 @@ def test_ends_extend_or_shorten_the_silhouette():
     assert (ray[0], ray[-1]) == (511, 3490)
     # Nothing is left of a target that is narrower than what its ends fall short by.
     assert len(measured(hit=HIT[:12], ranges=RANGES[:12], edge_metres=-metres)[0]) == 0
-
-
-def test_end_at_the_image_border_does_not_move():
     hit = np.arange(4000)
     ranges = 12.0 / np.cos(RAYS.angles)
     ray, _, _ = measured(hit, ranges, edge_metres=-0.1)

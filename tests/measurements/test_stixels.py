@@ -74,7 +74,7 @@ def test_scans_share_the_error_that_the_rig_states():
             np.testing.assert_allclose(np.abs(found[:, 1, 0]), [moved, 0.0], rtol=1e-6, atol=1e-9)
 
 
-def test_gates_use_only_height_and_range_and_are_inclusive():
+def test_gates_use_only_height_and_range_and_drop_what_has_no_finite_position():
     points = [[0, 10]] * 4 + [[0, 0.9], [0, 1], [0, 40], [30, 30]]
     heights = [0.29, 0.3, 2.5, 2.51, 1, 1, 1, 1]
     chunks = [stixels(0, [8, 0], points, heights)]
@@ -82,14 +82,14 @@ def test_gates_use_only_height_and_range_and_are_inclusive():
     assert scans.field_of_view == FieldOfView(*RIG.field_of_view, RIG.baseline)
     np.testing.assert_allclose(scans.points_world, [[0, 10], [0, 10], [0, 1], [0, 40]])
     assert scans.offsets.tolist() == [0, 4, 4]
-
-
-def test_stixel_without_finite_position_is_dropped():
     covariances = np.tile(np.eye(2), (3, 1, 1))
     covariances[1, 0, 0] = np.inf
     chunk = stixels(0, [3], [[0, 10], [0, 11], [np.nan, 12]], [1, 1, 1], covariances)
     scans = gather_scans([chunk], ego([[0, 0, np.pi / 2]]), GATES, RIG)
     np.testing.assert_allclose(scans.points_world, [[0, 10]])
+    GATES.check()
+    with pytest.raises(ValueError, match=r"measurement\.height_max"):
+        dataclasses.replace(GATES, height_max=0.2).check()
 
 
 @pytest.mark.parametrize("firsts", [(0,), (0, 2), (0, 1, 2)])
@@ -97,12 +97,6 @@ def test_frames_must_match_the_ego_motion(firsts):
     chunks = [stixels(first, [1], [[0, 10]], [1]) for first in firsts]
     with pytest.raises(ValueError, match="frame"):
         gather_scans(chunks, ego([[0, 0, np.pi / 2]] * 2), GATES, RIG)
-
-
-def test_empty_gates_are_rejected():
-    GATES.check()
-    with pytest.raises(ValueError, match=r"measurement\.height_max"):
-        dataclasses.replace(GATES, height_max=0.2).check()
 
 
 OWN = "left,right,top,base,disparity,depth\n"
@@ -113,16 +107,13 @@ def written(folder, text, name="stixels.csv"):
     return folder / name
 
 
-def test_a_table_of_ours_keeps_its_disparity(tmp_path):
+def test_tables_of_ours_and_of_theirs_are_read(tmp_path):
     read = read_stixels(written(tmp_path, OWN + "6,9,10,20,12.5,8\n0,3,11,21,12,9\n"))
     stixels = read.stixels
     assert stixels.left.tolist() == [0, 6] and stixels.right.tolist() == [3, 9]
     assert stixels.base.tolist() == [21, 20] and stixels.disparity.tolist() == [12.0, 12.5]
     assert stixels.depth.tolist() == [9.0, 8.0] and stixels.offsets.tolist() == [0, 2]
     assert read.image.shape == (22, 9, 3) and not read.has_size
-
-
-def test_a_table_of_theirs_has_the_row_below_and_no_width(tmp_path):
     text = "img,u,vT,vB,d,label\na.png,16,10,20,7.5,1\na.png,0,8,16,9.5,1\na.png,8,8,16,9.5,1\n"
     stixels = read_stixels(written(tmp_path, text)).stixels
     assert stixels.left.tolist() == [0, 8, 16] and stixels.right.tolist() == [8, 16, 24]

@@ -15,8 +15,6 @@ from stixel_cli.experiment.stages import pipeline_stages, scan_count
 from stixel_cli.recordings.replay import replayed_scenario, smoothing_spline
 from stixel_cli.recordings.truth import recorded_motion
 
-FABRICATED = ("measurement=fabricated", "pictures.frames=[]", "executor=threads")
-
 
 @pytest.fixture(scope="module")
 def motion(tmp_path_factory):

@@ -72,7 +72,7 @@ def test_image_without_noise_is_the_luma_with_gain_on_the_right():
     assert np.allclose(grey_levels(picture), exact, atol=1e-4)
 
 
-def test_noise_is_normal():
+def test_noise_is_normal_and_a_dark_image_has_only_read_noise():
     deviates = normal_quantiles().astype(float)
     assert np.array_equal(deviates, -deviates[::-1])
     below = (np.arange(65536) + 0.5) / 65536
@@ -83,9 +83,6 @@ def test_noise_is_normal():
     image = add_sensor_noise(flat(1, 128), dark, RIG, range(1), seed=1).left[0]
     noise = (image.astype(float) - 128) / 12
     assert abs((noise**4).mean() - 3) < 0.15 and noise.max() > 3.5 and noise.min() < -3.5
-
-
-def test_dark_image_has_only_read_noise():
     assert noise_std(np.array([-3.0, 0.0]), SENSOR) == pytest.approx(1.2)
 
 

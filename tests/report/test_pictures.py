@@ -94,15 +94,7 @@ def test_camera_pictures_have_all_panels(kind):
     check_pngs({"camera.png": pictures.files["k0005/camera.png"]})
 
 
-def test_camera_pictures_keep_the_pixels_of_the_image():
-    rig = make_rig(640, 200)
-    inputs = make_camera_inputs(rig)
-    picture = decode_image(camera_pictures(**inputs).files["k0005/left.png"])
-    image = inputs["rendered"].left[1]
-    assert np.array_equal(picture, image)
-
-
-def test_stixels_are_painted_in_the_colour_of_their_depth_and_objects_have_boxes():
+def test_camera_pictures_keep_the_pixels_and_paint_stixels_by_depth_and_objects():
     inputs = make_camera_inputs(make_rig(640, 200))
     plain = decode_image(camera_pictures(**inputs).files["k0005/stixels.png"])
     stixels, grey = inputs["stixels"], inputs["pairs"].left[5 - inputs["pairs"].first]
@@ -116,6 +108,9 @@ def test_stixels_are_painted_in_the_colour_of_their_depth_and_objects_have_boxes
     one = Objects(5, np.array([0, 1]), box, np.zeros((1, 4, 2)), counts, of_stixels)
     boxed = decode_image(camera_pictures(**inputs, objects=one).files["k0005/stixels.png"])
     assert (boxed[90, 10:60] == boxed[90, 10]).all() and (boxed[90, 10] != plain[90, 10]).any()
+    picture = decode_image(camera_pictures(**inputs).files["k0005/left.png"])
+    image = inputs["rendered"].left[1]
+    assert np.array_equal(picture, image)
 
 
 def test_camera_pictures_accept_empty_results():
@@ -149,13 +144,10 @@ def test_used_points_have_the_ellipses_of_the_tracker_s_noise(run, monkeypatch):
     assert not np.allclose(drawn[style.UNUSED][:, 0, 0], TRACKER.measurement_std**2)
 
 
-def test_birds_eye_picture_is_drawn(run):
+def test_birds_eye_is_drawn_also_of_an_empty_scan_and_a_non_finite_track(run):
     pictures = track_pictures(**run, tracker=TRACKER, frame=4)
     assert set(pictures.files) == {"k0004/birds_eye.png"}
     check_pngs(pictures.files)
-
-
-def test_birds_eye_accepts_an_empty_scan_and_a_non_finite_track(run):
     assert len(run["scans"].points_world[run["scans"].rows(5)]) == 0
     check_pngs(track_pictures(**run, tracker=TRACKER, frame=5).files)
     not_finite = replace(
@@ -187,7 +179,7 @@ def test_several_tracks_and_labels_are_drawn_from_above(run):
     }
 
 
-def test_run_pictures_are_png_and_svg(run):
+def test_run_pictures_are_png_and_svg_also_of_one_scan_and_a_stopped_target(run):
     scores = make_scores(run["scenario"], run["track"])
     files = run_pictures(**run, scores=scores).files
     assert set(files) == {"path.png", "path.svg", "errors.png", "errors.svg"}
@@ -196,9 +188,6 @@ def test_run_pictures_are_png_and_svg(run):
         assert files[name].startswith(b"<?xml")
         assert b"<dc:date>" not in files[name]
         assert b"matplotlib.org" not in files[name]
-
-
-def test_run_pictures_accept_one_scan_and_a_stopped_target(run):
     rng = np.random.default_rng(5)
     for count in (1, 4):
         scenario = make_scenario(count)
@@ -262,16 +251,13 @@ def test_the_times_along_a_path_are_inside_its_axes(run):
 PATH, MEASUREMENT = SimpleNamespace(duration=1.0, sample_time=0.1), SimpleNamespace(kind="lidar")
 
 
-def test_frames_must_increase():
+def test_frames_increase_and_end_with_the_path_unless_a_file_has_them():
     PicturesParameters(None).check(PATH, MEASUREMENT)
     PicturesParameters(()).check(PATH, MEASUREMENT)
     PicturesParameters((0, 3, 9)).check(PATH, MEASUREMENT)
     for frames in ((3, 3), (5, 2)):
         with pytest.raises(ValueError, match=r"pictures\.frames"):
             PicturesParameters(frames).check(PATH, MEASUREMENT)
-
-
-def test_frames_end_with_the_path_unless_a_file_has_them():
     with pytest.raises(ValueError, match="<= 9, the last frame, got 10"):
         PicturesParameters((9, 10)).check(PATH, MEASUREMENT)
     PicturesParameters((9, 10)).check(PATH, SimpleNamespace(kind="file"))

@@ -231,13 +231,10 @@ def noise():
     return of
 
 
-def test_an_isotropic_noise_is_one_number(noise):
+def test_an_isotropic_noise_is_one_number_and_the_scan_s_own_is_not_stored_again(noise):
     assert noise("tracker.measurement_std=0.4")["std"] == 400
     for kind in ("point", "box"):
         assert noise(f"tracker={kind}", "tracker.measurement_std=0.25")["std"] == 250
-
-
-def test_the_scan_s_own_noise_is_not_stored_again(noise):
     found = noise("tracker.measurement_covariance=points")
     assert found["std"] is found["ellipses"] is None
 

@@ -122,16 +122,13 @@ def test_runs_have_different_line_styles():
     assert len(looks) == 32
 
 
-def test_page_is_self_contained(folders):
+def test_page_is_self_contained_and_repeats_to_the_byte(folders):
     page = make_page(folders)
     assert not re.search(r"""(src|href)\s*=\s*["']?(https?:)?//""", page) and "<link" not in page
     names = re.findall(r'\bid="([^"]+)"', page)
     assert len(names) == len(set(names))
     for used in re.findall(r'(?:url\(|href=")#([^")]+)', page):
         assert used in names
-
-
-def test_page_has_repeatable_bytes(folders):
     assert make_page(folders) == make_page(folders)
 
 
@@ -174,35 +171,26 @@ def test_default_page_is_an_unused_file(folders):
     assert default_page(many).name == f"report-{'long' * 12}-0-and-5-more.html"
 
 
-def test_arrays_of_wrong_shape_are_rejected(folders):
-    np.savez(folders[0] / "scores.npz", t=np.arange(3.0), iou=np.arange(4.0))
-    with pytest.raises(UserError, match="iou has shape"):
-        read_scored_run(folders[0])
-
-
-def test_missing_folder_is_rejected(tmp_path):
+def test_missing_folders_and_arrays_of_wrong_shape_are_rejected(tmp_path, folders):
     with pytest.raises(UserError, match="no such folder"):
         read_scored_run(tmp_path / "nothing")
     (tmp_path / "file").write_text("")
     with pytest.raises(UserError, match="not a folder"):
         read_scored_run(tmp_path / "file")
+    np.savez(folders[0] / "scores.npz", t=np.arange(3.0), iou=np.arange(4.0))
+    with pytest.raises(UserError, match="iou has shape"):
+        read_scored_run(folders[0])
 
 
-def test_the_main_metrics_are_of_the_table_and_in_order():
+def test_main_metrics_and_rows_of_scores_smoothed_ones_beside_those_of_the_filter():
     assert set(MAIN) <= METRICS.keys() and len(MAIN) == 6
     metrics = {"nis_mean": 1.0, "my_lag_m": 2.0, "hausdorff_m": 0.2, "iou_mean": 0.8}
     assert list(main_metrics(metrics)) == ["iou_mean", "nis_mean", "my_lag_m"], "and one's own"
-
-
-def test_the_rows_of_scores_are_name_value_and_unit():
     columns, rows, right = score_table(
         {"centre_rmse_m": 0.1234, "nis_mean": None, "success": 0.4556}
     )
     assert columns == ("score", "value", "unit") and right == (1,)
     assert [row[1:] for row in rows] == [("0.123", "m"), ("45.6", "%")]
-
-
-def test_smoothed_scores_are_beside_those_of_the_filter_and_named_so():
     metrics = {"iou_mean": 0.7, "nis_mean": 1.0, "smoothed_iou_mean": 0.8, "smoothed_lag": 5}
     columns, rows, right = score_table(metrics)
     assert columns == ("score", "filtered", "smoothed, lag 5", "unit") and right == (1, 2)
@@ -223,12 +211,9 @@ def found(**values):
     )
 
 
-def test_without_a_near_obstacle_no_column_is_counted():
+def test_an_assessment_begins_with_what_it_has_measured():
     assert sentences(found(near_columns=0, near_called_free=0))[0].startswith("No true obstacle")
     assert sentences(found(near_columns=5, near_called_free=0))[0].startswith("0 of 5 columns")
-
-
-def test_all_stixels_come_before_those_on_square_surfaces():
     known = {"median_px": 0.69, "beyond_1px_share": 0.408, "stixels_compared": 355}
     square = {"square_median_px": 0.15, "square_beyond_1px_share": 0.046, "square_compared": 65}
     first = sentences(found(**known, **square, obstacle_covered_share=0.9))[0]

@@ -98,7 +98,7 @@ def result(tmp_path_factory):
     return run([*RUN, "pictures.frames=[]"], results=folder, name="moving", cache=folder / "cache")
 
 
-def test_points_are_those_of_the_world_seen_from_the_car(result):
+def test_points_and_states_are_those_of_the_world_seen_from_the_car(result):
     world, ego = result.scans, result.ego_tables["scans"]
     for k, pose in enumerate(result.scenario.ego_poses_world):
         rows = world.rows(k)
@@ -108,9 +108,6 @@ def test_points_are_those_of_the_world_seen_from_the_car(result):
         np.testing.assert_allclose(ego["var_xx"][rows], turned[:, 0, 0])
         np.testing.assert_allclose(ego["var_xy"][rows], turned[:, 0, 1], atol=1e-15)
         np.testing.assert_allclose(ego["var_yy"][rows], turned[:, 1, 1])
-
-
-def test_a_state_is_turned_with_its_covariance(result):
     track, ego = result.track, result.ego_tables["track"]
     for k, pose in enumerate(result.scenario.ego_poses_world):
         centre = ego_from_world(track.means[k, None, :2], pose)[0]

@@ -91,7 +91,7 @@ def test_contour_equals_the_silhouette_from_above(meshes, kind, step, least_area
 
 
 @pytest.mark.parametrize("kind", scene_presets.ROAD_USERS)
-def test_contour_is_one_simple_polygon_with_few_points(meshes, kind):
+def test_contour_is_one_simple_polygon_and_star_convex_where_all_of_it_is_seen(meshes, kind):
     contour = outline(corners(meshes[kind]))
     polygon = shapely.Polygon(contour)
     assert polygon.is_valid and polygon.exterior.is_ccw
@@ -102,6 +102,10 @@ def test_contour_is_one_simple_polygon_with_few_points(meshes, kind):
         np.tile(np.abs(corners(meshes[kind])[:, :, :2]).max(axis=(0, 1)), (2, 1)),
         atol=1.1e-3,
     )
+    shape = shapely.Polygon(contour).buffer(1e-9)
+    middles = 0.5 * (contour + np.roll(contour, -1, axis=0))
+    seen = all(shape.covers(shapely.LineString([(0, 0), point])) for point in [*contour, *middles])
+    assert is_star_convex(contour) == seen
 
 
 @pytest.mark.parametrize(("kind", "share"), [("car", 0.98), ("cyclist", 0.8), ("pedestrian", 0.8)])
@@ -118,7 +122,7 @@ def test_contour_includes_the_mirrors(meshes):
     assert outermost.bounds[2] - outermost.bounds[0] < 0.2
 
 
-def test_contour_fills_holes_and_joins_separate_parts():
+def test_contour_fills_holes_joins_parts_and_needs_an_area():
     frame = [((-1, -1, 0), (1, -0.8, 1)), ((-1, 0.8, 0), (1, 1, 1)),
              ((-1, -1, 0), (-0.8, 1, 1)), ((0.8, -1, 0), (1, 1, 1))]  # fmt: skip
     assert shapely.Polygon(outline(corners(boxes(*frame)))).area == pytest.approx(4.0)
@@ -126,9 +130,6 @@ def test_contour_fills_holes_and_joins_separate_parts():
     polygon = shapely.Polygon(outline(corners(apart)))
     assert polygon.is_valid
     assert polygon.area == pytest.approx(2.0, abs=0.03)
-
-
-def test_contour_rejects_a_mesh_without_ground_projection():
     upright = np.array([[0.0, 0, 0], [1, 0, 0], [1, 0, 1]])
     wall = Part(upright, np.array([[0, 1, 2]], np.int32), np.zeros((1, 3, 2)), GREY, "wall")
     with pytest.raises(ValueError, match="no area"):
@@ -143,15 +144,6 @@ def test_star_convexity_of_known_shapes():
     assert is_star_convex(dented)
     hooked = np.array([[-1.0, -1], [1, -1], [1, 1], [0.6, 1], [0.9, 0.5], [-1, 0.5]])
     assert not is_star_convex(hooked)
-
-
-@pytest.mark.parametrize("kind", scene_presets.ROAD_USERS)
-def test_star_convexity_of_road_users_agrees_with_visibility(meshes, kind):
-    contour = outline(corners(meshes[kind]))
-    shape = shapely.Polygon(contour).buffer(1e-9)
-    middles = 0.5 * (contour + np.roll(contour, -1, axis=0))
-    seen = all(shape.covers(shapely.LineString([(0, 0), point])) for point in [*contour, *middles])
-    assert is_star_convex(contour) == seen
 
 
 @pytest.mark.parametrize("name", scene_presets.EGOS)

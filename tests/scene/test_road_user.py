@@ -35,7 +35,7 @@ def test_bounding_box_has_the_given_size(kind, size):
 
 
 @pytest.mark.parametrize("kind", scene_presets.ROAD_USERS)
-def test_road_user_parts_meet_the_requirements_of_the_renderers(kind):
+def test_meshes_meet_the_requirements_of_the_renderers_and_face_outwards(kind):
     mesh = road_user_meshes(parameters(kind))[0]
     assert len({part.name for part in mesh}) == len(mesh) >= 5
     assert len(corners(mesh)) < 8000
@@ -46,11 +46,7 @@ def test_road_user_parts_meet_the_requirements_of_the_renderers(kind):
         assert part.uvs.shape == (len(part.triangles), 3, 2) and np.isfinite(part.uvs).all()
         assert part.texture.dtype == np.uint8 and part.texture.shape[2] == 3
         assert all(side & (side - 1) == 0 for side in part.texture.shape[:2])
-
-
-@pytest.mark.parametrize("kind", scene_presets.ROAD_USERS)
-def test_triangles_face_outwards(kind):
-    """The signed volume of every closed piece is positive; windows and cabin close together."""
+    # The signed volume of every closed piece is positive; windows and cabin close together.
     parts = {part.name: part for part in road_user_meshes(parameters(kind))[0]}
     groups = [[name] for name in parts if name not in ("cabin", "windows")]
     for names in groups:
@@ -99,13 +95,10 @@ def test_every_class_has_a_mesh_of_its_own():
     assert len({corners(mesh).tobytes() for mesh in meshes}) == len(kinds)
 
 
-def test_missing_mesh_file_is_rejected_before_the_run():
+def test_mesh_files_and_their_keys_are_checked_before_the_run():
     road_user = RoadUser("car", 4.5, 1.8, 1.5, 0.6, None, "nowhere/mesh.ply", 1.0, "x")
     with pytest.raises(ValueError, match=r"road_user\.mesh: file not found"):
         road_user.check()
-
-
-def test_a_built_in_shape_is_not_scaled_or_turned_by_keys_of_a_mesh():
     for scale, forward in ((0.001, "x"), (1.0, "-y")):
         road_user = RoadUser("car", 4.5, 1.8, 1.5, 0.6, None, None, scale, forward)
         with pytest.raises(ValueError, match=r"give road_user\.mesh=FILE"):

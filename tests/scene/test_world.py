@@ -36,13 +36,10 @@ def obstacles(objects):
     return shapely.union_all([*hulls, *(shapely.box(*rectangle) for rectangle in PAVEMENTS)])
 
 
-def test_world_has_one_road_first_and_a_limited_size(objects):
+def test_world_has_one_flat_road_first_a_limited_size_and_parts_for_the_renderers(objects):
     assert [mesh[0].name for mesh in objects].index("asphalt") == 0
     assert 30 < len(objects) < 200
     assert sum(len(corners(mesh)) for mesh in objects) < 40_000
-
-
-def test_ground_is_large_flat_and_textured(objects):
     low, high = bounding_box(objects[0])
     assert (low[:2] <= -150).all() and (high[:2] >= 150).all()
     assert low[2] == 0.0 and high[2] == KERB
@@ -53,9 +50,15 @@ def test_ground_is_large_flat_and_textured(objects):
         points = part.vertices[part.triangles]
         normals = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])
         assert (normals[:, 2] > 0.0).all() and (normals[:, :2] == 0.0).all()
+    for mesh in objects:
+        for part in mesh:
+            assert part.triangles.dtype == np.int32 and np.isfinite(part.vertices).all()
+            assert part.uvs.shape == (len(part.triangles), 3, 2)
+            assert part.texture.dtype == np.uint8
+            assert all(side & (side - 1) == 0 for side in part.texture.shape[:2])
 
 
-def test_background_surrounds_the_ego_car_on_the_ground(objects):
+def test_background_surrounds_the_ego_car_and_tall_objects_are_behind_the_target(objects):
     boxes = [bounding_box(mesh) for mesh in objects[1:]]
     assert all(abs(low[2]) < 0.2 for low, _ in boxes)
     tall = shapely.union_all(
@@ -64,10 +67,7 @@ def test_background_surrounds_the_ego_car_on_the_ground(objects):
     for angle in np.radians(np.arange(0, 360, 5)):
         ray = shapely.LineString([(0, 0), (220 * np.cos(angle), 220 * np.sin(angle))])
         assert ray.intersects(tall)
-
-
-def test_objects_above_four_metres_are_behind_the_target(objects):
-    """In the default rig's view, past the default path, nearer than 50 m."""
+    # In the default rig's view, past the default path, nearer than 50 m.
     tall = [
         mesh[0].name
         for mesh in objects[1:]
@@ -96,25 +96,13 @@ def test_ego_paths_are_free_of_objects(obstacles, name):
         assert shapely.Point(pose[:2]).distance(obstacles) > 1.5
 
 
-def test_world_parts_meet_the_requirements_of_the_renderers(objects):
-    for mesh in objects:
-        for part in mesh:
-            assert part.triangles.dtype == np.int32 and np.isfinite(part.vertices).all()
-            assert part.uvs.shape == (len(part.triangles), 3, 2)
-            assert part.texture.dtype == np.uint8
-            assert all(side & (side - 1) == 0 for side in part.texture.shape[:2])
-
-
-def test_world_is_repeatable_and_depends_on_its_seed(objects):
+def test_world_is_repeatable_and_depends_on_its_seed_and_contrast(objects):
     def bytes_of(items):
         parts = [part for mesh in items for part in mesh]
         return [(part.vertices.tobytes(), part.texture.tobytes()) for part in parts]
 
     assert bytes_of(world_objects(scene_presets.world())) == bytes_of(objects)
     assert bytes_of(world_objects(World("street", 2, 1.0))) != bytes_of(objects)
-
-
-def test_asphalt_without_contrast_has_one_colour():
     ground = world_objects(World("street", 1, 0.0))[0]
     assert ground[0].texture.std(axis=(0, 1)).max() == 0.0
 
@@ -141,7 +129,7 @@ def beside():
     return roadside_objects(WORLD, *driven(150.0))
 
 
-def test_the_way_and_the_view_of_the_target_are_free(beside):
+def test_the_way_and_the_view_are_free_and_objects_near_the_way_on_its_asphalt(beside):
     ego, targets = driven(150.0)
     way = shapely.LineString(ego[:, :2])
     views = shapely.union_all(shapely.linestrings(np.stack([ego[:, :2], targets], axis=1)))
@@ -150,9 +138,6 @@ def test_the_way_and_the_view_of_the_target_are_free(beside):
         hull = shapely.convex_hull(shapely.MultiPoint(corners(mesh).reshape(-1, 3)[:, :2]))
         assert hull.distance(way) > 0.99 * ROAD
         assert hull.distance(views) > 0.99 * VIEW
-
-
-def test_objects_are_near_the_way_and_on_its_asphalt(beside):
     road, *others = beside
     low, high = bounding_box(road)[:, :2]
     assert first_parts(others) >= {"walls", "trunk", "pole", "body", "woods"}

@@ -126,13 +126,10 @@ def test_the_table_removes_the_bias_towards_whole_pixels():
     assert sum(errors["phase_table"]) < sum(errors["parabola"])
 
 
-def test_phase_table_is_symmetric_and_keeps_whole_and_half_pixels():
+def test_the_phase_table_corrects_every_surface_and_keeps_edges_and_holes():
     table = np.array(PHASE_TABLE)
     assert table[0] == 0 and table[8] == 8
     assert np.all(table[1:] + table[:0:-1] == 16) and np.all(np.diff(table) >= 0)
-
-
-def test_phase_table_corrects_every_surface_and_keeps_edges_and_holes():
     raw = np.full((9, 24), 16 * 10 + 2, dtype=np.int16)
     raw[:, 12:] = 16 * 10 + 14
     raw[2, 3] = raw[6, 23] = INVALID
@@ -141,15 +138,9 @@ def test_phase_table_corrects_every_surface_and_keeps_edges_and_holes():
     expected = np.where(raw == INVALID, INVALID, raw - 2 + PHASE_TABLE[2])
     expected[:, 12:] = np.where(raw[:, 12:] == INVALID, INVALID, 16 * 10 + PHASE_TABLE[14])
     assert np.array_equal(found, expected)
-
-
-def test_phase_table_keeps_pixels_without_a_match():
     raw = np.zeros((9, 9), dtype=np.int16)
     raw[4, 4] = raw[:, 7:] = INVALID
     assert np.array_equal(correct_phases(raw), raw)
-
-
-def test_phase_table_takes_the_median_of_near_disparities_only():
     raw = np.full((9, 9), 160, dtype=np.int16)
     raw[4, 4] = 161
     assert np.all(correct_phases(raw) == 160)
@@ -271,14 +262,11 @@ def test_a_small_range_is_searched_at_full_size_only(planes):
     assert found.stored.encoded == plain.stored.encoded
 
 
-def test_tiny_images_are_matched_at_two_sizes():
+def test_images_are_halved_by_means_and_tiny_ones_are_matched_at_two_sizes():
     views = (np.zeros((3, 5), dtype=np.uint8),) * 2
     pair = StereoPairs(0, *(ImageStack.from_images([view]) for view in views))
     found = match(pair, STEREO, replace(WIDE, width=5, height=3), range(1))
     assert found.raw(0).shape == (3, 5)
-
-
-def test_an_image_is_halved_by_means_of_two_by_two_pixels():
     image = np.array([[0, 4, 8, 8, 7], [4, 8, 8, 8, 7], [10, 20, 30, 40, 50]], dtype=np.uint8)
     assert halved(image).tolist() == [[4, 8, 7], [15, 35, 50]]
 

@@ -333,18 +333,6 @@ def test_blended_foot_does_not_move_the_stixel(pipeline, rig, render, as_dispari
     np.testing.assert_allclose(soft.depth, sharp.depth, rtol=1e-3)
 
 
-def stepped(rows_near, rows_far, near=20.0, far=18.0, width=5):
-    """Columns (W, H) of a bonnet below a cabin, and the layer of both."""
-    columns = np.full((width, 60), -1, dtype=np.int16)
-    columns[:, 50 - rows_near : 50] = round(16 * near)
-    columns[:, 50 - rows_near - rows_far : 50 - rows_near] = round(16 * far)
-    tops = np.full(width, 50 - rows_near - rows_far, dtype=np.int32)
-    base = np.full(width, 49, dtype=np.int32)
-    window = np.full(width, 4.0, dtype=np.float32)
-    obstacle = np.full(width, near, dtype=np.float32)
-    return columns, Layer(obstacle, window, tops, tops, base, base)
-
-
 def test_hidden_rows_raise_the_tops(pipeline, rig, render, as_disparities, height):
     disparities = as_disparities(render(rig, boxes=BOXES))
     low = pipeline(disparities, rig)

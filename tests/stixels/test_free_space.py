@@ -77,20 +77,24 @@ def test_free_space_finds_boxes_and_wall(
     np.testing.assert_allclose(depth[lone], 30.0, rtol=0.02)
 
 
-def test_column_without_obstacle_is_free(find, rig, render, as_disparities):
+def test_columns_without_obstacle_are_free_and_no_frames_are_no_columns(
+    find, rig, render, as_disparities
+):
     found = find(as_disparities(render(rig), render(rig, boxes=[(0.0, 10.0, 2.0, 1.5)])), rig)
     assert np.all(np.isnan(found.disparity[0]))
     assert np.all(found.base_row[0] == -1)
     box = ~np.isnan(found.disparity[1])
     assert np.array_equal(box, found.base_row[1] >= 0)
     assert np.count_nonzero(box) == pytest.approx(2.0 * rig.focal / 10.0, abs=2)
-
-
-def test_overhanging_object_is_not_an_obstacle(find, rig, render, as_disparities):
     bridge = render(rig, wall=20.0)
     row = rig.v0 - (3.0 - rig.camera_height) * rig.focal / 20.0
     bridge[int(row) - 1 :] = render(rig)[int(row) - 1 :]
     assert np.all(np.isnan(find(as_disparities(bridge), rig).disparity))
+    invalid = np.full((rig.height, rig.width), -1, dtype=np.int16)
+    assert np.all(np.isnan(find(as_disparities(invalid), rig).disparity))
+    empty = find(as_disparities(), rig)
+    assert empty.disparity.shape == empty.base_row.shape == (0, rig.width)
+    assert empty.road.shape == (0, 2)
 
 
 @pytest.mark.parametrize(("depth", "tall", "stands"), [(5.0, 0.4, False), (5.0, 0.7, True)])
@@ -100,11 +104,6 @@ def test_smallest_obstacle_depends_on_height_and_pixels(
     """Of 0.4 m at 5 m nine rows stand above `road.least_height`: pixels enough, not 0.3 m."""
     found = find(as_disparities(render(rig, boxes=[(0.0, depth, 1.0, tall)])), rig)
     assert np.isfinite(found.disparity[0, int(rig.u0)]) == stands
-
-
-def test_column_with_only_noise_is_free(find, rig, as_disparities):
-    invalid = np.full((rig.height, rig.width), -1, dtype=np.int16)
-    assert np.all(np.isnan(find(as_disparities(invalid), rig).disparity))
 
 
 def test_chunks_give_the_same_free_space_as_one_pass(find, rig, render, as_disparities, free_space):
@@ -157,12 +156,6 @@ def test_temporal_term_does_not_delay_a_moving_target(
         edges = rig.u0 + rig.focal * (at + np.array([-1.0, 1.0])) / distance
         depth = rig.focal * rig.baseline / disparity[int(edges[0]) + 2 : int(edges[1]) - 1]
         np.testing.assert_allclose(depth, distance, rtol=0.03)
-
-
-def test_free_space_of_no_frames_is_empty(find, rig, as_disparities):
-    empty = find(as_disparities(), rig)
-    assert empty.disparity.shape == empty.base_row.shape == (0, rig.width)
-    assert empty.road.shape == (0, 2)
 
 
 @pytest.mark.parametrize("pitch", [0.0, 2.0])

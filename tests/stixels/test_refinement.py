@@ -2,7 +2,7 @@ import cv2
 import numpy as np
 import pytest
 
-from stixel_cli.stixels.refinement import MOST_ROWS, TOLERANCE, aligned
+from stixel_cli.stixels.refinement import TOLERANCE, aligned
 
 HEIGHT, WIDTH = 60, 80
 AREA = np.array([[40, 43, 10, 49]])
@@ -38,26 +38,14 @@ def test_alignment_finds_the_shift_of_the_images(fraction):
         assert align(left, right, true + away) == pytest.approx(true, abs=0.02)
 
 
-def brute(left, right, start):
-    """The least sum of squared differences, without their mean, of a fine grid of shifts."""
-    u, v = np.arange(38, 45), 10 + np.arange(MOST_ROWS) * 40 // MOST_ROWS
-    one = left[np.ix_(v, u)].astype(float)
-    tried = start + np.linspace(-TOLERANCE, TOLERANCE, 241)
-    costs = []
-    for shift in tried:
-        at = np.broadcast_to(u - shift, one.shape)
-        k = np.floor(at).astype(int)
-        t = at - k
-        a, b, c, d = (right[v[:, None], k + i].astype(float) for i in (-1, 0, 1, 2))
-        cubic = b + 0.5 * t * (c - a + t * (2 * a - 5 * b + 4 * c - d + t * (3 * (b - c) + d - a)))
-        costs.append(np.var(one - cubic))
-    return tried[np.argmin(costs)]
-
-
-def test_pitch_compensated_disparities_are_those_of_the_image_times_the_factor():
+def test_pitch_and_the_errors_of_the_rig_are_in_the_disparity_as_they_should():
     left, right = shifted(7.3)
     scale = np.full(HEIGHT, 1.25 / 16, dtype=np.float32)
     assert align(left, right, 7.2 * 1.25, scale) == pytest.approx(7.3 * 1.25, abs=0.03)
+    left, right = shifted(7.5)
+    assert align(left, right, 6.9, error=0.5) == pytest.approx(
+        align(left, right, 7.4) - 0.5, abs=0.02
+    )
 
 
 def test_what_is_behind_the_face_does_not_count():
@@ -84,11 +72,4 @@ def test_disparity_stays_where_the_images_say_nothing_better():
     columns = np.full((WIDTH, HEIGHT), 115, dtype=np.int16)
     assert (
         aligned(left, right, columns, left_most, np.array([7.2]), scale, np.zeros(WIDTH))[0] == 7.2
-    )
-
-
-def test_the_errors_of_the_rig_are_not_in_the_disparity():
-    left, right = shifted(7.5)
-    assert align(left, right, 6.9, error=0.5) == pytest.approx(
-        align(left, right, 7.4) - 0.5, abs=0.02
     )

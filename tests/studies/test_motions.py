@@ -96,15 +96,12 @@ def test_tracks_that_count(data, monkeypatch):
     assert some["path.target"] == [3, 0, 1] and some["seed"] == [0, 2, 3]
 
 
-def test_without_data_it_is_refused_in_one_line(studies, monkeypatch, tmp_path):
+def test_without_data_it_is_refused_in_one_line_and_left_out_of_all(studies, monkeypatch, tmp_path):
     monkeypatch.delenv("STIXEL_DATA", raising=False)
     assert "STIXEL_DATA: must name a folder that has kitti_tracking" in studies.refused("motions")
     monkeypatch.setenv("STIXEL_DATA", str(tmp_path))
     with pytest.raises(MissingData):
         motions.every_track()
-
-
-def test_all_studies_leave_it_out_without_data(studies, monkeypatch):
     monkeypatch.delenv("STIXEL_DATA", raising=False)
     monkeypatch.setattr("stixel_cli.cli.study.STUDIES", ["motions"])
     (answer,) = studies.run("all")["studies"]

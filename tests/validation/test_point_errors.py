@@ -72,7 +72,7 @@ def farther(by):
     return PERFECT.points_world + by * offset / length
 
 
-def test_perfect_points_have_no_errors():
+def test_perfect_points_have_no_errors_and_bias_along_the_ray_is_measured():
     errors = point_errors(PERFECT, TRUTH, RIG)
     assert len(errors.scans) == len(PERFECT.points_world) > 1000
     np.testing.assert_allclose(errors.along, 0.0, atol=1e-9)
@@ -83,9 +83,12 @@ def test_perfect_points_have_no_errors():
     reach = np.concatenate([errors.reach_left, errors.reach_right])
     # The ray next to the end is up to one column inside.
     assert np.all(np.abs(reach) <= 0.51)
+    errors = point_errors(with_points(farther(0.2)), TRUTH, RIG)
+    np.testing.assert_allclose(errors.along, 0.2, atol=1e-9)
+    np.testing.assert_allclose(-errors.disparities * errors.range_sensitivities, 0.2, rtol=0.03)
 
 
-def test_off_centre_principal_point_moves_the_image_borders():
+def test_image_borders_follow_the_principal_point_and_ends_outside_are_unknown():
     # The target, in the middle before, is cut by the image's left border.
     rig = dataclasses.replace(RIG, principal_u=20.0)
     points = fabricate_scans(TRUTH, rig, EXACT, seed=0)
@@ -96,12 +99,12 @@ def test_off_centre_principal_point_moves_the_image_borders():
     assert errors.covered.all()
     assert np.isnan(errors.reach_left).any()
     assert np.isfinite(errors.reach_right).all()
-
-
-def test_bias_along_the_ray_is_measured():
-    errors = point_errors(with_points(farther(0.2)), TRUTH, RIG)
-    np.testing.assert_allclose(errors.along, 0.2, atol=1e-9)
-    np.testing.assert_allclose(-errors.disparities * errors.range_sensitivities, 0.2, rtol=0.03)
+    truth = dataclasses.replace(TRUTH, target_poses_world=TRUTH.target_poses_world - [5.5, 0, 0])
+    errors = point_errors(fabricate_scans(truth, RIG, EXACT, seed=0), truth, RIG)
+    assert 2 <= np.isnan(errors.reach_left).sum() <= 9
+    assert np.nanmax(np.abs(errors.reach_left)) <= 0.51
+    assert np.abs(errors.reach_right).max() <= 0.51
+    assert errors.covered.all()
 
 
 def test_points_outside_the_silhouette_count_as_fattening():
@@ -171,15 +174,6 @@ def test_background_points_are_not_clutter():
     assert len(errors.scans) == len(last)
 
 
-def test_end_outside_the_image_is_unknown():
-    truth = dataclasses.replace(TRUTH, target_poses_world=TRUTH.target_poses_world - [5.5, 0, 0])
-    errors = point_errors(fabricate_scans(truth, RIG, EXACT, seed=0), truth, RIG)
-    assert 2 <= np.isnan(errors.reach_left).sum() <= 9
-    assert np.nanmax(np.abs(errors.reach_left)) <= 0.51
-    assert np.abs(errors.reach_right).max() <= 0.51
-    assert errors.covered.all()
-
-
 def test_ranges_end_at_the_first_edge_that_faces_the_sensor():
     contour = np.array([[10.0, -3.0], [13.0, -3.0], [13.0, 3.0], [10.0, 3.0]])
     ranges = ranges_along(contour, np.array([0.0, 0.2, -0.2, 1.0]))
@@ -187,7 +181,7 @@ def test_ranges_end_at_the_first_edge_that_faces_the_sensor():
     assert ranges[3] == np.inf
 
 
-def test_scan_without_visible_target_has_no_errors():
+def test_scan_without_visible_target_has_no_errors_and_other_times_are_refused():
     for depth in (-20.0, 1.0):
         truth = scenario(count=3, depth=depth)
         none = Scans(
@@ -199,9 +193,6 @@ def test_scan_without_visible_target_has_no_errors():
         assert np.isnan(errors.spacing)
         assert np.isnan(errors.reach_left).all()
         assert not errors.covered.any()
-
-
-def test_point_errors_reject_other_times():
     with pytest.raises(ValueError, match="times"):
         point_errors(PERFECT, scenario(count=9), RIG)
 
@@ -254,15 +245,12 @@ def test_missed_outermost_points_do_not_count_as_moved_ends():
     assert abs(40.0 * found.edge_metres) < 0.6
 
 
-def test_far_ranges_are_fitted_like_near_ones():
+def test_far_ranges_are_fitted_like_near_ones_and_exact_points_without_noise():
     known = dataclasses.replace(KNOWN["plain"], range_bias=0.2, disparity_std=0.2)
     found = fit_noise([errors_of(known, seed, nearest=25.0) for seed in range(4)])
     assert abs(found.disparity_std - 0.2) < 0.01
     assert abs(found.range_bias - 0.2) < 0.1
     assert found.missed_share < 0.001
-
-
-def test_points_without_noise_give_a_fit_without_noise():
     found = fit_noise([errors_of(ConstantNoise("constant", 0.0), 0, count=10)])
     assert found.disparity_std == found.range_bias == 0.0
     assert found.missed_share == 0.0
@@ -286,7 +274,7 @@ def test_a_preset_file_gives_the_same_noise():
 SMALL = Rig(160, 120, 60.0, None, None, None, 0.3, 1.2, 0.0, None)
 
 
-def test_the_face_of_a_car_ahead_is_its_rear():
+def test_the_faces_of_a_car_are_those_that_a_column_sees():
     # Frame of the rays: x ahead, y to the left; the rear is 10 m ahead, the column of u0 sees it.
     contour = rectangle(4.0, 1.8) + np.array([12.0, 0.0])
     depths = face_depths(contour, column_rays(SMALL), SMALL)
@@ -294,9 +282,6 @@ def test_the_face_of_a_car_ahead_is_its_rear():
     assert depths[seen] == pytest.approx(10.0)
     half = 0.9 * SMALL.focal / 10.0
     assert seen[0] == np.ceil(SMALL.u0 - half) and seen[-1] == np.floor(SMALL.u0 + half)
-
-
-def test_the_face_of_a_car_at_the_left_is_its_rear_and_its_side():
     contour = rectangle(4.0, 1.8) + np.array([12.0, 4.0])
     depths = face_depths(contour, column_rays(SMALL), SMALL)
     seen = np.flatnonzero(np.isfinite(depths))

@@ -116,7 +116,7 @@ def test_columns_are_missed_without_an_obstacle_or_with_a_farther_one():
     assert np.flatnonzero(missed_columns(path, truth, rig)).tolist() == [41, 44, *range(45, 58)]
 
 
-def test_injected_stixel_errors_are_measured():
+def test_stixel_errors_are_measured_on_square_faces_alone():
     rig = make_rig()
     truth = truth_of(rig)
     good = perfect_stixels(rig, truth)
@@ -133,12 +133,13 @@ def test_injected_stixel_errors_are_measured():
     expected |= {"lateral": 0.0625, "height": 0.125}
     for name, value in expected.items():
         assert columns_of(errors)[name] == pytest.approx(value, abs=1e-9), name
-
-
-def test_stixel_with_half_its_columns_on_the_target_belongs_to_it():
-    rig = make_rig()
-    truth = truth_of(rig)
-    good = perfect_stixels(rig, truth)
+    assert columns_of(stixel_errors(good, 0, truth, rig)[1])["square"] == pytest.approx(0.0)
+    # The lower third of the target is a metre nearer, as a bonnet is.
+    rows = np.flatnonzero((truth.ids == TARGET_ID)[:, 48])
+    depth = truth.depth.copy()
+    depth[rows[-len(rows) // 3] :] -= 1.0
+    errors = stixel_errors(good, 0, replace(truth, depth=depth), rig)[1]
+    assert np.isnan(columns_of(errors)["square"]).all()
     # Columns 40 to 57 are the target's: of six columns two, three, and four are.
     for shift, count in ((-4, 0), (-3, 1), (-2, 1)):
         first = {name: getattr(good, name)[:1] for name in ("top", "base", "disparity", "depth")}
@@ -152,19 +153,6 @@ def test_stixel_with_half_its_columns_on_the_target_belongs_to_it():
             **first,
         )
         assert len(stixel_errors(one, 0, truth, rig)[1]) == count
-
-
-def test_a_stepped_face_is_not_square():
-    rig = make_rig()
-    truth = truth_of(rig)
-    good = perfect_stixels(rig, truth)
-    assert columns_of(stixel_errors(good, 0, truth, rig)[1])["square"] == pytest.approx(0.0)
-    # The lower third of the target is a metre nearer, as a bonnet is.
-    rows = np.flatnonzero((truth.ids == TARGET_ID)[:, 48])
-    depth = truth.depth.copy()
-    depth[rows[-len(rows) // 3] :] -= 1.0
-    errors = stixel_errors(good, 0, replace(truth, depth=depth), rig)[1]
-    assert np.isnan(columns_of(errors)["square"]).all()
 
 
 @pytest.mark.parametrize("pitch", [0.0, 2.0])
