@@ -66,7 +66,7 @@ def test_a_harder_scene_of_one_option_does_not_count():
         {
             "contour": {"turn": easy},
             "gp_ekf": {
-                "turn": [v + 0.02 + 0.001 * i for i, v in enumerate(easy)],
+                "turn": [v + 0.02 + i / 1000 for i, v in enumerate(easy)],
                 "hard": [0.3] * 4,
             },
         }
@@ -230,9 +230,7 @@ def test_what_is_not_a_question_is_refused():
 
 
 def test_any_frame_of_numbers_is_asked_by_name_and_a_missing_setting_is_a_value():
-    frame = pd.DataFrame(
-        {"method": ["a", "b"] * 4, "seed": [0, 0, 1, 1, 2, 2, 3, 3], "status": "done"}
-    )
+    frame = pd.DataFrame({"method": ["a", "b"] * 4, "seed": np.arange(8) // 2, "status": "done"})
     frame["quality"] = [1.0, 2.0, 1.1, 2.2, 0.9, 1.9, 1.0, 2.1]
     answer = Runs(frame).ask(metric="quality", better="more")
     assert (answer.best, answer.shown) == ("b", True)

@@ -35,11 +35,7 @@ def test_the_overview_has_the_best_first_and_counts_failures(answers):
 
 
 def test_a_table_for_a_paper(answers):
-    shown = [
-        of_values(
-            {"a_1": {"turn": [0.9, 0.91, 0.92, 0.9]}, "b": {"turn": [0.5, 0.5, 0.52, 0.5]}}
-        ).ask()
-    ]
+    shown = [of_values({"a_1": {"turn": [0.9, 0.91, 0.92, 0.9]}, "b": {"turn": [0.5] * 4}}).ask()]
     text = render.latex(shown, "A & B", "tab:one")
     assert r"\toprule" in text and r"\textbf{0.907" in text and r"a\_1" in text
     assert "\u2212" not in text and r"\label{tab:one}" in text

@@ -128,11 +128,7 @@ def test_golden_scores_of_the_true_box_moved_along_the_heading(rendered):
     assert scores["iou_box_mean"] == pytest.approx((length - 0.5) / (length + 0.5), abs=1e-4)
     assert scores["centre_rmse_m"] == pytest.approx(0.5)
     assert scores["nees_position_mean"] == pytest.approx(0.5) and scores["in_nees_band"] == 1
-    assert (scores["track_lost"], scores["orientation_rmse_deg"], scores["missing_scans"]) == (
-        0,
-        0,
-        0,
-    )
+    assert scores["track_lost"] == scores["orientation_rmse_deg"] == scores["missing_scans"] == 0
     # A contour that runs clockwise is the same contour.
     turned = sequence_scores({**moved, "contours": moved["contours"][:, ::-1]}, given)
     assert turned == scores
@@ -177,18 +173,9 @@ def test_a_table_gives_the_same_pack_as_arrays(packed):
     ("content", "expected"),
     [
         (lambda packed, arrays: None, f"the sequence {NAME} is missing"),
-        (
-            lambda packed, arrays: (packed / "data" / NAME / "truth.npz").read_bytes(),
-            "is unknown: a track has means",
-        ),
-        (
-            lambda packed, arrays: npz(**arrays | {"means": arrays["means"][:5]}),
-            "means must have shape (12, 3)",
-        ),
-        (
-            lambda packed, arrays: npz(**arrays | {"covariances": -arrays["covariances"]}),
-            "positive definite",
-        ),
+        (lambda packed, arrays: (packed / "data" / NAME / "truth.npz").read_bytes(), "is unknown"),
+        (lambda packed, arrays: npz(**arrays | {"means": arrays["means"][:5]}), "means must have"),
+        (lambda _, arrays: npz(**arrays | {"covariances": -arrays["covariances"]}), "definite"),
     ],
 )
 def test_pack_refuses(packed, refused, content, expected):

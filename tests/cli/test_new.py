@@ -70,10 +70,7 @@ def test_the_overrides_that_it_prints_use_the_class_of_the_meshes(tmp_path, monk
         (["a.obj", "--output", "old.json"], "--output: old.json exists"),
         (["a.obj", "--output", "x.json", "--sensor", "sonar"], "--sensor: 'sonar' is not known"),
         (["a.obj", "--output", "x.json", "--road-user", "tram"], "road_user: unknown option"),
-        (
-            ["a.obj", "--output", "x.json", "--forward", "w"],
-            "invalid value for '--forward': 'w' is not one of",
-        ),
+        (["a.obj", "--output", "x.json", "--forward", "w"], "'--forward': 'w' is not one of"),
         (["--output", "x.json"], "MESH"),
         (["old.json", "--output", "x.json"], "road_user.mesh: "),
         (["a.obj", "--output", "x.json", "--scale", "9"], "each side must be 0.1 to 30 m"),

@@ -273,10 +273,7 @@ def test_composing_creates_no_cache_and_needs_none(tmp_path, monkeypatch, defaul
         (["measurement=lidar"], 30.0),
         (["measurement=lidar", "measurement.scanner.horizontal_fov=100"], 50.0),
         (["measurement=file", "measurement.path=scans.csv"], None),
-        (
-            ["measurement=file", "measurement.path=scans.csv", "measurement.horizontal_fov=270"],
-            135.0,
-        ),
+        (["measurement=file", "measurement.path=a.csv", "measurement.horizontal_fov=270"], 135.0),
     ],
 )
 def test_the_field_of_view_is_that_of_the_sensor(overrides, half):

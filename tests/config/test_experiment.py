@@ -116,9 +116,7 @@ def changed_defaults(conf):
         assert count == 1
     file.write_text(text, encoding="utf-8")
     changed = set()
-    for path in itertools.chain.from_iterable(
-        (conf / g).rglob("*.yaml") for g in (*METHOD, "prior")
-    ):
+    for path in itertools.chain(*((conf / g).rglob("*.yaml") for g in (*METHOD, "prior"))):
         name = path.relative_to(conf).with_suffix("").as_posix()
         if name not in OWN:
             lines = path.read_text(encoding="utf-8")

@@ -32,10 +32,7 @@ def checkout(tmp_path_factory):
 
 def stixel(checkout: Path, *lines: list, codes: tuple[int, ...] = (0,)) -> list[tuple[str, str]]:
     """stdout and stderr of command lines in one process of `checkout`, which end with `codes`."""
-    environment = os.environ | {
-        "PYTHONPATH": str(checkout),
-        "STIXEL_CACHE": str(checkout / "cache"),
-    }
+    environment = dict(os.environ, PYTHONPATH=str(checkout), STIXEL_CACHE=str(checkout / "cache"))
     done = subprocess.run(
         [sys.executable, "-c", COMMANDS, json.dumps(lines, default=str), str(ROOT / "tests")],
         cwd=checkout,
@@ -127,22 +124,17 @@ def test_an_edit_is_named_by_verify_and_by_resume(checkout, edited, monkeypatch)
     assert "metrics.json" in {file["file"] for file in found["files"]}
     found = json.loads(outside[0])
     assert found["first_by_value"]["stage"] == "start"
-    assert found["first_by_value"]["causes"] == [
-        "unknown code changes: the folder does not record its code"
-    ]
+    assert found["first_by_value"]["causes"][0].startswith("unknown code changes: the folder")
     assert "2 of 2 finished runs" in resumed[1]
 
 
-CHECKOUT = Path(__file__).parents[2]
 WEDGE = "v 1 1 3\nv 3 1 3\nv 1 2 3\nv 1 1 4\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n"
 
 
 def test_every_edit_changes_the_keys_of_its_stages(tmp_path):
     for name in ("stixel_cli", "conf", "pipelines"):
-        shutil.copytree(
-            CHECKOUT / name, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__")
-        )
-    shutil.copy(CHECKOUT / "pyproject.toml", tmp_path)
+        shutil.copytree(ROOT / name, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(ROOT / "pyproject.toml", tmp_path)
     (tmp_path / "wedge.obj").write_text("mtllib wedge.mtl\n" + WEDGE)
     (tmp_path / "wedge.mtl").write_text("newmtl coat\nmap_Kd none.png\n")
     (tmp_path / "scans.csv").write_text("k,t,x,y\n0,0.0,1,9\n1,0.1,1,9\n")

@@ -17,12 +17,8 @@ from stixel_cli.measurements.scans import Scans
 
 RUN = ("path=depart", "path.duration=0.4", "ego=turning", "rig.width=200", "rig.height=120")
 RUN += ("pictures.frames=[]", "executor=threads", "road=estimated")
-OWN = (
-    "stereo.block_size=9",
-    "occupancy=cartesian",
-    "extraction.width=4",
-    "measurement.height_max=2",
-)
+OWN = ("stereo.block_size=9", "occupancy=cartesian", "extraction.width=4")
+OWN += ("measurement.height_max=2",)
 """Values that are not those of a recording."""
 
 

@@ -109,10 +109,7 @@ def test_noise_along_the_ray_matches_its_covariance():
     for k in range(len(exact)):
         sensor = truth.ego_poses_world[k]
         rows = exact.rows(k)
-        true, measured = (
-            exact.points_world[rows] - sensor[:2],
-            noisy.points_world[rows] - sensor[:2],
-        )
+        true, measured = (one.points_world[rows] - sensor[:2] for one in (exact, noisy))
         ranges = np.linalg.norm(true, axis=-1)
         along = true / ranges[:, None]
         across = along @ rotation(np.pi / 2).T

@@ -88,10 +88,9 @@ def test_tabs_semicolons_and_decimal_commas_are_read_as_commas_and_points_are(
     separator, comma, write
 ):
     other = SCANS.replace(",", separator).replace(".", comma)
-    assert same_scans(read_scans(write(other), None, 0.5), read_scans(write(SCANS), None, 0.5))
-    assert same_scans(
-        read_scans(write("\ufeff" + SCANS + "\n\n"), None, 0.5), read_scans(write(SCANS), None, 0.5)
-    )
+    expected = read_scans(write(SCANS), None, 0.5)
+    for same in (other, "\ufeff" + SCANS + "\n\n"):
+        assert same_scans(read_scans(write(same), None, 0.5), expected)
 
 
 def test_without_k_the_rows_of_one_time_are_a_scan(write):

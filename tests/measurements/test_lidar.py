@@ -313,10 +313,7 @@ def test_lidar_scan_can_be_empty_and_requires_a_pose():
 @pytest.mark.parametrize(
     ("override", "message"),
     [
-        (
-            "measurement.scanner.elevation_highest=-2",
-            "must be ≥ measurement.scanner.elevation_lowest",
-        ),
+        ("measurement.scanner.elevation_highest=-2", "must be ≥ measurement.scanner.elevation"),
         ("measurement.scanner.elevation_highest=-1.2", "4 layers need different"),
         ("measurement.height_max=0.2", "measurement.height_max: must be > measurement.height_min"),
         ("measurement.range_max=1", "measurement.range_max: 1 is out of range: must be > 1"),

@@ -213,12 +213,12 @@ def test_poses_cannot_be_scaled_by_a_recording_that_shows_no_length(
     clip, tmp_path, monkeypatch, capsys
 ):
     monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "cache"))
-    more = [
+    more = (
         "road_user=car",
         "start.range=[8,40]",
         "source.pose_scale=estimated",
         "source.frames=0:3",
-    ]
+    )
     assert main(["run", "--results", str(tmp_path), *given(clip, *more)]) == 2
     assert "source.pose_scale: cannot be estimated" in capsys.readouterr().err
 

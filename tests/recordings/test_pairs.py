@@ -233,11 +233,8 @@ def test_stixels_from_a_file_have_the_scores_of_ours(pair, tmp_path, monkeypatch
     assert theirs["stixels"] == len(found) and theirs["found_share"] > 0.9
     # A file does not state what is unknown.
     of_the_file = {name: value for name, value in theirs.items() if value is not None}
-    assert ours.keys() - of_the_file.keys() == {
-        "unknown_share",
-        "disparity_share",
-        "row_difference_px",
-    }
+    unknown = {"unknown_share", "disparity_share", "row_difference_px"}
+    assert ours.keys() - of_the_file.keys() == unknown
     near = {name: ours.pop(name) - theirs.pop(name) for name in ("near_called_free", "free_share")}
     assert near["near_called_free"] <= 0
     assert {name: ours[name] for name in of_the_file if name in ours} == pytest.approx(

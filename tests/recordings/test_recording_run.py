@@ -149,10 +149,8 @@ def test_a_start_from_the_scans_uses_the_first_box_only(clip):
     # The car is 0.4 m to the right, 0.9 m to each side of its middle, 6.9 m ahead.
     lowest, highest = np.degrees(np.arctan([-1.35 / 6.9, 0.52 / 6.9]))
     assert start.bearing == (pytest.approx(lowest, abs=2.0), pytest.approx(highest, abs=2.0))
-    assert compose(of(clip, "start=scans", "start.bearing=[-3,4]")).configuration.start.bearing == (
-        -3.0,
-        4.0,
-    )
+    typed = compose(of(clip, "start=scans", "start.bearing=[-3,4]")).configuration
+    assert typed.start.bearing == (-3.0, 4.0)
 
 
 @pytest.mark.parametrize(

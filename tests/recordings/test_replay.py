@@ -51,11 +51,8 @@ def test_the_files_give_class_frames_and_ego_motion(motion):
     assert scan_count(made) == 12 and chosen.path.duration == pytest.approx(1.2)
     assert compose(of(motion, "path.target=1")).choices["prior"] == "pedestrian"
     own = compose(of(motion, "road_user=cyclist", "rig=default", "world=street"))
-    assert [own.choices[group] for group in ("prior", "rig", "world")] == [
-        "cyclist",
-        "default",
-        "street",
-    ]
+    chosen_groups = [own.choices[group] for group in ("prior", "rig", "world")]
+    assert chosen_groups == ["cyclist", "default", "street"]
     assert from_resolved(made.resolved) == chosen
 
 

@@ -58,14 +58,7 @@ def test_height_costs_follow_from_the_membership():
 
 @pytest.mark.parametrize(
     ("beyond", "smoothness", "top"),
-    [
-        (0.0, 3.0, 60),
-        (0.0, 0.9, 50),
-        (0.0, 1.1, 60),
-        (3.0, 3.0, 60),
-        (3.6, 3.0, 50),
-        (8.0, 3.0, 50),
-    ],
+    [(0.0, 3.0, 60), (0.0, 0.9, 50), (0.0, 1.1, 60), (3.0, 3.0, 60), (3.6, 3.0, 50)],
 )
 def test_smoothness_depends_on_the_depth_difference_of_neighbours(
     rig, height, beyond, smoothness, top

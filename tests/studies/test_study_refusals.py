@@ -19,11 +19,7 @@ TINY = ("road_user=car", "seed=0")
 @pytest.mark.parametrize(
     ("name", "body", "error"),
     [
-        (
-            "material(data)",
-            "return data.sweeps['third']",
-            "toy.py, line 6: `return data.sweeps['third']`)",
-        ),
+        ("material(data)", "return data.sweeps['third']", "toy.py, line 6: `return data.sweeps"),
         ("material(data)", "return 3", "material: must return Material, got 3"),
         ("columns(name, runs, results)", "return 1 / 0", "toy.py, line 6: `return 1 / 0`)"),
         ("columns(name, runs, results)", "return runs.frame", "columns: must return Runs, got "),

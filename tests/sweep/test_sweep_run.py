@@ -51,13 +51,8 @@ def test_the_folder(sweeps):
     folder = sweeps.results / "mine"
     assert swept["folder"] == str(folder)
     assert "6 of 6 runs done" in (sweeps.results / "index.html").read_text(encoding="utf-8")
-    assert {path.name for path in folder.iterdir()} == {
-        "sweep.yaml",
-        "runs.csv",
-        *STATISTICS,
-        "runs",
-        "code",
-    }
+    names = {"sweep.yaml", "runs.csv", *STATISTICS, "runs", "code"}
+    assert {path.name for path in folder.iterdir()} == names
     rows = sweeps.rows("mine")
     assert len(rows) == 6
     for index, row in enumerate(rows):
