@@ -280,7 +280,7 @@ if __name__ == "__main__":
 """
 
 
-def test_a_tracker_may_be_a_function_of_a_script_or_notebook(tmp_path):
+def test_a_tracker_may_be_a_function_of_a_script_notebook_or_module(tmp_path):
     (tmp_path / "script.py").write_text(SCRIPT, encoding="utf-8")
     environment = os.environ | {"STIXEL_CACHE": str(tmp_path / "cache")}
     done = subprocess.run(
@@ -299,9 +299,6 @@ def test_a_tracker_may_be_a_function_of_a_script_or_notebook(tmp_path):
     (source,) = (tmp_path / "results/still/code").glob("still_*.py")
     assert "def corners" in source.read_text() and "unusable" not in source.read_text()
     assert {path.name for path in (tmp_path / "cache/cells").glob("still_*.py")} == {source.name}
-
-
-def test_a_function_of_a_module_is_named():
     assert mapping_texts({"tracker": point.track}) == [
         "tracker=stixel_cli.tracking.baselines.point:track"
     ]

@@ -100,7 +100,12 @@ def test_only_regular_files_are_read(tmp_path, read):
     assert "too large: 1073741825 bytes, at most" in refused(read, large)
 
 
-def test_a_file_that_is_larger_than_it_says(monkeypatch):
+def test_too_many_values_and_a_file_that_is_larger_than_it_says_are_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(files, "MOST_VALUES", 10)
+    file = tmp_path / "file"
+    file.write_text(json.dumps({"a": [0] * 10}))
+    assert "a: more than 10 values" in refused(read_json, file)
+    assert "more than 10 values, aliases expanded" in refused(read_yaml, file)
     # Files of /proc say that they have no bytes.
     file = Path("/proc/self/status")
     if not file.exists():
@@ -108,14 +113,6 @@ def test_a_file_that_is_larger_than_it_says(monkeypatch):
     assert "Name:" in read_text(file)
     monkeypatch.setattr(files.read_bytes, "__defaults__", (100,))
     assert "too large: more than 100 bytes" in refused(read_text, file)
-
-
-def test_too_many_values(tmp_path, monkeypatch):
-    monkeypatch.setattr(files, "MOST_VALUES", 10)
-    file = tmp_path / "file"
-    file.write_text(json.dumps({"a": [0] * 10}))
-    assert "a: more than 10 values" in refused(read_json, file)
-    assert "more than 10 values, aliases expanded" in refused(read_yaml, file)
 
 
 DEEP = 100_000

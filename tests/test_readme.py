@@ -66,7 +66,9 @@ def test_commands_of_the_docs_are_valid(page, capsys):
 SMALL = ("path.duration=1.2", "rig.width=320", "rig.height=240", "seed=5", "executor=threads")
 
 
-def test_the_method_gives_the_bytes_of_the_cached_run(tmp_path, monkeypatch):
+def test_the_method_fits_on_one_screen_and_gives_the_bytes_of_the_cached_run(tmp_path, monkeypatch):
+    lines, _ = inspect.getsourcelines(method.follow_road_user)
+    assert len(lines) <= 40
     monkeypatch.setenv("STIXEL_CACHE", str(tmp_path))
     found = method.follow_road_user(compose(SMALL).configuration, seed=5)
     cached = run(SMALL)
@@ -79,8 +81,3 @@ def test_the_method_gives_the_bytes_of_the_cached_run(tmp_path, monkeypatch):
                 )
             else:
                 assert a == b, field.name
-
-
-def test_the_method_fits_on_one_screen():
-    lines, _ = inspect.getsourcelines(method.follow_road_user)
-    assert len(lines) <= 40

@@ -147,24 +147,18 @@ def test_a_failed_run_stays_and_counts_as_lost():
     assert (rate["mine"], rate["broken"]) == (pytest.approx(1 / 3), 1.0)
 
 
-def test_a_scenario_in_which_an_option_fails_is_named_as_left_out():
+def test_options_are_compared_over_what_all_of_them_have():
     good, poor = [0.9, 0.91, 0.92, 0.9], [0.5, 0.52, 0.51, 0.5]
     values = {"mine": {"car": poor, "cyclist": [None] * 4}, "point": {"car": good, "cyclist": poor}}
     answer = of_values(values).ask()
     assert (answer.over, answer.used) == ("4 seeds, car only", 4)
     assert answer.sentence.startswith("Mean IoU, box: point 0.907 [0.891, 0.922] is the best (4 ")
     assert answer.notes[0] == "Left out: cyclist, where mine lacks values."
-
-
-def test_options_that_share_no_cell_are_not_compared():
     answer = of_values({"a": {"turn": [0.9, None]}, "b": {"turn": [None, 0.5]}}).ask()
     assert "no scenario has every unit, and no unit every scenario" in answer.sentence
     assert answer.notes[0] == "Left out: turn, where a and b lack values."
     none = of_values({"a": {"turn": [None]}, "b": {"turn": [None]}}).ask(metric=IOU)
     assert "no run has a value" in none.sentence
-
-
-def test_scenarios_compare_options_over_the_same_units():
     values = {"a": {"p": [0.9, 0.5], "q": [0.8, 0.8]}, "b": {"p": [0.7, None], "q": [None, None]}}
     found = of_values(values).ask().by_scenario()
     np.testing.assert_allclose(found.loc["p"], [0.9, 0.7])

@@ -112,7 +112,9 @@ def test_a_manifest_cannot_name_other_files(rendered, path, capsys):
     assert "not a file of a sequence" in capsys.readouterr().err
 
 
-def test_the_demo_has_its_own_shapes_and_needs_no_data_of_the_user(monkeypatch):
+def test_the_demo_needs_no_data_of_the_user_and_a_star_names_the_folder_of_the_seed(
+    monkeypatch, tmp_path
+):
     monkeypatch.delenv("STIXEL_DATA", raising=False)
     (run,) = planned([named("demo_whole-triangle-straight-3")], {})
     configuration = run.composition.configuration
@@ -121,9 +123,6 @@ def test_the_demo_has_its_own_shapes_and_needs_no_data_of_the_user(monkeypatch):
     assert configuration.path.sample_time == 1.0 and configuration.seed == 3
     with pytest.raises(MissingData, match="STIXEL_DATA"):
         planned([named("lidarrm-rectangle-sparse-2")], {})
-
-
-def test_a_star_names_the_folder_of_the_seed(tmp_path, monkeypatch):
     monkeypatch.setenv("STIXEL_DATA", str(tmp_path))
     for name in ("car-aa", "car-bb"):
         (tmp_path / "pandaset" / name).mkdir(parents=True)

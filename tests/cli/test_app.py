@@ -104,7 +104,9 @@ def test_help_and_composition_import_nothing_heavy(program, heavy):
     assert done.returncode == 0, done.stderr
 
 
-def test_known_errors_and_ctrl_c_are_one_line_and_a_body_has_its_exit_code(stand_in, capsys):
+def test_known_errors_and_ctrl_c_are_one_line_and_a_crash_without_a_log_is_shown(
+    stand_in, capsys, monkeypatch
+):
     stand_in(lambda *arguments: 3)
     assert main(["run"]) == 3
     stand_in(raising(UserError("rig.file: cannot\nbe read")))
@@ -113,6 +115,12 @@ def test_known_errors_and_ctrl_c_are_one_line_and_a_body_has_its_exit_code(stand
     stand_in(raising(KeyboardInterrupt))
     assert main(["run"]) == 130
     assert capsys.readouterr().err.count("\n") == 1
+    stand_in(raising(ZeroDivisionError))
+    monkeypatch.setattr("platformdirs.user_log_path", raising(OSError("disk full")))
+    assert main(["run"]) == 1
+    said = capsys.readouterr().err
+    assert "disk full" in said
+    assert "Traceback" in said
 
 
 def raising(error):
@@ -197,15 +205,6 @@ def test_sigterm_ends_a_run_in_one_line(tmp_path):
     assert lines == ["stixel: interrupted; what was computed is kept: repeat the command to resume"]
     assert out == ""
     assert not list((tmp_path / "results").glob("*/*"))
-
-
-def test_a_crash_without_a_log_is_shown(stand_in, capsys, monkeypatch):
-    stand_in(raising(ZeroDivisionError))
-    monkeypatch.setattr("platformdirs.user_log_path", raising(OSError("disk full")))
-    assert main(["run"]) == 1
-    said = capsys.readouterr().err
-    assert "disk full" in said
-    assert "Traceback" in said
 
 
 def test_reader_that_goes_away_is_no_crash():

@@ -210,7 +210,9 @@ def test_all_is_well(renderers, capsys, tmp_path, monkeypatch):
     assert "raycast draws a picture" in told and "filament draws" in told
 
 
-def test_filament_may_be_absent_and_rays_may_not(renderers, capsys):
+def test_filament_may_be_absent_and_rays_the_cache_and_free_space_may_not(
+    renderers, capsys, tmp_path, monkeypatch
+):
     renderers(filament=lambda: "filament did not start within 60 s")
     code, checks = doctor(capsys)
     assert (code, checks["renderer filament"]["status"]) == (0, "absent")
@@ -219,17 +221,6 @@ def test_filament_may_be_absent_and_rays_may_not(renderers, capsys):
     assert (code, checks["renderer raycast"]["status"]) == (1, "fails")
     assert main(["doctor"]) == 1
     assert "renderer raycast fails: libusb-1.0.so.0" in capsys.readouterr().out
-
-
-def test_renderers_are_tried_in_a_process_of_their_own_that_may_hang_or_die():
-    assert health.probe_raycast(600.0) is None
-    assert "within 0.5 s" in health.probe_raycast(0.5, HANGS)
-    assert "within 0.5 s" in probe_filament(0.5, HANGS)
-    assert "signal 6" in health.probe_raycast(600.0, DIES)
-    assert health.probe_raycast(600.0, SAYS).endswith("code 1: libusb-1.0.so.0: no such file")
-
-
-def test_a_cache_that_cannot_be_written_and_a_full_disk_fail(renderers, tmp_path, monkeypatch):
     (tmp_path / "file").write_text("mine")
     checks = {one.name: one for one in health.examine(Store(tmp_path / "file"))}
     assert checks["cache folder"].status == "fails"
@@ -239,6 +230,14 @@ def test_a_cache_that_cannot_be_written_and_a_full_disk_fail(renderers, tmp_path
     monkeypatch.setattr("shutil.disk_usage", lambda folder: usage(10, 9, 1))
     checks = {one.name: one for one in health.examine(Store(tmp_path))}
     assert checks["disk free"].status == "fails"
+
+
+def test_renderers_are_tried_in_a_process_of_their_own_that_may_hang_or_die():
+    assert health.probe_raycast(600.0) is None
+    assert "within 0.5 s" in health.probe_raycast(0.5, HANGS)
+    assert "within 0.5 s" in probe_filament(0.5, HANGS)
+    assert "signal 6" in health.probe_raycast(600.0, DIES)
+    assert health.probe_raycast(600.0, SAYS).endswith("code 1: libusb-1.0.so.0: no such file")
 
 
 def test_a_read_only_cache_serves_what_it_holds(renderers, tmp_path, monkeypatch):

@@ -69,13 +69,10 @@ def test_a_wrong_name_has_one_line(word, capsys):
     assert captured.out == "" and captured.err.count("\n") == 1 and NEAR[word] in captured.err
 
 
-def test_of_several_variants_the_default_comes_first():
+def test_of_several_variants_the_default_comes_first_and_all_groups_are_listed(capsys):
     first, *others = describe_key("tracker.sigma_q")
     assert "tracker=gp_ekf" in first.belongs_to and others
     assert first.default == "1.5"
-
-
-def test_all_groups(capsys):
     said = printed(capsys)
     assert all(f"\n{group} " in said for group in group_options() if "/" not in group)
     assert "\nseed " in said
@@ -151,15 +148,7 @@ def test_keys_of_a_group_within_another_and_of_the_option_in_the_line(in_bash, m
     assert "path.points=" in complete_override("path.p")
 
 
-def test_bash_takes_the_equals_sign_for_a_break(in_bash):
-    assert in_bash("road_user", "=") == USERS
-    assert in_bash("road_user", "=", "c") == ["car", "cyclist"]
-    assert in_bash("rig", "=", "kitti", "road_user", "=", "ped") == ["pedestrian"]
-    assert in_bash("rig.width", "=") == ["640"]
-    assert in_bash("path", "=", "turn", "") == [f"{group}=" for group in group_options()]
-
-
-def test_further_values_of_a_sweep(in_bash, monkeypatch):
+def test_further_values_of_a_sweep_and_where_bash_breaks_a_word(in_bash, monkeypatch):
     further = [f"car,{user}" for user in USERS if user != "car"]
     assert complete_override("road_user=car,") == [f"road_user={values}" for values in further]
     assert "road_user=car,cyclist,pedestrian" in complete_override("road_user=car,cyclist,")
@@ -168,6 +157,11 @@ def test_further_values_of_a_sweep(in_bash, monkeypatch):
     monkeypatch.setenv("COMP_WORDS", "stixel sweep road_user = car,")
     monkeypatch.setenv("COMP_CWORD", "4")
     assert complete_override("car,") == further
+    assert in_bash("road_user", "=") == USERS
+    assert in_bash("road_user", "=", "c") == ["car", "cyclist"]
+    assert in_bash("rig", "=", "kitti", "road_user", "=", "ped") == ["pedestrian"]
+    assert in_bash("rig.width", "=") == ["640"]
+    assert in_bash("path", "=", "turn", "") == [f"{group}=" for group in group_options()]
 
 
 def test_result_folders(tmp_path, monkeypatch):
@@ -221,15 +215,7 @@ def test_the_shell_is_answered_fast_and_without_heavy_imports(tmp_path):
         assert offered in done.stdout
 
 
-def test_no_folder_is_no_error(monkeypatch):
-    def missing():
-        raise OSError
-
-    monkeypatch.setattr("stixel_cli.config.folders.group_options", missing)
-    assert complete_override("r") == []
-
-
-def test_formats_of_export():
+def test_formats_of_export_and_that_no_folder_is_no_error(monkeypatch):
     from typer.main import get_command
 
     from stixel_cli.cli.app import app
@@ -239,3 +225,9 @@ def test_formats_of_export():
     offered = [item.value for item in option.shell_complete(None, "")]
     assert offered == [*FORMATS, "mlflow"]
     assert [item.value for item in option.shell_complete(None, "k")] == ["kitti"]
+
+    def missing():
+        raise OSError
+
+    monkeypatch.setattr("stixel_cli.config.folders.group_options", missing)
+    assert complete_override("r") == []

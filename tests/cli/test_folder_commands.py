@@ -205,30 +205,23 @@ def explained(explained_folder, capsys, monkeypatch):
     return explain
 
 
-def test_nothing_would_run(explained, explained_folder, capsys):
+def test_what_would_run_of_a_folder_and_of_overrides(
+    explained, explained_folder, capsys, monkeypatch, tmp_path
+):
     assert explained(*FABRICATED) == {}
     assert explained(str(explained_folder)) == {}
     assert main(["explain", str(explained_folder)]) == 0
     assert capsys.readouterr().out == "nothing to recompute: all results are cached\n"
-
-
-def test_a_setting_that_changed(explained, capsys):
     why = explained(*FABRICATED, "tracker.sigma_f=0.77")
     assert any("sigma_f changed from" in text and "to 0.77" in text for text in why["track"])
     assert why["scores"] == ["input changed: track"]
     assert main(["explain", *FABRICATED, "tracker.sigma_f=0.77"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].startswith("track: ")
-
-
-def test_an_empty_cache(explained, explained_folder, monkeypatch, tmp_path, capsys):
+    assert main(["explain", str(explained_folder), "seed=1"]) == 2
+    assert "either one result folder or overrides" in capsys.readouterr().err
     monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "none"))
     capsys.readouterr()
     assert main(["explain", str(explained_folder)]) == 0
     assert "new: no result of track is stored" in capsys.readouterr().out
     assert not (tmp_path / "none").exists()
-
-
-def test_folder_and_overrides_do_not_mix(explained_folder, capsys):
-    assert main(["explain", str(explained_folder), "seed=1"]) == 2
-    assert "either one result folder or overrides" in capsys.readouterr().err

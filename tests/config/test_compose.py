@@ -19,13 +19,15 @@ def default():
     return compose()
 
 
-def test_default_is_what_the_readme_says(default):
+def test_default_is_what_the_readme_says_and_nobody_else_s(default):
     expected = dict(road_user="car", path="turn", ego="parked", rig="default", renderer="raycast")
     expected |= dict(stereo="sgm", occupancy="polar", measurement="stixels", tracker="gp_ekf")
     assert expected.items() <= default.choices.items()
     assert default.choices.keys() == {group for group in group_options() if "/" not in group}
     assert default.configuration.seed == 0
     assert default.overrides == ()
+    compose().resolved["rig"]["width"] = 1
+    assert compose() == default and compose() is not default
 
 
 @pytest.mark.parametrize("tracker", ["contour", "gp_ekf"])
@@ -198,12 +200,7 @@ def test_a_damaged_file_is_named(own_conf, composer, content, said):
     assert "\n" not in str(error.value)
 
 
-def test_a_configuration_is_nobody_else_s(default):
-    compose().resolved["rig"]["width"] = 1
-    assert compose() == default and compose() is not default
-
-
-def test_names_of_files_are_absolute_wherever_they_are_meant(tmp_path, monkeypatch):
+def test_names_of_files_are_absolute_and_may_be_words_of_other_keys(tmp_path, monkeypatch):
     monkeypatch.setenv("HOME", str(tmp_path))
     (tmp_path / "mine.obj").touch()
     for given, directory in (("'~/mine.obj'", "/"), ("mine.obj", str(tmp_path))):
@@ -212,6 +209,9 @@ def test_names_of_files_are_absolute_wherever_they_are_meant(tmp_path, monkeypat
         for composed in (compose(words, directory), typed):
             assert composed.resolved["road_user"]["mesh"] == str(tmp_path / "mine.obj")
             assert composed.configuration.cache.folder == str(tmp_path / "mine.obj")
+    composer = Composer(str(tmp_path))
+    found = composer.compose(read_overrides(["measurement=file", "measurement.path=none"], TYPED))
+    assert found.value("measurement.path") == str(tmp_path / "none")
 
 
 @pytest.mark.parametrize(
@@ -291,9 +291,3 @@ def test_texts_that_need_no_quotes_have_none(plain):
     assert OverridesParser.create().parse_override(text).value() == plain
     for special in ("12", "00.5", "null", "a b", "0"):
         assert "'" in override_text("source.sequence", special)
-
-
-def test_a_file_may_be_named_as_a_word_of_another_key(tmp_path):
-    composer = Composer(str(tmp_path))
-    found = composer.compose(read_overrides(["measurement=file", "measurement.path=none"], TYPED))
-    assert found.value("measurement.path") == str(tmp_path / "none")

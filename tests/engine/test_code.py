@@ -24,11 +24,16 @@ def names(project, code):
     return {name.removeprefix(f"{project.name}.") for name in code.modules}
 
 
-def test_reaches_modules_through_imports(project, code):
+def test_reaches_modules_through_imports_and_all_of_a_package_that_is_an_object(project, code):
     found = code("double")
     assert names(project, found) == {"double", "log", "helpers", "nouns"}
     assert set(found.versions) == {"numpy"}
     assert found.versions["numpy"]
+    found = code("first", first=f"import {project.name}.helpers")
+    assert names(project, found) >= {"first", "helpers", "nouns", "log", "double", project.name}
+    assert found.modules == code("first", first=f"import {project.name} as p").modules | {
+        f"{project.name}.first": found.modules[f"{project.name}.first"]
+    }
 
 
 @pytest.mark.parametrize(
@@ -140,14 +145,6 @@ def test_reaches_the_helper_from_wherever_it_is_imported(project, code, text):
     assert "helpers" in names(project, code("first", first=text))
 
 
-def test_a_package_that_is_bound_as_an_object_counts_whole(project, code):
-    found = code("first", first=f"import {project.name}.helpers")
-    assert names(project, found) >= {"first", "helpers", "nouns", "log", "double", project.name}
-    assert found.modules == code("first", first=f"import {project.name} as p").modules | {
-        f"{project.name}.first": found.modules[f"{project.name}.first"]
-    }
-
-
 def test_the_init_of_a_users_package_counts_always_if_it_has_statements(project, code):
     project.write("__init__", "from .log import called\nanswer = 1")
     reached = {"first", "helpers", "log", project.name}
@@ -158,11 +155,17 @@ def test_the_init_of_a_users_package_counts_always_if_it_has_statements(project,
     assert names(project, code("first", first="from . import answer")) == reached - {"helpers"}
 
 
-def test_declared_files_count_by_their_content(project, code):
+def test_declared_files_and_loose_modules_count_by_their_content(project, code, tmp_path):
     (project.package / "weights.npz").write_bytes(b"1")
     before = code("first", first='FILES = ["weights.npz"]')
     assert f"{project.name}.first/weights.npz" in before.modules
     (project.package / "weights.npz").write_bytes(b"2")
+    assert code("first").digest != before.digest
+    (tmp_path / f"loose_{project.name}.py").write_text("gain = 1\n")
+    text = f"import loose_{project.name}"
+    before = code("first", first=text)
+    assert f"loose_{project.name}" in before.modules
+    (tmp_path / f"loose_{project.name}.py").write_text("gain = 2\n")
     assert code("first").digest != before.digest
 
 
@@ -214,24 +217,14 @@ def test_declarations_count_and_circular_imports_end(project, code):
     assert names(project, code("a")) == {"a", "b"}
 
 
-def test_a_loose_module_on_the_path_counts_whole(project, code, tmp_path):
-    (tmp_path / f"loose_{project.name}.py").write_text("gain = 1\n")
-    text = f"import loose_{project.name}"
-    before = code("first", first=text)
-    assert f"loose_{project.name}" in before.modules
-    (tmp_path / f"loose_{project.name}.py").write_text("gain = 2\n")
-    assert code("first").digest != before.digest
-
-
-def test_distributions_may_be_missing_and_the_engines_package_is_first_party(project, code):
+def test_distributions_may_be_missing_the_engines_package_is_first_party_and_no_module_is_said(
+    project, code
+):
     text = "import cv2\nimport os.path\ntry:\n    import no_such_module\nexcept ImportError: pass"
     assert code("first", first=text).versions.keys() == {"opencv-python-headless", "no_such_module"}
     assert code("first").versions["no_such_module"] is None
     found = code("first", first="from stixel_cli.geometry.pose import wrap_angle")
     assert names(project, found) == {"first", "stixel_cli.geometry.pose"}
-
-
-def test_no_such_module(code, project):
     with pytest.raises(LookupError, match=r"no module .*nothing found"):
         code("nothing")
     with pytest.raises(LookupError, match=r"first\.py, line 1: not valid Python"):

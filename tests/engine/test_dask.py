@@ -263,12 +263,9 @@ def test_a_scheduler_that_is_lost(project, tmp_path):
         process.communicate(timeout=600)
 
 
-def test_no_address_is_refused(project):
+def test_without_an_address_or_dask_it_is_refused(project, monkeypatch):
     with pytest.raises(ExecutorError, match=r"executor\.address: is required"):
         executed(project, None, project.graph(), "numbers")
-
-
-def test_dask_is_not_installed(project, monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(ExecutorError, match=r"requires Dask: pip install 'stixel\[dask\]'"):
         executed(project, "tcp://a:1", project.graph(), "numbers")

@@ -101,7 +101,7 @@ def test_an_error_that_every_node_would_meet_ends_the_run(project):
         project.run(keep_going=True)
 
 
-def test_merged_graphs_run_shared_nodes_once(project):
+def test_merged_graphs_run_shared_nodes_once_and_may_pick_no_frame(project):
     graphs = [project.graph(seed=seed) for seed in (1, 2, 3)] + [project.graph(frames=(2, 5))]
     merged = merge(graphs)
     assert len(merged.nodes) == 1 + 3 + 3 + 3 + 3 + 3
@@ -114,9 +114,6 @@ def test_merged_graphs_run_shared_nodes_once(project):
     for graph in graphs:
         assert all(project.store.has(key) for key in graph.nodes)
     assert merge([]).nodes == {}
-
-
-def test_merging_knows_stages_that_no_frame_is_picked_for(project):
     merged = merge([project.graph(frames=())])
     assert merged.stages["show"] == ()
     assert merged.expand(["show"]) == []

@@ -78,7 +78,7 @@ def test_distances_of_outlines_agree_with_shapely_and_scipy():
     assert np.isnan(boundary_distances(sparse[:1], one[:1] * np.nan)).all()
 
 
-def test_the_sensor_sees_the_sides_that_face_it():
+def test_the_sensor_sees_the_sides_that_face_it_and_are_not_hidden():
     """From straight below, one side of a square; from the corner, two; from inside, none."""
     points = even_points(SQUARE[None], 40)
     sensors = np.array([[0.0, -10.0], [10.0, -10.0], [0.2, 0.1]])
@@ -87,10 +87,7 @@ def test_the_sensor_sees_the_sides_that_face_it():
     np.testing.assert_array_equal(below, y == -1.0)
     np.testing.assert_array_equal(corner, (y == -1.0) | (x == 1.0))
     assert not inside.any()
-
-
-def test_a_part_that_sticks_out_hides_what_is_behind_it():
-    """An L: the arm at the front hides the left half of the back."""
+    # An L: the arm at the front hides the left half of the back.
     shape = np.array([[0, 0], [2, 0], [2, 2], [1, 2], [1, 1], [0, 1]], float)
     points = even_points(shape[None], 80)
     sensor = np.array([[-50.0, 0.5]])
@@ -202,9 +199,14 @@ def test_iou_of_known_polygons(true, estimated, score):
     np.testing.assert_allclose(found, [score], rtol=0, atol=1e-12)
 
 
-def test_a_star_convex_contour_has_no_upper_bound():
+def test_a_star_convex_contour_has_no_upper_bound_and_a_stride_has_one():
     assert best_star_convex_iou(SQUARE) == pytest.approx(1.0, abs=1e-12)
     assert best_star_convex_iou(SQUARE[:, ::-1] * [3.0, 1.0]) == pytest.approx(1.0, abs=1e-12)
+    p = compose(["road_user=pedestrian", "path.duration=0.2"]).configuration
+    scenario = build_scenario(ego_motion(p.ego, 0.2, 0.1), p.road_user, p.path)
+    # A stride is not star-convex.
+    assert 0.9 < star_convex_upper_bound(scenario) < 0.999
+    assert np.isnan(star_convex_upper_bound(replace(scenario, only_box=True)))
 
 
 def test_the_best_star_convex_contour_fills_a_small_gap_and_leaves_out_a_far_part():
@@ -226,11 +228,3 @@ def test_the_best_star_convex_contour_fills_a_small_gap_and_leaves_out_a_far_par
         dropped = near / (near + far)
         assert (filled > dropped) == kept
         assert best_star_convex_iou(shape) == pytest.approx(max(filled, dropped), abs=0.02)
-
-
-def test_the_bound_of_a_road_user_is_that_of_its_outline():
-    p = compose(["road_user=pedestrian", "path.duration=0.2"]).configuration
-    scenario = build_scenario(ego_motion(p.ego, 0.2, 0.1), p.road_user, p.path)
-    # A stride is not star-convex.
-    assert 0.9 < star_convex_upper_bound(scenario) < 0.999
-    assert np.isnan(star_convex_upper_bound(replace(scenario, only_box=True)))

@@ -141,19 +141,9 @@ def test_row_is_complete(row):
     assert (row.better == "one") == ("consistent" in row.label)
 
 
-def test_labels_differ():
+def test_labels_differ_and_those_of_other_metrics_follow_from_their_names():
     for field in ("label", "short_label"):
         assert len({getattr(row, field) for row in METRICS.values()}) == len(METRICS)
-
-
-def test_a_metric_of_errors_that_are_not_finite_has_no_value():
-    lost = ScanErrors(centre=np.full(3, np.nan))
-    greatest = replace(METRICS["centre_rmse_m"], over_scans=lambda e: float(np.max(e.centre)))
-    assert greatest.of_run(lost) is None
-    assert greatest.of_run(ScanErrors(centre=np.array([1.0, 3.0, 2.0]))) == 3.0
-
-
-def test_labels_of_other_metrics_follow_from_their_names():
     row = metric("new_thing_m")
     assert (row.label, row.unit, row.better, row.bounds) == ("new thing", "m", None, (None, None))
     assert row.bounds == (None, None)
@@ -164,3 +154,10 @@ def test_labels_of_other_metrics_follow_from_their_names():
     assert OF_ESTIMATES and set(OF_ESTIMATES) <= METRICS.keys()
     assert over_runs("track_lost") == "track_loss_rate" and over_runs("iou_mean") == "iou_mean"
     assert metric("track_loss_rate").better == "less"
+
+
+def test_a_metric_of_errors_that_are_not_finite_has_no_value():
+    lost = ScanErrors(centre=np.full(3, np.nan))
+    greatest = replace(METRICS["centre_rmse_m"], over_scans=lambda e: float(np.max(e.centre)))
+    assert greatest.of_run(lost) is None
+    assert greatest.of_run(ScanErrors(centre=np.array([1.0, 3.0, 2.0]))) == 3.0

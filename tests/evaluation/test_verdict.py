@@ -101,12 +101,6 @@ def test_points_that_do_not_fit_the_class_are_named(changes):
     assert "reported class" in verdict(GOOD | changes | {"class_error": 1.0})[1]
 
 
-def test_of_a_target_of_no_class_no_other_prior_is_advised():
-    words = verdict(GOOD | {"class_replaced_share": 0.5, "other_probability": 1.0})
-    assert "new class" in words[1]
-    assert "prior=unknown" not in " ".join(words)
-
-
 @pytest.mark.parametrize("part", [24])
 def test_runs_disturbed_by_a_known_amount_have_the_expected_words(part, monkeypatch):
     monkeypatch.syspath_prepend(Path(__file__).parents[2] / "docs")
@@ -118,7 +112,7 @@ def test_runs_disturbed_by_a_known_amount_have_the_expected_words(part, monkeypa
     sys.modules.pop("verdicts")
 
 
-def test_the_class_is_named_with_its_probability_and_an_unknown_one_at_odds_of_100():
+def test_the_class_is_named_with_its_probability_and_a_new_one_without_advice():
     classes = {"car_probability": 0.01, "cyclist_probability": 0.99, "pedestrian_probability": 0.0}
     right = classes | {"class_error": 0.0, "class_replaced_share": None}
     *_, last = verdict(GOOD | right)
@@ -129,6 +123,9 @@ def test_the_class_is_named_with_its_probability_and_an_unknown_one_at_odds_of_1
     replaced = {"class_replaced_share": 0.5}
     assert verdict(GOOD | classes | replaced)[-1] == "Class: cyclist, 97 %."
     assert verdict(GOOD | {"car_probability": 0.9})[-1] == "Class: car, 90 %."
+    words = verdict(GOOD | {"class_replaced_share": 0.5, "other_probability": 1.0})
+    assert "new class" in words[1]
+    assert "prior=unknown" not in " ".join(words)
 
 
 def test_a_run_of_a_consistent_filter_whose_errors_persist_is_called_nothing():

@@ -183,13 +183,18 @@ def test_the_content_of_each_file_is_in_the_keys_that_need_it(made, tmp_path):
     assert keys(words)["scans"] != before["scans"]
 
 
-def test_the_number_of_scans_is_that_of_the_file(made):
+def test_scans_class_and_start_are_those_of_the_file(made):
     composition = compose(from_files(made))
     assert scan_count(composition) == 15
     assert pictured_frames(composition)[-1] < 15
     late = compose([*from_files(made), "pictures.frames=[15]"])
     with pytest.raises(UserError, match="must be <= 14, the last frame, got 15"):
         pictured_frames(late)
+    composed = compose([*from_files(made, None), "road_user=cyclist"])
+    assert (composed.choices["prior"], composed.choices["start"]) == ("cyclist", "scans")
+    assert compose(from_files(made)).choices["start"] == "default"
+    with pytest.raises(ConfigurationError, match="start: there is no truth to start from"):
+        compose([*from_files(made, None), "start=default"])
 
 
 @pytest.mark.parametrize(
@@ -199,14 +204,6 @@ def test_the_number_of_scans_is_that_of_the_file(made):
 def test_settings_of_a_scene_are_refused(word, made):
     with pytest.raises(ConfigurationError, match=f"{word.partition('=')[0]}: has no effect"):
         compose([*from_files(made), word])
-
-
-def test_a_class_and_a_start_are_chosen_as_ever(made):
-    composed = compose([*from_files(made, None), "road_user=cyclist"])
-    assert (composed.choices["prior"], composed.choices["start"]) == ("cyclist", "scans")
-    assert compose(from_files(made)).choices["start"] == "default"
-    with pytest.raises(ConfigurationError, match="start: there is no truth to start from"):
-        compose([*from_files(made, None), "start=default"])
 
 
 @pytest.mark.parametrize(

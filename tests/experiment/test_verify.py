@@ -145,13 +145,6 @@ def test_altered_arrays_are_named_with_the_amount(folder, capsys):
     assert "altered after the run" in found["first_by_value"]["causes"][0]
 
 
-def test_an_altered_picture_differs(folder, capsys):
-    (folder / "figures" / "path.png").write_bytes(b"no picture")
-    code, found = verified(capsys, folder)
-    assert code == 1
-    assert [file["file"] for file in found["files"]] == ["figures/path.png"]
-
-
 def test_an_altered_configuration_is_seen_by_the_keys(folder, capsys):
     config = yaml.safe_load((folder / "config.yaml").read_text())
     config["tracker"]["sigma_f"] *= 2
@@ -166,7 +159,7 @@ def test_an_altered_configuration_is_seen_by_the_keys(folder, capsys):
     assert found["first_by_value"]["causes"] == found["first_by_key"]["causes"]
 
 
-def test_changed_versions_and_revision_are_told(folder, capsys):
+def test_changed_versions_and_revision_are_told_and_an_altered_picture_differs(folder, capsys):
     def change(manifest):
         manifest["versions"]["numpy"] = "1.0"
         manifest["git"] = {"revision": "0" * 40, "dirty": False}
@@ -176,6 +169,10 @@ def test_changed_versions_and_revision_are_told(folder, capsys):
     assert code == 0
     assert f"numpy 1.0 → {np.__version__}" in found["changes"]
     assert any(change.startswith("git revision 000000000000 → ") for change in found["changes"])
+    (folder / "figures" / "path.png").write_bytes(b"no picture")
+    code, found = verified(capsys, folder)
+    assert code == 1
+    assert [file["file"] for file in found["files"]] == ["figures/path.png"]
 
 
 def test_a_folder_of_an_older_version(folder, capsys, tmp_path):

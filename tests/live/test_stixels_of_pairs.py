@@ -40,13 +40,10 @@ def composed(left, right, calibration):
     )
 
 
-def test_the_parameters_are_those_that_compose_gives(clip):
+def test_a_rendered_pair_has_the_parameters_and_stixels_of_stixel_run(clip, pair):
     configuration = composed(*files_of(clip)).configuration
     for group, parameters in vars(real_image_parameters()).items():
         assert parameters == getattr(configuration, group), group
-
-
-def test_a_rendered_pair_has_the_stixels_of_stixel_run(clip, pair):
     found = stixels_from_pair(*pair)
     free_space, stixels = results_of_run(composed(*files_of(clip)), "free_space", "stixels")
     assert len(found) > 20

@@ -78,16 +78,13 @@ def test_clutter_has_the_variances_of_the_point_of_nearest_range():
     np.testing.assert_allclose(across, 1e-6 * ranges**2, rtol=1e-6)
 
 
-def test_without_a_field_of_view_clutter_is_where_points_are():
+def test_clutter_without_a_field_of_view_and_its_seeds():
     found = disturb_scans(replace(SCANS, field_of_view=None), None, 20.0, None, seed=0)
     pose = SCANS.sensor_poses_world[0]
     offsets = found.points_world[found.rows(0)] - pose[:2]
     angles = np.arctan2(offsets[:, 1], offsets[:, 0]) - pose[2]
     assert np.hypot(*offsets.T).max() <= 30.0 + 1e-9
     assert angles.min() >= -0.2 - 1e-9 and angles.max() <= 0.1 + 1e-9
-
-
-def test_clutter_depends_only_on_seed_and_scan():
     whole, again = (disturb_scans(SCANS, None, 3.0, 40.0, seed=1) for _ in range(2))
     other = disturb_scans(SCANS, None, 3.0, 40.0, seed=2)
     part = disturb_scans(SCANS, (0.0, 1.0), 3.0, 40.0, seed=1)

@@ -152,16 +152,13 @@ def test_random_numbers_depend_only_on_seed_and_scan_and_not_on_options():
     np.testing.assert_array_equal(shorter.points_world, first.points_world[: shorter.offsets[-1]])
 
 
-def test_scan_can_be_empty():
+def test_a_scan_can_be_empty_and_rays_are_no_more_than_columns():
     scans = fabricate_scans(scenario(distance=-30.0), RIG, EXACT, seed=0)
     assert len(scans) == 20
     assert scans.points_world.shape == (0, 2)
     assert scans.covariances_world.shape == (0, 2, 2)
     far = fabricate_scans(scenario(distance=90.0), RIG, EXACT, seed=0)
     assert np.all(np.diff(far.offsets) == 0)
-
-
-def test_more_rays_than_columns_are_rejected():
     with pytest.raises(ValueError, match=r"measurement\.rays: must be ≤ rig\.width .*got 641"):
         fabricate_scans(scenario(), RIG, dataclasses.replace(EXACT, rays=641), seed=0)
 

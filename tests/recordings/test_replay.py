@@ -125,16 +125,13 @@ def test_wrong_input_is_refused_in_one_line(override, said, motion):
     assert "more fault" not in str(caught.value)
 
 
-def test_a_wrong_folder_is_named(motion, tmp_path):
+def test_a_wrong_folder_and_a_label_without_a_class_are_named(motion, tmp_path):
     with pytest.raises(UserError, match=r"path\.folder: .*has neither a folder label_02 with"):
         compose(of(tmp_path))
     shutil.copytree(motion, tmp_path / "motion")
     (tmp_path / "motion/training/ego_poses/0003.txt").unlink()
     with pytest.raises(UserError, match=r"0003\.txt: no such file; the ego car's motion"):
         compose(of(tmp_path / "motion"))
-
-
-def test_a_label_without_a_class_needs_a_road_user(tmp_path):
     make_motion(tmp_path, labels=("Tram", "Car"))
     with pytest.raises(ConfigurationError, match=r"path\.target: is a Tram, which no class suits"):
         compose(of(tmp_path))

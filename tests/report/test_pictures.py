@@ -218,7 +218,7 @@ def test_pictures_have_repeatable_bytes(run, monkeypatch, tmp_path):
         assert draw() == first
 
 
-def test_spaced_frames_keep_their_distance():
+def test_spaced_frames_keep_their_distance_and_given_ones_increase():
     places = np.stack([np.linspace(0.0, 50.0, 100), np.zeros(100)], axis=1)
     chosen = spaced_frames(places, size=1.0)
     assert chosen[0] == 0
@@ -227,6 +227,15 @@ def test_spaced_frames_keep_their_distance():
     assert np.diff(places[list(chosen), 0]).min() > 3.0
     assert spaced_frames(np.zeros((7, 2)), size=1.0) == (6,)
     assert spaced_frames(np.zeros((1, 2)), size=1.0) == (0,)
+    PicturesParameters(None).check(PATH, MEASUREMENT)
+    PicturesParameters(()).check(PATH, MEASUREMENT)
+    PicturesParameters((0, 3, 9)).check(PATH, MEASUREMENT)
+    for frames in ((3, 3), (5, 2)):
+        with pytest.raises(ValueError, match=r"pictures\.frames"):
+            PicturesParameters(frames).check(PATH, MEASUREMENT)
+    with pytest.raises(ValueError, match="<= 9, the last frame, got 10"):
+        PicturesParameters((9, 10)).check(PATH, MEASUREMENT)
+    PicturesParameters((9, 10)).check(PATH, SimpleNamespace(kind="file"))
 
 
 def test_the_times_along_a_path_are_inside_its_axes(run):
@@ -249,15 +258,3 @@ def test_the_times_along_a_path_are_inside_its_axes(run):
 
 
 PATH, MEASUREMENT = SimpleNamespace(duration=1.0, sample_time=0.1), SimpleNamespace(kind="lidar")
-
-
-def test_frames_increase_and_end_with_the_path_unless_a_file_has_them():
-    PicturesParameters(None).check(PATH, MEASUREMENT)
-    PicturesParameters(()).check(PATH, MEASUREMENT)
-    PicturesParameters((0, 3, 9)).check(PATH, MEASUREMENT)
-    for frames in ((3, 3), (5, 2)):
-        with pytest.raises(ValueError, match=r"pictures\.frames"):
-            PicturesParameters(frames).check(PATH, MEASUREMENT)
-    with pytest.raises(ValueError, match="<= 9, the last frame, got 10"):
-        PicturesParameters((9, 10)).check(PATH, MEASUREMENT)
-    PicturesParameters((9, 10)).check(PATH, SimpleNamespace(kind="file"))

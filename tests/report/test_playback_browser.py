@@ -287,14 +287,11 @@ def test_space_plays_after_a_click_on_a_button(one):
     assert page.get_by_role("button", name="Play", exact=True).is_visible()
 
 
-def test_page_reports_a_run_without_images(open_page, pages):
+def test_page_reports_a_run_without_images_and_outlines_objects(open_page, pages):
     opened = open_page(pages / "blind.html")
     said = opened.page.locator("#no-camera")
     assert said.inner_text() == 'No camera image: the measurement "fabricated" uses no camera.'
     assert not opened.page.locator("#image").is_visible()
-
-
-def test_objects_of_a_recording_are_outlined(open_page, pages):
     opened = open_page(pages / "objects.html")
     outlines = opened.page.locator("#object-outlines")
     assert outlines.get_attribute("d") == "M3.5 9.5H19.5V30.5H3.5Z"

@@ -45,7 +45,7 @@ def data_of(page):
     return json.loads(re.search(r'id="data">(.*?)</script>', page)[1])
 
 
-def test_runs_are_rows_with_the_settings_that_differ(folders):
+def test_runs_are_rows_with_the_settings_and_options_that_differ(folders):
     asked = asked_folders(folders)
     frame = asked.runs.frame
     # The exchanged group is one column.
@@ -55,6 +55,13 @@ def test_runs_are_rows_with_the_settings_that_differ(folders):
     data = data_of(make_page(folders))
     assert data["names"] == ["first", "second"]
     assert [column["title"] for column in data["columns"][:2]] == ["measurement", "status"]
+    for folder, rig in zip(folders, ("default", "kitti"), strict=True):
+        file = folder / "manifest.json"
+        choices = {"rig": rig, "measurement": "any"}
+        file.write_text(json.dumps(json.loads(file.read_text()) | {"choices": choices}))
+    frame = asked_folders(folders).runs.frame
+    assert list(frame["rig"]) == ["default", "kitti"]
+    assert list(frame["measurement"]) == ["stixels", "fabricated"]
 
 
 def test_nothing_is_claimed_of_single_runs(tmp_path):
@@ -94,9 +101,18 @@ def test_the_page_says_the_verdicts_and_what_is_not_comparable(folders):
     assert "(3.9 s, 0.9 s)" in found[0] and "(path)" in found[1]
 
 
-def test_a_page_links_to_the_pages_of_its_runs(folders):
+def test_a_page_links_to_the_pages_of_its_runs_and_is_an_unused_file(folders):
     (folders[1] / "index.html").write_text("")
     assert data_of(make_page(folders))["links"] == ["first", "second/index.html"]
+    page = default_page(folders)
+    assert page == folders[0].parent / "report-first-second.html"
+    write_new(page, "x")
+    assert default_page(folders).name == "report-first-second-2.html"
+    with pytest.raises(UserError, match="already exists"):
+        write_new(page, "y")
+    assert page.read_text() == "x"
+    many = [folders[0].parent / f"{'long' * 12}-{i}" for i in range(6)]
+    assert default_page(many).name == f"report-{'long' * 12}-0-and-5-more.html"
 
 
 def test_equivalent_settings_do_not_differ(tmp_path):
@@ -107,19 +123,13 @@ def test_equivalent_settings_do_not_differ(tmp_path):
     assert asked_folders(folders).runs.axes == ("run",)
 
 
-def test_options_of_groups_without_kind_are_columns(folders):
-    for folder, rig in zip(folders, ("default", "kitti"), strict=True):
-        file = folder / "manifest.json"
-        choices = {"rig": rig, "measurement": "any"}
-        file.write_text(json.dumps(json.loads(file.read_text()) | {"choices": choices}))
-    frame = asked_folders(folders).runs.frame
-    assert list(frame["rig"]) == ["default", "kitti"]
-    assert list(frame["measurement"]) == ["stixels", "fabricated"]
-
-
-def test_runs_have_different_line_styles():
+def test_runs_have_different_line_styles_and_labels(tmp_path):
     looks = {(look["color"], look["linestyle"]) for look in map(line_look, range(32))}
     assert len(looks) == 32
+    folders = [tmp_path / "x" / "run", tmp_path / "y" / "run"]
+    assert run_labels(folders) == ["x/run", "y/run"]
+    with pytest.raises(UserError, match="same folder"):
+        run_labels([folders[0], folders[0]])
 
 
 def test_page_is_self_contained_and_repeats_to_the_byte(folders):
@@ -150,25 +160,6 @@ def test_a_page_of_runs_without_errors_over_time(tmp_path):
     lost = {"iou": np.full(40, np.nan), "nis": np.full(40, np.nan)}
     folders = [make_folder(tmp_path / name, 1, series=empty | lost) for name in ("a", "b")]
     assert "Errors over time" not in make_page(folders)
-
-
-def test_labels_distinguish_folders_of_one_name(tmp_path):
-    folders = [tmp_path / "x" / "run", tmp_path / "y" / "run"]
-    assert run_labels(folders) == ["x/run", "y/run"]
-    with pytest.raises(UserError, match="same folder"):
-        run_labels([folders[0], folders[0]])
-
-
-def test_default_page_is_an_unused_file(folders):
-    page = default_page(folders)
-    assert page == folders[0].parent / "report-first-second.html"
-    write_new(page, "x")
-    assert default_page(folders).name == "report-first-second-2.html"
-    with pytest.raises(UserError, match="already exists"):
-        write_new(page, "y")
-    assert page.read_text() == "x"
-    many = [folders[0].parent / f"{'long' * 12}-{i}" for i in range(6)]
-    assert default_page(many).name == f"report-{'long' * 12}-0-and-5-more.html"
 
 
 def test_missing_folders_and_arrays_of_wrong_shape_are_rejected(tmp_path, folders):

@@ -95,7 +95,7 @@ def test_every_class_has_a_mesh_of_its_own():
     assert len({corners(mesh).tobytes() for mesh in meshes}) == len(kinds)
 
 
-def test_mesh_files_and_their_keys_are_checked_before_the_run():
+def test_mesh_files_their_keys_and_a_shape_seed_are_checked_before_the_run(tmp_path):
     road_user = RoadUser("car", 4.5, 1.8, 1.5, 0.6, None, "nowhere/mesh.ply", 1.0, "x")
     with pytest.raises(ValueError, match=r"road_user\.mesh: file not found"):
         road_user.check()
@@ -103,6 +103,12 @@ def test_mesh_files_and_their_keys_are_checked_before_the_run():
         road_user = RoadUser("car", 4.5, 1.8, 1.5, 0.6, None, None, scale, forward)
         with pytest.raises(ValueError, match=r"give road_user\.mesh=FILE"):
             road_user.check()
+    file = tmp_path / "own.obj"
+    file.write_text("")
+    road_user = replace(scene_presets.road_user("car"), mesh=str(file), shape_seed=1)
+    with pytest.raises(ValueError, match=r"road_user\.shape_seed.*road_user\.mesh"):
+        road_user.check()
+    replace(road_user, shape_seed=None).check()
 
 
 SIZES = {
@@ -169,12 +175,3 @@ def test_cars_have_round_wheels_and_lengths_over_the_whole_range():
         front_left = tyres[: len(tyres) // 4]
         assert np.ptp(front_left[:, 0]) == pytest.approx(0.64, abs=1e-9)
     assert min(lengths) < 4.1 and max(lengths) > 4.8
-
-
-def test_shape_seed_with_a_mesh_is_refused(tmp_path):
-    file = tmp_path / "own.obj"
-    file.write_text("")
-    road_user = replace(scene_presets.road_user("car"), mesh=str(file), shape_seed=1)
-    with pytest.raises(ValueError, match=r"road_user\.shape_seed.*road_user\.mesh"):
-        road_user.check()
-    replace(road_user, shape_seed=None).check()

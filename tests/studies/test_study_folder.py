@@ -145,22 +145,16 @@ def test_an_override_applies_to_sweeps_all_of_whose_runs_accept_it():
     assert note.startswith(f"{text}: left out of sweeps tracking and stereo: measurement/noise: ")
 
 
-def test_a_key_inside_an_option_follows_it():
+def test_a_key_inside_an_option_follows_it_and_several_values_need_an_axis_in_range():
     texts = ["measurement.noise.range_std=0.2", "measurement/noise=constant"]
     for order in (["measurement=fabricated", *texts], [*texts, "measurement=fabricated"]):
         (design,), notes = overridden([TRACKING], order, ["tracking"])
         assert {*texts, "path.duration=1"} == set(texts_of(design)) and not notes
         assert design.swept[0].text == "measurement=fabricated"
-
-
-def test_several_values_need_an_axis():
     with pytest.raises(ConfigurationError, match=r"tracker.basis_points: is on no axis here"):
         overridden([STEREO_ONLY], ["tracker.basis_points=20,30"], ["stereo"])
     (design,), _ = overridden([TRACKING], ["tracker=point,contour", "seed=3,4"], ["tracking"])
     assert design.axes[1:] == (axis("tracker", "point", "contour"), axis("seed", 3, 4))
-
-
-def test_a_value_out_of_range_is_refused():
     fabricated = fixed("measurement=fabricated", "measurement/noise=constant")
     with pytest.raises(ConfigurationError, match="range_std: -1 is out of range"):
         overridden(

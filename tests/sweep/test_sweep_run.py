@@ -112,13 +112,18 @@ def test_the_summaries_are_those_of_the_seeds(sweeps):
     assert all(f'"runs/000{index}' in page for index in range(8))
 
 
-def test_dry_run_writes_nothing(sweeps, capsys):
+def test_a_dry_run_writes_nothing_and_a_taken_name_is_refused_before_anything_is_planned(
+    sweeps, capsys, monkeypatch
+):
     line = [*FEW, "seed=0,1", "--dry-run", "--results", str(sweeps.results)]
     assert main(["sweep", *line]) == 0
     said = capsys.readouterr().out
     assert "2 runs, 0 complete" in said
     assert "seed: 2 values: seed=0, seed=1" in said
     assert not sweeps.results.exists()
+    (sweeps.results / "mine").mkdir(parents=True)
+    monkeypatch.setattr("stixel_cli.sweeps.graphs.design_runs", None)
+    assert "choose another --name" in sweeps.refused(*FEW, "seed=0,1", "--name", "mine")
 
 
 @pytest.mark.sketched
@@ -155,12 +160,6 @@ def test_json_has_the_full_folder_and_show_fits_the_terminal(sweeps, tmp_path, c
     assert max(map(len, said.splitlines())) <= 100
     assert "hydra-core" in said
     assert "world=street" in said
-
-
-def test_a_taken_name_is_refused_before_anything_is_planned(sweeps, monkeypatch):
-    (sweeps.results / "mine").mkdir(parents=True)
-    monkeypatch.setattr("stixel_cli.sweeps.graphs.design_runs", None)
-    assert "choose another --name" in sweeps.refused(*FEW, "seed=0,1", "--name", "mine")
 
 
 @pytest.fixture

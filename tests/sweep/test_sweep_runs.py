@@ -155,9 +155,6 @@ def test_a_file_names_axes_seeds_zipped_axes_and_left_out_runs(tmp_path):
     assert not any(s["seed"] == "1" and s["tracker.length_scale"] == "0.2" for s in settings)
     assert all(p.composition.configuration.start.position == 0.2 for p in runs)
     assert all(p.composition.configuration.path.duration == 0.5 for p in runs)
-
-
-def test_the_shipped_study_is_valid():
     assert len(sweep_runs([], file="prior_width")) == 3 * 3 * 3 * 5 - 3 * 5
 
 
@@ -217,7 +214,7 @@ def test_no_such_file(name):
     assert "\n" not in str(error.value)
 
 
-def test_a_key_that_some_swept_options_lack_is_left_out_there_and_of_none_refused():
+def test_a_key_that_some_swept_options_lack_has_no_value_there_and_of_none_is_refused(sweeps):
     runs = sweep_runs(["tracker=gp_ekf,point", "tracker.basis_points=9"])
     basis_points = [
         getattr(r.composition.configuration.tracker, "basis_points", None) for r in runs
@@ -225,9 +222,6 @@ def test_a_key_that_some_swept_options_lack_is_left_out_there_and_of_none_refuse
     assert basis_points == [9, None]
     with pytest.raises(ConfigurationError, match=r"^tracker\.basis_points: unknown key"):
         sweep_runs(["tracker=box,point", "tracker.basis_points=9"])
-
-
-def test_a_swept_key_that_an_option_lacks_has_no_value_there(sweeps):
     line = ("tracker=gp_ekf,point", "tracker.length_scale=0.2,0.4", "seed=0,1", *FEW)
     swept = sweeps.run(*line, "--name", "mine")
     key = "tracker.length_scale"
