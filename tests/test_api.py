@@ -1,11 +1,11 @@
 """`from stixel_cli import compose, load, plot, run, sweep`: as from a notebook."""
 
-import dataclasses
 import inspect
 import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -124,9 +124,7 @@ def test_a_composition_keeps_its_settings_on_another_number_of_workers(tmp_path)
     composition = compose("measurement=fabricated", "path.duration=0.3", "executor=threads")
     length = composition.resolved["prior"] | {"length": 4.4}
     resolved = composition.resolved | {"prior": length}
-    changed = dataclasses.replace(
-        composition, resolved=resolved, configuration=from_resolved(resolved)
-    )
+    changed = replace(composition, resolved=resolved, configuration=from_resolved(resolved))
     result = run(changed, workers=1, cache=tmp_path / "cache", results=tmp_path / "results")
     used = result.configuration
     assert (used.prior.length, used.executor.workers) == (4.4, 1)
@@ -162,14 +160,14 @@ def test_a_result_is_short_in_a_terminal_and_a_picture_in_a_notebook():
     html = result._repr_html_()
     assert "data:image/png;base64," in html and "IoU of the outline, mean" in html
     assert "IoU 0." in html and "uncertainty: " in html
-    assert "<img" not in dataclasses.replace(result, pictures={})._repr_html_()
+    assert "<img" not in replace(result, pictures={})._repr_html_()
 
 
 def test_a_run_is_drawn_from_above_also_into_axes():
     figure = plot(run(FABRICATED))
     assert figure.axes[0].get_xlabel() == "x in the world (m)"
     with pytest.raises(UserError, match="no track"):
-        plot(dataclasses.replace(run(FABRICATED), track=None))
+        plot(replace(run(FABRICATED), track=None))
     result = run(FABRICATED)
     figure = Figure()
     left, right = figure.subplots(1, 2)

@@ -54,9 +54,6 @@ def test_default_options():
 def test_an_installed_copy_is_taken_where_there_is_no_checkout_and_a_missing_folder_is_said(
     tmp_path, monkeypatch
 ):
-    monkeypatch.setattr(folders, "_PACKAGE", tmp_path / "stixel_cli")
-    with pytest.raises(ConfigurationError, match="conf: the folder is missing"):
-        shipped_folder("conf")
     package = tmp_path / "site-packages" / "stixel_cli"
     shutil.copytree(shipped_folder("conf"), package / "conf")
     # Somebody else's folder of the same name.
@@ -65,6 +62,9 @@ def test_an_installed_copy_is_taken_where_there_is_no_checkout_and_a_missing_fol
     assert shipped_folder("conf") == package / "conf"
     (package.parent / "pyproject.toml").touch()
     assert shipped_folder("conf") == package.parent / "conf"
+    monkeypatch.setattr(folders, "_PACKAGE", tmp_path / "stixel_cli")
+    with pytest.raises(ConfigurationError, match="conf: the folder is missing"):
+        shipped_folder("conf")
 
 
 def test_a_group_within_another():

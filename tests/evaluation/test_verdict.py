@@ -113,7 +113,7 @@ def test_runs_disturbed_by_a_known_amount_have_the_expected_words(part, monkeypa
 
 
 def test_the_class_is_named_with_its_probability_and_a_new_one_without_advice():
-    classes = {"car_probability": 0.01, "cyclist_probability": 0.99, "pedestrian_probability": 0.0}
+    classes = dict(car_probability=0.001, cyclist_probability=0.993, pedestrian_probability=0.006)
     right = classes | {"class_error": 0.0, "class_replaced_share": None}
     *_, last = verdict(GOOD | right)
     assert last == "Class: cyclist, 99 %."

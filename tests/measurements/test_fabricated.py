@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
 
 from stixel_cli.geometry.pose import ego_from_world, rotation, world_from_target
 from stixel_cli.geometry.rig import Rig
@@ -71,7 +72,7 @@ def test_points_without_noise_are_on_contour_and_rays(spacing):
             position = (np.arctan2(y, x) - np.pi / 2 - RIGHT) / (LEFT - RIGHT) * 639
         else:
             position = 0.5 * 639 - (x / y) / np.tan(RIG.field_of_view[1]) * 0.5 * 639
-        np.testing.assert_allclose(position, np.rint(position), atol=1e-6)
+        assert_allclose(position, np.rint(position), atol=1e-6)
 
 
 def test_points_follow_the_limbs():
@@ -99,7 +100,7 @@ def test_point_of_several_columns_is_inside_them():
         # In units of the angle between rays: width² / 12.
         angle = np.einsum("ni,nij,nj->n", across, scans.covariances_world, across)
         spread[width] = np.sqrt(12.0 * angle) / ((LEFT - RIGHT) / 639)
-        np.testing.assert_allclose(spread[width], width)
+        assert_allclose(spread[width], width)
     assert len(spread[5]) > 50
 
 
@@ -123,12 +124,10 @@ def test_noise_along_the_ray_matches_its_covariance():
         depth = measured_range * (along @ np.array([np.cos(sensor[2]), np.sin(sensor[2])]))
         std = depth**2 * 0.3 / (RIG.focal * 0.3) * measured_range / depth
         spread = np.einsum("ni,nij,nj->n", along, covariances, along)
-        np.testing.assert_allclose(spread, std**2)
+        assert_allclose(spread, std**2)
         sideways = np.einsum("ni,nij,nj->n", across, covariances, across)
-        np.testing.assert_allclose(sideways, (measured_range * (LEFT - RIGHT) / 639) ** 2 / 12.0)
-        np.testing.assert_allclose(
-            np.einsum("ni,nij,nj->n", across, covariances, along), 0.0, atol=1e-12
-        )
+        assert_allclose(sideways, (measured_range * (LEFT - RIGHT) / 639) ** 2 / 12.0)
+        assert_allclose(np.einsum("ni,nij,nj->n", across, covariances, along), 0.0, atol=1e-12)
         errors.append(np.sum(along * (measured - true), -1) / std)
     errors = np.concatenate(errors)
     assert abs(errors.mean()) < 5.0 / np.sqrt(len(errors))
@@ -153,7 +152,7 @@ def test_random_numbers_depend_only_on_seed_and_scan_and_not_on_options():
     assert first.points_world.tobytes() == again.points_world.tobytes()
     assert not np.array_equal(first.points_world, other.points_world)
     shorter = fabricate_scans(scenario(count=5), RIG, noisy, seed=3)
-    np.testing.assert_array_equal(shorter.points_world, first.points_world[: shorter.offsets[-1]])
+    assert_array_equal(shorter.points_world, first.points_world[: shorter.offsets[-1]])
 
 
 def test_a_scan_can_be_empty_and_rays_are_no_more_than_columns():
@@ -210,17 +209,17 @@ def test_crossings_match_a_brute_force_search(seed, distance, bearing, even_tang
     hit, ranges = first_crossings(contour, rays)
     found = np.full(41, np.inf)
     found[hit] = ranges
-    np.testing.assert_allclose(found, expected, rtol=1e-9)
+    assert_allclose(found, expected, rtol=1e-9)
 
 
 @pytest.mark.parametrize("even_tangent", [False, True])
 def test_rays_span_the_field_of_view_evenly(even_tangent):
     rays = spread_rays(11, (-0.6, 0.9), even_tangent)
     values = np.tan(rays.angles) if even_tangent else rays.angles
-    np.testing.assert_allclose(np.diff(values), np.diff(values)[0])
-    np.testing.assert_allclose(rays.angles[[0, -1]], [-0.6, 0.9])
+    assert_allclose(np.diff(values), np.diff(values)[0])
+    assert_allclose(rays.angles[[0, -1]], [-0.6, 0.9])
     # The step is the derivative of the angle by the ray's index.
-    np.testing.assert_allclose(rays.steps[1:-1], np.gradient(rays.angles)[1:-1], rtol=0.02)
+    assert_allclose(rays.steps[1:-1], np.gradient(rays.angles)[1:-1], rtol=0.02)
 
 
 LONG_RIG = Rig(4000, 480, 60.0, None, None, None, 0.3, 1.2, 0.0, None)
@@ -239,23 +238,23 @@ def measured(hit=HIT, ranges=RANGES, seed=0, **changes):
 def test_block_without_noise_has_the_range_of_its_middle_ray_and_bias_shifts_it():
     ray, true, found = measured()
     # Blocks are of the image, not of the target: their middles are rays 1, 4, 7, …
-    np.testing.assert_array_equal(ray, np.arange(502, 3500, 3))
-    np.testing.assert_array_equal(true, RANGES[ray - 500])
-    np.testing.assert_array_equal(found, true)
+    assert_array_equal(ray, np.arange(502, 3500, 3))
+    assert_array_equal(true, RANGES[ray - 500])
+    assert_array_equal(found, true)
     _, true, found = measured(range_bias=0.05)
-    np.testing.assert_allclose(found - true, 0.05)
+    assert_allclose(found - true, 0.05)
 
 
 def test_kinds_of_noise_agree_on_their_std_and_sensitivity():
     depth = 12.0
     step = LONG_RIG.disparity_from_depth(depth) - LONG_RIG.disparity_from_depth(depth + 1e-4)
-    np.testing.assert_allclose(SENSITIVITY * np.cos(RAYS.angles[HIT]), 1e-4 / step, rtol=1e-4)
+    assert_allclose(SENSITIVITY * np.cos(RAYS.angles[HIT]), 1e-4 / step, rtol=1e-4)
     angles = RAYS.angles[HIT]
     stereo = range_std(StereoNoise("stereo", 0.2), RANGES, angles, LONG_RIG)
     fitted = dataclasses.replace(NONE, disparity_std=0.2)
-    np.testing.assert_allclose(range_std(fitted, RANGES, angles, LONG_RIG), stereo)
+    assert_allclose(range_std(fitted, RANGES, angles, LONG_RIG), stereo)
     constant = range_std(ConstantNoise("constant", 0.3), RANGES, angles, LONG_RIG)
-    np.testing.assert_array_equal(constant, 0.3)
+    assert_array_equal(constant, 0.3)
 
 
 def test_noise_has_the_given_std_and_correlation():

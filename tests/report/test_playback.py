@@ -11,6 +11,7 @@ from itertools import pairwise
 import cv2
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from playback_runs import SCANS, composed_grid, make_run, with_objects, with_several_tracks
 from report_nouns import make_camera_nouns, make_rig
 from scipy.stats import chi2
@@ -139,16 +140,14 @@ def test_several_tracks_are_on_the_page_with_the_labels_and_without_a_track_of_t
     short, whole = played["tracks"]
     assert (short["first"], whole["first"]) == (3, 0)
     contours = make_run().track.contours_world[3:6]
-    np.testing.assert_allclose(
-        1e-3 * np.reshape(short["contours"], contours.shape), contours, atol=1e-3
-    )
+    assert_allclose(1e-3 * np.reshape(short["contours"], contours.shape), contours, atol=1e-3)
     # Its points are numbered in its scans.
     assert short["used"] == whole["used"][3:6]
     assert (short["classes"], whole["classes"]) == ({}, {"car": 0.995, "cyclist": 0.005})
     (label,) = data["truths"]
     box = make_run().scenario.boxes_world[4]
     assert label["name"] == "7"
-    np.testing.assert_allclose(1e-3 * np.reshape(label["boxes"][4], (4, 2)), box, atol=1e-3)
+    assert_allclose(1e-3 * np.reshape(label["boxes"][4], (4, 2)), box, atol=1e-3)
 
 
 def test_long_run_shows_every_nth_image(monkeypatch):

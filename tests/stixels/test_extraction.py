@@ -7,6 +7,7 @@ from constants import with_constants
 from hypothesis import given
 from hypothesis import strategies as st
 from numba import njit
+from numpy.testing import assert_allclose
 from projection import project
 
 from stixel_cli.scene.scenario import EgoMotion
@@ -76,21 +77,19 @@ def test_boxes_give_stixels(pipeline, rig, render, as_disparities, pitch):
         edges = columns_of(rig, box)
         inside = np.flatnonzero((stixels.left >= edges[0]) & (stixels.right - 1 <= edges[1]))
         assert len(inside) >= 4
-        np.testing.assert_allclose(stixels.depth[inside], distance, rtol=0.005)
-        np.testing.assert_allclose(stixels.points_ego[inside, 1], distance, rtol=0.005)
+        assert_allclose(stixels.depth[inside], distance, rtol=0.005)
+        assert_allclose(stixels.points_ego[inside, 1], distance, rtol=0.005)
         ends = np.array(
             [[at, rig.camera_height - tall, distance], [at, rig.camera_height, distance]]
         )
         top, base = project(rig, ends @ rig.level_from_camera)[:, 1]
         assert np.all(np.abs(stixels.top[inside] - top) <= 1)
         assert np.all(np.abs(stixels.base[inside] - base) <= 1)
-        np.testing.assert_allclose(stixels.height[inside], tall, atol=0.06)
+        assert_allclose(stixels.height[inside], tall, atol=0.06)
         assert np.all(np.abs(stixels.points_ego[inside, 0] - at) < 1.0)
-        np.testing.assert_allclose(
-            np.diff(stixels.points_ego[inside, 0]), 5 * distance / 300, rtol=0.02
-        )
+        assert_allclose(np.diff(stixels.points_ego[inside, 0]), 5 * distance / 300, rtol=0.02)
     wall = stixels.left > columns_of(rig, BOXES[1])[1] + 5
-    np.testing.assert_allclose(stixels.depth[wall], 30.0, rtol=0.005)
+    assert_allclose(stixels.depth[wall], 30.0, rtol=0.005)
 
 
 def test_free_columns_have_no_stixel(pipeline, rig, render, as_disparities):
@@ -120,14 +119,14 @@ def test_with_many_layers_columns_have_what_is_visible_behind_the_nearest_obstac
     nearest = np.isin(np.arange(len(both.left)), first)
     behind = inside & ~nearest & (both.depth < 20.0)
     assert behind.sum() == (inside & nearest).sum() >= 4
-    np.testing.assert_allclose(both.depth[behind], tall[1], rtol=0.005)
-    np.testing.assert_allclose(both.height[behind], tall[3], atol=0.1)
-    np.testing.assert_allclose(both.depth[inside & nearest], low[1], rtol=0.005)
+    assert_allclose(both.depth[behind], tall[1], rtol=0.005)
+    assert_allclose(both.height[behind], tall[3], atol=0.1)
+    assert_allclose(both.depth[inside & nearest], low[1], rtol=0.005)
     # What is seen of it ends at the low box's upper edge, and beside it is the wall.
     edge = both.top[inside & nearest].min()
     assert np.all(np.abs(both.base[behind] - edge) <= 2)
     beside = ~inside & ~nearest & (np.abs(both.points_ego[:, 0]) < 3.0)
-    np.testing.assert_allclose(both.depth[beside & (both.depth > 20)], 40.0, rtol=0.01)
+    assert_allclose(both.depth[beside & (both.depth > 20)], 40.0, rtol=0.01)
 
 
 def test_a_surface_less_than_the_depth_margin_behind_is_no_layer_and_road_is_none(
@@ -155,16 +154,16 @@ def test_covariances_follow_from_disparity_variance_surroundings_and_width(
     # Stixels at the edge of an object add `edge_std`, here as large as `least_std`.
     edge = stixels.disparity_variance > 1.5 * 0.1**2
     assert np.array_equal(edge, count < 3) and edge.any() and not edge.all()
-    np.testing.assert_allclose(stixels.disparity_variance, np.where(edge, 2, 1) * 0.1**2)
+    assert_allclose(stixels.disparity_variance, np.where(edge, 2, 1) * 0.1**2)
     sigma = stixels.depth**2 * np.sqrt(stixels.disparity_variance) / (rig.focal * rig.baseline)
     sigma = np.sqrt(sigma**2 + 0.05**2 + scatter)
-    np.testing.assert_allclose(stixels.covariances_ego[:, 1, 1], sigma**2, rtol=1e-9)
+    assert_allclose(stixels.covariances_ego[:, 1, 1], sigma**2, rtol=1e-9)
     bearing = stixels.points_ego[:, 0] / stixels.points_ego[:, 1]
     width = stixels.depth * (stixels.right - stixels.left) / rig.focal
-    np.testing.assert_allclose(
+    assert_allclose(
         stixels.covariances_ego[:, 0, 0], (sigma * bearing) ** 2 + width**2 / 12, rtol=1e-6
     )
-    np.testing.assert_allclose(stixels.covariances_ego[:, 0, 1], sigma**2 * bearing, rtol=1e-6)
+    assert_allclose(stixels.covariances_ego[:, 0, 1], sigma**2 * bearing, rtol=1e-6)
 
 
 @pytest.mark.parametrize("pitch", [0.0, 3.0])
@@ -180,7 +179,7 @@ def test_points_are_in_the_middle_of_their_columns(pipeline, rig, render, as_dis
     middles = [np.mean(range(a, b)) for a, b in zip(stixels.left, stixels.right, strict=True)]
     assert len(middles) > 50
     columns = rig.u0 + rig.focal * points[:, 0] / depth_camera
-    np.testing.assert_allclose(columns, middles, atol=1e-6 if pitch == 0.0 else 0.3)
+    assert_allclose(columns, middles, atol=1e-6 if pitch == 0.0 else 0.3)
 
 
 def test_surroundings_match_a_brute_force_search():
@@ -311,7 +310,7 @@ def test_groups_match_a_brute_force_search(seed, stixel_width, width):
     areas, values = group_columns(columns, SCALE, 32, layer, grouping)
     expected = brute_groups(columns, layer, grouping)
     assert areas.tolist() == [list(area) for area, _ in expected]
-    np.testing.assert_allclose(values, np.reshape([v for _, v in expected], (-1, 2)), rtol=1e-6)
+    assert_allclose(values, np.reshape([v for _, v in expected], (-1, 2)), rtol=1e-6)
 
 
 @pytest.mark.parametrize(("pitch", "vertical_fov"), [(0.0, None), (3.0, None), (0.0, 60.0)])
@@ -342,7 +341,7 @@ def test_blended_foot_does_not_move_the_stixel(pipeline, rig, render, as_dispari
     blended[base - rows + 1 : base + 1, left:right] -= np.rint(fall)[:, None].astype(np.int16)
     sharp, soft = (pipeline(as_disparities(image), rig) for image in (raw, blended))
     assert np.array_equal(sharp.left, soft.left)
-    np.testing.assert_allclose(soft.depth, sharp.depth, rtol=1e-3)
+    assert_allclose(soft.depth, sharp.depth, rtol=1e-3)
 
 
 def test_hidden_rows_raise_the_tops(pipeline, rig, render, as_disparities, height):
@@ -353,7 +352,7 @@ def test_hidden_rows_raise_the_tops(pipeline, rig, render, as_disparities, heigh
     assert np.array_equal(high.depth, low.depth) and np.array_equal(high.base, low.base)
     # Two rows at that depth; the camera looks along the road.
     rise = (low.top - high.top) * low.depth / rig.focal
-    np.testing.assert_allclose(high.height - low.height, rise, rtol=1e-6)
+    assert_allclose(high.height - low.height, rise, rtol=1e-6)
 
 
 @njit
@@ -366,14 +365,14 @@ def powers(exponents):
 
 def test_powers_approximate_exp2():
     y = np.linspace(-16, 1, 5000, dtype=np.float32)
-    np.testing.assert_allclose(powers(y), np.exp2(y), atol=3e-6)
+    assert_allclose(powers(y), np.exp2(y), atol=3e-6)
 
 
 def test_depth_windows_end_behind_the_obstacle(rig):
     obstacle = np.array([20.0, np.nan, 5.0], dtype=np.float32)
     focal_baseline = rig.focal * rig.baseline
     depth = focal_baseline / obstacle
-    np.testing.assert_allclose(
+    assert_allclose(
         depth_windows(obstacle, rig, 2.0), obstacle - focal_baseline / (depth + 2.0), rtol=1e-5
     )
 

@@ -5,6 +5,7 @@ import pytest
 from constants import with_constants
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
 from projection import project, unproject
 
 from stixel_cli.geometry.pose import ego_from_world, world_from_ego
@@ -80,7 +81,7 @@ def test_the_road_follows_the_pitch_and_the_height_of_each_frame(find, rig, as_d
     ego = replace(parked(2), pitches=np.radians([0.0, 1.5]), heights=np.array([0.0, 0.05]))
     found = find(as_disparities(raw, raw), rig, ego)
     expected = road_line(rig.pitch_radians + ego.pitches, rig.camera_height + ego.heights, rig)
-    np.testing.assert_allclose(found.road, expected)
+    assert_allclose(found.road, expected)
 
 
 @pytest.mark.parametrize("kind", ["polar", "column_disparity", "cartesian"])
@@ -96,7 +97,7 @@ def test_free_space_finds_boxes_and_wall(
     for at, distance, width, _ in BOXES:
         edges = rig.u0 + rig.focal * (at + np.array([-0.5, 0.5]) * width) / distance
         inside = (u > edges[0] + 2) & (u < edges[1] - 2)
-        np.testing.assert_allclose(depth[inside], distance, rtol=0.02)
+        assert_allclose(depth[inside], distance, rtol=0.02)
         foot = project(rig, np.array([[at, rig.camera_height, distance]]) @ rig.level_from_camera)[
             0, 1
         ]
@@ -105,7 +106,7 @@ def test_free_space_finds_boxes_and_wall(
     for at, distance, width, _ in BOXES:
         edges = rig.u0 + rig.focal * (at + np.array([-0.5, 0.5]) * width) / distance
         lone &= (u < edges[0] - 4) | (u > edges[1] + 4)
-    np.testing.assert_allclose(depth[lone], 30.0, rtol=0.02)
+    assert_allclose(depth[lone], 30.0, rtol=0.02)
 
 
 def test_columns_without_obstacle_are_free_and_no_frames_are_no_columns(
@@ -150,9 +151,7 @@ def test_chunks_give_the_same_free_space_as_one_pass(find, rig, render, as_dispa
     first = find(as_disparities(*images[:4]), rig, ego, free_space=strong)
     second = find(as_disparities(*images[4:], first=4), rig, ego, first, free_space=strong)
     assert second.first == 4
-    np.testing.assert_array_equal(
-        whole.disparity, np.concatenate([first.disparity, second.disparity])
-    )
+    assert_array_equal(whole.disparity, np.concatenate([first.disparity, second.disparity]))
     alone = find(as_disparities(*images[4:], first=4), rig, ego, free_space=strong)
     assert not np.array_equal(alone.disparity[0], second.disparity[0], equal_nan=True)
 
@@ -168,7 +167,7 @@ def test_temporal_term_keeps_an_obstacle_without_measurement(
         changed = replace(free_space, temporal_cost=cost)
         found = find(as_disparities(raw, holed), rig, free_space=changed)
         depth = rig.focal * rig.baseline / found.disparity[1, 152:168]
-        np.testing.assert_allclose(depth, expected, rtol=0.03)
+        assert_allclose(depth, expected, rtol=0.03)
 
 
 @pytest.mark.parametrize("step", [(0.0, -0.5), (0.0, 0.5), (0.5, 0.0)])
@@ -182,11 +181,11 @@ def test_temporal_term_does_not_delay_a_moving_target(
         find(as_disparities(*images), rig, free_space=replace(free_space, temporal_cost=cost))
         for cost in (free_space.temporal_cost, 0.0)
     )
-    np.testing.assert_array_equal(with_term.disparity, without.disparity)
+    assert_array_equal(with_term.disparity, without.disparity)
     for (at, distance), disparity in zip(places[1:], with_term.disparity[1:], strict=True):
         edges = rig.u0 + rig.focal * (at + np.array([-1.0, 1.0])) / distance
         depth = rig.focal * rig.baseline / disparity[int(edges[0]) + 2 : int(edges[1]) - 1]
-        np.testing.assert_allclose(depth, distance, rtol=0.03)
+        assert_allclose(depth, distance, rtol=0.03)
 
 
 @pytest.mark.parametrize("pitch", [0.0, 2.0])
@@ -205,7 +204,7 @@ def test_expected_depth_equals_the_wall_seen_from_the_next_pose(pitch):
     assert len(seen) > 200
     lateral = (seen - rig.u0) / rig.focal * expected[seen]
     on_wall = wall[0, 1] + slope * (lateral - wall[0, 0])
-    np.testing.assert_allclose(expected[seen], on_wall, atol=0.06)
+    assert_allclose(expected[seen], on_wall, atol=0.06)
 
 
 def test_expected_depth_of_a_static_scene_is_unchanged_up_to_the_borders(rig):
@@ -215,7 +214,7 @@ def test_expected_depth_of_a_static_scene_is_unchanged_up_to_the_borders(rig):
     pose = np.array([1.0, 2.0, 1.5])
     expected = expected_depth(obstacle, obstacle_base(obstacle, line, rig), line, rig, pose, pose)
     # Rounded to either side, the point is the neighbour's as well: the nearer one's counts.
-    np.testing.assert_allclose(expected, depth, atol=depth[1] - depth[0])
+    assert_allclose(expected, depth, atol=depth[1] - depth[0])
 
 
 @pytest.mark.parametrize("column", [60, 110, 220])
@@ -235,7 +234,7 @@ def test_obstacle_is_expected_in_the_column_of_its_foot(column):
     expected = expected_depth(obstacle, base, line, rig, before, now)
     at = np.flatnonzero(np.isfinite(expected))
     assert len(at) == 2 and np.all(np.abs(at - project(rig, foot)[0, 0]) < 1.1)
-    np.testing.assert_allclose(expected[at], y, rtol=1e-5)
+    assert_allclose(expected[at], y, rtol=1e-5)
 
 
 def test_estimated_road_compensates_a_wrong_rig(find, rig, estimated_road, render, as_disparities):
@@ -244,7 +243,7 @@ def test_estimated_road_compensates_a_wrong_rig(find, rig, estimated_road, rende
     found = find(as_disparities(raw), rig, road=estimated_road)
     box = ~np.isnan(found.disparity[0])
     assert np.count_nonzero(box) == pytest.approx(2.0 * rig.focal / 12.0, abs=2)
-    np.testing.assert_allclose(rig.focal * rig.baseline / found.disparity[0][box], 12.0, rtol=0.02)
+    assert_allclose(rig.focal * rig.baseline / found.disparity[0][box], 12.0, rtol=0.02)
 
 
 def normal(x, std):
@@ -287,7 +286,7 @@ def test_occupancy_is_the_sum_of_the_likelihoods(rig, occupancies, kind):
             ends = np.array([middle - half, middle + half], dtype=np.float64)
         samples = np.linspace(*ends, 2001)[:-1] + 0.5 * np.diff(ends) / 2000
         expected = normal(samples[None, None] - bins[..., None] / BINS_PER_PIXEL, 0.5)
-        np.testing.assert_allclose(got[:, j], expected.sum(axis=1).mean(axis=1), atol=1e-3)
+        assert_allclose(got[:, j], expected.sum(axis=1).mean(axis=1), atol=1e-3)
 
 
 def test_relief_widens_only_near_cells(rig, occupancies):
@@ -414,7 +413,7 @@ def test_cell_costs_subtract_the_background(seed, rows):
     inverse = rng.uniform(0.05, 0.2, rows).astype(np.float32)
     costs = cell_costs(occupancy, inverse, np.float32(1.5), ONE)
     expected = [brute_costs(column, inverse, 1.5, 1.0) for column in occupancy]
-    np.testing.assert_allclose(costs, expected, rtol=1e-6)
+    assert_allclose(costs, expected, rtol=1e-6)
 
 
 def test_temporal_cost_is_the_truncated_distance():
@@ -425,7 +424,7 @@ def test_temporal_cost_is_the_truncated_distance():
     added = costs.copy()
     add_temporal(added, depths, expected, np.float32(0.3), np.float32(2.0))
     away = np.nan_to_num(np.minimum(np.abs(depths - expected[:, None]), 2.0), nan=0.0)
-    np.testing.assert_allclose(added, costs + 0.3 * away, rtol=1e-6)
+    assert_allclose(added, costs + 0.3 * away, rtol=1e-6)
 
 
 def test_refine_averages_the_disparities_near_the_path():
@@ -437,7 +436,7 @@ def test_refine_averages_the_disparities_near_the_path():
     reach = np.array([1.0, 5.0], dtype=np.float32)
     path = np.array([0, 0, 1, 2], dtype=np.int32)
     refined = refine(path, histogram, disparities, reach, 2)
-    np.testing.assert_allclose(refined, [(19 + 100 + 84) / 20, 10.0, 5.0, np.nan], rtol=1e-6)
+    assert_allclose(refined, [(19 + 100 + 84) / 20, 10.0, 5.0, np.nan], rtol=1e-6)
 
 
 PITCHED = Rig(320, 160, None, 300.0, 150.0, 70.0, 0.5, 1.4, 3.0, None)
@@ -462,11 +461,11 @@ def test_road_line_pitch_factors_and_base_rows_agree_with_the_projection(rig):
     depth = np.array([6.0, 9.0, 20.0, 70.0])
     on_road = np.stack([depth * 0.1, np.full(4, rig.camera_height), depth], axis=1)
     _, v, d = pixels_of_level(rig, on_road).T
-    np.testing.assert_allclose(line[0] * v + line[1], d, rtol=1e-12)
+    assert_allclose(line[0] * v + line[1], d, rtol=1e-12)
     level = rig.focal * rig.baseline / depth
-    np.testing.assert_allclose(base_rows(level, line, rig), v, rtol=1e-12)
+    assert_allclose(base_rows(level, line, rig), v, rtol=1e-12)
     factors = np.interp(v, np.arange(rig.height), pitch_factors(line, rig).astype(float))
-    np.testing.assert_allclose(factors * d, level, rtol=1e-5)
+    assert_allclose(factors * d, level, rtol=1e-5)
 
 
 @pytest.mark.parametrize("least, greatest", [(0.25, 3.0), (0.25, 1.0), (1.6, 2.0)])
