@@ -17,10 +17,6 @@ from stixel_cli.engine.keys import canonical, digest
 from stixel_cli.errors import UserError
 
 
-def labels(graph, name):
-    return [node.label for node in graph.of_stage(name)]
-
-
 def test_targets_are_stages_or_nodes(project):
     graph = project.graph()
     node = graph.of_stage("double")[1].key

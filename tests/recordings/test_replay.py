@@ -1,10 +1,11 @@
 """`path=recorded`: labels and ego poses of a clip without images, replayed in the scene."""
 
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from made_motion import SEQUENCE, make_motion
+from made_clip import HEIGHT, small_rig, small_scenario
 from real_data import real_data
 
 from stixel_cli import compose
@@ -12,8 +13,26 @@ from stixel_cli.cli.app import main
 from stixel_cli.config.compose import from_resolved
 from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.experiment.stages import pipeline_stages, scan_count
+from stixel_cli.export.export import labels_text, write_clip
 from stixel_cli.recordings.replay import replayed_scenario, smoothing_spline
 from stixel_cli.recordings.truth import recorded_motion
+
+SEQUENCE = "0003"
+
+
+def make_motion(folder, count=12, labels=("Car", "Pedestrian"), left_out=()):
+    """Write track 0 and, 3 m to its right, track 1; return the scenario of track 0."""
+    scenario = small_scenario(count)
+    right = scenario.target_poses_world + np.array([3.0, 0.0, 0.0])
+    rig = small_rig()
+    own = labels_text(scenario, rig, labels[0], HEIGHT)
+    write_clip(folder, SEQUENCE, [], scenario, rig, own)
+    file = folder / "label_02" / f"{SEQUENCE}.txt"
+    rows = [row for row in file.read_text().splitlines() if int(row.split()[0]) not in left_out]
+    other = labels_text(replace(scenario, target_poses_world=right), rig, labels[1], 1.7)
+    rows += [row.replace(" 0 ", " 1 ", 1) for row in other.splitlines()]
+    file.write_text("\n".join(rows) + "\n")
+    return scenario
 
 
 @pytest.fixture(scope="module")
