@@ -8,7 +8,6 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
-from made_argoverse import TARGET, make_motion
 
 from stixel_cli.answers.runs import Runs
 from stixel_cli.config.compose import compose
@@ -23,6 +22,10 @@ from stixel_cli.studies.file import read_study
 from stixel_cli.studies.report import StudyData, data_folder
 from stixel_cli.studies.wrong_poses import wrong_poses
 from stixel_cli.sweeps.design import find_file
+
+sys.path.append(str(Path(__file__).parents[1] / "recordings"))
+from made_argoverse import TARGET, make_motion
+
 from stixel_cli.validation.point_errors import PointErrors
 
 
@@ -307,8 +310,6 @@ def test_each_error_moves_the_points_as_it_should(scenario, true):
     shift = drifting.points_world[rows] - true.points_world[rows]
     np.testing.assert_allclose(shift, [[0.2, 0.0]] * len(offsets), atol=1e-9)
 
-
-sys.path.append(str(Path(__file__).parents[1] / "recordings"))
 
 SIZES = {"Car": "1.5 1.8 4.2", "Cyclist": "1.7 0.6 1.8", "Pedestrian": "1.7 0.6 0.7"}
 
