@@ -22,11 +22,10 @@ from stixel_cli.studies.file import read_study
 from stixel_cli.studies.report import StudyData, data_folder
 from stixel_cli.studies.wrong_poses import wrong_poses
 from stixel_cli.sweeps.design import find_file
+from stixel_cli.validation.point_errors import PointErrors
 
 sys.path.append(str(Path(__file__).parents[1] / "recordings"))
 from made_argoverse import TARGET, make_motion
-
-from stixel_cli.validation.point_errors import PointErrors
 
 
 def frame(**columns):
