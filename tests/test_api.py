@@ -1,11 +1,11 @@
 """`from stixel_cli import compose, load, plot, run, sweep`: as from a notebook."""
 
-import dataclasses
 import inspect
 import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -103,12 +103,20 @@ def test_threads_may_call_at_once():
     assert results[0].metrics == results[1].metrics != results[2].metrics
 
 
-def test_a_composition_says_what_it_is():
+def test_a_composition_says_what_it_is_and_later_overrides_win_only_if_asked_for():
     composition = compose("rig=kitti")
     assert composition.choices["rig"] == "kitti"
     assert compose().configuration.seed == 0
     with pytest.raises(ConfigurationError, match=r"executor\.workers"):
         run(FABRICATED, workers=0)
+    base = ["measurement=fabricated", "seed=1"]
+    with pytest.raises(ConfigurationError, match="given twice"):
+        compose(base, "seed=2")
+    composition = compose(base, "seed=2", ["rig=kitti"], last_wins=True)
+    assert composition.overrides == ("measurement=fabricated", "seed=2", "rig=kitti")
+    assert compose(base, "rig=kitti").choices["rig"] == "kitti"
+    with pytest.raises(UserError, match="one composition"):
+        run(composition, "seed=3")
 
 
 def test_a_composition_keeps_its_settings_on_another_number_of_workers(tmp_path):
@@ -116,9 +124,7 @@ def test_a_composition_keeps_its_settings_on_another_number_of_workers(tmp_path)
     composition = compose("measurement=fabricated", "path.duration=0.3", "executor=threads")
     length = composition.resolved["prior"] | {"length": 4.4}
     resolved = composition.resolved | {"prior": length}
-    changed = dataclasses.replace(
-        composition, resolved=resolved, configuration=from_resolved(resolved)
-    )
+    changed = replace(composition, resolved=resolved, configuration=from_resolved(resolved))
     result = run(changed, workers=1, cache=tmp_path / "cache", results=tmp_path / "results")
     used = result.configuration
     assert (used.prior.length, used.executor.workers) == (4.4, 1)
@@ -154,32 +160,20 @@ def test_a_result_is_short_in_a_terminal_and_a_picture_in_a_notebook():
     html = result._repr_html_()
     assert "data:image/png;base64," in html and "IoU of the outline, mean" in html
     assert "IoU 0." in html and "uncertainty: " in html
-    assert "<img" not in dataclasses.replace(result, pictures={})._repr_html_()
+    assert "<img" not in replace(result, pictures={})._repr_html_()
 
 
-def test_plot_draws_the_run_from_above():
+def test_a_run_is_drawn_from_above_also_into_axes():
     figure = plot(run(FABRICATED))
     assert figure.axes[0].get_xlabel() == "x in the world (m)"
     with pytest.raises(UserError, match="no track"):
-        plot(dataclasses.replace(run(FABRICATED), track=None))
-
-
-def test_later_overrides_win_only_if_asked_for():
-    base = ["measurement=fabricated", "seed=1"]
-    with pytest.raises(ConfigurationError, match="given twice"):
-        compose(base, "seed=2")
-    composition = compose(base, "seed=2", ["rig=kitti"], last_wins=True)
-    assert composition.overrides == ("measurement=fabricated", "seed=2", "rig=kitti")
-    assert compose(base, "rig=kitti").choices["rig"] == "kitti"
-    with pytest.raises(UserError, match="one composition"):
-        run(composition, "seed=3")
-
-
-def test_several_overrides_in_one_text_are_named():
-    with pytest.raises(UserError) as told:
-        run("tracker=contour seed=3")
-    assert "several overrides" in str(told.value)
-    assert "\n" not in str(told.value) and "tracker=contour" in str(told.value)
+        plot(replace(run(FABRICATED), track=None))
+    result = run(FABRICATED)
+    figure = Figure()
+    left, right = figure.subplots(1, 2)
+    assert result.plot(ax=left) is figure
+    assert plot(result, ax=right) is figure
+    assert len(figure.axes) == 2 and len(left.lines) == len(right.lines) > 2
 
 
 def test_overrides_are_texts_mappings_or_keywords():
@@ -197,6 +191,10 @@ def test_overrides_are_texts_mappings_or_keywords():
     assert [(r["tracker.sigma_f"], r["seed"]) for r in swept.records] == [
         *((0.1, 2), (0.1, 3), (0.2, 2), (0.2, 3))
     ]
+    with pytest.raises(UserError) as told:
+        run("tracker=contour seed=3")
+    assert "several overrides" in str(told.value)
+    assert "\n" not in str(told.value) and "tracker=contour" in str(told.value)
 
 
 @pytest.mark.parametrize(
@@ -224,15 +222,6 @@ def test_a_folder_is_loaded_as_the_run_that_wrote_it(tmp_path, settings):
         np.savez(tmp_path / "mine" / "ego.npz", **table)
         with pytest.raises(UserError, match=rf"ego\.npz: the column {missing} is missing"):
             load(tmp_path / "mine")
-
-
-def test_a_run_is_drawn_into_axes():
-    result = run(FABRICATED)
-    figure = Figure()
-    left, right = figure.subplots(1, 2)
-    assert result.plot(ax=left) is figure
-    assert plot(result, ax=right) is figure
-    assert len(figure.axes) == 2 and len(left.lines) == len(right.lines) > 2
 
 
 SCRIPT = """
@@ -289,7 +278,7 @@ if __name__ == "__main__":
 """
 
 
-def test_a_tracker_may_be_a_function_of_a_script_or_notebook(tmp_path):
+def test_a_tracker_may_be_a_function_of_a_script_notebook_or_module(tmp_path):
     (tmp_path / "script.py").write_text(SCRIPT, encoding="utf-8")
     environment = os.environ | {"STIXEL_CACHE": str(tmp_path / "cache")}
     done = subprocess.run(
@@ -308,9 +297,6 @@ def test_a_tracker_may_be_a_function_of_a_script_or_notebook(tmp_path):
     (source,) = (tmp_path / "results/still/code").glob("still_*.py")
     assert "def corners" in source.read_text() and "unusable" not in source.read_text()
     assert {path.name for path in (tmp_path / "cache/cells").glob("still_*.py")} == {source.name}
-
-
-def test_a_function_of_a_module_is_named():
     assert mapping_texts({"tracker": point.track}) == [
         "tracker=stixel_cli.tracking.baselines.point:track"
     ]

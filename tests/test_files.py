@@ -14,6 +14,7 @@ from stixel_cli import files
 from stixel_cli.border import write_whole, written
 from stixel_cli.errors import UserError
 from stixel_cli.files import read_arrays, read_json, read_text, read_yaml
+from stixel_cli.images import ImageStack, decode_image, encode_png, encode_pnm
 
 
 def test_texts_and_bytes_in_a_folder_that_is_not_there_yet(tmp_path):
@@ -100,7 +101,12 @@ def test_only_regular_files_are_read(tmp_path, read):
     assert "too large: 1073741825 bytes, at most" in refused(read, large)
 
 
-def test_a_file_that_is_larger_than_it_says(monkeypatch):
+def test_too_many_values_and_a_file_that_is_larger_than_it_says_are_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(files, "MOST_VALUES", 10)
+    file = tmp_path / "file"
+    file.write_text(json.dumps({"a": [0] * 10}))
+    assert "a: more than 10 values" in refused(read_json, file)
+    assert "more than 10 values, aliases expanded" in refused(read_yaml, file)
     # Files of /proc say that they have no bytes.
     file = Path("/proc/self/status")
     if not file.exists():
@@ -108,14 +114,6 @@ def test_a_file_that_is_larger_than_it_says(monkeypatch):
     assert "Name:" in read_text(file)
     monkeypatch.setattr(files.read_bytes, "__defaults__", (100,))
     assert "too large: more than 100 bytes" in refused(read_text, file)
-
-
-def test_too_many_values(tmp_path, monkeypatch):
-    monkeypatch.setattr(files, "MOST_VALUES", 10)
-    file = tmp_path / "file"
-    file.write_text(json.dumps({"a": [0] * 10}))
-    assert "a: more than 10 values" in refused(read_json, file)
-    assert "more than 10 values, aliases expanded" in refused(read_yaml, file)
 
 
 DEEP = 100_000
@@ -273,3 +271,40 @@ def test_two_arrays_of_one_name(tmp_path):
         archive.writestr("u.npy", npy(PLAIN))
     file.write_bytes(file.read_bytes().replace(b"u.npy", b"t.npy"))
     assert "two of its arrays have one name" in refused(read_arrays, file)
+
+
+SHAPE = 60, 80
+RANDOM = np.random.default_rng(0)
+IMAGES = {
+    "picture": (np.indices(SHAPE).sum(axis=0)[:, :, None] + [0, 50, 100]).astype(np.uint8),
+    "noise": RANDOM.normal(120.0, 3.0, SHAPE).astype(np.uint8),
+    "any colours": RANDOM.integers(0, 256, (*SHAPE, 3), dtype=np.uint8),
+    "upper 16 bits": np.full(SHAPE, 3, dtype=np.uint16),
+    "lower 16 bits": RANDOM.integers(0, 65536, SHAPE, dtype=np.uint16),
+    "ids": (np.indices(SHAPE)[1] // 20).astype(np.uint8),
+}
+
+
+@pytest.mark.parametrize("encode", [encode_png, encode_pnm])
+@pytest.mark.parametrize("kind", IMAGES)
+def test_an_image_survives_compression_and_its_bytes_repeat(kind, encode):
+    image = IMAGES[kind]
+    data = encode(image)
+    assert data == encode(np.asfortranarray(image))
+    again = decode_image(data)
+    assert again.dtype == image.dtype and np.array_equal(again, image)
+    stack = ImageStack.from_images([image, image[::-1]])
+    assert len(stack) == 2 and np.array_equal(stack[1], image[::-1])
+
+
+@pytest.mark.parametrize("kind", ["picture", "noise", "upper 16 bits", "ids"])
+def test_what_can_be_compressed_is(kind):
+    assert len(encode_png(IMAGES[kind])) < 0.75 * IMAGES[kind].nbytes
+
+
+def test_what_is_no_image_is_refused():
+    with pytest.raises(ValueError, match="not an image"):
+        decode_image(b"no image")
+    for image in (np.zeros((2, 3, 5), dtype=np.uint8), np.zeros((2, 3)), np.zeros((2, 3, 3))):
+        with pytest.raises(ValueError, match=r"cannot encode an image of shape \(2, 3"):
+            encode_png(image)

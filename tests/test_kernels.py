@@ -19,7 +19,7 @@ FILES = [
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
-def test_a_kernel_takes_nothing_from_another_file(path):
+def test_a_kernel_takes_nothing_from_another_file_and_makes_no_arrays(path):
     tree = ast.parse(path.read_text("utf-8"))
     imported = {
         alias.asname or alias.name
@@ -38,15 +38,7 @@ def test_a_kernel_takes_nothing_from_another_file(path):
         inside = ast.Module(kernel.body, [])
         used = {node.id for node in ast.walk(inside) if isinstance(node, ast.Name)}
         assert not used & imported, kernel.name
-
-
-SCALARS = {"float32", "float64", "int32", "int64", "uint64"}
-SCALARS |= {"ceil", "floor", "isnan", "log2", "sqrt"}
-
-
-@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
-def test_kernels_make_no_arrays(path):
-    """Numba compiles an allocation or a sum of an array as slowly as a loop: 5 s of all kernels."""
+    # Numba compiles an allocation or a sum of an array as slowly as a loop: 5 s of all kernels.
     dear = []
     for function in ast.parse(path.read_text("utf-8")).body:
         if any("njit" in ast.unparse(d) for d in getattr(function, "decorator_list", ())):
@@ -56,3 +48,7 @@ def test_kernels_make_no_arrays(path):
             allowed = {f"np.{scalar}" for scalar in SCALARS} | {"math.erf"}
             dear += [f"{function.name}: {call}" for call in methods - allowed]
     assert not dear, dear
+
+
+SCALARS = {"float32", "float64", "int32", "int64", "uint64"}
+SCALARS |= {"ceil", "floor", "isnan", "log2", "sqrt"}

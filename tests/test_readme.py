@@ -1,13 +1,16 @@
-"""The README's examples are valid, and its tables are complete."""
+"""The README's examples are valid, its tables complete, and its method is that of the stages."""
 
 import ast
+import inspect
 import re
 import shlex
+from dataclasses import fields
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from stixel_cli import compose
+from stixel_cli import compose, method, run
 from stixel_cli.border import TYPED
 from stixel_cli.cli.app import main
 from stixel_cli.config.folders import STUDIES
@@ -22,8 +25,20 @@ RUNS = [
 ]
 
 
-def test_there_are_examples():
+def test_there_are_examples_that_take_no_other_runs_along_and_every_study():
     assert len(RUNS) >= 4
+    # Each result folder that is used was named before, and no name is given twice.
+    made = re.findall(r"^stixel (?:run|sweep) .*--name (\S+)", README, flags=re.MULTILINE)
+    used = re.findall(r"\bresults/(\S+)", README)
+    assert len(made) == len(set(made))
+    assert set(used) <= set(made)
+    text = (ROOT / "docs" / "studies.md").read_text(encoding="utf-8")
+    assert re.findall(r"^\| `stixel study (\w+)", text, flags=re.MULTILINE) == [*STUDIES]
+    (code,) = re.findall(r"^```python\n(.*?)^```", README, flags=re.MULTILINE | re.DOTALL)
+    lists = [node for node in ast.walk(ast.parse(code)) if isinstance(node, ast.List)]
+    assert lists
+    for overrides in lists:
+        compose(ast.literal_eval(overrides))
 
 
 @pytest.mark.parametrize("arguments", RUNS, ids=" ".join)
@@ -37,27 +52,6 @@ def test_every_command_exists(capsys):
         assert main([verb, "--help"]) == 0, verb
 
 
-def test_every_study_is_on_its_page():
-    text = (ROOT / "docs" / "studies.md").read_text(encoding="utf-8")
-    assert re.findall(r"^\| `stixel study (\w+)", text, flags=re.MULTILINE) == [*STUDIES]
-
-
-def test_python_example_is_valid():
-    (code,) = re.findall(r"^```python\n(.*?)^```", README, flags=re.MULTILINE | re.DOTALL)
-    lists = [node for node in ast.walk(ast.parse(code)) if isinstance(node, ast.List)]
-    assert lists
-    for overrides in lists:
-        compose(ast.literal_eval(overrides))
-
-
-def test_no_example_takes_other_runs_along():
-    """Each result folder that is used was named before, and no name is given twice."""
-    made = re.findall(r"^stixel (?:run|sweep) .*--name (\S+)", README, flags=re.MULTILINE)
-    used = re.findall(r"\bresults/(\S+)", README)
-    assert len(made) == len(set(made))
-    assert set(used) <= set(made)
-
-
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_commands_of_the_docs_are_valid(page, capsys):
     """Verbs and overrides; the tutorials' commands run in tests/docs."""
@@ -67,3 +61,23 @@ def test_commands_of_the_docs_are_valid(page, capsys):
         assert main([verb, "--help"]) == 0, line
         given = [word for word in words if re.match(r"[a-z_./]+=", word)]
         check_overrides(read_overrides(given, TYPED))
+
+
+SMALL = ("path.duration=1.2", "rig.width=320", "rig.height=240", "seed=5", "executor=threads")
+
+
+def test_the_method_fits_on_one_screen_and_gives_the_bytes_of_the_cached_run(tmp_path, monkeypatch):
+    lines, _ = inspect.getsourcelines(method.follow_road_user)
+    assert len(lines) <= 40
+    monkeypatch.setenv("STIXEL_CACHE", str(tmp_path))
+    found = method.follow_road_user(compose(SMALL).configuration, seed=5)
+    cached = run(SMALL)
+    for ours, theirs in zip(found, (cached.scans, cached.track, cached.scores), strict=True):
+        for field in fields(ours):
+            a, b = getattr(ours, field.name), getattr(theirs, field.name)
+            if isinstance(a, np.ndarray):
+                assert (a.dtype, a.shape, a.tobytes()) == (b.dtype, b.shape, b.tobytes()), (
+                    field.name
+                )
+            else:
+                assert a == b, field.name

@@ -1,4 +1,4 @@
-"""Answers about many runs: small frames whose answers are calculated by hand or by plain loops."""
+"""Answers about many runs, calculated by hand or by plain loops; their tables and figures."""
 
 import itertools
 
@@ -66,7 +66,7 @@ def test_a_harder_scene_of_one_option_does_not_count():
         {
             "contour": {"turn": easy},
             "gp_ekf": {
-                "turn": [v + 0.02 + 0.001 * i for i, v in enumerate(easy)],
+                "turn": [v + 0.02 + i / 1000 for i, v in enumerate(easy)],
                 "hard": [0.3] * 4,
             },
         }
@@ -111,11 +111,16 @@ def test_differences_from_the_best_hold_together():
     assert "against a (0.798" in alone.sentence
 
 
-def test_a_ratio_is_compared_with_a_stated_reference_alone():
+def test_a_ratio_has_no_best_and_is_compared_with_a_stated_reference_alone():
     values = {"a": {"turn": [1.0, 1.1, 0.9, 1.0, 1.05]}, "b": {"turn": [3.0, 3.1, 2.9, 3.0, 3.05]}}
     nees = "nees_position_mean"
     assert "b +2.00" in of_values(values, nees).ask(metric=nees, reference="a").sentence
     assert "minus" not in of_values(values, nees).ask(metric=nees).sentence
+    answer = of_values(
+        {"a": {"turn": [0.5] * 4}, "b": {"turn": [1.1] * 4}}, "nees_position_mean"
+    ).ask(metric="nees_position_mean")
+    assert answer.best is None and not answer.shown and "best" not in answer.sentence
+    assert answer.worst.loc["a", "value"] == 0.5
 
 
 def test_a_failed_run_stays_and_counts_as_lost():
@@ -142,24 +147,18 @@ def test_a_failed_run_stays_and_counts_as_lost():
     assert (rate["mine"], rate["broken"]) == (pytest.approx(1 / 3), 1.0)
 
 
-def test_a_scenario_in_which_an_option_fails_is_named_as_left_out():
+def test_options_are_compared_over_what_all_of_them_have():
     good, poor = [0.9, 0.91, 0.92, 0.9], [0.5, 0.52, 0.51, 0.5]
     values = {"mine": {"car": poor, "cyclist": [None] * 4}, "point": {"car": good, "cyclist": poor}}
     answer = of_values(values).ask()
     assert (answer.over, answer.used) == ("4 seeds, car only", 4)
     assert answer.sentence.startswith("Mean IoU, box: point 0.907 [0.891, 0.922] is the best (4 ")
     assert answer.notes[0] == "Left out: cyclist, where mine lacks values."
-
-
-def test_options_that_share_no_cell_are_not_compared():
     answer = of_values({"a": {"turn": [0.9, None]}, "b": {"turn": [None, 0.5]}}).ask()
     assert "no scenario has every unit, and no unit every scenario" in answer.sentence
     assert answer.notes[0] == "Left out: turn, where a and b lack values."
     none = of_values({"a": {"turn": [None]}, "b": {"turn": [None]}}).ask(metric=IOU)
     assert "no run has a value" in none.sentence
-
-
-def test_scenarios_compare_options_over_the_same_units():
     values = {"a": {"p": [0.9, 0.5], "q": [0.8, 0.8]}, "b": {"p": [0.7, None], "q": [None, None]}}
     found = of_values(values).ask().by_scenario()
     np.testing.assert_allclose(found.loc["p"], [0.9, 0.7])
@@ -182,14 +181,6 @@ def test_shares_of_lost_runs_have_intervals_over_the_same_units():
     row = runs.ask(metric="track_lost").table.loc["a"]
     # Wilson's of 0 of 5 seeds, not of 0 of 10 runs.
     assert (row["mean"], row["low"]) == (0.0, 0.0) and row["high"] == pytest.approx(0.434, abs=1e-3)
-
-
-def test_a_ratio_has_no_best():
-    answer = of_values(
-        {"a": {"turn": [0.5] * 4}, "b": {"turn": [1.1] * 4}}, "nees_position_mean"
-    ).ask(metric="nees_position_mean")
-    assert answer.best is None and not answer.shown and "best" not in answer.sentence
-    assert answer.worst.loc["a", "value"] == 0.5
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -232,17 +223,12 @@ def test_what_is_not_a_question_is_refused():
         Runs(pd.DataFrame({"tracker": ["a"]}))
 
 
-def test_any_frame_of_numbers_is_asked_by_name():
-    frame = pd.DataFrame(
-        {"method": ["a", "b"] * 4, "seed": [0, 0, 1, 1, 2, 2, 3, 3], "status": "done"}
-    )
+def test_any_frame_of_numbers_is_asked_by_name_and_a_missing_setting_is_a_value():
+    frame = pd.DataFrame({"method": ["a", "b"] * 4, "seed": np.arange(8) // 2, "status": "done"})
     frame["quality"] = [1.0, 2.0, 1.1, 2.2, 0.9, 1.9, 1.0, 2.1]
     answer = Runs(frame).ask(metric="quality", better="more")
     assert (answer.best, answer.shown) == ("b", True)
     assert Runs(frame).ask(metric="quality", better="less").best == "a"
-
-
-def test_a_missing_value_of_a_setting_is_a_value():
     rows = [("a", None, 0, 0.5), ("a", "turn", 0, 0.7), ("b", None, 0, 0.6), ("b", "turn", 0, 0.8)]
     answer = Runs(frame_of(rows, ("tracker", "path", "seed"))).ask()
     assert answer.scenarios == ("–", "turn")

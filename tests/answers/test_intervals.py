@@ -28,20 +28,14 @@ def test_an_interval_has_possible_ends():
     assert ends(values) == pytest.approx((expected.low, expected.high))
 
 
-def test_a_narrow_interval_is_student_s():
+def test_narrow_intervals_and_values_at_or_beyond_a_bound_and_too_few_values():
     for bounds in ((0.0, 1.0), (0.0, None), (None, None)):
         found = between_bounds(np.array([0.6]), np.array([1e-4]), bounds)
         np.testing.assert_allclose(np.ravel(found), [0.5999, 0.6001], rtol=1e-6)
-
-
-def test_values_at_a_bound_or_beyond_have_an_interval():
     assert [ends([one] * 4, (0.0, 1.0))[0] for one in (0.0, 1.0)] == [0.0, 1.0]
     # A foreign file has an IoU of 3.
     low, high = ends([1.0, 2.0, 3.0, 3.0], (0.0, 1.0))
     assert low < 2.25 < high
-
-
-def test_three_values_have_no_interval():
     for interval in (mean_interval, share_interval):
         assert np.isnan(ends([0.0, 1.0, 0.0], interval=interval)).all()
         assert np.isfinite(ends([0.0, 1.0, 0.0, 0.0], interval=interval)).all()

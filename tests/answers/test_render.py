@@ -35,11 +35,7 @@ def test_the_overview_has_the_best_first_and_counts_failures(answers):
 
 
 def test_a_table_for_a_paper(answers):
-    shown = [
-        of_values(
-            {"a_1": {"turn": [0.9, 0.91, 0.92, 0.9]}, "b": {"turn": [0.5, 0.5, 0.52, 0.5]}}
-        ).ask()
-    ]
+    shown = [of_values({"a_1": {"turn": [0.9, 0.91, 0.92, 0.9]}, "b": {"turn": [0.5] * 4}}).ask()]
     text = render.latex(shown, "A & B", "tab:one")
     assert r"\toprule" in text and r"\textbf{0.907" in text and r"a\_1" in text
     assert "\u2212" not in text and r"\label{tab:one}" in text
@@ -51,10 +47,15 @@ def test_a_table_for_a_paper(answers):
     assert render.records(shown)[0]["minus"] is None
 
 
-def test_figures_repeat_to_the_byte(answers):
+def test_figures_repeat_to_the_byte_and_may_be_over_an_axis_of_numbers(answers):
     for write in (style.svg, style.png, figures.pdf):
         assert figures.differences(answers[0], write) == figures.differences(answers[0], write)
     assert figures.over_axis(answers[0]) is None
+    values = {str(v): {"turn": [v, 2 * v, v], "hard": [v, v, v]} for v in (0.1, 0.2, 0.4)}
+    assert figures.over_axis(of_values(values).ask()).startswith(b"<?xml")
+    values = {name: {"turn": [0.1, 0.2]} for name in ("0.1", "x", "0.2")}
+    assert figures.over_axis(of_values(values).ask()) is None
+    assert np.isfinite(of_values(values).ask().table["mean"]).all()
 
 
 def test_runs_and_answers_give_tables_and_figures_themselves(tmp_path):
@@ -77,14 +78,6 @@ def test_a_question_of_its_own_keeps_the_units_of_the_default():
     assert runs.ask(compare="seed").question.over == ("path",)
     assert runs.ask(compare="seed").question.within == ("tracker",)
     assert runs.ask(over="seed").question.within == ("path",)
-
-
-def test_a_figure_over_an_axis_of_numbers():
-    values = {str(v): {"turn": [v, 2 * v, v], "hard": [v, v, v]} for v in (0.1, 0.2, 0.4)}
-    assert figures.over_axis(of_values(values).ask()).startswith(b"<?xml")
-    values = {name: {"turn": [0.1, 0.2]} for name in ("0.1", "x", "0.2")}
-    assert figures.over_axis(of_values(values).ask()) is None
-    assert np.isfinite(of_values(values).ask().table["mean"]).all()
 
 
 def test_the_shares_of_a_consistent_filter_are_the_probabilities():

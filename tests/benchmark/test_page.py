@@ -70,23 +70,17 @@ def test_the_page_compares_what_is_comparable():
     assert "smoothed (not causal)" in page and "smoothed" not in text
 
 
-def test_a_part_whose_seeds_each_have_one_sensor_is_compared_over_them():
+def test_pages_of_other_seeds_and_of_parts_compare_over_their_own_units():
     names = [one.name for one in whole_set() if one.part == "hard"]
     files = bench_pages([row(name, np.full(len(names), 0.5), names=names) for name in "ab"])
     table = pd.read_csv(io.StringIO(files[f"{'a' * 12}-hard.csv"]))
     assert set(table["units"]) == {5} and set(table["mean"][:2]) == {0.5}
-
-
-def test_a_set_of_other_seeds_is_not_called_frozen():
     names = ["lidar-car-turn-1000"]
     command = ["stixel", "bench", "page", "mine.zip", "--data", "tuning"]
     files = bench_pages([row("mine", [0.5], names=names)], (), command)
     page = files[f"{'a' * 12}.html"]
     assert "other seeds than those of frozen" in page and "mine.zip --data tuning" in page
     assert "Mean IoU: mine 0.500" in files["index.html"]
-
-
-def test_seeds_of_one_case_each_are_units():
     names = ["lidar-car-turn-5", "lidar-car-crossing-6", "lidar-car-approach-7"]
     files = bench_pages([row("mine", [0.2, 0.3, 0.4], "fresh", names=names)])
     table = pd.read_csv(io.StringIO(files[f"{'a' * 12}-fresh.csv"]))

@@ -35,7 +35,7 @@ def stand_in(monkeypatch):
     typer.main.get_command.cache_clear()
 
 
-def test_help_groups_every_command(capsys):
+def test_help_groups_every_command_and_names_every_study(capsys):
     assert main(["--help"]) == 0
     answer = capsys.readouterr().out
     assert main([]) == 0 and capsys.readouterr().out == answer
@@ -43,6 +43,13 @@ def test_help_groups_every_command(capsys):
     assert len(re.findall(r"^\S.*:$", start + shown, flags=re.MULTILINE)) == 4
     named = re.findall(r"^  (\w+) +[A-Z]", shown, flags=re.MULTILINE)
     assert sorted(named) == sorted(COMMANDS) and len(named) <= 16
+    assert main(["study", "--help"]) == 0
+    said = capsys.readouterr().out
+    named = re.findall(r"^ {4}(\w+) +[A-Z]", said, flags=re.MULTILINE)
+    assert named == [*sorted(STUDIES), "all"]
+    assert "the study's name, then the overrides" in " ".join(said.split())
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out == f"stixel {__version__}\n"
 
 
 @pytest.mark.parametrize("word", REPLACED)
@@ -76,19 +83,6 @@ def test_every_command_has_a_help(command, capsys):
     assert max(map(len, said.splitlines())) <= 100
 
 
-def test_help_of_study_names_the_studies_that_are_there(capsys):
-    assert main(["study", "--help"]) == 0
-    said = capsys.readouterr().out
-    named = re.findall(r"^ {4}(\w+) +[A-Z]", said, flags=re.MULTILINE)
-    assert named == [*sorted(STUDIES), "all"]
-    assert "the study's name, then the overrides" in " ".join(said.split())
-
-
-def test_version(capsys):
-    assert main(["--version"]) == 0
-    assert capsys.readouterr().out == f"stixel {__version__}\n"
-
-
 @pytest.mark.parametrize(
     ("program", "heavy"),
     [
@@ -110,9 +104,23 @@ def test_help_and_composition_import_nothing_heavy(program, heavy):
     assert done.returncode == 0, done.stderr
 
 
-def test_exit_code_of_the_body_is_the_command_s(stand_in):
+def test_known_errors_and_ctrl_c_are_one_line_and_a_crash_without_a_log_is_shown(
+    stand_in, capsys, monkeypatch
+):
     stand_in(lambda *arguments: 3)
     assert main(["run"]) == 3
+    stand_in(raising(UserError("rig.file: cannot\nbe read")))
+    assert main(["run"]) == 2
+    assert capsys.readouterr().err == "stixel: rig.file: cannot be read\n"
+    stand_in(raising(KeyboardInterrupt))
+    assert main(["run"]) == 130
+    assert capsys.readouterr().err.count("\n") == 1
+    stand_in(raising(ZeroDivisionError))
+    monkeypatch.setattr("platformdirs.user_log_path", raising(OSError("disk full")))
+    assert main(["run"]) == 1
+    said = capsys.readouterr().err
+    assert "disk full" in said
+    assert "Traceback" in said
 
 
 def raising(error):
@@ -122,15 +130,6 @@ def raising(error):
         raise error
 
     return body
-
-
-def test_known_errors_and_ctrl_c_are_one_line(stand_in, capsys):
-    stand_in(raising(UserError("rig.file: cannot\nbe read")))
-    assert main(["run"]) == 2
-    assert capsys.readouterr().err == "stixel: rig.file: cannot be read\n"
-    stand_in(raising(KeyboardInterrupt))
-    assert main(["run"]) == 130
-    assert capsys.readouterr().err.count("\n") == 1
 
 
 @pytest.mark.parametrize("line", ["ls {}", "sweep --resume {}", "verify {}", "study {}"])
@@ -208,15 +207,6 @@ def test_sigterm_ends_a_run_in_one_line(tmp_path):
     assert not list((tmp_path / "results").glob("*/*"))
 
 
-def test_a_crash_without_a_log_is_shown(stand_in, capsys, monkeypatch):
-    stand_in(raising(ZeroDivisionError))
-    monkeypatch.setattr("platformdirs.user_log_path", raising(OSError("disk full")))
-    assert main(["run"]) == 1
-    said = capsys.readouterr().err
-    assert "disk full" in said
-    assert "Traceback" in said
-
-
 def test_reader_that_goes_away_is_no_crash():
     line = " ".join(f"'{part}'" for part in [*STIXEL, "run", "--help"])
     shell = f"{line} | true; exit ${{PIPESTATUS[0]}}"
@@ -233,12 +223,7 @@ def test_reader_that_goes_away_is_no_crash():
         ("{} cache ls >&-", 0, "", ""),
         ("{} cache clear <&-", 2, "add --yes", ""),
         ("PYTHONIOENCODING=ascii {} cache ls", 0, "", r"cach\xe9: 0 results"),
-        (
-            "mkdir gone; cd gone; rmdir ../gone; {} run",
-            2,
-            "the working directory no longer exists",
-            "",
-        ),
+        ("mkdir gone; cd gone; rmdir ../gone; {} run", 2, "directory no longer exists", ""),
     ],
 )
 def test_streams_and_folders_that_a_shell_takes_away(line, code, said, printed, tmp_path):

@@ -1,15 +1,20 @@
-"""`stixel cache …`, on a cache with a few entries made by hand."""
+"""`stixel cache …`, on a cache with a few entries made by hand, and `stixel doctor`."""
 
 import io
 import json
 import os
+import sys
 import time
+from collections import namedtuple
 
 import numpy as np
 import pytest
 
 from stixel_cli.cli.app import main
+from stixel_cli.engine.errors import CacheError
 from stixel_cli.engine.store import META, VALUE, Store
+from stixel_cli.machine import health
+from stixel_cli.rendering.filament import probe_filament
 
 DAY = 86400.0
 
@@ -39,7 +44,7 @@ def left(store):
     return [i for i in range(6) if store.has(f"{i:x}" * 64)]
 
 
-def test_ls(store, capsys):
+def test_ls_of_a_cache_and_of_none(store, capsys, tmp_path, monkeypatch):
     found = answer(capsys, "ls")
     assert found["folder"] == str(store.folder)
     assert found["entries"] == 6
@@ -49,9 +54,6 @@ def test_ls(store, capsys):
     assert "render" in said
     assert "7 d ago" in said
     assert "6 results" in said
-
-
-def test_ls_of_no_cache(tmp_path, capsys, monkeypatch):
     monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "none"))
     assert answer(capsys, "ls")["entries"] == 0
     assert main(["cache", "ls"]) == 0
@@ -164,3 +166,91 @@ def test_a_cache_that_is_no_folder(tmp_path, capsys, monkeypatch):
         assert code in (0, 2)
         assert said.err.count("\n") == (1 if code else 0)
     assert (tmp_path / "file").read_text() == "mine"
+
+
+HANGS = (sys.executable, "-c", "import time; time.sleep(60)")
+DIES = (sys.executable, "-c", "import os; os.abort()")
+SAYS = (sys.executable, "-c", "import sys; sys.exit('\\nlibusb-1.0.so.0: no such file\\n')")
+
+
+def works():
+    return None
+
+
+@pytest.fixture
+def renderers(monkeypatch):
+    """Stand-ins for the renderers: both work, if nothing else is said."""
+
+    def stand_in(raycast=works, filament=works):
+        monkeypatch.setattr(health, "probe_raycast", raycast)
+        monkeypatch.setattr(health, "_probe_filament", filament)
+
+    stand_in()
+    return stand_in
+
+
+def doctor(capsys):
+    capsys.readouterr()
+    code = main(["doctor", "--json"])
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["ok"] == (code == 0)
+    return code, {check["name"]: check for check in answer["checks"]}
+
+
+def test_all_is_well(renderers, capsys, tmp_path, monkeypatch):
+    monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "cache"))
+    code, checks = doctor(capsys)
+    assert code == 0
+    assert {"stixel", "Python", "cores", "renderer raycast", "renderer filament"} <= set(checks)
+    assert {"numpy", "cache folder", "cache size", "disk free"} <= set(checks)
+    assert not (tmp_path / "cache").exists()
+    assert main(["doctor"]) == 0
+    said, told = capsys.readouterr()
+    assert "the default experiment can run here" in said
+    assert "raycast draws a picture" in told and "filament draws" in told
+
+
+def test_filament_may_be_absent_and_rays_the_cache_and_free_space_may_not(
+    renderers, capsys, tmp_path, monkeypatch
+):
+    renderers(filament=lambda: "filament did not start within 60 s")
+    code, checks = doctor(capsys)
+    assert (code, checks["renderer filament"]["status"]) == (0, "absent")
+    renderers(raycast=lambda: "libusb-1.0.so.0: no such file")
+    code, checks = doctor(capsys)
+    assert (code, checks["renderer raycast"]["status"]) == (1, "fails")
+    assert main(["doctor"]) == 1
+    assert "renderer raycast fails: libusb-1.0.so.0" in capsys.readouterr().out
+    (tmp_path / "file").write_text("mine")
+    checks = {one.name: one for one in health.examine(Store(tmp_path / "file"))}
+    assert checks["cache folder"].status == "fails"
+    below = {one.name: one for one in health.examine(Store(tmp_path / "file" / "a"))}
+    assert below["cache folder"].status == "fails"
+    usage = namedtuple("usage", "total used free")
+    monkeypatch.setattr("shutil.disk_usage", lambda folder: usage(10, 9, 1))
+    checks = {one.name: one for one in health.examine(Store(tmp_path))}
+    assert checks["disk free"].status == "fails"
+
+
+def test_renderers_are_tried_in_a_process_of_their_own_that_may_hang_or_die():
+    assert health.probe_raycast(600.0) is None
+    assert "within 0.5 s" in health.probe_raycast(0.5, HANGS)
+    assert "within 0.5 s" in probe_filament(0.5, HANGS)
+    assert "signal 6" in health.probe_raycast(600.0, DIES)
+    assert health.probe_raycast(600.0, SAYS).endswith("code 1: libusb-1.0.so.0: no such file")
+
+
+def test_a_read_only_cache_serves_what_it_holds(renderers, tmp_path, monkeypatch):
+    store = Store(tmp_path)
+
+    def refuse(self):
+        raise CacheError(f"cannot write in the cache {self.folder}: Read-only file system")
+
+    store.save("ab" * 32, 1, stage="scenario", label="scenario")
+    monkeypatch.setattr(Store, "check_writable", refuse)
+    checks = {one.name: one for one in health.examine(store)}
+    assert checks["cache folder"].status == "limited"
+    assert "Read-only file system; only cached experiments can run" in checks["cache folder"].text
+    store.entry("ab" * 32).rename(tmp_path / "gone")
+    checks = {one.name: one for one in health.examine(store)}
+    assert checks["cache folder"].status == "fails"

@@ -1,8 +1,18 @@
-"""`stixel describe`: the schema's words on groups, options and keys."""
+"""What `stixel describe` says of groups, options and keys, and what the shell completes."""
+
+import os
+import subprocess
+import sys
 
 import pytest
 
 from stixel_cli.cli.app import main
+from stixel_cli.cli.options import (
+    complete_folder,
+    complete_override,
+    complete_run_or_override,
+    complete_setting,
+)
 from stixel_cli.config.folders import group_options
 from stixel_cli.config.keys import (
     describe_key,
@@ -59,13 +69,10 @@ def test_a_wrong_name_has_one_line(word, capsys):
     assert captured.out == "" and captured.err.count("\n") == 1 and NEAR[word] in captured.err
 
 
-def test_of_several_variants_the_default_comes_first():
+def test_of_several_variants_the_default_comes_first_and_all_groups_are_listed(capsys):
     first, *others = describe_key("tracker.sigma_q")
     assert "tracker=gp_ekf" in first.belongs_to and others
     assert first.default == "1.5"
-
-
-def test_all_groups(capsys):
     said = printed(capsys)
     assert all(f"\n{group} " in said for group in group_options() if "/" not in group)
     assert "\nseed " in said
@@ -83,3 +90,144 @@ def test_every_group_option_and_key_has_a_meaning_and_a_value():
         for one in describe_key(name):
             assert one.meaning and one.range, one
             assert one.values, one
+
+
+USERS = list(group_options()["road_user"])
+
+
+@pytest.fixture
+def in_bash(monkeypatch):
+    """What is offered at the end of a line that Bash has cut into words."""
+
+    def offered(*words):
+        monkeypatch.setenv("COMP_WORDS", "\n".join(("stixel", "run", *words)))
+        monkeypatch.setenv("COMP_CWORD", str(len(words) + 1))
+        return complete_override("" if words[-1] == "=" else words[-1])
+
+    return offered
+
+
+@pytest.fixture(autouse=True)
+def _no_shell(monkeypatch):
+    for name in ("COMP_WORDS", "COMP_CWORD", "_TYPER_COMPLETE_ARGS", "_STIXEL_COMPLETE"):
+        monkeypatch.delenv(name, raising=False)
+
+
+def test_groups_options_and_keys_are_completed():
+    assert complete_override("") == [f"{group}=" for group in group_options()]
+    assert complete_override("ro") == ["road=", "road_user="]
+    users = [f"road_user={user}" for user in USERS]
+    assert complete_override("road_user=") == users
+    assert complete_override("road_u") == users
+    assert complete_override("road_user=c") == users[:2]
+    assert complete_override("nothing=") == []
+    assert complete_setting("rig.wid") == ["rig.width"]
+    offered = complete_override("rig.")
+    assert "rig.width=" in offered
+    assert "rig.kind=" not in offered
+    assert complete_override("rig.wid") == ["rig.width=", "rig.width=640"]
+    assert complete_override("rig.camera_h")[0] == "rig.camera_height="
+    assert "seed=" in complete_override("se")
+
+
+def test_keys_of_a_group_within_another_and_of_the_option_in_the_line(in_bash, monkeypatch):
+    assert "measurement.noise.disparity_std=" in in_bash(
+        "measurement", "=", "fabricated", "measurement."
+    )
+    line = ("measurement", "=", "fabricated", "measurement/noise", "=", "constant")
+    assert in_bash(*line, "measurement.noise.") == [
+        "measurement.noise.range_std=",
+        "measurement.noise.range_std=0.1",
+    ]
+    assert "measurement/noise=constant" in complete_override("measurement/")
+    assert "path.points=" in in_bash("path", "=", "waypoints", "path.p")
+    assert in_bash("path", "=", "nothing", "path.p") == []
+    monkeypatch.delenv("COMP_WORDS")
+    monkeypatch.setenv("_TYPER_COMPLETE_ARGS", "stixel run path=waypoints path.p")
+    monkeypatch.delenv("COMP_CWORD")
+    assert "path.points=" in complete_override("path.p")
+
+
+def test_further_values_of_a_sweep_and_where_bash_breaks_a_word(in_bash, monkeypatch):
+    further = [f"car,{user}" for user in USERS if user != "car"]
+    assert complete_override("road_user=car,") == [f"road_user={values}" for values in further]
+    assert "road_user=car,cyclist,pedestrian" in complete_override("road_user=car,cyclist,")
+    assert complete_override("road_user=car,c") == ["road_user=car,cyclist"]
+    assert complete_override("seed=0,") == []
+    monkeypatch.setenv("COMP_WORDS", "stixel sweep road_user = car,")
+    monkeypatch.setenv("COMP_CWORD", "4")
+    assert complete_override("car,") == further
+    assert in_bash("road_user", "=") == USERS
+    assert in_bash("road_user", "=", "c") == ["car", "cyclist"]
+    assert in_bash("rig", "=", "kitti", "road_user", "=", "ped") == ["pedestrian"]
+    assert in_bash("rig.width", "=") == ["640"]
+    assert in_bash("path", "=", "turn", "") == [f"{group}=" for group in group_options()]
+
+
+def test_result_folders(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for run in ("results/one", "results/other"):
+        (tmp_path / run).mkdir(parents=True)
+        (tmp_path / run / "manifest.json").touch()
+    (tmp_path / "results" / ".hidden").mkdir()
+    (tmp_path / "results" / "file").touch()
+    (tmp_path / "else").mkdir()
+    runs = ["results/one", "results/other"]
+    assert complete_folder("") == ["else/", "results/", *runs]
+    assert complete_folder("results/o") == runs
+    assert complete_folder("res") == ["results/"]
+    assert complete_folder("nowhere/") == []
+    assert complete_folder(f"{tmp_path}/results/one") == [f"{tmp_path}/results/one"]
+    assert "results/one" in complete_run_or_override("results/o")
+    assert "road_user=car" in complete_run_or_override("road_u")
+
+
+def test_the_shell_is_answered_fast_and_without_heavy_imports(tmp_path):
+    """As Bash asks: for commands, for overrides of `sweep`, for folders."""
+    program = (
+        "import sys, time; from stixel_cli.cli.app import main; code = main(); "
+        "heavy = {'numpy', 'hydra', 'pydantic', 'yaml', 'rich'} & sys.modules.keys(); "
+        "sys.exit(str(heavy) if heavy else code)"
+    )
+    for line, offered in (
+        ("stixel ex", "explain"),
+        ("stixel cache ve", "verify"),
+        ("stixel sweep road_user=car,c", "cyclist"),
+        ("stixel ls resul", "results/"),
+        ("stixel run --wor", "--workers"),
+    ):
+        (tmp_path / "results").mkdir(exist_ok=True)
+        words = line.split()
+        asked = {
+            "_STIXEL_COMPLETE": "complete_bash",
+            "COMP_WORDS": line,
+            "COMP_CWORD": str(len(words) - 1),
+        }
+        done = subprocess.run(
+            [sys.executable, "-c", program],
+            env=os.environ | asked,
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == 0, done.stderr
+        assert offered in done.stdout
+
+
+def test_formats_of_export_and_that_no_folder_is_no_error(monkeypatch):
+    from typer.main import get_command
+
+    from stixel_cli.cli.app import app
+    from stixel_cli.export.export import FORMATS
+
+    (option,) = (p for p in get_command(app).commands["export"].params if p.name == "format")
+    offered = [item.value for item in option.shell_complete(None, "")]
+    assert offered == [*FORMATS, "mlflow"]
+    assert [item.value for item in option.shell_complete(None, "k")] == ["kitti"]
+
+    def missing():
+        raise OSError
+
+    monkeypatch.setattr("stixel_cli.config.folders.group_options", missing)
+    assert complete_override("r") == []

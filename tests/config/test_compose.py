@@ -19,13 +19,15 @@ def default():
     return compose()
 
 
-def test_default_is_what_the_readme_says(default):
+def test_default_is_what_the_readme_says_and_nobody_else_s(default):
     expected = dict(road_user="car", path="turn", ego="parked", rig="default", renderer="raycast")
     expected |= dict(stereo="sgm", occupancy="polar", measurement="stixels", tracker="gp_ekf")
     assert expected.items() <= default.choices.items()
     assert default.choices.keys() == {group for group in group_options() if "/" not in group}
     assert default.configuration.seed == 0
     assert default.overrides == ()
+    compose().resolved["rig"]["width"] = 1
+    assert compose() == default and compose() is not default
 
 
 @pytest.mark.parametrize("tracker", ["contour", "gp_ekf"])
@@ -47,14 +49,11 @@ def test_every_path_goes_with_another_class(path):
     assert compose(["road_user=pedestrian", f"path={path}"]).configuration.path.kind == path
 
 
-def test_a_key_changes_that_key_alone(default):
+def test_a_key_changes_that_key_alone_and_has_the_type_of_the_schema(default):
     changed = compose(["tracker.length_scale=0.6"])
     tracker = replace(default.configuration.tracker, length_scale=0.6)
     assert changed.configuration == replace(default.configuration, tracker=tracker)
     assert changed.overrides == ("tracker.length_scale=0.6",)
-
-
-def test_types_of_the_schema():
     composed = compose(["rig.baseline=1", "road_user.mesh=null", "pictures.frames=[0,5]"])
     baseline = composed.configuration.rig.baseline
     assert baseline == 1.0
@@ -71,6 +70,8 @@ def test_stored_configuration_comes_back(default):
     for composition in (default, fabricated, constant):
         stored = yaml.safe_load(yaml.safe_dump(composition.resolved))
         assert from_resolved(stored) == composition.configuration
+    with pytest.raises(ConfigurationError, match="not a configuration"):
+        from_resolved([1, 2])
 
 
 @pytest.mark.parametrize(
@@ -110,11 +111,6 @@ def test_stored_configuration_that_is_wrong(change, message):
 
 def noise(plain):
     return plain["measurement"]["noise"]
-
-
-def test_no_configuration_at_all():
-    with pytest.raises(ConfigurationError, match="not a configuration"):
-        from_resolved([1, 2])
 
 
 def test_nothing_stays_behind_in_hydra():
@@ -204,12 +200,7 @@ def test_a_damaged_file_is_named(own_conf, composer, content, said):
     assert "\n" not in str(error.value)
 
 
-def test_a_configuration_is_nobody_else_s(default):
-    compose().resolved["rig"]["width"] = 1
-    assert compose() == default and compose() is not default
-
-
-def test_names_of_files_are_absolute_wherever_they_are_meant(tmp_path, monkeypatch):
+def test_names_of_files_are_absolute_and_may_be_words_of_other_keys(tmp_path, monkeypatch):
     monkeypatch.setenv("HOME", str(tmp_path))
     (tmp_path / "mine.obj").touch()
     for given, directory in (("'~/mine.obj'", "/"), ("mine.obj", str(tmp_path))):
@@ -218,6 +209,9 @@ def test_names_of_files_are_absolute_wherever_they_are_meant(tmp_path, monkeypat
         for composed in (compose(words, directory), typed):
             assert composed.resolved["road_user"]["mesh"] == str(tmp_path / "mine.obj")
             assert composed.configuration.cache.folder == str(tmp_path / "mine.obj")
+    composer = Composer(str(tmp_path))
+    found = composer.compose(read_overrides(["measurement=file", "measurement.path=none"], TYPED))
+    assert found.value("measurement.path") == str(tmp_path / "none")
 
 
 @pytest.mark.parametrize(
@@ -235,7 +229,9 @@ def test_a_key_with_the_same_first_word_is_suggested(typed, meant):
     assert meant in str(error.value).partition("did you mean")[2]
 
 
-def test_compositions_are_stored_and_damaged_ones_are_ignored(tmp_path, monkeypatch):
+def test_few_compositions_are_stored_damaged_ones_are_ignored_and_none_needs_hydra(
+    tmp_path, monkeypatch
+):
     monkeypatch.setenv("STIXEL_CACHE", str(tmp_path))
     choice.compose_options.cache_clear()
     composed = compose()
@@ -244,9 +240,12 @@ def test_compositions_are_stored_and_damaged_ones_are_ignored(tmp_path, monkeypa
         stored.write_bytes(content)
         choice.compose_options.cache_clear()
         assert compose() == composed
-
-
-def test_a_stored_composition_needs_no_hydra(tmp_path, monkeypatch):
+    monkeypatch.setenv("STIXEL_CACHE", str(tmp_path))
+    monkeypatch.setattr(choice, "MOST_STORED", 2)
+    choice.compose_options.cache_clear()
+    for option in ("turn", "circle", "approach"):
+        compose([f"path={option}"])
+    assert len(list((tmp_path / choice.FOLDER).iterdir())) == 2
     monkeypatch.setenv("STIXEL_CACHE", str(tmp_path))
     compose(["rig=kitti"])
     choice.compose_options.cache_clear()
@@ -256,27 +255,15 @@ def test_a_stored_composition_needs_no_hydra(tmp_path, monkeypatch):
     assert compose(["rig=kitti"]) == expected
 
 
-def test_a_cache_that_cannot_be_written_is_no_fault(tmp_path, monkeypatch, default):
+def test_composing_creates_no_cache_and_needs_none(tmp_path, monkeypatch, default):
     (tmp_path / "file").touch()
     monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "file"))
     choice.compose_options.cache_clear()
     assert compose() == default
-
-
-def test_composing_creates_no_cache(tmp_path, monkeypatch, default):
     monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "missing"))
     choice.compose_options.cache_clear()
     assert compose() == default
     assert not (tmp_path / "missing").exists()
-
-
-def test_few_compositions_stay_stored(tmp_path, monkeypatch):
-    monkeypatch.setenv("STIXEL_CACHE", str(tmp_path))
-    monkeypatch.setattr(choice, "MOST_STORED", 2)
-    choice.compose_options.cache_clear()
-    for option in ("turn", "circle", "approach"):
-        compose([f"path={option}"])
-    assert len(list((tmp_path / choice.FOLDER).iterdir())) == 2
 
 
 @pytest.mark.parametrize(
@@ -286,10 +273,7 @@ def test_few_compositions_stay_stored(tmp_path, monkeypatch):
         (["measurement=lidar"], 30.0),
         (["measurement=lidar", "measurement.scanner.horizontal_fov=100"], 50.0),
         (["measurement=file", "measurement.path=scans.csv"], None),
-        (
-            ["measurement=file", "measurement.path=scans.csv", "measurement.horizontal_fov=270"],
-            135.0,
-        ),
+        (["measurement=file", "measurement.path=a.csv", "measurement.horizontal_fov=270"], 135.0),
     ],
 )
 def test_the_field_of_view_is_that_of_the_sensor(overrides, half):
@@ -307,9 +291,3 @@ def test_texts_that_need_no_quotes_have_none(plain):
     assert OverridesParser.create().parse_override(text).value() == plain
     for special in ("12", "00.5", "null", "a b", "0"):
         assert "'" in override_text("source.sequence", special)
-
-
-def test_a_file_may_be_named_as_a_word_of_another_key(tmp_path):
-    composer = Composer(str(tmp_path))
-    found = composer.compose(read_overrides(["measurement=file", "measurement.path=none"], TYPED))
-    assert found.value("measurement.path") == str(tmp_path / "none")

@@ -43,7 +43,7 @@ def test_by_default_there_is_no_experiment():
 
 
 @pytest.mark.parametrize("road_user", CLASSES)
-def test_the_thesis_sets_values_of_several_groups_for_every_class(road_user):
+def test_the_thesis_sets_plain_values_of_several_groups_for_every_class(road_user):
     composition = thesis(f"road_user={road_user}")
     chosen = composition.configuration
     assert chosen.extraction.width == 1
@@ -54,10 +54,6 @@ def test_the_thesis_sets_values_of_several_groups_for_every_class(road_user):
     pace = option_values("pace", road_user)
     assert chosen.start.velocity == pace["speed"]
     assert composition.choices | {EXPERIMENT: "thesis", "prior": road_user} == composition.choices
-
-
-@pytest.mark.parametrize("road_user", CLASSES)
-def test_the_thesis_is_plain(road_user):
     chosen = thesis(f"road_user={road_user}").configuration
     assert chosen.prior.shape == "none" and not prior_radii(chosen.prior, np.arange(6.0)).any()
     assert chosen.stereo.subpixel == "parabola"
@@ -65,6 +61,11 @@ def test_the_thesis_is_plain(road_user):
     rig, nearest = chosen.rig, chosen.stereo.nearest
     assert chosen.extraction.front_margin > rig.focal * rig.baseline / nearest
     assert chosen.tracker.mean_function == "zero"
+    composition = thesis("measurement=fabricated", f"road_user={road_user}")
+    measurement = composition.configuration.measurement
+    assert composition.choices["measurement/noise"] == "constant"
+    assert (measurement.noise.kind, measurement.noise.range_std) == ("constant", 0.1)
+    assert (measurement.rays, measurement.spacing) == (None, "angle")
 
 
 @pytest.mark.parametrize("road_user", CLASSES)
@@ -115,9 +116,7 @@ def changed_defaults(conf):
         assert count == 1
     file.write_text(text, encoding="utf-8")
     changed = set()
-    for path in itertools.chain.from_iterable(
-        (conf / g).rglob("*.yaml") for g in (*METHOD, "prior")
-    ):
+    for path in itertools.chain(*((conf / g).rglob("*.yaml") for g in (*METHOD, "prior"))):
         name = path.relative_to(conf).with_suffix("").as_posix()
         if name not in OWN:
             lines = path.read_text(encoding="utf-8")
@@ -134,15 +133,6 @@ def test_no_default_changes_the_thesis(measurement, own_conf):
     assert changed_defaults(own_conf) == {*METHOD, "prior"}
     group_options.cache_clear()
     assert plain_thesis(*measurement) == before
-
-
-@pytest.mark.parametrize("road_user", CLASSES)
-def test_its_fabricated_noise_is_constant(road_user):
-    composition = thesis("measurement=fabricated", f"road_user={road_user}")
-    measurement = composition.configuration.measurement
-    assert composition.choices["measurement/noise"] == "constant"
-    assert (measurement.noise.kind, measurement.noise.range_std) == ("constant", 0.1)
-    assert (measurement.rays, measurement.spacing) == (None, "angle")
 
 
 def test_its_stereo_noise_is_a_tenth_of_a_metre_at_28_metres():
@@ -194,7 +184,7 @@ TRIED = {other: experiment for experiment in EXPERIMENTS for other in others_of(
 def test_values_of_keys_that_another_option_lacks_are_left_out(group, other, option):
     outer = ["measurement=fabricated"] if group == "measurement/noise" else []
     if group == "tracker" and other not in ("box", "contour", "gp_ekf", "gp_ekf_thesis", "no_data"):
-        outer = ["prior.shape=ellipse"]  # refused without one: test_checks.py
+        outer = ["prior.shape=ellipse"]  # refused without one: test_overrides.py
     composition = compose([f"experiment={option}", *outer, f"{group}={other}"])
     assert composition.choices[group] == other
 

@@ -1,4 +1,4 @@
-"""Overrides are parsed in one place: plain ones without Hydra, the rest by its parser."""
+"""Overrides: parsed in one place, equal to what OmegaConf gives, and the impossible refused."""
 
 import subprocess
 import sys
@@ -6,12 +6,15 @@ from pathlib import Path
 
 import pytest
 from hydra.core.override_parser.overrides_parser import OverridesParser
+from omegaconf import OmegaConf
 
 import stixel_cli
 from stixel_cli.border import TYPED
-from stixel_cli.config import overrides
-from stixel_cli.config.folders import outermost_group
-from stixel_cli.config.overrides import parse
+from stixel_cli.config import choice, overrides
+from stixel_cli.config.compose import Composer, compose
+from stixel_cli.config.folders import conf_state, group_options, outer_options, outermost_group
+from stixel_cli.config.overrides import parse, read_overrides
+from stixel_cli.errors import ConfigurationError
 
 PLAIN = ["seed=3", "path.speed=-0.25", "a.b_c.d2=12.50", "x=-0", "x=0.0", "path=turn"]
 PLAIN += ["measurement/noise=fitted_2", "road.kind=_x9", "x=1234567890123456", "x=nan_", "x=true_1"]
@@ -29,14 +32,11 @@ def test_they_are_what_hydra_reads(text):
     assert (overrides._PLAIN.fullmatch(text) is not None) == (text in PLAIN)
 
 
-def test_several_values_are_overrides_of_one_value_each():
+def test_several_values_are_overrides_of_one_value_each_and_texts_have_their_parts():
     for text, expected in SEVERAL.items():
         assert parse(text, TYPED).value is None
         assert [one.value for one in parse(text, TYPED).singles()] == expected
     assert [one.text for one in parse("+x=1,2", TYPED).singles()] == ["+x=1", "+x=2"]
-
-
-def test_key_group_and_value_of_the_text():
     inner, key = (
         parse(text, TYPED) for text in ("++measurement/noise=constant", "measurement.rays= [1,2]")
     )
@@ -63,3 +63,109 @@ def test_one_file_takes_an_override_apart():
         if 'partition("=")' in path.read_text(encoding="utf-8")
     ]
     assert found == ["config/texts.py"]
+
+
+OPTIONS = [
+    (group, option)
+    for group, options in group_options().items()
+    for option in options
+    # A recording and a track need files, see tests/recordings.
+    if group != "source" and (group, option) not in {("path", "recorded"), ("tracker", "file")}
+]
+LINES = [
+    [],
+    ["seed=7", "tracker.sigma_f=0.25", "rig=kitti", "rig.height=370"],
+    ["road_user=cyclist", "path=waypoints", "path.speed=${pace.turn_speed}"],
+    ["pace=pedestrian", "path=circle", "road_user.contrast=0.25", "pictures.frames=[0,3]"],
+    ["path=waypoints", "path.points=[[0,12],[3,15.5]]", "++sensor.read_noise=1"],
+    ["rig.height=${rig.width}", "measurement=fabricated", "measurement.rays=null"],
+    ["measurement=fabricated", "measurement/noise=constant", "measurement.noise.range_std=1"],
+    ["measurement.noise.disparity_std=0.2", "measurement=fabricated", "seed=3"],
+    ["path=crossing", "road_user=pedestrian", "tracker.jitter=1e-7", "measurement='fabricated'"],
+]
+
+
+def alone(group, option):
+    """An option, within another group with one that has it."""
+    outer = group.rpartition("/")[0]
+    around = [f"{outer}={outer_options(group)[0]}"] if outer else []
+    return [*around, f"{group}={option}"]
+
+
+def typed(line):
+    return read_overrides(line, TYPED)
+
+
+@pytest.fixture(scope="module")
+def composer():
+    return Composer()
+
+
+@pytest.mark.parametrize("line", [*LINES, *(alone(*one) for one in OPTIONS)])
+def test_equal_to_omegaconf(line, monkeypatch):
+    settings = {one.key: one.value for one in typed(line)}
+    options = tuple(sorted((k, v) for k, v in settings.items() if k in group_options()))
+    values = {key: value for key, value in settings.items() if key not in group_options()}
+    plain = choice.compose_options(options, conf_state()).plain
+    fast = choice.with_values(plain, values)
+    monkeypatch.setattr(choice, "_resolved", lambda section, *_: section)
+    tree = OmegaConf.create(choice.with_values(plain, values))
+    slow = OmegaConf.to_container(tree, resolve=True, throw_on_missing=True)
+    assert fast == slow and repr(fast) == repr(slow)
+
+
+def test_equal_groups_are_one_object(composer):
+    lines = ["seed=1"], ["seed=2", "tracker.sigma_f=0.3"]
+    one, other = (composer.compose(typed(line)) for line in lines)
+    assert one.configuration.rig is other.configuration.rig
+    assert one.configuration.tracker is not other.configuration.tracker
+    assert one.resolved["rig"] is other.resolved["rig"]
+
+
+IMPOSSIBLE = {
+    "measurement=fabricated measurement.rays=641": "measurement.rays: must be ≤ rig.width",
+    "path.start=[1,-3]": "path.start: the path starts behind the camera",
+    "path.start=[0.5,1]": "path.start: must be at least 1.9 m from the camera, got 1.1 m",
+    "path=waypoints path.points=[[0,1],[0,9]]": "path.points: must be at least 1.9 m from the "
+    "camera, got 1 m",
+    "path=waypoints path.points=[[0,9]]": "path.points: must have at least two points",
+    "path=waypoints path.points=[]": "path.points: must have at least two points",
+    "path.duration=0.05": "path.sample_time: must be <= path.duration (0.05 s), got 0.1 s",
+    "path.duration=5 pictures.frames=[0,50]": "pictures.frames: must be <= 49, the last frame, "
+    "got 50",
+    "pictures.frames=[3,1]": "pictures.frames: must be increasing",
+    "rig.focal_length=700": "rig.focal_length: set either",
+    "rig.horizontal_fov=null": "rig.focal_length: set either",
+    "rig.principal_v=480": "rig.principal_v: must be 0 to 479 (the image), got 480",
+    "stereo.nearest=0.1": "stereo.nearest: at 0.1 m the disparity is 1663 px; it must be < "
+    "rig.width (640)",
+    "stereo=bm rig.height=64 rig.width=128 stereo.block_size=65": "stereo.block_size: must be "
+    "smaller than the image, 128 × 64, got 65",
+    "stereo.block_size=4": "stereo.block_size: must be odd",
+    "road_user.mesh=/no/such/file.obj": "road_user.mesh: ",
+    "road_user.mesh=/": "road_user.mesh: ",
+    "road_user.mesh=": "road_user.mesh: ",
+    "measurement.height_min=5 measurement.height_max=2.5": "measurement.height_max: must be > "
+    "measurement.height_min",
+    "prior.corner_radius=2": "prior.corner_radius: must be ≤",
+    "experiment=thesis tracker=point": "prior.shape: tracker=point needs the shape of the class, "
+    "got none",
+    "prior.shape=none tracker.mean_function=class_radius": "prior.shape: "
+    "tracker.mean_function=class_radius needs the shape",
+}
+
+
+@pytest.mark.parametrize("overrides", IMPOSSIBLE)
+def test_the_impossible_is_refused(overrides):
+    with pytest.raises(ConfigurationError) as error:
+        compose(overrides.split())
+    assert IMPOSSIBLE[overrides] in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_the_possible_is_taken(tmp_path):
+    mesh = tmp_path / "a car.obj"
+    mesh.touch()
+    assert compose([f"road_user.mesh='{mesh}'"]).configuration.road_user.mesh == str(mesh)
+    rig = compose(["rig.focal_length=700", "rig.horizontal_fov=null"]).configuration.rig
+    assert rig.focal == 700

@@ -47,22 +47,19 @@ def test_sweeps_of_reports_and_of_class_knowledge_share_no_seed(study, name, swe
         assert max(found) < FIRST_OF_KNOWLEDGE
 
 
-def test_the_named_sweeps_of_class_knowledge_exist():
+def test_class_knowledge_exists_and_names_seeds_of_its_own():
     assert {(study, name) for study, name, _ in sweeps()} >= KNOWLEDGE
+    files = sorted((ROOT / "conf" / "measurement" / "noise").glob("fitted_*.yaml"))
+    assert len(files) == 3
+    for path in files:
+        (line,) = re.findall(r"seeds ([\d, and]+)", path.read_text(encoding="utf-8"))
+        assert min(map(int, re.findall(r"\d+", line))) >= FIRST_OF_KNOWLEDGE
 
 
 @pytest.mark.parametrize("study", ["rq1", "rq2", "rq3", "prior_width"])
 def test_studies_draw_a_shape_for_each_seed(study):
     own = [sweep for name, _, sweep in sweeps() if name == study]
     assert own and all(shape_seeds_of(sweep) == {"${seed}"} for sweep in own)
-
-
-def test_generated_class_knowledge_names_seeds_of_its_own():
-    files = sorted((ROOT / "conf" / "measurement" / "noise").glob("fitted_*.yaml"))
-    assert len(files) == 3
-    for path in files:
-        (line,) = re.findall(r"seeds ([\d, and]+)", path.read_text(encoding="utf-8"))
-        assert min(map(int, re.findall(r"\d+", line))) >= FIRST_OF_KNOWLEDGE
 
 
 def test_readme_docs_and_configuration_use_seeds_of_reports_only():

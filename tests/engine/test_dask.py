@@ -104,6 +104,12 @@ def executor_at(cluster, time_limit=300.0):
     return DaskExecutor("dask", 2, time_limit, cluster)
 
 
+def executed(project, cluster, graph, name, time_limit=300.0, **options):
+    """The execution of one stage by the cluster's workers."""
+    executor = executor_at(cluster, time_limit)
+    return execute(graph, [name], project.store, executor=executor, **options)
+
+
 def single(name):
     return GraphBuilder().build([Stage(name, f"dask_steps.steps:{name}", "map", {}, {})], 4, 1)
 
@@ -126,9 +132,7 @@ def test_a_worker_is_killed_in_the_midst_and_the_bytes_are_those_of_local(
 
     killer = threading.Thread(target=kill_one)
     killer.start()
-    execution = execute(
-        graph, ["total"], project.store, executor=executor_at(cluster), progress=notes
-    )
+    execution = executed(project, cluster, graph, "total", progress=notes)
     killer.join()
     assert len(killed) == 1
     assert {*execution.status.values()} == {"computed"}
@@ -143,14 +147,7 @@ def test_a_worker_is_killed_in_the_midst_and_the_bytes_are_those_of_local(
 
 def test_a_stage_over_its_time_limit(cluster, project, notes):
     graph = single("hang")
-    execution = execute(
-        graph,
-        ["hang"],
-        project.store,
-        executor=executor_at(cluster, 3.0),
-        progress=notes,
-        keep_going=True,
-    )
+    execution = executed(project, cluster, graph, "hang", 3.0, progress=notes, keep_going=True)
     ((key, failure),) = execution.failures.items()
     assert key == graph.of_stage("hang")[2].key
     assert "exceeded its time limit of 3 s" in str(failure) and "in hang" in failure.traceback_text
@@ -159,9 +156,7 @@ def test_a_stage_over_its_time_limit(cluster, project, notes):
 
 def test_a_stage_that_always_kills_its_worker(cluster, project, notes):
     with pytest.raises(StageFailure, match=r"kill\[2:3\]: WorkerDied: .*twice"):
-        execute(
-            single("kill"), ["kill"], project.store, executor=executor_at(cluster), progress=notes
-        )
+        executed(project, cluster, single("kill"), "kill", progress=notes)
 
 
 def test_an_outcome_that_never_comes_counts_as_a_crash(cluster):
@@ -222,12 +217,7 @@ def test_a_worker_with_other_versions_is_refused(cluster, project, monkeypatch):
     monkeypatch.setattr("stixel_cli.engine.versions.installed_version", lambda name: "0.0")
     stage = Stage("hang", "dask_steps.steps:hang", "map", {}, {})
     with pytest.raises(CodeChanged, match=r"has numpy \S+, .* planned with 0\.0"):
-        execute(
-            GraphBuilder().build([stage], 1, 1),
-            ["hang"],
-            project.store,
-            executor=executor_at(cluster),
-        )
+        executed(project, cluster, GraphBuilder().build([stage], 1, 1), "hang")
 
 
 def test_a_scheduler_that_is_lost(project, tmp_path):
@@ -273,15 +263,12 @@ def test_a_scheduler_that_is_lost(project, tmp_path):
         process.communicate(timeout=600)
 
 
-def test_no_address_is_refused(project):
+def test_without_an_address_or_dask_it_is_refused(project, monkeypatch):
     with pytest.raises(ExecutorError, match=r"executor\.address: is required"):
-        execute(project.graph(), ["numbers"], project.store, executor=executor_at(None))
-
-
-def test_dask_is_not_installed(project, monkeypatch):
+        executed(project, None, project.graph(), "numbers")
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(ExecutorError, match=r"requires Dask: pip install 'stixel\[dask\]'"):
-        execute(project.graph(), ["numbers"], project.store, executor=executor_at("tcp://a:1"))
+        executed(project, "tcp://a:1", project.graph(), "numbers")
 
 
 @pytest.fixture

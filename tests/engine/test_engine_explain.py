@@ -25,12 +25,24 @@ def reasons(project):
     return reasons
 
 
-def test_a_setting_and_its_dependents(project, reasons):
+def test_a_setting_its_dependents_the_seed_a_version_and_groups_of_equal_reasons(
+    project, reasons, monkeypatch
+):
     answer = reasons(project.graph(factor=2.5))
     assert answer["double[4:8]"] == "double[4:8]: gain.factor changed from 2.0 to 2.5"
     assert answer["running[0:4]"] == "running[0:4]: input changed: double"
     assert answer["show[9]"] == "show[9]: input changed: double; input changed: grid"
     assert "numbers" not in answer
+    assert reasons(project.graph(seed=7)) == {"gather": "gather: seed changed from 1 to 7"}
+    groups = by_stage(explain(project.graph(factor=2.5), project.store, ["double", "running"]))
+    assert [(len(group), text) for group, text in groups] == [
+        (3, "gain.factor changed from 2.0 to 2.5"),
+        (3, "input changed: double"),
+    ]
+    monkeypatch.setattr("stixel_cli.engine.versions.installed_version", lambda name: "0.0")
+    answer = reasons(project.graph(), ["numbers"])
+    assert answer["numbers"].startswith("numbers: numpy changed from ")
+    assert answer["numbers"].endswith(" to 0.0")
 
 
 def test_a_setting_has_the_name_of_its_key(project, reasons):
@@ -99,11 +111,7 @@ def test_the_nearest_has_the_same_function(project):
     assert "its function" not in found["double[4:8]"]
 
 
-def test_the_seed(project, reasons):
-    assert reasons(project.graph(seed=7)) == {"gather": "gather: seed changed from 1 to 7"}
-
-
-def test_the_code(project, reasons):
+def test_code_that_changed_and_not_what_is_reached_because_of_it(project, reasons):
     project.edit("helpers", "FACTOR * values", "values * FACTOR")
     project.edit("helpers", "FACTOR = 3.0", "FACTOR = 3.5")
     project.forget()
@@ -111,22 +119,12 @@ def test_the_code(project, reasons):
     assert reasons(project.graph(), ["double"])["double[0:4]"] == (
         f"double[0:4]: code: {name}.helpers changed"
     )
-
-
-def test_code_that_is_newly_reached(project, reasons):
     project.write("more", "OFFSET = 1.0")
     project.edit("helpers", "UNUSED = 1.0", "from .more import OFFSET as UNUSED")
     project.forget()
     # What is reached because of the change is not a second reason.
     answer = reasons(project.graph())["double[0:4]"]
     assert answer == f"double[0:4]: code: {project.name}.helpers changed"
-
-
-def test_a_version(project, reasons, monkeypatch):
-    monkeypatch.setattr("stixel_cli.engine.versions.installed_version", lambda name: "0.0")
-    answer = reasons(project.graph(), ["numbers"])
-    assert answer["numbers"].startswith("numbers: numpy changed from ")
-    assert answer["numbers"].endswith(" to 0.0")
 
 
 def test_a_file(project, tmp_path):
@@ -139,19 +137,18 @@ def test_a_file(project, tmp_path):
     assert one.text == f"the content of {mesh} changed"
 
 
-def test_the_most_similar_result_is_compared(project, reasons):
-    project.run(project.graph(factor=9.0, offset=1.0))
-    answer = reasons(project.graph(factor=9.0, offset=2.0))
-    assert answer["double[0:4]"] == "double[0:4]: gain.offset changed from 1.0 to 2.0"
-
-
-def test_a_stored_input_is_followed_to_its_change(project, reasons):
+def test_a_stored_input_is_followed_to_its_change_and_the_most_similar_is_compared(
+    project, reasons
+):
     other = project.graph(factor=4.0)
     project.run(other, ["double"])
     answer = reasons(project.graph(factor=4.0))
     assert answer["running[0:4]"] == (
         "running[0:4]: input changed: double; gain.factor changed from 2.0 to 4.0"
     )
+    project.run(project.graph(factor=9.0, offset=1.0))
+    answer = reasons(project.graph(factor=9.0, offset=2.0))
+    assert answer["double[0:4]"] == "double[0:4]: gain.offset changed from 1.0 to 2.0"
 
 
 def test_a_removed_result(project, reasons):
@@ -167,14 +164,6 @@ def test_a_removed_result(project, reasons):
     assert reasons(graph, ["numbers"]) == {
         "numbers": "numbers: new: no result of numbers is stored"
     }
-
-
-def test_nodes_of_a_stage_with_equal_reasons_are_one_group(project, reasons):
-    groups = by_stage(explain(project.graph(factor=2.5), project.store, ["double", "running"]))
-    assert [(len(group), text) for group, text in groups] == [
-        (3, "gain.factor changed from 2.0 to 2.5"),
-        (3, "input changed: double"),
-    ]
 
 
 def test_the_folders_own_results_are_compared_however_many_others_there_are(project, monkeypatch):

@@ -125,7 +125,9 @@ def test_a_damaged_input_is_made_again(project, executor, notes):
     assert project.store.load(graph.of_stage("show")[0].key) == expected
 
 
-def test_a_damaged_input_of_a_lazy_sequence_is_made_again(project, notes):
+def test_a_damaged_input_of_a_lazy_sequence_is_made_again_if_it_can_be_set_aside(
+    project, notes, monkeypatch
+):
     graph = project.graph()
     project.run(graph)
     project.calls()
@@ -134,10 +136,6 @@ def test_a_damaged_input_of_a_lazy_sequence_is_made_again(project, notes):
     damage(project, graph, "running", 2, cut=True)
     project.run(graph, progress=notes)
     assert set(project.calls()) == {"double 4", "running 8", "gather"}
-
-
-def test_a_damaged_entry_that_cannot_be_set_aside(project, monkeypatch, notes):
-    graph = project.graph()
     project.run(graph)
     damage(project, graph, "double")
     monkeypatch.setattr(Path, "rename", lambda *args: (_ for _ in ()).throw(OSError("no")))

@@ -1,4 +1,6 @@
-"""Errors of contours against public code (SciPy, shapely) and known values."""
+"""Errors of contours and their upper bounds against public code (SciPy, shapely)."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -6,9 +8,11 @@ import shapely
 from scipy.linalg import sqrtm
 from scipy.spatial.distance import directed_hausdorff
 
+from stixel_cli import compose
 from stixel_cli.evaluation.contour_errors import (
     area_moments,
     areas,
+    best_star_convex_iou,
     boundary_distances,
     boxes,
     differences_along_rays,
@@ -16,9 +20,13 @@ from stixel_cli.evaluation.contour_errors import (
     gaussian_wasserstein,
     intersections_over_unions,
     seen_points,
+    star_convex_upper_bound,
 )
 from stixel_cli.evaluation.evaluate import normalised_errors
 from stixel_cli.geometry.pose import target_from_world, world_from_target
+from stixel_cli.scene.ego import ego_motion
+from stixel_cli.scene.path import build_scenario
+from stixel_cli.scene.scenario import is_star_convex
 
 SQUARE = np.array([[1, -1], [1, 1], [-1, 1], [-1, -1]], float)
 
@@ -70,7 +78,7 @@ def test_distances_of_outlines_agree_with_shapely_and_scipy():
     assert np.isnan(boundary_distances(sparse[:1], one[:1] * np.nan)).all()
 
 
-def test_the_sensor_sees_the_sides_that_face_it():
+def test_the_sensor_sees_the_sides_that_face_it_and_are_not_hidden():
     """From straight below, one side of a square; from the corner, two; from inside, none."""
     points = even_points(SQUARE[None], 40)
     sensors = np.array([[0.0, -10.0], [10.0, -10.0], [0.2, 0.1]])
@@ -79,10 +87,7 @@ def test_the_sensor_sees_the_sides_that_face_it():
     np.testing.assert_array_equal(below, y == -1.0)
     np.testing.assert_array_equal(corner, (y == -1.0) | (x == 1.0))
     assert not inside.any()
-
-
-def test_a_part_that_sticks_out_hides_what_is_behind_it():
-    """An L: the arm at the front hides the left half of the back."""
+    # An L: the arm at the front hides the left half of the back.
     shape = np.array([[0, 0], [2, 0], [2, 2], [1, 2], [1, 1], [0, 1]], float)
     points = even_points(shape[None], 80)
     sensor = np.array([[-50.0, 0.5]])
@@ -192,3 +197,34 @@ CORNER = np.array([[0, 0], [2, 0], [2, 2], [0, 2]], float)
 def test_iou_of_known_polygons(true, estimated, score):
     found = intersections_over_unions(estimated[None], true[None])
     np.testing.assert_allclose(found, [score], rtol=0, atol=1e-12)
+
+
+def test_a_star_convex_contour_has_no_upper_bound_and_a_stride_has_one():
+    assert best_star_convex_iou(SQUARE) == pytest.approx(1.0, abs=1e-12)
+    assert best_star_convex_iou(SQUARE[:, ::-1] * [3.0, 1.0]) == pytest.approx(1.0, abs=1e-12)
+    p = compose(["road_user=pedestrian", "path.duration=0.2"]).configuration
+    scenario = build_scenario(ego_motion(p.ego, 0.2, 0.1), p.road_user, p.path)
+    # A stride is not star-convex.
+    assert 0.9 < star_convex_upper_bound(scenario) < 0.999
+    assert np.isnan(star_convex_upper_bound(replace(scenario, only_box=True)))
+
+
+def test_the_best_star_convex_contour_fills_a_small_gap_and_leaves_out_a_far_part():
+    """A bar along +x from a unit square; a slot cuts it, and its far part is kept or given up.
+
+    Filling the slot, of area g, wins the far part, of area f: (A) / (A + g) against (A - f) / A.
+    """
+    bar = np.array([[0.5, -0.1], [4.0, -0.1], [4.0, 0.1], [0.5, 0.1]])
+    for slot, kept in ((0.02, True), (3.4, False)):
+        # The slot is open at the top, and only a thread of 1e-6 m at the bottom joins the parts.
+        cut = np.array(
+            [bar[0], bar[1], bar[2], [0.55 + slot, 0.1], [0.55 + slot, -0.1 + 1e-6],
+             [0.55, -0.1 + 1e-6], [0.55, 0.1], bar[3]]
+        )  # fmt: skip
+        shape = np.concatenate([[[0.5, -0.5]], cut, [[0.5, 0.5], [-0.5, 0.5], [-0.5, -0.5]]])
+        assert not is_star_convex(shape)
+        near, far = 1.0 + 0.05 * 0.2, 0.2 * (4.0 - 0.55 - slot)
+        filled = (near + far) / (near + far + 0.2 * slot)
+        dropped = near / (near + far)
+        assert (filled > dropped) == kept
+        assert best_star_convex_iou(shape) == pytest.approx(max(filled, dropped), abs=0.02)

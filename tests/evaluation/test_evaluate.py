@@ -195,13 +195,10 @@ def test_where_only_the_box_is_known_the_outline_has_no_scores():
     assert known["iou_box_mean"] > 0 and known["success"] > 0
 
 
-def test_metrics_are_plain_numbers():
+def test_metrics_are_plain_numbers_or_none():
     metrics = evaluate(track_with(SHIFTS), SCENARIO, SCANS).metrics
     assert all(type(value) in (int, float) for value in metrics.values() if value is not None)
     assert json.loads(json.dumps(metrics)) == metrics
-
-
-def test_metric_without_value_is_none():
     track = track_with(SHIFTS)
     track = dataclasses.replace(
         track,
@@ -287,14 +284,11 @@ def test_single_scan_is_scored():
     assert metrics["iou_mean"] == 1.0
 
 
-def test_orientation_error_is_wrapped():
+def test_orientation_errors_are_wrapped_and_normalised_errors_known():
     true = np.array([np.pi - 0.1, 0.1 - np.pi, 0.0, 0.0, 2.0 * np.pi])
     estimated = np.array([0.2 - np.pi, np.pi - 0.2, 7.0 * np.pi, -np.pi, 0.0])
     found = orientation_errors(estimated, true)
     np.testing.assert_allclose(found, [0.3, -0.3, np.pi, np.pi, 0.0], atol=1e-12)
-
-
-def test_normalised_error_of_known_values():
     errors = np.array([[1.0, 0.0], [2.0, 1.0], [1.0, 1.0]])
     covariances = np.array([np.diag([0.5, 9.0]), [[2.0, 1.0], [1.0, 2.0]], np.diag([1.0, 0.0])])
     found = normalised_errors(errors, covariances)

@@ -1,7 +1,13 @@
+"""Errors of scans, and the table of the metrics that sum them up."""
+
+import re
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from stixel_cli.evaluation.evaluate import off_target
+from stixel_cli.evaluation.metric_table import METRICS, OF_ESTIMATES, metric, over_runs
 from stixel_cli.evaluation.scan_errors import (
     DIVERGED_NIS,
     ScanErrors,
@@ -96,10 +102,14 @@ def test_off_target(iou_box, degrees, speed, replaced_wrongly, expected):
     assert off_target(*arrays, np.array([replaced_wrongly])).tolist() == [expected]
 
 
-def test_sure_and_wrong_needs_both():
+def test_shares_count_what_is_known():
     sigmas, iou = np.array([2.9, 3.1, 3.1, np.nan]), np.array([0.1, 0.1, 0.3, 0.1])
     errors = output(nees_position=0.5 * sigmas**2, iou_box=iou)
     assert sure_and_wrong_share(errors) == 0.25
+    assert low_overlap_share(np.array([0.1, 0.3])) == 0.5
+    assert low_overlap_share(np.array([0.1, np.nan])) is None
+    assert finite_median(np.array([3.0, np.nan, 1.0])) == 2.0
+    assert finite_median(np.array([np.nan])) is None
 
 
 def test_success_and_precision_are_areas_under_their_curves():
@@ -116,8 +126,38 @@ def test_success_and_precision_are_areas_under_their_curves():
     assert success(np.array([0.5, np.nan])) is None and precision(np.array([np.nan])) is None
 
 
-def test_shares_and_medians_without_a_value_are_none():
-    assert low_overlap_share(np.array([0.1, 0.3])) == 0.5
-    assert low_overlap_share(np.array([0.1, np.nan])) is None
-    assert finite_median(np.array([3.0, np.nan, 1.0])) == 2.0
-    assert finite_median(np.array([np.nan])) is None
+UNITS = {"_deg_s": "°/s", "_m_s": "m/s", "_m": "m", "_deg": "°", "_s": "s"}
+
+
+@pytest.mark.parametrize("row", METRICS.values(), ids=METRICS)
+def test_row_is_complete(row):
+    assert METRICS[row.name] is row and metric(row.name) is row
+    assert re.fullmatch(r"[a-z_]+", row.name)
+    assert row.label and row.short_label and len(row.short_label) <= 32
+    assert row.unit == next((u for s, u in UNITS.items() if row.name.endswith(s)), "")
+    assert row.shown_unit == ("%" if row.percent else row.unit)
+    low, high = row.bounds
+    assert low == 0.0 and high in (None, 1.0)
+    assert (row.better == "one") == ("consistent" in row.label)
+
+
+def test_labels_differ_and_those_of_other_metrics_follow_from_their_names():
+    for field in ("label", "short_label"):
+        assert len({getattr(row, field) for row in METRICS.values()}) == len(METRICS)
+    row = metric("new_thing_m")
+    assert (row.label, row.unit, row.better, row.bounds) == ("new thing", "m", None, (None, None))
+    assert row.bounds == (None, None)
+    assert metric("missed_columns_share").bounds == (0.0, 1.0)  # An interval ends within them.
+    row, filtered = metric("smoothed_success"), METRICS["success"]
+    assert row.label == f"{filtered.label}, smoothed" and row.name == "smoothed_success"
+    assert (row.percent, row.better, row.unit) == (True, "more", filtered.unit)
+    assert OF_ESTIMATES and set(OF_ESTIMATES) <= METRICS.keys()
+    assert over_runs("track_lost") == "track_loss_rate" and over_runs("iou_mean") == "iou_mean"
+    assert metric("track_loss_rate").better == "less"
+
+
+def test_a_metric_of_errors_that_are_not_finite_has_no_value():
+    lost = ScanErrors(centre=np.full(3, np.nan))
+    greatest = replace(METRICS["centre_rmse_m"], over_scans=lambda e: float(np.max(e.centre)))
+    assert greatest.of_run(lost) is None
+    assert greatest.of_run(ScanErrors(centre=np.array([1.0, 3.0, 2.0]))) == 3.0

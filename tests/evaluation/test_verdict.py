@@ -101,12 +101,6 @@ def test_points_that_do_not_fit_the_class_are_named(changes):
     assert "reported class" in verdict(GOOD | changes | {"class_error": 1.0})[1]
 
 
-def test_of_a_target_of_no_class_no_other_prior_is_advised():
-    words = verdict(GOOD | {"class_replaced_share": 0.5, "other_probability": 1.0})
-    assert "new class" in words[1]
-    assert "prior=unknown" not in " ".join(words)
-
-
 @pytest.mark.parametrize("part", [24])
 def test_runs_disturbed_by_a_known_amount_have_the_expected_words(part, monkeypatch):
     monkeypatch.syspath_prepend(Path(__file__).parents[2] / "docs")
@@ -118,27 +112,20 @@ def test_runs_disturbed_by_a_known_amount_have_the_expected_words(part, monkeypa
     sys.modules.pop("verdicts")
 
 
-def test_the_class_is_named_with_its_probability():
-    classes = {
-        "car_probability": 0.001,
-        "cyclist_probability": 0.993,
-        "pedestrian_probability": 0.006,
-    }
+def test_the_class_is_named_with_its_probability_and_a_new_one_without_advice():
+    classes = dict(car_probability=0.001, cyclist_probability=0.993, pedestrian_probability=0.006)
     right = classes | {"class_error": 0.0, "class_replaced_share": None}
     *_, last = verdict(GOOD | right)
     assert last == "Class: cyclist, 99 %."
     assert verdict({"scans": 3, "nis_mean": 1.0, **classes})[-1] == last
-
-
-def test_an_unknown_class_is_named_at_odds_of_100_and_a_replaced_one_at_once():
     classes = {"car_probability": 0.02, "cyclist_probability": 0.97, "pedestrian_probability": 0.01}
     assert verdict(GOOD | classes)[-1] == "Class: unknown (cyclist 97 %, car 2 %, pedestrian 1 %)."
     replaced = {"class_replaced_share": 0.5}
     assert verdict(GOOD | classes | replaced)[-1] == "Class: cyclist, 97 %."
-
-
-def test_a_class_without_others_is_named():
     assert verdict(GOOD | {"car_probability": 0.9})[-1] == "Class: car, 90 %."
+    words = verdict(GOOD | {"class_replaced_share": 0.5, "other_probability": 1.0})
+    assert "new class" in words[1]
+    assert "prior=unknown" not in " ".join(words)
 
 
 def test_a_run_of_a_consistent_filter_whose_errors_persist_is_called_nothing():
@@ -158,12 +145,9 @@ def test_limits_are_those_of_the_table():
         assert "(" in verdict(GOOD | {"nis_mean": limit * factor})[-1]
 
 
-def test_a_target_never_measured_has_that_verdict_alone():
+def test_runs_without_measurements_or_of_older_folders_have_a_verdict():
     (sentence,) = verdict(GOOD | {"empty_scans": 50, "nees_position_mean": 50.0})
     assert sentence.startswith("lost: ") and "never measured" in sentence
-
-
-def test_metrics_of_older_folders_have_a_verdict():
     assert "older version" in verdict({"iou_mean": 0.5, "scans": 3})[0]
     unknown = ["No verdict: no truth.", "uncertainty: NIS 1."]
     assert verdict({"nis_mean": 1.0, "scans": 3}) == unknown

@@ -1,10 +1,12 @@
-"""Runs on scans from a file, through the real command line."""
+"""Runs on scans from a file and of a lidar, through the real command line."""
 
+import csv
 import json
 import shutil
 
 import numpy as np
 import pytest
+from boxes import write_box
 from run_cli import SMALL, run_json
 
 from stixel_cli.cli.app import main
@@ -181,13 +183,18 @@ def test_the_content_of_each_file_is_in_the_keys_that_need_it(made, tmp_path):
     assert keys(words)["scans"] != before["scans"]
 
 
-def test_the_number_of_scans_is_that_of_the_file(made):
+def test_scans_class_and_start_are_those_of_the_file(made):
     composition = compose(from_files(made))
     assert scan_count(composition) == 15
     assert pictured_frames(composition)[-1] < 15
     late = compose([*from_files(made), "pictures.frames=[15]"])
     with pytest.raises(UserError, match="must be <= 14, the last frame, got 15"):
         pictured_frames(late)
+    composed = compose([*from_files(made, None), "road_user=cyclist"])
+    assert (composed.choices["prior"], composed.choices["start"]) == ("cyclist", "scans")
+    assert compose(from_files(made)).choices["start"] == "default"
+    with pytest.raises(ConfigurationError, match="start: there is no truth to start from"):
+        compose([*from_files(made, None), "start=default"])
 
 
 @pytest.mark.parametrize(
@@ -197,14 +204,6 @@ def test_the_number_of_scans_is_that_of_the_file(made):
 def test_settings_of_a_scene_are_refused(word, made):
     with pytest.raises(ConfigurationError, match=f"{word.partition('=')[0]}: has no effect"):
         compose([*from_files(made), word])
-
-
-def test_a_class_and_a_start_are_chosen_as_ever(made):
-    composed = compose([*from_files(made, None), "road_user=cyclist"])
-    assert (composed.choices["prior"], composed.choices["start"]) == ("cyclist", "scans")
-    assert compose(from_files(made)).choices["start"] == "default"
-    with pytest.raises(ConfigurationError, match="start: there is no truth to start from"):
-        compose([*from_files(made, None), "start=default"])
 
 
 @pytest.mark.parametrize(
@@ -227,3 +226,34 @@ def test_wrong_input_is_one_line_and_writes_nothing(words, fault, tmp_path, caps
     assert (code, len(lines)) == (2, 1), captured.err
     assert fault in lines[0]
     assert not results.exists()
+
+
+def lidar_keys(*words: str) -> tuple[str, str]:
+    """The keys of the returns and of the scans."""
+    graph = experiment_graph(compose(["measurement=lidar", *words]))
+    return graph.of_stage("cast_lidar")[0].key, graph.of_stage("scans")[0].key
+
+
+def test_the_returns_are_those_of_what_the_beams_meet():
+    """Seeds, noise, gates and stereo share them."""
+    returns, scans = lidar_keys()
+    for word in ("seed=1", "measurement.range_std=0.03", "measurement.height_min=0.5"):
+        assert lidar_keys(word)[0] == returns and lidar_keys(word)[1] != scans, word
+    assert lidar_keys("rig.baseline=1.0") == (returns, scans)
+    for word in ("rig.horizontal_fov=40.0", "measurement.scanner.layers=5", "world.seed=2"):
+        assert lidar_keys(word)[0] != returns, word
+    assert lidar_keys("ego=straight")[0] != returns
+
+
+def test_two_sensors_and_two_trackers_of_a_mesh_of_ones_own_from_a_car_that_turns(capsys, tmp_path):
+    mesh = write_box(tmp_path / "barrow.obj", 3.0, 1.4, 1.4)
+    words = ["measurement=fabricated,lidar", "tracker=gp_ekf,point", "path.duration=0.3"]
+    words += [f"road_user.mesh={mesh}", "ego=turning", "path.start=[-1.0,9.0]"]
+    code = main(["sweep", "--results", str(tmp_path), "--name", "both", *words])
+    assert code == 0, capsys.readouterr().err
+    with (tmp_path / "both" / "runs.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 4
+    assert len({row["centre_rmse_m"] for row in rows}) == 4
+    assert all(float(row["points_used_mean"]) > 10 for row in rows)
+    assert all(float(row["low_overlap_share"]) == 0.0 for row in rows)

@@ -24,13 +24,20 @@ def keys(*words):
     return {name: nodes[0].key for name in graph.stages if (nodes := graph.of_stage(name))}
 
 
-def test_a_dry_run_plans_what_the_sweep_computes(own, capsys):
+def test_a_dry_run_plans_what_a_sweep_computes_and_compares(own, capsys):
     # The parameters that the line leaves at their defaults are in the keys, too.
     line = [*QUICK, THREADS, f"tracker={own.name}:track", "tracker.alpha=0.25,0.5"]
     assert main(["sweep", *line, "--results", str(own.results)]) == 0
     capsys.readouterr()
     assert main(["sweep", "--dry-run", "--json", *line]) == 0
     assert json.loads(capsys.readouterr().out)["nodes"]["to_run"] == 0
+    words = [*QUICK, THREADS, f"tracker=point,{own.name}:track", "seed=0,1"]
+    assert main(["sweep", "--results", str(own.results), "--name", "s", *words]) == 0
+    table = (own.results / "s" / "summary.md").read_text()
+    assert f"| {own.name}:track |" in table
+    both = [*QUICK, THREADS, f"tracker={own.name}:track", "tracker.alpha=0.1,0.2"]
+    assert main(["sweep", "--results", str(own.results), "--name", "t", *both]) == 0
+    assert main(["sweep", "--results", str(own.results), *both, "tracker.beta=1"]) == 2
 
 
 @pytest.mark.parametrize("executor", ["threads", "local"])
@@ -155,16 +162,6 @@ def test_an_error_names_its_cause_and_the_users_line(words, fault, own, capsys, 
     if "fails" in words[0]:
         assert f"{own.name}.py, line " in last
     assert not own.results.exists()
-
-
-def test_a_sweep_compares_it_with_the_trackers_of_stixel(own, capsys):
-    words = [*QUICK, THREADS, f"tracker=point,{own.name}:track", "seed=0,1"]
-    assert main(["sweep", "--results", str(own.results), "--name", "s", *words]) == 0
-    table = (own.results / "s" / "summary.md").read_text()
-    assert f"| {own.name}:track |" in table
-    both = [*QUICK, THREADS, f"tracker={own.name}:track", "tracker.alpha=0.1,0.2"]
-    assert main(["sweep", "--results", str(own.results), "--name", "t", *both]) == 0
-    assert main(["sweep", "--results", str(own.results), *both, "tracker.beta=1"]) == 2
 
 
 @pytest.mark.sketched

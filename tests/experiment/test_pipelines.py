@@ -41,13 +41,10 @@ def stages_of(measurement, *words):
     return {stage.name: stage for stage in pipeline_stages(composed)}
 
 
-def test_past_the_images_only_start_scores_and_pictures_see_the_truth():
+def test_past_the_images_or_returns_only_start_scores_and_pictures_see_the_truth():
     for stage in stages_of("stixels").values():
         if stage.name not in MAY_SEE_TRUTH and stage.name not in PICTURES:
             assert TRUTH.isdisjoint(stage.inputs.values()), stage.name
-
-
-def test_past_its_returns_a_lidars_scans_see_no_truth_and_the_returns_see_no_noise():
     stages = stages_of("lidar")
     assert stages["scans"].inputs == {"returns": "cast_lidar", "ego_motion": "ego_motion"}
     assert stages["cast_lidar"].seed is None
@@ -55,15 +52,11 @@ def test_past_its_returns_a_lidars_scans_see_no_truth_and_the_returns_see_no_noi
 
 
 @pytest.mark.parametrize("measurement", group_options()["measurement"])
-def test_the_track_sees_no_truth_and_does_not_depend_on_pictures(measurement):
+def test_neither_the_track_nor_a_start_from_scans_sees_truth_or_pictures(measurement):
     stages = stages_of(measurement)
     assert stages["track"].inputs == {"scans": "scans", "initial": "start"}
     for stage in stages.values():
         assert not any(source in PICTURES for source in stage.inputs.values())
-
-
-@pytest.mark.parametrize("measurement", group_options()["measurement"])
-def test_a_start_from_the_scans_sees_scans_and_prior_only(measurement):
     start = stages_of(measurement, "start=scans")["start"]
     assert start.inputs == {"scans": "scans"}
     assert set(start.settings) == {"start", "prior"}
@@ -96,26 +89,20 @@ def test_a_stage_reaches_neither_another_stage_nor_the_engine(function):
     assert not [module for module in reached(function) if module.startswith(above)]
 
 
-def test_an_options_function_is_in_the_module_of_its_kind():
+def test_each_stage_has_a_module_of_its_own_and_each_option_that_of_its_kind():
     # The parameters of Filament are in `rendering/parameters.py`.
     assert TABLE["render"].functions["filament"] == "stixel_cli.rendering.filament:render"
     assert TABLE["track"].functions["point"] == "stixel_cli.tracking.baselines.point:track"
+    modules = [function.partition(":")[0] for function in FUNCTIONS]
+    assert {module for module in modules if modules.count(module) > 1} == SHARED
+    readers = [f for f in FUNCTIONS if "stixel_cli.tracking.gp_ekf" in reached(f)]
+    assert readers == ["stixel_cli.tracking.gp_ekf:track"]
+    assert GpEkfParameters.__module__ == "stixel_cli.tracking.gp_ekf"
 
 
 SHARED = {f"stixel_cli.recordings.{name}" for name in ("stereo_images", "truth")}
 SHARED |= {f"stixel_cli.pictures.{name}" for name in ("birds_eye", "camera", "over_time")}
 """Of two stages each, which read the same files of a recording in the same way, or draw alike."""
-
-
-def test_each_stage_has_a_module_of_its_own():
-    modules = [function.partition(":")[0] for function in FUNCTIONS]
-    assert {module for module in modules if modules.count(module) > 1} == SHARED
-
-
-def test_an_edit_of_one_tracker_or_its_parameters_makes_no_other_stage_stale():
-    readers = [f for f in FUNCTIONS if "stixel_cli.tracking.gp_ekf" in reached(f)]
-    assert readers == ["stixel_cli.tracking.gp_ekf:track"]
-    assert GpEkfParameters.__module__ == "stixel_cli.tracking.gp_ekf"
 
 
 HIDDEN = re.compile(

@@ -20,7 +20,7 @@ OF_FILES = {
     *(("measurement", "file"), ("path", "recorded"), ("tracker", "file")),
     *(("experiment", "lidarrm"), ("experiment", "pandaset")),
 }
-"""Presets that need files: `test_file_run.py`, tests/recordings, `test_robustness.py`."""
+"""Presets that need files: `test_file_run.py`, tests/recordings, `tests/studies`."""
 
 PRESETS = [
     (group, option)

@@ -1,4 +1,4 @@
-"""What would be computed again, and what not: real stages, real command line, edited code."""
+"""What would be computed again, and what not: real stages, edited code; and the thesis stays."""
 
 import json
 import os
@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from stixel_cli import run
 from stixel_cli.cli.app import main
 from stixel_cli.config.compose import compose
 from stixel_cli.experiment.stages import experiment_graph
@@ -31,10 +32,7 @@ def checkout(tmp_path_factory):
 
 def stixel(checkout: Path, *lines: list, codes: tuple[int, ...] = (0,)) -> list[tuple[str, str]]:
     """stdout and stderr of command lines in one process of `checkout`, which end with `codes`."""
-    environment = os.environ | {
-        "PYTHONPATH": str(checkout),
-        "STIXEL_CACHE": str(checkout / "cache"),
-    }
+    environment = dict(os.environ, PYTHONPATH=str(checkout), STIXEL_CACHE=str(checkout / "cache"))
     done = subprocess.run(
         [sys.executable, "-c", COMMANDS, json.dumps(lines, default=str), str(ROOT / "tests")],
         cwd=checkout,
@@ -87,12 +85,9 @@ def changed(*words):
     return {one for one in stages if before.of_stage(one)[0].key != after.of_stage(one)[0].key}
 
 
-def test_a_setting_recomputes_its_stage_and_what_depends_on_it():
+def test_a_setting_or_the_seed_recomputes_its_stage_and_what_depends_on_it():
     assert changed() == set()
     assert changed("tracker.sigma_q=0.7") == AFTER_SCANS
-
-
-def test_the_seed_recomputes_what_draws_and_what_depends_on_it():
     again = changed("seed=5")
     assert {"add_sensor_noise", "match", "start", "track"} <= again
     assert again.isdisjoint({"scenario", "render", "ego_motion"})
@@ -129,7 +124,54 @@ def test_an_edit_is_named_by_verify_and_by_resume(checkout, edited, monkeypatch)
     assert "metrics.json" in {file["file"] for file in found["files"]}
     found = json.loads(outside[0])
     assert found["first_by_value"]["stage"] == "start"
-    assert found["first_by_value"]["causes"] == [
-        "unknown code changes: the folder does not record its code"
-    ]
+    assert found["first_by_value"]["causes"][0].startswith("unknown code changes: the folder")
     assert "2 of 2 finished runs" in resumed[1]
+
+
+WEDGE = "v 1 1 3\nv 3 1 3\nv 1 2 3\nv 1 1 4\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n"
+
+
+def test_every_edit_changes_the_keys_of_its_stages(tmp_path):
+    for name in ("stixel_cli", "conf", "pipelines"):
+        shutil.copytree(ROOT / name, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(ROOT / "pyproject.toml", tmp_path)
+    (tmp_path / "wedge.obj").write_text("mtllib wedge.mtl\n" + WEDGE)
+    (tmp_path / "wedge.mtl").write_text("newmtl coat\nmap_Kd none.png\n")
+    (tmp_path / "scans.csv").write_text("k,t,x,y\n0,0.0,1,9\n1,0.1,1,9\n")
+    (tmp_path / "truth.csv").write_text("k,x,y,heading,length,width\n0,0,10,0,4,2\n")
+    ours = {"PYTHONPATH": str(tmp_path), "STIXEL_CACHE": str(tmp_path / "cache")}
+    program = Path(__file__).with_name("edits_of_a_copy.py")
+    # -P: only the copy is on the path before what is installed.
+    done = subprocess.run(
+        [sys.executable, "-P", str(program)],
+        cwd=tmp_path,
+        env={**os.environ, **ours},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    assert sum(found["counts"].values()) >= 25
+    assert found["stale"] == []
+
+
+GOLDEN = json.loads((Path(__file__).parent / "golden" / "thesis_680ea67.json").read_text())
+SHAPES = {"car": "rectangle", "cyclist": "ellipse", "pedestrian": "ellipse"}
+
+
+@pytest.mark.parametrize("road_user", GOLDEN)
+def test_the_thesis_stays(road_user):
+    result = run(
+        "experiment=thesis",
+        "measurement=fabricated",
+        f"road_user={road_user}",
+        "path=s_curve",
+        f"prior.shape={SHAPES[road_user]}",
+    )
+    expected = GOLDEN[road_user]
+    found = {name: result.metrics[name] for name in expected}
+    # As the reference cases: rounding differs from machine to machine. Where the filter has lost
+    # its target (NEES / 2 of 70 and 325) it grows: between two processors up to 8e-4 of a value.
+    tolerance = 1e-5 if road_user == "car" else 3e-3
+    assert found == pytest.approx(expected, rel=tolerance, abs=1e-5)

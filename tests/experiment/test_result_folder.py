@@ -1,4 +1,4 @@
-"""What a result folder holds, that it repeats to the byte, and that none is written over."""
+"""What a result folder is called and holds, that it repeats to the byte, and what leaves none."""
 
 import csv
 import json
@@ -12,7 +12,11 @@ from run_cli import FEW, SMALL, run_json
 
 from stixel_cli.cli.app import main
 from stixel_cli.config.compose import compose, from_resolved
+from stixel_cli.engine.errors import CacheError
+from stixel_cli.engine.store import Store
 from stixel_cli.experiment import run
+from stixel_cli.experiment.run_names import LONGEST_NAME, differences, joined_name
+from stixel_cli.results.folder import check_plain_name
 
 REPEATED = ("metrics.json", "scans.csv", "scans.npz", "track.csv", "track.npz", "scores.npz")
 TABLES, FORMS = ("scores", "ego", "truth", "scans", "track"), ("csv", "npz")
@@ -188,3 +192,103 @@ def test_a_fabricated_run_imports_neither_open3d_nor_opencv_nor_numba(results, t
     words = ["run", *FABRICATED, "--results", str(results)]
     done = subprocess.run([sys.executable, "-c", code, *words], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
+
+
+DEFAULT = {"road_user": "car", "path": "turn", "rig": "default", "tracker": "gp_ekf"}
+
+
+def run_name(*given):
+    return joined_name(differences(*given))
+
+
+@pytest.mark.parametrize(
+    ("overrides", "name"),
+    [
+        ([], "car-turn"),
+        (["rig=kitti", "stereo=bm"], "car-turn-rig=kitti-stereo=bm"),
+        (["measurement=fabricated", "tracker=point"], "car-turn-fabricated-point"),
+        (["measurement=stixels", "tracker=gp_ekf", "rig=default"], "car-turn"),
+        (["tracker.sigma_f=0.5", "seed=3"], "car-turn-sigma_f=0.5-seed=3"),
+        (["tracker.basis_points=50", "rig.baseline=0.3"], "car-turn"),
+        (["prior=car"], "car-turn-prior=car"),
+        (["executor.workers=1", "cache.folder=x", "pictures.frames=[1]"], "car-turn"),
+        (["measurement/noise=constant"], "car-turn-noise=constant"),
+        (["road_user.mesh=/home/me/my van.obj"], "car-turn-mesh=myvan.obj"),
+        (["tracker=my_module:track"], "car-turn-my_module_track"),
+    ],
+)
+def test_what_differs_is_in_the_name(overrides, name):
+    assert run_name(DEFAULT, overrides) == name
+    check_plain_name(name)
+
+
+def test_names_have_road_user_and_path_but_of_a_file_and_are_short_and_printable():
+    choices = DEFAULT | {"road_user": "cyclist", "path": "crossing"}
+    assert run_name(choices, ["road_user=cyclist", "path=crossing"]) == "cyclist-crossing"
+    choices = DEFAULT | {"measurement": "file"}
+    overrides = ["measurement=file", "measurement.path=a/scans.csv"]
+    assert run_name(choices, overrides) == "car-file-path=scans.csv"
+    overrides = ["path=waypoints", f"path.points={[[0, k] for k in range(99)]}"]
+    name = run_name(DEFAULT | {"path": "waypoints"}, overrides)
+    assert name.startswith("car-waypoints-points=0,0,0,1,") and name.endswith("..")
+    many = [f"tracker.some_long_key_{k}={k}" for k in range(20)]
+    name = run_name(DEFAULT, many)
+    assert len(name) < LONGEST_NAME + 5 and name.endswith("+16")
+    check_plain_name(name)
+    found = differences({"road_user": "a\nb\x1b"}, ["=", "x\n=\t\u202e1", "stereo=" + "y" * 99])
+    assert all(part.isprintable() for part in found)
+    check_plain_name("x" + joined_name(["ä\x00/.."]))
+
+
+PICTURED = ("measurement=fabricated", "path.duration=0.3", "pictures.frames=[0]")
+NOBODY = ("executor=dask", "executor.address=tcp://127.0.0.1:9")
+
+
+@pytest.fixture
+def refusing(monkeypatch, tmp_path):
+    """A cache that is read-only once this is called."""
+    monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "cache"))
+
+    def refuse(self):
+        raise CacheError(f"cannot write in the cache {self.folder}: Read-only file system")
+
+    return lambda: monkeypatch.setattr(Store, "check_writable", refuse)
+
+
+@pytest.mark.parametrize("words", [("run", *PICTURED), ("sweep", *PICTURED, "seed=0,1")])
+def test_a_read_only_cache(refusing, tmp_path, capsys, words):
+    results = tmp_path / "results"
+    refusing()
+    assert main([*words, "--results", str(results)]) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert "Read-only file system; it lacks " in said
+    assert "STIXEL_CACHE or cache.folder=…" in said
+    assert not results.exists()
+
+
+@pytest.mark.parametrize("words", [("run", *PICTURED), ("sweep", *PICTURED, "seed=0,1")])
+def test_a_scheduler_that_is_not_there(monkeypatch, tmp_path, capsys, words):
+    pytest.importorskip("distributed", reason="Dask is not installed")
+    monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr("stixel_cli.engine.dask_pool.PATIENCE", 0.5)
+    results = tmp_path / "results"
+    assert main([*words, *NOBODY, "--results", str(results)]) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert "no Dask scheduler at tcp://127.0.0.1:9" in said
+    assert not results.exists()
+
+
+def test_a_read_only_cache_that_holds_all_serves(refusing, tmp_path, capsys):
+    results = tmp_path / "results"
+    sweep = ("sweep", *PICTURED, "seed=0,1", "--results", str(results), "--name")
+    assert main([*sweep, "first"]) == 0
+    refusing()
+    assert main([*sweep, "again"]) == 0
+    # Nothing is lacking, so that nobody needs to be there to compute it.
+    assert main([*sweep[:-3], *NOBODY, *sweep[-3:], "alone"]) == 0
+    capsys.readouterr()
+    for name in ("again", "alone"):
+        runs = [(results / which / "summary.csv").read_text() for which in ("first", name)]
+        assert runs[0] == runs[1]

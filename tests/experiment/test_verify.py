@@ -1,5 +1,6 @@
 """`stixel run FOLDER` and `verify`: what is the same, what differs, and folders to distrust."""
 
+import dataclasses
 import json
 import os
 import shutil
@@ -11,6 +12,7 @@ import yaml
 
 from stixel_cli import __version__
 from stixel_cli.cli.app import main
+from stixel_cli.results.lineage import first_difference
 
 pytestmark = pytest.mark.drawn
 
@@ -143,13 +145,6 @@ def test_altered_arrays_are_named_with_the_amount(folder, capsys):
     assert "altered after the run" in found["first_by_value"]["causes"][0]
 
 
-def test_an_altered_picture_differs(folder, capsys):
-    (folder / "figures" / "path.png").write_bytes(b"no picture")
-    code, found = verified(capsys, folder)
-    assert code == 1
-    assert [file["file"] for file in found["files"]] == ["figures/path.png"]
-
-
 def test_an_altered_configuration_is_seen_by_the_keys(folder, capsys):
     config = yaml.safe_load((folder / "config.yaml").read_text())
     config["tracker"]["sigma_f"] *= 2
@@ -164,7 +159,7 @@ def test_an_altered_configuration_is_seen_by_the_keys(folder, capsys):
     assert found["first_by_value"]["causes"] == found["first_by_key"]["causes"]
 
 
-def test_changed_versions_and_revision_are_told(folder, capsys):
+def test_changed_versions_and_revision_are_told_and_an_altered_picture_differs(folder, capsys):
     def change(manifest):
         manifest["versions"]["numpy"] = "1.0"
         manifest["git"] = {"revision": "0" * 40, "dirty": False}
@@ -174,6 +169,10 @@ def test_changed_versions_and_revision_are_told(folder, capsys):
     assert code == 0
     assert f"numpy 1.0 → {np.__version__}" in found["changes"]
     assert any(change.startswith("git revision 000000000000 → ") for change in found["changes"])
+    (folder / "figures" / "path.png").write_bytes(b"no picture")
+    code, found = verified(capsys, folder)
+    assert code == 1
+    assert [file["file"] for file in found["files"]] == ["figures/path.png"]
 
 
 def test_a_folder_of_an_older_version(folder, capsys, tmp_path):
@@ -247,3 +246,40 @@ def test_a_place_that_cannot_be_written(folder, capsys, monkeypatch):
     monkeypatch.undo()
     monkeypatch.setattr("tempfile.mkdtemp", read_only)
     assert "Read-only file system" in refused(capsys, "verify", str(folder))
+
+
+@dataclasses.dataclass(frozen=True)
+class Noun:
+    values: np.ndarray
+    name: str = "a"
+
+
+def test_what_is_the_same():
+    values = np.array([1.0, np.nan, -0.0])
+    for one in (Noun(values), {"a": values}, [values], 3, float("nan"), b"x", None):
+        assert first_difference(one, one) is None
+    assert first_difference(Noun(values), Noun(values.copy())) is None
+    assert first_difference(float("nan"), float("nan")) is None
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        (np.zeros(3), np.array([0.0, 0.5, -2.0]), "2 of 3 values differ, by up to 2"),
+        (np.zeros(3), np.zeros(4), "its shape (3,) became (4,)"),
+        (np.zeros(3), np.zeros(3, np.float32), "its type float64 became float32"),
+        (np.zeros(1), np.array([np.nan]), "1 of 1 values differ, not finite"),
+        (np.zeros(1), np.array([-0.0]), "zeros of other signs"),
+        (np.array([True]), np.array([False]), "1 of 1 values differ, by up to 1"),
+        (np.array([0], np.uint8), np.array([255], np.uint8), "by up to 255"),
+        (Noun(np.zeros(2)), Noun(np.ones(2)), "values: 2 of 2 values differ, by up to 1"),
+        (Noun(np.zeros(1)), Noun(np.zeros(1), "b"), "name: 'a' became 'b'"),
+        ({"a": 1}, {"b": 1}, "a is in only one of the two"),
+        ([1, [2, 3]], [1, [2, 4]], "1.1: 3 became 4"),
+        (1, 1.0, "a int became a float"),
+        (b"one", b"two", "other bytes"),
+    ],
+)
+def test_what_differs(old, new, said):
+    assert said in first_difference(old, new)
+    assert first_difference(old, new, "it").startswith("it")

@@ -8,18 +8,17 @@ import sys
 import cv2
 import numpy as np
 import pytest
+from made_stixels import made_stixels
 
 from stixel_cli.cli.app import main
 from stixel_cli.export.export import tum_rows
+from stixel_cli.export.stx1 import used_stixels
+from stixel_cli.measurements.scans import Scans
 
 RUN = ("path=depart", "path.duration=0.4", "ego=turning", "rig.width=200", "rig.height=120")
 RUN += ("pictures.frames=[]", "executor=threads", "road=estimated")
-OWN = (
-    "stereo.block_size=9",
-    "occupancy=cartesian",
-    "extraction.width=4",
-    "measurement.height_max=2",
-)
+OWN = ("stereo.block_size=9", "occupancy=cartesian", "extraction.width=4")
+OWN += ("measurement.height_max=2",)
 """Values that are not those of a recording."""
 
 
@@ -77,7 +76,9 @@ def test_a_clip_gives_the_scans_and_the_truth_of_its_run(rendered, results, tmp_
     assert 1.0 < np.median(disparity[disparity > 0]) / 256 < 60.0
 
 
-def test_trajectories_are_those_that_evo_reads(rendered, tmp_path, capsys):
+def test_trajectories_are_those_that_evo_reads_without_rows_of_unknown_poses(
+    rendered, tmp_path, capsys
+):
     out = tmp_path / "tum"
     assert main(["export", str(rendered), "--format", "tum", "--output", str(out)]) == 0
     assert sorted(file.name for file in out.iterdir()) == ["ego.tum", "track.tum", "truth.tum"]
@@ -86,6 +87,8 @@ def test_trajectories_are_those_that_evo_reads(rendered, tmp_path, capsys):
     with np.load(rendered / "truth.npz") as truth:
         np.testing.assert_allclose(rows[:, 1], truth["x"], atol=1e-6)
         np.testing.assert_allclose(2.0 * np.arctan2(rows[:, 6], rows[:, 7]), truth["heading"])
+    rows = tum_rows(np.array([0.0, 0.1]), np.array([[1.0, 2.0, 0.0], [np.nan] * 3]))
+    assert rows.tolist() == [[0, 1, 2, 0, 0, 0, 0, 1]]
 
 
 def read_table(file):
@@ -171,11 +174,6 @@ def test_scans_without_images_have_no_stixels(results, tmp_path, capsys):
     assert "has no stixels to export" in capsys.readouterr().err
 
 
-def test_a_time_without_a_pose_has_no_row():
-    rows = tum_rows(np.array([0.0, 0.1]), np.array([[1.0, 2.0, 0.0], [np.nan] * 3]))
-    assert rows.tolist() == [[0, 1, 2, 0, 0, 0, 0, 1]]
-
-
 def test_what_cannot_be_exported_is_refused_in_one_line(rendered, tmp_path, capsys):
     capsys.readouterr()
     for words, said in (
@@ -185,3 +183,27 @@ def test_what_cannot_be_exported_is_refused_in_one_line(rendered, tmp_path, caps
         assert main(["export", str(rendered), *words]) == 2
         error = capsys.readouterr().err
         assert said in error and error.count("\n") == 1
+
+
+GATES = (0.3, 2.5, 1.0, 40.0)
+
+
+def stixels_of(first, heights_of_each):
+    """Stixels of frames from `first` on, 10 m ahead; one below 0.3 m is no candidate."""
+    heights = np.concatenate(heights_of_each)
+    points = np.tile([0.0, 10.0], (len(heights), 1))
+    offsets = np.cumsum([0, *map(len, heights_of_each)])
+    return made_stixels(first, offsets, height=heights, points_ego=points)
+
+
+def scans_with(counts):
+    points = [(np.zeros((count, 2)), np.tile(np.eye(2), (count, 1, 1))) for count in counts]
+    return Scans.of_each(np.arange(len(counts)), np.zeros((len(counts), 3)), points)
+
+
+def test_clutter_and_dropouts_do_not_shift_the_stixels_of_the_target():
+    # Frame 2 has two candidates and one clutter point, frame 3 a dropout, frame 4 no clutter.
+    chunk = stixels_of(2, [[1.0, 0.1, 1.0], [1.0], [1.0, 1.0]])
+    scans = scans_with([1, 0, 3, 0, 2])
+    used = np.array([0, 2, 3, 4])  # In frame 2 the second candidate and the clutter.
+    assert used_stixels(chunk, GATES, scans, used).tolist() == [0, 0, 1, 0, 1, 0]

@@ -40,13 +40,10 @@ def composed(left, right, calibration):
     )
 
 
-def test_the_parameters_are_those_that_compose_gives(clip):
+def test_a_rendered_pair_has_the_parameters_and_stixels_of_stixel_run(clip, pair):
     configuration = composed(*files_of(clip)).configuration
     for group, parameters in vars(real_image_parameters()).items():
         assert parameters == getattr(configuration, group), group
-
-
-def test_a_rendered_pair_has_the_stixels_of_stixel_run(clip, pair):
     found = stixels_from_pair(*pair)
     free_space, stixels = results_of_run(composed(*files_of(clip)), "free_space", "stixels")
     assert len(found) > 20
@@ -124,19 +121,13 @@ def test_principal_points_that_differ_are_no_depth(distance):
 @pytest.fixture(scope="module")
 def street():
     """Left and right image, disparity and rig of a street with a box, exact."""
-    rig = street_rig(
-        width=640, height=256, focal_length=520.0, principal_u=316.0, principal_v=112.0
-    )
+    rig = street_rig(width=640, height=256, focal_length=520, principal_u=316, principal_v=112)
     return *stereo_view(rig, np.eye(4)[:3], [(-1.5, 1.0, 11.8, 1.5)]), rig
 
 
 @pytest.mark.parametrize(
     ("rows", "roll", "scale", "said"),
-    [
-        (1.0, 0.0, 1.0, "1.0 px"),
-        (0.0, 0.3, 1.0, "roll 0.3°"),
-        (0.0, 0.0, 1.02, "scale .(1.9|2.0)%"),
-    ],
+    [(1.0, 0.0, 1.0, "1.0 px"), (0.0, 0.3, 1.0, "roll 0.3°"), (0.0, 0.0, 1.02, "scale .(1.9|2.0)")],
 )
 def test_rows_that_are_a_little_apart_are_said(street, rows, roll, scale, said):
     left, right, _, rig = street
@@ -240,10 +231,7 @@ def moved(image, rows=0.0, roll=0.0, scale=1.0):
         ({"left": np.full((160, 240), 300.0)}, "left: must have values in .*255"),
         ({"left": np.zeros((160, 240, 5), np.uint8)}, "left: must be .*, got \\(160, 240, 5\\)"),
         ({"left": np.zeros(9, np.uint8)}, "left: must be .*, got \\(9,\\)"),
-        (
-            {"right": np.zeros((160, 241), np.uint8)},
-            "right: must be \\(160, 240\\) px, as left, got",
-        ),
+        ({"right": np.zeros((160, 241), np.uint8)}, "right: must be \\(160, 240\\) px, as left"),
         ({"rig": {"focal_length": 200.0}}, "rig: baseline: "),
         ({"rig": NUMBERS | {"baseline": -0.4}}, "rig: baseline: .*, got -0.4"),
         ({"rig": NUMBERS | {"tx": 3}}, "rig: tx: is unknown; did you mean baseline"),
@@ -271,11 +259,7 @@ def test_a_wrong_argument_is_named(change, message):
     [
         (np.zeros((160, 240), int), None, "disparity: must be float, int16 or uint16 "),
         (np.zeros((160, 240)), (np.zeros((160, 240), np.uint8),), "images: .*, got 1"),
-        (
-            np.zeros((160, 240)),
-            [np.zeros((80, 240), np.uint8)] * 2,
-            "images: must be .*, got \\(80, 240\\)",
-        ),
+        (np.zeros((160, 240)), [np.zeros((80, 240), np.uint8)] * 2, "images: must be .*\\(80"),
     ],
 )
 def test_a_wrong_disparity_is_named(disparity, images, message):

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from rendered_clip import assert_same, results_of_run
 
 from stixel_cli import StixelStream, compose
@@ -35,13 +36,11 @@ def test_a_rendered_clip_has_the_stixels_of_stixel_run(clip, pairs):
         frame = stream.step(*pair)
         found, rows = frame.stixels, stixels.rows(k)
         assert frame.k == k and len(found) == rows.stop - rows.start > 20
-        np.testing.assert_array_equal(found.free_space.disparity[0], free_space.disparity[k])
+        assert_array_equal(found.free_space.disparity[0], free_space.disparity[k])
         for name in ("left", "right", "top", "base", "disparity", "points_ego", "covariances_ego"):
             ours, theirs = getattr(found.stixels, name), getattr(stixels, name)[rows]
             assert ours.tobytes() == theirs.tobytes(), name
-        np.testing.assert_allclose(
-            frame.scan.points_world, scans.points_world[scans.rows(k)], atol=1e-9
-        )
+        assert_allclose(frame.scan.points_world, scans.points_world[scans.rows(k)], atol=1e-9)
         assert frame.objects.counts.sum() <= len(found)
 
 
@@ -91,8 +90,8 @@ def test_a_wall_that_drives_away_gets_a_track_and_one_that_stands_does_not(monke
             assert len(frame.tracks) == (expected if k >= LEAST_SCANS - 1 else 0)
     (one,) = frame.tracks
     assert one.number == 0 and len(one.points) > 5
-    np.testing.assert_allclose(one.mean, [0.0, 8.0 + 0.8 * k, 0.0, speed], atol=0.5)
-    np.testing.assert_allclose(one.points[:, 1], 8.0 + 0.8 * k, atol=0.5)
+    assert_allclose(one.mean, [0.0, 8.0 + 0.8 * k, 0.0, speed], atol=0.5)
+    assert_allclose(one.points[:, 1], 8.0 + 0.8 * k, atol=0.5)
     # The wall is the rear of a road user whose middle is farther ahead.
     assert one.estimate.pose[1] > 8.5 + 0.8 * k
     assert one.estimate.pose[2] == pytest.approx(np.pi / 2, abs=0.2)

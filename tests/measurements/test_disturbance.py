@@ -1,14 +1,16 @@
-"""Dropout and clutter, after the scans of any sensor."""
+"""After the scans of any sensor: dropout, clutter, and errors that all points share."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from stixel_cli.config.compose import compose
 from stixel_cli.errors import ConfigurationError
+from stixel_cli.geometry.pose import STRAIGHT_AHEAD, rotation
 from stixel_cli.measurements.disturbance import disturb_scans
-from stixel_cli.measurements.scans import FieldOfView, Scans, points_along
+from stixel_cli.measurements.scans import FieldOfView, Scans, SharedErrors, points_along
 
 FIELD = (-0.5, 0.4)
 
@@ -30,15 +32,19 @@ def scans(count=30):
 SCANS = scans()
 
 
-def test_scans_are_empty_in_the_dropout_and_as_before_elsewhere():
+def test_scans_are_empty_in_the_dropout_and_those_without_any_point_have_no_clutter():
     found = disturb_scans(SCANS, (0.5, 1.5), 0.0, 40.0, seed=0)
     empty = np.flatnonzero(np.diff(found.offsets) == 0)
-    np.testing.assert_array_equal(empty, np.arange(5, 16))
+    assert_array_equal(empty, np.arange(5, 16))
     for k in set(range(30)) - set(empty):
         for name in ("points_world", "covariances_world"):
             own, before = getattr(found, name), getattr(SCANS, name)
-            np.testing.assert_array_equal(own[found.rows(k)], before[SCANS.rows(k)])
+            assert_array_equal(own[found.rows(k)], before[SCANS.rows(k)])
     assert found.field_of_view == SCANS.field_of_view == FieldOfView(*FIELD)
+    empty = Scans.of_each(
+        SCANS.times, SCANS.sensor_poses_world, [(np.zeros((0, 2)), np.zeros((0, 2, 2)))] * 30
+    )
+    assert len(disturb_scans(empty, None, 5.0, 40.0, seed=0).points_world) == 0
 
 
 def test_clutter_is_even_over_field_of_view_and_range_and_follows_the_points():
@@ -47,7 +53,7 @@ def test_clutter_is_even_over_field_of_view_and_range_and_follows_the_points():
     distances, angles = [], []
     for k in range(1, 30):
         points = found.points_world[found.rows(k)]
-        np.testing.assert_array_equal(points[:3], SCANS.points_world[SCANS.rows(k)])
+        assert_array_equal(points[:3], SCANS.points_world[SCANS.rows(k)])
         pose = SCANS.sensor_poses_world[k]
         offsets = points[3:] - pose[:2]
         distances.append(np.hypot(*offsets.T))
@@ -68,36 +74,24 @@ def test_clutter_has_the_variances_of_the_point_of_nearest_range():
     ranges = np.hypot(*offsets.T)
     along = np.einsum("ni,nij,nj->n", offsets, covariances, offsets) / ranges**2
     like = np.array([10.0, 20.0, 30.0])[np.clip(np.rint(ranges / 10.0), 1, 3).astype(int) - 1]
-    np.testing.assert_allclose(along, 0.01 * like, rtol=1e-6)
+    assert_allclose(along, 0.01 * like, rtol=1e-6)
     across = np.trace(covariances, axis1=1, axis2=2) - along
-    np.testing.assert_allclose(across, 1e-6 * ranges**2, rtol=1e-6)
+    assert_allclose(across, 1e-6 * ranges**2, rtol=1e-6)
 
 
-def test_without_a_field_of_view_clutter_is_where_points_are():
+def test_clutter_without_a_field_of_view_and_its_seeds():
     found = disturb_scans(replace(SCANS, field_of_view=None), None, 20.0, None, seed=0)
     pose = SCANS.sensor_poses_world[0]
     offsets = found.points_world[found.rows(0)] - pose[:2]
     angles = np.arctan2(offsets[:, 1], offsets[:, 0]) - pose[2]
     assert np.hypot(*offsets.T).max() <= 30.0 + 1e-9
     assert angles.min() >= -0.2 - 1e-9 and angles.max() <= 0.1 + 1e-9
-
-
-def test_clutter_depends_only_on_seed_and_scan():
     whole, again = (disturb_scans(SCANS, None, 3.0, 40.0, seed=1) for _ in range(2))
     other = disturb_scans(SCANS, None, 3.0, 40.0, seed=2)
     part = disturb_scans(SCANS, (0.0, 1.0), 3.0, 40.0, seed=1)
     assert whole.points_world.tobytes() == again.points_world.tobytes()
     assert not np.array_equal(whole.offsets, other.offsets)
-    np.testing.assert_array_equal(
-        part.points_world[part.rows(20)], whole.points_world[whole.rows(20)]
-    )
-
-
-def test_scans_without_any_point_have_no_clutter():
-    empty = Scans.of_each(
-        SCANS.times, SCANS.sensor_poses_world, [(np.zeros((0, 2)), np.zeros((0, 2, 2)))] * 30
-    )
-    assert len(disturb_scans(empty, None, 5.0, 40.0, seed=0).points_world) == 0
+    assert_array_equal(part.points_world[part.rows(20)], whole.points_world[whole.rows(20)])
 
 
 @pytest.mark.parametrize(
@@ -114,3 +108,65 @@ def test_wrong_values_are_refused_with_their_key(kind, text, fault, tmp_path, mo
     (tmp_path / "own_scans_here.py").write_text("def scans(scenario, seed): ...\n")
     with pytest.raises(ConfigurationError, match=fault):
         compose([f"measurement={kind}", text])
+
+
+SENSOR = np.array([3.0, -2.0, 1.2])
+RATES = np.array([4.0, 1.0, 0.3])
+POINTS = np.array([[5.0, 9.0], [1.0, 12.0], [8.0, 14.0]])
+
+
+def placed(sensor: np.ndarray, in_sensor: np.ndarray) -> np.ndarray:
+    return sensor[:2] + in_sensor @ rotation(sensor[2]).T
+
+
+@pytest.mark.parametrize(
+    ("errors", "changes"),
+    [
+        (SharedErrors(position=0.2), np.array([[0.2, 0.0, 0.0], [0.0, 0.2, 0.0]])),
+        (SharedErrors(heading=1e-5), np.array([[0.0, 0.0, 1e-5]])),
+        (SharedErrors(time=1e-5), 1e-5 * RATES[None]),
+    ],
+)
+def test_an_error_of_the_sensors_pose_moves_points_as_that_pose_does(errors, changes):
+    in_sensor = (POINTS - SENSOR[:2]) @ rotation(SENSOR[2])
+    found = errors.directions(POINTS, SENSOR, RATES)
+    assert found.shape == (3, 2, errors.count)
+    for j, change in enumerate(changes):
+        assert_allclose(found[:, :, j], placed(SENSOR + change, in_sensor) - POINTS, atol=1e-8)
+
+
+def test_an_error_of_the_disparity_changes_the_depth_as_the_rig_does():
+    focal, baseline = 700.0, 0.5
+    coefficients = np.array([0.3, -0.2, 0.8])
+    right, depth = ((POINTS - SENSOR[:2]) @ rotation(SENSOR[2] - STRAIGHT_AHEAD)).T
+    curve = (right / depth)[:, None] ** np.arange(3) @ coefficients
+    # The measured disparity is too large by the curve, so the true depth is greater.
+    step = 1e-6
+    true = focal * baseline / (focal * baseline / depth - step * curve)
+    camera = SENSOR - [0.0, 0.0, STRAIGHT_AHEAD]
+    moved = placed(camera, (true / depth)[:, None] * np.stack([right, depth], axis=1))
+    scaled = tuple((coefficients / (focal * baseline)).tolist())
+    found = SharedErrors(disparity=(scaled,)).directions(POINTS, SENSOR, RATES)
+    assert_allclose(found[:, :, 0], (moved - POINTS) / step, rtol=1e-4)
+
+
+def test_an_error_of_all_ranges_is_along_the_rays_and_none_has_no_direction():
+    found = SharedErrors(range_bias=0.1).directions(POINTS, SENSOR, RATES)[:, :, 0]
+    offsets = POINTS - SENSOR[:2]
+    assert_allclose(np.hypot(*found.T), 0.1)
+    assert_allclose(found[:, 0] * offsets[:, 1], found[:, 1] * offsets[:, 0])
+    assert SharedErrors().count == 0
+    assert SharedErrors().directions(POINTS, SENSOR, RATES).shape == (3, 2, 0)
+
+
+def test_scans_carry_their_shared_errors_and_the_sensors_motion():
+    errors = SharedErrors(range_bias=0.1, time=0.5)
+    poses = np.array([[0.0, 0.0, 3.1], [2.0, 1.0, -3.1]])
+    each = [(POINTS, np.tile(np.eye(2), (3, 1, 1)))] * 2
+    scans = Scans.of_each([0.0, 0.5], poses, each, shared_errors=errors)
+    disturbed = disturb_scans(scans, None, 1.0, None, 0)
+    assert disturbed.shared_errors == errors
+    still, moving = (disturbed.shared_directions(k, POINTS)[:, :, 1] for k in range(2))
+    assert_allclose(still, 0.0)
+    rates = np.array([4.0, 2.0, (2.0 * np.pi - 6.2) / 0.5])
+    assert_allclose(moving, errors.directions(POINTS, poses[1], rates)[:, :, 1])

@@ -1,13 +1,22 @@
-"""Scans and truth from tables: what is read, and one line for each fault."""
+"""Scans and truth from tables and from the examples that write them: what is read, and faults."""
 
+import gzip
+import json
+import os
+import pickle
+import runpy
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
+from stixel_cli.config.compose import compose
 from stixel_cli.errors import UserError
 from stixel_cli.measurements.file import read_scans
 from stixel_cli.measurements.file_truth import differences, heading_note, read_truth
+from stixel_cli.tracking.motion import transition
+from stixel_cli.tracking.start_scans import start_from_scans
 
 SCANS = """k,t,x,y,var_xx,var_xy,var_yy
 2,0.2,1.5,9,0.04,0.01,0.09
@@ -43,9 +52,6 @@ def test_rows_become_scans_in_the_order_of_k_and_an_absent_k_is_an_empty_scan(wr
     assert np.array_equal(scans.points_world, [[1, 10], [2, 11], [1.5, 9]])
     assert np.array_equal(scans.covariances_world[2], [[0.04, 0.01], [0.01, 0.09]])
     assert np.array_equal(scans.sensor_poses_world, [[0, 0, 0.5 * np.pi]] * 3)
-
-
-def test_the_first_scans_may_be_empty(write):
     scans = read_scans(write("k,t,x,y\n2,1.2,0,5\n4,1.4,0,5\n"), None, 0.5)
     np.testing.assert_allclose(scans.times, [1.0, 1.1, 1.2, 1.3, 1.4])
     assert np.array_equal(np.diff(scans.offsets), [0, 0, 1, 0, 1])
@@ -61,11 +67,21 @@ def test_poses_of_the_sensor_give_times_and_the_number_of_scans(write):
     assert (len(empty), len(empty.points_world)) == (4, 0)
 
 
-def test_arrays_and_unknown_columns_are_read_as_a_csv_is(write, tmp_path):
+def test_arrays_are_read_as_a_csv_is_and_refused_if_they_are_no_columns(write, tmp_path):
     np.savez(tmp_path / "a.npz", k=[0, 1], t=[0.0, 0.5], x=[1, 2], y=[3.0, 4.0], power=[7, 8])
     scans = read_scans(str(tmp_path / "a.npz"), None, 1.0)
     same = read_scans(write("k,t,x,y,power\n0,0,1,3,7\n1,0.5,2,4,8\n"), None, 1.0)
     assert all(np.array_equal(value, vars(same)[name]) for name, value in vars(scans).items())
+    for arrays, fault in (
+        ({"k": [[0]], "t": [0], "x": [0], "y": [0]}, "must be a column"),
+        ({"k": [0, 1], "t": [0], "x": [0], "y": [0]}, "equal lengths"),
+    ):
+        np.savez(tmp_path / "a.npz", **arrays)
+        with pytest.raises(UserError, match=fault):
+            read_scans(str(tmp_path / "a.npz"), None, 0.5)
+    Path(tmp_path / "b.npz").write_bytes(b"no archive")
+    with pytest.raises(UserError, match="not a file of numeric arrays"):
+        read_scans(str(tmp_path / "b.npz"), None, 0.5)
 
 
 def same_scans(found, expected):
@@ -81,10 +97,9 @@ def test_tabs_semicolons_and_decimal_commas_are_read_as_commas_and_points_are(
     separator, comma, write
 ):
     other = SCANS.replace(",", separator).replace(".", comma)
-    assert same_scans(read_scans(write(other), None, 0.5), read_scans(write(SCANS), None, 0.5))
-    assert same_scans(
-        read_scans(write("\ufeff" + SCANS + "\n\n"), None, 0.5), read_scans(write(SCANS), None, 0.5)
-    )
+    expected = read_scans(write(SCANS), None, 0.5)
+    for same in (other, "\ufeff" + SCANS + "\n\n"):
+        assert same_scans(read_scans(write(same), None, 0.5), expected)
 
 
 def test_without_k_the_rows_of_one_time_are_a_scan(write):
@@ -262,19 +277,6 @@ def test_a_file_that_is_no_table_or_missing(name, tmp_path):
         read_scans(str(tmp_path / name), None, 0.5)
 
 
-def test_arrays_that_are_no_columns(tmp_path):
-    for arrays, fault in (
-        ({"k": [[0]], "t": [0], "x": [0], "y": [0]}, "must be a column"),
-        ({"k": [0, 1], "t": [0], "x": [0], "y": [0]}, "equal lengths"),
-    ):
-        np.savez(tmp_path / "a.npz", **arrays)
-        with pytest.raises(UserError, match=fault):
-            read_scans(str(tmp_path / "a.npz"), None, 0.5)
-    Path(tmp_path / "b.npz").write_bytes(b"no archive")
-    with pytest.raises(UserError, match="not a file of numeric arrays"):
-        read_scans(str(tmp_path / "b.npz"), None, 0.5)
-
-
 @pytest.fixture
 def scans(write):
     return read_scans(write(SCANS), write(EGO, "ego.csv"), 0.5)
@@ -295,9 +297,6 @@ def test_truth_has_poses_and_rates_where_they_are_known(scans, write):
     unknown = "k,x,y,heading,length,width,x_rate,y_rate,heading_rate\n0,1,9,1,4,2,,,\n"
     unknown = read_truth(scans, write(unknown, "truth.csv"))
     assert unknown.known[0] and np.isnan(unknown.target_rates_world).all()
-
-
-def test_without_a_file_nothing_is_known(scans):
     scenario = read_truth(scans, None)
     assert not scenario.known.any()
     assert scenario.contour_target(0).shape == (0, 2)
@@ -312,7 +311,7 @@ def test_differences_are_exact_for_a_parabola_and_defined_for_few_poses():
     assert np.array_equal(differences(poses[:1], times[:1]), np.zeros((1, 3)))
 
 
-def test_a_contour_is_read_from_arrays_and_made_counter_clockwise(scans, tmp_path):
+def test_contours_are_read_from_arrays_one_for_each_pose_of_the_limbs(scans, tmp_path):
     contour = np.array([[1.0, 1.0], [1.0, -1.0], [-1.0, -1.0], [-1.0, 1.0]])
     pose = {"k": [1], "x": [0.0], "y": [9.0], "heading": [0.0]}
     np.savez(tmp_path / "truth.npz", contour=contour, **pose)
@@ -324,9 +323,6 @@ def test_a_contour_is_read_from_arrays_and_made_counter_clockwise(scans, tmp_pat
         np.savez(tmp_path / "truth.npz", contour=wrong, **pose)
         with pytest.raises(UserError, match="contour"):
             read_truth(scans, str(tmp_path / "truth.npz"))
-
-
-def test_each_pose_of_the_limbs_has_its_contour(scans, tmp_path):
     box = np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
     contours = np.stack([box, 0.5 * box])
     pose = {"k": [0, 2], "x": [0.0, 1.0], "y": [9.0, 9.0], "heading": [0.0, 0.0]}
@@ -358,3 +354,83 @@ def test_each_pose_of_the_limbs_has_its_contour(scans, tmp_path):
 def test_a_fault_of_the_truth(text, fault, scans, write):
     with pytest.raises(UserError, match=fault):
         read_truth(scans, write(text, "truth.csv"))
+
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "radar_scans.py"
+
+
+def test_the_example_is_a_run_s_input(tmp_path):
+    runpy.run_path(str(EXAMPLE))["main"](tmp_path)
+    scans = read_scans(str(tmp_path / "scans.csv"), str(tmp_path / "ego.csv"), 0.2)
+    truth = read_truth(scans, str(tmp_path / "truth.csv"))
+    assert len(scans) == 60
+    assert np.all(np.diff(scans.offsets)[9::10] == 0)
+    configuration = compose(["start=scans"]).configuration
+    state = start_from_scans(scans, configuration.start, configuration.prior)
+    first = transition(scans.times[1]) @ state.mean
+    assert np.hypot(*(first[:2] - truth.target_poses_world[0, :2])) < 1.0
+    assert np.hypot(*(first[3:5] - truth.target_rates_world[0, :2])) < 2.0
+
+
+PANDASET = runpy.run_path(str(Path(__file__).parents[2] / "examples" / "pandaset_scans.py"))
+LEFT = {"w": np.sqrt(0.5), "x": 0.0, "y": 0.0, "z": np.sqrt(0.5)}
+
+
+def written(file, value):
+    file.parent.mkdir(parents=True, exist_ok=True)
+    if isinstance(value, pd.DataFrame):  # Texts as in the version of pandas that wrote PandaSet.
+        value.columns = value.columns.astype(object)
+    file.write_bytes(gzip.compress(pickle.dumps(value, protocol=4)))
+
+
+@pytest.fixture
+def sequence(tmp_path):
+    """Three frames: a car drives along x, a sensor at the origin looks along -x, a wall is near."""
+    random = np.random.default_rng(0)
+    for k in range(3):
+        x = 20.0 + 2.0 * k
+        car = np.column_stack(
+            [x + random.uniform(-2, 2, 50), np.full(50, -0.9), np.linspace(0, 1.5, 50)]
+        )
+        sky, far = [[x, 0.0, 5.0]], [[x + 8.0, 0.0, 1.0]]
+        points = np.concatenate([car, sky, far])
+        frame = pd.DataFrame(points, columns=["x", "y", "z"]).assign(i=1.0, t=0.0, d=0)
+        written(tmp_path / f"lidar/{k:02d}.pkl.gz", pd.concat([frame, frame.assign(d=1, y=-0.8)]))
+        values = {"uuid": "a", "label": "Car", "yaw": -0.5 * np.pi, "position.x": x}
+        values |= {"position.y": 0.0, "dimensions.x": 1.8, "dimensions.y": 4.4}
+        label = pd.DataFrame([values, values]).astype({"uuid": object, "label": object})
+        written(tmp_path / f"annotations/cuboids/{k:02d}.pkl.gz", label)
+    pose = {"position": {"x": 0.0, "y": 0.0, "z": 1.8}, "heading": LEFT}
+    (tmp_path / "lidar/poses.json").write_text(json.dumps([pose] * 3))
+    (tmp_path / "lidar/timestamps.json").write_text(json.dumps([1e9, 1e9 + 0.1, 1e9 + 0.2]))
+    return tmp_path
+
+
+def test_its_tables_are_a_run_s_input(sequence, tmp_path):
+    assert PANDASET["moving"](PANDASET["cuboids"](sequence)).loc["a", "frames"] == 3
+    PANDASET["main"](sequence, "a", tmp_path / "out")
+    scans = read_scans(str(tmp_path / "out/scans.csv"), str(tmp_path / "out/ego.csv"), 0.1)
+    truth = read_truth(scans, str(tmp_path / "out/truth.csv"))
+    np.testing.assert_allclose(scans.times, [0.0, 0.1, 0.2])
+    np.testing.assert_allclose(np.cos(scans.sensor_poses_world[:, 2]), -1.0)
+    np.testing.assert_allclose(truth.target_poses_world[:, 0], [20.0, 22.0, 24.0])
+    np.testing.assert_allclose(truth.target_poses_world[:, 2], 0.0, atol=1e-12)
+    # Only the rotating lidar, the car's heights, and one point of each bearing.
+    np.testing.assert_array_equal(scans.points_world[:, 1], -0.9)
+    bearings = np.arctan2(*scans.points_world[scans.rows(0)].T[::-1])
+    assert 0 < len(bearings) == len(np.unique(np.round(bearings / PANDASET["BEARING"])))
+
+
+def test_a_pickle_of_anything_else_is_refused(tmp_path, capsys):
+    class Evil:
+        def __reduce__(self):
+            return os.system, ("false",)
+
+    file = tmp_path / "evil.pkl.gz"
+    for value, words in ((Evil(), "is no part of a data frame"), ([1], "is no data frame")):
+        written(file, value)
+        with pytest.raises(SystemExit, match=words):
+            PANDASET["read_frame"](file)
+    file.write_bytes(b"text")
+    with pytest.raises(SystemExit, match=r"evil\.pkl\.gz"):
+        PANDASET["read_frame"](file)

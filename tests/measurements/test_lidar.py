@@ -1,7 +1,8 @@
-import dataclasses
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from stixel_cli.config.compose import compose
 from stixel_cli.config.folders import group_options
@@ -109,7 +110,7 @@ def test_lidar_ranges_match_boxes_and_a_plane(ego):
     hidden, seen = 0, 0
     for k in range(6):
         expected, target = analytic(truth, k)
-        np.testing.assert_allclose(returns.ranges[k].ravel(), expected, atol=1e-4)
+        assert_allclose(returns.ranges[k].ravel(), expected, atol=1e-4)
         hidden += np.sum(np.isfinite(target) & (target > expected))
         seen += np.sum(np.isfinite(target) & (target == expected))
     assert hidden > 20
@@ -137,8 +138,8 @@ def test_lidar_returns_of_a_road_user_are_on_its_mesh(road_user):
     parameters = compose([f"road_user={road_user}"]).configuration.road_user
     truth, meshes = scenario(count=3), road_user_meshes(parameters)
     limb_poses = np.array([0, 5, 12]) % len(meshes)
-    truth = dataclasses.replace(truth, limb_poses=limb_poses)
-    scanner = dataclasses.replace(SCANNER, layers=24, azimuth_step=0.3)
+    truth = replace(truth, limb_poses=limb_poses)
+    scanner = replace(SCANNER, layers=24, azimuth_step=0.3)
     returns = cast_lidar(truth, parameters, World("street", 1, 1.0), scanner, FIELD)
     open3d = import_open3d_bindings()
     beams = beam_directions(returns.elevations, returns.azimuths)
@@ -169,27 +170,24 @@ def test_lidar_returns_of_a_road_user_are_on_its_mesh(road_user):
         assert surface.compute_distance(asked, nthreads=1).numpy().max() < 1e-4
 
 
-def test_beams_are_inside_the_field_of_view_and_symmetric():
-    scanner = dataclasses.replace(SCANNER, azimuth_step=0.7)
+def test_beams_are_evenly_spaced_symmetric_and_inside_the_field_of_view():
+    scanner = replace(SCANNER, azimuth_step=0.7)
     azimuths = np.degrees(beam_azimuths(scanner, FIELD))
-    np.testing.assert_allclose(np.diff(azimuths), 0.7)
-    np.testing.assert_allclose(azimuths, -azimuths[::-1])
+    assert_allclose(np.diff(azimuths), 0.7)
+    assert_allclose(azimuths, -azimuths[::-1])
     assert 30.0 - 0.7 < azimuths[-1] <= 30.0
-    own = dataclasses.replace(scanner, azimuth_step=0.25, horizontal_fov=100.0)
+    own = replace(scanner, azimuth_step=0.25, horizontal_fov=100.0)
     assert np.degrees(beam_azimuths(own, FIELD)[[0, -1]]).round(9).tolist() == [-50.0, 50.0]
-    around = beam_azimuths(dataclasses.replace(own, horizontal_fov=360.0), FIELD)
+    around = beam_azimuths(replace(own, horizontal_fov=360.0), FIELD)
     assert len(around) == 1440
     assert len(np.unique(np.round(np.degrees(around) % 360.0, 6))) == 1440
-
-
-def test_layers_are_evenly_spaced():
-    np.testing.assert_allclose(np.degrees(beam_elevations(SCANNER)), np.arange(-12.0, 3.0, 2.0))
-    single = dataclasses.replace(SCANNER, layers=1)
-    np.testing.assert_allclose(np.degrees(beam_elevations(single)), [-5.0])
+    assert_allclose(np.degrees(beam_elevations(SCANNER)), np.arange(-12.0, 3.0, 2.0))
+    single = replace(SCANNER, layers=1)
+    assert_allclose(np.degrees(beam_elevations(single)), [-5.0])
     directions = beam_directions(np.radians([0.0, 30.0]), np.radians([-90.0, 0.0]))
     half, root = 0.5, np.sqrt(0.75)
     expected = [[0, -1, 0], [1, 0, 0], [0, -root, half], [root, 0, half]]
-    np.testing.assert_allclose(directions, expected, atol=1e-12)
+    assert_allclose(directions, expected, atol=1e-12)
 
 
 def made(ranges, elevations, azimuths=(0.0,)):
@@ -214,14 +212,14 @@ def test_lidar_points_are_in_the_world_frame_of_a_moving_ego_car():
         assert of_target.sum() >= 5
         # On the box's outline, and all others on the wall or the house.
         outline = np.abs(in_target[of_target] - [1.5, 0.7]).min(axis=1)
-        np.testing.assert_allclose(outline, 0.0, atol=1e-3)
+        assert_allclose(outline, 0.0, atol=1e-3)
         x, y = points[~of_target].T
         wall = (np.abs(x - 1.1) < 0.101) & (np.abs(y - 7.0) < 1.001)
         assert np.all(wall | (np.abs(y - 30.5) < 0.501))
         # Without noise along the beam, what is left of R lies across it, seen from the sensor.
         along = points - truth.ego_poses_world[k, :2]
         kept = np.einsum("ni,nij,nj->n", along, scans.covariances_world[rows], along)
-        np.testing.assert_allclose(kept, 0.0, atol=1e-9)
+        assert_allclose(kept, 0.0, atol=1e-9)
 
 
 def test_gates_use_measured_height_and_distance():
@@ -235,11 +233,11 @@ def test_gates_use_measured_height_and_distance():
         ],
         elevations,
     )
-    scans = lidar_scans(returns, ego, dataclasses.replace(EXACT, returns="all"), FIELD, seed=0)
+    scans = lidar_scans(returns, ego, replace(EXACT, returns="all"), FIELD, seed=0)
     assert scans.offsets.tolist() == [0, 0, 1, 3]
     root = np.sqrt(0.75)
     expected = [[0, 2.3 * root], [0, 79.0], [0, 1.9 * root]]
-    np.testing.assert_allclose(scans.points_world, expected, atol=1e-5)
+    assert_allclose(scans.points_world, expected, atol=1e-5)
 
 
 def test_returns_nearest_keeps_one_per_azimuth_and_all_keeps_every_return():
@@ -251,10 +249,10 @@ def test_returns_nearest_keeps_one_per_azimuth_and_all_keeps_every_return():
     )
     nearest = lidar_scans(returns, ego, EXACT, FIELD, seed=0)
     distances = np.linalg.norm(nearest.points_world, axis=1)
-    np.testing.assert_allclose(distances, np.cos(np.radians([2.0, 1.0])) * [10.0, 9.0], rtol=1e-6)
+    assert_allclose(distances, np.cos(np.radians([2.0, 1.0])) * [10.0, 9.0], rtol=1e-6)
     bearings = np.degrees(np.arctan2(*nearest.points_world.T[::-1]))
-    np.testing.assert_allclose(bearings, [80.0, 100.0])
-    every = lidar_scans(returns, ego, dataclasses.replace(EXACT, returns="all"), FIELD, seed=0)
+    assert_allclose(bearings, [80.0, 100.0])
+    every = lidar_scans(returns, ego, replace(EXACT, returns="all"), FIELD, seed=0)
     assert len(every.points_world) == 3
     assert {tuple(p) for p in nearest.points_world} < {tuple(p) for p in every.points_world}
 
@@ -262,7 +260,7 @@ def test_returns_nearest_keeps_one_per_azimuth_and_all_keeps_every_return():
 def test_lidar_noise_along_the_beam_matches_its_covariance():
     elevations, azimuths = np.linspace(-2.0, 2.0, 5), np.linspace(-30.0, 30.0, 61)
     returns, ego = made(np.full((40, 5, 61), 20.0), elevations, azimuths)
-    noisy = dataclasses.replace(EXACT, range_std=0.1, returns="all")
+    noisy = replace(EXACT, range_std=0.1, returns="all")
     scans = lidar_scans(returns, ego, noisy, FIELD, seed=3)
     assert len(scans.points_world) == 40 * 5 * 61
     along = np.stack(
@@ -271,34 +269,30 @@ def test_lidar_noise_along_the_beam_matches_its_covariance():
     along = np.tile(np.repeat(along, 5, axis=0), (40, 1))
     flat = np.tile(np.cos(np.radians(elevations)), 40 * 61)
     across = np.stack([-along[:, 1], along[:, 0]], axis=-1)
-    np.testing.assert_allclose(np.sum(across * scans.points_world, axis=1), 0.0, atol=1e-9)
+    assert_allclose(np.sum(across * scans.points_world, axis=1), 0.0, atol=1e-9)
     distances = np.sum(along * scans.points_world, axis=1)
     errors = (distances - 20.0 * flat) / (0.1 * flat)
     assert abs(errors.mean()) < 5.0 / np.sqrt(len(errors))
     assert abs(errors.std() - 1.0) < 0.03
     covariances = scans.covariances_world
     spread = np.einsum("ni,nij,nj->n", along, covariances, along)
-    np.testing.assert_allclose(spread, (0.1 * flat) ** 2)
+    assert_allclose(spread, (0.1 * flat) ** 2)
     sideways = np.einsum("ni,nij,nj->n", across, covariances, across)
-    np.testing.assert_allclose(sideways, (distances * np.radians(1.0)) ** 2 / 12.0)
-    np.testing.assert_allclose(
-        np.einsum("ni,nij,nj->n", along, covariances, across), 0.0, atol=1e-12
-    )
+    assert_allclose(sideways, (distances * np.radians(1.0)) ** 2 / 12.0)
+    assert_allclose(np.einsum("ni,nij,nj->n", along, covariances, across), 0.0, atol=1e-12)
 
 
 def test_lidar_random_numbers_depend_only_on_seed_and_scan():
     returns, ego = made(np.full((20, 3, 30), 15.0), [-1.0, 0.0, 1.0], np.arange(30.0))
-    noisy = dataclasses.replace(EXACT, range_std=0.1, returns="all")
+    noisy = replace(EXACT, range_std=0.1, returns="all")
     first, again = (lidar_scans(returns, ego, noisy, FIELD, seed=3) for _ in range(2))
     assert first.points_world.tobytes() == again.points_world.tobytes()
     other = lidar_scans(returns, ego, noisy, FIELD, seed=4)
     assert not np.array_equal(first.points_world, other.points_world)
     few, few_ego = made(np.full((5, 3, 30), 15.0), [-1.0, 0.0, 1.0], np.arange(30.0))
     shorter = lidar_scans(few, few_ego, noisy, FIELD, seed=3)
-    np.testing.assert_array_equal(shorter.points_world, first.points_world[: 5 * 90])
-    missed = lidar_scans(
-        returns, ego, dataclasses.replace(noisy, missed_probability=0.3), FIELD, seed=3
-    )
+    assert_array_equal(shorter.points_world, first.points_world[: 5 * 90])
+    missed = lidar_scans(returns, ego, replace(noisy, missed_probability=0.3), FIELD, seed=3)
     assert {tuple(p) for p in missed.points_world} < {tuple(p) for p in first.points_world}
     assert 0.65 < len(missed.points_world) / len(first.points_world) < 0.75
 

@@ -1,11 +1,12 @@
-"""Clusters of stixels: which belong together, and their boxes."""
+"""Clusters of points and stixels: which belong together, and their boxes."""
 
 import numpy as np
 import pytest
 from made_stixels import made_stixels
+from sklearn.cluster import DBSCAN
 
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD
-from stixel_cli.measurements.clusters import cluster
+from stixel_cli.measurements.clusters import cluster, distances
 from stixel_cli.measurements.objects import find_objects, smallest_rectangle
 from stixel_cli.results.tables import object_columns
 
@@ -111,3 +112,18 @@ def test_the_table_has_image_and_world():
     assert np.abs(np.sin(table["heading"])) == pytest.approx([0.0, 1.0], abs=1e-4)
     empty = object_columns([first], 0.1 * np.arange(3), poses[:3])
     assert all(len(column) == 0 for column in empty.values())
+
+
+@pytest.mark.parametrize("least", [1, 2])
+def test_clusters_are_those_of_dbscan(least):
+    random, single = np.random.default_rng(0), 0
+    for count in [1, *random.integers(2, 60, 40)]:
+        points = random.uniform([-8.0, 7.0], [8.0, 23.0], (count, 2))
+        covariances = np.tile(random.uniform(0.0, 0.3) * np.eye(2), (count, 1, 1))
+        found = cluster(points, covariances, least=least)
+        near = distances(points, covariances)
+        expected = DBSCAN(eps=1.0, min_samples=least, metric="precomputed").fit_predict(near)
+        np.testing.assert_array_equal(found, expected)
+        single += int(np.sum(found < 0))
+    assert (single > 0) == (least == 2)
+    assert len(cluster(np.zeros((0, 2)), np.zeros((0, 2, 2)))) == 0

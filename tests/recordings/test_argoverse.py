@@ -104,7 +104,7 @@ def test_the_axes_of_the_pair_are_along_the_baseline_and_between_the_optical_axe
     assert found.width > 140 and found.height > 85
 
 
-def test_a_log_is_guessed_and_composed(folders):
+def test_a_log_is_guessed_and_composed_and_needs_pyarrow(folders, monkeypatch):
     given = [f"source.folder={folders[1]}", f"source.target={TARGET}", "source.sample_time=0.1"]
     assert compose(given).configuration.rig.camera_height == pytest.approx(1.65, rel=0.03)
     composition = compose([*given, "rig.camera_height=1.6"])
@@ -112,6 +112,9 @@ def test_a_log_is_guessed_and_composed(folders):
     assert composition.choices["source"] == "argoverse"
     assert composition.choices["road_user"] == "car"
     assert (rig.width, rig.baseline) == (find_recording(source(folders[1])).width, 0.5)
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    with pytest.raises(UserError, match=r"needs pyarrow: pip install 'stixel\[argoverse\]'"):
+        find_recording(source(folders[1]))
 
 
 def test_without_annotations_a_log_will_do_without_a_target(copy):
@@ -211,9 +214,3 @@ def test_images_of_another_size_than_the_calibration_are_refused(copy):
     write_table(copy / INTRINSICS, [row | {"height_px": 100} for row in rows])
     with pytest.raises(UserError, match=r"160 × 96 px, but its calibration has 160 × 100 px"):
         find_recording(source(copy))
-
-
-def test_without_pyarrow_one_line_names_the_extra(folders, monkeypatch):
-    monkeypatch.setitem(sys.modules, "pyarrow", None)
-    with pytest.raises(UserError, match=r"needs pyarrow: pip install 'stixel\[argoverse\]'"):
-        find_recording(source(folders[1]))

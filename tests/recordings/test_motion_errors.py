@@ -83,15 +83,12 @@ def test_noise_of_disparities_makes_no_way_shorter_than_its_interval_says(tmp_pa
     assert noisy.length_ratio_std > exact.length_ratio_std > 0.001
 
 
-def test_the_standard_deviations_cover_the_error():
+def test_standard_deviations_cover_the_error_and_a_contradiction_is_said():
     found = calibrated(tracks_of(CURVE, noise=0.3)).rig
     columns = RIG.disparity_error_basis(RIG.disparity_error_columns)
     errors = columns @ (np.array(found.disparity_error) - CURVE)
     assert (np.abs(errors) < 2.5 * np.array(found.disparity_error_std)).all()
     assert max(found.disparity_error_std) < 0.4
-
-
-def test_far_points_that_contradict_near_ones_are_said():
     same, other = calibrated(tracks_of(CURVE)), calibrated(tracks_of(CURVE, far=0.8))
     assert not same.note and "near and far points" in other.note
     assert min(other.rig.disparity_error_std) > 2.0 * max(same.rig.disparity_error_std)
@@ -213,12 +210,12 @@ def test_poses_cannot_be_scaled_by_a_recording_that_shows_no_length(
     clip, tmp_path, monkeypatch, capsys
 ):
     monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "cache"))
-    more = [
+    more = (
         "road_user=car",
         "start.range=[8,40]",
         "source.pose_scale=estimated",
         "source.frames=0:3",
-    ]
+    )
     assert main(["run", "--results", str(tmp_path), *given(clip, *more)]) == 2
     assert "source.pose_scale: cannot be estimated" in capsys.readouterr().err
 

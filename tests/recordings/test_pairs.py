@@ -76,7 +76,7 @@ def source(folder, sequence="7"):
     )
 
 
-def test_the_pair_of_a_benchmark_is_found(pair):
+def test_the_pair_of_a_benchmark_is_found_and_needs_no_poses(pair):
     assert guess_layout(pair) == "kitti_pair"
     found = find_recording(source(pair))
     assert found.left[0].name == "000007_10.png" and found.count == 1
@@ -84,6 +84,10 @@ def test_the_pair_of_a_benchmark_is_found(pair):
     assert found.true_disparities[0].parent.name == "disp_occ" and found.label_files == ()
     with pytest.raises(UserError, match=r"source\.sequence: .* has no image_2/000008\.png"):
         find_recording(source(pair, "000008"))
+    more = ("road_user=car", "start.range=[5,20]")
+    made = compose([f"source.folder={pair}", "source.sequence=000007", *more])
+    assert made.choices["source"] == "kitti_pair" and made.choices["ego"] == "parked"
+    assert made.configuration.rig.focal == pytest.approx(RIG.focal)
 
 
 def test_a_pair_without_a_calibration_is_refused(pair, tmp_path):
@@ -106,13 +110,6 @@ def test_the_object_benchmark_has_labels_without_tracks(pair, tmp_path):
     labels = read_labels(*found.label_files)
     assert list(labels) == [0] and labels[0].kind == "Car" and labels[0].frames.tolist() == [0]
     np.testing.assert_array_equal(labels[0].sizes, [[1.5, 1.8, 4.0]])
-
-
-def test_one_frame_needs_no_poses(pair):
-    more = ("road_user=car", "start.range=[5,20]")
-    made = compose([f"source.folder={pair}", "source.sequence=000007", *more])
-    assert made.choices["source"] == "kitti_pair" and made.choices["ego"] == "parked"
-    assert made.configuration.rig.focal == pytest.approx(RIG.focal)
 
 
 def test_true_disparities_are_read_and_a_wrong_file_is_refused(pair, images, tmp_path):
@@ -236,11 +233,8 @@ def test_stixels_from_a_file_have_the_scores_of_ours(pair, tmp_path, monkeypatch
     assert theirs["stixels"] == len(found) and theirs["found_share"] > 0.9
     # A file does not state what is unknown.
     of_the_file = {name: value for name, value in theirs.items() if value is not None}
-    assert ours.keys() - of_the_file.keys() == {
-        "unknown_share",
-        "disparity_share",
-        "row_difference_px",
-    }
+    unknown = {"unknown_share", "disparity_share", "row_difference_px"}
+    assert ours.keys() - of_the_file.keys() == unknown
     near = {name: ours.pop(name) - theirs.pop(name) for name in ("near_called_free", "free_share")}
     assert near["near_called_free"] <= 0
     assert {name: ours[name] for name in of_the_file if name in ours} == pytest.approx(
@@ -288,12 +282,9 @@ def test_truth_behind_an_object_is_not_its_own():
     assert found.errors[0] == pytest.approx(0.2) and not found.square[0]
 
 
-def test_an_outlier_is_beyond_both_limits():
+def test_an_outlier_is_beyond_both_limits_and_a_phantom_is_one_that_is_too_near():
     errors, truths = np.array([3.1, -3.1, 2.9, 3.1, 4.1]), np.array([10.0, 10.0, 10.0, 80.0, 80.0])
     assert is_outlier(errors, truths).tolist() == [True, True, False, False, True]
-
-
-def test_a_phantom_is_an_outlier_that_is_too_near():
     truth = np.full((RIG.height, RIG.width), np.nan)
     truth[60:93, 60:63] = 12.8
     for disparity, outlier, phantom in ((13.0, 0, 0), (16.0, 1, 1), (9.0, 1, 0)):

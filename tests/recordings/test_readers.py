@@ -107,15 +107,12 @@ def test_occluded_truncated_and_missing_labels_do_not_count(copy):
     assert np.isfinite(np.delete(found.target_rates_world, 2, axis=0)).all()
 
 
-def test_slopes_need_three_rows():
+def test_slopes_need_three_rows_and_a_parked_ego_car_no_poses():
     times = 0.1 * np.arange(6)
     line = 3.0 * times[:, None]
     assert slopes(times, line) == pytest.approx(np.full((6, 1), 3.0))
     line[2:] = np.nan
     assert np.isnan(slopes(times, line)).all()
-
-
-def test_a_parked_ego_car_needs_no_poses():
     motion = recorded_motion((), Tables(first=7), 3, 0.2, small_rig())
     assert motion.times == pytest.approx([0.0, 0.2, 0.4])
     assert (motion.poses_world == [0.0, 0.0, np.pi / 2]).all()

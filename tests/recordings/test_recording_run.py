@@ -141,20 +141,6 @@ def test_the_errors_of_a_real_rig_are_those_of_its_calibration(clip):
     assert compose(of(clip, "stereo=bm")).configuration.stereo.kind == "bm"
 
 
-def test_a_start_from_the_scans_uses_the_first_box_only(clip):
-    stages = {s.name: s for s in pipeline_stages(compose(of(clip, "start=scans")))}
-    assert stages["start"].inputs == {"scans": "scans"}
-    start = stages["start"].settings["start"]
-    assert start.motion == "sensor"
-    # The car is 0.4 m to the right, 0.9 m to each side of its middle, 6.9 m ahead.
-    lowest, highest = np.degrees(np.arctan([-1.35 / 6.9, 0.52 / 6.9]))
-    assert start.bearing == (pytest.approx(lowest, abs=2.0), pytest.approx(highest, abs=2.0))
-    assert compose(of(clip, "start=scans", "start.bearing=[-3,4]")).configuration.start.bearing == (
-        -3.0,
-        4.0,
-    )
-
-
 @pytest.mark.parametrize(
     ("label", "road_user"),
     [("Van", "car"), ("Cyclist", "cyclist"), ("Person_sitting", "pedestrian"), ("Tram", None)],
@@ -238,20 +224,17 @@ def odometry(clip, folder):
     return folder
 
 
-def test_without_poses_the_ego_car_must_be_parked(clip, tmp_path):
+def test_a_path_needs_a_recording_and_an_ego_car_that_drives_its_poses(clip, tmp_path):
+    resolved = compose([]).resolved
+    resolved["path"] = {"kind": "source", "duration": 1.0, "sample_time": 0.1}
+    with pytest.raises(ConfigurationError, match="path: source needs a recording"):
+        from_resolved(resolved)
     shutil.copytree(clip, tmp_path / "clip")
     shutil.rmtree(tmp_path / "clip" / "ego_poses")
     with pytest.raises(ConfigurationError, match="ego: the recording has no poses"):
         compose(of(tmp_path / "clip"))
     parked = compose(of(tmp_path / "clip", "ego=parked"))
     assert parked.recording.pose_files == ()
-
-
-def test_a_recorded_path_needs_a_recording():
-    resolved = compose([]).resolved
-    resolved["path"] = {"kind": "source", "duration": 1.0, "sample_time": 0.1}
-    with pytest.raises(ConfigurationError, match="path: source needs a recording"):
-        from_resolved(resolved)
 
 
 def test_the_true_class_is_that_of_the_label(clip, tmp_path, monkeypatch, capsys):
@@ -306,11 +289,20 @@ def test_a_clip_is_tracked_and_scored_and_keys_hold_no_path(clip, tmp_path, monk
         assert status[name] == "computed", name
 
 
-def test_no_stage_from_matching_to_the_track_gets_labels(clip):
+def test_no_stage_past_the_images_gets_labels_and_a_start_from_scans_the_first_box_only(clip):
     stages = {one.name: one for one in pipeline_stages(compose(of(clip)))}
     for name in ("match", "free_space", "stixels", "scans", "track"):
         assert "scenario" not in stages[name].inputs.values()
         assert not stages[name].gives_files
+    stages = {s.name: s for s in pipeline_stages(compose(of(clip, "start=scans")))}
+    assert stages["start"].inputs == {"scans": "scans"}
+    start = stages["start"].settings["start"]
+    assert start.motion == "sensor"
+    # The car is 0.4 m to the right, 0.9 m to each side of its middle, 6.9 m ahead.
+    lowest, highest = np.degrees(np.arctan([-1.35 / 6.9, 0.52 / 6.9]))
+    assert start.bearing == (pytest.approx(lowest, abs=2.0), pytest.approx(highest, abs=2.0))
+    typed = compose(of(clip, "start=scans", "start.bearing=[-3,4]")).configuration
+    assert typed.start.bearing == (-3.0, 4.0)
 
 
 @pytest.fixture(scope="module")

@@ -1,10 +1,11 @@
 """`path=recorded`: labels and ego poses of a clip without images, replayed in the scene."""
 
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from made_motion import SEQUENCE, make_motion
+from made_clip import HEIGHT, small_rig, small_scenario
 from real_data import real_data
 
 from stixel_cli import compose
@@ -12,10 +13,26 @@ from stixel_cli.cli.app import main
 from stixel_cli.config.compose import from_resolved
 from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.experiment.stages import pipeline_stages, scan_count
+from stixel_cli.export.export import labels_text, write_clip
 from stixel_cli.recordings.replay import replayed_scenario, smoothing_spline
 from stixel_cli.recordings.truth import recorded_motion
 
-FABRICATED = ("measurement=fabricated", "pictures.frames=[]", "executor=threads")
+SEQUENCE = "0003"
+
+
+def make_motion(folder, count=12, labels=("Car", "Pedestrian"), left_out=()):
+    """Write track 0 and, 3 m to its right, track 1; return the scenario of track 0."""
+    scenario = small_scenario(count)
+    right = scenario.target_poses_world + np.array([3.0, 0.0, 0.0])
+    rig = small_rig()
+    own = labels_text(scenario, rig, labels[0], HEIGHT)
+    write_clip(folder, SEQUENCE, [], scenario, rig, own)
+    file = folder / "label_02" / f"{SEQUENCE}.txt"
+    rows = [row for row in file.read_text().splitlines() if int(row.split()[0]) not in left_out]
+    other = labels_text(replace(scenario, target_poses_world=right), rig, labels[1], 1.7)
+    rows += [row.replace(" 0 ", " 1 ", 1) for row in other.splitlines()]
+    file.write_text("\n".join(rows) + "\n")
+    return scenario
 
 
 @pytest.fixture(scope="module")
@@ -53,11 +70,8 @@ def test_the_files_give_class_frames_and_ego_motion(motion):
     assert scan_count(made) == 12 and chosen.path.duration == pytest.approx(1.2)
     assert compose(of(motion, "path.target=1")).choices["prior"] == "pedestrian"
     own = compose(of(motion, "road_user=cyclist", "rig=default", "world=street"))
-    assert [own.choices[group] for group in ("prior", "rig", "world")] == [
-        "cyclist",
-        "default",
-        "street",
-    ]
+    chosen_groups = [own.choices[group] for group in ("prior", "rig", "world")]
+    assert chosen_groups == ["cyclist", "default", "street"]
     assert from_resolved(made.resolved) == chosen
 
 
@@ -130,16 +144,13 @@ def test_wrong_input_is_refused_in_one_line(override, said, motion):
     assert "more fault" not in str(caught.value)
 
 
-def test_a_wrong_folder_is_named(motion, tmp_path):
+def test_a_wrong_folder_and_a_label_without_a_class_are_named(motion, tmp_path):
     with pytest.raises(UserError, match=r"path\.folder: .*has neither a folder label_02 with"):
         compose(of(tmp_path))
     shutil.copytree(motion, tmp_path / "motion")
     (tmp_path / "motion/training/ego_poses/0003.txt").unlink()
     with pytest.raises(UserError, match=r"0003\.txt: no such file; the ego car's motion"):
         compose(of(tmp_path / "motion"))
-
-
-def test_a_label_without_a_class_needs_a_road_user(tmp_path):
     make_motion(tmp_path, labels=("Tram", "Car"))
     with pytest.raises(ConfigurationError, match=r"path\.target: is a Tram, which no class suits"):
         compose(of(tmp_path))

@@ -149,10 +149,7 @@ CONTENT = {
         "no baseline",
     ),
     "other size": (edited(INFO_LEFT, width=640), r"160.* px, but camera_info has \(640, 96\)"),
-    "other encoding": (
-        edited(LEFT, encoding="bayer_rggb8"),
-        "encoding bayer_rggb8: must be mono, ",
-    ),
+    "other encoding": (edited(LEFT, encoding="bayer_rggb8"), "encoding bayer_rggb8: must be mono"),
     "short image": (edited(LEFT, data=np.zeros(99, np.uint8)), f"{LEFT}: a damaged image: 99 byt"),
     "no pair": (
         lambda content: [one for one in content if one[0] != LEFT or one[1] < START + STEP],

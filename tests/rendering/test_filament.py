@@ -107,13 +107,10 @@ def test_filament_gives_the_same_bytes_in_another_process_and_chunk(runs):
         assert np.array_equal(one[1], other[0]), name
 
 
-def test_hanging_child_gives_a_one_line_error():
+def test_a_child_that_hangs_crashes_or_lacks_something_gives_one_line():
     with pytest.raises(RendererUnavailable, match=r"did not start within 0\.1 s \(2 attempts\)"):
         next(rendered(describe(range(1)), HASTY, HANGS))
     assert probe_filament(0.1, HANGS) == "filament did not start within 0.1 s"
-
-
-def test_crashed_child_reports_its_signal_and_last_output():
     patient = with_constants(FILAMENT, start_timeout=60.0, attempts=2)
     with pytest.raises(RendererUnavailable) as caught:
         next(rendered(describe(range(1)), patient, DIES))
@@ -123,9 +120,6 @@ def test_crashed_child_reports_its_signal_and_last_output():
         "renderer=raycast needs no driver"
     )
     assert probe_filament(60.0, DIES).endswith("signal 6: no driver")
-
-
-def test_child_reports_a_missing_requirement():
     assert probe_filament(60.0, SAYS_WHY) == "filament cannot start: no EGL: not here"
 
 

@@ -281,11 +281,8 @@ def test_hull_rectangle_contains_every_pixel_of_the_hull(seed):
     assert np.all((u >= left) & (u < right) & (v >= top) & (v < bottom))
 
 
-def test_srgb_conversion_is_invertible():
+def test_texture_sides_are_powers_of_two_and_srgb_is_invertible():
     values = np.arange(256, dtype=np.uint8)
     assert np.array_equal(srgb_from_linear(linear_from_srgb(values)), values)
-
-
-def test_texture_side_must_be_a_power_of_two():
     with pytest.raises(ValueError, match="powers of two"):
         build_textures([np.zeros((64, 48, 3), dtype=np.uint8)])

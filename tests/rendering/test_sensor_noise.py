@@ -32,7 +32,7 @@ def flat(count: int, value: int, first: int = 0, shape=(120, 160)) -> RenderedFr
     return RenderedFrames.from_frames(first, ((picture, picture, depth, ids),) * count)
 
 
-def test_sensor_images_do_not_depend_on_the_chunks():
+def test_sensor_images_do_not_depend_on_the_chunks_and_contain_no_truth():
     rendered = flat(4, 128, first=10)
     together = add_sensor_noise(rendered, SENSOR, RIG, range(10, 14), seed=3)
     assert together.first == 10 and len(together) == 4
@@ -42,6 +42,7 @@ def test_sensor_images_do_not_depend_on_the_chunks():
         assert part.first == some.start
         assert part.left.encoded == together.left.encoded[at]
         assert part.right.encoded == together.right.encoded[at]
+    assert [field.name for field in fields(StereoPairs)] == ["first", "left", "right"]
 
 
 def test_noise_differs_between_frames_cameras_and_seeds():
@@ -72,7 +73,7 @@ def test_image_without_noise_is_the_luma_with_gain_on_the_right():
     assert np.allclose(grey_levels(picture), exact, atol=1e-4)
 
 
-def test_noise_is_normal():
+def test_noise_is_normal_and_a_dark_image_has_only_read_noise():
     deviates = normal_quantiles().astype(float)
     assert np.array_equal(deviates, -deviates[::-1])
     below = (np.arange(65536) + 0.5) / 65536
@@ -83,14 +84,7 @@ def test_noise_is_normal():
     image = add_sensor_noise(flat(1, 128), dark, RIG, range(1), seed=1).left[0]
     noise = (image.astype(float) - 128) / 12
     assert abs((noise**4).mean() - 3) < 0.15 and noise.max() > 3.5 and noise.min() < -3.5
-
-
-def test_dark_image_has_only_read_noise():
     assert noise_std(np.array([-3.0, 0.0]), SENSOR) == pytest.approx(1.2)
-
-
-def test_stereo_pairs_contain_no_truth():
-    assert [field.name for field in fields(StereoPairs)] == ["first", "left", "right"]
 
 
 def test_frames_are_compressed_one_at_a_time(monkeypatch):

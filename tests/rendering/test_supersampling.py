@@ -141,17 +141,13 @@ def test_a_shadows_edge_inside_a_triangle_is_blended(edges):
     assert after < 0.5 * before
 
 
-def test_the_size_of_a_block_changes_no_byte(edges, monkeypatch):
+def test_neither_the_size_of_a_block_nor_no_pixels_matter(edges, monkeypatch):
     shot, centres = edges
     some = centres.at(np.s_[4000:4500])
     at_shadow = np.arange(500) % 3 == 0
     whole = supersampled(shot, some, at_shadow, 4)
     monkeypatch.setattr(supersampling, "BLOCK", 16 * 7)
     assert supersampled(shot, some, at_shadow, 4).tobytes() == whole.tobytes()
-
-
-def test_no_pixels_are_no_special_case(edges):
-    shot, centres = edges
     none = centres.at(np.s_[:0])
     result = supersampled(shot, none, np.zeros(0, dtype=bool), 8)
     assert result.shape == (0, 3)

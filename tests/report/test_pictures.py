@@ -1,6 +1,7 @@
-"""The picture stages: what they give, whatever the run."""
+"""The picture stages: which frames they picture, and what they give, whatever the run."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -23,6 +24,7 @@ from stixel_cli.pictures.camera import camera_pictures
 from stixel_cli.pictures.over_time import run_pictures
 from stixel_cli.pictures.path_figure import path_figure, spaced_frames
 from stixel_cli.recordings.types import LabelTruth
+from stixel_cli.results.pictures import PicturesParameters
 from stixel_cli.stixels.types import Objects, OccupancyGrid
 from stixel_cli.tracking.track import ObjectTrack
 
@@ -92,15 +94,7 @@ def test_camera_pictures_have_all_panels(kind):
     check_pngs({"camera.png": pictures.files["k0005/camera.png"]})
 
 
-def test_camera_pictures_keep_the_pixels_of_the_image():
-    rig = make_rig(640, 200)
-    inputs = make_camera_inputs(rig)
-    picture = decode_image(camera_pictures(**inputs).files["k0005/left.png"])
-    image = inputs["rendered"].left[1]
-    assert np.array_equal(picture, image)
-
-
-def test_stixels_are_painted_in_the_colour_of_their_depth_and_objects_have_boxes():
+def test_camera_pictures_keep_the_pixels_and_paint_stixels_by_depth_and_objects():
     inputs = make_camera_inputs(make_rig(640, 200))
     plain = decode_image(camera_pictures(**inputs).files["k0005/stixels.png"])
     stixels, grey = inputs["stixels"], inputs["pairs"].left[5 - inputs["pairs"].first]
@@ -114,6 +108,9 @@ def test_stixels_are_painted_in_the_colour_of_their_depth_and_objects_have_boxes
     one = Objects(5, np.array([0, 1]), box, np.zeros((1, 4, 2)), counts, of_stixels)
     boxed = decode_image(camera_pictures(**inputs, objects=one).files["k0005/stixels.png"])
     assert (boxed[90, 10:60] == boxed[90, 10]).all() and (boxed[90, 10] != plain[90, 10]).any()
+    picture = decode_image(camera_pictures(**inputs).files["k0005/left.png"])
+    image = inputs["rendered"].left[1]
+    assert np.array_equal(picture, image)
 
 
 def test_camera_pictures_accept_empty_results():
@@ -147,13 +144,10 @@ def test_used_points_have_the_ellipses_of_the_tracker_s_noise(run, monkeypatch):
     assert not np.allclose(drawn[style.UNUSED][:, 0, 0], TRACKER.measurement_std**2)
 
 
-def test_birds_eye_picture_is_drawn(run):
+def test_birds_eye_is_drawn_also_of_an_empty_scan_and_a_non_finite_track(run):
     pictures = track_pictures(**run, tracker=TRACKER, frame=4)
     assert set(pictures.files) == {"k0004/birds_eye.png"}
     check_pngs(pictures.files)
-
-
-def test_birds_eye_accepts_an_empty_scan_and_a_non_finite_track(run):
     assert len(run["scans"].points_world[run["scans"].rows(5)]) == 0
     check_pngs(track_pictures(**run, tracker=TRACKER, frame=5).files)
     not_finite = replace(
@@ -185,7 +179,7 @@ def test_several_tracks_and_labels_are_drawn_from_above(run):
     }
 
 
-def test_run_pictures_are_png_and_svg(run):
+def test_run_pictures_are_png_and_svg_also_of_one_scan_and_a_stopped_target(run):
     scores = make_scores(run["scenario"], run["track"])
     files = run_pictures(**run, scores=scores).files
     assert set(files) == {"path.png", "path.svg", "errors.png", "errors.svg"}
@@ -194,9 +188,6 @@ def test_run_pictures_are_png_and_svg(run):
         assert files[name].startswith(b"<?xml")
         assert b"<dc:date>" not in files[name]
         assert b"matplotlib.org" not in files[name]
-
-
-def test_run_pictures_accept_one_scan_and_a_stopped_target(run):
     rng = np.random.default_rng(5)
     for count in (1, 4):
         scenario = make_scenario(count)
@@ -227,7 +218,7 @@ def test_pictures_have_repeatable_bytes(run, monkeypatch, tmp_path):
         assert draw() == first
 
 
-def test_spaced_frames_keep_their_distance():
+def test_spaced_frames_keep_their_distance_and_given_ones_increase():
     places = np.stack([np.linspace(0.0, 50.0, 100), np.zeros(100)], axis=1)
     chosen = spaced_frames(places, size=1.0)
     assert chosen[0] == 0
@@ -236,6 +227,15 @@ def test_spaced_frames_keep_their_distance():
     assert np.diff(places[list(chosen), 0]).min() > 3.0
     assert spaced_frames(np.zeros((7, 2)), size=1.0) == (6,)
     assert spaced_frames(np.zeros((1, 2)), size=1.0) == (0,)
+    PicturesParameters(None).check(PATH, MEASUREMENT)
+    PicturesParameters(()).check(PATH, MEASUREMENT)
+    PicturesParameters((0, 3, 9)).check(PATH, MEASUREMENT)
+    for frames in ((3, 3), (5, 2)):
+        with pytest.raises(ValueError, match=r"pictures\.frames"):
+            PicturesParameters(frames).check(PATH, MEASUREMENT)
+    with pytest.raises(ValueError, match="<= 9, the last frame, got 10"):
+        PicturesParameters((9, 10)).check(PATH, MEASUREMENT)
+    PicturesParameters((9, 10)).check(PATH, SimpleNamespace(kind="file"))
 
 
 def test_the_times_along_a_path_are_inside_its_axes(run):
@@ -255,3 +255,6 @@ def test_the_times_along_a_path_are_inside_its_axes(run):
         box = text.get_window_extent()
         assert axes.x0 <= box.x0 and box.x1 <= axes.x1, text.get_text()
         assert axes.y0 <= box.y0 and box.y1 <= axes.y1, text.get_text()
+
+
+PATH, MEASUREMENT = SimpleNamespace(duration=1.0, sample_time=0.1), SimpleNamespace(kind="lidar")

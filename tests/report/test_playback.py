@@ -11,17 +11,19 @@ from itertools import pairwise
 import cv2
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from playback_runs import SCANS, composed_grid, make_run, with_objects, with_several_tracks
 from report_nouns import make_camera_nouns, make_rig
 from scipy.stats import chi2
 
+from stixel_cli.config.compose import compose
 from stixel_cli.geometry.pose import rotation
 from stixel_cli.pictures import style
 from stixel_cli.pictures.camera import WIDEST, camera_frames
 from stixel_cli.pictures.uncertainty import normalised_chi_square_bounds
 from stixel_cli.report import playback
 from stixel_cli.report.metrics import json_in_html, number
-from stixel_cli.report.playback import playback_data, playback_html
+from stixel_cli.report.playback import noise_of, playback_data, playback_html
 
 
 def data_of(page):
@@ -93,7 +95,7 @@ def test_non_finite_values_are_null_and_diverged_estimates_are_omitted():
     assert set(played["errors"]["centre_error"]) == {None}
 
 
-def test_names_are_escaped_in_the_page():
+def test_names_are_escaped_and_the_page_is_repeatable_and_makes_no_request():
     name = "</script><script>alert('⟦data⟧')</script>\u2028&amp;<!--"
     page = playback_html([replace(make_run(), label=name)], name, [name])
     parser = HTMLParser()
@@ -104,9 +106,6 @@ def test_names_are_escaped_in_the_page():
     data = data_of(page)
     assert data["title"] == data["notes"][0] == data["runs"][0]["label"] == name
     assert json_in_html("<\u2028>&") == '"\\u003c\\u2028\\u003e\\u0026"'
-
-
-def test_page_is_repeatable_and_makes_no_request():
     page = playback_html([make_run()], "a run")
     assert page == playback_html([make_run()], "a run")
     assert not re.search(r"https?://(?!www\.w3\.org/2000/svg)", page)
@@ -141,16 +140,14 @@ def test_several_tracks_are_on_the_page_with_the_labels_and_without_a_track_of_t
     short, whole = played["tracks"]
     assert (short["first"], whole["first"]) == (3, 0)
     contours = make_run().track.contours_world[3:6]
-    np.testing.assert_allclose(
-        1e-3 * np.reshape(short["contours"], contours.shape), contours, atol=1e-3
-    )
+    assert_allclose(1e-3 * np.reshape(short["contours"], contours.shape), contours, atol=1e-3)
     # Its points are numbered in its scans.
     assert short["used"] == whole["used"][3:6]
     assert (short["classes"], whole["classes"]) == ({}, {"car": 0.995, "cyclist": 0.005})
     (label,) = data["truths"]
     box = make_run().scenario.boxes_world[4]
     assert label["name"] == "7"
-    np.testing.assert_allclose(1e-3 * np.reshape(label["boxes"][4], (4, 2)), box, atol=1e-3)
+    assert_allclose(1e-3 * np.reshape(label["boxes"][4], (4, 2)), box, atol=1e-3)
 
 
 def test_long_run_shows_every_nth_image(monkeypatch):
@@ -220,3 +217,41 @@ def test_page_uses_the_colours_of_the_figures():
     depths = np.geomspace(style.DEPTH_TICKS[0], style.DEPTH_TICKS[-1], len(hexes))
     expected = np.rint(255 * style.depth_colours(depths)).astype(int)
     assert [f"{r:02x}{g:02x}{b:02x}" for r, g, b in expected] == hexes
+
+
+@pytest.fixture
+def noise():
+    def of(*overrides):
+        return noise_of(replace(make_run(), composition=compose(overrides)))
+
+    return of
+
+
+def test_an_isotropic_noise_is_one_number_and_the_scan_s_own_is_not_stored_again(noise):
+    assert noise("tracker.measurement_std=0.4")["std"] == 400
+    for kind in ("point", "box"):
+        assert noise(f"tracker={kind}", "tracker.measurement_std=0.25")["std"] == 250
+    found = noise("tracker.measurement_covariance=points")
+    assert found["std"] is found["ellipses"] is None
+
+
+def test_added_and_stretched_noise_have_own_ellipses(noise, monkeypatch):
+    run = make_run()
+    used = run.track.used_points[slice(*run.track.used_offsets[2:4])]
+    covariances = run.scans.covariances_world[used]
+    of_each = [
+        noise(f"tracker={kind}", "tracker.measurement_std=0.3")["ellipses"][2]
+        for kind in ("pyrecest", "rectangle")
+    ]
+    assert of_each[0] == of_each[1]
+    added = np.reshape(of_each[0], (-1, 3))
+    with monkeypatch.context() as patch:
+        patch.setattr(playback, "MOST_OF_NOISE", 10)
+        many = noise("tracker=pyrecest")
+    assert many["ellipses"] is None and many["text"].endswith("too many points to show it")
+    traces = (added[:, :2] ** 2).sum(axis=1) / 1e6
+    assert traces == pytest.approx(np.trace(covariances, axis1=1, axis2=2) + 0.18, rel=0.01)
+    stretched = noise("tracker=contour", "tracker.noise_factor=3.0")
+    major = np.reshape(stretched["ellipses"][2], (-1, 3))[:, 0] / 1e3
+    # The made scans have their noise along the ray.
+    assert major == pytest.approx(3.0 * np.sqrt(np.linalg.eigvalsh(covariances)[:, 1]), rel=0.05)

@@ -94,26 +94,6 @@ def test_camera_shows_image_and_stixels_of_the_frame(one):
         assert page.locator("#footprints").is_visible() == (view != "occupancy grid")
 
 
-def test_the_footprints_are_projected_onto_the_road(one):
-    """By the rig's own transform, of the true and of the estimated contour."""
-    page, run = one.page, make_run()
-    rig = run.composition.configuration.rig
-    for k in (0, 7):
-        to(page, k)
-        for name, contour in (
-            ("foot-truth", run.scenario.contour_world(k)),
-            ("foot-0", run.track.contours_world[k]),
-        ):
-            world = np.column_stack([contour, np.zeros(len(contour)), np.ones(len(contour))])
-            pose = run.scenario.ego_poses_world[k]
-            x, y, z = np.linalg.solve(rig.world_from_camera(pose), world.T)[:3]
-            expected = np.stack([rig.u0 + rig.focal * x / z, rig.v0 + rig.focal_v * y / z], axis=1)
-            text = page.locator(f"#{name}").get_attribute("d")
-            found = np.array(re.findall(r"[ML](\S+) ([^MLZ]+)", text), dtype=float)
-            assert np.allclose(found, expected, atol=0.5), (k, name)
-    assert page.locator("#footprints").is_visible()
-
-
 def test_the_stixels_of_the_target_are_outlined_and_the_rest_dimmed(open_page, tmp_path):
     run = make_run()
     rig, chunk = run.composition.configuration.rig, run.camera[0]
@@ -154,7 +134,7 @@ def test_the_stixels_of_the_target_are_outlined_and_the_rest_dimmed(open_page, t
     assert "scale" not in lens.get_attribute("style")
 
 
-def test_used_points_have_the_noise_of_the_tracker(one):
+def test_used_points_have_the_trackers_noise_and_footprints_are_on_the_road(one):
     page, run = one.page, make_run()
     to(page, 3)
     std = run.composition.configuration.tracker.measurement_std
@@ -165,22 +145,24 @@ def test_used_points_have_the_noise_of_the_tracker(one):
     unused = page.locator("#ellipses-unused").get_attribute("d")
     assert np.array(re.findall(r"A(\S+) ", unused), dtype=float) == pytest.approx(0.2)
     assert f"with R = ({std:.3g} m)²" in page.locator("#scan-caption").inner_text()
+    rig = run.composition.configuration.rig
+    for k in (0, 7):
+        to(page, k)
+        for name, contour in (
+            ("foot-truth", run.scenario.contour_world(k)),
+            ("foot-0", run.track.contours_world[k]),
+        ):
+            world = np.column_stack([contour, np.zeros(len(contour)), np.ones(len(contour))])
+            pose = run.scenario.ego_poses_world[k]
+            x, y, z = np.linalg.solve(rig.world_from_camera(pose), world.T)[:3]
+            expected = np.stack([rig.u0 + rig.focal * x / z, rig.v0 + rig.focal_v * y / z], axis=1)
+            text = page.locator(f"#{name}").get_attribute("d")
+            found = np.array(re.findall(r"[ML](\S+) ([^MLZ]+)", text), dtype=float)
+            assert np.allclose(found, expected, atol=0.5), (k, name)
+    assert page.locator("#footprints").is_visible()
 
 
-def test_cursor_of_the_error_charts_can_be_dragged(one):
-    page = one.page
-    box = page.locator(".plot").first.bounding_box()
-    middle = box["y"] + box["height"] / 2
-    page.mouse.move(box["x"] + 40, middle)
-    page.mouse.down()
-    page.mouse.move(box["x"] + box["width"] / 2, middle, steps=3)
-    assert 3 < frame(page) < LAST - 2
-    page.mouse.move(box["x"] + box["width"], middle, steps=2)
-    page.mouse.up()
-    assert frame(page) == LAST
-
-
-def test_a_chart_shows_the_values_under_the_pointer_and_jumps_there(one):
+def test_charts_show_the_values_under_the_pointer_and_follow_it_and_the_image_may_be_wide(one):
     page = one.page
     before, plot = frame(page), page.locator(".plot").first
     box = plot.bounding_box()
@@ -194,10 +176,15 @@ def test_a_chart_shows_the_values_under_the_pointer_and_jumps_there(one):
     assert hovered.endswith(f"s: {value.inner_text()}")
     page.mouse.move(0, 0)
     assert plot.locator(".hovered").count() == 0
-
-
-def test_the_image_takes_the_whole_width(one):
-    page = one.page
+    box = page.locator(".plot").first.bounding_box()
+    middle = box["y"] + box["height"] / 2
+    page.mouse.move(box["x"] + 40, middle)
+    page.mouse.down()
+    page.mouse.move(box["x"] + box["width"] / 2, middle, steps=3)
+    assert 3 < frame(page) < LAST - 2
+    page.mouse.move(box["x"] + box["width"], middle, steps=2)
+    page.mouse.up()
+    assert frame(page) == LAST
     width = page.locator("#camera").bounding_box()["width"]
     page.get_by_role("button", name="Wide").click()
     assert page.locator("#camera").bounding_box()["width"] > 1.5 * width
@@ -300,14 +287,11 @@ def test_space_plays_after_a_click_on_a_button(one):
     assert page.get_by_role("button", name="Play", exact=True).is_visible()
 
 
-def test_page_reports_a_run_without_images(open_page, pages):
+def test_page_reports_a_run_without_images_and_outlines_objects(open_page, pages):
     opened = open_page(pages / "blind.html")
     said = opened.page.locator("#no-camera")
     assert said.inner_text() == 'No camera image: the measurement "fabricated" uses no camera.'
     assert not opened.page.locator("#image").is_visible()
-
-
-def test_objects_of_a_recording_are_outlined(open_page, pages):
     opened = open_page(pages / "objects.html")
     outlines = opened.page.locator("#object-outlines")
     assert outlines.get_attribute("d") == "M3.5 9.5H19.5V30.5H3.5Z"

@@ -4,14 +4,18 @@ import numpy as np
 import pytest
 import scene_presets
 import shapely
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.ndimage import binary_fill_holes
 
+from stixel_cli.config.compose import compose
+from stixel_cli.measurements.fabricated import fabricate_scans
 from stixel_cli.scene.contours import outline
-from stixel_cli.scene.ego import ego_motion
+from stixel_cli.scene.ego import Parked, Straight, Turning, ego_motion, ego_poses
 from stixel_cli.scene.mesh import Part, corners
-from stixel_cli.scene.path import build_scenario
+from stixel_cli.scene.path import build_scenario, path_poses
 from stixel_cli.scene.road_user import road_user_meshes
-from stixel_cli.scene.scenario import is_star_convex
+from stixel_cli.scene.scenario import Scenario, is_star_convex
 from stixel_cli.scene.shapes import box, part
 
 
@@ -87,7 +91,7 @@ def test_contour_equals_the_silhouette_from_above(meshes, kind, step, least_area
 
 
 @pytest.mark.parametrize("kind", scene_presets.ROAD_USERS)
-def test_contour_is_one_simple_polygon_with_few_points(meshes, kind):
+def test_contour_is_one_simple_polygon_and_star_convex_where_all_of_it_is_seen(meshes, kind):
     contour = outline(corners(meshes[kind]))
     polygon = shapely.Polygon(contour)
     assert polygon.is_valid and polygon.exterior.is_ccw
@@ -98,6 +102,10 @@ def test_contour_is_one_simple_polygon_with_few_points(meshes, kind):
         np.tile(np.abs(corners(meshes[kind])[:, :, :2]).max(axis=(0, 1)), (2, 1)),
         atol=1.1e-3,
     )
+    shape = shapely.Polygon(contour).buffer(1e-9)
+    middles = 0.5 * (contour + np.roll(contour, -1, axis=0))
+    seen = all(shape.covers(shapely.LineString([(0, 0), point])) for point in [*contour, *middles])
+    assert is_star_convex(contour) == seen
 
 
 @pytest.mark.parametrize(("kind", "share"), [("car", 0.98), ("cyclist", 0.8), ("pedestrian", 0.8)])
@@ -114,7 +122,7 @@ def test_contour_includes_the_mirrors(meshes):
     assert outermost.bounds[2] - outermost.bounds[0] < 0.2
 
 
-def test_contour_fills_holes_and_joins_separate_parts():
+def test_contour_fills_holes_joins_parts_and_needs_an_area():
     frame = [((-1, -1, 0), (1, -0.8, 1)), ((-1, 0.8, 0), (1, 1, 1)),
              ((-1, -1, 0), (-0.8, 1, 1)), ((0.8, -1, 0), (1, 1, 1))]  # fmt: skip
     assert shapely.Polygon(outline(corners(boxes(*frame)))).area == pytest.approx(4.0)
@@ -122,9 +130,6 @@ def test_contour_fills_holes_and_joins_separate_parts():
     polygon = shapely.Polygon(outline(corners(apart)))
     assert polygon.is_valid
     assert polygon.area == pytest.approx(2.0, abs=0.03)
-
-
-def test_contour_rejects_a_mesh_without_ground_projection():
     upright = np.array([[0.0, 0, 0], [1, 0, 0], [1, 0, 1]])
     wall = Part(upright, np.array([[0, 1, 2]], np.int32), np.zeros((1, 3, 2)), GREY, "wall")
     with pytest.raises(ValueError, match="no area"):
@@ -141,10 +146,53 @@ def test_star_convexity_of_known_shapes():
     assert not is_star_convex(hooked)
 
 
+@pytest.mark.parametrize("name", scene_presets.EGOS)
+def test_world_frame_equals_the_first_ego_frame(name):
+    motion = ego_motion(scene_presets.ego(name), 10.0, 0.1)
+    assert motion.times.shape == (100,) and motion.poses_world.shape == (100, 3)
+    np.testing.assert_array_equal(motion.poses_world[0], [0.0, 0.0, np.pi / 2])
+    np.testing.assert_allclose(motion.times, 0.1 * np.arange(100))
+
+
+def test_parked_ego_stays_and_straight_ego_moves_forward():
+    assert (ego_motion(Parked("parked"), 2.0, 0.5).poses_world == [0.0, 0.0, np.pi / 2]).all()
+    poses = ego_motion(Straight("straight", 3.0), 2.0, 0.5).poses_world
+    np.testing.assert_allclose(poses, [[0, 1.5 * k, np.pi / 2] for k in range(4)], atol=1e-12)
+
+
+@given(st.floats(0, 30), st.floats(-90, 90), st.floats(0.1, 20))
+def test_ego_moves_along_its_heading(speed, yaw_rate, time):
+    ego, step = Turning("turning", speed, yaw_rate), 1e-5
+    before, here, after = ego_poses(ego, np.array([time - step, time, time + step]))
+    rates = (after - before) / (2 * step)
+    expected = [speed * np.cos(here[2]), speed * np.sin(here[2]), np.radians(yaw_rate)]
+    np.testing.assert_allclose(rates, expected, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("duration", "sample_time", "count"),
+    [(10.0, 0.1, 100), (0.3, 0.1, 3), (0.04, 0.1, 1), (1.0, 10.0, 1), (1.26, 0.1, 13)],
+)
+def test_number_of_scans_is_duration_over_sample_time(duration, sample_time, count):
+    motion = ego_motion(Parked("parked"), duration, sample_time)
+    assert len(motion.times) == len(motion.poses_world) == count
+
+
+@pytest.mark.parametrize("name", scene_presets.EGOS)
 @pytest.mark.parametrize("kind", scene_presets.ROAD_USERS)
-def test_star_convexity_of_road_users_agrees_with_visibility(meshes, kind):
-    contour = outline(corners(meshes[kind]))
-    shape = shapely.Polygon(contour).buffer(1e-9)
-    middles = 0.5 * (contour + np.roll(contour, -1, axis=0))
-    seen = all(shape.covers(shapely.LineString([(0, 0), point])) for point in [*contour, *middles])
-    assert is_star_convex(contour) == seen
+@pytest.mark.parametrize("path", ["turn", "crossing", "approach"])
+def test_no_scan_of_the_studies_is_empty(name, kind, path):
+    """The presets of the ego car keep the target in view: fabricated without noise."""
+    chosen = compose(
+        [
+            *(f"ego={name}", f"road_user={kind}", f"path={path}"),
+            *("measurement=fabricated", "measurement.noise.disparity_std=0"),
+        ]
+    ).configuration
+    motion = ego_motion(chosen.ego, chosen.path.duration, chosen.path.sample_time)
+    poses, rates = path_poses(chosen.path, motion.times)
+    half = 0.5 * np.array([chosen.prior.length, chosen.prior.width])
+    box = half * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
+    scenario = Scenario(motion.times, motion.poses_world, poses, rates, box[None])
+    scans = fabricate_scans(scenario, chosen.rig, chosen.measurement, seed=0)
+    assert np.diff(scans.offsets).min() > 0

@@ -37,15 +37,6 @@ def wedge(header="", uvs="", corner="{0}"):
     return WEDGE.format(header=header, uvs=uvs, **texts)
 
 
-def test_user_mesh_is_placed_on_the_ground_and_keeps_its_size(tmp_path):
-    path = tmp_path / "wedge.obj"
-    path.write_text(wedge())
-    mesh = road_user_meshes(RoadUser("car", 4.5, 1.8, 1.5, 0.6, None, str(path), 1.0, "x"))[0]
-    np.testing.assert_allclose(bounding_box(mesh), [[-1, -0.5, 0], [1, 0.5, 1]], atol=1e-9)
-    contour = outline(corners(mesh))
-    assert {tuple(point) for point in np.round(contour, 3)} == {(-1, -0.5), (1, -0.5), (-1, 0.5)}
-
-
 def test_user_mesh_keeps_its_texture_upright(tmp_path):
     import cv2
 

@@ -7,11 +7,13 @@ from constants import with_constants
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad
+from scipy.interpolate import PchipInterpolator
 
 from stixel_cli.geometry.pose import world_from_target
 from stixel_cli.scene.ego import Parked, ego_motion
 from stixel_cli.scene.parameters import Waypoints
 from stixel_cli.scene.path import driven, path_poses, waypoint_spline
+from stixel_cli.scene.shapes import monotone
 
 S_CURVE = scene_presets.path("s_curve", "car")
 EVERY = [(kind, path) for kind in scene_presets.ROAD_USERS for path in scene_presets.PATHS]
@@ -24,8 +26,16 @@ def preset_run(kind, name):
 
 
 @pytest.mark.parametrize(("kind", "name"), EVERY)
-def test_rates_equal_the_derivatives_of_the_poses(kind, name):
-    path, times, _, rates = preset_run(kind, name)
+def test_headings_are_tangential_and_rates_are_the_derivatives_of_the_poses(kind, name):
+    path, times, poses, rates = preset_run(kind, name)
+    assert np.isfinite(poses).all() and np.isfinite(rates).all()
+    speed = np.hypot(rates[:, 0], rates[:, 1])
+    assert (speed <= path.speed * (1 + 1e-9)).all()
+    if name != "stop_and_go":
+        np.testing.assert_allclose(speed, path.speed, rtol=1e-6)
+    np.testing.assert_allclose(speed * np.cos(poses[:, 2]), rates[:, 0], atol=1e-12)
+    np.testing.assert_allclose(speed * np.sin(poses[:, 2]), rates[:, 1], atol=1e-12)
+    assert np.abs(np.diff(poses[:, 2])).max() < 0.5
     step = 1e-5
     times, rates = times[1:], rates[1:]
     numeric = (path_poses(path, times + step)[0] - path_poses(path, times - step)[0]) / (2 * step)
@@ -37,22 +47,9 @@ def test_rates_equal_the_derivatives_of_the_poses(kind, name):
 
 
 @pytest.mark.parametrize(("kind", "name"), EVERY)
-def test_headings_are_tangential_continuous_and_finite(kind, name):
-    path, _, poses, rates = preset_run(kind, name)
-    assert np.isfinite(poses).all() and np.isfinite(rates).all()
-    speed = np.hypot(rates[:, 0], rates[:, 1])
-    assert (speed <= path.speed * (1 + 1e-9)).all()
-    if name != "stop_and_go":
-        np.testing.assert_allclose(speed, path.speed, rtol=1e-6)
-    np.testing.assert_allclose(speed * np.cos(poses[:, 2]), rates[:, 0], atol=1e-12)
-    np.testing.assert_allclose(speed * np.sin(poses[:, 2]), rates[:, 1], atol=1e-12)
-    assert np.abs(np.diff(poses[:, 2])).max() < 0.5
-
-
-@pytest.mark.parametrize(("kind", "name"), EVERY)
-def test_preset_paths_stay_in_view_of_the_default_rig(kind, name):
+def test_preset_paths_stay_in_view_at_realistic_speeds_and_accelerations(kind, name):
     rig = scene_presets.rig("default")
-    _, _, poses, _ = preset_run(kind, name)
+    path, _, poses, rates = preset_run(kind, name)
     x, y = poses[:, 0], poses[:, 1]
     assert (y > 0.0).all()
     assert np.hypot(x, y).min() > 6.0 and np.hypot(x, y).max() < 36.0
@@ -62,12 +59,7 @@ def test_preset_paths_stay_in_view_of_the_default_rig(kind, name):
     half = 0.5 * np.array([road_user.length, road_user.width])
     corners = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * half
     assert all(np.hypot(*world_from_target(corners, pose).T).min() > 3.0 for pose in poses)
-
-
-@pytest.mark.parametrize(("kind", "name"), EVERY)
-def test_preset_paths_have_realistic_speeds_and_accelerations(kind, name):
-    """Speeds of a town, and sideways acceleration below what is felt as violent."""
-    path, _, _, rates = preset_run(kind, name)
+    # Speeds of a town, and sideways acceleration below what is felt as violent.
     fastest = {"cyclist": 8.0, "pedestrian": 2.0}.get(kind, 14.0)
     assert 0.5 < path.speed < fastest
     sideways = np.abs(rates[:, 2]) * np.hypot(rates[:, 0], rates[:, 1])
@@ -135,7 +127,7 @@ def stop_and_go(**times):
     return with_constants(path, **times) if times else path
 
 
-def test_stop_and_go_stops_and_keeps_its_heading():
+def test_stop_and_go_stops_keeps_its_heading_and_accepts_times_of_zero():
     path = stop_and_go()
     times = np.linspace(0.0, 20.0, 2001)
     length, speed = driven(path, times)
@@ -148,9 +140,6 @@ def test_stop_and_go_stops_and_keeps_its_heading():
     poses, rates = path_poses(path, times)
     assert (poses[:, 2] == np.radians(-90.0)).all()
     assert (rates[standing] == 0.0).all()
-
-
-def test_stop_and_go_accepts_zero_drive_or_stand_time():
     path = stop_and_go(drive_time=0.0, ramp_time=1.0, stand_time=0.0)
     length, speed = driven(path, np.array([0.0, 0.5, 1.0, 1.5, 2.0]))
     np.testing.assert_allclose(speed, [4, 2, 0, 2, 4], atol=1e-12)
@@ -162,15 +151,12 @@ def waypoints(points, **changes):
     return replace(path, **changes)
 
 
-def test_spline_passes_through_the_waypoints():
+def test_spline_passes_through_the_waypoints_and_continues_straight():
     points = ((-5.0, 25.0), (-2.0, 18.0), (3.0, 14.0), (6.0, 20.0))
     poses, _ = path_poses(waypoints(points, speed=1.0), np.linspace(0.0, 30.0, 30001))
     for point in points:
         assert np.hypot(*(poses[:, :2] - point).T).min() < 1e-3
     np.testing.assert_allclose(poses[0, :2], points[0])
-
-
-def test_path_continues_straight_after_the_last_waypoint():
     points = ((-5.0, 25.0), (-2.0, 18.0), (3.0, 14.0))
     path = waypoints(points)
     poses, rates = path_poses(path, np.linspace(0.0, 20.0, 2001))
@@ -247,3 +233,18 @@ def test_path_rejects_too_many_scans(name):
     path = replace(scene_presets.path(name, "car"), duration=3600.0, sample_time=0.001)
     with pytest.raises(ValueError, match=r"path\.duration: .* more than 100000 scans"):
         path.check()
+
+
+POINTS = {
+    "rising": ([0.0, 1.0, 1.5, 4.0], [0.0, 0.1, 2.0, 2.1]),
+    "with extremes": ([-2.0, -1.0, 0.0, 0.5, 3.0, 3.1], [1.0, 3.0, 3.0, -1.0, 0.0, 0.0]),
+    "ends that are bent back": ([0.0, 1.0, 1.1, 5.0, 5.1, 9.0], [0.0, 1.0, 9.0, 8.0, 1.0, 0.9]),
+    "three": ([0.0, 1.0, 3.0], [2.0, 1.0, 1.0]),
+}
+
+
+@pytest.mark.parametrize("name", POINTS)
+def test_values_are_those_of_scipy_to_the_bit(name):
+    x, y = POINTS[name]
+    at = np.concatenate([np.linspace(x[0] - 0.3, x[-1] + 0.3, 997), x]).reshape(-1, 1)
+    assert np.array_equal(monotone((x, y), at), PchipInterpolator(x, y)(at))

@@ -1,9 +1,13 @@
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
+from constants import with_constants
 from hypothesis import given
 from hypothesis import strategies as st
+from numba import njit
+from numpy.testing import assert_allclose
 from projection import project
 
 from stixel_cli.scene.scenario import EgoMotion
@@ -24,6 +28,15 @@ from stixel_cli.stixels.grouping import (
     group_columns,
     histogram_peak,
 )
+from stixel_cli.stixels.height import (
+    Frame,
+    _power_of_two,
+    cheapest_tops,
+    depth_windows,
+    membership_costs,
+    top_rows,
+)
+from stixel_cli.stixels.refinement import TOLERANCE, aligned
 from stixel_cli.stixels.road import base_rows, road_line
 from stixel_cli.stixels.types import SAME_OBJECT
 
@@ -64,21 +77,19 @@ def test_boxes_give_stixels(pipeline, rig, render, as_disparities, pitch):
         edges = columns_of(rig, box)
         inside = np.flatnonzero((stixels.left >= edges[0]) & (stixels.right - 1 <= edges[1]))
         assert len(inside) >= 4
-        np.testing.assert_allclose(stixels.depth[inside], distance, rtol=0.005)
-        np.testing.assert_allclose(stixels.points_ego[inside, 1], distance, rtol=0.005)
+        assert_allclose(stixels.depth[inside], distance, rtol=0.005)
+        assert_allclose(stixels.points_ego[inside, 1], distance, rtol=0.005)
         ends = np.array(
             [[at, rig.camera_height - tall, distance], [at, rig.camera_height, distance]]
         )
         top, base = project(rig, ends @ rig.level_from_camera)[:, 1]
         assert np.all(np.abs(stixels.top[inside] - top) <= 1)
         assert np.all(np.abs(stixels.base[inside] - base) <= 1)
-        np.testing.assert_allclose(stixels.height[inside], tall, atol=0.06)
+        assert_allclose(stixels.height[inside], tall, atol=0.06)
         assert np.all(np.abs(stixels.points_ego[inside, 0] - at) < 1.0)
-        np.testing.assert_allclose(
-            np.diff(stixels.points_ego[inside, 0]), 5 * distance / 300, rtol=0.02
-        )
+        assert_allclose(np.diff(stixels.points_ego[inside, 0]), 5 * distance / 300, rtol=0.02)
     wall = stixels.left > columns_of(rig, BOXES[1])[1] + 5
-    np.testing.assert_allclose(stixels.depth[wall], 30.0, rtol=0.005)
+    assert_allclose(stixels.depth[wall], 30.0, rtol=0.005)
 
 
 def test_free_columns_have_no_stixel(pipeline, rig, render, as_disparities):
@@ -108,14 +119,14 @@ def test_with_many_layers_columns_have_what_is_visible_behind_the_nearest_obstac
     nearest = np.isin(np.arange(len(both.left)), first)
     behind = inside & ~nearest & (both.depth < 20.0)
     assert behind.sum() == (inside & nearest).sum() >= 4
-    np.testing.assert_allclose(both.depth[behind], tall[1], rtol=0.005)
-    np.testing.assert_allclose(both.height[behind], tall[3], atol=0.1)
-    np.testing.assert_allclose(both.depth[inside & nearest], low[1], rtol=0.005)
+    assert_allclose(both.depth[behind], tall[1], rtol=0.005)
+    assert_allclose(both.height[behind], tall[3], atol=0.1)
+    assert_allclose(both.depth[inside & nearest], low[1], rtol=0.005)
     # What is seen of it ends at the low box's upper edge, and beside it is the wall.
     edge = both.top[inside & nearest].min()
     assert np.all(np.abs(both.base[behind] - edge) <= 2)
     beside = ~inside & ~nearest & (np.abs(both.points_ego[:, 0]) < 3.0)
-    np.testing.assert_allclose(both.depth[beside & (both.depth > 20)], 40.0, rtol=0.01)
+    assert_allclose(both.depth[beside & (both.depth > 20)], 40.0, rtol=0.01)
 
 
 def test_a_surface_less_than_the_depth_margin_behind_is_no_layer_and_road_is_none(
@@ -143,16 +154,16 @@ def test_covariances_follow_from_disparity_variance_surroundings_and_width(
     # Stixels at the edge of an object add `edge_std`, here as large as `least_std`.
     edge = stixels.disparity_variance > 1.5 * 0.1**2
     assert np.array_equal(edge, count < 3) and edge.any() and not edge.all()
-    np.testing.assert_allclose(stixels.disparity_variance, np.where(edge, 2, 1) * 0.1**2)
+    assert_allclose(stixels.disparity_variance, np.where(edge, 2, 1) * 0.1**2)
     sigma = stixels.depth**2 * np.sqrt(stixels.disparity_variance) / (rig.focal * rig.baseline)
     sigma = np.sqrt(sigma**2 + 0.05**2 + scatter)
-    np.testing.assert_allclose(stixels.covariances_ego[:, 1, 1], sigma**2, rtol=1e-9)
+    assert_allclose(stixels.covariances_ego[:, 1, 1], sigma**2, rtol=1e-9)
     bearing = stixels.points_ego[:, 0] / stixels.points_ego[:, 1]
     width = stixels.depth * (stixels.right - stixels.left) / rig.focal
-    np.testing.assert_allclose(
+    assert_allclose(
         stixels.covariances_ego[:, 0, 0], (sigma * bearing) ** 2 + width**2 / 12, rtol=1e-6
     )
-    np.testing.assert_allclose(stixels.covariances_ego[:, 0, 1], sigma**2 * bearing, rtol=1e-6)
+    assert_allclose(stixels.covariances_ego[:, 0, 1], sigma**2 * bearing, rtol=1e-6)
 
 
 @pytest.mark.parametrize("pitch", [0.0, 3.0])
@@ -168,7 +179,7 @@ def test_points_are_in_the_middle_of_their_columns(pipeline, rig, render, as_dis
     middles = [np.mean(range(a, b)) for a, b in zip(stixels.left, stixels.right, strict=True)]
     assert len(middles) > 50
     columns = rig.u0 + rig.focal * points[:, 0] / depth_camera
-    np.testing.assert_allclose(columns, middles, atol=1e-6 if pitch == 0.0 else 0.3)
+    assert_allclose(columns, middles, atol=1e-6 if pitch == 0.0 else 0.3)
 
 
 def test_surroundings_match_a_brute_force_search():
@@ -299,7 +310,7 @@ def test_groups_match_a_brute_force_search(seed, stixel_width, width):
     areas, values = group_columns(columns, SCALE, 32, layer, grouping)
     expected = brute_groups(columns, layer, grouping)
     assert areas.tolist() == [list(area) for area, _ in expected]
-    np.testing.assert_allclose(values, np.reshape([v for _, v in expected], (-1, 2)), rtol=1e-6)
+    assert_allclose(values, np.reshape([v for _, v in expected], (-1, 2)), rtol=1e-6)
 
 
 @pytest.mark.parametrize(("pitch", "vertical_fov"), [(0.0, None), (3.0, None), (0.0, 60.0)])
@@ -330,19 +341,7 @@ def test_blended_foot_does_not_move_the_stixel(pipeline, rig, render, as_dispari
     blended[base - rows + 1 : base + 1, left:right] -= np.rint(fall)[:, None].astype(np.int16)
     sharp, soft = (pipeline(as_disparities(image), rig) for image in (raw, blended))
     assert np.array_equal(sharp.left, soft.left)
-    np.testing.assert_allclose(soft.depth, sharp.depth, rtol=1e-3)
-
-
-def stepped(rows_near, rows_far, near=20.0, far=18.0, width=5):
-    """Columns (W, H) of a bonnet below a cabin, and the layer of both."""
-    columns = np.full((width, 60), -1, dtype=np.int16)
-    columns[:, 50 - rows_near : 50] = round(16 * near)
-    columns[:, 50 - rows_near - rows_far : 50 - rows_near] = round(16 * far)
-    tops = np.full(width, 50 - rows_near - rows_far, dtype=np.int32)
-    base = np.full(width, 49, dtype=np.int32)
-    window = np.full(width, 4.0, dtype=np.float32)
-    obstacle = np.full(width, near, dtype=np.float32)
-    return columns, Layer(obstacle, window, tops, tops, base, base)
+    assert_allclose(soft.depth, sharp.depth, rtol=1e-3)
 
 
 def test_hidden_rows_raise_the_tops(pipeline, rig, render, as_disparities, height):
@@ -353,4 +352,176 @@ def test_hidden_rows_raise_the_tops(pipeline, rig, render, as_disparities, heigh
     assert np.array_equal(high.depth, low.depth) and np.array_equal(high.base, low.base)
     # Two rows at that depth; the camera looks along the road.
     rise = (low.top - high.top) * low.depth / rig.focal
-    np.testing.assert_allclose(high.height - low.height, rise, rtol=1e-6)
+    assert_allclose(high.height - low.height, rise, rtol=1e-6)
+
+
+@njit
+def powers(exponents):
+    values = np.empty_like(exponents)
+    for i in range(len(exponents)):
+        values[i] = _power_of_two(exponents[i])
+    return values
+
+
+def test_powers_approximate_exp2():
+    y = np.linspace(-16, 1, 5000, dtype=np.float32)
+    assert_allclose(powers(y), np.exp2(y), atol=3e-6)
+
+
+def test_depth_windows_end_behind_the_obstacle(rig):
+    obstacle = np.array([20.0, np.nan, 5.0], dtype=np.float32)
+    focal_baseline = rig.focal * rig.baseline
+    depth = focal_baseline / obstacle
+    assert_allclose(
+        depth_windows(obstacle, rig, 2.0), obstacle - focal_baseline / (depth + 2.0), rtol=1e-5
+    )
+
+
+def test_height_costs_follow_from_the_membership():
+    """C(u, v) = Σ_{i < v} M - Σ_{v <= i <= base} M, in plain sums."""
+    rng = np.random.default_rng(0)
+    columns = rng.integers(-1, 320, (6, 25)).astype(np.int16)
+    columns[:, ::7] = -1
+    obstacle = rng.uniform(5, 15, 6).astype(np.float32)
+    window = rng.uniform(0.5, 4, 6).astype(np.float32)
+    base = np.array([24, 3, -1, 10, 0, 17], dtype=np.int32)
+    scale = rng.uniform(0.06, 0.065, 25).astype(np.float32)
+    costs = membership_costs(columns, obstacle, window, base, scale)
+    for u in range(6):
+        member = np.exp2(1 - ((columns[u] * scale - obstacle[u]) / window[u]) ** 2) - 1
+        member[columns[u] < 0] = 0
+        for v in range(base[u] + 1):
+            expected = member[:v].sum() - member[v : base[u] + 1].sum()
+            assert costs[u, v] == pytest.approx(expected, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("beyond", "smoothness", "top"),
+    [(0.0, 3.0, 60), (0.0, 0.9, 50), (0.0, 1.1, 60), (3.0, 3.0, 60), (3.6, 3.0, 50)],
+)
+def test_smoothness_depends_on_the_depth_difference_of_neighbours(
+    rig, height, beyond, smoothness, top
+):
+    """Ten more rows of one column gain 20 and cost 10 C_s (1 - |z_u - z_v| / 5 m) on each side."""
+    depth = np.full(rig.width, 10.0 + beyond)
+    depth[100] = 10.0
+    obstacle = (rig.focal * rig.baseline / depth).astype(np.float32)
+    base = np.full(rig.width, 120, dtype=np.int32)
+    columns = np.full((rig.width, rig.height), 16 * 4, dtype=np.int16)
+    columns[:, 60:121] = np.rint(16.0 * obstacle)[:, None]
+    columns[100, 50:60] = columns[100, 60]
+    line = road_line(0.0, rig.camera_height, rig)
+    changed = with_constants(height, smoothness=smoothness)
+    tops = top_rows(Frame(columns, 64, obstacle, base, line, rig), changed)
+    assert tops[100] == top
+    assert np.all(np.delete(tops, 100) == 60)
+
+
+def total_cost(tops, cost, tied):
+    kept = sum(cost[u, v] for u, v in enumerate(tops) if v >= 0)
+    steps = [
+        tied[u] * abs(int(tops[u]) - int(tops[u + 1]))
+        for u in range(len(tops) - 1)
+        if tops[u] >= 0 and tops[u + 1] >= 0
+    ]
+    return float(kept) + float(sum(steps))
+
+
+def least_cost(cost, base, tied):
+    """Dynamic programming in O(W H²), chain after chain."""
+    total, done = None, 0.0
+    for u in range(len(cost)):
+        if base[u] < 0:
+            done, total = done + (total.min() if total is not None else 0.0), None
+            continue
+        now = cost[u, : base[u] + 1].astype(np.float64)
+        if total is not None:
+            away = np.abs(np.arange(len(now))[:, None] - np.arange(len(total))[None])
+            now = now + (tied[u - 1] * away + total).min(axis=1)
+        total = now
+    return done + (total.min() if total is not None else 0.0)
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(1, 25), st.integers(1, 30))
+def test_tops_have_the_least_cost(seed, width, rows):
+    rng = np.random.default_rng(seed)
+    cost = rng.normal(0, 5, (width, rows)).astype(np.float32)
+    base = rng.integers(-1, rows, width).astype(np.int32)
+    tied = (rng.random(max(width - 1, 0)) * rng.integers(0, 3, max(width - 1, 0))).astype(
+        np.float32
+    )
+    tops = cheapest_tops(cost.copy(), base, tied)
+    assert np.array_equal(tops >= 0, base >= 0)
+    assert np.all(tops <= base)
+    assert total_cost(tops, cost, tied) == pytest.approx(least_cost(cost, base, tied), abs=1e-3)
+
+
+HEIGHT, WIDTH = 60, 80
+AREA = np.array([[40, 43, 10, 49]])
+
+
+def shifted(disparity, seed=0, noise=0.0):
+    """Left and right images (H, W) uint8 of a smooth texture `disparity` px away."""
+    random = np.random.default_rng(seed)
+    texture = cv2.GaussianBlur(random.uniform(0, 255, (HEIGHT, 4 * WIDTH)), (0, 0), 7.0)
+    texture = 128 + 10.0 * (texture - texture.mean())
+    u, v = np.meshgrid(np.arange(WIDTH), np.arange(HEIGHT))
+    images = []
+    for offset in (0.0, disparity):
+        at = (4.0 * (u + offset) - 200.0 + 240.0).astype(np.float32) % (4 * WIDTH - 8)
+        image = cv2.remap(texture.astype(np.float32), at, v.astype(np.float32), cv2.INTER_CUBIC)
+        image = image + noise * random.normal(size=image.shape)
+        images.append(np.clip(np.rint(image), 0, 255).astype(np.uint8))
+    return images
+
+
+def align(left, right, start, scale=None, columns=None, error=0.0):
+    scale = np.full(HEIGHT, 1 / 16, dtype=np.float32) if scale is None else scale
+    if columns is None:
+        columns = np.rint(start / scale).astype(np.int16)[None, :].repeat(WIDTH, axis=0)
+    return aligned(left, right, columns, AREA, np.array([start]), scale, np.full(WIDTH, error))[0]
+
+
+@pytest.mark.parametrize("fraction", [0.0, 0.13, 0.3, 0.5, 0.77])
+def test_alignment_finds_the_shift_of_the_images(fraction):
+    true = 7.0 + fraction
+    left, right = shifted(true)
+    for away in (-0.2, -0.1, 0.0, 0.15):
+        assert align(left, right, true + away) == pytest.approx(true, abs=0.02)
+
+
+def test_pitch_and_the_errors_of_the_rig_are_in_the_disparity_as_they_should():
+    left, right = shifted(7.3)
+    scale = np.full(HEIGHT, 1.25 / 16, dtype=np.float32)
+    assert align(left, right, 7.2 * 1.25, scale) == pytest.approx(7.3 * 1.25, abs=0.03)
+    left, right = shifted(7.5)
+    assert align(left, right, 6.9, error=0.5) == pytest.approx(
+        align(left, right, 7.4) - 0.5, abs=0.02
+    )
+
+
+def test_what_is_behind_the_face_does_not_count():
+    """The stixel's own columns show a face; those next to it what is 0.6 px behind."""
+    for seed in range(3):
+        (left, right), (_, behind) = shifted(7.4, seed), shifted(6.8, seed)
+        right[:, 36:], right[:, :31] = behind[:, 36:], behind[:, :31]
+        columns = np.full((WIDTH, HEIGHT), round(16 * 6.8), dtype=np.int16)
+        columns[40:43] = round(16 * 7.4)
+        assert align(left, right, 7.35, columns=columns) == pytest.approx(7.4, abs=0.06)
+
+
+def test_disparity_stays_where_the_images_say_nothing_better():
+    left, right = shifted(7.3)
+    # No texture; no row with the disparity; and a shift that is too far away to be reached.
+    flat = np.full_like(left, 90)
+    assert align(flat, flat, 7.2) == 7.2
+    none = np.full((WIDTH, HEIGHT), -1, dtype=np.int16)
+    assert align(left, right, 7.2, columns=none) == 7.2
+    assert abs(align(left, right, 8.3) - 8.3) <= TOLERANCE
+    # At the image's border there is nothing to align with.
+    left_most = np.array([[0, 3, 10, 49]])
+    scale = np.full(HEIGHT, 1 / 16, dtype=np.float32)
+    columns = np.full((WIDTH, HEIGHT), 115, dtype=np.int16)
+    assert (
+        aligned(left, right, columns, left_most, np.array([7.2]), scale, np.zeros(WIDTH))[0] == 7.2
+    )

@@ -1,6 +1,8 @@
-"""What the studies' own modules compute, of small inputs made by hand."""
+"""What the studies' own modules compute, of small inputs and labels made by hand."""
 
+import sys
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,11 +11,21 @@ import pytest
 
 from stixel_cli.answers.runs import Runs
 from stixel_cli.config.compose import compose
+from stixel_cli.errors import MissingData
 from stixel_cli.geometry.rig import Rig
+from stixel_cli.measurements.fabricated import fabricate_scans
 from stixel_cli.measurements.scans import Scans
+from stixel_cli.scene.ego import ego_motion
+from stixel_cli.scene.path import build_scenario
 from stixel_cli.studies import motions, robustness, rq1, rq3
-from stixel_cli.studies.report import StudyData
+from stixel_cli.studies.file import read_study
+from stixel_cli.studies.report import StudyData, data_folder
+from stixel_cli.studies.wrong_poses import wrong_poses
+from stixel_cli.sweeps.design import find_file
 from stixel_cli.validation.point_errors import PointErrors
+
+sys.path.append(str(Path(__file__).parents[1] / "recordings"))
+from made_argoverse import TARGET, make_motion
 
 
 def frame(**columns):
@@ -206,3 +218,190 @@ def test_few_tracks_of_each_class_are_spread_evenly(monkeypatch):
     tracks.append(replace(track, target=7, kind="Pedestrian"))
     monkeypatch.setattr(motions, "MOST_SIMULATED", 3)
     assert [one.target for one in motions.simulated_subset(tracks)] == [0, 2, 4, 7]
+
+
+@pytest.fixture
+def recordings(tmp_path, monkeypatch):
+    """A folder of data with tables of two targets of a lidar, and of one run of a scenario."""
+    for name in ("pandaset/car-a", "pandaset/pedestrian-b", "lidarrm/default-00"):
+        (tmp_path / name).mkdir(parents=True)
+        (tmp_path / name / "scans.csv").touch()
+    monkeypatch.setenv("STIXEL_DATA", str(tmp_path))
+    return tmp_path
+
+
+def test_recordings_are_those_of_the_users_data(recordings):
+    (axes,) = robustness.pandaset()
+    assert axes["road_user"] == ["car", "pedestrian"]
+    folder = recordings / "pandaset"
+    assert axes["measurement.truth"] == [
+        str(folder / name / "truth.csv") for name in ("car-a", "pedestrian-b")
+    ]
+    assert {*axes} == {"road_user", *(f"measurement.{name}" for name in ("path", "ego", "truth"))}
+    (axes,) = robustness.lidarrm()
+    assert axes["measurement.path"] == [str(recordings / "lidarrm/default-00/scans.csv")]
+    (axes,) = robustness.clip()
+    assert axes["source.target"] == [31, 0, 1] and len(axes["source.folder"]) == 3
+
+
+def test_shapes_are_shipped_meshes_of_their_class():
+    (axes,) = robustness.shapes()
+    names = [(user, Path(mesh).stem) for user, mesh in zip(*axes.values(), strict=True)]
+    assert ("car", "trapezium") in names and ("cyclist", "cargo_bike") in names
+    assert len(robustness.held_out()[0]["road_user"]) >= 3
+    assert {Path(mesh).stem for mesh in robustness.odd()[0]["road_user.mesh"]} >= {
+        "truck",
+        "stroller",
+    }
+
+
+def test_without_data_one_line_names_the_variable(studies, recordings, monkeypatch):
+    (recordings / "lidarrm/default-00/scans.csv").unlink()
+    with pytest.raises(MissingData, match="lidarrm has no folder"):
+        robustness.lidarrm()
+    monkeypatch.delenv("STIXEL_DATA")
+    assert "STIXEL_DATA: must name a folder that has pandaset" in studies.refused("robustness_real")
+
+
+OVERRIDES = ("measurement=fabricated", "measurement/noise=constant", "path=depart", "ego=straight")
+SPEED = 5.0
+
+
+@pytest.fixture(scope="module")
+def scenario():
+    p = compose((*OVERRIDES, f"ego.speed={SPEED}", "path.duration=0.6")).configuration
+    return build_scenario(ego_motion(p.ego, 0.6, 0.1), p.road_user, p.path)
+
+
+@pytest.fixture(scope="module")
+def true(scenario):
+    p = compose(OVERRIDES).configuration
+    return fabricate_scans(scenario, p.rig, p.measurement, seed=3)
+
+
+def test_right_poses_change_nothing_but_what_is_stated(scenario, true):
+    found = wrong_poses(scenario, 3)
+    np.testing.assert_allclose(found.points_world, true.points_world, atol=1e-12)
+    np.testing.assert_allclose(found.covariances_world, true.covariances_world, atol=1e-12)
+    np.testing.assert_array_equal(found.sensor_poses_world, true.sensor_poses_world)
+    file = compose(("measurement=file", "measurement.path=scans.csv")).configuration.measurement
+    assert found.shared_errors == file.shared_errors != true.shared_errors
+
+
+def test_each_error_moves_the_points_as_it_should(scenario, true):
+    poses, rows = true.sensor_poses_world, true.rows(4)
+    offsets = true.points_world[rows] - poses[4, :2]
+    turned = wrong_poses(scenario, 3, yaw_deg=90.0)
+    moved = turned.points_world[rows] - poses[4, :2]
+    np.testing.assert_allclose(moved, offsets[:, ::-1] * [-1.0, 1.0], atol=1e-9)
+    variances = turned.covariances_world[rows, 0, 0]
+    np.testing.assert_allclose(variances, true.covariances_world[rows, 1, 1], atol=1e-12)
+    farther = wrong_poses(scenario, 3, range_m=0.25).points_world[rows] - poses[4, :2]
+    along = offsets / np.hypot(*offsets.T)[:, None]
+    np.testing.assert_allclose(farther - offsets, 0.25 * along, atol=1e-9)
+    # The ego car drives along y; the first pose has no earlier one.
+    late = wrong_poses(scenario, 3, late_s=0.1)
+    shift = late.points_world - true.points_world
+    np.testing.assert_allclose(shift[rows], [[0.0, -0.1 * SPEED]] * len(offsets), atol=1e-9)
+    np.testing.assert_allclose(shift[true.rows(0)], 0.0, atol=1e-9)
+    drifting = wrong_poses(scenario, 3, drift_m_s=0.5)
+    np.testing.assert_allclose(drifting.sensor_poses_world[4] - poses[4], [0.2, 0.0, 0.0])
+    shift = drifting.points_world[rows] - true.points_world[rows]
+    np.testing.assert_allclose(shift, [[0.2, 0.0]] * len(offsets), atol=1e-9)
+
+
+SIZES = {"Car": "1.5 1.8 4.2", "Cyclist": "1.7 0.6 1.8", "Pedestrian": "1.7 0.6 0.7"}
+
+
+def label(frame, target, kind, x, z, truncated=0, occluded=0):
+    return (
+        f"{frame} {target} {kind} {truncated} {occluded} 0 0 0 9 9 {SIZES[kind]} {x} 1.65 {z} -1.5"
+    )
+
+
+def row(*rows):
+    return " ".join(repr(value) for line in rows for value in line)
+
+
+LOG = "7fab2350-7eaf"
+
+FEW = 6
+"""Frames of the made tracks, in the place of 30."""
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory):
+    """Clips 0000 with cars and 0001 with a cyclist and a pedestrian, and an ego car that drives;
+    beside them a log with a bicycle, which the ego car no longer sees at the end."""
+    folder = tmp_path_factory.mktemp("data")
+    make_motion(folder / motions.LOGS / LOG, mounted=True)
+    root = folder / "kitti_tracking" / "training"
+    few = FEW
+    clips = {
+        "0000": [label(k, 3, "Car", 0.5, 9.0 + 0.1 * k) for k in range(few)]
+        # Too far, too short, hidden, cut; and one whose middle frame is.
+        + [label(k, 4, "Car", 1.0, 41.0) for k in range(few)]
+        + [label(k, 5, "Car", 1.0, 12.0) for k in range(few - 1)]
+        + [label(k, 6, "Car", 1.0, 12.0, occluded=3) for k in range(few)]
+        + [label(k, 7, "Car", 1.0, 12.0, truncated=1) for k in range(few)]
+        + [label(k, 8, "Car", 3.0, 10.0, occluded=3 * (k == 2)) for k in range(few + 1)],
+        "0001": [label(k, 0, "Cyclist", 1.0, 8.0) for k in range(few)]
+        + [label(k, 1, "Pedestrian", -1.0, 7.0) for k in range(few)],
+    }
+    camera = ([150.0, 0.0, 78.0], [0.0, 150.0, 40.0], [0.0, 0.0, 1.0])
+    for name, rows in clips.items():
+        texts = {
+            "label_02": "\n".join(rows),
+            "calib": "\n".join(
+                f"{p}: {row(*([*line, t if i == 0 else 0.0] for i, line in enumerate(camera)))}"
+                for p, t in (("P2", 0.0), ("P3", -75.0))
+            ),
+            "ego_poses": "\n".join(
+                row([1.0, 0, 0, 0], [0, 1.0, 0, 0], [0, 0, 1.0, 0.2 * k]) for k in range(few + 5)
+            ),
+        }
+        for kind, text in texts.items():
+            (root / kind).mkdir(parents=True, exist_ok=True)
+            (root / kind / f"{name}.txt").write_text(text + "\n")
+    return folder
+
+
+def test_tracks_that_count(data, monkeypatch):
+    assert motions.LEAST_FRAMES == 30
+    monkeypatch.setattr(motions, "LEAST_FRAMES", FEW)
+    monkeypatch.setenv("STIXEL_DATA", str(data))
+    found = motions.real_tracks(data_folder(motions.NEEDED, motions.CLIPS))
+    named = [(one.sequence, one.target, one.kind, len(one.frames)) for one in found]
+    assert named == [
+        ("0000", 3, "Car", 6),
+        ("0000", 8, "Car", 7),
+        ("0001", 0, "Cyclist", 6),
+        ("0001", 1, "Pedestrian", 6),
+        (None, TARGET, "Cyclist", 9),
+    ]
+    (axes,) = motions.every_track()
+    assert axes["path.target"] == [3, 8, 0, 1, TARGET] and axes["seed"] == [0, 1, 2, 3, 4]
+    assert axes["path.frames"][1] == "0:7" and axes["path.frames"][-1] == "0:9"
+    assert [Path(folder).name for folder in axes["path.folder"][3:]] == [motions.CLIPS, LOG]
+    monkeypatch.setattr(motions, "MOST_SIMULATED", 1)
+    (some,) = motions.some_tracks()
+    assert some["path.target"] == [3, 0, 1] and some["seed"] == [0, 2, 3]
+
+
+def test_without_data_it_is_refused_in_one_line_and_left_out_of_all(studies, monkeypatch, tmp_path):
+    monkeypatch.delenv("STIXEL_DATA", raising=False)
+    assert "STIXEL_DATA: must name a folder that has kitti_tracking" in studies.refused("motions")
+    monkeypatch.setenv("STIXEL_DATA", str(tmp_path))
+    with pytest.raises(MissingData):
+        motions.every_track()
+    monkeypatch.delenv("STIXEL_DATA", raising=False)
+    monkeypatch.setattr("stixel_cli.cli.study.STUDIES", ["motions"])
+    (answer,) = studies.run("all")["studies"]
+    assert not answer["complete"] and "STIXEL_DATA" in answer["error"]
+
+
+def test_the_shipped_study_has_the_eight_paths_and_a_shape_for_each_seed():
+    study = read_study(find_file("motions", study=True))
+    assert len(study.sweeps[0].content["axes"]["path"]) == 8
+    for sweep in study.sweeps:
+        assert sweep.content["fixed"]["road_user.shape_seed"] == "${seed}"

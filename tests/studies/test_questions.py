@@ -120,7 +120,7 @@ def test_further_columns_and_rows_of_a_module():
     assert rows.metrics == ["error"] and "iou_box_mean" not in rows.frame
 
 
-def test_tables_of_other_columns_are_joined_by_their_headers():
+def test_tables_of_other_columns_or_without_intervals_are_joined_by_their_headers():
     one, two = (
         section_of({"metrics": list(names)}, runs=runs_of(trackers=("point", "contour"))).cells
         for names in (("iou_box_mean", "centre_rmse_m"), ("centre_rmse_m",))
@@ -129,9 +129,6 @@ def test_tables_of_other_columns_are_joined_by_their_headers():
     assert cells.header[0] == "road user" and len({*map(len, cells.rows)}) == 1
     assert [row[-2] for row in cells.rows][2:] == ["–", "–"]
     assert joined("", [("", one)]) == one
-
-
-def test_a_group_without_intervals_shares_the_columns_of_those_with():
     few, many = (
         section_of({"metrics": "iou_box_mean"}, runs=runs_of(seeds=seeds)).cells for seeds in (2, 6)
     )

@@ -25,7 +25,7 @@ def page(tmp_path_factory, shared_cache):
     return folder / "toy-road_user=car/report.html"
 
 
-def test_the_page_is_self_contained(page):
+def test_the_page_is_self_contained_begins_with_the_answer_and_has_its_provenance(page):
     html = page.read_text(encoding="utf-8")
     assert len(html) < 1e6
     assert not re.search(r"<script|<link|<iframe|<object|@import", html)
@@ -38,10 +38,6 @@ def test_the_page_is_self_contained(page):
     assert len(names) == len(set(names)) > 20
     for reference in re.findall(r'(?:href="|url\()#([^")]+)', html):
         assert reference in names
-
-
-def test_the_page_begins_with_the_answer(page):
-    html = page.read_text(encoding="utf-8")
     # Text is escaped.
     assert "A &lt;toy&gt; &amp; its title" in html and "By &lt;hand&gt;." in html
     places = [
@@ -62,10 +58,6 @@ def test_the_page_begins_with_the_answer(page):
     assert len(re.findall(r'<a href="sweeps/first/runs/\d+[^"]*">0', html)) == 2
     assert len(re.findall(r'<a href="sweeps/second/runs/\d+[^"]*">0', html)) == 2
     assert not re.search(r"\bnan\b|\binf\b", html)
-
-
-def test_the_page_has_its_provenance(page):
-    html = page.read_text(encoding="utf-8")
     assert "stixel study" in html and "<code>road_user=car</code>" in html
     for text in (
         '<td class="">measurement</td><td class="">fabricated</td>',

@@ -19,11 +19,7 @@ TINY = ("road_user=car", "seed=0")
 @pytest.mark.parametrize(
     ("name", "body", "error"),
     [
-        (
-            "material(data)",
-            "return data.sweeps['third']",
-            "toy.py, line 6: `return data.sweeps['third']`)",
-        ),
+        ("material(data)", "return data.sweeps['third']", "toy.py, line 6: `return data.sweeps"),
         ("material(data)", "return 3", "material: must return Material, got 3"),
         ("columns(name, runs, results)", "return 1 / 0", "toy.py, line 6: `return 1 / 0`)"),
         ("columns(name, runs, results)", "return runs.frame", "columns: must return Runs, got "),
@@ -114,18 +110,12 @@ def test_a_wrong_file_is_refused_in_one_line(studies, toy, entries, value, error
     assert error in studies.refused(file)
 
 
-def test_invalid_yaml_and_a_plain_sweep_are_refused(studies, toy):
+def test_no_study_no_override_of_any_sweep_and_no_name_are_refused(studies, toy):
     assert "toy.yaml: line 2" in studies.refused(toy("title: [\n"))
     assert "is a sweep, not a study" in studies.refused(toy("axes:\n  seed: [0, 1]\n"))
-
-
-def test_an_override_that_no_sweep_accepts_is_refused(studies, toy):
     file = toy()
     assert "unknown key" in studies.refused(file, "tracker.sigma=1")
     assert "must be > 0" in studies.refused(file, "path.duration=-1")
-
-
-def test_a_wrong_study_name_is_refused(studies, toy):
     assert "rq2" in studies.refused() and "all" in studies.error
     assert "name a study first" in studies.refused("road_user=car")
     assert "rq3: one command runs one study, or all" in studies.refused("rq2", "rq3")

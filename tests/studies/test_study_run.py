@@ -28,28 +28,16 @@ def test_a_study_computes_its_sweeps_and_writes_its_report(studies, toy, capsys)
     answer = studies.run(file)
     folder = studies.results / "toy"
     assert answer["complete"] and answer["report"] == str(folder / "report.html")
-    assert {name: sweep["done"] for name, sweep in answer["sweeps"].items()} == {
-        "first": 8,
-        "second": 2,
-    }
-    assert {path.name for path in folder.iterdir()} == {
-        "study.yaml",
-        "sweeps",
-        "report.html",
-        "tables",
-        "figures",
-        "extra",
-        "report.json",
-    }
+    done = {name: sweep["done"] for name, sweep in answer["sweeps"].items()}
+    assert done == {"first": 8, "second": 2}
+    names = {"study.yaml", "sweeps", "report.html", "tables", "figures", "extra", "report.json"}
+    assert {path.name for path in folder.iterdir()} == names
     assert (folder / "extra/note.txt").read_text() == "kept\n"
     (data,) = toy.seen
     first, second = data.sweeps["first"], data.sweeps["second"]
     assert tuple(first.runs[0].setting) == ("tracker", "road_user", "path")
     # The second sweep's axis depends on the number of runs of the first.
-    assert [run.setting for run in second.runs] == [
-        {"tracker.sigma_f": "0.1"},
-        {"tracker.sigma_f": "8.1"},
-    ]
+    assert [run.setting["tracker.sigma_f"] for run in second.runs] == ["0.1", "8.1"]
     run = first.runs[0]
     scans, track = run.load("scans"), run.load("track")
     assert np.array_equal(scans.times, run.scores.times)

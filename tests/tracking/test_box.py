@@ -62,7 +62,7 @@ def start_at(place, error):
     return replace(START, mean=mean)
 
 
-def test_the_box_finds_the_centre_from_the_rear_and_leaves_clutter_out():
+def test_the_box_finds_the_centre_from_the_rear_and_predicts_without_scans():
     scans, places = scans_of_a_rear()
     found = track(scans, start_at(places[0], [0.2, -0.4]), CAR, TRACKER)
     np.testing.assert_allclose(found.means[-1, :2], places[-1], atol=0.05)
@@ -70,10 +70,6 @@ def test_the_box_finds_the_centre_from_the_rear_and_leaves_clutter_out():
     assert (np.diff(found.used_offsets) == 9).all() and np.isfinite(found.nis).all()
     low, high = found.contours_world[-1].min(axis=0), found.contours_world[-1].max(axis=0)
     np.testing.assert_allclose(high - low, [CAR.width, CAR.length], atol=0.1)
-
-
-def test_without_scans_the_start_is_predicted_with_constant_velocity():
-    scans, places = scans_of_a_rear()
     start = start_at(places[0], [0.2, -0.4])
     found = track(scans, start, CAR, replace(TRACKER, use_scans=False))
     # The start is one interval before the first scan.

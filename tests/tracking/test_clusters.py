@@ -1,17 +1,39 @@
-"""Several road users at once: clusters are assigned to tracks, and tracks begin and end."""
+"""Objects of all that moves: clusters, their tracks, and the places that they left."""
 
 import dataclasses
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from scans_of_clusters import CONFIGURATION, LONGEST, PRIOR, STD, WALL, car, scans_of
+from numpy.testing import assert_allclose, assert_array_equal
 
+from stixel_cli.config.compose import compose
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD
-from stixel_cli.measurements.scans import FieldOfView
+from stixel_cli.measurements.scans import FieldOfView, Scans
 from stixel_cli.tracking.followed import BEGIN, END, LEAST_SCANS, assign, follow
 from stixel_cli.tracking.motion import transition
-from stixel_cli.tracking.several.clusters import find_tracks
+from stixel_cli.tracking.several import clusters
+from stixel_cli.tracking.several.clusters import confirmed, find_tracks, free_and_occupied
 from stixel_cli.tracking.several.track_each import own_scans, track_each
+
+CONFIGURATION = compose(["start=scans", "tracker=box"]).configuration
+PRIOR, STD = CONFIGURATION.prior, CONFIGURATION.start.std
+REAR = np.stack([np.linspace(-0.85, 0.85, 8), np.zeros(8)], axis=1)
+WALL = np.stack([np.linspace(-9.0, -8.0, 5), np.full(5, 25.0)], axis=1)
+LONGEST = 7.0
+
+
+def scans_of(points_of_each, poses=None):
+    """Scans at 10 Hz of points (n, 2) m whose standard deviation is 0.1 m."""
+    count = len(points_of_each)
+    poses = np.tile([0.0, 0.0, STRAIGHT_AHEAD], (count, 1)) if poses is None else poses
+    each = [(points, np.tile(0.01 * np.eye(2), (len(points), 1, 1))) for points in points_of_each]
+    return Scans.of_each(0.1 * np.arange(count), poses, each)
+
+
+def car(place, velocity, k):
+    """The rear of a car at scan k, (8, 2) m."""
+    return REAR + np.array(place) + 0.1 * k * np.array(velocity)
 
 
 def two_cars(count):
@@ -31,7 +53,7 @@ def test_each_of_two_cars_that_pass_has_its_track_and_no_point_is_in_both():
     found = find_tracks(scans, PRIOR, STD)
     assert [len(one.rows) for one in found] == [15, 15]
     rows = [np.concatenate([*one.rows.values()]) for one in found]
-    np.testing.assert_array_equal(scans.points_world[rows[0]], [
+    assert_array_equal(scans.points_world[rows[0]], [
         point for k in range(15) for point in car((0.0, 10.0), (0.0, 6.0), k)
     ])  # fmt: skip
     assert not set(rows[0]) & set(rows[1]) and len(rows[1]) == 15 * 8
@@ -40,8 +62,8 @@ def test_each_of_two_cars_that_pass_has_its_track_and_no_point_is_in_both():
     ):
         # The visible side is the nearer one. The class is wider than these cars.
         mean = transition(0.1) @ one.initial.mean
-        np.testing.assert_allclose(mean[:2], np.add(place, [0.0, 0.5 * PRIOR.length]), atol=0.3)
-        np.testing.assert_allclose(mean[3:5], velocity, atol=0.05)
+        assert_allclose(mean[:2], np.add(place, [0.0, 0.5 * PRIOR.length]), atol=0.3)
+        assert_allclose(mean[3:5], velocity, atol=0.05)
         assert mean[2] == pytest.approx(np.arctan2(velocity[1], velocity[0]), abs=0.01)
 
 
@@ -112,7 +134,7 @@ def test_the_tracker_gets_the_points_of_its_own_road_user():
     own, rows = own_scans(scans, later)
     assert own.field_of_view == scans.field_of_view
     assert len(own) == 9 and np.diff(own.offsets).tolist() == [8, 0] * 4 + [8]
-    np.testing.assert_array_equal(own.points_world, scans.points_world[rows])
+    assert_array_equal(own.points_world, scans.points_world[rows])
     settings = {"prior": PRIOR, "tracker": CONFIGURATION.tracker}
     tracks = track_each(
         (found[0], later), scans, "stixel_cli.tracking.baselines.box:track", settings
@@ -123,3 +145,108 @@ def test_the_tracker_gets_the_points_of_its_own_road_user():
     assert set(tracks[1].track.used_points) <= set(rows)
     for one, velocity in zip(tracks, (6.0, -8.0), strict=True):
         assert one.track.means[-1, 4] == pytest.approx(velocity, abs=0.5)
+
+
+COUNT, SPEED = 20, 8.0
+DRIVEN = 0.1 * SPEED * np.arange(COUNT)
+POSES = np.stack([np.zeros(COUNT), DRIVEN, np.full(COUNT, STRAIGHT_AHEAD)], axis=1)
+HALF_VIEW = 0.35
+"""Of the field of view, rad; its border meets the fence at 4.1 m to the side 11 m ahead."""
+
+
+def fence(ego_y, *parts):
+    """Points of a fence beside the way, at fixed places 0.2 m apart, in parts ahead of the ego."""
+    y = np.arange(0.0, 60.0, 0.2)
+    seen = np.any([(y >= ego_y + low) & (y < ego_y + high) for low, high in parts], axis=0)
+    return np.stack([np.full(seen.sum(), 4.1), y[seen]], axis=1)
+
+
+def driving(points_of_each):
+    """Scans of an ego car that drives ahead; its view is `HALF_VIEW` wide to both sides."""
+    view = FieldOfView(-HALF_VIEW, HALF_VIEW)
+    return replace(scans_of(points_of_each, POSES), field_of_view=view)
+
+
+@pytest.mark.parametrize(
+    "parts",
+    [
+        [(11.3, 15.0)],  # cut by the border of the view: the places left are outside of it
+        [(11.3, 24.0), (25.0, 29.0)],  # a far end that stereo tears off: the fence is still there
+    ],
+)
+def test_a_fence_that_slides_along_is_no_track(parts):
+    scans = driving([fence(y, *parts) for y in DRIVEN])
+    (sliding,) = follow(scans, LONGEST)
+    assert len(sliding.rows) == COUNT and sliding.mean[3] == pytest.approx(SPEED, abs=0.5)
+    assert find_tracks(scans, PRIOR, STD) == ()
+
+
+@pytest.mark.parametrize(
+    ("counts", "number"),
+    [
+        ([(9, 0)] * 8, 5),  # as soon as the speed is certain
+        ([(9, 0)] * 3 + [(0, 0)] * 6 + [(1, 0)] * 3, 12),  # free places in three of four scans
+        ([(9, 0)] * 2 + [(9, 9)] * 8, None),  # a few of the places are free
+        ([(0, 0), (9, 0)] * 8, None),
+        ([(0, 0)] * 12, None),
+    ],
+)
+def test_a_fast_cluster_moves_if_the_places_that_it_left_are_free(counts, number, monkeypatch):
+    scans = driving([car((0.0, 14.0), (0.0, SPEED), k) for k in range(COUNT)])
+    (one,) = follow(scans, LONGEST)
+    given = iter(counts + [(0, 0)] * COUNT)
+    monkeypatch.setattr(clusters, "free_and_occupied", lambda *_: next(given))
+    assert confirmed(scans, one, 4.0) == number
+
+
+def test_a_followed_car_with_the_speed_of_the_ego_is_a_track():
+    scans = driving(
+        [
+            np.concatenate([car((0.0, 14.0), (0.0, SPEED), k), fence(y, (11.3, 15.0))])
+            for k, y in enumerate(DRIVEN)
+        ]
+    )
+    (one,) = find_tracks(scans, PRIOR, STD)
+    assert one.confirmed == LEAST_SCANS - 1
+    assert len(one.rows) == COUNT and all(len(rows) == 8 for rows in one.rows.values())
+
+
+def test_two_clusters_of_one_car_are_one_track_and_two_cars_abreast_are_two():
+    rear = [car((0.0, 14.0), (0.0, SPEED), k) for k in range(COUNT)]
+    side = np.array([[0.85, 2.4], [0.85, 2.7]])
+    torn = [
+        np.concatenate([points, side + np.array([0.0, 14.0 + y])])
+        for points, y in zip(rear, DRIVEN, strict=True)
+    ]
+    scans = driving(torn)
+    assert len(follow(scans, LONGEST)) == 2
+    (one,) = find_tracks(scans, PRIOR, STD)
+    assert_array_equal(np.concatenate([*one.rows.values()]), np.arange(len(scans.points_world)))
+    abreast = driving([np.concatenate([points, points + np.array([3.2, 0.0])]) for points in rear])
+    assert [len(found.rows) for found in find_tracks(abreast, PRIOR, STD)] == [COUNT, COUNT]
+
+
+def test_a_parked_car_is_left_behind_without_a_track_and_one_that_drives_off_has_one():
+    assert find_tracks(driving([car((2.5, 34.0), (0.0, 0.0), 0)] * COUNT), PRIOR, STD) == ()
+    starts = 6
+    scans = driving([car((2.5, 20.0), (0.0, 9.0), max(0, k - starts)) for k in range(COUNT)])
+    (one,) = find_tracks(scans, PRIOR, STD)
+    assert min(one.rows) == 0 and one.confirmed > starts
+
+
+def test_places_are_free_occupied_hidden_or_out_of_view():
+    before = np.array([[0.0, 10.0], [3.0, 10.0], [-3.0, 10.0], [9.0, 10.0]])
+    now = np.array([[0.0, 30.0], [3.1, 10.2], [-1.4, 5.0], [6.0, 40.0]])
+    scans = driving([before, now, *[np.zeros((0, 2))] * (COUNT - 2)])
+    scans.sensor_poses_world[1] = scans.sensor_poses_world[0]
+    rows, own = np.arange(4), np.array([7])
+
+    def counts(these, length=4.0):
+        return free_and_occupied(scans, 1, own, rows[these], length)
+
+    assert counts([0]) == (1, 0)
+    assert counts([1]) == (0, 1)
+    assert counts([2]) == counts([3]) == (0, 0)
+    assert counts([0, 1, 2, 3]) == (1, 1)
+    # Nearer to the cluster than an object's length, the point may be of the object itself.
+    assert counts([1], length=35.0) == (0, 0)

@@ -1,4 +1,4 @@
-import dataclasses
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -6,6 +6,7 @@ import seen_targets
 import shapely
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.stats import multivariate_normal
 from seen_targets import SENSOR, start_at, turning
 from tracking_cases import CAR, scans_of
@@ -35,9 +36,7 @@ TRACKER = compose(
 ).configuration.tracker
 SHAPES = {name: class_shape(name) for name in ("car", "cyclist", "pedestrian")}
 PRIORS = {
-    name: dataclasses.replace(
-        CAR, road_user=name, length=float(shape.size[0]), width=float(shape.size[1])
-    )
+    name: replace(CAR, road_user=name, length=float(shape.size[0]), width=float(shape.size[1]))
     for name, shape in SHAPES.items()
 }
 SEEDS = st.integers(0, 2**31)
@@ -60,14 +59,14 @@ def test_contour_follows_a_turn_of_each_class(name, speed):
     errors = np.hypot(*(result.means[late, :2] - poses[late, :2]).T)
     assert errors.max() < 0.1
     assert np.abs(wrap_angle(result.means[late, 2] - poses[late, 2])).max() < np.radians(12)
-    np.testing.assert_array_equal(result.nis_degrees_of_freedom, np.diff(result.used_offsets) + 2)
+    assert_array_equal(result.nis_degrees_of_freedom, np.diff(result.used_offsets) + 2)
     assert result.means.shape == (30, 8)
     assert result.contours_world.shape == (30, TRACKER.contour_points, 2)
 
 
 def test_contour_estimates_the_size():
     poses = turning(40, 4.0, 0.5)
-    small = dataclasses.replace(PRIORS["car"], length=0.93 * PRIORS["car"].length)
+    small = replace(PRIORS["car"], length=0.93 * PRIORS["car"].length)
     result = track(scans_seen(poses, noise=0.02), start_at(poses), small, TRACKER)
     assert abs(result.means[-1, 6]) < 0.02
     assert result.covariances[-1, 6, 6] < TRACKER.length_std**2
@@ -87,11 +86,11 @@ def test_an_error_that_all_scans_share_widens_the_covariance_and_moves_nothing()
     farther = [p * (1.0 + 0.6 * np.hypot(*p.T) / 25.0**2)[:, None] for p in points]
     scans = scans_of(farther, covariances=np.concatenate(covariances))
     error = SharedErrors(disparity=((0.6 / 25.0**2, 0.0, 0.0),))
-    aware = dataclasses.replace(scans, shared_errors=error)
+    aware = replace(scans, shared_errors=error)
     initial = start_at(poses, (0.0, 0.0, 0.0))
     plain, considered = (track(s, initial, PRIORS["car"], TRACKER) for s in (scans, aware))
     # Of the first places, which are tried, another one may be the likeliest.
-    np.testing.assert_allclose(considered.means[-1], plain.means[-1], atol=0.02)
+    assert_allclose(considered.means[-1], plain.means[-1], atol=0.02)
     assert position_nees(plain, poses) > 10.0 and position_nees(considered, poses) < 4.0
     added = considered.covariances[:, :2, :2] - plain.covariances[:, :2, :2]
     # The range alone: the error is 0.7 m at 27 m, and the sides hardly see it.
@@ -104,18 +103,18 @@ def test_an_error_of_the_sensors_place_moves_the_estimate_as_is_stated(axis):
     poses = turning(12, 4.0, 0.3)
     scans = scans_seen(poses, noise=0.03)
     shift = 0.1 * np.eye(2)[axis]
-    moved = dataclasses.replace(
+    moved = replace(
         scans,
         points_world=scans.points_world + shift,
         sensor_poses_world=scans.sensor_poses_world + np.append(shift, 0.0),
     )
-    stated = dataclasses.replace(scans, shared_errors=SharedErrors(position=0.1))
+    stated = replace(scans, shared_errors=SharedErrors(position=0.1))
     exact, wrong, wide = (
         track(one, start_at(poses), PRIORS["car"], TRACKER) for one in (scans, moved, stated)
     )
-    np.testing.assert_allclose((wrong.means - exact.means)[5:, :2], [shift] * 7, atol=0.02)
+    assert_allclose((wrong.means - exact.means)[5:, :2], [shift] * 7, atol=0.02)
     added = (wide.covariances - exact.covariances)[5:, axis, axis]
-    np.testing.assert_allclose(added, 0.1**2, rtol=0.2)
+    assert_allclose(added, 0.1**2, rtol=0.2)
 
 
 def test_contour_trusts_edges_less_where_they_are_uncertain():
@@ -128,7 +127,7 @@ def test_contour_trusts_edges_less_where_they_are_uncertain():
         covariances=np.concatenate([c[k] for c, k in zip(covariances, kept, strict=True)]),
     )
     initial = start_at(poses, (0.0, 0.0, 0.0))
-    unsure = dataclasses.replace(TRACKER, silhouette_std=1.0)
+    unsure = replace(TRACKER, silhouette_std=1.0)
     plain, wide = (track(scans, initial, PRIORS["car"], t) for t in (TRACKER, unsure))
     assert abs(wide.means[-1, 0]) < 0.5 * abs(plain.means[-1, 0])
     assert position_nees(wide, poses) < 0.5 * position_nees(plain, poses)
@@ -138,7 +137,7 @@ def test_contour_trusts_edges_less_where_they_are_uncertain():
 def test_prediction_and_report_match_their_linearisations(seed):
     random = np.random.default_rng(seed)
     mean = random.uniform([-5, 5, -3, 0.5, -1, -0.1, -0.1], [5, 15, 3, 6, 1, 0.1, 0.1])
-    quiet = dataclasses.replace(TRACKER, acceleration=0.0, turn_acceleration=0.0, slip=0.0)
+    quiet = replace(TRACKER, acceleration=0.0, turn_acceleration=0.0, slip=0.0)
     step, still = 1e-6, np.zeros((7, 7))
     jacobians = []
     for function in (
@@ -153,18 +152,18 @@ def test_prediction_and_report_match_their_linearisations(seed):
     root = random.standard_normal((7, 7))
     covariance = root @ root.T
     _, matrix, noise = predict(mean, 0.1, quiet, SIZE)
-    np.testing.assert_allclose(matrix, jacobians[0], atol=1e-6)
+    assert_allclose(matrix, jacobians[0], atol=1e-6)
     assert noise[2, 2] == pytest.approx(1e-5) and np.trace(noise[:5, :5]) == noise[2, 2]
     expected = jacobians[1] @ covariance @ jacobians[1].T
     across = np.array([-np.sin(mean[2]), np.cos(mean[2])])
     expected[3:5, 3:5] += SIDEWAYS**2 * np.outer(across, across)
-    np.testing.assert_allclose(reported(mean[None], covariance[None])[1][0], expected, atol=1e-6)
+    assert_allclose(reported(mean[None], covariance[None])[1][0], expected, atol=1e-6)
 
 
 @pytest.mark.parametrize("name", SHAPES)
 def test_stated_deviation_of_the_contour_is_that_of_random_states(name):
     """Along the ray from the estimated centre, over the states of the stated covariance."""
-    shape = dataclasses.replace(SHAPES[name], outline_stds=np.zeros(len(SHAPES[name].outline)))
+    shape = replace(SHAPES[name], outline_stds=np.zeros(len(SHAPES[name].outline)))
     mean = np.array([3.0, 9.0, 0.7, 2.0, 0.0, 0.05, -0.05])
     root = np.diag([0.02, 0.015, 0.03, 0.0, 0.0, 0.02, 0.02])
     _, directions, std = contours_of(mean[None], (root @ root)[None], shape, 90)
@@ -187,7 +186,7 @@ def test_start_turns_the_heading_towards_the_velocity():
     mean, covariance = start(initial, CAR, SHAPES["car"], TRACKER)
     assert mean[2] == pytest.approx(0.1, abs=0.01)
     assert covariance[2, 2] < 0.002
-    np.testing.assert_allclose(mean[5:], np.log([CAR.length, CAR.width] / SHAPES["car"].size))
+    assert_allclose(mean[5:], np.log([CAR.length, CAR.width] / SHAPES["car"].size))
     # Without a velocity the heading is as good as it was.
     resting = InitialState(initial.mean * [1, 1, 1, 0, 0, 1], initial.covariance)
     assert start(resting, CAR, SHAPES["car"], TRACKER)[1][2, 2] == pytest.approx(0.04)
@@ -196,17 +195,15 @@ def test_start_turns_the_heading_towards_the_velocity():
 def test_silhouettes_at_the_border_of_the_field_of_view_are_not_used():
     bearings, ranges = np.radians([-29.8, 10.0]), np.array([8.0, 9.0])
     view = FieldOfView(*np.radians([-30.0, 40.0]))
-    np.testing.assert_array_equal(uncut(bearings, ranges, view), [False, True])
+    assert_array_equal(uncut(bearings, ranges, view), [False, True])
     mirrored = FieldOfView(-view.left, -view.right)
-    np.testing.assert_array_equal(uncut(-bearings[::-1], ranges, mirrored), [True, False])
-    np.testing.assert_array_equal(uncut(bearings, ranges, None), [True, True])
+    assert_array_equal(uncut(-bearings[::-1], ranges, mirrored), [True, False])
+    assert_array_equal(uncut(bearings, ranges, None), [True, True])
     # 0.5 m to the right of the sensor, a camera does not see 28 degrees to the left at 9 m.
     left, pair = np.radians([10.0, 28.0]), FieldOfView(*np.radians([-30.0, 30.0]), 0.5)
-    np.testing.assert_array_equal(
-        uncut(left, ranges, dataclasses.replace(pair, baseline=0.0)), [True, True]
-    )
-    np.testing.assert_array_equal(uncut(left, ranges, pair), [True, False])
-    np.testing.assert_array_equal(uncut(-left[::-1], ranges, pair), [True, True])
+    assert_array_equal(uncut(left, ranges, replace(pair, baseline=0.0)), [True, True])
+    assert_array_equal(uncut(left, ranges, pair), [True, False])
+    assert_array_equal(uncut(-left[::-1], ranges, pair), [True, True])
 
 
 def test_a_target_cut_off_by_the_field_of_view_keeps_its_place():
@@ -217,12 +214,12 @@ def test_a_target_cut_off_by_the_field_of_view_keeps_its_place():
     inside = bearings > 0.0
     cut = scans_of([whole.points_world[whole.rows(k)][inside[whole.rows(k)]] for k in range(10)])
     results = [
-        track(dataclasses.replace(cut, field_of_view=view), start_at(poses), CAR, TRACKER)
+        track(replace(cut, field_of_view=view), start_at(poses), CAR, TRACKER)
         for view in (None, FieldOfView(0.0, 0.6))
     ]
     counts = np.diff(cut.offsets)
-    np.testing.assert_array_equal(results[0].nis_degrees_of_freedom, counts + 2)
-    np.testing.assert_array_equal(results[1].nis_degrees_of_freedom, counts + 1)
+    assert_array_equal(results[0].nis_degrees_of_freedom, counts + 2)
+    assert_array_equal(results[1].nis_degrees_of_freedom, counts + 1)
     errors = [np.abs(result.means[-1, :2] - poses[-1, :2]).max() for result in results]
     assert errors[1] < 0.1 < errors[0]
 
@@ -232,9 +229,9 @@ def test_deviation_of_a_range_is_that_along_the_ray():
     along = points / 10.0
     covariances = 0.01 * np.eye(2) + 0.08 * along[:, :, None] * along[:, None, :]
     rays = rays_of(points, covariances, SENSOR)
-    np.testing.assert_allclose(rays.ranges, 10.0)
-    np.testing.assert_allclose(rays.stds, 0.3)
-    np.testing.assert_allclose(rays.bearings, [0.0, -np.arctan2(6.0, 8.0)])
+    assert_allclose(rays.ranges, 10.0)
+    assert_allclose(rays.stds, 0.3)
+    assert_allclose(rays.bearings, [0.0, -np.arctan2(6.0, 8.0)])
 
 
 @pytest.mark.parametrize("name", SHAPES)
@@ -276,9 +273,9 @@ def test_the_information_form_is_the_kalman_update(seed, count):
     correction, posterior, nis = correct(*model)
     innovation_covariance = matrix @ covariance @ matrix.T + np.diag(noise)
     gain = covariance @ matrix.T @ np.linalg.inv(innovation_covariance)
-    np.testing.assert_allclose(correction, gain @ innovation, rtol=1e-6, atol=1e-8)
+    assert_allclose(correction, gain @ innovation, rtol=1e-6, atol=1e-8)
     expected = covariance - gain @ matrix @ covariance
-    np.testing.assert_allclose(posterior, expected, rtol=1e-6, atol=1e-8)
+    assert_allclose(posterior, expected, rtol=1e-6, atol=1e-8)
     assert nis == pytest.approx(innovation @ np.linalg.solve(innovation_covariance, innovation))
     whole = multivariate_normal(np.zeros(count), innovation_covariance)
     assert innovation_density(*model) == pytest.approx((nis, whole.logpdf(innovation)))

@@ -1,7 +1,7 @@
 """`contour` where the visible shape was not learned: other sensors, sizes that the user states."""
 
-import dataclasses
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -33,13 +33,11 @@ from stixel_cli.tracking.contour.ray_table import first_depths, outline_table
 from stixel_cli.tracking.contour.residual import Residual
 from stixel_cli.tracking.track import OTHER
 
-FILE = dataclasses.replace(compose(["tracker=contour"]).configuration.tracker, seen_by="file")
-FABRICATED = dataclasses.replace(FILE, seen_by="fabricated")
+FILE = replace(compose(["tracker=contour"]).configuration.tracker, seen_by="file")
+FABRICATED = replace(FILE, seen_by="fabricated")
 SHAPE = class_shape("car")
-PRIOR = dataclasses.replace(
-    CAR, road_user="car", length=float(SHAPE.size[0]), width=float(SHAPE.size[1])
-)
-STATED = dataclasses.replace(PRIOR, length=4.5, width=1.8)
+PRIOR = replace(CAR, road_user="car", length=float(SHAPE.size[0]), width=float(SHAPE.size[1]))
+STATED = replace(PRIOR, length=4.5, width=1.8)
 BOX = 0.5 * np.array([[4.5, 1.8], [-4.5, 1.8], [-4.5, -1.8], [4.5, -1.8]])
 TRAPEZIUM = np.array([[2.25, 0.5], [-2.25, 0.9], [-2.25, -0.9], [2.25, -0.5]])
 
@@ -141,7 +139,7 @@ def test_the_contour_is_at_even_angles_from_the_centre_that_is_reported():
 
 def test_stated_deviation_of_the_contour_has_the_residual():
     residual, random = Residual(SHAPE), np.random.default_rng(1)
-    shape = dataclasses.replace(SHAPE, outline_stds=np.zeros(len(SHAPE.outline)))
+    shape = replace(SHAPE, outline_stds=np.zeros(len(SHAPE.outline)))
     mean = np.concatenate([[0.0, 0.0, 0.7, 2.0, 0.0, 0.05, -0.05], np.zeros(NODES)])
     root = np.diag(np.r_[np.zeros(7), np.full(NODES, 0.05)])
     covariance = (root @ root)[None]
@@ -177,7 +175,7 @@ def test_a_drawn_car_stays_one():
 def test_the_forms_depend_on_the_sensor_and_not_on_the_stated_size(prior):
     """A size that is stated is no reason to see another shape."""
     for sensor in ("stixels", "lidar"):
-        learned = forms_of("car", prior, dataclasses.replace(FILE, seen_by=sensor))
+        learned = forms_of("car", prior, replace(FILE, seen_by=sensor))
         assert list(learned) == ["learned"]
     assert list(forms_of("car", prior, FABRICATED)) == ["learned", "rectangle"]
     assert list(forms_of("car", prior, FILE)) == ["class", "rectangle"]
@@ -190,7 +188,7 @@ def test_the_forms_depend_on_the_sensor_and_not_on_the_stated_size(prior):
 def test_a_target_of_no_class_is_followed_by_the_free_form(tracker, road_user, size):
     """A pushchair and a truck are of no class, and have their own size."""
     of_class = class_size(road_user).mean.tolist()
-    prior = dataclasses.replace(PRIOR, road_user=road_user, length=of_class[0], width=of_class[1])
+    prior = replace(PRIOR, road_user=road_user, length=of_class[0], width=of_class[1])
     outline = 0.5 * np.array(size) * [[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]]
     poses = turning(40, 4.0, 0.3)
     scans, start = scans_seen(outline, poses, noise=0.03), start_at(poses)
@@ -198,7 +196,7 @@ def test_a_target_of_no_class_is_followed_by_the_free_form(tracker, road_user, s
     assert found.class_probabilities[OTHER][-1] > 0.99
     np.testing.assert_allclose(found.box_sizes[-1], size, rtol=0.2)
     assert overlap(found, outline, poses) > 0.75
-    fixed = track(scans, start, prior, dataclasses.replace(tracker, road_user="fixed"))
+    fixed = track(scans, start, prior, replace(tracker, road_user="fixed"))
     assert fixed.class_probabilities is None
 
 
@@ -210,19 +208,19 @@ def test_a_learned_shape_has_no_residual_and_a_rectangle_is_the_box():
 
 
 def test_a_stated_size_excludes_the_classes_that_it_does_not_fit():
-    cargo_bike = dataclasses.replace(PRIOR, road_user="cyclist", length=2.2, width=0.6)
+    cargo_bike = replace(PRIOR, road_user="cyclist", length=2.2, width=0.6)
     assert [may_be(name, cargo_bike, "estimated") for name in ROAD_USER_CLASSES] == [
         name == "cyclist" for name in ROAD_USER_CLASSES
     ]
     assert all(may_be(name, PRIOR, "estimated") for name in ROAD_USER_CLASSES)
     length, width = class_size("car").mean
-    car_like = dataclasses.replace(PRIOR, road_user="cyclist", length=1.02 * length, width=width)
+    car_like = replace(PRIOR, road_user="cyclist", length=1.02 * length, width=width)
     assert may_be("car", car_like, "estimated")
     assert not may_be("pedestrian", car_like, "estimated")
     # Five deviations of both: a size that the user hardly knows fits more classes.
-    unsure = dataclasses.replace(cargo_bike, length_std=0.3, width_std=0.5)
+    unsure = replace(cargo_bike, length_std=0.3, width_std=0.5)
     assert may_be("car", unsure, "estimated")
-    unknown = dataclasses.replace(PRIOR, road_user="unknown")
+    unknown = replace(PRIOR, road_user="unknown")
     for choice in ("estimated", "fixed"):
         assert all(may_be(name, unknown, choice) for name in ROAD_USER_CLASSES)
 
@@ -233,12 +231,12 @@ def test_a_fixed_class_and_a_stated_one_are_not_replaced(seen_by):
     poses = turning(15, 4.0, 0.3)
     scans, start = scans_seen(SHAPE.outline, poses, noise=0.05), start_at(poses)
     length, width = class_size("cyclist").mean.tolist()
-    cyclist = dataclasses.replace(PRIOR, road_user="cyclist", length=length, width=width)
-    tracker = dataclasses.replace(FILE, seen_by=seen_by, length_std=0.03, width_std=0.1)
+    cyclist = replace(PRIOR, road_user="cyclist", length=length, width=width)
+    tracker = replace(FILE, seen_by=seen_by, length_std=0.03, width_std=0.1)
     assert track(scans, start, cyclist, tracker).class_replaced[-1]
-    fixed = dataclasses.replace(tracker, road_user="fixed")
+    fixed = replace(tracker, road_user="fixed")
     assert track(scans, start, cyclist, fixed).class_replaced is None
-    stated = dataclasses.replace(cyclist, length=2.2, width=0.6, length_std=0.03, width_std=0.1)
+    stated = replace(cyclist, length=2.2, width=0.6, length_std=0.03, width_std=0.1)
     assert track(scans, start, stated, tracker).class_replaced is None
 
 
@@ -247,10 +245,10 @@ def test_a_given_outline_is_followed_where_the_bank_has_none_like_it(tmp_path):
     notched = [[-2.25, -0.9], [2.25, -0.9], [2.25, 0.0], [0.2, 0.0], [0.2, 0.9], [-2.25, 0.9]]
     file = tmp_path / "outline.csv"
     file.write_text("x,y\n" + "\n".join(f"{x},{y}" for x, y in notched), encoding="utf-8")
-    given = dataclasses.replace(STATED, outline=str(file))
+    given = replace(STATED, outline=str(file))
     assert set(forms_of("car", given, FILE)) == {"outline", "class", "rectangle"}
     assert "outline" not in forms_of("cyclist", given, FILE)
-    stixels = dataclasses.replace(FILE, seen_by="stixels")
+    stixels = replace(FILE, seen_by="stixels")
     assert set(forms_of("car", given, stixels)) == {"learned", "outline"}
     poses = turning(25, 4.0, 0.3)
     scans, start = scans_seen(np.array(notched), poses, noise=0.05), start_at(poses)
@@ -264,8 +262,8 @@ def test_a_class_of_a_file_tracks_as_the_class_that_it_copies(tmp_path):
     file.write_text(json.dumps(CLASS_SHAPES["car"]), encoding="utf-8")
     poses = turning(20, 4.0, 0.3)
     scans, start = scans_seen(SHAPE.outline, poses, noise=0.03), start_at(poses)
-    own = dataclasses.replace(PRIOR, road_user=str(file))
-    fixed = dataclasses.replace(FABRICATED, road_user="fixed")
+    own = replace(PRIOR, road_user=str(file))
+    fixed = replace(FABRICATED, road_user="fixed")
     of_file, ours = track(scans, start, own, FABRICATED), track(scans, start, PRIOR, fixed)
     np.testing.assert_array_equal(of_file.means, ours.means)
     assert of_file.class_replaced is None
@@ -281,7 +279,7 @@ def test_points_on_the_whole_contour_are_those_of_its_far_sides_too():
         parts.append((points, np.tile(0.01 * np.eye(2), (15, 1, 1))))
     times = 0.1 * np.arange(len(poses))
     scans = Scans.of_each(times, np.tile(SENSOR, (len(poses), 1)), parts)
-    contour = dataclasses.replace(FILE, sees="contour")
+    contour = replace(FILE, sees="contour")
     all_sides, near_sides = (track(scans, start_at(poses), STATED, one) for one in (contour, FILE))
     found, near = (
         np.mean([overlap(one, BOX, poses, k) for k in range(-10, 0)])
@@ -296,7 +294,7 @@ def rays_at(points):
     return rays_of(np.array(points, float), covariances, SENSOR)
 
 
-def test_an_end_beside_a_nearer_point_is_hidden():
+def test_ends_are_hidden_beside_a_nearer_point_and_uncertain_by_what_rays_graze():
     target = [[x, 20.0] for x in np.linspace(-1.0, 1.0, 9)]
     near, far = [[1.1, 12.0]], [[-1.4, 30.0]]
     rays = rays_at(target + near + far)
@@ -304,6 +302,13 @@ def test_an_end_beside_a_nearer_point_is_hidden():
     assert rays.subset(np.arange(9)).hidden == (False, False)
     rays = rays_at([*target, [1.1, 19.0], *far])
     assert rays.subset(np.arange(9)).hidden == (True, False)
+    table = with_uncertain_ends(outline_table(rectangle(SHAPE).outline))
+    ahead, slanted = 0, len(table.low) // 8
+    low_stds, high_stds = table.low_stds, table.high_stds
+    assert low_stds[ahead] < 0.1
+    # At 45 degrees no side is grazed; a little off the front, one is.
+    assert max(low_stds[slanted], high_stds[slanted]) < 0.1
+    assert max(low_stds[10], high_stds[10]) > 0.4
 
 
 def test_points_of_a_neighbour_are_not_the_targets():
@@ -318,16 +323,6 @@ def test_points_of_a_neighbour_are_not_the_targets():
     assert taken.max() < len(own) and len(taken) > 0.9 * len(own)
     plain = associate(rays, state, covariance, sight_of("car", FABRICATED), FABRICATED)
     assert plain.max() >= len(own)
-
-
-def test_ends_are_uncertain_by_what_rays_graze():
-    table = with_uncertain_ends(outline_table(rectangle(SHAPE).outline))
-    ahead, slanted = 0, len(table.low) // 8
-    low_stds, high_stds = table.low_stds, table.high_stds
-    assert low_stds[ahead] < 0.1
-    # At 45 degrees no side is grazed; a little off the front, one is.
-    assert max(low_stds[slanted], high_stds[slanted]) < 0.1
-    assert max(low_stds[10], high_stds[10]) > 0.4
 
 
 def test_a_front_alone_does_not_measure_the_length():

@@ -1,4 +1,6 @@
-import dataclasses
+"""A track that is wrong is found again; what stood elsewhere is known."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -6,9 +8,11 @@ from seen_targets import SENSOR, scans_seen, seen, start_at, turning
 from tracking_cases import CAR, scans_of
 
 from stixel_cli.config.compose import compose
-from stixel_cli.geometry.pose import wrap_angle
+from stixel_cli.geometry.pose import world_from_target, wrap_angle
+from stixel_cli.tracking import gp_ekf
+from stixel_cli.tracking.background import Background
 from stixel_cli.tracking.consider import NODES, JointCovariance
-from stixel_cli.tracking.contour import contour_filter, contour_recovery
+from stixel_cli.tracking.contour import contour, contour_filter, contour_recovery
 from stixel_cli.tracking.contour.class_shape import class_shape
 from stixel_cli.tracking.contour.contour import track
 from stixel_cli.tracking.contour.contour_rays import rays_of, sight_of
@@ -20,13 +24,11 @@ from stixel_cli.tracking.contour.residual import Residual
 TRACKER = compose(
     ["tracker=contour", "tracker.seen_by=fabricated", "tracker.road_user=fixed"]
 ).configuration.tracker
-OF_ANY_CLASS = dataclasses.replace(TRACKER, road_user="estimated")
+OF_ANY_CLASS = replace(TRACKER, road_user="estimated")
 SHAPE, CAR_SHAPE = class_shape("cyclist"), class_shape("car")
-KNOWN = dataclasses.replace(CAR, length=4.52, width=1.83)
+KNOWN = replace(CAR, length=4.52, width=1.83)
 """A car of the size of its class."""
-CYCLIST = dataclasses.replace(
-    CAR, road_user="cyclist", length=float(SHAPE.size[0]), width=float(SHAPE.size[1])
-)
+CYCLIST = replace(CAR, road_user="cyclist", length=float(SHAPE.size[0]), width=float(SHAPE.size[1]))
 
 
 def coming(heading, rate, count=20):
@@ -39,7 +41,7 @@ def coming(heading, rate, count=20):
 def wrong_side(poses, degrees):
     """A start whose heading is on the other side of the line of sight, and certain."""
     initial = start_at(poses, (0.0, 0.0, np.radians(degrees)))
-    return dataclasses.replace(initial, covariance=np.diag([0.04, 0.04, 0.002, 0.1, 0.1, 0.002]))
+    return replace(initial, covariance=np.diag([0.04, 0.04, 0.002, 0.1, 0.1, 0.002]))
 
 
 @pytest.mark.parametrize(
@@ -87,9 +89,7 @@ def test_a_wrong_detection_is_given_up_again(monkeypatch):
 def test_a_track_is_inconsistent_after_enough_scans_with_a_great_innovation():
     def scans(*nis):
         unseen = Hypothesis.unseen((np.zeros(7), np.eye(7), None))
-        return [
-            dataclasses.replace(unseen, nis=one, degrees=0 if np.isnan(one) else 4) for one in nis
-        ]
+        return [replace(unseen, nis=one, degrees=0 if np.isnan(one) else 4) for one in nis]
 
     great = scans(0.1, 8.0, np.nan, 8.0, 8.0)
     assert [is_inconsistent(great[:k]) for k in range(1, 6)] == [False] * 4 + [True]
@@ -135,9 +135,7 @@ def test_a_target_is_found_again_that_turned_during_a_gap():
 def test_a_start_that_is_as_wrong_as_it_states_is_mended(offset):
     poses = turning(30, 4.0, 0.3)
     scans = scans_seen(CAR_SHAPE.outline, poses, noise=0.03)
-    initial = dataclasses.replace(
-        start_at(poses, offset), covariance=np.diag([1.0, 1.0, 0.25, 4.0, 4.0, 0.1])
-    )
+    initial = replace(start_at(poses, offset), covariance=np.diag([1.0, 1.0, 0.25, 4.0, 4.0, 0.1]))
     result = track(scans, initial, KNOWN, OF_ANY_CLASS)
     assert result.class_replaced is None
     assert np.hypot(*(result.means[3:, :2] - poses[3:, :2]).T).max() < 0.15
@@ -168,7 +166,7 @@ def test_the_box_has_room_for_the_limbs():
 def facing(poses, heading_error):
     """A start whose heading is wrong by `heading_error` rad, and whose velocity is right."""
     initial = start_at(poses, (0.1, 0.1, heading_error))
-    return dataclasses.replace(initial, covariance=np.diag([0.04, 0.04, 0.01, 4.0, 4.0, 0.01]))
+    return replace(initial, covariance=np.diag([0.04, 0.04, 0.01, 4.0, 4.0, 0.01]))
 
 
 @pytest.mark.parametrize(
@@ -212,3 +210,50 @@ def test_a_turned_outline_is_the_same_outline_seen_from_its_rear():
     front = residual.outline(mean)[:, 0].max() - residual.outline(np.zeros(7 + NODES))[:, 0].max()
     rear = residual.outline(turned)[:, 0].min() - residual.outline(np.zeros(7 + NODES))[:, 0].min()
     assert front == pytest.approx(0.2, abs=0.02) and rear == pytest.approx(-0.2, abs=0.02)
+
+
+PARKED = world_from_target(class_shape("car").outline, np.array([0.0, 8.0, 0.0]))
+"""A car 8 m in front of the sensor."""
+
+
+def passing(user):
+    """Poses of a road user that goes from the left to the right behind the parked car."""
+    count, speed = {"cyclist": (44, 4.0), "pedestrian": (64, 2.0)}[user]
+    xs = -0.5 * 0.1 * speed * count + 0.1 * speed * np.arange(count)
+    return np.column_stack([xs, np.full(count, 16.0), np.zeros(count)])
+
+
+@pytest.mark.parametrize("tracker", [contour, gp_ekf], ids=["contour", "gp_ekf"])
+@pytest.mark.parametrize("begins_hidden", [False, True], ids=["seen first", "hidden first"])
+@pytest.mark.parametrize("user", ["cyclist", "pedestrian"])
+def test_a_target_that_is_hidden_is_not_the_car_that_hides_it(tracker, user, begins_hidden):
+    name = tracker.__name__.rpartition(".")[2]
+    p = compose(["measurement=fabricated", f"road_user={user}", f"tracker={name}"]).configuration
+    poses = passing(user)
+    poses = poses[len(poses) // 2 - 5 if begins_hidden else 0 :]
+    scans = scans_seen(class_shape(user).outline, poses, noise=0.02, before=PARKED)
+    track = tracker.track(scans, start_at(poses), p.prior, p.tracker)
+    errors = np.hypot(*(track.means[:, :2] - poses[:, :2]).T)
+    spread = np.sqrt(np.trace(track.covariances[:, :2, :2], axis1=1, axis2=2))
+    assert (np.diff(track.used_offsets)[np.abs(poses[:, 0]) < 2.0] == 0).all()
+    assert track.class_replaced is None
+    assert (errors < 3.0 * spread + 0.1).all()
+    assert errors[-5:].max() < 0.3
+
+
+def test_what_stood_elsewhere_is_known_and_what_reaches_the_target_is_not():
+    near, far = np.array([[0.5, 10.0], [0.7, 10.0]]), np.array([[6.0, 12.0], [6.2, 12.0]])
+    points = np.concatenate([near, far])
+    rays = rays_of(points, np.tile(1e-4 * np.eye(2), (4, 1, 1)), SENSOR)
+    background, place = Background(), np.array([0.0, 10.0])
+    assert not background.others(rays, place, 1.0, 0.1, False).any()
+    # Its place is known: ranges tell it from what is beside it.
+    assert not background.others(rays, place, 1.0, 0.2, False).any()
+    expected = [False, False, True, True]
+    np.testing.assert_array_equal(background.others(rays, place, 1.0, 2.0, False), expected)
+    np.testing.assert_array_equal(background.others(rays, place, 1.0, 0.1, True), expected)
+    # The points of one object are neighbours: a part of it is within the target's reach.
+    points = np.column_stack([np.linspace(1.0, 6.0, 26), np.full(26, 10.0)])
+    rays = rays_of(points, np.tile(1e-4 * np.eye(2), (26, 1, 1)), SENSOR)
+    background, place = Background(), np.array([0.0, 10.0])
+    assert not background.others(rays, place, 1.0, 0.1, True).any()

@@ -8,6 +8,7 @@ from typing import get_args
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from seen_targets import moved, scans_seen, start_at, turning
 from tracking_cases import START, scans_of
 
@@ -65,19 +66,17 @@ def test_no_frame_of_the_world_matters(words):
     angle, shift = -2.0, (3.0, 40.0)
     turn = rotation(angle)
     plain, other = plain_track(words), tracker_of(words)(*moved(*given(), angle, np.array(shift)))
-    np.testing.assert_array_equal(other.used_points, plain.used_points)
-    np.testing.assert_allclose(other.means[:, :2], plain.means[:, :2] @ turn.T + shift, atol=1e-6)
+    assert_array_equal(other.used_points, plain.used_points)
+    assert_allclose(other.means[:, :2], plain.means[:, :2] @ turn.T + shift, atol=1e-6)
     turned = wrap_angle(other.means[:, 2] - plain.means[:, 2] - angle)
-    np.testing.assert_allclose(turned, 0.0, atol=1e-6)
-    np.testing.assert_allclose(other.means[:, 3:5], plain.means[:, 3:5] @ turn.T, atol=1e-6)
-    np.testing.assert_allclose(other.means[:, 5:], plain.means[:, 5:], atol=1e-6)
+    assert_allclose(turned, 0.0, atol=1e-6)
+    assert_allclose(other.means[:, 3:5], plain.means[:, 3:5] @ turn.T, atol=1e-6)
+    assert_allclose(other.means[:, 5:], plain.means[:, 5:], atol=1e-6)
     spreads = turn @ plain.covariances[:, :2, :2] @ turn.T
-    np.testing.assert_allclose(other.covariances[:, :2, :2], spreads, atol=1e-6)
-    np.testing.assert_allclose(
-        other.contours_world, plain.contours_world @ turn.T + shift, atol=1e-5
-    )
-    np.testing.assert_allclose(other.contour_std, plain.contour_std, atol=1e-6)
-    np.testing.assert_allclose(other.nis, plain.nis, rtol=1e-5, atol=1e-7)
+    assert_allclose(other.covariances[:, :2, :2], spreads, atol=1e-6)
+    assert_allclose(other.contours_world, plain.contours_world @ turn.T + shift, atol=1e-5)
+    assert_allclose(other.contour_std, plain.contour_std, atol=1e-6)
+    assert_allclose(other.nis, plain.nis, rtol=1e-5, atol=1e-7)
 
 
 # `gm_mem_ekf` updates with one point after the other.
@@ -89,8 +88,8 @@ def test_the_order_of_the_points_does_not_matter(words):
     points, covariances = scans.points_world[rows], scans.covariances_world[rows]
     turned = scans_of(np.split(points, scans.offsets[1:-1]), covariances=covariances)
     plain, other = plain_track(words), tracker_of(words)(turned, initial)
-    np.testing.assert_allclose(other.means, plain.means, atol=1e-6)
-    np.testing.assert_allclose(other.covariances, plain.covariances, atol=1e-6)
+    assert_allclose(other.means, plain.means, atol=1e-6)
+    assert_allclose(other.covariances, plain.covariances, atol=1e-6)
 
 
 @pytest.mark.parametrize("words", WAYS)
@@ -102,16 +101,14 @@ def test_the_same_scans_give_the_same_bytes(words):
 def test_without_points_and_with_far_ones_it_predicts_and_knows_less_and_less(words):
     track, far = tracker_of(words), np.array([[60.0, 60.0], [-40.0, 2.0]])
     empty = track(scans_of([EMPTY] * 3), START)
-    np.testing.assert_allclose(
-        empty.means[-1, :2], START.mean[:2] + 0.3 * START.mean[3:5], atol=0.1
-    )
+    assert_allclose(empty.means[-1, :2], START.mean[:2] + 0.3 * START.mean[3:5], atol=0.1)
     assert np.isnan(empty.nis).all() and not empty.nis_degrees_of_freedom.any()
     assert np.diff(np.trace(empty.covariances[:, :2, :2], axis1=1, axis2=2)).min() > 0.0
     assert not words.endswith("random_matrix") or np.diff(empty.contour_std, axis=0).min() > 0.0
     clutter = track(scans_of([far, EMPTY, far[:1]]), START)
     assert len(clutter.used_points) == 0
-    np.testing.assert_array_equal(clutter.means, empty.means)
-    np.testing.assert_array_equal(clutter.covariances, empty.covariances)
+    assert_array_equal(clutter.means, empty.means)
+    assert_array_equal(clutter.covariances, empty.covariances)
     assert track(scans_of([]), START).means.shape == (0, empty.means.shape[1])
 
 

@@ -18,7 +18,6 @@ TRACKERS = {
     name: compose([f"tracker={name}"]).configuration.tracker
     for name in ("lidar_random_matrix", "li_random_matrix")
 }
-ENDS = TRACKERS["lidar_random_matrix"]
 EMPTY = np.zeros((0, 2))
 SENSOR = np.zeros(2)
 

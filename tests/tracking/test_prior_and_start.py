@@ -3,6 +3,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from tracking_cases import CAR
 
 from stixel_cli import compose
@@ -27,16 +28,13 @@ def test_rectangle_prior_has_its_size_and_rounded_corners(radius):
     inner = np.abs(outline) - (np.array([2.1, 0.85]) - radius)
     outside = np.hypot(*np.maximum(inner, 0.0).T)
     distance = outside + np.minimum(inner.max(axis=1), 0.0) - radius
-    np.testing.assert_allclose(distance, 0.0, atol=1e-12)
+    assert_allclose(distance, 0.0, atol=1e-12)
 
 
-def test_ellipse_prior_is_an_ellipse():
+def test_ellipse_prior_is_an_ellipse_and_a_corner_radius_has_a_limit():
     ellipse = PriorShape(1.8, 0.6, "ellipse", 0.0, 0.1, 0.1, 0.1, 0.3, "car", 0.06, 0.06, None)
     x, y = points(ellipse).T
-    np.testing.assert_allclose((x / 0.9) ** 2 + (y / 0.3) ** 2, 1.0)
-
-
-def test_prior_rejects_a_corner_radius_that_is_too_large():
+    assert_allclose((x / 0.9) ** 2 + (y / 0.3) ** 2, 1.0)
     tracker = SimpleNamespace(kind="gp_ekf")
     CAR.check(tracker)
     with pytest.raises(ValueError, match=r"prior\.corner_radius: must be ≤ .*got 0\.9"):
@@ -54,38 +52,30 @@ def scenario():
 NOISE = TruthStart("truth", "truth", position=0.3, heading=0.1, velocity=0.5, heading_rate=0.05)
 
 
-def test_start_without_noise_predicts_the_truth_at_the_first_scan():
+def test_start_noise_matches_its_covariance_and_may_be_that_of_the_pose_alone():
     quiet = TruthStart(
         "truth", "truth", position=1e-12, heading=1e-12, velocity=1e-12, heading_rate=1e-12
     )
     start = noisy_start(scenario(), quiet, seed=3)
     first = transition(0.2) @ start.mean
-    np.testing.assert_allclose(first, [4.0, 9.0, 0.3, 3.0, -1.0, 0.4], atol=1e-9)
-
-
-def test_start_noise_matches_its_covariance_and_depends_only_on_the_seed():
+    assert_allclose(first, [4.0, 9.0, 0.3, 3.0, -1.0, 0.4], atol=1e-9)
     exact = transition(-0.2) @ np.array([4.0, 9.0, 0.3, 3.0, -1.0, 0.4])
     starts = [noisy_start(scenario(), NOISE, seed) for seed in range(800)]
     normal = np.array([s.mean - exact for s in starts]) / [0.3, 0.3, 0.1, 0.5, 0.5, 0.05]
     assert np.all(np.abs(normal.mean(axis=0)) < 5.0 / np.sqrt(800))
     assert np.all(np.abs(normal.std(axis=0) - 1.0) < 0.12)
-    np.testing.assert_allclose(
-        np.diag(starts[0].covariance), np.array([0.3, 0.3, 0.1, 0.5, 0.5, 0.05]) ** 2
-    )
+    assert_allclose(np.diag(starts[0].covariance), np.array([0.3, 0.3, 0.1, 0.5, 0.5, 0.05]) ** 2)
     again = noisy_start(scenario(), NOISE, 7)
-    np.testing.assert_array_equal(again.mean, starts[7].mean)
-
-
-def test_rates_of_zero_keep_the_noise_of_the_pose():
+    assert_array_equal(again.mean, starts[7].mean)
     zero = dataclasses.replace(NOISE, rates="zero", velocity=4.0, heading_rate=0.5)
     starts = [noisy_start(scenario(), zero, seed) for seed in range(3)]
     for seed, start in enumerate(starts):
         true_rates = noisy_start(scenario(), NOISE, seed)
         moved = transition(0.2) @ true_rates.mean
         noise_of_rates = true_rates.mean[3:] - [3.0, -1.0, 0.4]
-        np.testing.assert_array_equal(start.mean[3:], 0.0)
-        np.testing.assert_allclose(start.mean[:3], moved[:3] - 0.2 * noise_of_rates, atol=1e-12)
-        np.testing.assert_allclose(np.diag(start.covariance)[3:], [16.0, 16.0, 0.25])
+        assert_array_equal(start.mean[3:], 0.0)
+        assert_allclose(start.mean[:3], moved[:3] - 0.2 * noise_of_rates, atol=1e-12)
+        assert_allclose(np.diag(start.covariance)[3:], [16.0, 16.0, 0.25])
 
 
 @pytest.mark.parametrize(("user", "std"), [("car", 0.3), ("cyclist", 0.15), ("pedestrian", 0.1)])

@@ -1,12 +1,26 @@
-"""The peers' scores on the scans of their publication, where these are at hand."""
+"""Trackers beside their published scores, PyRecEst and reference cases."""
 
+import dataclasses
 import json
 import runpy
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
 from real_data import real_data
+from tracking_cases import GOLDEN, scans_of
+
+from stixel_cli.config.compose import compose
+from stixel_cli.errors import UserError
+from stixel_cli.geometry.pose import STRAIGHT_AHEAD, world_from_target
+from stixel_cli.measurements.scans import Scans
+from stixel_cli.tracking.baselines import pyrecest as adapter
+from stixel_cli.tracking.baselines.pyrecest import Name
+from stixel_cli.tracking.gp_ekf import GpEkfParameters, track
+from stixel_cli.tracking.own import check_track
+from stixel_cli.tracking.prior import PriorShape
+from stixel_cli.tracking.track import InitialState
 
 ROOT = Path(__file__).parents[2]
 EXAMPLE = runpy.run_path(str(ROOT / "examples" / "lidarrm_scores.py"))
@@ -51,3 +65,115 @@ def test_a_peer_has_its_published_score(tracker, tolerance, scans):
     published = np.concatenate([rows[run.name][name] for run in runs]).mean()
     found, _, _ = EXAMPLE["score"](runs, EXAMPLE["settings_of"](tracker), True, 0)
     assert found == pytest.approx(published, abs=tolerance)
+
+
+CONFIGURATION = compose(["tracker=pyrecest"]).configuration
+PRIOR, PARAMETERS = CONFIGURATION.prior, CONFIGURATION.tracker
+RATES = np.array([1.0, 4.0, 0.0])
+
+
+def few_scans_of(count=18):
+    """A car that drives ahead, seen all round with little noise; scans 8 to 10 have few points."""
+    random = np.random.default_rng(0)
+    heading = np.arctan2(RATES[1], RATES[0])
+    scans = []
+    for k in range(count):
+        pose = np.array([2.0, 10.0, heading]) + 0.1 * k * RATES
+        angles = random.uniform(0.0, 2.0 * np.pi, {8: 2, 9: 1, 10: 0}.get(k, 30))
+        outline = np.stack([2.1 * np.cos(angles), 0.85 * np.sin(angles)], axis=1)
+        points = world_from_target(outline, pose) + 0.05 * random.standard_normal((len(angles), 2))
+        scans.append((points, np.tile(0.0025 * np.eye(2), (len(angles), 1, 1))))
+    poses = np.tile([0.0, 0.0, STRAIGHT_AHEAD], (count, 1))
+    return Scans.of_each(0.1 * np.arange(count), poses, scans), heading
+
+
+def initial_of(heading):
+    mean = np.array([2.2, 9.7, heading + 0.05, *RATES]) - 0.1 * np.array([*RATES, 0, 0, 0])
+    return InitialState(mean, np.diag([0.3, 0.3, 0.1, 0.5, 0.5, 0.1]) ** 2)
+
+
+@pytest.mark.parametrize("name", get_args(Name))
+def test_each_follows_a_car_through_scans_of_few_points(name):
+    pytest.importorskip("pyrecest")
+    scans, heading = few_scans_of()
+    parameters = dataclasses.replace(PARAMETERS, name=name, measurement_std=0.1)
+    track = adapter.track(scans, initial_of(heading), PRIOR, parameters)
+    check_track(track, scans, name)
+    true = np.array([2.0, 10.0]) + 0.1 * np.arange(18)[:, None] * RATES[:2]
+    assert np.hypot(*(track.means[-5:, :2] - true[-5:]).T).max() < 0.5
+    assert np.abs(np.angle(np.exp(1j * (track.means[-1, 2] - heading)))) < 0.3
+    x, y = track.contours_world[-1].T
+    area = 0.5 * np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))
+    # Points of an outline are twice as far apart as those of a filled ellipse, which some assume.
+    assert 0.4 < area / (np.pi * 2.1 * 0.85) < 2.2, "counter-clockwise and of the car's size"
+    assert np.isfinite(track.covariances).all()
+    again = adapter.track(few_scans_of(11)[0], initial_of(heading), PRIOR, parameters)
+    assert again.means.tobytes() == track.means[:11].tobytes(), "and later scans change nothing"
+
+
+def test_without_pyrecest_the_message_names_the_extra(monkeypatch):
+    import sys
+
+    monkeypatch.setitem(sys.modules, "pyrecest", None)
+    monkeypatch.setitem(sys.modules, "pyrecest.distributions", None)
+    scans, heading = few_scans_of(2)
+    with pytest.raises(UserError, match=r"pip install 'stixel\[peers\]'"):
+        adapter.track(scans, initial_of(heading), PRIOR, PARAMETERS)
+
+
+@pytest.fixture(params=["car_turn_full", "metu_demo_square"])
+def case(request):
+    with np.load(GOLDEN / f"{request.param}.npz", allow_pickle=False) as arrays:
+        return {name: arrays[name] for name in arrays.files}
+
+
+def points_of(case):
+    return np.split(case["meas"], np.cumsum(case["meas_count"])[:-1])
+
+
+def test_whole_track_matches_the_reference(case):
+    """Through `track` itself: the reference starts from radii of zero, so from a point."""
+    tracker = GpEkfParameters(
+        kind="gp_ekf",
+        basis_points=len(case["uf"]),
+        length_scale=float(case["length_scale"]),
+        sigma_f=float(case["sigma_f"]),
+        sigma_r=float(case["sigma_r"]),
+        mean_function="zero",
+        forgetting_rate=float(case["alpha"]),
+        jitter=float(case["jitter"]),
+        sigma_q=float(case["sigma_q"]),
+        sigma_q_psi=float(case["sigma_q_psi"]),
+        slip=None,
+        seen_by=None,
+        measurement_covariance="isotropic",
+        measurement_std=float(case["sigma_meas"]),
+        gate_probability=None,
+        lag=0,
+    )
+    point = PriorShape(
+        length=1e-12,
+        width=1e-12,
+        shape="ellipse",
+        corner_radius=0.0,
+        sigma_f=1.0,
+        sigma_r=1.0,
+        measurement_std=0.1,
+        start_position=0.3,
+        road_user="car",
+        length_std=0.06,
+        width_std=0.06,
+        outline=None,
+    )
+    points = points_of(case)
+    scans = scans_of(points, times=float(case["T"]) * np.arange(len(points)))
+    initial = InitialState(mean=case["x0"][:6], covariance=case["P0"][:6, :6])
+    result = track(scans, initial, point, tracker)
+    np.testing.assert_allclose(result.means, case["expected_x"], rtol=0, atol=1e-5)
+    np.testing.assert_allclose(
+        np.einsum("kii->ki", result.covariances), case["expected_P_diag"], rtol=0, atol=1e-5
+    )
+    for k, expected in ((1, "expected_scan1_P"), (-1, "expected_P_final")):
+        np.testing.assert_allclose(result.covariances[k], case[expected], rtol=0, atol=1e-5)
+    np.testing.assert_array_equal(np.diff(result.used_offsets), case["meas_count"])
+    np.testing.assert_array_equal(result.used_points, np.arange(len(case["meas"])))

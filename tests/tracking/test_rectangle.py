@@ -26,7 +26,6 @@ TRACKER = compose(["tracker=rectangle"]).configuration.tracker
 EXACT = dataclasses.replace(TRACKER, measurement_std=0.05, side_std=0.02, corner_std=0.03)
 OUTLINE = 0.5 * CORNERS * [CAR.length, CAR.width]
 OVAL = dataclasses.replace(CAR, shape="ellipse", corner_radius=0.0, length=1.8, width=0.6)
-EMPTY = np.zeros((0, 2))
 SEEDS = st.integers(0, 2**31)
 FRONT, REAR, LEFT, RIGHT = range(4)
 

@@ -1,6 +1,6 @@
 """Initial states from the first scans alone."""
 
-import dataclasses
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -57,7 +57,7 @@ def test_the_cluster_that_moves_is_found_and_moved_back_to_before_the_first_scan
 
 def test_bearing_and_range_choose_a_cluster_that_stands():
     scans, _, _ = approaching()
-    chosen = dataclasses.replace(START, bearing=(20.0, 40.0), range=(10.0, 20.0))
+    chosen = replace(START, bearing=(20.0, 40.0), range=(10.0, 20.0))
     state = start_from_scans(scans, chosen, PRIOR)
     assert np.hypot(*(state.mean[:2] - WALL.mean(axis=0))) < 0.5 * PRIOR.length
     assert np.hypot(*state.mean[3:5]) < 0.1
@@ -75,15 +75,18 @@ def test_of_several_clusters_inside_the_one_nearest_to_the_middle_is_taken():
         ({"bearing": (-20.0, 0.0), "range": (5.0, 15.0)}, (2.0, 10.0)),
         ({"range": (12.0, 20.0)}, (2.0, 14.0)),
     ):
-        state = start_from_scans(scans, dataclasses.replace(START, **bounds), prior)
+        state = start_from_scans(scans, replace(START, **bounds), prior)
         assert np.hypot(*(state.mean[:2] - place)) < 0.5, bounds
 
 
-def test_two_points_in_a_single_scan_start_a_track_with_unknown_motion():
-    start = dataclasses.replace(START, bearing=(-10.0, 10.0))
+def test_two_points_start_a_track_and_a_wall_larger_than_the_class_none():
+    start = replace(START, bearing=(-10.0, 10.0))
     state = start_from_scans(scans_of([np.array([[0.0, 9.0], [0.1, 9.0]])]), start, PRIOR)
     assert np.isfinite(state.mean).all()
     assert np.sqrt(state.covariance[3, 3]) >= 10.0
+    wall = np.stack([np.linspace(-10.0, 10.0, 60), np.full(60, 15.0)], axis=1)
+    with pytest.raises(ValueError, match="no scan has a cluster"):
+        start_from_scans(scans_of([wall] * 3), replace(START, bearing=(-30.0, 30.0)), PRIOR)
 
 
 @pytest.mark.parametrize(
@@ -96,18 +99,10 @@ def test_two_points_in_a_single_scan_start_a_track_with_unknown_motion():
 def test_without_a_cluster_the_message_names_the_keys(changes, fault):
     scans = scans_of([WALL] * 5)
     with pytest.raises(ValueError, match=fault):
-        start_from_scans(scans, dataclasses.replace(START, **changes), PRIOR)
+        start_from_scans(scans, replace(START, **changes), PRIOR)
     # The command names the stage, `start`, before it.
     with pytest.raises(ValueError, match="no cluster"):
         start_from_scans(scans_of([np.zeros((0, 2))] * 5), START, PRIOR)
-
-
-def test_a_wall_larger_than_the_class_is_no_target():
-    wall = np.stack([np.linspace(-10.0, 10.0, 60), np.full(60, 15.0)], axis=1)
-    with pytest.raises(ValueError, match="no scan has a cluster"):
-        start_from_scans(
-            scans_of([wall] * 3), dataclasses.replace(START, bearing=(-30.0, 30.0)), PRIOR
-        )
 
 
 def test_a_distant_target_of_a_slow_and_sparse_lidar_is_found():
@@ -120,9 +115,9 @@ def test_a_distant_target_of_a_slow_and_sparse_lidar_is_found():
         world_from_target(side, np.array([*centre, heading]))
         for centre, heading in zip(centres, headings, strict=True)
     ]
-    scans = dataclasses.replace(scans_of(points), times=np.arange(5.0))
-    prior = dataclasses.replace(PRIOR, length=8.5, width=3.0)
-    state = start_from_scans(scans, dataclasses.replace(START, duration=3.0), prior)
+    scans = replace(scans_of(points), times=np.arange(5.0))
+    prior = replace(PRIOR, length=8.5, width=3.0)
+    state = start_from_scans(scans, replace(START, duration=3.0), prior)
     predicted = transition(1.0) @ state.mean
     assert np.hypot(*(predicted[:2] - centres[0])) < 2.0
     np.testing.assert_allclose(predicted[3:5], 6.0 * np.array([0.94, 0.34]), atol=1.0)
@@ -131,10 +126,10 @@ def test_a_distant_target_of_a_slow_and_sparse_lidar_is_found():
 def test_a_start_of_no_known_class_is_a_mixture_of_all():
     side = np.stack([np.linspace(-0.4, 0.4, 9), np.full(9, 12.0)], axis=1)
     scans = scans_of([side] * 3)
-    start = dataclasses.replace(START, bearing=(-30.0, 30.0))
+    start = replace(START, bearing=(-30.0, 30.0))
     unknown = compose(["prior=unknown"]).configuration.prior
     each = [
-        start_from_scans(scans, start, dataclasses.replace(PRIOR, length=length, width=width))
+        start_from_scans(scans, start, replace(PRIOR, length=length, width=width))
         for length, width in possible_sizes(unknown)
     ]
     mixed = start_from_scans(scans, start, unknown)
@@ -148,7 +143,7 @@ def test_a_start_of_no_known_class_is_a_mixture_of_all():
 def test_a_cluster_too_large_for_the_class_may_be_of_another_class():
     side = np.stack([np.linspace(-2.2, 2.2, 30), np.full(30, 12.0)], axis=1)
     scans = scans_of([side] * 3)
-    start = dataclasses.replace(START, bearing=(-30.0, 30.0))
+    start = replace(START, bearing=(-30.0, 30.0))
     of_pedestrian, unknown = (
         start_from_scans(scans, start, compose([f"prior={name}"]).configuration.prior)
         for name in ("pedestrian", "unknown")
@@ -157,18 +152,15 @@ def test_a_cluster_too_large_for_the_class_may_be_of_another_class():
     np.testing.assert_array_equal(of_pedestrian.covariance, unknown.covariance)
 
 
-def test_a_car_ahead_may_have_the_motion_of_the_sensor():
+def test_a_car_ahead_that_is_chosen_may_have_the_motion_of_the_sensor():
     poses = np.array([[0.0, 1.5 * k, STRAIGHT_AHEAD] for k in range(4)])
     rear = np.stack([np.linspace(-0.85, 0.85, 9), np.full(9, 20.0)], axis=1)
     unit = np.tile(0.01 * np.eye(2), (9, 1, 1))
     seen = [(rear + pose[:2], unit) for pose in poses]
     scans = Scans.of_each(0.1 * np.arange(4), poses, seen)
-    chosen = dataclasses.replace(START, bearing=(-5.0, 5.0), motion="sensor")
+    chosen = replace(START, bearing=(-5.0, 5.0), motion="sensor")
     predicted = transition(0.1) @ start_from_scans(scans, chosen, PRIOR).mean
     expected = [0.0, 20.0 + 0.5 * PRIOR.length, STRAIGHT_AHEAD, 0.0, 15.0, 0.0]
     np.testing.assert_allclose(predicted, expected, atol=1e-9)
-
-
-def test_the_motion_of_the_sensor_needs_a_choice_of_the_cluster():
     with pytest.raises(ConfigurationError, match=r"start\.bearing: start\.motion=sensor needs"):
         compose(["start=scans", "start.motion=sensor"])

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from stixel_cli.config.compose import compose
 from stixel_cli.errors import UserError
@@ -93,15 +94,21 @@ def tum(path, poses, w_first=False, camera=False):
     return path
 
 
-def test_a_table_of_poses(tmp_path, scans):
+def test_poses_of_a_table_and_of_a_trajectory(tmp_path, scans):
     found = read(write(tmp_path / "track.csv", K | columns()), scans)
-    np.testing.assert_allclose(found.means[:, :3], TRUTH, atol=1e-7)
+    assert_allclose(found.means[:, :3], TRUTH, atol=1e-7)
     assert (found.means[:, 3:] == 0.0).all()
     assert (found.covariances == 0.0).all()
     assert not found.uses_scans and len(found.used_points) == 0
     sides = np.linalg.norm(np.diff(found.contours_world[0], axis=0), axis=1)
-    np.testing.assert_allclose(sides, [4.0, 2.0, 4.0])
+    assert_allclose(sides, [4.0, 2.0, 4.0])
     assert doubts(tmp_path / "track.csv", scans) == []
+    found = read(tum(tmp_path / "track.tum", TRUTH), scans)
+    assert_allclose(found.means[:, :3], TRUTH, atol=1e-7)
+    with pytest.raises(UserError, match=r"z is not up: must be x y z qx qy qz qw \(w last\)"):
+        read(tum(tmp_path / "w.tum", TRUTH, w_first=True), scans)
+    with pytest.raises(UserError, match="z is not up"):
+        read(tum(tmp_path / "camera.tum", TRUTH, camera=True), scans)
 
 
 def test_rates_covariances_sizes_and_radii(tmp_path, scans):
@@ -116,14 +123,14 @@ def test_rates_covariances_sizes_and_radii(tmp_path, scans):
     assert (found.means[:, 3:] == 1.0).all()
     expected = np.diag([4.0, 9.0, 9.0, 16.0, 25.0, 36.0])
     expected[0, 1] = expected[1, 0] = 1.0
-    np.testing.assert_allclose(found.covariances[3], expected)
+    assert_allclose(found.covariances[3], expected)
     assert (found.box_sizes == [5.0, 2.0]).all()
     arms = found.contours_world - found.means[:, None, :2]
-    np.testing.assert_allclose(np.linalg.norm(arms, axis=2), np.tile([1, 2, 3, 4], (COUNT, 1)))
+    assert_allclose(np.linalg.norm(arms, axis=2), np.tile([1, 2, 3, 4], (COUNT, 1)))
     # The first radius is along the heading, the second to the left.
     ahead = np.stack([np.cos(TRUTH[:, 2]), np.sin(TRUTH[:, 2])], axis=1)
-    np.testing.assert_allclose(arms[:, 0], ahead, atol=1e-7)
-    np.testing.assert_allclose(arms[:, 1], 2 * ahead[:, ::-1] * [-1, 1], atol=1e-7)
+    assert_allclose(arms[:, 0], ahead, atol=1e-7)
+    assert_allclose(arms[:, 1], 2 * ahead[:, ::-1] * [-1, 1], atol=1e-7)
 
 
 def test_poses_in_the_frame_of_the_camera(tmp_path, scans):
@@ -138,13 +145,11 @@ def test_poses_in_the_frame_of_the_camera(tmp_path, scans):
     )
     path = write(tmp_path / "track.csv", table | variances)
     found = read(path, scans, "camera")
-    np.testing.assert_allclose(found.means[:, :3], TRUTH, atol=1e-6)
+    assert_allclose(found.means[:, :3], TRUTH, atol=1e-6)
     # Ahead of the sensor is its heading.
     ahead = np.stack([np.cos(SENSORS[:, 2]), np.sin(SENSORS[:, 2])], axis=1)
-    np.testing.assert_allclose(found.means[:, 3:5], ahead, atol=1e-6)
-    np.testing.assert_allclose(
-        np.einsum("ki,kij,kj->k", ahead, found.covariances[:, :2, :2], ahead), 4.0
-    )
+    assert_allclose(found.means[:, 3:5], ahead, atol=1e-6)
+    assert_allclose(np.einsum("ki,kij,kj->k", ahead, found.covariances[:, :2, :2], ahead), 4.0)
     assert "and tracker.frame=camera the median distance" in doubts(path, scans)[0]
 
 
@@ -152,7 +157,7 @@ def test_results_of_kitti(tmp_path, scans):
     path = kitti(tmp_path / "0000.txt", in_camera())
     for track_id in (None, 31):
         found = read(path, scans, "camera", track_id)
-        np.testing.assert_allclose(found.means[:, :3], TRUTH, atol=1e-6)
+        assert_allclose(found.means[:, :3], TRUTH, atol=1e-6)
         assert (found.box_sizes == [4.0, 2.0]).all()
     with pytest.raises(UserError, match=r"tracker\.id: .*: 31; got 7"):
         read(path, scans, "camera", 7)
@@ -163,19 +168,10 @@ def test_results_of_kitti(tmp_path, scans):
         read(path, scans, "camera")
 
 
-def test_a_trajectory(tmp_path, scans):
-    found = read(tum(tmp_path / "track.tum", TRUTH), scans)
-    np.testing.assert_allclose(found.means[:, :3], TRUTH, atol=1e-7)
-    with pytest.raises(UserError, match=r"z is not up: must be x y z qx qy qz qw \(w last\)"):
-        read(tum(tmp_path / "w.tum", TRUTH, w_first=True), scans)
-    with pytest.raises(UserError, match="z is not up"):
-        read(tum(tmp_path / "camera.tum", TRUTH, camera=True), scans)
-
-
 def test_times_are_matched_within_half_an_interval(tmp_path, scans):
     for offset in (0.04, -0.04):
         path = write(tmp_path / "track.csv", columns(t=TIMES + offset))
-        np.testing.assert_allclose(read(path, scans).means[:, :3], TRUTH, atol=1e-7)
+        assert_allclose(read(path, scans).means[:, :3], TRUTH, atol=1e-7)
         assert doubts(path, scans) == [
             f"tracker.path: {path}: its times differ by {offset:+.3f} s (median) from those of "
             "the scans"
@@ -184,7 +180,7 @@ def test_times_are_matched_within_half_an_interval(tmp_path, scans):
     times = np.concatenate([TIMES + 0.05, TIMES])
     table = columns(np.concatenate([TRUTH + 1.0, TRUTH]), t=times)
     path = write(tmp_path / "track.csv", table)
-    np.testing.assert_allclose(read(path, scans).means[:, :3], TRUTH, atol=1e-7)
+    assert_allclose(read(path, scans).means[:, :3], TRUTH, atol=1e-7)
     with pytest.raises(
         UserError, match="no t within half an interval of a scan: t goes from 100 to"
     ):
@@ -201,7 +197,7 @@ def test_times_since_1970_are_those_of_the_scans(tmp_path, scans, unit):
         for t, p in zip(TIMES, TRUTH, strict=True)
     ]
     path.write_text("\n".join(["t,x,y,heading", *rows]))
-    np.testing.assert_allclose(read(path, since).means[:, :3], TRUTH, atol=1e-7)
+    assert_allclose(read(path, since).means[:, :3], TRUTH, atol=1e-7)
     assert not doubts(path, since)
     with pytest.raises(UserError, match="no t within half an interval of a scan"):
         read(path, scans)
@@ -211,7 +207,7 @@ def test_a_scan_without_a_row_keeps_the_estimate_before(tmp_path, scans):
     path = write(tmp_path / "track.csv", K | columns(), [2, 3, 7])
     found = read(path, scans)
     expected = TRUTH[[2, 2, 2, 3, 3, 3, 3, 7, 7, 7, 7]]
-    np.testing.assert_allclose(found.means[:, :3], expected, atol=1e-7)
+    assert_allclose(found.means[:, :3], expected, atol=1e-7)
     assert "8 of 11 scans have no row" in doubts(path, scans)[0]
     assert rows_of_scans(scans, parameters(path)).index.tolist() == [2, 3, 7]
 

@@ -1,14 +1,24 @@
+"""Errors of points, the noise that is fitted to them, and faces of labelled boxes."""
+
 import dataclasses
+import json
 
 import numpy as np
 import pytest
+import yaml
+from pydantic import TypeAdapter
 
+from stixel_cli.errors import UserError
+from stixel_cli.geometry.pose import rectangle
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.measurements.fabricated import FabricatedParameters, fabricate_scans
-from stixel_cli.measurements.rays import ConstantNoise, StereoNoise
+from stixel_cli.measurements.rays import ConstantNoise, FittedNoise, StereoNoise
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.scenario import Scenario
+from stixel_cli.studies.rq3 import preset
+from stixel_cli.validation.pair_errors import face_depths
 from stixel_cli.validation.point_errors import point_errors, ranges_along
+from stixel_cli.validation.point_statistics import fit_noise
 
 RIG = Rig(640, 480, 60.0, None, None, None, 0.3, 1.5, 0.0, None)
 BOX = np.array([[2.25, -0.9], [2.25, 0.9], [-2.25, 0.9], [-2.25, -0.9]])
@@ -62,7 +72,7 @@ def farther(by):
     return PERFECT.points_world + by * offset / length
 
 
-def test_perfect_points_have_no_errors():
+def test_perfect_points_have_no_errors_and_bias_along_the_ray_is_measured():
     errors = point_errors(PERFECT, TRUTH, RIG)
     assert len(errors.scans) == len(PERFECT.points_world) > 1000
     np.testing.assert_allclose(errors.along, 0.0, atol=1e-9)
@@ -73,9 +83,12 @@ def test_perfect_points_have_no_errors():
     reach = np.concatenate([errors.reach_left, errors.reach_right])
     # The ray next to the end is up to one column inside.
     assert np.all(np.abs(reach) <= 0.51)
+    errors = point_errors(with_points(farther(0.2)), TRUTH, RIG)
+    np.testing.assert_allclose(errors.along, 0.2, atol=1e-9)
+    np.testing.assert_allclose(-errors.disparities * errors.range_sensitivities, 0.2, rtol=0.03)
 
 
-def test_off_centre_principal_point_moves_the_image_borders():
+def test_image_borders_follow_the_principal_point_and_ends_outside_are_unknown():
     # The target, in the middle before, is cut by the image's left border.
     rig = dataclasses.replace(RIG, principal_u=20.0)
     points = fabricate_scans(TRUTH, rig, EXACT, seed=0)
@@ -86,12 +99,12 @@ def test_off_centre_principal_point_moves_the_image_borders():
     assert errors.covered.all()
     assert np.isnan(errors.reach_left).any()
     assert np.isfinite(errors.reach_right).all()
-
-
-def test_bias_along_the_ray_is_measured():
-    errors = point_errors(with_points(farther(0.2)), TRUTH, RIG)
-    np.testing.assert_allclose(errors.along, 0.2, atol=1e-9)
-    np.testing.assert_allclose(-errors.disparities * errors.range_sensitivities, 0.2, rtol=0.03)
+    truth = dataclasses.replace(TRUTH, target_poses_world=TRUTH.target_poses_world - [5.5, 0, 0])
+    errors = point_errors(fabricate_scans(truth, RIG, EXACT, seed=0), truth, RIG)
+    assert 2 <= np.isnan(errors.reach_left).sum() <= 9
+    assert np.nanmax(np.abs(errors.reach_left)) <= 0.51
+    assert np.abs(errors.reach_right).max() <= 0.51
+    assert errors.covered.all()
 
 
 def test_points_outside_the_silhouette_count_as_fattening():
@@ -161,15 +174,6 @@ def test_background_points_are_not_clutter():
     assert len(errors.scans) == len(last)
 
 
-def test_end_outside_the_image_is_unknown():
-    truth = dataclasses.replace(TRUTH, target_poses_world=TRUTH.target_poses_world - [5.5, 0, 0])
-    errors = point_errors(fabricate_scans(truth, RIG, EXACT, seed=0), truth, RIG)
-    assert 2 <= np.isnan(errors.reach_left).sum() <= 9
-    assert np.nanmax(np.abs(errors.reach_left)) <= 0.51
-    assert np.abs(errors.reach_right).max() <= 0.51
-    assert errors.covered.all()
-
-
 def test_ranges_end_at_the_first_edge_that_faces_the_sensor():
     contour = np.array([[10.0, -3.0], [13.0, -3.0], [13.0, 3.0], [10.0, 3.0]])
     ranges = ranges_along(contour, np.array([0.0, 0.2, -0.2, 1.0]))
@@ -177,7 +181,7 @@ def test_ranges_end_at_the_first_edge_that_faces_the_sensor():
     assert ranges[3] == np.inf
 
 
-def test_scan_without_visible_target_has_no_errors():
+def test_scan_without_visible_target_has_no_errors_and_other_times_are_refused():
     for depth in (-20.0, 1.0):
         truth = scenario(count=3, depth=depth)
         none = Scans(
@@ -189,8 +193,99 @@ def test_scan_without_visible_target_has_no_errors():
         assert np.isnan(errors.spacing)
         assert np.isnan(errors.reach_left).all()
         assert not errors.covered.any()
-
-
-def test_point_errors_reject_other_times():
     with pytest.raises(ValueError, match="times"):
         point_errors(PERFECT, scenario(count=9), RIG)
+
+
+KNOWN = {
+    "plain": FittedNoise("fitted", 1, 0.0, 0.1, *5 * [0.0], 1.0),
+    "like a cyclist": FittedNoise("fitted", 3, 0.12, 0.15, 7.0, -0.08, 0.1, 0.25, 0.06, 6.0),
+    "fat edges": FittedNoise("fitted", 2, 0.0, 0.08, 3.0, 0.06, 0.03, 0.4, 0.0, 2.0),
+}
+
+
+def errors_of(noise, seed, count=60, nearest=7.0):
+    times = 0.1 * np.arange(count)
+    # Away from the camera and turning: all ranges from 7 to 25 m, all sides.
+    target = np.stack([0.0 * times, nearest + 3.0 * times, 1.3 * times], axis=-1)
+    ego = np.tile([0.0, 0.0, 0.5 * np.pi], (count, 1))
+    truth = Scenario(times, ego, target, np.tile([0.0, 3.0, 1.3], (count, 1)), BOX[None])
+    measurement = FabricatedParameters(
+        "fabricated", None, "tangent", noise, 0.0, 80.0, dropout=None, clutter_rate=0.0
+    )
+    return point_errors(fabricate_scans(truth, RIG, measurement, seed), truth, RIG)
+
+
+@pytest.mark.parametrize("name", KNOWN)
+def test_known_parameters_are_recovered(name):
+    known = KNOWN[name]
+    found = fit_noise([errors_of(known, seed) for seed in range(8)])
+    assert found.columns_per_point == known.columns_per_point
+    for key, tolerance in {
+        "range_bias": 0.02,
+        "disparity_std": 0.02,
+        "edge_metres": 0.01,
+        "edge_metres_std": 0.015,
+        "edge_disparity_std": 0.06,
+        "missed_share": 0.015,
+    }.items():
+        assert abs(getattr(found, key) - getattr(known, key)) < tolerance, key
+    assert abs(found.correlation_columns - known.correlation_columns) < 0.6
+    if known.missed_share > 0.0:
+        assert abs(found.missed_columns - known.missed_columns) < 1.0
+
+
+def test_missed_outermost_points_do_not_count_as_moved_ends():
+    known = FittedNoise("fitted", 3, *7 * [0.0], 3.0)
+    known = dataclasses.replace(known, missed_share=0.15, missed_columns=9.0)
+    found = fit_noise([errors_of(known, seed) for seed in range(8)])
+    assert abs(found.missed_share - 0.15) < 0.02
+    # In columns at a range of 14 m, 40 px a metre.
+    assert 40.0 * found.edge_metres_std < 2.0
+    assert abs(40.0 * found.edge_metres) < 0.6
+
+
+def test_far_ranges_are_fitted_like_near_ones_and_exact_points_without_noise():
+    known = dataclasses.replace(KNOWN["plain"], range_bias=0.2, disparity_std=0.2)
+    found = fit_noise([errors_of(known, seed, nearest=25.0) for seed in range(4)])
+    assert abs(found.disparity_std - 0.2) < 0.01
+    assert abs(found.range_bias - 0.2) < 0.1
+    assert found.missed_share < 0.001
+    found = fit_noise([errors_of(ConstantNoise("constant", 0.0), 0, count=10)])
+    assert found.disparity_std == found.range_bias == 0.0
+    assert found.missed_share == 0.0
+
+
+def test_too_few_points_are_refused():
+    far = errors_of(KNOWN["plain"], 0, count=1)
+    for name in ("scans", "columns", "along", "range_sensitivities", "inside"):
+        object.__setattr__(far, name, getattr(far, name)[:5])
+    with pytest.raises(UserError, match="too few to fit"):
+        fit_noise([far])
+
+
+def test_a_preset_file_gives_the_same_noise():
+    noise = KNOWN["like a cyclist"]
+    text = preset(noise, "some points", "stixel study rq3")
+    assert text.startswith("# Fitted to some points.\n# Made by: stixel study rq3\n")
+    assert TypeAdapter(FittedNoise).validate_json(json.dumps(yaml.safe_load(text))) == noise
+
+
+SMALL = Rig(160, 120, 60.0, None, None, None, 0.3, 1.2, 0.0, None)
+
+
+def test_the_faces_of_a_car_are_those_that_a_column_sees():
+    # Frame of the rays: x ahead, y to the left; the rear is 10 m ahead, the column of u0 sees it.
+    contour = rectangle(4.0, 1.8) + np.array([12.0, 0.0])
+    depths = face_depths(contour, SMALL)
+    seen = np.flatnonzero(np.isfinite(depths))
+    assert depths[seen] == pytest.approx(10.0)
+    half = 0.9 * SMALL.focal / 10.0
+    assert seen[0] == np.ceil(SMALL.u0 - half) and seen[-1] == np.floor(SMALL.u0 + half)
+    contour = rectangle(4.0, 1.8) + np.array([12.0, 4.0])
+    depths = face_depths(contour, SMALL)
+    seen = np.flatnonzero(np.isfinite(depths))
+    assert seen[-1] < SMALL.u0
+    # From left to right: the rear, then the right side up to the front.
+    assert depths[seen[0]] == pytest.approx(10.0) and depths[seen[-1]] > 13.0
+    assert (np.diff(depths[seen]) >= -1e-9).all()

@@ -1,33 +1,127 @@
-"""Errors of the stages: perfect inputs give none, injected ones come back, sums are plain sums."""
+"""The stages and their truth: perfect inputs give no errors, injected ones come back."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from stage_scene import (
-    DISPARITY,
-    GRID,
-    PATH,
-    ROAD,
-    make_rig,
-    perfect_errors,
-    perfect_stixels,
-    scene,
-    truth_of,
-)
+from constants import with_constants
+from made_stixels import made_stixels
 
-from stixel_cli.rendering.frames import TARGET_ID, RenderedFrames
+from stixel_cli.geometry.rig import Rig
+from stixel_cli.rendering.frames import BACKGROUND_ID, ROAD_ID, SKY_ID, TARGET_ID, RenderedFrames
 from stixel_cli.stereo.disparities import Disparities
-from stixel_cli.stixels.road import road_line
+from stixel_cli.stixels.parameters import FreeSpaceParameters, OccupancyParameters, RigRoad
+from stixel_cli.stixels.road import base_rows, road_line
 from stixel_cli.stixels.types import FreeSpace
 from stixel_cli.validation.stage_errors import (
     STIXEL_COLUMNS,
     disparity_errors,
+    frame_truth,
     inside_target,
     missed_columns,
+    nearest_rows,
     stage_errors,
     stixel_errors,
 )
+
+ROAD = RigRoad(kind="rig")
+GRID = OccupancyParameters(kind="polar", nearest=3.0, farthest=50.0)
+PATH = FreeSpaceParameters(0.3, spatial_cost=0.2, temporal_cost=0.0)
+DISPARITY = 10.0
+"""Pitch-compensated, of the target: a whole number, so the stored disparities are exact."""
+
+
+def make_rig(pitch=0.0):
+    return Rig(96, 72, None, 80.0, None, None, 1.5, 1.2, pitch, None)
+
+
+def scene(rig, depth, columns=(40, 58), height=1.5, wall=25.0):
+    """Depth along the optical axis and ids: an upright target at `depth` m before an upright wall.
+
+    Where the road would be beyond the wall there is the wall, up to 4 m; above it the sky.
+    """
+    v, u = np.mgrid[: rig.height, : rig.width].astype(np.float64)
+    rays = np.stack([(u - rig.u0) / rig.focal, (v - rig.v0) / rig.focal, np.ones_like(u)], axis=-1)
+    _, y, z = np.moveaxis(rays @ rig.level_from_camera.T, -1, 0)
+    with np.errstate(divide="ignore"):
+        t = np.where(y > 0, rig.camera_height / y, np.inf)
+    ids = np.where(np.isfinite(t), ROAD_ID, SKY_ID)
+    for distance, top, object_id, span in (
+        (wall, 4.0, BACKGROUND_ID, (0, rig.width)),
+        (depth, height, TARGET_ID, columns),
+    ):
+        at = distance / z
+        above = rig.camera_height - at * y
+        hit = (at < t) & (above >= 0) & (above <= top) & (u >= span[0]) & (u < span[1])
+        t, ids = np.where(hit, at, t), np.where(hit, object_id, ids)
+    return t, ids.astype(np.uint8)
+
+
+def truth_of(rig, **options):
+    options.setdefault("depth", rig.depth_from_disparity(DISPARITY))
+    return frame_truth(*scene(rig, **options), rig, ROAD, GRID, PATH)
+
+
+def perfect_stixels(rig, truth, width=3, first=0):
+    """Stixels of the true nearest obstacles, of the groups of columns that show the target."""
+    line = road_line(rig.pitch_radians, rig.camera_height, rig)
+    rows = []
+    for left in range(0, rig.width, width):
+        u = np.arange(left, left + width)
+        if not truth.of_target[u].all():
+            continue
+        depth = truth.nearest_depth[left]
+        d = rig.disparity_from_depth(depth)
+        top = np.argmax((truth.ids == TARGET_ID)[:, left])
+        down = (top - 0.5 - rig.v0) / rig.focal
+        p = rig.pitch_radians
+        below = (np.cos(p) * down + np.sin(p)) / (np.cos(p) - np.sin(p) * down)
+        base = int(np.rint(base_rows(np.float64(d), line, rig)))
+        lateral = truth.nearest_lateral[u].mean()
+        rows.append((left, left + width, top, base, d, depth, 1.2 - below * depth, lateral))
+    left, right, top, base, d, depth, height, lateral = (
+        np.array(c) for c in zip(*rows, strict=True)
+    )
+    n = len(rows)
+    areas = {"left": left, "right": right, "top": top, "base": base}
+    return made_stixels(
+        first,
+        **{name: value.astype(np.int32) for name, value in areas.items()},
+        disparity=d,
+        disparity_variance=np.full(n, 0.01),
+        depth=depth,
+        height=height,
+        points_ego=np.stack([lateral, depth], axis=1),
+        covariances_ego=np.tile(np.diag([0.01, 0.25]), (n, 1, 1)),
+    )
+
+
+def perfect_errors(shift=0, first=4):
+    """`stage_errors` of a frame whose disparities are the truth, `shift` sixteenths of a px off."""
+    rig = make_rig()
+    depth, ids = scene(rig, rig.depth_from_disparity(DISPARITY))
+    truth = truth_of(rig)
+    black = np.zeros((*ids.shape, 3), np.uint8)
+    rendered = RenderedFrames.from_frames(first, [(black, black, depth, ids)])
+    exact = np.where(np.isfinite(depth), 16.0 * truth.disparity, -1)
+    raw = np.where(np.isfinite(depth), np.rint(exact).astype(np.int16) + shift, -1)
+    found = rig.disparity_from_depth(truth.nearest_depth) + shift / 16.0
+    line = road_line(0.0, rig.camera_height, rig)
+    obstacles = FreeSpace(
+        first, found[None].astype(np.float32), np.zeros((1, rig.width), np.int32), line[None]
+    )
+    errors = stage_errors(
+        rendered,
+        Disparities.from_raw(first, 64, [raw.astype(np.int16)]),
+        obstacles,
+        perfect_stixels(rig, truth, first=first),
+        rig,
+        ROAD,
+        GRID,
+        PATH,
+        range(first, first + 1),
+    )
+    return rig, truth, errors
 
 
 def columns_of(errors):
@@ -113,7 +207,7 @@ def test_columns_are_missed_without_an_obstacle_or_with_a_farther_one():
     assert np.flatnonzero(missed_columns(path, truth, rig)).tolist() == [41, 44, *range(45, 58)]
 
 
-def test_injected_stixel_errors_are_measured():
+def test_stixel_errors_are_measured_on_square_faces_alone():
     rig = make_rig()
     truth = truth_of(rig)
     good = perfect_stixels(rig, truth)
@@ -130,12 +224,13 @@ def test_injected_stixel_errors_are_measured():
     expected |= {"lateral": 0.0625, "height": 0.125}
     for name, value in expected.items():
         assert columns_of(errors)[name] == pytest.approx(value, abs=1e-9), name
-
-
-def test_stixel_with_half_its_columns_on_the_target_belongs_to_it():
-    rig = make_rig()
-    truth = truth_of(rig)
-    good = perfect_stixels(rig, truth)
+    assert columns_of(stixel_errors(good, 0, truth, rig)[1])["square"] == pytest.approx(0.0)
+    # The lower third of the target is a metre nearer, as a bonnet is.
+    rows = np.flatnonzero((truth.ids == TARGET_ID)[:, 48])
+    depth = truth.depth.copy()
+    depth[rows[-len(rows) // 3] :] -= 1.0
+    errors = stixel_errors(good, 0, replace(truth, depth=depth), rig)[1]
+    assert np.isnan(columns_of(errors)["square"]).all()
     # Columns 40 to 57 are the target's: of six columns two, three, and four are.
     for shift, count in ((-4, 0), (-3, 1), (-2, 1)):
         first = {name: getattr(good, name)[:1] for name in ("top", "base", "disparity", "depth")}
@@ -151,14 +246,67 @@ def test_stixel_with_half_its_columns_on_the_target_belongs_to_it():
         assert len(stixel_errors(one, 0, truth, rig)[1]) == count
 
 
-def test_a_stepped_face_is_not_square():
-    rig = make_rig()
+@pytest.mark.parametrize("pitch", [0.0, 2.0])
+def test_stage_truth_matches_the_scene_at_any_pitch(pitch):
+    rig = make_rig(pitch)
     truth = truth_of(rig)
-    good = perfect_stixels(rig, truth)
-    assert columns_of(stixel_errors(good, 0, truth, rig)[1])["square"] == pytest.approx(0.0)
-    # The lower third of the target is a metre nearer, as a bonnet is.
-    rows = np.flatnonzero((truth.ids == TARGET_ID)[:, 48])
-    depth = truth.depth.copy()
-    depth[rows[-len(rows) // 3] :] -= 1.0
-    errors = stixel_errors(good, 0, replace(truth, depth=depth), rig)[1]
-    assert np.isnan(columns_of(errors)["square"]).all()
+    assert np.array_equal(np.flatnonzero(truth.of_target), np.arange(40, 58))
+    assert truth.nearest_depth[40:58] == pytest.approx(rig.depth_from_disparity(DISPARITY))
+    assert truth.nearest_depth[:40] == pytest.approx(25.0)
+    on_target = truth.ids == TARGET_ID
+    # Rendered depth is along the optical axis, in the column's nearest rows.
+    depth = scene(rig, rig.depth_from_disparity(DISPARITY))[0][on_target]
+    slope = (np.arange(40, 58) - rig.u0) / rig.focal
+    assert np.all(truth.nearest_lateral[40:58] / slope >= depth.min() - 1e-9)
+    assert np.all(truth.nearest_lateral[40:58] / slope <= depth.max() + 1e-9)
+    if pitch:
+        level = rig.depth_from_disparity(DISPARITY)
+        assert np.all(np.abs(truth.nearest_lateral[40:58] / slope - level) > 1e-4)
+
+
+def test_true_obstacles_exclude_low_small_and_far_objects_and_the_road():
+    rig = make_rig()
+    assert not truth_of(rig, height=0.2).of_target.any()
+    assert np.isnan(truth_of(rig, wall=60.0).nearest_depth[:40]).all()
+    assert truth_of(rig, depth=3.1).of_target.any()
+    assert not truth_of(rig, depth=2.9).of_target.any()
+    # What hangs higher than an obstacle may be is none, and the road is none at any height.
+    depth, ids = scene(rig, 12.0, height=9.0)
+    high = frame_truth(depth, ids, rig, with_constants(ROAD, least_height=2.9), GRID, PATH)
+    assert not high.of_target.any()
+    road = np.where(ids == TARGET_ID, ROAD_ID, ids)
+    assert np.isnan(frame_truth(depth, road, rig, ROAD, GRID, PATH).nearest_depth[50])
+    depth, ids = scene(rig, 12.0, columns=(0, 0))
+    ids[30:34, 50] = TARGET_ID
+    depth[30:34, 50] = 8.0
+    # Four pixels are fewer than the five that free space asks for: the wall behind is the obstacle.
+    assert not frame_truth(depth, ids, rig, ROAD, GRID, PATH).of_target.any()
+    ids[34, 50], depth[34, 50] = TARGET_ID, 8.5
+    found = frame_truth(depth, ids, rig, ROAD, GRID, PATH)
+    assert found.of_target[50] and found.nearest_depth[50] == 8.5
+
+
+def test_nearest_rows_match_a_plain_search():
+    rng = np.random.default_rng(3)
+    depth = np.where(rng.random((14, 30)) < 0.4, np.inf, rng.uniform(2.0, 30.0, (14, 30)))
+    depth[:, 7] = np.inf
+    rows, found = nearest_rows(depth, 40.0, 3.0)
+    for u in range(30):
+        expected = None
+        for n, v in enumerate(sorted(range(14), key=lambda v: depth[v, u]), start=1):
+            z = depth[v, u]
+            if np.isfinite(z) and n >= 3.0 and n >= 40.0 / z:
+                expected = v
+                break
+        assert found[u] == (expected is not None)
+        assert expected is None or rows[u] == expected
+    assert not nearest_rows(np.full((4, 3), np.inf), 40.0, 3.0)[1].any()
+
+
+def test_inside_pixels_depend_on_the_distance_to_another_object():
+    truth = truth_of(make_rig())
+    inside = inside_target(truth)
+    for v, u in np.ndindex(inside.shape):
+        window = truth.on_target[max(v - 2, 0) : v + 3, max(u - 2, 0) : u + 3]
+        assert inside[v, u] == window.all()
+    assert inside.any()

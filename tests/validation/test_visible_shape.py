@@ -80,14 +80,11 @@ def walker(stride, scale):
     )
 
 
-def test_one_that_walks_has_the_size_of_its_box_and_an_outline_between_the_mean_and_it():
+def test_one_that_walks_has_the_size_of_its_box_and_is_seen_at_its_mean_with_its_swing():
     shape = class_shape_of([walker(0.16, 1.0), walker(0.16, 1.5)])
     np.testing.assert_allclose(shape.size, [0.7, 0.625])
     # The outlines of that size are 0.5 and 0.7 m long.
     np.testing.assert_allclose(np.ptp(shape.outline, axis=0), [0.6 + 0.2 / 3.0, 0.625], rtol=0.01)
-
-
-def test_a_sensor_of_the_outline_sees_its_mean_and_how_far_it_swings():
     walkers = [walker(0.16, 1.0), walker(0.16, 1.5)]
     shape = class_shape_of(walkers)
     table = visible_table(shape.outline, visible_outline_of(walkers, shape), blurred=False)

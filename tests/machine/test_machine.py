@@ -1,7 +1,11 @@
-"""In a process of its own, where no other test has called a kernel."""
+"""Compiled kernels and the probe of a renderer."""
 
+import shutil
 import subprocess
 import sys
+
+from stixel_cli.config import folders
+from stixel_cli.machine import kernels
 
 SCRIPT = """
 import importlib
@@ -39,3 +43,12 @@ assert not other, other
 def test_setup_compiles_every_kernel_for_the_types_that_a_run_calls_it_with():
     result = subprocess.run([sys.executable, "-c", SCRIPT], capture_output=True, text=True)
     assert result.returncode == 0, result.stderr
+
+
+def test_the_probe_casts_rays_even_if_another_renderer_is_the_default(tmp_path, monkeypatch):
+    conf = shutil.copytree(folders.shipped_folder("conf"), tmp_path / "conf")
+    chosen = (conf / "config.yaml").read_text(encoding="utf-8")
+    assert "renderer: raycast" in chosen
+    (conf / "config.yaml").write_text(chosen.replace("renderer: raycast", "renderer: filament"))
+    monkeypatch.setattr(folders, "shipped_folder", tmp_path.joinpath)
+    kernels.render_tiny_picture()
