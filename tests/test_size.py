@@ -12,7 +12,7 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 46_540
+TOTAL = 46_558
 """Greatest number of lines in all."""
 
 MODULES = 250
@@ -43,7 +43,7 @@ BUDGET = {
     "stixels": 2073,
     "studies": 1741,
     "sweeps": 2084,
-    "tracking": 6624,
+    "tracking": 6642,
     "validation": 1088,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""

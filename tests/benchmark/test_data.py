@@ -19,6 +19,7 @@ from stixel_cli.benchmark.sequences import (
 from stixel_cli.cli.app import main
 from stixel_cli.errors import MissingData, UserError
 from stixel_cli.geometry.pose import rectangle
+from stixel_cli.measurements.file import read_scans
 from stixel_cli.results import tables
 from stixel_cli.scene.scenario import Scenario
 
@@ -72,7 +73,10 @@ def test_heights_of_points_come_back_from_a_sequence_and_from_a_run(rendered):
     np.testing.assert_allclose(Data(rendered).read(name).scans.heights, heights, atol=1e-6)
     x, y, heading = scans.sensor_poses_world.T
     ego = {"t": scans.times, "x": x, "y": y, "heading": heading}
-    np.testing.assert_array_equal(tables._scans(ego, tables.scan_columns(scans)).heights, heights)
+    np.savez(rendered / "ego.npz", **ego)
+    np.savez(rendered / "scans.npz", **tables.scan_columns(scans))
+    of_run = read_scans(str(rendered / "scans.npz"), str(rendered / "ego.npz"), 0.0, road_z=0.0)
+    np.testing.assert_array_equal(of_run.heights, heights)
 
 
 def test_verify_names_a_file_that_was_changed_or_is_missing(rendered, capsys):

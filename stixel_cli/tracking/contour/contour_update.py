@@ -80,8 +80,7 @@ class Measurement:
         The iteration begins at `begin` (d,).
         """
         limits = self._tracker.degrees_of_freedom, self._tracker.iterations
-        prior = mean, np.ascontiguousarray(covariance), begin
-        return fit(*prior, self._measured, *self._tables, *limits)
+        return fit(mean, covariance, begin, self._measured, *self._tables, *limits)
 
     def update(self, predicted: State) -> Posterior:
         """The posterior of a `predicted` state, which is not changed."""

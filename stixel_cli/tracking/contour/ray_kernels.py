@@ -28,7 +28,6 @@ CONVERGED = 2e-3
 """The iteration ends when no state moves by more than this."""
 
 
-@njit(cache=True, error_model="numpy")
 def expected(
     state: np.ndarray, sensor: np.ndarray, directions: np.ndarray, table: tuple[np.ndarray, ...]
 ) -> np.ndarray:
@@ -42,6 +41,13 @@ def expected(
         negative inside; standard deviations of the ranges.
     """
     found = np.empty((3, len(directions)))
+    _expect(found, state, sensor, directions, table)
+    return found
+
+
+@njit(cache=True, error_model="numpy")
+def _expect(found, state, sensor, directions, table):
+    """Write `expected`."""
     cosine, sine = cos(state[2]), sin(state[2])
     dx, dy = sensor[0] - state[0], sensor[1] - state[1]
     x, y = cosine * dx + sine * dy, cosine * dy - sine * dx
@@ -51,7 +57,6 @@ def expected(
         v = cosine * directions[i, 1] - sine * directions[i, 0]
         found[0, i], low, high, place = _meet(x, y, _ray(u, v, shrink, table), table, table[2])
         found[1, i], found[2, i] = -min(low, high), _between(table[3], place)
-    return found
 
 
 class Measured(NamedTuple):
@@ -109,7 +114,6 @@ class Fit(NamedTuple):
     """Of the last iterate."""
 
 
-@njit(cache=True, error_model="numpy")
 def fit(
     mean: np.ndarray,
     covariance: np.ndarray,
@@ -123,49 +127,64 @@ def fit(
     """An iterated update of the predicted `mean` (d,) and `covariance` (d, d) from `begin` (d,) on.
 
     `RayTable.arrays`, and `far` (A, O) m has the depths where rays leave the shape, if points may
-    be there, too; else it is empty. See `contour_filter.py`. In information form the cost grows
-    with n and not with n³.
+    be there, too; else it is empty. See `contour_filter.py`.
     """
-    rows, iterate = empty_rows(len(measured.ranges), len(mean)), begin
-    posterior, states, count = covariance, len(mean), 0
-    for _ in range(iterations):
-        count = measure(rows, iterate, posterior, measured, table, far)
-        precision, pull = np.zeros((states, states)), np.zeros(states)
-        for row in range(count):
-            slopes, error = rows.matrix[row], rows.errors[row]
-            weight = (degrees_of_freedom + 1.0) / (degrees_of_freedom + error**2 / rows.noise[row])
-            rows.noise[row] /= min(weight, 1.0)
-            innovation = error
-            for i in range(states):
-                innovation += slopes[i] * (iterate[i] - mean[i])
-            rows.innovations[row] = innovation
-            for i in range(states):
-                if slopes[i] != 0.0:
-                    weighted = slopes[i] / rows.noise[row]
-                    pull[i] += weighted * innovation
-                    for j in range(states):
-                        precision[i, j] += weighted * slopes[j]
-        posterior = np.linalg.solve(np.eye(states) + covariance @ precision, covariance)
-        posterior = 0.5 * (posterior + posterior.T)
-        moved = mean + posterior @ pull
-        for i in (5, 6):
-            moved[i] = min(max(moved[i], iterate[i] - SIZE_STEP), iterate[i] + SIZE_STEP)
-        change = np.abs(moved - iterate).max()
-        iterate = moved
-        if change < CONVERGED:
-            break
-    of_all = rows.errors[:count], rows.innovations[:count], rows.noise[:count]
-    rows = Rows(rows.matrix[:count], *of_all, rows.stds, rows.slants, rows.angles, rows.insides)
-    return Fit(iterate, posterior, rows)
+    rows = empty_rows(len(measured.ranges), len(mean))
+    iterate, posterior = begin.copy(), np.array(covariance, order="C")
+    prior = mean, posterior.copy(), iterate.copy(), iterate.copy()
+    limits = degrees_of_freedom, iterations
+    count = _fit(rows, iterate, posterior, prior, measured, table, far, limits)
+    of_all = (values[:count] for values in rows[:4])
+    return Fit(iterate, posterior, Rows(*of_all, *rows[4:]))
 
 
 @njit(cache=True, error_model="numpy")
+def _fit(rows, iterate, posterior, prior, measured, table, far, limits):
+    """Write `fit` to `iterate`, `posterior` and `rows`; returns the number of rows.
+
+    Their errors are independent, so they are used one after the other.
+    """
+    mean, covariance, moved, spread = prior
+    degrees_of_freedom, iterations = limits
+    states, count = len(mean), 0
+    for _ in range(iterations):
+        count = measure(rows, iterate, posterior, measured, table, far)
+        for i in range(states):
+            moved[i] = mean[i]
+            for j in range(states):
+                posterior[i, j] = covariance[i, j]
+        for row in range(count):
+            error = rows.errors[row]
+            weight = (degrees_of_freedom + 1.0) / (degrees_of_freedom + error**2 / rows.noise[row])
+            rows.noise[row] /= min(weight, 1.0)
+            rows.innovations[row], innovation, variance = error, error, rows.noise[row]
+            for i in range(states):
+                rows.innovations[row] += rows.matrix[row, i] * (iterate[i] - mean[i])
+                innovation += rows.matrix[row, i] * (iterate[i] - moved[i])
+                spread[i] = 0.0
+                for j in range(states):
+                    spread[i] += posterior[i, j] * rows.matrix[row, j]
+                variance += rows.matrix[row, i] * spread[i]
+            for i in range(states):
+                moved[i] += spread[i] / variance * innovation
+                for j in range(states):
+                    posterior[i, j] -= spread[i] / variance * spread[j]
+        change = 0.0
+        for i in range(states):
+            if i in (5, 6):
+                moved[i] = min(max(moved[i], iterate[i] - SIZE_STEP), iterate[i] + SIZE_STEP)
+            change = max(change, abs(moved[i] - iterate[i]))
+            iterate[i] = moved[i]
+        if change < CONVERGED:
+            break
+    return count
+
+
 def empty_rows(count: int, states: int) -> Rows:
     """Arrays for the rows of so many rays, each of which may pass by."""
     most = 2 * count + 2
-    of_all = np.empty(most), np.empty(most), np.empty(most)
-    of_rays = np.empty(count), np.empty(count), np.empty(count)
-    return Rows(np.empty((most, states)), *of_all, np.empty(count + 2), *of_rays)
+    shapes = (most, states), most, most, most, count + 2, count, count, count
+    return Rows(*map(np.empty, shapes))
 
 
 @njit(cache=True, error_model="numpy")
