@@ -88,7 +88,7 @@ class Answer:
             runs; `mean` with its interval `low`, `high`; `minus`, the mean of the paired
             differences from the best option (or the reference), with its interval `minus_low`,
             `minus_high`. NaN where there is none.
-        best: the option with the best mean; None if no value is better, or there is none.
+        best: the option with the best mean; None without a mean, or if no value is better.
         shown: whether every other option's interval excludes 0.
         units: number of units that the means are over.
         left_out: number of cells (scenario, unit) that are left out, because an option lacks them.

@@ -160,7 +160,7 @@ class Hypothesis:
     before: "Hypothesis | None" = None
     """The hypothesis that was predicted; None before the first scan."""
     transition: np.ndarray | None = None
-    """(d, d) Jacobian of that prediction; None where the filter began anew."""
+    """(d, d) Jacobian of that prediction; None where the filter started again."""
 
     @classmethod
     def unseen(cls, state: State, log_likelihood: float = 0.0) -> "Hypothesis":
