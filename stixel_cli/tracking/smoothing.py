@@ -33,8 +33,8 @@ class Step:
     before: "Step | None" = None
     """The step that was predicted; None at the first scan."""
     transition: np.ndarray | None = None
-    """(d, d) Jacobian F of that prediction; None where the filter started again: nothing of this scan
-    and of later ones changes the estimates before."""
+    """(d, d) Jacobian F of that prediction; None where the filter started again: nothing of this
+    scan and of later ones changes the estimates before."""
 
     @cached_property
     def gain(self) -> np.ndarray:
