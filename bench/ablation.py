@@ -67,9 +67,9 @@ def cases() -> Iterator[Case]:
         own = "measurement=stixel_cli.studies.wrong_poses:wrong_poses", f"measurement.{error}"
         followed = "road_user=car", "path=depart", "ego=straight", "ego.speed=5"
         yield f"poses {error}", (*own, *followed, *seed)
-    for folder in sorted(Path(os.environ.get("STIXEL_DATA", "")).glob("[pk][ai][nt]*/*/scans.csv")):
-        if folder.parents[1].name in ("pandaset", "kitti0000_lidar"):
-            yield from recorded(folder.parent)
+    for name in ("pandaset", "kitti0000_lidar"):
+        for file in sorted(Path(os.environ.get("STIXEL_DATA", "")).glob(f"{name}/*/scans.csv")):
+            yield from recorded(file.parent)
 
 
 def recorded(folder: Path) -> Iterator[Case]:
