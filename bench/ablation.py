@@ -1,4 +1,4 @@
-"""What a change of a tracker does at home and away, on tuning seeds: a minute for 190 runs.
+"""What a change of a tracker does at home and away, on tuning seeds: two minutes for 142 runs.
 
     STIXEL_DATA=DIR python bench/ablation.py tracker=contour tracker.iterations=1
 
