@@ -3,7 +3,7 @@
 `RayTable` says what they look up, `contour_filter.py` what the model is.
 """
 
-from math import atan2, cos, exp, floor, pi, sin, sqrt
+from math import atan2, cos, exp, floor, log, pi, sin, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -178,6 +178,136 @@ def _fit(rows, iterate, posterior, prior, measured, table, far, limits):
         if change < CONVERGED:
             break
     return count
+
+
+class Errors(NamedTuple):
+    """The errors of a scan as far as the model knows them, without the factors of the gain."""
+
+    variances: np.ndarray
+    """(n + 2,) m² of what the sensor adds to each range and to each end, along and across."""
+    across_variances: np.ndarray
+    """(n,) m² of the sensor across the rays."""
+    miss_variances: np.ndarray
+    """(n,) m², as in `Measured`."""
+    moves: np.ndarray
+    """(n, 2, m) m in the world, by m errors of the sensor that all scans share."""
+    scored: np.ndarray
+    """(n + 2,) which ranges and ends the density counts."""
+    rounding: float
+    """m², of the shape across the rays."""
+    shared: float
+    own: float
+    """`shared`, `own`: shares of the shape's variance that neighbouring rays and scans have in
+    common, and that each ray has of its own."""
+
+
+def explain(
+    rows: Rows,
+    covariance: np.ndarray,
+    joint: np.ndarray,
+    nodes: int,
+    measured: Measured,
+    errors: Errors,
+    degrees_of_freedom: float,
+) -> tuple[float, float, np.ndarray, np.ndarray]:
+    """What a `Fit` says of the errors, whose `joint` covariance was predicted (d + q, d + q).
+
+    Its q considered errors are `nodes` of the shape's field, its two ends, the sensor's, and
+    others that a scan does not show.
+
+    Returns:
+        NIS and logarithm of the density of the innovation; by how much the update moves each state
+        with each error, K A (d, d + q); and the covariance K R Kᵀ (d, d), see `consider.py`.
+    """
+    size, states = len(joint), len(covariance)
+    moved, spread = np.zeros((states, size)), np.zeros((states, states))
+    work = np.zeros((4, size))
+    found = _explain(
+        moved,
+        spread,
+        work,
+        joint.copy(),
+        nodes,
+        rows,
+        covariance,
+        measured.ends,
+        errors,
+        degrees_of_freedom,
+    )
+    return *found, moved, spread
+
+
+@njit(cache=True, error_model="numpy")
+def _explain(moved, spread, work, joint, nodes, rows, covariance, ends, errors, freedom):
+    """Write `moved` and `spread` of `explain`; returns the NIS and the density.
+
+    The rows are used one after the other, as their own errors are independent.
+    """
+    row, away, mean, gain = work
+    states, count, size = len(covariance), len(rows.angles), len(joint)
+    nis, density, missing = 0.0, 0.0, 0
+    for i in range(len(rows.errors)):
+        for j in range(states):
+            row[j] = rows.matrix[i, j]
+        for j in range(states, size):
+            row[j] = 0.0
+        if i >= count + 2:
+            # A miss is a penalty of the gain.
+            while not (rows.insides[missing] < 0.0 and errors.miss_variances[missing] < np.inf):
+                missing += 1
+            own = errors.miss_variances[missing]
+            missing += 1
+        else:
+            ray, shape, own = i, rows.stds[i] ** 2, errors.variances[i]
+            if i < count:
+                shape += rows.slants[i] ** 2 * errors.rounding
+                own += rows.slants[i] ** 2 * errors.across_variances[i]
+                position = rows.angles[i] / (2.0 * pi) * nodes
+                node, share = floor(position), position - floor(position)
+                std = sqrt(errors.shared * shape / (share**2 + (1.0 - share) ** 2))
+                row[states + node % nodes] = std * (1.0 - share)
+                row[states + (node + 1) % nodes] = std * share
+            else:
+                ray = ends[i - count]
+                own += errors.across_variances[ray]
+                row[states + nodes + i - count] = sqrt(errors.shared * shape)
+            own += errors.own * shape
+            # To move a point changes the innovation as to move the target does, on oblique faces,
+            # too.
+            for j in range(errors.moves.shape[2]):
+                across, ahead = rows.matrix[i, 0], rows.matrix[i, 1]
+                move = across * errors.moves[ray, 0, j] + ahead * errors.moves[ray, 1, j]
+                row[states + nodes + 2 + j] = move
+            variance = own
+            for j in range(states, size):
+                variance += row[j] ** 2
+            squared = rows.errors[i] ** 2 / variance
+            own *= max((freedom + squared) / (freedom + 1.0), 1.0)
+            if errors.scored[i]:
+                variance, innovation = own, rows.innovations[i]
+                for j in range(size):
+                    away[j] = 0.0
+                    for k in range(size):
+                        away[j] += joint[j, k] * row[k]
+                    variance += row[j] * away[j]
+                    innovation -= row[j] * mean[j]
+                nis += innovation**2 / variance
+                density -= 0.5 * (innovation**2 / variance + log(2.0 * pi * variance))
+                for j in range(size):
+                    mean[j] += away[j] / variance * innovation
+                    for k in range(size):
+                        joint[j, k] -= away[j] / variance * away[k]
+        for j in range(states):
+            gain[j] = 0.0
+            for k in range(states):
+                gain[j] += covariance[j, k] * rows.matrix[i, k]
+            gain[j] /= rows.noise[i]
+        for j in range(states):
+            for k in range(size):
+                moved[j, k] += gain[j] * row[k]
+            for k in range(states):
+                spread[j, k] += gain[j] * own * gain[k]
+    return nis, density
 
 
 def empty_rows(count: int, states: int) -> Rows:
