@@ -157,18 +157,25 @@ def _fit(rows, iterate, posterior, prior, measured, table, far, limits):
             error = rows.errors[row]
             weight = (degrees_of_freedom + 1.0) / (degrees_of_freedom + error**2 / rows.noise[row])
             rows.noise[row] /= min(weight, 1.0)
-            rows.innovations[row], innovation, variance = error, error, rows.noise[row]
+            before = innovation = error
+            variance = rows.noise[row]
             for i in range(states):
-                rows.innovations[row] += rows.matrix[row, i] * (iterate[i] - mean[i])
-                innovation += rows.matrix[row, i] * (iterate[i] - moved[i])
                 spread[i] = 0.0
-                for j in range(states):
-                    spread[i] += posterior[i, j] * rows.matrix[row, j]
-                variance += rows.matrix[row, i] * spread[i]
+            for j in range(states):
+                slope = rows.matrix[row, j]
+                if slope != 0.0:
+                    before += slope * (iterate[j] - mean[j])
+                    innovation += slope * (iterate[j] - moved[j])
+                    for i in range(states):
+                        spread[i] += slope * posterior[j, i]
             for i in range(states):
-                moved[i] += spread[i] / variance * innovation
+                variance += rows.matrix[row, i] * spread[i]
+            rows.innovations[row] = before
+            for i in range(states):
+                pull = spread[i] / variance
+                moved[i] += pull * innovation
                 for j in range(states):
-                    posterior[i, j] -= spread[i] / variance * spread[j]
+                    posterior[i, j] -= pull * spread[j]
         change = 0.0
         for i in range(states):
             if i in (5, 6):
@@ -287,26 +294,34 @@ def _explain(moved, spread, work, joint, nodes, rows, covariance, ends, errors, 
                 variance, innovation = own, rows.innovations[i]
                 for j in range(size):
                     away[j] = 0.0
-                    for k in range(size):
-                        away[j] += joint[j, k] * row[k]
+                for k in range(size):
+                    if row[k] != 0.0:
+                        innovation -= row[k] * mean[k]
+                        for j in range(size):
+                            away[j] += row[k] * joint[k, j]
+                for j in range(size):
                     variance += row[j] * away[j]
-                    innovation -= row[j] * mean[j]
                 nis += innovation**2 / variance
                 density -= 0.5 * (innovation**2 / variance + log(2.0 * pi * variance))
                 for j in range(size):
-                    mean[j] += away[j] / variance * innovation
+                    # Once: for all the compiler knows, the inner loop may change it.
+                    pull = away[j] / variance
+                    mean[j] += pull * innovation
                     for k in range(size):
-                        joint[j, k] -= away[j] / variance * away[k]
+                        joint[j, k] -= pull * away[k]
         for j in range(states):
             gain[j] = 0.0
-            for k in range(states):
-                gain[j] += covariance[j, k] * rows.matrix[i, k]
-            gain[j] /= rows.noise[i]
+        for k in range(states):
+            if row[k] != 0.0:
+                pull = row[k] / rows.noise[i]
+                for j in range(states):
+                    gain[j] += pull * covariance[k, j]
         for j in range(states):
+            pull = gain[j]
             for k in range(size):
-                moved[j, k] += gain[j] * row[k]
+                moved[j, k] += pull * row[k]
             for k in range(states):
-                spread[j, k] += gain[j] * own * gain[k]
+                spread[j, k] += pull * own * gain[k]
     return nis, density
 
 
