@@ -11,7 +11,6 @@ from stixel_cli.scene.parameters import ROAD_USER_CLASSES
 from stixel_cli.tracking.background import Background
 from stixel_cli.tracking.contour.class_probabilities import (
     CONTRADICTED,
-    RULED_OUT,
     probabilities_of,
     reported_class,
     start_of_other,
@@ -103,7 +102,7 @@ class ClassBank:
         self._kept = {
             (road_user, form): one
             for (road_user, form), one in self._kept.items()
-            if one.log_weights[-1] >= self._best - RULED_OUT
+            if one.log_weights[-1] >= self._best - CONTRADICTED
             or road_user == (self._own if one.sight.residual else self._assumed)
         }
 
