@@ -74,7 +74,7 @@ def test_a_wrong_detection_is_given_up_again(monkeypatch):
         widen = float(arguments[-1])
         turn = widen * np.radians(70) * np.eye(len(arguments[0][0]))[2]
         return [
-            (indices, (mean + turn, *rest, likelihood + 50.0 * widen))
+            (indices, (mean + turn, *rest, likelihood + 15.0 * widen))
             for indices, (mean, *rest, likelihood) in detect_again(*arguments)
         ]
 
