@@ -9,7 +9,7 @@ from stixel_cli.tracking.association import uncut
 from stixel_cli.tracking.consider import NODES, JointCovariance
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
 from stixel_cli.tracking.contour.contour_rays import Rays, Sight, gate_widths, sampling_inset
-from stixel_cli.tracking.contour.ray_kernels import Errors, Fit, Measured, explain, fit
+from stixel_cli.tracking.contour.ray_kernels import Fit, Measured, explain, fit
 from stixel_cli.tracking.smoothing import Step
 
 SEEN = np.array([0, 1, 2, 5, 6])
@@ -53,35 +53,23 @@ class Measurement:
         silhouettes = uncut(rays.bearings[ends], rays.ranges[ends], rays.field_of_view)
         # A single ray does not show where an outline begins or ends.
         silhouettes &= ~np.array(rays.hidden) & (count > 1 or not sight.outline)
-        # What is not measured has no precision.
-        measured = np.append(np.ones(count, bool), silhouettes)
-        of_ranges = (sight.std_factor * rays.stds) ** 2
-        of_rays = np.append(
-            tracker.noise_factor**2 * of_ranges, tracker.silhouette_factor**2 * of_ends
-        )
         rounding, across = sight.rounding_std**2, rays.across_variances
-        of_misses = np.full(count, np.inf)
-        if sight.residual:
-            of_misses = MISS_STD**2 + rounding + across
+        of_misses = MISS_STD**2 + rounding + across if sight.residual else np.full(count, np.inf)
         self._measured = Measured(
             rays.sensor,
             rays.directions,
             rays.ranges - sight.bias_per_std * rays.stds,
             ends,
             inset,
-            np.where(measured, of_rays, np.inf),
-            across + rounding,
-            tracker.shape_factor**2 * of_misses,
-            tracker.shape_factor**2,
-            tracker.silhouette_factor**2,
-        )
-        self._errors = Errors(
-            np.append(of_ranges, of_ends),
+            np.append(np.ones(count, bool), silhouettes),
+            np.append((sight.std_factor * rays.stds) ** 2, of_ends),
             across,
             of_misses,
             rays.shared,
-            measured,
             rounding,
+            tracker.noise_factor**2,
+            tracker.shape_factor**2,
+            tracker.silhouette_factor**2,
             SHARED[tracker.seen_by],
             FINE,
         )
@@ -107,13 +95,13 @@ class Measurement:
         """
         rows, freedom = found.rows, self._tracker.degrees_of_freedom
         nis, likelihood, *moved = explain(
-            rows, found.covariance, joint.matrix, NODES, self._measured, self._errors, freedom
+            rows, found.covariance, joint.matrix, NODES, self._measured, freedom
         )
         likelihood += np.log(gate_widths(self._rays, self._tracker)).sum()
         missed = np.minimum(rows.insides, 0.0) ** 2 / (MISS_STD**2 + self._rays.across_variances)
         joint = joint.copy()
         joint.move(*moved)
-        degrees = int(self._errors.scored.sum())
+        degrees = int(self._measured.used.sum())
         of_misses = float(np.minimum(0.5 * missed, CLUTTER).sum())
         return found.mean, found.covariance, joint, nis, degrees, of_misses, likelihood
 

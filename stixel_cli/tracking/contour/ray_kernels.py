@@ -71,15 +71,27 @@ class Measured(NamedTuple):
     """(2,) indices of the rays with the least and the greatest bearing."""
     inset: float
     """How far inside the shape's limits these two are, m."""
+    used: np.ndarray
+    """(n + 2,) which ranges and insets are measured."""
     variances: np.ndarray
-    """(n + 2,) m² of the ranges and the two insets; infinite: not measured."""
+    """(n + 2,) m² of what the sensor adds to each range and to each end, along and across."""
     across_variances: np.ndarray
-    """(n,) m² of what is across the rays."""
+    """(n,) m² of the sensor across the rays."""
     miss_variances: np.ndarray
     """(n,) m² of how far a ray passes by the shape; infinite: that says nothing."""
-    range_factor: float
+    moves: np.ndarray
+    """(n, 2, m) m in the world, by m errors of the sensor that all scans share."""
+    rounding: float
+    """m², of the shape across the rays."""
+    noise_factor: float
+    shape_factor: float
     limit_factor: float
-    """`range_factor`, `limit_factor`: on the variances of the shape's ranges and limits."""
+    """`noise_factor`, `shape_factor`, `limit_factor`: in the gain alone, on the variances of the
+    sensor's ranges, of the shape's, and of the limits."""
+    shared: float
+    own: float
+    """`shared`, `own`: shares of the shape's variance that neighbouring rays and scans have in
+    common, and that each ray has of its own."""
 
 
 class Rows(NamedTuple):
@@ -186,34 +198,12 @@ def _fit(rows, iterate, posterior, prior, measured, table, far, limits):
     return count
 
 
-class Errors(NamedTuple):
-    """The errors of a scan as far as the model knows them, without the factors of the gain."""
-
-    variances: np.ndarray
-    """(n + 2,) m² of what the sensor adds to each range and to each end, along and across."""
-    across_variances: np.ndarray
-    """(n,) m² of the sensor across the rays."""
-    miss_variances: np.ndarray
-    """(n,) m², as in `Measured`."""
-    moves: np.ndarray
-    """(n, 2, m) m in the world, by m errors of the sensor that all scans share."""
-    scored: np.ndarray
-    """(n + 2,) which ranges and ends the density counts."""
-    rounding: float
-    """m², of the shape across the rays."""
-    shared: float
-    own: float
-    """`shared`, `own`: shares of the shape's variance that neighbouring rays and scans have in
-    common, and that each ray has of its own."""
-
-
 def explain(
     rows: Rows,
     covariance: np.ndarray,
     joint: np.ndarray,
     nodes: int,
     measured: Measured,
-    errors: Errors,
     degrees_of_freedom: float,
 ) -> tuple[float, float, np.ndarray, np.ndarray]:
     """What a `Fit` says of the errors, whose `joint` covariance was predicted (d + q, d + q).
@@ -227,29 +217,18 @@ def explain(
     """
     size, states = len(joint), len(covariance)
     moved, spread = np.zeros((states, size)), np.zeros((states, states))
-    work = np.zeros((4, size))
-    found = _explain(
-        moved,
-        spread,
-        work,
-        joint.copy(),
-        nodes,
-        rows,
-        covariance,
-        measured.ends,
-        errors,
-        degrees_of_freedom,
-    )
+    work = joint.copy(), np.zeros((4, size))
+    found = _explain(moved, spread, work, nodes, rows, covariance, measured, degrees_of_freedom)
     return *found, moved, spread
 
 
 @njit(cache=True, error_model="numpy")
-def _explain(moved, spread, work, joint, nodes, rows, covariance, ends, errors, freedom):
+def _explain(moved, spread, work, nodes, rows, covariance, measured, freedom):
     """Write `moved` and `spread` of `explain`; returns the NIS and the density.
 
     The rows are used one after the other, as their own errors are independent.
     """
-    row, away, mean, gain = work
+    joint, (row, away, mean, gain) = work
     states, count, size = len(covariance), len(rows.angles), len(joint)
     nis, density, missing = 0.0, 0.0, 0
     for i in range(len(rows.errors)):
@@ -259,37 +238,37 @@ def _explain(moved, spread, work, joint, nodes, rows, covariance, ends, errors, 
             row[j] = 0.0
         if i >= count + 2:
             # A miss is a penalty of the gain.
-            while not (rows.insides[missing] < 0.0 and errors.miss_variances[missing] < np.inf):
+            while rows.insides[missing] >= 0.0:
                 missing += 1
-            own = errors.miss_variances[missing]
+            own = measured.miss_variances[missing]
             missing += 1
         else:
-            ray, shape, own = i, rows.stds[i] ** 2, errors.variances[i]
+            ray, shape, own = i, rows.stds[i] ** 2, measured.variances[i]
             if i < count:
-                shape += rows.slants[i] ** 2 * errors.rounding
-                own += rows.slants[i] ** 2 * errors.across_variances[i]
+                shape += rows.slants[i] ** 2 * measured.rounding
+                own += rows.slants[i] ** 2 * measured.across_variances[i]
                 position = rows.angles[i] / (2.0 * pi) * nodes
                 node, share = floor(position), position - floor(position)
-                std = sqrt(errors.shared * shape / (share**2 + (1.0 - share) ** 2))
+                std = sqrt(measured.shared * shape / (share**2 + (1.0 - share) ** 2))
                 row[states + node % nodes] = std * (1.0 - share)
                 row[states + (node + 1) % nodes] = std * share
             else:
-                ray = ends[i - count]
-                own += errors.across_variances[ray]
-                row[states + nodes + i - count] = sqrt(errors.shared * shape)
-            own += errors.own * shape
+                ray = measured.ends[i - count]
+                own += measured.across_variances[ray]
+                row[states + nodes + i - count] = sqrt(measured.shared * shape)
+            own += measured.own * shape
             # To move a point changes the innovation as to move the target does, on oblique faces,
             # too.
-            for j in range(errors.moves.shape[2]):
+            for j in range(measured.moves.shape[2]):
                 across, ahead = rows.matrix[i, 0], rows.matrix[i, 1]
-                move = across * errors.moves[ray, 0, j] + ahead * errors.moves[ray, 1, j]
+                move = across * measured.moves[ray, 0, j] + ahead * measured.moves[ray, 1, j]
                 row[states + nodes + 2 + j] = move
             variance = own
             for j in range(states, size):
                 variance += row[j] ** 2
             squared = rows.errors[i] ** 2 / variance
             own *= max((freedom + squared) / (freedom + 1.0), 1.0)
-            if errors.scored[i]:
+            if measured.used[i]:
                 variance, innovation = own, rows.innovations[i]
                 for j in range(size):
                     away[j] = 0.0
@@ -392,8 +371,9 @@ def measure(
         )
         rows.errors[i] = measured.ranges[i] - distance
         # Where the ray grazes the shape, a small error across it is a large one of the range.
-        noise = measured.variances[i] + slant**2 * measured.across_variances[i]
-        rows.noise[i] = noise + measured.range_factor * std**2
+        rows.noise[i] = slant**2 * (measured.across_variances[i] + measured.rounding)
+        rows.noise[i] += measured.noise_factor * measured.variances[i]
+        rows.noise[i] += measured.shape_factor * std**2
         if has_nodes:
             bent = (left + right - 2.0 * distance) ** 2 + (after + before - 2.0 * distance) ** 2
             rows.noise[i] += 0.5 * bent
@@ -410,14 +390,17 @@ def measure(
                 std = _beside(table[6] if end == 0 else table[7], place)
                 inside = _fill_limit(rows.matrix[row], limit, sides)
                 rows.stds[row], rows.errors[row] = std, inside - measured.inset
-                rows.noise[row] = measured.variances[row] + measured.limit_factor * std**2
+                # What is not measured has no precision.
+                rows.noise[row] = measured.limit_factor * (measured.variances[row] + std**2)
+                if not measured.used[row]:
+                    rows.noise[row] = np.inf
                 if has_nodes:
                     rows.noise[row] += limit[3]
                     _add_nodes(rows, row, angle, 1.0, state)
         if min(low, high) < 0.0 and measured.miss_variances[i] < np.inf:
             nearer = of_low if low < high else of_high
             rows.errors[used] = _fill_limit(rows.matrix[used], nearer, sides)
-            rows.noise[used] = measured.miss_variances[i]
+            rows.noise[used] = measured.shape_factor * measured.miss_variances[i]
             used += 1
     return used
 
