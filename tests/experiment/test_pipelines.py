@@ -120,7 +120,7 @@ DECLARED = {
     # The files of a recording: the stage gets their names, and its key has their digests.
     "stixel_cli.recordings.image_files": "recorded",
     "stixel_cli.recordings.kitti_tables": "recorded",
-    "stixel_cli.recordings.feather": "recorded",
+    "stixel_cli.recordings.argoverse": "recorded",
     "stixel_cli.recordings.rosbag": "recorded",
     # The user's scans, sensor poses and truth: likewise.
     "stixel_cli.measurements.tables": "files",
