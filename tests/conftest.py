@@ -1,5 +1,6 @@
 """What every test may use: a cache of its own, away from the user's, and short runs."""
 
+import copy
 import gc
 import os
 from functools import cache, lru_cache
@@ -18,6 +19,7 @@ from rendered_clip import clip as clip
 from short_runs import marks_of, runs_with
 from tables_of_arrays import remembered
 
+from stixel_cli.rendering import placement, raycast
 from stixel_cli.scene import contours, road_user
 from stixel_cli.tracking.contour import ray_table
 
@@ -32,6 +34,23 @@ hypothesis.settings.load_profile("same")
 # The tests have more shapes than a run: meshes and outlines of more of them are remembered.
 contours._united = cache(contours._united.__wrapped__)
 road_user._built_in = lru_cache(maxsize=16)(road_user._built_in.__wrapped__)
+
+# One world is seen by rigs of many sizes, and to build it takes as long as to render it.
+_surroundings = lru_cache(maxsize=2)(
+    lambda world, motion: raycast.StaticScene(
+        placement.numbered_objects(world, motion), rig=None, renderer=None
+    )
+)
+
+
+@lru_cache(maxsize=1)
+def _static_scene(world, motion, rig, renderer):
+    scene = copy.copy(_surroundings(world, motion))
+    scene.rig, scene.renderer = rig, renderer
+    return scene
+
+
+raycast._static_scene = _static_scene
 
 # So are the tables of what a sensor sees of them, which each track of `contour` makes anew.
 ray_table.first_depths = remembered(ray_table.first_depths)
