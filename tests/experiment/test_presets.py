@@ -57,7 +57,7 @@ def preset(group, option):
 def test_every_preset_runs(group, option, results, capsys):
     if option == "pyrecest":
         pytest.importorskip("pyrecest")
-    few = FEW[:-1] if group != "rig" else ("path.duration=0.1",)
+    few = FEW[:-1] if group != "rig" else ("path.duration=0.2",)
     pictures = "pictures.frames=[1]" if group in DRAWN else "pictures.frames=[]"
     outer = group.rpartition("/")[0]
     around = (f"{outer}={outer_options(group)[0]}",) if outer else ()
