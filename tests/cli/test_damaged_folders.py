@@ -270,5 +270,6 @@ def test_a_folder_of_a_study_is_refused(tmp_path, capsys, monkeypatch, kind):
     file.write_text("")
     YAMLS[kind](file)
     monkeypatch.chdir(tmp_path)
-    assert "mine" in one_line(capsys, "study", "rq2", "road_user=car", "--name", "mine")
+    few = ("road_user=car", "path=turn", "tracker=gp_ekf")
+    assert "mine" in one_line(capsys, "study", "rq2", *few, "--name", "mine")
     assert os.listdir(file.parent) == ["study.yaml"]

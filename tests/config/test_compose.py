@@ -187,9 +187,6 @@ def test_an_option_that_follows_and_is_not_there_says_where_it_belongs(own_conf)
 
 
 @pytest.mark.parametrize(
-    "composer", [compose, lambda texts: Composer().compose(read_overrides(texts, TYPED))]
-)
-@pytest.mark.parametrize(
     ("content", "said"),
     [
         (b"a: [\n", "turn.yaml: line 2: did not find expected"),
@@ -198,10 +195,10 @@ def test_an_option_that_follows_and_is_not_there_says_where_it_belongs(own_conf)
         (b"a: 1\na: 2\n", "turn.yaml"),
     ],
 )
-def test_a_damaged_file_is_named(own_conf, composer, content, said):
+def test_a_damaged_file_is_named(own_conf, content, said):
     (own_conf / "path/turn.yaml").write_bytes(content)
     with pytest.raises(UserError) as error:
-        composer(["path=turn"])
+        compose(["path=turn"])
     assert said in str(error.value)
     assert "\n" not in str(error.value)
 
