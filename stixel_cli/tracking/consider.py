@@ -65,9 +65,9 @@ class JointCovariance:
 
         `rows` (n, d + m) are A, `noise` (n,) the variances of independent errors.
         """
-        self.move(gain @ rows, (gain * noise) @ gain.T)
+        self.absorb(gain @ rows, (gain * noise) @ gain.T)
 
-    def move(self, moved: np.ndarray, spread: np.ndarray) -> None:
+    def absorb(self, moved: np.ndarray, spread: np.ndarray) -> None:
         """After an update with K A (d, d + m) and K R Kᵀ (d, d)."""
         states = slice(0, self.size)
         # Factor by factor and symmetric: the sum of the three terms loses its definiteness.

@@ -179,7 +179,7 @@ def test_a_run_with_removed_keys_is_read_and_not_computed_again(results, capsys)
     for words in (["ls", run], ["ls", results], ["ls", *both], ["report", *both]):
         assert main(list(map(str, words))) == 0
     for command in ("run", "verify"):
-        assert "unknown key" in one_line(capsys, command, run)
+        assert "is no key of this version" in one_line(capsys, command, run)
 
 
 @pytest.mark.parametrize("name", ["manifest.json", "metrics.json"])
