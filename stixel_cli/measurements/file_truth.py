@@ -11,7 +11,6 @@ each row.
 from pathlib import Path
 
 import numpy as np
-import shapely
 
 from stixel_cli.errors import UserError
 from stixel_cli.geometry.pose import rectangle
@@ -147,6 +146,8 @@ def _contours(file: Path, table: dict[str, np.ndarray]) -> np.ndarray:
             )
         if not np.isfinite(contours).all():
             raise UserError(f"{file}: contour must have finite numbers only")
+        import shapely  # Every run's tables import this module.
+
         areas = shapely.polygons(contours)
         if not (shapely.is_valid(areas) & (shapely.area(areas) > 0.0)).all():
             raise UserError(f"{file}: contour must be a polygon that does not cross itself")
