@@ -7,8 +7,6 @@ from stixel_cli.tracking.contour.class_shape import ClassShape
 from stixel_cli.tracking.contour.residual import Residual
 from stixel_cli.tracking.track import contour_directions
 
-TURN = 2.0 * np.pi
-
 LEAST_OUTLINE_STD = 0.03
 """How well at least the class's outline, scaled, fits one road user, m."""
 
@@ -31,19 +29,19 @@ def contours_of(
     """
     angles, directions = contour_directions(means[:, 2], points)
     unit = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
-    stds = np.interp(angles, *_polar(shape.outline, shape.outline_stds), period=TURN)
+    stds = np.interp(angles, *_polar(shape.outline, shape.outline_stds), period=2.0 * np.pi)
     factors, centres = np.exp(means[:, 5:7]), np.zeros((len(means), 2))
     if residual:
         radii = np.empty((len(means), points))
         for k, mean in enumerate(means):
             centres[k] = residual.box_centre(mean)[0]
             outline = residual.outline(mean) - centres[k]
-            radii[k] = np.interp(angles, *_polar(outline, np.hypot(*outline.T)), period=TURN)
+            radii[k] = np.interp(angles, *_polar(outline, np.hypot(*outline.T)), period=2.0 * np.pi)
     else:
         # A ray that meets the scaled outline is another one that meets the plain one.
         x, y = (unit / factors[:, None]).transpose(2, 0, 1)
         plain = _polar(shape.outline, np.hypot(*shape.outline.T))
-        radii = np.interp(np.arctan2(y, x), *plain, period=TURN) / np.hypot(x, y)
+        radii = np.interp(np.arctan2(y, x), *plain, period=2.0 * np.pi) / np.hypot(x, y)
     bodies = radii[..., None] * unit + centres[:, None]
     edges = np.roll(bodies, -1, axis=1) - np.roll(bodies, 1, axis=1)
     normals, lengths = np.stack([edges[..., 1], -edges[..., 0]], axis=-1), np.hypot(*edges.T).T
