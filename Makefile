@@ -8,8 +8,11 @@ CONSTRAINTS := $(shell $(PYTHON) -c 'import sys; \
 	print("constraints.txt" if sys.version_info < (3, 13) else "constraints-3.13.txt")' 2>/dev/null)
 BIN := .venv/bin
 MINIMUM := .venv-minimum
+# pip would compile all modules, one after the other, which takes as long as their installation:
+# Python compiles those that are used.
 INSTALL := PIP_CONSTRAINT=$(CONSTRAINTS) PIP_DISABLE_PIP_VERSION_CHECK=1 \
-	$(BIN)/python -m pip install --quiet --editable
+	$(BIN)/python -m pip install --quiet --no-compile --editable
+unexport PYTHONDONTWRITEBYTECODE
 CHECK_PYTHON := @test -n "$(PYTHON)" || \
 	{ echo "make: Python 3.11 or later is needed; name it with PYTHON=…" >&2; exit 2; }
 ARGS ?=

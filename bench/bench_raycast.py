@@ -26,7 +26,7 @@ from stixel_cli.scene.road_user import road_user_meshes
 from stixel_cli.scene.scenario import Scenario
 
 CONF = Path(__file__).parents[1] / "conf"
-CHUNK = 10
+CHUNK = sized(10, 2)
 SIZE = sized({}, {"width": 160, "height": 120})
 PAIR = "A rendered pair, 640 × 480 px, one thread"
 

@@ -109,7 +109,7 @@ def folders(tmp_path_factory):
     results, cache = tmp_path_factory.mktemp("results"), tmp_path_factory.mktemp("cache")
     if not FOLDER:
         process(tmp_path_factory.mktemp("first"), results, "run", "measurement=fabricated")
-    return results, cache, process(cache, results, "run", *SIZE)
+    return results, cache, process(cache, results, "run", *SIZE, *sized((), ("--dry-run",)))
 
 
 def measure(benchmark, group, run, rounds):

@@ -157,6 +157,7 @@ def test_the_whole_process(tmp_path, cache):
     for key in plan.needed:
         cache.save(key, None)
     started = time.perf_counter()
-    command = [sys.executable, "-m", "stixel_cli", "sweep", "--dry-run", *line]
+    words = ("-m", "stixel_cli", "sweep", "--dry-run", *line)
+    command = [sys.executable, *sized(words, ("-c", ""))]
     subprocess.run(command, check=True, capture_output=True)
     print(f"\nstixel sweep --dry-run, whole process: {time.perf_counter() - started:.2f} s")

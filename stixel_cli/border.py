@@ -49,10 +49,8 @@ _told: set[tuple[str, Origin]] = set()
 def admit(named: Iterable[tuple[str, Origin]]) -> None:
     """Let the names of code, caches and schedulers pass that were typed, or are trusted.
 
-    What a trusted source names is told on stderr, once.
-
-    Raises:
-        ConfigurationError: in one line, for names from a source that is not trusted.
+    What a trusted source names is told on stderr, once. ConfigurationError in one line, for names
+    from a source that is not trusted.
     """
     by_origin: dict[Origin, dict[str, None]] = {}
     for name, origin in named:
@@ -121,10 +119,8 @@ def connected(address: str, origin: Origin, patience: float) -> "Client":
 def write_whole(file: Path, content: str | bytes) -> None:
     """Write a file atomically; text in UTF-8. A link at its place is replaced, not followed.
 
-    Missing parent folders are created, and removed again if the file cannot be written.
-
-    Raises:
-        OSError: if it cannot be written; an older file is kept.
+    Missing parent folders are created, and removed again if the file cannot be written. OSError if
+    it cannot be written; an older file is kept.
     """
     # Threads of a process may write the same file at once.
     partial = file.with_name(f".{file.name}.partial-{threading.get_native_id()}")
@@ -181,8 +177,7 @@ def write_new(file: Path, content: str | bytes) -> None:
 def written(folder: Path) -> Iterator[None]:
     """Context in which `folder` is written to.
 
-    Raises:
-        UserError: for an OSError in the context; it names the folder.
+    UserError for an OSError in the context; it names the folder.
     """
     try:
         yield

@@ -46,8 +46,7 @@ _LONG_NUMBER = re.compile(r"[-+0-9_:.]{1000,}")
 def opened(file: Path, greatest: int = GREATEST_ARRAYS) -> Iterator[BinaryIO]:
     """Open a regular file of at most `greatest` bytes for reading.
 
-    Raises:
-        UserError: if it is missing, not a regular file, too large, or cannot be read.
+    UserError if it is missing, not a regular file, too large, or cannot be read.
     """
     try:
         with open(file, "rb", opener=without_waiting) as stream:
@@ -89,8 +88,7 @@ def read_text(file: Path) -> str:
 def read_json(file: Path) -> dict[str, Any]:
     """The names and values of a JSON file.
 
-    Raises:
-        UserError: if it is missing, not a JSON object, or has a value that `check_plain` refuses.
+    UserError if it is missing, not a JSON object, or has a value that `check_plain` refuses.
     """
     return parse_json(read_text(file), file)
 
@@ -122,8 +120,7 @@ def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 def read_xml(file: Path) -> "Element":
     """The root of an XML file without entities of its own.
 
-    Raises:
-        UserError: if it is missing, is not XML, declares entities, or has too many elements.
+    UserError if it is missing, is not XML, declares entities, or has too many elements.
     """
     from xml.etree import ElementTree
 
@@ -139,8 +136,7 @@ def read_xml(file: Path) -> "Element":
 def read_yaml(file: Path) -> Any:
     """The content of a YAML file in plain types.
 
-    Raises:
-        UserError: if it is missing, is not YAML, or has a value that `check_plain` refuses.
+    UserError if it is missing, is not YAML, or has a value that `check_plain` refuses.
     """
     import yaml
 
@@ -156,10 +152,8 @@ def read_yaml(file: Path) -> Any:
 def read_yaml_text(file: Path, most: int | None = None) -> str:
     """The text of a YAML file that every loader can read: limited depth, limited aliases.
 
-    It has at most `most` values (default `MOST_VALUES`), aliases expanded.
-
-    Raises:
-        UserError: if it is missing, or not such a file.
+    It has at most `most` values (default `MOST_VALUES`), aliases expanded. UserError if it is
+    missing, or not such a file.
     """
     import yaml
 
@@ -206,9 +200,8 @@ def read_yaml_text(file: Path, most: int | None = None) -> str:
 def check_plain(content: Any, file: Path) -> None:
     """Check the content of `file`.
 
-    Raises:
-        UserError: if it has anything except lists, mappings, valid text, finite numbers, booleans
-            and null, or is nested deeper than `DEEPEST`.
+    UserError if it has anything except lists, mappings, valid text, finite numbers, booleans and
+    null, or is nested deeper than `DEEPEST`.
     """
     pending: list[tuple[Any, Any, int]] = [("content", content, 0)]
     total = 0
@@ -241,9 +234,8 @@ def check_plain(content: Any, file: Path) -> None:
 def read_arrays(file: Path, texts: dict[str, str] | None = None) -> "dict[str, np.ndarray]":
     """The numeric arrays of an `.npz` file, by name; members named in `texts` become its values.
 
-    Raises:
-        UserError: if it is missing, damaged or encrypted, if an array has anything except booleans
-            and numbers, or if the arrays together are larger than `GREATEST_ARRAYS`.
+    UserError if it is missing, damaged or encrypted, if an array has anything except booleans and
+    numbers, or if the arrays together are larger than `GREATEST_ARRAYS`.
     """
     import zipfile
 

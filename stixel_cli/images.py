@@ -36,8 +36,7 @@ def eight_bits(images: Mapping[str, np.ndarray]) -> list[np.ndarray]:
             The types are uint8; uint16, scaled so that the greatest value of all images is 255;
             and float, in [0, 1] or in [0, 255].
 
-    Raises:
-        ValueError: for an image of another shape, type or range.
+    ValueError for an image of another shape, type or range.
     """
     plain = []
     for name, image in images.items():
@@ -74,8 +73,7 @@ def reduced(image: np.ndarray, widest: int) -> np.ndarray:
 def encode_png(image: np.ndarray) -> bytes:
     """One image, (H, W) uint8 or uint16 or (H, W, 3) uint8 RGB, as the bytes of a PNG.
 
-    Raises:
-        ValueError: for an image of another shape or type.
+    ValueError for an image of another shape or type.
     """
     # OpenCV's own settings: level 1, the filter SUB and the strategy RLE, which looks for runs
     # only. If the level is given, it changes the other two: half of the speed, hardly smaller.
@@ -101,8 +99,7 @@ def _encoded(image: np.ndarray, extension: str) -> bytes:
 def decode_image(data: bytes) -> np.ndarray:
     """The image in the bytes of a PNG, PGM or PPM, as it was encoded.
 
-    Raises:
-        ValueError: if they are not an image.
+    ValueError if they are not an image.
     """
     import cv2
 

@@ -41,11 +41,7 @@ def check_name(function: str) -> None:
 
 
 def loaded(name: str) -> Callable[..., Any]:
-    """The function "module:function".
-
-    Raises:
-        ValueError: if the module has no such function.
-    """
+    """The function "module:function"; ValueError if the module has no such function."""
     module, _, attribute = name.partition(":")
     function = getattr(imported(module, TYPED), attribute, None)
     if not callable(function):
@@ -66,11 +62,9 @@ def further_arguments(
     """The keyword arguments of a function after its first `given` ones, from the user's keys.
 
     If the next parameter is annotated with a dataclass, it is one object of it, validated as the
-    parameters of this package are; else each key is an argument.
-
-    Raises:
-        pydantic.ValidationError: if the values do not fit the dataclass.
-        ValueError: if an argument is unknown or missing; the text begins with its name.
+    parameters of this package are; else each key is an argument. pydantic.ValidationError if the
+    values do not fit the dataclass. ValueError if an argument is unknown or missing; the text
+    begins with its name.
     """
     signature = inspect.signature(function).parameters
     further = dict(list(signature.items())[given:])
@@ -98,8 +92,7 @@ def all_values(
 ) -> dict[str, Any]:
     """`values` with the defaults of the other parameters, except those that are not plain.
 
-    Raises:
-        pydantic.ValidationError, ValueError: as `further_arguments` does.
+    pydantic.ValidationError, ValueError as `further_arguments` does.
     """
     from pydantic import ValidationError
 

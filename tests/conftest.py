@@ -2,7 +2,6 @@
 
 import gc
 import os
-from functools import cache, lru_cache
 
 # Before NumPy is imported: with two threads for each of two test processes, BLAS mostly waits.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -11,15 +10,9 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 import hypothesis
 import pytest
-import typer.main
 from browser import browser as browser
 from browser import open_page as open_page
 from rendered_clip import clip as clip
-from short_runs import marks_of, runs_with
-from tables_of_arrays import remembered
-
-from stixel_cli.scene import contours, road_user
-from stixel_cli.tracking.contour import ray_table
 
 # What is imported and collected lives to the end: without this a tenth of the time goes to
 # looking through it for garbage.
@@ -29,15 +22,17 @@ gc.set_threshold(50_000, 20, 10)
 hypothesis.settings.register_profile("same", derandomize=True, deadline=None, max_examples=20)
 hypothesis.settings.load_profile("same")
 
-# The tests have more shapes than a run: meshes and outlines of more of them are remembered.
-contours._united = cache(contours._united.__wrapped__)
-road_user._built_in = lru_cache(maxsize=16)(road_user._built_in.__wrapped__)
 
-# So are the tables of what a sensor sees of them, which each track of `contour` makes anew.
-ray_table.first_depths = remembered(ray_table.first_depths)
+def pytest_sessionstart(session):
+    """Where tests run; the first process of xdist would only keep the others waiting.
 
-# Typer makes all commands anew for each command line of a process, of which the tests have many.
-typer.main.get_command = cache(typer.main.get_command)
+    For the same reason this module imports stixel in its functions.
+    """
+    config = session.config
+    if hasattr(config, "workerinput") or not config.getoption("numprocesses", None):
+        from remembered import remember
+
+        remember()
 
 
 @pytest.fixture(scope="session")
@@ -55,6 +50,8 @@ def shared_cache(tmp_path_factory):
 @pytest.fixture(scope="session", autouse=True)
 def _nothing_of_the_user(shared_cache, tmp_path_factory):
     """Neither the user's cache nor `results` of this clone, for fixtures of any scope, too."""
+    from short_runs import runs_with
+
     with pytest.MonkeyPatch.context() as patch, runs_with():
         patch.chdir(tmp_path_factory.mktemp("work"))
         patch.setenv("STIXEL_CACHE", str(shared_cache))
@@ -64,12 +61,16 @@ def _nothing_of_the_user(shared_cache, tmp_path_factory):
 @pytest.fixture(scope="module", autouse=True)
 def _runs_of_module(request):
     """For the module's fixtures, too."""
+    from short_runs import marks_of, runs_with
+
     with runs_with(*marks_of(request.node)):
         yield
 
 
 @pytest.fixture(autouse=True)
 def _runs_of_test(request, _runs_of_module):
+    from short_runs import marks_of, runs_with
+
     with runs_with(*marks_of(request.node)):
         yield
 

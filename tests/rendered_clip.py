@@ -5,9 +5,6 @@ import dataclasses
 import numpy as np
 import pytest
 
-from stixel_cli.cli.app import main
-from stixel_cli.experiment.stages import computed_stages
-
 RUN = ("path=depart", "path.duration=0.3", "ego=turning", "rig.width=240", "rig.height=160")
 RUN += ("pictures.frames=[]", "executor=threads")
 
@@ -15,6 +12,8 @@ RUN += ("pictures.frames=[]", "executor=threads")
 @pytest.fixture(scope="session")
 def clip(tmp_path_factory):
     """Folder of a rendered clip of three pairs, written by `stixel export`."""
+    from stixel_cli.cli.app import main  # not at once, see `conftest.py`
+
     folder = tmp_path_factory.mktemp("rendered")
     assert main(["run", *RUN, "--results", str(folder), "--name", "run"]) == 0
     export = ["export", str(folder / "run"), "--format", "kitti", "--output"]
@@ -24,6 +23,8 @@ def clip(tmp_path_factory):
 
 def results_of_run(composition, *names):
     """The results of these stages, one chunk of each."""
+    from stixel_cli.experiment.stages import computed_stages
+
     with computed_stages(composition, list(names)) as (_, load):
         return [load(name)[0] for name in names]
 

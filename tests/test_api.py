@@ -266,6 +266,7 @@ def unusable():
 
 if __name__ == "__main__":
     base = {"measurement": "fabricated", "path.duration": 0.3, "pictures.frames": []}
+    base["executor.workers"] = 1  # a process of its own
     result = run(base, {"tracker.size": 2.0}, tracker=still, results="results", name="still")
     print(np.ptp(result.track.contours_world[0, :, 0]))
     swept = sweep(base, tracker=(still, "point"))

@@ -331,14 +331,14 @@ def differences(
             _bar(sides[0], place, *row[["mean", "low", "high"]])
             if paired and np.isfinite(row["minus"]):
                 _bar(sides[1], place, *row[["minus", "minus_low", "minus_high"]])
-        sides[0].set_xlabel(answer.question.heading)
+        sides[0].set_xlabel(answer.question.row.heading)
         if _is_flattened(answer, values.to_numpy()):
             sides[0].set_xscale("log")
             sides[0].xaxis.set_major_formatter("{x:g}")
         if paired:
             reference = answer.question.reference
             of = answer.best if reference is None else reference
-            sides[1].set_xlabel(f"{answer.question.heading}, minus {of}")
+            sides[1].set_xlabel(f"{answer.question.row.heading}, minus {of}")
             sides[1].axvline(0.0, color=style.TRUTH, linewidth=0.9)
         sides[0].set_yticks(range(len(order)), names)
         sides[0].set_ylim(len(order) - 0.4, -0.6)
@@ -379,7 +379,7 @@ def over_axis(answer: Answer) -> bytes | None:
             axes.minorticks_off()
             axes.set_xticks(places, [f"{place:g}" for place in places])
 
-    x, y = answer.question.compare[0], answer.question.heading
+    x, y = answer.question.compare[0], answer.question.row.heading
     return chart([Panel(draw, "", x, y, ratio=row.better == "one")])
 
 

@@ -109,7 +109,7 @@ def answers_page(asked: Asked, links: Mapping[str, str], command: Sequence[str])
         counts=", ".join(f"{number} {state}" for state, number in states.items()),
         answers=[
             (
-                one.question.heading,
+                one.question.row.heading,
                 one.sentence,
                 drawing_for_page(figures.drawing(one), f"d{i}"),
                 figures.legend(one),

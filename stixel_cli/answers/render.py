@@ -67,7 +67,7 @@ def overview(answers: Sequence[Answer], intervals: int | None = None) -> Cells:
     for one, plain in zip(answers, bare, strict=True):
         of = "" if one.used == first.used else f" ({counted(one.used, 'run')})"
         interval = "" if plain or one.table["low"].isna().all() else INTERVAL
-        header.append(one.question.heading + of + interval)
+        header.append(one.question.row.heading + of + interval)
     rows, best = [], []
     for option in first.order:
         runs, failures = first.table.loc[option, ["runs", "failed"]].astype(int).astype(str)

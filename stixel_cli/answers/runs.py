@@ -69,11 +69,6 @@ class Question:
         row = metric(over_runs(self.metric))
         return row if self.better is None else replace(row, better=self.better)
 
-    @property
-    def heading(self) -> str:
-        """Label of the metric, with its unit."""
-        return self.row.heading
-
 
 MOST_NAMED = 4
 _OPTION, _SCENARIO, _UNIT, _VALUE = "option", "scenario", "unit", "value"
@@ -113,11 +108,8 @@ class Answer:
 
         From the least to the greatest value where none is better.
         """
-        mean = self.table["mean"]
-        if self.question.row.better == "one":
-            mean = np.log(mean.where(mean > 0.0)).abs()
-        key = -mean if self.question.row.better == "more" else mean
-        return [*key.sort_values(kind="stable").index]
+        costs = _costs(self.table["mean"], self.question.row.better)
+        return [*costs.sort_values(kind="stable").index]
 
     @property
     def used(self) -> int:
@@ -211,17 +203,9 @@ class Answer:
     @property
     def worst(self) -> pd.DataFrame:
         """The row of the worst run of each option that has one; a failed one comes first."""
-        better = self.question.row.better
-        sign = -1.0 if better == "more" else 1.0
         failed = self.runs[STATUS].isin((FAILED, SKIPPED))
-        badness = (sign * self.runs[_VALUE]).where(~failed, np.inf)
-        if better == "one":
-            badness = (
-                np.log(self.runs[_VALUE].where(self.runs[_VALUE] > 0.0))
-                .abs()
-                .where(~failed, np.inf)
-            )
-        chosen = badness.dropna().groupby(self.runs[_OPTION], sort=False).idxmax()
+        costs = _costs(self.runs[_VALUE], self.question.row.better).mask(failed, np.inf)
+        chosen = costs.dropna().groupby(self.runs[_OPTION], sort=False).idxmax()
         return self.runs.loc[chosen].set_index(_OPTION, drop=False)
 
     def by_scenario(self) -> pd.DataFrame:
@@ -329,7 +313,8 @@ def answered(groups: Groups, question: Question) -> Answer:
     interval = (
         share_interval(values) if row.name == LOSS_RATE else mean_interval(values, row.bounds)
     )
-    best = _best(mean.dropna(), row.better)
+    is_ranked = row.better in ("more", "less") and mean.notna().any()
+    best = _costs(mean, row.better).idxmin() if is_ranked else None
     reference = question.reference if question.reference is not None else best
     if question.reference is not None and reference not in values:
         raise UserError(f"reference: {printable(str(reference), 60)}: no option with a value")
@@ -396,10 +381,11 @@ def _rectangle(known: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.arange(scenarios), full
 
 
-def _best(means: pd.Series, better: str | None) -> object:
-    if means.empty or better not in ("more", "less"):
-        return None
-    return means.idxmax() if better == "more" else means.idxmin()
+def _costs(values: pd.Series, better: str | None) -> pd.Series:
+    """The values, turned so that less is better; NaN for a ratio that is not positive."""
+    if better == "one":
+        return np.log(values.where(values > 0.0)).abs()
+    return -values if better == "more" else values
 
 
 def known(values: pd.Series) -> list[float | None]:
@@ -514,8 +500,6 @@ class Runs:
             self._answers[question] = answered(self._groups[named], question)
         return self._answers[question]
 
-    answer = ask
-
     def answers(self, metrics: Sequence[str] = (), **parts: Any) -> list[Answer]:
         """The answers of one comparison by the given metrics, by default the main ones."""
         names = metrics or [n for n in SHOWN if n in self.metrics] or self.metrics[:4]
@@ -526,10 +510,6 @@ class Runs:
         from stixel_cli.answers.render import TABLES
 
         return TABLES[form](self.answers(metrics, **parts))
-
-    def figure(self, **parts: Any) -> "Figure":
-        """The figure of the answer of a question, see `Answer.figure`."""
-        return self.ask(**parts).figure()
 
     @cached_property
     def _groups(self) -> dict[tuple, Groups]:

@@ -22,11 +22,11 @@ from stixel_cli.config.messages import validated
 from stixel_cli.errors import UserError
 from stixel_cli.evaluation.contour_errors import star_convex_upper_bound
 from stixel_cli.evaluation.evaluate import evaluate
-from stixel_cli.evaluation.intervals import chi_square_bounds
 from stixel_cli.evaluation.scores import Scores
 from stixel_cli.files import parse_json, read_arrays, read_json, read_text
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.parameters import parameters
+from stixel_cli.pictures.uncertainty import normalised_chi_square_bounds
 from stixel_cli.results.folder import json_text
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.tracking.track import Track, contour_directions
@@ -299,7 +299,7 @@ def sequence_scores(
     found = {name: metrics[name] for name in METRICS}
     if "contour_std" not in arrays:
         found["band_coverage"] = None
-    low, high = 0.5 * np.array(chi_square_bounds(2))
+    low, high = normalised_chi_square_bounds(np.array([2])).ravel()
     found[CONSISTENT] = int(low <= (metrics["nees_position_mean"] or np.inf) <= high)
     found[MISSING] = int(missing[first:].sum())
     found[TIME] = 1e3 * float(arrays["seconds"].sum()) / len(track.times)

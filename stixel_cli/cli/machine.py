@@ -63,8 +63,10 @@ def doctor(json: options.Json = False) -> int:
 @app.command()
 def ls(json: options.Json = False) -> int:
     """List cached results by stage: number, size, last use."""
+    from rich.filesize import decimal
+
     from stixel_cli.engine.entries import entries
-    from stixel_cli.engine.parameters import duration, show_size
+    from stixel_cli.engine.parameters import duration
 
     store, now = local_store(), time.time()
     damaged: list[tuple[Entry, MissingEntry]] = []
@@ -89,11 +91,11 @@ def ls(json: options.Json = False) -> int:
     rows = []
     for name, row in stages.items():
         age = f"{duration(now - row['last_use'])} ago"
-        rows.append((name, str(row["entries"]), show_size(row["size"]), age))
+        rows.append((name, str(row["entries"]), decimal(row["size"]), age))
     if rows:
         print_table(("stage", "entries", "size", "last use"), rows, right=(1, 2))
-    limit = "no limit" if store.max_size is None else f"limit {show_size(store.max_size)}"
-    say(f"{store.folder}: {len(listed)} results, {show_size(total)}, {limit}")
+    limit = "no limit" if store.max_size is None else f"limit {decimal(store.max_size)}"
+    say(f"{store.folder}: {len(listed)} results, {decimal(total)}, {limit}")
     return 0
 
 
@@ -178,29 +180,30 @@ def verify(json: options.Json = False) -> int:
 
 def _confirmed(store: "Store") -> bool:
     """Ask the user at the terminal for confirmation."""
+    from rich.filesize import decimal
+
     from stixel_cli.engine.entries import entry_folders
-    from stixel_cli.engine.parameters import show_size
 
     if not (sys.stdin.isatty() and sys.stderr.isatty()):
         raise UserError(
             "this removes all cached results: add --yes, there is no terminal to ask at"
         )
     listed = entry_folders(store)
-    size = show_size(sum(entry.size for entry in listed))
+    size = decimal(sum(entry.size for entry in listed))
     return typer.confirm(f"remove {len(listed)} results, {size}, from {store.folder}?", err=True)
 
 
 def _print_collection(store: "Store", done: "Collection", verb: str, json: bool) -> None:
-    from stixel_cli.engine.parameters import show_size
+    from rich.filesize import decimal
 
     if json:
         print_json({"folder": str(store.folder), **vars(done)})
         return
     used = f", {done.in_use} of them in use" if done.in_use else ""
     say(
-        f"{store.folder}: {done.removed} results, {show_size(done.removed_size)}, {verb}; "
-        f"{done.kept} results, {show_size(done.kept_size)}, kept{used}"
+        f"{store.folder}: {done.removed} results, {decimal(done.removed_size)}, {verb}; "
+        f"{done.kept} results, {decimal(done.kept_size)}, kept{used}"
     )
     if done.left:
-        left, size = counted(done.left, "item"), show_size(done.left_size)
+        left, size = counted(done.left, "item"), decimal(done.left_size)
         say(f"no results, such as files of killed processes: {left}, {size}, {verb}")

@@ -100,6 +100,9 @@ def show(value: Any) -> str:
     return printable(json.dumps(value, ensure_ascii=False, default=str))
 
 
+_GONE = "is no key of this version: make the run anew without it, or use the version of the folder"
+"""Of a key in a stored configuration, which nobody has typed."""
+
 _TYPES = {bool: "a boolean", int: "a whole number", float: "a float", str: "text", list: "a list"}
 _UNSUITABLE = {"finite_number": "is not finite", "multiple_of": "does not fit"}
 _UNSUITABLE |= dict.fromkeys(
@@ -186,9 +189,11 @@ def read_settings(kind: Any, plain: Any, typed: Iterable[str], group: str = "") 
         faults = [one | {"loc": (*within, *one["loc"])} for one in error.errors(include_url=False)]
         given, places = tuple(typed), [keys.locate(fault["loc"]) for fault in faults]
         first = next((i for i, (name, _) in enumerate(places) if name.startswith(given)), 0)
+        name = places[first][0]
         if faults[first]["type"] == "unexpected_keyword_argument":
+            is_gone = not given and name not in keys.known_keys()
             kinds = keys.chosen_kinds({group: plain} if group else plain)
-            text = unknown_key(places[first][0], kinds)
+            text = f"{printable(name)}: {_GONE}" if is_gone else unknown_key(name, kinds)
         else:
             text = describe_fault(faults[first], *places[first])
         others = len({name for name, _ in places}) - 1

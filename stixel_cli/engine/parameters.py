@@ -38,16 +38,6 @@ def parse_age(text: str) -> float:
     return _parsed(text, _AGES, "age: write 10min, 12h, 30d, 4w")
 
 
-def show_size(size: int) -> str:
-    """Format bytes with two or three digits: `4.2 GB`."""
-    value, units = float(size), ["B", "KB", "MB", "GB", "TB"]
-    while value >= 999.5 and len(units) > 1:
-        value /= 1000.0
-        units.pop(0)
-    digits = 0 if value >= 99.95 or units[0] == "B" else 1
-    return f"{value:.{digits}f} {units[0]}"
-
-
 def duration(seconds: float) -> str:
     """Format a time: `40 s`, `12 min`, `3 h 20 min`, `7 d`."""
     if seconds < 90:

@@ -142,14 +142,19 @@ class Progress:
         self.frames_done[name] += node.frame_count
         self.seconds[name] += seconds
 
-    def failed(self, node: Node, failure: StageFailure, skipped: Sequence[Node]) -> None:
-        """Report a failed node. The nodes `skipped` depend on it and will not be computed."""
+    def failed(
+        self, node: Node, failure: StageFailure, skipped: Sequence[Node], of: str = ""
+    ) -> None:
+        """Report a failed node, of a run that `of` names if there are several.
+
+        The nodes `skipped` depend on it and will not be computed.
+        """
         self.running.pop(node.key, None)
         self.failures += 1
         for one in (node, *skipped):
             self.total[one.stage.name] -= 1
             self.frames_total[one.stage.name] -= one.frame_count
-        self.note(f"failed: {' '.join(str(failure).split())}")
+        self.note(" ".join(f"failed: {of}{failure}".split()))
 
     def tick(self) -> None:
         """Update the display. Called several times per second."""

@@ -59,10 +59,7 @@ def evaluate(
     `road_user` is the true class, None if it is unknown. Where the truth is unknown, errors over
     time are NaN and metrics leave them out. Without any truth there are only the metrics of scans
     and track. The metrics of a smoothed track have names of their own; all else is of the filtered
-    one.
-
-    Raises:
-        ValueError: as `validate` does.
+    one. ValueError as `validate` does.
     """
     validate(track, scenario, scans)
     of_classes = class_errors(track, road_user)

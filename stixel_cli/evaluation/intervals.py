@@ -78,11 +78,3 @@ def share_interval(shares: pd.DataFrame) -> pd.DataFrame:
     low = np.minimum(share, (middle - half).clip(0.0))
     high = np.maximum(share, (middle + half).clip(upper=1.0))
     return pd.DataFrame({"low": low, "high": high})
-
-
-def chi_square_bounds(degrees: np.ndarray | int) -> tuple[np.ndarray, np.ndarray]:
-    """Bounds of the central 95 % of chi-square, each with the shape of `degrees`."""
-    from scipy.special import gammaincinv
-
-    half = 0.5 * np.asarray(degrees, np.float64)
-    return 2.0 * gammaincinv(half, 0.025), 2.0 * gammaincinv(half, 0.975)

@@ -23,9 +23,7 @@ def evaluate_with_own(
     """The scores of `evaluate`, and a metric for each of the user's functions, named as it.
 
     It is called as `function(track, scenario, scans)`. A result of None or NaN is no value.
-
-    Raises:
-        ValueError: if a result is not a number, or a metric of its name exists.
+    ValueError if a result is not a number, or a metric of its name exists.
     """
     scores = evaluate(track, scenario, scans, road_user)
     values = dict(scores.metrics)

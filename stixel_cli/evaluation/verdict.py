@@ -218,4 +218,7 @@ def _beyond(metrics: Values, name: str) -> bool:
 
 def _digits(value: float) -> str:
     """Two significant digits, without an exponent."""
-    return f"{value:.0f}" if value >= 10.0 else f"{value:.2g}" if value >= 0.01 else f"{value:.3f}"
+    # The form `#` keeps a 0 at the end, and a point behind 10.
+    if 0.01 <= value < 10.0:
+        return f"{value:#.2g}".rstrip(".")
+    return f"{value:.0f}" if value >= 10.0 else f"{value:.3f}"

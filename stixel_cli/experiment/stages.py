@@ -71,12 +71,10 @@ def pictured_frames(composition: Composition) -> tuple[int, ...]:
     """The frames to draw: those of the configuration, or four spread evenly over the run."""
     chosen = composition.configuration.pictures.frames
     last = scan_count(composition) - 1
+    if chosen and chosen[-1] > last:
+        raise UserError(f"pictures.frames: must be <= {last}, the last frame, got {chosen[-1]}")
     if chosen is not None:
-        if chosen and max(chosen) > last:
-            raise UserError(
-                f"pictures.frames: must be <= {last}, the last frame, got {max(chosen)}"
-            )
-        return tuple(sorted(set(chosen)))
+        return chosen
     return tuple(sorted({round(last * share / 4) for share in (0.5, 1.5, 2.5, 3.5)}))
 
 

@@ -9,9 +9,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from rich.filesize import decimal
+
 from stixel_cli.engine.entries import entries
 from stixel_cli.engine.errors import CacheError
-from stixel_cli.engine.parameters import show_size
 from stixel_cli.engine.store import Store
 from stixel_cli.results.lineage import git_state, package_versions, shown_revision
 
@@ -94,17 +95,17 @@ def _software() -> list[Check]:
 
 
 def _cache(store: Store) -> list[Check]:
-    limit = "no limit" if store.max_size is None else f"limit {show_size(store.max_size)}"
+    limit = "no limit" if store.max_size is None else f"limit {decimal(store.max_size)}"
     found = []
     try:
         found = entries(store)
-        size = show_size(sum(entry.size for entry in found))
+        size = decimal(sum(entry.size for entry in found))
         sizes = Check("cache size", "ok", f"{size} in {len(found)} results, {limit}")
     except CacheError as error:
         sizes = Check("cache size", "fails", str(error))
     existing = next(p for p in (store.folder, *store.folder.parents) if p.exists())
     free = shutil.disk_usage(existing).free
-    disk = Check("disk free", "ok" if free >= LEAST_FREE else "fails", show_size(free))
+    disk = Check("disk free", "ok" if free >= LEAST_FREE else "fails", decimal(free))
     return [_cache_folder(store, existing, bool(found)), sizes, disk]
 
 

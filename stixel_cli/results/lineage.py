@@ -13,6 +13,7 @@ import subprocess
 from collections.abc import Container, Iterable, Iterator, Mapping, MutableMapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, fields, is_dataclass
+from datetime import UTC, datetime
 from hashlib import sha256
 from pathlib import Path
 from typing import Annotated, Any
@@ -181,6 +182,12 @@ def provenance() -> dict[str, Any]:
         "processors": os.cpu_count(),
     }
     return {"git": git_state(), "versions": package_versions(), "machine": machine}
+
+
+def origin(command: str) -> dict[str, Any]:
+    """The `command` line that makes a folder, this time, and the `provenance`."""
+    now = datetime.now(UTC).isoformat(timespec="seconds")
+    return {"command": command, "created": now, **provenance()}
 
 
 def package_versions() -> dict[str, str]:

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 from annotated_types import Ge, Le, Len
@@ -52,14 +52,7 @@ class PicturesParameters:
 
     frames: Annotated[tuple[Annotated[int, Ge(0), Le(100000)], ...], Len(0, 64)] | None
 
-    def check(self, path: Any, measurement: Any) -> None:
-        """Raise ValueError if `frames` is not increasing, or beyond the last frame of the path."""
-        frames = self.frames or ()
-        # A file of scans has its number of frames, see `experiment.stages.pictured_frames`.
-        last = round(path.duration / path.sample_time) - 1
-        if frames and frames[-1] > last and measurement.kind != "file":
-            raise ValueError(
-                f"pictures.frames: must be <= {last}, the last frame, got {frames[-1]}"
-            )
-        if any(later <= earlier for earlier, later in pairwise(frames)):
-            raise ValueError(f"pictures.frames: must be increasing, got {list(frames)}")
+    def check(self) -> None:
+        """Raise ValueError if `frames` is not increasing; `pictured_frames` knows the last one."""
+        if any(later <= earlier for earlier, later in pairwise(self.frames or ())):
+            raise ValueError(f"pictures.frames: must be increasing, got {list(self.frames)}")

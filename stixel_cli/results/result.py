@@ -310,14 +310,13 @@ class RunResult:
         `pandas.DataFrame(result.tables["track"])` is such a table.
         """
         from stixel_cli.results import tables
-        from stixel_cli.results.tables import pose_columns
 
         scenario, scores = self.scenario, self.scores
         times, ego_poses = scenario.times, scenario.ego_poses_world
         found = {
             "scans": tables.scan_columns(self.scans),
             "scores": tables.score_columns(scores),
-            "ego": pose_columns(times, ego_poses),
+            "ego": tables.pose_columns(times, ego_poses),
         }
         if self.track is not None:
             found["track"] = tables.track_columns(self.track)

@@ -306,8 +306,6 @@ class Waypoints(_Driven):
         super().check()
         if len(self.points) < 2:
             raise ValueError(f"path.points: must have at least two points, got {len(self.points)}")
-        if not all(math.isfinite(value) for point in self.points for value in point):
-            raise ValueError("path.points: every coordinate must be finite")
         _check_start(self.points[0], "path.points")
         chords = [
             (b[0] - a[0], b[1] - a[1]) for a, b in zip(self.points, self.points[1:], strict=False)

@@ -22,7 +22,7 @@ from stixel_cli.errors import MissingData, UserError, printable
 from stixel_cli.evaluation.metric_table import METRICS
 from stixel_cli.report.page import drawing_for_page, page_template
 from stixel_cli.results.folder import PAGE
-from stixel_cli.results.lineage import provenance, shown_revision
+from stixel_cli.results.lineage import shown_revision
 from stixel_cli.results.result import GROUPS, RunResult, listed, read_scored_run
 from stixel_cli.studies.file import FUNCTIONS, PLACE, StudyFile, StudyQuestion, SweepEntry
 from stixel_cli.studies.plan import StudyPlan
@@ -332,10 +332,9 @@ def study_page(
 ) -> str:
     """The page of a study, the file `page`; without a report, it lists the missing runs.
 
-    `origin`: `command` line that makes the report; when it was `created`, UTC; the `seeds` of each
-    sweep's runs.
+    `origin`: that of the report, as `lineage.origin`, with the `seeds` of each sweep's runs.
     """
-    made, shown = provenance(), report or Report((), (), Material())
+    shown = report or Report((), (), Material())
     return page_template(__package__, "study.html").render(
         plan=plan,
         answer=report and report.answer,
@@ -364,8 +363,7 @@ def study_page(
                 for key, values in one.settings.items()
             ),
         ),
-        revision=shown_revision(made["git"]) or "–",
-        made=made,
+        revision=shown_revision(origin["git"]) or "–",
     )
 
 

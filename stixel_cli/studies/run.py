@@ -13,7 +13,6 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +22,7 @@ from stixel_cli.config.folders import of_the_machine
 from stixel_cli.engine.cache_folder import Lease
 from stixel_cli.errors import Interrupted, UserError
 from stixel_cli.files import read_yaml
-from stixel_cli.results.lineage import first_difference, provenance
+from stixel_cli.results.lineage import first_difference, origin, provenance
 from stixel_cli.results.result import SKIPPED, SWEEP_FILE, yaml_text
 from stixel_cli.studies import report
 from stixel_cli.studies.plan import PlannedSweep, StudyPlan, derived_sweep
@@ -94,9 +93,7 @@ class Study:
         content = {
             "title": self.plan.study.title,
             "question": self.plan.study.question,
-            "command": self.command,
-            "created": datetime.now(UTC).isoformat(timespec="seconds"),
-            **provenance(),
+            **origin(self.command),
             "overrides": list(self.plan.overrides),
             **self.plan.request(),
         }
@@ -155,36 +152,26 @@ class Study:
         self.results[one.sweep.name] = result
 
     def write_report(self) -> None:
-        """Write the report; it has statistics only if all sweeps are complete."""
+        """Write the page; and tables and figures, if all sweeps are complete.
+
+        Then runs that were out of date were computed again: it has the present provenance.
+        """
         self.states = tuple(map(self._state, self.plan.sweeps))
         if all(state.complete for state in self.states):
             with self._leased():
                 self.report = report.study_report(self.plan.study, self._data())
-        origin = {
-            "command": self.command,
-            "created": datetime.now(UTC).isoformat(timespec="seconds"),
-            "seeds": {
-                name: sorted({run.seed for run in result.runs})
-                for name, result in self.results.items()
-            },
-        }
-        self.write(report.study_page(self.plan, self.states, self.report, origin, self.page))
-        self.seconds = time.perf_counter() - self.started
-
-    def write(self, html: str) -> None:
-        """Write the page, and the tables and figures of the report.
-
-        With a report the study is complete, and runs that were out of date were computed again: it
-        then has the present provenance.
-        """
+        seeds = {n: sorted({run.seed for run in own.runs}) for n, own in self.results.items()}
+        made = origin(self.command) | {"seeds": seeds}
+        files = {} if self.report is None else report.files_of(self.report)
+        files[PAGE] = report.study_page(self.plan, self.states, self.report, made, self.page)
         with written(self.path):
             if self.report is not None:
                 content = read_yaml(self.path / FILE) | provenance()
                 write_whole(self.path / FILE, yaml_text(content))
             for name in ("tables", "figures"):
                 shutil.rmtree(self.path / name, ignore_errors=True)
-            files = {} if self.report is None else report.files_of(self.report)
-            write_below(self.path, files | {PAGE: html})
+            write_below(self.path, files)
+        self.seconds = time.perf_counter() - self.started
 
     def count(self, nodes: str) -> int:
         """The number of `computed` or `cached` nodes of all sweeps."""

@@ -37,7 +37,6 @@ from stixel_cli.experiment.stages import compared_rows
 from stixel_cli.files import read_json
 from stixel_cli.results import lineage
 from stixel_cli.results.folder import arrays_content, figure_files, new_folder
-from stixel_cli.results.lineage import provenance
 from stixel_cli.results.result import (
     DONE,
     FAILED,
@@ -180,8 +179,10 @@ class Sweep(Progress):
         self._done(node.key)
 
     def failed(self, node: Node, failure: StageFailure, skipped: Sequence[Node]) -> None:
-        """Report the failure, and count the runs that cannot become complete."""
-        super().failed(node, failure, skipped)
+        """Report the failure with its first run, and count those that cannot become complete."""
+        waiting = (run for run in self.plan.runs if run.index not in self.runs)
+        first = next(run for run in waiting if node.key in run.graph.nodes)
+        super().failed(node, failure, skipped, f"{self._label}run {first.index} ({first.label}): ")
         for one in (node, *skipped):
             for run in self._waiting_for.get(one.key, ()):
                 self._runs_failed += self._left.pop(run.index, None) is not None
@@ -367,7 +368,7 @@ def new_sweep(
         pictures=plan.pictures,
         nodes=plan.nodes,
         working_directory=os.getcwd(),
-        notes=_origin(shlex.join(["stixel", "sweep", *design.words, *options])),
+        notes=lineage.origin(shlex.join(["stixel", "sweep", *design.words, *options])),
         over=design.over,
     )
     missing = [plan.graph.nodes[key] for key in plan.missing] if advice else []
@@ -408,7 +409,7 @@ def resumed_sweep(
     runs = stored_runs(request, overrides, names, imports=True)
     plan = plan_runs(runs, request.pictures, request.nodes)
     check_axes(plan.runs)
-    origin = _origin(str(request.notes.get("command", path.name)))
+    origin = lineage.origin(str(request.notes.get("command", path.name)))
     finished = folder.finished(len(runs))
     there = [one for one in plan.runs if one.index in finished]
     outdated = [one for one in there if not is_done_by(one, finished[one.index])]
@@ -428,11 +429,6 @@ def resumed_sweep(
         )
     request = replace(request, notes=origin)
     return Sweep(plan, folder, request, label, visible).run(finished, fail_fast)
-
-
-def _origin(command: str) -> dict[str, Any]:
-    now = datetime.now(UTC).isoformat(timespec="seconds")
-    return {"command": command, "created": now, **provenance()}
 
 
 def stored_runs(

@@ -2,7 +2,8 @@
 
 A target that is hidden is lost to sight and not gone. Its covariance grows, and soon the gate holds
 what hides it, which fits a road user as well as any. But that stood there before, while the target
-was known to be somewhere else; so only points at new places are candidates.
+was known to be somewhere else; so only points at new places are candidates. So are those of a
+target that is seen: what fits its growing size or a form of no class may be its neighbour.
 """
 
 import numpy as np
@@ -13,16 +14,13 @@ CELL = 0.25
 """Places are remembered once in each square of this side, m."""
 
 NEAR = 0.5
-"""A point is at a remembered place if it is within so many metres and two standard deviations."""
+"""A point is at a remembered place if it is within so many metres."""
 
 APART = 0.5
 """An object is another one if it is farther by this, m, than any point of the target may be."""
 
 GATE = 3.0
 """Standard deviations of the place by which the target's points may be off."""
-
-KNOWN = 1.0
-"""Where the place is known to so many metres, ranges tell a target from what is beside it."""
 
 
 class Background:
@@ -31,23 +29,21 @@ class Background:
     def __init__(self) -> None:
         self._places = np.zeros((0, 2))
 
-    def others(
-        self, rays: Rays, place: np.ndarray, half: float, spread: float, unseen: bool
-    ) -> np.ndarray:
+    def others(self, rays: Rays, place: np.ndarray, half: float, spread: float) -> np.ndarray:
         """Which points of a scan are known to be other objects': (n,).
 
         The target is at `place` (2,) m with a standard deviation of `spread` m, and reaches `half`
-        m from there; `unseen`: no scan before this one, or none of the last ones, had its points.
+        m from there.
         """
         points, reach = rays.points_world, half + GATE * spread
         distances = np.hypot(*(points - place).T)
         if (distances > reach + APART).any():
             self._learn(points, distances, segments(rays), reach + APART)
-        if not (unseen or GATE * spread > KNOWN) or not len(self._places) or not len(points):
+        if not len(self._places) or not len(points):
             return np.zeros(len(points), bool)
         from scipy.spatial import cKDTree
 
-        return cKDTree(self._places).query(points)[0] < NEAR + 2.0 * rays.stds
+        return cKDTree(self._places).query(points)[0] < NEAR
 
     def _learn(
         self, points_world: np.ndarray, distances: np.ndarray, labels: np.ndarray, reach: float

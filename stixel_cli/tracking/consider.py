@@ -65,11 +65,15 @@ class JointCovariance:
 
         `rows` (n, d + m) are A, `noise` (n,) the variances of independent errors.
         """
-        states, moved = slice(0, self.size), gain @ rows
+        self.absorb(gain @ rows, (gain * noise) @ gain.T)
+
+    def absorb(self, moved: np.ndarray, spread: np.ndarray) -> None:
+        """After an update with K A (d, d + m) and K R Kᵀ (d, d)."""
+        states = slice(0, self.size)
         # Factor by factor and symmetric: the sum of the three terms loses its definiteness.
         self.matrix[states] -= moved @ self.matrix
         self.matrix[:, states] -= self.matrix @ moved.T
-        self.matrix[states, states] += (gain * noise) @ gain.T
+        self.matrix[states, states] += spread
         self.matrix = 0.5 * (self.matrix + self.matrix.T)
 
 

@@ -22,7 +22,6 @@ from stixel_cli.tracking.contour.class_shape import (
     visible_table,
 )
 from stixel_cli.tracking.contour.contour_rays import Rays, rays_of, segments
-from stixel_cli.tracking.contour.contour_recovery import RECENT
 from stixel_cli.tracking.contour.ray_kernels import expected
 from stixel_cli.tracking.contour.ray_table import outline_table
 from stixel_cli.tracking.gp_ekf_update import SEEN, Linearisation, linearise
@@ -76,7 +75,7 @@ class OneSide:
         self._process, self._field_of_view = process, scans.field_of_view
         self._known = prior.road_user != "unknown"
         self._tables = None
-        self._background, self._unseen = Background(), RECENT
+        self._background = Background()
         self.radii = prior_radii(prior, process.basis_angles)
         self.basis_angles = process.basis_angles
         self.radii_covariance, self.limbs = None, np.zeros((0, len(self.radii)))
@@ -141,8 +140,7 @@ class OneSide:
         `position` (2, 2) m² is the covariance of its place.
         """
         spread = np.sqrt(max(np.trace(position), 0.0))
-        unseen, self._unseen = self._unseen >= RECENT, self._unseen + 1
-        return self._background.others(rays, mean[:2], mean[2 * SEEN :].max(), spread, unseen)
+        return self._background.others(rays, mean[:2], mean[2 * SEEN :].max(), spread)
 
     def target(
         self,
@@ -177,7 +175,6 @@ class OneSide:
         if self._known:
             placed = mean[:SEEN] + step
             inside &= self._outside(rays.points_world[candidates], placed) < OUTSIDE
-        self._unseen = 0 if inside.any() else self._unseen
         return candidates[inside]
 
     def _outside(self, points_world: np.ndarray, pose: np.ndarray) -> np.ndarray:

@@ -64,8 +64,8 @@ def test_runs_and_answers_give_tables_and_figures_themselves(tmp_path):
     both = runs.answers([IOU, CENTRE])
     for form, write in render.TABLES.items():
         assert runs.table([IOU, CENTRE], form) == write(both)
-    assert runs.answer(metric=CENTRE).to_latex("A") == render.latex(both[1:], "A")
-    runs.figure(metric=CENTRE).savefig(tmp_path / "a.pdf")
+    assert runs.ask(metric=CENTRE).to_latex("A") == render.latex(both[1:], "A")
+    runs.ask(metric=CENTRE).figure().savefig(tmp_path / "a.pdf")
     assert (tmp_path / "a.pdf").read_bytes().startswith(b"%PDF")
     assert len(both[0].figure().axes) == 2
 

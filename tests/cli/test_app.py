@@ -29,7 +29,7 @@ def stand_in(monkeypatch):
         (command,) = (one for one in app.registered_commands if one.callback.__name__ == "run")
         stand_in = functools.wraps(command.callback)(lambda **given: body(*given.values()))
         monkeypatch.setattr(command, "callback", stand_in)
-        typer.main.get_command.cache_clear()  # See `conftest.py`.
+        typer.main.get_command.cache_clear()  # See `remembered.py`.
 
     yield replace
     typer.main.get_command.cache_clear()

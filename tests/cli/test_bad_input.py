@@ -294,7 +294,6 @@ def test_lines_of_every_command(line, capsys):
 @pytest.mark.parametrize(
     "words",
     [
-        ["run", "rig.baseline=-0.3"],
         ["run", b"rig.width=\xff\xfe"],
         ["run", "road_user.mesh=\u00e9\u4e2d.obj"],
     ],

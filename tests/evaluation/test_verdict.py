@@ -24,7 +24,7 @@ GOOD = {
     "band_coverage": 0.93,
 }
 UNCERTAINTY = (
-    "uncertainty: NEES/2 of the position 1.2, NEES of the orientation 0.7, NIS 0.9, "
+    "uncertainty: NEES/2 of the position 1.2, NEES of the orientation 0.70, NIS 0.90, "
     "95 % band covers 93 %."
 )
 
@@ -75,9 +75,11 @@ def test_a_lost_track_begins_with_its_time():
     ("changes", "expected"),
     [
         ({"nees_position_mean": 46.2}, "NEES/2 of the position 46,"),
-        ({"nees_position_mean": 0.08}, "NEES/2 of the position 0.08,"),
-        ({"nees_orientation_mean": 4.04}, "NEES of the orientation 4,"),
-        ({"nis_mean": 0.05}, "NIS 0.05 (residuals smaller than assumed)"),
+        ({"nees_position_mean": 0.08}, "NEES/2 of the position 0.080,"),
+        ({"nees_orientation_mean": 4.04}, "NEES of the orientation 4.0,"),
+        ({"nees_position_mean": 0.2}, "NEES/2 of the position 0.20,"),
+        ({"nees_position_mean": 9.97}, "NEES/2 of the position 10,"),
+        ({"nis_mean": 0.05}, "NIS 0.050 (residuals smaller than assumed)"),
         ({"nis_mean": 9.26}, "NIS 9.3 (residuals larger than assumed)"),
         ({"band_coverage": 0.41}, "95 % band covers 41 %."),
     ],
@@ -149,7 +151,7 @@ def test_runs_without_measurements_or_of_older_folders_have_a_verdict():
     (sentence,) = verdict(GOOD | {"empty_scans": 50, "nees_position_mean": 50.0})
     assert sentence.startswith("lost: ") and "never measured" in sentence
     assert "older version" in verdict({"iou_mean": 0.5, "scans": 3})[0]
-    unknown = ["No verdict: no truth.", "uncertainty: NIS 1."]
+    unknown = ["No verdict: no truth.", "uncertainty: NIS 1.0."]
     assert verdict({"nis_mean": 1.0, "scans": 3}) == unknown
     without_baseline = {**GOOD, "iou_baseline": None}
     assert word(without_baseline) is None
@@ -182,6 +184,6 @@ def test_badges_name_what_is_not_expected():
     assert badges({"nees_position_mean": 1.0, "nis_mean": 1.0}) == {}
     assert badges({"nees_position_mean": 4.2, "nis_mean": 0.05, "time_to_loss_s": 1.23}) == {
         "centre_error": "lost at 1.2 s",
-        "nis": "residuals smaller × 0.05",
+        "nis": "residuals smaller × 0.050",
     }
     assert badges({}) == {}

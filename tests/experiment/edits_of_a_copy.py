@@ -22,7 +22,7 @@ RUNS = (
         "tracker=contour",
     ),
 )
-EACH = 5
+EACH = 4
 """Edited modules of each kind."""
 
 FILES = (

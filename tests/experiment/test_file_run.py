@@ -14,6 +14,7 @@ from stixel_cli.config.compose import compose
 from stixel_cli.errors import ConfigurationError, UserError
 from stixel_cli.experiment.stages import experiment_graph, pictured_frames, scan_count
 from stixel_cli.results.result import read_scored_run
+from stixel_cli.sweeps.graphs import planned_run
 
 QUICK = ("executor=threads", "seed=1003")
 
@@ -190,6 +191,8 @@ def test_scans_class_and_start_are_those_of_the_file(made):
     late = compose([*from_files(made), "pictures.frames=[15]"])
     with pytest.raises(UserError, match="must be <= 14, the last frame, got 15"):
         pictured_frames(late)
+    with pytest.raises(UserError, match="must be <= 49, the last frame, got 50"):
+        planned_run(compose(["path.duration=5", "pictures.frames=[0,50]"]))
     composed = compose([*from_files(made, None), "road_user=cyclist"])
     assert (composed.choices["prior"], composed.choices["start"]) == ("cyclist", "scans")
     assert compose(from_files(made)).choices["start"] == "default"

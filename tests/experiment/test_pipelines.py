@@ -4,6 +4,7 @@ import ast
 import inspect
 import re
 from dataclasses import replace
+from functools import cache
 from pkgutil import resolve_name
 
 import pytest
@@ -35,6 +36,7 @@ def scans_file(tmp_path_factory):
         yield
 
 
+@cache
 def stages_of(measurement, *words):
     file = ["measurement.path=scans.csv"] if measurement == "file" else []
     composed = compose([f"measurement={measurement}", *file, *words])
@@ -120,7 +122,7 @@ DECLARED = {
     # The files of a recording: the stage gets their names, and its key has their digests.
     "stixel_cli.recordings.image_files": "recorded",
     "stixel_cli.recordings.kitti_tables": "recorded",
-    "stixel_cli.recordings.feather": "recorded",
+    "stixel_cli.recordings.argoverse": "recorded",
     "stixel_cli.recordings.rosbag": "recorded",
     # The user's scans, sensor poses and truth: likewise.
     "stixel_cli.measurements.tables": "files",
@@ -146,20 +148,28 @@ DECLARED_OF = {
 """What declares the files of a module in one function, where that differs from `DECLARED`."""
 
 
+INDEX = CodeIndex()
+
+
+@cache
+def hidden_lines(path):
+    """Lines of a file that use code or data in a way that no import statement shows."""
+    tree = ast.parse(path.read_text("utf-8"))
+    return [n.lineno for n in ast.walk(tree) if HIDDEN.match(_spelled(n))]
+
+
 @pytest.mark.parametrize("name", STAGES)
 def test_what_imports_do_not_show_is_declared(name):
     definition = STAGES[name]
     for function in definition.functions.values():
-        code = CodeIndex().code([function.partition(":")[0]])
+        code = INDEX.code([function.partition(":")[0]])
         for module, (path, _) in code.files.items():
             if any(one.startswith(f"{module.partition('/')[0]}/") for one in code.modules):
                 continue  # It declares its files.
-            tree = ast.parse(path.read_text("utf-8"))
-            uses = [n for n in ast.walk(tree) if HIDDEN.match(_spelled(n))]
-            if not uses or module == READER:
+            lines = hidden_lines(path)
+            if not lines or module == READER:
                 continue
             declared = DECLARED_OF.get((function, module), DECLARED.get(module))
-            lines = [use.lineno for use in uses]
             assert declared, f"{module}, lines {lines}: see CONTRIBUTING, what a key cannot see"
             assert declared in code.modules or getattr(definition, declared)
 

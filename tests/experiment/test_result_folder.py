@@ -3,12 +3,14 @@
 import csv
 import json
 import os
+import subprocess
 from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
 from run_cli import FEW, SMALL, run_json
+from short_runs import short_python
 
 from stixel_cli.cli.app import main
 from stixel_cli.config.compose import compose, from_resolved
@@ -179,18 +181,16 @@ def test_dry_run_prints_the_plan_and_writes_nothing(results, capsys):
 
 
 def test_a_fabricated_run_imports_neither_open3d_nor_opencv_nor_numba(results, tmp_path):
-    import subprocess
-    import sys
-
-    code = (
-        "import sys; from stixel_cli.cli.app import main;"
-        # The second is all cached.
-        "code = main(sys.argv[1:]) or main(sys.argv[1:]);"
-        "heavy = {'open3d', 'cv2', 'numba', 'dash'} & sys.modules.keys();"
+    words = ["run", *FABRICATED, "--results", str(results)]
+    # The second is all cached.
+    (tmp_path / "script.py").write_text(
+        "import sys\nfrom stixel_cli.cli.app import main\n"
+        f"code = main({words}) or main({words})\n"
+        "heavy = {'open3d', 'cv2', 'numba', 'dash'} & sys.modules.keys()\n"
         "sys.exit(f'imported {heavy}' if heavy else code)"
     )
-    words = ["run", *FABRICATED, "--results", str(results)]
-    done = subprocess.run([sys.executable, "-c", code, *words], capture_output=True, text=True)
+    command = short_python(str(tmp_path / "script.py"), "sketched")
+    done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
 
 

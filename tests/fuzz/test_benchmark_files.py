@@ -18,7 +18,7 @@ from stixel_cli.benchmark import sequences
 from stixel_cli.benchmark.sequences import Data, bench_folder
 from stixel_cli.cli.app import main
 
-SMALL = 12
+SMALL = 8
 
 DEFINITIONS = {
     "version": "1.0",

@@ -11,7 +11,7 @@ from stixel_cli.cli.app import app
 from stixel_cli.config.folders import group_options
 from stixel_cli.config.keys import known_keys
 
-SMALL = 30
+SMALL = 18
 
 
 def _commands(group, before: tuple[str, ...] = ()):

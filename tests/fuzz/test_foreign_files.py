@@ -37,7 +37,7 @@ from made_clip import make_clip
 from made_drive import make_drive, make_official
 from made_files import RIG_FILES, png_of
 
-SMALL = 12
+SMALL = 10
 
 OF_A_CLIP = (
     "run --dry-run source.folder=clip source.sequence=0003 source.target=0",

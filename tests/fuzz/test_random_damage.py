@@ -9,7 +9,7 @@ from harness_of_fuzz import Answer, Kind, no_computing, run_cases, settle
 
 from stixel_cli.cli.app import main
 
-SMALL = 40
+SMALL = 30
 
 TINY = ("measurement=fabricated", "path.duration=0.3", "executor=threads")
 COMMANDS = (

@@ -6,7 +6,7 @@ import struct
 import pytest
 
 from stixel_cli.errors import UserError
-from stixel_cli.recordings import feather
+from stixel_cli.recordings import argoverse
 
 pyarrow = pytest.importorskip("pyarrow")
 
@@ -23,21 +23,21 @@ def test_columns_by_name(tmp_path, compression):
     words = pyarrow.array(["car", "van"] * 50).dictionary_encode()
     columns = {"t": list(range(100)), "kind": words, "name": ["a"] * 100, "x": [0.5] * 100}
     file = write(tmp_path / "t.feather", columns, compression)
-    found = feather.read_columns(file, ("t", "x"), ("kind", "name"))
+    found = argoverse.read_columns(file, ("t", "x"), ("kind", "name"))
     assert found["t"].tolist() == list(range(100)) and found["x"].sum() == 50.0
     assert found["kind"].tolist() == ["car", "van"] * 50 and set(found["name"]) == {"a"}
 
 
 def test_too_many_rows_are_refused_before_they_are_unpacked(tmp_path, monkeypatch):
     file = write(tmp_path / "t.feather", {"t": pyarrow.nulls(9, "int64").fill_null(0)}, "zstd")
-    monkeypatch.setattr(feather, "MOST_ROWS", 9)
-    assert len(feather.read_columns(file, ("t",))["t"]) == 9
-    monkeypatch.setattr(feather, "MOST_ROWS", 8)
+    monkeypatch.setattr(argoverse, "MOST_ROWS", 9)
+    assert len(argoverse.read_columns(file, ("t",))["t"]) == 9
+    monkeypatch.setattr(argoverse, "MOST_ROWS", 8)
     # If these rows were unpacked, the file would be called damaged.
     data = file.read_bytes()
     file.write_bytes(data.replace(b"\x28\xb5\x2f\xfd", b"\0\0\0\0"))
     with pytest.raises(UserError, match=r"t\.feather: more than 8 rows$"):
-        feather.read_columns(file, ("t",))
+        argoverse.read_columns(file, ("t",))
 
 
 @pytest.mark.parametrize("size", [2**62, 2**33, -5])
@@ -49,7 +49,7 @@ def test_another_size_than_the_stated_one_is_refused(tmp_path, size):
     data[start - 8 : start] = struct.pack("<q", size)
     file.write_bytes(data)
     with pytest.raises(UserError, match=r"t\.feather: not a valid Feather file: "):
-        feather.read_columns(file, ("t",))
+        argoverse.read_columns(file, ("t",))
 
 
 def test_a_damaged_file_is_read_or_refused_in_one_line(tmp_path):
@@ -63,7 +63,7 @@ def test_a_damaged_file_is_read_or_refused_in_one_line(tmp_path):
         file = tmp_path / "damaged.feather"
         file.write_bytes(data)
         try:
-            found = feather.read_columns(file, ("t",), ("kind",))
+            found = argoverse.read_columns(file, ("t",), ("kind",))
             assert len(found["t"]) == len(found["kind"])
         except UserError as fault:
             refused += 1

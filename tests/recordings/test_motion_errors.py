@@ -159,8 +159,7 @@ def given(clip, *more):
     return [f"source.folder={clip}", "executor=threads", "stereo.nearest=4", *more]
 
 
-def test_the_command_writes_a_rig_for_the_next_recording(clip, tmp_path, monkeypatch, capsys):
-    monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "cache"))
+def test_the_command_writes_a_rig_for_the_next_recording(clip, tmp_path, capsys):
     assert main(["assess", "--calibrate", *given(clip), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     columns = RIG.disparity_error_basis(RIG.disparity_error_columns)
@@ -182,8 +181,7 @@ def test_the_command_writes_a_rig_for_the_next_recording(clip, tmp_path, monkeyp
     assert json.loads(capsys.readouterr().out)["disparity_error"] == found["disparity_error"]
 
 
-def test_the_command_names_no_residual_that_it_has_not(clip, tmp_path, monkeypatch, capsys):
-    monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "cache"))
+def test_the_command_names_no_residual_that_it_has_not(clip, capsys):
     few = ["assess", "--calibrate", *given(clip), "source.frames=0:3"]
     assert main([*few, "--json"]) == 0
     assert "median_after" not in json.loads(capsys.readouterr().out)
@@ -192,8 +190,7 @@ def test_the_command_names_no_residual_that_it_has_not(clip, tmp_path, monkeypat
     assert len(lines) == 2 and "not corrected" in lines[1]
 
 
-def test_a_run_corrects_the_error_scales_the_poses_and_says_so(clip, tmp_path, monkeypatch, capsys):
-    monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "cache"))
+def test_a_run_corrects_the_error_scales_the_poses_and_says_so(clip, tmp_path, capsys):
     more = ["road_user=car", "start.range=[8,40]", "pictures.frames=[]"]
     more += ["source.pose_scale=estimated"]
     assert main(["run", "--json", "--results", str(tmp_path), *given(clip, *more)]) == 0
@@ -206,10 +203,7 @@ def test_a_run_corrects_the_error_scales_the_poses_and_says_so(clip, tmp_path, m
     assert rig.disparity_error[0] == pytest.approx(CURVE[0], abs=0.1)
 
 
-def test_poses_cannot_be_scaled_by_a_recording_that_shows_no_length(
-    clip, tmp_path, monkeypatch, capsys
-):
-    monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "cache"))
+def test_poses_cannot_be_scaled_by_a_recording_that_shows_no_length(clip, tmp_path, capsys):
     more = (
         "road_user=car",
         "start.range=[8,40]",

@@ -196,8 +196,7 @@ def test_without_a_target_class_and_start_are_required(clip):
 
 
 @pytest.mark.sketched
-def test_without_a_target_there_is_a_track_and_no_score(clip, tmp_path, monkeypatch, capsys):
-    monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "cache"))
+def test_without_a_target_there_is_a_track_and_no_score(clip, tmp_path, capsys):
     folder = odometry(clip, tmp_path / "odometry")
     given = ("source=kitti_odometry", f"source.folder={folder}", "road_user=car")
     chosen = (*given, "start.range=[4,12]", "pictures.frames=[1]")
@@ -237,8 +236,7 @@ def test_a_path_needs_a_recording_and_an_ego_car_that_drives_its_poses(clip, tmp
     assert parked.recording.pose_files == ()
 
 
-def test_the_true_class_is_that_of_the_label(clip, tmp_path, monkeypatch, capsys):
-    monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "cache"))
+def test_the_true_class_is_that_of_the_label(clip, tmp_path, capsys):
     given = of(clip, "road_user=pedestrian", "prior=unknown", "tracker=contour")
     metrics = run(capsys, tmp_path, *given, "pictures.frames=[]")["metrics"]
     wrong = metrics["car_probability"] < max(
@@ -319,8 +317,7 @@ def auto(folder, *more):
 
 
 @pytest.mark.sketched
-def test_all_that_moves_is_tracked(long_clip, tmp_path, monkeypatch, capsys):
-    monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "cache"))
+def test_all_that_moves_is_tracked(long_clip, tmp_path, capsys):
     given = auto(long_clip, "pictures.frames=[4]")
     answer = run(capsys, tmp_path, *given, "--name", "auto")
     assert answer["metrics"]["scans"] == 8 and "iou_mean" not in answer["metrics"]

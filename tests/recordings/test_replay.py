@@ -158,8 +158,7 @@ def test_a_wrong_folder_and_a_label_without_a_class_are_named(motion, tmp_path):
 
 
 @pytest.mark.sketched
-def test_images_are_rendered_along_the_way(motion, tmp_path, monkeypatch, capsys):
-    monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "cache"))
+def test_images_are_rendered_along_the_way(motion, tmp_path, capsys):
     tiny = ("rig.width=160", "rig.height=96", "rig.focal_length=150", "stereo.nearest=1.6")
     tiny += ("occupancy.nearest=3", "path.frames=0:5", "pictures.frames=[3]")
     words = of(motion, *tiny, "executor=threads")

@@ -209,8 +209,6 @@ def test_path_rejects_a_start_behind_the_camera(kind, name):
         ((), "at least two points, got 0"),
         (((0.0, 10.0),), "at least two points, got 1"),
         (((0.0, 10.0), (0.0, 10.0), (5.0, 9.0)), "points 0 and 1 are the same"),
-        (((0.0, 10.0), (0.0, float("nan"))), "must be finite"),
-        (((0.0, 10.0), (0.0, float("inf"))), "must be finite"),
         (((0.0, 10.0), (0.0, 20.0), (0.0, 12.0)), "turns back on itself at point 1"),
     ],
 )

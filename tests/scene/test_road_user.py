@@ -128,7 +128,7 @@ def drawn(kind, seed):
 
 
 @pytest.mark.parametrize("kind", SIZES)
-@settings(max_examples=12)
+@settings(max_examples=8)
 @given(seed=st.integers(0, 2**63 - 1))
 def test_drawn_shapes_are_closed_and_have_plausible_sizes(kind, seed):
     meshes = drawn(kind, seed)

@@ -1,6 +1,7 @@
 """The street, the roadside and the occluders: nothing of them is in anybody's way."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -197,6 +198,7 @@ NONE = World("street", 1, 1.0)
 OCCLUDERS = ("parked_car", "post", "hedge")
 
 
+@cache
 def crossing(road_user="cyclist"):
     path = scene_presets.path("crossing", road_user)
     motion = ego_motion(scene_presets.ego("parked"), path.duration, path.sample_time)

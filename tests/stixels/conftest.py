@@ -2,11 +2,13 @@
 
 import numpy as np
 import pytest
+from boxed_road import parked
 from constants import with_constants
 
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.images import ImageStack
 from stixel_cli.stereo.disparities import Disparities
+from stixel_cli.stixels.free_space import find_free_space
 from stixel_cli.stixels.parameters import (
     EstimatedRoad,
     ExtractionParameters,
@@ -87,6 +89,23 @@ def free_space():
         FreeSpaceParameters(obstacle_height=0.3, spatial_cost=0.2, temporal_cost=0.1),
         spatial_limit=5.0,
     )
+
+
+@pytest.fixture
+def find(road, occupancies, free_space):
+    def run(disparities, rig, ego_motion=None, previous=None, **changed):
+        frames = range(disparities.first, disparities.first + len(disparities))
+        arguments = {"road": road, "occupancy": occupancies["polar"], "free_space": free_space}
+        return find_free_space(
+            disparities,
+            ego_motion or parked(frames.stop),
+            rig,
+            frames=frames,
+            previous=previous,
+            **(arguments | changed),
+        )
+
+    return run
 
 
 @pytest.fixture(scope="session")

@@ -3,6 +3,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+from boxed_road import BOXES, columns_of
 from constants import with_constants
 from hypothesis import given
 from hypothesis import strategies as st
@@ -10,7 +11,6 @@ from numba import njit
 from numpy.testing import assert_allclose
 from projection import project
 
-from stixel_cli.scene.scenario import EgoMotion
 from stixel_cli.stixels.extraction import (
     BINS_PER_PIXEL,
     UNEVEN_REACH,
@@ -20,7 +20,6 @@ from stixel_cli.stixels.extraction import (
     surroundings,
     unevenness,
 )
-from stixel_cli.stixels.free_space import find_free_space
 from stixel_cli.stixels.grouping import (
     LEAST_ROWS,
     Grouping,
@@ -40,32 +39,15 @@ from stixel_cli.stixels.refinement import TOLERANCE, aligned
 from stixel_cli.stixels.road import base_rows, road_line
 from stixel_cli.stixels.types import SAME_OBJECT
 
-BOXES = [(-2.0, 9.0, 1.6, 1.5), (2.5, 16.0, 2.0, 1.7)]
-
 
 @pytest.fixture
-def pipeline(road, occupancies, free_space, height, extraction):
+def pipeline(find, height, extraction):
     def run(disparities, rig, extraction=extraction, height=height):
         frames = range(disparities.first, disparities.first + len(disparities))
-        poses = np.tile([0.0, 0.0, np.pi / 2], (frames.stop, 1))
-        found = find_free_space(
-            disparities,
-            EgoMotion(np.arange(frames.stop) * 0.1, poses),
-            rig,
-            road,
-            occupancies["polar"],
-            free_space,
-            frames,
-            None,
-        )
+        found = find(disparities, rig)
         return extract_stixels(disparities, found, None, rig, height, extraction, frames)
 
     return run
-
-
-def columns_of(rig, box):
-    at, distance, width, _ = box
-    return rig.u0 + rig.focal * (at + np.array([-0.5, 0.5]) * width) / distance
 
 
 @pytest.mark.parametrize("pitch", [0.0, 3.0])

@@ -2,6 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from boxed_road import BOXES, columns_of, parked
 from constants import with_constants
 from hypothesis import given
 from hypothesis import strategies as st
@@ -16,7 +17,6 @@ from stixel_cli.stixels.free_space import (
     LEAST_ROWS,
     _find_unknown,
     expected_depth,
-    find_free_space,
     obstacle_base,
 )
 from stixel_cli.stixels.nearest_obstacle import add_temporal, cell_costs, cheapest_path, refine
@@ -42,12 +42,6 @@ from stixel_cli.stixels.road import (
 )
 from stixel_cli.stixels.types import FreeSpace
 
-BOXES = [(-2.0, 9.0, 1.6, 1.5), (2.5, 16.0, 2.0, 1.7)]
-
-
-def parked(count):
-    return EgoMotion(np.arange(count) * 0.1, np.tile([0.0, 0.0, np.pi / 2], (count, 1)))
-
 
 def driving(count, speed=1.0, turn=0.0):
     poses = [np.array([0.0, 0.0, np.pi / 2])]
@@ -57,23 +51,6 @@ def driving(count, speed=1.0, turn=0.0):
             np.array([x + speed * np.cos(heading), y + speed * np.sin(heading), heading + turn])
         )
     return EgoMotion(np.arange(count) * 0.1, np.array(poses))
-
-
-@pytest.fixture
-def find(road, occupancies, free_space):
-    def run(disparities, rig, ego_motion=None, previous=None, **changed):
-        frames = range(disparities.first, disparities.first + len(disparities))
-        arguments = {"road": road, "occupancy": occupancies["polar"], "free_space": free_space}
-        return find_free_space(
-            disparities,
-            ego_motion or parked(frames.stop),
-            rig,
-            frames=frames,
-            previous=previous,
-            **(arguments | changed),
-        )
-
-    return run
 
 
 def test_the_road_follows_the_pitch_and_the_height_of_each_frame(find, rig, as_disparities):
@@ -94,18 +71,16 @@ def test_free_space_finds_boxes_and_wall(
     found = find(as_disparities(raw), rig, occupancy=occupancies[kind])
     depth = rig.focal * rig.baseline / found.disparity[0]
     u = np.arange(rig.width)
-    for at, distance, width, _ in BOXES:
-        edges = rig.u0 + rig.focal * (at + np.array([-0.5, 0.5]) * width) / distance
+    lone = np.ones(rig.width, dtype=bool)
+    for at, distance, width, tall in BOXES:
+        edges = columns_of(rig, (at, distance, width, tall))
+        lone &= (u < edges[0] - 4) | (u > edges[1] + 4)
         inside = (u > edges[0] + 2) & (u < edges[1] - 2)
         assert_allclose(depth[inside], distance, rtol=0.02)
         foot = project(rig, np.array([[at, rig.camera_height, distance]]) @ rig.level_from_camera)[
             0, 1
         ]
         assert np.all(np.abs(found.base_row[0][inside] - foot) <= 2)
-    lone = np.ones(rig.width, dtype=bool)
-    for at, distance, width, _ in BOXES:
-        edges = rig.u0 + rig.focal * (at + np.array([-0.5, 0.5]) * width) / distance
-        lone &= (u < edges[0] - 4) | (u > edges[1] + 4)
     assert_allclose(depth[lone], 30.0, rtol=0.02)
 
 
@@ -183,7 +158,7 @@ def test_temporal_term_does_not_delay_a_moving_target(
     )
     assert_array_equal(with_term.disparity, without.disparity)
     for (at, distance), disparity in zip(places[1:], with_term.disparity[1:], strict=True):
-        edges = rig.u0 + rig.focal * (at + np.array([-1.0, 1.0])) / distance
+        edges = columns_of(rig, (at, distance, 2.0, 1.5))
         depth = rig.focal * rig.baseline / disparity[int(edges[0]) + 2 : int(edges[1]) - 1]
         assert_allclose(depth, distance, rtol=0.03)
 
@@ -524,49 +499,33 @@ def test_road_of_the_rig_is_used_without_votes_or_estimate(rig, road, estimated_
     assert np.array_equal(find_road(nothing, 64, rig, road), expected)
 
 
-@pytest.fixture
-def find_road_of(rig, road, occupancies, free_space):
-    def run(disparities, **changed):
-        ego = EgoMotion(np.zeros(1), np.array([[0.0, 0.0, np.pi / 2]]))
-        parameters = replace(free_space, **changed)
-        args = (road, occupancies["polar"], parameters, range(1), None)
-        return find_free_space(disparities, ego, rig, *args)
-
-    return run
-
-
-def test_all_is_known_where_road_and_obstacles_have_disparities(
-    find_road_of, render, rig, as_disparities
-):
+def test_all_is_known_where_road_and_obstacles_have_disparities(find, render, rig, as_disparities):
     raw = render(rig, boxes=[(0.0, 10.0, 2.0, 1.5)], wall=30.0)
-    found = find_road_of(as_disparities(raw))
-    assert np.all(found.unknown_row == -1)
+    assert np.all(find(as_disparities(raw), rig).unknown_row == -1)
     # A few missing pixels do not matter.
     raw[np.random.default_rng(1).random(raw.shape) < 0.05] = -1
-    assert np.all(find_road_of(as_disparities(raw)).unknown_row == -1)
+    assert np.all(find(as_disparities(raw), rig).unknown_row == -1)
 
 
-def test_object_without_disparity_is_unknown_and_not_free(
-    find_road_of, render, rig, as_disparities
-):
+def test_object_without_disparity_is_unknown_and_not_free(find, render, rig, as_disparities):
     """A dark box is not found, but the place where it meets the road is."""
     raw = render(rig, wall=30.0)
     line = road_line(rig.pitch_radians, rig.camera_height, rig)
     disparity = rig.disparity_from_depth(8.0)
     base = round(float(base_rows(np.float64(disparity), line, rig)))
     raw[base - 40 : base, 100:140] = -1
-    found = find_road_of(as_disparities(raw))
+    found = find(as_disparities(raw), rig)
     unknown = found.unknown_row[0] >= 0
     assert np.array_equal(np.flatnonzero(unknown), np.arange(100 - EDGE, 140 + EDGE))
     assert np.all(found.unknown_row[0, unknown] == base - 1)
     # Nothing behind an obstacle is unknown: it is not free anyway.
     hidden = render(rig, boxes=[(0.0, 6.0, 12.0, 1.5)], wall=30.0)
     hidden[: base - 20, 100:140] = -1
-    assert np.all(find_road_of(as_disparities(hidden)).unknown_row == -1)
+    assert np.all(find(as_disparities(hidden), rig).unknown_row == -1)
 
 
 def test_a_surface_that_is_neither_road_nor_obstacle_is_unknown(
-    find_road_of, render, rig, as_disparities
+    find, render, rig, as_disparities, free_space
 ):
     """A glossy car mirrors the street: its disparities are those of a plane above the road."""
     raw = render(rig, wall=30.0)
@@ -574,7 +533,8 @@ def test_a_surface_that_is_neither_road_nor_obstacle_is_unknown(
     rows = slice(110, 140)
     above = 16.0 * (line[0] * np.arange(rig.height) + line[1]) / (1.0 - 0.7 / rig.camera_height)
     raw[rows, 100:140] = np.rint(above[rows, None])
-    found = find_road_of(as_disparities(raw), obstacle_height=1.2)
+    high = replace(free_space, obstacle_height=1.2)
+    found = find(as_disparities(raw), rig, free_space=high)
     assert np.isnan(found.disparity[0, 105:135]).all() or (found.base_row[0, 105:135] < 110).all()
     assert np.all(found.unknown_row[0, 105:135] == 139)
     assert np.all(found.unknown_row[0, : 100 - EDGE] == -1)

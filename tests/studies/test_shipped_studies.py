@@ -3,6 +3,7 @@
 import itertools
 import runpy
 from dataclasses import replace
+from functools import cache
 from types import SimpleNamespace
 
 import numpy as np
@@ -42,8 +43,16 @@ DATA = {
 """Axes that depend on the user's data, or on results."""
 
 
-def runs_of(study, sweep, seeds=2):
-    """The frame of a sweep's runs, with few seeds and random metrics, without computing one."""
+@cache
+def study_of(name):
+    return read_study(find_file(name, study=True))
+
+
+@cache
+def runs_of(name, number, seeds=2):
+    """Runs of a study's sweep, with few seeds and random metrics, without computing one."""
+    study = study_of(name)
+    sweep = study.sweeps[number]
     name = sweep.derive or sweep.axes_of
     further = [DATA[name]] if name in DATA else study.further_axes(sweep.axes_of)
     design = sweep.design(further)
@@ -64,8 +73,9 @@ def runs_of(study, sweep, seeds=2):
     return Runs(frame.assign(**values), (*axes, *(["variant"] if sweep.variants else [])))
 
 
-def with_module(study, sweep, runs):
-    """The runs with the columns of the study's module, as far as they need no results."""
+def with_module(study, sweep, seeds=2):
+    """Its runs with the columns of the study's module, as far as they need no results."""
+    runs = runs_of(study.name, study.sweeps.index(sweep), seeds)
     if study.module is robustness:
         return robustness.columns(sweep.name, runs, [None] * len(runs))
     if study.name == "motions":
@@ -97,10 +107,8 @@ EMPTY = (
 def test_every_question_compares_options_that_are_balanced(name, monkeypatch):
     monkeypatch.setattr(robustness, "_found_again", lambda run: 1.0)
     monkeypatch.setattr(robustness, "_while_shown", lambda run: (1.0, 1.0))
-    study = read_study(find_file(name, study=True))
-    frames = {
-        sweep.name: with_module(study, sweep, runs_of(study, sweep)) for sweep in study.sweeps
-    }
+    study = study_of(name)
+    frames = {sweep.name: with_module(study, sweep) for sweep in study.sweeps}
     asked_of = set()
     for question in study.questions:
         columns = {column for sweep in question.sweeps for column in frames[sweep].frame}
@@ -129,11 +137,11 @@ def test_of_a_sweep_with_variants_only_their_own_keys_are_no_axes():
 
 @pytest.mark.parametrize("name", STUDIES)
 def test_the_first_paragraph_has_sixty_words_at_most(name):
-    study = read_study(find_file(name, study=True))
+    study = study_of(name)
     first = study.text.partition("\n\n")[0]
     questions = [one for one in study.questions if f"{{{one.name}}}" in first]
     sweeps = [one for one in study.sweeps if any(one.name in own.sweeps for own in questions)]
-    made = {sweep.name: with_module(study, sweep, runs_of(study, sweep, 5)) for sweep in sweeps}
+    made = {sweep.name: with_module(study, sweep, 5) for sweep in sweeps}
     (text,) = answer_text(first, [asked(one, made) for one in questions])
     assert len(text.split()) <= 60, text
 
@@ -146,7 +154,7 @@ def test_the_first_paragraph_has_sixty_words_at_most(name):
     ],
 )
 def test_each_variant_of_the_ablation_switches_one_term_off(study, name, terms, plain):
-    (sweep,) = [one for one in read_study(find_file(study, study=True)).sweeps if one.name == name]
+    (sweep,) = [one for one in study_of(study).sweeps if one.name == name]
     (axis,) = [axis for axis in sweep.design().axes if len(axis.keys) > 1]
     steps = [tuple(one.text for one in step) for step in axis.steps]
     texts = [
@@ -164,7 +172,7 @@ def test_each_variant_of_the_ablation_switches_one_term_off(study, name, terms, 
 
 
 def test_each_sweep_of_rq1_changes_one_setting():
-    sweeps = {sweep.name: sweep for sweep in read_study(find_file("rq1", study=True)).sweeps}
+    sweeps = {sweep.name: sweep for sweep in study_of("rq1").sweeps}
     approach = sweeps["ranges"].content["fixed"]
     del sweeps["widths"]
     for sweep in sweeps.values():
@@ -210,10 +218,10 @@ def test_the_held_out_meshes_are_those_that_the_script_makes(tmp_path, monkeypat
     ],
 )
 def test_the_text_of_rq3_is_right_of_few_runs(kept, said, unsaid):
-    study = read_study(find_file("rq3", study=True))
+    study = study_of("rq3")
     frames = {}
     for sweep in study.sweeps:
-        runs = with_module(study, sweep, runs_of(study, sweep))
+        runs = with_module(study, sweep)
         # A training sweep has seeds of its own.
         mine = sweep.name != "training"
         wanted = {key: values for key, values in kept.items() if mine or key != "seed"}

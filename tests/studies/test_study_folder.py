@@ -58,10 +58,10 @@ def test_a_resumed_folder_has_the_revision_of_its_results(toy, tmp_path, monkeyp
         study.begin(fresh=False)
         if found:
             # Not before its results: a sweep that is refused leaves the file as it is.
-            study.write("")
+            study.write_report()
             assert yaml.safe_load((study.path / "study.yaml").read_text()) == found[0]
         study.report = Report((), (), Material())
-        study.write("")
+        study.write_report()
         found.append(yaml.safe_load((study.path / "study.yaml").read_text()))
     first, resumed = found
     assert resumed["git"]["revision"] == "new"

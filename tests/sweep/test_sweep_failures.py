@@ -226,7 +226,7 @@ def test_runs_and_nodes_are_counted(capsys, monkeypatch):
     assert [*sweep.runs.values()] == [*before, waiting[2], waiting[0]]
     sweep.failed(tracks[1], StageFailure("track", "track", ValueError("a\nb"), ""), [scores[1]])
     assert sweep.text == "about 1 s left; 2/3 nodes, 1 failed; 4/5 runs, 1 failed; 7 nodes cached"
-    assert capsys.readouterr().err == "stixel: failed: track: ValueError: a b\n"
+    assert capsys.readouterr().err == "stixel: failed: run 3 (seed=4): track: ValueError: a b\n"
     sweep.close()
 
 

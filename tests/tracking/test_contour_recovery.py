@@ -74,7 +74,7 @@ def test_a_wrong_detection_is_given_up_again(monkeypatch):
         widen = float(arguments[-1])
         turn = widen * np.radians(70) * np.eye(len(arguments[0][0]))[2]
         return [
-            (indices, (mean + turn, *rest, likelihood + 50.0 * widen))
+            (indices, (mean + turn, *rest, likelihood + 15.0 * widen))
             for indices, (mean, *rest, likelihood) in detect_again(*arguments)
         ]
 
@@ -246,14 +246,11 @@ def test_what_stood_elsewhere_is_known_and_what_reaches_the_target_is_not():
     points = np.concatenate([near, far])
     rays = rays_of(points, np.tile(1e-4 * np.eye(2), (4, 1, 1)), SENSOR)
     background, place = Background(), np.array([0.0, 10.0])
-    assert not background.others(rays, place, 1.0, 0.1, False).any()
-    # Its place is known: ranges tell it from what is beside it.
-    assert not background.others(rays, place, 1.0, 0.2, False).any()
     expected = [False, False, True, True]
-    np.testing.assert_array_equal(background.others(rays, place, 1.0, 2.0, False), expected)
-    np.testing.assert_array_equal(background.others(rays, place, 1.0, 0.1, True), expected)
+    np.testing.assert_array_equal(background.others(rays, place, 1.0, 0.1), expected)
+    np.testing.assert_array_equal(background.others(rays, place, 1.0, 2.0), expected)
     # The points of one object are neighbours: a part of it is within the target's reach.
     points = np.column_stack([np.linspace(1.0, 6.0, 26), np.full(26, 10.0)])
     rays = rays_of(points, np.tile(1e-4 * np.eye(2), (26, 1, 1)), SENSOR)
     background, place = Background(), np.array([0.0, 10.0])
-    assert not background.others(rays, place, 1.0, 0.1, True).any()
+    assert not background.others(rays, place, 1.0, 0.1).any()

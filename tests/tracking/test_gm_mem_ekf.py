@@ -50,7 +50,7 @@ def test_sides_that_face_the_sensor_count(bearing, weights):
     np.testing.assert_allclose(side_weights(estimate, sensor), np.divide(weights, np.sum(weights)))
 
 
-@settings(max_examples=15)
+@settings(max_examples=8)
 @given(seed=SEEDS)
 def test_moments_are_those_of_random_shapes_and_points(seed):
     """With one side, the gains are the linear regressions of the model's samples."""
@@ -105,38 +105,21 @@ def test_the_more_probable_side_decides():
 
 
 @given(seed=SEEDS)
-def test_posterior_is_positive_and_turns_with_the_world(seed):
+def test_posterior_is_positive(seed):
+    """That it turns with the world: `test_every_tracker.py`."""
     random = np.random.default_rng(seed)
     estimate, noise = estimate_at(random, 0.3, 0.3), np.diag([0.05, 0.01])
     point = estimate.state[:2] + random.normal(0.0, 2.0, 2)
-    plain, distance = update(estimate, point, noise, side_weights(estimate, np.zeros(2)))
+    plain, _ = update(estimate, point, noise, side_weights(estimate, np.zeros(2)))
     for covariance in (plain.covariance, plain.shape_covariance):
         np.testing.assert_allclose(covariance, covariance.T)
         assert np.linalg.eigvalsh(covariance).min() > 0.0
-    angle, shift = random.uniform(-3, 3), random.normal(0.0, 10.0, 2)
-    turn = rotation(angle)
-    whole = np.kron(np.eye(2), turn)
-    there = Estimate(
-        whole @ estimate.state + [*shift, 0, 0],
-        whole @ estimate.covariance @ whole.T,
-        estimate.shape + np.array([angle, 0, 0]),
-        estimate.shape_covariance,
-    )
-    turned, other = update(
-        there, turn @ point + shift, turn @ noise @ turn.T, side_weights(there, shift)
-    )
-    np.testing.assert_allclose(turned.state, whole @ plain.state + [*shift, 0, 0], atol=1e-8)
-    np.testing.assert_allclose(turned.shape, plain.shape + np.array([angle, 0, 0]), atol=1e-7)
-    np.testing.assert_allclose(turned.shape_covariance, plain.shape_covariance, atol=1e-7)
-    assert other == pytest.approx(distance)
 
 
 def test_track_of_a_car_seen_from_one_side():
     poses = turning(40, 4.0, 0.2)
     scans, initial = scans_seen(rectangle(4.5, 1.8), poses, noise=0.05), start_at(poses)
     result = track(scans, initial, CAR, TRACKER)
-    again = track(scans, initial, CAR, TRACKER)
-    np.testing.assert_array_equal(again.means, result.means)
     # The centre is behind the points, and most of the true rectangle is in the estimated one.
     seen = [np.hypot(*scans.points_world[scans.rows(k)].T).mean() for k in range(40)]
     assert (np.hypot(*result.means[:, :2].T) - seen).min() > 0.2

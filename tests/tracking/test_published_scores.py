@@ -9,7 +9,7 @@ from typing import get_args
 import numpy as np
 import pytest
 from real_data import real_data
-from tracking_cases import GOLDEN, scans_of
+from tracking_cases import CAR, GOLDEN, TRACKER, scans_of
 
 from stixel_cli.config.compose import compose
 from stixel_cli.errors import UserError
@@ -17,9 +17,8 @@ from stixel_cli.geometry.pose import STRAIGHT_AHEAD, world_from_target
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.tracking.baselines import pyrecest as adapter
 from stixel_cli.tracking.baselines.pyrecest import Name
-from stixel_cli.tracking.gp_ekf import GpEkfParameters, track
+from stixel_cli.tracking.gp_ekf import track
 from stixel_cli.tracking.own import check_track
-from stixel_cli.tracking.prior import PriorShape
 from stixel_cli.tracking.track import InitialState
 
 ROOT = Path(__file__).parents[2]
@@ -133,37 +132,17 @@ def points_of(case):
 
 def test_whole_track_matches_the_reference(case):
     """Through `track` itself: the reference starts from radii of zero, so from a point."""
-    tracker = GpEkfParameters(
-        kind="gp_ekf",
+    alike = ("length_scale", "sigma_f", "sigma_r", "jitter", "sigma_q", "sigma_q_psi")
+    tracker = dataclasses.replace(
+        TRACKER,
+        **{name: float(case[name]) for name in alike},
         basis_points=len(case["uf"]),
-        length_scale=float(case["length_scale"]),
-        sigma_f=float(case["sigma_f"]),
-        sigma_r=float(case["sigma_r"]),
-        mean_function="zero",
         forgetting_rate=float(case["alpha"]),
-        jitter=float(case["jitter"]),
-        sigma_q=float(case["sigma_q"]),
-        sigma_q_psi=float(case["sigma_q_psi"]),
-        slip=None,
-        seen_by=None,
-        measurement_covariance="isotropic",
         measurement_std=float(case["sigma_meas"]),
         gate_probability=None,
-        lag=0,
     )
-    point = PriorShape(
-        length=1e-12,
-        width=1e-12,
-        shape="ellipse",
-        corner_radius=0.0,
-        sigma_f=1.0,
-        sigma_r=1.0,
-        measurement_std=0.1,
-        start_position=0.3,
-        road_user="car",
-        length_std=0.06,
-        width_std=0.06,
-        outline=None,
+    point = dataclasses.replace(
+        CAR, length=1e-12, width=1e-12, shape="ellipse", corner_radius=0.0, sigma_r=1.0
     )
     points = points_of(case)
     scans = scans_of(points, times=float(case["T"]) * np.arange(len(points)))

@@ -133,7 +133,8 @@ def visible_table(outline: np.ndarray, seen: VisibleShape, blurred: bool) -> Ray
     table = outline_table(outline, size)
     row = np.arange(size[0]) * (NODES[0] / size[0])
     column = np.linspace(0.0, NODES[1] - 1.0, size[1])
-    inset, inset_std = (_interpolated(one.T, row).T for one in (seen.insets, seen.inset_stds))
+    both = np.arange(2.0)
+    inset, inset_std = (_interpolated(one.T, row, both).T for one in (seen.insets, seen.inset_stds))
     biases, stds = (_interpolated(one, row, column) for one in (seen.depth_biases, seen.depth_stds))
     return RayTable(
         lowest=table.lowest,
@@ -147,16 +148,12 @@ def visible_table(outline: np.ndarray, seen: VisibleShape, blurred: bool) -> Ray
     )
 
 
-def _interpolated(
-    nodes: np.ndarray, row: np.ndarray, column: np.ndarray | None = None
-) -> np.ndarray:
+def _interpolated(nodes: np.ndarray, row: np.ndarray, column: np.ndarray) -> np.ndarray:
     """Bilinear values (n, m) of `nodes` (R, C), whose rows close a circle, at real indices."""
-    lower = np.floor(row).astype(int)
-    share = (row - lower)[:, None]
+    lower, first = np.floor(row).astype(int), np.minimum(column.astype(int), nodes.shape[1] - 2)
+    share, of_next = (row - lower)[:, None], column - first
     rows = nodes[lower % len(nodes)] * (1.0 - share) + nodes[(lower + 1) % len(nodes)] * share
-    if column is None:
-        return rows
-    return np.stack([np.interp(column, np.arange(nodes.shape[1]), values) for values in rows])
+    return rows[:, first] * (1.0 - of_next) + rows[:, first + 1] * of_next
 
 
 def _metres(millimetres: list[int]) -> np.ndarray:

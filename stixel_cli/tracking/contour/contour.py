@@ -11,7 +11,6 @@ from stixel_cli.scene.parameters import ROAD_USER_CLASSES
 from stixel_cli.tracking.background import Background
 from stixel_cli.tracking.contour.class_probabilities import (
     CONTRADICTED,
-    RULED_OUT,
     probabilities_of,
     reported_class,
     start_of_other,
@@ -85,7 +84,7 @@ class ClassBank:
         """The next scan, an `interval` in s after the one before, with the `rays` of its points."""
         leader = self._kept.get(self._chosen[-1] if self._chosen else self._start)
         if leader:
-            others = self._background.others(rays, *leader.expected(interval), leader.unseen)
+            others = self._background.others(rays, *leader.expected(interval))
             rays = replace(rays, others=others)
         if leader and leader.unseen and self._chosen:
             # What appears may be of another class: the reported one looks.
@@ -103,7 +102,7 @@ class ClassBank:
         self._kept = {
             (road_user, form): one
             for (road_user, form), one in self._kept.items()
-            if one.log_weights[-1] >= self._best - RULED_OUT
+            if one.log_weights[-1] >= self._best - 2.0 * CONTRADICTED
             or road_user == (self._own if one.sight.residual else self._assumed)
         }
 
@@ -112,7 +111,7 @@ class ClassBank:
         weights, of_class = {}, dict[str, float]()
         for (road_user, form), one in self._kept.items():
             # Another class's points stretch or shrink the size before they contradict the shape.
-            far = one.sight.residual and one.size_deviations[-1] > GREATEST_DEVIATION
+            far = one.size_deviations[-1] > GREATEST_DEVIATION
             weight = -1e9 if far else one.log_weights[-1] + FORM_ODDS.get(form, 0.0)
             weights[road_user, form] = weight
             of_class[road_user] = float(np.logaddexp(of_class.get(road_user, -np.inf), weight))

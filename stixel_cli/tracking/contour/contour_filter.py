@@ -65,11 +65,6 @@ from stixel_cli.tracking.track import OTHER, InitialState, Track
 SIZE_TIME = 10.0
 """s in which the size goes back to the prior's by 63 %."""
 
-TURN_TIME = 3.0
-"""s in which a turn rate decays by 63 %, as an acceleration in Singer 1970, *Estimating optimal
-tracking filter performance for manned maneuvering targets*. Without it a car that is half hidden is
-taken for one that turns on the spot, and flies off."""
-
 
 class ClassFilter:
     """The filter of a target of one class: predict, associate, update at each scan.
@@ -114,11 +109,11 @@ class ClassFilter:
         return not any(one.degrees for one in self._reported[-RECENT:])
 
     def expected(self, interval: float) -> tuple[np.ndarray, float, float]:
-        """Place (2,) m an `interval` in s later, half of the class's diagonal, the place's std."""
+        """Place (2,) m an `interval` in s later, half of the target's diagonal, the place's std."""
         mean, covariance, _ = self._hypotheses[0].state
         later, matrix, noise = predict(mean, interval, self._tracker, self._of_class)
         variances = np.diag(matrix @ covariance @ matrix.T + noise)[:2]
-        half = 0.5 * float(np.hypot(*self.sight.table.extents))
+        half = 0.5 * float(np.hypot(*(self.sight.table.extents * np.exp(mean[5:7]))))
         return later[:2], half, np.sqrt(max(variances.sum(), 0.0))
 
     def step(self, interval: float, rays: Rays, recovers: bool) -> np.ndarray:
@@ -289,7 +284,7 @@ def predict(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Mean (d,) one `interval` in s later, its Jacobian (d, d) and the process noise (d, d).
 
-    A turn whose rate decays: the displacement has the heading of the middle of the interval. The
+    A turn: the displacement has the heading of the middle of the interval. The
     logarithms of size go back to the class's `size` (2,), as an AR(1) process: the errors of a
     shape have the same sign in all scans, and without this the size follows them. Of a car that is
     followed, only the rear is seen; its roundness then counted as a measurement of the length.
@@ -300,11 +295,9 @@ def predict(
     matrix, keep = np.eye(len(mean)), np.exp(-interval / SIZE_TIME)
     matrix[:2, 2], matrix[:2, 3], matrix[:2, 4] = left, forward, 0.5 * interval * left
     matrix[2, 4], matrix[5, 5], matrix[6, 6] = interval, keep, keep
-    matrix[4, 4] = np.exp(-interval / TURN_TIME)
     later = mean.copy()
     later[:2] += mean[3] * forward
     later[2] += mean[4] * interval
-    later[4] *= matrix[4, 4]
     later[5:7] = size + keep * (mean[5:7] - size)
     noise = np.zeros((len(mean), len(mean)))
     noise[0, 0] = noise[1, 1] = tracker.slip**2 * interval

@@ -7,6 +7,8 @@ from stixel_cli.tracking.contour.class_shape import ClassShape
 from stixel_cli.tracking.contour.residual import Residual
 from stixel_cli.tracking.track import contour_directions
 
+TURN = 2.0 * np.pi
+
 LEAST_OUTLINE_STD = 0.03
 """How well at least the class's outline, scaled, fits one road user, m."""
 
@@ -29,31 +31,37 @@ def contours_of(
     """
     angles, directions = contour_directions(means[:, 2], points)
     unit = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
-    contours = np.empty((len(means), points, 2))
-    std = np.empty((len(means), points))
-    for k, (mean, covariance) in enumerate(zip(means, covariances, strict=True)):
-        outline = residual.outline(mean) if residual else shape.outline * np.exp(mean[5:])
-        centre = residual.box_centre(mean)[0] if residual else np.zeros(2)
-        radii, shape_stds = _radii(outline - centre, shape.outline_stds, angles)
-        body = radii[:, None] * unit + centre
-        edges = np.roll(body, -1, axis=0) - np.roll(body, 1, axis=0)
-        normals = np.stack([edges[:, 1], -edges[:, 0]], axis=-1)
-        facing = np.maximum(np.einsum("mi,mi->m", normals, unit), 0.2 * np.hypot(*edges.T))
-        turn = rotation(mean[2])
-        moves = np.zeros((points, 2, len(mean)))
-        moves[:, :, :2] = turn.T
-        moves[:, 0, 2], moves[:, 1, 2] = -body[:, 1], body[:, 0]
-        moves[:, 0, 5], moves[:, 1, 6] = body[:, 0], body[:, 1]
-        slopes = np.einsum("mi,mij->mj", normals, moves) / facing[:, None]
-        if residual:
-            lengths = np.hypot(*edges.T) / facing
-            slopes[:, 7:] = residual.weights_at(body, mean) * lengths[:, None]
-        variances = np.einsum("mi,ij,mj->m", slopes, covariance, slopes)
-        std[k] = np.sqrt(
-            np.maximum(variances, 0.0) + np.maximum(shape_stds, LEAST_OUTLINE_STD) ** 2
-        )
-        contours[k] = mean[:2] + body @ turn.T
-    return contours, directions, std
+    stds = np.interp(angles, *_polar(shape.outline, shape.outline_stds), period=TURN)
+    factors, centres = np.exp(means[:, 5:7]), np.zeros((len(means), 2))
+    if residual:
+        radii = np.empty((len(means), points))
+        for k, mean in enumerate(means):
+            centres[k] = residual.box_centre(mean)[0]
+            outline = residual.outline(mean) - centres[k]
+            radii[k] = np.interp(angles, *_polar(outline, np.hypot(*outline.T)), period=TURN)
+    else:
+        # A ray that meets the scaled outline is another one that meets the plain one.
+        x, y = (unit / factors[:, None]).transpose(2, 0, 1)
+        plain = _polar(shape.outline, np.hypot(*shape.outline.T))
+        radii = np.interp(np.arctan2(y, x), *plain, period=TURN) / np.hypot(x, y)
+    bodies = radii[..., None] * unit + centres[:, None]
+    edges = np.roll(bodies, -1, axis=1) - np.roll(bodies, 1, axis=1)
+    normals, lengths = np.stack([edges[..., 1], -edges[..., 0]], axis=-1), np.hypot(*edges.T).T
+    facing = np.maximum(np.einsum("kmi,mi->km", normals, unit), 0.2 * lengths)
+    turns = np.array([rotation(heading) for heading in means[:, 2]]).reshape(-1, 2, 2)
+    slopes = np.zeros((*radii.shape, means.shape[1]))
+    slopes[..., :2] = normals @ turns.transpose(0, 2, 1)
+    slopes[..., 2] = normals[..., 1] * bodies[..., 0] - normals[..., 0] * bodies[..., 1]
+    slopes[..., 5:7] = normals * bodies
+    slopes /= facing[..., None]
+    if residual:
+        for k, (body, mean) in enumerate(zip(bodies, means, strict=True)):
+            weights = residual.weights_at(body, mean)
+            slopes[k, :, 7:] = weights * (lengths[k] / facing[k])[:, None]
+    variances = np.einsum("kmi,kmi->km", slopes @ covariances, slopes)
+    of_shape = np.maximum(stds, LEAST_OUTLINE_STD) ** 2
+    contours = means[:, None, :2] + bodies @ turns.transpose(0, 2, 1)
+    return contours, directions, np.sqrt(np.maximum(variances, 0.0) + of_shape)
 
 
 def box_sizes(means: np.ndarray, shape: ClassShape, residual: Residual | None = None) -> np.ndarray:
@@ -67,17 +75,9 @@ def box_sizes(means: np.ndarray, shape: ClassShape, residual: Residual | None = 
     return np.stack([np.ptp(residual.outline(mean), axis=0) for mean in means]) * shape.size / plain
 
 
-def _radii(
-    outline: np.ndarray, outline_stds: np.ndarray, angles: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Radii (M,) m and their standard deviations (M,) m of an outline (N, 2) m at `angles` rad."""
-    bearings = np.unwrap(np.arctan2(outline[:, 1], outline[:, 0]))
-    radii = np.hypot(outline[:, 0], outline[:, 1])
-    turn = 2.0 * np.pi
-    return (
-        np.interp(angles, bearings, radii, period=turn),
-        np.interp(angles, bearings, outline_stds, period=turn),
-    )
+def _polar(outline: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Bearings (N,) rad of an outline (N, 2) m and the `values` (N,) there, for `np.interp`."""
+    return np.unwrap(np.arctan2(outline[:, 1], outline[:, 0])), values
 
 
 def reported(

@@ -6,11 +6,10 @@ from functools import cached_property
 import numpy as np
 
 from stixel_cli.tracking.association import uncut
-from stixel_cli.tracking.consider import NODES, JointCovariance, field_weights
+from stixel_cli.tracking.consider import NODES, JointCovariance
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
 from stixel_cli.tracking.contour.contour_rays import Rays, Sight, gate_widths, sampling_inset
-from stixel_cli.tracking.contour.ray_kernels import Fit, Measured, fit
-from stixel_cli.tracking.kalman import innovation_density
+from stixel_cli.tracking.contour.ray_kernels import Fit, Measured, explain, fit
 from stixel_cli.tracking.smoothing import Step
 
 SEEN = np.array([0, 1, 2, 5, 6])
@@ -50,28 +49,29 @@ class Measurement:
         count = len(rays.ranges)
         ends = np.array([rays.bearings.argmin(), rays.bearings.argmax()])
         inset, variance = sampling_inset(rays, sight)
-        self._of_ends = variance + (np.radians(tracker.silhouette_std) * rays.ranges[ends]) ** 2
+        of_ends = variance + (np.radians(tracker.silhouette_std) * rays.ranges[ends]) ** 2
         silhouettes = uncut(rays.bearings[ends], rays.ranges[ends], rays.field_of_view)
         # A single ray does not show where an outline begins or ends.
         silhouettes &= ~np.array(rays.hidden) & (count > 1 or not sight.outline)
-        self._scored = np.flatnonzero(np.append(np.ones(count, bool), silhouettes))
-        self._of_ranges = (sight.std_factor * rays.stds) ** 2
-        across = rays.across_variances
-        self._rounding = sight.rounding_std**2
-        self._of_misses = MISS_STD**2 + self._rounding + across
-        # What is not measured has no precision.
-        of_ends = np.where(silhouettes, tracker.silhouette_factor**2 * self._of_ends, np.inf)
+        rounding, across = sight.rounding_std**2, rays.across_variances
+        of_misses = MISS_STD**2 + rounding + across if sight.residual else np.full(count, np.inf)
         self._measured = Measured(
             rays.sensor,
             rays.directions,
             rays.ranges - sight.bias_per_std * rays.stds,
             ends,
             inset,
-            np.append(tracker.noise_factor**2 * self._of_ranges, of_ends),
-            across + self._rounding,
-            tracker.shape_factor**2 * self._of_misses if sight.residual else np.full(count, np.inf),
+            np.append(np.ones(count, bool), silhouettes),
+            np.append((sight.std_factor * rays.stds) ** 2, of_ends),
+            across,
+            of_misses,
+            rays.shared,
+            rounding,
+            tracker.noise_factor**2,
             tracker.shape_factor**2,
             tracker.silhouette_factor**2,
+            SHARED[tracker.seen_by],
+            FINE,
         )
 
     def fit(self, mean: np.ndarray, covariance: np.ndarray, begin: np.ndarray) -> Fit:
@@ -93,43 +93,17 @@ class Measurement:
         NIS and log likelihood are those of the innovation as the joint covariance has it, at the
         last iterate.
         """
-        rays, tracker, rows = self._rays, self._tracker, found.rows
-        count, ends = len(rays.ranges), self._measured.ends
-        matrix, states = rows.matrix, len(found.mean)
-        shape = rows.stds**2
-        shape[:count] += rows.slants**2 * self._rounding
-        # What the errors really are, as far as the model knows them; a miss is a penalty of the
-        # gain.
-        across = rays.across_variances
-        own = np.append(self._of_ranges + rows.slants**2 * across, self._of_ends + across[ends])
-        own += FINE * shape
-        whole = np.zeros((len(matrix), len(joint.matrix)))
-        whole[:, :states] = matrix
-        shared = whole[: count + 2, states:]
-        shared[:count, :NODES] = field_weights(rows.angles)
-        shared[[count, count + 1], [NODES, NODES + 1]] = 1.0
-        shared *= np.sqrt(SHARED[tracker.seen_by] * shape)[:, None]
-        if moved := rays.shared.shape[2]:
-            # To move a point changes the innovation as to move the target does, on oblique faces,
-            # too.
-            moves = np.concatenate([rays.shared, rays.shared[ends]])
-            of_sensor = shared[:, SHAPE_ERRORS : SHAPE_ERRORS + moved]
-            of_sensor[:] = np.einsum("ni,nim->nm", matrix[: count + 2, :2], moves)
-        squared = rows.errors[: count + 2] ** 2 / (own + (shared**2).sum(axis=1))
-        freedom = tracker.degrees_of_freedom
-        own *= np.maximum((freedom + squared) / (freedom + 1.0), 1.0)
-        scored = self._scored
-        nis, likelihood = innovation_density(
-            joint.matrix, whole[scored], own[scored], rows.innovations[scored]
+        rows, freedom = found.rows, self._tracker.degrees_of_freedom
+        nis, likelihood, *moved = explain(
+            rows, found.covariance, joint.matrix, NODES, self._measured, freedom
         )
-        likelihood += np.log(gate_widths(rays, tracker)).sum()
-        missed = 0.5 * np.minimum(rows.insides, 0.0) ** 2 / (MISS_STD**2 + across)
+        likelihood += np.log(gate_widths(self._rays, self._tracker)).sum()
+        missed = np.minimum(rows.insides, 0.0) ** 2 / (MISS_STD**2 + self._rays.across_variances)
         joint = joint.copy()
-        of_misses = self._of_misses[rows.insides < 0.0][: len(matrix) - count - 2]
-        gain = found.covariance @ (matrix.T / rows.noise)
-        joint.correct(gain, whole, np.append(own, of_misses))
-        state = found.mean, found.covariance, joint
-        return *state, nis, len(scored), float(np.minimum(missed, CLUTTER).sum()), likelihood
+        joint.absorb(*moved)
+        degrees = int(self._measured.used.sum())
+        of_misses = float(np.minimum(0.5 * missed, CLUTTER).sum())
+        return found.mean, found.covariance, joint, nis, degrees, of_misses, likelihood
 
 
 def constant_errors(joint: JointCovariance) -> np.ndarray:

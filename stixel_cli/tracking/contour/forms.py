@@ -3,7 +3,7 @@
 The visible shapes (`class_shape.py`) were learned from stixels, lidars and fabricated rays of the
 drawn classes. Points of another sensor may look different. Then there is a bank of two forms, the
 class's outline and the rectangle of its box, weighted by likelihood; each may deviate a little
-along its outline (`residual.py`); and the ends of the target are uncertain by what the rays graze.
+along its outline (`residual.py`).
 Fabricated rays cut any outline that the user gives: for them the rectangle stands beside the
 learned shape. An outline that the user states is one more form, for every sensor.
 
@@ -37,9 +37,6 @@ residual, m, and the radius of its corners, relative to the smaller side."""
 EXACT_STD, FREE_EXACT_STD = 0.02, 0.05
 """How well the ranges and ends of a rectangle or of an outline that the user gives, and of the free
 form, fit, m."""
-
-GREATEST_SLOPE = 2.0
-"""Depth over offset, tan 63°: where a ray grazes the shape more, a real sensor may get no echo."""
 
 SILHOUETTE_FACTOR, ROUNDING_STD = 4.0, 0.04
 """In the place of a smaller `silhouette_factor`, and m: real edges are round."""
@@ -123,23 +120,5 @@ def rectangle(shape: ClassShape) -> ClassShape:
 def _of_table(
     sight: Sight, table: ray_table.RayTable, residual: Residual, tracker: ContourParameters
 ) -> Sight:
-    if tracker.seen_by not in LEARNED:
-        table = with_uncertain_ends(table)
     far = None if tracker.sees == "first_surface" else ray_table.behind(table)
     return replace(sight, table=table, residual=residual, far=far)
-
-
-def with_uncertain_ends(table: ray_table.RayTable) -> ray_table.RayTable:
-    """The table with limits that are as uncertain as the stretch at each that rays only graze."""
-    share = np.linspace(0.0, 1.0, table.depths.shape[1])
-    offsets = table.lowest[:, None] + share * (table.highest - table.lowest)[:, None]
-    slopes = np.abs(np.gradient(table.depths, axis=1) / np.gradient(offsets, axis=1))
-    inside = (offsets >= table.low[:, None]) & (offsets <= table.high[:, None])
-    echoes = inside & (slopes < GREATEST_SLOPE)
-    low = np.where(echoes, offsets, np.inf).min(axis=1) - table.low
-    high = table.high - np.where(echoes, offsets, -np.inf).max(axis=1)
-    return replace(
-        table,
-        low_stds=np.hypot(table.low_stds, np.clip(low, 0.0, 3.0)),
-        high_stds=np.hypot(table.high_stds, np.clip(high, 0.0, 3.0)),
-    )

@@ -3,7 +3,7 @@
 `RayTable` says what they look up, `contour_filter.py` what the model is.
 """
 
-from math import atan2, cos, exp, floor, pi, sin, sqrt
+from math import atan2, cos, exp, floor, log, pi, sin, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -14,9 +14,8 @@ CAP = 0.5
 as the end. From 0.5 to 0.8 gains as much at home; 1, a scaled shape, shrinks real cars whose front
 is rounder than the class's."""
 
-LEAST_STEP, GREATEST_STEP = 0.02, 0.3
-LEAST_TURN, GREATEST_TURN = 0.01, 0.2
-"""Bounds of the steps of the central differences, m and rad."""
+STEP, TURN = 0.1, 0.05
+"""Of the central differences, m and rad: about a standard deviation, as the shape has edges."""
 
 GREATEST_SLANT = 4.0
 """Where a ray grazes the shape, a residual changes the range by at most so many times as much."""
@@ -72,15 +71,27 @@ class Measured(NamedTuple):
     """(2,) indices of the rays with the least and the greatest bearing."""
     inset: float
     """How far inside the shape's limits these two are, m."""
+    used: np.ndarray
+    """(n + 2,) which ranges and insets are measured."""
     variances: np.ndarray
-    """(n + 2,) m² of the ranges and the two insets; infinite: not measured."""
+    """(n + 2,) m² of what the sensor adds to each range and to each end, along and across."""
     across_variances: np.ndarray
-    """(n,) m² of what is across the rays."""
+    """(n,) m² of the sensor across the rays."""
     miss_variances: np.ndarray
     """(n,) m² of how far a ray passes by the shape; infinite: that says nothing."""
-    range_factor: float
+    moves: np.ndarray
+    """(n, 2, m) m in the world, by m errors of the sensor that all scans share."""
+    rounding: float
+    """m², of the shape across the rays."""
+    noise_factor: float
+    shape_factor: float
     limit_factor: float
-    """`range_factor`, `limit_factor`: on the variances of the shape's ranges and limits."""
+    """`noise_factor`, `shape_factor`, `limit_factor`: in the gain alone, on the variances of the
+    sensor's ranges, of the shape's, and of the limits."""
+    shared: float
+    own: float
+    """`shared`, `own`: shares of the shape's variance that neighbouring rays and scans have in
+    common, and that each ray has of its own."""
 
 
 class Rows(NamedTuple):
@@ -148,7 +159,7 @@ def _fit(rows, iterate, posterior, prior, measured, table, far, limits):
     degrees_of_freedom, iterations = limits
     states, count = len(mean), 0
     for _ in range(iterations):
-        count = measure(rows, iterate, posterior, measured, table, far)
+        count = measure(rows, iterate, measured, table, far)
         for i in range(states):
             moved[i] = mean[i]
             for j in range(states):
@@ -157,18 +168,25 @@ def _fit(rows, iterate, posterior, prior, measured, table, far, limits):
             error = rows.errors[row]
             weight = (degrees_of_freedom + 1.0) / (degrees_of_freedom + error**2 / rows.noise[row])
             rows.noise[row] /= min(weight, 1.0)
-            rows.innovations[row], innovation, variance = error, error, rows.noise[row]
+            before = innovation = error
+            variance = rows.noise[row]
             for i in range(states):
-                rows.innovations[row] += rows.matrix[row, i] * (iterate[i] - mean[i])
-                innovation += rows.matrix[row, i] * (iterate[i] - moved[i])
                 spread[i] = 0.0
-                for j in range(states):
-                    spread[i] += posterior[i, j] * rows.matrix[row, j]
-                variance += rows.matrix[row, i] * spread[i]
+            for j in range(states):
+                slope = rows.matrix[row, j]
+                if slope != 0.0:
+                    before += slope * (iterate[j] - mean[j])
+                    innovation += slope * (iterate[j] - moved[j])
+                    for i in range(states):
+                        spread[i] += slope * posterior[j, i]
             for i in range(states):
-                moved[i] += spread[i] / variance * innovation
+                variance += rows.matrix[row, i] * spread[i]
+            rows.innovations[row] = before
+            for i in range(states):
+                pull = spread[i] / variance
+                moved[i] += pull * innovation
                 for j in range(states):
-                    posterior[i, j] -= spread[i] / variance * spread[j]
+                    posterior[i, j] -= pull * spread[j]
         change = 0.0
         for i in range(states):
             if i in (5, 6):
@@ -178,6 +196,111 @@ def _fit(rows, iterate, posterior, prior, measured, table, far, limits):
         if change < CONVERGED:
             break
     return count
+
+
+def explain(
+    rows: Rows,
+    covariance: np.ndarray,
+    joint: np.ndarray,
+    nodes: int,
+    measured: Measured,
+    degrees_of_freedom: float,
+) -> tuple[float, float, np.ndarray, np.ndarray]:
+    """What a `Fit` says of the errors, whose `joint` covariance was predicted (d + q, d + q).
+
+    Its q considered errors are `nodes` of the shape's field, its two ends, the sensor's, and
+    others that a scan does not show.
+
+    Returns:
+        NIS and logarithm of the density of the innovation; by how much the update moves each state
+        with each error, K A (d, d + q); and the covariance K R Kᵀ (d, d), see `consider.py`.
+    """
+    size, states = len(joint), len(covariance)
+    moved, spread = np.zeros((states, size)), np.zeros((states, states))
+    work = joint.copy(), np.zeros((4, size))
+    found = _explain(moved, spread, work, nodes, rows, covariance, measured, degrees_of_freedom)
+    return *found, moved, spread
+
+
+@njit(cache=True, error_model="numpy")
+def _explain(moved, spread, work, nodes, rows, covariance, measured, freedom):
+    """Write `moved` and `spread` of `explain`; returns the NIS and the density.
+
+    The rows are used one after the other, as their own errors are independent.
+    """
+    joint, (row, away, mean, gain) = work
+    states, count, size = len(covariance), len(rows.angles), len(joint)
+    nis, density, missing = 0.0, 0.0, 0
+    for i in range(len(rows.errors)):
+        for j in range(states):
+            row[j] = rows.matrix[i, j]
+        for j in range(states, size):
+            row[j] = 0.0
+        if i >= count + 2:
+            # A miss is a penalty of the gain.
+            while rows.insides[missing] >= 0.0:
+                missing += 1
+            own = measured.miss_variances[missing]
+            missing += 1
+        else:
+            ray, shape, own = i, rows.stds[i] ** 2, measured.variances[i]
+            if i < count:
+                shape += rows.slants[i] ** 2 * measured.rounding
+                own += rows.slants[i] ** 2 * measured.across_variances[i]
+                position = rows.angles[i] / (2.0 * pi) * nodes
+                node, share = floor(position), position - floor(position)
+                std = sqrt(measured.shared * shape / (share**2 + (1.0 - share) ** 2))
+                row[states + node % nodes] = std * (1.0 - share)
+                row[states + (node + 1) % nodes] = std * share
+            else:
+                ray = measured.ends[i - count]
+                own += measured.across_variances[ray]
+                row[states + nodes + i - count] = sqrt(measured.shared * shape)
+            own += measured.own * shape
+            # To move a point changes the innovation as to move the target does, on oblique faces,
+            # too.
+            for j in range(measured.moves.shape[2]):
+                across, ahead = rows.matrix[i, 0], rows.matrix[i, 1]
+                move = across * measured.moves[ray, 0, j] + ahead * measured.moves[ray, 1, j]
+                row[states + nodes + 2 + j] = move
+            variance = own
+            for j in range(states, size):
+                variance += row[j] ** 2
+            squared = rows.errors[i] ** 2 / variance
+            own *= max((freedom + squared) / (freedom + 1.0), 1.0)
+            if measured.used[i]:
+                variance, innovation = own, rows.innovations[i]
+                for j in range(size):
+                    away[j] = 0.0
+                for k in range(size):
+                    if row[k] != 0.0:
+                        innovation -= row[k] * mean[k]
+                        for j in range(size):
+                            away[j] += row[k] * joint[k, j]
+                for j in range(size):
+                    variance += row[j] * away[j]
+                nis += innovation**2 / variance
+                density -= 0.5 * (innovation**2 / variance + log(2.0 * pi * variance))
+                for j in range(size):
+                    # Once: for all the compiler knows, the inner loop may change it.
+                    pull = away[j] / variance
+                    mean[j] += pull * innovation
+                    for k in range(size):
+                        joint[j, k] -= pull * away[k]
+        for j in range(states):
+            gain[j] = 0.0
+        for k in range(states):
+            if row[k] != 0.0:
+                pull = row[k] / rows.noise[i]
+                for j in range(states):
+                    gain[j] += pull * covariance[k, j]
+        for j in range(states):
+            pull = gain[j]
+            for k in range(size):
+                moved[j, k] += pull * row[k]
+            for k in range(states):
+                spread[j, k] += pull * own * gain[k]
+    return nis, density
 
 
 def empty_rows(count: int, states: int) -> Rows:
@@ -191,16 +314,15 @@ def empty_rows(count: int, states: int) -> Rows:
 def measure(
     rows: Rows,
     state: np.ndarray,
-    covariance: np.ndarray,
     measured: Measured,
     table: tuple[np.ndarray, ...],
     far: np.ndarray,
 ) -> int:
-    """Write the `rows` at a `state` (d,) with a `covariance` (d, d); returns their number.
+    """Write the `rows` at a `state` (d,); returns their number.
 
-    The slopes by the place across a ray and by the heading are central differences over about a
-    standard deviation. Where the outline has a residual, the variance of what they leave out is
-    added to the noise: that of a parabola over one standard deviation (Nørgaard, Poulsen & Ravn
+    The slopes by the place across a ray and by the heading are central differences. Where the
+    outline has a residual, the variance of what they leave out is
+    added to the noise: that of a parabola over one step (Nørgaard, Poulsen & Ravn
     2000, *New developments in state estimation for nonlinear systems*). The nodes of the residual
     are the states from 7 on. Rays that may end on both sides leave them alone, as the slopes are of
     sides that face the sensor.
@@ -214,8 +336,7 @@ def measure(
     quarter = len(table[4]) // 4
     half_x = 0.5 * (table[5][quarter] - table[4][quarter]) / shrink[0]
     half_y = 0.5 * (table[5][0] - table[4][0]) / shrink[1]
-    turn = min(max(sqrt(max(covariance[2, 2], 0.0)), LEAST_TURN), GREATEST_TURN)
-    c, s = cos(turn), sin(turn)
+    c, s = cos(TURN), sin(TURN)
     rows.matrix[:] = 0.0
     for i in range(count):
         ahead_x, ahead_y = measured.directions[i, 0], measured.directions[i, 1]
@@ -226,24 +347,21 @@ def measure(
             other = _meet(x, y, ray, table, far)[0]
             if abs(measured.ranges[i] - other) < abs(measured.ranges[i] - distance):
                 distance, depths = other, far
-        across = ahead_y**2 * covariance[0, 0] + ahead_x**2 * covariance[1, 1]
-        across -= 2.0 * ahead_x * ahead_y * covariance[0, 1]
-        step = min(max(sqrt(max(across, 0.0)), LEAST_STEP), GREATEST_STEP)
         # The target moves to the left or turns, so in its frame the ray does the opposite.
-        left = _meet(x + step * v, y - step * u, ray, table, depths)[0]
-        right = _meet(x - step * v, y + step * u, ray, table, depths)[0]
+        left = _meet(x + STEP * v, y - STEP * u, ray, table, depths)[0]
+        right = _meet(x - STEP * v, y + STEP * u, ray, table, depths)[0]
         ray = _ray(c * u + s * v, c * v - s * u, shrink, table)
         after, low_after, high_after, _ = _meet(c * x + s * y, c * y - s * x, ray, table, depths)
         ray = _ray(c * u - s * v, c * v + s * u, shrink, table)
         before, low_before, high_before, _ = _meet(c * x - s * y, c * y + s * x, ray, table, depths)
         hit_x, hit_y = x + distance * u, y + distance * v
-        angle, slant = atan2(hit_y / half_y, hit_x / half_x), (left - right) / (2.0 * step)
+        angle, slant = atan2(hit_y / half_y, hit_x / half_x), (left - right) / (2.0 * STEP)
         # How far a change of the size moves the surface that the ray meets, along both axes.
         shift_x = half_x * min(max(hit_x / (CAP * half_x), -1.0), 1.0)
         shift_y = half_y * min(max(hit_y / (CAP * half_y), -1.0), 1.0)
         std, slopes = _between(table[3], place), rows.matrix[i]
         slopes[0], slopes[1] = ahead_x - slant * ahead_y, ahead_y + slant * ahead_x
-        slopes[2] = (after - before) / (2.0 * turn)
+        slopes[2] = (after - before) / (2.0 * TURN)
         slopes[5], slopes[6] = (u - slant * v) * shift_x, (v + slant * u) * shift_y
         rows.stds[i], rows.slants[i], rows.angles[i], rows.insides[i] = (
             std,
@@ -253,17 +371,18 @@ def measure(
         )
         rows.errors[i] = measured.ranges[i] - distance
         # Where the ray grazes the shape, a small error across it is a large one of the range.
-        noise = measured.variances[i] + slant**2 * measured.across_variances[i]
-        rows.noise[i] = noise + measured.range_factor * std**2
+        rows.noise[i] = slant**2 * (measured.across_variances[i] + measured.rounding)
+        rows.noise[i] += measured.noise_factor * measured.variances[i]
+        rows.noise[i] += measured.shape_factor * std**2
         if has_nodes:
             bent = (left + right - 2.0 * distance) ** 2 + (after + before - 2.0 * distance) ** 2
             rows.noise[i] += 0.5 * bent
             if not both_sides:
                 _add_nodes(rows, i, angle, min(sqrt(1.0 + slant**2), GREATEST_SLANT), state)
         bent = 0.5 * (low_after + low_before - 2.0 * low) ** 2
-        of_low = 1.0, low, (low_before - low_after) / (2.0 * turn), bent
+        of_low = 1.0, low, (low_before - low_after) / (2.0 * TURN), bent
         bent = 0.5 * (high_after + high_before - 2.0 * high) ** 2
-        of_high = -1.0, high, (high_before - high_after) / (2.0 * turn), bent
+        of_high = -1.0, high, (high_before - high_after) / (2.0 * TURN), bent
         sides = ahead_x, ahead_y, -v * shift_x, u * shift_y
         for end in range(2):
             if i == measured.ends[end]:
@@ -271,14 +390,17 @@ def measure(
                 std = _beside(table[6] if end == 0 else table[7], place)
                 inside = _fill_limit(rows.matrix[row], limit, sides)
                 rows.stds[row], rows.errors[row] = std, inside - measured.inset
-                rows.noise[row] = measured.variances[row] + measured.limit_factor * std**2
+                # What is not measured has no precision.
+                rows.noise[row] = measured.limit_factor * (measured.variances[row] + std**2)
+                if not measured.used[row]:
+                    rows.noise[row] = np.inf
                 if has_nodes:
                     rows.noise[row] += limit[3]
                     _add_nodes(rows, row, angle, 1.0, state)
         if min(low, high) < 0.0 and measured.miss_variances[i] < np.inf:
             nearer = of_low if low < high else of_high
             rows.errors[used] = _fill_limit(rows.matrix[used], nearer, sides)
-            rows.noise[used] = measured.miss_variances[i]
+            rows.noise[used] = measured.shape_factor * measured.miss_variances[i]
             used += 1
     return used
 
