@@ -182,12 +182,13 @@ def _updated(
         model = linearise(points[indices], mean, process)
         mean, covariance, _, nis = update(mean, covariance, model, noises, tangential=True)
         return mean, covariance, indices, nis
-    moved = side.between_ends(rays, indices, mean, covariance)
+    taken = rays.subset(indices)
+    moved = side.between_ends(taken, mean, covariance)
     if moved is not None:
         mean = moved[0]
         stated.between_ends(*moved[1:])
-    model = side.linearised(rays, indices, mean, stated.position)
-    matrix, variances = stated.rows(model, rays.subset(indices), shape_stds[indices], mean, scan.k)
+    model = side.linearised(taken, mean, stated.position)
+    matrix, variances = stated.rows(model, taken, shape_stds[indices], mean, scan.k)
     mean, covariance, gain, _ = update(mean, covariance, model, noises, tangential=False)
     return mean, covariance, indices, stated.correct(gain, matrix, variances, model.residuals)
 

@@ -24,16 +24,15 @@ def correct(
     return correction, posterior, float(innovation @ (innovation / noise) - pull @ correction)
 
 
-def innovation_density(
+def normalised_innovation(
     covariance: np.ndarray, matrix: np.ndarray, noise: np.ndarray, innovation: np.ndarray
-) -> tuple[float, float]:
-    """NIS and logarithm of the density of an `innovation` (n,); the others as of `correct`."""
+) -> float:
+    """NIS of an `innovation` (n,); the others as of `correct`."""
     weighted = matrix.T / noise
     scale, pull = _scale(covariance, weighted @ matrix), weighted @ innovation
-    nis = innovation @ (innovation / noise) - pull @ np.linalg.solve(scale, covariance @ pull)
-    determinant = np.linalg.slogdet(scale)[1] + np.log(noise).sum()
-    density = -0.5 * (nis + determinant + len(innovation) * np.log(2.0 * np.pi))
-    return float(nis), float(density)
+    return float(
+        innovation @ (innovation / noise) - pull @ np.linalg.solve(scale, covariance @ pull)
+    )
 
 
 def _scale(covariance: np.ndarray, precision: np.ndarray) -> np.ndarray:

@@ -184,42 +184,37 @@ class OneSide:
         basis = self._process.basis_angles
         return np.hypot(*offsets.T) - np.interp(angles, basis, self.radii, period=2.0 * np.pi)
 
-    def _contour(self, rays: Rays, indices: np.ndarray, mean: np.ndarray) -> np.ndarray:
-        """The contour of the `mean` along and to the left of the rays at `indices`: (2, m, N) m."""
+    def _contour(self, rays: Rays, mean: np.ndarray) -> np.ndarray:
+        """The contour of the `mean` along and to the left of m rays: (2, m, N) m."""
         radii = np.maximum(mean[2 * SEEN :], 0.0)
         contour = (radii[:, None] * self._process.basis_directions) @ rotation(mean[2]).T
         contour += mean[:2] - rays.sensor[:2]
-        return np.stack([rays.directions[indices], rays.normals[indices]]) @ contour.T
+        return np.stack([rays.directions, rays.normals]) @ contour.T
 
-    def linearised(
-        self, rays: Rays, indices: np.ndarray, mean: np.ndarray, position: np.ndarray
-    ) -> Linearisation:
-        """The model of the points at `indices` (m,), at the places where they most likely were.
+    def linearised(self, rays: Rays, mean: np.ndarray, position: np.ndarray) -> Linearisation:
+        """The model of the points of `rays`, at the places where they most likely were.
 
         At a noisy point itself the radius and its slope are those of another place: with noise of
         half of the target's size the near side moves away. So each is taken between the point and
         where its ray meets the contour, by the point's variance and that of the `position` (2, 2)
         m² along the ray; the residual is that of the point, linear from there.
         """
-        along, across = self._contour(rays, indices, mean)
+        along, across = self._contour(rays, mean)
         after = np.roll(across, -1, axis=1)
         with np.errstate(divide="ignore", invalid="ignore"):
             crossing = along + across / (across - after) * (np.roll(along, -1, axis=1) - along)
         ranges = np.where((across < 0.0) != (after < 0.0), crossing, np.inf).min(axis=1)
         meets = np.isfinite(ranges)
-        directions, variances = (
-            rays.directions[indices],
-            (self.std_factor * rays.stds[indices]) ** 2,
-        )
+        directions, variances = rays.directions, (self.std_factor * rays.stds) ** 2
         of_position = np.einsum("ni,ij,nj->n", directions, position, directions)
         share = variances / (variances + of_position)
-        behind = np.where(meets, ranges, rays.ranges[indices]) - rays.ranges[indices]
+        behind = np.where(meets, ranges, rays.ranges) - rays.ranges
         moved = (share * behind)[:, None] * directions
-        model = linearise(rays.points_world[indices] + moved, mean, self._process)
+        model = linearise(rays.points_world + moved, mean, self._process)
         return replace(model, residuals=model.residuals - (model.gradients * moved).sum(axis=1))
 
     def between_ends(
-        self, rays: Rays, indices: np.ndarray, mean: np.ndarray, covariance: np.ndarray
+        self, rays: Rays, mean: np.ndarray, covariance: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
         """The `mean` (6 + N,), moved across the rays so that its ends are those of the points.
 
@@ -228,20 +223,19 @@ class OneSide:
         narrow target's radius holds for a few degrees only. An end at the border of the field of
         view, or beside a nearer object, is not used; None: neither is.
         """
-        taken = rays.subset(indices)
-        ends = np.array([np.argmin(taken.bearings), np.argmax(taken.bearings)])
-        seen = uncut(taken.bearings[ends], taken.ranges[ends], rays.field_of_view)
-        seen &= ~np.array(taken.hidden)
-        if len(indices) < 2 or not seen.any():
+        ends = np.array([np.argmin(rays.bearings), np.argmax(rays.bearings)])
+        seen = uncut(rays.bearings[ends], rays.ranges[ends], rays.field_of_view)
+        seen &= ~np.array(rays.hidden)
+        if len(rays.ranges) < 2 or not seen.any():
             return None
-        direction = taken.directions.mean(axis=0)
+        direction = rays.directions.mean(axis=0)
         direction /= np.hypot(*direction)
         normal = np.array([-direction[1], direction[0]])
         radial = self._process.basis_directions @ rotation(mean[2]).T
         radii = np.maximum(mean[2 * SEEN :], 0.0)
         offsets = mean[:2] - rays.sensor[:2] + radii[:, None] * radial
         places = (offsets @ normal) / (offsets @ direction)
-        of_points = taken.directions[ends] @ normal / (taken.directions[ends] @ direction)
+        of_points = rays.directions[ends] @ normal / (rays.directions[ends] @ direction)
         corners = np.array([np.argmin(places), np.argmax(places)])[seen]
         apart = (of_points[seen] - places[corners]) * (offsets[corners] @ direction)
         share = 1.0 / len(corners)

@@ -15,7 +15,7 @@ from stixel_cli.config.compose import compose
 from stixel_cli.geometry.pose import wrap_angle
 from stixel_cli.measurements.scans import FieldOfView, SharedErrors
 from stixel_cli.tracking.association import uncut
-from stixel_cli.tracking.consider import JointCovariance
+from stixel_cli.tracking.consider import NODES, JointCovariance, field_weights
 from stixel_cli.tracking.contour.class_shape import class_shape, visible_shape, visible_table
 from stixel_cli.tracking.contour.contour import track
 from stixel_cli.tracking.contour.contour_filter import predict, start
@@ -26,8 +26,15 @@ from stixel_cli.tracking.contour.contour_report import (
     contours_of,
     reported,
 )
-from stixel_cli.tracking.contour.contour_update import SHAPE_ERRORS, Measurement
-from stixel_cli.tracking.kalman import correct, innovation_density
+from stixel_cli.tracking.contour.contour_update import (
+    FINE,
+    SHAPE_ERRORS,
+    SHARED,
+    Measurement,
+)
+from stixel_cli.tracking.contour.forms import forms_of
+from stixel_cli.tracking.contour.ray_kernels import explain
+from stixel_cli.tracking.kalman import correct, normalised_innovation
 from stixel_cli.tracking.track import InitialState
 
 # Of one class: that the filters of the others change nothing is said in `test_disturbed_scans.py`.
@@ -277,5 +284,64 @@ def test_the_information_form_is_the_kalman_update(seed, count):
     expected = covariance - gain @ matrix @ covariance
     assert_allclose(posterior, expected, rtol=1e-6, atol=1e-8)
     assert nis == pytest.approx(innovation @ np.linalg.solve(innovation_covariance, innovation))
-    whole = multivariate_normal(np.zeros(count), innovation_covariance)
-    assert innovation_density(*model) == pytest.approx((nis, whole.logpdf(innovation)))
+    assert normalised_innovation(*model) == pytest.approx(nis)
+
+
+@pytest.mark.parametrize("form", ["learned", "rectangle"])
+def test_the_kernel_of_the_joint_covariance_is_the_dense_update(form):
+    """With a residual and rays that pass by the shape, too."""
+    random = np.random.default_rng(3)
+    _, sight, tracker = forms_of("car", PRIORS["car"], TRACKER)[form]
+    points = seen(np.array([[3.0, 15.0, 0.4]]), noise=0.05)[0][0]
+    beside = np.array([[points[:, 0].min() - 1.0, 15.0], [points[:, 0].max() + 1.0, 15.0]])
+    points = np.concatenate([points, beside])
+    covariances = np.tile(0.01 * np.eye(2), (len(points), 1, 1))
+    shared = 0.05 * random.standard_normal((len(points), 2, 2))
+    rays = rays_of(points, covariances, SENSOR, shared=shared)
+    states = 7 + (NODES if sight.residual else 0)
+    root = random.standard_normal((states + SHAPE_ERRORS + 4,) * 2)
+    joint = JointCovariance(np.eye(states), np.full(SHAPE_ERRORS + 4, np.inf))
+    joint.matrix = np.eye(len(root)) + 0.02 * root @ root.T
+    mean = np.zeros(states)
+    mean[:3] = 3.1, 15.1, 0.38
+    measurement = Measurement(rays, sight, tracker)
+    found = measurement.fit(mean, 0.05 * np.eye(states), mean)
+    rows, measured, count = found.rows, measurement._measured, len(points)
+    assert (len(rows.errors) > count + 2) == bool(sight.residual)
+
+    shape, ends = rows.stds**2, measured.ends
+    shape[:count] += rows.slants**2 * measured.rounding
+    own = measured.variances + FINE * shape
+    own[:count] += rows.slants**2 * rays.across_variances
+    own[count:] += rays.across_variances[ends]
+    whole = np.zeros((len(rows.errors), len(root)))
+    whole[:, :states] = rows.matrix
+    considered = whole[: count + 2, states:]
+    considered[:count, :NODES] = field_weights(rows.angles)
+    considered[count:, NODES : NODES + 2] = np.eye(2)
+    considered *= np.sqrt(SHARED["fabricated"] * shape)[:, None]
+    moves = np.concatenate([shared, shared[ends]])
+    of_sensor = np.einsum("ni,nim->nm", rows.matrix[: count + 2, :2], moves)
+    considered[:, SHAPE_ERRORS : SHAPE_ERRORS + 2] = of_sensor
+    squared = rows.errors[: count + 2] ** 2 / (own + (considered**2).sum(axis=1))
+    freedom = tracker.degrees_of_freedom
+    own *= np.maximum((freedom + squared) / (freedom + 1.0), 1.0)
+    passing = np.flatnonzero(rows.insides < 0.0) if sight.residual else []
+    noise = np.append(own, measured.miss_variances[passing])
+
+    used = measured.used
+    innovation_covariance = (whole @ joint.matrix @ whole.T)[: count + 2, : count + 2]
+    density = multivariate_normal(
+        np.zeros(used.sum()), (innovation_covariance + np.diag(own))[used][:, used]
+    )
+    innovations = rows.innovations[: count + 2][used]
+    gain = np.zeros((len(root), len(noise)))
+    gain[:states] = found.covariance @ (rows.matrix.T / rows.noise)
+    kept = np.eye(len(root)) - gain @ whole
+    expected = kept @ joint.matrix @ kept.T + (gain * noise) @ gain.T
+    after, nis, degrees = measurement.posterior(joint, found)[2:5]
+    assert_allclose(after.matrix, expected, atol=1e-12)
+    assert degrees == used.sum()
+    assert nis == pytest.approx(innovations @ np.linalg.solve(density.cov, innovations))
+    explained = explain(rows, found.covariance, joint.matrix, NODES, measured, freedom)
+    assert explained[1] == pytest.approx(density.logpdf(innovations))

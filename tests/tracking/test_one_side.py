@@ -90,10 +90,8 @@ def across(side):
 def test_a_contour_beside_its_points_moves_to_their_ends():
     _, side = side_of(configured("road_user=cyclist").prior, "fabricated")
     mean, covariance = across(side)
-    middle = side.between_ends(row_of_points(side, mean, 0.0), np.arange(9), mean, covariance)[0]
-    placed, gain, row = side.between_ends(
-        row_of_points(side, mean, 0.4), np.arange(9), mean, covariance
-    )
+    middle = side.between_ends(row_of_points(side, mean, 0.0), mean, covariance)[0]
+    placed, gain, row = side.between_ends(row_of_points(side, mean, 0.4), mean, covariance)
     share = 0.1 / (0.1 + END_STD**2)
     assert gain[:2] == pytest.approx([-share, 0.0], abs=0.05)
     assert (placed - middle)[0] == pytest.approx(0.4 * share, rel=0.1)
@@ -104,7 +102,7 @@ def test_a_contour_beside_its_points_moves_to_their_ends():
         moved_mean = mean.copy()
         moved_mean[state] += step
         rays = row_of_points(side, mean, 0.0)
-        after = side.between_ends(rays, np.arange(9), moved_mean, covariance)[0] - moved_mean
+        after = side.between_ends(rays, moved_mean, covariance)[0] - moved_mean
         slope = ((middle - mean) - after)[0] / gain[0] / step
         assert slope == pytest.approx(row[state], abs=5e-3)
 
@@ -120,9 +118,9 @@ def test_an_end_that_is_not_seen_is_not_used(hidden):
         points = np.vstack([rays.points_world, nearer])
         ahead = np.array([0.0, 0.0, 0.5 * np.pi])
         rays = side.rays(points, np.tile(0.01 * np.eye(2), (11, 1, 1)), ahead, mean[:3])[0]
-        assert side.between_ends(rays, np.arange(9), mean, covariance) is None
+        assert side.between_ends(rays.subset(np.arange(9)), mean, covariance) is None
     else:
-        row = side.between_ends(rays, np.arange(9), mean, covariance)[2]
+        row = side.between_ends(rays, mean, covariance)[2]
         # The right end alone.
         assert np.count_nonzero(row[6:56]) == 1
 

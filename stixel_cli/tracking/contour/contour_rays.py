@@ -1,6 +1,7 @@
 """The rays of a scan: how a sensor sees a class, and association."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -78,7 +79,7 @@ class Rays:
         """Unit vectors (n, 2) to the left of the rays."""
         return np.stack([-self.directions[:, 1], self.directions[:, 0]], axis=-1)
 
-    @property
+    @cached_property
     def points_world(self) -> np.ndarray:
         """The points (n, 2) m."""
         return self.sensor[:2] + self.ranges[:, None] * self.directions
@@ -88,7 +89,7 @@ class Rays:
         of_each = {
             name: value[indices]
             for name, value in vars(self).items()
-            if isinstance(value, np.ndarray) and name != "sensor"
+            if isinstance(value, np.ndarray) and name not in ("sensor", "points_world")
         }
         return replace(self, **of_each, hidden=self._hidden_ends(indices))
 
