@@ -72,12 +72,12 @@ def moved(scans, initial, angle, shift):
     return turned, InitialState(mean, whole @ initial.covariance @ whole.T)
 
 
-def rows_at(state, sensor, directions, ranges, table):
+def rows_at(state, covariance, sensor, directions, ranges, table):
     """The rows of rays from a `sensor` in ascending bearings; all variances are 1, insets 0."""
     count = len(ranges)
     rows, one = empty_rows(count, len(state)), np.ones(count)
     of_scan = sensor, directions, ranges, np.array([0, count - 1]), 0.0, np.ones(count + 2, bool)
     variances = np.ones(count + 2), one, one
     measured = Measured(*of_scan, *variances, np.zeros((count, 2, 0)), 0.0, 1.0, 1.0, 1.0, 0.0, 1.0)
-    measure(rows, state, measured, table.arrays, np.zeros((0, 0)))
+    measure(rows, state, covariance, measured, table.arrays, np.zeros((0, 0)))
     return rows

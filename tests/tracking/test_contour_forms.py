@@ -61,7 +61,9 @@ def test_slopes_by_the_pose_are_those_of_what_is_predicted(seed):
     directions = np.column_stack([np.cos(bearings), np.sin(bearings)])
 
     def rows(change):
-        return rows_at(state + change, sensor, directions, np.ones(7), outline_table(oval))
+        return rows_at(
+            state + change, 1e-4 * np.eye(7), sensor, directions, np.ones(7), outline_table(oval)
+        )
 
     matrix = rows(0.0).matrix[:9]
     for column, step in ((0, 0.02), (1, 0.02), (2, 0.01)):
@@ -93,7 +95,9 @@ def test_slopes_of_the_residual_are_those_of_rays_cast_on_the_outline(seed):
         return depths + directions @ -sensor
 
     predicted = ranges(np.zeros(NODES))
-    rows = rows_at(state, sensor, directions, predicted, outline_table(SHAPE.outline))
+    rows = rows_at(
+        state, np.zeros((23, 23)), sensor, directions, predicted, outline_table(SHAPE.outline)
+    )
     slopes = rows.matrix[:9, 7:]
     nodes = 0.002 * random.standard_normal(NODES)
     changes = ranges(nodes) - predicted
@@ -190,7 +194,7 @@ def test_a_target_of_no_class_is_followed_by_the_free_form(tracker, road_user, s
     scans, start = scans_seen(outline, poses, noise=0.03), start_at(poses)
     found = track(scans, start, prior, tracker)
     assert found.class_probabilities[OTHER][-1] > 0.99
-    np.testing.assert_allclose(found.box_sizes[-1], size, rtol=0.2)
+    np.testing.assert_allclose(np.median(found.box_sizes[10:], axis=0), size, rtol=0.2)
     assert overlap(found, outline, poses) > 0.75
     fixed = track(scans, start, prior, replace(tracker, road_user="fixed"))
     assert fixed.class_probabilities is None
@@ -319,7 +323,7 @@ def test_a_front_alone_does_not_measure_the_length():
     state = np.concatenate([[0.0, 15.0, -0.5 * np.pi, 0.0, 0.0, 0.0, 0.0], np.zeros(NODES)])
     rays = rays_at(np.column_stack([np.linspace(-0.6, 0.6, 9), np.full(9, 12.7)]))
     measured = rays.sensor, rays.directions, rays.ranges, outline_table(SHAPE.outline)
-    slopes = rows_at(state, *measured).matrix[:9]
+    slopes = rows_at(state, 0.01 * np.eye(len(state)), *measured).matrix[:9]
     np.testing.assert_allclose(slopes[:, 5], -0.5 * SHAPE.size[0] * slopes[:, 1], rtol=0.02)
 
 

@@ -70,7 +70,7 @@ def test_distances_across_a_ray_are_metres_of_the_world(factors):
         sensor[beside], direction[0, along] = half[beside] + 0.3, 1.0
         assert expected(state, sensor, direction, table.arrays)[1] == pytest.approx(0.3, abs=1e-9)
         whole = np.insert(state, 3, [0.0, 0.0])
-        rows = rows_at(whole, sensor, direction, np.zeros(1), table)
+        rows = rows_at(whole, 0.01 * np.eye(7), sensor, direction, np.zeros(1), table)
         assert sorted(rows.errors[1:3]) == pytest.approx([-0.3, 2.0 * half[beside] + 0.3])
 
 

@@ -14,8 +14,9 @@ CAP = 0.5
 as the end. From 0.5 to 0.8 gains as much at home; 1, a scaled shape, shrinks real cars whose front
 is rounder than the class's."""
 
-STEP, TURN = 0.1, 0.05
-"""Of the central differences, m and rad: about a standard deviation, as the shape has edges."""
+LEAST_STEP, GREATEST_STEP = 0.02, 0.3
+LEAST_TURN, GREATEST_TURN = 0.01, 0.2
+"""Bounds of the steps of the central differences, m and rad."""
 
 GREATEST_SLANT = 4.0
 """Where a ray grazes the shape, a residual changes the range by at most so many times as much."""
@@ -159,7 +160,7 @@ def _fit(rows, iterate, posterior, prior, measured, table, far, limits):
     degrees_of_freedom, iterations = limits
     states, count = len(mean), 0
     for _ in range(iterations):
-        count = measure(rows, iterate, measured, table, far)
+        count = measure(rows, iterate, posterior, measured, table, far)
         for i in range(states):
             moved[i] = mean[i]
             for j in range(states):
@@ -314,15 +315,16 @@ def empty_rows(count: int, states: int) -> Rows:
 def measure(
     rows: Rows,
     state: np.ndarray,
+    covariance: np.ndarray,
     measured: Measured,
     table: tuple[np.ndarray, ...],
     far: np.ndarray,
 ) -> int:
-    """Write the `rows` at a `state` (d,); returns their number.
+    """Write the `rows` at a `state` (d,) with a `covariance` (d, d); returns their number.
 
-    The slopes by the place across a ray and by the heading are central differences. Where the
-    outline has a residual, the variance of what they leave out is
-    added to the noise: that of a parabola over one step (Nørgaard, Poulsen & Ravn
+    The slopes by the place across a ray and by the heading are central differences over about a
+    standard deviation. Where the outline has a residual, the variance of what they leave out is
+    added to the noise: that of a parabola over one standard deviation (Nørgaard, Poulsen & Ravn
     2000, *New developments in state estimation for nonlinear systems*). The nodes of the residual
     are the states from 7 on. Rays that may end on both sides leave them alone, as the slopes are of
     sides that face the sensor.
@@ -336,7 +338,8 @@ def measure(
     quarter = len(table[4]) // 4
     half_x = 0.5 * (table[5][quarter] - table[4][quarter]) / shrink[0]
     half_y = 0.5 * (table[5][0] - table[4][0]) / shrink[1]
-    c, s = cos(TURN), sin(TURN)
+    turn = min(max(sqrt(max(covariance[2, 2], 0.0)), LEAST_TURN), GREATEST_TURN)
+    c, s = cos(turn), sin(turn)
     rows.matrix[:] = 0.0
     for i in range(count):
         ahead_x, ahead_y = measured.directions[i, 0], measured.directions[i, 1]
@@ -347,21 +350,24 @@ def measure(
             other = _meet(x, y, ray, table, far)[0]
             if abs(measured.ranges[i] - other) < abs(measured.ranges[i] - distance):
                 distance, depths = other, far
+        across = ahead_y**2 * covariance[0, 0] + ahead_x**2 * covariance[1, 1]
+        across -= 2.0 * ahead_x * ahead_y * covariance[0, 1]
+        step = min(max(sqrt(max(across, 0.0)), LEAST_STEP), GREATEST_STEP)
         # The target moves to the left or turns, so in its frame the ray does the opposite.
-        left = _meet(x + STEP * v, y - STEP * u, ray, table, depths)[0]
-        right = _meet(x - STEP * v, y + STEP * u, ray, table, depths)[0]
+        left = _meet(x + step * v, y - step * u, ray, table, depths)[0]
+        right = _meet(x - step * v, y + step * u, ray, table, depths)[0]
         ray = _ray(c * u + s * v, c * v - s * u, shrink, table)
         after, low_after, high_after, _ = _meet(c * x + s * y, c * y - s * x, ray, table, depths)
         ray = _ray(c * u - s * v, c * v + s * u, shrink, table)
         before, low_before, high_before, _ = _meet(c * x - s * y, c * y + s * x, ray, table, depths)
         hit_x, hit_y = x + distance * u, y + distance * v
-        angle, slant = atan2(hit_y / half_y, hit_x / half_x), (left - right) / (2.0 * STEP)
+        angle, slant = atan2(hit_y / half_y, hit_x / half_x), (left - right) / (2.0 * step)
         # How far a change of the size moves the surface that the ray meets, along both axes.
         shift_x = half_x * min(max(hit_x / (CAP * half_x), -1.0), 1.0)
         shift_y = half_y * min(max(hit_y / (CAP * half_y), -1.0), 1.0)
         std, slopes = _between(table[3], place), rows.matrix[i]
         slopes[0], slopes[1] = ahead_x - slant * ahead_y, ahead_y + slant * ahead_x
-        slopes[2] = (after - before) / (2.0 * TURN)
+        slopes[2] = (after - before) / (2.0 * turn)
         slopes[5], slopes[6] = (u - slant * v) * shift_x, (v + slant * u) * shift_y
         rows.stds[i], rows.slants[i], rows.angles[i], rows.insides[i] = (
             std,
@@ -380,9 +386,9 @@ def measure(
             if not both_sides:
                 _add_nodes(rows, i, angle, min(sqrt(1.0 + slant**2), GREATEST_SLANT), state)
         bent = 0.5 * (low_after + low_before - 2.0 * low) ** 2
-        of_low = 1.0, low, (low_before - low_after) / (2.0 * TURN), bent
+        of_low = 1.0, low, (low_before - low_after) / (2.0 * turn), bent
         bent = 0.5 * (high_after + high_before - 2.0 * high) ** 2
-        of_high = -1.0, high, (high_before - high_after) / (2.0 * TURN), bent
+        of_high = -1.0, high, (high_before - high_after) / (2.0 * turn), bent
         sides = ahead_x, ahead_y, -v * shift_x, u * shift_y
         for end in range(2):
             if i == measured.ends[end]:
