@@ -72,7 +72,7 @@ def main() -> None:
     needed = ["source=pair", "road_user=car", "start.range=[1,80]", "pictures.frames=[0]"]
     with tempfile.TemporaryDirectory() as folder:
         for name, files in pairs(Path(folder)).items():
-            keys = ("folder", "right", "calibration", "disparity")
+            keys = ("left", "right", "calibration", "disparity")
             named = [f"source.{key}={file}" for key, file in zip(keys, files, strict=True)]
             scores[name] = assess(compose([*needed, *named, *sys.argv[1:]])).values
     print("| pair |", " | ".join(COLUMNS), "|")

@@ -5,10 +5,11 @@ side per scan, with a small error in range and a large one in bearing; every ten
 Replace `detections` by the detections of your own sensor.
 
     python examples/radar_scans.py FOLDER
-    stixel run measurement=file measurement.path=FOLDER/scans.csv measurement.ego=FOLDER/ego.csv
+    stixel run measurement=file measurement.path=FOLDER/scans.csv measurement.ego=FOLDER/ego.csv \
+        tracker.seen_by=null
 
-The second command tracks the car. The first also writes FOLDER/truth.csv; with
-measurement.truth=FOLDER/truth.csv the run has scores.
+The second command tracks the car, whose ends so few points do not show. The first also writes
+FOLDER/truth.csv; with measurement.truth=FOLDER/truth.csv the run has scores.
 """
 
 import csv

@@ -5,9 +5,12 @@ import re
 import runpy
 import subprocess
 import sys
+from collections import defaultdict
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
+from real_data import real_data
 
 BENCH = Path(__file__).parents[1] / "bench"
 
@@ -58,3 +61,20 @@ def test_the_page_and_every_benchmark(script, tmp_path, monkeypatch, capfd):
 def test_a_script_that_prints_a_table(name, script, capsys):
     script(name)
     assert len(capsys.readouterr().out.splitlines()) >= 4
+
+
+def test_every_pair_of_the_scores_can_be_assessed(monkeypatch, capsys):
+    """Its overrides are valid; nothing is computed."""
+    monkeypatch.setenv("STIXEL_DATA", str(real_data("kitti2012_more").parent))
+    monkeypatch.setattr(sys, "argv", ["pair_scores"])
+    main = runpy.run_path(str(BENCH / "pair_scores.py"))["main"]
+    found = []
+
+    def assessed(composition):
+        found.append(composition.configuration.source.disparity)
+        return SimpleNamespace(values=defaultdict(lambda: 0.1 * len(found)))
+
+    monkeypatch.setitem(main.__globals__, "assess", assessed)
+    main()
+    assert len(set(found)) == 4
+    assert capsys.readouterr().out.count("000000") == 2
