@@ -65,19 +65,16 @@ class JointCovariance:
 
         `rows` (n, d + m) are A, `noise` (n,) the variances of independent errors.
         """
-        # In this order one row costs no more than a row.
         self.matrix[: self.size] -= gain @ (rows @ self.matrix)
         self.matrix[:, : self.size] -= (self.matrix @ rows.T) @ gain.T
-        self._add((gain * noise) @ gain.T)
+        self.matrix[: self.size, : self.size] += (gain * noise) @ gain.T
+        self.matrix = 0.5 * (self.matrix + self.matrix.T)
 
     def absorb(self, moved: np.ndarray, spread: np.ndarray) -> None:
         """After an update with K A (d, d + m) and K R Kᵀ (d, d)."""
         # Factor by factor and symmetric: the sum of the three terms loses its definiteness.
         self.matrix[: self.size] -= moved @ self.matrix
         self.matrix[:, : self.size] -= self.matrix @ moved.T
-        self._add(spread)
-
-    def _add(self, spread: np.ndarray) -> None:
         self.matrix[: self.size, : self.size] += spread
         self.matrix = 0.5 * (self.matrix + self.matrix.T)
 

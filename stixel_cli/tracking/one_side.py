@@ -204,11 +204,10 @@ class OneSide:
         with np.errstate(divide="ignore", invalid="ignore"):
             crossing = along + across / (across - after) * (np.roll(along, -1, axis=1) - along)
         ranges = np.where((across < 0.0) != (after < 0.0), crossing, np.inf).min(axis=1)
-        meets = np.isfinite(ranges)
         directions, variances = rays.directions, (self.std_factor * rays.stds) ** 2
         of_position = np.einsum("ni,ij,nj->n", directions, position, directions)
         share = variances / (variances + of_position)
-        behind = np.where(meets, ranges, rays.ranges) - rays.ranges
+        behind = np.where(np.isfinite(ranges), ranges, rays.ranges) - rays.ranges
         moved = (share * behind)[:, None] * directions
         model = linearise(rays.points_world + moved, mean, self._process)
         return replace(model, residuals=model.residuals - (model.gradients * moved).sum(axis=1))

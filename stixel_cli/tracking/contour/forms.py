@@ -54,10 +54,8 @@ def forms_of(
     given = prior.outline if road_user == prior.road_user else None
     if learned and given is None and tracker.seen_by != "fabricated":
         return learned
-    tracker = replace(
-        tracker,
-        silhouette_factor=max(tracker.silhouette_factor, SILHOUETTE_FACTOR),
-    )
+    factor = max(tracker.silhouette_factor, SILHOUETTE_FACTOR)
+    tracker = replace(tracker, silhouette_factor=factor)
     box = rectangle(shape)
     tables = {} if learned else {"class": (shape, sight.table)}
     tables["rectangle"] = box, _exact_table(box.outline)
