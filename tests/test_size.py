@@ -12,7 +12,7 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 46_530
+TOTAL = 46_529
 """Greatest number of lines in all."""
 
 MODULES = 249
@@ -43,7 +43,7 @@ BUDGET = {
     "stixels": 2073,
     "studies": 1726,
     "sweeps": 2080,
-    "tracking": 6696,
+    "tracking": 6695,
     "validation": 1088,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""

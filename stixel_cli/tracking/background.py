@@ -2,8 +2,8 @@
 
 A target that is hidden is lost to sight and not gone. Its covariance grows, and soon the gate holds
 what hides it, which fits a road user as well as any. But that stood there before, while the target
-was known to be somewhere else; so only points at new places are candidates. Seen, too, it has
-neighbours that its growing size or a form of no class would fit.
+was known to be somewhere else; so only points at new places are candidates. And a target that is
+seen does not grow into its neighbours.
 """
 
 import numpy as np

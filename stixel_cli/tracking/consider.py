@@ -65,10 +65,7 @@ class JointCovariance:
 
         `rows` (n, d + m) are A, `noise` (n,) the variances of independent errors.
         """
-        self.matrix[: self.size] -= gain @ (rows @ self.matrix)
-        self.matrix[:, : self.size] -= (self.matrix @ rows.T) @ gain.T
-        self.matrix[: self.size, : self.size] += (gain * noise) @ gain.T
-        self.matrix = 0.5 * (self.matrix + self.matrix.T)
+        self.absorb(gain @ rows, (gain * noise) @ gain.T)
 
     def absorb(self, moved: np.ndarray, spread: np.ndarray) -> None:
         """After an update with K A (d, d + m) and K R Kᵀ (d, d)."""

@@ -15,7 +15,7 @@ from stixel_cli.measurements.scans import Scans
 from stixel_cli.tracking.consider import FIELD_TIME, NODES, JointCovariance, field_weights
 from stixel_cli.tracking.contour.contour_rays import Rays
 from stixel_cli.tracking.gp_ekf_update import Linearisation
-from stixel_cli.tracking.kalman import normalised_innovation
+from stixel_cli.tracking.kalman import normalised_innovation_squared
 from stixel_cli.tracking.motion import velocity_across
 from stixel_cli.tracking.one_side import END_STD, OneSide
 
@@ -101,6 +101,6 @@ class StatedCovariance:
         self, gain: np.ndarray, rows: np.ndarray, noise: np.ndarray, residuals: np.ndarray
     ) -> float:
         """After the update by `gain` (6 + N, n); returns the NIS of its `residuals` (n,)."""
-        nis = normalised_innovation(self._joint.matrix, rows, noise, residuals)
+        nis = normalised_innovation_squared(self._joint.matrix, rows, noise, residuals)
         self._joint.correct(gain, rows, noise)
         return nis

@@ -24,7 +24,7 @@ def correct(
     return correction, posterior, float(innovation @ (innovation / noise) - pull @ correction)
 
 
-def normalised_innovation(
+def normalised_innovation_squared(
     covariance: np.ndarray, matrix: np.ndarray, noise: np.ndarray, innovation: np.ndarray
 ) -> float:
     """NIS of an `innovation` (n,); the others as of `correct`."""

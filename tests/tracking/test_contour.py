@@ -33,8 +33,8 @@ from stixel_cli.tracking.contour.contour_update import (
     Measurement,
 )
 from stixel_cli.tracking.contour.forms import forms_of
-from stixel_cli.tracking.contour.ray_kernels import explain
-from stixel_cli.tracking.kalman import correct, normalised_innovation
+from stixel_cli.tracking.contour.ray_kernels import schmidt_update
+from stixel_cli.tracking.kalman import correct, normalised_innovation_squared
 from stixel_cli.tracking.track import InitialState
 
 # Of one class: that the filters of the others change nothing is said in `test_disturbed_scans.py`.
@@ -284,7 +284,7 @@ def test_the_information_form_is_the_kalman_update(seed, count):
     expected = covariance - gain @ matrix @ covariance
     assert_allclose(posterior, expected, rtol=1e-6, atol=1e-8)
     assert nis == pytest.approx(innovation @ np.linalg.solve(innovation_covariance, innovation))
-    assert normalised_innovation(*model) == pytest.approx(nis)
+    assert normalised_innovation_squared(*model) == pytest.approx(nis)
 
 
 @pytest.mark.parametrize("form", ["learned", "rectangle"])
@@ -343,5 +343,5 @@ def test_the_kernel_of_the_joint_covariance_is_the_dense_update(form):
     assert_allclose(after.matrix, expected, atol=1e-12)
     assert degrees == used.sum()
     assert nis == pytest.approx(innovations @ np.linalg.solve(density.cov, innovations))
-    explained = explain(rows, found.covariance, joint.matrix, NODES, measured, freedom)
-    assert explained[1] == pytest.approx(density.logpdf(innovations))
+    updated = schmidt_update(rows, found.covariance, joint.matrix, NODES, measured, freedom)
+    assert updated[1] == pytest.approx(density.logpdf(innovations))

@@ -284,10 +284,10 @@ def predict(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Mean (d,) one `interval` in s later, its Jacobian (d, d) and the process noise (d, d).
 
-    A turn: the displacement has the heading of the middle of the interval. The
-    logarithms of size go back to the class's `size` (2,), as an AR(1) process: the errors of a
-    shape have the same sign in all scans, and without this the size follows them. Of a car that is
-    followed, only the rear is seen; its roundness then counted as a measurement of the length.
+    A turn: the displacement has the heading of the middle of the interval. The logarithms of size
+    go back to the class's `size` (2,), as an AR(1) process: the errors of a shape have the same
+    sign in all scans, and without this the size follows them. Of a car that is followed, only the
+    rear is seen; its roundness then counted as a measurement of the length.
     """
     middle = mean[2] + 0.5 * mean[4] * interval
     forward = interval * np.array([np.cos(middle), np.sin(middle)])

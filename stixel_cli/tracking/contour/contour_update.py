@@ -9,7 +9,7 @@ from stixel_cli.tracking.association import uncut
 from stixel_cli.tracking.consider import NODES, JointCovariance
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
 from stixel_cli.tracking.contour.contour_rays import Rays, Sight, gate_widths, sampling_inset
-from stixel_cli.tracking.contour.ray_kernels import Fit, Measured, explain, fit
+from stixel_cli.tracking.contour.ray_kernels import Fit, Measured, fit, schmidt_update
 from stixel_cli.tracking.smoothing import Step
 
 SEEN = np.array([0, 1, 2, 5, 6])
@@ -94,7 +94,7 @@ class Measurement:
         last iterate.
         """
         rows, freedom = found.rows, self._tracker.degrees_of_freedom
-        nis, likelihood, *moved = explain(
+        nis, likelihood, *moved = schmidt_update(
             rows, found.covariance, joint.matrix, NODES, self._measured, freedom
         )
         likelihood += np.log(gate_widths(self._rays, self._tracker)).sum()

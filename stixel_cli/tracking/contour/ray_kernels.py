@@ -199,7 +199,7 @@ def _fit(rows, iterate, posterior, prior, measured, table, far, limits):
     return count
 
 
-def explain(
+def schmidt_update(
     rows: Rows,
     covariance: np.ndarray,
     joint: np.ndarray,
@@ -207,7 +207,7 @@ def explain(
     measured: Measured,
     degrees_of_freedom: float,
 ) -> tuple[float, float, np.ndarray, np.ndarray]:
-    """What a `Fit` says of the errors, whose `joint` covariance was predicted (d + q, d + q).
+    """What a `Fit` does to the `joint` covariance of the errors, (d + q, d + q), as predicted.
 
     Its q considered errors are `nodes` of the shape's field, its two ends, the sensor's, and
     others that a scan does not show.
@@ -219,13 +219,15 @@ def explain(
     size, states = len(joint), len(covariance)
     moved, spread = np.zeros((states, size)), np.zeros((states, states))
     work = joint.copy(), np.zeros((4, size))
-    found = _explain(moved, spread, work, nodes, rows, covariance, measured, degrees_of_freedom)
+    found = _schmidt_update(
+        moved, spread, work, nodes, rows, covariance, measured, degrees_of_freedom
+    )
     return *found, moved, spread
 
 
 @njit(cache=True, error_model="numpy")
-def _explain(moved, spread, work, nodes, rows, covariance, measured, freedom):
-    """Write `moved` and `spread` of `explain`; returns the NIS and the density.
+def _schmidt_update(moved, spread, work, nodes, rows, covariance, measured, freedom):
+    """Write `moved` and `spread` of `schmidt_update`; returns the NIS and the density.
 
     The rows are used one after the other, as their own errors are independent.
     """
