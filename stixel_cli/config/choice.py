@@ -54,8 +54,14 @@ def compose_options(chosen: tuple[tuple[str, str], ...], state: str) -> Choice:
 
     Hydra takes 0.1 s and more, so the result is stored in the cache folder, under a digest of the
     options, of the files of `conf/` (`state`, see `conf_state`), of Hydra's version and the fields.
+    It is not asked for groups that stand alone: of those, a sweep combines hundreds of options.
     ConfigurationError in one line, if Hydra cannot compose the options.
     """
+    alone = {group: option for group, option in chosen if _stands_alone(group, option, chosen)}
+    if alone:
+        others = compose_options(tuple(one for one in chosen if one[0] not in alone), state)
+        sections = {group: folders.option_content(group, option) for group, option in alone.items()}
+        return Choice(others.plain | sections, others.options | alone)
     versions = [installed_version(name) for name in ("hydra-core", "omegaconf")]
     key = json.dumps([chosen, state, versions, list(Choice.__annotations__)])
     file = default_cache_folder() / FOLDER / f"{_digest(key)}.json"
@@ -76,6 +82,25 @@ def compose_options(chosen: tuple[tuple[str, str], ...], state: str) -> Choice:
     kinds = chosen_kinds(plain)
     lacking = [n for n, keys in known_keys().items() if not any(key.fits(kinds) for key in keys)]
     return Choice(_without(lacking, plain), choice.options)
+
+
+def _stands_alone(group: str, option: str, chosen: Collection[tuple[str, str]]) -> bool:
+    """Whether the section of a group is the content of its option's file, and changes no other.
+
+    Not if it follows a group, or a group follows it or is in it, or the experiment has values of
+    it; own presets may be anything.
+    """
+    experiment = dict(chosen).get(folders.EXPERIMENT, folders.default_option(folders.EXPERIMENT))
+    set_there = folders.option_values(folders.EXPERIMENT, experiment)
+    configured = folders.chosen_options(folders.values_beside_groups("config"))
+    return (
+        folders.PRESETS.folder is None
+        and "$" not in configured.get(group, "$")
+        and group not in (folders.EXPERIMENT, *map(folders.outermost_group, set_there))
+        and f"${{{group}}}" not in configured.values()
+        and not any(other.startswith(f"{group}/") for other in folders.group_options())
+        and "defaults" not in folders.option_content(group, option)
+    )
 
 
 def _without(names: Collection[str], section: Mapping[str, Any], prefix: str = "") -> Any:

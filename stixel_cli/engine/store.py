@@ -57,8 +57,9 @@ class Store:
 
     def has(self, key: str) -> bool:
         """Whether an entry with valid notes exists. Its value is not read, see `verify`."""
+        file = self.entry(key) / META
         try:
-            return _notes_fault(read_bytes(self.entry(key) / META), key) is None
+            return os.path.exists(file) and _notes_fault(read_bytes(file), key) is None
         except UserError:
             return False
 

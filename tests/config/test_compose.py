@@ -246,8 +246,8 @@ def test_few_compositions_are_stored_damaged_ones_are_ignored_and_none_needs_hyd
     monkeypatch.setenv("STIXEL_CACHE", str(tmp_path))
     monkeypatch.setattr(choice, "MOST_STORED", 2)
     choice.compose_options.cache_clear()
-    for option in ("turn", "circle", "approach"):
-        compose([f"path={option}"])
+    for option in ("car", "cyclist", "pedestrian"):
+        compose([f"road_user={option}"])
     assert len(list((tmp_path / choice.FOLDER).iterdir())) == 2
     monkeypatch.setenv("STIXEL_CACHE", str(tmp_path))
     compose(["rig=kitti"])
@@ -256,6 +256,23 @@ def test_few_compositions_are_stored_damaged_ones_are_ignored_and_none_needs_hyd
     monkeypatch.setattr(choice, "_by_hydra", None)
     choice.compose_options.cache_clear()
     assert compose(["rig=kitti"]) == expected
+    assert compose(["path=circle", "tracker=box"]).choices["path"] == "circle"
+
+
+@pytest.mark.parametrize("experiment", group_options()["experiment"])
+def test_options_of_groups_that_stand_alone_are_as_hydra_composes_them(experiment, monkeypatch):
+    for i in range(13 if experiment == "none" else 2):
+        options = {group: own[i % len(own)] for group, own in group_options().items()}
+        options |= {"experiment": experiment}
+        pairs = sorted(options.items())
+        pairs = [one for one in pairs if choice._stands_alone(*one, pairs)]
+        assert ("path" in dict(pairs)) and "road_user" not in dict(pairs)
+        pairs = (*pairs, ("experiment", experiment), ("road_user", "cyclist"))
+        fast = choice.compose_options(pairs, "fast")
+        with monkeypatch.context() as patch:
+            patch.setattr(choice, "_stands_alone", lambda *_: False)
+            slow = choice.compose_options(pairs, "slow")
+        assert fast == slow and repr(fast) == repr(slow)
 
 
 def test_composing_creates_no_cache_and_needs_none(tmp_path, monkeypatch, default):
