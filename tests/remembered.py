@@ -7,6 +7,7 @@ from functools import cache, lru_cache, wraps
 import numpy as np
 import typer.main
 
+from stixel_cli.cli import app
 from stixel_cli.rendering import placement, raycast
 from stixel_cli.scene import contours, road_user
 from stixel_cli.tracking.contour import ray_table
@@ -20,6 +21,7 @@ def remember() -> None:
     # The tables of what a sensor sees of a shape, which each track of `contour` makes anew.
     ray_table.first_depths = remembered(ray_table.first_depths)
     # Typer makes all commands anew for each command line of a process, of which tests have many.
+    app.application = cache(app.application)
     typer.main.get_command = cache(typer.main.get_command)
 
 

@@ -5,7 +5,6 @@ Hydra's: `inner_options` and `sources`, see `conf/experiment/thesis.yaml`.
 """
 
 import json
-import os
 import re
 from collections.abc import Collection, Mapping
 from contextlib import suppress
@@ -29,10 +28,10 @@ from stixel_cli.errors import BelongsElsewhere, ConfigurationError, UserError, p
 from stixel_cli.files import read_text, read_yaml_text
 
 FOLDER = "configurations"
-"""In the cache folder; the files of `conf/` change rarely, so it has few files."""
+"""In the cache folder, whose cleanup knows it; of 8 kB each."""
 
-MOST_STORED = 2000
-"""Compositions on disk, of 8 kB each; the oldest are removed."""
+TOGETHER = (folders.EXPERIMENT, "road_user", "pace", "prior", "measurement", "start")
+"""Outermost groups of which an option chooses that of another group, or includes another option."""
 
 _TO_RESOLVE = re.compile(r"\$\{|\?\?\?")
 _REFERENCE = re.compile(r"\$\{([A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*)\}")
@@ -52,13 +51,16 @@ class Choice:
 def compose_options(chosen: tuple[tuple[str, str], ...], state: str) -> Choice:
     """The choice of groups and options, with all other groups at their default.
 
-    Hydra takes 0.1 s and more, so the result is stored in the cache folder, under a digest of the
-    options, of the files of `conf/` (`state`, see `conf_state`), of Hydra's version and the fields.
-    It is not asked for groups that stand alone: of those, a sweep combines hundreds of options.
+    A group that stands alone has the content of its option's file. Hydra composes the others. That
+    takes 0.1 s and more, so it is stored in the cache folder, under a digest of the options, of the
+    files of `conf/` (`state`, see `conf_state`), of Hydra's version and the fields.
     ConfigurationError in one line, if Hydra cannot compose the options.
     """
-    alone = {group: option for group, option in chosen if _stands_alone(group, option, chosen)}
-    if alone:
+    experiment = dict(chosen).get(folders.EXPERIMENT, folders.default_option(folders.EXPERIMENT))
+    values = folders.option_values(folders.EXPERIMENT, experiment)
+    together = {*TOGETHER, *map(folders.outermost_group, values)}
+    alone = {g: option for g, option in chosen if folders.outermost_group(g) not in together}
+    if alone and folders.PRESETS.folder is None:
         others = compose_options(tuple(one for one in chosen if one[0] not in alone), state)
         sections = {group: folders.option_content(group, option) for group, option in alone.items()}
         return Choice(others.plain | sections, others.options | alone)
@@ -82,25 +84,6 @@ def compose_options(chosen: tuple[tuple[str, str], ...], state: str) -> Choice:
     kinds = chosen_kinds(plain)
     lacking = [n for n, keys in known_keys().items() if not any(key.fits(kinds) for key in keys)]
     return Choice(_without(lacking, plain), choice.options)
-
-
-def _stands_alone(group: str, option: str, chosen: Collection[tuple[str, str]]) -> bool:
-    """Whether the section of a group is the content of its option's file, and changes no other.
-
-    Not if it follows a group, or a group follows it or is in it, or the experiment has values of
-    it; own presets may be anything.
-    """
-    experiment = dict(chosen).get(folders.EXPERIMENT, folders.default_option(folders.EXPERIMENT))
-    set_there = folders.option_values(folders.EXPERIMENT, experiment)
-    configured = folders.chosen_options(folders.values_beside_groups("config"))
-    return (
-        folders.PRESETS.folder is None
-        and "$" not in configured.get(group, "$")
-        and group not in (folders.EXPERIMENT, *map(folders.outermost_group, set_there))
-        and f"${{{group}}}" not in configured.values()
-        and not any(other.startswith(f"{group}/") for other in folders.group_options())
-        and "defaults" not in folders.option_content(group, option)
-    )
 
 
 def _without(names: Collection[str], section: Mapping[str, Any], prefix: str = "") -> Any:
@@ -206,16 +189,11 @@ def _read(file: Path) -> Choice | None:
 
 def _write(file: Path, choice: Choice) -> None:
     """Store a composition, unless there is no cache folder: `verify`, for example, needs none."""
-    folder, text = file.parent, json.dumps(asdict(choice))
-    if not folder.parent.is_dir():
-        return
+    folder, text = file.parent.parent, json.dumps(asdict(choice))
     with suppress(OSError, CacheError):
-        make_folder(folder.parent, FOLDER)
-        write_whole(file, f"{_digest(text)}\n{text}")
-        if len(os.listdir(folder)) > MOST_STORED:
-            paths = sorted(folder.iterdir(), key=lambda path: path.stat().st_mtime)
-            for other in paths[:-MOST_STORED]:
-                other.unlink()
+        if folder.is_dir():
+            make_folder(folder, FOLDER)
+            write_whole(file, f"{_digest(text)}\n{text}")
 
 
 def _digest(text: str) -> str:

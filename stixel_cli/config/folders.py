@@ -290,9 +290,8 @@ def configured_option(group: str) -> str | None:
 
 def option_values(group: str, option: str) -> dict[str, Any]:
     """The keys of an option's file with their values; keys of nested groups have dots."""
-    values = dict(flat(option_content(group, option)))
-    values.pop("defaults", None)
-    return values
+    content = flat(option_content(group, option))
+    return {name: value for name, value in content if name != "defaults"}
 
 
 def flat(section: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:

@@ -11,7 +11,7 @@ import pytest
 import typer
 
 from stixel_cli import __version__
-from stixel_cli.cli.app import app, main
+from stixel_cli.cli.app import application, main
 from stixel_cli.cli.terminal import REPLACED
 from stixel_cli.config.folders import STUDIES
 from stixel_cli.engine.errors import StageFailure
@@ -26,7 +26,7 @@ def stand_in(monkeypatch):
     """Replaces the body of `stixel run`."""
 
     def replace(body):
-        (command,) = (one for one in app.registered_commands if one.callback.__name__ == "run")
+        (command,) = application("run").registered_commands
         stand_in = functools.wraps(command.callback)(lambda **given: body(*given.values()))
         monkeypatch.setattr(command, "callback", stand_in)
         typer.main.get_command.cache_clear()  # See `remembered.py`.
@@ -66,7 +66,7 @@ def test_an_old_command_names_the_new_one(word, more, tmp_path, monkeypatch, cap
     assert not list(tmp_path.iterdir())
 
 
-COMMANDS = typer.main.get_command(app).commands
+COMMANDS = typer.main.get_command(application("")).commands
 
 
 @pytest.mark.parametrize(
@@ -87,7 +87,7 @@ def test_every_command_has_a_help(command, capsys):
     ("program", "heavy"),
     [
         (
-            "from stixel_cli.cli.app import app, main; main(['--help'])",
+            "from stixel_cli.cli.app import main; main(['--help'])",
             "numpy hydra omegaconf pydantic rich yaml scipy cv2 numba matplotlib open3d",
         ),
         (

@@ -218,10 +218,12 @@ def test_the_shell_is_answered_fast_and_without_heavy_imports(tmp_path):
 def test_formats_of_export_and_that_no_folder_is_no_error(monkeypatch):
     from typer.main import get_command
 
-    from stixel_cli.cli.app import app
+    from stixel_cli.cli.app import application
     from stixel_cli.export.export import FORMATS
 
-    (option,) = (p for p in get_command(app).commands["export"].params if p.name == "format")
+    (option,) = (
+        p for p in get_command(application("")).commands["export"].params if p.name == "format"
+    )
     offered = [item.value for item in option.shell_complete(None, "")]
     assert offered == [*FORMATS, "mlflow"]
     assert [item.value for item in option.shell_complete(None, "k")] == ["kitti"]

@@ -1,3 +1,4 @@
+import os
 import shutil
 from dataclasses import replace
 
@@ -8,9 +9,11 @@ import yaml
 from stixel_cli.border import TYPED
 from stixel_cli.config import choice
 from stixel_cli.config.compose import Composer, compose, from_resolved
-from stixel_cli.config.folders import group_options, option_values, shipped_folder
+from stixel_cli.config.folders import group_options, option_values, outermost_group, shipped_folder
 from stixel_cli.config.overrides import read_overrides
 from stixel_cli.config.texts import override_text
+from stixel_cli.engine.entries import collect
+from stixel_cli.engine.store import Store
 from stixel_cli.errors import ConfigurationError, UserError
 
 
@@ -232,7 +235,7 @@ def test_a_key_with_the_same_first_word_is_suggested(typed, meant):
     assert meant in str(error.value).partition("did you mean")[2]
 
 
-def test_few_compositions_are_stored_damaged_ones_are_ignored_and_none_needs_hydra(
+def test_compositions_are_stored_damaged_ones_are_ignored_old_ones_removed_and_none_needs_hydra(
     tmp_path, monkeypatch
 ):
     monkeypatch.setenv("STIXEL_CACHE", str(tmp_path))
@@ -244,12 +247,6 @@ def test_few_compositions_are_stored_damaged_ones_are_ignored_and_none_needs_hyd
         choice.compose_options.cache_clear()
         assert compose() == composed
     monkeypatch.setenv("STIXEL_CACHE", str(tmp_path))
-    monkeypatch.setattr(choice, "MOST_STORED", 2)
-    choice.compose_options.cache_clear()
-    for option in ("car", "cyclist", "pedestrian"):
-        compose([f"road_user={option}"])
-    assert len(list((tmp_path / choice.FOLDER).iterdir())) == 2
-    monkeypatch.setenv("STIXEL_CACHE", str(tmp_path))
     compose(["rig=kitti"])
     choice.compose_options.cache_clear()
     expected = compose(["rig=kitti"])
@@ -257,21 +254,20 @@ def test_few_compositions_are_stored_damaged_ones_are_ignored_and_none_needs_hyd
     choice.compose_options.cache_clear()
     assert compose(["rig=kitti"]) == expected
     assert compose(["path=circle", "tracker=box"]).choices["path"] == "circle"
+    os.utime(stored, (0.0, 0.0))
+    assert collect(Store(tmp_path)).left == 1 and not stored.exists()
 
 
 @pytest.mark.parametrize("experiment", group_options()["experiment"])
 def test_options_of_groups_that_stand_alone_are_as_hydra_composes_them(experiment, monkeypatch):
-    for i in range(13 if experiment == "none" else 2):
-        options = {group: own[i % len(own)] for group, own in group_options().items()}
-        options |= {"experiment": experiment}
-        pairs = sorted(options.items())
-        pairs = [one for one in pairs if choice._stands_alone(*one, pairs)]
-        assert ("path" in dict(pairs)) and "road_user" not in dict(pairs)
-        pairs = (*pairs, ("experiment", experiment), ("road_user", "cyclist"))
-        fast = choice.compose_options(pairs, "fast")
+    own = {g: o for g, o in group_options().items() if outermost_group(g) not in choice.TOGETHER}
+    for i in range(max(map(len, own.values())) if experiment == "none" else 2):
+        options = {group: options[i % len(options)] for group, options in own.items()}
+        options |= {"experiment": experiment, "road_user": "cyclist"}
+        fast = choice.compose_options((*options.items(),), "fast")
         with monkeypatch.context() as patch:
-            patch.setattr(choice, "_stands_alone", lambda *_: False)
-            slow = choice.compose_options(pairs, "slow")
+            patch.setattr(choice, "TOGETHER", (*own, *choice.TOGETHER))
+            slow = choice.compose_options((*options.items(),), "slow")
         assert fast == slow and repr(fast) == repr(slow)
 
 
