@@ -21,7 +21,7 @@ import numpy as np
 
 from stixel_cli.config.compose import compose
 from stixel_cli.config.schema import Configuration
-from stixel_cli.errors import UserError
+from stixel_cli.errors import located
 from stixel_cli.experiment.run import run_experiment
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.ego import ego_motion
@@ -90,10 +90,8 @@ def learned_class(
 
 def _scenario(p: Configuration) -> Scenario:
     """Ground truth of a road user; its motion does not matter. UserError for a damaged mesh."""
-    try:
+    with located(""):
         return build_scenario(ego_motion(p.ego, 1.0, 0.5), p.road_user, p.path)
-    except ValueError as fault:
-        raise UserError(str(fault)) from None
 
 
 def _samples(road_users: Mapping[int, Overrides], sensor: str) -> list[tuple[Scenario, Scans]]:
