@@ -25,7 +25,7 @@ from stixel_cli.engine.errors import CacheError
 from stixel_cli.engine.parameters import default_cache_folder
 from stixel_cli.engine.versions import installed_version
 from stixel_cli.errors import BelongsElsewhere, ConfigurationError, UserError, printable
-from stixel_cli.files import read_text, read_yaml_text
+from stixel_cli.files import read_text, read_yaml
 
 FOLDER = "configurations"
 """In the cache folder, whose cleanup knows it; of 8 kB each."""
@@ -141,7 +141,7 @@ def _by_hydra(chosen: list[str], state: str) -> Choice:
             raise
         # Hydra does not name the file in some of these.
         for path in sorted(folders.shipped_folder("conf").rglob("*.yaml")):
-            read_yaml_text(path)
+            read_yaml(path)
         raise ConfigurationError(reason) from None
 
 

@@ -3,6 +3,7 @@
 import copy
 import json
 import re
+from dataclasses import fields
 from pathlib import Path
 from typing import Any, get_args
 
@@ -52,9 +53,9 @@ def test_the_schemas_are_valid_written_and_have_the_entries_of_their_readers(tmp
         Draft202012Validator.check_schema(content)
     assert tuple(SCHEMAS["sweep.json"]["properties"]) == SWEEP_ENTRIES
     study = SCHEMAS["study.json"]["properties"]
-    assert {*study} == {*study_file.ENTRIES}
+    assert {*study} == {field.name for field in fields(study_file.StudyEntries)}
     entries = study["questions"]["additionalProperties"]["properties"]
-    assert {*entries} == {*study_file.QUESTION_ENTRIES}
+    assert {"name", *entries} == {field.name for field in fields(study_file.StudyQuestion)}
     assert entries["better"]["enum"] == ["more", "less", "one"]
     result = CliRunner().invoke(application(""), ["describe", "--schema", str(tmp_path / "new")])
     assert result.exit_code == 0
