@@ -61,6 +61,7 @@ def absolute(name: str, working_directory: str) -> str:
     return os.path.abspath(os.path.join(working_directory, os.path.expanduser(name)))
 
 
+@cache
 def shipped_folder(name: str) -> Path:
     """The folder `name` (`conf`, `pipelines`) of the checkout, or else of the installed package.
 
@@ -289,8 +290,7 @@ def configured_option(group: str) -> str | None:
 
 def option_values(group: str, option: str) -> dict[str, Any]:
     """The keys of an option's file with their values; keys of nested groups have dots."""
-    content = flat(option_content(group, option))
-    return {name: value for name, value in content if name != "defaults"}
+    return {n: v for n, v in flat(option_content(group, option)) if n != "defaults"}
 
 
 def flat(section: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
