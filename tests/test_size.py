@@ -20,7 +20,7 @@ MODULES = 249
 
 BUDGET = {
     "": 1442,
-    "answers": 1334,
+    "answers": 1338,
     "benchmark": 1004,
     "calibration": 564,
     "cli": 2698,
@@ -36,7 +36,7 @@ BUDGET = {
     "pictures": 1377,
     "recordings": 2675,
     "rendering": 2148,
-    "report": 755,
+    "report": 751,
     "results": 1376,
     "scene": 3373,
     "stereo": 452,
