@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from stixel_cli.evaluation.metric_table import SMOOTHED, Metric, metric
+from stixel_cli.evaluation.metric_table import MAIN, SMOOTHED, Metric, metric
 from stixel_cli.evaluation.scan_errors import LOW_OVERLAP
 from stixel_cli.evaluation.scores import SERIES
 from stixel_cli.evaluation.verdict import LEAST_ODDS, badges, verdict
@@ -33,10 +33,7 @@ from stixel_cli.results.result import RunResult
 from stixel_cli.stixels.types import Objects
 from stixel_cli.tracking.track import Track
 
-SUMMARY = (
-    *("centre_rmse_m", "orientation_rmse_deg", "iou_mean", "iou_box_mean", "low_overlap_share"),
-    *("nees_position_mean", "nis_mean"),
-)
+SUMMARY = (*MAIN[:4], "low_overlap_share", "nees_position_mean", "nis_mean")
 """The metrics that the page shows of a whole run."""
 
 FACTS = ("road_user", "path", "ego", "measurement", "tracker")

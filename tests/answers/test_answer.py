@@ -157,12 +157,21 @@ def test_options_are_compared_over_what_all_of_them_have():
     answer = of_values({"a": {"turn": [0.9, None]}, "b": {"turn": [None, 0.5]}}).ask()
     assert "no scenario has every unit, and no unit every scenario" in answer.sentence
     assert answer.notes[0] == "Left out: turn, where a and b lack values."
+    apart = {"a": {"p": [0.9, None], "q": [None] * 2}, "b": {"p": [None, 0.5], "q": [None] * 2}}
+    assert of_values(apart).ask().over == "0 of 2 seeds"
     none = of_values({"a": {"turn": [None]}, "b": {"turn": [None]}}).ask(metric=IOU)
     assert "no run has a value" in none.sentence
     values = {"a": {"p": [0.9, 0.5], "q": [0.8, 0.8]}, "b": {"p": [0.7, None], "q": [None, None]}}
     found = of_values(values).ask().by_scenario()
     np.testing.assert_allclose(found.loc["p"], [0.9, 0.7])
     np.testing.assert_allclose(found.loc["q"], [0.8, np.nan])
+
+
+def test_a_sentence_names_the_last_option_and_counts_more():
+    same = {name: {"turn": [0.5, 0.6, 0.7, 0.8]} for name in "abcdefg"}
+    assert of_values(same).ask().sentence.endswith("not shown to differ: b, c, d, e and 2 more.")
+    del same["g"]
+    assert of_values(same).ask().sentence.endswith("not shown to differ: b, c, d, e and f.")
 
 
 def test_two_units_claim_nothing():
