@@ -241,11 +241,3 @@ def test_streams_and_folders_that_a_shell_takes_away(line, code, said, printed, 
     assert said in done.stderr
     assert done.stderr.count("\n") == bool(said)
     assert printed in done.stdout
-
-
-def test_an_unknown_road_user_points_to_the_mesh(capsys):
-    assert main(["run", "road_user=truck"]) == 2
-    said = capsys.readouterr().err
-    assert "road_user.mesh=FILE" in said and "car, cyclist, pedestrian" in said
-    assert main(["run", "stereo=sgmm"]) == 2
-    assert "mesh" not in capsys.readouterr().err

@@ -136,25 +136,6 @@ def test_clear_asks_on_a_terminal(store, monkeypatch, words, code, kept):
     assert len(left(store)) == kept
 
 
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (("gc", "--max-size", "much"), "--max-size: 'much' is not a valid size: write 500MB"),
-        (("gc", "--older-than", "old"), "--older-than: 'old' is not a valid age: write"),
-        (("clear",), "add --yes"),
-        ((), "missing command"),
-        (("lss",), "did you mean ls?"),
-        (("verify", "all"), "unexpected extra argument"),
-    ],
-)
-def test_wrong_words(store, words, said, capsys):
-    assert main(["cache", *words]) == 2
-    error = capsys.readouterr().err
-    assert error.count("\n") == 1
-    assert said in error
-    assert left(store) == [0, 1, 2, 3, 4, 5]
-
-
 def test_a_cache_that_is_no_folder(tmp_path, capsys, monkeypatch):
     (tmp_path / "file").write_text("mine")
     monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "file"))

@@ -56,19 +56,6 @@ def test_what_it_says(word, capsys):
     assert word != "stereo=bm" or "stereo.disparities_at_full_size" not in said
 
 
-NEAR = {
-    **{"tracker.sigma": "tracker.sigma_f", "traker": "tracker", "tracker=pont": "tracker=point"},
-    "NEES": "did you mean nees_position_mean or",
-}
-
-
-@pytest.mark.parametrize("word", NEAR)
-def test_a_wrong_name_has_one_line(word, capsys):
-    assert main(["describe", word]) == 2
-    captured = capsys.readouterr()
-    assert captured.out == "" and captured.err.count("\n") == 1 and NEAR[word] in captured.err
-
-
 def test_of_several_variants_the_default_comes_first_and_all_groups_are_listed(capsys):
     first, *others = describe_key("tracker.sigma_q")
     assert "tracker=gp_ekf" in first.belongs_to and others

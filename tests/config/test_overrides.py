@@ -128,10 +128,22 @@ IMPOSSIBLE = {
     "path.start=[0.5,1]": "path.start: must be at least 1.9 m from the camera, got 1.1 m",
     "path=waypoints path.points=[[0,1],[0,9]]": "path.points: must be at least 1.9 m from the "
     "camera, got 1 m",
-    "path=waypoints path.points=[[0,9]]": "path.points: must have at least two points",
-    "path=waypoints path.points=[]": "path.points: must have at least two points",
+    "path=waypoints path.points=[[0,9]]": "path.points: must have at least two points, got 1",
+    "path=waypoints path.points=[]": "path.points: must have at least two points, got 0",
+    "path=waypoints path.points=[[0,10],[0,10],[5,9]]": "path.points: points 0 and 1 are the same",
+    "path=waypoints path.points=[[0,10],[0,20],[0,12]]": "path.points: the path turns back on "
+    "itself at point 1",
+    "path=approach path.heading=90": "path.heading: 90 degrees",
+    "path=depart path.heading=-90": "path.heading: -90 degrees",
+    "path=crossing path.heading=180": "path.heading: 180 degrees",
+    **{
+        f"path={path} path.duration=3600 path.sample_time=0.001": "more than 100000 scans"
+        for path in group_options()["path"]
+        if path != "recorded"
+    },
     "path.duration=0.05": "path.sample_time: must be <= path.duration (0.05 s), got 0.1 s",
     "pictures.frames=[3,1]": "pictures.frames: must be increasing",
+    "pictures.frames=[3,3]": "pictures.frames: must be increasing",
     "rig.focal_length=700": "rig.focal_length: set either",
     "rig.horizontal_fov=null": "rig.focal_length: set either",
     "rig.principal_v=480": "rig.principal_v: must be 0 to 479 (the image), got 480",
@@ -143,6 +155,13 @@ IMPOSSIBLE = {
     "road_user.mesh=/no/such/file.obj": "road_user.mesh: ",
     "road_user.mesh=/": "road_user.mesh: ",
     "road_user.mesh=": "road_user.mesh: ",
+    "road_user.mesh=/ road_user.shape_seed=1": "road_user.shape_seed: must be null with road_user.",
+    "road_user.mesh_scale=0.001": "give road_user.mesh=FILE",
+    "road_user.mesh_forward=-y": "give road_user.mesh=FILE",
+    **{
+        f"occupancy={kind} occupancy.nearest=60": "occupancy.nearest: must be < occupancy.farthest"
+        for kind in group_options()["occupancy"]
+    },
     "measurement.height_min=5 measurement.height_max=2.5": "measurement.height_max: must be > "
     "measurement.height_min",
     "prior.corner_radius=2": "prior.corner_radius: must be ≤",
