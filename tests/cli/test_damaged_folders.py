@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 import yaml
-from short_runs import runs_with
 
 from stixel_cli.cli.app import main
 
@@ -116,10 +115,10 @@ READS = {
 def made(tmp_path_factory):
     """A folder with a run, a sweep of two runs, and their cache; not to be changed."""
     root = tmp_path_factory.mktemp("made")
-    with pytest.MonkeyPatch.context() as patch, runs_with("sketched"):
+    with pytest.MonkeyPatch.context() as patch:
         patch.setenv("STIXEL_CACHE", str(root / "cache"))
         results = ["--results", str(root / "results")]
-        assert main(["run", *FEW, "pictures.frames=[0]", *results, "--name", "run"]) == 0
+        assert main(["run", *FEW, *results, "--name", "run"]) == 0
         assert main(["sweep", *FEW, "seed=0,1", *results, "--name", "sweep"]) == 0
     return root
 

@@ -91,8 +91,6 @@ def test_records_by_stage(project):
     [
         ("helpers", "FACTOR * values", "values * FACTOR * 2", set(ALL) - {"numbers"}),
         ("helpers", "FACTOR = 3.0", "FACTOR = 4.0", set(ALL) - {"numbers"}),
-        ("helpers", "# a comment", "# another", set()),
-        ("double", "A docstring.", "Another.", set()),
         ("helpers", "UNUSED * values", "UNUSED + values", set(ALL) - {"numbers"}),
         ("gather", "list(running)", "list(running)[:]", {"gather"}),
         ("running", "0.0 if previous is None", "1.0 if previous is None", {*RUNNING, "gather"}),
