@@ -7,6 +7,7 @@ from functools import cache, lru_cache, wraps
 import numpy as np
 import typer.main
 
+from stixel_cli.config import folders
 from stixel_cli.engine import code
 from stixel_cli.rendering import placement, raycast
 from stixel_cli.scene import contours, road_user
@@ -22,6 +23,7 @@ def remember() -> None:
     ray_table.first_depths = remembered(ray_table.first_depths)
     # The files of the package, of which each graph reads and hashes a hundred.
     code._Walk._code = _of_own_package(code._Walk._code)
+    folders.conf_state = _of_shipped_presets(folders.conf_state)
     # Typer makes all commands anew for each command line of a process, of which tests have many.
     typer.main.get_command = cache(typer.main.get_command)
 
@@ -33,6 +35,17 @@ def _of_own_package(find: Callable[[code._Walk, tuple[str, ...]], code.Code]) ->
     def found(walk: code._Walk, roots: tuple[str, ...]) -> code.Code:
         own = all(root.startswith(f"{code.OWN_PACKAGE}.") for root in roots)
         return known(roots) if own and not walk._own else find(walk, roots)
+
+    return found
+
+
+def _of_shipped_presets(state: Callable[[], str]) -> Callable[[], str]:
+    """`state` of the presets, found once while there are no others than the shipped ones."""
+    known, package = cache(state), folders._PACKAGE
+
+    def found() -> str:
+        shipped = package == folders._PACKAGE and folders.PRESETS.folder is None
+        return known() if shipped else state()
 
     return found
 
