@@ -5,6 +5,7 @@ from collections.abc import Callable
 from functools import cache, lru_cache, wraps
 
 import numpy as np
+import pandas
 import typer.main
 
 from stixel_cli.config import folders
@@ -24,6 +25,8 @@ def remember() -> None:
     # The files of the package, of which each graph reads and hashes a hundred.
     code._Walk._code = _of_own_package(code._Walk._code)
     folders.conf_state = _of_shipped_presets(folders.conf_state)
+    # As where pyarrow, which few need, is not installed: texts of small tables take half as long.
+    pandas.set_option("mode.string_storage", "python")
     # Typer makes all commands anew for each command line of a process, of which tests have many.
     typer.main.get_command = cache(typer.main.get_command)
 
