@@ -94,9 +94,18 @@ def test_every_command_has_a_help(command, capsys):
             "from stixel_cli.config.compose import compose; compose(['seed=1'])",
             "scipy cv2 numba matplotlib open3d shapely joblib",
         ),
+        (
+            "from stixel_cli.border import TYPED; from stixel_cli.config.overrides import *; "
+            "check_overrides(read_overrides(['seed=3', 'path=turn'], TYPED))",
+            "hydra antlr4",
+        ),
+        (
+            "from stixel_cli import trackers; trackers.Contour(start=[0, 10, 0])",
+            "hydra stixel_cli.engine",
+        ),
     ],
 )
-def test_help_and_composition_import_nothing_heavy(program, heavy):
+def test_what_needs_little_imports_nothing_heavy(program, heavy):
     check = f"sys.exit([name for name in {heavy.split()} if name in sys.modules] or 0)"
     done = subprocess.run(
         [sys.executable, "-c", f"import sys; {program}; {check}"], capture_output=True, text=True

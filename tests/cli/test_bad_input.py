@@ -39,6 +39,10 @@ SENTENCES = {
     "measurement=stixels; it belongs to measurement=fabricated",
     "measurement.noise.range_std=1": "measurement.noise.range_std: unknown "
     "key with measurement=stixels; it belongs to measurement=fabricated measurement/noise=const",
+    "measurement.noise.range_deviation=1": "did you mean measurement.noise.range_std",
+    "range_deviation=1": " or measurement.noise.range_std or ",
+    "measurement.disparity_deviation=1": "did you mean measurement.noise.disparity_std",
+    "start.position_deviation=1": "did you mean start.position",
     "measurement.disparity_std=1": "did you mean measurement.noise.disparity_std?",
     "measurement/noise.range_std=1": "did you mean measurement.noise.range_std?",
     "measurement.scanner=3": "measurement.scanner: is a group of keys: give one of them",
