@@ -94,9 +94,18 @@ def test_every_command_has_a_help(command, capsys):
             "from stixel_cli.config.compose import compose; compose(['seed=1'])",
             "scipy cv2 numba matplotlib open3d shapely joblib",
         ),
+        (
+            "from stixel_cli.border import TYPED; from stixel_cli.config.overrides import *; "
+            "check_overrides(read_overrides(['seed=3', 'path=turn'], TYPED))",
+            "hydra antlr4",
+        ),
+        (
+            "from stixel_cli import trackers; trackers.Contour(start=[0, 10, 0])",
+            "hydra stixel_cli.engine",
+        ),
     ],
 )
-def test_help_and_composition_import_nothing_heavy(program, heavy):
+def test_what_needs_little_imports_nothing_heavy(program, heavy):
     check = f"sys.exit([name for name in {heavy.split()} if name in sys.modules] or 0)"
     done = subprocess.run(
         [sys.executable, "-c", f"import sys; {program}; {check}"], capture_output=True, text=True
@@ -241,11 +250,3 @@ def test_streams_and_folders_that_a_shell_takes_away(line, code, said, printed, 
     assert said in done.stderr
     assert done.stderr.count("\n") == bool(said)
     assert printed in done.stdout
-
-
-def test_an_unknown_road_user_points_to_the_mesh(capsys):
-    assert main(["run", "road_user=truck"]) == 2
-    said = capsys.readouterr().err
-    assert "road_user.mesh=FILE" in said and "car, cyclist, pedestrian" in said
-    assert main(["run", "stereo=sgmm"]) == 2
-    assert "mesh" not in capsys.readouterr().err
