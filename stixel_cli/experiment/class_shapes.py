@@ -27,6 +27,7 @@ from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.ego import ego_motion
 from stixel_cli.scene.parameters import ROAD_USER_CLASSES
 from stixel_cli.scene.path import build_scenario
+from stixel_cli.scene.road_user import road_user_meshes
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.tracking.contour import class_size
 from stixel_cli.tracking.contour.class_shape import ClassShape, OutlineModes, VisibleShape
@@ -85,7 +86,9 @@ def learned_class(
         else visible_shape.visible_shape_of(_samples(seen, sensor), shape)
         for sensor in sensors
     }
-    return size, entry(size, shape, visible_shape.outline_modes_of(scenarios, shape.size), visible)
+    modes = visible_shape.outline_modes_of(scenarios, shape.size)
+    ends = visible_shape.end_insets_of([road_user_meshes(one.road_user) for one in configurations])
+    return size, entry(size, shape, modes, ends, visible)
 
 
 def _scenario(p: Configuration) -> Scenario:
@@ -115,7 +118,11 @@ def class_text(known: Mapping[str, Any]) -> str:
 
 
 def entry(
-    size: ClassSize, shape: ClassShape, modes: OutlineModes, seen: Mapping[str, VisibleShape]
+    size: ClassSize,
+    shape: ClassShape,
+    modes: OutlineModes,
+    ends: np.ndarray,
+    seen: Mapping[str, VisibleShape],
 ) -> dict[str, Any]:
     """One class in the generated file: lengths in whole millimetres."""
     lengths = {
@@ -124,6 +131,7 @@ def entry(
         "radii": np.hypot(*shape.outline.T),
         "modes": modes.fixed,
         "limb_modes": modes.limbs,
+        "end_insets": ends,
         **{sensor: vars(values) for sensor, values in seen.items()},
     }
     return _plain(lengths)

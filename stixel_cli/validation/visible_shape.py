@@ -17,8 +17,10 @@ import numpy as np
 from stixel_cli.geometry.polygon import first_hits
 from stixel_cli.geometry.pose import target_from_world
 from stixel_cli.measurements.scans import Scans
+from stixel_cli.scene.mesh import Mesh, corners
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.tracking.contour.class_shape import (
+    HEIGHTS,
     LIMB_MODES,
     MODE_ANGLES,
     MODES,
@@ -55,6 +57,9 @@ TOWARDS_BOX = 2.0 / 3.0
 
 Of drawn pedestrians, 0 gives the best outlines and 1 the best boxes. Cars are best at 0.5.
 """
+
+EDGE_POINTS = 41
+"""Points on each edge of a mesh, of which the farthest at a height is its end there."""
 
 DRAWN_RAYS = (24, 10)
 """Even aspects, and even offsets over an outline's width, of the rays on drawn outlines."""
@@ -101,6 +106,27 @@ def _principal(differences: np.ndarray, count: int) -> np.ndarray:
     _, stds, directions = np.linalg.svd(scaled, full_matrices=False)
     components = (stds[:, None] * directions)[:count]
     return np.pad(components, ((0, count - len(components)), (0, 0)))
+
+
+def end_insets_of(road_users: Sequence[Sequence[Mesh]]) -> np.ndarray:
+    """How far inside the box of a class its ends are at each height: `class_shape.end_insets`.
+
+    Of each road user the meshes of all poses of its limbs. Above it, as at its top.
+    """
+    found, share = [], np.linspace(0.0, 1.0, EDGE_POINTS)[:, None]
+    for meshes in road_users:
+        reach = np.full((2, len(HEIGHTS)), -np.inf)
+        for begin in map(corners, meshes):
+            end = np.roll(begin, -1, axis=1)
+            edges = share * begin[..., None, :] + (1.0 - share) * end[..., None, :]
+            x, _, z = edges.reshape(-1, 3).T
+            slab = np.abs(z[:, None] - HEIGHTS).argmin(axis=1)
+            np.maximum.at(reach[0], slab, -x)
+            np.maximum.at(reach[1], slab, x)
+        top = np.flatnonzero(np.isfinite(reach[0])).max()
+        reach[:, top:] = reach[:, top : top + 1]
+        found.append(reach.max(axis=1, keepdims=True) - reach)
+    return np.stack([np.mean(found, axis=0), np.std(found, axis=0)], axis=1)
 
 
 def visible_outline_of(scenarios: Sequence[Scenario], shape: ClassShape) -> VisibleShape:
