@@ -17,7 +17,7 @@ CHECK_PYTHON := @test -n "$(PYTHON)" || \
 	{ echo "make: Python 3.11 or later is needed; name it with PYTHON=…" >&2; exit 2; }
 ARGS ?=
 
-.PHONY: setup run test lint coverage bench docs minimum dist clean
+.PHONY: setup run test lint coverage bench figures docs minimum dist clean
 
 setup: .venv/kernels .venv/schemas
 
@@ -74,6 +74,15 @@ coverage: setup .venv/installed-for-tests
 
 bench: setup .venv/installed-for-tests
 	$(BIN)/python bench/write_page.py $(ARGS)
+
+# Every number of a study and every picture in README and docs: hours. STIXEL_DATA names a folder
+# of real data, see docs/studies.md.
+STUDIES := accuracy consistency motions robustness robustness_real rq1 rq2 rq3 thesis
+FIGURES := home_away away_figure examples moving_picture gallery terminal metric_figure
+figures: setup
+	$(BIN)/stixel study all
+	$(BIN)/python docs/studies.py $(STUDIES:%=results/%)
+	for name in $(FIGURES); do $(BIN)/python docs/$$name.py || exit 1; done
 
 # The site of the documentation, in build/site; a page that lacks a link or an entry is an error.
 docs: setup

@@ -12,7 +12,7 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 46_461
+TOTAL = 46_525
 """Greatest number of lines in all."""
 
 MODULES = 249
@@ -27,13 +27,13 @@ BUDGET = {
     "config": 2772,
     "engine": 4177,
     "evaluation": 1619,
-    "experiment": 1319,
+    "experiment": 1322,
     "export": 600,
     "geometry": 412,
     "live": 618,
     "machine": 187,
-    "measurements": 1937,
-    "pictures": 1377,
+    "measurements": 1935,
+    "pictures": 1375,
     "recordings": 2667,
     "rendering": 2148,
     "report": 743,
@@ -43,8 +43,8 @@ BUDGET = {
     "stixels": 2073,
     "studies": 1715,
     "sweeps": 2037,
-    "tracking": 6695,
-    "validation": 1088,
+    "tracking": 6744,
+    "validation": 1104,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
 

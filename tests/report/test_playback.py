@@ -232,7 +232,7 @@ def test_an_isotropic_noise_is_one_number_and_the_scan_s_own_is_not_stored_again
     assert noise("tracker.measurement_std=0.4")["std"] == 400
     for kind in ("point", "box"):
         assert noise(f"tracker={kind}", "tracker.measurement_std=0.25")["std"] == 250
-    found = noise("tracker.measurement_covariance=points")
+    found = noise("tracker=gm_mem_ekf")
     assert found["std"] is found["ellipses"] is None
 
 
