@@ -9,6 +9,7 @@ pandaset.org, CC BY 4.0).
 from io import BytesIO
 from pathlib import Path
 
+from home_away import ROAD_Z
 from PIL import Image
 
 from stixel_cli import run
@@ -17,9 +18,6 @@ from stixel_cli.pictures import style
 from stixel_cli.studies.report import data_folder
 
 FILE = Path(__file__).parent / "figures" / "away.webp"
-ROAD_Z = -0.25
-"""Of the street in the tables' column z, m."""
-
 PANELS = (
     ("car-8febbea0", 25, "saloon, 45 m: rear window, no bumper"),
     ("car-d0070c93", 25, "car, 20 m: bumper and one side"),
