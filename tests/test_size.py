@@ -12,7 +12,7 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 46_525
+TOTAL = 46_529
 """Greatest number of lines in all."""
 
 MODULES = 249
@@ -20,7 +20,7 @@ MODULES = 249
 
 BUDGET = {
     "": 1480,
-    "answers": 1337,
+    "answers": 1341,
     "benchmark": 1002,
     "calibration": 564,
     "cli": 2697,

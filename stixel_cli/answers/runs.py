@@ -278,10 +278,10 @@ def grouped(frame: pd.DataFrame, question: Question) -> Groups:
     runs = runs.assign(**{name: combined(runs, columns) for name, columns in named.items()})
     twice = runs[runs[[*named]].duplicated()]
     if len(twice):
-        what = " ".join(str(twice.iloc[0][name]) for name in named).strip()
+        what = " ".join(str(twice.iloc[0][name]) for name, keys in named.items() if keys)
         raise UserError(
-            f"runs: two are {printable(what, 120)}: name the column in which they differ in "
-            "compare, within or over"
+            f"runs: two are {printable(what or 'equal', 120)}: name the column in which they "
+            "differ in compare, within or over"
         )
     cells, values = zip(*(pd.factorize(runs[name]) for name in named), strict=True)
     failed = runs[STATUS].isin((FAILED, SKIPPED))
@@ -295,7 +295,10 @@ def grouped(frame: pd.DataFrame, question: Question) -> Groups:
 def answered(groups: Groups, question: Question) -> Answer:
     """The answer to a question about runs in its groups, see `Runs.ask`."""
     options, scenarios, units, row = groups.options, groups.scenarios, groups.units, question.row
-    value = groups.runs[question.metric].astype(float)
+    try:
+        value = groups.runs[question.metric].astype(float)
+    except ValueError:
+        raise UserError(f"{printable(question.metric, 60)}: must be a column of numbers") from None
     value = value.where(~groups.failed & (groups.runs[STATUS] != MISSING))
     if question.metric == LOST:
         value = value.mask(groups.failed, 1.0)
@@ -349,10 +352,9 @@ def combined(runs: pd.DataFrame, names: Sequence[str]) -> pd.Series:
     if len(columns) == 1:
         return columns[0]
     if not columns:
-        return pd.Series("all", runs.index)
-    texts = [
-        [with_key(name, value) for value in one] for name, one in zip(names, columns, strict=True)
-    ]
+        return pd.Series("all runs", runs.index)
+    named = zip(names, columns, strict=True)
+    texts = [[with_key(name, value) for value in one] for name, one in named]
     return pd.Series([" ".join(row) for row in zip(*texts, strict=True)], runs.index)
 
 
@@ -458,10 +460,10 @@ class Runs:
             within: axes whose combinations are scenarios, of equal weight; by default all others.
             over: axes whose combinations are the units of statistics; by default the seeds.
             metric: by default the first of the main ones that the runs have.
-            better: "more", "less" or None; by default as the table of metrics says.
+            better: "more", "less" or "one"; by default as the table of metrics says.
             reference: the option that others are compared with; None for the best one.
 
-        UserError for a column that the frame does not have, or an axis that is named twice.
+        UserError for a column that is missing, an axis that is named twice, or another `better`.
         """
         over = _names(over, [name for name in self.axes if name.endswith("seed")])
         rest = [name for name in self.axes if name not in over]
@@ -478,6 +480,8 @@ class Runs:
                     f"{printable(name or 'metric', 60)}: no such column; there are {known}"
                 )
         named = [*compare, *within, *over]
+        if better not in (None, "more", "less", "one"):
+            raise UserError(f"better: {printable(str(better), 60)}: must be more, less or one")
         twice = next((name for name in named if named.count(name) > 1), None)
         if twice is not None:
             raise UserError(f"{printable(twice, 60)}: is in two of compare, within and over")

@@ -224,7 +224,9 @@ def test_what_is_not_a_question_is_refused():
         ({"metric": "ious"}, "ious: no such column"),
         ({"compare": "tracker", "within": "tracker"}, "tracker: is in two of"),
         ({"reference": "c"}, "reference: c: no option"),
-        ({"over": (), "within": "path"}, "two are a turn all"),
+        ({"over": (), "within": "path"}, "two are a turn: name"),
+        ({"metric": "path"}, "path: must be a column of numbers"),
+        ({"better": "up"}, "better: up: must be more, less or one"),
     ):
         with pytest.raises(UserError, match=said):
             runs.ask(compare=parts.pop("compare", "tracker"), **parts)
@@ -238,6 +240,9 @@ def test_any_frame_of_numbers_is_asked_by_name_and_a_missing_setting_is_a_value(
     answer = Runs(frame).ask(metric="quality", better="more")
     assert (answer.best, answer.shown) == ("b", True)
     assert Runs(frame).ask(metric="quality", better="less").best == "a"
+    assert Runs(frame[frame["method"] == "a"].drop(columns="method")).ask().sentence == (
+        "Quality: all runs 1.00 [0.87, 1.13] (4 seeds)."
+    )
     rows = [("a", None, 0, 0.5), ("a", "turn", 0, 0.7), ("b", None, 0, 0.6), ("b", "turn", 0, 0.8)]
     answer = Runs(frame_of(rows, ("tracker", "path", "seed"))).ask()
     assert answer.scenarios == ("–", "turn")
