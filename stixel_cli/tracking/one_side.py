@@ -81,7 +81,7 @@ class OneSide:
         self.radii = prior_radii(prior, process.basis_angles)
         self.basis_angles = process.basis_angles
         self.radii_covariance, self.limbs = None, np.zeros((0, len(self.radii)))
-        self._bias_per_std, self.std_factor, self.roughness = 0.0, 1.0, 0.0
+        self.std_factor, self.roughness = 1.0, 0.0
         if not self._known:
             return
         shape = class_shape(prior.road_user)
@@ -101,11 +101,11 @@ class OneSide:
         stds = np.array([prior.length_std, prior.width_std])
         sizes = stds[:, None] * [self._at(bearings, one) for one in size_slopes(outline)]
         self.radii_covariance = fixed.T @ fixed + sizes.T @ sizes
-        table = outline_table(shape.outline)
-        self._tables, self._insets = (table, table), end_insets(prior.road_user)
         if seen_by in ("stixels", "lidar"):
             seen = visible_shape(prior.road_user, seen_by)
-            self._tables = visible_table(shape.outline, seen, blurred=seen_by == "stixels"), table
+            visible = visible_table(shape.outline, seen, blurred=seen_by == "stixels")
+            self._tables = visible, outline_table(shape.outline)
+            self._insets = end_insets(prior.road_user)
             self._bias_per_std, self.std_factor = seen.bias_per_std, seen.std_factor
 
     def _at(self, bearings: np.ndarray, values: np.ndarray) -> np.ndarray:
