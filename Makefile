@@ -11,13 +11,13 @@ MINIMUM := .venv-minimum
 # pip would compile all modules, one after the other, which takes as long as their installation:
 # Python compiles those that are used.
 INSTALL := PIP_CONSTRAINT=$(CONSTRAINTS) PIP_DISABLE_PIP_VERSION_CHECK=1 \
-	$(BIN)/python -m pip install --quiet --no-compile --editable
+	$(BIN)/python -m pip install --quiet --no-compile
 unexport PYTHONDONTWRITEBYTECODE
 CHECK_PYTHON := @test -n "$(PYTHON)" || \
 	{ echo "make: Python 3.11 or later is needed; name it with PYTHON=…" >&2; exit 2; }
 ARGS ?=
 
-.PHONY: setup run test lint coverage bench docs minimum dist clean
+.PHONY: setup run test lint coverage bench figures docs minimum dist clean
 
 setup: .venv/kernels .venv/schemas
 
@@ -25,13 +25,14 @@ setup: .venv/kernels .venv/schemas
 	$(CHECK_PYTHON)
 	@echo "make: installing the packages into .venv; this takes one to four minutes"
 	$(PYTHON) -m venv .venv
-	$(INSTALL) '.[peers]'
+	$(INSTALL) --editable '.[peers]'
 	@touch $@
 
-# The tests' packages, of which a run needs none.
+# The tests' packages, of which a run needs none. Of what is installed, pip adds an extra and builds
+# nothing again.
 .venv/installed-for-tests: .venv/installed
 	@echo "make: installing the packages of the tests"
-	$(INSTALL) '.[test]'
+	$(INSTALL) 'stixel[test]'
 	@touch $@
 
 # Numba's kernels, compiled where they have changed. Without this, the first run compiles them.
@@ -65,7 +66,7 @@ lint: setup .venv/installed-for-tests
 
 # Which lines the tests run, the least covered modules first. It takes twice as long as the tests.
 coverage: setup .venv/installed-for-tests
-	$(INSTALL) '.[coverage]'
+	$(INSTALL) 'stixel[coverage]'
 	$(BIN)/coverage erase
 	$(BIN)/coverage run -m pytest -n 2 --dist worksteal -p no:benchmark $(ARGS)
 	$(BIN)/coverage combine --quiet
@@ -74,9 +75,18 @@ coverage: setup .venv/installed-for-tests
 bench: setup .venv/installed-for-tests
 	$(BIN)/python bench/write_page.py $(ARGS)
 
+# Every number of a study and every picture in README and docs: hours. STIXEL_DATA names a folder
+# of real data, see docs/studies.md.
+STUDIES := accuracy consistency motions robustness robustness_real rq1 rq2 rq3 thesis
+FIGURES := home_away away_figure examples moving_picture gallery terminal metric_figure
+figures: setup
+	$(BIN)/stixel study all
+	$(BIN)/python docs/studies.py $(STUDIES:%=results/%)
+	for name in $(FIGURES); do $(BIN)/python docs/$$name.py || exit 1; done
+
 # The site of the documentation, in build/site; a page that lacks a link or an entry is an error.
 docs: setup
-	$(INSTALL) '.[docs]'
+	$(INSTALL) 'stixel[docs]'
 	$(BIN)/python -m sphinx -c docs/site -b html -q -W --keep-going -E . build/site
 	cp build/site/README.html build/site/index.html
 	@echo "open build/site/index.html in a browser"

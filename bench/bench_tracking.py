@@ -41,7 +41,6 @@ TRACKER = GpEkfParameters(
     sigma_q_psi=0.2,
     slip=None,
     seen_by=None,
-    measurement_covariance="isotropic",
     measurement_std=STD,
     gate_probability=0.99,
     lag=0,

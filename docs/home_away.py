@@ -17,6 +17,8 @@ BEGIN, END = "<!-- from docs/home_away.py -->", "<!-- end -->"
 TRACKERS = ("contour", "gp_ekf", "box", "no_data")
 METRICS = {"iou_box_mean": "box IoU", "nees_position_mean": "NEES / 2"}
 SEEDS = range(4)
+ROAD_Z = -0.25
+"""Of PandaSet's street in the tables' column z, m, as in pipelines/studies/robustness_real.yaml."""
 
 
 def home(measurement: str) -> Runs:
@@ -49,7 +51,8 @@ def pandaset(data: Path) -> Runs:
             f"measurement.{key}": folder / f"{name}.csv"
             for key, name in (("path", "scans"), ("ego", "ego"), ("truth", "truth"))
         }
-        swept = sweep("experiment=pandaset", files, tracker=TRACKERS, seed=SEEDS)
+        known = files | {"measurement.road_z": ROAD_Z}
+        swept = sweep("experiment=pandaset", known, tracker=TRACKERS, seed=SEEDS)
         frames.append(swept.frame().assign(recording=folder.name))
     return Runs(pd.concat(frames, ignore_index=True), ("recording", "tracker", "seed"))
 

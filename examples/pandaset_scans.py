@@ -6,7 +6,8 @@ points of its lidars and labelled boxes. With your own copy of one sequence:
     python examples/pandaset_scans.py SEQUENCE                # lists the road users that move
     python examples/pandaset_scans.py SEQUENCE UUID FOLDER    # writes the tables of one
     stixel run experiment=pandaset measurement.path=FOLDER/scans.csv \
-        measurement.ego=FOLDER/ego.csv measurement.truth=FOLDER/truth.csv
+        measurement.ego=FOLDER/ego.csv measurement.truth=FOLDER/truth.csv \
+        measurement.road_z=Z                                  # Z is printed
 
 A scan has the points of the rotating lidar within half a length + 3 m of the labelled centre, 0.35
 to 2.2 m above the lowest of them, and of each bearing of 0.2° the nearest. So neighbours are in it,
@@ -100,13 +101,13 @@ def moving(labels: pd.DataFrame) -> pd.DataFrame:
 
 
 def scan(points: np.ndarray, sensor: np.ndarray, centre: np.ndarray, reach: float) -> np.ndarray:
-    """The points (n, 2) m of a scan, from points (N, 3) m in the world: see the module's text."""
+    """The points (n, 3) m of a scan, of points (N, 3) m in the world: see the module's text."""
     near = points[np.hypot(*(points[:, :2] - centre).T) < reach]
     if not len(near):
-        return near[:, :2]
+        return near
     height = near[:, 2] - near[:, 2].min()
-    near = near[(height >= LOWEST) & (height <= HIGHEST), :2]
-    offsets = near - sensor
+    near = near[(height >= LOWEST) & (height <= HIGHEST)]
+    offsets = near[:, :2] - sensor
     bearings = np.round(np.arctan2(offsets[:, 1], offsets[:, 0]) / BEARING)
     order = np.argsort(np.hypot(*offsets.T), kind="stable")
     _, first = np.unique(bearings[order], return_index=True)
@@ -143,12 +144,14 @@ def main(sequence: Path, uuid: str, folder: Path) -> None:
         truth.append((row, *centre, label["yaw"] + 0.5 * np.pi, length, width))
         cloud = read_frame(sequence / f"lidar/{k:02d}.pkl.gz")
         points = cloud.loc[cloud["d"] == 0, ["x", "y", "z"]].to_numpy(float)
-        for x, y in scan(points, sensor, centre, 0.5 * length + MARGIN):
-            scans.append((row, t, x, y))
+        for point in scan(points, sensor, centre, 0.5 * length + MARGIN):
+            scans.append((row, t, *point))
     folder.mkdir(parents=True, exist_ok=True)
-    write(folder / "scans.csv", "k t x y", scans)
+    write(folder / "scans.csv", "k t x y z", scans)
     write(folder / "ego.csv", "k t x y heading", ego)
     write(folder / "truth.csv", "k x y heading length width", truth)
+    road = (own["position.z"] - 0.5 * own["dimensions.z"]).median()
+    print(f"measurement.road_z={road:.2f}")
 
 
 if __name__ == "__main__":

@@ -1,5 +1,8 @@
 """Errors that the user can fix: one line, without a traceback."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
 from unicodedata import category
 
 
@@ -46,6 +49,20 @@ class Interrupted(UserError):
 
 class FolderTaken(UserError):
     """Another process has already created the folder."""
+
+
+@contextmanager
+def located(
+    place: object, kind: type[Exception] = UserError, caught: Any = ValueError
+) -> Iterator[None]:
+    """Context whose errors `caught`, a class or several, become those of `kind`, after a `place`.
+
+    Without a place, "", their text stays.
+    """
+    try:
+        yield
+    except caught as fault:
+        raise kind(f"{place}: {fault}" if place else str(fault)) from None
 
 
 def escaped(text: str) -> str:

@@ -12,6 +12,7 @@ import sys
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -88,7 +89,7 @@ def read_text(file: Path) -> str:
 def read_json(file: Path) -> dict[str, Any]:
     """The names and values of a JSON file.
 
-    UserError if it is missing, not a JSON object, or has a value that `check_plain` refuses.
+    UserError if it is missing, not JSON, or has what `check_plain` refuses.
     """
     return parse_json(read_text(file), file)
 
@@ -105,8 +106,6 @@ def parse_json(text: str, file: Path) -> dict[str, Any]:
     except (ValueError, RecursionError):
         raise UserError(f"{file}: not valid JSON") from None
     check_plain(content, file)
-    if not isinstance(content, dict):
-        raise UserError(f"{file}: must map names to values, not be a {type(content).__name__}")
     return content
 
 
@@ -133,75 +132,95 @@ def read_xml(file: Path) -> "Element":
         raise UserError(f"{file}: not valid XML: {error}") from None
 
 
-def read_yaml(file: Path) -> Any:
-    """The content of a YAML file in plain types.
+def read_yaml(file: Path, most: int | None = None) -> dict[str, Any]:
+    """The names and values of a YAML file, {} of an empty one; 1e-6 is a number, a date is text.
 
-    UserError if it is missing, is not YAML, or has a value that `check_plain` refuses.
+    It has at most `most` values (default `MOST_VALUES`), aliases expanded. UserError if it is
+    missing, is not YAML, has a key twice in a mapping, is nested too deep or has too many values,
+    or has what `check_plain` refuses.
     """
     import yaml
 
-    text = read_yaml_text(file)
+    # OpenCV's files have a directive and a tag that are not valid YAML; a message that ROS prints
+    # ends with the start of a next document.
+    text = re.sub(r"\A%YAML:1\.0\s*\n|!!opencv-matrix|\n---\s*\Z", "", read_text(file))
     try:
-        content = yaml.load(text, getattr(yaml, "CSafeLoader", yaml.SafeLoader))
-    except (yaml.YAMLError, ValueError, TypeError, RecursionError):
+        _check_size(text, file, most or MOST_VALUES)
+        content = yaml.load(text, _loader())
+        content = {} if content is None else content
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        line = "" if mark is None else f"line {mark.line + 1}: {error.problem}: "
+        raise UserError(f"{file}: {line}not valid YAML") from None
+    except (ValueError, TypeError, RecursionError):
         raise UserError(f"{file}: not valid YAML") from None
     check_plain(content, file)
     return content
 
 
-def read_yaml_text(file: Path, most: int | None = None) -> str:
-    """The text of a YAML file that every loader can read: limited depth, limited aliases.
-
-    It has at most `most` values (default `MOST_VALUES`), aliases expanded. UserError if it is
-    missing, or not such a file.
-    """
+@cache
+def _loader() -> Any:
+    """YAML's loader of plain types, as OmegaConf has it."""
     import yaml
 
-    text, most = read_text(file), most or MOST_VALUES
-    # OpenCV's files have a directive and a tag that are not valid YAML; a message that ROS prints
-    # ends with the start of a next document.
-    text = re.sub(r"\A%YAML:1\.0\s*\n|!!opencv-matrix|\n---\s*\Z", "", text)
+    class Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):
+        def construct_mapping(self, node: Any, deep: bool = False) -> Any:
+            seen = set()
+            for key, _ in node.value:
+                if str(key.value) in seen:
+                    twice = f"found duplicate key {str(key.value)[:40]}"
+                    raise yaml.constructor.ConstructorError(None, None, twice, key.start_mark)
+                seen.add(str(key.value))
+            return super().construct_mapping(node, deep)
+
+    number = re.compile(r"[-+]?[0-9][0-9_]*(\.[0-9_]*)?[eE][-+]?[0-9]+$")
+    Loader.add_implicit_resolver("tag:yaml.org,2002:float", number, list("-+0123456789"))
+    Loader.yaml_implicit_resolvers = {
+        first: [one for one in own if not one[0].endswith(":timestamp")]
+        for first, own in Loader.yaml_implicit_resolvers.items()
+    }
+    return Loader
+
+
+def _check_size(text: str, file: Path, most: int) -> None:
+    """Raise UserError if a YAML text is nested too deep, or has more values than `most`."""
+    import yaml
+
     total = 0
     sizes: dict[str, int] = {}  # Number of values of each anchor.
     started: list[tuple[str | None, int]] = []  # Of each open collection: anchor, total before.
-    try:
-        # Events come one at a time: neither parser recurses here, only the loaders do.
-        for event in yaml.parse(text, getattr(yaml, "CSafeLoader", yaml.SafeLoader)):
-            if isinstance(event, yaml.CollectionEndEvent):
-                anchor, before = started.pop()
-                if anchor is not None:
-                    sizes[anchor] = total - before
-            elif isinstance(event, yaml.CollectionStartEvent):
-                started.append((event.anchor, total))
-                sizes.pop(event.anchor, None)
-                total += 1
-            elif isinstance(event, yaml.AliasEvent):
-                if event.anchor not in sizes:
-                    name = event.anchor[:40]
-                    raise UserError(f"{file}: *{name}: an alias of itself, or of nothing")
-                total += sizes[event.anchor]
-            elif isinstance(event, yaml.ScalarEvent):
-                total += 1
-                if event.anchor is not None:
-                    sizes[event.anchor] = 1
-                if _LONG_NUMBER.fullmatch(event.value):
-                    raise UserError(f"{file}: a number of {len(event.value)} characters")
-            if len(started) > DEEPEST:
-                raise UserError(f"{file}: nested more than {DEEPEST} levels deep")
-            if total > most:
-                raise UserError(f"{file}: more than {most} values, aliases expanded")
-    except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        line = "" if mark is None else f"line {mark.line + 1}: {error.problem}: "
-        raise UserError(f"{file}: {line}not valid YAML") from None
-    return text
+    # Events come one at a time: the parser does not recurse here, the loader does.
+    for event in yaml.parse(text, _loader()):
+        if isinstance(event, yaml.CollectionEndEvent):
+            anchor, before = started.pop()
+            if anchor is not None:
+                sizes[anchor] = total - before
+        elif isinstance(event, yaml.CollectionStartEvent):
+            started.append((event.anchor, total))
+            sizes.pop(event.anchor, None)
+            total += 1
+        elif isinstance(event, yaml.AliasEvent):
+            if event.anchor not in sizes:
+                name = event.anchor[:40]
+                raise UserError(f"{file}: *{name}: an alias of itself, or of nothing")
+            total += sizes[event.anchor]
+        elif isinstance(event, yaml.ScalarEvent):
+            total += 1
+            if event.anchor is not None:
+                sizes[event.anchor] = 1
+            if _LONG_NUMBER.fullmatch(event.value):
+                raise UserError(f"{file}: a number of {len(event.value)} characters")
+        if len(started) > DEEPEST:
+            raise UserError(f"{file}: nested more than {DEEPEST} levels deep")
+        if total > most:
+            raise UserError(f"{file}: more than {most} values, aliases expanded")
 
 
 def check_plain(content: Any, file: Path) -> None:
     """Check the content of `file`.
 
-    UserError if it has anything except lists, mappings, valid text, finite numbers, booleans and
-    null, or is nested deeper than `DEEPEST`.
+    UserError if it is no mapping, has anything except lists, mappings, valid text, finite numbers,
+    booleans and null, or is nested deeper than `DEEPEST`.
     """
     pending: list[tuple[Any, Any, int]] = [("content", content, 0)]
     total = 0
@@ -229,6 +248,8 @@ def check_plain(content: Any, file: Path) -> None:
             fault = f"a {type(value).__name__}: must be text, a number, true, false or null"
         if fault is not None:
             raise UserError(f"{file}: {str(name)[:60]}: {fault}")
+    if not isinstance(content, dict):
+        raise UserError(f"{file}: must map names to values, not be a {type(content).__name__}")
 
 
 def read_arrays(file: Path, texts: dict[str, str] | None = None) -> "dict[str, np.ndarray]":

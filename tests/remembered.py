@@ -5,8 +5,12 @@ from collections.abc import Callable
 from functools import cache, lru_cache, wraps
 
 import numpy as np
+import pandas
 import typer.main
 
+from stixel_cli.cli import app
+from stixel_cli.config import folders
+from stixel_cli.engine import code
 from stixel_cli.rendering import placement, raycast
 from stixel_cli.scene import contours, road_user
 from stixel_cli.tracking.contour import ray_table
@@ -19,8 +23,36 @@ def remember() -> None:
     raycast._static_scene = lru_cache(maxsize=1)(_static_scene)
     # The tables of what a sensor sees of a shape, which each track of `contour` makes anew.
     ray_table.first_depths = remembered(ray_table.first_depths)
+    # The files of the package, of which each graph reads and hashes a hundred.
+    code._Walk._code = _of_own_package(code._Walk._code)
+    folders.conf_state = _of_shipped_presets(folders.conf_state)
+    # As where pyarrow, which few need, is not installed: texts of small tables take half as long.
+    pandas.set_option("mode.string_storage", "python")
     # Typer makes all commands anew for each command line of a process, of which tests have many.
+    app.application = cache(app.application)
     typer.main.get_command = cache(typer.main.get_command)
+
+
+def _of_own_package(find: Callable[[code._Walk, tuple[str, ...]], code.Code]) -> Callable:
+    """`find`, which finds the code of the package's own modules once: no test edits these files."""
+    known = cache(lambda roots: find(code._Walk(()), roots))
+
+    def found(walk: code._Walk, roots: tuple[str, ...]) -> code.Code:
+        own = all(root.startswith(f"{code.OWN_PACKAGE}.") for root in roots)
+        return known(roots) if own and not walk._own else find(walk, roots)
+
+    return found
+
+
+def _of_shipped_presets(state: Callable[[], str]) -> Callable[[], str]:
+    """`state` of the presets, found once while there are no others than the shipped ones."""
+    known, package = cache(state), folders._PACKAGE
+
+    def found() -> str:
+        shipped = package == folders._PACKAGE and folders.PRESETS.folder is None
+        return known() if shipped else state()
+
+    return found
 
 
 def _static_scene(world, motion, rig, renderer) -> raycast.StaticScene:

@@ -3,7 +3,7 @@
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 from pkgutil import resolve_name
 
@@ -21,6 +21,8 @@ def _shown_metrics(runs: Runs) -> list[str]:
 
 
 _ALL_METRICS = Runs.metrics.func
+_SHOWN_METRICS = cached_property(_shown_metrics)
+_SHOWN_METRICS.__set_name__(Runs, "_shown_metrics")
 
 SHORT = {
     "drawn": {
@@ -29,7 +31,7 @@ SHORT = {
         "stixel_cli.studies.report.study_page": lambda *_: "",
         "stixel_cli.answers.figures.drawing": lambda *_: b"<svg/>",
     },
-    "summed": {"stixel_cli.answers.runs.Runs.metrics": property(_shown_metrics)},
+    "summed": {"stixel_cli.answers.runs.Runs.metrics": _SHOWN_METRICS},
     "workers": {"stixel_cli.engine.plan.Durations.estimate": lambda *_: (0.0, [])},
 }
 """What is replaced unless a test or its module has the mark.

@@ -147,8 +147,8 @@ YAML = {
     "a: 1" + "0" * 400: "a: not a finite number",
     "a: 1" + ":0" * 10**6: "a number of 2000001 characters",
     'a: "\\ud800"': "line 1: found invalid Unicode character escape code",
-    "a: 2026-01-01": "a: a date: must be text, a number, true, false or null",
-    "a: 2026-99-99": "not valid YAML",
+    "a: 1\n'a': 2": "line 2: found duplicate key a: not valid YAML",
+    "{[1]: 2, [1]: 3}": "found duplicate key [",
     "a: !!set {b}": "a: a set: must be",
     "a: !!binary AAAA": "a: a bytes: must be",
     "!!python/object/apply:os.getcwd []": "not valid YAML",
@@ -187,6 +187,8 @@ def test_plain_files_are_read(tmp_path):
     assert read_json(file) == read_yaml(file) == {"a": [1, 2.5, None, True, "°"], "b": {}}
     file.write_text("a: &a [1]\nb: [*a, *a]\n")
     assert read_yaml(file) == {"a": [1], "b": [[1], [1]]}
+    file.write_text("a: 1e-6\nb: 2026-01-01\nc: 2026-99-99\nd: 1e6\ne: e6\n")
+    assert read_yaml(file) == {"a": 1e-6, "b": "2026-01-01", "c": "2026-99-99", "d": 1e6, "e": "e6"}
     points = [["measurement=fabricated", f"seed={i}"] for i in range(10_000)]
     file.write_text(yaml.dump({"points": points}, Dumper=yaml.CSafeDumper))
     assert read_yaml(file) == {"points": points}

@@ -63,7 +63,7 @@ def test_commands_of_the_docs_are_valid(page, capsys):
         check_overrides(read_overrides(given, TYPED))
 
 
-SMALL = ("path.duration=1.2", "rig.width=320", "rig.height=240", "seed=5", "executor=threads")
+SMALL = ("path.duration=1.2", "rig.width=160", "rig.height=120", "seed=5", "executor=threads")
 
 
 def test_the_method_fits_on_one_screen_and_gives_the_bytes_of_the_cached_run(tmp_path, monkeypatch):

@@ -1,8 +1,5 @@
 """A tracker that takes one scan after the other, and what a track shows as a table."""
 
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 
@@ -115,12 +112,3 @@ def test_a_track_is_a_table_with_a_row_a_scan(result):
     box = run("measurement=fabricated", {"path.duration": 1}, tracker="box").track
     assert box.box_sizes is None
     np.testing.assert_allclose(box.boxes, [[4.52, 1.83]] * len(box.times), rtol=1e-6)
-
-
-def test_stepping_needs_neither_hydra_nor_the_engine():
-    program = (
-        "import sys; from stixel_cli import trackers; trackers.Contour(start=[0, 10, 0]); "
-        "sys.exit([m for m in ('hydra', 'stixel_cli.engine') if m in sys.modules] or 0)"
-    )
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr

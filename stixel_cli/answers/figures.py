@@ -124,6 +124,8 @@ def mean_line(
         axes.fill_between(times, ends.low, ends.high, color=look["color"], alpha=0.2, linewidth=0.0)
 
 
+MOST_ROWS = 20
+"""Most options of a figure of differences, the best ones: a page has a figure for each metric."""
 MOST_LINES = 8
 """Most lines of a panel: so many have colours and marks of their own."""
 
@@ -261,7 +263,9 @@ def legend(answer: Answer) -> str:
     """What the marks of the figure of `differences` mean, those that it has."""
     marks = {_mark(answer, option) for option in answer.values}
     bars = ", bars: 95 % intervals" if answer.units >= LEAST_UNITS else ""
+    of = answer.values.shape[1]
     texts = {
+        f"The best {MOST_ROWS} of {of} options": of > MOST_ROWS,
         f"Grey: the units; dots: means{bars}": answer.units > 1,
         f"{BEST}: all others differ": BEST in marks,
         f"{TIED}: not shown to differ": TIED in marks,
@@ -312,9 +316,9 @@ def differences(
     """The units' values of each option with their mean, the best on top; below, the differences.
 
     Bars are 95 % intervals, without which there are no differences. Options without a value are
-    left out. Returns what `write` makes of the figure.
+    left out, and those after the first `MOST_ROWS`. Returns what `write` makes of the figure.
     """
-    order = [option for option in answer.order if option in answer.values]
+    order = [option for option in answer.order if option in answer.values][:MOST_ROWS]
     table, values = answer.table.loc[order], answer.values[order]
     # Without intervals nothing is compared.
     paired = bool(table["minus_low"].notna().any())
@@ -337,8 +341,9 @@ def differences(
             sides[0].xaxis.set_major_formatter("{x:g}")
         if paired:
             reference = answer.question.reference
-            of = answer.best if reference is None else reference
-            sides[1].set_xlabel(f"{answer.question.row.heading}, minus {of}")
+            of, word = (answer.best, "best") if reference is None else (reference, "reference")
+            of = of if len(str(of)) <= _NAME else f"the {word}"
+            sides[1].set_xlabel(f"{answer.question.row.heading}, minus {of}", loc="right")
             sides[1].axvline(0.0, color=style.TRUTH, linewidth=0.9)
         sides[0].set_yticks(range(len(order)), names)
         sides[0].set_ylim(len(order) - 0.4, -0.6)
@@ -399,8 +404,7 @@ def _mark(answer: Answer, option: object) -> str:
         return ""
     if option == answer.best:
         return BEST if answer.shown else TIED
-    row = answer.table.loc[option]
-    return TIED if row["minus_low"] <= 0.0 <= row["minus_high"] else ""
+    return "" if answer.excludes_zero(option) else TIED
 
 
 def _bar(axes: Axes, place: float, mean: float, low: float, high: float) -> None:

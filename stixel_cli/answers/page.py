@@ -12,15 +12,15 @@ import pandas as pd
 
 from stixel_cli.answers import figures, render
 from stixel_cli.answers.figures import SHARES, error_curves, over_time
-from stixel_cli.answers.runs import ERROR, FOLDER, STATUS, Answer, Runs, combined
-from stixel_cli.errors import UserError
+from stixel_cli.answers.runs import ERROR, FOLDER, STATUS, Answer, Runs, combined, with_key
+from stixel_cli.errors import UserError, counted
 from stixel_cli.evaluation.metric_table import METRICS, metric
 from stixel_cli.evaluation.verdict import verdict
 from stixel_cli.report.metrics import json_in_html, number
 from stixel_cli.report.page import drawing_for_page, page_template
 from stixel_cli.results.folder import PAGE, run_labels
 from stixel_cli.results.lineage import differing_settings, warnings
-from stixel_cli.results.result import DONE, RunResult, check_folder, read_scored_run
+from stixel_cli.results.result import DONE, RunResult, check_folder, listed, read_scored_run
 
 
 @dataclass(frozen=True)
@@ -103,15 +103,15 @@ def answers_page(asked: Asked, links: Mapping[str, str], command: Sequence[str])
     first, axes = answers[0], _axis_answers(runs, answers[0])
     curves = over_time(first)
     times = "share of the run" if any(t is SHARES for t, _ in curves.values()) else "t (s)"
-    states = runs.frame[STATUS].value_counts()
+    states = runs.frame[STATUS].value_counts().items()
     return page_template(__package__, "answers.html").render(
         title=asked.title,
-        counts=", ".join(f"{number} {state}" for state, number in states.items()),
+        counts=f"{counted(len(runs), 'run')}: {listed([f'{n} {state}' for state, n in states])}",
         answers=[
             (
                 one.question.row.heading,
                 one.sentence,
-                drawing_for_page(figures.drawing(one), f"d{i}"),
+                drawing_for_page(figures.drawing(one), f"d{i}") if one.units else None,
                 figures.legend(one),
             )
             for i, one in enumerate(answers)
@@ -155,9 +155,8 @@ def worst_runs(answer: Answer, links: Mapping[str, str]) -> list[tuple[str, str]
             rows.append(("", ""))
             continue
         run = worst.loc[option]
-        named = " ".join(
-            str(run[name]) for name in (*answer.question.within, *answer.question.over)
-        )
+        keys = (*answer.question.within, *answer.question.over)
+        named = " ".join(with_key(name, run[name]) for name in keys)
         value = number(run["value"]) if run[STATUS] == DONE else run[STATUS]
         rows.append((f"{value} ({named})" if named else value, links.get(str(run.get(FOLDER)), "")))
     return rows

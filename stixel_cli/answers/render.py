@@ -15,8 +15,8 @@ INTERVAL = " [95 %]"
 """End of the header of cells with an interval."""
 INTERVALS = (
     "; in brackets its 95 % interval (Student's t on a scale on which all values are possible; "
-    f"none below {LEAST_UNITS} units). The best is marked where the paired differences of all "
-    "others exclude 0, together with 95 % (Bonferroni)."
+    f"Wilson's for the track loss rate; none below {LEAST_UNITS} units). The best is marked where "
+    "the paired differences of all others exclude 0, together with 95 % (Bonferroni)."
 )
 _LATEX = {
     "\u2212": "$-$",
@@ -68,14 +68,15 @@ def overview(answers: Sequence[Answer], intervals: int | None = None) -> Cells:
         of = "" if one.used == first.used else f" ({counted(one.used, 'run')})"
         interval = "" if plain or one.table["low"].isna().all() else INTERVAL
         header.append(one.question.row.heading + of + interval)
+    values = [one.table.loc[first.order, ["mean", "low", "high"]].to_numpy() for one in answers]
     rows, best = [], []
-    for option in first.order:
+    for i, option in enumerate(first.order):
         runs, failures = first.table.loc[option, ["runs", "failed"]].astype(int).astype(str)
         shown = f"{used[option]} of {runs}" if partly else runs
         cells = [str(option), shown, failures][: 2 + failed]
         marks = [False] * len(cells)
-        for one, plain in zip(answers, bare, strict=True):
-            mean, *ends = known(one.table.loc[option, ["mean", "low", "high"]])
+        for one, plain, own in zip(answers, bare, values, strict=True):
+            mean, *ends = known(own[i])
             cells.append(number(mean) if plain else with_interval(mean, *ends))
             marks.append(one.shown and option == one.best and one.question.reference is None)
         rows.append(tuple(cells))
@@ -85,17 +86,14 @@ def overview(answers: Sequence[Answer], intervals: int | None = None) -> Cells:
 
 def explanation(answers: Sequence[Answer] = ()) -> str:
     """What the values of a table of answers to one comparison are; () for several tables."""
-    over, units = "named under “In words”", LEAST_UNITS
-    text = "Each value is the mean over units, {over}, of which every option has all"
-    if answers:
-        first = answers[0]
-        over, units = first.over, first.units
-        if any(one.used != first.used for one in answers):
-            over += " (other runs where a header says so)"
-        if first.used == 1:
-            text = "Each value is that of one run"
+    over = answers[0].over if answers else "the units named under “In words”"
+    text = f"Each value is the mean over {over}, which every option has"
+    if any(one.used != answers[0].used for one in answers):
+        text += " (other runs where a header says so)"
+    if answers and answers[0].used == 1:
+        text = "Each value is that of one run"
     few = f". Nothing is compared below {LEAST_UNITS} units."
-    return text.format(over=over) + (INTERVALS if units >= LEAST_UNITS else few)
+    return text + (few if answers and answers[0].units < LEAST_UNITS else INTERVALS)
 
 
 def markdown(answers: Sequence[Answer]) -> str:

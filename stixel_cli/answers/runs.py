@@ -131,7 +131,7 @@ class Answer:
             word = within[0].rpartition(".")[2] if len(within) == 1 else "scenario"
             of = _part(len(self.scenarios), scenarios, word.replace("_", " "))
             text += f", each the mean of {of}"
-        elif scenarios > 1:
+        elif self.scenarios and scenarios > 1:
             text += f", {listed(self.scenarios)} only"
         return text
 
@@ -151,7 +151,7 @@ class Answer:
             out = [*runs.loc[~kept[0], _SCENARIO].unique()]
             if not out:
                 key = over[0] if len(over) == 1 else ""
-                out = [_with_key(key, unit) for unit in runs.loc[~kept[1], _UNIT].unique()]
+                out = [with_key(key, unit) for unit in runs.loc[~kept[1], _UNIT].unique()]
             has = runs[~(kept[0] & kept[1])].groupby(_OPTION)[_VALUE].count()
             has = has.reindex(self.values.columns, fill_value=0)
             lack = [self.name(option) for option in has.index[has < self.left_out]]
@@ -185,7 +185,7 @@ class Answer:
         heard = [option for option in self.order if np.isfinite(self.table.loc[option, "mean"])]
         reference = self.question.reference
         if not heard:
-            common = "no scenario has every unit, and no unit every scenario, of every option"
+            common = "no scenario has every unit, and no unit every scenario, of all options"
             return common if len(self.values.columns) else "no run has a value"
         if len(heard) == 1 or self.lacking or (self.best is None and reference is None):
             return self._named(heard) + over
@@ -195,7 +195,7 @@ class Answer:
             against = f"against {self.name(reference)} ({self._value(reference)})"
             return f"{_first_of(parts)} {against}{over}"
         first, second = self._named(heard[:1]), heard[1]
-        same = [self.name(option) for option in heard[1:] if not self._excludes_zero(option)]
+        same = [self.name(option) for option in heard[1:] if not self.excludes_zero(option)]
         if same:
             return f"{first}{over}{then} not shown to differ: {_first_of(same)}"
         return f"{first} is the best{over}{then} {self.name(second)} is next, {self._minus(second)}"
@@ -234,7 +234,7 @@ class Answer:
     def name(self, option: object) -> str:
         """An option in a sentence: a number with its key, which tells it from the values."""
         compare = self.question.compare
-        return _with_key(compare[0], option) if len(compare) == 1 else str(option)
+        return with_key(compare[0], option) if len(compare) == 1 else str(option)
 
     def _named(self, options: Sequence) -> str:
         return _first_of([f"{self.name(option)} {self._value(option)}" for option in options])
@@ -244,11 +244,11 @@ class Answer:
         return with_interval(*known(row[["mean", "low", "high"]]), self.question.row.unit)
 
     def _minus(self, option: object) -> str:
-        row = self.table.loc[option]
-        ends = known(row[["minus", "minus_low", "minus_high"]])
+        ends = known(self.table.loc[option, ["minus", "minus_low", "minus_high"]])
         return with_interval(*ends, self.question.row.unit, sign=True)
 
-    def _excludes_zero(self, option: object) -> bool:
+    def excludes_zero(self, option: object) -> bool:
+        """Whether the interval of an option's difference does."""
         row = self.table.loc[option]
         return bool(row["minus_low"] > 0.0 or row["minus_high"] < 0.0)
 
@@ -278,10 +278,10 @@ def grouped(frame: pd.DataFrame, question: Question) -> Groups:
     runs = runs.assign(**{name: combined(runs, columns) for name, columns in named.items()})
     twice = runs[runs[[*named]].duplicated()]
     if len(twice):
-        what = " ".join(str(twice.iloc[0][name]) for name in named).strip()
+        what = " ".join(str(twice.iloc[0][name]) for name, keys in named.items() if keys)
         raise UserError(
-            f"runs: two are {printable(what, 120)}: name the column in which they differ in "
-            "compare, within or over"
+            f"runs: two are {printable(what or 'equal', 120)}: name the column in which they "
+            "differ in compare, within or over"
         )
     cells, values = zip(*(pd.factorize(runs[name]) for name in named), strict=True)
     failed = runs[STATUS].isin((FAILED, SKIPPED))
@@ -295,7 +295,10 @@ def grouped(frame: pd.DataFrame, question: Question) -> Groups:
 def answered(groups: Groups, question: Question) -> Answer:
     """The answer to a question about runs in its groups, see `Runs.ask`."""
     options, scenarios, units, row = groups.options, groups.scenarios, groups.units, question.row
-    value = groups.runs[question.metric].astype(float)
+    try:
+        value = groups.runs[question.metric].astype(float)
+    except ValueError:
+        raise UserError(f"{printable(question.metric, 60)}: must be a column of numbers") from None
     value = value.where(~groups.failed & (groups.runs[STATUS] != MISSING))
     if question.metric == LOST:
         value = value.mask(groups.failed, 1.0)
@@ -349,10 +352,9 @@ def combined(runs: pd.DataFrame, names: Sequence[str]) -> pd.Series:
     if len(columns) == 1:
         return columns[0]
     if not columns:
-        return pd.Series("all", runs.index)
-    texts = [
-        [_with_key(name, value) for value in one] for name, one in zip(names, columns, strict=True)
-    ]
+        return pd.Series("all runs", runs.index)
+    named = zip(names, columns, strict=True)
+    texts = [[with_key(name, value) for value in one] for name, one in named]
     return pd.Series([" ".join(row) for row in zip(*texts, strict=True)], runs.index)
 
 
@@ -361,12 +363,14 @@ def _part(kept: int, every: int, word: str) -> str:
 
 
 def _first_of(texts: Sequence[object]) -> str:
-    """The first ones in words, and how many more there are."""
+    """The first ones in words, and how many more there are: two or more, as one has a name."""
     more = len(texts) - MOST_NAMED
-    return listed([*map(str, texts[:MOST_NAMED]), *([f"{more} more"] if more > 0 else [])])
+    named = [*texts[:MOST_NAMED], f"{more} more"] if more > 1 else texts
+    return listed(named)
 
 
-def _with_key(key: str, value: object) -> str:
+def with_key(key: str, value: object) -> str:
+    """A value in a text: a number with its key, which tells it from other numbers."""
     text = str(value)
     is_number = text.strip("+-")[:1].isdigit()
     return f"{key.rpartition('.')[2]}={text}" if is_number else text
@@ -456,10 +460,10 @@ class Runs:
             within: axes whose combinations are scenarios, of equal weight; by default all others.
             over: axes whose combinations are the units of statistics; by default the seeds.
             metric: by default the first of the main ones that the runs have.
-            better: "more", "less" or None; by default as the table of metrics says.
+            better: "more", "less" or "one"; by default as the table of metrics says.
             reference: the option that others are compared with; None for the best one.
 
-        UserError for a column that the frame does not have, or an axis that is named twice.
+        UserError for a column that is missing, an axis that is named twice, or another `better`.
         """
         over = _names(over, [name for name in self.axes if name.endswith("seed")])
         rest = [name for name in self.axes if name not in over]
@@ -476,6 +480,8 @@ class Runs:
                     f"{printable(name or 'metric', 60)}: no such column; there are {known}"
                 )
         named = [*compare, *within, *over]
+        if better not in (None, "more", "less", "one"):
+            raise UserError(f"better: {printable(str(better), 60)}: must be more, less or one")
         twice = next((name for name in named if named.count(name) > 1), None)
         if twice is not None:
             raise UserError(f"{printable(twice, 60)}: is in two of compare, within and over")

@@ -23,7 +23,7 @@ from stixel_cli.config.texts import override_text
 from stixel_cli.engine.cache_folder import Lease
 from stixel_cli.engine.execute import execute
 from stixel_cli.engine.progress import Progress
-from stixel_cli.errors import MissingData, UserError
+from stixel_cli.errors import MissingData, UserError, located
 from stixel_cli.evaluation.contour_errors import even_points, in_frames, seen_points
 from stixel_cli.files import GREATEST_ARRAYS, read_arrays, read_bytes, read_json, read_yaml
 from stixel_cli.measurements.scans import FieldOfView, Scans
@@ -250,7 +250,7 @@ class Data:
         folder = self.folder / name
         scans, truth = (read_arrays(folder / f"{file}.npz") for file in ("scans", "truth"))
         start, prior = (read_json(folder / f"{file}.json") for file in ("start", "prior"))
-        try:
+        with located(f"{folder}: not a sequence", UserError, (KeyError, TypeError, ValueError)):
             times, sensor = scans["times"], scans["sensor_poses"]
             xx, xy, yy = scans["variances"].astype(np.float64).T
             covariances = np.stack([xx, xy, xy, yy], axis=1).reshape(-1, 2, 2)
@@ -266,8 +266,6 @@ class Data:
                 PriorShape(**prior),
                 Scenario(*motion, contours, limbs, scored=truth.get("scored")),
             )
-        except (KeyError, TypeError, ValueError) as fault:
-            raise UserError(f"{folder}: not a sequence: {fault}") from None
 
 
 NODES = ("scenario", "scans", "start")

@@ -8,7 +8,7 @@ import typer
 
 from stixel_cli.cli import options
 from stixel_cli.cli.terminal import print_json, print_table, say, tell
-from stixel_cli.errors import UserError, counted
+from stixel_cli.errors import UserError, counted, located
 
 if TYPE_CHECKING:
     from stixel_cli.engine.entries import Collection, Entry
@@ -123,13 +123,10 @@ def gc(
     from stixel_cli.engine.parameters import parse_age, parse_size
 
     store = local_store()
-    option = "--max-size"
-    try:
+    with located("--max-size"):
         size = store.max_size if max_size is None else parse_size(max_size)
-        option = "--older-than"
+    with located("--older-than"):
         age = None if older_than is None else parse_age(older_than)
-    except ValueError as fault:
-        raise UserError(f"{option}: {fault}") from None
     done = collect(store, size, age, dry_run)
     _print_collection(store, done, "would be removed" if dry_run else "removed", json)
     return 0

@@ -241,7 +241,7 @@ ImagesOrRecording = argument(
     complete_override,
 )
 Folder = argument(Path, "Result folder of a run.", "FOLDER", complete_folder)
-Folders = argument(list[Path], "Result folders of runs.", "FOLDER", complete_folder)
+Folders = argument(list[Path], "A sweep, or result folders of runs.", "FOLDER", complete_folder)
 Name = option(
     str | None, "Name of the result folder (default: the changed settings, and the time)."
 )

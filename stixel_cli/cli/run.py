@@ -59,8 +59,6 @@ def run(
     from stixel_cli.config.compose import compose
     from stixel_cli.engine.progress import Progress
     from stixel_cli.experiment.run import record_run
-    from stixel_cli.results.folder import check_results
-    from stixel_cli.sweeps.graphs import planned_run
     from stixel_cli.sweeps.index import update_index
 
     folder = options.result_folder(overrides or [])
@@ -69,6 +67,9 @@ def run(
     else:
         composition = stored_run(folder, workers, trust_code).composition
     if dry_run:
+        from stixel_cli.results.folder import check_results
+        from stixel_cli.sweeps.graphs import planned_run
+
         check_results(results, name)
         print_plan(planned_run(composition), json, composition.resolved)
         return 0

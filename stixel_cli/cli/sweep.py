@@ -43,9 +43,9 @@ def sweep(
     """Run all combinations of several values.
 
     Each combination of values and seed is a run. Stages that runs share are computed once. A
-    failing run does not stop the others, unless --fail-fast is given. The folder has a table with
-    one row per run, statistics over the seeds, and one figure per axis. The exit code is 1 if runs
-    are missing at the end.
+    failing run does not stop the others, unless --fail-fast is given. The folder has a page that
+    compares the options, a table with one row per run, and statistics over the seeds. The exit code
+    is 1 if runs are missing at the end.
 
     \b
     Examples:

@@ -5,7 +5,6 @@ Hydra's: `inner_options` and `sources`, see `conf/experiment/thesis.yaml`.
 """
 
 import json
-import os
 import re
 from collections.abc import Collection, Mapping
 from contextlib import suppress
@@ -26,13 +25,13 @@ from stixel_cli.engine.errors import CacheError
 from stixel_cli.engine.parameters import default_cache_folder
 from stixel_cli.engine.versions import installed_version
 from stixel_cli.errors import BelongsElsewhere, ConfigurationError, UserError, printable
-from stixel_cli.files import read_text, read_yaml_text
+from stixel_cli.files import read_text, read_yaml
 
 FOLDER = "configurations"
-"""In the cache folder; the files of `conf/` change rarely, so it has few files."""
+"""In the cache folder, whose cleanup knows it; of 8 kB each."""
 
-MOST_STORED = 2000
-"""Compositions on disk, of 8 kB each; the oldest are removed."""
+TOGETHER = (folders.EXPERIMENT, "road_user", "pace", "prior", "measurement", "start")
+"""Outermost groups of which an option chooses that of another group, or includes another option."""
 
 _TO_RESOLVE = re.compile(r"\$\{|\?\?\?")
 _REFERENCE = re.compile(r"\$\{([A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*)\}")
@@ -52,10 +51,19 @@ class Choice:
 def compose_options(chosen: tuple[tuple[str, str], ...], state: str) -> Choice:
     """The choice of groups and options, with all other groups at their default.
 
-    Hydra takes 0.1 s and more, so the result is stored in the cache folder, under a digest of the
-    options, of the files of `conf/` (`state`, see `conf_state`), of Hydra's version and the fields.
+    A group that stands alone has the content of its option's file. Hydra composes the others. That
+    takes 0.1 s and more, so it is stored in the cache folder, under a digest of the options, of the
+    files of `conf/` (`state`, see `conf_state`), of Hydra's version and the fields.
     ConfigurationError in one line, if Hydra cannot compose the options.
     """
+    experiment = dict(chosen).get(folders.EXPERIMENT, folders.default_option(folders.EXPERIMENT))
+    values = folders.option_values(folders.EXPERIMENT, experiment)
+    together = {*TOGETHER, *map(folders.outermost_group, values)}
+    alone = {g: option for g, option in chosen if folders.outermost_group(g) not in together}
+    if alone and folders.PRESETS.folder is None:
+        others = compose_options(tuple(one for one in chosen if one[0] not in alone), state)
+        sections = {group: folders.option_content(group, option) for group, option in alone.items()}
+        return Choice(others.plain | sections, others.options | alone)
     versions = [installed_version(name) for name in ("hydra-core", "omegaconf")]
     key = json.dumps([chosen, state, versions, list(Choice.__annotations__)])
     file = default_cache_folder() / FOLDER / f"{_digest(key)}.json"
@@ -133,7 +141,7 @@ def _by_hydra(chosen: list[str], state: str) -> Choice:
             raise
         # Hydra does not name the file in some of these.
         for path in sorted(folders.shipped_folder("conf").rglob("*.yaml")):
-            read_yaml_text(path)
+            read_yaml(path)
         raise ConfigurationError(reason) from None
 
 
@@ -181,16 +189,11 @@ def _read(file: Path) -> Choice | None:
 
 def _write(file: Path, choice: Choice) -> None:
     """Store a composition, unless there is no cache folder: `verify`, for example, needs none."""
-    folder, text = file.parent, json.dumps(asdict(choice))
-    if not folder.parent.is_dir():
-        return
+    folder, text = file.parent.parent, json.dumps(asdict(choice))
     with suppress(OSError, CacheError):
-        make_folder(folder.parent, FOLDER)
-        write_whole(file, f"{_digest(text)}\n{text}")
-        if len(os.listdir(folder)) > MOST_STORED:
-            paths = sorted(folder.iterdir(), key=lambda path: path.stat().st_mtime)
-            for other in paths[:-MOST_STORED]:
-                other.unlink()
+        if folder.is_dir():
+            make_folder(folder, FOLDER)
+            write_whole(file, f"{_digest(text)}\n{text}")
 
 
 def _digest(text: str) -> str:

@@ -174,11 +174,10 @@ def compose(overrides: Sequence[str] = (), working_directory: str = "") -> Compo
 class Composer:
     """Composes configurations one after the other.
 
-    Hydra composes each choice of options once; values are then set in plain dicts. Files of `conf/`
-    and the user's own modules, which are imported to check their parameters unless `imports` is
-    false, are taken as they were at first; each recording is opened once. Equal groups of different
-    configurations are one object, so that derived values can be cached by identity; do not change
-    `resolved`, which they share too. Code that a file names is refused, see `Override.origin`.
+    Files of `conf/` and the user's own modules, which are imported to check their parameters unless
+    `imports` is false, are taken as they were at first; each recording is opened once. Equal groups
+    are one object, so that derived values can be cached by identity; do not change `resolved`,
+    which they share too. Code that a file names is refused, see `Override.origin`.
     """
 
     def __init__(self, working_directory: str = "", imports: bool = True):

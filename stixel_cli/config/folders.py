@@ -14,7 +14,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from stixel_cli.border import Origin, forget_told
-from stixel_cli.errors import ConfigurationError
+from stixel_cli.errors import ConfigurationError, UserError, located
 from stixel_cli.files import read_yaml
 from stixel_cli.remembered import remembered
 
@@ -61,6 +61,7 @@ def absolute(name: str, working_directory: str) -> str:
     return os.path.abspath(os.path.join(working_directory, os.path.expanduser(name)))
 
 
+@cache
 def shipped_folder(name: str) -> Path:
     """The folder `name` (`conf`, `pipelines`) of the checkout, or else of the installed package.
 
@@ -136,9 +137,8 @@ def use_presets(folder: Path | None) -> Path | None:
 
 
 def _check_preset(path: Path) -> None:
-    content = read_yaml(path) or {}
-    if not isinstance(content, dict):
-        raise ConfigurationError(f"--config-dir: {path}: must map keys to values")
+    with located("--config-dir", ConfigurationError, UserError):
+        content = read_yaml(path)
     for key, kind in (("defaults", list), ("inner_options", dict), ("sources", dict)):
         if not isinstance(content.get(key, kind()), kind):
             what = "list" if kind is list else "mapping"
@@ -237,8 +237,8 @@ def values_that_suit(suitable: Mapping[str, Any], facts: Mapping[str, Any]) -> d
 
 @remembered
 def _content(path: Path) -> dict[str, Any]:
-    content = read_yaml(path)
-    return content if isinstance(content, dict) else {}
+    with located("", ConfigurationError, UserError):
+        return read_yaml(path)
 
 
 def chosen_options(content: Mapping[str, Any]) -> dict[str, str]:
@@ -290,9 +290,7 @@ def configured_option(group: str) -> str | None:
 
 def option_values(group: str, option: str) -> dict[str, Any]:
     """The keys of an option's file with their values; keys of nested groups have dots."""
-    values = dict(flat(option_content(group, option)))
-    values.pop("defaults", None)
-    return values
+    return {n: v for n, v in flat(option_content(group, option)) if n != "defaults"}
 
 
 def flat(section: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:

@@ -3,6 +3,7 @@
 import json
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -159,7 +160,7 @@ def validated(kind: type, content: Any, where: Path | str, known: Iterable[str] 
     """The content of a file, or of an entry of it, as the dataclass `kind`.
 
     ConfigurationError in one line that begins with `where` and names the entry; for an unknown one
-    it suggests one of those `known`.
+    it suggests one of those `known`, by default the fields of `kind`.
     """
     from pydantic import ValidationError
 
@@ -167,7 +168,8 @@ def validated(kind: type, content: Any, where: Path | str, known: Iterable[str] 
         return read_as(kind, content)
     except ValidationError as error:
         name, text, unknown = first_fault(error)
-        hint = suggestion(name.rpartition(".")[2], known) if unknown else ""
+        names = known or [field.name for field in fields(kind)]
+        hint = suggestion(name.rpartition(".")[2], names) if unknown else ""
         text = f"{where}: {printable(name or 'content')}: {printable(text, LONGEST_REASON)}{hint}"
         raise ConfigurationError(text) from None
     except ValueError as fault:

@@ -34,7 +34,7 @@ from stixel_cli.config.texts import override_text, split_override
 from stixel_cli.engine.cache_folder import CELLS
 from stixel_cli.engine.parameters import default_cache_folder
 from stixel_cli.engine.versions import providers
-from stixel_cli.errors import BelongsElsewhere, ConfigurationError, printable
+from stixel_cli.errors import BelongsElsewhere, ConfigurationError, located, printable
 from stixel_cli.own_code import OwnCode, all_values, check_name, parameters_type
 
 MOST_TYPED = 5_000
@@ -413,10 +413,8 @@ def find_folders(resolved: Mapping[str, Any], working_directory: str) -> list[st
 
 def _folder_of(key: str, function: str, places: Sequence[str]) -> str | None:
     """The folder of a function's module; None if a distribution provides it."""
-    try:
+    with located(key, ConfigurationError):
         check_name(function)
-    except ValueError as fault:
-        raise ConfigurationError(f"{key}: {fault}") from None
     module = function.partition(":")[0]
     top = module.partition(".")[0]
     if top == __name__.partition(".")[0]:

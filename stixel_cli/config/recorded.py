@@ -16,7 +16,7 @@ from stixel_cli.config import folders, messages
 from stixel_cli.config.choice import set_by_experiment
 from stixel_cli.config.compose import UserFiles, with_full_names
 from stixel_cli.config.folders import real_image_parameters
-from stixel_cli.errors import ConfigurationError
+from stixel_cli.errors import ConfigurationError, located
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.recordings.find import guess_layout
 from stixel_cli.recordings.parameters import CALIBRATIONS, Recorded, Source
@@ -193,10 +193,8 @@ def _height_of_road(
     set_by_user = {k.removeprefix("rig."): v for k, v in chosen.items() if k.startswith("rig.")}
     rig = messages.validated(Rig, rig | set_by_user | {"camera_height": MIDDLE}, "rig")
     stereo = real_image_parameters().stereo
-    try:
+    with located("", ConfigurationError):
         stereo.check(rig)
-    except ValueError as fault:
-        raise ConfigurationError(str(fault)) from None
     rows = compared_rows(recording, rig.far_disparity, source.check_rectification)
     height, _ = road_pose(recording, rig, stereo)
     return round(height, 2), f"{NO_ROAD}; {rows.fault}" if rows and rows.fault else NO_ROAD

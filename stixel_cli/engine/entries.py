@@ -73,7 +73,7 @@ def entries(
             notes = store.meta(folder.key)
             entry = replace(folder, stage=notes["stage"], label=notes["label"])
             if values:
-                store.check(entry.key)
+                store.checked(entry.key)
             found.append(entry)
         except MissingEntry as fault:
             # An entry that another process has removed meanwhile is not damaged.
@@ -117,6 +117,7 @@ LEFT = (
     ("tmp", r"limit-.+", _DAY),
     (".", r"evicted\.jsonl", _HOUR),
     (SOURCES, r"[0-9a-f]{32}\.py|\.?digests-[0-9a-f]{16}\.json(\.partial-\d+)?", 90 * _DAY),
+    ("configurations", r"[0-9a-f]{64}\.json", 90 * _DAY),
 )
 """Folder, names of files, also of earlier versions, and seconds after which they are removed."""
 

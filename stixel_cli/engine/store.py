@@ -57,10 +57,10 @@ class Store:
 
     def has(self, key: str) -> bool:
         """Whether an entry with valid notes exists. Its value is not read, see `verify`."""
-        try:
-            return _notes_fault(read_bytes(self.entry(key) / META), key) is None
-        except UserError:
-            return False
+        file = self.entry(key) / META
+        with suppress(UserError):
+            return os.path.exists(file) and _notes_fault(read_bytes(file), key) is None
+        return False
 
     def load(self, key: str) -> Any:
         """Read the value of an entry, as a new object each time.
@@ -69,7 +69,7 @@ class Store:
         MissingEntry if there is no entry, or a damaged one, which is removed; CacheError if it
         cannot be read.
         """
-        content = self._content(key)
+        content = self.checked(key)
         with suppress(OSError):
             # The time of last use, for the cleanup. A cache may be read-only.
             os.utime(self.entry(key))
@@ -94,14 +94,10 @@ class Store:
     def verify(self, key: str) -> bool:
         """Whether an undamaged entry exists. A damaged one is removed."""
         try:
-            self._content(key)
+            self.checked(key)
         except MissingEntry:
             return False
         return True
-
-    def check(self, key: str) -> None:
-        """Raise MissingEntry unless an undamaged entry exists. A damaged one is removed."""
-        self._content(key)
 
     def save(self, key: str, value: Any, **notes: Any) -> int:
         """Store a value with notes (JSON); return the size of the value in bytes.
@@ -175,8 +171,8 @@ class Store:
         shutil.rmtree(gone, ignore_errors=True)
         return True
 
-    def _content(self, key: str) -> bytes | None:
-        """The checked bytes of a value; None for one to be mapped, whose file is checked."""
+    def checked(self, key: str) -> bytes | None:
+        """The bytes of a value, None for one to be mapped, with checks and errors as of `load`."""
         meta = self.meta(key)
         size = meta.get("size", 0)
         content = None

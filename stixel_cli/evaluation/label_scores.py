@@ -9,12 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from stixel_cli.evaluation.contour_errors import (
-    boxes,
-    centre_errors,
-    intersections_over_unions,
-    points_of_target,
-)
+from stixel_cli.evaluation import contour_errors
 from stixel_cli.evaluation.scan_errors import finite_mean
 from stixel_cli.evaluation.scores import LabelScore, Scores
 from stixel_cli.measurements.scans import Scans
@@ -125,12 +120,12 @@ def _score(
     iou = np.zeros(0)
     if len(at):
         estimated = np.concatenate([_box(track.track, row) for track, row in rows])
-        true, _ = boxes(scenario.boxes_world[at], poses[at])
-        iou = intersections_over_unions(estimated, true)
+        true, _ = contour_errors.boxes(scenario.boxes_world[at], poses[at])
+        iou = contour_errors.intersections_over_unions(estimated, true)
     in_order = matched[matched >= 0]
     return LabelScore(
         label=truth.name,
-        range_m=_mean(centre_errors(poses[counted], camera[counted]), np.median),
+        range_m=_mean(contour_errors.centre_errors(poses[counted], camera[counted]), np.median),
         speed_m_s=speed,
         expected=int(moves and len(counted) >= LEAST_SCANS),
         frames=len(counted),
@@ -139,7 +134,7 @@ def _score(
         tracks=len(np.unique(in_order)),
         switches=int(np.sum(np.diff(in_order) != 0)),
         iou_box=_mean(iou),
-        centre_m=_mean(centre_errors(means, poses[at])),
+        centre_m=_mean(contour_errors.centre_errors(means, poses[at])),
     )
 
 
@@ -149,7 +144,7 @@ def _scans_until_found(truth: LabelTruth, scans: Scans, found: ObjectTrack) -> f
     NaN if no scan has such a point.
     """
     for k in np.flatnonzero(truth.scenario.known):
-        if len(points_of_target(truth.scenario, scans, k)):
+        if len(contour_errors.points_of_target(truth.scenario, scans, k)):
             return max(found.confirmed - int(k), 0) + 1
     return np.nan
 
@@ -158,7 +153,7 @@ def _box(track: Track, row: int) -> np.ndarray:
     """Corners (1, 4, 2) m of the box of a track at one scan."""
     scan = slice(row, row + 1)
     sizes = None if track.box_sizes is None else track.box_sizes[scan]
-    return boxes(track.contours_world[scan], track.means[scan, :3], sizes)[0]
+    return contour_errors.boxes(track.contours_world[scan], track.means[scan, :3], sizes)[0]
 
 
 def _mean(values: np.ndarray, function=np.mean) -> float:

@@ -21,12 +21,13 @@ import numpy as np
 
 from stixel_cli.config.compose import compose
 from stixel_cli.config.schema import Configuration
-from stixel_cli.errors import UserError
+from stixel_cli.errors import located
 from stixel_cli.experiment.run import run_experiment
 from stixel_cli.measurements.scans import Scans
 from stixel_cli.scene.ego import ego_motion
 from stixel_cli.scene.parameters import ROAD_USER_CLASSES
 from stixel_cli.scene.path import build_scenario
+from stixel_cli.scene.road_user import road_user_meshes
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.tracking.contour import class_size
 from stixel_cli.tracking.contour.class_shape import ClassShape, OutlineModes, VisibleShape
@@ -85,15 +86,15 @@ def learned_class(
         else visible_shape.visible_shape_of(_samples(seen, sensor), shape)
         for sensor in sensors
     }
-    return size, entry(size, shape, visible_shape.outline_modes_of(scenarios, shape.size), visible)
+    modes = visible_shape.outline_modes_of(scenarios, shape.size)
+    ends = visible_shape.end_insets_of([road_user_meshes(one.road_user) for one in configurations])
+    return size, entry(size, shape, modes, visible) | {"end_insets": _plain(ends)}
 
 
 def _scenario(p: Configuration) -> Scenario:
     """Ground truth of a road user; its motion does not matter. UserError for a damaged mesh."""
-    try:
+    with located(""):
         return build_scenario(ego_motion(p.ego, 1.0, 0.5), p.road_user, p.path)
-    except ValueError as fault:
-        raise UserError(str(fault)) from None
 
 
 def _samples(road_users: Mapping[int, Overrides], sensor: str) -> list[tuple[Scenario, Scans]]:

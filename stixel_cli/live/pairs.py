@@ -14,7 +14,7 @@ import numpy as np
 
 from stixel_cli.config.annotations import first_fault, read_as
 from stixel_cli.config.folders import real_image_parameters
-from stixel_cli.errors import ArgumentError, UserError
+from stixel_cli.errors import ArgumentError, UserError, located
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.stixels.types import FreeSpace, Stixels
@@ -289,10 +289,8 @@ def grey_pair(*images: np.ndarray) -> "StereoPairs":
 
     if len(images) != 2:
         raise ArgumentError(f"images: must be the left and the right image, got {len(images)}")
-    try:
+    with located("", ArgumentError):
         plain = eight_bits({"left": np.asarray(images[0]), "right": np.asarray(images[1])})
-    except ValueError as fault:
-        raise ArgumentError(str(fault)) from None
     left, right = (i if i.ndim == 2 else cv2.cvtColor(i, cv2.COLOR_RGB2GRAY) for i in plain)
     if left.shape != right.shape:
         raise ArgumentError(f"right: must be {left.shape} px, as left, got {right.shape}")

@@ -7,6 +7,9 @@ import numpy as np
 
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD, pose_rates, rotation, wrap_angle
 
+BEARING = np.radians(0.1)
+"""Points with heights are of one bearing within this, rad: half of the step of common lidars."""
+
 
 @dataclass(frozen=True)
 class SharedErrors:
@@ -186,20 +189,15 @@ class Scans:
         """The scans with the nearest point of each bearing only, and its rows (n,) in these.
 
         Seen from above, bonnet, windscreen and roof are inside of the outline, which the nearest
-        point of their bearing shows. Bearings are one within the step whose even distribution has
-        the variance that the points state across their rays. Without heights, nothing changes.
+        point of their bearing shows. Without heights, nothing changes.
         """
         kept = np.ones(len(self.points_world), bool)
         for k in [] if self.heights is None else np.flatnonzero(np.diff(self.offsets)):
             rows, sensor = self.rows(k), self.sensor_poses_world[k]
             offsets = self.points_world[rows] - sensor[:2]
-            ranges = np.maximum(np.hypot(*offsets.T), 1e-9)
-            left = np.stack([-offsets[:, 1], offsets[:, 0]], axis=-1) / ranges[:, None]
-            across = np.einsum("ni,nij,nj->n", left, self.covariances_world[rows], left)
-            step = np.median(np.sqrt(12.0 * np.maximum(across, 1e-12)) / ranges)
             bearings = wrap_angle(np.arctan2(offsets[:, 1], offsets[:, 0]) - sensor[2])
-            columns = np.round((bearings - bearings.min()) / step)
-            order = np.lexsort((ranges, columns))
+            columns = np.round((bearings - bearings.min()) / BEARING)
+            order = np.lexsort((np.hypot(*offsets.T), columns))
             kept[rows] = False
             kept[rows.start + order[np.unique(columns[order], return_index=True)[1]]] = True
         found = np.flatnonzero(kept)

@@ -49,9 +49,7 @@ def tracker_noise(tracker: Any, scans: Scans) -> tuple[str, np.ndarray, float | 
     known, and the standard deviation, m, if it is the same for all points, else None.
     """
     kind = getattr(tracker, "kind", "")
-    if kind in ("point", "box") or (
-        kind == "gp_ekf" and tracker.measurement_covariance == "isotropic"
-    ):
+    if kind in ("point", "box", "gp_ekf"):
         std = tracker.measurement_std
         same = np.broadcast_to(std**2 * np.eye(2), scans.covariances_world.shape)
         return f"R = ({std:.3g} m)² for each of them", same, std

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stixel_cli.errors import UserError
+from stixel_cli.errors import UserError, located
 from stixel_cli.recordings import argoverse
 from stixel_cli.recordings.kitti_tables import clip_poses, read_calibration, root_of
 from stixel_cli.recordings.parameters import chosen_frames
@@ -99,10 +99,8 @@ def sequences(root: Path) -> list[str]:
 
 def _frames(path: ReplayedPath, known: list[int]) -> range:
     """The frames to replay, of those with a label and an ego pose; both ends have a label."""
-    try:
+    with located(""):
         chosen = chosen_frames(path.frames, "path.frames")
-    except ValueError as fault:
-        raise UserError(str(fault)) from None
     if chosen is None:
         chosen = range(known[0], known[-1] + 1) if known else range(0)
     inside = [frame for frame in known if frame in chosen]

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from stixel_cli.errors import UserError, printable
+from stixel_cli.errors import UserError, located, printable
 from stixel_cli.files import read_text, read_yaml
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.recordings import kitti_tables
@@ -72,8 +72,6 @@ def read_named_calibration(file: Path) -> Calibration:
 def read_rig(file: Path) -> Calibration:
     """The calibration in a YAML file."""
     content = read_yaml(file)
-    if not isinstance(content, dict):
-        raise UserError(f"{file}: must map names to values")
     # Names of the projection in files of camera drivers, and as ROS 1 and ROS 2 print it.
     for name in {"projection_matrix", "P", "p"} & content.keys():
         right = _projection(file, name, content[name])
@@ -84,10 +82,8 @@ def read_rig(file: Path) -> Calibration:
     if {"P1", "P2"} <= content.keys():
         pair = [_projection(file, name, content[name]) for name in ("P1", "P2")]
         return kitti_tables.rectified_pair(file, ("P1", "P2"), pair)
-    try:
+    with located(file):
         content = our_names(content)
-    except ValueError as fault:
-        raise UserError(f"{file}: {fault}") from None
     known = NEEDED + OPTIONAL + ERROR_VALUES
     for name, value in content.items():
         if name not in known:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from stixel_cli.errors import UserError
+from stixel_cli.errors import located
 from stixel_cli.images import ImageStack, eight_bits, encode_pnm
 from stixel_cli.recordings.image_files import grey, read_image, rectified, rgb
 from stixel_cli.recordings.rosbag import read_images
@@ -57,7 +57,5 @@ def _images(
         else:
             found.append(map(read_image, files[i * len(files) // 2 :][chosen]))
     for images in zip(*found, strict=True):
-        try:
+        with located("source"):
             yield eight_bits(dict(zip(sides, images, strict=True)))
-        except ValueError as fault:
-            raise UserError(f"source: {fault}") from None

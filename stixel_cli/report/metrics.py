@@ -122,14 +122,10 @@ def quantity(
 def with_interval(
     value: float | None, low: float | None, high: float | None, unit: str = "", sign: bool = False
 ) -> str:
-    """A number with its interval in brackets, with the digits that the interval supports.
-
-    Whole numbers, such as ranks, have none.
-    """
+    """A number with its interval in brackets, with the digits that the interval supports."""
     if value is None or low is None or high is None:
         return quantity(value, unit, sign=sign)
-    whole = all(isinstance(one, int) for one in (value, low, high))
-    places = 0 if whole else decimals(0.5 * (high - low))
+    places = decimals(0.5 * (high - low))
     ends = f"[{number(low, places)}, {number(high, places)}]"
     return f"{quantity(value, unit, places, sign)} {ends}"
 

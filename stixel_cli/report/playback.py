@@ -13,18 +13,13 @@ from typing import Any
 
 import numpy as np
 
-from stixel_cli.evaluation.metric_table import SMOOTHED, Metric, metric
+from stixel_cli.evaluation.metric_table import MAIN, SMOOTHED, Metric, metric
 from stixel_cli.evaluation.scan_errors import LOW_OVERLAP
 from stixel_cli.evaluation.scores import SERIES
 from stixel_cli.evaluation.verdict import LEAST_ODDS, badges, verdict
 from stixel_cli.geometry.pose import wrap_angle
 from stixel_cli.measurements.scans import Scans
-from stixel_cli.pictures.uncertainty import (
-    ellipse_axes,
-    normalised_chi_square_bounds,
-    target_radius,
-    tracker_noise,
-)
+from stixel_cli.pictures import uncertainty
 from stixel_cli.report.metrics import (
     LABEL_COLUMNS,
     filled_page,
@@ -38,10 +33,7 @@ from stixel_cli.results.result import RunResult
 from stixel_cli.stixels.types import Objects
 from stixel_cli.tracking.track import Track
 
-SUMMARY = (
-    *("centre_rmse_m", "orientation_rmse_deg", "iou_mean", "iou_box_mean", "low_overlap_share"),
-    *("nees_position_mean", "nis_mean"),
-)
+SUMMARY = (*MAIN[:4], "low_overlap_share", "nees_position_mean", "nis_mean")
 """The metrics that the page shows of a whole run."""
 
 FACTS = ("road_user", "path", "ego", "measurement", "tracker")
@@ -144,7 +136,7 @@ FARTHEST = 1e7  # m; the page omits farther points
 
 def ellipses(covariances: np.ndarray) -> list[int | None]:
     """Semi-axes (mm) and angle (1e-3 rad) of each 1σ ellipse, in one list."""
-    semi_axes, angles = ellipse_axes(covariances)
+    semi_axes, angles = uncertainty.ellipse_axes(covariances)
     values = 1000.0 * np.stack([*semi_axes, angles], axis=1).ravel()
     known = np.abs(values) < 1e3 * FARTHEST
     whole = np.rint(np.where(known, values, 0.0)).astype(np.int64).tolist()
@@ -186,7 +178,7 @@ def noise_of(run: RunResult) -> dict[str, Any]:
     points it used.
     """
     tracker = run.composition.configuration.tracker
-    text, covariances, std = tracker_noise(tracker, run.scans)
+    text, covariances, std = uncertainty.tracker_noise(tracker, run.scans)
     known = {"known": getattr(tracker, "kind", "own") != "own", "used": tracker is not None}
     shown, is_own = None, std is None and covariances is not run.scans.covariances_world
     if is_own and run.track is not None:
@@ -259,7 +251,7 @@ def playback_data(
             {"name": one.name, "boxes": [millimetres(b.ravel()) for b in one.scenario.boxes_world]}
             for one in runs[0].truths
         ],
-        "extent": round(1000.0 * target_radius(first, scenario)),
+        "extent": round(1000.0 * uncertainty.target_radius(first, scenario)),
         "lowOverlap": LOW_OVERLAP,
         "leastOdds": LEAST_ODDS,
         "series": [
@@ -267,7 +259,7 @@ def playback_data(
             for name, series in SERIES.items()
             if any(np.isfinite(getattr(run.scores, name)).any() for run in runs)
         ],
-        "neesBounds": numbers(normalised_chi_square_bounds(np.array([2])).ravel(), 4),
+        "neesBounds": numbers(uncertainty.normalised_chi_square_bounds(np.array([2])).ravel(), 4),
         "runs": played,
         "scans": scans,
         "cameras": cameras,
@@ -321,7 +313,7 @@ def _track(track: Track, scans: Scans, first: int = 0) -> dict[str, Any]:
         track.used_points[start:stop] - scans.offsets[first + i]
         for i, (start, stop) in enumerate(pairwise(track.used_offsets))
     ]
-    low, high = normalised_chi_square_bounds(track.nis_degrees_of_freedom)
+    low, high = uncertainty.normalised_chi_square_bounds(track.nis_degrees_of_freedom)
     return {
         "poses": rounded_poses(track.means),
         "centre": ellipses(track.covariances[:, :2, :2]),

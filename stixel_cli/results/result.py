@@ -78,7 +78,7 @@ def read_config(folder: Path) -> dict[str, Any]:
     """Content of a folder's `config.yaml`, not validated; UserError if it is no configuration."""
     file = folder / "config.yaml"
     content = read_yaml(file)
-    if not isinstance(content, dict) or not all(isinstance(key, str) for key in content):
+    if not all(isinstance(key, str) for key in content):
         raise UserError(f"{file}: must contain the groups of a configuration")
     return content
 

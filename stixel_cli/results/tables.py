@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from stixel_cli.errors import UserError
+from stixel_cli.errors import UserError, located
 from stixel_cli.evaluation.scores import Scores
 from stixel_cli.files import read_arrays
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD, rotation, world_from_ego, wrap_angle
@@ -243,7 +243,5 @@ def _read_track(file: Path) -> Track:
     arrays, ending = read_arrays(file), "_probability"
     classes = {n.removesuffix(ending): p for n, p in arrays.items() if n.endswith(ending)}
     own = {f.name: arrays[f.name] for f in fields(Track) if f.name in arrays}
-    try:
+    with located(f"{file}: not of a run", UserError, (IndexError, TypeError, ValueError)):
         return Track(**own, class_probabilities=classes or None)
-    except (IndexError, TypeError, ValueError) as fault:
-        raise UserError(f"{file}: not of a run: {fault}") from None

@@ -20,7 +20,7 @@ from urllib.parse import unquote
 
 import numpy as np
 
-from stixel_cli.errors import UserError, printable
+from stixel_cli.errors import UserError, located, printable
 from stixel_cli.files import GREATEST_ARRAYS, GREATEST_TEXT, read_bytes
 from stixel_cli.geometry.pose import rotation
 from stixel_cli.remembered import remembered
@@ -52,11 +52,9 @@ def load_mesh(
     large to decode.
     """
     digest = sha256()
-    try:
+    with located("road_user.mesh", ValueError, UserError):
         for file in (Path(path), *referred_files(Path(path))):
             digest.update(sha256(read_bytes(file, GREATEST_ARRAYS)).digest())
-    except UserError as error:
-        raise ValueError(f"road_user.mesh: {error}") from None
     return _loaded(path, contrast, scale, turn, up, digest.hexdigest())
 
 

@@ -20,8 +20,9 @@ from stixel_cli.config.folders import STUDIES, shipped_folder
 from stixel_cli.config.texts import value_text
 from stixel_cli.errors import ConfigurationError, UserError, printable_path
 from stixel_cli.evaluation.metric_table import MAIN
+from stixel_cli.files import read_yaml
 from stixel_cli.parameters import parameters
-from stixel_cli.sweeps.design import SWEEP_ENTRIES, Design, design_of, read_mapping
+from stixel_cli.sweeps.design import MOST_ENTRIES, SWEEP_ENTRIES, Design, design_of
 
 NAME = "^[A-Za-z][A-Za-z0-9_]{0,59}$"
 """Of a sweep or a question: it is in names of folders and files, and in messages."""
@@ -71,9 +72,6 @@ class StudyQuestion:
     reference: Annotated[str, BeforeValidator(str)] | None = None
 
 
-QUESTION_ENTRIES = tuple(one.name for one in fields(StudyQuestion) if one.name != "name")
-
-
 def study_question(name: Any, entries: Any, sweeps: Sequence[str]) -> StudyQuestion:
     """A question of a file; ConfigurationError in one line that names it and the entry."""
     where = f"questions: {messages.printable(str(name))}"
@@ -82,7 +80,7 @@ def study_question(name: Any, entries: Any, sweeps: Sequence[str]) -> StudyQuest
     given = {key: value for key, value in entries.items() if value is not None}
     default = {"heading": str(name).replace("_", " ").capitalize(), "sweeps": [*sweeps]}
     entries = {**default, **given, "name": name}
-    question = messages.validated(StudyQuestion, entries, where, QUESTION_ENTRIES)
+    question = messages.validated(StudyQuestion, entries, where)
     for one in (one for one in question.sweeps if one not in sweeps):
         raise ConfigurationError(f"{where}: sweeps: there is no sweep {messages.printable(one)}")
     return replace(question, note=" ".join(question.note.split()))
@@ -180,7 +178,7 @@ _Text = Annotated[str, StringConstraints(pattern=r"\S")]
 
 
 @parameters
-class _Content:
+class StudyEntries:
     """The entries of a study's file."""
 
     title: _Text
@@ -189,9 +187,6 @@ class _Content:
     sweeps: Annotated[dict[str, Any], MinLen(1)]
     questions: dict[str, Any] = field(default_factory=dict)
     module: str = ""
-
-
-ENTRIES = tuple(one.name for one in fields(_Content))
 
 
 @dataclass(frozen=True)
@@ -274,12 +269,12 @@ def read_study(path: Path, trusted: bool = False) -> StudyFile:
     A file that is not shipped may name a module or functions of its own only if it is `trusted`.
     ConfigurationError in one line that names the file and the entry.
     """
-    content, where = read_mapping(path, ENTRIES), printable_path(path)
+    content, where = read_yaml(path, MOST_ENTRIES), printable_path(path)
     try:
         if "sweeps" not in content and not set(content) - set(SWEEP_ENTRIES):
             raise ConfigurationError(f"is a sweep, not a study: stixel sweep --from {where}")
         given = {key: value for key, value in content.items() if value is not None}
-        file = messages.validated(_Content, given, where, ENTRIES)
+        file = messages.validated(StudyEntries, given, where)
         module_name, questions = file.module, file.questions
         shipped = shipped_folder("pipelines") / "studies"
         is_shipped = path in [shipped / f"{name}.yaml" for name in STUDIES]

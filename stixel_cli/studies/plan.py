@@ -13,7 +13,7 @@ from stixel_cli.config.compose import Composer
 from stixel_cli.config.folders import group_options, of_the_machine
 from stixel_cli.config.overrides import Override, parse, read_overrides
 from stixel_cli.engine.graph import GraphBuilder
-from stixel_cli.errors import BelongsElsewhere, ConfigurationError
+from stixel_cli.errors import BelongsElsewhere, ConfigurationError, located
 from stixel_cli.results.result import listed
 from stixel_cli.studies.file import Axes, StudyFile, SweepEntry
 from stixel_cli.sweeps.design import Axis, Design, check_size, has
@@ -112,11 +112,9 @@ def derived_sweep(one: PlannedSweep, axes: Axes) -> PlannedSweep:
 
 def _plan(sweep: SweepEntry, design: Design, *shared: Any) -> SweepPlan:
     """The plan of a sweep; `shared` are the composer and the builders of graphs."""
-    try:
+    with located(f"sweep {sweep.name}", ConfigurationError, ConfigurationError):
         check_size(design, one_is_enough=True)
         plan = plan_sweep(design, False, sweep.results, *shared)
-    except ConfigurationError as fault:
-        raise ConfigurationError(f"sweep {sweep.name}: {fault}") from None
     for step in sweep.results:
         if not any(step in run.graph.stages for run in plan.runs):
             known = sorted({name for run in plan.runs for name in run.graph.stages})

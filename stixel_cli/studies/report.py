@@ -18,7 +18,7 @@ from stixel_cli.answers.runs import STATUS, Answer, Runs, combined
 from stixel_cli.config import messages
 from stixel_cli.config.folders import shipped_folder
 from stixel_cli.engine.store import Store
-from stixel_cli.errors import MissingData, UserError, printable
+from stixel_cli.errors import MissingData, UserError, located, printable
 from stixel_cli.evaluation.metric_table import METRICS
 from stixel_cli.report.page import drawing_for_page, page_template
 from stixel_cli.results.folder import PAGE
@@ -83,10 +83,8 @@ def asked(question: StudyQuestion, frames: Mapping[str, Runs]) -> Section:
         runs = Runs(own, tuple(axis for axis in axes if own[axis].notna().any()))
         label = " ".join(map(str, key))
         metrics = [name for name in question.metrics if name in runs.metrics]
-        try:
+        with located(f"questions: {question.name}", UserError, UserError):
             answers = tuple(runs.ask(metric=name, **_parts(question, runs)) for name in metrics)
-        except UserError as fault:
-            raise UserError(f"questions: {question.name}: {fault}") from None
         if answers:
             found.append((label, answers))
     return Section(question, tuple(found))

@@ -76,9 +76,7 @@ class Study:
         if fresh:
             return False
         there, wanted = read_yaml(self.path / FILE), self.plan.request()
-        if isinstance(there, dict):
-            there = {name: there.get(name) for name in wanted}
-        difference = first_difference(there, wanted)
+        difference = first_difference({name: there.get(name) for name in wanted}, wanted)
         if difference is not None:
             raise UserError(
                 f"{self.path}: has another request: {difference}; choose another --name, or start "

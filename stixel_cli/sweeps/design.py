@@ -24,9 +24,9 @@ from stixel_cli.config.overrides import (
     read_overrides,
 )
 from stixel_cli.config.texts import override_text
-from stixel_cli.errors import BelongsElsewhere, ConfigurationError, printable_path
+from stixel_cli.errors import BelongsElsewhere, ConfigurationError, located, printable_path
 from stixel_cli.experiment.table import PICTURES
-from stixel_cli.files import check_plain, read_text, read_yaml_text
+from stixel_cli.files import read_text, read_yaml
 from stixel_cli.parameters import parameters
 from stixel_cli.results.result import MISSING, RunResult
 
@@ -130,8 +130,8 @@ def check_size(design: Design, one_is_enough: bool = False) -> None:
         raise ConfigurationError(f"the sweep would have {count} runs, more than {MOST_VALUES}")
 
 
-_MOST_ENTRIES = 50_000
-"""Values of a file, aliases expanded: OmegaConf takes 5 s for these."""
+MOST_ENTRIES = 50_000
+"""Values of the file of a sweep or a study, aliases expanded."""
 
 
 @parameters
@@ -172,7 +172,7 @@ def is_study(path: Path) -> bool:
 
 def read_design(path: Path, trusted: bool) -> Design:
     """The design in a file, whose names of code count as `trusted`; UserError if it is wrong."""
-    content = read_mapping(path, SWEEP_ENTRIES)
+    content = read_yaml(path, MOST_ENTRIES)
     if "sweeps" in content:
         where = printable_path(path)
         raise ConfigurationError(f"{where}: is a study, not a sweep: stixel study {path.stem}")
@@ -183,11 +183,9 @@ def design_of(content: Mapping[Any, Any], where: str, origin: Origin) -> Design:
     """The design of entries that `origin` has; ConfigurationError in one line after `where`."""
     where = printable_path(where)
     given = {key: value for key, value in content.items() if value is not None}
-    entries = messages.validated(SweepEntries, given, where, SWEEP_ENTRIES)
-    try:
+    entries = messages.validated(SweepEntries, given, where)
+    with located(where, ConfigurationError, ConfigurationError):
         return _design(entries, origin)
-    except ConfigurationError as fault:
-        raise ConfigurationError(f"{where}: {fault}") from None
 
 
 def _design(content: SweepEntries, origin: Origin) -> Design:
@@ -215,34 +213,6 @@ def _design(content: SweepEntries, origin: Origin) -> Design:
             raise ConfigurationError(f"leave_out: no run has {key}={messages.show(value)}")
     check_overrides(design.overrides)
     return design
-
-
-def read_mapping(path: Path, entries: Sequence[str]) -> dict[str, Any]:
-    """The content of a YAML file with some of `entries`; UserError, which names it, for faults."""
-    from omegaconf import OmegaConf
-    from omegaconf.errors import OmegaConfBaseException
-    from yaml import YAMLError
-
-    text = read_yaml_text(path, _MOST_ENTRIES)
-    where = printable_path(path)
-    try:
-        # OmegaConf reads 1e-6 as a number and refuses a repeated key.
-        content = OmegaConf.to_container(OmegaConf.create(text), resolve=False)
-    except (
-        *(YAMLError, OmegaConfBaseException, ValueError, TypeError, RecursionError),
-        AssertionError,  # The whole file is one number.
-    ) as error:
-        mark = getattr(error, "problem_mark", None)
-        line = f"line {mark.line + 1}: " if mark is not None else ""
-        reason = getattr(error, "problem", None) or str(error).partition("\n")[0]
-        text = messages.printable(reason or "not valid YAML", 200)
-        raise ConfigurationError(f"{where}: {line}{text}") from None
-    check_plain(content, path)
-    if not isinstance(content, dict):
-        raise ConfigurationError(
-            f"{where}: must have the entries {', '.join(entries)}, as KEY: VALUE"
-        )
-    return content
 
 
 def _axis(where: str, keys: Mapping[str, Any], origin: Origin) -> Axis:

@@ -26,19 +26,9 @@ from stixel_cli.config.texts import split_override
 from stixel_cli.errors import UserError, printable, printable_path
 from stixel_cli.files import read_json, read_yaml
 from stixel_cli.parameters import parameters
+from stixel_cli.results import result as results
 from stixel_cli.results.folder import PAGE, write_whole_folder
 from stixel_cli.results.lineage import shown_revision
-from stixel_cli.results.result import (
-    DONE,
-    FAILED,
-    MISSING,
-    SKIPPED,
-    SWEEP_FILE,
-    RunResult,
-    listed_run,
-    read_metrics,
-    yaml_text,
-)
 from stixel_cli.sweeps.design import NOT_GIVEN, SEED, over_keys
 
 if TYPE_CHECKING:
@@ -86,7 +76,7 @@ class SweepRequest:
         """As YAML: the notes, then the other attributes."""
         content = {**self.notes, **vars(self)}
         del content["notes"]
-        return yaml_text(content)
+        return results.yaml_text(content)
 
     def check(self) -> None:
         """Raise ValueError for a request without runs, or an axis that none has, or no result."""
@@ -106,20 +96,17 @@ class SweepFolder:
 
     def create(self, request: SweepRequest) -> None:
         """Create the folder with its `sweep.yaml`, with the errors of `whole_folder`."""
-        write_whole_folder(self.path, {SWEEP_FILE: request.text})
+        write_whole_folder(self.path, {results.SWEEP_FILE: request.text})
 
     def request(self) -> SweepRequest:
         """The content of `sweep.yaml`; UserError if this is not the folder of a sweep."""
-        file = self.path / SWEEP_FILE
+        file = self.path / results.SWEEP_FILE
         if not self.path.is_dir():
             raise UserError(f"{printable_path(self.path)}: no such folder")
         if not file.exists():
-            raise UserError(
-                f"{printable_path(self.path)}: not the folder of a sweep ({SWEEP_FILE} is missing)"
-            )
+            where = printable_path(self.path)
+            raise UserError(f"{where}: not the folder of a sweep ({file.name} is missing)")
         content = read_yaml(file)
-        if not isinstance(content, dict):
-            raise UserError(f"{file}: must have the entries {', '.join(_ENTRIES)}")
         own = {name: content.pop(name) for name in _ENTRIES if name in content}
         return validated(SweepRequest, own | {"notes": content}, file)
 
@@ -140,32 +127,32 @@ class SweepFolder:
         runs = tuple(self.runs(request))
         return SweepResult(self.path, runs, axes=request.axes, over=request.over), request
 
-    def runs(self, request: SweepRequest) -> list[RunResult]:
+    def runs(self, request: SweepRequest) -> list[results.RunResult]:
         """The runs in the order of their indices; those that are not done have no metrics."""
         runs = []
         for index, overrides in enumerate(request.runs):
             given = dict(map(split_override, overrides))
             swept = {key: given.get(key, NOT_GIVEN) for key in request.keys}
             manifest = {"run": index, "seed": swept.pop(SEED, ""), "swept": swept}
-            run = RunResult(manifest=manifest, folder=self.run(index))
+            run = results.RunResult(manifest=manifest, folder=self.run(index))
             try:
-                runs.append(replace(run, metrics=read_metrics(run.folder)))
+                runs.append(replace(run, metrics=results.read_metrics(run.folder)))
             except UserError:
                 runs.append(replace(run, **self._failure(index)))
         return runs
 
     def _failure(self, index: int) -> dict[str, Any]:
         """Status and failure of a run that is not done."""
-        file = self.path / FAILED / f"{index:04d}" / "failure.json"
+        file = self.path / results.FAILED / f"{index:04d}" / "failure.json"
         if not file.exists():
-            return {"status": MISSING}
+            return {"status": results.MISSING}
         content = read_json(file)
-        status = SKIPPED if content.get("status") == SKIPPED else FAILED
+        status = results.SKIPPED if content.get("status") == results.SKIPPED else results.FAILED
         return {"status": status, "failure": UserError(printable(str(content.get("error")), 500))}
 
-    def finished(self, count: int) -> dict[int, RunResult]:
+    def finished(self, count: int) -> dict[int, results.RunResult]:
         """The complete ones of `count` runs by index, with manifest and metrics."""
-        runs = {index: listed_run(self.run(index)) for index in range(count)}
+        runs = {index: results.listed_run(self.run(index)) for index in range(count)}
         return {i: run for i, run in runs.items() if isinstance(run.manifest.get("results"), list)}
 
     def write_run(self, index: int, files: Mapping[str, str | bytes], kind: str = RUNS) -> None:
@@ -176,9 +163,9 @@ class SweepFolder:
         check_below(self.path, [f"{kind}/{index:04d}"])
         write_whole_folder(self.path / kind / f"{index:04d}", files, replace=True)
         with suppress(OSError):
-            shutil.rmtree(self.path / (FAILED if kind == RUNS else RUNS) / f"{index:04d}")
+            shutil.rmtree(self.path / (results.FAILED if kind == RUNS else RUNS) / f"{index:04d}")
             # An empty folder would look as if a run had failed.
-            (self.path / FAILED).rmdir()
+            (self.path / results.FAILED).rmdir()
 
     def write(self, files: Mapping[str, str | bytes]) -> None:
         """Write files of the folder, by path below it, each atomically."""
@@ -198,7 +185,7 @@ class SweepResult:
 
     folder: Path | None
     """Its folder; None if nothing was written."""
-    runs: tuple[RunResult, ...]
+    runs: tuple[results.RunResult, ...]
     """One entry for each run, in the order of their indices."""
     computed: int = 0
     """Number of nodes that this call computed."""
@@ -215,7 +202,7 @@ class SweepResult:
         rows = []
         for run in self.runs:
             failure = run.failure
-            at = "failed" if failure is not None else "runs" if run.status == DONE else None
+            at = "failed" if failure is not None else "runs" if run.status == results.DONE else None
             rows.append(
                 {
                     "run": run.index,
@@ -271,7 +258,7 @@ class SweepResult:
 
     def __repr__(self) -> str:
         """The numbers of runs and nodes, and the folder, in one line."""
-        runs = f"{self.count(DONE)} of {len(self.runs)} runs done"
+        runs = f"{self.count(results.DONE)} of {len(self.runs)} runs done"
         nodes = f"{self.computed} nodes computed, {self.cached} cached"
         return f"<SweepResult {runs}; {nodes} {self.folder or ''}>"
 
@@ -282,7 +269,7 @@ class SweepResult:
     @property
     def complete(self) -> bool:
         """Whether every run is done."""
-        return self.count(DONE) == len(self.runs)
+        return self.count(results.DONE) == len(self.runs)
 
     def count(self, status: str) -> int:
         """Number of runs with a status."""
@@ -326,7 +313,7 @@ def summary_files(result: SweepResult, notes: Mapping[str, Any]) -> dict[str, st
 def read_sweep(folder: Path) -> tuple[SweepResult, dict[str, Any]]:
     """The sweep in a folder and its notes; UserError if it is no sweep, or no run is done."""
     result, request = SweepFolder(folder).result()
-    if not result.count(DONE):
+    if not result.count(results.DONE):
         raise UserError(f"{folder}: no run is done; resume with: stixel sweep --resume {folder}")
     return result, request.notes
 
@@ -363,7 +350,7 @@ def asked_folders(
     UserError for a folder that is neither, and as of `Runs.ask`.
     """
     names = metrics.split(",") if metrics else ()
-    if len(folders) > 1 or not (folders[0] / SWEEP_FILE).exists():
+    if len(folders) > 1 or not (folders[0] / results.SWEEP_FILE).exists():
         for option, value in (("--over", over), ("--compare", compare)):
             if value is not None:
                 raise UserError(f"{option}: is for one sweep; these are runs")

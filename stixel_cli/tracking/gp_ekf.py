@@ -49,9 +49,7 @@ class GpEkfParameters:
         seen_by: kind of measurement, which sees one side of the target among neighbours: the radii
             start as the outline of the class, points of `stixels` and of a `lidar` are moved onto
             it, see `one_side.py`. null: the points are on the contour, all round it, as in [GP].
-        measurement_covariance: R of a point is `isotropic`, or that of the radial innovation, from
-            the scan's `points`; see `innovation_variances`.
-        measurement_std: standard deviation of the isotropic R along each axis, m.
+        measurement_std: of a point along each axis, m: R is isotropic, whatever a scan states.
         gate_probability: chi-square probability of the association's gate; null takes every point.
         lag: later scans that a second, smoothed track uses; 0: there is none; null: all of the run.
     """
@@ -68,7 +66,6 @@ class GpEkfParameters:
     sigma_q_psi: Annotated[float, Ge(0), Le(100)]
     slip: Annotated[float, Gt(0), Le(10)] | None
     seen_by: Literal["stixels", "fabricated", "lidar", "file", "own"] | None
-    measurement_covariance: Literal["isotropic", "points"]
     measurement_std: Annotated[float, Ge(1e-6), Le(10)]
     gate_probability: Annotated[float, Gt(0), Lt(1)] | None
     lag: Annotated[int, Ge(0)] | None
@@ -163,13 +160,11 @@ def _updated(
     """Mean and covariance after a scan, the indices (m,) of its points that were used, the NIS."""
     mean, covariance = predicted
     side, stated = one_side
-    points, noises = scan.points, scan.covariances
+    points, variance = scan.points, tracker.measurement_std**2
     if side is not None:
-        rays, shape_stds = side.rays(points, noises, scan.sensor, mean[:SEEN])
+        rays, shape_stds = side.rays(scan, mean[:SEEN])
         points = rays.points_world
-    if tracker.measurement_covariance == "isotropic":
-        noises = tracker.measurement_std**2 * np.eye(2)
-    indices = _associated(points, noises, mean, covariance, process, tracker)
+    indices = _associated(points, mean, covariance, process, tracker)
     if side is not None:
         others = side.others(rays, mean, stated.position)
         indices = indices[~others[indices]]
@@ -177,10 +172,9 @@ def _updated(
         indices = side.target(rays, shape_stds, indices, mean, covariance)
     if not len(indices):
         return mean, covariance, indices, np.nan
-    noises = noises if noises.ndim == 2 else noises[indices]
     if side is None:
         model = linearise(points[indices], mean, process)
-        mean, covariance, _, nis = update(mean, covariance, model, noises, tangential=True)
+        mean, covariance, _, nis = update(mean, covariance, model, variance, tangential=True)
         return mean, covariance, indices, nis
     taken = rays.subset(indices)
     moved = side.between_ends(taken, mean, covariance)
@@ -189,7 +183,7 @@ def _updated(
         stated.between_ends(*moved[1:])
     model = side.linearised(taken, mean, stated.position)
     matrix, variances = stated.rows(model, taken, shape_stds[indices], mean, scan.k)
-    mean, covariance, gain, _ = update(mean, covariance, model, noises, tangential=False)
+    mean, covariance, gain, _ = update(mean, covariance, model, variance, tangential=False)
     return mean, covariance, indices, stated.correct(gain, matrix, variances, model.residuals)
 
 
@@ -223,7 +217,6 @@ def contours_of(
 
 def _associated(
     points_world: np.ndarray,
-    noises: np.ndarray,
     mean: np.ndarray,
     covariance: np.ndarray,
     process: ContourProcess,
@@ -235,7 +228,7 @@ def _associated(
     indices = associate(
         points_world,
         mean[:2] + turn @ centroid,
-        covariance[:2, :2] + turn @ extent @ turn.T + noises,
+        covariance[:2, :2] + turn @ extent @ turn.T + tracker.measurement_std**2 * np.eye(2),
         tracker.gate_probability,
     )
     offsets = points_world[indices] - mean[:2]

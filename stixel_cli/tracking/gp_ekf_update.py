@@ -86,30 +86,20 @@ def linearise(points_world: np.ndarray, mean: np.ndarray, process: ContourProces
     )
 
 
-def innovation_variances(model: Linearisation, covariances: np.ndarray) -> np.ndarray:
-    """Variances gᵀ R g (n,) m² of the residuals of points with R (2, 2) or (n, 2, 2) m².
-
-    One R for all points is a multiple of I, which stays as it is, as in [GP].
-    """
-    if covariances.ndim == 2:
-        return np.full(len(model.residuals), covariances[0, 0])
-    return np.einsum("ni,nij,nj->n", model.gradients, covariances, model.gradients)
-
-
 def update(
     mean: np.ndarray,
     covariance: np.ndarray,
     model: Linearisation,
-    covariances: np.ndarray,
+    variance: float,
     tangential: bool,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
     """Posterior mean (6 + N,), covariance, gain and NIS of a scan; thesis (76), information form.
 
-    `mean` and `covariance` are the *predicted* ones, `model` is that of n points at them;
-    `covariances` R as of `innovation_variances`. `tangential`: whether the rows that measure
-    nothing count, as in [GP]. The gain (6 + N, n) is that of the radial residuals.
+    `mean` and `covariance` are the *predicted* ones, `model` is that of n points at them, each with
+    the same `variance`, m², in all directions. `tangential`: whether the rows that measure nothing
+    count, as in [GP]. The gain (6 + N, n) is that of the radial residuals.
     """
-    own = innovation_variances(model, covariances)
+    own = np.full(len(model.residuals), variance)
     matrix, noise, innovation = model.state_matrix, own + model.radius_variances, model.residuals
     radial = len(own)
     if tangential:

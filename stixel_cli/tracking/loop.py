@@ -23,6 +23,8 @@ class Scan(NamedTuple):
     """(n, 2, 2) m²."""
     sensor: np.ndarray
     """(3,) its pose."""
+    heights: np.ndarray | None
+    """(n,) m of the points above the road; None: unknown."""
 
 
 class Filtered:
@@ -47,7 +49,8 @@ class Filtered:
         for k, interval in enumerate(intervals(scans.times)):
             rows = scans.rows(k)
             points, covariances = scans.points_world[rows], scans.covariances_world[rows]
-            yield Scan(k, interval, points, covariances, scans.sensor_poses_world[k])
+            heights = None if scans.heights is None else scans.heights[rows]
+            yield Scan(k, interval, points, covariances, scans.sensor_poses_world[k], heights)
 
     def add(
         self,

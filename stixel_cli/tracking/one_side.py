@@ -17,16 +17,18 @@ from stixel_cli.tracking.background import Background
 from stixel_cli.tracking.contour.class_shape import (
     MODE_ANGLES,
     class_shape,
+    end_insets,
     outline_modes,
     visible_shape,
     visible_table,
 )
-from stixel_cli.tracking.contour.contour_rays import Rays, rays_of, segments
+from stixel_cli.tracking.contour.contour_rays import Rays, at_heights, rays_of, segments
 from stixel_cli.tracking.contour.ray_kernels import expected
 from stixel_cli.tracking.contour.ray_table import outline_table
 from stixel_cli.tracking.gp_ekf_update import SEEN, Linearisation, linearise
 from stixel_cli.tracking.kalman import correct
 from stixel_cli.tracking.kernel import ContourProcess
+from stixel_cli.tracking.loop import Scan
 from stixel_cli.tracking.prior import PriorShape, prior_radii
 
 FARTHEST = 3.0
@@ -103,29 +105,25 @@ class OneSide:
             seen = visible_shape(prior.road_user, seen_by)
             visible = visible_table(shape.outline, seen, blurred=seen_by == "stixels")
             self._tables = visible, outline_table(shape.outline)
+            self._insets = end_insets(prior.road_user)
             self._bias_per_std, self.std_factor = seen.bias_per_std, seen.std_factor
 
     def _at(self, bearings: np.ndarray, values: np.ndarray) -> np.ndarray:
         """`values` (n,) at the `bearings` (n,) rad of an outline, at the basis angles (N,)."""
         return np.interp(self.basis_angles, bearings, values, period=2.0 * np.pi)
 
-    def rays(
-        self,
-        points_world: np.ndarray,
-        covariances: np.ndarray,
-        sensor: np.ndarray,
-        pose: np.ndarray,
-    ) -> tuple[Rays, np.ndarray]:
-        """The rays of points (n, 2) m, moved to where they would be if the outline were seen.
+    def rays(self, scan: Scan, pose: np.ndarray) -> tuple[Rays, np.ndarray]:
+        """The rays of the points of a scan, moved to where they would be if the outline were seen.
 
-        `covariances` (n, 2, 2) m² are the points'; `sensor` and `pose` (3,) the poses of the sensor
-        and of the target in the world. Points of an unknown class stay. Also the standard
-        deviations (n,) m of these moves.
+        `pose` (3,) is that of the target in the world. Points of an unknown class stay. Also the
+        standard deviations (n,) m of these moves.
         """
-        rays = rays_of(points_world, covariances, sensor, self._field_of_view)
-        stds = np.zeros(len(points_world))
-        if self._tables is not None and len(points_world):
+        seen, sensor = (scan.points, scan.covariances), scan.sensor
+        rays = rays_of(*seen, sensor, self._field_of_view, heights=scan.heights)
+        stds = np.zeros(len(scan.points))
+        if self._tables is not None and len(scan.points):
             state = np.concatenate([pose, self._factors])
+            rays = at_heights(rays, state, self._tables[0], self._insets)
             visible, outline = (
                 expected(state, sensor, rays.directions, table.arrays) for table in self._tables
             )

@@ -14,11 +14,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from stixel_cli.geometry.polygon import first_hits
 from stixel_cli.geometry.pose import target_from_world
 from stixel_cli.measurements.scans import Scans
+from stixel_cli.scene.mesh import Mesh, corners
 from stixel_cli.scene.scenario import Scenario
 from stixel_cli.tracking.contour.class_shape import (
+    HEIGHTS,
     LIMB_MODES,
     MODE_ANGLES,
     MODES,
@@ -27,17 +28,12 @@ from stixel_cli.tracking.contour.class_shape import (
     OutlineModes,
     VisibleShape,
 )
-from stixel_cli.tracking.contour.ray_table import REACH, first_depths, widths
-
-RADII = 360
-"""Even angles at which the mean outline is given: a wheel's width is seen under 3 degrees."""
+from stixel_cli.tracking.contour.ray_table import REACH, first_depths, outermost_radii, widths
+from stixel_cli.tracking.contour.user_shape import RADII
 
 _ANGLES = 2.0 * np.pi * np.arange(RADII) / RADII
 _ALONG = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)], axis=-1)
 """Unit vectors (360, 2) along the rays at these angles."""
-
-FAR = 100.0
-"""m, outside of every outline."""
 
 NEAR_OFFSET, NEAR_DEPTH = 0.3, 1.0
 """A point within this of the outline, m, across and along its ray, is taken as the target's."""
@@ -56,6 +52,9 @@ TOWARDS_BOX = 2.0 / 3.0
 Of drawn pedestrians, 0 gives the best outlines and 1 the best boxes. Cars are best at 0.5.
 """
 
+EDGE_POINTS = 41
+"""Points on each edge of a mesh, of which the farthest at a height is its end there."""
+
 DRAWN_RAYS = (24, 10)
 """Even aspects, and even offsets over an outline's width, of the rays on drawn outlines."""
 
@@ -72,7 +71,7 @@ def class_shape_of(scenarios: Sequence[Scenario]) -> ClassShape:
     radii, stds = mean_radii(_of_size(scenarios, size))
     outline = radii[:, None] * _ALONG
     extents = np.ptp(outline, axis=0)
-    radii = _radii(outline * (1.0 + TOWARDS_BOX * (size / extents - 1.0)))
+    radii = outermost_radii(outline * (1.0 + TOWARDS_BOX * (size / extents - 1.0)), RADII)
     return ClassShape(outline=radii[:, None] * _ALONG, outline_stds=stds, size=size)
 
 
@@ -84,7 +83,8 @@ def outline_modes_of(scenarios: Sequence[Scenario], size: np.ndarray) -> Outline
     """
     means, changes = [], []
     for scenario in scenarios:
-        radii = np.stack([_radii(outline) for outline in _of_size([scenario], size)])
+        outlines = _of_size([scenario], size)
+        radii = np.stack([outermost_radii(outline, RADII) for outline in outlines])
         for one in (radii, np.roll(radii[:, ::-1], 1, axis=1)):
             sampled = one[:, :: RADII // MODE_ANGLES]
             means.append(sampled.mean(axis=0))
@@ -101,6 +101,27 @@ def _principal(differences: np.ndarray, count: int) -> np.ndarray:
     _, stds, directions = np.linalg.svd(scaled, full_matrices=False)
     components = (stds[:, None] * directions)[:count]
     return np.pad(components, ((0, count - len(components)), (0, 0)))
+
+
+def end_insets_of(road_users: Sequence[Sequence[Mesh]]) -> np.ndarray:
+    """How far inside the box of a class its ends are at each height: `class_shape.end_insets`.
+
+    Of each road user the meshes of all poses of its limbs. Above it, as at its top.
+    """
+    found, share = [], np.linspace(0.0, 1.0, EDGE_POINTS)[:, None]
+    for meshes in road_users:
+        reach = np.full((2, len(HEIGHTS)), -np.inf)
+        for begin in map(corners, meshes):
+            end = np.roll(begin, -1, axis=1)
+            edges = share * begin[..., None, :] + (1.0 - share) * end[..., None, :]
+            x, _, z = edges.reshape(-1, 3).T
+            slab = np.abs(z[:, None] - HEIGHTS).argmin(axis=1)
+            np.maximum.at(reach[0], slab, -x)
+            np.maximum.at(reach[1], slab, x)
+        top = np.flatnonzero(np.isfinite(reach[0])).max()
+        reach[:, top:] = reach[:, top : top + 1]
+        found.append(reach.max(axis=1, keepdims=True) - reach)
+    return np.stack([np.mean(found, axis=0), np.std(found, axis=0)], axis=1)
 
 
 def visible_outline_of(scenarios: Sequence[Scenario], shape: ClassShape) -> VisibleShape:
@@ -143,7 +164,7 @@ def visible_shape_of(samples: Sequence[tuple[Scenario, Scans]], shape: ClassShap
 
 def mean_radii(outlines: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     """Mean radii (360,) m of outlines (M, 2) m, and their standard deviations (360,) m."""
-    radii = np.stack([_radii(outline) for outline in outlines])
+    radii = np.stack([outermost_radii(outline, RADII) for outline in outlines])
     return radii.mean(axis=0), radii.std(axis=0)
 
 
@@ -154,11 +175,6 @@ def _of_size(scenarios: Sequence[Scenario], size: np.ndarray) -> list[np.ndarray
         for scenario in scenarios
         for contour in scenario.contours_target
     ]
-
-
-def _radii(outline: np.ndarray) -> np.ndarray:
-    """Radius (360,) m at which rays from the centre last leave a polygon; 0 if never."""
-    return np.maximum(FAR - first_hits(outline, FAR * _ALONG, -_ALONG), 0.0)
 
 
 def _points(scenario: Scenario, scans: Scans, k: int, shape: ClassShape) -> np.ndarray:

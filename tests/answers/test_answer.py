@@ -157,12 +157,21 @@ def test_options_are_compared_over_what_all_of_them_have():
     answer = of_values({"a": {"turn": [0.9, None]}, "b": {"turn": [None, 0.5]}}).ask()
     assert "no scenario has every unit, and no unit every scenario" in answer.sentence
     assert answer.notes[0] == "Left out: turn, where a and b lack values."
+    apart = {"a": {"p": [0.9, None], "q": [None] * 2}, "b": {"p": [None, 0.5], "q": [None] * 2}}
+    assert of_values(apart).ask().over == "0 of 2 seeds"
     none = of_values({"a": {"turn": [None]}, "b": {"turn": [None]}}).ask(metric=IOU)
     assert "no run has a value" in none.sentence
     values = {"a": {"p": [0.9, 0.5], "q": [0.8, 0.8]}, "b": {"p": [0.7, None], "q": [None, None]}}
     found = of_values(values).ask().by_scenario()
     np.testing.assert_allclose(found.loc["p"], [0.9, 0.7])
     np.testing.assert_allclose(found.loc["q"], [0.8, np.nan])
+
+
+def test_a_sentence_names_the_last_option_and_counts_more():
+    same = {name: {"turn": [0.5, 0.6, 0.7, 0.8]} for name in "abcdefg"}
+    assert of_values(same).ask().sentence.endswith("not shown to differ: b, c, d, e and 2 more.")
+    del same["g"]
+    assert of_values(same).ask().sentence.endswith("not shown to differ: b, c, d, e and f.")
 
 
 def test_two_units_claim_nothing():
@@ -215,7 +224,9 @@ def test_what_is_not_a_question_is_refused():
         ({"metric": "ious"}, "ious: no such column"),
         ({"compare": "tracker", "within": "tracker"}, "tracker: is in two of"),
         ({"reference": "c"}, "reference: c: no option"),
-        ({"over": (), "within": "path"}, "two are a turn all"),
+        ({"over": (), "within": "path"}, "two are a turn: name"),
+        ({"metric": "path"}, "path: must be a column of numbers"),
+        ({"better": "up"}, "better: up: must be more, less or one"),
     ):
         with pytest.raises(UserError, match=said):
             runs.ask(compare=parts.pop("compare", "tracker"), **parts)
@@ -229,6 +240,9 @@ def test_any_frame_of_numbers_is_asked_by_name_and_a_missing_setting_is_a_value(
     answer = Runs(frame).ask(metric="quality", better="more")
     assert (answer.best, answer.shown) == ("b", True)
     assert Runs(frame).ask(metric="quality", better="less").best == "a"
+    assert Runs(frame[frame["method"] == "a"].drop(columns="method")).ask().sentence == (
+        "Quality: all runs 1.00 [0.87, 1.13] (4 seeds)."
+    )
     rows = [("a", None, 0, 0.5), ("a", "turn", 0, 0.7), ("b", None, 0, 0.6), ("b", "turn", 0, 0.8)]
     answer = Runs(frame_of(rows, ("tracker", "path", "seed"))).ask()
     assert answer.scenarios == ("–", "turn")

@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
-from test_answer import CENTRE, IOU, of_values
+from test_answer import CENTRE, IOU, frame_of, of_values
 
 from stixel_cli.answers import figures, render
 from stixel_cli.answers.runs import Runs
@@ -103,6 +103,31 @@ def test_the_figure_of_a_nees_is_a_reliability_diagram(tmp_path):
     assert figures.drawing(answer) == figures.reliability(answer) != figures.differences(answer)
     (folders[0] / "scores.npz").unlink()
     assert figures.drawing(answer) == figures.differences(answer)
+
+
+def test_the_explanation_names_the_units_and_the_interval_of_each_kind_of_value(answers):
+    text = render.explanation([of_values({"a": {"turn": [0.9] * 4}}).ask()])
+    assert text.startswith("Each value is the mean over 4 seeds, which every option has; in brack")
+    assert "Wilson's for the track loss rate" in text
+    assert "the mean over the units named under “In words”, which" in render.explanation()
+
+
+def test_a_figure_has_the_best_options_and_its_labels_lie_within_it():
+    rows = [
+        (f"{i}", f"{0.1 * i}", seed, 0.9 - 0.01 * i + 0.001 * seed)
+        for i in range(25)
+        for seed in range(4)
+    ]
+    frame = frame_of(rows, ("tracker.degrees_of_freedom", "tracker.length_scale", "seed"))
+    answer = Runs(frame).ask()
+    figure = answer.figure()
+    assert len(figure.axes[0].get_yticks()) == figures.MOST_ROWS < len(answer.table)
+    assert figures.legend(answer).startswith("The best 20 of 25 options; Grey")
+    label = figure.axes[1].xaxis.label
+    figure.draw_without_rendering()
+    assert label.get_text() == "mean IoU, box, minus the best"
+    ends = label.get_window_extent()
+    assert 0 <= ends.x0 < ends.x1 <= figure.bbox.width
 
 
 @pytest.mark.drawn

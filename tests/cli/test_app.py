@@ -11,7 +11,7 @@ import pytest
 import typer
 
 from stixel_cli import __version__
-from stixel_cli.cli.app import app, main
+from stixel_cli.cli.app import application, main
 from stixel_cli.cli.terminal import REPLACED
 from stixel_cli.config.folders import STUDIES
 from stixel_cli.engine.errors import StageFailure
@@ -26,7 +26,7 @@ def stand_in(monkeypatch):
     """Replaces the body of `stixel run`."""
 
     def replace(body):
-        (command,) = (one for one in app.registered_commands if one.callback.__name__ == "run")
+        (command,) = application("run").registered_commands
         stand_in = functools.wraps(command.callback)(lambda **given: body(*given.values()))
         monkeypatch.setattr(command, "callback", stand_in)
         typer.main.get_command.cache_clear()  # See `remembered.py`.
@@ -66,7 +66,7 @@ def test_an_old_command_names_the_new_one(word, more, tmp_path, monkeypatch, cap
     assert not list(tmp_path.iterdir())
 
 
-COMMANDS = typer.main.get_command(app).commands
+COMMANDS = typer.main.get_command(application("")).commands
 
 
 @pytest.mark.parametrize(
@@ -87,16 +87,25 @@ def test_every_command_has_a_help(command, capsys):
     ("program", "heavy"),
     [
         (
-            "from stixel_cli.cli.app import app, main; main(['--help'])",
+            "from stixel_cli.cli.app import main; main(['--help'])",
             "numpy hydra omegaconf pydantic rich yaml scipy cv2 numba matplotlib open3d",
         ),
         (
             "from stixel_cli.config.compose import compose; compose(['seed=1'])",
             "scipy cv2 numba matplotlib open3d shapely joblib",
         ),
+        (
+            "from stixel_cli.border import TYPED; from stixel_cli.config.overrides import *; "
+            "check_overrides(read_overrides(['seed=3', 'path=turn'], TYPED))",
+            "hydra antlr4",
+        ),
+        (
+            "from stixel_cli import trackers; trackers.Contour(start=[0, 10, 0])",
+            "hydra stixel_cli.engine",
+        ),
     ],
 )
-def test_help_and_composition_import_nothing_heavy(program, heavy):
+def test_what_needs_little_imports_nothing_heavy(program, heavy):
     check = f"sys.exit([name for name in {heavy.split()} if name in sys.modules] or 0)"
     done = subprocess.run(
         [sys.executable, "-c", f"import sys; {program}; {check}"], capture_output=True, text=True
@@ -241,11 +250,3 @@ def test_streams_and_folders_that_a_shell_takes_away(line, code, said, printed, 
     assert said in done.stderr
     assert done.stderr.count("\n") == bool(said)
     assert printed in done.stdout
-
-
-def test_an_unknown_road_user_points_to_the_mesh(capsys):
-    assert main(["run", "road_user=truck"]) == 2
-    said = capsys.readouterr().err
-    assert "road_user.mesh=FILE" in said and "car, cyclist, pedestrian" in said
-    assert main(["run", "stereo=sgmm"]) == 2
-    assert "mesh" not in capsys.readouterr().err

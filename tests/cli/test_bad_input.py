@@ -22,6 +22,7 @@ SENTENCES = {
     "rig.fov=60": "did you mean rig.horizontal_fov or rig.vertical_fov?",
     "road_usr=car": "road_usr: unknown key; did you mean road_user?",
     "road_user=cyclst": f"did you mean road_user=cyclist? (options: {', '.join(USERS)})",
+    "road_user=truck": "a mesh: road_user.mesh=FILE",
     "road_user=bike": f"road_user: unknown option 'bike' (options: {', '.join(USERS)})",
     "tracker=own": "for your own, give a function: tracker=MODULE:FUNCTION",
     "+x=3": "x: unknown key; `stixel describe`",
@@ -38,6 +39,10 @@ SENTENCES = {
     "measurement=stixels; it belongs to measurement=fabricated",
     "measurement.noise.range_std=1": "measurement.noise.range_std: unknown "
     "key with measurement=stixels; it belongs to measurement=fabricated measurement/noise=const",
+    "measurement.noise.range_deviation=1": "did you mean measurement.noise.range_std",
+    "range_deviation=1": " or measurement.noise.range_std or ",
+    "measurement.disparity_deviation=1": "did you mean measurement.noise.disparity_std",
+    "start.position_deviation=1": "did you mean start.position",
     "measurement.disparity_std=1": "did you mean measurement.noise.disparity_std?",
     "measurement/noise.range_std=1": "did you mean measurement.noise.range_std?",
     "measurement.scanner=3": "measurement.scanner: is a group of keys: give one of them",
@@ -125,6 +130,11 @@ def test_one_line_begins_with_the_key(text, capsys):
         (["seed", "=", "3"], "'seed': must be KEY=VALUE; did you mean seed=VALUE?"),
         (["rig=kitti", "rig.horizontal_fov=60"], "set either rig.focal_length or"),
         (["rig.height=3", "rig.baseline=-1"], "(and 1 more fault)"),
+        (["measurement=file", "seed=1"], "measurement.path: is missing"),
+        (["measurement=file", "measurement.path=''"], "measurement.path: is empty"),
+        (["measurement=file", "measurement.path=none.csv"], "none.csv is missing"),
+        (["measurement=file", "measurement.path=."], "must be a table with the suffix"),
+        (["start=scans", "start.bearing=[3,1]"], "start.bearing: the second must be greater"),
         (["tracker=contour", "tracker.sees=contour"], "stixels has the surface that rays meet"),
         (["pace.speed=3", "path=approach"], "pace.speed: unknown key; did you mean path.speed?"),
     ],
@@ -257,6 +267,28 @@ LINES = {
     "rnu": "did you mean run?",
     "xyzzy": "no such command 'xyzzy'",
     "report": "missing argument",
+    "report a b --format doc": "'--format': 'doc' is not one of",
+    "cache": "missing command",
+    "cache lss": "did you mean ls?",
+    "cache clear": "add --yes",
+    "cache verify all": "unexpected extra argument",
+    "cache gc --max-size much": "--max-size: 'much' is not a valid size: write 500MB",
+    "cache gc --older-than old": "--older-than: 'old' is not a valid age: write",
+    "describe tracker.sigma": "tracker.sigma_f",
+    "describe traker": "tracker",
+    "describe tracker=pont": "tracker=point",
+    "describe NEES": "did you mean nees_position_mean or",
+    **{
+        f"{command} {words}": said
+        for command in ("assess", "stixels")
+        for words, said in {
+            "left.png": "needs two images, LEFT and RIGHT",
+            "a.png b.png c.png": " needs two images, LEFT and RIGHT, or one recording, got 3",
+            "left.png right.png": "--rig: is required with two images",
+            "left.png right.png --rig rig.yaml": "rig.yaml",
+            "source.folder=x --calib rig.yaml": "belongs to two images",
+        }.items()
+    },
 }
 REFUSED = """
 run --workers 0

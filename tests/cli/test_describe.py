@@ -1,6 +1,6 @@
 """What `stixel describe` says of groups, options and keys, and what the shell completes."""
 
-import os
+import json
 import subprocess
 import sys
 
@@ -54,19 +54,6 @@ def test_what_it_says(word, capsys):
     said = " ".join(printed(capsys, word).split())
     assert [text for text in TEXTS[word] if text not in said] == []
     assert word != "stereo=bm" or "stereo.disparities_at_full_size" not in said
-
-
-NEAR = {
-    **{"tracker.sigma": "tracker.sigma_f", "traker": "tracker", "tracker=pont": "tracker=point"},
-    "NEES": "did you mean nees_position_mean or",
-}
-
-
-@pytest.mark.parametrize("word", NEAR)
-def test_a_wrong_name_has_one_line(word, capsys):
-    assert main(["describe", word]) == 2
-    captured = capsys.readouterr()
-    assert captured.out == "" and captured.err.count("\n") == 1 and NEAR[word] in captured.err
 
 
 def test_of_several_variants_the_default_comes_first_and_all_groups_are_listed(capsys):
@@ -182,46 +169,47 @@ def test_result_folders(tmp_path, monkeypatch):
     assert "road_user=car" in complete_run_or_override("road_u")
 
 
-def test_the_shell_is_answered_fast_and_without_heavy_imports(tmp_path):
+COMPLETES = """
+import json, os, sys
+from stixel_cli.cli.app import main
+for line in json.loads(sys.argv.pop()):
+    asked = {"COMP_WORDS": line, "COMP_CWORD": str(len(line.split()) - 1)}
+    os.environ |= asked | {"_STIXEL_COMPLETE": "complete_bash"}
+    try:
+        main()
+    except SystemExit as answered:
+        assert answered.code == 0
+    print()
+sys.exit([name for name in ("numpy", "hydra", "omegaconf", "yaml") if name in sys.modules] or 0)
+"""
+
+
+def test_the_shell_is_answered_without_heavy_imports(tmp_path):
     """As Bash asks: for commands, for overrides of `sweep`, for folders."""
-    program = (
-        "import sys, time; from stixel_cli.cli.app import main; code = main(); "
-        "heavy = {'numpy', 'hydra', 'pydantic', 'yaml', 'rich'} & sys.modules.keys(); "
-        "sys.exit(str(heavy) if heavy else code)"
-    )
-    for line, offered in (
-        ("stixel ex", "explain"),
-        ("stixel cache ve", "verify"),
-        ("stixel sweep road_user=car,c", "cyclist"),
-        ("stixel ls resul", "results/"),
-        ("stixel run --wor", "--workers"),
-    ):
-        (tmp_path / "results").mkdir(exist_ok=True)
-        words = line.split()
-        asked = {
-            "_STIXEL_COMPLETE": "complete_bash",
-            "COMP_WORDS": line,
-            "COMP_CWORD": str(len(words) - 1),
-        }
-        done = subprocess.run(
-            [sys.executable, "-c", program],
-            env=os.environ | asked,
-            cwd=tmp_path,
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        assert done.returncode == 0, done.stderr
-        assert offered in done.stdout
+    (tmp_path / "results").mkdir()
+    offered = {
+        "stixel ex": "explain",
+        "stixel cache ve": "verify",
+        "stixel sweep road_user=car,c": "cyclist",
+        "stixel ls resul": "results/",
+        "stixel run --wor": "--workers",
+    }
+    command = [sys.executable, "-c", COMPLETES, json.dumps([*offered])]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    answers = dict(zip(offered, done.stdout.split("\n\n"), strict=False))
+    assert [line for line, word in offered.items() if word not in answers[line]] == []
 
 
 def test_formats_of_export_and_that_no_folder_is_no_error(monkeypatch):
     from typer.main import get_command
 
-    from stixel_cli.cli.app import app
+    from stixel_cli.cli.app import application
     from stixel_cli.export.export import FORMATS
 
-    (option,) = (p for p in get_command(app).commands["export"].params if p.name == "format")
+    (option,) = (
+        p for p in get_command(application("")).commands["export"].params if p.name == "format"
+    )
     offered = [item.value for item in option.shell_complete(None, "")]
     assert offered == [*FORMATS, "mlflow"]
     assert [item.value for item in option.shell_complete(None, "k")] == ["kitti"]

@@ -68,8 +68,6 @@ def test_a_table_and_a_figure_of_runs(folders, capsys):
     assert "| one | 1 | 0.500 |" in said and "**" not in said
     assert report(folders, form="svg") == 0
     assert (folders[0].parent / "figure-one-two.svg").exists()
-    assert main(["report", *map(str, folders), "--format", "doc"]) == 2
-    assert "'--format': 'doc' is not one of" in capsys.readouterr().err
     with pytest.raises(UserError, match="--compare: is for one sweep"):
         report(folders, form="md", compare="seed")
 

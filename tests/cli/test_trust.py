@@ -67,19 +67,6 @@ def test_a_trusted_file_is_imported_where_its_keys_are_asked(command, evil, tmp_
     assert (tmp_path / "ran").exists()
 
 
-@pytest.mark.parametrize("command", [*PLANNING, ["sweep"], ["run"], ["run", "--dry-run"]])
-@pytest.mark.parametrize("named", ["metrics: ['evil:track']", "cache: {folder: /tmp/theirs}"])
-def test_presets_that_name_code_are_refused(command, named, evil, tmp_path, capsys):
-    preset = evil / "experiment" / "theirs.yaml"
-    preset.parent.mkdir()
-    text = f"# @package _global_\ncode_folders: ['{evil}']\n{named}\n"
-    preset.write_text(text)
-    words = [*command, "experiment=theirs", "measurement=fabricated", "path.duration=0.3"]
-    words += [] if command == ["run"] else ["seed=0,1"] if command[0] == "sweep" else []
-    assert str(evil) in refused(capsys, *words, "--config-dir", evil)
-    assert not (tmp_path / "ran").exists()
-
-
 def study_file(folder, module, **fixed):
     """A study of two sweeps."""
     content = {"title": "t", "question": "q", "text": "t", "module": module}
@@ -169,10 +156,13 @@ def test_trusted_code_of_a_study_is_told_and_runs_once(evil, tmp_path, capsys):
         ("executor/fast", "kind: dask\naddress: tcp://127.0.0.1:9\n", ["executor=fast"]),
         ("tracker/p", "kind: own\nfunction: evil:track\n", ["tracker=p"]),
         ("experiment/e", "# @package _global_\nmetrics: ['evil:track']\n", ["experiment=e"]),
+        ("experiment/e", "# @package _global_\ncode_folders: [theirs]\n", ["experiment=e"]),
         ("experiment/e", "# @package _global_\ncache: {folder: CACHE}\n", ["cache.max_size=1GB"]),
     ],
 )
-@pytest.mark.parametrize("command", [["explain"], ["run"], ["run", "--dry-run"], ["tune"]])
+@pytest.mark.parametrize(
+    "command", [*PLANNING, ["sweep"], ["run"], ["run", "--dry-run"], ["tune"]], ids=" ".join
+)
 def test_an_option_does_not_vouch_for_what_its_preset_names(
     command, preset, content, typed, evil, tmp_path, capsys
 ):
@@ -186,6 +176,8 @@ def test_an_option_does_not_vouch_for_what_its_preset_names(
         if "experiment=e" in typed:
             return  # A tuning takes no experiment.
         typed = [*typed, "path.duration=interval(0.3,0.4)"]
+    if "sweep" in command:
+        typed = [*typed, "seed=0,1"]
     words = [*command, "measurement=fabricated", *typed, "--config-dir", evil / "conf"]
     assert str(evil / "conf") in refused(capsys, *words)
     assert not (tmp_path / "ran").exists() and not (tmp_path / "results").exists()

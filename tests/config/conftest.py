@@ -14,6 +14,8 @@ def own_conf(tmp_path, monkeypatch):
     shutil.copytree(shipped_folder("conf"), tmp_path / "conf")
     (tmp_path / "pyproject.toml").touch()
     monkeypatch.setattr(folders, "_PACKAGE", tmp_path / "stixel_cli")
-    group_options.cache_clear()
+    for known in (group_options, shipped_folder):
+        known.cache_clear()
     yield tmp_path / "conf"
-    group_options.cache_clear()
+    for known in (group_options, shipped_folder):
+        known.cache_clear()

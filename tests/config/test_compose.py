@@ -1,3 +1,4 @@
+import os
 import shutil
 from dataclasses import replace
 
@@ -8,9 +9,11 @@ import yaml
 from stixel_cli.border import TYPED
 from stixel_cli.config import choice
 from stixel_cli.config.compose import Composer, compose, from_resolved
-from stixel_cli.config.folders import group_options, option_values, shipped_folder
+from stixel_cli.config.folders import group_options, option_values, outermost_group, shipped_folder
 from stixel_cli.config.overrides import read_overrides
 from stixel_cli.config.texts import override_text
+from stixel_cli.engine.entries import collect
+from stixel_cli.engine.store import Store
 from stixel_cli.errors import ConfigurationError, UserError
 
 
@@ -42,11 +45,6 @@ def test_pace_and_prior_follow_the_road_user(user):
     assert composition.choices["pace"] == composition.choices["prior"] == user
     assert composition.configuration.path.speed == option_values("pace", user)["turn_speed"]
     assert "pace" not in composition.resolved
-
-
-@pytest.mark.parametrize("path", sorted({*group_options()["path"]} - {"recorded"}))
-def test_every_path_goes_with_another_class(path):
-    assert compose(["road_user=pedestrian", f"path={path}"]).configuration.path.kind == path
 
 
 def test_a_key_changes_that_key_alone_and_has_the_type_of_the_schema(default):
@@ -217,22 +215,7 @@ def test_names_of_files_are_absolute_and_may_be_words_of_other_keys(tmp_path, mo
     assert found.value("measurement.path") == str(tmp_path / "none")
 
 
-@pytest.mark.parametrize(
-    ("typed", "meant"),
-    [
-        ("measurement.noise.range_deviation", "measurement.noise.range_std"),
-        ("range_deviation", "measurement.noise.range_"),
-        ("measurement.disparity_deviation", "measurement.noise.disparity_std"),
-        ("start.position_deviation", "start.position"),
-    ],
-)
-def test_a_key_with_the_same_first_word_is_suggested(typed, meant):
-    with pytest.raises(ConfigurationError) as error:
-        compose([f"{typed}=1"])
-    assert meant in str(error.value).partition("did you mean")[2]
-
-
-def test_few_compositions_are_stored_damaged_ones_are_ignored_and_none_needs_hydra(
+def test_compositions_are_stored_damaged_ones_are_ignored_old_ones_removed_and_none_needs_hydra(
     tmp_path, monkeypatch
 ):
     monkeypatch.setenv("STIXEL_CACHE", str(tmp_path))
@@ -243,19 +226,28 @@ def test_few_compositions_are_stored_damaged_ones_are_ignored_and_none_needs_hyd
         stored.write_bytes(content)
         choice.compose_options.cache_clear()
         assert compose() == composed
-    monkeypatch.setenv("STIXEL_CACHE", str(tmp_path))
-    monkeypatch.setattr(choice, "MOST_STORED", 2)
-    choice.compose_options.cache_clear()
-    for option in ("turn", "circle", "approach"):
-        compose([f"path={option}"])
-    assert len(list((tmp_path / choice.FOLDER).iterdir())) == 2
-    monkeypatch.setenv("STIXEL_CACHE", str(tmp_path))
     compose(["rig=kitti"])
     choice.compose_options.cache_clear()
     expected = compose(["rig=kitti"])
     monkeypatch.setattr(choice, "_by_hydra", None)
     choice.compose_options.cache_clear()
     assert compose(["rig=kitti"]) == expected
+    assert compose(["path=circle", "tracker=box"]).choices["path"] == "circle"
+    os.utime(stored, (0.0, 0.0))
+    assert collect(Store(tmp_path)).left == 1 and not stored.exists()
+
+
+@pytest.mark.parametrize("experiment", group_options()["experiment"])
+def test_options_of_groups_that_stand_alone_are_as_hydra_composes_them(experiment, monkeypatch):
+    own = {g: o for g, o in group_options().items() if outermost_group(g) not in choice.TOGETHER}
+    for i in range(max(map(len, own.values())) if experiment == "none" else 2):
+        options = {group: options[i % len(options)] for group, options in own.items()}
+        options |= {"experiment": experiment, "road_user": "cyclist"}
+        fast = choice.compose_options((*options.items(),), "fast")
+        with monkeypatch.context() as patch:
+            patch.setattr(choice, "TOGETHER", (*own, *choice.TOGETHER))
+            slow = choice.compose_options((*options.items(),), "slow")
+        assert fast == slow and repr(fast) == repr(slow)
 
 
 def test_composing_creates_no_cache_and_needs_none(tmp_path, monkeypatch, default):

@@ -58,13 +58,14 @@ def test_an_installed_copy_is_taken_where_there_is_no_checkout_and_a_missing_fol
     shutil.copytree(shipped_folder("conf"), package / "conf")
     # Somebody else's folder of the same name.
     (package.parent / "conf").mkdir()
+    find = shipped_folder.__wrapped__
     monkeypatch.setattr(folders, "_PACKAGE", package)
-    assert shipped_folder("conf") == package / "conf"
+    assert find("conf") == package / "conf"
     (package.parent / "pyproject.toml").touch()
-    assert shipped_folder("conf") == package.parent / "conf"
+    assert find("conf") == package.parent / "conf"
     monkeypatch.setattr(folders, "_PACKAGE", tmp_path / "stixel_cli")
     with pytest.raises(ConfigurationError, match="conf: the folder is missing"):
-        shipped_folder("conf")
+        find("conf")
 
 
 def test_a_group_within_another():

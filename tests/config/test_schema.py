@@ -3,6 +3,7 @@
 import copy
 import json
 import re
+from dataclasses import fields
 from pathlib import Path
 from typing import Any, get_args
 
@@ -13,7 +14,7 @@ from referencing import Registry
 from referencing.jsonschema import DRAFT202012
 from typer.testing import CliRunner
 
-from stixel_cli.cli.app import app
+from stixel_cli.cli.app import application
 from stixel_cli.config.annotations import describe
 from stixel_cli.config.compose import compose, from_resolved
 from stixel_cli.config.folders import group_options, options_of_kind, outermost_group
@@ -52,11 +53,11 @@ def test_the_schemas_are_valid_written_and_have_the_entries_of_their_readers(tmp
         Draft202012Validator.check_schema(content)
     assert tuple(SCHEMAS["sweep.json"]["properties"]) == SWEEP_ENTRIES
     study = SCHEMAS["study.json"]["properties"]
-    assert {*study} == {*study_file.ENTRIES}
+    assert {*study} == {field.name for field in fields(study_file.StudyEntries)}
     entries = study["questions"]["additionalProperties"]["properties"]
-    assert {*entries} == {*study_file.QUESTION_ENTRIES}
+    assert {"name", *entries} == {field.name for field in fields(study_file.StudyQuestion)}
     assert entries["better"]["enum"] == ["more", "less", "one"]
-    result = CliRunner().invoke(app, ["describe", "--schema", str(tmp_path / "new")])
+    result = CliRunner().invoke(application(""), ["describe", "--schema", str(tmp_path / "new")])
     assert result.exit_code == 0
     written = {file.name: json.loads(file.read_text()) for file in (tmp_path / "new").iterdir()}
     assert written == SCHEMAS

@@ -109,10 +109,10 @@ def test_readme_begins_with_it_and_it_is_small():
 @pytest.mark.drawn
 def test_each_frame_of_the_run_is_shown(tmp_path):
     file = tmp_path / "picture.gif"
-    small = ["path.duration=0.3", "rig.width=320", "rig.height=240", "pictures.frames=[]"]
+    small = ["path.duration=0.2", "rig.width=160", "rig.height=120", "pictures.frames=[]"]
     moving_picture.main(small, file)
     with Image.open(file) as picture:
-        assert picture.n_frames == 3
+        assert picture.n_frames == 2
         first = np.asarray(picture.convert("RGB"))
     assert first.shape[0] == moving_picture.HEIGHT
     assert np.ptp(first[:, : moving_picture.WIDTH]) > 100  # the camera's image

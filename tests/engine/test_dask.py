@@ -271,16 +271,7 @@ def test_without_an_address_or_dask_it_is_refused(project, monkeypatch):
         executed(project, "tcp://a:1", project.graph(), "numbers")
 
 
-@pytest.fixture
-def scheduler():
-    """The address of a scheduler without workers."""
-    with distributed.LocalCluster(
-        n_workers=0, host="127.0.0.1", dashboard_address="127.0.0.1:0", protocol="tcp://"
-    ) as cluster:
-        yield cluster.scheduler_address
-
-
-def test_a_scheduler_without_workers(scheduler, project, notes, monkeypatch):
+def test_a_scheduler_without_workers(project, notes, monkeypatch):
     monkeypatch.setattr("stixel_cli.engine.dask_pool.COUNT_INTERVAL", 0.2)
 
     def end_patience(text):
@@ -288,17 +279,20 @@ def test_a_scheduler_without_workers(scheduler, project, notes, monkeypatch):
         monkeypatch.setattr("stixel_cli.engine.dask_pool.LONG_PATIENCE", 0.0)
 
     notes.note = end_patience
-    executor = DaskExecutor("dask", 2, None, scheduler)
-    with pytest.raises(ExecutorError, match=f"^no worker at the Dask scheduler {scheduler} for "):
-        execute(project.graph(), ["numbers"], project.store, executor=executor, progress=notes)
+    with distributed.LocalCluster(
+        n_workers=0, host="127.0.0.1", dashboard_address="127.0.0.1:0", protocol="tcp://"
+    ) as nobody:
+        scheduler = nobody.scheduler_address
+        with pytest.raises(ExecutorError, match=f"^no worker at the Dask scheduler {scheduler} "):
+            executed(project, scheduler, project.graph(), "numbers", progress=notes)
     assert [note.partition(",")[0] for note in notes.notes] == [
         f"waiting for workers at {scheduler}"
     ]
 
 
-def test_the_probe(scheduler, tmp_path, monkeypatch):
+def test_the_probe(cluster, tmp_path, monkeypatch):
     store, nobody = Store(tmp_path / "cache"), DaskExecutor("dask", 2, None, "tcp://127.0.0.1:9")
-    probe(3, store, DaskExecutor("dask", 2, None, scheduler))
+    probe(3, store, executor_at(cluster))
     monkeypatch.setattr("stixel_cli.engine.dask_pool.PATIENCE", 0.5)
     probe(0, store, nobody)
     with pytest.raises(ExecutorError, match=r"no Dask scheduler at tcp://127\.0\.0\.1:9"):

@@ -7,10 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from executors import EXECUTORS
 
 from stixel_cli.engine import progress as progress_module
-from stixel_cli.engine.execute import execute
 from stixel_cli.engine.parameters import LocalExecutor
 from stixel_cli.engine.plan import DURATIONS, Durations, plan
 from stixel_cli.engine.progress import Display, Progress, crash_note
@@ -91,8 +89,6 @@ def test_records_by_stage(project):
     [
         ("helpers", "FACTOR * values", "values * FACTOR * 2", set(ALL) - {"numbers"}),
         ("helpers", "FACTOR = 3.0", "FACTOR = 4.0", set(ALL) - {"numbers"}),
-        ("helpers", "# a comment", "# another", set()),
-        ("double", "A docstring.", "Another.", set()),
         ("helpers", "UNUSED * values", "UNUSED + values", set(ALL) - {"numbers"}),
         ("gather", "list(running)", "list(running)[:]", {"gather"}),
         ("running", "0.0 if previous is None", "1.0 if previous is None", {*RUNNING, "gather"}),
@@ -131,16 +127,6 @@ def test_small_known_work_starts_no_workers(project, monkeypatch):
     project.calls()
     project.run(project.graph(seed=2), executor="local")
     assert project.calls() == ["gather"]
-
-
-def test_edited_code_that_is_imported_already_runs_in_a_new_process(project):
-    graph = project.graph()
-    project.run(graph)
-    project.edit("show", "return doubled.first, grid", "return doubled.first, -grid")
-    # As in a notebook: the old module is still loaded.
-    graph = project.graph()
-    execute(graph, ["show"], project.store, EXECUTORS["local"])
-    assert load(project, graph, "show") == [(0, -12.0, 2), (8, -54.0, 9)]
 
 
 def test_plan_computes_and_writes_nothing(project):

@@ -1,5 +1,6 @@
 """A module of the user's own, in a folder of its own."""
 
+import os
 import sys
 
 import pytest
@@ -103,7 +104,8 @@ scans = 3
 @pytest.fixture
 def own(tmp_path, monkeypatch):
     """A folder with a module of its own name, which is the working directory."""
-    number = next(NAMES)
+    # The workers of xdist share a cache, and no name in it: some tests remove their results.
+    number = f"{os.environ.get('PYTEST_XDIST_WORKER', '')}_{next(NAMES)}"
     name, helper = f"own_{number}", f"own_helper_{number}"
     folder = tmp_path / "mine"
     folder.mkdir()

@@ -209,28 +209,6 @@ def test_settings_of_a_scene_are_refused(word, made):
         compose([*from_files(made), word])
 
 
-@pytest.mark.parametrize(
-    ("words", "fault"),
-    [
-        (["measurement=file"], "measurement.path: is missing"),
-        (["measurement=file", "measurement.path=''"], "measurement.path: is empty"),
-        (["measurement=file", "measurement.path=none.csv"], "none.csv is missing"),
-        (["measurement=file", "measurement.path=."], "must be a table with the suffix"),
-        (["start=scans", "start.bearing=[3,1]"], "start.bearing: the second must be greater"),
-        (["measurement=fabricated", "start=scans", "start.bearing=[1,2]", "path.duration=0.3"],
-         "widen them"),
-    ],
-)  # fmt: skip
-def test_wrong_input_is_one_line_and_writes_nothing(words, fault, tmp_path, capsys):
-    results = tmp_path / "results"
-    code = main(["run", "--results", str(results), "executor=threads", *words])
-    captured = capsys.readouterr()
-    lines = [line for line in captured.err.splitlines() if "done in" not in line]
-    assert (code, len(lines)) == (2, 1), captured.err
-    assert fault in lines[0]
-    assert not results.exists()
-
-
 def lidar_keys(*words: str) -> tuple[str, str]:
     """The keys of the returns and of the scans."""
     graph = experiment_graph(compose(["measurement=lidar", *words]))

@@ -34,9 +34,9 @@ RUNS = [("car", path) for path in PATHS] + [(user, "stop_and_go") for user in US
 """Each path and each road user once; every pair's motion: `tests/scene/test_path.py`."""
 
 
-@pytest.fixture(scope="module")
-def results(tmp_path_factory):
-    return tmp_path_factory.mktemp("results")
+@pytest.fixture
+def results(tmp_path):
+    return tmp_path / "results"
 
 
 def check(answer: dict) -> None:

@@ -256,28 +256,23 @@ def refusing(monkeypatch, tmp_path):
 
 
 @pytest.mark.parametrize("words", [("run", *PICTURED), ("sweep", *PICTURED, "seed=0,1")])
-def test_a_read_only_cache(refusing, tmp_path, capsys, words):
-    results = tmp_path / "results"
-    refusing()
-    assert main([*words, "--results", str(results)]) == 2
-    said = capsys.readouterr().err
-    assert said.count("\n") == 1
-    assert "Read-only file system; it lacks " in said
-    assert "STIXEL_CACHE or cache.folder=…" in said
-    assert not results.exists()
-
-
-@pytest.mark.parametrize("words", [("run", *PICTURED), ("sweep", *PICTURED, "seed=0,1")])
-def test_a_scheduler_that_is_not_there(monkeypatch, tmp_path, capsys, words):
+def test_a_read_only_cache_and_a_scheduler_that_is_not_there(
+    refusing, monkeypatch, tmp_path, capsys, words
+):
     pytest.importorskip("distributed", reason="Dask is not installed")
-    monkeypatch.setenv("STIXEL_CACHE", str(tmp_path / "cache"))
     monkeypatch.setattr("stixel_cli.engine.dask_pool.PATIENCE", 0.5)
     results = tmp_path / "results"
-    assert main([*words, *NOBODY, "--results", str(results)]) == 2
-    said = capsys.readouterr().err
-    assert said.count("\n") == 1
-    assert "no Dask scheduler at tcp://127.0.0.1:9" in said
-    assert not results.exists()
+    for more, faults in (
+        (NOBODY, ["no Dask scheduler at tcp://127.0.0.1:9"]),
+        ((), ["Read-only file system; it lacks ", "STIXEL_CACHE or cache.folder=…"]),
+    ):
+        if not more:
+            refusing()
+        assert main([*words, *more, "--results", str(results)]) == 2
+        said = capsys.readouterr().err
+        assert said.count("\n") == 1
+        assert all(fault in said for fault in faults)
+        assert not results.exists()
 
 
 def test_a_read_only_cache_that_holds_all_serves(refusing, tmp_path, capsys):

@@ -7,7 +7,7 @@ import typer
 from harness_of_fuzz import Kind, run_cases, settle
 from odd_values import INTERPOLATIONS, LISTS, NUMBERS, ODD, SWEEPS
 
-from stixel_cli.cli.app import app
+from stixel_cli.cli.app import application
 from stixel_cli.config.folders import group_options
 from stixel_cli.config.keys import known_keys
 
@@ -24,7 +24,7 @@ def _commands(group, before: tuple[str, ...] = ()):
             yield (*before, name), [*options, "--help", "-h"]
 
 
-COMMANDS = dict(_commands(typer.main.get_command(app)))
+COMMANDS = dict(_commands(typer.main.get_command(application(""))))
 OVERRIDES = [("run",), ("sweep",), ("explain",)]
 INCOMPLETE = [[], ["cache"], ["completion"], ["study", "--dry-run", "rq2"], ["doctor", "x"]]
 NAMES = ("x", ".", "..", "../x", "a/b", "/", "~", "-", "rq2", "prior_width", "here", "here/x")

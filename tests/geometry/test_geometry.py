@@ -89,12 +89,6 @@ def test_fields_of_view_give_the_focal_lengths_and_include_the_outermost_pixels(
     np.testing.assert_allclose(project(rig, points)[:, 0], [-0.5, 639.5])
 
 
-@pytest.mark.parametrize("changes", [{"focal_length": 500.0}, {"horizontal_fov": None}])
-def test_rig_requires_exactly_one_of_field_of_view_and_focal_length(changes):
-    with pytest.raises(ValueError, match=r"rig\.focal_length: set either"):
-        _ = replace(RIG, **changes).focal
-
-
 def test_principal_point_defaults_to_the_image_centre_and_depth_is_inverted():
     assert (RIG.u0, RIG.v0) == (319.5, 239.5)
     given_point = replace(RIG, principal_u=300.0, principal_v=0.0)

@@ -398,6 +398,7 @@ def sequence(tmp_path):
         written(tmp_path / f"lidar/{k:02d}.pkl.gz", pd.concat([frame, frame.assign(d=1, y=-0.8)]))
         values = {"uuid": "a", "label": "Car", "yaw": -0.5 * np.pi, "position.x": x}
         values |= {"position.y": 0.0, "dimensions.x": 1.8, "dimensions.y": 4.4}
+        values |= {"position.z": 0.75, "dimensions.z": 1.5}
         label = pd.DataFrame([values, values]).astype({"uuid": object, "label": object})
         written(tmp_path / f"annotations/cuboids/{k:02d}.pkl.gz", label)
     pose = {"position": {"x": 0.0, "y": 0.0, "z": 1.8}, "heading": LEFT}
@@ -406,11 +407,14 @@ def sequence(tmp_path):
     return tmp_path
 
 
-def test_its_tables_are_a_run_s_input(sequence, tmp_path):
+def test_its_tables_are_a_run_s_input(sequence, tmp_path, capsys):
     assert PANDASET["moving"](PANDASET["cuboids"](sequence)).loc["a", "frames"] == 3
     PANDASET["main"](sequence, "a", tmp_path / "out")
-    scans = read_scans(str(tmp_path / "out/scans.csv"), str(tmp_path / "out/ego.csv"), 0.1)
+    assert capsys.readouterr().out == "measurement.road_z=0.00\n"
+    tables = (str(tmp_path / f"out/{name}.csv") for name in ("scans", "ego"))
+    scans = read_scans(*tables, 0.1, road_z=0.0)
     truth = read_truth(scans, str(tmp_path / "out/truth.csv"))
+    assert 0.35 <= scans.heights.min() < scans.heights.max() <= 1.5
     np.testing.assert_allclose(scans.times, [0.0, 0.1, 0.2])
     np.testing.assert_allclose(np.cos(scans.sensor_poses_world[:, 2]), -1.0)
     np.testing.assert_allclose(truth.target_poses_world[:, 0], [20.0, 22.0, 24.0])

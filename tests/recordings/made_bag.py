@@ -1,5 +1,6 @@
 """Bags of ROS 1 and ROS 2, made from one of KITTI tracking's clips."""
 
+from functools import cache
 from pathlib import Path
 
 import cv2
@@ -96,14 +97,9 @@ def messages(clip: Path, encoding: str, sequence: str = "0003") -> list[tuple[st
 def write_bag(path: Path, content: list[tuple[str, int, str, dict]], plugin: str = "mcap") -> Path:
     """Write messages as a bag of ROS 1 if `path` ends with .bag, else as a folder of ROS 2."""
     from rosbags import rosbag1, rosbag2
-    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
     first = path.suffix == ".bag"
-    store = get_typestore(Stores.ROS1_NOETIC if first else Stores.ROS2_HUMBLE)
-    if first:
-        kind = "tf2_msgs/msg/TFMessage"
-        text = "geometry_msgs/TransformStamped[] transforms"
-        store.register(get_types_from_msg(text, kind))
+    store = _types(first)
     storage = rosbag2.StoragePlugin[plugin.upper()]
     with (
         rosbag1.Writer(path)
@@ -117,6 +113,18 @@ def write_bag(path: Path, content: list[tuple[str, int, str, dict]], plugin: str
             pack = store.serialize_ros1 if first else store.serialize_cdr
             bag.write(connections[topic], time, pack(_message(store, kind, fields), kind))
     return path
+
+
+@cache
+def _types(first: bool):
+    """The types of messages of ROS 1 or 2, of which each is a class that is made anew."""
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    store = get_typestore(Stores.ROS1_NOETIC if first else Stores.ROS2_HUMBLE)
+    if first:
+        text = "geometry_msgs/TransformStamped[] transforms"
+        store.register(get_types_from_msg(text, "tf2_msgs/msg/TFMessage"))
+    return store
 
 
 def _message(store, kind: str, fields: dict):

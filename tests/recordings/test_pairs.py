@@ -246,24 +246,6 @@ def test_stixels_from_a_file_have_the_scores_of_ours(pair, tmp_path, monkeypatch
     assert f"--stixels: reach over {RIG.width + 1} × " in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (["left.png"], "needs two images, LEFT and RIGHT"),
-        (["a.png", "b.png", "c.png"], " needs two images, LEFT and RIGHT, or one recording, got 3"),
-        (["left.png", "right.png"], "--rig: is required with two images"),
-        (["left.png", "right.png", "--rig", "rig.yaml"], "rig.yaml"),
-        (["source.folder=x", "--calib", "rig.yaml"], "belongs to two images"),
-    ],
-)
-def test_wrong_arguments_are_refused_in_one_line(arguments, said, tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    for command in ("assess", "stixels"):
-        assert main([command, *arguments]) == 2
-        error = capsys.readouterr().err
-        assert said in error and error.count("\n") == 1
-
-
 def stixel_at(left, disparity, top, base):
     area = {"left": [left], "right": [left + 3], "top": [top], "base": [base]}
     depth = RIG.depth_from_disparity(disparity)

@@ -59,6 +59,7 @@ def test_main_numbers_are_beside_those_of_the_points():
     metrics = {"iou_mean": 0.5, "iou_baseline": 0.25, "centre_rmse_m": 99.0}
     metrics |= {"nees_position_mean": 2.0, "orientation_rmse_deg": None}
     (played,) = playback_data([replace(run, metrics=metrics)], "a run")["runs"]
+    assert [name for name, _ in played["summary"]][:2] == ["mean IoU", "centre RMSE"]
     iou, centre, nees = played["headline"]
     assert iou == ["mean IoU", "0.500", "baseline: 0.250"]
     assert nees == ["mean NEES / 2", "2.00", "consistent: 1.00"]
@@ -231,7 +232,7 @@ def test_an_isotropic_noise_is_one_number_and_the_scan_s_own_is_not_stored_again
     assert noise("tracker.measurement_std=0.4")["std"] == 400
     for kind in ("point", "box"):
         assert noise(f"tracker={kind}", "tracker.measurement_std=0.25")["std"] == 250
-    found = noise("tracker.measurement_covariance=points")
+    found = noise("tracker=gm_mem_ekf")
     assert found["std"] is found["ellipses"] is None
 
 

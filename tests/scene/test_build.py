@@ -1,5 +1,3 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
 import scene_presets
@@ -31,13 +29,6 @@ def test_scenario_contains_the_ground_truth(kind):
     np.testing.assert_allclose(scenario.target_poses_world[0, :2], path.start)
     assert scenario.contours_target.ndim == 3 and scenario.contours_target.shape[2] == 2
     assert scenario.star_convex == all(map(is_star_convex, scenario.contours_target))
-
-
-def test_scenario_rejects_an_impossible_path():
-    path = replace(scene_presets.path("turn", "car"), start=(0.0, -3.0))
-    motion = ego_motion(scene_presets.ego("parked"), 1.0, 0.1)
-    with pytest.raises(ValueError, match=r"path\.start"):
-        build_scenario(motion, scene_presets.road_user("car"), path)
 
 
 GREY = np.full((1, 1, 3), 128, np.uint8)

@@ -203,36 +203,6 @@ def test_path_rejects_a_start_behind_the_camera(kind, name):
         path_poses(behind, np.zeros(1))
 
 
-@pytest.mark.parametrize(
-    ("points", "message"),
-    [
-        ((), "at least two points, got 0"),
-        (((0.0, 10.0),), "at least two points, got 1"),
-        (((0.0, 10.0), (0.0, 10.0), (5.0, 9.0)), "points 0 and 1 are the same"),
-        (((0.0, 10.0), (0.0, 20.0), (0.0, 12.0)), "turns back on itself at point 1"),
-    ],
-)
-def test_path_rejects_impossible_waypoints(points, message):
-    with pytest.raises(ValueError, match=r"path\.points: .*" + message):
-        waypoints(points).check()
-
-
-@pytest.mark.parametrize(
-    ("name", "heading"), [("approach", 90.0), ("depart", -90.0), ("crossing", 180.0)]
-)
-def test_path_rejects_a_heading_that_contradicts_its_kind(name, heading):
-    path = replace(scene_presets.path(name, "car"), heading=heading)
-    with pytest.raises(ValueError, match=r"path\.heading"):
-        path.check()
-
-
-@pytest.mark.parametrize("name", scene_presets.PATHS)
-def test_path_rejects_too_many_scans(name):
-    path = replace(scene_presets.path(name, "car"), duration=3600.0, sample_time=0.001)
-    with pytest.raises(ValueError, match=r"path\.duration: .* more than 100000 scans"):
-        path.check()
-
-
 POINTS = {
     "rising": ([0.0, 1.0, 1.5, 4.0], [0.0, 0.1, 2.0, 2.1]),
     "with extremes": ([-2.0, -1.0, 0.0, 0.5, 3.0, 3.1], [1.0, 3.0, 3.0, -1.0, 0.0, 0.0]),

@@ -99,22 +99,6 @@ def test_every_class_has_a_mesh_of_its_own():
     assert len({corners(mesh).tobytes() for mesh in meshes}) == len(kinds)
 
 
-def test_mesh_files_their_keys_and_a_shape_seed_are_checked_before_the_run(tmp_path):
-    road_user = RoadUser("car", 4.5, 1.8, 1.5, 0.6, None, "nowhere/mesh.ply", 1.0, "x")
-    with pytest.raises(ValueError, match=r"road_user\.mesh: file not found"):
-        road_user.check()
-    for scale, forward in ((0.001, "x"), (1.0, "-y")):
-        road_user = RoadUser("car", 4.5, 1.8, 1.5, 0.6, None, None, scale, forward)
-        with pytest.raises(ValueError, match=r"give road_user\.mesh=FILE"):
-            road_user.check()
-    file = tmp_path / "own.obj"
-    file.write_text("")
-    road_user = replace(scene_presets.road_user("car"), mesh=str(file), shape_seed=1)
-    with pytest.raises(ValueError, match=r"road_user\.shape_seed.*road_user\.mesh"):
-        road_user.check()
-    replace(road_user, shape_seed=None).check()
-
-
 SIZES = {
     # least and greatest length, width, height, m
     "car": ((3.6, 1.55, 1.36), (5.1, 2.05, 2.0)),

@@ -100,15 +100,6 @@ def test_disparity_count_includes_one_value_beyond_the_nearest_point(greatest, c
     assert disparity_count(replace(SGM, nearest=nearest), RIG) == count
 
 
-def test_matching_rejects_inconsistent_parameters():
-    SGM.check(RIG)
-    BM.check(RIG)
-    with pytest.raises(ValueError, match=r"stereo\.block_size: must be odd"):
-        replace(SGM, block_size=4).check(RIG)
-    with pytest.raises(ValueError, match=r"stereo\.block_size: .* smaller than the image"):
-        replace(BM, block_size=101).check(RIG)
-
-
 def test_the_table_removes_the_bias_towards_whole_pixels():
     """A plane at a quarter, a half and three quarters of a pixel, drawn from a fine texture."""
     noise = np.random.default_rng(4).integers(0, 256, (96, 4 * 200)).astype(np.float32)

@@ -324,13 +324,6 @@ def test_displayed_grid_shows_the_box_at_its_place(
     assert picture_grid(*arguments, frame=4).values.max() == 0.0
 
 
-def test_occupancy_rejects_an_inconsistent_range(occupancies):
-    for occupancy in occupancies.values():
-        occupancy.check()
-        with pytest.raises(ValueError, match=r"occupancy\.nearest: must be < .*got 60\.0"):
-            replace(occupancy, nearest=60.0).check()
-
-
 ONE = np.float32(1.0)
 
 

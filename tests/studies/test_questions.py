@@ -108,7 +108,7 @@ def test_sweeps_are_compared_and_an_axis_of_one_alone_is_none_of_the_others():
 
 
 def test_runs_that_a_question_takes_for_one_are_refused_by_its_name():
-    with pytest.raises(UserError, match=r"questions: it: runs: two are contour all 0"):
+    with pytest.raises(UserError, match=r"questions: it: runs: two are contour 0: name"):
         section_of({"within": []}, runs=runs_of(paths=("turn", "crossing")))
 
 

@@ -38,7 +38,7 @@ def made(tmp_path_factory):
 
 def test_the_page_has_the_answer_the_options_and_every_run(made):
     html = (made / "page.html").read_text(encoding="utf-8")
-    assert "12 done" in html
+    assert "12 runs: 12 done" in html
     # The mean of 0.9, 0.85, 0.8 and 0.75, each 0.2 above that of the next value and the same seed.
     assert re.search(
         r"Mean IoU: sigma_q=0.1 0.8\d \[0.70.* is the best \(4 seeds\); sigma_q=0.4 is next, −0.2",
@@ -46,7 +46,7 @@ def test_the_page_has_the_answer_the_options_and_every_run(made):
     )
     rows = re.findall(r"<tr><td.*?</tr>", html, re.DOTALL)
     assert [re.search(r'<td class="">(.*?)</td>', row)[1] for row in rows[:3]] == [*VALUES]
-    assert "0.750 (3)" in rows[0] and 'href="widths/runs/0003"' in rows[0]
+    assert "0.750 (seed=3)" in rows[0] and 'href="widths/runs/0003"' in rows[0]
     data = json.loads(re.search(r'id="data">(.*?)</script>', html)[1])
     assert len(data["rows"]) == 12 and data["links"][2] == "widths/runs/0002/index.html"
     assert data["axes"] == ["tracker.sigma_q", "seed"]
@@ -65,9 +65,8 @@ def test_a_seed_that_an_option_lacks_is_left_out(made, tmp_path):
     shutil.rmtree(folder / "runs/0001")
     assert report([folder], tmp_path / "page.html") == 0
     html = (tmp_path / "page.html").read_text(encoding="utf-8")
-    assert (
-        "11 done, 1 missing" in html and "Left out: seed=1, where sigma_q=0.1 lacks values" in html
-    )
+    assert "12 runs: 11 done and 1 missing" in html
+    assert "Left out: seed=1, where sigma_q=0.1 lacks values" in html
     assert "3 of 4 seeds: too few to compare" in html
     # The options that have the seed are shown without it.
     curves = over_time(read_sweep(folder)[0].ask())
@@ -77,6 +76,17 @@ def test_a_seed_that_an_option_lacks_is_left_out(made, tmp_path):
     with pytest.raises(UserError, match="no run is done; resume with: stixel sweep --resume"):
         report([folder], tmp_path / "none.html")
     assert not (tmp_path / "none.html").exists()
+
+
+def test_without_a_common_unit_there_is_no_figure(made, tmp_path):
+    folder = tmp_path / "widths"
+    shutil.copytree(made / "widths", folder)
+    for index in range(4):
+        shutil.rmtree(folder / f"runs/{index + 4 * (index % 2):04d}")
+    assert report([folder], tmp_path / "page.html") == 0
+    html = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert "no scenario has every unit" in html and "mean over 0 of 4 seeds, which" in html
+    assert "Values and differences:" in html and 'aria-label="Values and diff' not in html
 
 
 def test_runs_of_other_times_are_compared_over_their_share(made, tmp_path):

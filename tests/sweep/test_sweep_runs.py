@@ -182,7 +182,7 @@ def test_a_file_names_axes_seeds_zipped_axes_and_left_out_runs(tmp_path):
         ("seeds: 2\nleave_out: [{seed: 7}]", "study.yaml: leave_out: no run has seed=7"),
         ("seeds: 2\nleave_out: [{seed: 0}, {seed: 1}]", "leave_out: every run is left out"),
         ("seeds: 2\nleave_out: [seed]", "leave_out.0: must be an object"),
-        ("- 1", "must have the entries"),
+        ("- 1", "must map names to values, not be a list"),
         ("", "nothing to sweep"),
         ("axes: {seed: [1, 2", "did not find expected"),
         ("seeds: 2\nfixed: {rig.width: wide}", "rig.width: 'wide' is text"),

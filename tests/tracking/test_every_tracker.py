@@ -34,7 +34,7 @@ WAYS = [
     *(kind for kind in KINDS if kind != "pyrecest"),
     "contour measurement=fabricated",
     "gp_ekf measurement=fabricated",
-    "gp_ekf tracker.measurement_covariance=points tracker.seen_by=null",
+    "gp_ekf tracker.seen_by=null",
 ]
 SMOOTHED = [f"{name} tracker.lag=null" for name in ("contour", "gp_ekf", "point")]
 

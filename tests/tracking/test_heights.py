@@ -15,6 +15,9 @@ from stixel_cli.scene.path import build_scenario
 from stixel_cli.tracking import gp_ekf
 from stixel_cli.tracking.baselines import rectangle
 from stixel_cli.tracking.contour import contour
+from stixel_cli.tracking.contour.class_shape import HEIGHTS
+from stixel_cli.tracking.contour.contour_rays import at_heights, rays_of
+from stixel_cli.tracking.contour.ray_table import outline_table
 from stixel_cli.tracking.start import noisy_start
 
 
@@ -67,6 +70,46 @@ def test_the_heights_are_those_of_the_returns_and_the_nearest_have_none():
     np.testing.assert_allclose(found.points_world, nearest.points_world, atol=1e-9)
     np.testing.assert_array_equal(found.heights, scans.heights[rows])
     assert nearest.nearest_returns()[0] is nearest
+
+
+LOW, HIGH = 0.4, 1.05
+BOX = outline_table(np.array([[2.0, -0.9], [2.0, 0.9], [-2.0, 0.9], [-2.0, -0.9]]))
+INSETS = np.zeros((2, 2, len(HEIGHTS)))
+INSETS[0, :, HEIGHTS > 0.9] = 0.8, 0.2
+"""A rear window, 0.8 ± 0.2 m inside the rear; the front is upright."""
+
+
+@pytest.mark.parametrize("heading", [0.0, 0.4, -2.5])
+@pytest.mark.parametrize(
+    ("sensor", "points", "inside"),
+    [
+        ([-12.0, 0.5], [[-2.0, 0.0], [-1.2, 0.3]], 0.8),
+        ([-12.0, 5.0], [[-2.0, 0.0], [-1.2, 0.3]], 0.8),
+        # It is already behind what the sensor sees of the outline: by 0.2 m.
+        ([-12.0, 0.0], [[-2.0, 0.0], [-1.8, 0.0]], 0.8),
+        ([0.0, -12.0], [[0.5, -0.9], [-0.5, -0.9]], 0.0),
+        ([12.0, 0.0], [[2.0, 0.0], [2.0, 0.3]], 0.0),
+    ],
+    ids=["behind", "oblique", "wrong place", "side", "front"],
+)
+def test_a_high_point_of_the_rear_counts_as_one_of_the_bumper(heading, sensor, points, inside):
+    turn = np.array([[np.cos(heading), np.sin(heading)], [-np.sin(heading), np.cos(heading)]])
+    pose = np.array([3.0, 7.0, heading, 0.0, 0.0])
+    points, sensor = (np.array(one) @ turn + pose[:2] for one in (points, sensor))
+    noise = np.tile(0.01**2 * np.eye(2), (2, 1, 1))
+    rays = rays_of(points, noise, np.append(sensor, 0.0), heights=np.array([LOW, HIGH]))
+    moved = at_heights(rays, pose, BOX, INSETS)
+    ahead = moved.directions @ turn.T
+    expected = rays.points_world - pose[:2]
+    expected[1] -= inside / abs(ahead[1, 0]) * rays.directions[1]
+    np.testing.assert_allclose(moved.points_world - pose[:2], expected, atol=1e-6)
+    std = np.hypot(0.01, 0.2 / abs(ahead[1, 0])) if inside else 0.01
+    np.testing.assert_allclose(moved.stds, [0.01, std], atol=1e-9)
+    assert at_heights(rays, pose, BOX, None) is rays
+    assert (
+        at_heights(rays_of(points, noise, np.append(sensor, 0.0)), pose, BOX, INSETS).stds[1]
+        < 0.011
+    )
 
 
 def test_dropout_and_clutter_keep_the_heights_of_the_points():

@@ -13,6 +13,7 @@ from stixel_cli.measurements.scans import FieldOfView, Scans, SharedErrors
 from stixel_cli.tracking.contour.class_shape import class_shape
 from stixel_cli.tracking.gp_ekf import track
 from stixel_cli.tracking.kernel import ContourProcess
+from stixel_cli.tracking.loop import Scan
 from stixel_cli.tracking.motion import tied_to_velocity, velocity_across
 from stixel_cli.tracking.one_side import END_STD, OneSide, size_slopes
 
@@ -77,8 +78,13 @@ def side_of(prior, seen_by="stixels", field_of_view=None):
 def row_of_points(side, mean, shift):
     """Rays through nine points on the near side of the contour, moved to the right."""
     points = np.stack([np.linspace(-0.9, 0.9, 9) + shift, np.full(9, 9.8)], axis=-1)
+    return side.rays(scan_of(points), mean[:3])[0]
+
+
+def scan_of(points):
+    """The scan of a sensor at the origin that looks along y."""
     ahead = np.array([0.0, 0.0, 0.5 * np.pi])
-    return side.rays(points, np.tile(0.01 * np.eye(2), (9, 1, 1)), ahead, mean[:3])[0]
+    return Scan(0, 0.1, points, np.tile(0.01 * np.eye(2), (len(points), 1, 1)), ahead, None)
 
 
 def across(side):
@@ -116,8 +122,7 @@ def test_an_end_that_is_not_seen_is_not_used(hidden):
     if hidden != "border":
         nearer = [[-0.9, 8.0], [0.9, 8.0]]
         points = np.vstack([rays.points_world, nearer])
-        ahead = np.array([0.0, 0.0, 0.5 * np.pi])
-        rays = side.rays(points, np.tile(0.01 * np.eye(2), (11, 1, 1)), ahead, mean[:3])[0]
+        rays = side.rays(scan_of(points), mean[:3])[0]
         assert side.between_ends(rays.subset(np.arange(9)), mean, covariance) is None
     else:
         row = side.between_ends(rays, mean, covariance)[2]
@@ -140,7 +145,7 @@ def test_an_unknown_class_has_the_prior_s_shape_and_its_own_points():
     prior = replace(configured().prior, road_user="unknown")
     _, side = side_of(prior)
     points = np.array([[0.5, 9.0], [-0.5, 9.1]])
-    rays, stds = side.rays(points, np.tile(0.01 * np.eye(2), (2, 1, 1)), np.zeros(3), np.zeros(3))
+    rays, stds = side.rays(scan_of(points), np.zeros(3))
     assert not stds.any()
     assert rays.points_world == pytest.approx(points)
 

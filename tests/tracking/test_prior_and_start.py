@@ -1,5 +1,4 @@
 import dataclasses
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -31,14 +30,10 @@ def test_rectangle_prior_has_its_size_and_rounded_corners(radius):
     assert_allclose(distance, 0.0, atol=1e-12)
 
 
-def test_ellipse_prior_is_an_ellipse_and_a_corner_radius_has_a_limit():
+def test_ellipse_prior_is_an_ellipse():
     ellipse = PriorShape(1.8, 0.6, "ellipse", 0.0, 0.1, 0.1, 0.1, 0.3, "car", 0.06, 0.06, None)
     x, y = points(ellipse).T
     assert_allclose((x / 0.9) ** 2 + (y / 0.3) ** 2, 1.0)
-    tracker = SimpleNamespace(kind="gp_ekf")
-    CAR.check(tracker)
-    with pytest.raises(ValueError, match=r"prior\.corner_radius: must be ≤ .*got 0\.9"):
-        dataclasses.replace(CAR, corner_radius=0.9).check(tracker)
 
 
 def scenario():

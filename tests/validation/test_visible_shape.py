@@ -3,6 +3,7 @@ import json
 
 import numpy as np
 import pytest
+import trimesh
 
 from stixel_cli.config.compose import compose
 from stixel_cli.engine.code import CodeIndex
@@ -10,11 +11,14 @@ from stixel_cli.experiment.class_shapes import SEEDS, entry
 from stixel_cli.geometry.pose import STRAIGHT_AHEAD
 from stixel_cli.measurements.fabricated import fabricate_scans
 from stixel_cli.measurements.scans import Scans
+from stixel_cli.scene.mesh import Part
 from stixel_cli.scene.scenario import Scenario
-from stixel_cli.tracking.contour.class_shape import visible_table
+from stixel_cli.tracking.contour.class_shape import HEIGHTS, visible_table
 from stixel_cli.tracking.contour.class_size import ClassSize
+from stixel_cli.tracking.contour.user_shape import OPTIONAL
 from stixel_cli.validation.visible_shape import (
     class_shape_of,
+    end_insets_of,
     mean_radii,
     outline_modes_of,
     visible_outline_of,
@@ -133,6 +137,31 @@ def test_modes_are_the_covariance_of_the_outlines():
     np.testing.assert_allclose(covariance, covariance[np.ix_(mirrored, mirrored)], atol=1e-9)
     alone = outline_modes_of(pair[:1], size)
     np.testing.assert_allclose(alone.radius_stds**2, (alone.limbs**2).sum(axis=0), atol=1e-9)
+
+
+def body_of(*boxes):
+    """A mesh of boxes, each by its two opposite corners, m."""
+    solids = [trimesh.creation.box(bounds=one) for one in boxes]
+    part = trimesh.util.concatenate(solids)
+    corners, texture = np.zeros((len(part.faces), 3, 2)), np.zeros((1, 1, 3), np.uint8)
+    return (Part(np.array(part.vertices), np.array(part.faces), corners, texture, "body"),)
+
+
+def test_above_its_bonnet_a_car_ends_farther_inside():
+    low = [[-2.0, -0.9, 0.2], [2.0, 0.9, 0.68]]
+    saloon = body_of(low, [[-1.0, -0.9, 0.68], [0.8, 0.9, 1.4]])
+    van = body_of(low, [[-2.0, -0.9, 0.68], [0.8, 0.9, 1.4]])
+    rear, front = end_insets_of([[saloon]])
+    assert not rear[1].any() and not front[1].any()
+    np.testing.assert_allclose(rear[0], np.where(HEIGHTS < 0.7, 0.0, 1.0), atol=1e-9)
+    np.testing.assert_allclose(front[0], np.where(HEIGHTS < 0.7, 0.0, 1.2), atol=1e-9)
+    # Of both, half are so far inside; and of limbs the farthest place counts.
+    rear, front = end_insets_of([[saloon], [van]])
+    np.testing.assert_allclose(rear[:, 8], [0.5, 0.5], atol=1e-9)
+    np.testing.assert_allclose(front[:, 8], [1.2, 0.0], atol=1e-9)
+    of_all = end_insets_of([[saloon, van]])
+    np.testing.assert_allclose(of_all[0, :, 8], 0.0, atol=1e-9)
+    assert of_all.size == OPTIONAL["end_insets"]
 
 
 def test_knowledge_comes_from_tuning_seeds_and_survives_its_text(sample, shape):

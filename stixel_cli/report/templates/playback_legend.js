@@ -29,7 +29,7 @@ function describe() {
     name.append(run.label);
     const shownAbove = ([name, value]) => inAll([name, value]) || name === "folder" && value === run.label;
     facts(line, run.facts.filter((fact) => !shownAbove(fact)));
-    facts(line, run.summary.slice(0, 3));
+    facts(line, run.summary.slice(0, 4));
     html("span", { textContent: run.verdict.join(" ") }, line);
     describeLabels(run.labels);
     html("option", { value: r, textContent: run.label }, find("source"));

@@ -24,6 +24,9 @@ from stixel_cli.tracking.contour.user_shape import read_class
 MODES, LIMB_MODES, MODE_ANGLES = 12, 6, 120
 """Modes of the outline, those of moving limbs, and the even angles at which they are given."""
 
+HEIGHTS = 0.35 + 0.1 * np.arange(16)
+"""Above the road, m, at which it is known how far a class's ends are inside its outline."""
+
 NODES = (24, 9)
 """Even aspects over a full turn, and even offsets over the table's width, of the visible shape."""
 
@@ -103,6 +106,15 @@ def outline_modes(road_user: str) -> OutlineModes:
     return OutlineModes(
         *(_metres(known[name]).reshape(-1, MODE_ANGLES) for name in ("modes", "limb_modes"))
     )
+
+
+def end_insets(road_user: str) -> np.ndarray | None:
+    """How far inside the outline of a class its rear and its front are at the `HEIGHTS`, m.
+
+    Of each end mean and standard deviation, (2, 2, 16); None for a file without them.
+    """
+    known = known_class(road_user)
+    return _metres(known["end_insets"]).reshape(2, 2, -1) if "end_insets" in known else None
 
 
 def visible_shape(road_user: str, sensor: Literal["stixels", "lidar", "outline"]) -> VisibleShape:

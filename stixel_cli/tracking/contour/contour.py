@@ -44,7 +44,8 @@ def track(
         rows, sensor = scans.rows(k), scans.sensor_poses_world[k]
         points = scans.points_world[rows], scans.covariances_world[rows]
         shared = scans.shared_directions(k, points[0])
-        bank.step(interval, rays_of(*points, sensor, scans.field_of_view, shared))
+        heights = None if scans.heights is None else scans.heights[rows]
+        bank.step(interval, rays_of(*points, sensor, scans.field_of_view, shared, heights))
     return bank.track(scans.times, scans.offsets[:-1]).of_points(used)
 
 

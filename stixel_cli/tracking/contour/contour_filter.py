@@ -40,7 +40,7 @@ from stixel_cli.tracking.consider import FIELD_TIME, NODES, JointCovariance
 from stixel_cli.tracking.contour.class_probabilities import class_row, log_weight
 from stixel_cli.tracking.contour.class_shape import ClassShape
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
-from stixel_cli.tracking.contour.contour_rays import Rays, Sight, associate
+from stixel_cli.tracking.contour.contour_rays import Rays, Sight, associate, at_heights
 from stixel_cli.tracking.contour.contour_recovery import (
     RECENT,
     clusters_of,
@@ -164,6 +164,7 @@ class ClassFilter:
             noise[[5, 6], [5, 6]] = 0.0
         joint.predict(pulled, noise, interval)
         prediction = mean, covariance, joint
+        rays = at_heights(rays, mean[SEEN], self.sight.table, self.sight.end_insets)
         indices = associate(
             rays, mean[SEEN], covariance[np.ix_(SEEN, SEEN)], self.sight, self._tracker
         )
@@ -182,6 +183,8 @@ class ClassFilter:
         `first`: at the first scan with points, or the first after a gap.
         """
         after_gap = first and bool(self._reported)
+        sight, mean = self.sight, one.predicted[0][SEEN]
+        rays = at_heights(rays, mean, sight.table, sight.end_insets)
         clusters = clusters_of(rays, one.indices, self.sight, after_gap)
         results = detect_again(one.predicted, rays, clusters, self.sight, self._tracker, not first)
         if not results:

@@ -5,9 +5,15 @@ from functools import cached_property
 
 import numpy as np
 
-from stixel_cli.geometry.pose import wrap_angle
+from stixel_cli.geometry.pose import rotation, wrap_angle
 from stixel_cli.measurements.scans import FieldOfView
-from stixel_cli.tracking.contour.class_shape import class_shape, visible_shape, visible_table
+from stixel_cli.tracking.contour.class_shape import (
+    HEIGHTS,
+    class_shape,
+    end_insets,
+    visible_shape,
+    visible_table,
+)
 from stixel_cli.tracking.contour.contour_parameters import ContourParameters
 from stixel_cli.tracking.contour.ray_kernels import expected
 from stixel_cli.tracking.contour.ray_table import RayTable
@@ -21,6 +27,9 @@ BESIDE, NEARER = 0.3, 0.3
 
 GAP = 0.6
 """Points of neighbouring rays farther apart, m, and four standard deviations, are two objects'."""
+
+LEAST_SLANT = 0.2
+"""Cosine between a ray and the heading, below which an end's inset moves a range no more."""
 
 LEARNED = ("stixels", "fabricated", "lidar")
 """Kinds of measurement from whose scans of the drawn classes the visible shapes were learned."""
@@ -46,6 +55,8 @@ class Sight:
     first."""
     rounding_std: float = 0.0
     """Of the shape across the rays, m: where they graze it, its edges are round."""
+    end_insets: np.ndarray | None = None
+    """See `class_shape.end_insets`; None: not known."""
 
 
 @dataclass(frozen=True)
@@ -69,6 +80,8 @@ class Rays:
     point in the world."""
     others: np.ndarray
     """(n,) whether a point is known to be another object's."""
+    heights: np.ndarray | None = None
+    """(n,) m above the road; None: unknown."""
     field_of_view: FieldOfView | None = None
     """Of the sensor; None: unknown."""
     hidden: tuple[bool, bool] = (False, False)
@@ -120,7 +133,8 @@ def sight_of(
     seen = visible_shape(road_user, kind)
     shape = class_shape(road_user).outline if vertices is None else vertices
     table = visible_table(shape, seen, blurred=tracker.seen_by == "stixels")
-    return Sight(table, seen.bias_per_std, seen.std_factor, outline)
+    insets = end_insets(road_user)
+    return Sight(table, seen.bias_per_std, seen.std_factor, outline, end_insets=insets)
 
 
 def rays_of(
@@ -129,11 +143,12 @@ def rays_of(
     sensor: np.ndarray,
     field_of_view: FieldOfView | None = None,
     shared: np.ndarray | None = None,
+    heights: np.ndarray | None = None,
 ) -> Rays:
     """The rays from a `sensor` (3,) through points (n, 2) m with covariances (n, 2, 2) m².
 
-    `shared` (n, 2, m) m is how far one standard deviation of each of m errors that all scans share
-    moves the points.
+    `heights` (n,) m are above the road; `shared` (n, 2, m) m is how far one standard deviation of
+    each of m errors that all scans share moves the points.
     """
     offsets = points_world - sensor[:2]
     ranges = np.hypot(offsets[:, 0], offsets[:, 1])
@@ -152,8 +167,37 @@ def rays_of(
         np.maximum(across, 0.0),
         shared,
         np.zeros(len(offsets), bool),
-        field_of_view,
+        heights,
+        field_of_view=field_of_view,
     )
+
+
+def at_heights(
+    rays: Rays, pose_and_size: np.ndarray, table: RayTable, insets: np.ndarray | None
+) -> Rays:
+    """The rays as if all points were low: at a windscreen's height the ends are farther inside.
+
+    A ray that enters the box of the predicted target through an end, at `pose_and_size` (5,), ends
+    no sooner than where the class's end is at its height. If that is behind what the `table`
+    expects, the point moves by the difference. `insets` are those of `class_shape.end_insets`.
+    """
+    if rays.heights is None or insets is None:
+        return rays
+    turn = rotation(pose_and_size[2])
+    ahead = rays.directions @ turn
+    half = 0.5 * table.extents * np.exp(pose_and_size[3:])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        entries = (-np.copysign(half, ahead) - (rays.sensor[:2] - pose_and_size[:2]) @ turn) / ahead
+    slant = np.maximum(np.abs(ahead[:, 0]), LEAST_SLANT)
+    rear, front = (
+        np.stack([np.interp(rays.heights, HEIGHTS, one) for one in end]) / slant for end in insets
+    )
+    inset, std = np.where(ahead[:, 0] < 0.0, front, rear)
+    ranges = expected(pose_and_size, rays.sensor, rays.directions, table.arrays)[0]
+    moved = np.clip(entries[:, 0] + inset - ranges, 0.0, inset)
+    moved[entries[:, 0] < entries[:, 1]] = 0.0
+    stds = np.where(moved > 0.0, np.hypot(rays.stds, std), rays.stds)
+    return replace(rays, ranges=rays.ranges - moved, stds=stds)
 
 
 def associate(

@@ -98,11 +98,9 @@ def _exact_table(outline: np.ndarray, std: float = EXACT_STD) -> ray_table.RayTa
 def star_of(vertices: np.ndarray) -> ClassShape:
     """The outermost points of a polygon (n, 2) m round the centre of its box, at even angles."""
     angles = ray_table.even_aspects(RADII)
-    radii = np.maximum(
-        -ray_table.first_depths(vertices, angles, np.zeros((RADII, 1))), LEAST_RADIUS
-    )
+    radii = np.maximum(ray_table.outermost_radii(vertices, RADII), LEAST_RADIUS)
     return ClassShape(
-        outline=radii * np.stack([np.cos(angles), np.sin(angles)], axis=-1),
+        outline=radii[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=-1),
         outline_stds=np.zeros(RADII),
         size=np.ptp(vertices, axis=0),
     )

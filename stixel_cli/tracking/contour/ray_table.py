@@ -88,6 +88,11 @@ def first_depths(outline: np.ndarray, aspects: np.ndarray, offsets: np.ndarray) 
     return first_hits(outline, origins.reshape(-1, 2), directions).reshape(offsets.shape) - far
 
 
+def outermost_radii(polygon: np.ndarray, count: int) -> np.ndarray:
+    """Distances (count,) m of the outermost points of a polygon (n, 2) m, at even angles."""
+    return np.maximum(-first_depths(polygon, even_aspects(count), np.zeros((count, 1)))[:, 0], 0.0)
+
+
 def outline_table(outline: np.ndarray, size: tuple[int, int] = FINE) -> RayTable:
     """The table of a sensor that sees the outline (M, 2) m exactly; all its stds are 0."""
     return _table_of(outline.tobytes(), size)

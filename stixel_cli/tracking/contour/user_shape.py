@@ -20,9 +20,10 @@ SENSORS = ("stixels", "lidar", "outline")
 """What a class file may say the visible shape for; `outline` is a sensor of the outline itself."""
 
 RADII = 360
-"""Numbers of a class's outline."""
+"""Numbers of a class's outline: a wheel's width is seen under 3 degrees."""
 
 COUNTS = {"size": 2, "size_stds": 2, "radii": RADII, "modes": 12 * 120, "limb_modes": 6 * 120}
+OPTIONAL = {"end_insets": 64}
 COUNTS_OF_SENSOR = {
     "depth_biases": 216,
     "depth_stds": 216,
@@ -67,7 +68,8 @@ def read_class(file: Path) -> dict[str, Any]:
         UserError: in one line that names the file and what is wrong.
     """
     known = read_json(file)
-    _check_entries(file, "", known, COUNTS, (*COUNTS, *SENSORS))
+    counts = COUNTS | {name: count for name, count in OPTIONAL.items() if name in known}
+    _check_entries(file, "", known, counts, (*counts, *SENSORS))
     if min(known["size"]) < 100 or min(known["size_stds"]) < 1 or min(known["radii"]) < 1:
         raise UserError(f"{file}: size must be at least 100 mm, size_stds and radii at least 1")
     for sensor in SENSORS:
