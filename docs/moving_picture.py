@@ -23,7 +23,7 @@ WIDTH, HEIGHT = 384, 288
 """Size of the camera's image in the picture, px."""
 LAST = 1500
 """Time for which the last frame is shown, ms; the others have their own."""
-GREY, LEAST_CHANGE = 8, 12
+GREY, LEAST_CHANGE = 8, 16
 """Step of the grey values, of 256, and the least change of one that is shown: smaller ones are
 noise of the sensor, which would take most of the file."""
 

@@ -145,7 +145,7 @@ def read_yaml(file: Path, most: int | None = None) -> dict[str, Any]:
     # ends with the start of a next document.
     text = re.sub(r"\A%YAML:1\.0\s*\n|!!opencv-matrix|\n---\s*\Z", "", read_text(file))
     try:
-        _check_size(text, file, most or MOST_VALUES)
+        _check_nodes(text, file, most or MOST_VALUES)
         content = yaml.load(text, _loader())
         content = {} if content is None else content
     except yaml.YAMLError as error:
@@ -160,43 +160,44 @@ def read_yaml(file: Path, most: int | None = None) -> dict[str, Any]:
 
 @cache
 def _loader() -> Any:
-    """YAML's loader of plain types, as OmegaConf has it."""
+    """PyYAML's loader of plain types, but 1e-6 is a number, as in YAML 1.2, and a date a text."""
     import yaml
 
     class Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):
-        def construct_mapping(self, node: Any, deep: bool = False) -> Any:
-            seen = set()
-            for key, _ in node.value:
-                if str(key.value) in seen:
-                    twice = f"found duplicate key {str(key.value)[:40]}"
-                    raise yaml.constructor.ConstructorError(None, None, twice, key.start_mark)
-                seen.add(str(key.value))
-            return super().construct_mapping(node, deep)
+        pass
 
-    number = re.compile(r"[-+]?[0-9][0-9_]*(\.[0-9_]*)?[eE][-+]?[0-9]+$")
+    number = re.compile(r"[-+]?\d+(\.\d*)?[eE][-+]?\d+$")
     Loader.add_implicit_resolver("tag:yaml.org,2002:float", number, list("-+0123456789"))
-    Loader.yaml_implicit_resolvers = {
-        first: [one for one in own if not one[0].endswith(":timestamp")]
-        for first, own in Loader.yaml_implicit_resolvers.items()
-    }
+    Loader.add_constructor("tag:yaml.org,2002:timestamp", Loader.construct_yaml_str)
     return Loader
 
 
-def _check_size(text: str, file: Path, most: int) -> None:
-    """Raise UserError if a YAML text is nested too deep, or has more values than `most`."""
+def _check_nodes(text: str, file: Path, most: int) -> None:
+    """Raise UserError for a YAML text that is nested too deep, too long, or has a key twice."""
     import yaml
 
     total = 0
     sizes: dict[str, int] = {}  # Number of values of each anchor.
-    started: list[tuple[str | None, int]] = []  # Of each open collection: anchor, total before.
+    # Of each open collection: anchor, total before, keys of a mapping, and number of its nodes.
+    started: list[list[Any]] = []
     # Events come one at a time: the parser does not recurse here, the loader does.
     for event in yaml.parse(text, _loader()):
+        if isinstance(event, yaml.NodeEvent) and started and started[-1][2] is not None:
+            keys, name = started[-1][2], getattr(event, "value", None)
+            # A mapping has a key, its value, the next key, …
+            if started[-1][3] % 2 == 0 and name is not None:
+                if name in keys:
+                    line = event.start_mark.line + 1
+                    raise UserError(f"{file}: line {line}: {name[:40]}: is given twice")
+                keys.add(name)
+            started[-1][3] += 1
         if isinstance(event, yaml.CollectionEndEvent):
-            anchor, before = started.pop()
+            anchor, before, *_ = started.pop()
             if anchor is not None:
                 sizes[anchor] = total - before
         elif isinstance(event, yaml.CollectionStartEvent):
-            started.append((event.anchor, total))
+            keys = set() if isinstance(event, yaml.MappingStartEvent) else None
+            started.append([event.anchor, total, keys, 0])
             sizes.pop(event.anchor, None)
             total += 1
         elif isinstance(event, yaml.AliasEvent):

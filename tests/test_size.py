@@ -19,14 +19,14 @@ MODULES = 249
 """Greatest number of modules, without `__init__`."""
 
 BUDGET = {
-    "": 1480,
+    "": 1481,
     "answers": 1341,
     "benchmark": 1002,
     "calibration": 564,
     "cli": 2697,
     "config": 2772,
     "engine": 4177,
-    "evaluation": 1619,
+    "evaluation": 1623,
     "experiment": 1322,
     "export": 600,
     "geometry": 412,
@@ -44,7 +44,7 @@ BUDGET = {
     "studies": 1715,
     "sweeps": 2037,
     "tracking": 6744,
-    "validation": 1104,
+    "validation": 1099,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
 

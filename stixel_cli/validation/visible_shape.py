@@ -52,9 +52,6 @@ TOWARDS_BOX = 2.0 / 3.0
 Of drawn pedestrians, 0 gives the best outlines and 1 the best boxes. Cars are best at 0.5.
 """
 
-EDGE_POINTS = 41
-"""Points on each edge of a mesh, of which the farthest at a height is its end there."""
-
 DRAWN_RAYS = (24, 10)
 """Even aspects, and even offsets over an outline's width, of the rays on drawn outlines."""
 
@@ -68,11 +65,11 @@ def class_shape_of(scenarios: Sequence[Scenario]) -> ClassShape:
     the box.
     """
     size = np.mean([np.ptp(scenario.box_target, axis=0) for scenario in scenarios], axis=0)
-    radii, stds = mean_radii(_of_size(scenarios, size))
-    outline = radii[:, None] * _ALONG
+    drawn = radii_of(_of_size(scenarios, size))
+    outline = drawn.mean(axis=0)[:, None] * _ALONG
     extents = np.ptp(outline, axis=0)
     radii = outermost_radii(outline * (1.0 + TOWARDS_BOX * (size / extents - 1.0)), RADII)
-    return ClassShape(outline=radii[:, None] * _ALONG, outline_stds=stds, size=size)
+    return ClassShape(outline=radii[:, None] * _ALONG, outline_stds=drawn.std(axis=0), size=size)
 
 
 def outline_modes_of(scenarios: Sequence[Scenario], size: np.ndarray) -> OutlineModes:
@@ -83,8 +80,7 @@ def outline_modes_of(scenarios: Sequence[Scenario], size: np.ndarray) -> Outline
     """
     means, changes = [], []
     for scenario in scenarios:
-        outlines = _of_size([scenario], size)
-        radii = np.stack([outermost_radii(outline, RADII) for outline in outlines])
+        radii = radii_of(_of_size([scenario], size))
         for one in (radii, np.roll(radii[:, ::-1], 1, axis=1)):
             sampled = one[:, :: RADII // MODE_ANGLES]
             means.append(sampled.mean(axis=0))
@@ -106,9 +102,9 @@ def _principal(differences: np.ndarray, count: int) -> np.ndarray:
 def end_insets_of(road_users: Sequence[Sequence[Mesh]]) -> np.ndarray:
     """How far inside the box of a class its ends are at each height: `class_shape.end_insets`.
 
-    Of each road user the meshes of all poses of its limbs. Above it, as at its top.
+    Of each road user the meshes of all limb poses; 41 points of each edge. Above it, as at its top.
     """
-    found, share = [], np.linspace(0.0, 1.0, EDGE_POINTS)[:, None]
+    found, share = [], np.linspace(0.0, 1.0, 41)[:, None]
     for meshes in road_users:
         reach = np.full((2, len(HEIGHTS)), -np.inf)
         for begin in map(corners, meshes):
@@ -162,10 +158,9 @@ def visible_shape_of(samples: Sequence[tuple[Scenario, Scans]], shape: ClassShap
     return VisibleShape(biases, per_std, depth_stds, factor, insets, inset_stds)
 
 
-def mean_radii(outlines: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """Mean radii (360,) m of outlines (M, 2) m, and their standard deviations (360,) m."""
-    radii = np.stack([outermost_radii(outline, RADII) for outline in outlines])
-    return radii.mean(axis=0), radii.std(axis=0)
+def radii_of(outlines: Sequence[np.ndarray]) -> np.ndarray:
+    """Radii (n, 360) m of n outlines (M, 2) m."""
+    return np.stack([outermost_radii(outline, RADII) for outline in outlines])
 
 
 def _of_size(scenarios: Sequence[Scenario], size: np.ndarray) -> list[np.ndarray]:

@@ -166,7 +166,7 @@ def test_a_file_names_axes_seeds_zipped_axes_and_left_out_runs(tmp_path):
         ("axes:\n  seed: range(2,2)", "seed=range(2,2): must have 1 to 100000 values"),
         ("axes: {sede: [1, 2]}", "did you mean seed?"),
         ("axes: {seed: [1, 2]}\nseeds: 3", "seed: is given twice"),
-        ("axes: {seed: [1, 2]}\naxes: {path: [turn, circle]}", "line 2: found duplicate key axes"),
+        ("axes: {seed: [1, 2]}\naxes: {path: [turn, circle]}", "line 2: axes: is given twice"),
         ("axis: {seed: [1, 2]}", "axis: is unknown; did you mean axes?"),
         ("axes: [seed]", "axes: must be an object"),
         ("axes:\n  tracker.sigma_f: interval(0.1,1)", "STEP"),

@@ -19,8 +19,8 @@ from stixel_cli.tracking.contour.user_shape import OPTIONAL
 from stixel_cli.validation.visible_shape import (
     class_shape_of,
     end_insets_of,
-    mean_radii,
     outline_modes_of,
+    radii_of,
     visible_outline_of,
     visible_shape_of,
 )
@@ -118,11 +118,9 @@ def test_points_of_the_background_do_not_change_the_visible_shape(sample, shape)
     np.testing.assert_allclose(among.depth_biases, plain.depth_biases, atol=1e-9)
 
 
-def test_mean_radii_of_two_sizes_are_those_of_the_mean_size():
-    radii, stds = mean_radii([BOX, 1.2 * BOX])
-    assert radii[0] == pytest.approx(2.2)
-    assert radii[len(radii) // 4] == pytest.approx(0.99)
-    assert (stds[0], stds[len(radii) // 4]) == pytest.approx((0.2, 0.09))
+def test_radii_are_those_along_and_across_the_heading():
+    ahead, left = radii_of([BOX, 1.2 * BOX])[:, [0, 90]].T
+    assert [*ahead, *left] == pytest.approx([2.0, 2.4, 0.9, 1.08])
 
 
 def test_modes_are_the_covariance_of_the_outlines():

@@ -28,8 +28,8 @@ BESIDE, NEARER = 0.3, 0.3
 GAP = 0.6
 """Points of neighbouring rays farther apart, m, and four standard deviations, are two objects'."""
 
-LEAST_SLANT = 0.2
-"""Cosine between a ray and the heading, below which an end's inset moves a range no more."""
+LEAST_COSINE = 0.2
+"""Of the angle between a ray and the heading, by which an end's inset is divided: its limit."""
 
 LEARNED = ("stixels", "fabricated", "lidar")
 """Kinds of measurement from whose scans of the drawn classes the visible shapes were learned."""
@@ -188,9 +188,9 @@ def at_heights(
     half = 0.5 * table.extents * np.exp(pose_and_size[3:])
     with np.errstate(divide="ignore", invalid="ignore"):
         entries = (-np.copysign(half, ahead) - (rays.sensor[:2] - pose_and_size[:2]) @ turn) / ahead
-    slant = np.maximum(np.abs(ahead[:, 0]), LEAST_SLANT)
+    cosine = np.maximum(np.abs(ahead[:, 0]), LEAST_COSINE)
     rear, front = (
-        np.stack([np.interp(rays.heights, HEIGHTS, one) for one in end]) / slant for end in insets
+        np.stack([np.interp(rays.heights, HEIGHTS, one) for one in end]) / cosine for end in insets
     )
     inset, std = np.where(ahead[:, 0] < 0.0, front, rear)
     ranges = expected(pose_and_size, rays.sensor, rays.directions, table.arrays)[0]
