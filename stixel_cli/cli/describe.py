@@ -108,9 +108,9 @@ def _print_group(group: str) -> None:
 
 
 def _print_option(group: str, option: str) -> None:
-    from stixel_cli.config.keys import meaning_of_option, parameters_of_own
+    from stixel_cli.config.keys import meaning_of_option
     from stixel_cli.config.messages import unknown_option
-    from stixel_cli.config.overrides import user_function
+    from stixel_cli.config.overrides import parameters_of_own, user_function
 
     if user_function(group, option):
         columns = (f"key of {group}={option}", "default", "range", "meaning")

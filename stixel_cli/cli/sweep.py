@@ -184,39 +184,33 @@ def tune(
     """
     from stixel_cli.answers.render import records
     from stixel_cli.config.overrides import read_overrides
-    from stixel_cli.results.folder import check_results, new_folder, origin_of
+    from stixel_cli.results.folder import check_results, new_folder, origin_of, write_whole_folder
+    from stixel_cli.results.result import yaml_text
+    from stixel_cli.sweeps import tuning as tunings
     from stixel_cli.sweeps.run import resumed_overrides
-    from stixel_cli.sweeps.tuning import (
-        TuneRequest,
-        Tuning,
-        create,
-        label,
-        read_request,
-        write_outcome,
-    )
 
     words = options.with_workers(overrides or [], workers)
     if resume is not None:
         if over or name:
             raise UserError("--resume continues the tuning of that folder: leave out the rest")
-        request = read_request(resume)
+        request = tunings.read_request(resume)
         origin = origin_of(resume, trust_code)
         (given,) = resumed_overrides([request.overrides], words, origin)
     else:
         check_results(results, name)
         swept = (over or "seed").split(",")
-        request = TuneRequest(list(words), objective.split(","), swept, seeds, trials)
+        request = tunings.TuneRequest(list(words), objective.split(","), swept, seeds, trials)
         given = read_overrides(words, TYPED)
-    tuning = Tuning(given, request)
+    tuning, files = tunings.Tuning(given, request), {tunings.REQUEST: yaml_text(vars(request))}
     folder = resume or new_folder(
-        results, name, "tune", datetime.now(UTC), lambda path: create(path, request)
+        results, name, "tune", datetime.now(UTC), lambda path: write_whole_folder(path, files)
     )
     machine = [word for word in words if of_the_machine(word)]
     command = ["stixel", "tune", "--resume", str(folder), *machine, *PRESETS.option]
     command = shlex.join(command)
     try:
         tuning.search(request.trials)
-        best, gain = write_outcome(folder, tuning, command)
+        best, gain = tunings.write_outcome(folder, tuning, command)
     except Interrupted:
         raise Interrupted(f"interrupted; resume with: {command}") from None
     if json:
@@ -224,7 +218,7 @@ def tune(
         print_json({"folder": str(folder.absolute()), **answer})
     else:
         for one in gain:
-            say_wrapped(f"{label(one.question.metric)}. {one.sentence}")
+            say_wrapped(f"{tunings.label(one.question.metric)}. {one.sentence}")
         chosen = " ".join(f"{key}={value}" for key, value in best.settings.items())
         say(f"trial {best.name}: {chosen}", folder)
     return 0

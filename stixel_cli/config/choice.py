@@ -201,13 +201,9 @@ def _digest(text: str) -> str:
 
 
 def with_values(plain: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
-    """`plain` with the values of some keys replaced and all references `${KEY}` looked up.
+    """`plain`, with the `values` of keys with dots, and all references `${KEY}` looked up.
 
     OmegaConf, whose other interpolations are refused here, takes thirty times as long.
-
-    Args:
-        plain: a configuration in plain types with references as text; not changed.
-        values: keys, with dots, to their values.
 
     BelongsElsewhere for a key that the chosen options do not have. ConfigurationError for a
     reference to no key, or to itself.

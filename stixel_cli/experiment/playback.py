@@ -19,14 +19,12 @@ OF_SCENE = ("times", "ego_poses_world", "target_poses_world", "contours_target",
 
 
 def folders_page(
-    stored: Sequence[RunResult], labels: Sequence[str], progress: Progress | None = None
+    stored: Sequence[RunResult], labels: Sequence[str], progress: Progress
 ) -> tuple[str, list[str]]:
-    """The page of one stored run, or of several of one scene, and notes for the user.
+    """The page of stored runs of one scene, whose folders have the `labels`; notes for the user.
 
     Results that the cache lacks are computed; the page shows the new results. Where they differ
-    from those of a folder, the page and the notes say so.
-
-    `labels` are the names of the folders, all different. UserError if the runs are not of one
+    from those of a folder, the page and the notes say so. UserError if the runs are not of one
     scene; and the errors of `computed_stages`.
     """
     check_one_scene(stored, labels)

@@ -196,16 +196,13 @@ def computed_stages(
     results.
 
     Args:
-        composition: the experiment.
-        wanted: names of stages, without effect where the pipeline has no such stage; `RESULTS` are
-            computed before all others.
-        progress: reports the progress.
-        on_scores: called with the scenario and the scores as soon as `RESULTS` are computed.
+        wanted: names of stages, without effect where the pipeline has no such stage.
+        on_scores: called with the scenario and the scores as soon as `RESULTS`, the first, are
+            computed.
         store: the cache; None for that of the configuration.
 
-    Raises:
-        UserError: for any error that the user can fix.
-        StageFailure: if a stage fails for another reason; finished nodes stay in the store.
+    UserError for any error that the user can fix. StageFailure if a stage fails for another reason;
+    finished nodes stay in the store.
     """
     configuration = composition.configuration
     try:
