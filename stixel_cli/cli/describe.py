@@ -38,14 +38,20 @@ def describe(
       stixel describe iou_mean
       stixel describe --schema schema
     """
-    from stixel_cli.config.keys import known_keys
+    from stixel_cli.border import write_below, written
+    from stixel_cli.config.keys import known_keys, schema_files
     from stixel_cli.config.messages import unknown_key
     from stixel_cli.evaluation.metric_table import METRICS
 
     group, option = split_override(name or "")
     group = group.replace(".", "/") if group.replace(".", "/") in folders.group_options() else group
     if schema is not None:
-        _write_schemas(schema, name)
+        if name is not None:
+            raise UserError(f"--schema writes all schemas: leave out {name}")
+        files = schema_files()
+        with written(schema):
+            write_below(schema, files)
+        say(*(str(schema / file) for file in sorted(files)))
     elif name is None:
         _print_groups()
     elif name in METRICS:
@@ -59,18 +65,6 @@ def describe(
     else:
         _print_group(group)
     return 0
-
-
-def _write_schemas(folder: Path, name: str | None) -> None:
-    from stixel_cli.border import write_below, written
-    from stixel_cli.config.keys import schema_files
-
-    if name is not None:
-        raise UserError(f"--schema writes all schemas: leave out {name}")
-    files = schema_files()
-    with written(folder):
-        write_below(folder, files)
-    say(*(str(folder / name) for name in sorted(files)))
 
 
 def _print_groups() -> None:
