@@ -70,14 +70,10 @@ def describe(
 def _print_groups() -> None:
     from stixel_cli.config.keys import groups, meaning_of_group, settings_of_top
 
-    rows = [
-        (
-            name,
-            " ".join([*folders.options_of_kind(name), *_installed(name)]),
-            meaning_of_group(name),
-        )
-        for name in groups()
-    ]
+    rows = []
+    for name in groups():
+        options = " ".join([*folders.options_of_kind(name), *_installed(name)])
+        rows.append((name, options, meaning_of_group(name)))
     print_table(("group", "options (default first)", "meaning"), rows)
     say("")
     tops = [(key.name, key.default, key.meaning) for key in settings_of_top()]
@@ -92,11 +88,9 @@ def _print_group(group: str) -> None:
     rows = [("read by", _listed(readers(group.replace("/", "."))))]
     print_table((group, meaning_of_group(group)), rows)
     say("")
-    options = [
-        (f"{group}={option}", meaning_of_option(group, option))
-        for option in folders.options_of_kind(group)
-    ]
-    print_table(("option (default first)", "meaning"), options)
+    options = folders.options_of_kind(group)
+    texts = [(f"{group}={option}", meaning_of_option(group, option)) for option in options]
+    print_table(("option (default first)", "meaning"), texts)
     say("")
     _print_keys(group, folders.default_option(group))
 
@@ -119,10 +113,8 @@ def _print_option(group: str, option: str) -> None:
 def _print_keys(group: str, option: str) -> None:
     from stixel_cli.config.keys import keys_of_option
 
-    rows = [
-        (key.name, key.values.get(option, ""), key.meaning) for key in keys_of_option(group, option)
-    ]
-    if rows:
+    keys = keys_of_option(group, option)
+    if rows := [(key.name, key.values.get(option, ""), key.meaning) for key in keys]:
         print_table((f"key of {group}={option}", "value", "meaning"), rows)
     else:
         say(f"{group}={option} has no keys of its own.")

@@ -134,21 +134,12 @@ def print_answers(result: "SweepResult") -> None:
 
 
 def _tell_what_is_missing(result: "SweepResult") -> None:
-    from stixel_cli.results.result import FAILED, SKIPPED
     from stixel_cli.sweeps.folder import SweepFolder
 
-    lines = []
-    for status in (FAILED, SKIPPED):
-        runs = [run for run in result.runs if run.status == status]
-        for run in runs[:_MOST_SHOWN]:
-            reason = " ".join(str(run.failure).split())
-            lines.append(f"run {run.index} {status} ({run.label}): {reason}")
-        if len(runs) > _MOST_SHOWN:
-            lines.append(f"{len(runs) - _MOST_SHOWN} more runs {status}, see runs.csv")
     states = Counter(run.status for run in result.runs if run.status != "done")
     counts = ", ".join(f"{number} {status}" for status, number in states.items())
     last = f"{states.total()} of {len(result.runs)} runs are not done: {counts}"
-    for line in (*lines, last):
+    for line in (*result.faults(_MOST_SHOWN), last):
         tell(line)
     command = SweepFolder(result.folder).resume_command(result.runs[0].overrides)
     print(command, file=sys.stderr)  # noqa: T201

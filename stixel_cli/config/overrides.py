@@ -243,12 +243,8 @@ def refuse_twice(overrides: Iterable[Override]) -> list[Override]:
 def check_overrides(parsed: Iterable[Override]) -> None:
     """Refuse code that a file names, and invalid overrides that Hydra accepts or reports unclearly.
 
-    Faults that depend on all overrides of a run are checked by `settings_of_run`.
-
-    Args:
-        parsed: those of a run, or the single values of those of a sweep.
-
-    ConfigurationError for the first invalid override.
+    They are those of a run, or the single values of those of a sweep. Faults that depend on all
+    overrides of a run are checked by `settings_of_run`. ConfigurationError for the first one.
     """
     parsed = list(parsed)
     admit_overrides(parsed)

@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 
 from stixel_cli.config.compose import compose
-from stixel_cli.config.schema import Configuration
 from stixel_cli.errors import located
 from stixel_cli.experiment.run import run_experiment
 from stixel_cli.measurements.scans import Scans
@@ -47,9 +46,15 @@ def learned_class(
         drawn: overrides that choose the road users of the mean outline and size.
         seen: seed to overrides, of the road users that sensors see on all paths.
         sensors: `stixels`, `lidar` and `outline`, or some of them.
+
+    UserError for a damaged mesh.
     """
     configurations = [compose(one).configuration for one in drawn]
-    scenarios = [_scenario(one) for one in configurations]
+    # The motion of the road users does not matter.
+    with located(""):
+        scenarios = [
+            build_scenario(ego_motion(p.ego, 1.0, 0.5), p.road_user, p.path) for p in configurations
+        ]
     sizes = np.array([np.ptp(scenario.box_target, axis=0) for scenario in scenarios])
     mean = sizes.mean(axis=0)
     stds = np.maximum(sizes.std(axis=0) / mean, LEAST_SIZE_STD)
@@ -65,12 +70,6 @@ def learned_class(
     modes = visible_shape.outline_modes_of(scenarios, shape.size)
     ends = visible_shape.end_insets_of([road_user_meshes(one.road_user) for one in configurations])
     return size, entry(size, shape, modes, visible) | {"end_insets": _plain(ends)}
-
-
-def _scenario(p: Configuration) -> Scenario:
-    """Ground truth of a road user; its motion does not matter. UserError for a damaged mesh."""
-    with located(""):
-        return build_scenario(ego_motion(p.ego, 1.0, 0.5), p.road_user, p.path)
 
 
 def _samples(road_users: Mapping[int, Overrides], sensor: str) -> list[tuple[Scenario, Scans]]:

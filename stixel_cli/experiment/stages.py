@@ -160,9 +160,7 @@ def experiment_graph(composition: Composition) -> Graph:
     return builder.build(stages, count, CHUNK_SIZE)
 
 
-def compared_rows(
-    composition: Composition, note: Callable[[str], Any] | None = None
-) -> "Rows | None":
+def compared_rows(composition: Composition, note: Callable[[str], Any]) -> "Rows | None":
     """As `calibration.road_pose.compared_rows`; None without recorded images.
 
     `note` is called with what is wrong with the images, or with the rig that is set for them.
@@ -173,11 +171,10 @@ def compared_rows(
     from stixel_cli.calibration.road_pose import compared_rows, contradiction
 
     rows = compared_rows(composition.recording, rig.far_disparity, source.check_rectification)
-    if note is not None:
-        stereo, road = real_image_parameters().stereo, composition.configuration.road
-        told = contradiction(composition.recording, rig, road, stereo)
-        for text in filter(None, (rows and rows.fault, told)):
-            note(text)
+    stereo, road = real_image_parameters().stereo, composition.configuration.road
+    told = contradiction(composition.recording, rig, road, stereo)
+    for text in filter(None, (rows and rows.fault, told)):
+        note(text)
     return rows
 
 

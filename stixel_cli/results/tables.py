@@ -181,12 +181,8 @@ def object_columns(
 
     k, t (s), object (number in the frame, from 0), stixels, left, right, top, base (px, columns
     left … right - 1, rows top … base), and in the world frame x, y (m, the centre), length and
-    width (m), heading (rad, along the length; either end may be the front).
-
-    Args:
-        objects: chunks in the order of their frames.
-        times: (K,) s.
-        ego_poses_world: (K, 3).
+    width (m), heading (rad, along the length; either end may be the front). `times` (K,) are in s,
+    the poses (K, 3).
     """
     counts = np.concatenate([np.diff(one.offsets) for one in objects])
     k = np.repeat(np.arange(len(counts)), counts)

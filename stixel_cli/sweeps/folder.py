@@ -23,7 +23,7 @@ from stixel_cli.border import check_below, write_below, written
 from stixel_cli.config.folders import PRESETS, of_the_machine
 from stixel_cli.config.messages import validated
 from stixel_cli.config.texts import split_override
-from stixel_cli.errors import UserError, printable, printable_path
+from stixel_cli.errors import UserError, counted, printable, printable_path
 from stixel_cli.files import read_json, read_yaml
 from stixel_cli.parameters import parameters
 from stixel_cli.results import result as results
@@ -272,6 +272,18 @@ class SweepResult:
     def count(self, status: str) -> int:
         """Number of runs with a status."""
         return sum(run.status == status for run in self.runs)
+
+    def faults(self, most: int) -> list[str]:
+        """A line for each run that failed or was skipped, at most so many of each status."""
+        lines = []
+        for status in (results.FAILED, results.SKIPPED):
+            runs = [run for run in self.runs if run.status == status]
+            for run in runs[:most]:
+                reason = printable(" ".join(str(run.failure).split()), 500)
+                lines.append(f"run {run.index} {status} ({run.label}): {reason}")
+            if len(runs) > most:
+                lines.append(f"{counted(len(runs) - most, 'more run')} {status}, see runs.csv")
+        return lines
 
 
 def question_over(over: Sequence[str], axes: Sequence[Sequence[str]]) -> dict[str, Any]:
