@@ -12,7 +12,7 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 46_297
+TOTAL = 46_287
 """Greatest number of lines in all."""
 
 MODULES = 249
@@ -26,10 +26,10 @@ BUDGET = {
     "cli": 2650,
     "config": 2697,
     "engine": 4182,
-    "evaluation": 1623,
+    "evaluation": 1618,
     "experiment": 1261,
     "export": 595,
-    "geometry": 412,
+    "geometry": 417,
     "live": 618,
     "machine": 187,
     "measurements": 1935,
@@ -37,13 +37,13 @@ BUDGET = {
     "recordings": 2667,
     "rendering": 2148,
     "report": 738,
-    "results": 1348,
+    "results": 1343,
     "scene": 3371,
     "stereo": 452,
     "stixels": 2073,
     "studies": 1705,
     "sweeps": 2030,
-    "tracking": 6744,
+    "tracking": 6739,
     "validation": 1099,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
