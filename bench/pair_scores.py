@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 
 from stixel_cli import compose
+from stixel_cli.engine.progress import Progress
 from stixel_cli.evaluation.intervals import mean_interval
 from stixel_cli.experiment.assess import assess
 
@@ -74,7 +75,8 @@ def main() -> None:
         for name, files in pairs(Path(folder)).items():
             keys = ("left", "right", "calibration", "disparity")
             named = [f"source.{key}={file}" for key, file in zip(keys, files, strict=True)]
-            scores[name] = assess(compose([*needed, *named, *sys.argv[1:]])).values
+            composition = compose([*needed, *named, *sys.argv[1:]])
+            scores[name] = assess(composition, Progress()).values
     print("| pair |", " | ".join(COLUMNS), "|")
     print("|---|" + "---|" * len(COLUMNS))
     for name, values in scores.items():

@@ -50,8 +50,7 @@ def compose(*overrides: Overrides, last_wins: bool = False, **settings: Any) -> 
         last_wins: of several overrides of one key, take the last; else they are refused.
         settings: groups and keys without a dot as keywords.
 
-    Raises:
-        ConfigurationError: in one line, for any fault of the overrides.
+    ConfigurationError in one line, for any fault of the overrides.
 
     Example:
         >>> composition = compose("rig=kitti", {"path.duration": 2}, seed=3)

@@ -46,7 +46,7 @@ COMPOSES = {
     "cli/machine.py": "the default configuration",
     "machine/kernels.py": "constants",
     "benchmark/run.py": "constants",
-    "experiment/class_shapes.py": "constants of a script of developers",
+    "experiment/class_shapes.py": "constants, and words of a command line",
     "experiment/run.py": "executor and cache as typed",
     "studies/wrong_poses.py": "constants",
 }
@@ -62,7 +62,6 @@ ALLOWED = {
     ("engine/scheduler.py", "save"): "of the store",
     ("cli/terminal.py", "write_text"): "the log of a crash, named by time",
     ("cli/terminal.py", "open"): "the null device",
-    ("experiment/class_shapes.py", "write_text"): "a script of developers",
     ("export/mlflow_folder.py", "copyfile"): "names of mlflow, in the partial folder",
     ("export/export.py", "save"): "rerun writes, in the partial folder",
     ("rendering/filament.py", "open"): "a temporary folder",

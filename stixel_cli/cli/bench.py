@@ -103,10 +103,8 @@ def pack(
 
 def _check_packs(packs: Iterable[Path]) -> None:
     for file in (file for file in packs if not file.is_file()):
-        known = (
-            ", ".join(sorted(one.name for one in file.absolute().parent.glob("*.zip"))) or "none"
-        )
-        raise UserError(f"{file}: no such pack; the ZIP files there: {known}")
+        known = sorted(one.name for one in file.absolute().parent.glob("*.zip"))
+        raise UserError(f"{file}: no such pack; the ZIP files there: {', '.join(known) or 'none'}")
 
 
 @app.command()

@@ -128,7 +128,7 @@ def assess(
     if stixels is None:
         assessment = assessing.assess(composition, progress)
     else:
-        assessment = assessing.assess_stixels(read_stixels(stixels), composition, progress)
+        assessment = assessing.assess_stixels(read_stixels(stixels), composition)
     if json:
         names = ("values", "seconds", "rig")
         print_json({name: dict(getattr(assessment, name)) for name in names})

@@ -141,12 +141,21 @@ def clear(
 
     It asks for confirmation. Without a terminal, --yes is required.
     """
-    from stixel_cli.engine.entries import collect
+    from rich.filesize import decimal
+
+    from stixel_cli.engine.entries import collect, entry_folders
 
     store = local_store()
-    if not yes and not _confirmed(store):
-        tell("nothing was removed")
-        return 1
+    if not yes:
+        if not (sys.stdin.isatty() and sys.stderr.isatty()):
+            raise UserError("this removes all results: add --yes, there is no terminal to ask at")
+        listed = entry_folders(store)
+        size = decimal(sum(entry.size for entry in listed))
+        if not typer.confirm(
+            f"remove {len(listed)} results, {size}, from {store.folder}?", err=True
+        ):
+            tell("nothing was removed")
+            return 1
     _print_collection(store, collect(store, max_size=0), "removed", json)
     return 0
 
@@ -173,21 +182,6 @@ def verify(json: options.Json = False) -> int:
         verdict = f"{len(bad)} {are} bad and recomputed when needed" if bad else "all are good"
         say(f"{store.folder}: {count} results read, {verdict}")
     return 1 if bad else 0
-
-
-def _confirmed(store: "Store") -> bool:
-    """Ask the user at the terminal for confirmation."""
-    from rich.filesize import decimal
-
-    from stixel_cli.engine.entries import entry_folders
-
-    if not (sys.stdin.isatty() and sys.stderr.isatty()):
-        raise UserError(
-            "this removes all cached results: add --yes, there is no terminal to ask at"
-        )
-    listed = entry_folders(store)
-    size = decimal(sum(entry.size for entry in listed))
-    return typer.confirm(f"remove {len(listed)} results, {size}, from {store.folder}?", err=True)
 
 
 def _print_collection(store: "Store", done: "Collection", verb: str, json: bool) -> None:

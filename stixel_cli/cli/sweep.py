@@ -134,21 +134,12 @@ def print_answers(result: "SweepResult") -> None:
 
 
 def _tell_what_is_missing(result: "SweepResult") -> None:
-    from stixel_cli.results.result import FAILED, SKIPPED
     from stixel_cli.sweeps.folder import SweepFolder
 
-    lines = []
-    for status in (FAILED, SKIPPED):
-        runs = [run for run in result.runs if run.status == status]
-        for run in runs[:_MOST_SHOWN]:
-            reason = " ".join(str(run.failure).split())
-            lines.append(f"run {run.index} {status} ({run.label}): {reason}")
-        if len(runs) > _MOST_SHOWN:
-            lines.append(f"{len(runs) - _MOST_SHOWN} more runs {status}, see runs.csv")
     states = Counter(run.status for run in result.runs if run.status != "done")
     counts = ", ".join(f"{number} {status}" for status, number in states.items())
     last = f"{states.total()} of {len(result.runs)} runs are not done: {counts}"
-    for line in (*lines, last):
+    for line in (*result.faults(_MOST_SHOWN), last):
         tell(line)
     command = SweepFolder(result.folder).resume_command(result.runs[0].overrides)
     print(command, file=sys.stderr)  # noqa: T201
@@ -184,39 +175,33 @@ def tune(
     """
     from stixel_cli.answers.render import records
     from stixel_cli.config.overrides import read_overrides
-    from stixel_cli.results.folder import check_results, new_folder, origin_of
+    from stixel_cli.results.folder import check_results, new_folder, origin_of, write_whole_folder
+    from stixel_cli.results.result import yaml_text
+    from stixel_cli.sweeps import tuning as tunings
     from stixel_cli.sweeps.run import resumed_overrides
-    from stixel_cli.sweeps.tuning import (
-        TuneRequest,
-        Tuning,
-        create,
-        label,
-        read_request,
-        write_outcome,
-    )
 
     words = options.with_workers(overrides or [], workers)
     if resume is not None:
         if over or name:
             raise UserError("--resume continues the tuning of that folder: leave out the rest")
-        request = read_request(resume)
+        request = tunings.read_request(resume)
         origin = origin_of(resume, trust_code)
         (given,) = resumed_overrides([request.overrides], words, origin)
     else:
         check_results(results, name)
         swept = (over or "seed").split(",")
-        request = TuneRequest(list(words), objective.split(","), swept, seeds, trials)
+        request = tunings.TuneRequest(list(words), objective.split(","), swept, seeds, trials)
         given = read_overrides(words, TYPED)
-    tuning = Tuning(given, request)
+    tuning, files = tunings.Tuning(given, request), {tunings.REQUEST: yaml_text(vars(request))}
     folder = resume or new_folder(
-        results, name, "tune", datetime.now(UTC), lambda path: create(path, request)
+        results, name, "tune", datetime.now(UTC), lambda path: write_whole_folder(path, files)
     )
     machine = [word for word in words if of_the_machine(word)]
     command = ["stixel", "tune", "--resume", str(folder), *machine, *PRESETS.option]
     command = shlex.join(command)
     try:
         tuning.search(request.trials)
-        best, gain = write_outcome(folder, tuning, command)
+        best, gain = tunings.write_outcome(folder, tuning, command)
     except Interrupted:
         raise Interrupted(f"interrupted; resume with: {command}") from None
     if json:
@@ -224,7 +209,7 @@ def tune(
         print_json({"folder": str(folder.absolute()), **answer})
     else:
         for one in gain:
-            say_wrapped(f"{label(one.question.metric)}. {one.sentence}")
+            say_wrapped(f"{tunings.label(one.question.metric)}. {one.sentence}")
         chosen = " ".join(f"{key}={value}" for key, value in best.settings.items())
         say(f"trial {best.name}: {chosen}", folder)
     return 0

@@ -152,10 +152,8 @@ REPLACED = {
 
 def usage_line(error: Any, words: Sequence[str]) -> str:
     """A usage error of the command line `words`: the fault, the nearest option, what to read."""
-    text = " ".join(error.format_message().split()).rstrip(".?")
-    text = (text[:1].lower() + text[1:]).replace(": Input should be ", ": must be ")
-    text = text.replace(": Value error, ", ": ")
-    text = text.partition(", unable to parse")[0].partition(". Did you mean")[0]
+    text = " ".join(error.format_message().split()).rstrip(".?").partition(". Did you mean")[0]
+    text = text[:1].lower() + text[1:]
     context = getattr(error, "ctx", None)
     wrong = getattr(error, "option_name", None)
     if wrong and "no such option" in text:
@@ -248,14 +246,9 @@ def print_table(
     """Print a table that is no wider than the screen, if its words allow that.
 
     Lines break at spaces only, so that a path or a number stays whole. Cells are printed verbatim:
-    brackets are not markup.
-
-    Args:
-        columns: the header.
-        rows: one cell per column.
-        right: indices of the right-aligned columns.
-        leave_out: indices of columns whose cells are not wrapped. If the screen is too narrow, they
-            are left out in this order, and a line names them.
+    brackets are not markup. Of the columns, by their indices, those in `right` are right-aligned,
+    and those in `leave_out` not wrapped: if the screen is too narrow, they are left out in this
+    order, and a line names them.
     """
     from rich import box
     from rich.console import Console

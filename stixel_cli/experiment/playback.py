@@ -9,7 +9,8 @@ from stixel_cli.engine.progress import Progress
 from stixel_cli.errors import UserError
 from stixel_cli.experiment.run import run_experiment
 from stixel_cli.report.playback import playback_html
-from stixel_cli.results.result import RunResult, flat_settings, listed
+from stixel_cli.results.lineage import differing_settings
+from stixel_cli.results.result import RunResult, listed
 
 SCENE = ("road_user", "path", "ego")
 """The groups that define the scene; with scans from a file, those files do."""
@@ -19,14 +20,12 @@ OF_SCENE = ("times", "ego_poses_world", "target_poses_world", "contours_target",
 
 
 def folders_page(
-    stored: Sequence[RunResult], labels: Sequence[str], progress: Progress | None = None
+    stored: Sequence[RunResult], labels: Sequence[str], progress: Progress
 ) -> tuple[str, list[str]]:
-    """The page of one stored run, or of several of one scene, and notes for the user.
+    """The page of stored runs of one scene, whose folders have the `labels`; notes for the user.
 
     Results that the cache lacks are computed; the page shows the new results. Where they differ
-    from those of a folder, the page and the notes say so.
-
-    `labels` are the names of the folders, all different. UserError if the runs are not of one
+    from those of a folder, the page and the notes say so. UserError if the runs are not of one
     scene; and the errors of `computed_stages`.
     """
     check_one_scene(stored, labels)
@@ -56,20 +55,13 @@ def folders_page(
 
 def check_one_scene(stored: Sequence[RunResult], labels: Sequence[str]) -> None:
     """Raise UserError with the first setting that differs, unless all runs share the scene."""
-    first = _scene_settings(stored[0])
-    for label, one in zip(labels[1:], stored[1:], strict=True):
-        other = _scene_settings(one)
-        for key in dict.fromkeys((*first, *other)):
-            here, there = first.get(key, "not set"), other.get(key, "not set")
-            if here != there:
-                raise UserError(
-                    f"the runs must share one scene: {key} is {here} in {labels[0]} "
-                    f"and {there} in {label}"
-                )
-
-
-def _scene_settings(stored: RunResult) -> dict[str, str]:
-    measurement = stored.settings["measurement"]
-    if measurement.get("kind") == "file":
-        return flat_settings({"measurement": measurement})
-    return flat_settings({group: stored.settings[group] for group in SCENE})
+    scenes = []
+    for one in stored:
+        groups = ("measurement",) if one.settings["measurement"].get("kind") == "file" else SCENE
+        scenes.append(RunResult(settings={group: one.settings[group] for group in groups}))
+    for key, values in differing_settings(scenes).items():
+        there = next(i for i, value in enumerate(values) if value != values[0])
+        raise UserError(
+            f"the runs must share one scene: {key} is {values[0]} in {labels[0]} and "
+            f"{values[there]} in {labels[there]}"
+        )

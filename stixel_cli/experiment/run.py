@@ -54,11 +54,10 @@ def run_experiment(
     with computed_stages(composition, wanted, progress, on_scores, store) as (done, load):
         results = {name: next(iter(load(name)), None) for name in (*RESULTS, "calibration")}
         if progress is not None and progress.advice:
-            for doubt in _doubts(composition.configuration, results):
+            for doubt in filter(None, _doubts(composition.configuration, results)):
                 progress.note(doubt)
         drawn = [one.files for name in PICTURES for one in load(name)]
-        frames, objects = tuple(load(CAMERA)), tuple(load(OBJECTS))
-        lineage = lineage_of(done.graph, done.status, done.store)
+        objects = tuple(load(OBJECTS))
         return RunResult(
             settings=composition.resolved,
             manifest={"choices": composition.choices, "stages": done.stage_records()},
@@ -66,16 +65,16 @@ def run_experiment(
             composition=composition,
             **results,
             pictures={path: data for files in drawn for path, data in files.items()},
-            camera=frames,
+            camera=tuple(load(CAMERA)),
             stixels=tuple(load("stixels")) if objects else (),
             objects=objects,
             tracks=next(iter(load(TRACKS)), ()),
             truths=next(iter(load("label_truths")), ()),
-            lineage=lineage,
+            lineage=lineage_of(done.graph, done.status, done.store, {}),
         )
 
 
-def _doubts(configuration: Configuration, results: Mapping[str, Any]) -> Iterator[str]:
+def _doubts(configuration: Configuration, results: Mapping[str, Any]) -> Iterator[str | None]:
     """What is probably wrong with the user's files, one line each; `results` are of `RESULTS`."""
     scenario, tracker = results["scenario"], configuration.tracker
     measurement, user = configuration.measurement, configuration.road_user
@@ -86,39 +85,33 @@ def _doubts(configuration: Configuration, results: Mapping[str, Any]) -> Iterato
         # Shapely is imported for it.
         from stixel_cli.measurements.file_truth import heading_note
 
-        doubt = heading_note(scenario, measurement.angle_unit)
-        yield from () if doubt is None else (doubt,)
+        yield heading_note(scenario, measurement.angle_unit)
     elif user.mesh is not None and configuration.source.kind == "rendered":
         # So is trimesh.
         from stixel_cli.scene.mesh_file import mesh_doubt
 
-        doubt = mesh_doubt(user.mesh, user.mesh_scale, user.mesh_up)
-        yield from () if doubt is None else (doubt,)
+        yield mesh_doubt(user.mesh, user.mesh_scale, user.mesh_up)
 
 
 def record_run(
     composition: Composition,
-    results: Path | None = None,
-    name: str | None = None,
-    progress: Progress | None = None,
+    results: Path | None,
+    name: str | None,
+    progress: Progress,
     on_scores: Callable[[Scenario, Scores], None] | None = None,
     rerun_of: Path | None = None,
 ) -> RunResult:
     """Run an experiment and write its result folder into `results`, if that is given.
 
-    Args:
-        composition, progress, on_scores: as in `computed_stages`. After its errors no result folder
-            is left.
-        results: parent of the result folder; None to write nothing.
-        name: of the result folder; None for a name made of what differs from the default, see
-            `experiment.run_names`, and the time.
-        rerun_of: the folder that is repeated, whose name the new one has.
+    Its `name` is by default made of what differs from the default, see `experiment.run_names`, or
+    of the name of the repeated folder, `rerun_of`, and of the time. The other arguments are those
+    of `computed_stages`; after its errors no result folder is left.
     """
     started = time.perf_counter()
     if results is not None:
         check_results(results, name)
     now = datetime.now(UTC)
-    rows = compared_rows(composition, progress and progress.note)
+    rows = compared_rows(composition, progress.note)
     run = run_experiment(composition, progress, on_scores=on_scores)
     if rerun_of is None:
         command = ["stixel", "run", *composition.overrides, *PRESETS.option]

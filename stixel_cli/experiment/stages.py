@@ -160,9 +160,7 @@ def experiment_graph(composition: Composition) -> Graph:
     return builder.build(stages, count, CHUNK_SIZE)
 
 
-def compared_rows(
-    composition: Composition, note: Callable[[str], Any] | None = None
-) -> "Rows | None":
+def compared_rows(composition: Composition, note: Callable[[str], Any]) -> "Rows | None":
     """As `calibration.road_pose.compared_rows`; None without recorded images.
 
     `note` is called with what is wrong with the images, or with the rig that is set for them.
@@ -173,11 +171,10 @@ def compared_rows(
     from stixel_cli.calibration.road_pose import compared_rows, contradiction
 
     rows = compared_rows(composition.recording, rig.far_disparity, source.check_rectification)
-    if note is not None:
-        stereo, road = real_image_parameters().stereo, composition.configuration.road
-        told = contradiction(composition.recording, rig, road, stereo)
-        for text in filter(None, (rows and rows.fault, told)):
-            note(text)
+    stereo, road = real_image_parameters().stereo, composition.configuration.road
+    told = contradiction(composition.recording, rig, road, stereo)
+    for text in filter(None, (rows and rows.fault, told)):
+        note(text)
     return rows
 
 
@@ -196,16 +193,13 @@ def computed_stages(
     results.
 
     Args:
-        composition: the experiment.
-        wanted: names of stages, without effect where the pipeline has no such stage; `RESULTS` are
-            computed before all others.
-        progress: reports the progress.
-        on_scores: called with the scenario and the scores as soon as `RESULTS` are computed.
+        wanted: names of stages, without effect where the pipeline has no such stage.
+        on_scores: called with the scenario and the scores as soon as `RESULTS`, the first, are
+            computed.
         store: the cache; None for that of the configuration.
 
-    Raises:
-        UserError: for any error that the user can fix.
-        StageFailure: if a stage fails for another reason; finished nodes stay in the store.
+    UserError for any error that the user can fix. StageFailure if a stage fails for another reason;
+    finished nodes stay in the store.
     """
     configuration = composition.configuration
     try:

@@ -10,6 +10,9 @@ from stixel_cli.geometry.pose import STRAIGHT_AHEAD, pose_rates, rotation, wrap_
 BEARING = np.radians(0.1)
 """Points with heights are of one bearing within this, rad: half of the step of common lidars."""
 
+BEHIND = 2.0
+"""Of two returns of one bearing, m: farther apart they are of two objects."""
+
 
 @dataclass(frozen=True)
 class SharedErrors:
@@ -186,20 +189,21 @@ class Scans:
         )
 
     def nearest_returns(self) -> tuple["Scans", np.ndarray]:
-        """The scans with the nearest point of each bearing only, and its rows (n,) in these.
+        """The scans with the nearest point of each object in each bearing, and its rows (n,) here.
 
         Seen from above, bonnet, windscreen and roof are inside of the outline, which the nearest
-        point of their bearing shows. Without heights, nothing changes.
+        point of their bearing shows. Over a hedge, what is behind it is seen, too. Without heights,
+        nothing changes.
         """
         kept = np.ones(len(self.points_world), bool)
         for k in [] if self.heights is None else np.flatnonzero(np.diff(self.offsets)):
             rows, sensor = self.rows(k), self.sensor_poses_world[k]
             offsets = self.points_world[rows] - sensor[:2]
             bearings = wrap_angle(np.arctan2(offsets[:, 1], offsets[:, 0]) - sensor[2])
-            columns = np.round((bearings - bearings.min()) / BEARING)
-            order = np.lexsort((np.hypot(*offsets.T), columns))
-            kept[rows] = False
-            kept[rows.start + order[np.unique(columns[order], return_index=True)[1]]] = True
+            columns, ranges = np.round((bearings - bearings.min()) / BEARING), np.hypot(*offsets.T)
+            order = np.lexsort((ranges, columns))
+            other_bearing, farther = np.diff(columns[order]) > 0.0, np.diff(ranges[order]) > BEHIND
+            kept[rows.start + order[1:]] = other_bearing | farther
         found = np.flatnonzero(kept)
         return (self if kept.all() else self.of_rows(found)), found
 

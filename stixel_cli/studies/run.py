@@ -17,13 +17,12 @@ from pathlib import Path
 from typing import Any
 
 from stixel_cli.border import TYPED, Origin, write_below, write_whole, written
-from stixel_cli.config import messages
 from stixel_cli.config.folders import of_the_machine
 from stixel_cli.engine.cache_folder import Lease
 from stixel_cli.errors import Interrupted, UserError
 from stixel_cli.files import read_yaml
 from stixel_cli.results.lineage import first_difference, origin, provenance
-from stixel_cli.results.result import SKIPPED, SWEEP_FILE, yaml_text
+from stixel_cli.results.result import SWEEP_FILE, yaml_text
 from stixel_cli.studies import report
 from stixel_cli.studies.plan import PlannedSweep, StudyPlan, derived_sweep
 from stixel_cli.sweeps.folder import SweepFolder, SweepResult
@@ -231,14 +230,5 @@ class Study:
             done = len(list(folder.glob("runs/[0-9]*")))
             why = "not started" if count is not None else "its axes depend on the sweeps before"
             return report.SweepState(name, count, done, ("interrupted" if done else why,), folder)
-        failed = [run for run in result.runs if run.failure is not None]
-        faults = [
-            f"{run.label}: {messages.printable(' '.join(str(run.failure).split()), 300)}"
-            + (" (as another)" if run.status == SKIPPED else "")
-            for run in failed[:_MOST_FAILURES]
-        ]
-        if len(failed) > _MOST_FAILURES:
-            faults.append(f"and {len(failed) - _MOST_FAILURES} more, see runs.csv")
-        return report.SweepState(
-            name, len(result.runs), result.count("done"), tuple(faults), folder
-        )
+        faults = tuple(result.faults(_MOST_FAILURES))
+        return report.SweepState(name, len(result.runs), result.count("done"), faults, folder)

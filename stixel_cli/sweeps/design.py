@@ -22,6 +22,7 @@ from stixel_cli.config.overrides import (
     check_overrides,
     parse,
     read_overrides,
+    refuse_twice,
 )
 from stixel_cli.config.texts import override_text
 from stixel_cli.errors import BelongsElsewhere, ConfigurationError, located, printable_path
@@ -79,9 +80,7 @@ class Design:
     """Keys of the axes that means are over."""
 
     def __post_init__(self):
-        counts = Counter([*(one.key for one in self.fixed), *self.keys])
-        for key in (key for key, count in counts.items() if count > 1):
-            raise ConfigurationError(f"{key}: is given twice: give it once")
+        refuse_twice([*self.fixed, *(one for axis in self.axes for one in axis.steps[0])])
 
     @property
     def overrides(self) -> list[Override]:
@@ -300,14 +299,10 @@ def sweep_design(
     over: str = SEED,
     one_is_enough: bool = False,
 ) -> Design:
-    """The design of a command line and a file.
+    """The design of a command line, on which several values of a key make an axis, and a file.
 
-    Args:
-        overrides: in Hydra's grammar; several values of a key make an axis.
-        file: a path, or a name in `pipelines/studies`; see `stixel_cli.sweeps.design`.
-        trust_code: accept user-defined code that the file names.
-        over: keys of the axes that means are over, separated by commas.
-        one_is_enough: accept a design of a single run.
+    The file is a path, or a name in `pipelines/studies`; code that it names must be trusted. Means
+    are `over` keys of the axes, by commas. A single run is accepted if `one_is_enough`.
 
     ConfigurationError for an invalid override, a key in both, code that is not trusted, or means
     over an axis that is not swept.

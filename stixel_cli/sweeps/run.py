@@ -96,8 +96,7 @@ class Sweep(Progress):
             plan: the runs, in the order of their indices.
             folder: of the sweep, with its `sweep.yaml`; None to write nothing.
             request: has the axes, and the notes for the manifest of every run.
-            label: prefix of the progress.
-            visible: show progress on stderr.
+            label, visible: prefix of the progress, and whether it is shown on stderr.
         """
         super().__init__(visible)
         self.plan, self.folder, self.request, self.store = plan, folder, request, plan.store
@@ -349,17 +348,14 @@ def new_sweep(
     fail_fast: bool = False,
     label: str = "",
 ) -> SweepResult:
-    """Run a sweep.
+    """Run a sweep, planned by `plan_sweep`; the errors are those of `Sweep.run`.
 
     Args:
-        plan: by `plan_sweep`.
         results: parent of the sweep's folder, see `check_results`; None to write nothing.
         name: of the sweep's folder; None for the file's name, or the swept keys, and the time.
         note: called with notes on the axes before anything runs.
         advice: note files that the user's code may read without declaring them, too.
         visible, label, fail_fast: see `Sweep`.
-
-    UserError, Interrupted as `Sweep.run` does.
     """
     design, options = plan.design, [*(["--pictures"] if plan.pictures else []), *PRESETS.option]
     request = SweepRequest(
@@ -396,7 +392,6 @@ def resumed_sweep(
     """Resume the sweep in a folder: run what is missing, has failed, or is out of date.
 
     Args:
-        path: the sweep's folder.
         overrides: of executor and cache; those of the folder are never used.
         names: where the names of code in the folder come from.
         note: called with the number of finished runs that are out of date.

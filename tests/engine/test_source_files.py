@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from stixel_cli.engine import loaded_code, source_files
+from stixel_cli.engine import cache_folder, loaded_code, source_files
 from stixel_cli.engine.code import CodeIndex
 from stixel_cli.engine.errors import CodeChanged
 from stixel_cli.engine.versions import providers
@@ -88,7 +88,7 @@ def test_a_damaged_file_of_digests_is_replaced(project, new_process, stored, dam
 
 
 def test_a_large_file_of_digests_is_not_read(project, new_process, stored, monkeypatch):
-    monkeypatch.setattr(source_files, "LARGEST_FILE", 10)
+    monkeypatch.setattr(cache_folder, "LARGEST", 10)
     parsed = new_process()
     assert digest(project) == stored
     assert parsed

@@ -18,7 +18,7 @@ from stixel_cli.tracking.contour.class_size import ClassSize
 from stixel_cli.tracking.contour.user_shape import OPTIONAL
 from stixel_cli.validation.visible_shape import (
     class_shape_of,
-    end_insets_of,
+    height_insets_of,
     outline_modes_of,
     radii_of,
     visible_outline_of,
@@ -147,19 +147,22 @@ def body_of(*boxes):
 
 def test_above_its_bonnet_a_car_ends_farther_inside():
     low = [[-2.0, -0.9, 0.2], [2.0, 0.9, 0.68]]
-    saloon = body_of(low, [[-1.0, -0.9, 0.68], [0.8, 0.9, 1.4]])
+    mirrors = [[0.5, -1.0, 0.9], [0.6, 1.0, 1.0]]
+    saloon = body_of(low, [[-1.0, -0.7, 0.68], [0.8, 0.7, 1.4]], mirrors)
     van = body_of(low, [[-2.0, -0.9, 0.68], [0.8, 0.9, 1.4]])
-    rear, front = end_insets_of([[saloon]])
-    assert not rear[1].any() and not front[1].any()
+    rear, front, sides = height_insets_of([[saloon]])
+    assert not rear[1].any() and not front[1].any() and not sides[1].any()
+    of_cabin = (HEIGHTS > 0.7) & (np.abs(HEIGHTS - 0.9) > 0.06)
+    np.testing.assert_allclose(sides[0], 0.2 * of_cabin, atol=1e-9)
     np.testing.assert_allclose(rear[0], np.where(HEIGHTS < 0.7, 0.0, 1.0), atol=1e-9)
     np.testing.assert_allclose(front[0], np.where(HEIGHTS < 0.7, 0.0, 1.2), atol=1e-9)
     # Of both, half are so far inside; and of limbs the farthest place counts.
-    rear, front = end_insets_of([[saloon], [van]])
+    rear, front, _ = height_insets_of([[saloon], [van]])
     np.testing.assert_allclose(rear[:, 8], [0.5, 0.5], atol=1e-9)
     np.testing.assert_allclose(front[:, 8], [1.2, 0.0], atol=1e-9)
-    of_all = end_insets_of([[saloon, van]])
+    of_all = height_insets_of([[saloon, van]])
     np.testing.assert_allclose(of_all[0, :, 8], 0.0, atol=1e-9)
-    assert of_all.size == OPTIONAL["end_insets"]
+    assert of_all.size == OPTIONAL["height_insets"]
 
 
 def test_knowledge_comes_from_tuning_seeds_and_survives_its_text(sample, shape):
