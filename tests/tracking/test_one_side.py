@@ -78,7 +78,7 @@ def side_of(prior, seen_by="stixels", field_of_view=None):
 def row_of_points(side, mean, shift):
     """Rays through nine points on the near side of the contour, moved to the right."""
     points = np.stack([np.linspace(-0.9, 0.9, 9) + shift, np.full(9, 9.8)], axis=-1)
-    return side.rays(scan_of(points), mean[:3])[0]
+    return side.rays(scan_of(points), mean, 0.01 * np.eye(2))[0]
 
 
 def scan_of(points):
@@ -122,7 +122,7 @@ def test_an_end_that_is_not_seen_is_not_used(hidden):
     if hidden != "border":
         nearer = [[-0.9, 8.0], [0.9, 8.0]]
         points = np.vstack([rays.points_world, nearer])
-        rays = side.rays(scan_of(points), mean[:3])[0]
+        rays = side.rays(scan_of(points), mean, 0.01 * np.eye(2))[0]
         assert side.between_ends(rays.subset(np.arange(9)), mean, covariance) is None
     else:
         row = side.between_ends(rays, mean, covariance)[2]
@@ -145,9 +145,22 @@ def test_an_unknown_class_has_the_prior_s_shape_and_its_own_points():
     prior = replace(configured().prior, road_user="unknown")
     _, side = side_of(prior)
     points = np.array([[0.5, 9.0], [-0.5, 9.1]])
-    rays, stds = side.rays(scan_of(points), np.zeros(3))
+    mean = np.concatenate([np.zeros(6), side.radii])
+    rays, stds = side.rays(scan_of(points), mean, 0.01 * np.eye(2))
     assert not stds.any()
     assert rays.points_world == pytest.approx(points)
+
+
+def test_what_stands_elsewhere_is_remembered_where_it_was_measured():
+    """High points move with the place of the target: as moved, they were new ones each time."""
+    process, side = side_of(configured().prior, "lidar")
+    hedge = np.stack([np.linspace(-1.0, 1.0, 21), np.full(21, 10.0)], axis=-1)
+    scan = scan_of(hedge)._replace(heights=np.full(21, 1.2))
+    for place in (30.0, 12.0):
+        mean = np.concatenate([[0.0, place, -0.5 * np.pi, 0.0, 0.0, 0.0], side.radii])
+        rays, _ = side.rays(scan, mean, 0.01 * np.eye(2))
+        assert rays.others.all()
+    assert np.hypot(*(rays.points_world - hedge).T).min() > 0.5
 
 
 @given(
