@@ -67,14 +67,16 @@ def sweep(
         for option in (option for option, value in given.items() if value is not None):
             raise UserError(f"--resume continues the sweep of that folder: leave out {option}")
         names = origin_of(resume, trust_code)
-        result = resumed_sweep(resume, words, names, True, note=tell, fail_fast=fail_fast)
+        result = resumed_sweep(resume, words, names, note=tell, fail_fast=fail_fast)
     else:
         check_results(results, name)
         plan = plan_sweep(sweep_design(words, file, trust_code, over or SEED), pictures)
         if dry_run:
             print_plan(plan, json)
             return 0
-        result = new_sweep(plan, results, name, True, tell, not json, fail_fast)
+        for note in plan.notes:
+            tell(note)
+        result = new_sweep(plan, results, name, True, fail_fast)
     _report(result, json, time.perf_counter() - started)
     update_index(results if resume is None else resume.absolute().parent)
     return 0 if result.complete else INCOMPLETE

@@ -153,10 +153,10 @@ def _setting(composition: Composition, path: str) -> Any:
     return undisturbed(value) if isinstance(value, Disturbance) else value
 
 
-def experiment_graph(composition: Composition) -> Graph:
-    """The graph of an experiment's nodes."""
+def experiment_graph(composition: Composition, builder: GraphBuilder | None = None) -> Graph:
+    """The graph of an experiment's nodes; several experiments may share a `builder`."""
     count, stages = scan_count(composition), pipeline_stages(composition)
-    builder = GraphBuilder(open_store(composition.configuration.cache).folder)
+    builder = builder or GraphBuilder(open_store(composition.configuration.cache).folder)
     return builder.build(stages, count, CHUNK_SIZE)
 
 
