@@ -45,17 +45,6 @@ class Axis:
     steps: tuple[tuple[Override, ...], ...]
     """For each value of the axis an override of each key."""
 
-    def __post_init__(self):
-        seen: set[tuple] = set()
-        for step in self.steps:
-            # In Python 1 == True, but here they are different values; 1 and 1.0 are the same.
-            values = [(isinstance(one.value, bool), one.value) for one in step]
-            mark = tuple(v if isinstance(v[1], Hashable) else str(v) for v in values)
-            if mark in seen:
-                shown = messages.printable(" ".join(one.text for one in step))
-                raise ConfigurationError(f"{shown} is given twice: two runs would be equal")
-            seen.add(mark)
-
     @property
     def name(self) -> str:
         """The keys, joined by `+`."""
