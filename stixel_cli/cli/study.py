@@ -182,15 +182,7 @@ def _answer(asked: "Study") -> dict[str, Any]:
         "answer": None if asked.report is None else list(asked.report.answer),
         "notes": list(asked.plan.notes),
         "nodes": {name: asked.count(name) for name in ("computed", "cached")},
-        "sweeps": {
-            state.name: {
-                "runs": state.runs,
-                "done": state.done,
-                "folder": str(state.folder),
-                "faults": list(state.faults),
-            }
-            for state in asked.states
-        },
+        "sweeps": {one.name: vars(one) | {"folder": str(one.folder)} for one in asked.states},
     }
 
 
