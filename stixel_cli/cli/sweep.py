@@ -84,6 +84,7 @@ def sweep(
 
 def _report(result: "SweepResult", json: bool, seconds: float) -> None:
     from stixel_cli.results.folder import PAGE
+    from stixel_cli.sweeps.folder import SweepFolder
 
     done = result.count("done")
     if json:
@@ -109,7 +110,13 @@ def _report(result: "SweepResult", json: bool, seconds: float) -> None:
         say(result.folder if not done else result.folder / PAGE)
     sys.stdout.flush()
     if not result.complete:
-        _tell_what_is_missing(result)
+        states = Counter(run.status for run in result.runs if run.status != "done")
+        counts = ", ".join(f"{number} {status}" for status, number in states.items())
+        last = f"{states.total()} of {len(result.runs)} runs are not done: {counts}"
+        for line in (*result.faults(_MOST_SHOWN), last):
+            tell(line)
+        command = SweepFolder(result.folder).resume_command(result.runs[0].overrides)
+        print(command, file=sys.stderr)  # noqa: T201
 
 
 def print_answers(result: "SweepResult") -> None:
@@ -133,18 +140,6 @@ def print_answers(result: "SweepResult") -> None:
         say(f"{counted(more, 'more option')}: summary.md")
     if any(True in marks for marks in cells.best):
         say("*: shown to be the best")
-
-
-def _tell_what_is_missing(result: "SweepResult") -> None:
-    from stixel_cli.sweeps.folder import SweepFolder
-
-    states = Counter(run.status for run in result.runs if run.status != "done")
-    counts = ", ".join(f"{number} {status}" for status, number in states.items())
-    last = f"{states.total()} of {len(result.runs)} runs are not done: {counts}"
-    for line in (*result.faults(_MOST_SHOWN), last):
-        tell(line)
-    command = SweepFolder(result.folder).resume_command(result.runs[0].overrides)
-    print(command, file=sys.stderr)  # noqa: T201
 
 
 def tune(
