@@ -90,16 +90,11 @@ def _report(result: "SweepResult", json: bool, seconds: float) -> None:
     if json:
         from stixel_cli.answers.render import records
 
-        print_json(
-            {
-                "folder": str(result.folder.absolute()),
-                "complete": result.complete,
-                "nodes": {"computed": result.computed, "cached": result.cached},
-                "runs": result.records,
-                # Without a run there is nothing to ask.
-                "summary": records(result.table.answers(result.table.metrics)) if done else [],
-            }
-        )
+        # Without a run there is nothing to ask.
+        summary = records(result.table.answers(result.table.metrics)) if done else []
+        nodes = {"computed": result.computed, "cached": result.cached}
+        answer = {"folder": str(result.folder.absolute()), "complete": result.complete}
+        print_json(answer | {"nodes": nodes, "runs": result.records, "summary": summary})
     else:
         if done:
             print_answers(result)
@@ -194,8 +189,7 @@ def tune(
         results, name, "tune", datetime.now(UTC), lambda path: write_whole_folder(path, files)
     )
     machine = [word for word in words if of_the_machine(word)]
-    command = ["stixel", "tune", "--resume", str(folder), *machine, *PRESETS.option]
-    command = shlex.join(command)
+    command = shlex.join(["stixel", "tune", "--resume", str(folder), *machine, *PRESETS.option])
     try:
         tuning.search(request.trials)
         best, gain = tunings.write_outcome(folder, tuning, command)
@@ -312,13 +306,11 @@ def explain(
         code |= lineage.code or {}
     missing = explain_nodes(plan.graph, plan.store, plan.targets, (keys, code))
     if json:
-        print_json(
-            [
-                {"key": one.key, "stage": one.stage, "node": one.label}
-                | {"why": [vars(change) | {"text": str(change)} for change in one.changes]}
-                for one in missing
-            ]
-        )
+        answer = []
+        for one in missing:
+            why = [vars(change) | {"text": str(change)} for change in one.changes]
+            answer.append({"key": one.key, "stage": one.stage, "node": one.label, "why": why})
+        print_json(answer)
         return 0
     for group, text in by_stage(missing):
         first, last = group[0].label, group[-1].label
