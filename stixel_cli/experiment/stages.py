@@ -214,14 +214,10 @@ def computed_stages(
             return [store.load(key) for key in graph.stages.get(name, ()) if key in needed]
 
         with Lease(store.folder, sorted(needed)):
+            first = [name for name in RESULTS if name in wanted]
+            report = on_scores and (lambda: on_scores(load("scenario")[0], load("scores")[0]))
             execution = execute(
-                graph,
-                wanted,
-                store,
-                executor=configuration.executor,
-                progress=progress,
-                first=[name for name in RESULTS if name in wanted],
-                on_first=on_scores and (lambda: on_scores(load("scenario")[0], load("scores")[0])),
+                graph, wanted, store, configuration.executor, progress, first=first, on_first=report
             )
             yield execution, load
     except StageFailure as failure:

@@ -204,15 +204,10 @@ def shown_revision(git: Mapping[str, Any]) -> str | None:
 
 def git(folder: Path, *arguments: str) -> str | None:
     """What git prints about a folder; None if it fails or is not installed."""
+    decoded = {"encoding": "utf-8", "errors": "surrogateescape"}
     try:
-        answer = subprocess.run(
-            ["git", "-C", str(folder), *arguments],
-            capture_output=True,
-            encoding="utf-8",
-            errors="surrogateescape",
-            timeout=5,
-            check=True,
-        )
+        command = ["git", "-C", str(folder), *arguments]
+        answer = subprocess.run(command, capture_output=True, timeout=5, check=True, **decoded)
     except (OSError, subprocess.SubprocessError):
         return None
     return answer.stdout.rstrip("\n")

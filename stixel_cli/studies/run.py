@@ -179,12 +179,8 @@ class Study:
 
     def _leased(self):
         """A lease on all results that the report can read."""
-        keys = {
-            target
-            for result in self.results.values()
-            for run in result.runs
-            for target in run.targets
-        }
+        runs = [run for result in self.results.values() for run in result.runs]
+        keys = {target for run in runs for target in run.targets}
         store = next(one.plan.store for one in self.plan.sweeps if one.plan)
         return Lease(store.folder, sorted(keys))
 

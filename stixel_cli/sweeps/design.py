@@ -98,12 +98,8 @@ class Design:
 
 def has(overrides: Iterable[Override], key: str, value: Any) -> bool:
     """Whether one of the overrides gives the key this value; 1 equals 1.0 but not True."""
-    return any(
-        one.key == key
-        and isinstance(one.value, bool) == isinstance(value, bool)
-        and one.value == value
-        for one in overrides
-    )
+    own = [one.value for one in overrides if one.key == key]
+    return any(one == value and isinstance(one, bool) == isinstance(value, bool) for one in own)
 
 
 def check_size(design: Design, one_is_enough: bool = False) -> None:

@@ -137,12 +137,10 @@ def check_axes(planned: Sequence[RunResult]) -> list[str]:
         # Without several, the key is zipped with another one, which is checked in its place.
         if several and all(len({*targets}) == 1 for targets in several):
             choices = planned[0].composition.choices
-            why = (
-                ": a sweep draws pictures only with --pictures"
-                if key.startswith("pictures")
-                else f" with measurement={choices.get('measurement')} and "
-                f"path={choices.get('path')}: all runs would be equal"
-            )
+            chosen = f"measurement={choices.get('measurement')} and path={choices.get('path')}"
+            why = f" with {chosen}: all runs would be equal"
+            if key.startswith("pictures"):
+                why = ": a sweep draws pictures only with --pictures"
             raise ConfigurationError(f"{key}: no stage reads it{why}")
     equal = [*equal_runs(planned, lambda run: run.targets)]
     if not equal:
