@@ -244,20 +244,16 @@ def planned_as(index: int, swept: Mapping[str, str], composition: Composition) -
 
     `swept` has the keys that differ between runs, each with its value as typed.
     """
-    return RunResult(
-        settings=composition.resolved,
-        manifest={
-            "overrides": list(composition.overrides),
-            "choices": composition.choices,
-            "seed": composition.configuration.seed,
-            # Runs that are equal without their seeds are repetitions.
-            "swept": {key: value for key, value in swept.items() if key != SEED},
-            "run": index,
-        },
-        composition=composition,
-        label=setting_label(swept),
-        status=MISSING,
-    )
+    manifest = {
+        "overrides": list(composition.overrides),
+        "choices": composition.choices,
+        "seed": composition.configuration.seed,
+        # Runs that are equal without their seeds are repetitions.
+        "swept": {key: value for key, value in swept.items() if key != SEED},
+        "run": index,
+    }
+    settings, label = composition.resolved, setting_label(swept)
+    return RunResult(settings, manifest, composition=composition, label=label, status=MISSING)
 
 
 def picture_keys(run: RunResult) -> list[str]:
