@@ -124,9 +124,15 @@ class Contour:
         seen = rays_of(points, covariances, sensor_pose, self._field_of_view, shared)
         self._bank.step(interval, seen)
         track = self._bank.latest()
-        pose, velocity = (track.means[0, :3], track.covariances[0, :3, :3]), track.means[0, 3:5]
-        shape, nis = (track.boxes[0], track.contours_world[0]), float(track.normalised_nis[0])
-        return Estimate(*pose, velocity, *shape, track.used_points, nis)
+        return Estimate(
+            track.means[0, :3],
+            track.covariances[0, :3, :3],
+            track.means[0, 3:5],
+            track.boxes[0],
+            track.contours_world[0],
+            track.used_points,
+            float(track.normalised_nis[0]),
+        )
 
 
 def _array(name: str, value: Any, shape: tuple[int | None, ...]) -> np.ndarray:

@@ -12,20 +12,20 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 46_092
+TOTAL = 46_134
 """Greatest number of lines in all."""
 
 MODULES = 248
 """Greatest number of modules, without `__init__`."""
 
 BUDGET = {
-    "": 1474,
+    "": 1480,
     "answers": 1341,
     "benchmark": 1002,
     "calibration": 564,
     "cli": 2601,
     "config": 2697,
-    "engine": 4160,
+    "engine": 4175,
     "evaluation": 1618,
     "experiment": 1247,
     "export": 595,
@@ -36,13 +36,13 @@ BUDGET = {
     "pictures": 1375,
     "recordings": 2667,
     "rendering": 2148,
-    "report": 732,
-    "results": 1328,
+    "report": 738,
+    "results": 1337,
     "scene": 3371,
     "stereo": 452,
     "stixels": 2073,
     "studies": 1659,
-    "sweeps": 1993,
+    "sweeps": 1999,
     "tracking": 6739,
     "validation": 1099,
 }

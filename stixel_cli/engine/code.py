@@ -160,9 +160,14 @@ class _Walk:
                     outside.add(top)
         modules = {name: found[name].code_digest for name in sorted(found)}
         text = "\n".join(f"{name} {digest}" for name, digest in modules.items())
-        digest = sha256(text.encode()).hexdigest()
-        files = {name: (found[name].path, found[name].file_digest) for name in sorted(found)}
-        return Code(roots, digest, modules, files, versions_of(outside), self._own)
+        return Code(
+            roots=roots,
+            digest=sha256(text.encode()).hexdigest(),
+            modules=modules,
+            files={name: (found[name].path, found[name].file_digest) for name in sorted(found)},
+            versions=versions_of(outside),
+            folders=self._own,
+        )
 
     def _is_loose(self, top: str) -> bool:
         """Whether a top-level module is a user's own file, or of a distribution in place."""

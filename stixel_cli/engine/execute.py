@@ -58,11 +58,16 @@ class Execution:
             states = [self.status[key] for key in keys]
             seconds = [self.seconds.get(key, 0.0) for key in keys]
             if keys:
-                record = {"name": name, "key": keys[0] if len(keys) == 1 else digest(keys)}
-                record["status"] = min(states, key=STATUSES.index)
-                record["seconds"] = round(sum(round(one, 4) for one in seconds), 4)
-                record |= {"nodes": len(keys), "nodes_computed": states.count("computed")}
-                records.append(record)
+                records.append(
+                    {
+                        "name": name,
+                        "key": keys[0] if len(keys) == 1 else digest(keys),
+                        "status": min(states, key=STATUSES.index),
+                        "seconds": round(sum(round(one, 4) for one in seconds), 4),
+                        "nodes": len(keys),
+                        "nodes_computed": states.count("computed"),
+                    }
+                )
         return records
 
 

@@ -246,6 +246,11 @@ def node_key(
         inputs: argument name -> keys of the nodes that provide it.
         previous: key of the node before in a fold.
     """
-    sources = {name: list(keys) for name, keys in inputs.items()}
-    content = {"identity": identity.digest, "frames": [first, stop], "inputs": sources}
-    return digest(content | {"previous": previous})
+    return digest(
+        {
+            "identity": identity.digest,
+            "frames": [first, stop],
+            "inputs": {name: list(keys) for name, keys in inputs.items()},
+            "previous": previous,
+        }
+    )

@@ -44,13 +44,19 @@ LABEL_COLUMNS = (
 
 def label_rows(labels: Iterable[LabelScore]) -> list[tuple[str, ...]]:
     """Cells of `LABEL_COLUMNS` for each label that moves or is tracked."""
-    rows = []
-    for one in (one for one in labels if one.expected or one.tracked_frames):
-        motion, frames = (one.range_m, one.speed_m_s), f"{one.tracked_frames} of {one.frames}"
-        found = map(number, (one.found_scans, one.iou_box, one.centre_m))
-        texts = one.label, *(f"{value:.1f}" for value in motion), frames, *found
-        rows.append((*texts, str(one.tracks), str(one.switches)))
-    return rows
+    return [
+        (
+            one.label,
+            f"{one.range_m:.1f}",
+            f"{one.speed_m_s:.1f}",
+            f"{one.tracked_frames} of {one.frames}",
+            *(number(value) for value in (one.found_scans, one.iou_box, one.centre_m)),
+            str(one.tracks),
+            str(one.switches),
+        )
+        for one in labels
+        if one.expected or one.tracked_frames
+    ]
 
 
 def smoothed_label(metrics: Mapping[str, float | int | None]) -> str:

@@ -204,10 +204,15 @@ def shown_revision(git: Mapping[str, Any]) -> str | None:
 
 def git(folder: Path, *arguments: str) -> str | None:
     """What git prints about a folder; None if it fails or is not installed."""
-    decoded = {"encoding": "utf-8", "errors": "surrogateescape"}
     try:
-        command = ["git", "-C", str(folder), *arguments]
-        answer = subprocess.run(command, capture_output=True, timeout=5, check=True, **decoded)
+        answer = subprocess.run(
+            ["git", "-C", str(folder), *arguments],
+            capture_output=True,
+            encoding="utf-8",
+            errors="surrogateescape",
+            timeout=5,
+            check=True,
+        )
     except (OSError, subprocess.SubprocessError):
         return None
     return answer.stdout.rstrip("\n")

@@ -377,8 +377,12 @@ def read_run(folder: Path) -> RunResult:
     UserError if it is not a result folder, or a file is missing or not valid.
     """
     check_folder(folder)
-    manifest, settings = read_json(folder / MANIFEST), read_config(folder)
-    return RunResult(settings, manifest, read_metrics(folder), folder)
+    return RunResult(
+        folder=folder,
+        manifest=read_json(folder / MANIFEST),
+        settings=read_config(folder),
+        metrics=read_metrics(folder),
+    )
 
 
 def read_scored_run(folder: Path) -> RunResult:

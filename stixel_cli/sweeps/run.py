@@ -231,8 +231,14 @@ class Sweep(Progress):
         for text in dict.fromkeys(notes):
             self.note(text)
         try:
-            graph, targets, executor = self.plan.graph, [*self._waiting_for], self.plan.executor
-            execution = execute(graph, targets, self.store, executor, self, not fail_fast)
+            execution = execute(
+                self.plan.graph,
+                list(self._waiting_for),
+                self.store,
+                executor=self.plan.executor,
+                progress=self,
+                keep_going=not fail_fast,
+            )
         except StageFailure as failure:
             self.computed = len(self._node_seconds)
             first = next(o for o in waiting if failure.key in o.graph.ancestors(o.targets))
