@@ -167,9 +167,8 @@ def _total(plans: "Iterable[StudyPlan]") -> str:
     parts = [part for plan in plans for part in plan.sweeps]
     known = [part.plan for part in parts if part.plan is not None]
     seconds, unmeasured = estimated(known)
-    workers = known[0].executor.workers
     derived = len(parts) - len(known)
-    text = estimate_text(seconds, workers, unmeasured)
+    text = estimate_text(seconds, known[0].executor.workers, unmeasured)
     return text + (f", and without {counted(derived, 'derived sweep')}" if derived else "")
 
 
