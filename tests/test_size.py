@@ -12,7 +12,7 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 46_133
+TOTAL = 46_135
 """Greatest number of lines in all."""
 
 MODULES = 248
@@ -23,7 +23,7 @@ BUDGET = {
     "answers": 1341,
     "benchmark": 1002,
     "calibration": 564,
-    "cli": 2600,
+    "cli": 2602,
     "config": 2697,
     "engine": 4175,
     "evaluation": 1618,
