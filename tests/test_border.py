@@ -20,7 +20,6 @@ WRITES |= {"savez_compressed", "savefig", "imwrite", "tofile", "to_csv", "to_pic
 WRITES |= {"symlink_to", "hardlink_to", "symlink", "link", "dump", "save"}
 
 TYPES = {
-    "api.py": "the module of an option that the user's program names",
     "benchmark/run.py": "words of its command line",
     "benchmark/sequences.py": "the tracker and the workers of the command line",
     "cli/sweep.py": "words of its command line; a stored sweep that is compared, not imported",

@@ -86,8 +86,7 @@ def run(
 
 @app.command()
 def pack(
-    tracks: options.argument(Path, "Folder of the tracks.", "DIR"),
-    folder: Folder = FOLDER,
+    tracks: options.argument(Path, "Folder of the tracks.", "DIR"), folder: Folder = FOLDER
 ) -> int:
     """Pack a folder of tracks: tracker.json, and NAME.npz or NAME.csv for each sequence."""
     from stixel_cli.benchmark.packs import pack as write

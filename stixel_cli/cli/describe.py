@@ -1,6 +1,5 @@
 """`stixel describe`: explain groups, options and keys, to people and to editors."""
 
-from collections.abc import Sequence
 from pathlib import Path
 
 from stixel_cli.cli import options
@@ -85,7 +84,7 @@ def _print_group(group: str) -> None:
     from stixel_cli.config.keys import meaning_of_group, meaning_of_option
     from stixel_cli.experiment.table import readers
 
-    rows = [("read by", _listed(readers(group.replace("/", "."))))]
+    rows = [("read by", ", ".join(readers(group.replace("/", "."))) or "no stage")]
     print_table((group, meaning_of_group(group)), rows)
     say("")
     options = folders.options_of_kind(group)
@@ -133,7 +132,7 @@ def _print_key(name: str) -> None:
         rows = [("range", key.range), ("default", default)]
         rows.append(("belongs to", " ".join(key.belongs_to)))
         rows.append(("of installed packages", " ".join(_installed(name))))
-        rows.append(("read by", _listed([*readers(name), *key.followers])))
+        rows.append(("read by", ", ".join([*readers(name), *key.followers]) or "no stage"))
         print_table((name, key.meaning), [row for row in rows if row[1]])
 
 
@@ -159,7 +158,3 @@ def _print_metric(name: str) -> None:
 def _installed(name: str) -> list[str]:
     """The functions of installed packages that are options of a group or values of a key."""
     return [*folders.installed_functions(name)] if name in folders.ENTRY_POINTS else []
-
-
-def _listed(names: Sequence[str]) -> str:
-    return ", ".join(names) or "no stage"

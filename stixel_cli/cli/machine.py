@@ -52,9 +52,8 @@ def doctor(json: options.Json = False) -> int:
     if json:
         print_json({"ok": not failing, "checks": [vars(check) for check in checks]})
     else:
-        print_table(
-            ("check", "", "found"), [(check.name, check.status, check.text) for check in checks]
-        )
+        rows = [(check.name, check.status, check.text) for check in checks]
+        print_table(("check", "", "found"), rows)
         faults = [f"{check.name} fails: {check.text}" for check in failing]
         say(*(faults or ["the default experiment can run here"]))
     return 1 if failing else 0
@@ -134,8 +133,7 @@ def gc(
 
 @app.command()
 def clear(
-    yes: options.flag("--yes", "Do not ask for confirmation.") = False,
-    json: options.Json = False,
+    yes: options.flag("--yes", "Do not ask for confirmation.") = False, json: options.Json = False
 ) -> int:
     """Remove all results that no running process uses.
 

@@ -167,9 +167,8 @@ def _total(plans: "Iterable[StudyPlan]") -> str:
     parts = [part for plan in plans for part in plan.sweeps]
     known = [part.plan for part in parts if part.plan is not None]
     seconds, unmeasured = estimated(known)
-    workers = known[0].executor.workers
     derived = len(parts) - len(known)
-    text = estimate_text(seconds, workers, unmeasured)
+    text = estimate_text(seconds, known[0].executor.workers, unmeasured)
     return text + (f", and without {counted(derived, 'derived sweep')}" if derived else "")
 
 
@@ -182,15 +181,7 @@ def _answer(asked: "Study") -> dict[str, Any]:
         "answer": None if asked.report is None else list(asked.report.answer),
         "notes": list(asked.plan.notes),
         "nodes": {name: asked.count(name) for name in ("computed", "cached")},
-        "sweeps": {
-            state.name: {
-                "runs": state.runs,
-                "done": state.done,
-                "folder": str(state.folder),
-                "faults": list(state.faults),
-            }
-            for state in asked.states
-        },
+        "sweeps": {one.name: vars(one) | {"folder": str(one.folder)} for one in asked.states},
     }
 
 

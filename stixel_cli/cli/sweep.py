@@ -67,14 +67,16 @@ def sweep(
         for option in (option for option, value in given.items() if value is not None):
             raise UserError(f"--resume continues the sweep of that folder: leave out {option}")
         names = origin_of(resume, trust_code)
-        result = resumed_sweep(resume, words, names, True, note=tell, fail_fast=fail_fast)
+        result = resumed_sweep(resume, words, names, note=tell, fail_fast=fail_fast)
     else:
         check_results(results, name)
         plan = plan_sweep(sweep_design(words, file, trust_code, over or SEED), pictures)
         if dry_run:
             print_plan(plan, json)
             return 0
-        result = new_sweep(plan, results, name, True, tell, not json, fail_fast)
+        for note in plan.notes:
+            tell(note)
+        result = new_sweep(plan, results, name, True, fail_fast)
     _report(result, json, time.perf_counter() - started)
     update_index(results if resume is None else resume.absolute().parent)
     return 0 if result.complete else INCOMPLETE
@@ -82,21 +84,17 @@ def sweep(
 
 def _report(result: "SweepResult", json: bool, seconds: float) -> None:
     from stixel_cli.results.folder import PAGE
+    from stixel_cli.sweeps.folder import SweepFolder
 
     done = result.count("done")
     if json:
         from stixel_cli.answers.render import records
 
-        print_json(
-            {
-                "folder": str(result.folder.absolute()),
-                "complete": result.complete,
-                "nodes": {"computed": result.computed, "cached": result.cached},
-                "runs": result.records,
-                # Without a run there is nothing to ask.
-                "summary": records(result.table.answers(result.table.metrics)) if done else [],
-            }
-        )
+        # Without a run there is nothing to ask.
+        summary = records(result.table.answers(result.table.metrics)) if done else []
+        nodes = {"computed": result.computed, "cached": result.cached}
+        answer = {"folder": str(result.folder.absolute()), "complete": result.complete}
+        print_json(answer | {"nodes": nodes, "runs": result.records, "summary": summary})
     else:
         if done:
             print_answers(result)
@@ -107,7 +105,13 @@ def _report(result: "SweepResult", json: bool, seconds: float) -> None:
         say(result.folder if not done else result.folder / PAGE)
     sys.stdout.flush()
     if not result.complete:
-        _tell_what_is_missing(result)
+        states = Counter(run.status for run in result.runs if run.status != "done")
+        counts = ", ".join(f"{number} {status}" for status, number in states.items())
+        last = f"{states.total()} of {len(result.runs)} runs are not done: {counts}"
+        for line in (*result.faults(_MOST_SHOWN), last):
+            tell(line)
+        command = SweepFolder(result.folder).resume_command(result.runs[0].overrides)
+        print(command, file=sys.stderr)  # noqa: T201
 
 
 def print_answers(result: "SweepResult") -> None:
@@ -131,18 +135,6 @@ def print_answers(result: "SweepResult") -> None:
         say(f"{counted(more, 'more option')}: summary.md")
     if any(True in marks for marks in cells.best):
         say("*: shown to be the best")
-
-
-def _tell_what_is_missing(result: "SweepResult") -> None:
-    from stixel_cli.sweeps.folder import SweepFolder
-
-    states = Counter(run.status for run in result.runs if run.status != "done")
-    counts = ", ".join(f"{number} {status}" for status, number in states.items())
-    last = f"{states.total()} of {len(result.runs)} runs are not done: {counts}"
-    for line in (*result.faults(_MOST_SHOWN), last):
-        tell(line)
-    command = SweepFolder(result.folder).resume_command(result.runs[0].overrides)
-    print(command, file=sys.stderr)  # noqa: T201
 
 
 def tune(
@@ -197,8 +189,7 @@ def tune(
         results, name, "tune", datetime.now(UTC), lambda path: write_whole_folder(path, files)
     )
     machine = [word for word in words if of_the_machine(word)]
-    command = ["stixel", "tune", "--resume", str(folder), *machine, *PRESETS.option]
-    command = shlex.join(command)
+    command = shlex.join(["stixel", "tune", "--resume", str(folder), *machine, *PRESETS.option])
     try:
         tuning.search(request.trials)
         best, gain = tunings.write_outcome(folder, tuning, command)
@@ -315,13 +306,11 @@ def explain(
         code |= lineage.code or {}
     missing = explain_nodes(plan.graph, plan.store, plan.targets, (keys, code))
     if json:
-        print_json(
-            [
-                {"key": one.key, "stage": one.stage, "node": one.label}
-                | {"why": [vars(change) | {"text": str(change)} for change in one.changes]}
-                for one in missing
-            ]
-        )
+        answer = []
+        for one in missing:
+            why = [vars(change) | {"text": str(change)} for change in one.changes]
+            answer.append({"key": one.key, "stage": one.stage, "node": one.label, "why": why})
+        print_json(answer)
         return 0
     for group, text in by_stage(missing):
         first, last = group[0].label, group[-1].label

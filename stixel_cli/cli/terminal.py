@@ -152,8 +152,10 @@ REPLACED = {
 
 def usage_line(error: Any, words: Sequence[str]) -> str:
     """A usage error of the command line `words`: the fault, the nearest option, what to read."""
-    text = " ".join(error.format_message().split()).rstrip(".?").partition(". Did you mean")[0]
-    text = text[:1].lower() + text[1:]
+    text = " ".join(error.format_message().split()).rstrip(".?")
+    text = (text[:1].lower() + text[1:]).replace(": Input should be ", ": must be ")
+    text = text.replace(": Value error, ", ": ")
+    text = text.partition(", unable to parse")[0].partition(". Did you mean")[0]
     context = getattr(error, "ctx", None)
     wrong = getattr(error, "option_name", None)
     if wrong and "no such option" in text:

@@ -1,7 +1,7 @@
 """The graph of nodes, which are built from stages. Each node is one stored result."""
 
 import pickle
-from collections.abc import Container, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
@@ -85,16 +85,15 @@ class Graph:
                 raise KeyError(f"no node or stage {target!r}")
         return list(ids)
 
-    def ancestors(self, targets: Iterable[str], among: Container[str] | None = None) -> set[str]:
-        """Ids of the target nodes and of all nodes that they depend on, through those `among`."""
+    def ancestors(self, targets: Iterable[str]) -> set[str]:
+        """Ids of the target nodes and of all nodes that they depend on."""
         found: set[str] = set()
         pending = list(targets)
         while pending:
             node = pending.pop()
             if node not in found:
                 found.add(node)
-                sources = self.nodes[node].sources
-                pending += [s for s in sources if among is None or s in among]
+                pending += self.nodes[node].sources
         return found
 
     def dependents(self, node: str, among: Iterable[str]) -> set[str]:
@@ -150,14 +149,8 @@ class GraphBuilder:
         for stage in one.stages.values():
             identity = self._identity(stage)
             sources = {name: one.ids[name] for name in stage.inputs.values()}
-            key = (
-                identity.digest,
-                tuple(sorted(stage.inputs.items())),
-                tuple(sources.values()),
-                stage.frames,
-                frame_count,
-                chunk_size,
-            )
+            wiring = tuple(sorted(stage.inputs.items())), tuple(sources.values())
+            key = (identity.digest, *wiring, stage.frames, frame_count, chunk_size)
             if key not in self._nodes:
                 self._nodes[key] = one.make(stage, identity)
             one.nodes.update(self._nodes[key])

@@ -153,10 +153,10 @@ def _setting(composition: Composition, path: str) -> Any:
     return undisturbed(value) if isinstance(value, Disturbance) else value
 
 
-def experiment_graph(composition: Composition) -> Graph:
-    """The graph of an experiment's nodes."""
+def experiment_graph(composition: Composition, builder: GraphBuilder | None = None) -> Graph:
+    """The graph of an experiment's nodes; several experiments may share a `builder`."""
     count, stages = scan_count(composition), pipeline_stages(composition)
-    builder = GraphBuilder(open_store(composition.configuration.cache).folder)
+    builder = builder or GraphBuilder(open_store(composition.configuration.cache).folder)
     return builder.build(stages, count, CHUNK_SIZE)
 
 
@@ -214,14 +214,10 @@ def computed_stages(
             return [store.load(key) for key in graph.stages.get(name, ()) if key in needed]
 
         with Lease(store.folder, sorted(needed)):
+            first = [name for name in RESULTS if name in wanted]
+            report = on_scores and (lambda: on_scores(load("scenario")[0], load("scores")[0]))
             execution = execute(
-                graph,
-                wanted,
-                store,
-                executor=configuration.executor,
-                progress=progress,
-                first=[name for name in RESULTS if name in wanted],
-                on_first=on_scores and (lambda: on_scores(load("scenario")[0], load("scores")[0])),
+                graph, wanted, store, configuration.executor, progress, first=first, on_first=report
             )
             yield execution, load
     except StageFailure as failure:

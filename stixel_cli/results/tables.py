@@ -29,13 +29,9 @@ def scans_in_ego_frame(scans: Scans, ego_poses_world: np.ndarray) -> dict[str, n
     """The table of the scans in the frame of the ego car, whose pose at each k is in (K, 3)."""
     poses = np.repeat(ego_poses_world, np.diff(scans.offsets), axis=0)
     turn, away = rotations(STRAIGHT_AHEAD - poses[:, 2]), scans.points_world - poses[:, :2]
-    return scan_columns(
-        replace(
-            scans,
-            points_world=(turn @ away[:, :, None])[:, :, 0],
-            covariances_world=turn @ scans.covariances_world @ turn.swapaxes(1, 2),
-        )
-    )
+    points = (turn @ away[:, :, None])[:, :, 0]
+    covariances = turn @ scans.covariances_world @ turn.swapaxes(1, 2)
+    return scan_columns(replace(scans, points_world=points, covariances_world=covariances))
 
 
 def track_in_ego_frame(track: Track, ego_poses_world: np.ndarray) -> dict[str, np.ndarray]:

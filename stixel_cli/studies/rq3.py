@@ -119,9 +119,8 @@ def _errors(data: StudyData) -> dict[tuple[str, str], list[PointErrors]]:
     sweep = data.sweeps[TRAINING]
     frame = frame_of(sweep).frame
     found: dict[tuple[str, str], list[PointErrors]] = {}
-    for key, run in zip(
-        zip(frame["road_user"], frame["path"], strict=True), sweep.runs, strict=True
-    ):
+    keys = zip(frame["road_user"], frame["path"], strict=True)
+    for key, run in zip(keys, sweep.runs, strict=True):
         found.setdefault(key, []).append(run.load("point_errors"))
     return found
 

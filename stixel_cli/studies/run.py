@@ -179,12 +179,8 @@ class Study:
 
     def _leased(self):
         """A lease on all results that the report can read."""
-        keys = {
-            target
-            for result in self.results.values()
-            for run in result.runs
-            for target in run.targets
-        }
+        runs = [run for result in self.results.values() for run in result.runs]
+        keys = {target for run in runs for target in run.targets}
         store = next(one.plan.store for one in self.plan.sweeps if one.plan)
         return Lease(store.folder, sorted(keys))
 
@@ -202,7 +198,6 @@ class Study:
             if there == wanted and request.nodes == one.sweep.results:
                 return resumed_sweep(
                     path,
-                    visible=True,
                     label=label,
                     overrides=[text for text in texts[0] if of_the_machine(text)],
                     note=lambda text: self.tell(f"{name}: {text}"),
@@ -213,14 +208,8 @@ class Study:
         if path.exists():
             shutil.rmtree(path)
         design = replace(one.design, words=("--resume", str(path)))
-        return new_sweep(
-            replace(one.plan, design=design),
-            path.parent,
-            path.name,
-            True,
-            advice=False,
-            label=label,
-        )
+        plan = replace(one.plan, design=design)
+        return new_sweep(plan, path.parent, path.name, True, label=label)
 
     def _state(self, one: PlannedSweep) -> report.SweepState:
         name, folder = one.sweep.name, self.path / "sweeps" / one.sweep.name

@@ -45,17 +45,6 @@ class Axis:
     steps: tuple[tuple[Override, ...], ...]
     """For each value of the axis an override of each key."""
 
-    def __post_init__(self):
-        seen: set[tuple] = set()
-        for step in self.steps:
-            # In Python 1 == True, but here they are different values; 1 and 1.0 are the same.
-            values = [(isinstance(one.value, bool), one.value) for one in step]
-            mark = tuple(v if isinstance(v[1], Hashable) else str(v) for v in values)
-            if mark in seen:
-                shown = messages.printable(" ".join(one.text for one in step))
-                raise ConfigurationError(f"{shown} is given twice: two runs would be equal")
-            seen.add(mark)
-
     @property
     def name(self) -> str:
         """The keys, joined by `+`."""
@@ -109,12 +98,8 @@ class Design:
 
 def has(overrides: Iterable[Override], key: str, value: Any) -> bool:
     """Whether one of the overrides gives the key this value; 1 equals 1.0 but not True."""
-    return any(
-        one.key == key
-        and isinstance(one.value, bool) == isinstance(value, bool)
-        and one.value == value
-        for one in overrides
-    )
+    own = [one.value for one in overrides if one.key == key]
+    return any(one == value and isinstance(one, bool) == isinstance(value, bool) for one in own)
 
 
 def check_size(design: Design, one_is_enough: bool = False) -> None:
@@ -259,20 +244,16 @@ def planned_as(index: int, swept: Mapping[str, str], composition: Composition) -
 
     `swept` has the keys that differ between runs, each with its value as typed.
     """
-    return RunResult(
-        settings=composition.resolved,
-        manifest={
-            "overrides": list(composition.overrides),
-            "choices": composition.choices,
-            "seed": composition.configuration.seed,
-            # Runs that are equal without their seeds are repetitions.
-            "swept": {key: value for key, value in swept.items() if key != SEED},
-            "run": index,
-        },
-        composition=composition,
-        label=setting_label(swept),
-        status=MISSING,
-    )
+    manifest = {
+        "overrides": list(composition.overrides),
+        "choices": composition.choices,
+        "seed": composition.configuration.seed,
+        # Runs that are equal without their seeds are repetitions.
+        "swept": {key: value for key, value in swept.items() if key != SEED},
+        "run": index,
+    }
+    settings, label = composition.resolved, setting_label(swept)
+    return RunResult(settings, manifest, composition=composition, label=label, status=MISSING)
 
 
 def picture_keys(run: RunResult) -> list[str]:

@@ -115,6 +115,7 @@ def test_a_study_with_failed_runs_can_be_resumed(studies, toy, tmp_path, monkeyp
     assert answer["sweeps"]["first"]["done"] == 4
     # The second sweep's axes depend on the first.
     assert answer["sweeps"]["second"] == {
+        "name": "second",
         "runs": None,
         "done": 0,
         "folder": str(folder / "sweeps/second"),

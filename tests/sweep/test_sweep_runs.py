@@ -71,8 +71,8 @@ def test_all_combinations_with_the_seed_running_fastest():
 @pytest.mark.parametrize(
     ("line", "said"),
     [
-        (["seed=0,1,0"], "seed=0 is given twice"),
-        (["tracker.sigma_f=0.1,0.10"], "0.1 is given twice"),
+        (["seed=0,1,0"], "runs 0 and 2 are equal: seed=0 and seed=0 give the same configuration"),
+        (["tracker.sigma_f=0.1,0.10"], "give the same configuration"),
         (["seed=1"], "nothing to sweep"),
         ([], "nothing to sweep"),
         (["path=glob(x*)"], "must have 1 to 100000 values (options: approach"),
@@ -86,7 +86,7 @@ def test_all_combinations_with_the_seed_running_fastest():
         (["+path.radius=5,6"], "no key can be added or removed: leave out the +"),
         (["road_user=glob()"], "with a value beside each comma and in brackets"),
         (["seed=1,"], "cannot be read: brackets and quotes must match, with a value beside"),
-        (["rig.width=640,640,'${rig.height}'"], "given twice"),
+        (["rig.width=640,640,'${rig.height}'"], "runs 0 and 1 are equal: rig.width=640 and"),
         (["rig.width='${rig.height}',480"], "give the same configuration"),
         (["hydra.job.name=a,b"], "no effect here"),
         (["measurement/noise=stereo,constant"], "with measurement=stixels; it belongs to"),
@@ -177,7 +177,7 @@ def test_a_file_names_axes_seeds_zipped_axes_and_left_out_runs(tmp_path):
         ("zipped: [{seed: [1, 2]}]", "zipped.0: "),
         ("zipped: {seed: [1, 2]}", "zipped: must be a"),
         ("zipped: [{seed: [1, 2], path: [turn]}]", "need the same number of values: seed 2"),
-        ("zipped: [{seed: [1, 1], path: [turn, turn]}]", "seed=1 path=turn is given twice"),
+        ("zipped: [{seed: [1, 1], path: [turn, turn]}]", "runs 0 and 1 are equal: seed=1 path="),
         ("seeds: 2\nleave_out: [{path: turn}]", "path is not on any axis"),
         ("seeds: 2\nleave_out: [{seed: 7}]", "study.yaml: leave_out: no run has seed=7"),
         ("seeds: 2\nleave_out: [{seed: 0}, {seed: 1}]", "leave_out: every run is left out"),
@@ -202,7 +202,7 @@ def test_a_key_in_the_file_and_on_the_line_is_refused(tmp_path):
     file = tmp_path / "study.yaml"
     file.write_text("fixed: {path.duration: 1}\nseeds: 2", encoding="utf-8")
     for again in ("seed=3", "seed=1,2", "path.duration=2"):
-        with pytest.raises(ConfigurationError, match=r"is given twice: .*, in .*study.yaml or on"):
+        with pytest.raises(ConfigurationError, match=r"is given twice, .*, in .*study.yaml or on"):
             sweep_runs([again], file=str(file))
 
 
