@@ -45,10 +45,9 @@ def check_owner(folder: Path) -> None:
     # Another process may be marking it at this moment: look for files first, and for the mark last.
     foreign = [path.name for path in inside(folder) if not path.name.startswith(f".{MARK}.")]
     if foreign and not is_marked(folder):
-        raise CacheError(
-            f"the cache {folder} has files that stixel did not make, such as "
-            f"{printable(foreign[0])}: choose a new folder (cache.folder or STIXEL_CACHE)"
-        )
+        remedy = "choose a new folder (cache.folder or STIXEL_CACHE)"
+        files = f"files that stixel did not make, such as {printable(foreign[0])}"
+        raise CacheError(f"the cache {folder} has {files}: {remedy}")
 
 
 def make_folder(root: Path, name: str) -> Path:
@@ -62,8 +61,7 @@ def make_folder(root: Path, name: str) -> Path:
         root.mkdir(parents=True, exist_ok=True)
         write_whole(mark, f"{_SIGNATURE}\n{_OWNER}\n")
     path = root / name
-    if not path.is_dir():
-        path.mkdir(parents=True, exist_ok=True)
+    path.mkdir(parents=True, exist_ok=True)
     return path
 
 
@@ -141,18 +139,15 @@ def collector_lock(folder: Path) -> Iterator[None]:
     CacheError if the folder cannot be written, or another process keeps the lock for too long.
     """
     try:
-        lock = file_lock(folder / "collector.lock")
-        lock.acquire(timeout=PATIENCE)
+        held = file_lock(folder / "collector.lock").acquire(timeout=PATIENCE)
     except TimeoutError as error:
         raise CacheError(
             f"another process has been cleaning the cache {folder} for {PATIENCE:.0f} s"
         ) from error
     except OSError as error:
         raise unwritable(folder, error) from error
-    try:
+    with held:
         yield
-    finally:
-        lock.release()
 
 
 def leased_keys(folder: Path) -> set[str]:

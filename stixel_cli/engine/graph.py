@@ -1,7 +1,7 @@
 """The graph of nodes, which are built from stages. Each node is one stored result."""
 
 import pickle
-from collections.abc import Container, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
@@ -20,8 +20,6 @@ class Node:
     """The stage."""
     identity: Identity
     """The part of the key that all nodes of the stage share."""
-    label: str
-    """`average[0:10]`, `plot[12]` or `load`."""
     first: int | None
     stop: int | None
     """`first`, `stop`: the frames are first … stop - 1; None for `once`."""
@@ -33,6 +31,12 @@ class Node:
     """Key of the node before in a fold, or None."""
     depth: int
     """Length of the longest path from a node without inputs."""
+
+    @property
+    def label(self) -> str:
+        """`average[0:10]`, `plot[12]` or `load`."""
+        frames = {"once": "", "pick": f"[{self.first}]"}
+        return self.stage.name + frames.get(self.stage.pattern, f"[{self.first}:{self.stop}]")
 
     @property
     def frames(self) -> list[int] | None:
@@ -85,16 +89,15 @@ class Graph:
                 raise KeyError(f"no node or stage {target!r}")
         return list(ids)
 
-    def ancestors(self, targets: Iterable[str], among: Container[str] | None = None) -> set[str]:
-        """Ids of the target nodes and of all nodes that they depend on, through those `among`."""
+    def ancestors(self, targets: Iterable[str]) -> set[str]:
+        """Ids of the target nodes and of all nodes that they depend on."""
         found: set[str] = set()
         pending = list(targets)
         while pending:
             node = pending.pop()
             if node not in found:
                 found.add(node)
-                sources = self.nodes[node].sources
-                pending += [s for s in sources if among is None or s in among]
+                pending += self.nodes[node].sources
         return found
 
     def dependents(self, node: str, among: Iterable[str]) -> set[str]:
@@ -204,7 +207,6 @@ class _OneGraph:
                 key=key,
                 stage=stage,
                 identity=identity,
-                label=_label(stage, first, stop),
                 first=first,
                 stop=stop,
                 inputs=inputs,
@@ -224,9 +226,8 @@ class _OneGraph:
         if stage.pattern == "pick":
             outside = [k for k in stage.frames if not 0 <= k < self.frame_count]
             if outside:
-                raise ValueError(
-                    f"stage {stage.name}: frame {outside[0]} is not in 0 … {self.frame_count - 1}"
-                )
+                limits = f"0 … {self.frame_count - 1}"
+                raise ValueError(f"stage {stage.name}: frame {outside[0]} is not in {limits}")
             return [(k, k + 1) for k in sorted(set(stage.frames))]
         return [
             (first, min(first + self.chunk_size, self.frame_count))
@@ -243,9 +244,8 @@ class _OneGraph:
         for node in ids:
             if stage.pattern == "pick" and self.nodes[node].first == first:
                 return (node,)
-        raise ValueError(
-            f"stage {stage.name} needs frame {first} of {source.name}, which picks other frames"
-        )
+        needed = f"frame {first} of {source.name}, which picks other frames"
+        raise ValueError(f"stage {stage.name} needs {needed}")
 
 
 def _in_order(stages: Sequence[Stage]) -> dict[str, Stage]:
@@ -270,9 +270,3 @@ def _in_order(stages: Sequence[Stage]) -> dict[str, Stage]:
             raise ValueError(f"stages depend on each other: {names}")
         ordered[ready.name] = ready
     return ordered
-
-
-def _label(stage: Stage, first: int | None, stop: int | None) -> str:
-    if stage.pattern == "once":
-        return stage.name
-    return f"{stage.name}[{first}]" if stage.pattern == "pick" else f"{stage.name}[{first}:{stop}]"

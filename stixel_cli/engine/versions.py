@@ -92,7 +92,5 @@ def check_versions(notes: Mapping[str, Any]) -> None:
     for name, planned in {"python": notes["python"], **notes["versions"]}.items():
         here = python_version() if name == "python" else installed_version(name)
         if here != planned:
-            raise CodeChanged(
-                f"worker on {socket.gethostname()}: has {name} {here}, but this run was "
-                f"planned with {planned}"
-            )
+            has = f"has {name} {here}, but this run was planned with {planned}"
+            raise CodeChanged(f"worker on {socket.gethostname()}: {has}")

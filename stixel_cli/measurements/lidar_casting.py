@@ -31,8 +31,7 @@ def cast_lidar(
 
     The target, the road and the background are the renderers' meshes, so an object that hides the
     target from the camera hides it here too. `camera_field` is the field of view if `scanner` does
-    not set
-    one: bearings of the camera's right and left border, rad.
+    not set one: bearings of the camera's right and left border, rad.
     """
     meshes = road_user_meshes(road_user)
     targets = {int(pose): ray_tree(meshes[pose]) for pose in np.unique(scenario.limb_poses)}

@@ -41,9 +41,8 @@ def stx1_library(asked_by: str) -> Any:
     try:
         import stixel
     except ImportError:
-        raise UserError(
-            f"{asked_by}: stx1 needs pyStixel-lib: pip install 'stixel[stx1]'"
-        ) from None
+        needed = "stx1 needs pyStixel-lib: pip install 'stixel[stx1]'"
+        raise UserError(f"{asked_by}: {needed}") from None
     return stixel
 
 
@@ -99,16 +98,13 @@ def _stixel_file(
     if len(left) > MOST:
         raise UserError(f"{file}: {len(left)} stixels, at most {MOST}")
     height, width = (GREATEST_SIDE, GREATEST_SIDE) if image is None else image.shape[:2]
-    for wrong, problem in (
-        (
-            ~((left >= 0) & (left < right) & (right <= width)),
-            f"its columns are not in 0 to {width}",
-        ),
-        (~((top >= 0) & (top <= base) & (base < height)), f"its rows are not in 0 to {height}"),
-        (~((depth > 0) & (depth <= FARTHEST)), f"its depth is not in 0 to {FARTHEST:g} m"),
-        (disparity <= 0, "its disparity is not > 0 px"),
+    for valid, problem in (
+        ((left >= 0) & (left < right) & (right <= width), f"its columns are not in 0 to {width}"),
+        ((top >= 0) & (top <= base) & (base < height), f"its rows are not in 0 to {height}"),
+        ((depth > 0) & (depth <= FARTHEST), f"its depth is not in 0 to {FARTHEST:g} m"),
+        (~(disparity <= 0), "its disparity is not > 0 px"),
     ):
-        refuse_rows(file, wrong, lambda row, problem=problem: problem)
+        refuse_rows(file, ~valid, lambda row, problem=problem: problem)
     order = np.argsort(left, kind="stable")
     whole = [values[order].astype(np.int32) for values in (left, right, top, base)]
     n = len(order)

@@ -62,10 +62,8 @@ def read_table(
     for group in together:
         absent = [name for name in group if name not in columns]
         if absent and len(absent) < len(group):
-            raise UserError(
-                f"{file}: the column {absent[0]} is missing: give all of {', '.join(group)}, or "
-                "leave out all of them"
-            )
+            remedy = f"give all of {', '.join(group)}, or leave out all of them"
+            raise UserError(f"{file}: the column {absent[0]} is missing: {remedy}")
     table = {name: _numbers(file, name, columns[name]) for name in names if name in columns}
     if len({len(column) for column in table.values()}) > 1:
         raise UserError(f"{file}: its columns must have equal lengths")
@@ -80,11 +78,9 @@ def read_table(
 
 def indices(file: Path, name: str, column: np.ndarray, count: int = MOST_SCANS) -> np.ndarray:
     """The column `name` as int64; UserError unless all are whole numbers from 0 to `count` - 1."""
-    refuse_rows(
-        file,
-        (column != np.floor(column)) | (column < 0) | (column >= count),
-        lambda i: f"{name} must be a whole number from 0 to {count - 1}, got {column[i]:g}",
-    )
+    wrong = (column != np.floor(column)) | (column < 0) | (column >= count)
+    must = f"{name} must be a whole number from 0 to {count - 1}"
+    refuse_rows(file, wrong, lambda i: f"{must}, got {column[i]:g}")
     return column.astype(np.int64)
 
 
@@ -146,11 +142,8 @@ def _numbers(file: Path, name: str, column: np.ndarray) -> np.ndarray:
 
 
 def _check_numbers(file: Path, name: str, values: np.ndarray, may_lack: np.ndarray) -> None:
-    refuse_rows(
-        file,
-        ~(np.abs(values) <= FARTHEST) & ~may_lack,
-        lambda i: f"{name}: {values[i]:g} must be a finite number, at most {FARTHEST:g}",
-    )
+    wrong, must = ~(np.abs(values) <= FARTHEST), f"must be a finite number, at most {FARTHEST:g}"
+    refuse_rows(file, wrong & ~may_lack, lambda i: f"{name}: {values[i]:g} {must}")
 
 
 TimeUnit = Literal["s", "ms", "us", "ns"]
@@ -185,13 +178,9 @@ def seconds(file: Path, t: np.ndarray, unit: TimeUnit | None, epoch: int | None)
     if first is not None:
         return (_nanoseconds(t, name) - epoch) / 1e9
     hint = "" if unit else "; if its unit is not s, set measurement.time_unit=ms, us or ns"
-    refuse_rows(
-        file,
-        ~(np.abs(t) <= FARTHEST * PER_SECOND[name]),
-        lambda i: (
-            f"t: {t[i]:g} {name} must be a number up to {FARTHEST:g} s, or a time since 1970{hint}"
-        ),
-    )
+    must = f"must be a number up to {FARTHEST:g} s, or a time since 1970{hint}"
+    wrong = ~(np.abs(t) <= FARTHEST * PER_SECOND[name])
+    refuse_rows(file, wrong, lambda i: f"t: {t[i]:g} {name} {must}")
     return t / PER_SECOND[name]
 
 
@@ -223,11 +212,11 @@ def refuse_other_times(
     file: Path, k: np.ndarray, t: np.ndarray, expected: np.ndarray, tolerance: float
 ) -> None:
     """Raise UserError unless the t (n,) s of each row is that of its scan k, to `tolerance` s."""
-    refuse_rows(
-        file,
-        np.abs(t - expected) > tolerance,
-        lambda i: f"t = {t[i]:.6g} s, but scan k = {k[i]} is at {expected[i]:.6g} s",
-    )
+
+    def differs(i: int) -> str:
+        return f"t = {t[i]:.6g} s, but scan k = {k[i]} is at {expected[i]:.6g} s"
+
+    refuse_rows(file, np.abs(t - expected) > tolerance, differs)
 
 
 def in_radians(angles: np.ndarray, unit: AngleUnit) -> np.ndarray:

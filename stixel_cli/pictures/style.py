@@ -167,9 +167,8 @@ def png(figure: Figure, under: Iterable[tuple[int, int, np.ndarray]] = ()) -> by
 def svg(figure: Figure) -> bytes:
     """The figure as an SVG without date and version, so that its bytes repeat."""
     buffer = io.BytesIO()
-    FigureCanvasSVG(figure).print_svg(
-        buffer, metadata={"Date": None, "Creator": None, "Format": None, "Type": None}
-    )
+    nothing = dict.fromkeys(("Date", "Creator", "Format", "Type"))
+    FigureCanvasSVG(figure).print_svg(buffer, metadata=nothing)
     return buffer.getvalue()
 
 

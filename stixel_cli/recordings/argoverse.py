@@ -86,10 +86,8 @@ def read_calibration(intrinsics: Path, sensors: Path) -> Calibration:
     matrix[:2, 2] = -first
     left, right = (tuple(map(float, (matrix @ ray).ravel())) for ray in rays)
     rectification = Rectification(left, right, (int(size[0]), int(size[1])), (width, height))
-    centre = (float(-first[0]), float(-first[1]))
-    return Calibration(
-        focal_length, focal_length, *centre, baseline, None, rectification=rectification
-    )
+    lens = focal_length, focal_length, float(-first[0]), float(-first[1])
+    return Calibration(*lens, baseline, None, rectification=rectification)
 
 
 def read_poses(times: tuple[int, ...], city: Path, sensors: Path | None = None) -> np.ndarray:

@@ -221,9 +221,8 @@ def assembled_recording(
     of_target = {}
     if target is not None:
         if frames.start not in track.frames:
-            raise UserError(
-                f"source.frames: {labels[0]} has no label of track {target} in frame {frames.start}"
-            )
+            lacks = f"no label of track {target} in frame {frames.start}"
+            raise UserError(f"source.frames: {labels[0]} has {lacks}")
         box = track.boxes[track.frames == frames.start][0]
         of_target = {"label": track.kind, "first_box": (float(box[0]), float(box[2]))}
     width, height = _common_size(frames, images, calibration.rectification)
@@ -254,16 +253,13 @@ def assembled_pair(
 ) -> Recording:
     """The recording of one pair of images, without time and motion, and their optional truth."""
     recording = assembled_recording(source, calibration, tuple({0: i} for i in images), poses=())
-    label_files, true_disparities = (
-        () if name is None else (Path(name),) for name in (labels, disparity)
-    )
+    truth = (() if name is None else (Path(name),) for name in (labels, disparity))
+    label_files, true_disparities = truth
     for file in true_disparities:
         height, width = read_disparity(file).shape
         if (width, height) != (recording.width, recording.height):
-            raise UserError(
-                f"{file}: {width} × {height} px, but {images[0].name} has "
-                f"{recording.width} × {recording.height} px"
-            )
+            others = f"{images[0].name} has {recording.width} × {recording.height} px"
+            raise UserError(f"{file}: {width} × {height} px, but {others}")
     return replace(recording, label_files=label_files, true_disparities=true_disparities)
 
 
@@ -318,11 +314,8 @@ def _common_size(
     if rectification is None:
         return size
     if size != rectification.file_size:
-        width, height = rectification.file_size
-        raise UserError(
-            f"{images[0][frames[0]]}: {size[0]} × {size[1]} px, "
-            f"but its calibration has {width} × {height} px"
-        )
+        expected = "but its calibration has {} × {} px".format(*rectification.file_size)
+        raise UserError(f"{images[0][frames[0]]}: {size[0]} × {size[1]} px, {expected}")
     return rectification.size
 
 

@@ -112,9 +112,8 @@ def rendered(
             if problem is None:
                 break
         else:
-            raise RendererUnavailable(
-                f"{problem} ({renderer.attempts} attempts); renderer=raycast needs no driver"
-            )
+            remedy = "renderer=raycast needs no driver"
+            raise RendererUnavailable(f"{problem} ({renderer.attempts} attempts); {remedy}")
         for k in scene["frames"]:
             with np.load(folder / f"frame_{k}.npz", allow_pickle=False) as file:
                 yield file["left"], file["right"], file["depth"], file["ids"]
@@ -139,10 +138,9 @@ def _run(
     It hangs if it writes nothing within the first or, after that, the second timeout, s.
     """
     with (folder / "log").open("wb") as log:
+        streams = {"stdin": subprocess.DEVNULL, "stdout": log, "stderr": log}
         environment = {**os.environ, "EGL_PLATFORM": "surfaceless"}
-        child = subprocess.Popen(
-            command, stdin=subprocess.DEVNULL, stdout=log, stderr=log, env=environment
-        )
+        child = subprocess.Popen(command, **streams, env=environment)
     task, timeout, written = "start", start_timeout, len([*folder.iterdir()])
     try:
         while child.returncode is None:

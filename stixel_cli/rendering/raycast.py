@@ -83,9 +83,8 @@ class Target:
     def surfaces(self, limb_pose: int) -> Surfaces:
         """The surfaces of the mesh with the index `limb_pose`, built at the first call."""
         if limb_pose not in self._surfaces:
-            self._surfaces[limb_pose] = with_other_vertices(
-                self._surfaces[0], self._meshes[limb_pose]
-            )
+            mesh = self._meshes[limb_pose]
+            self._surfaces[limb_pose] = with_other_vertices(self._surfaces[0], mesh)
         return self._surfaces[limb_pose]
 
 

@@ -131,9 +131,8 @@ def _centres_with_target(
     """
     hits, lit, plain = view.hits.at(pixels), view.lit[pixels], view.plain[pixels]
     # The target, where it is nearer than the static scene.
-    target_depth, triangle = tracing.intersect(
-        shot.bodies[1], shot.camera, hits.u[near], hits.v[near]
-    )
+    samples = hits.u[near], hits.v[near]
+    target_depth, triangle = tracing.intersect(shot.bodies[1], shot.camera, *samples)
     nearer = target_depth < hits.depth[near]
     over = np.zeros(len(pixels), dtype=bool)
     over[near] = nearer

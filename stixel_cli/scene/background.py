@@ -81,10 +81,9 @@ def _gable(low, high, height, ridge):
 
 
 def _chimney(low, high, height):
-    low, high = np.asarray(low), np.asarray(high)
-    corner = low + 0.3 * (high - low)
-    depth = np.min(high - low)
-    return box((*corner, height), (*(corner + 0.8), height + 0.40 * depth))
+    sides = np.subtract(high, low)
+    corner = low + 0.3 * sides
+    return box((*corner, height), (*(corner + 0.8), height + 0.40 * np.min(sides)))
 
 
 def tower(
@@ -118,27 +117,19 @@ def tree(
     lumps = []
     for i in range(5):
         angle = 2.0 * np.pi * i / 4 + draws.uniform(-0.4, 0.4)
-        out = 0.16 * height if i < 4 else 0.0
-        centre = np.array(
-            [
-                x + out * np.cos(angle),
-                y + out * np.sin(angle),
-                crown + height * draws.uniform(-0.06, 0.06) + (0.14 * height if i == 4 else 0.0),
-            ]
-        )
+        out, up = (0.16 * height, 0.0) if i < 4 else (0.0, 0.14 * height)
+        middle = crown + height * draws.uniform(-0.06, 0.06) + up
+        centre = np.array([x + out * np.cos(angle), y + out * np.sin(angle), middle])
         radii = height * np.array([0.17, 0.17, 0.20]) * draws.uniform(0.85, 1.1)
         vertices, triangles = ellipsoid(centre, radii, 6, 9)
-        lumps.append(
-            (vertices + 0.035 * height * draws.normal(size=vertices.shape) * 0.5, triangles)
-        )
+        uneven = 0.035 * height * draws.normal(size=vertices.shape) * 0.5
+        lumps.append((vertices + uneven, triangles))
     return part("trunk", surfaces, bark, 1.0), part("crown", lumps, foliage, 2.5)
 
 
-def lamp_post(
-    place: ArrayLike, height: float, reach: ArrayLike, metal: np.ndarray, glass: np.ndarray
-) -> Mesh:
-    """A lamp post of `height` m at `place` (2,) m, its arm of `reach` (2,) m."""
-    x, y = place
+def lamp_post(place: ArrayLike, reach: ArrayLike, metal: np.ndarray, glass: np.ndarray) -> Mesh:
+    """A lamp post of 6.2 m at `place` (2,) m, its arm of `reach` (2,) m."""
+    (x, y), height = place, 6.2
     tip = np.array([x + reach[0], y + reach[1], height])
     pole = [
         tube([(x, y, 0.0), (x, y, 1.1)], [0.10, 0.09], 6),

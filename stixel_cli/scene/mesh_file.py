@@ -80,10 +80,8 @@ def _loaded(path: str, contrast: float, scale: float, turn: float, up: str, dige
         )
     a, b = np.diff(corners(mesh)[:, :, :2], axis=1).transpose(1, 2, 0)
     if 0.5 * np.abs(a[0] * b[1] - a[1] * b[0]).sum() < LEAST_FOOTPRINT:
-        raise ValueError(
-            f"road_user.mesh: the mesh in {path!r} has no area seen from above; "
-            f"{up} must be up (road_user.mesh_up)"
-        )
+        flat = f"has no area seen from above; {up} must be up (road_user.mesh_up)"
+        raise ValueError(f"road_user.mesh: the mesh in {path!r} {flat}")
     return mesh
 
 
@@ -101,10 +99,9 @@ def mesh_doubt(path: str, scale: float, up: str) -> str | None:
     if (stands[other] and even[axis]) or (up == "z" and path.lower().endswith((".glb", ".gltf"))):
         return f"road_user.mesh: {path!r} probably has {name} up: set road_user.mesh_up={name}"
     if low[axis] > 0.05 * sides[axis]:
-        return (
-            f"road_user.mesh: {path!r} is {low[axis]:.2f} m above the ground ({up} = 0) and is put "
-            f"on it; if {name} is up, set road_user.mesh_up={name}"
-        )
+        above = f"{low[axis]:.2f} m above the ground ({up} = 0) and is put on it"
+        remedy = f"if {name} is up, set road_user.mesh_up={name}"
+        return f"road_user.mesh: {path!r} is {above}; {remedy}"
     return None
 
 
@@ -393,9 +390,8 @@ def _check_gltf(content: bytes, size: int) -> None:
         raise ValueError("compressed or sparse geometry: export it without compression")
     count = sum(one["count"] for one in accessors)
     if count > size or len(nodes) > MOST_NODES:
-        raise ValueError(
-            f"{count} elements and {len(nodes)} nodes, must be {size} and {MOST_NODES} at most"
-        )
+        most = f"must be {size} and {MOST_NODES} at most"
+        raise ValueError(f"{count} elements and {len(nodes)} nodes, {most}")
 
 
 ENDS = re.compile(rb"\.(?:mtl|bin|png|jpe?g|bmp|tga|webp|gif|tiff?)\b", re.IGNORECASE)
@@ -447,8 +443,7 @@ def file_beside(path: Path, line: str) -> Path | None:
 def _names(path: Path) -> tuple[str, ...]:
     """Lines that end with a name, read once for all runs of a sweep."""
     content = read_bytes(path, GREATEST_ARRAYS)
-    lines = (
-        content[max(0, found.end() - LONGEST) : found.end()] for found in ENDS.finditer(content)
-    )
+    stops = (found.end() for found in ENDS.finditer(content))
+    lines = (content[max(0, stop - LONGEST) : stop] for stop in stops)
     ends = (re.split(rb"[\r\n\"]", line)[-1] for line in lines)
     return tuple(dict.fromkeys(end.decode("utf-8", "replace") for end in ends))

@@ -103,13 +103,8 @@ def world_objects(world: World) -> list[Mesh]:
         *_green(world.contrast, materials, draws),
         *_furniture(world.contrast, materials),
     ]
-    made.sort(key=_distance)
+    made.sort(key=lambda mesh: np.hypot(*corners(mesh)[..., :2].reshape(-1, 2).T).min())
     return [ground(world.contrast), *made]
-
-
-def _distance(mesh: Mesh) -> float:
-    points = np.concatenate([part.vertices for part in mesh])
-    return float(np.min(np.hypot(points[:, 0], points[:, 1])))
 
 
 def _houses(contrast: float, materials: Materials, draws: np.random.Generator):
@@ -138,7 +133,7 @@ def _green(contrast: float, materials: Materials, draws: np.random.Generator):
 def _furniture(contrast: float, materials: Materials):
     metal, plate = materials.metal, mottled("sign", (44, 92, 168), 0.08 + 0.20 * contrast)
     for x, y, *reach in LAMPS:
-        yield background.lamp_post((x, y), 6.2, reach, metal, materials.glass)
+        yield background.lamp_post((x, y), reach, metal, materials.glass)
     for place in BOLLARDS:
         yield background.bollard(place, metal)
     for place in SIGNS:
@@ -240,7 +235,7 @@ def _slot(world: World, materials: Materials, draws: np.random.Generator) -> Ite
         paint = PAINTS[draws.integers(len(PAINTS))]
         yield background.parked_car(place, 0.0, paint, world.contrast)
     elif kind == 1:
-        yield background.lamp_post(place, 6.2, (0.0, -1.2), materials.metal, materials.glass)
+        yield background.lamp_post(place, (0.0, -1.2), materials.metal, materials.glass)
     elif kind == 2:
         x, y = place
         low, high = (x - 3.0, y, 0.0), (x + 3.0, y + 0.9, draws.uniform(0.9, 1.4))
@@ -315,4 +310,4 @@ def _mesh(world: World, length: float, materials: Materials, draws: np.random.Ge
         return background.hedge(low, high, materials.leaves)
     if draws.uniform() < 0.5:
         return background.bollard((0.0, 0.0), materials.metal)
-    return background.lamp_post((0.0, 0.0), 6.2, (1.6, 0.0), materials.metal, materials.glass)
+    return background.lamp_post((0.0, 0.0), (1.6, 0.0), materials.metal, materials.glass)

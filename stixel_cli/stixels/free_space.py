@@ -159,9 +159,8 @@ def _find_unknown(rows, before, columns, base_row, extents, end, least_density, 
     for u in range(width):
         first = max(base_row[u] + 1, end)
         for v in range(first, height):
-            before[v + 1] = (before[v] if v > first else 0) + (
-                lowest[v] <= columns[u, v] <= highest[v]
-            )
+            shown = lowest[v] <= columns[u, v] <= highest[v]
+            before[v + 1] = (before[v] if v > first else 0) + shown
         for v in range(height - 1, first - 1, -1):
             start = max(v - extents[v] + 1, first)
             seen = before[v + 1] - (before[start] if start > first else 0)

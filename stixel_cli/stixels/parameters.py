@@ -90,10 +90,8 @@ class OccupancyParameters:
     def check(self) -> None:
         """Raise ValueError if the parameters contradict each other."""
         if self.nearest >= self.farthest:
-            raise ValueError(
-                f"occupancy.nearest: must be < occupancy.farthest ({self.farthest}), "
-                f"got {self.nearest}"
-            )
+            must = f"must be < occupancy.farthest ({self.farthest})"
+            raise ValueError(f"occupancy.nearest: {must}, got {self.nearest}")
 
 
 @parameters

@@ -115,9 +115,8 @@ class _Entries:
         for name, own in self.variants.items():
             unknown = next((key for key in own if key not in first), None)
             if unknown is not None or not first:
-                raise ValueError(
-                    f"variants: {name}: {unknown} must have a value in the first variant too"
-                )
+                must = "must have a value in the first variant too"
+                raise ValueError(f"variants: {name}: {unknown} {must}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -239,9 +238,8 @@ class StudyFile:
             isinstance(axis, dict) and all(isinstance(values, list) for values in axis.values())
             for axis in axes
         ):
-            raise UserError(
-                f"{self.module_name}: {name} must return a list of mappings from key to values"
-            )
+            must = "must return a list of mappings from key to values"
+            raise UserError(f"{self.module_name}: {name} {must}")
         return axes
 
     def call(self, name: str, *data: Any) -> Any:
@@ -258,9 +256,8 @@ class StudyFile:
         except Exception as fault:
             if self.is_shipped:
                 raise
-            raise UserError(
-                f"{name}: {messages.named_fault(fault, self.module.__file__)}"
-            ) from fault
+            text = messages.named_fault(fault, self.module.__file__)
+            raise UserError(f"{name}: {text}") from fault
 
 
 def read_study(path: Path, trusted: bool = False) -> StudyFile:

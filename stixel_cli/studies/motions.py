@@ -99,9 +99,8 @@ def _axes(subset: Callable[[list[RealTrack]], list[RealTrack]]) -> list[dict[str
     tracks = real_tracks(folder)
     chosen = subset(tracks)
     if not chosen:
-        raise MissingData(
-            f"{DATA}: {folder} has no track with {LEAST_FRAMES} frames within {FARTHEST:g} m"
-        )
+        lacks = f"no track with {LEAST_FRAMES} frames within {FARTHEST:g} m"
+        raise MissingData(f"{DATA}: {folder} has {lacks}")
     return [
         {
             "path.folder": [str(track.folder) for track in chosen],

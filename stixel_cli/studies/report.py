@@ -49,9 +49,8 @@ class Section:
     @property
     def cells(self) -> Cells:
         """One table of all groups."""
-        return joined(
-            " ".join(self.question.by), [(label, overview(own)) for label, own in self.groups]
-        )
+        tables = [(label, overview(own)) for label, own in self.groups]
+        return joined(" ".join(self.question.by), tables)
 
     @cached_property
     def drawings(self) -> list[bytes]:
@@ -95,10 +94,9 @@ def _check_columns(question: StudyQuestion, whole: pd.DataFrame) -> None:
     metrics = (name for name in question.metrics if name not in METRICS)
     named = (*question.where, *question.by, *question.compare, *metrics)
     for name in (name for name in named if name not in whole):
-        raise UserError(
-            f"questions: {question.name}: {messages.printable(name)}: no such column of the runs"
-            f"{messages.suggestion(name, [*whole])}"
-        )
+        hint = messages.suggestion(name, [*whole])
+        lacks = f"{messages.printable(name)}: no such column of the runs{hint}"
+        raise UserError(f"questions: {question.name}: {lacks}")
 
 
 def _parts(question: StudyQuestion, runs: Runs) -> dict[str, Any]:

@@ -109,9 +109,7 @@ def material(data: StudyData) -> Material:
         paths = listed([path for u, path in errors if u == user])
         what = f"{points} simulated points: {user}; paths {paths}; seeds {listed(seeds)}"
         files[f"noise/fitted_{user}.yaml"] = preset(noise, what)
-    return Material(
-        tables={"Fitted noise": table, "Noise of held-out paths": held_out}, files=files
-    )
+    return Material({"Fitted noise": table, "Noise of held-out paths": held_out}, files)
 
 
 def _errors(data: StudyData) -> dict[tuple[str, str], list[PointErrors]]:

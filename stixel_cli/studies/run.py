@@ -78,10 +78,8 @@ class Study:
         there, wanted = read_yaml(self.path / FILE), self.plan.request()
         difference = first_difference({name: there.get(name) for name in wanted}, wanted)
         if difference is not None:
-            raise UserError(
-                f"{self.path}: has another request: {difference}; choose another --name, or start "
-                "over with --fresh"
-            )
+            remedy = "choose another --name, or start over with --fresh"
+            raise UserError(f"{self.path}: has another request: {difference}; {remedy}")
         return True
 
     def begin(self, fresh: bool) -> None:
@@ -239,6 +237,5 @@ class Study:
         ]
         if len(failed) > _MOST_FAILURES:
             faults.append(f"and {len(failed) - _MOST_FAILURES} more, see runs.csv")
-        return report.SweepState(
-            name, len(result.runs), result.count("done"), tuple(faults), folder
-        )
+        count, done = len(result.runs), result.count("done")
+        return report.SweepState(name, count, done, tuple(faults), folder)
