@@ -44,8 +44,7 @@ def _rotations(poses: np.ndarray) -> np.ndarray:
 
 def centre_errors(estimated_world: np.ndarray, true_world: np.ndarray) -> np.ndarray:
     """Distance (K,) m of the centres, the first two columns of (K, …)."""
-    offsets = estimated_world[:, :2] - true_world[:, :2]
-    return np.hypot(offsets[:, 0], offsets[:, 1])
+    return np.hypot(*(estimated_world[:, :2] - true_world[:, :2]).T)
 
 
 def points_of_target(scenario: Scenario, scans: Scans, k: int) -> np.ndarray:

@@ -4,9 +4,8 @@
 y < 28.5; so is the street, |x| < 5, beyond. Houses, trees and lamp posts, higher than 4 m, are on
 all sides, so a camera that turns sees obstacles in every direction.
 
-`roadside` and `fenced` have houses and trees along the ego car's way, and lower things before them:
-lamp posts, parked cars, hedges and bollards, or fences and hedges. They leave free the way and, at
-every time, the view from the ego car to the target. So any motion fits, over any length.
+`roadside` and `fenced` have houses and trees along the ego car's way, and lower things before them,
+see `World`. The view of the target is free at every time. So any motion fits, over any length.
 
 With `world.occluder`, one thing stands between the ego car and the target, in any world. World
 frame: x right, y forward, z up, m; the ego car starts at the origin.

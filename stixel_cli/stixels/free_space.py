@@ -38,8 +38,6 @@ def find_free_space(
     """Free space of `frames`, each with the solution before it moved by the ego motion.
 
     `previous` is the result for the frames before, whose last frame is read; None at the first.
-    Disparities of the result are pitch-compensated, f B / depth along the road: with zero pitch
-    they are the image's.
     """
     grid = layout(occupancy, rig, disparities.count)
     found, before = [], None
