@@ -153,14 +153,8 @@ class GraphBuilder:
         for stage in one.stages.values():
             identity = self._identity(stage)
             sources = {name: one.ids[name] for name in stage.inputs.values()}
-            key = (
-                identity.digest,
-                tuple(sorted(stage.inputs.items())),
-                tuple(sources.values()),
-                stage.frames,
-                frame_count,
-                chunk_size,
-            )
+            inputs = tuple(sorted(stage.inputs.items())), tuple(sources.values())
+            key = (identity.digest, *inputs, stage.frames, frame_count, chunk_size)
             if key not in self._nodes:
                 self._nodes[key] = one.make(stage, identity)
             one.nodes.update(self._nodes[key])

@@ -193,14 +193,17 @@ MARK = 0.004
 
 PAVEMENTS = (
     # x0, y0, x1, y1, m: before the houses on either side of the street, and about the square.
-    (-60.0, 31.6, -5.2, 36.0),
-    (5.2, 31.6, 60.0, 36.0),
-    (-8.0, 36.0, -5.2, 96.0),
-    (5.2, 36.0, 8.0, 96.0),
-    (-24.0, -18.0, -18.6, 31.6),
-    (18.6, -18.0, 24.0, 31.6),
+    (-60.0, 31.6, -5.2, 36.0), (5.2, 31.6, 60.0, 36.0), (-8.0, 36.0, -5.2, 96.0),
+    (5.2, 36.0, 8.0, 96.0), (-24.0, -18.0, -18.6, 31.6), (18.6, -18.0, 24.0, 31.6),
     (-18.6, -18.0, 18.6, -13.0),
-)
+)  # fmt: skip
+
+PATCHES = (
+    # Mended asphalt: dark rectangles as above, which break up the repetition of the texture.
+    (-7.5, 9.0, -4.6, 14.5), (1.2, 6.2, 2.4, 9.4), (3.2, 19.5, 8.4, 21.0),
+    (-1.6, 23.2, 3.5, 24.6), (-11.0, 24.0, -6.2, 25.0), (8.8, 11.0, 10.2, 26.0),
+    (-2.8, 3.0, -1.6, 6.0), (-4.6, 38.0, -1.0, 47.0), (1.5, 55.0, 4.6, 61.0),
+)  # fmt: skip
 
 
 def ground(contrast: float) -> Mesh:
@@ -213,7 +216,7 @@ def ground(contrast: float) -> Mesh:
     kerb = mottled("kerb", (168, 166, 160), 0.05 + 0.15 * contrast)
     return (
             flat("asphalt", [(-REACH, -REACH, REACH, REACH)], 0.0, tarred, 7.3),
-            flat("patches", _patches(), 0.5 * MARK, dark, 5.1),
+            flat("patches", PATCHES, 0.5 * MARK, dark, 5.1),
             flat("marks", _marks(), MARK, white, 1.0),
             flat("covers", [(2.1, 14.2, 2.8, 14.9), (-3.4, 21.0, -2.7, 21.7)], MARK, iron, 0.7),
             flat("pavements", PAVEMENTS, KERB, stones, 4.0),
@@ -255,18 +258,3 @@ def _marks():
     guides = [(x - 0.07, y, x + 0.07, y + 1.5) for x in (-4.0, 0.0, 4.0)
               for y in np.arange(-10.0, 27.0, 3.0)]  # fmt: skip
     return street + zebra + stop + bays + guides
-
-
-def _patches():
-    """Mended asphalt: dark rectangles, which break up the repetition of the texture."""
-    return [
-        (-7.5, 9.0, -4.6, 14.5),
-        (1.2, 6.2, 2.4, 9.4),
-        (3.2, 19.5, 8.4, 21.0),
-        (-1.6, 23.2, 3.5, 24.6),
-        (-11.0, 24.0, -6.2, 25.0),
-        (8.8, 11.0, 10.2, 26.0),
-        (-2.8, 3.0, -1.6, 6.0),
-        (-4.6, 38.0, -1.0, 47.0),
-        (1.5, 55.0, 4.6, 61.0),
-    ]
