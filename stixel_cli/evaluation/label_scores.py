@@ -47,11 +47,8 @@ def score_tracks(
         "tracks_found": len(tracks),
     }
     matches = _matches(tracks, truths) if truths else None
-    labels = tuple(
-        _score(one, matches[i], tracks, scans)
-        for i, one in enumerate(truths)
-        if one.road_user == road_user
-    )
+    own = [i for i, one in enumerate(truths) if one.road_user == road_user]
+    labels = tuple(_score(truths[i], matches[i], tracks, scans) for i in own)
     if truths:
         shares = [np.sum(matches == j) / len(one.track.times) for j, one in enumerate(tracks)]
         metrics |= _sums(labels) | {"tracks_false": int(np.sum(np.array(shares) < FALSE))}

@@ -102,11 +102,8 @@ def drawing(settings: dict | None = None) -> Iterator[None]:
     are further Matplotlib settings, which override these. One thread draws at a time.
     """
     _register_font()
-    defaults = {
-        name: value
-        for name, value in matplotlib.rcParamsDefault.items()
-        if not name.startswith(_PROCESS_SETTINGS)
-    }
+    settable = (n for n in matplotlib.rcParamsDefault if not n.startswith(_PROCESS_SETTINGS))
+    defaults = {name: matplotlib.rcParamsDefault[name] for name in settable}
     with _one_at_a_time, matplotlib.rc_context(defaults | _SETTINGS | (settings or {})):
         yield
 

@@ -145,11 +145,8 @@ def _virtual(source: parameters.LabelledFolder) -> Recording:
 def _argoverse(source: parameters.Argoverse) -> Recording:
     root = Path(source.folder)
     images, cameras = root / LOG_IMAGES, argoverse.CAMERAS
-    left, right = numbered_images(
-        *(images / name for name in cameras),
-        names=r"(\d{1,18})\.jpg",
-        example="315966070549927216.jpg",
-    )
+    named = {"names": r"(\d{1,18})\.jpg", "example": "315966070549927216.jpg"}
+    left, right = numbered_images(*(images / name for name in cameras), **named)
     times, partners = tuple(left), pairs_by_time(list(left), list(right))
     if not partners:
         raise UserError(f"{images}: no image of {cameras[1]} at a time of {cameras[0]}")

@@ -93,11 +93,8 @@ class Stage:
     def _lights(self, gain: float) -> None:
         scene = self.renderer.scene.scene
         light = self.scene["light"] * gain
-        scene.set_sun_light(
-            (-self.scene["sun"]).astype(np.float32),
-            self.scene["sun_colour"].astype(np.float32),
-            float(SUN_UNIT * light[0]),
-        )
+        sun = -self.scene["sun"], self.scene["sun_colour"]
+        scene.set_sun_light(*np.array(sun, np.float32), float(SUN_UNIT * light[0]))
         scene.enable_sun_light(True)
         scene.enable_indirect_light(True)
         scene.set_indirect_light_intensity(float(AMBIENT_UNIT * light[1]))
@@ -159,11 +156,7 @@ class Stage:
         lens = self.renderer.scene.camera
         lens.set_projection(matrix, NEAR, FAR, width, height)
         eye = camera[:3, 3]
-        lens.look_at(
-            (eye + camera[:3, 2]).astype(np.float32),
-            eye.astype(np.float32),
-            (-camera[:3, 1]).astype(np.float32),
-        )
+        lens.look_at(*np.array([eye + camera[:3, 2], eye, -camera[:3, 1]], np.float32))
 
 
 def identity_colour(identity: int) -> list[float]:

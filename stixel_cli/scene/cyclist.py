@@ -194,13 +194,10 @@ def _spokes(hubs):
 
 def _black(shape):
     saddle = [(-0.36, 0.0, 0.875), (-0.25, 0.0, 0.875), (-0.10, 0.0, 0.87)]
-    return [
-        tube(np.add(shape.on_bicycle(saddle), (0.0, 0.0, shape.raised)), [0.050, 0.058, 0.025], 10),
-        *(
-            tube(shape.on_bar([(0.31, side * 0.262, 0.99), (0.27, side * 0.282, 0.99)]), 0.019, 8)
-            for side in (1, -1)
-        ),
-    ]
+    saddle = np.add(shape.on_bicycle(saddle), (0.0, 0.0, shape.raised))
+    grips = ([(0.31, side * 0.262, 0.99), (0.27, side * 0.282, 0.99)] for side in (1, -1))
+    tubes = [tube(shape.on_bar(grip), 0.019, 8) for grip in grips]
+    return [tube(saddle, [0.050, 0.058, 0.025], 10), *tubes]
 
 
 def _torso(shape):

@@ -135,12 +135,9 @@ def torso_rings(sections: ArrayLike) -> np.ndarray:
     cosine, sine = np.cos(angles), np.sin(angles)
     unit_x = np.sign(cosine) * np.abs(cosine) ** 0.8
     unit_y = np.sign(sine) * np.abs(sine) ** 0.8
-    return np.array(
-        [
-            np.column_stack([x + depth * unit_x, breadth * unit_y, np.full(20, z)])
-            for x, z, depth, breadth in sections
-        ]
-    )
+    x, z, depth, breadth = np.asarray(sections, dtype=np.float64).T[:, :, None]
+    coordinates = np.broadcast_arrays(x + depth * unit_x, breadth * unit_y, z)
+    return np.stack(coordinates, axis=-1)
 
 
 def _grown(surfaces: list[Surface], shape: PedestrianShape) -> list[Surface]:

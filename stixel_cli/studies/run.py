@@ -86,13 +86,9 @@ class Study:
         """Make the folder, or check that the existing one can be resumed."""
         if self.check(fresh):
             return
-        content = {
-            "title": self.plan.study.title,
-            "question": self.plan.study.question,
-            **origin(self.command),
-            "overrides": list(self.plan.overrides),
-            **self.plan.request(),
-        }
+        study, overrides = self.plan.study, list(self.plan.overrides)
+        content = {"title": study.title, "question": study.question, **origin(self.command)}
+        content |= {"overrides": overrides, **self.plan.request()}
         with written(self.path):
             if fresh and self.path.exists():
                 shutil.rmtree(self.path)
@@ -178,12 +174,8 @@ class Study:
 
     def _leased(self):
         """A lease on all results that the report can read."""
-        keys = {
-            target
-            for result in self.results.values()
-            for run in result.runs
-            for target in run.targets
-        }
+        runs = (run for result in self.results.values() for run in result.runs)
+        keys = {target for run in runs for target in run.targets}
         store = next(one.plan.store for one in self.plan.sweeps if one.plan)
         return Lease(store.folder, sorted(keys))
 
@@ -212,14 +204,8 @@ class Study:
         if path.exists():
             shutil.rmtree(path)
         design = replace(one.design, words=("--resume", str(path)))
-        return new_sweep(
-            replace(one.plan, design=design),
-            path.parent,
-            path.name,
-            True,
-            advice=False,
-            label=label,
-        )
+        plan = replace(one.plan, design=design)
+        return new_sweep(plan, path.parent, path.name, True, advice=False, label=label)
 
     def _state(self, one: PlannedSweep) -> report.SweepState:
         name, folder = one.sweep.name, self.path / "sweeps" / one.sweep.name
