@@ -62,11 +62,10 @@ class Rig:
         if greatest > GREATEST_ERROR:
             must = f"must be <= {GREATEST_ERROR:g} px in all columns"
             raise ValueError(f"rig.disparity_error: {must}, got {greatest:.0f} px")
-        for name, value, size in (
-            ("principal_u", self.principal_u, self.width),
-            ("principal_v", self.principal_v, self.height),
-            ("principal_u_right", self.principal_u_right, self.width),
-        ):
+        width, height = self.width, self.height
+        sizes = {"principal_u": width, "principal_v": height, "principal_u_right": width}
+        for name, size in sizes.items():
+            value = getattr(self, name)
             if value is not None and not 0 <= value <= size - 1:
                 raise ValueError(f"rig.{name}: must be 0 to {size - 1} (the image), got {value:g}")
 

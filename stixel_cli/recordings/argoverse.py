@@ -166,9 +166,8 @@ def _between(stamps: np.ndarray, times: tuple[int, ...]) -> Iterator[tuple[int, 
 
     The `stamps` (n,), increasing, and the `times` of all frames are in ns.
     """
-    for frame, (i, time) in enumerate(
-        zip(np.searchsorted(stamps, times, side="right") - 1, times, strict=True)
-    ):
+    before = np.searchsorted(stamps, times, side="right") - 1
+    for frame, (i, time) in enumerate(zip(before, times, strict=True)):
         if i >= 0 and stamps[i] == time:
             yield frame, i, 0.0
         elif 0 <= i < len(stamps) - 1 and stamps[i + 1] - stamps[i] <= GREATEST_GAP:

@@ -218,15 +218,13 @@ def _cabin(painted: np.ndarray, shape: CarShape) -> tuple[Part, Part]:
     body = shapes.quads_to_triangles(quads)
     _, triangles = shapes.outward(vertices, np.concatenate([body, lid]))
     chosen = np.concatenate([np.repeat(window.reshape(-1), 2), np.zeros(points, dtype=bool)])
-    glazing = mottled("glass", (48, 58, 66), 0.20)
-    parts = []
-    for name, rows, texture, tile in (
-        ("cabin", ~chosen, painted, 1.1),
-        ("windows", chosen, glazing, 1.6),
-    ):
+
+    def covered(name: str, rows: np.ndarray, texture: np.ndarray, tile: float) -> Part:
         kept = np.ascontiguousarray(triangles[rows])
-        parts.append(Part(vertices, kept, shapes.cube_uvs(vertices, kept, tile), texture, name))
-    return parts[0], parts[1]
+        return Part(vertices, kept, shapes.cube_uvs(vertices, kept, tile), texture, name)
+
+    glazing = mottled("glass", (48, 58, 66), 0.20)
+    return covered("cabin", ~chosen, painted, 1.1), covered("windows", chosen, glazing, 1.6)
 
 
 def _side(x, share, shape):

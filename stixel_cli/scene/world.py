@@ -240,12 +240,9 @@ def _fence_or_hedge(materials: Materials, draws: np.random.Generator) -> Mesh:
 def _woods(low: np.ndarray, high: np.ndarray, materials: Materials) -> Iterator[Mesh]:
     """Four rows of trees on the border of a rectangle."""
     (x0, y0), (x1, y1) = low, high
-    for rectangle in (
-        (x0, y1 - 9.0, x1, y1),
-        (x0, y0, x1, y0 + 9.0),
-        (x0, y0, x0 + 9.0, y1),
-        (x1 - 9.0, y0, x1, y1),
-    ):
+    across = (x0, y1 - 9.0, x1, y1), (x0, y0, x1, y0 + 9.0)
+    along = (x0, y0, x0 + 9.0, y1), (x1 - 9.0, y0, x1, y1)
+    for rectangle in (*across, *along):
         yield background.woods(*rectangle, materials.woods)
 
 
