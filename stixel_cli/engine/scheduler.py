@@ -123,10 +123,8 @@ def _arguments(node: Node, store: Store) -> dict[str, Any]:
     if stage.gives_files:
         arguments["files"] = stage.files
     for name, keys in node.inputs.items():
-        if name in node.sequences:
-            arguments[name] = ChunkSequence(keys, store.load)
-        else:
-            arguments[name] = store.load(keys[0])
+        lazy = name in node.sequences
+        arguments[name] = ChunkSequence(keys, store.load) if lazy else store.load(keys[0])
     if stage.pattern == "fold":
         arguments["previous"] = None if node.previous is None else store.load(node.previous)
     return arguments

@@ -30,9 +30,7 @@ def _continues(pixel, other, hits, tables, bend):
     if body[pixel] != body[other]:
         return False
     a, b = triangle[pixel], triangle[other]
-    texture, normals = texture0, normals0
-    if body[pixel] == 1:
-        texture, normals = texture1, normals1
+    texture, normals = (texture1, normals1) if body[pixel] == 1 else (texture0, normals0)
     if texture[a] != texture[b]:
         return False
     product = 0.0

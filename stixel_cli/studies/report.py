@@ -68,9 +68,8 @@ def asked(question: StudyQuestion, frames: Mapping[str, Runs]) -> Section:
     """
     parts = {name: frames[name] for name in question.sweeps}
     axes = tuple(dict.fromkeys(axis for part in parts.values() for axis in part.axes))
-    whole = pd.concat(
-        [part.frame.assign(sweep=name) for name, part in parts.items()], ignore_index=True
-    )
+    pieces = [part.frame.assign(sweep=name) for name, part in parts.items()]
+    whole = pd.concat(pieces, ignore_index=True)
     _check_columns(question, whole)
     for column, values in question.where.items():
         whole = whole[whole[column].astype(str).isin(values)]
@@ -331,34 +330,25 @@ def study_page(
     `origin`: that of the report, as `lineage.origin`, with the `seeds` of each sweep's runs.
     """
     shown = report or Report((), (), Material())
+    rows = []
+    for state in states:
+        count = "–" if state.runs is None else str(state.runs)
+        seeds = ", ".join(map(str, origin["seeds"].get(state.name, ()))) or "–"
+        rows.append((state.name, count, str(state.done), seeds, "; ".join(state.faults)))
+    settings = [
+        (one.sweep.name, key, values.replace(",", ", "))
+        for one in plan.sweeps
+        for key, values in one.settings.items()
+    ]
     return page_template(__package__, "study.html").render(
         plan=plan,
         answer=report and report.answer,
         sections=[_section(one, i, page) for i, one in enumerate(shown.sections)],
         tables=[(name, render.cells_of(own)) for name, own in shown.material.tables.items()],
         explanation=render.explanation(),
-        states=render.Cells(
-            ("sweep", "runs", "done", "seeds", "faults"),
-            tuple(
-                (
-                    state.name,
-                    "–" if state.runs is None else str(state.runs),
-                    str(state.done),
-                    ", ".join(map(str, origin["seeds"].get(state.name, ()))) or "–",
-                    "; ".join(state.faults),
-                )
-                for state in states
-            ),
-        ),
+        states=render.Cells(("sweep", "runs", "done", "seeds", "faults"), tuple(rows)),
         origin=origin,
-        settings=render.Cells(
-            ("sweep", "key", "values"),
-            tuple(
-                (one.sweep.name, key, values.replace(",", ", "))
-                for one in plan.sweeps
-                for key, values in one.settings.items()
-            ),
-        ),
+        settings=render.Cells(("sweep", "key", "values"), tuple(settings)),
         revision=shown_revision(origin["git"]) or "–",
     )
 
@@ -370,18 +360,11 @@ def _section(section: Section, place: int, page: Path) -> dict[str, Any]:
         folders = [Path(str(folder)) for folder in answers[0].worst.get("folder", [])]
         links = page_links([one for one in folders if one.exists()], page, PAGE)
         worst += worst_runs(answers[0], links)
-    return {
-        "question": section.question,
-        "sentences": [
-            (label, [one.sentence for one in answers], answers[0].notes)
-            for label, answers in section.groups
-        ],
-        "cells": section.cells,
-        "worst": worst,
-        "figures": [
-            (label, drawing_for_page(drawing, f"q{place}g{i}"))
-            for i, ((label, _), drawing) in enumerate(
-                zip(section.groups, section.drawings, strict=True)
-            )
-        ],
-    }
+    groups = section.groups
+    sentences = [(label, [one.sentence for one in own], own[0].notes) for label, own in groups]
+    figures = [
+        (label, drawing_for_page(drawing, f"q{place}g{i}"))
+        for i, ((label, _), drawing) in enumerate(zip(groups, section.drawings, strict=True))
+    ]
+    shown = {"sentences": sentences, "cells": section.cells, "worst": worst, "figures": figures}
+    return {"question": section.question, **shown}
