@@ -73,11 +73,10 @@ def _loaded(path: str, contrast: float, scale: float, turn: float, up: str, dige
     low, high = bounding_box(mesh)
     sides = high - low
     if not ((sides >= LEAST_SIDE) & (sides <= GREATEST_SIDE)).all():
-        raise ValueError(
-            f"road_user.mesh: the mesh in {path!r} is {sides[0]:.3g} × {sides[1]:.3g} × "
-            f"{sides[2]:.3g} m large; each side must be {LEAST_SIDE:g} to {GREATEST_SIDE:g} m"
-            f"{_other_units(sides.max() / scale)}"
-        )
+        large = " × ".join(f"{side:.3g}" for side in sides) + " m large"
+        must = f"each side must be {LEAST_SIDE:g} to {GREATEST_SIDE:g} m"
+        hint = _other_units(sides.max() / scale)
+        raise ValueError(f"road_user.mesh: the mesh in {path!r} is {large}; {must}{hint}")
     a, b = np.diff(corners(mesh)[:, :, :2], axis=1).transpose(1, 2, 0)
     if 0.5 * np.abs(a[0] * b[1] - a[1] * b[0]).sum() < LEAST_FOOTPRINT:
         flat = f"has no area seen from above; {up} must be up (road_user.mesh_up)"
