@@ -97,16 +97,12 @@ def _static_scene(
 
 
 def render_frame(
-    static: StaticScene, target: Target, scenario: Scenario, k: int, whole: bool = False
+    static: StaticScene, target: Target, scenario: Scenario, k: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Left and right RGB (H, W, 3) uint8, depth (H, W) m and ids (H, W) uint8 of frame `k`.
-
-    `whole` renders whole images where a rectangle would do: slower, with the same bytes.
-    """
+    """Left and right RGB (H, W, 3) uint8, depth (H, W) m and ids (H, W) uint8 of frame `k`."""
     pose = placement.world_from_target_3d(scenario.target_poses_world[k])
     body = Body(target.surfaces(int(scenario.limb_poses[k])), pose)
-    (left, depth, ids), (right, _, _) = (
-        view_with_target(view, body, target.corners, whole)
-        for view in static.views(scenario.ego_poses_world[k])
-    )
+    views = static.views(scenario.ego_poses_world[k])
+    seen = (view_with_target(view, body, target.corners) for view in views)
+    (left, depth, ids), (right, _, _) = seen
     return left, right, depth, ids
