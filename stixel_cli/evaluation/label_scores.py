@@ -118,7 +118,7 @@ def _score(
     if len(at):
         estimated = np.concatenate([_box(track.track, row) for track, row in rows])
         true, _ = contour_errors.boxes(scenario.boxes_world[at], poses[at])
-        iou = contour_errors.intersections_over_unions(estimated, true)
+        iou = contour_errors.overlaps(contour_errors.areas(estimated), contour_errors.areas(true))
     in_order = matched[matched >= 0]
     return LabelScore(
         label=truth.name,

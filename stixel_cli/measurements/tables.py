@@ -68,9 +68,10 @@ def read_table(
     if len({len(column) for column in table.values()}) > 1:
         raise UserError(f"{file}: its columns must have equal lengths")
     empty = np.all([np.isnan(table[name]) for name in gaps[:2] if name in table], axis=0)
-    for name in names:
-        if name in table and name != "t":
-            _check_numbers(file, name, table[name], empty & (name in gaps))
+    must = f"must be a finite number, at most {FARTHEST:g}"
+    for name, column in table.items():
+        wrong = ~(np.abs(column) <= FARTHEST) & ~(empty & (name in gaps)) & (name != "t")
+        refuse_rows(file, wrong, lambda i, n=name, c=column: f"{n}: {c[i]:g} {must}")
     if other in columns:
         table[other] = columns[other].astype(np.float64)
     return table
@@ -139,11 +140,6 @@ def _numbers(file: Path, name: str, column: np.ndarray) -> np.ndarray:
         wrong = pandas.isna(pandas.to_numeric(column, errors="coerce")) & ~pandas.isna(column)
         refuse_rows(file, wrong, lambda i: f"{name}: {printable(str(column[i]))!r} is not a number")
         raise
-
-
-def _check_numbers(file: Path, name: str, values: np.ndarray, may_lack: np.ndarray) -> None:
-    wrong, must = ~(np.abs(values) <= FARTHEST), f"must be a finite number, at most {FARTHEST:g}"
-    refuse_rows(file, wrong & ~may_lack, lambda i: f"{name}: {values[i]:g} {must}")
 
 
 TimeUnit = Literal["s", "ms", "us", "ns"]
