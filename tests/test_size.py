@@ -12,7 +12,7 @@ import stixel_cli
 
 PACKAGE = Path(stixel_cli.__file__).parent
 
-TOTAL = 46_054
+TOTAL = 46_153
 """Greatest number of lines in all."""
 
 MODULES = 249
@@ -25,26 +25,26 @@ BUDGET = {
     "calibration": 563,
     "cli": 2697,
     "config": 2772,
-    "engine": 4112,
+    "engine": 4121,
     "evaluation": 1611,
     "experiment": 1322,
     "export": 600,
-    "geometry": 406,
+    "geometry": 412,
     "live": 618,
     "machine": 187,
-    "measurements": 1874,
+    "measurements": 1914,
     "pictures": 1369,
-    "recordings": 2603,
-    "rendering": 2094,
+    "recordings": 2617,
+    "rendering": 2095,
     "report": 743,
     "results": 1374,
-    "scene": 3247,
-    "stereo": 447,
-    "stixels": 2063,
-    "studies": 1654,
+    "scene": 3258,
+    "stereo": 451,
+    "stixels": 2065,
+    "studies": 1664,
     "sweeps": 2037,
     "tracking": 6744,
-    "validation": 1093,
+    "validation": 1095,
 }
 """Folder to its greatest number of lines of Python; "" for the modules beside the folders."""
 

@@ -45,9 +45,10 @@ def check_owner(folder: Path) -> None:
     # Another process may be marking it at this moment: look for files first, and for the mark last.
     foreign = [path.name for path in inside(folder) if not path.name.startswith(f".{MARK}.")]
     if foreign and not is_marked(folder):
-        remedy = "choose a new folder (cache.folder or STIXEL_CACHE)"
-        files = f"files that stixel did not make, such as {printable(foreign[0])}"
-        raise CacheError(f"the cache {folder} has {files}: {remedy}")
+        raise CacheError(
+            f"the cache {folder} has files that stixel did not make, such as "
+            f"{printable(foreign[0])}: choose a new folder (cache.folder or STIXEL_CACHE)"
+        )
 
 
 def make_folder(root: Path, name: str) -> Path:

@@ -95,8 +95,9 @@ class DaskPool(Pool):
         if self._waiting_since is None:
             self._waiting_since = now
         elif now - self._waiting_since > LONG_PATIENCE:
-            waited = f"for {LONG_PATIENCE / 60:.0f} min"
-            raise ExecutorError(f"no worker at the Dask scheduler {self._address} {waited}")
+            raise ExecutorError(
+                f"no worker at the Dask scheduler {self._address} for {LONG_PATIENCE / 60:.0f} min"
+            )
         elif now - self._waiting_since > COUNT_INTERVAL and not self._noted:
             note(f"waiting for workers at {self._address}, {LONG_PATIENCE / 60:.0f} min at most")
             self._noted = True
@@ -144,8 +145,9 @@ class DaskPool(Pool):
         self._opened.close()
 
     def _lost(self) -> ExecutorError:
-        lost = f"the Dask scheduler at {self._address} was lost"
-        return ExecutorError(f"{lost}; computed results are kept")
+        return ExecutorError(
+            f"the Dask scheduler at {self._address} was lost; computed results are kept"
+        )
 
 
 def _run(call: bytes) -> None:
@@ -191,8 +193,9 @@ def _distributed() -> ModuleType:
     try:
         import distributed
     except ImportError as error:
-        text = f"executor=dask requires Dask: pip install '{PROGRAM}[dask]'"
-        raise ExecutorError(text) from error
+        raise ExecutorError(
+            f"executor=dask requires Dask: pip install '{PROGRAM}[dask]'"
+        ) from error
     return distributed
 
 

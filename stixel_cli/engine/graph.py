@@ -220,8 +220,9 @@ class _OneGraph:
         if stage.pattern == "pick":
             outside = [k for k in stage.frames if not 0 <= k < self.frame_count]
             if outside:
-                limits = f"0 … {self.frame_count - 1}"
-                raise ValueError(f"stage {stage.name}: frame {outside[0]} is not in {limits}")
+                raise ValueError(
+                    f"stage {stage.name}: frame {outside[0]} is not in 0 … {self.frame_count - 1}"
+                )
             return [(k, k + 1) for k in sorted(set(stage.frames))]
         return [
             (first, min(first + self.chunk_size, self.frame_count))
@@ -238,8 +239,9 @@ class _OneGraph:
         for node in ids:
             if stage.pattern == "pick" and self.nodes[node].first == first:
                 return (node,)
-        needed = f"frame {first} of {source.name}, which picks other frames"
-        raise ValueError(f"stage {stage.name} needs {needed}")
+        raise ValueError(
+            f"stage {stage.name} needs frame {first} of {source.name}, which picks other frames"
+        )
 
 
 def _in_order(stages: Sequence[Stage]) -> dict[str, Stage]:

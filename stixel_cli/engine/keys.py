@@ -66,8 +66,9 @@ class Stage:
     def check(self) -> None:
         """Raise ValueError, in one line, if the stage is not valid."""
         if self.pattern not in GIVEN:
-            fault = f"{self.pattern!r} is not a pattern; choose {', '.join(GIVEN)}"
-            raise ValueError(f"stage {self.name}: {fault}")
+            raise ValueError(
+                f"stage {self.name}: {self.pattern!r} is not a pattern; choose {', '.join(GIVEN)}"
+            )
         module, _, function = self.function.partition(":")
         if not module or not function.isidentifier():
             raise ValueError(f"stage {self.name}: {self.function!r} is not package.module:function")

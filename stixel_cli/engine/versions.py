@@ -92,5 +92,7 @@ def check_versions(notes: Mapping[str, Any]) -> None:
     for name, planned in {"python": notes["python"], **notes["versions"]}.items():
         here = python_version() if name == "python" else installed_version(name)
         if here != planned:
-            has = f"has {name} {here}, but this run was planned with {planned}"
-            raise CodeChanged(f"worker on {socket.gethostname()}: {has}")
+            raise CodeChanged(
+                f"worker on {socket.gethostname()}: has {name} {here}, but this run was "
+                f"planned with {planned}"
+            )

@@ -60,12 +60,15 @@ class Rig:
         _ = self.focal
         greatest = float(np.abs(self.disparity_errors() - self.far_disparity).max())
         if greatest > GREATEST_ERROR:
-            must = f"must be <= {GREATEST_ERROR:g} px in all columns"
-            raise ValueError(f"rig.disparity_error: {must}, got {greatest:.0f} px")
-        width, height = self.width, self.height
-        sizes = {"principal_u": width, "principal_v": height, "principal_u_right": width}
-        for name, size in sizes.items():
-            value = getattr(self, name)
+            raise ValueError(
+                f"rig.disparity_error: must be <= {GREATEST_ERROR:g} px in all columns, "
+                f"got {greatest:.0f} px"
+            )
+        for name, value, size in (
+            ("principal_u", self.principal_u, self.width),
+            ("principal_v", self.principal_v, self.height),
+            ("principal_u_right", self.principal_u_right, self.width),
+        ):
             if value is not None and not 0 <= value <= size - 1:
                 raise ValueError(f"rig.{name}: must be 0 to {size - 1} (the image), got {value:g}")
 
@@ -76,8 +79,10 @@ class Rig:
         ValueError unless exactly one of `horizontal_fov` and `focal_length` is given.
         """
         if (self.horizontal_fov is None) == (self.focal_length is None):
-            either = "set either rig.focal_length or rig.horizontal_fov"
-            raise ValueError(f"rig.focal_length: {either}, and set the other to null")
+            raise ValueError(
+                "rig.focal_length: set either rig.focal_length or rig.horizontal_fov, "
+                "and set the other to null"
+            )
         if self.focal_length is not None:
             return self.focal_length
         return self.width / (2.0 * np.tan(np.radians(self.horizontal_fov) / 2.0))

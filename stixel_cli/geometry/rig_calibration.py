@@ -57,8 +57,9 @@ class RigCalibration:
         stds = ", ".join(f"{std:.2f}" for std in self.rig.disparity_error_std)
         known = "corrected" if any(self.rig.disparity_error) else "not corrected"
         known += f": {values} px at the left border, in the middle, at the right border (± {stds})"
-        parts = f"disparity error {known}", self.method, self.note, self.length_text
-        return "; ".join(filter(None, parts))
+        return "; ".join(
+            filter(None, [f"disparity error {known}", self.method, self.note, self.length_text])
+        )
 
     @property
     def length_text(self) -> str:

@@ -56,8 +56,9 @@ class FabricatedParameters(Disturbance):
     def check(self, rig: Rig) -> None:
         """Raise ValueError if there are more rays than the image of `rig` has columns."""
         if self.rays is not None and self.rays > rig.width:
-            most = f"rig.width ({rig.width} columns)"
-            raise ValueError(f"measurement.rays: must be ≤ {most}, got {self.rays}")
+            raise ValueError(
+                f"measurement.rays: must be ≤ rig.width ({rig.width} columns), got {self.rays}"
+            )
 
 
 def fabricate_scans(

@@ -142,11 +142,14 @@ def _clock(
     if ego is None:
         tables.refuse_other_times(file, k, t, known[np.searchsorted(present, k)], 0.0)
     elif not np.array_equal(present, np.arange(len(k))):
-        numbers = f"each number from 0 to {len(k) - 1} once"
-        raise UserError(f"{clock}: must have one row for each scan k, {numbers}")
+        raise UserError(
+            f"{clock}: must have one row for each scan k, each number from 0 to {len(k) - 1} once"
+        )
     for i in np.flatnonzero(np.diff(known) <= 0.0):
-        later, earlier = (f"scan {present[j]} is at {known[j]:.6g} s" for j in (i + 1, i))
-        raise UserError(f"{clock}: t must increase with k, but {later} and {earlier}")
+        raise UserError(
+            f"{clock}: t must increase with k, but scan {present[i + 1]} is at "
+            f"{known[i + 1]:.6g} s and scan {present[i]} at {known[i]:.6g} s"
+        )
     if ego is None:
         times = _all_times(file, present, known)
         poses = np.tile([0.0, 0.0, STRAIGHT_AHEAD], (len(times), 1))
@@ -156,16 +159,20 @@ def _clock(
         k = tables.scan_indices(file, table, times, time_unit, epoch)
     if epoch is not None and time_unit is None:
         day = datetime.fromtimestamp(epoch // 10**9, UTC).date()
-        doubt = "if that is wrong, set measurement.time_unit"
-        note(f"{clock}: t is read as {unit} since 1970 (first scan: {day}); {doubt}")
+        note(
+            f"{clock}: t is read as {unit} since 1970 (first scan: {day}); if that is wrong, set "
+            "measurement.time_unit"
+        )
     return k, times, poses, epoch
 
 
 def _all_times(file: Path, present: np.ndarray, known: np.ndarray) -> np.ndarray:
     """The times (K,) s of all scans, of which those of the `present` (n,) scans are `known`."""
     if len(present) < 2 and present[0] > 0:
-        unknown = "so the times of the scans before it are unknown: give measurement.ego=FILE"
-        raise UserError(f"{file}: has one scan, k = {present[0]}, {unknown}")
+        raise UserError(
+            f"{file}: has one scan, k = {present[0]}, so the times of the scans before it are "
+            "unknown: give measurement.ego=FILE"
+        )
     times = np.interp(np.arange(present[-1] + 1), present, known)
     if present[0] > 0:
         step = (known[1] - known[0]) / (present[1] - present[0])
@@ -179,8 +186,10 @@ def _scans_of_rows(file: Path, table: Mapping[str, np.ndarray], t: np.ndarray) -
         return tables.indices(file, "k", table["k"])
     times, k = np.unique(t, return_inverse=True)
     if len(times) > tables.MOST_SCANS:
-        most = f"at most {tables.MOST_SCANS}, got {len(times)}"
-        raise UserError(f"{file}: without the column k, each t is a scan: {most}")
+        raise UserError(
+            f"{file}: without the column k, each t is a scan: at most {tables.MOST_SCANS}, "
+            f"got {len(times)}"
+        )
     return k
 
 
@@ -190,7 +199,12 @@ def _covariances(file: Path, table: dict[str, np.ndarray], range_std: float) -> 
         return np.tile(range_std**2 * np.eye(2), (len(table["t"]), 1, 1))
     xx, xy, yy = (table[name] for name in VARIANCES)
     # A point measured exactly across the ray has a determinant of zero, up to rounding.
-    wrong = (xx < 0) | (yy < 0) | (xx * yy - xy**2 < -1e-9 * xx * yy)
-    must = "be a covariance: no negative variance, and var_xy² at most var_xx var_yy"
-    tables.refuse_rows(file, wrong, lambda _: f"var_xx, var_xy, var_yy must {must}")
+    tables.refuse_rows(
+        file,
+        (xx < 0) | (yy < 0) | (xx * yy - xy**2 < -1e-9 * xx * yy),
+        lambda _: (
+            "var_xx, var_xy, var_yy must be a covariance: no negative variance, and var_xy² at "
+            "most var_xx var_yy"
+        ),
+    )
     return np.stack([xx, xy, xy, yy], axis=1).reshape(-1, 2, 2)

@@ -62,10 +62,12 @@ def read_truth(
         if len(np.unique(k)) < len(k):
             raise UserError(f"{file}: each scan must have one row only: give one target")
         if len(k) == 0:
-            remedy = "leave out measurement.truth if there is no truth"
-            raise UserError(f"{file}: has no rows: {remedy}")
-        for name in {"heading", "heading_rate"} & table.keys():
-            table[name] = tables.in_radians(table[name], angle_unit)
+            raise UserError(
+                f"{file}: has no rows: leave out measurement.truth if there is no truth"
+            )
+        for name in ("heading", "heading_rate"):
+            if name in table:
+                table[name] = tables.in_radians(table[name], angle_unit)
         poses[k] = np.stack([table[name] for name in ("x", "y", "heading")], axis=1)
         if RATES[0] in table:
             rates[k] = np.stack([table[name] for name in RATES], axis=1)
@@ -108,12 +110,15 @@ def heading_note(scenario: Scenario, angle_unit: tables.AngleUnit) -> str | None
     angle, other_angle = _angle_to_motion(scenario, headings), _angle_to_motion(scenario, others)
     beyond = angle_unit == "rad" and np.abs(headings).max(initial=0.0) > MOST_RADIANS
     if beyond and not angle <= other_angle:
-        degrees = "are degrees and not radians: set measurement.angle_unit=deg"
-        return f"measurement.truth: headings up to {np.abs(headings).max():.4g} {degrees}"
+        return (
+            f"measurement.truth: headings up to {np.abs(headings).max():.4g} are degrees and not "
+            "radians: set measurement.angle_unit=deg"
+        )
     if angle > GREATEST_ANGLE:
-        away = f"headings are {angle:.0f}° (median) away from the direction of motion"
-        others = f"with measurement.angle_unit={other} they are {other_angle:.0f}° away"
-        return f"measurement.truth: {away}; {others}"
+        return (
+            f"measurement.truth: headings are {angle:.0f}° (median) away from the direction of "
+            f"motion; with measurement.angle_unit={other} they are {other_angle:.0f}° away"
+        )
     return None
 
 
@@ -135,8 +140,10 @@ def _contours(file: Path, table: dict[str, np.ndarray]) -> np.ndarray:
         contours = contours[None] if contours.ndim == 2 else contours
         corners = contours.shape[1] if contours.ndim == 3 and contours.shape[2] == 2 else 0
         if corners < 3 or not 1 <= len(contours) <= MOST_CORNERS // corners:
-            must = "must be (M, 2) or (L, M, 2) with M ≥ 3"
-            raise UserError(f"{file}: contour has shape {table['contour'].shape}, {must}")
+            raise UserError(
+                f"{file}: contour has shape {table['contour'].shape}, must be (M, 2) or "
+                f"(L, M, 2) with M ≥ 3"
+            )
         if not np.isfinite(contours).all():
             raise UserError(f"{file}: contour must have finite numbers only")
         import shapely  # Every run's tables import this module.

@@ -34,9 +34,10 @@ def own_scans(scenario: Scenario, function: str, parameters: Mapping[str, Any], 
     if not np.array_equal(scans.times, scenario.times):
         raise ValueError(f"{function}: the times of its scans must be those of the scenario")
     if not isinstance(scans.field_of_view, FieldOfView | None):
-        got = type(scans.field_of_view).__name__
-        must = "field_of_view of its scans must be a FieldOfView or None"
-        raise ValueError(f"{function}: {must}, got a {got}")
+        raise ValueError(
+            f"{function}: field_of_view of its scans must be a FieldOfView or None, "
+            f"got a {type(scans.field_of_view).__name__}"
+        )
     count = len(scans.points_world)
     shapes = {
         "sensor_poses_world": (len(scenario.times), 3),
@@ -46,9 +47,12 @@ def own_scans(scenario: Scenario, function: str, parameters: Mapping[str, Any], 
     }
     for field, shape in shapes.items():
         values = np.asarray(getattr(scans, field))
-        if values.shape != shape or not np.isfinite(values).all():
-            must = f"must be finite and have shape {shape}, got {values.shape}"
-            raise ValueError(f"{function}: {field} of its scans {must}")
+        if values.shape != shape:
+            raise ValueError(
+                f"{function}: {field} of its scans must have shape {shape}, got {values.shape}"
+            )
+        if not np.isfinite(values).all():
+            raise ValueError(f"{function}: {field} of its scans must be finite")
     if scans.offsets[0] != 0 or scans.offsets[-1] != count or np.any(np.diff(scans.offsets) < 0):
         raise ValueError(f"{function}: offsets of its scans must rise from 0 to {count}")
     return scans

@@ -56,16 +56,19 @@ class Gated(Disturbance):
     def check(self) -> None:
         """Raise ValueError unless the gate of height is open."""
         if self.height_max <= self.height_min:
-            must = f"must be > measurement.height_min ({self.height_min} m)"
-            raise ValueError(f"measurement.height_max: {must}, got {self.height_max} m")
+            raise ValueError(
+                f"measurement.height_max: must be > measurement.height_min ({self.height_min} m), "
+                f"got {self.height_max} m"
+            )
 
 
 def check_dropout(measurement: Disturbance) -> None:
     """Raise ValueError if the dropout ends before it begins."""
     dropout = measurement.dropout
     if dropout is not None and dropout[1] < dropout[0]:
-        must = "the second must be at least the first"
-        raise ValueError(f"measurement.dropout: {must}, got {list(dropout)}")
+        raise ValueError(
+            f"measurement.dropout: the second must be at least the first, got {list(dropout)}"
+        )
 
 
 def undisturbed(measurement: Disturbance) -> Disturbance:

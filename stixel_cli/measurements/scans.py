@@ -127,8 +127,10 @@ class Scans:
     def __post_init__(self):
         wrong = np.flatnonzero(~(np.abs(self.times) <= FARTHEST))
         if len(wrong):
-            got = f"got {self.times[wrong[0]]:g}"
-            raise ValueError(f"the time of scan {wrong[0]} must be within ±{FARTHEST:g} s, {got}")
+            raise ValueError(
+                f"the time of scan {wrong[0]} must be within ±{FARTHEST:g} s, "
+                f"got {self.times[wrong[0]]:g}"
+            )
 
     @classmethod
     def of_each(

@@ -41,8 +41,9 @@ def stx1_library(asked_by: str) -> Any:
     try:
         import stixel
     except ImportError:
-        needed = "stx1 needs pyStixel-lib: pip install 'stixel[stx1]'"
-        raise UserError(f"{asked_by}: {needed}") from None
+        raise UserError(
+            f"{asked_by}: stx1 needs pyStixel-lib: pip install 'stixel[stx1]'"
+        ) from None
     return stixel
 
 

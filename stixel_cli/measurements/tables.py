@@ -62,8 +62,10 @@ def read_table(
     for group in together:
         absent = [name for name in group if name not in columns]
         if absent and len(absent) < len(group):
-            remedy = f"give all of {', '.join(group)}, or leave out all of them"
-            raise UserError(f"{file}: the column {absent[0]} is missing: {remedy}")
+            raise UserError(
+                f"{file}: the column {absent[0]} is missing: give all of {', '.join(group)}, or "
+                "leave out all of them"
+            )
     table = {name: _numbers(file, name, columns[name]) for name in names if name in columns}
     if len({len(column) for column in table.values()}) > 1:
         raise UserError(f"{file}: its columns must have equal lengths")
@@ -79,9 +81,11 @@ def read_table(
 
 def indices(file: Path, name: str, column: np.ndarray, count: int = MOST_SCANS) -> np.ndarray:
     """The column `name` as int64; UserError unless all are whole numbers from 0 to `count` - 1."""
-    wrong = (column != np.floor(column)) | (column < 0) | (column >= count)
-    must = f"{name} must be a whole number from 0 to {count - 1}"
-    refuse_rows(file, wrong, lambda i: f"{must}, got {column[i]:g}")
+    refuse_rows(
+        file,
+        (column != np.floor(column)) | (column < 0) | (column >= count),
+        lambda i: f"{name} must be a whole number from 0 to {count - 1}, got {column[i]:g}",
+    )
     return column.astype(np.int64)
 
 
@@ -174,9 +178,13 @@ def seconds(file: Path, t: np.ndarray, unit: TimeUnit | None, epoch: int | None)
     if first is not None:
         return (_nanoseconds(t, name) - epoch) / 1e9
     hint = "" if unit else "; if its unit is not s, set measurement.time_unit=ms, us or ns"
-    must = f"must be a number up to {FARTHEST:g} s, or a time since 1970{hint}"
-    wrong = ~(np.abs(t) <= FARTHEST * PER_SECOND[name])
-    refuse_rows(file, wrong, lambda i: f"t: {t[i]:g} {name} {must}")
+    refuse_rows(
+        file,
+        ~(np.abs(t) <= FARTHEST * PER_SECOND[name]),
+        lambda i: (
+            f"t: {t[i]:g} {name} must be a number up to {FARTHEST:g} s, or a time since 1970{hint}"
+        ),
+    )
     return t / PER_SECOND[name]
 
 

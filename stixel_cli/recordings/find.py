@@ -198,8 +198,9 @@ def assembled_recording(
     of_target = {}
     if target is not None:
         if frames.start not in track.frames:
-            lacks = f"no label of track {target} in frame {frames.start}"
-            raise UserError(f"source.frames: {labels[0]} has {lacks}")
+            raise UserError(
+                f"source.frames: {labels[0]} has no label of track {target} in frame {frames.start}"
+            )
         box = track.boxes[track.frames == frames.start][0]
         of_target = {"label": track.kind, "first_box": (float(box[0]), float(box[2]))}
     width, height = _common_size(frames, images, calibration.rectification)
@@ -291,8 +292,11 @@ def _common_size(
     if rectification is None:
         return size
     if size != rectification.file_size:
-        expected = "but its calibration has {} × {} px".format(*rectification.file_size)
-        raise UserError(f"{images[0][frames[0]]}: {size[0]} × {size[1]} px, {expected}")
+        width, height = rectification.file_size
+        raise UserError(
+            f"{images[0][frames[0]]}: {size[0]} × {size[1]} px, "
+            f"but its calibration has {width} × {height} px"
+        )
     return rectification.size
 
 

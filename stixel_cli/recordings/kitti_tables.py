@@ -274,9 +274,10 @@ def checked_poses(file: Path, poses: list[tuple[int, np.ndarray]]) -> np.ndarray
             cosine = 0.5 * (np.trace(before[:, :3].T @ turn) - 1.0)
             angle = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
             if step > GREATEST_STEP or angle > GREATEST_TURN:
-                apart = f"{step:.1f} m and {angle:.0f} degrees from the row before"
-                most = f"at most {GREATEST_STEP:g} m and {GREATEST_TURN:g} degrees"
-                raise UserError(f"{file}: row {row}: out of order: {apart}, {most}")
+                raise UserError(
+                    f"{file}: row {row}: out of order: {step:.1f} m and {angle:.0f} degrees from "
+                    f"the row before, at most {GREATEST_STEP:g} m and {GREATEST_TURN:g} degrees"
+                )
         before = pose
     if not poses:
         raise UserError(f"{file}: has no poses")

@@ -71,8 +71,9 @@ class Recorded:
             others = f"; also {', '.join(missing[1:])}" if missing[1:] else ""
             raise ValueError(f"{missing[0]}: is required with source={self.kind}{others}")
         if self.example and not re.fullmatch(rf"\d{{1,{len(self.example)}}}", self.sequence):
-            must = f"must be a number such as {self.example}"
-            raise ValueError(f"source.sequence: {must}, got {self.sequence!r}")
+            raise ValueError(
+                f"source.sequence: must be a number such as {self.example}, got {self.sequence!r}"
+            )
         chosen_frames(self.frames)
 
 

@@ -63,8 +63,9 @@ def find_motion(folder: Path, sequence: str | None) -> Recording:
         known = ", ".join(sequences(root))
         raise UserError(f"path.sequence: {labels}: no such file; there are {known}")
     if not poses[-1].is_file():
-        required = "the ego car's motion is required"
-        raise UserError(f"path.sequence: {poses[-1]}: no such file; {required}")
+        raise UserError(
+            f"path.sequence: {poses[-1]}: no such file; the ego car's motion is required"
+        )
     calibration = read_calibration(root / "calib" / f"{name}.txt", ("P2", "P3"))
     return Recording(
         layout="kitti_tracking",
@@ -104,11 +105,15 @@ def _frames(path: ReplayedPath, known: list[int]) -> range:
     track = f"track {path.target} of clip {path.sequence or Path(path.folder).name}"
     key = "target" if path.frames is None else "frames"
     if len(inside) < LEAST_FRAMES:
-        found = f"{len(inside)} labelled frames with an ego pose here"
-        raise UserError(f"path.{key}: {track} has {found}, at least {LEAST_FRAMES} are needed")
+        raise UserError(
+            f"path.{key}: {track} has {len(inside)} labelled frames with an ego pose here, "
+            f"at least {LEAST_FRAMES} are needed"
+        )
     if (inside[0], inside[-1] + 1) != (chosen.start, chosen.stop):
-        right = f"{inside[0]}:{inside[-1] + 1} has"
-        raise UserError(f"path.frames: {track} has no label at an end of {path.frames}; {right}")
+        raise UserError(
+            f"path.frames: {track} has no label at an end of {path.frames}; "
+            f"{inside[0]}:{inside[-1] + 1} has"
+        )
     return chosen
 
 

@@ -32,8 +32,10 @@ def common_frames(
     chosen = chosen_frames(text)
     for name, (start, end) in spans.items() if chosen else ():
         if chosen.start < start or chosen.stop > end:
-            within = f"is not within {start}:{end}, the frames of {name}"
-            raise UserError(f"source.frames: {chosen.start}:{chosen.stop} {within}")
+            raise UserError(
+                f"source.frames: {chosen.start}:{chosen.stop} is not within "
+                f"{start}:{end}, the frames of {name}"
+            )
     if not chosen and not common:
         words = "; ".join(f"{name} {start}:{end}" for name, (start, end) in spans.items())
         raise UserError(f"source.frames: no common frame: {words}")
@@ -46,9 +48,10 @@ def check_steps(recording: Recording, sample_time: float, root: Path, group: str
     for k in recording.frames[1:]:
         step = 1e-9 * (times[k] - times[k - 1])
         if abs(step - sample_time) > JITTER * sample_time:
-            frames = f"frames {k - 1} and {k} of {root} are {step:.3f} s apart"
-            stated = f"{group}.sample_time is {sample_time:g} s"
-            raise UserError(f"{group}.frames: {frames}, but {stated}")
+            raise UserError(
+                f"{group}.frames: frames {k - 1} and {k} of {root} are {step:.3f} s apart, but "
+                f"{group}.sample_time is {sample_time:g} s"
+            )
 
 
 def pairs_by_time(left: Sequence[int], right: Sequence[int]) -> dict[int, int]:

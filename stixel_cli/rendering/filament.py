@@ -99,8 +99,9 @@ def rendered(
             if problem is None:
                 break
         else:
-            remedy = "renderer=raycast needs no driver"
-            raise RendererUnavailable(f"{problem} ({renderer.attempts} attempts); {remedy}")
+            raise RendererUnavailable(
+                f"{problem} ({renderer.attempts} attempts); renderer=raycast needs no driver"
+            )
         for k in scene["frames"]:
             with np.load(folder / f"frame_{k}.npz", allow_pickle=False) as file:
                 yield file["left"], file["right"], file["depth"], file["ids"]

@@ -73,14 +73,17 @@ def _loaded(path: str, contrast: float, scale: float, turn: float, up: str, dige
     low, high = bounding_box(mesh)
     sides = high - low
     if not ((sides >= LEAST_SIDE) & (sides <= GREATEST_SIDE)).all():
-        large = " × ".join(f"{side:.3g}" for side in sides) + " m large"
-        must = f"each side must be {LEAST_SIDE:g} to {GREATEST_SIDE:g} m"
-        hint = _other_units(sides.max() / scale)
-        raise ValueError(f"road_user.mesh: the mesh in {path!r} is {large}; {must}{hint}")
+        raise ValueError(
+            f"road_user.mesh: the mesh in {path!r} is {sides[0]:.3g} × {sides[1]:.3g} × "
+            f"{sides[2]:.3g} m large; each side must be {LEAST_SIDE:g} to {GREATEST_SIDE:g} m"
+            f"{_other_units(sides.max() / scale)}"
+        )
     a, b = np.diff(corners(mesh)[:, :, :2], axis=1).transpose(1, 2, 0)
     if 0.5 * np.abs(a[0] * b[1] - a[1] * b[0]).sum() < LEAST_FOOTPRINT:
-        flat = f"has no area seen from above; {up} must be up (road_user.mesh_up)"
-        raise ValueError(f"road_user.mesh: the mesh in {path!r} {flat}")
+        raise ValueError(
+            f"road_user.mesh: the mesh in {path!r} has no area seen from above; "
+            f"{up} must be up (road_user.mesh_up)"
+        )
     return mesh
 
 
@@ -98,9 +101,10 @@ def mesh_doubt(path: str, scale: float, up: str) -> str | None:
     if (stands[other] and even[axis]) or (up == "z" and path.lower().endswith((".glb", ".gltf"))):
         return f"road_user.mesh: {path!r} probably has {name} up: set road_user.mesh_up={name}"
     if low[axis] > 0.05 * sides[axis]:
-        above = f"{low[axis]:.2f} m above the ground ({up} = 0) and is put on it"
-        remedy = f"if {name} is up, set road_user.mesh_up={name}"
-        return f"road_user.mesh: {path!r} is {above}; {remedy}"
+        return (
+            f"road_user.mesh: {path!r} is {low[axis]:.2f} m above the ground ({up} = 0) and is put "
+            f"on it; if {name} is up, set road_user.mesh_up={name}"
+        )
     return None
 
 
@@ -389,8 +393,9 @@ def _check_gltf(content: bytes, size: int) -> None:
         raise ValueError("compressed or sparse geometry: export it without compression")
     count = sum(one["count"] for one in accessors)
     if count > size or len(nodes) > MOST_NODES:
-        most = f"must be {size} and {MOST_NODES} at most"
-        raise ValueError(f"{count} elements and {len(nodes)} nodes, {most}")
+        raise ValueError(
+            f"{count} elements and {len(nodes)} nodes, must be {size} and {MOST_NODES} at most"
+        )
 
 
 ENDS = re.compile(rb"\.(?:mtl|bin|png|jpe?g|bmp|tga|webp|gif|tiff?)\b", re.IGNORECASE)

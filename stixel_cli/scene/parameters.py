@@ -91,13 +91,16 @@ class RoadUser:
         if self.mesh is not None and not os.path.isfile(self.mesh):
             raise ValueError(f"road_user.mesh: file not found: {self.mesh!r}")
         if self.mesh_forward.endswith(self.mesh_up):
-            other = f"another axis than road_user.mesh_up, {self.mesh_up}"
-            raise ValueError(f"road_user.mesh_forward: must be {other}")
+            raise ValueError(
+                f"road_user.mesh_forward: must be another axis than road_user.mesh_up, "
+                f"{self.mesh_up}"
+            )
         given = (self.mesh_scale, self.mesh_forward, self.mesh_up)
         if self.mesh is None and given != (1.0, "x", "z"):
-            keys = "road_user.mesh_scale, road_user.mesh_forward, road_user.mesh_up"
-            only = "only for a mesh of your own; give road_user.mesh=FILE, too"
-            raise ValueError(f"{keys}: {only}")
+            raise ValueError(
+                "road_user.mesh_scale, road_user.mesh_forward, road_user.mesh_up: only for a mesh "
+                "of your own; give road_user.mesh=FILE, too"
+            )
 
 
 @parameters
@@ -156,8 +159,10 @@ class _Driven:
         if self.sample_time > self.duration:
             raise ValueError(f"path.sample_time: must be <= path.duration ({duration}), got {step}")
         if self.duration / self.sample_time > MOST_SCANS:
-            many = f"gives more than {MOST_SCANS} scans"
-            raise ValueError(f"path.duration: {duration} with path.sample_time={step} {many}")
+            raise ValueError(
+                f"path.duration: {self.duration:g} s with path.sample_time={self.sample_time:g} s "
+                f"gives more than {MOST_SCANS} scans"
+            )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -180,9 +185,10 @@ class _FromStart(_Driven):
 
 def _check_start(start: Point, key: str) -> None:
     if start[1] <= 0.0:
-        must = "the second coordinate (forward) must be above 0"
-        place = f"at ({start[0]:g}, {start[1]:g})"
-        raise ValueError(f"{key}: the path starts behind the camera, {place}; {must}")
+        raise ValueError(
+            f"{key}: the path starts behind the camera, at ({start[0]:g}, {start[1]:g}); "
+            "the second coordinate (forward) must be above 0"
+        )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -53,13 +53,17 @@ class MatchingParameters:
         if self.block_size % 2 == 0:
             raise ValueError(f"stereo.block_size: must be odd, got {self.block_size}")
         if self.block_size >= min(rig.width, rig.height):
-            must = f"must be smaller than the image, {rig.width} × {rig.height}"
-            raise ValueError(f"stereo.block_size: {must}, got {self.block_size}")
+            raise ValueError(
+                f"stereo.block_size: must be smaller than the image, {rig.width} × {rig.height}, "
+                f"got {self.block_size}"
+            )
         # In Python floats, because NumPy's warn on overflow.
         greatest = float(rig.focal) * float(rig.baseline) / float(self.nearest)
         if greatest >= rig.width:
-            found = f"at {self.nearest:g} m the disparity is {greatest:.0f} px"
-            raise ValueError(f"stereo.nearest: {found}; it must be < rig.width ({rig.width})")
+            raise ValueError(
+                f"stereo.nearest: at {self.nearest:g} m the disparity is {greatest:.0f} px; it "
+                f"must be < rig.width ({rig.width})"
+            )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -90,8 +90,10 @@ class OccupancyParameters:
     def check(self) -> None:
         """Raise ValueError if the parameters contradict each other."""
         if self.nearest >= self.farthest:
-            must = f"must be < occupancy.farthest ({self.farthest})"
-            raise ValueError(f"occupancy.nearest: {must}, got {self.nearest}")
+            raise ValueError(
+                f"occupancy.nearest: must be < occupancy.farthest ({self.farthest}), "
+                f"got {self.nearest}"
+            )
 
 
 @parameters

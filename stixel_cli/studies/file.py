@@ -115,8 +115,9 @@ class _Entries:
         for name, own in self.variants.items():
             unknown = next((key for key in own if key not in first), None)
             if unknown is not None or not first:
-                must = "must have a value in the first variant too"
-                raise ValueError(f"variants: {name}: {unknown} {must}")
+                raise ValueError(
+                    f"variants: {name}: {unknown} must have a value in the first variant too"
+                )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -238,8 +239,9 @@ class StudyFile:
             isinstance(axis, dict) and all(isinstance(values, list) for values in axis.values())
             for axis in axes
         ):
-            must = "must return a list of mappings from key to values"
-            raise UserError(f"{self.module_name}: {name} {must}")
+            raise UserError(
+                f"{self.module_name}: {name} must return a list of mappings from key to values"
+            )
         return axes
 
     def call(self, name: str, *data: Any) -> Any:

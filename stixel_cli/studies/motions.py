@@ -99,8 +99,9 @@ def _axes(subset: Callable[[list[RealTrack]], list[RealTrack]]) -> list[dict[str
     tracks = real_tracks(folder)
     chosen = subset(tracks)
     if not chosen:
-        lacks = f"no track with {LEAST_FRAMES} frames within {FARTHEST:g} m"
-        raise MissingData(f"{DATA}: {folder} has {lacks}")
+        raise MissingData(
+            f"{DATA}: {folder} has no track with {LEAST_FRAMES} frames within {FARTHEST:g} m"
+        )
     return [
         {
             "path.folder": [str(track.folder) for track in chosen],

@@ -116,8 +116,10 @@ def _plan(sweep: SweepEntry, design: Design, *shared: Any) -> SweepPlan:
         if not any(step in run.graph.stages for run in plan.runs):
             known = sorted({name for run in plan.runs for name in run.graph.stages})
             hint = messages.suggestion(step, known) or f" (steps: {', '.join(known)})"
-            lacks = f"no pipeline of its runs has a step {messages.printable(step)}{hint}"
-            raise ConfigurationError(f"sweep {sweep.name}: results: {lacks}")
+            raise ConfigurationError(
+                f"sweep {sweep.name}: results: no pipeline of its runs has a step "
+                f"{messages.printable(step)}{hint}"
+            )
     return plan
 
 
@@ -207,9 +209,10 @@ def _axis(axis: Axis, key: str, values: Sequence[Override]) -> Axis:
     steps = [step for step in axis.steps if has(values, key, step[place].value)]
     if not steps:
         there = ", ".join(dict.fromkeys(step[place].value_text for step in axis.steps))
-        others = ", ".join(other for other in axis.keys if other != key)
-        remedy = f"give one of {messages.printable(there, 200)}"
-        raise ConfigurationError(f"{key}: goes together with {others} here: {remedy}")
+        raise ConfigurationError(
+            f"{key}: goes together with {', '.join(k for k in axis.keys if k != key)} here: "
+            f"give one of {messages.printable(there, 200)}"
+        )
     return Axis(axis.keys, tuple(steps))
 
 
@@ -220,5 +223,6 @@ def _refuse_distinguishing(key: str, sweeps: Mapping[str, Design]) -> None:
     }
     if len(set(fixed.values())) > 1:
         values = ", ".join(f"{text} in {name}" for name, text in fixed.items())
-        why = f"its values distinguish the study's sweeps ({values})"
-        raise ConfigurationError(f"{key}: {why}: leave it out")
+        raise ConfigurationError(
+            f"{key}: its values distinguish the study's sweeps ({values}): leave it out"
+        )

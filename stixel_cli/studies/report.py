@@ -93,9 +93,10 @@ def _check_columns(question: StudyQuestion, whole: pd.DataFrame) -> None:
     metrics = (name for name in question.metrics if name not in METRICS)
     named = (*question.where, *question.by, *question.compare, *metrics)
     for name in (name for name in named if name not in whole):
-        hint = messages.suggestion(name, [*whole])
-        lacks = f"{messages.printable(name)}: no such column of the runs{hint}"
-        raise UserError(f"questions: {question.name}: {lacks}")
+        raise UserError(
+            f"questions: {question.name}: {messages.printable(name)}: no such column of the runs"
+            f"{messages.suggestion(name, [*whole])}"
+        )
 
 
 def _parts(question: StudyQuestion, runs: Runs) -> dict[str, Any]:

@@ -78,8 +78,10 @@ class Study:
         there, wanted = read_yaml(self.path / FILE), self.plan.request()
         difference = first_difference({name: there.get(name) for name in wanted}, wanted)
         if difference is not None:
-            remedy = "choose another --name, or start over with --fresh"
-            raise UserError(f"{self.path}: has another request: {difference}; {remedy}")
+            raise UserError(
+                f"{self.path}: has another request: {difference}; choose another --name, or start "
+                "over with --fresh"
+            )
         return True
 
     def begin(self, fresh: bool) -> None:

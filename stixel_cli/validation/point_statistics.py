@@ -104,9 +104,11 @@ def fit_noise(runs: Sequence[PointErrors]) -> FittedNoise:
     starts = np.diff(scan, prepend=-1) != 0
     outermost = starts | np.roll(starts, -1)
     core = (inside > 0.0) & ~outermost
-    if (count := np.count_nonzero(core)) < _FEWEST:
-        few = f"are too few to fit the noise, it takes {_FEWEST}"
-        raise UserError(f"{count} points of the target in the training runs {few}")
+    if np.count_nonzero(core) < _FEWEST:
+        raise UserError(
+            f"{np.count_nonzero(core)} points of the target in the training runs are too few to "
+            f"fit the noise, it takes {_FEWEST}"
+        )
     width = max(1, round(neighbour_columns(runs)))
 
     # Divided by the range sensitivity (m/px), i.e. in px, errors are about as large at all ranges.
