@@ -67,8 +67,7 @@ def make_folder(root: Path, name: str) -> Path:
         root.mkdir(parents=True, exist_ok=True)
         write_whole(mark, f"{_SIGNATURE}\n{_OWNER}\n")
     path = root / name
-    if not path.is_dir():
-        path.mkdir(parents=True, exist_ok=True)
+    path.mkdir(parents=True, exist_ok=True)
     return path
 
 
@@ -162,18 +161,15 @@ def collector_lock(folder: Path) -> Iterator[None]:
     CacheError if the folder cannot be written, or another process keeps the lock for too long.
     """
     try:
-        lock = file_lock(folder / "collector.lock")
-        lock.acquire(timeout=PATIENCE)
+        held = file_lock(folder / "collector.lock").acquire(timeout=PATIENCE)
     except TimeoutError as error:
         raise CacheError(
             f"another process has been cleaning the cache {folder} for {PATIENCE:.0f} s"
         ) from error
     except OSError as error:
         raise unwritable(folder, error) from error
-    try:
+    with held:
         yield
-    finally:
-        lock.release()
 
 
 def leased_keys(folder: Path) -> set[str]:

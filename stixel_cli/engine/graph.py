@@ -20,8 +20,6 @@ class Node:
     """The stage."""
     identity: Identity
     """The part of the key that all nodes of the stage share."""
-    label: str
-    """`average[0:10]`, `plot[12]` or `load`."""
     first: int | None
     stop: int | None
     """`first`, `stop`: the frames are first … stop - 1; None for `once`."""
@@ -33,6 +31,12 @@ class Node:
     """Key of the node before in a fold, or None."""
     depth: int
     """Length of the longest path from a node without inputs."""
+
+    @property
+    def label(self) -> str:
+        """`average[0:10]`, `plot[12]` or `load`."""
+        frames = {"once": "", "pick": f"[{self.first}]"}
+        return self.stage.name + frames.get(self.stage.pattern, f"[{self.first}:{self.stop}]")
 
     @property
     def frames(self) -> list[int] | None:
@@ -197,7 +201,6 @@ class _OneGraph:
                 key=key,
                 stage=stage,
                 identity=identity,
-                label=_label(stage, first, stop),
                 first=first,
                 stop=stop,
                 inputs=inputs,
@@ -263,9 +266,3 @@ def _in_order(stages: Sequence[Stage]) -> dict[str, Stage]:
             raise ValueError(f"stages depend on each other: {names}")
         ordered[ready.name] = ready
     return ordered
-
-
-def _label(stage: Stage, first: int | None, stop: int | None) -> str:
-    if stage.pattern == "once":
-        return stage.name
-    return f"{stage.name}[{first}]" if stage.pattern == "pick" else f"{stage.name}[{first}:{stop}]"

@@ -39,8 +39,7 @@ def in_frames(points: np.ndarray, poses: np.ndarray) -> np.ndarray:
 
 def centre_errors(estimated_world: np.ndarray, true_world: np.ndarray) -> np.ndarray:
     """Distance (K,) m of the centres, the first two columns of (K, …)."""
-    offsets = estimated_world[:, :2] - true_world[:, :2]
-    return np.hypot(offsets[:, 0], offsets[:, 1])
+    return np.hypot(*(estimated_world[:, :2] - true_world[:, :2]).T)
 
 
 def points_of_target(scenario: Scenario, scans: Scans, k: int) -> np.ndarray:
@@ -210,18 +209,13 @@ def areas(polygons: np.ndarray) -> np.ndarray:
 
 
 def overlaps(estimated: np.ndarray, true: np.ndarray) -> np.ndarray:
-    """Intersection over union (K,), 0 … 1, of shapely geometries (K,); 0 for two empty ones.
+    """Intersection over union (K,), 0 … 1, of geometries (K,) as of `areas`; 0 for two empty ones.
 
     `true` may be (1,), for all scans.
     """
     common = shapely.area(shapely.intersection(estimated, true))
     union = shapely.area(estimated) + shapely.area(true) - common
     return np.clip(np.divide(common, union, out=np.zeros_like(common), where=union > 0.0), 0.0, 1.0)
-
-
-def intersections_over_unions(estimated: np.ndarray, true: np.ndarray) -> np.ndarray:
-    """IoU (K,) of the areas inside polygons, see `areas`; 0 if not finite."""
-    return overlaps(areas(estimated), areas(true))
 
 
 def star_convex_upper_bound(scenario: Scenario) -> float:

@@ -114,6 +114,7 @@ def errors_over_time(
     `replaced_wrongly` (K,) is whether the reported class is neither the prior's nor the true one.
     """
     truth, rates = scenario.target_poses_world, scenario.target_rates_world
+    offsets, covariances = track.means[:, :2] - truth[:, :2], track.covariances
     orientation = orientation_errors(track.means[:, 2], truth[:, 2])
     true_speed = np.hypot(*rates[:, :2].T)
     contours = {}
@@ -125,10 +126,8 @@ def errors_over_time(
         "orientation": np.degrees(orientation),
         "speed": np.hypot(*track.means[:, 3:5].T) - true_speed,
         "yaw_rate": np.degrees(track.means[:, 5] - rates[:, 2]),
-        "nees_position": normalised_errors(
-            track.means[:, :2] - truth[:, :2], track.covariances[:, :2, :2]
-        ),
-        "nees_orientation": normalised_errors(orientation[:, None], track.covariances[:, 2:3, 2:3]),
+        "nees_position": normalised_errors(offsets, covariances[:, :2, :2]),
+        "nees_orientation": normalised_errors(orientation[:, None], covariances[:, 2:3, 2:3]),
         "lost": off_target(contours["iou_box"], orientation, true_speed, replaced_wrongly),
     }
 

@@ -109,8 +109,6 @@ def _scan(
     distances = ground[layer, beam]
     along_variance = (measurement.range_std * np.cos(returns.elevations[layer])) ** 2
     step = np.radians(measurement.scanner.azimuth_step)
-    across_variance = (distances * step) ** 2 / 12.0
-    points = points_along(
-        sensor_pose_world, returns.azimuths[beam], distances, along_variance, across_variance
-    )
+    variances = along_variance, (distances * step) ** 2 / 12.0
+    points = points_along(sensor_pose_world, returns.azimuths[beam], distances, *variances)
     return *points, heights[layer, beam]

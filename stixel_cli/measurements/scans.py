@@ -161,11 +161,9 @@ class Scans:
         return cls(
             times=np.array(times, dtype=np.float64),
             sensor_poses_world=np.array(sensor_poses_world, dtype=np.float64),
-            offsets=np.cumsum([0, *(len(points) for points, _ in scans)], dtype=np.int64),
-            points_world=np.concatenate([np.zeros((0, 2)), *(points for points, _ in scans)]),
-            covariances_world=np.concatenate(
-                [np.zeros((0, 2, 2)), *(covariances for _, covariances in scans)]
-            ),
+            offsets=np.cumsum([0, *(len(scan[0]) for scan in scans)], dtype=np.int64),
+            points_world=np.concatenate([np.zeros((0, 2)), *(scan[0] for scan in scans)]),
+            covariances_world=np.concatenate([np.zeros((0, 2, 2)), *(scan[1] for scan in scans)]),
             field_of_view=field_of_view,
             shared_errors=shared_errors,
             heights=None if heights is None else np.concatenate([np.zeros(0), *heights]),
@@ -232,9 +230,8 @@ def points_along(
     """
     bearings = sensor_pose_world[2] + angles
     along = np.stack([np.cos(bearings), np.sin(bearings)], axis=-1)
-    covariances = (along_variances - across_variances)[:, None, None] * (
-        along[:, :, None] * along[:, None, :]
-    )
+    squares = along[:, :, None] * along[:, None, :]
+    covariances = (along_variances - across_variances)[:, None, None] * squares
     covariances[:, 0, 0] += across_variances
     covariances[:, 1, 1] += across_variances
     return sensor_pose_world[:2] + ranges[:, None] * along, covariances

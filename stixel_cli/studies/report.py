@@ -49,9 +49,8 @@ class Section:
     @property
     def cells(self) -> Cells:
         """One table of all groups."""
-        return joined(
-            " ".join(self.question.by), [(label, overview(own)) for label, own in self.groups]
-        )
+        tables = [(label, overview(own)) for label, own in self.groups]
+        return joined(" ".join(self.question.by), tables)
 
     @cached_property
     def drawings(self) -> list[bytes]:
@@ -69,9 +68,8 @@ def asked(question: StudyQuestion, frames: Mapping[str, Runs]) -> Section:
     """
     parts = {name: frames[name] for name in question.sweeps}
     axes = tuple(dict.fromkeys(axis for part in parts.values() for axis in part.axes))
-    whole = pd.concat(
-        [part.frame.assign(sweep=name) for name, part in parts.items()], ignore_index=True
-    )
+    pieces = [part.frame.assign(sweep=name) for name, part in parts.items()]
+    whole = pd.concat(pieces, ignore_index=True)
     _check_columns(question, whole)
     for column, values in question.where.items():
         whole = whole[whole[column].astype(str).isin(values)]

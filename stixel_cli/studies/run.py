@@ -87,13 +87,9 @@ class Study:
         """Make the folder, or check that the existing one can be resumed."""
         if self.check(fresh):
             return
-        content = {
-            "title": self.plan.study.title,
-            "question": self.plan.study.question,
-            **origin(self.command),
-            "overrides": list(self.plan.overrides),
-            **self.plan.request(),
-        }
+        study, overrides = self.plan.study, list(self.plan.overrides)
+        content = {"title": study.title, "question": study.question, **origin(self.command)}
+        content |= {"overrides": overrides, **self.plan.request()}
         with written(self.path):
             if fresh and self.path.exists():
                 shutil.rmtree(self.path)

@@ -18,7 +18,7 @@ from stixel_cli.evaluation.contour_errors import (
     differences_along_rays,
     even_points,
     gaussian_wasserstein,
-    intersections_over_unions,
+    overlaps,
     seen_points,
     star_convex_upper_bound,
 )
@@ -117,7 +117,7 @@ def test_polygons_next_to_each_other_do_not_overlap_at_all():
     poses = np.array([[0.3, 2.3, angle] for angle in np.linspace(-0.1, 0.1, 20)])
     beside = np.array([world_from_target(SQUARE, pose) for pose in poses])
     squares = np.broadcast_to(SQUARE, beside.shape)
-    np.testing.assert_array_equal(intersections_over_unions(beside, squares), 0.0)
+    np.testing.assert_array_equal(overlaps(areas(beside), areas(squares)), 0.0)
 
 
 def test_distance_of_a_point_on_an_outline_without_length_or_area():
@@ -195,7 +195,7 @@ CORNER = np.array([[0, 0], [2, 0], [2, 2], [0, 2]], float)
     ],
 )
 def test_iou_of_known_polygons(true, estimated, score):
-    found = intersections_over_unions(estimated[None], true[None])
+    found = overlaps(areas(estimated[None]), areas(true[None]))
     np.testing.assert_allclose(found, [score], rtol=0, atol=1e-12)
 
 
