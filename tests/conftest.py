@@ -77,7 +77,7 @@ def _runs_of_test(request, _runs_of_module):
 
 def pytest_collection_modifyitems(items):
     """The longest tests first: at the end, the other worker would wait for them."""
-    long = ("bench", "filament", "tutorials", "tune", "reruns", "result_folder", "sweep_failures")
+    long = ("bench", "filament", "tutorials", "tune", "result_folder", "sweep_failures")
     long += ("dask", "verdict", "mlflow_folder")
     items.sort(key=lambda item: item.path.stem.removeprefix("test_") not in long)
     items.sort(key=lambda item: item.path.name != "test_bench.py")

@@ -220,44 +220,33 @@ def test_a_worker_with_other_versions_is_refused(cluster, project, monkeypatch):
         executed(project, cluster, GraphBuilder().build([stage], 1, 1), "hang")
 
 
-def test_a_scheduler_that_is_lost(project, tmp_path):
-    script = tmp_path / "scheduler.py"
-    script.write_text(
-        dedent(
-            """
-            import sys, time
-            from distributed import LocalCluster
-            if __name__ == "__main__":
-                cluster = LocalCluster(n_workers=1, threads_per_worker=1, processes=False, protocol="tcp://",
-                                       host="127.0.0.1", dashboard_address="127.0.0.1:0")
-                print(cluster.scheduler_address, flush=True)
-                time.sleep(600.0)
-            """
-        )
-    )
-    (tmp_path / "lost_steps.py").write_text(
-        "import time\n\ndef wait(frames, folder):\n"
-        "    open(folder + '/running', 'w').close()\n    time.sleep(600.0)\n"
-    )
-    environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
-    process = subprocess.Popen(
-        [sys.executable, str(script)], stdout=subprocess.PIPE, text=True, env=environment
-    )
+SCHEDULER = """
+    import time
+    from distributed import LocalCluster
+    cluster = LocalCluster(n_workers=1, threads_per_worker=1, processes=False, protocol="tcp://",
+                           host="127.0.0.1", dashboard_address="127.0.0.1:0")
+    print(cluster.scheduler_address, flush=True)
+    time.sleep(600.0)
+    """
+
+
+def test_a_scheduler_that_is_lost(cluster, project, tmp_path):
+    """The one of another process, whose worker hangs; `cluster` has the packages' path."""
+    command = [sys.executable, "-c", dedent(SCHEDULER)]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
     address = process.stdout.readline().strip()
 
     def kill():
         deadline = time.monotonic() + 300.0
-        while not (tmp_path / "running").exists() and time.monotonic() < deadline:
+        while not list(tmp_path.glob("running-5-*")) and time.monotonic() < deadline:
             time.sleep(0.02)
         process.kill()
 
     killer = threading.Thread(target=kill)
     killer.start()
-    stage = Stage("wait", "lost_steps:wait", "map", {}, {"folder": str(tmp_path)})
     try:
         with pytest.raises(ExecutorError, match=f"the Dask scheduler at {address} was lost"):
-            executor = DaskExecutor("dask", 1, None, address)
-            execute(GraphBuilder().build([stage], 2, 1), ["wait"], project.store, executor=executor)
+            executed(project, address, graph_of(tmp_path), "slow", None)
     finally:
         killer.join()
         process.communicate(timeout=600)

@@ -83,13 +83,8 @@ def test_a_stage_that_always_kills_its_worker(project, notes):
 
 def test_a_worker_that_is_killed_once_costs_nothing_but_time(project, notes):
     marker = project.folder / "killed"
-    project.add_line("gather", f"open({str(marker)!r}, 'x') and None")
-    project.edit(
-        "gather",
-        f"open({str(marker)!r}, 'x') and None",
-        f"import pathlib; p = pathlib.Path({str(marker)!r}); "
-        "p.exists() or (p.touch(), __import__('os').kill(__import__('os').getpid(), 9))",
-    )
+    once = f"import os, pathlib; p = pathlib.Path({str(marker)!r}); "
+    project.add_line("gather", f"{once}p.exists() or (p.touch(), os.kill(os.getpid(), 9))")
     graph = project.graph()
     project.run(graph, executor="local", progress=notes)
     assert all(project.store.verify(node.key) for node in graph.nodes.values())

@@ -144,6 +144,13 @@ def test_every_part_of_a_stage_counts(project, tmp_path):
     file.write_text("b")
     found.append(key(stage))
     assert len(set(found)) == len(found)
+    numbers, double, *_ = project.stages()
+    sources = [numbers, replace(numbers, name="others")]
+    wired = [
+        GraphBuilder().build([*sources, replace(double, inputs={"numbers": one.name})], 10, 4)
+        for one in sources
+    ]
+    assert {*keys(wired[0], "double")}.isdisjoint(keys(wired[1], "double"))
 
 
 def test_a_file_without_an_end_is_refused(project, tmp_path):

@@ -91,6 +91,7 @@ def old_notes(entry):
         (lambda entry: flip(entry / VALUE), "has changed"),
         (lambda entry: (entry / VALUE).write_bytes((entry / VALUE).read_bytes()[:-9]), "truncated"),
         (lambda entry: (entry / VALUE).write_bytes(b""), "truncated"),
+        (lambda entry: os.truncate(entry / VALUE, 64 * 2**30), "too large"),  # a sparse file
         (lambda entry: (entry / VALUE).unlink(), "value.joblib is missing"),
         (lambda entry: put(Path.mkdir, entry / VALUE), "directory"),
         (lambda entry: put(Path.mkdir, entry / META), "directory"),
@@ -132,8 +133,6 @@ def test_notes_that_are_damaged_or_of_another_key_are_not_believed(store):
 
 
 def test_a_folder_that_a_collector_removes_on_the_way(store, monkeypatch):
-    from pathlib import Path
-
     store.save("cd" + KEY[2:], 1)
     rename, removed = Path.rename, []
 

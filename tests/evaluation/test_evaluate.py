@@ -22,13 +22,8 @@ TIMES = 0.1 * np.arange(COUNT)
 POSES = np.stack([TIMES, 10.0 + TIMES, 0.5 * TIMES], axis=-1)
 RATES = np.tile([3.0, 4.0, 0.5], (COUNT, 1))
 SCENARIO = Scenario(TIMES, np.zeros((COUNT, 3)), POSES, RATES, OUTLINE[None])
-SCANS = Scans(
-    times=TIMES,
-    sensor_poses_world=np.zeros((COUNT, 3)),
-    offsets=np.array([0, 2, 2, 4, 6, 8]),
-    points_world=np.zeros((8, 2)),
-    covariances_world=np.tile(np.eye(2), (8, 1, 1)),
-)
+EACH = [(np.zeros((n, 2)), np.tile(np.eye(2), (n, 1, 1))) for n in (2, 0, 2, 2, 2)]
+SCANS = Scans.of_each(TIMES, np.zeros((COUNT, 3)), EACH)
 
 
 def track_with(shifts):
@@ -36,17 +31,13 @@ def track_with(shifts):
     poses = POSES + shifts
     contours = np.stack([world_from_target(OUTLINE, pose) for pose in poses])
     directions = contours - poses[:, None, :2]
-    return Track(
-        times=TIMES,
-        means=np.concatenate([poses, np.zeros((COUNT, 5))], axis=1),
-        covariances=np.tile(0.25 * np.eye(8), (COUNT, 1, 1)),
-        contours_world=contours,
-        contour_directions=directions / np.linalg.norm(directions, axis=-1, keepdims=True),
-        contour_std=np.full((COUNT, 4), 0.1),
-        used_offsets=np.array([0, 2, 2, 3, 5, 7]),
-        used_points=np.array([0, 1, 2, 4, 5, 6, 7]),
-        nis=np.array([1.0, np.nan, 2.0, 4.0, 2.0]),
-        nis_degrees_of_freedom=np.array([2, 0, 1, 2, 2]),
+    directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
+    return Track.of_scans(
+        TIMES,
+        (np.pad(poses, ((0, 0), (0, 5))), np.tile(0.25 * np.eye(8), (COUNT, 1, 1))),
+        (contours, directions, np.full((COUNT, 4), 0.1)),
+        np.split(np.array([0, 1, 2, 4, 5, 6, 7]), [2, 2, 3, 5]),
+        np.array([1.0, np.nan, 2.0, 4.0, 2.0]),
     )
 
 
@@ -117,16 +108,14 @@ def test_a_target_leaves_the_view_of_its_sensor():
     sensors = np.tile([0.0, 0.0, 0.5 * np.pi], (count, 1))
     times = 0.1 * np.arange(count)
     scenario = Scenario(times, sensors, poses, np.zeros((count, 3)), OUTLINE[None])
-    offsets = np.zeros(count + 1, int)
     view = FieldOfView(-0.1, np.arctan2(1.05, 10.0))
-    scans = Scans(times, sensors, offsets, np.zeros((0, 2)), np.zeros((0, 2, 2)), view)
+    empty = np.zeros((0, 2)), np.zeros((0, 2, 2))
+    scans = Scans.of_each(times, sensors, [empty] * count, view)
     assert np.flatnonzero(out_of_view(scenario, scans))[0] == 11
-    track = track_with(np.zeros((COUNT, 3)))
-    nothing = {"used_offsets": offsets, "used_points": np.zeros(0, int), "times": times}
-    nothing |= {"nis": np.full(count, np.nan), "nis_degrees_of_freedom": np.zeros(count, int)}
-    names = ("means", "covariances", "contours_world", "contour_directions", "contour_std")
-    nothing |= {name: np.repeat(getattr(track, name)[:1], count, axis=0) for name in names}
-    track = dataclasses.replace(track, **nothing)
+    states = np.zeros((count, 8)), np.tile(np.eye(8), (count, 1, 1))
+    contours = np.tile(OUTLINE, (count, 1, 1)), np.tile(OUTLINE, (count, 1, 1)), np.ones((count, 4))
+    unused = [np.zeros(0, int)] * count
+    track = Track.of_scans(times, states, contours, unused, np.full(count, np.nan))
     metrics = evaluate(track, scenario, scans).metrics
     assert metrics["time_out_of_view_s"] == pytest.approx(1.1)
     unknown = dataclasses.replace(scans, field_of_view=None)
@@ -307,26 +296,15 @@ def test_only_scans_with_a_truth_that_counts_are_scored():
     assert "scored_scans" not in evaluate(track_with(SHIFTS), SCENARIO, SCANS).metrics
 
 
-UNKNOWN = np.full((COUNT, 3), np.nan)
-
-
-@pytest.mark.parametrize(
-    "changes",
-    [
-        {"scored": np.zeros(COUNT, dtype=bool)},
-        {
-            "target_poses_world": UNKNOWN,
-            "target_rates_world": UNKNOWN,
-            "contours_target": np.zeros((1, 0, 2)),
-        },
-    ],
-)
-def test_without_any_truth_that_counts_there_are_metrics_of_the_scans(changes):
-    scenario = dataclasses.replace(SCENARIO, **changes)
-    metrics = evaluate(track_with(SHIFTS), scenario, SCANS).metrics
-    assert metrics["scans"] == 5 and metrics["nis_mean"] == pytest.approx(5.5 / 4)
-    for name in ("centre_rmse_m", "orientation_rmse_deg", "iou_mean", "low_overlap_share"):
-        assert metrics.get(name) is None
+def test_without_any_truth_that_counts_there_are_metrics_of_the_scans():
+    unknown = dict.fromkeys(("target_poses_world", "target_rates_world"), np.nan * POSES)
+    unknown |= {"contours_target": np.zeros((1, 0, 2))}
+    for changes in ({"scored": np.zeros(COUNT, dtype=bool)}, unknown):
+        scenario = dataclasses.replace(SCENARIO, **changes)
+        metrics = evaluate(track_with(SHIFTS), scenario, SCANS).metrics
+        assert metrics["scans"] == 5 and metrics["nis_mean"] == pytest.approx(5.5 / 4)
+        for name in ("centre_rmse_m", "orientation_rmse_deg", "iou_mean", "low_overlap_share"):
+            assert metrics.get(name) is None
 
 
 def test_the_baseline_is_the_true_outline_at_the_mean_of_its_points():

@@ -2,8 +2,10 @@
 
 import json
 import os
+import shutil
 import subprocess
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -51,11 +53,6 @@ def test_explain_compares_a_folder_with_its_own_code(own, words, capsys):
 
 
 def remove_results(folder):
-    import json
-    import os
-    import shutil
-    from pathlib import Path
-
     stages = json.loads((folder / "lineage.json").read_text())["stages"]
     for key in stages["track"]["keys"]:
         (entry,) = Path(os.environ["STIXEL_CACHE"]).glob(f"*/{key}")
@@ -122,6 +119,30 @@ def test_a_sweep_keeps_the_values_of_its_runs_and_the_modules_once(own, words, c
         assert ("out of date" in capsys.readouterr().err) == (value == 2.0)
         (copy,) = (own.results / "s" / "code").glob(f"*/{own.helper}.py")
         assert copy.read_text() == f"OFFSET = {value}\n"
+
+
+def test_verify_names_the_edited_module_where_the_folder_knows_its_code(own, words, capsys):
+    def verified(folder, code):
+        capsys.readouterr()
+        assert main(["verify", str(folder), "--cached", "--json", "--trust-code"]) == code
+        return json.loads(capsys.readouterr().out)
+
+    assert main(["sweep", "--results", str(own.results), "--name", "s", *words, "seed=0,1"]) == 0
+    run, helper = own.results / "s/runs/0001", own.folder / f"{own.helper}.py"
+    # Outside its sweep's folder a run has keys but no code digests.
+    alone = shutil.copytree(run, own.results / "alone/run")
+    helper.write_text("OFFSET = 1.0\nUNUSED = 1\n")
+    edit = [f"{own.helper} was edited"]
+    assert verified(run, 0)["first_by_key"]["causes"] == edit
+    helper.write_text("OFFSET = 2.0\n")
+    found = verified(run, 1)
+    assert found["first_by_key"]["stage"] == found["first_by_value"]["stage"] == "track"
+    assert found["first_by_value"]["causes"] == edit
+    assert "values differ, by up to" in found["first_by_value"]["what"]
+    assert "metrics.json" in {file["file"] for file in found["files"]}
+    first = verified(alone, 1)["first_by_value"]
+    assert first["stage"] == "track"
+    assert first["causes"][0].startswith("unknown code changes: the folder")
 
 
 def test_the_repository_of_a_module_is_stored_with_its_changes(own, words, monkeypatch):

@@ -17,24 +17,11 @@ from stixel_cli.scene.mesh_file import load_mesh, mesh_doubt, referred_files
 from stixel_cli.scene.parameters import RoadUser
 from stixel_cli.scene.road_user import road_user_meshes
 
-WEDGE = """{header}v 1 1 3
-v 3 1 3
-v 1 2 3
-v 1 1 4
-{uvs}f {f1}
-f {f2}
-f {f3}
-f {f4}
-"""
-
 
 def wedge(header="", uvs="", corner="{0}"):
     faces = [(1, 3, 2), (1, 2, 4), (2, 3, 4), (3, 1, 4)]
-    texts = {
-        f"f{i + 1}": " ".join(corner.format(vertex) for vertex in face)
-        for i, face in enumerate(faces)
-    }
-    return WEDGE.format(header=header, uvs=uvs, **texts)
+    lines = ["f " + " ".join(corner.format(vertex) for vertex in face) for face in faces]
+    return f"{header}v 1 1 3\nv 3 1 3\nv 1 2 3\nv 1 1 4\n{uvs}" + "\n".join([*lines, ""])
 
 
 def test_user_mesh_keeps_its_texture_upright(tmp_path):
@@ -318,6 +305,7 @@ def gltf(folder: Path, name: str, **changes) -> Path:
     image = cv2.imencode(".png", np.full((4, 4, 3), (0, 0, 250), np.uint8))[1].tobytes()
     chunks = [positions.tobytes(), uvs.tobytes(), indices.tobytes(), image]
     starts = np.cumsum([0] + [len(chunk) for chunk in chunks])
+    shape = {"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2, "material": 0}
     tree = {
         "asset": {"version": "2.0"},
         "scene": 0,
@@ -327,13 +315,7 @@ def gltf(folder: Path, name: str, **changes) -> Path:
             {"mesh": 0, "translation": [0.0, 0.0, 2.0]},
             {"mesh": 0, "translation": [0.0, 0.0, -2.0], "rotation": [0.0, 1.0, 0.0, 0.0]},
         ],
-        "meshes": [
-            {
-                "primitives": [
-                    {"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2, "material": 0}
-                ]
-            }
-        ],
+        "meshes": [{"primitives": [shape]}],
         "materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}],
         "textures": [{"source": 0}],
         "images": [{"bufferView": 3, "mimeType": "image/png"}],
@@ -408,32 +390,22 @@ def test_gltf_that_is_too_large_or_damaged_gives_one_line(tmp_path, changes):
 
 
 @pytest.mark.parametrize(
-    ("factor", "message"),
-    [
-        (1000, r"in millimetres, set road_user\.mesh_scale=0\.001 "),
-        (100, r"in centimetres, set road_user\.mesh_scale=0\.01 "),
-        (1 / 0.0254, r"in inches, set road_user\.mesh_scale=0\.0254 "),
-    ],
+    ("unit", "scale"), [("millimetres", 0.001), ("centimetres", 0.01), ("inches", 0.0254)]
 )
-def test_a_mesh_in_another_unit_gets_the_scale_to_set(tmp_path, factor, message):
+def test_a_mesh_in_another_unit_gets_the_scale_to_set(tmp_path, unit, scale):
     path = tmp_path / OBJ
-    path.write_text(box(OBJ, lambda v: [factor * x for x in v]))
-    with pytest.raises(ValueError, match=message):
+    path.write_text(box(OBJ, lambda v: [x / scale for x in v]))
+    with pytest.raises(ValueError, match=f"in {unit}, set road_user.mesh_scale={scale} "):
         load_mesh(str(path), 0.5)
 
 
 def test_the_axis_that_is_up(tmp_path):
-    """The box of `BOX` with its height along y, and its length along x or z."""
+    """The box of `BOX` with its height along y and its length along x; along z: a glTF above."""
     path = tmp_path / OBJ
-    for forward, change in (
-        ("x", lambda v: (v[0], v[2], -v[1])),
-        ("z", lambda v: (v[1], v[2], v[0])),
-    ):
-        path.write_text(box(OBJ, change))
-        user = RoadUser("car", 4.5, 1.8, 1.5, 0.6, None, str(path), 1.0, forward, "y")
-        np.testing.assert_allclose(
-            bounding_box(road_user_meshes(user)[0]), [[-2, -1, 0], [2, 1, 1.5]], atol=1e-9
-        )
+    path.write_text(box(OBJ, lambda v: (v[0], v[2], -v[1])))
+    user = RoadUser("car", 4.5, 1.8, 1.5, 0.6, None, str(path), 1.0, "x", "y")
+    found = bounding_box(road_user_meshes(user)[0])
+    np.testing.assert_allclose(found, [[-2, -1, 0], [2, 1, 1.5]], atol=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -452,8 +424,7 @@ def test_a_mesh_that_lies_or_floats_gets_a_line(tmp_path, change, up, doubt):
     path.write_text(box(OBJ, change))
     found = mesh_doubt(str(path), 1.0, up)
     assert found is None if doubt is None else doubt in found
-    if doubt is not None:
-        assert found.startswith("road_user.mesh: ")
+    assert doubt is None or found.startswith("road_user.mesh: ")
 
 
 def test_gltf_has_y_up(tmp_path):
@@ -515,3 +486,5 @@ def test_changed_texture_changes_the_keys_of_stages_that_read_the_mesh(folder):
     after = keys()
     assert after["render"] != before["render"] and after["scenario"] != before["scenario"]
     assert after["ego_motion"] == before["ego_motion"]
+    (folder / "car.obj").write_text("v 1 0 0\n")
+    assert keys()["scenario"] != after["scenario"]

@@ -51,14 +51,12 @@ def test_meshes_meet_the_requirements_of_the_renderers_and_face_outwards(kind):
         assert part.texture.dtype == np.uint8 and part.texture.shape[2] == 3
         assert all(side & (side - 1) == 0 for side in part.texture.shape[:2])
     # The signed volume of every closed piece is positive; windows and cabin close together.
-    parts = {part.name: part for part in road_user_meshes(parameters(kind))[0]}
-    groups = [[name] for name in parts if name not in ("cabin", "windows")]
-    for names in groups:
-        for triangles in _pieces(parts[names[0]].triangles):
-            points = parts[names[0]].vertices[triangles]
+    for part in [one for one in mesh if one.name not in ("cabin", "windows")]:
+        for triangles in _pieces(part.triangles):
+            points = part.vertices[triangles]
             points = points - points.mean(axis=(0, 1))
             volume = np.einsum("ti,ti->", points[:, 0], np.cross(points[:, 1], points[:, 2]))
-            assert volume > 0.0, names
+            assert volume > 0.0, part.name
 
 
 def _pieces(triangles):
@@ -202,11 +200,9 @@ def test_limbs_move_and_the_box_stays(kind):
     assert changed > {"cyclist": 0.01, "pedestrian": 0.2}[kind] * first.area
     # Each time has the contour of its pose, moved to its place.
     for k in (0, 7):
-        np.testing.assert_allclose(
-            target_from_world(scenario.contours_world[k], scenario.target_poses_world[k]),
-            scenario.contours_target[scenario.limb_poses[k]],
-            atol=1e-9,
-        )
+        found = target_from_world(scenario.contours_world[k], scenario.target_poses_world[k])
+        expected = scenario.contours_target[scenario.limb_poses[k]]
+        np.testing.assert_allclose(found, expected, atol=1e-9)
     assert scenario.limb_poses[0] != scenario.limb_poses[7]
 
 

@@ -1,13 +1,7 @@
 """Sweeps on their way: what is shown, what fails, Ctrl-C, what is gone; and going on."""
 
 import json
-import os
-import re
 import shutil
-import signal
-import subprocess
-import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -90,72 +84,27 @@ def test_resume_recomputes_removed_and_damaged_runs(sweeps):
     assert sorted(path.name for path in (folder / "runs").iterdir()) == ["0000", "0001", "0002"]
 
 
-# Where the tests run in the background of a shell, Ctrl-C is ignored from the start.
-COMMAND = """
-import signal, sys
-from stixel_cli.cli.app import main
-signal.signal(signal.SIGINT, signal.default_int_handler)
-sys.exit(main())
-"""
+def test_ctrl_c_names_the_command_that_resumes(sweeps, monkeypatch):
+    """That a signal in the midst of waiting ends it and its workers: `tests/engine`."""
+    take = Sweep.take
 
+    def interrupted(sweep, planned):
+        take(sweep, planned)
+        if len(sweep.runs) == 2:
+            raise KeyboardInterrupt
 
-# The later runs wait while the file exists: no machine is so fast that the sweep ends.
-WAITS = """
-import signal
-from pathlib import Path
-from stixel_cli.tracking.baselines import box
-
-
-def track(scans, initial, prior, number: int):
-    while number > 2 and Path({!r}).exists():
-        signal.pause()
-    values = dict(sigma_q=3.0, measurement_std=1.0, centroid_std=1.0, gate=1.0, least_speed=3.0)
-    return box.track(scans, initial, prior, box.BoxParameters("box", use_scans=False, **values))
-"""
-
-
-def test_ctrl_c_names_the_command_that_resumes(sweeps, tmp_path):
-    """A real process with workers, which the signal meets in the midst of its runs."""
-    # What the scores need besides the track. Otherwise, on a loaded machine, waiting runs may take
-    # both workers before it is computed, and no run is ever done.
-    sweeps.run(*FEW, "tracker=box", "seed=0,1", "--name", "before")
-    mark = tmp_path / "waits"
-    mark.touch()
-    (tmp_path / "waits.py").write_text(WAITS.format(str(mark)))
-    line = [*FEW, "tracker=waits:track", f"code_folders=[{tmp_path}]", "tracker.number=range(1,9)"]
-    where = ["--results", str(sweeps.results), "--name", "mine"]
-    process = subprocess.Popen(
-        [sys.executable, "-c", COMMAND, "sweep", *line, "--workers", "2", *where],
-        stderr=subprocess.PIPE,
-        stdout=subprocess.DEVNULL,
-        text=True,
-        start_new_session=True,
-        env=os.environ | {"PYTHONUNBUFFERED": "1"},
-    )
+    with monkeypatch.context() as patch:
+        patch.setattr(Sweep, "take", interrupted)
+        line = (*FEW, "seed=range(0,4)", "--workers", 2, "--name", "mine")
+        assert sweeps.run(*line, code=130) is None
     folder = sweeps.results / "mine"
-    while process.poll() is None and not list(folder.glob("runs/0*")):
-        time.sleep(0.02)
-    os.killpg(process.pid, signal.SIGINT)
-    _, error = process.communicate(timeout=600)
-    assert process.returncode == 130, error
-    last = error.splitlines()[-1]
-    found = re.search(r"interrupted: (\d+) of 8 runs are done", last)
-    assert found, error
-    assert last.endswith(f"resume with: stixel sweep --resume {folder} executor.workers=2")
-    assert "Traceback" not in error
-    done = int(found[1])
-    assert 1 <= done < 8
-    rows = sweeps.rows("mine")
-    assert [row["status"] for row in rows].count("done") == done
-    assert [row["status"] for row in rows].count("missing") == 8 - done
-    # A few runs are enough to test resume.
-    request = yaml.safe_load((folder / "sweep.yaml").read_text())
-    request["runs"] = request["runs"][: done + 2]
-    (folder / "sweep.yaml").write_text(yaml.safe_dump(request))
-    mark.unlink()
-    again = sweeps.run("--resume", folder, "--trust-code")
-    assert again["complete"]
-    assert again["nodes"]["computed"] <= 4
+    said = sweeps.messages[-1]
+    assert said.startswith("stixel: interrupted: 2 of 4 runs are done; ")
+    assert said.endswith(f"resume with: stixel sweep --resume {folder} executor.workers=2")
+    assert "Traceback" not in sweeps.error
+    assert sorted(row["status"] for row in sweeps.rows("mine")) == ["done"] * 2 + ["missing"] * 2
+    again = sweeps.run("--resume", folder)
+    assert again["complete"] and again["nodes"]["computed"] <= 2 * 4
 
 
 def test_an_unwritable_folder_ends_the_sweep_in_one_line(sweeps, monkeypatch):
