@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from stixel_cli.geometry.pose import ego_from_world, rotation, world_from_target
+from stixel_cli.geometry.pose import ego_from_world, rectangle, rotation, world_from_target
 from stixel_cli.geometry.rig import Rig
 from stixel_cli.measurements.fabricated import FabricatedParameters, fabricate_scans
 from stixel_cli.measurements.rays import (
@@ -27,17 +27,10 @@ from stixel_cli.scene.scenario import Scenario
 
 RIG = Rig(640, 480, 60.0, None, None, None, 0.3, 1.5, 0.0, None)
 RIGHT, LEFT = RIG.field_of_view
-EXACT = FabricatedParameters(
-    "fabricated",
-    None,
-    "angle",
-    ConstantNoise("constant", 0.0),
-    0.0,
-    80.0,
-    dropout=None,
-    clutter_rate=0.0,
-)
-BOX = np.array([[2.25, -0.9], [2.25, 0.9], [-2.25, 0.9], [-2.25, -0.9]])
+DISTURBED = {"dropout": None, "clutter_rate": 0.0}
+NO_NOISE = ConstantNoise("constant", 0.0)
+EXACT = FabricatedParameters("fabricated", None, "angle", NO_NOISE, 0.0, 80.0, **DISTURBED)
+BOX = rectangle(4.5, 1.8)
 
 
 def scenario(count=20, distance=15.0, contour=BOX):
@@ -140,19 +133,14 @@ def test_random_numbers_depend_only_on_seed_and_scan_and_not_on_options():
     reference = fabricate_scans(truth, RIG, plain, seed=3)
     missed = fabricate_scans(truth, RIG, dataclasses.replace(plain, missed_probability=0.3), seed=3)
     for k in range(len(reference)):
-        points = reference.points_world[reference.rows(k)]
-        left = missed.points_world[missed.rows(k)]
+        points, left = (one.points_world[one.rows(k)] for one in (reference, missed))
         assert {tuple(p) for p in left} <= {tuple(p) for p in points}
-    share = len(missed.points_world) / len(reference.points_world)
-    assert 0.65 < share < 0.75
-    noisy = dataclasses.replace(EXACT, noise=ConstantNoise("constant", 0.1))
-    first = fabricate_scans(truth, RIG, noisy, seed=3)
-    again = fabricate_scans(truth, RIG, noisy, seed=3)
-    other = fabricate_scans(truth, RIG, noisy, seed=4)
-    assert first.points_world.tobytes() == again.points_world.tobytes()
-    assert not np.array_equal(first.points_world, other.points_world)
-    shorter = fabricate_scans(scenario(count=5), RIG, noisy, seed=3)
-    assert_array_equal(shorter.points_world, first.points_world[: shorter.offsets[-1]])
+    assert 0.65 < len(missed.points_world) / len(reference.points_world) < 0.75
+    again, other = (fabricate_scans(truth, RIG, plain, seed=seed) for seed in (3, 4))
+    assert reference.points_world.tobytes() == again.points_world.tobytes()
+    assert not np.array_equal(reference.points_world, other.points_world)
+    shorter = fabricate_scans(scenario(count=5), RIG, plain, seed=3)
+    assert_array_equal(shorter.points_world, reference.points_world[: shorter.offsets[-1]])
 
 
 def test_a_scan_can_be_empty_and_rays_are_no_more_than_columns():
@@ -259,11 +247,8 @@ def test_kinds_of_noise_agree_on_their_std_and_sensitivity():
 
 def test_noise_has_the_given_std_and_correlation():
     changes = {"disparity_std": 0.1, "correlation_columns": 6.0}
-    rows = []
-    for seed in range(8):
-        ray, true, found = measured(seed=seed, **changes)
-        rows.append((found - true) / (0.1 * SENSITIVITY[ray - 500]))
-    even = np.array(rows)
+    draws = [measured(seed=seed, **changes) for seed in range(8)]
+    even = np.array([(found - true) / (0.1 * SENSITIVITY[ray - 500]) for ray, true, found in draws])
     assert abs(even.std() - 1.0) < 0.05
     assert abs(np.mean(even[:, 1:] * even[:, :-1]) - np.exp(-0.5)) < 0.06
     assert abs(np.mean(even[:, 4:] * even[:, :-4]) - np.exp(-2.0)) < 0.06
@@ -279,9 +264,7 @@ def test_ends_extend_or_shorten_the_silhouette_but_at_the_image_border():
     assert (ray[0], ray[-1]) == (511, 3490)
     # Nothing is left of a target that is narrower than what its ends fall short by.
     assert len(measured(hit=HIT[:12], ranges=RANGES[:12], edge_metres=-metres)[0]) == 0
-    hit = np.arange(4000)
-    ranges = 12.0 / np.cos(RAYS.angles)
-    ray, _, _ = measured(hit, ranges, edge_metres=-0.1)
+    ray, _, _ = measured(np.arange(4000), 12.0 / np.cos(RAYS.angles), edge_metres=-0.1)
     assert (ray[0], ray[-1]) == (1, 3997)
 
 
@@ -294,25 +277,14 @@ def test_missed_points_are_correlated():
 
 
 def test_outermost_points_have_mixed_depths():
-    errors = np.array(
-        [
-            (found - true) / SENSITIVITY[ray - 500]
-            for ray, true, found in (
-                measured(seed=seed, edge_disparity_std=0.3) for seed in range(60)
-            )
-        ]
-    )
+    draws = [measured(seed=seed, edge_disparity_std=0.3) for seed in range(60)]
+    errors = np.array([(found - true) / SENSITIVITY[ray - 500] for ray, true, found in draws])
     assert abs(errors[:, [0, -1]].std() - 0.3) < 0.06
     assert np.all(errors[:, 1:-1] == 0.0)
 
 
 @pytest.mark.parametrize("count", [0, 1])
 def test_noise_accepts_few_rays(count):
-    ray, true, found = measured(
-        HIT[2 : 2 + count],
-        RANGES[2 : 2 + count],
-        disparity_std=0.1,
-        edge_disparity_std=0.1,
-        missed_share=0.5,
-    )
+    noise = {"disparity_std": 0.1, "edge_disparity_std": 0.1, "missed_share": 0.5}
+    ray, true, found = measured(HIT[2 : 2 + count], RANGES[2 : 2 + count], **noise)
     assert len(ray) == len(true) == len(found) <= count

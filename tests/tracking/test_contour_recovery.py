@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from seen_targets import SENSOR, scans_seen, seen, start_at, turning
-from tracking_cases import CAR, scans_of
+from seen_targets import rays_at, scans_seen, start_at, turning
+from tracking_cases import CAR
 
 from stixel_cli.config.compose import compose
 from stixel_cli.geometry.pose import world_from_target, wrap_angle
@@ -15,7 +15,7 @@ from stixel_cli.tracking.consider import NODES, JointCovariance
 from stixel_cli.tracking.contour import contour, contour_filter, contour_recovery
 from stixel_cli.tracking.contour.class_shape import class_shape
 from stixel_cli.tracking.contour.contour import track
-from stixel_cli.tracking.contour.contour_rays import rays_of, sight_of
+from stixel_cli.tracking.contour.contour_rays import sight_of
 from stixel_cli.tracking.contour.contour_recovery import RECENT, clusters_of, is_inconsistent
 from stixel_cli.tracking.contour.contour_report import box_sizes
 from stixel_cli.tracking.contour.contour_update import Hypothesis
@@ -100,17 +100,15 @@ def test_a_track_is_inconsistent_after_enough_scans_with_a_great_innovation():
 def test_the_cluster_of_the_points_has_their_neighbours_but_nothing_larger_than_the_class():
     sight = sight_of("cyclist", TRACKER)
     points = np.array([[0.0, 10.0], [0.3, 10.0], [0.6, 10.2], [4.0, 10.0], [0.0, 14.0]])
-    rays = rays_of(points, np.tile(1e-4 * np.eye(2), (5, 1, 1)), SENSOR)
     for after_gap in (False, True):
-        (found,) = clusters_of(rays, np.array([1]), sight, after_gap)
+        (found,) = clusters_of(rays_at(points, 0.01), np.array([1]), sight, after_gap)
         np.testing.assert_array_equal(found, [0, 1, 2])
     wall = np.column_stack([np.arange(12) * 0.4 - 2.0, np.full(12, 10.0)])
-    rays = rays_of(wall, np.tile(1e-4 * np.eye(2), (12, 1, 1)), SENSOR)
+    rays = rays_at(wall, 0.01)
     (found,) = clusters_of(rays, np.array([5, 6]), sight, False)
     np.testing.assert_array_equal(found, [5, 6])
     assert clusters_of(rays, np.array([5, 6]), sight, True) == []
-    both = np.concatenate([wall, points[:3] - [6.0, 0.0]])
-    rays = rays_of(both, np.tile(1e-4 * np.eye(2), (15, 1, 1)), SENSOR)
+    rays = rays_at(np.concatenate([wall, points[:3] - [6.0, 0.0]]), 0.01)
     (found,) = clusters_of(rays, np.array([5, 6, 13]), sight, True)
     np.testing.assert_array_equal(found, [12, 13, 14])
 
@@ -119,14 +117,9 @@ def test_a_target_is_found_again_that_turned_during_a_gap():
     """For 2 s without points it turned by 86 degrees, while the filter went straight on."""
     poses = turning(50, 4.0, 0.75)
     poses[:15] = poses[15] - (15 - np.arange(15))[:, None] * [*(poses[16] - poses[15])[:2], 0.0]
-    points, covariances = seen(CAR_SHAPE.outline, poses, noise=0.03)
-    nothing = np.zeros((0, 2)), np.zeros((0, 2, 2))
-    pairs = [
-        nothing if 15 <= k < 35 else pair
-        for k, pair in enumerate(zip(points, covariances, strict=True))
-    ]
-    scans = scans_of([pair[0] for pair in pairs], covariances=np.concatenate([p[1] for p in pairs]))
-    result = track(scans, start_at(poses), KNOWN, OF_ANY_CLASS)
+    scans = scans_seen(CAR_SHAPE.outline, poses, noise=0.03)
+    gap, rows = slice(scans.offsets[15], scans.offsets[35]), np.arange(len(scans.points_world))
+    result = track(scans.of_rows(np.delete(rows, gap)), start_at(poses), KNOWN, OF_ANY_CLASS)
     assert np.hypot(*(result.means[40:, :2] - poses[40:, :2]).T).max() < 0.3
     assert np.abs(wrap_angle(result.means[40:, 2] - poses[40:, 2])).max() < np.radians(5)
 
@@ -144,8 +137,8 @@ def test_a_start_that_is_as_wrong_as_it_states_is_mended(offset):
 def test_what_the_scans_say_of_the_size_fades():
     """Else the error of the shape, the same in all scans, would make the size certain."""
     poses = turning(700, 4.0, 0.3)
-    points, covariances = seen(CAR_SHAPE.outline * [1.07, 1.0], poses[:20], noise=0.03)
-    scans = scans_of(points + [np.zeros((0, 2))] * 680, covariances=np.concatenate(covariances))
+    scans = scans_seen(CAR_SHAPE.outline * [1.07, 1.0], poses, noise=0.03)
+    scans = scans.of_rows(np.arange(scans.offsets[20]))
     result = track(scans, start_at(poses), KNOWN, TRACKER)
     assert result.means[19, 6] > 0.04
     assert result.means[-1, 6] == pytest.approx(0.0, abs=1e-3)
@@ -193,10 +186,10 @@ def test_turned_twice_is_the_state_itself(nodes):
     once = contour_recovery.turned(*state)
     again = contour_recovery.turned(*once)
     assert once[0][3] == -state[0][3] and once[1][0, 3] == -state[1][0, 3]
-    again[0][2] = wrap_angle(again[0][2])
-    state[0][2] = wrap_angle(state[0][2])
-    for value, expected in zip(again[:2], state[:2], strict=True):
-        np.testing.assert_allclose(value, expected)
+    for value in (again, state):
+        value[0][2] = wrap_angle(value[0][2])
+    np.testing.assert_allclose(again[0], state[0])
+    np.testing.assert_allclose(again[1], state[1])
     np.testing.assert_allclose(again[2].matrix, joint.matrix)
 
 
@@ -204,12 +197,11 @@ def test_a_turned_outline_is_the_same_outline_seen_from_its_rear():
     residual = Residual(CAR_SHAPE)
     mean = np.zeros(7 + NODES)
     mean[7] = 0.2
-    turned, *_ = contour_recovery.turned(
-        mean, np.eye(7 + NODES), JointCovariance(np.eye(7 + NODES), np.ones(3))
-    )
-    front = residual.outline(mean)[:, 0].max() - residual.outline(np.zeros(7 + NODES))[:, 0].max()
-    rear = residual.outline(turned)[:, 0].min() - residual.outline(np.zeros(7 + NODES))[:, 0].min()
-    assert front == pytest.approx(0.2, abs=0.02) and rear == pytest.approx(-0.2, abs=0.02)
+    unit = np.eye(7 + NODES)
+    turned, *_ = contour_recovery.turned(mean, unit, JointCovariance(unit, np.ones(3)))
+    plain, own, seen_from_rear = (residual.outline(one)[:, 0] for one in (0.0 * mean, mean, turned))
+    assert own.max() - plain.max() == pytest.approx(0.2, abs=0.02)
+    assert seen_from_rear.min() - plain.min() == pytest.approx(-0.2, abs=0.02)
 
 
 PARKED = world_from_target(class_shape("car").outline, np.array([0.0, 8.0, 0.0]))
@@ -242,15 +234,12 @@ def test_a_target_that_is_hidden_is_not_the_car_that_hides_it(tracker, user, beg
 
 
 def test_what_stood_elsewhere_is_known_and_what_reaches_the_target_is_not():
-    near, far = np.array([[0.5, 10.0], [0.7, 10.0]]), np.array([[6.0, 12.0], [6.2, 12.0]])
-    points = np.concatenate([near, far])
-    rays = rays_of(points, np.tile(1e-4 * np.eye(2), (4, 1, 1)), SENSOR)
+    near, far = [[0.5, 10.0], [0.7, 10.0]], [[6.0, 12.0], [6.2, 12.0]]
+    rays = rays_at(near + far, 0.01)
     background, place = Background(), np.array([0.0, 10.0])
     expected = [False, False, True, True]
     np.testing.assert_array_equal(background.others(rays, place, 1.0, 0.1), expected)
     np.testing.assert_array_equal(background.others(rays, place, 1.0, 2.0), expected)
     # The points of one object are neighbours: a part of it is within the target's reach.
-    points = np.column_stack([np.linspace(1.0, 6.0, 26), np.full(26, 10.0)])
-    rays = rays_of(points, np.tile(1e-4 * np.eye(2), (26, 1, 1)), SENSOR)
-    background, place = Background(), np.array([0.0, 10.0])
-    assert not background.others(rays, place, 1.0, 0.1).any()
+    rays = rays_at(np.column_stack([np.linspace(1.0, 6.0, 26), np.full(26, 10.0)]), 0.01)
+    assert not Background().others(rays, place, 1.0, 0.1).any()

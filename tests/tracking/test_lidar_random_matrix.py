@@ -8,10 +8,7 @@ from tracking_cases import CAR, scans_of
 
 from stixel_cli.config.compose import compose
 from stixel_cli.geometry.pose import rectangle, rotation
-from stixel_cli.tracking.baselines.lidar_random_matrix import (
-    measured_centre,
-    track,
-)
+from stixel_cli.tracking.baselines.lidar_random_matrix import measured_centre, track
 from stixel_cli.tracking.motion import MOVING, intervals, predict_place
 
 TRACKERS = {

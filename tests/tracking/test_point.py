@@ -8,7 +8,7 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import block_diag, expm
-from tracking_cases import CAR, START, scans_of, seen_car
+from tracking_cases import CAR, START, jacobian, scans_of, seen_car
 
 from stixel_cli.tracking.baselines.point import PointParameters, class_circle, track
 from stixel_cli.tracking.kernel import ContourProcess
@@ -25,15 +25,8 @@ from stixel_cli.tracking.prior import prior_radii
 from stixel_cli.tracking.track import InitialState
 
 SEEDS = st.integers(0, 2**31)
-TRACKER = PointParameters(
-    kind="point",
-    sigma_q=2.0,
-    measurement_std=0.1,
-    centroid_offset=0.6,
-    gate_probability=None,
-    least_speed=0.5,
-    lag=0,
-)
+NOISES = {"sigma_q": 2.0, "measurement_std": 0.1, "centroid_offset": 0.6}
+TRACKER = PointParameters("point", gate_probability=None, least_speed=0.5, lag=0, **NOISES)
 NOISE = TRACKER.sigma_q, TRACKER.least_speed
 
 
@@ -136,9 +129,7 @@ def test_heading_variance_matches_its_linearisation(seed):
     root = 0.05 * random.standard_normal((4, 4))
     mean = np.concatenate([random.uniform(-9, 9, 2), random.uniform(1, 6, 2)])
     states, spread = six_states(mean, root @ root.T, (0.3, 0.1), 0.1, *NOISE)
-    velocities = mean[2:] + 1e-6 * np.array([[1, 0], [-1, 0], [0, 1], [0, -1]])
-    angles = np.arctan2(velocities[:, 1], velocities[:, 0])
-    slope = np.array([angles[0] - angles[1], angles[2] - angles[3]]) / 2e-6
+    slope = jacobian(lambda velocity: np.arctan2(velocity[1], velocity[0]), mean[2:])
     np.testing.assert_allclose(states[2], np.arctan2(mean[3], mean[2]))
     np.testing.assert_allclose(spread[2, 2], slope @ (root @ root.T)[2:, 2:] @ slope, rtol=1e-5)
     np.testing.assert_allclose(spread[2, :2], slope @ (root @ root.T)[2:, :2], rtol=1e-4, atol=1e-9)

@@ -111,11 +111,10 @@ def test_nothing_goes_back_across_a_restart_another_report_or_a_full_turn():
     np.testing.assert_array_equal(means[:2], smooth(other, 2)[0][:2])
     turn = 2.0 * np.pi * np.eye(SIZE)[1]
     turned = [*steps[:6]]
-    for step in steps[6:]:
-        turned.append(dataclasses.replace(step, mean=step.mean + turn, before=turned[-1]))
-        if len(turned) > 7:
-            predicted = step.predicted_mean + turn
-            turned[-1] = dataclasses.replace(turned[-1], predicted_mean=predicted)
+    for k, step in enumerate(steps[6:]):
+        predicted = step.predicted_mean + min(k, 1) * turn
+        means = {"mean": step.mean + turn, "predicted_mean": predicted}
+        turned.append(dataclasses.replace(step, **means, before=turned[-1]))
     means, expected = smooth(turned, None, heading=1)[0], smooth(steps, None)[0]
     np.testing.assert_allclose(means[:6], expected[:6], atol=1e-9)
     np.testing.assert_allclose(means[6:], expected[6:] + turn, atol=1e-9)
@@ -253,10 +252,8 @@ def test_the_covariance_is_that_of_the_errors_of_many_runs():
     for _ in range(4):
         joint.predict(transition, noise**2 * np.eye(2), 0.1)
         errors = errors @ transition.T + noise * GENERATOR.standard_normal((runs, 2))
-        kept = np.exp(-0.1 / memories)
-        considered = kept * considered + np.sqrt(1.0 - kept**2) * GENERATOR.standard_normal(
-            (runs, 2)
-        )
+        kept, drawn = np.exp(-0.1 / memories), GENERATOR.standard_normal((runs, 2))
+        considered = kept * considered + np.sqrt(1.0 - kept**2) * drawn
         gain, rows, variances = spread(2, 3), spread(3, 4), np.array([0.1, 0.2, 0.3])
         joint.correct(gain, rows, variances)
         residuals = np.hstack([errors, considered]) @ rows.T

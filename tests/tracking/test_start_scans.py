@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tracking_cases import scans_of
 
 from stixel_cli.config.compose import compose
 from stixel_cli.errors import ConfigurationError
@@ -27,13 +28,6 @@ def two_sides(pose):
     front = np.stack([np.full(7, 2.1), across], axis=1)
     left = np.stack([along, np.full(15, 0.85)], axis=1)
     return world_from_target(np.concatenate([front, left]), pose)
-
-
-def scans_of(points_of_each):
-    count = len(points_of_each)
-    poses = np.tile([0.0, 0.0, STRAIGHT_AHEAD], (count, 1))
-    unit = [(points, np.tile(0.01 * np.eye(2), (len(points), 1, 1))) for points in points_of_each]
-    return Scans.of_each(0.1 * np.arange(count), poses, unit)
 
 
 def approaching(first=0, count=12):
@@ -89,20 +83,16 @@ def test_two_points_start_a_track_and_a_wall_larger_than_the_class_none():
         start_from_scans(scans_of([wall] * 3), replace(START, bearing=(-30.0, 30.0)), PRIOR)
 
 
-@pytest.mark.parametrize(
-    ("changes", "fault"),
-    [
-        ({}, "no cluster of the class's size moves: give start.bearing"),
-        ({"bearing": (0.0, 5.0)}, r"no scan has a cluster .* in bearing \[0.0, 5.0\] degrees"),
-    ],
-)
-def test_without_a_cluster_the_message_names_the_keys(changes, fault):
-    scans = scans_of([WALL] * 5)
-    with pytest.raises(ValueError, match=fault):
-        start_from_scans(scans, replace(START, **changes), PRIOR)
+def test_without_a_cluster_the_message_names_the_keys():
+    bearing = replace(START, bearing=(0.0, 5.0))
     # The command names the stage, `start`, before it.
-    with pytest.raises(ValueError, match="no cluster"):
-        start_from_scans(scans_of([np.zeros((0, 2))] * 5), START, PRIOR)
+    for points, start, fault in (
+        (WALL, START, "no cluster of the class's size moves: give start.bearing"),
+        (WALL, bearing, r"no scan has a cluster .* in bearing \[0.0, 5.0\] degrees"),
+        (np.zeros((0, 2)), START, "no cluster"),
+    ):
+        with pytest.raises(ValueError, match=fault):
+            start_from_scans(scans_of([points] * 5), start, PRIOR)
 
 
 def test_a_distant_target_of_a_slow_and_sparse_lidar_is_found():
@@ -111,11 +101,9 @@ def test_a_distant_target_of_a_slow_and_sparse_lidar_is_found():
     steps = 6.0 * np.stack([np.cos(headings), np.sin(headings)], axis=1)
     centres = np.array([-60.0, 65.0]) + np.cumsum(steps, axis=0)
     side = np.stack([np.arange(-4.4, 4.5, 1.1), np.full(9, -1.5)], axis=1)
-    points = [
-        world_from_target(side, np.array([*centre, heading]))
-        for centre, heading in zip(centres, headings, strict=True)
-    ]
-    scans = replace(scans_of(points), times=np.arange(5.0))
+    poses = np.column_stack([centres, headings])
+    points = [world_from_target(side, pose) for pose in poses]
+    scans = scans_of(points, times=np.arange(5.0))
     prior = replace(PRIOR, length=8.5, width=3.0)
     state = start_from_scans(scans, replace(START, duration=3.0), prior)
     predicted = transition(1.0) @ state.mean
