@@ -120,11 +120,7 @@ DAMAGE = {
     "no XML": (LABELS, lambda text: text[:500], "not valid XML: "),
     "no size": (LABELS, lambda text: text.replace("<h>", "<h>-"), "width and length must"),
     "words": (LABELS, lambda text: text.replace("<tx>", "<tx>about", 1), "row 1: 'about"),
-    "no value": (
-        LABELS,
-        lambda text: text.replace("<rz>", "<rx>").replace("</rz>", "</rx>"),
-        "tracklet 0: row 1: '' is not a number",
-    ),
+    "no value": (LABELS, lambda text: text.replace("rz>", "rx>"), "row 1: '' is not a number"),
     "no track": (LABELS, lambda text: "<a/>", "has no track 0; it has none"),
     "short packet": (PACKET, lambda text: text[:200], "30 columns are needed"),
     "empty packet": (PACKET, lambda text: "", "must have one row of 30"),
