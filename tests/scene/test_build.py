@@ -52,15 +52,14 @@ def rasterised(mesh, step):
     xs, ys = (np.arange(low[i], high[i], step) for i in (0, 1))
     inside = np.zeros((len(xs), len(ys)), dtype=bool)
     for triangle in flat:
-        first = np.searchsorted(xs, triangle[:, 0].min()), np.searchsorted(ys, triangle[:, 1].min())
-        last = np.searchsorted(xs, triangle[:, 0].max()), np.searchsorted(ys, triangle[:, 1].max())
-        x, y = xs[first[0] : last[0], None], ys[None, first[1] : last[1]]
-        signs = [
-            (b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0])
-            for a, b in zip(triangle, np.roll(triangle, -1, axis=0), strict=True)
-        ]
-        within = np.all([s >= 0 for s in signs], axis=0) | np.all([s <= 0 for s in signs], axis=0)
-        inside[first[0] : last[0], first[1] : last[1]] |= within
+        ends = triangle.min(axis=0), triangle.max(axis=0)
+        at = tuple(slice(*np.searchsorted(a, [e[i] for e in ends])) for i, a in enumerate((xs, ys)))
+        x, y = xs[at[0], None], ys[None, at[1]]
+        edges = zip(triangle, np.roll(triangle, -1, axis=0), strict=True)
+        signs = np.array(
+            [(b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0]) for a, b in edges]
+        )
+        inside[at] |= (signs >= 0).all(axis=0) | (signs <= 0).all(axis=0)
     return xs, ys, binary_fill_holes(inside)
 
 

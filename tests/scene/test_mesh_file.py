@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from refusals import refused
 
 from stixel_cli.config.compose import compose
 from stixel_cli.engine.graph import GraphBuilder
@@ -46,10 +47,8 @@ def test_user_mesh_keeps_its_texture_upright(tmp_path):
 def huge_picture():
     """A PNG that says that it has 1.6e9 pixels."""
     size = struct.pack(">IIBBBBB", 40000, 40000, 8, 2, 0, 0, 0)
-    chunks = [
-        struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
-        for kind, data in ((b"IHDR", size), (b"IDAT", zlib.compress(b"")))
-    ]
+    bodies = b"IHDR" + size, b"IDAT" + zlib.compress(b"")
+    chunks = [struct.pack(">I", len(b) - 4) + b + struct.pack(">I", zlib.crc32(b)) for b in bodies]
     return b"\x89PNG\r\n\x1a\n" + b"".join(chunks)
 
 
@@ -72,13 +71,9 @@ def test_a_texture_that_is_not_decoded_gives_a_one_line_error(tmp_path, picture,
 
 def test_user_mesh_keeps_vertex_colours(tmp_path):
     path = tmp_path / "wedge.ply"
-    path.write_text(
-        "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\n"
-        "property float z\nproperty uchar red\nproperty uchar green\nproperty uchar blue\n"
-        "element face 4\nproperty list uchar int vertex_indices\nend_header\n"
-        "1 1 3 250 10 10\n3 1 3 250 10 10\n1 2 3 250 10 10\n1 1 4 250 10 10\n"
-        "3 0 2 1\n3 0 1 3\n3 1 2 3\n3 2 0 3\n"
-    )
+    colours = "property uchar red\nproperty uchar green\nproperty uchar blue\n"
+    rows = "1 1 3 250 10 10\n3 1 3 250 10 10\n1 2 3 250 10 10\n1 1 4 250 10 10\n"
+    path.write_text(ply_head(4, 4, colours=colours) + rows + "3 0 2 1\n3 0 1 3\n3 1 2 3\n3 2 0 3\n")
     (part,) = load_mesh(str(path), 0.5)
     u, v = part.uvs[:, 0, 0], part.uvs[:, 0, 1]
     height, width = part.texture.shape[:2]
@@ -102,11 +97,13 @@ def box(name, change=lambda vertex: vertex, last=(1, 7, 3), count=8):
     lines = "".join(vertices) + "".join("3 {} {} {}\n".format(*face) for face in faces)
     if name == OFF:
         return f"OFF\n{count} {len(faces)} 0\n{lines}"
-    return (
-        f"ply\nformat ascii 1.0\nelement vertex {count}\nproperty float x\nproperty float y\n"
-        f"property float z\nelement face {len(faces)}\nproperty list uchar int vertex_indices\n"
-        f"end_header\n{lines}"
-    )
+    return ply_head(count, len(faces)) + lines
+
+
+def ply_head(vertices, faces, order="ascii", colours=""):
+    coordinates = "property float x\nproperty float y\nproperty float z\n"
+    head = f"ply\nformat {order} 1.0\nelement vertex {vertices}\n{coordinates}{colours}"
+    return f"{head}element face {faces}\nproperty list uchar int vertex_indices\nend_header\n"
 
 
 @pytest.mark.parametrize("name", [OBJ, OFF, PLY])
@@ -174,15 +171,10 @@ DAMAGED = [
         ({"last": (1, 7, -10)}, "cannot be read"),
     )
 ]
-DAMAGED += [
-    (name, box(name, count=count), "cannot be read")
-    for name in (OFF, PLY)
-    for count in (2 * 10**9, 9, 7, -8)
-]
-DAMAGED += [
-    (name, "".join(box(name).splitlines(keepends=True)[:-1]), "cannot be read")
-    for name in (OFF, PLY)
-]
+for name in (OFF, PLY):
+    texts = [box(name, count=count) for count in (2 * 10**9, 9, 7, -8)]
+    texts.append("".join(box(name).splitlines(keepends=True)[:-1]))
+    DAMAGED += [(name, text, "cannot be read") for text in texts]
 
 
 @pytest.mark.parametrize(
@@ -206,11 +198,8 @@ def test_invalid_user_mesh_gives_a_one_line_error(tmp_path, capfd, name, text, m
     path = tmp_path / name
     if text is not None:
         path.write_text(text)
-    with pytest.raises(ValueError, match=message) as caught:
+    with refused(name, match=rf"^road_user\.mesh: .*(?:{message})", error=ValueError):
         load_mesh(str(path), 0.5)
-    assert str(caught.value).startswith("road_user.mesh: ")
-    assert name in str(caught.value)
-    assert "\n" not in str(caught.value)
     assert capfd.readouterr() == ("", "")
 
 
@@ -228,14 +217,12 @@ OF_FORMS = {
     "negative": VERTICES + faces(offset=-8),
     "negative, and more vertices later": VERTICES + faces(offset=-8) + "v 9 9 9\n" * 3,
     "quads and triangles": VERTICES + faces().replace("f 2 6 8 4\n", "f 2 6 8\nf 2 8 4\n"),
-    "six corners next to three with two numbers": (
-        VERTICES
-        + TEXTURED
-        + "f 1/1 2/2 4/3\nf 1 4 3\n"
-        + faces().split("\n", 1)[1]
-        # The lower quad again.
-        + "f 1 1 3 3 7 5\n"
-    ),
+    # With the lower quad again.
+    "six corners next to three with two numbers": VERTICES
+    + TEXTURED
+    + "f 1/1 2/2 4/3\nf 1 4 3\n"
+    + faces().split("\n", 1)[1]
+    + "f 1 1 3 3 7 5\n",
     "normals only": VERTICES + "vn 0 0 1\n" + faces("{0}//1"),
     "normals of some": VERTICES + TEXTURED + "vn 0 0 1\n" + faces("{0}/1/1").replace("2/1/1", "2"),
     "continued lines": VERTICES + faces().replace(" 4 3", " 4 \\\n 3"),
@@ -263,11 +250,7 @@ CUT = [*QUADS[:4], (0, 2, 6), (0, 6, 2, 6, 4), *QUADS[5:]]
 @pytest.mark.parametrize("polygons", [QUADS, MIXED, CUT])
 def test_ply_of_polygons(tmp_path, order, polygons):
     path = tmp_path / PLY
-    head = (
-        f"ply\nformat {order} 1.0\nelement vertex 8\nproperty float x\nproperty float y\n"
-        f"property float z\nelement face {len(polygons)}\n"
-        "property list uchar int vertex_indices\nend_header\n"
-    )
+    head = ply_head(8, len(polygons), order)
     end = "><"["little" in order]
     if order == "ascii":
         rows = [" ".join(map(str, row)) for row in (*BOX, *((len(q), *q) for q in polygons))]
@@ -278,9 +261,8 @@ def test_ply_of_polygons(tmp_path, order, polygons):
     path.write_bytes(head.encode() + body)
     mesh = load_mesh(str(path), 0.5)
     found = {frozenset(one) for one in mesh[0].triangles.tolist()}
-    assert found == {
-        frozenset((q[0], *q[i : i + 2])) for q in polygons for i in range(1, len(q) - 1)
-    }
+    fans = [(q[0], *q[i : i + 2]) for q in polygons for i in range(1, len(q) - 1)]
+    assert found == {frozenset(one) for one in fans}
     np.testing.assert_allclose(bounding_box(mesh), [[-2, -1, 0], [2, 1, 1.5]])
 
 
@@ -306,30 +288,21 @@ def gltf(folder: Path, name: str, **changes) -> Path:
     chunks = [positions.tobytes(), uvs.tobytes(), indices.tobytes(), image]
     starts = np.cumsum([0] + [len(chunk) for chunk in chunks])
     shape = {"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2, "material": 0}
-    tree = {
-        "asset": {"version": "2.0"},
-        "scene": 0,
-        "scenes": [{"nodes": [0]}],
-        "nodes": [
-            {"children": [1, 2], "scale": [2.0, 2.0, 2.0]},
-            {"mesh": 0, "translation": [0.0, 0.0, 2.0]},
-            {"mesh": 0, "translation": [0.0, 0.0, -2.0], "rotation": [0.0, 1.0, 0.0, 0.0]},
-        ],
-        "meshes": [{"primitives": [shape]}],
-        "materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}],
-        "textures": [{"source": 0}],
-        "images": [{"bufferView": 3, "mimeType": "image/png"}],
-        "accessors": [
-            {"bufferView": 0, "componentType": 5126, "count": 8, "type": "VEC3"},
-            {"bufferView": 1, "componentType": 5126, "count": 8, "type": "VEC2"},
-            {"bufferView": 2, "componentType": 5123, "count": 36, "type": "SCALAR"},
-        ],
-        "bufferViews": [
-            {"buffer": 0, "byteOffset": int(start), "byteLength": len(chunk)}
-            for start, chunk in zip(starts, chunks, strict=False)
-        ],
-        "buffers": [{"byteLength": int(starts[-1])}],
-    } | changes
+    turned = {"translation": [0.0, 0.0, -2.0], "rotation": [0.0, 1.0, 0.0, 0.0]}
+    nodes = [{"children": [1, 2], "scale": [2.0, 2.0, 2.0]}]
+    nodes += [{"mesh": 0, "translation": [0.0, 0.0, 2.0]}, {"mesh": 0} | turned]
+    kinds = (5126, 8, "VEC3"), (5126, 8, "VEC2"), (5123, 36, "SCALAR")
+    names = ("bufferView", "componentType", "count", "type")
+    accessors = [dict(zip(names, (i, *kind), strict=True)) for i, kind in enumerate(kinds)]
+    views = [
+        {"buffer": 0, "byteOffset": int(start), "byteLength": len(chunk)}
+        for start, chunk in zip(starts, chunks, strict=False)
+    ]
+    tree = {"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": nodes}
+    tree |= {"meshes": [{"primitives": [shape]}], "accessors": accessors, "bufferViews": views}
+    tree |= {"materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}]}
+    tree |= {"images": [{"bufferView": 3, "mimeType": "image/png"}], "textures": [{"source": 0}]}
+    tree |= {"buffers": [{"byteLength": int(starts[-1])}]} | changes
     data = b"".join(chunks)
     path = folder / name
     if path.suffix == ".gltf":
@@ -450,10 +423,8 @@ def names(folder: Path, mesh: str) -> set[str]:
 
 def test_referred_files_lists_existing_references(folder):
     assert names(folder, "car.obj") == {"car.mtl", "maps/body.png", "a b.png"}
-    tree = {
-        "buffers": [{"uri": "data.bin"}, {"uri": "data:text/plain,a"}],
-        "images": [{"uri": "a%20b.png"}, {"bufferView": 1}],
-    }
+    tree = {"buffers": [{"uri": "data.bin"}, {"uri": "data:text/plain,a"}]}
+    tree["images"] = [{"uri": "a%20b.png"}, {"bufferView": 1}]
     (folder / "car.gltf").write_text(json.dumps(tree))
     assert names(folder, "car.gltf") == {"data.bin", "a b.png"}
     (folder / "car.ply").write_bytes(b"ply\ncomment TextureFile a b.png\nend_header\n\xff\x00")

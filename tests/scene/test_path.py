@@ -91,14 +91,11 @@ def test_circle_follows_given_side_and_radius():
     np.testing.assert_allclose(rates[:, 2], -0.4)
 
 
+RANGES = [(-180, 180), (-90, 90), (2, 100), (0.5, 30), (0.01, 9)]
+
+
 @settings(max_examples=15)
-@given(
-    st.floats(-180, 180),
-    st.floats(-90, 90),
-    st.floats(2, 100),
-    st.floats(0.5, 30),
-    st.floats(0.01, 9),
-)
+@given(*(st.floats(*ends) for ends in RANGES))
 def test_s_curve_positions_integrate_its_heading(heading, swing, wavelength, speed, time):
     given = {"heading": heading, "swing": swing, "wavelength": wavelength, "speed": speed}
     path = replace(S_CURVE, start=(1.0, 50.0), **given)
@@ -107,11 +104,9 @@ def test_s_curve_positions_integrate_its_heading(heading, swing, wavelength, spe
     def heading_at(t):
         return np.radians(heading + swing * np.sin(2 * np.pi * speed * t / wavelength))
 
-    expected = [
-        1.0 + quad(lambda t: speed * np.cos(heading_at(t)), 0.0, time, limit=500)[0],
-        50.0 + quad(lambda t: speed * np.sin(heading_at(t)), 0.0, time, limit=500)[0],
-    ]
-    np.testing.assert_allclose(pose[:2], expected, atol=1e-6)
+    for at, start, along in zip(pose, (1.0, 50.0), (np.cos, np.sin), strict=False):
+        way = quad(lambda t, along=along: speed * along(heading_at(t)), 0.0, time, limit=500)[0]
+        assert at == pytest.approx(start + way, abs=1e-6)
     assert pose[2] == pytest.approx(heading_at(time), abs=1e-9)
 
 

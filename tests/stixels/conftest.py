@@ -6,7 +6,6 @@ from boxed_road import parked
 from constants import with_constants
 
 from stixel_cli.geometry.rig import Rig
-from stixel_cli.images import ImageStack
 from stixel_cli.stereo.disparities import Disparities
 from stixel_cli.stixels.free_space import find_free_space
 from stixel_cli.stixels.parameters import (
@@ -54,12 +53,7 @@ def rig():
 def as_disparities():
     """Raw images as the noun that stereo matching gives."""
 
-    def build(*raw, first=0, count=64):
-        return Disparities(
-            first, count, ImageStack.from_images((r + 1).astype(np.uint16) for r in raw)
-        )
-
-    return build
+    return lambda *raw, first=0: Disparities.from_raw(first, 64, raw)
 
 
 @pytest.fixture(scope="session")
@@ -74,36 +68,24 @@ def estimated_road():
 
 @pytest.fixture(scope="session")
 def occupancies():
-    steps = {"polar": {}, "column_disparity": {"disparity_step": 0.25}}
-    return {
-        kind: with_constants(
-            OccupancyParameters(kind=kind, nearest=3.0, farthest=50.0), **constants
-        )
-        for kind, constants in (steps | {"cartesian": {"half_width": 30.0}}).items()
-    }
+    own = {"column_disparity": {"disparity_step": 0.25}, "cartesian": {"half_width": 30.0}}
+    ends = {"nearest": 3.0, "farthest": 50.0}
+    grids = [OccupancyParameters(kind=kind, **ends) for kind in ("polar", *own)]
+    return {grid.kind: with_constants(grid, **own.get(grid.kind, {})) for grid in grids}
 
 
 @pytest.fixture(scope="session")
 def free_space():
-    return with_constants(
-        FreeSpaceParameters(obstacle_height=0.3, spatial_cost=0.2, temporal_cost=0.1),
-        spatial_limit=5.0,
-    )
+    return with_constants(FreeSpaceParameters(0.3, 0.2, temporal_cost=0.1), spatial_limit=5.0)
 
 
 @pytest.fixture
 def find(road, occupancies, free_space):
     def run(disparities, rig, ego_motion=None, previous=None, **changed):
         frames = range(disparities.first, disparities.first + len(disparities))
-        arguments = {"road": road, "occupancy": occupancies["polar"], "free_space": free_space}
-        return find_free_space(
-            disparities,
-            ego_motion or parked(frames.stop),
-            rig,
-            frames=frames,
-            previous=previous,
-            **(arguments | changed),
-        )
+        given = {"road": road, "occupancy": occupancies["polar"], "free_space": free_space}
+        given |= {"frames": frames, "previous": previous} | changed
+        return find_free_space(disparities, ego_motion or parked(frames.stop), rig, **given)
 
     return run
 
@@ -115,10 +97,6 @@ def height():
 
 @pytest.fixture(scope="session")
 def extraction():
-    return with_constants(
-        ExtractionParameters(width=5, front_margin=0.3, refinement=0.0),
-        smoothing=0.35,
-        least_std=0.1,
-        edge_std=0.1,
-        surface_std=0.05,
-    )
+    plain = ExtractionParameters(width=5, front_margin=0.3, refinement=0.0)
+    stds = {"least_std": 0.1, "edge_std": 0.1, "surface_std": 0.05}
+    return with_constants(plain, smoothing=0.35, **stds)

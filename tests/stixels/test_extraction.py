@@ -61,9 +61,8 @@ def test_boxes_give_stixels(pipeline, rig, render, as_disparities, pitch):
         assert len(inside) >= 4
         assert_allclose(stixels.depth[inside], distance, rtol=0.005)
         assert_allclose(stixels.points_ego[inside, 1], distance, rtol=0.005)
-        ends = np.array(
-            [[at, rig.camera_height - tall, distance], [at, rig.camera_height, distance]]
-        )
+        heights = rig.camera_height - np.array([tall, 0.0])
+        ends = np.array([[at, height, distance] for height in heights])
         top, base = project(rig, ends @ rig.level_from_camera)[:, 1]
         assert np.all(np.abs(stixels.top[inside] - top) <= 1)
         assert np.all(np.abs(stixels.base[inside] - base) <= 1)
@@ -142,9 +141,8 @@ def test_covariances_follow_from_disparity_variance_surroundings_and_width(
     assert_allclose(stixels.covariances_ego[:, 1, 1], sigma**2, rtol=1e-9)
     bearing = stixels.points_ego[:, 0] / stixels.points_ego[:, 1]
     width = stixels.depth * (stixels.right - stixels.left) / rig.focal
-    assert_allclose(
-        stixels.covariances_ego[:, 0, 0], (sigma * bearing) ** 2 + width**2 / 12, rtol=1e-6
-    )
+    across = (sigma * bearing) ** 2 + width**2 / 12
+    assert_allclose(stixels.covariances_ego[:, 0, 0], across, rtol=1e-6)
     assert_allclose(stixels.covariances_ego[:, 0, 1], sigma**2 * bearing, rtol=1e-6)
 
 
@@ -171,14 +169,10 @@ def test_surroundings_match_a_brute_force_search():
         depth = rng.choice([10.0, 12.0], len(left)) + rng.normal(0.0, 0.5, len(left))
         count, scatter = surroundings(left, depth, 3)
         for i in range(len(left)):
-            apart = [
-                depth[j] - depth[i]
-                for j in range(len(left))
-                if 0 < abs(left[j] - left[i]) <= 6 and abs(depth[j] - depth[i]) < SAME_OBJECT
-            ]
+            columns, apart = abs(left - left[i]), depth - depth[i]
+            apart = apart[(columns > 0) & (columns <= 6) & (abs(apart) < SAME_OBJECT)]
             assert count[i] == len(apart)
-            expected = 0.125 * np.mean(np.square(apart)) if apart else 0.0
-            assert scatter[i] == pytest.approx(expected)
+            assert scatter[i] == pytest.approx(0.125 * np.sum(apart**2) / max(len(apart), 1))
 
 
 def test_unevenness_matches_a_brute_force_search():
@@ -186,10 +180,7 @@ def test_unevenness_matches_a_brute_force_search():
     for n in (0, 1, 2, 3, 40, 40, 40):
         left = 3 * np.sort(rng.choice(60, n, replace=False))
         depth = rng.choice([10.0, 14.0], n) + np.sort(rng.normal(0.0, 0.5, n))
-        tied = [
-            left[i + 1] - left[i] <= 6 and abs(depth[i + 1] - depth[i]) < SAME_OBJECT
-            for i in range(n - 1)
-        ]
+        tied = (np.diff(left) <= 6) & (abs(np.diff(depth)) < SAME_OBJECT)
         found = unevenness(left, depth, 3)
         for i in range(n):
             first = last = i
@@ -197,12 +188,10 @@ def test_unevenness_matches_a_brute_force_search():
                 first -= 1
             while last < min(i + UNEVEN_REACH, n - 1) and tied[last]:
                 last += 1
-            bent = [
-                (depth[j - 1] - 2 * depth[j] + depth[j + 1]) ** 2 / 6
-                for j in range(max(first, 1), min(last, n - 2) + 1)
-                if tied[j - 1] and tied[j]
-            ]
-            assert found[i] == pytest.approx(np.mean(bent) if bent else 0.0, abs=1e-12)
+            middles = range(max(first, 1), min(last, n - 2) + 1)
+            middles = np.array([j for j in middles if tied[j - 1] and tied[j]], int)
+            bent = (depth[middles - 1] - 2 * depth[middles] + depth[middles + 1]) ** 2 / 6
+            assert found[i] == pytest.approx(np.sum(bent) / max(len(bent), 1), abs=1e-12)
 
 
 def test_histogram_peak_is_the_parabola_through_the_smoothed_maximum():
@@ -248,12 +237,8 @@ def brute_groups(columns, layer, grouping):
         middle = order[len(order) // 2]
         members = [u for u in standing if abs(obstacle[u] - obstacle[middle]) <= window[middle]]
         for first in (head, tops):
-            pixels = [
-                (columns[u, v] * SCALE[v], v)
-                for u in members
-                for v in range(first[u], foot[u] + 1)
-                if columns[u, v] >= 0
-            ]
+            places = [(u, v) for u in members for v in range(first[u], foot[u] + 1)]
+            pixels = [(columns[u, v] * SCALE[v], v) for u, v in places if columns[u, v] >= 0]
             pixels = [(d, v) for d, v in pixels if abs(d - obstacle[middle]) < window[middle]]
             if len(pixels) >= grouping.least_pixels:
                 break
@@ -269,8 +254,7 @@ def brute_groups(columns, layer, grouping):
         disparity = (histogram_peak(histogram, grouping.kernel) + bins.min()) / BINS_PER_PIXEL
         top = sorted(tops[members])[len(members) // 2]
         area = (group[0], group[-1] + 1, top, base[middle])
-        mean_row = np.mean(rows)
-        found.append((area, (disparity, mean_row)))
+        found.append((area, (disparity, np.mean(rows))))
     return found
 
 
@@ -354,9 +338,8 @@ def test_depth_windows_end_behind_the_obstacle(rig):
     obstacle = np.array([20.0, np.nan, 5.0], dtype=np.float32)
     focal_baseline = rig.focal * rig.baseline
     depth = focal_baseline / obstacle
-    assert_allclose(
-        depth_windows(obstacle, rig, 2.0), obstacle - focal_baseline / (depth + 2.0), rtol=1e-5
-    )
+    windows = obstacle - focal_baseline / (depth + 2.0)
+    assert_allclose(depth_windows(obstacle, rig, 2.0), windows, rtol=1e-5)
 
 
 def test_height_costs_follow_from_the_membership():
@@ -400,13 +383,10 @@ def test_smoothness_depends_on_the_depth_difference_of_neighbours(
 
 
 def total_cost(tops, cost, tied):
-    kept = sum(cost[u, v] for u, v in enumerate(tops) if v >= 0)
-    steps = [
-        tied[u] * abs(int(tops[u]) - int(tops[u + 1]))
-        for u in range(len(tops) - 1)
-        if tops[u] >= 0 and tops[u + 1] >= 0
-    ]
-    return float(kept) + float(sum(steps))
+    used = tops >= 0
+    kept = cost[used, tops[used]].sum(dtype=np.float64)
+    steps = tied * abs(np.diff(tops.astype(float)))
+    return kept + steps[used[1:] & used[:-1]].sum()
 
 
 def least_cost(cost, base, tied):
@@ -429,9 +409,7 @@ def test_tops_have_the_least_cost(seed, width, rows):
     rng = np.random.default_rng(seed)
     cost = rng.normal(0, 5, (width, rows)).astype(np.float32)
     base = rng.integers(-1, rows, width).astype(np.int32)
-    tied = (rng.random(max(width - 1, 0)) * rng.integers(0, 3, max(width - 1, 0))).astype(
-        np.float32
-    )
+    tied = (rng.random(width - 1) * rng.integers(0, 3, width - 1)).astype(np.float32)
     tops = cheapest_tops(cost.copy(), base, tied)
     assert np.array_equal(tops >= 0, base >= 0)
     assert np.all(tops <= base)
@@ -457,11 +435,11 @@ def shifted(disparity, seed=0, noise=0.0):
     return images
 
 
-def align(left, right, start, scale=None, columns=None, error=0.0):
+def align(left, right, start, scale=None, columns=None, error=0.0, area=AREA):
     scale = np.full(HEIGHT, 1 / 16, dtype=np.float32) if scale is None else scale
     if columns is None:
         columns = np.rint(start / scale).astype(np.int16)[None, :].repeat(WIDTH, axis=0)
-    return aligned(left, right, columns, AREA, np.array([start]), scale, np.full(WIDTH, error))[0]
+    return aligned(left, right, columns, area, np.array([start]), scale, np.full(WIDTH, error))[0]
 
 
 @pytest.mark.parametrize("fraction", [0.0, 0.13, 0.3, 0.5, 0.77])
@@ -477,9 +455,8 @@ def test_pitch_and_the_errors_of_the_rig_are_in_the_disparity_as_they_should():
     scale = np.full(HEIGHT, 1.25 / 16, dtype=np.float32)
     assert align(left, right, 7.2 * 1.25, scale) == pytest.approx(7.3 * 1.25, abs=0.03)
     left, right = shifted(7.5)
-    assert align(left, right, 6.9, error=0.5) == pytest.approx(
-        align(left, right, 7.4) - 0.5, abs=0.02
-    )
+    without = align(left, right, 7.4) - 0.5
+    assert align(left, right, 6.9, error=0.5) == pytest.approx(without, abs=0.02)
 
 
 def test_what_is_behind_the_face_does_not_count():
@@ -501,9 +478,4 @@ def test_disparity_stays_where_the_images_say_nothing_better():
     assert align(left, right, 7.2, columns=none) == 7.2
     assert abs(align(left, right, 8.3) - 8.3) <= TOLERANCE
     # At the image's border there is nothing to align with.
-    left_most = np.array([[0, 3, 10, 49]])
-    scale = np.full(HEIGHT, 1 / 16, dtype=np.float32)
-    columns = np.full((WIDTH, HEIGHT), 115, dtype=np.int16)
-    assert (
-        aligned(left, right, columns, left_most, np.array([7.2]), scale, np.zeros(WIDTH))[0] == 7.2
-    )
+    assert align(left, right, 7.2, area=np.array([[0, 3, 10, 49]])) == 7.2

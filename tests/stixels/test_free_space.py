@@ -44,13 +44,10 @@ from stixel_cli.stixels.types import FreeSpace
 
 
 def driving(count, speed=1.0, turn=0.0):
-    poses = [np.array([0.0, 0.0, np.pi / 2])]
-    for _ in range(count - 1):
-        x, y, heading = poses[-1]
-        poses.append(
-            np.array([x + speed * np.cos(heading), y + speed * np.sin(heading), heading + turn])
-        )
-    return EgoMotion(np.arange(count) * 0.1, np.array(poses))
+    headings = np.pi / 2 + turn * np.arange(count)
+    steps = speed * np.stack([np.cos(headings), np.sin(headings)], axis=1)
+    places = np.cumsum([[0.0, 0.0], *steps[:-1]], axis=0)
+    return EgoMotion(np.arange(count) * 0.1, np.column_stack([places, headings]))
 
 
 def test_the_road_follows_the_pitch_and_the_height_of_each_frame(find, rig, as_disparities):
@@ -77,10 +74,8 @@ def test_free_space_finds_boxes_and_wall(
         lone &= (u < edges[0] - 4) | (u > edges[1] + 4)
         inside = (u > edges[0] + 2) & (u < edges[1] - 2)
         assert_allclose(depth[inside], distance, rtol=0.02)
-        foot = project(rig, np.array([[at, rig.camera_height, distance]]) @ rig.level_from_camera)[
-            0, 1
-        ]
-        assert np.all(np.abs(found.base_row[0][inside] - foot) <= 2)
+        (foot,) = pixels_of_level(rig, [[at, rig.camera_height, distance]])
+        assert np.all(np.abs(found.base_row[0][inside] - foot[1]) <= 2)
     assert_allclose(depth[lone], 30.0, rtol=0.02)
 
 
@@ -205,10 +200,10 @@ def test_obstacle_is_expected_in_the_column_of_its_foot(column):
     ray = rig.level_from_camera @ unproject(rig, np.array([[column, base[column], 1.0]]))[0]
     place = ray[[0, 2]] * 9.0 / ray[2]
     x, y = ego_from_world(world_from_ego(place[None], before), now)[0]
-    foot = np.array([[x, rig.camera_height, y]]) @ rig.level_from_camera
+    (foot,) = pixels_of_level(rig, [[x, rig.camera_height, y]])
     expected = expected_depth(obstacle, base, line, rig, before, now)
     at = np.flatnonzero(np.isfinite(expected))
-    assert len(at) == 2 and np.all(np.abs(at - project(rig, foot)[0, 0]) < 1.1)
+    assert len(at) == 2 and np.all(np.abs(at - foot[0]) < 1.1)
     assert_allclose(expected[at], y, rtol=1e-5)
 
 
@@ -234,10 +229,8 @@ def test_histograms_count_the_obstacle_pixels(seed):
     highest = lowest + rng.integers(-50, 150, 30).astype(np.int32)
     scale = rng.uniform(0.11, 0.13, 30).astype(np.float32)
     expected = np.zeros((7, 33))
-    for u in range(7):
-        for v in range(30):
-            if lowest[v] <= columns[u, v] <= highest[v]:
-                expected[u, min(int(np.floor(columns[u, v] * scale[v] + np.float32(0.5))), 32)] += 1
+    for u, v in np.argwhere((lowest <= columns) & (columns <= highest)):
+        expected[u, min(int(np.floor(columns[u, v] * scale[v] + np.float32(0.5))), 32)] += 1
     assert np.array_equal(column_histograms(columns, lowest, highest, scale, 33), expected)
 
 
@@ -248,17 +241,15 @@ def test_occupancy_is_the_sum_of_the_likelihoods(rig, occupancies, kind):
     grid = layout(with_constants(occupancies[kind], relief=0.0), rig, 64)
     histogram = np.zeros((3, len(grid.likelihoods)), dtype=np.uint16)
     bins = rng.integers(8, 100, (3, 15))
-    for u in range(3):
-        np.add.at(histogram[u], bins[u], 1)
+    np.add.at(histogram, (np.arange(3)[:, None], bins), 1)
     got = fill(histogram, grid.likelihoods, grid.first, grid.last)
     for j in rng.integers(0, len(grid.depths), 12):
         half = grid.reaches[j] - 2.0 * 0.5
         z = grid.depths[j]
         middle = grid.disparities[j]
+        ends = np.array([middle - half, middle + half], dtype=np.float64)
         if kind == "polar":
             ends = rig.focal * rig.baseline / np.array([z + 0.125, z - 0.125], dtype=np.float64)
-        else:
-            ends = np.array([middle - half, middle + half], dtype=np.float64)
         samples = np.linspace(*ends, 2001)[:-1] + 0.5 * np.diff(ends) / 2000
         expected = normal(samples[None, None] - bins[..., None] / BINS_PER_PIXEL, 0.5)
         assert_allclose(got[:, j], expected.sum(axis=1).mean(axis=1), atol=1e-3)
@@ -279,12 +270,11 @@ def test_lateral_spread_sums_over_the_columns():
     starts, widths = np.array([-5.0, 3.2, 10.1]), np.array([7.0, 4.3, 0.6])
     edges = starts + widths * np.arange(9)[:, None]
     got = spread_laterally(polar, starts, widths, 8, 1.3)
-    for i in range(8):
-        for j in range(3):
-            ends = edges[i, j], edges[i + 1, j]
-            samples = np.linspace(*ends, 2001)[:-1] + 0.5 * (ends[1] - ends[0]) / 2000
-            density = normal(samples[:, None] - np.arange(40), 1.3).mean(axis=0)
-            assert got[i, j] == pytest.approx(density @ polar[:, j], abs=1e-3)
+    for i, j in np.ndindex(8, 3):
+        ends = edges[i, j], edges[i + 1, j]
+        samples = np.linspace(*ends, 2001)[:-1] + 0.5 * (ends[1] - ends[0]) / 2000
+        density = normal(samples[:, None] - np.arange(40), 1.3).mean(axis=0)
+        assert got[i, j] == pytest.approx(density @ polar[:, j], abs=1e-3)
 
 
 def test_cartesian_grid_is_resampled_to_the_columns(rig, road, occupancies, render):
@@ -304,12 +294,8 @@ def test_displayed_grid_shows_the_box_at_its_place(
     rig, road, occupancies, render, as_disparities, kind
 ):
     empty, box = render(rig), render(rig, boxes=[(1.0, 12.0, 2.0, 1.5)])
-    free = FreeSpace(
-        4,
-        np.full((2, rig.width), np.nan, dtype=np.float32),
-        np.full((2, rig.width), -1, dtype=np.int32),
-        np.tile(road_line(0.0, rig.camera_height, rig), (2, 1)),
-    )
+    nothing = np.full((2, rig.width), np.nan, np.float32), np.full((2, rig.width), -1, np.int32)
+    free = FreeSpace(4, *nothing, np.tile(road_line(0.0, rig.camera_height, rig), (2, 1)))
     disparities = as_disparities(empty, box, first=4)
     arguments = (disparities, free, rig, road, occupancies[kind])
     grid = picture_grid(*arguments, frame=5)
@@ -354,9 +340,8 @@ def test_path_has_the_least_cost(seed, width, rows, cost, limit):
     costs = rng.random((width, rows)).astype(np.float32)
     depths = np.sort(rng.uniform(3.0, 30.0, rows)).astype(np.float32)
     path = cheapest_path(costs, depths, np.float32(cost), np.float32(limit))
-    assert path_cost(path, costs, depths, cost, limit) == pytest.approx(
-        least_cost(costs, depths, cost, limit), rel=1e-5
-    )
+    least = least_cost(costs, depths, cost, limit)
+    assert path_cost(path, costs, depths, cost, limit) == pytest.approx(least, rel=1e-5)
 
 
 def brute_costs(column, inverse_requirement, bound, free_cost):
@@ -418,9 +403,8 @@ def pixels_of_level(rig, points_level):
 
 @given(st.sampled_from([PITCHED, TALL_PIXELS]), st.floats(-0.2, 0.2), st.floats(0.5, 4.0))
 def test_road_line_and_camera_pose_are_inverse(rig, pitch, height):
-    assert pitch_and_height(road_line(pitch, height, rig), rig) == pytest.approx(
-        (pitch, height), abs=1e-9
-    )
+    found = pitch_and_height(road_line(pitch, height, rig), rig)
+    assert found == pytest.approx((pitch, height), abs=1e-9)
 
 
 @pytest.mark.parametrize("rig", [PITCHED, TALL_PIXELS])
@@ -450,11 +434,7 @@ def test_obstacle_limits_match_heights_of_unprojected_pixels(rig, least, greates
     expected = (above > least) & (above < greatest) & (margin > 1.0)
     got = (raw >= lowest[:, None]) & (raw <= highest[:, None])
     # At equality rounding decides.
-    clear = (
-        (np.abs(above - least) > 1e-9)
-        & (np.abs(above - greatest) > 1e-9)
-        & (np.abs(margin - 1.0) > 1e-9)
-    )
+    clear = np.min([abs(above - least), abs(above - greatest), abs(margin - 1.0)], axis=0) > 1e-9
     assert np.array_equal(got[clear], expected[clear])
 
 
@@ -462,10 +442,8 @@ def test_v_disparity_counts_every_pixel():
     rng = np.random.default_rng(3)
     columns = rng.integers(-1, 16 * 16, (20, 9)).astype(np.int16)
     expected = np.zeros((9, 64), dtype=np.int32)
-    for u in range(0, 20, 3):
-        for v in range(9):
-            if columns[u, v] > 0:
-                expected[v, columns[u, v] // 4] += 1
+    for u, v in np.argwhere(columns > 0):
+        expected[v, columns[u, v] // 4] += u % 3 == 0
     assert np.array_equal(v_disparity(columns, 16, 3), expected)
 
 
