@@ -1,6 +1,8 @@
 """A small study made for the tests: its file, and its module."""
 
 import copy
+import functools
+import operator
 
 import pandas as pd
 import yaml
@@ -42,13 +44,10 @@ def changed(where, value):
     """The file's content with one entry changed, or left out if `value` is None."""
     content = copy.deepcopy(TOY)
     *outer, last = where
-    inner = content
-    for name in outer:
-        inner = inner[name]
+    inner = functools.reduce(operator.getitem, outer, content)
+    inner[last] = value
     if value is None:
         del inner[last]
-    else:
-        inner[last] = value
     return content
 
 

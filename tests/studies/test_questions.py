@@ -54,10 +54,8 @@ def test_a_question_has_an_answer_for_each_group_and_metric():
     assert section.brief.startswith("car: contour 0.9")
     cells = section.cells
     assert cells.header[:3] == ("road user", "tracker", "runs") and len(cells.rows) == 6
-    assert [row[:2] for row, marks in zip(cells.rows, cells.best, strict=True) if any(marks)] == [
-        ("car", "contour"),
-        ("pedestrian", "contour"),
-    ]
+    best = [row[:2] for row, marks in zip(cells.rows, cells.best, strict=True) if any(marks)]
+    assert best == [("car", "contour"), ("pedestrian", "contour")]
 
 
 @pytest.mark.parametrize(
@@ -102,8 +100,8 @@ def test_sweeps_are_compared_and_an_axis_of_one_alone_is_none_of_the_others():
     question = {"compare": "sweep", "within": "tracker", "over": "seed", "metrics": "iou_box_mean"}
     section = section_of(question | {"reference": "first"}, first=given, second=other)
     assert section.brief.startswith("second −0.3")
-    by_noise = section_of(question | {"by": "noise", "compare": "tracker", "within": []},
-                          first=given, second=other)  # fmt: skip
+    question |= {"by": "noise", "compare": "tracker", "within": []}
+    by_noise = section_of(question, first=given, second=other)
     assert [label for label, _ in by_noise.groups] == ["0.1"]
 
 
@@ -140,18 +138,10 @@ def test_tables_of_other_columns_or_without_intervals_are_joined_by_their_header
 def test_files_of_a_report():
     section = section_of({"by": "road_user", "metrics": "iou_box_mean"}, runs=runs_of(("a/b ü",)))
     table = pd.DataFrame({"a": [1.5], "b": ["x"]})
-    report = Report(
-        ("One.",), (section,), Material({"Own: table": table}, {"own/x.yaml": "a: 1\n"})
-    )
-    files = files_of(report)
-    stem = "it-a-b-"
-    assert {*files} == {
-        *(f"tables/{stem}.{kind}" for kind in ("csv", "md", "tex")),
-        f"figures/{stem}.svg",
-        "tables/own-table.csv",
-        "report.json",
-        "own/x.yaml",
-    }
+    material = Material({"Own: table": table}, {"own/x.yaml": "a: 1\n"})
+    files = files_of(Report(("One.",), (section,), material))
+    tables = [f"tables/it-a-b-.{kind}" for kind in ("csv", "md", "tex")] + ["tables/own-table.csv"]
+    assert {*files} == {*tables, "figures/it-a-b-.svg", "report.json", "own/x.yaml"}
     content = json.loads(files["report.json"])
     assert content["answer"] == ["One."] and [*content["questions"]["it"]] == ["a/b ü"]
     assert content["questions"]["it"]["a/b ü"][0]["tracker"] == "contour"

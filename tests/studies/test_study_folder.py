@@ -123,14 +123,9 @@ def fixed(*texts):
     return Design(tuple(parse(text, TYPED) for text in texts), ())
 
 
-TRACKING = Design(
-    (parse("path.duration=1", TYPED),),
-    (
-        axis("measurement", "stixels", "fabricated", "lidar"),
-        axis("tracker", "gp_ekf", "point"),
-        axis("seed", 0, 1),
-    ),
-)
+SENSORS = axis("measurement", "stixels", "fabricated", "lidar")
+AXES = SENSORS, axis("tracker", "gp_ekf", "point"), axis("seed", 0, 1)
+TRACKING = Design((parse("path.duration=1", TYPED),), AXES)
 STEREO_ONLY = Design((parse("measurement=stixels", TYPED),), (axis("seed", 0, 1),))
 
 
@@ -156,10 +151,9 @@ def test_a_key_inside_an_option_follows_it_and_several_values_need_an_axis_in_ra
     (design,), _ = overridden([TRACKING], ["tracker=point,contour", "seed=3,4"], ["tracking"])
     assert design.axes[1:] == (axis("tracker", "point", "contour"), axis("seed", 3, 4))
     fabricated = fixed("measurement=fabricated", "measurement/noise=constant")
+    sweeps, negative = [STEREO_ONLY, fabricated], ["measurement.noise.range_std=-1"]
     with pytest.raises(ConfigurationError, match="range_std: -1 is out of range"):
-        overridden(
-            [STEREO_ONLY, fabricated], ["measurement.noise.range_std=-1"], ["stereo", "rays"]
-        )
+        overridden(sweeps, negative, ["stereo", "rays"])
     with pytest.raises(ConfigurationError, match="belongs to measurement=fabricated"):
         overridden([STEREO_ONLY], ["measurement/noise=constant"], ["stereo"])
 
@@ -175,8 +169,7 @@ def test_keys_that_distinguish_sweeps_cannot_be_overridden():
     # A sweep whose axes are derived keeps its own, and so stands in nobody's way.
     fitted = fixed("measurement=fabricated", "measurement/noise=fitted_car")
     plain = fixed("measurement=fabricated", "measurement/noise=stereo")
-    (changed, kept), _ = overridden(
-        [plain, fitted], ["measurement/noise=constant"], ["plain", "fitted"], derived=["fitted"]
-    )
+    given = [plain, fitted], ["measurement/noise=constant"], ["plain", "fitted"]
+    (changed, kept), _ = overridden(*given, derived=["fitted"])
     assert "measurement/noise=constant" in texts_of(changed)
     assert kept == fitted
