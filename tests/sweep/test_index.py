@@ -67,10 +67,9 @@ def test_each_folder_has_a_row(root, monkeypatch):
     assert rows["b, <i>"]["link"] == "./b%2C%20%3Ci%3E/"
     assert rows["a"]["mean IoU"] == 0.75 and rows["a"]["verdict"].startswith("IoU 0.75")
     assert rows["rq2/sweeps/main"]["mean IoU"] is None, "a mean over trackers is none of any"
-    assert rows["rq2/sweeps/main"]["verdict"] == (
-        "2 of 3 runs done. Mean IoU: contour 0.900 and gp_ekf 0.500 (one run each: too few to "
-        "compare, 4 are needed). Not compared: point, without a value."
-    )
+    said = "2 of 3 runs done. Mean IoU: contour 0.900 and gp_ekf 0.500 (one run each: too few to "
+    said += "compare, 4 are needed). Not compared: point, without a value."
+    assert rows["rq2/sweeps/main"]["verdict"] == said
     assert "not valid JSON" in rows["broken"]["verdict"]
     assert rows["foreign"]["verdict"] == "not a valid result: ZeroDivisionError: division by zero"
     assert rows["rq2"]["link"] == "./rq2/report.html"
@@ -127,9 +126,8 @@ def test_a_page_that_cannot_be_written_fails_no_command(root, monkeypatch):
 def test_the_newest_is_first_and_the_page_fits_a_phone(root, open_page):
     update_index(root)
     narrow = open_page(root / "index.html", 390, 844, dark=True)
-    names = narrow.page.locator("#runs tbody tr:not(.group)").evaluate_all(
-        "rows => rows.map(row => row.cells[0].textContent)"
-    )
+    rows = narrow.page.locator("#runs tbody tr:not(.group)")
+    names = rows.evaluate_all("rows => rows.map(row => row.cells[0].textContent)")
     assert names[:3] == ["rq2/sweeps/main", "b, <i>", "a"] and names[-1] == "rq2"
     link = narrow.page.get_by_role("link", name="rq2", exact=True)
     assert link.get_attribute("href") == "./rq2/report.html"
