@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stixel_cli.cli.app import main
 from stixel_cli.engine import cache_folder
 from stixel_cli.engine.cache_folder import MARK, Lease, is_marked, make_folder
 from stixel_cli.engine.entries import collect, entries, entry_folders, keep_limit
@@ -219,11 +218,10 @@ def home(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     "words", [("cache", "gc"), ("cache", "clear", "--yes"), ("cache", "ls"), ("run", *SMALL)]
 )
-def test_a_folder_with_other_files_is_refused_and_left_alone(home, words, capsys, monkeypatch):
+def test_a_folder_with_other_files_is_refused_and_left_alone(home, words, told, monkeypatch):
     monkeypatch.chdir(home[0].parents[2])
     before = sorted(home[0].parents[1].rglob("*"))
-    assert main([*words]) == 2
-    said = capsys.readouterr().err
+    said = told(*words, code=2)
     assert said.count("\n") == 1 and "not make" in said and "STIXEL_CACHE" in said
     assert sorted(home[0].parents[1].rglob("*")) == before
 

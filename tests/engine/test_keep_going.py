@@ -1,6 +1,7 @@
 """A node that fails or takes too long does not stop the others; what depends on it is skipped."""
 
 import os
+import threading
 
 import pytest
 
@@ -19,9 +20,8 @@ def statuses(execution):
 
 @pytest.mark.parametrize("executor", ["serial", "threads", "local"])
 def test_a_failed_node_fails_alone(project, notes, executor):
-    project.edit(
-        "running", "return doubled.total()", "assert frames.start != 4; return doubled.total()"
-    )
+    total = "return doubled.total()"
+    project.edit("running", total, f"assert frames.start != 4; {total}")
     graph = project.graph()
     execution = project.run(graph, executor=executor, keep_going=True, progress=notes)
     found = statuses(execution)
@@ -34,9 +34,8 @@ def test_a_failed_node_fails_alone(project, notes, executor):
     running, gather = graph.of_stage("running"), graph.of_stage("gather")[0]
     assert execution.failure_of([gather.key]) == (running[1].key, failure)
     assert execution.failure_of([running[0].key]) is None
-    assert [record["status"] for record in execution.stage_records()] == [
-        *("computed", "computed", "failed", "skipped", "computed", "computed")
-    ]
+    of_stages = [record["status"] for record in execution.stage_records()]
+    assert of_stages == ["computed"] * 2 + ["failed", "skipped"] + ["computed"] * 2
     (note,) = notes.notes
     assert note.startswith("failed: running[4:8]: AssertionError: (")
     assert "running.py, line " in note, "the file may be the user's own"
@@ -44,9 +43,7 @@ def test_a_failed_node_fails_alone(project, notes, executor):
 
 
 def test_two_failures_with_a_common_successor(project, notes):
-    project.edit(
-        "double", "values = numbers[", "assert frames.start == 8, frames; values = numbers["
-    )
+    project.edit("double", "values = ", "assert frames.start == 8, frames; values = ")
     execution = project.run(keep_going=True, progress=notes)
     found = statuses(execution).items()
     failed, computed = (
@@ -159,8 +156,6 @@ def test_small_work_in_this_process_is_interrupted(project, monkeypatch):
 
 def test_the_time_a_lock_is_held_by_another_does_not_count(project):
     graph = project.graph()
-    import threading
-
     held, gone = threading.Event(), threading.Event()
 
     def hold():

@@ -50,10 +50,7 @@ def stored(project, new_process):
 
 def test_an_edit_that_keeps_size_and_time_is_seen(project, new_process, stored):
     parsed = new_process()
-    file = project.package / "helpers.py"
-    before = file.stat()
-    project.edit("helpers", "FACTOR = 3.0", "FACTOR = 4.0")
-    source_files.os.utime(file, ns=(before.st_atime_ns, before.st_mtime_ns))
+    edit_unseen(project, 3, 4)
     assert digest(project) != stored
     assert len(parsed) == 1
 
@@ -129,11 +126,17 @@ def edited(project, monkeypatch):
     monkeypatch.delenv("PYTHONDONTWRITEBYTECODE")
     source = project.package / "helpers.py"
     py_compile.compile(str(source), doraise=True, invalidation_mode=TIME)
-    before = source.stat()
-    project.edit("helpers", "FACTOR = 3.0", "FACTOR = 5.0")
-    os.utime(source, ns=(before.st_atime_ns, before.st_mtime_ns))
+    edit_unseen(project, 3, 5)
     loaded_code._checked.clear()
     return source
+
+
+def edit_unseen(project, old, new):
+    """Another factor, in a file of the same size and time."""
+    source = project.package / "helpers.py"
+    before = source.stat()
+    project.edit("helpers", f"FACTOR = {old}.0", f"FACTOR = {new}.0")
+    os.utime(source, ns=(before.st_atime_ns, before.st_mtime_ns))
 
 
 TIME = py_compile.PycInvalidationMode.TIMESTAMP
@@ -148,9 +151,7 @@ def first_double(project, executor="serial"):
 def test_stale_bytecode_is_replaced(project, edited):
     assert first_double(project) == [0.0, 10.0, 20.0, 30.0]
     # From now on Python sees such an edit for itself.
-    before = edited.stat()
-    project.edit("helpers", "FACTOR = 5.0", "FACTOR = 7.0")
-    os.utime(edited, ns=(before.st_atime_ns, before.st_mtime_ns))
+    edit_unseen(project, 5, 7)
     assert first_double(project) == [0.0, 14.0, 28.0, 42.0]
 
 

@@ -217,10 +217,9 @@ def test_a_file_system_without_locks_is_refused_and_no_substitute_is_left(
 
     store.save(KEY, 1)
     monkeypatch.setattr("fcntl.flock", no_lock)
-    with pytest.raises(CacheError, match="locks"), store.lock(KEY):
-        raise AssertionError("held")
-    with pytest.raises(CacheError, match="locks"), collector_lock(store.folder):
-        raise AssertionError("held")
+    for lock in (store.lock(KEY), collector_lock(store.folder)):
+        with pytest.raises(CacheError, match="locks"), lock:
+            raise AssertionError("held")
     with pytest.raises(CacheError, match="locks"):
         store.check_writable()
     monkeypatch.undo()

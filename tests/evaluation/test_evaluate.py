@@ -4,12 +4,8 @@ import json
 import numpy as np
 import pytest
 
-from stixel_cli.evaluation.evaluate import (
-    evaluate,
-    normalised_errors,
-    orientation_errors,
-    out_of_view,
-)
+from stixel_cli.evaluation import evaluate as of_scans
+from stixel_cli.evaluation.evaluate import evaluate
 from stixel_cli.evaluation.metric_table import OF_ESTIMATES
 from stixel_cli.geometry.pose import world_from_target
 from stixel_cli.measurements.scans import FieldOfView, Scans
@@ -32,13 +28,10 @@ def track_with(shifts):
     contours = np.stack([world_from_target(OUTLINE, pose) for pose in poses])
     directions = contours - poses[:, None, :2]
     directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
-    return Track.of_scans(
-        TIMES,
-        (np.pad(poses, ((0, 0), (0, 5))), np.tile(0.25 * np.eye(8), (COUNT, 1, 1))),
-        (contours, directions, np.full((COUNT, 4), 0.1)),
-        np.split(np.array([0, 1, 2, 4, 5, 6, 7]), [2, 2, 3, 5]),
-        np.array([1.0, np.nan, 2.0, 4.0, 2.0]),
-    )
+    states = np.pad(poses, ((0, 0), (0, 5))), np.tile(0.25 * np.eye(8), (COUNT, 1, 1))
+    shape = contours, directions, np.full((COUNT, 4), 0.1)
+    used = [0, 1], [], [2], [4, 5], [6, 7]
+    return Track.of_scans(TIMES, states, shape, used, np.array([1.0, np.nan, 2.0, 4.0, 2.0]))
 
 
 SHIFTS = np.array([[0, 0, 0], [1, 0, 0], [0, 0, 0.1], [0, 0, -0.1], [8, 6, 0]], float)
@@ -111,7 +104,7 @@ def test_a_target_leaves_the_view_of_its_sensor():
     view = FieldOfView(-0.1, np.arctan2(1.05, 10.0))
     empty = np.zeros((0, 2)), np.zeros((0, 2, 2))
     scans = Scans.of_each(times, sensors, [empty] * count, view)
-    assert np.flatnonzero(out_of_view(scenario, scans))[0] == 11
+    assert np.flatnonzero(of_scans.out_of_view(scenario, scans))[0] == 11
     states = np.zeros((count, 8)), np.tile(np.eye(8), (count, 1, 1))
     contours = np.tile(OUTLINE, (count, 1, 1)), np.tile(OUTLINE, (count, 1, 1)), np.ones((count, 4))
     unused = [np.zeros(0, int)] * count
@@ -173,11 +166,9 @@ def test_contour_distance_is_the_mean_of_both_ways():
 def test_where_only_the_box_is_known_the_outline_has_no_scores():
     scores = evaluate(track_with(SHIFTS), dataclasses.replace(SCENARIO, only_box=True), SCANS)
     known = evaluate(track_with(SHIFTS), SCENARIO, SCANS).metrics
-    outline = {
-        *("iou_mean", "iou_star_convex_upper_bound", "low_overlap_share"),
-        *("gaussian_wasserstein_m", "hausdorff_m", "contour_distance_m", "seen_contour_error_m"),
-        *("band_coverage", "hidden_contour_error_m", "hidden_band_coverage"),
-    }
+    outline = {"iou_mean", "iou_star_convex_upper_bound", "low_overlap_share", "hausdorff_m"}
+    outline |= {"gaussian_wasserstein_m", "contour_distance_m", "seen_contour_error_m"}
+    outline |= {"band_coverage", "hidden_contour_error_m", "hidden_band_coverage"}
     assert np.isnan(scores.iou).all()
     for name, value in scores.metrics.items():
         assert value == (None if name in outline else known[name]), name
@@ -188,20 +179,14 @@ def test_metrics_are_plain_numbers_or_none():
     metrics = evaluate(track_with(SHIFTS), SCENARIO, SCANS).metrics
     assert all(type(value) in (int, float) for value in metrics.values() if value is not None)
     assert json.loads(json.dumps(metrics)) == metrics
-    track = track_with(SHIFTS)
-    track = dataclasses.replace(
-        track,
-        nis=np.full(COUNT, np.nan),
-        nis_degrees_of_freedom=np.zeros(COUNT, np.int64),
-        used_offsets=np.zeros(COUNT + 1, np.int64),
-        used_points=np.zeros(0, np.int64),
-        covariances=np.zeros_like(track.covariances),
-    )
-    scores = evaluate(track, SCENARIO, SCANS)
+    unsure = track_with(SHIFTS)
+    states = unsure.means, np.zeros_like(unsure.covariances)
+    contours = unsure.contours_world, unsure.contour_directions, unsure.contour_std
+    unused = Track.of_scans(TIMES, states, contours, [[]] * COUNT, np.full(COUNT, np.nan))
+    metrics = evaluate(unused, SCENARIO, SCANS).metrics
     for name in ("nees_position_mean", "nees_orientation_mean", "nis_mean"):
-        assert scores.metrics[name] is None
-    assert scores.metrics["centre_mean_m"] == pytest.approx(11 / 5)
-    assert scores.metrics["points_used_mean"] == 0.0
+        assert metrics[name] is None
+    assert metrics["centre_mean_m"] == pytest.approx(11 / 5) and metrics["points_used_mean"] == 0.0
 
 
 @pytest.mark.parametrize("field", ["means", "covariances", "contours_world"])
@@ -276,11 +261,11 @@ def test_single_scan_is_scored():
 def test_orientation_errors_are_wrapped_and_normalised_errors_known():
     true = np.array([np.pi - 0.1, 0.1 - np.pi, 0.0, 0.0, 2.0 * np.pi])
     estimated = np.array([0.2 - np.pi, np.pi - 0.2, 7.0 * np.pi, -np.pi, 0.0])
-    found = orientation_errors(estimated, true)
+    found = of_scans.orientation_errors(estimated, true)
     np.testing.assert_allclose(found, [0.3, -0.3, np.pi, np.pi, 0.0], atol=1e-12)
     errors = np.array([[1.0, 0.0], [2.0, 1.0], [1.0, 1.0]])
     covariances = np.array([np.diag([0.5, 9.0]), [[2.0, 1.0], [1.0, 2.0]], np.diag([1.0, 0.0])])
-    found = normalised_errors(errors, covariances)
+    found = of_scans.normalised_errors(errors, covariances)
     np.testing.assert_allclose(found, [1.0, 1.0, np.nan], rtol=0, atol=1e-12)
 
 

@@ -260,14 +260,11 @@ def test_nearest_rows_match_a_plain_search():
     depth[:, 7] = np.inf
     rows, found = nearest_rows(depth, 40.0, 3.0)
     for u in range(30):
-        expected = None
-        for n, v in enumerate(sorted(range(14), key=lambda v: depth[v, u]), start=1):
-            z = depth[v, u]
-            if np.isfinite(z) and n >= 3.0 and n >= 40.0 / z:
-                expected = v
-                break
-        assert found[u] == (expected is not None)
-        assert expected is None or rows[u] == expected
+        order = np.argsort(depth[:, u])
+        z, n = depth[order, u], np.arange(1, 15)
+        expected = order[np.isfinite(z) & (n >= 3.0) & (n >= 40.0 / z)]
+        assert found[u] == (len(expected) > 0)
+        assert not len(expected) or rows[u] == expected[0]
     assert not nearest_rows(np.full((4, 3), np.inf), 40.0, 3.0)[1].any()
 
 
