@@ -35,15 +35,13 @@ class OpenedPage:
 
     def settle(self) -> None:
         """Wait for two frames: observers of sizes, by which charts are drawn, have run by then."""
-        self.page.evaluate(
-            "new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))"
-        )
+        frame = "requestAnimationFrame"
+        self.page.evaluate(f"new Promise(done => {frame}(() => {frame}(done)))")
 
     def overflow(self) -> int:
         """By how many px the page is wider than the window; 0 if it fits."""
-        return self.page.evaluate(
-            "document.documentElement.scrollWidth - document.documentElement.clientWidth"
-        )
+        root = "document.documentElement"
+        return self.page.evaluate(f"{root}.scrollWidth - {root}.clientWidth")
 
 
 @pytest.fixture(scope="session")

@@ -11,22 +11,16 @@ import pytest
 
 import stixel_cli
 
-FILES = [
-    path
-    for path in sorted(Path(stixel_cli.__file__).parent.rglob("*.py"))
-    if "import njit" in path.read_text("utf-8")
-]
+FILES = sorted(Path(stixel_cli.__file__).parent.rglob("*.py"))
+FILES = [path for path in FILES if "import njit" in path.read_text("utf-8")]
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
 def test_a_kernel_takes_nothing_from_another_file_and_makes_no_arrays(path):
     tree = ast.parse(path.read_text("utf-8"))
-    imported = {
-        alias.asname or alias.name
-        for statement in tree.body
-        if isinstance(statement, ast.ImportFrom) and statement.module.startswith("stixel_cli")
-        for alias in statement.names
-    }
+    imports = [one for one in tree.body if isinstance(one, ast.ImportFrom)]
+    names = [one.names for one in imports if one.module.startswith("stixel_cli")]
+    imported = {alias.asname or alias.name for aliases in names for alias in aliases}
     functions = [statement for statement in tree.body if isinstance(statement, ast.FunctionDef)]
     kernels = [f for f in functions if any("njit" in ast.unparse(d) for d in f.decorator_list)]
     assert kernels

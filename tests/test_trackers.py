@@ -16,15 +16,11 @@ def result():
 
 
 def stepped(scans, tracker, count=None):
-    return [
-        tracker.step(
-            scans.points_world[scans.rows(k)],
-            scans.covariances_world[scans.rows(k)],
-            scans.sensor_poses_world[k],
-            scans.times[k],
-        )
-        for k in range(len(scans) if count is None else count)
-    ]
+    poses, found = scans.sensor_poses_world, []
+    for k in range(len(scans) if count is None else count):
+        seen = scans.points_world[scans.rows(k)], scans.covariances_world[scans.rows(k)]
+        found.append(tracker.step(*seen, poses[k], scans.times[k]))
+    return found
 
 
 @pytest.mark.parametrize("road_user", ["car", "unknown"])

@@ -25,12 +25,8 @@ def frame_of(rows, names, metric=IOU):
 
 def of_values(values, metric=IOU):
     """Runs of `values`, by tracker and path the values of the seeds."""
-    rows = [
-        (tracker, path, seed, value)
-        for tracker, paths in values.items()
-        for path, own in paths.items()
-        for seed, value in enumerate(own)
-    ]
+    series = [(name, path, own) for name, paths in values.items() for path, own in paths.items()]
+    rows = [(*names, *pair) for *names, own in series for pair in enumerate(own)]
     return Runs(frame_of(rows, ("tracker", "path", "seed"), metric))
 
 
@@ -72,9 +68,8 @@ def test_a_harder_scene_of_one_option_does_not_count():
 
 def test_units_are_seeds_and_differences_are_paired():
     first = {"turn": [0.2, 0.23, 0.18, 0.21, 0.2], "hard": [0.5, 0.55, 0.52, 0.5, 0.53]}
-    second = {
-        path: [v + 0.02 + 0.002 * i for i, v in enumerate(own)] for path, own in first.items()
-    }
+    rise = 0.02 + 0.002 * np.arange(5)
+    second = {path: own + rise for path, own in first.items()}
     answer = of_values({"a": first, "b": second}, CENTRE).ask(metric=CENTRE)
     values = np.mean([*second.values()], axis=0) - np.mean([*first.values()], axis=0)
     row = answer.table.loc["b"]
@@ -114,11 +109,8 @@ def test_a_ratio_has_no_best_and_is_compared_with_a_stated_reference_alone():
 
 
 def test_a_failed_run_stays_and_counts_as_lost():
-    values = {
-        "mine": {"turn": [0.9, None, 0.91, 0.92, None, 0.9]},
-        "point": {"turn": [0.5, 0.52, 0.51, 0.5, 0.53, 0.51]},
-        "broken": {"turn": [None] * 6},
-    }
+    own = {"mine": [0.9, None, 0.91, 0.92, None, 0.9], "point": [0.5, 0.52, 0.51, 0.5, 0.53, 0.51]}
+    values = {name: {"turn": seeds} for name, seeds in (own | {"broken": [None] * 6}).items()}
     answer = of_values(values).ask()
     assert list(answer.table["failed"]) == [2, 0, 6] and list(answer.table["runs"]) == [6, 6, 6]
     np.testing.assert_allclose(answer.table["lost_share"], [1 / 3, 0.0, 1.0])
@@ -173,9 +165,8 @@ def test_two_units_claim_nothing():
 
 
 def test_shares_of_lost_runs_have_intervals_over_the_same_units():
-    values = {
-        name: {"turn": [iou] * 5, "hard": [iou] * 5} for name, iou in (("a", 0.5), ("b", 0.4))
-    }
+    ious = (("a", 0.5), ("b", 0.4))
+    values = {name: {"turn": [iou] * 5, "hard": [iou] * 5} for name, iou in ious}
     row = of_values(values).ask(metric="track_lost").table.loc["a"]
     # Wilson's of 0 of 5 seeds, not of 0 of 10 runs.
     assert (row["mean"], row["low"]) == (0.0, 0.0) and row["high"] == pytest.approx(0.434, abs=1e-3)

@@ -154,8 +154,8 @@ def test_a_part_is_rendered_run_and_scored(tmp_path, monkeypatch, capsys, told):
     assert main(["bench", "run", "box", "--data", "demo"]) == 0, capsys.readouterr().err
     scored = ["bench", "score", "box.zip", "--data", "demo", "--rows", "rows"]
     assert main(scored) == 0 and len(list((tmp_path / "rows").iterdir())) == 1
-    assert main(["bench", "verify", "--data", "absent"]) == 2
-    assert "MANIFEST.json: is missing: name the folder of the sequences" in capsys.readouterr().err
+    absent = told("bench", "verify", "--data", "absent", code=2)
+    assert "MANIFEST.json: is missing: name the folder of the sequences" in absent
     assert "--rows: absent: no such folder" in told("bench", "page", "--rows", "absent", code=2)
     nothing = ["bench", "render", "--part", "guest_demo", "--sensor", "lidar", "--data", "demo"]
     assert main(nothing) == 2 and "'lidar': must be one of" in capsys.readouterr().err

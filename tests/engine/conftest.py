@@ -158,11 +158,8 @@ class Project:
 
     def contents(self, graph) -> dict[str, bytes]:
         """The stored bytes of every node that is there."""
-        return {
-            node.label: (self.store.entry(key) / VALUE).read_bytes()
-            for key, node in graph.nodes.items()
-            if self.store.has(key)
-        }
+        keys = {node.label: key for key, node in graph.nodes.items() if self.store.has(key)}
+        return {label: (self.store.entry(key) / VALUE).read_bytes() for label, key in keys.items()}
 
     def forget(self) -> None:
         """Forget the imported package, so that it is imported again as in a new process."""

@@ -254,10 +254,8 @@ def test_a_cache_that_another_process_marks_at_the_same_time(tmp_path, monkeypat
 def test_files_of_others_in_a_cache_stay(tmp_path):
     store = Store(tmp_path / "cache", max_size=0)
     store.save(KEY, 1)
-    others = [
-        put(store.folder / name, 1e8)
-        for name in ("mine", "tmp/old", "sources/mine.py", "locks/mine.lock")
-    ]
+    names = ("mine", "tmp/old", "sources/mine.py", "locks/mine.lock")
+    others = [put(store.folder / name, 1e8) for name in names]
     (store.folder / "no").mkdir()
     keep_limit(store)
     collect(store, 0, 0.0)

@@ -88,11 +88,9 @@ def cluster(tmp_path_factory):
 
 
 def graph_of(folder):
-    stages = [
-        Stage("slow", "dask_steps.steps:slow", "map", {}, {"folder": str(folder)}, seed=3),
-        Stage("total", "dask_steps.steps:total", "fold", {"slow": "slow"}, {}),
-    ]
-    return GraphBuilder().build(stages, FRAMES, 1)
+    slow = Stage("slow", "dask_steps.steps:slow", "map", {}, {"folder": str(folder)}, seed=3)
+    total = Stage("total", "dask_steps.steps:total", "fold", {"slow": "slow"}, {})
+    return GraphBuilder().build([slow, total], FRAMES, 1)
 
 
 def executor_at(cluster, time_limit=300.0):

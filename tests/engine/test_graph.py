@@ -70,15 +70,15 @@ class Other:
     a: float
 
 
-plain = st.recursive(
-    st.none() | st.booleans() | st.integers() | st.floats() | st.text(),
-    lambda inner: (
-        st.lists(inner, max_size=3)
-        | st.lists(inner, max_size=3).map(tuple)
-        | st.dictionaries(st.text(), inner, max_size=3)
-    ),
-    max_leaves=6,
-)
+SCALARS = st.none() | st.booleans() | st.integers() | st.floats() | st.text()
+
+
+def lists_and_dictionaries(inner):
+    lists = st.lists(inner, max_size=3)
+    return lists | lists.map(tuple) | st.dictionaries(st.text(), inner, max_size=3)
+
+
+plain = st.recursive(SCALARS, lists_and_dictionaries, max_leaves=6)
 
 
 def spelled(value):
@@ -142,10 +142,8 @@ def test_every_part_of_a_stage_counts(project, tmp_path):
     assert len(set(found)) == len(found)
     numbers, double, *_ = project.stages()
     sources = [numbers, replace(numbers, name="others")]
-    wired = [
-        GraphBuilder().build([*sources, replace(double, inputs={"numbers": one.name})], 10, 4)
-        for one in sources
-    ]
+    doubles = [replace(double, inputs={"numbers": one.name}) for one in sources]
+    wired = [GraphBuilder().build([*sources, one], 10, 4) for one in doubles]
     assert {*keys(wired[0], "double")}.isdisjoint(keys(wired[1], "double"))
 
 
@@ -180,9 +178,8 @@ def test_reaches_modules_through_imports_and_all_of_a_package_that_is_an_object(
     assert found.versions["numpy"]
     found = code("first", first=f"import {project.name}.helpers")
     assert names(project, found) >= {"first", "helpers", "nouns", "log", "double", project.name}
-    assert found.modules == code("first", first=f"import {project.name} as p").modules | {
-        f"{project.name}.first": found.modules[f"{project.name}.first"]
-    }
+    own = {f"{project.name}.first": found.modules[f"{project.name}.first"]}
+    assert found.modules == code("first", first=f"import {project.name} as p").modules | own
 
 
 @pytest.mark.parametrize(

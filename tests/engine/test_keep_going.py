@@ -45,10 +45,9 @@ def test_a_failed_node_fails_alone(project, notes, executor):
 def test_two_failures_with_a_common_successor(project, notes):
     project.edit("double", "values = ", "assert frames.start == 8, frames; values = ")
     execution = project.run(keep_going=True, progress=notes)
-    found = statuses(execution).items()
-    failed, computed = (
-        [label for label, one in found if one == status] for status in ("failed", "computed")
-    )
+    found = statuses(execution)
+    failed = [label for label in found if found[label] == "failed"]
+    computed = [label for label in found if found[label] == "computed"]
     assert failed == ["double[0:4]", "double[4:8]"]
     assert computed == ["numbers", "double[8:10]", "grid[9]", "show[9]"]
     graph = execution.graph

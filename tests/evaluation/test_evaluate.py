@@ -246,13 +246,10 @@ def test_evaluate_rejects_scans_of_other_times():
 def test_single_scan_is_scored():
     short = Scenario(TIMES[:1], np.zeros((1, 3)), POSES[:1], np.zeros((1, 3)), OUTLINE[None])
     whole = track_with(SHIFTS)
-    track = Track(
-        *(getattr(whole, f.name)[:1] for f in dataclasses.fields(Track)[:6]),
-        used_offsets=whole.used_offsets[:2],
-        used_points=whole.used_points[:2],
-        nis=whole.nis[:1],
-        nis_degrees_of_freedom=whole.nis_degrees_of_freedom[:1],
-    )
+    names = [f.name for f in dataclasses.fields(Track)[:6]] + ["nis", "nis_degrees_of_freedom"]
+    cut = {name: getattr(whole, name)[:1] for name in names}
+    cut |= {name: getattr(whole, name)[:2] for name in ("used_offsets", "used_points")}
+    track = Track(**cut)
     scans = dataclasses.replace(SCANS, times=TIMES[:1], offsets=SCANS.offsets[:2])
     metrics = evaluate(track, short, scans).metrics
     assert metrics["iou_mean"] == 1.0

@@ -82,11 +82,8 @@ def test_a_run_from_the_files_of_any_run_gives_the_same_tracks_and_scores(words,
     for file in ("scans.csv", "ego.csv", "truth.csv", "track.csv", "scores.csv"):
         before, after = shared / name / file, shared / f"{name}-back" / file
         assert before.read_bytes() == after.read_bytes(), file
-    before, after = (
-        json.loads((shared / folder / "metrics.json").read_text())
-        for folder in (name, f"{name}-back")
-    )
-    assert after == before
+    before, after = (shared / folder / "metrics.json" for folder in (name, f"{name}-back"))
+    assert json.loads(after.read_text()) == json.loads(before.read_text())
 
 
 def test_the_truths_table_has_the_box_of_the_contour(made, shared, capsys):

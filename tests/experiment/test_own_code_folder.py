@@ -205,9 +205,8 @@ def kernel(own):
     text = source.read_text().replace("tracker: Parameters", "tracker: Parameters = Parameters()")
     (own.folder / f"{own.name}_track.py").write_text(text)
     source.write_text(KERNEL.format(name=own.name, helper=own.helper))
-    own.write_helper = lambda **values: (own.folder / f"{own.helper}.py").write_text(
-        HELPER.format(**values)
-    )
+    helper = own.folder / f"{own.helper}.py"
+    own.write_helper = lambda **values: helper.write_text(HELPER.format(**values))
     own.write_helper(offset=1.0, factor=2.0)
     return own
 

@@ -45,8 +45,7 @@ def rendered(results, cache):
     return results / "rendered"
 
 
-def test_a_clip_gives_the_scans_and_the_truth_of_its_run(rendered, results, tmp_path, capsys, told):
-    capsys.readouterr()
+def test_a_clip_gives_the_scans_and_the_truth_of_its_run(rendered, results, tmp_path, told):
     clip = tmp_path / "clip"
     printed, command = told("export", rendered, "--format", "kitti", "--output", clip).splitlines()
     assert printed == str(clip)
@@ -72,9 +71,7 @@ def test_a_clip_gives_the_scans_and_the_truth_of_its_run(rendered, results, tmp_
     assert 1.0 < np.median(disparity[disparity > 0]) / 256 < 60.0
 
 
-def test_trajectories_are_those_that_evo_reads_without_rows_of_unknown_poses(
-    rendered, tmp_path, capsys
-):
+def test_trajectories_are_those_that_evo_reads_without_rows_of_unknown_poses(rendered, tmp_path):
     out = tmp_path / "tum"
     assert main(["export", str(rendered), "--format", "tum", "--output", str(out)]) == 0
     assert sorted(file.name for file in out.iterdir()) == ["ego.tum", "track.tum", "truth.tum"]
@@ -155,17 +152,15 @@ def test_a_missing_library_is_named(form, module, rendered, tmp_path, monkeypatc
     assert not (tmp_path / "x").exists()
 
 
-def test_scans_without_images_have_no_stixels(results, tmp_path, capsys, told):
+def test_scans_without_images_have_no_stixels(results, tmp_path, told):
     pytest.importorskip("stixel")
     few = ("measurement=fabricated", "path.duration=0.3", "pictures.frames=[]", "executor=threads")
     assert main(["run", *few, "--results", str(results), "--name", "rays"]) == 0
-    capsys.readouterr()
     words = ("--format", "stx1", "--output", str(tmp_path / "x"))
     assert "has no stixels to export" in told("export", results / "rays", *words, code=2)
 
 
-def test_what_cannot_be_exported_is_refused_in_one_line(rendered, tmp_path, capsys, told):
-    capsys.readouterr()
+def test_what_cannot_be_exported_is_refused_in_one_line(rendered, tmp_path, told):
     for words, said in (
         (["--format", "xyz"], "'xyz' is not one of 'kitti', 'csv', 'tum', 'stx1', 'rerun'"),
         (["--format", "tum", "--output", str(tmp_path)], "exists and is not overwritten"),

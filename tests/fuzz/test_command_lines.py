@@ -86,9 +86,8 @@ def draw_override(rng: random.Random) -> str:
     elif how < 0.09:
         name = name.replace(".", "/") if "." in name else name.replace("/", ".")
     elif how < 0.12:
-        name = rng.choice(
-            (f"{name}.x", f"{name}@x", f"{name}@", f"@{name}", f"{name}[0]", f".{name}")
-        )
+        odd = (f"{name}.x", f"{name}@x", f"{name}@", f"@{name}", f"{name}[0]", f".{name}")
+        name = rng.choice(odd)
         name = rng.choice((name, f"{name}.", f"{name}@:x", f"{name}@_global_", f"{name}@a:b"))
     elif how < 0.15:
         name = f" {name} "

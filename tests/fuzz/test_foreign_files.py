@@ -43,24 +43,17 @@ SMALL = 10
 CLIP = "source.folder=clip source.sequence=0003 source.target="
 ALL = f"run --json --dry-run {CLIP}auto road_user=car"
 OF_A_CLIP = (f"run --dry-run {CLIP}0", ALL, f"explain {CLIP}0")
-OF_A_DRIVE = (
-    "run --dry-run source.folder=drives/2011_09_26_drive_0001_sync source.target=0",
-    "explain source.folder=drives/2011_09_26_drive_0001_sync source.target=auto road_user=car",
-    "run --dry-run source.folder=drives/official source.sequence=0003 source.target=0",
-)
-OF_A_LOG = ["run --dry-run source.folder=log source.target=auto road_user=car "
-            "rig.camera_height=1.6"]  # fmt: skip
+RAW = "source.folder=drives/2011_09_26_drive_0001_sync source.target="
+OFFICIAL = "run --dry-run source.folder=drives/official source.sequence=0003 source.target=0"
+OF_A_DRIVE = (f"run --dry-run {RAW}0", f"explain {RAW}auto road_user=car", OFFICIAL)
+CAR = "road_user=car rig.camera_height=1.6"
+OF_A_LOG = [f"run --dry-run source.folder=log source.target=auto {CAR}"]
 BAGS = {"first.bag": "mcap", "second": "mcap", "third": "sqlite3"}
-OF_A_BAG = tuple(
-    f"run --dry-run source.folder=bags/{bag} source.odometry_topic=/odom road_user=car "
-    "start.range=[5,15] rig.camera_height=1.6"
-    for bag in BAGS
-)
-OF_PRESETS = (
-    "run --dry-run --config-dir presets rig=mine",
-    "run --json --dry-run --config-dir presets tracker=coarse",
-    "plan --config-dir presets experiment=quick",
-)
+ODOMETRY = f"source.odometry_topic=/odom {CAR} start.range=[5,15]"
+OF_A_BAG = [f"run --dry-run source.folder=bags/{bag} {ODOMETRY}" for bag in BAGS]
+MINE = "--config-dir presets"
+OF_PRESETS = (f"run --dry-run {MINE} rig=mine", f"run --json --dry-run {MINE} tracker=coarse")
+OF_PRESETS += (f"plan {MINE} experiment=quick",)
 OF_FOLDER = {"clip": OF_A_CLIP, "drives": OF_A_DRIVE, "log": OF_A_LOG, "bags": OF_A_BAG}
 OF_FOLDER |= {"presets": OF_PRESETS}
 PRESETS = {

@@ -25,11 +25,8 @@ OF_A_SWEEP = (
     "verify --cached sweep/runs/0000", "explain sweep/runs/0000", "ls sweep/runs/0000",
     "run sweep/runs/0000", "ls --json .",
 )  # fmt: skip
-OF_A_FILE = (
-    "explain --from axes.yaml",
-    "sweep --dry-run --from axes.yaml",
-    "sweep --dry-run --from axes.yaml road_user=car,pedestrian",
-)
+DRY = "sweep --dry-run --from axes.yaml"
+OF_A_FILE = ("explain --from axes.yaml", DRY, f"{DRY} road_user=car,pedestrian")
 AXES = """\
 fixed: {measurement: fabricated, path.duration: 0.3}
 axes:

@@ -18,10 +18,8 @@ from stixel_cli.tracking.followed import LEAST_SCANS
 def pairs(clip):
     """The images of three frames, each with the pose of the camera."""
     poses = np.loadtxt(clip / "ego_poses/0000.txt").reshape(-1, 3, 4)
-    left, right = (
-        [grey(read_image(clip / f"image_0{side}/0000/00000{k}.png")) for k in range(3)]
-        for side in (2, 3)
-    )
+    sides = (clip / "image_02/0000", clip / "image_03/0000")
+    left, right = ([grey(read_image(side / f"00000{k}.png")) for k in range(3)] for side in sides)
     return [*zip(left, right, poses[:3], strict=True)]
 
 

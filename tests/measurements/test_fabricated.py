@@ -31,6 +31,7 @@ DISTURBED = {"dropout": None, "clutter_rate": 0.0}
 NO_NOISE = ConstantNoise("constant", 0.0)
 EXACT = FabricatedParameters("fabricated", None, "angle", NO_NOISE, 0.0, 80.0, **DISTURBED)
 BOX = rectangle(4.5, 1.8)
+VIEWS = (st.booleans(), st.floats(-0.5, 0.5), st.floats(0.1, 1.0))
 
 
 def scenario(count=20, distance=15.0, contour=BOX):
@@ -70,9 +71,8 @@ def test_points_without_noise_are_on_contour_and_rays(spacing):
 
 def test_points_follow_the_limbs():
     thin = BOX * [1.0, 0.3]
-    truth = dataclasses.replace(
-        scenario(count=4), contours_target=np.stack([BOX, thin]), limb_poses=np.array([0, 1, 1, 0])
-    )
+    limbs = {"contours_target": np.stack([BOX, thin]), "limb_poses": np.array([0, 1, 1, 0])}
+    truth = dataclasses.replace(scenario(count=4), **limbs)
     scans = fabricate_scans(truth, RIG, EXACT, seed=1)
     for k, contour in enumerate((BOX, thin, thin, BOX)):
         outline = world_from_target(contour, truth.target_poses_world[k])
@@ -180,14 +180,7 @@ def concave_star(seed, centre, size):
     return centre + radii[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
 
 
-@given(
-    seed=st.integers(0, 2**31),
-    distance=st.floats(0.0, 30.0),
-    bearing=st.floats(-np.pi, np.pi),
-    even_tangent=st.booleans(),
-    middle=st.floats(-0.5, 0.5),
-    half=st.floats(0.1, 1.0),
-)
+@given(st.integers(0, 2**31), st.floats(0.0, 30.0), st.floats(-np.pi, np.pi), *VIEWS)
 def test_crossings_match_a_brute_force_search(seed, distance, bearing, even_tangent, middle, half):
     # Near ones enclose the sensor, or reach round it past the seam behind.
     centre = distance * np.array([np.cos(bearing), np.sin(bearing)])

@@ -71,11 +71,9 @@ def test_arrays_are_read_as_a_csv_is_and_refused_if_they_are_no_columns(write, t
     scans = read_scans(str(tmp_path / "a.npz"), None, 1.0)
     same = read_scans(write("k,t,x,y,power\n0,0,1,3,7\n1,0.5,2,4,8\n"), None, 1.0)
     assert all(np.array_equal(value, vars(same)[name]) for name, value in vars(scans).items())
-    for arrays, fault in (
-        ({"k": [[0]], "t": [0], "x": [0], "y": [0]}, "must be a column"),
-        ({"k": [0, 1], "t": [0], "x": [0], "y": [0]}, "equal lengths"),
-    ):
-        np.savez(tmp_path / "a.npz", **arrays)
+    row = {"t": [0], "x": [0], "y": [0]}
+    for k, fault in (([[0]], "must be a column"), ([0, 1], "equal lengths")):
+        np.savez(tmp_path / "a.npz", k=k, **row)
         with pytest.raises(UserError, match=fault):
             read_scans(str(tmp_path / "a.npz"), None, 0.5)
     with pytest.raises(UserError, match="not a file of numeric arrays"):

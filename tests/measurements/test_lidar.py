@@ -70,9 +70,8 @@ def analytic(truth, k):
     """The ranges (L A,) of scan k, and those of the target alone."""
     x, y, heading = truth.ego_poses_world[k]
     origin = np.array([x, y, SCANNER.mount_height])
-    elevation, azimuth = np.meshgrid(
-        beam_elevations(SCANNER), beam_azimuths(SCANNER, FIELD) + heading, indexing="ij"
-    )
+    up, around = beam_elevations(SCANNER), beam_azimuths(SCANNER, FIELD) + heading
+    elevation, azimuth = np.meshgrid(up, around, indexing="ij")
     flat = np.cos(elevation)
     rays = np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)], axis=-1)
     rays = rays.reshape(-1, 3)

@@ -39,10 +39,8 @@ def ego(poses):
 
 def test_points_and_covariances_are_in_the_world_frame():
     poses = [[0, 0, np.pi / 2], [3, 4, np.pi / 2 + 0.4], [0, 0, 0.0]]
-    chunks = [
-        stixels(0, [1, 2], [[1, 10], [2, 20], [0, 5]], [1, 1, 1]),
-        stixels(2, [1], [[0, 5]], [1]),
-    ]
+    first = stixels(0, [1, 2], [[1, 10], [2, 20], [0, 5]], [1, 1, 1])
+    chunks = [first, stixels(2, [1], [[0, 5]], [1])]
     scans = gather_scans(iter(chunks), ego(poses), GATES, RIG)
     assert scans.offsets.tolist() == [0, 1, 3, 4]
     turn = rotation(0.4)

@@ -36,13 +36,9 @@ def view(rig: Rig, pose: np.ndarray, boxes=()) -> tuple[np.ndarray, np.ndarray]:
     origin = pose[:, 3]
     best = np.full(u.shape, np.inf)
     places = np.zeros((*u.shape, 2))
-    planes = [
-        (1, rig.camera_height, 0, 2, None),
-        (0, -HALF_WIDTH, 1, 2, None),
-        (0, HALF_WIDTH, 1, 2, None),
-        (2, END, 0, 1, None),
-        *((2, box[2], 0, 1, box) for box in boxes),
-    ]
+    planes = [(1, rig.camera_height, 0, 2, None)]
+    planes += [(0, side, 1, 2, None) for side in (-HALF_WIDTH, HALF_WIDTH)]
+    planes += [(2, END, 0, 1, None), *((2, box[2], 0, 1, box) for box in boxes)]
     for number, (axis, at, one, other, limits) in enumerate(planes):
         with np.errstate(divide="ignore", invalid="ignore"):
             away = (at - origin[axis]) / rays[..., axis]

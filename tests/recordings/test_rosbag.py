@@ -64,10 +64,9 @@ def test_a_bag_has_the_images_and_poses_of_the_folder_it_was_made_from(
     assert (ours.left.encoded, ours.right.encoded) == (theirs.left.encoded, theirs.right.encoded)
     left = read_left(found.left, 2, None, found.messages)
     assert left.encoded == read_left(there.left, 2).encoded
-    poses, expected = (
-        recorded_motion(one.pose_files, one.tables, 4, 0.1, small_rig()).poses_world
-        for one in (found, there)
-    )
+    both = [(one.pose_files, one.tables) for one in (found, there)]
+    motions = [recorded_motion(*files, 4, 0.1, small_rig()) for files in both]
+    poses, expected = (motion.poses_world for motion in motions)
     np.testing.assert_allclose(poses, expected, atol=1e-6)
     assert np.ptp(poses[:, 1]) > 0.5
 
@@ -88,10 +87,8 @@ def test_a_bag_runs_as_the_folder_it_was_made_from(bag, clip, tmp_path, monkeypa
     found = run(capsys, *words, "--name", "found")
     for name, value in there["metrics"].items():
         assert found["metrics"][name] == pytest.approx(value, rel=1e-6), name
-    ours, theirs = (
-        np.genfromtxt(f"results/{name}/track.csv", delimiter=",", names=True)
-        for name in ("found", "there")
-    )
+    files = [f"results/{name}/track.csv" for name in ("found", "there")]
+    ours, theirs = (np.genfromtxt(file, delimiter=",", names=True) for file in files)
     np.testing.assert_allclose(ours.tolist(), theirs.tolist(), rtol=1e-5, atol=1e-6)
     # In the cache as any recording: moved, it is the same.
     shutil.move(bag, "moved")

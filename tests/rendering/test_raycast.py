@@ -112,10 +112,9 @@ def test_every_second_row_of_an_image_with_pixels_twice_as_tall(target):
     half = 2.0 * np.degrees(np.arctan(24.0 / (0.5 * square.focal)))
     tall = dataclasses.replace(square, height=48, principal_v=24.0, vertical_fov=half)
     assert tall.focal_v == pytest.approx(0.5 * square.focal)
-    (left, _, depth, ids), (tall_left, _, tall_depth, tall_ids) = (
-        render_frame(StaticScene(objects(), rig, RAYCAST), target, scenario(), 0)
-        for rig in (square, tall)
-    )
+    scenes = [StaticScene(objects(), rig, RAYCAST) for rig in (square, tall)]
+    frames = [render_frame(scene, target, scenario(), 0) for scene in scenes]
+    (left, _, depth, ids), (tall_left, _, tall_depth, tall_ids) = frames
     assert (tall_ids == ids[::2]).mean() > 0.999  # a ray may just touch an edge
     alike = tall_ids == ids[::2]
     np.testing.assert_allclose(tall_depth[alike], depth[::2][alike], rtol=1e-6)

@@ -56,9 +56,8 @@ def rasterised(mesh, step):
         at = tuple(slice(*np.searchsorted(a, [e[i] for e in ends])) for i, a in enumerate((xs, ys)))
         x, y = xs[at[0], None], ys[None, at[1]]
         edges = zip(triangle, np.roll(triangle, -1, axis=0), strict=True)
-        signs = np.array(
-            [(b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0]) for a, b in edges]
-        )
+        sides = [(b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0]) for a, b in edges]
+        signs = np.array(sides)
         inside[at] |= (signs >= 0).all(axis=0) | (signs <= 0).all(axis=0)
     return xs, ys, binary_fill_holes(inside)
 

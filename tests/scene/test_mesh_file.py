@@ -128,11 +128,9 @@ def test_user_mesh_in_millimetres_and_turned(tmp_path, forward, corner):
     assert contour == {(x, y), (-x, y), (x, -y)}
 
 
-SHORT = {
-    "vertex.ply": box(PLY).replace("-2 -1 1.5\n", "-2 -1\n"),
-    "vertex.off": box(OFF).replace("-2 -1 1.5\n", "-2 -1\n"),
-    "head.off": box(OFF).replace("OFF", "\ufeffOFF"),
-}
+ONE_LESS = ("-2 -1 1.5\n", "-2 -1\n")
+SHORT = {"vertex.ply": box(PLY).replace(*ONE_LESS), "vertex.off": box(OFF).replace(*ONE_LESS)}
+SHORT |= {"head.off": box(OFF).replace("OFF", "\ufeffOFF")}
 
 
 @pytest.mark.parametrize("name", SHORT)
@@ -294,10 +292,8 @@ def gltf(folder: Path, name: str, **changes) -> Path:
     kinds = (5126, 8, "VEC3"), (5126, 8, "VEC2"), (5123, 36, "SCALAR")
     names = ("bufferView", "componentType", "count", "type")
     accessors = [dict(zip(names, (i, *kind), strict=True)) for i, kind in enumerate(kinds)]
-    views = [
-        {"buffer": 0, "byteOffset": int(start), "byteLength": len(chunk)}
-        for start, chunk in zip(starts, chunks, strict=False)
-    ]
+    places = zip(starts, map(len, chunks), strict=False)
+    views = [{"buffer": 0, "byteOffset": int(at), "byteLength": size} for at, size in places]
     tree = {"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": nodes}
     tree |= {"meshes": [{"primitives": [shape]}], "accessors": accessors, "bufferViews": views}
     tree |= {"materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}]}

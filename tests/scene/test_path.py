@@ -17,6 +17,7 @@ from stixel_cli.scene.shapes import monotone
 
 S_CURVE = scene_presets.path("s_curve", "car")
 EVERY = [(kind, path) for kind in scene_presets.ROAD_USERS for path in scene_presets.PATHS]
+WAYPOINTS = st.lists(st.tuples(st.floats(-30, 30), st.floats(1, 60)), min_size=2, max_size=7)
 
 
 def preset_run(kind, name):
@@ -159,10 +160,7 @@ def test_spline_passes_through_the_waypoints_and_continues_straight():
 
 
 @settings(max_examples=15)
-@given(
-    st.lists(st.tuples(st.floats(-30, 30), st.floats(1, 60)), min_size=2, max_size=7),
-    st.floats(0.0, 20.0),
-)
+@given(WAYPOINTS, st.floats(0.0, 20.0))
 def test_waypoint_path_has_constant_speed(points, time):
     path = waypoints(tuple(points))
     try:

@@ -3,7 +3,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from boxed_road import BOXES, columns_of
+from boxed_road import BOXES, EXTRACTION, HEIGHT, as_disparities, columns_of, find, render
 from constants import with_constants
 from hypothesis import given
 from hypothesis import strategies as st
@@ -40,18 +40,14 @@ from stixel_cli.stixels.road import base_rows, road_line
 from stixel_cli.stixels.types import SAME_OBJECT
 
 
-@pytest.fixture
-def pipeline(find, height, extraction):
-    def run(disparities, rig, extraction=extraction, height=height):
-        frames = range(disparities.first, disparities.first + len(disparities))
-        found = find(disparities, rig)
-        return extract_stixels(disparities, found, None, rig, height, extraction, frames)
-
-    return run
+def pipeline(disparities, rig, extraction=EXTRACTION, height=HEIGHT):
+    frames = range(disparities.first, disparities.first + len(disparities))
+    found = find(disparities, rig)
+    return extract_stixels(disparities, found, None, rig, height, extraction, frames)
 
 
 @pytest.mark.parametrize("pitch", [0.0, 3.0])
-def test_boxes_give_stixels(pipeline, rig, render, as_disparities, pitch):
+def test_boxes_give_stixels(rig, pitch):
     rig = replace(rig, pitch=pitch)
     stixels = pipeline(as_disparities(render(rig, boxes=BOXES, wall=30.0)), rig)
     for box in BOXES:
@@ -73,7 +69,7 @@ def test_boxes_give_stixels(pipeline, rig, render, as_disparities, pitch):
     assert_allclose(stixels.depth[wall], 30.0, rtol=0.005)
 
 
-def test_free_columns_have_no_stixel(pipeline, rig, render, as_disparities):
+def test_free_columns_have_no_stixel(rig):
     box = (0.0, 10.0, 2.0, 1.5)
     stixels = pipeline(as_disparities(render(rig), render(rig, boxes=[box])), rig)
     assert stixels.offsets[:2].tolist() == [0, 0]
@@ -85,10 +81,8 @@ def test_free_columns_have_no_stixel(pipeline, rig, render, as_disparities):
 
 
 @pytest.mark.parametrize("pitch", [0.0, 3.0])
-def test_with_many_layers_columns_have_what_is_visible_behind_the_nearest_obstacle(
-    pipeline, rig, render, as_disparities, extraction, pitch
-):
-    rig, many = replace(rig, pitch=pitch), replace(extraction, layers="many")
+def test_with_many_layers_columns_have_what_is_visible_behind_the_nearest_obstacle(rig, pitch):
+    rig, many = replace(rig, pitch=pitch), replace(EXTRACTION, layers="many")
     low, tall = (0.0, 8.0, 3.0, 0.8), (0.2, 16.0, 2.0, 1.8)
     disparities = as_disparities(render(rig, boxes=[low, tall], wall=40.0))
     one, both = pipeline(disparities, rig), pipeline(disparities, rig, many)
@@ -110,19 +104,15 @@ def test_with_many_layers_columns_have_what_is_visible_behind_the_nearest_obstac
     assert_allclose(both.depth[beside & (both.depth > 20)], 40.0, rtol=0.01)
 
 
-def test_a_surface_less_than_the_depth_margin_behind_is_no_layer_and_road_is_none(
-    pipeline, rig, render, as_disparities, extraction, height
-):
-    many = replace(extraction, layers="many")
-    for further in ([], [(0.0, 8.0 + 0.9 * height.depth_margin, 1.0, 1.8)]):
+def test_a_surface_less_than_the_depth_margin_behind_is_no_layer_and_road_is_none(rig):
+    many = replace(EXTRACTION, layers="many")
+    for further in ([], [(0.0, 8.0 + 0.9 * HEIGHT.depth_margin, 1.0, 1.8)]):
         boxes = [(0.0, 8.0, 3.0, 0.8), *further]
         stixels = pipeline(as_disparities(render(rig, boxes=boxes)), rig, many)
         assert len(stixels.left) > 4 and np.all(np.diff(stixels.left) > 0)
 
 
-def test_covariances_follow_from_disparity_variance_surroundings_and_width(
-    pipeline, rig, render, as_disparities
-):
+def test_covariances_follow_from_disparity_variance_surroundings_and_width(rig):
     raw = render(rig, boxes=BOXES, wall=30.0)
     # A sixteenth of a pixel up and down, from stixel to stixel.
     raw += (raw > 0) & (np.arange(rig.width) // 5 % 2 == 1)
@@ -147,7 +137,7 @@ def test_covariances_follow_from_disparity_variance_surroundings_and_width(
 
 
 @pytest.mark.parametrize("pitch", [0.0, 3.0])
-def test_points_are_in_the_middle_of_their_columns(pipeline, rig, render, as_disparities, pitch):
+def test_points_are_in_the_middle_of_their_columns(rig, pitch):
     rig = replace(rig, pitch=pitch, principal_u=140.25)
     stixels = pipeline(as_disparities(render(rig, boxes=BOXES, wall=30.0)), rig)
     points = stixels.points_ego
@@ -216,10 +206,8 @@ def brute_front(pixels, columns, extent):
     rows = [v for _, v in pixels]
     face = max(LEAST_ROWS, int(extent + 0.5))
     extent = min(face, max(rows) - min(rows) + 1)
-    inside = [
-        [d for d, v in pixels if start <= v < start + extent]
-        for start in range(min(rows), max(rows) - extent + 2)
-    ]
+    starts = range(min(rows), max(rows) - extent + 2)
+    inside = [[d for d, v in pixels if start <= v < start + extent] for start in starts]
     full = [np.mean(window) for window in inside if 2 * len(window) >= extent * columns]
     return (max(full) if full else np.mean([d for d, _ in pixels])), face
 
@@ -295,7 +283,7 @@ def test_foot_blended_with_the_road_is_ignored(rig, pitch, vertical_fov):
     assert np.array_equal(rows_at_height(obstacle, base, rig, 0.0), base)
 
 
-def test_blended_foot_does_not_move_the_stixel(pipeline, rig, render, as_disparities):
+def test_blended_foot_does_not_move_the_stixel(rig):
     box = (0.0, 15.0, 2.0, 1.5)
     raw = render(rig, boxes=[box])
     left, right = np.rint(columns_of(rig, box)).astype(int)
@@ -310,10 +298,10 @@ def test_blended_foot_does_not_move_the_stixel(pipeline, rig, render, as_dispari
     assert_allclose(soft.depth, sharp.depth, rtol=1e-3)
 
 
-def test_hidden_rows_raise_the_tops(pipeline, rig, render, as_disparities, height):
+def test_hidden_rows_raise_the_tops(rig):
     disparities = as_disparities(render(rig, boxes=BOXES))
     low = pipeline(disparities, rig)
-    high = pipeline(disparities, rig, height=replace(height, hidden_rows=2))
+    high = pipeline(disparities, rig, height=replace(HEIGHT, hidden_rows=2))
     assert np.array_equal(high.top, np.maximum(low.top - 2, 0))
     assert np.array_equal(high.depth, low.depth) and np.array_equal(high.base, low.base)
     # Two rows at that depth; the camera looks along the road.
@@ -364,9 +352,7 @@ def test_height_costs_follow_from_the_membership():
     ("beyond", "smoothness", "top"),
     [(0.0, 3.0, 60), (0.0, 0.9, 50), (0.0, 1.1, 60), (3.0, 3.0, 60), (3.6, 3.0, 50)],
 )
-def test_smoothness_depends_on_the_depth_difference_of_neighbours(
-    rig, height, beyond, smoothness, top
-):
+def test_smoothness_depends_on_the_depth_difference_of_neighbours(rig, beyond, smoothness, top):
     """Ten more rows of one column gain 20 and cost 10 C_s (1 - |z_u - z_v| / 5 m) on each side."""
     depth = np.full(rig.width, 10.0 + beyond)
     depth[100] = 10.0
@@ -376,7 +362,7 @@ def test_smoothness_depends_on_the_depth_difference_of_neighbours(
     columns[:, 60:121] = np.rint(16.0 * obstacle)[:, None]
     columns[100, 50:60] = columns[100, 60]
     line = road_line(0.0, rig.camera_height, rig)
-    changed = with_constants(height, smoothness=smoothness)
+    changed = with_constants(HEIGHT, smoothness=smoothness)
     tops = top_rows(Frame(columns, 64, obstacle, base, line, rig), changed)
     assert tops[100] == top
     assert np.all(np.delete(tops, 100) == 60)

@@ -119,17 +119,15 @@ def test_further_columns_and_rows_of_a_module():
 
 
 def test_tables_of_other_columns_or_without_intervals_are_joined_by_their_headers():
-    one, two = (
-        section_of({"metrics": list(names)}, runs=runs_of(trackers=("point", "contour"))).cells
-        for names in (("iou_box_mean", "centre_rmse_m"), ("centre_rmse_m",))
-    )
+    runs = runs_of(trackers=("point", "contour"))
+    names = (["iou_box_mean", "centre_rmse_m"], ["centre_rmse_m"])
+    one, two = (section_of({"metrics": some}, runs=runs).cells for some in names)
     cells = joined("road_user", [("car", one), ("bus", two)])
     assert cells.header[0] == "road user" and len({*map(len, cells.rows)}) == 1
     assert [row[-2] for row in cells.rows][2:] == ["–", "–"]
     assert joined("", [("", one)]) == one
-    few, many = (
-        section_of({"metrics": "iou_box_mean"}, runs=runs_of(seeds=seeds)).cells for seeds in (2, 6)
-    )
+    runs = [runs_of(seeds=seeds) for seeds in (2, 6)]
+    few, many = (section_of({"metrics": "iou_box_mean"}, runs=some).cells for some in runs)
     cells = joined("road_user", [("car", few), ("bus", many)])
     assert len(cells.header) == 4 and cells.header[-1].endswith(INTERVAL)
     assert not any("–" in row for row in cells.rows)

@@ -95,10 +95,8 @@ def columns_of(*names):
     return pd.DataFrame({name: np.zeros(0) for name in names})
 
 
-EMPTY = (
-    columns_of("valid", "pixels", "gross", "total", "squares", "columns", "missed", "uncovered"),
-    columns_of("disparity", "error", "square", "sigma", "lateral", "height"),
-)
+FRAME = columns_of("valid", "pixels", "gross", "total", "squares", "columns", "missed", "uncovered")
+EMPTY = (FRAME, columns_of("disparity", "error", "square", "sigma", "lateral", "height"))
 
 
 @pytest.mark.parametrize("name", STUDIES)
@@ -126,10 +124,9 @@ def test_every_question_compares_options_that_are_balanced(name, monkeypatch):
 def test_of_a_sweep_with_variants_only_their_own_keys_are_no_axes():
     frame = pd.DataFrame({"tracker.slip": [0.1, 0.1, 0.2, 0.2], "measurement.path": ["a", "b"] * 2})
     frame = frame.assign(**dict.fromkeys(GROUPS, "one"), seed=0, status="done")
-    sweep = SimpleNamespace(
-        table=Runs(frame, ("tracker.slip", "measurement.path", "seed")),
-        runs=[SimpleNamespace(variant=name) for name in ("–", "–", "slip", "slip")],
-    )
+    runs = [SimpleNamespace(variant=name) for name in ("–", "–", "slip", "slip")]
+    table = Runs(frame, ("tracker.slip", "measurement.path", "seed"))
+    sweep = SimpleNamespace(table=table, runs=runs)
     assert frame_of(sweep).axes == ("measurement.path", "seed", "variant")
 
 

@@ -51,9 +51,8 @@ def test_a_resumed_folder_has_the_revision_of_its_results(toy, tmp_path, monkeyp
     plan = plan_study(read_study(toy(), trusted=True), [])
     found = []
     for revision in ("old", "new"):
-        monkeypatch.setattr(
-            "stixel_cli.studies.run.provenance", lambda own=revision: {"git": {"revision": own}}
-        )
+        git = {"git": {"revision": revision}}
+        monkeypatch.setattr("stixel_cli.studies.run.provenance", lambda own=git: own)
         study = Study(plan, tmp_path / "study", f"command of {revision}")
         study.begin(fresh=False)
         if found:

@@ -40,10 +40,8 @@ def test_the_page_is_self_contained_begins_with_the_answer_and_has_its_provenanc
         assert reference in names
     # Text is escaped.
     assert "A &lt;toy&gt; &amp; its title" in html and "By &lt;hand&gt;." in html
-    ordered = [
-        '<p class="answer">&lt;b&gt; IoU. car: ',
-        "2 seeds: too few to compare, 4 are needed",
-    ]
+    few = "2 seeds: too few to compare, 4 are needed"
+    ordered = ['<p class="answer">&lt;b&gt; IoU. car: ', few]
     ordered += ["<p>By width: ", "<h2>One &amp; only</h2>", "<h2>Widths</h2>"]
     ordered += ["<h2>Own &amp; only</h2>", ">a_b &lt;i&gt;</th>", "Where the results come from"]
     places = [html.index(text) for text in ordered]

@@ -19,10 +19,8 @@ def rows_of(page):
     text = page.read_text(encoding="utf-8")
     data = json.loads(re.search(r'id="index">(.*?)</script>', text)[1])
     titles = [column["title"] for column in data["columns"]]
-    return {
-        name: dict(zip(titles, row, strict=True)) | {"link": link}
-        for name, row, link in zip(data["names"], data["rows"], data["links"], strict=True)
-    }
+    rows = zip(data["names"], data["rows"], data["links"], strict=True)
+    return {name: dict(zip(titles, row, strict=True)) | {"link": link} for name, row, link in rows}
 
 
 def make_run(folder, iou, tracker="gp_ekf", created="2026-01-01T00:00:00+00:00"):

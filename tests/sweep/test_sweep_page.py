@@ -113,11 +113,9 @@ def test_tables_and_figures_are_written_for_a_paper(made, tmp_path, capsys):
     assert report(sweep, tmp_path / "b.csv", "csv", reference="0.4", metrics="iou_mean") == 0
     written = pd.read_csv(tmp_path / "b.csv", index_col=0)
     assert written.loc[0.1, "minus"] == pytest.approx(0.2)
-    for options, said in (
-        ({"metrics": "iou"}, "iou: no such column"),
-        ({"over": "path"}, "over: path is not swept"),
-        ({"reference": "9"}, "reference: 9: no option"),
-    ):
+    column = ({"metrics": "iou"}, "iou: no such column")
+    axis = ({"over": "path"}, "over: path is not swept")
+    for options, said in (column, axis, ({"reference": "9"}, "reference: 9: no option")):
         with pytest.raises(UserError, match=said):
             report(sweep, tmp_path / "none.html", **options)
 
@@ -142,9 +140,8 @@ def test_the_runs_can_be_sorted_filtered_grouped_and_plotted(made, open_page):
     page = opened.page
 
     def column(number):
-        return page.locator("#runs tbody tr:not(.group)").evaluate_all(
-            f"rows => rows.map(row => row.cells[{number}].textContent)"
-        )
+        rows = page.locator("#runs tbody tr:not(.group)")
+        return rows.evaluate_all(f"rows => rows.map(row => row.cells[{number}].textContent)")
 
     assert column(1) == [value for value in VALUES for _ in SEEDS]
     head = page.locator("#runs th").nth(1)

@@ -87,11 +87,9 @@ def test_the_summaries_are_those_of_the_seeds(sweeps):
     assert {row["metric"] for row in rows} == set(known)
     assert len(rows) == len(swept["summary"]) == 2 * len(known)
     for row in rows:
-        values = [
-            float(run[row["metric"]])
-            for run in sweeps.rows("mine")
-            if run["tracker.sigma_f"] == row["tracker.sigma_f"]
-        ]
+        sigma = row["tracker.sigma_f"]
+        runs = [run for run in sweeps.rows("mine") if run["tracker.sigma_f"] == sigma]
+        values = [float(run[row["metric"]]) for run in runs]
         assert int(row["units"]) == len(values) == 4
         mean, std = np.mean(values), np.std(values, ddof=1)
         assert float(row["mean"]) == pytest.approx(mean)
@@ -182,10 +180,8 @@ def test_each_node_once(sweeps, explained, told):
     assert explained(*line) == []
 
 
-OF_RUN = [
-    pytest.param("run", words, marks=pytest.mark.sketched)
-    for words in ((), ("tracker.sigma_f=0.5",))
-]
+TUNED = ("tracker.sigma_f=0.5",)
+OF_RUN = [pytest.param("run", words, marks=pytest.mark.sketched) for words in ((), TUNED)]
 OF_SWEEP = [("sweep", ("seed=0,1",)), ("sweep", ("path=choice(turn)",))]
 
 

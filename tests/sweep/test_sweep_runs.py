@@ -212,9 +212,8 @@ def test_no_such_file(name):
 
 def test_a_key_that_some_swept_options_lack_has_no_value_there_and_of_none_is_refused(sweeps):
     runs = sweep_runs(["tracker=gp_ekf,point", "tracker.basis_points=9"])
-    basis_points = [
-        getattr(r.composition.configuration.tracker, "basis_points", None) for r in runs
-    ]
+    trackers = [one.composition.configuration.tracker for one in runs]
+    basis_points = [getattr(one, "basis_points", None) for one in trackers]
     assert basis_points == [9, None]
     with pytest.raises(ConfigurationError, match=r"^tracker\.basis_points: unknown key"):
         sweep_runs(["tracker=box,point", "tracker.basis_points=9"])

@@ -68,12 +68,9 @@ def moved(scans, initial, angle, shift):
     turn, poses = rotation(angle), scans.sensor_poses_world
     whole = np.eye(6)
     whole[:2, :2] = whole[3:5, 3:5] = turn
-    turned = replace(
-        scans,
-        sensor_poses_world=np.column_stack([poses[:, :2] @ turn.T + shift, poses[:, 2] + angle]),
-        points_world=scans.points_world @ turn.T + shift,
-        covariances_world=turn @ scans.covariances_world @ turn.T,
-    )
+    at = np.column_stack([poses[:, :2] @ turn.T + shift, poses[:, 2] + angle])
+    points, spread = scans.points_world @ turn.T + shift, turn @ scans.covariances_world @ turn.T
+    turned = replace(scans, sensor_poses_world=at, points_world=points, covariances_world=spread)
     mean = whole @ initial.mean + np.array([*shift, angle, 0.0, 0.0, 0.0])
     return turned, InitialState(mean, whole @ initial.covariance @ whole.T)
 

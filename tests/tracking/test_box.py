@@ -32,10 +32,8 @@ def scans_of_a_rear(count=20):
     places = np.stack([np.full(count, 0.3), 12.0 + 0.5 * np.arange(count)], axis=1)
     rear = np.stack([np.full(9, -0.5 * CAR.length), np.linspace(-0.8, 0.8, 9)], axis=1)
     beside = places + np.array([6.0, 0.0])
-    points = [
-        np.vstack([world_from_target(rear, [*place, np.pi / 2]), clutter])
-        for place, clutter in zip(places, beside, strict=True)
-    ]
+    cars = [world_from_target(rear, [*place, np.pi / 2]) for place in places]
+    points = [np.vstack(both) for both in zip(cars, beside, strict=True)]
     return scans_of(points), places
 
 

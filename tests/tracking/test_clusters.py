@@ -50,9 +50,8 @@ def test_each_of_two_cars_that_pass_has_its_track_and_no_point_is_in_both():
         point for k in range(15) for point in car((0.0, 10.0), (0.0, 6.0), k)
     ])  # fmt: skip
     assert not set(rows[0]) & set(rows[1]) and len(rows[1]) == 15 * 8
-    for one, place, velocity in zip(
-        found, ((0.0, 10.0), (4.0, 30.0)), ((0.0, 6.0), (0.0, -8.0)), strict=True
-    ):
+    truth = ((0.0, 10.0), (4.0, 30.0)), ((0.0, 6.0), (0.0, -8.0))
+    for one, place, velocity in zip(found, *truth, strict=True):
         # The visible side is the nearer one. The class is wider than these cars.
         mean = transition(0.1) @ one.initial.mean
         assert_allclose(mean[:2], np.add(place, [0.0, 0.5 * PRIOR.length]), atol=0.3)
@@ -127,9 +126,8 @@ def test_the_tracker_gets_the_points_of_its_own_road_user():
     assert len(own) == 9 and np.diff(own.offsets).tolist() == [8, 0] * 4 + [8]
     assert_array_equal(own.points_world, scans.points_world[rows])
     settings = {"prior": PRIOR, "tracker": CONFIGURATION.tracker}
-    tracks = track_each(
-        (found[0], later), scans, "stixel_cli.tracking.baselines.box:track", settings
-    )
+    both = (found[0], later)
+    tracks = track_each(both, scans, "stixel_cli.tracking.baselines.box:track", settings)
     assert [one.first for one in tracks] == [0, 2]
     assert [one.confirmed for one in tracks] == [found[0].confirmed, found[1].confirmed]
     assert [len(one.track.times) for one in tracks] == [12, 9]
@@ -203,9 +201,8 @@ def test_two_clusters_of_one_car_are_one_track_and_two_cars_abreast_are_two():
     rear = [car((0.0, 14.0), (0.0, SPEED), k) for k in range(COUNT)]
     side = np.array([[0.85, 2.4], [0.85, 2.7]])
     places = np.stack([0.0 * DRIVEN, 14.0 + DRIVEN], axis=1)
-    scans = driving(
-        [np.vstack([points, side + at]) for points, at in zip(rear, places, strict=True)]
-    )
+    seen = [np.vstack([points, side + at]) for points, at in zip(rear, places, strict=True)]
+    scans = driving(seen)
     assert len(follow(scans, LONGEST)) == 2
     (one,) = find_tracks(scans, PRIOR, STD)
     assert_array_equal(np.concatenate([*one.rows.values()]), np.arange(len(scans.points_world)))

@@ -41,10 +41,8 @@ from stixel_cli.tracking.track import InitialState
 WORDS = ["tracker=contour", "tracker.seen_by=fabricated", "tracker.road_user=fixed"]
 TRACKER = compose(WORDS).configuration.tracker
 SHAPES = {name: class_shape(name) for name in ("car", "cyclist", "pedestrian")}
-PRIORS = {
-    name: replace(CAR, road_user=name, length=float(shape.size[0]), width=float(shape.size[1]))
-    for name, shape in SHAPES.items()
-}
+SIZES = {name: shape.size.tolist() for name, shape in SHAPES.items()}
+PRIORS = {n: replace(CAR, road_user=n, length=x, width=y) for n, (x, y) in SIZES.items()}
 SEEDS = st.integers(0, 2**31)
 SIZE = np.array([0.1, -0.05])
 
@@ -109,9 +107,8 @@ def test_an_error_of_the_sensors_place_moves_the_estimate_as_is_stated(axis):
     shift = 0.1 * np.eye(2)[axis]
     moved, _ = seen_targets.moved(scans, start_at(poses), 0.0, shift)
     stated = replace(scans, shared_errors=SharedErrors(position=0.1))
-    exact, wrong, wide = (
-        track(one, start_at(poses), PRIORS["car"], TRACKER) for one in (scans, moved, stated)
-    )
+    start, prior, seen = start_at(poses), PRIORS["car"], (scans, moved, stated)
+    exact, wrong, wide = (track(one, start, prior, TRACKER) for one in seen)
     assert_allclose((wrong.means - exact.means)[5:, :2], [shift] * 7, atol=0.02)
     added = (wide.covariances - exact.covariances)[5:, axis, axis]
     assert_allclose(added, 0.1**2, rtol=0.2)
@@ -166,9 +163,8 @@ def test_stated_deviation_of_the_contour_is_that_of_random_states(name):
 
 
 def test_start_turns_the_heading_towards_the_velocity():
-    initial = InitialState(
-        np.array([0.0, 10.0, 0.0, 5.0, 0.5, 0.0]), np.diag([0.1, 0.1, 0.04, 0.01, 0.01, 0.01])
-    )
+    covariance = np.diag([0.1, 0.1, 0.04, 0.01, 0.01, 0.01])
+    initial = InitialState(np.array([0.0, 10.0, 0.0, 5.0, 0.5, 0.0]), covariance)
     mean, covariance = start(initial, CAR, SHAPES["car"], TRACKER)
     assert mean[2] == pytest.approx(0.1, abs=0.01)
     assert covariance[2, 2] < 0.002
@@ -196,10 +192,8 @@ def test_a_target_cut_off_by_the_field_of_view_keeps_its_place():
     poses = np.tile([0.0, 10.0, 0.0], (10, 1))
     whole = scans_seen(poses, noise=0.02)
     cut = whole.of_rows(np.flatnonzero(whole.points_world[:, 0] < 0.0))
-    results = [
-        track(replace(cut, field_of_view=view), start_at(poses), CAR, TRACKER)
-        for view in (None, FieldOfView(0.0, 0.6))
-    ]
+    cuts = [replace(cut, field_of_view=view) for view in (None, FieldOfView(0.0, 0.6))]
+    results = [track(one, start_at(poses), CAR, TRACKER) for one in cuts]
     counts = np.diff(cut.offsets)
     assert_array_equal(results[0].nis_degrees_of_freedom, counts + 2)
     assert_array_equal(results[1].nis_degrees_of_freedom, counts + 1)
@@ -238,10 +232,8 @@ def test_a_point_where_it_is_expected_is_likelier_than_clutter(std):
     mean = np.array([0.0, 30.0 + 0.5 * prior.size[0], -np.pi / 2, 5.0, 0.0, 0.0, 0.0])
     covariance = 1e-4 * np.eye(7)
     joint = JointCovariance(covariance, np.full(SHAPE_ERRORS, 0.5))
-    few, all_of_them = (
-        Measurement(rays.subset(np.arange(n)), sight, TRACKER).update((mean, covariance, joint))[-1]
-        for n in (6, 12)
-    )
+    state, some = (mean, covariance, joint), [rays.subset(np.arange(n)) for n in (6, 12)]
+    few, all_of_them = (Measurement(one, sight, TRACKER).update(state)[-1] for one in some)
     assert all_of_them > few
 
 
@@ -306,9 +298,8 @@ def test_the_kernel_of_the_joint_covariance_is_the_dense_update(form):
 
     used = measured.used
     innovation_covariance = (whole @ joint.matrix @ whole.T)[: count + 2, : count + 2]
-    density = multivariate_normal(
-        np.zeros(used.sum()), (innovation_covariance + np.diag(own))[used][:, used]
-    )
+    spread = (innovation_covariance + np.diag(own))[used][:, used]
+    density = multivariate_normal(np.zeros(used.sum()), spread)
     innovations = rows.innovations[: count + 2][used]
     gain = np.zeros((len(root), len(noise)))
     gain[:states] = found.covariance @ (rows.matrix.T / rows.noise)

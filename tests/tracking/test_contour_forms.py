@@ -137,10 +137,9 @@ def test_stated_deviation_of_the_contour_has_the_residual():
     root = np.diag(np.r_[np.zeros(7), np.full(NODES, 0.05)])
     covariance = (root @ root)[None]
     _, _, std = contours_of(mean[None], covariance, shape, 90, residual)
-    radii = [
-        np.hypot(*contours_of(one[None], covariance, shape, 90, residual)[0][0].T)
-        for one in mean + random.standard_normal((300, len(mean))) @ root
-    ]
+    drawn = mean + random.standard_normal((300, len(mean))) @ root
+    outlines = [contours_of(one[None], covariance, shape, 90, residual)[0][0] for one in drawn]
+    radii = [np.hypot(*outline.T) for outline in outlines]
     ratio = np.std(radii, axis=0) / np.sqrt(std[0] ** 2 - LEAST_OUTLINE_STD**2)
     assert 0.9 < np.median(ratio) < 1.1
 
@@ -267,10 +266,8 @@ def test_points_on_the_whole_contour_are_those_of_its_far_sides_too():
         each.append(world_from_target(np.array(places), pose) + random.normal(0.0, 0.1, (15, 2)))
     scans, contour = replace(scans_of(each), field_of_view=None), replace(FILE, sees="contour")
     all_sides, near_sides = (track(scans, start_at(poses), STATED, one) for one in (contour, FILE))
-    found, near = (
-        np.mean([overlap(one, BOX, poses, k) for k in range(-10, 0)])
-        for one in (all_sides, near_sides)
-    )
+    late, both = range(-10, 0), (all_sides, near_sides)
+    found, near = (np.mean([overlap(one, BOX, poses, k) for k in late]) for one in both)
     assert found > max(0.92, near + 0.03)
 
 

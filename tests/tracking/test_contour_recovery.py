@@ -21,9 +21,8 @@ from stixel_cli.tracking.contour.contour_report import box_sizes
 from stixel_cli.tracking.contour.contour_update import Hypothesis
 from stixel_cli.tracking.contour.residual import Residual
 
-TRACKER = compose(
-    ["tracker=contour", "tracker.seen_by=fabricated", "tracker.road_user=fixed"]
-).configuration.tracker
+WORDS = ["tracker=contour", "tracker.seen_by=fabricated", "tracker.road_user=fixed"]
+TRACKER = compose(WORDS).configuration.tracker
 OF_ANY_CLASS = replace(TRACKER, road_user="estimated")
 SHAPE, CAR_SHAPE = class_shape("cyclist"), class_shape("car")
 KNOWN = replace(CAR, length=4.52, width=1.83)
@@ -73,10 +72,8 @@ def test_a_wrong_detection_is_given_up_again(monkeypatch):
     def turned(*arguments):
         widen = float(arguments[-1])
         turn = widen * np.radians(70) * np.eye(len(arguments[0][0]))[2]
-        return [
-            (indices, (mean + turn, *rest, likelihood + 15.0 * widen))
-            for indices, (mean, *rest, likelihood) in detect_again(*arguments)
-        ]
+        found = detect_again(*arguments)
+        return [(i, (mean + turn, *rest, p + 15.0 * widen)) for i, (mean, *rest, p) in found]
 
     monkeypatch.setattr(contour_filter, "is_inconsistent", lambda scans: len(scans) == 8)
     monkeypatch.setattr(contour_filter, "detect_again", turned)

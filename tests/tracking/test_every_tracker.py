@@ -39,9 +39,8 @@ def tracker_of(words):
         pytest.importorskip("pyrecest")
     configuration = compose(f"tracker={words}".split()).configuration
     module = import_module(type(configuration.tracker).__module__.removesuffix("_parameters"))
-    return lambda scans, initial: module.track(
-        scans, initial, configuration.prior, configuration.tracker
-    )
+    settings = configuration.prior, configuration.tracker
+    return lambda scans, initial: module.track(scans, initial, *settings)
 
 
 def given():

@@ -11,10 +11,8 @@ from stixel_cli.geometry.pose import rectangle, rotation
 from stixel_cli.tracking.baselines.lidar_random_matrix import measured_centre, track
 from stixel_cli.tracking.motion import MOVING, intervals, predict_place
 
-TRACKERS = {
-    name: compose([f"tracker={name}"]).configuration.tracker
-    for name in ("lidar_random_matrix", "li_random_matrix")
-}
+NAMES = ("lidar_random_matrix", "li_random_matrix")
+TRACKERS = {name: compose([f"tracker={name}"]).configuration.tracker for name in NAMES}
 EMPTY = np.zeros((0, 2))
 SENSOR = np.zeros(2)
 

@@ -56,10 +56,8 @@ def test_a_neighbour_behind_a_car_is_left_out():
     scans = scans_seen(CAR, POSES, noise=0.03)
     # Only the uncertain start takes points of the neighbour.
     mixed, alone = beside(scans, [0.3, 2.6]), centre_errors(followed(scans))
-    of_side, of_contour = (
-        centre_errors(followed(mixed, f"tracker.seen_by={seen_by}"))[5:].max()
-        for seen_by in ("fabricated", "null")
-    )
+    tracks = [followed(mixed, f"tracker.seen_by={by}") for by in ("fabricated", "null")]
+    of_side, of_contour = (centre_errors(one)[5:].max() for one in tracks)
     assert of_side < alone.max() + 0.1
     assert of_contour > 2.0 * of_side
 
@@ -145,12 +143,7 @@ def test_an_unknown_class_has_the_prior_s_shape_and_its_own_points():
     assert rays.points_world == pytest.approx(points)
 
 
-@given(
-    heading=st.floats(-3.0, 3.0),
-    speed=st.floats(0.0, 20.0),
-    direction=st.floats(-3.0, 3.0),
-    slip=st.floats(0.01, 10.0),
-)
+@given(st.floats(-3.0, 3.0), st.floats(0.0, 20.0), st.floats(-3.0, 3.0), st.floats(0.01, 10.0))
 def test_heading_and_velocity_are_drawn_together(heading, speed, direction, slip):
     mean = np.array([0, 0, heading, speed * np.cos(direction), speed * np.sin(direction), 0.0])
     covariance = np.diag([0.1, 0.1, 0.05, 0.5, 0.5, 0.1])

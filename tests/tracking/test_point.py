@@ -66,9 +66,8 @@ def test_baseline_matches_the_textbook_kalman_filter_on_the_centroid():
     radius, _ = class_circle(CAR)
     for k, (mean, covariance, nis) in enumerate(textbook(scans, START, radius, TRACKER)):
         np.testing.assert_allclose(result.means[k, MOVING], mean, rtol=1e-9, atol=1e-9)
-        np.testing.assert_allclose(
-            result.covariances[k][np.ix_(MOVING, MOVING)], covariance, rtol=1e-8, atol=1e-12
-        )
+        found = result.covariances[k][np.ix_(MOVING, MOVING)]
+        np.testing.assert_allclose(found, covariance, rtol=1e-8, atol=1e-12)
         np.testing.assert_allclose(result.nis[k], nis, rtol=1e-8)
     used = np.diff(result.used_offsets)
     np.testing.assert_array_equal(result.nis_degrees_of_freedom, np.where(used > 0, 2, 0))
@@ -116,9 +115,8 @@ def test_baseline_gate_rejects_clutter():
     # The two points of clutter are the first of every scan.
     own = np.flatnonzero(np.arange(10 * 32) % 32 >= 2)
     np.testing.assert_array_equal(among.used_points, own[alone.used_points])
-    np.testing.assert_array_equal(
-        np.repeat(np.arange(10), np.diff(among.used_offsets)), among.used_points // 32
-    )
+    scan_of_each = np.repeat(np.arange(10), np.diff(among.used_offsets))
+    np.testing.assert_array_equal(scan_of_each, among.used_points // 32)
     everything = track(mixed, START, CAR, TRACKER)
     assert len(everything.used_points) == 10 * 32
 

@@ -12,9 +12,8 @@ from stixel_cli.tracking.contour.ray_kernels import expected
 from stixel_cli.tracking.contour.ray_table import behind, first_depths, outline_table, widths
 
 RECTANGLE = rectangle(4.0, 1.6)
-NOTCHED = np.array(
-    [[2, -1], [2, 1], [0.5, 1], [0.5, 0.2], [-0.5, 0.2], [-0.5, 1], [-2, 1], [-2, -1]]
-)
+RIGHT = np.array([[2, -1], [2, 1], [0.5, 1], [0.5, 0.2]])
+NOTCHED = np.vstack([RIGHT, RIGHT[::-1] * [-1, 1]])
 SEEDS = st.integers(0, 2**31)
 
 

@@ -116,10 +116,8 @@ def test_a_start_of_no_known_class_is_a_mixture_of_all():
     scans = scans_of([side] * 3)
     start = replace(START, bearing=(-30.0, 30.0))
     unknown = compose(["prior=unknown"]).configuration.prior
-    each = [
-        start_from_scans(scans, start, replace(PRIOR, length=length, width=width))
-        for length, width in possible_sizes(unknown)
-    ]
+    priors = [replace(PRIOR, length=x, width=y) for x, y in possible_sizes(unknown)]
+    each = [start_from_scans(scans, start, prior) for prior in priors]
     mixed = start_from_scans(scans, start, unknown)
     means = np.array([one.mean for one in each])
     np.testing.assert_allclose(mixed.mean, means.mean(axis=0))
@@ -132,10 +130,8 @@ def test_a_cluster_too_large_for_the_class_may_be_of_another_class():
     side = np.stack([np.linspace(-2.2, 2.2, 30), np.full(30, 12.0)], axis=1)
     scans = scans_of([side] * 3)
     start = replace(START, bearing=(-30.0, 30.0))
-    of_pedestrian, unknown = (
-        start_from_scans(scans, start, compose([f"prior={name}"]).configuration.prior)
-        for name in ("pedestrian", "unknown")
-    )
+    priors = [compose([f"prior={name}"]).configuration.prior for name in ("pedestrian", "unknown")]
+    of_pedestrian, unknown = (start_from_scans(scans, start, prior) for prior in priors)
     np.testing.assert_array_equal(of_pedestrian.mean, unknown.mean)
     np.testing.assert_array_equal(of_pedestrian.covariance, unknown.covariance)
 

@@ -158,9 +158,8 @@ def test_a_speed_that_is_not_measured_says_nothing_about_the_class():
     """A start with the sensor's motion: the speed is that of the ego car."""
 
     for variance, least, most in ((1e4, -1e-2, 1e-2), (0.01, 20.0, np.inf)):
-        pedestrian, cyclist = (
-            log_weight(0.0, 0.0, 9.0, variance, name) for name in ("pedestrian", "cyclist")
-        )
+        pedestrian = log_weight(0.0, 0.0, 9.0, variance, "pedestrian")
+        cyclist = log_weight(0.0, 0.0, 9.0, variance, "cyclist")
         assert least < cyclist - pedestrian < most
 
 

@@ -24,10 +24,8 @@ TRACKER = GpEkfParameters(kind="gp_ekf", **CONTOUR, **MOTION, **POINTS, **STDS)
 
 FIELD = FieldOfView(-0.52, 0.52)
 
-START = InitialState(
-    mean=np.array([7.5, 12.0, 0.1, 5.0, 0.5, 0.2]),
-    covariance=np.diag([0.1, 0.1, 0.01, 0.25, 0.25, 0.01]),
-)
+VARIANCES = [0.1, 0.1, 0.01, 0.25, 0.25, 0.01]
+START = InitialState(np.array([7.5, 12.0, 0.1, 5.0, 0.5, 0.2]), np.diag(VARIANCES))
 
 
 def scans_of(points, covariances=None, times=None):

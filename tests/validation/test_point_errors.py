@@ -54,12 +54,9 @@ LAST = np.flatnonzero(np.diff(SCAN, append=-1))
 def with_points(points, keep=None):
     keep = np.ones(len(SCAN), bool) if keep is None else keep
     count = np.bincount(SCAN[keep], minlength=len(PERFECT))
-    return dataclasses.replace(
-        PERFECT,
-        offsets=np.concatenate([[0], np.cumsum(count)]),
-        points_world=points[keep],
-        covariances_world=PERFECT.covariances_world[keep],
-    )
+    kept = {"points_world": points[keep], "covariances_world": PERFECT.covariances_world[keep]}
+    offsets = np.concatenate([[0], np.cumsum(count)])
+    return dataclasses.replace(PERFECT, offsets=offsets, **kept)
 
 
 def farther(by):

@@ -46,10 +46,8 @@ def scene(rig, depth, columns=(40, 58), height=1.5, wall=25.0):
     with np.errstate(divide="ignore"):
         t = np.where(y > 0, rig.camera_height / y, np.inf)
     ids = np.where(np.isfinite(t), ROAD_ID, SKY_ID)
-    for distance, top, object_id, span in (
-        (wall, 4.0, BACKGROUND_ID, (0, rig.width)),
-        (depth, height, TARGET_ID, columns),
-    ):
+    seen = [(wall, 4.0, BACKGROUND_ID, (0, rig.width)), (depth, height, TARGET_ID, columns)]
+    for distance, top, object_id, span in seen:
         at = distance / z
         above = rig.camera_height - at * y
         hit = (at < t) & (above >= 0) & (above <= top) & (u >= span[0]) & (u < span[1])
@@ -185,13 +183,10 @@ def test_stixel_errors_are_measured_on_square_faces_alone():
     rig = make_rig()
     truth = truth_of(rig)
     good = perfect_stixels(rig, truth)
-    bad = replace(
-        good,
-        disparity=good.disparity + 0.25,
-        depth=good.depth - 0.5,
-        height=good.height + 0.125,
-        points_ego=good.points_ego + np.array([0.0625, -0.5]),
-    )
+    shift = np.array([0.0625, -0.5])
+    moved = {"disparity": good.disparity + 0.25, "depth": good.depth - 0.5}
+    moved |= {"height": good.height + 0.125, "points_ego": good.points_ego + shift}
+    bad = replace(good, **moved)
     covered, errors = stixel_errors(bad, 0, truth, rig)
     assert covered.sum() == 3 * len(errors)
     expected = {"disparity": 0.25, "error": -0.5, "square": -0.5, "sigma": 0.5}
