@@ -50,8 +50,8 @@ def test_folders_have_their_place_and_import_none_above():
     assert folders == {*ORDER, "engine"}
     # `stixel_cli/__init__.py` hands on names of `api.py`: from below that would be an arrow up.
     nodes = [(file, node) for file, tree in trees().items() for node in ast.walk(tree)]
-    faces = [(f, n.names) for f, n in nodes if getattr(n, "module", "") == "stixel_cli"]
-    names = {(file, alias.name) for file, aliases in faces for alias in aliases}
+    faces = [one for one in nodes if getattr(one[1], "module", "") == "stixel_cli"]
+    names = {(file, alias.name) for file, node in faces for alias in node.names}
     assert {one for one in names if not (PACKAGE / f"{one[1]}.py").exists()} == set()
 
 

@@ -86,9 +86,7 @@ def test_verify_names_a_file_that_was_changed_or_is_missing(rendered, told):
     assert "fabricated-car-turn-1/truth.npz: is missing" in out
 
 
-def test_verify_takes_other_scans_for_those_of_another_processor_but_no_other_truth(
-    rendered, capsys
-):
+def test_verify_takes_other_scans_for_those_of_another_processor_but_no_truth(rendered, capsys):
     published = json.loads((rendered / "MANIFEST.json").read_text())
     published["files"]["fabricated-car-turn-0/scans.npz"] = "0"
     file = rendered.parent / "definitions" / "MANIFEST-mini.json"

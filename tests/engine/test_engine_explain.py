@@ -112,9 +112,7 @@ def test_a_file(project, tmp_path):
     assert one.text == f"the content of {mesh} changed"
 
 
-def test_a_stored_input_is_followed_to_its_change_and_the_most_similar_is_compared(
-    project, reasons
-):
+def test_a_stored_input_is_followed_to_its_change_and_the_most_alike_is_compared(project, reasons):
     other = project.graph(factor=4.0)
     project.run(other, ["double"])
     answer = reasons(project.graph(factor=4.0))["running[0:4]"]

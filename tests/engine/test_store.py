@@ -209,9 +209,7 @@ def test_one_holds_the_lock_and_no_file_is_left(store):
 
 
 @pytest.mark.parametrize("fault", [errno.ENOSYS, errno.ENOLCK])
-def test_a_file_system_without_locks_is_refused_and_no_substitute_is_left(
-    store, monkeypatch, fault
-):
+def test_a_file_system_without_locks_is_refused_and_no_substitute_left(store, monkeypatch, fault):
     def no_lock(*arguments):
         raise OSError(fault, os.strerror(fault))
 

@@ -132,9 +132,7 @@ def test_a_folder_that_cannot_be_written_is_refused(arguments, said, tmp_path, t
     ("place", "number"),
     [("write_bytes", errno.ENOSPC), ("write_bytes", errno.EROFS), ("rename", errno.EROFS)],
 )
-def test_a_disk_that_is_full_leaves_no_half_folder(
-    place, number, results, capsys, told, monkeypatch
-):
+def test_a_full_disk_leaves_no_half_folder(place, number, results, capsys, told, monkeypatch):
     def fault(*_, **__):
         raise OSError(number, said)
 

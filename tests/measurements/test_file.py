@@ -89,9 +89,7 @@ def same_scans(found, expected):
 @pytest.mark.parametrize(
     ("separator", "comma"), [(";", "."), (";", ","), ("\t", ".")], ids=["semicolon", "comma", "tab"]
 )
-def test_tabs_semicolons_and_decimal_commas_are_read_as_commas_and_points_are(
-    separator, comma, write
-):
+def test_tabs_semicolons_and_decimal_commas_are_read_as_commas_and_points(separator, comma, write):
     other = SCANS.replace(",", separator).replace(".", comma)
     expected = read_scans(write(SCANS), None, 0.5)
     for same in (other, "\ufeff" + SCANS + "\n\n"):

@@ -111,7 +111,7 @@ def test_a_raw_drive_without_labels_or_packets(clip, tmp_path):
 
 
 ENTITIES = '<!DOCTYPE a [<!ENTITY x "xxx"><!ENTITY y "&x;&x;">]><a>&y;</a>'
-IMU, VELODYNE, CAMERAS = (f"../calib_{n}.txt" for n in ("imu_to_velo", "velo_to_cam", "cam_to_cam"))
+IMU, VELODYNE, CAMERAS = map("../calib_{}.txt".format, ("imu_to_velo", "velo_to_cam", "cam_to_cam"))
 LABELS, PACKET = "tracklet_labels.xml", "oxts/data/0000000002.txt"
 DAMAGE = {
     "entities": (LABELS, lambda text: ENTITIES, "must declare no entities"),

@@ -143,9 +143,7 @@ def test_ids_survive_the_encoding_as_colours():
 @pytest.mark.parametrize(
     ("version", "needs"), [("0.19.0", "EGL: libEGL.so.1"), ("0.20.0", "Vulkan (0.19, ")]
 )
-def test_child_without_a_driver_names_the_version_that_needs_it(
-    version, needs, monkeypatch, capsys
-):
+def test_child_without_a_driver_names_the_version_needing_it(version, needs, monkeypatch, capsys):
     def missing(name):
         raise OSError(f"{name}: cannot open shared object file")
 

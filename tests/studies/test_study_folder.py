@@ -68,9 +68,7 @@ def test_a_resumed_folder_has_the_revision_of_its_results(toy, tmp_path, monkeyp
     assert study.check(fresh=False)
 
 
-def test_a_cache_that_is_too_small_keeps_what_the_report_reads(
-    studies, toy, own_cache, monkeypatch
-):
+def test_a_too_small_cache_keeps_what_the_report_reads(studies, toy, own_cache, monkeypatch):
     plain = study_toy.material
 
     def reading(data):

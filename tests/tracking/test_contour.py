@@ -41,8 +41,10 @@ from stixel_cli.tracking.track import InitialState
 WORDS = ["tracker=contour", "tracker.seen_by=fabricated", "tracker.road_user=fixed"]
 TRACKER = compose(WORDS).configuration.tracker
 SHAPES = {name: class_shape(name) for name in ("car", "cyclist", "pedestrian")}
-SIZES = {name: shape.size.tolist() for name, shape in SHAPES.items()}
-PRIORS = {n: replace(CAR, road_user=n, length=x, width=y) for n, (x, y) in SIZES.items()}
+PRIORS = {
+    name: replace(CAR, road_user=name, length=float(shape.size[0]), width=float(shape.size[1]))
+    for name, shape in SHAPES.items()
+}
 SEEDS = st.integers(0, 2**31)
 SIZE = np.array([0.1, -0.05])
 

@@ -72,8 +72,10 @@ def test_a_wrong_detection_is_given_up_again(monkeypatch):
     def turned(*arguments):
         widen = float(arguments[-1])
         turn = widen * np.radians(70) * np.eye(len(arguments[0][0]))[2]
-        found = detect_again(*arguments)
-        return [(i, (mean + turn, *rest, p + 15.0 * widen)) for i, (mean, *rest, p) in found]
+        return [
+            (indices, (mean + turn, *rest, likelihood + 15.0 * widen))
+            for indices, (mean, *rest, likelihood) in detect_again(*arguments)
+        ]
 
     monkeypatch.setattr(contour_filter, "is_inconsistent", lambda scans: len(scans) == 8)
     monkeypatch.setattr(contour_filter, "detect_again", turned)

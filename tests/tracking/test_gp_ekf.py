@@ -108,10 +108,10 @@ def test_the_gradients_are_how_residuals_change_as_points_move(seed):
     np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-8)
 
 
-def test_filter_stays_finite_and_semi_definite_over_a_thousand_scans(tracker):
+def test_filter_stays_finite_and_semi_definite_over_a_thousand_scans():
     points = [p if k % 7 else np.zeros((0, 2)) for k, p in enumerate(seen_car(1000, 8))]
     points[500:700] = [np.zeros((0, 2))] * 200
-    found = track(scans_of(points), *tracker)
+    found = track(scans_of(points), START, CAR, TRACKER)
     for array in (found.means, found.covariances, found.contours_world, found.contour_std):
         assert np.isfinite(array).all()
     for covariance in found.covariances[::50]:
@@ -119,12 +119,11 @@ def test_filter_stays_finite_and_semi_definite_over_a_thousand_scans(tracker):
 
 
 @pytest.mark.parametrize("distance", [0.0, 1e-12, 1e-5, 2e-3, 1e-2])
-def test_point_on_the_predicted_centre_is_handled(tracker, distance):
-    initial, prior, parameters = tracker
+def test_point_on_the_predicted_centre_is_handled(distance):
     points = seen_car(3, 20)
-    centre = initial.mean[:2] + 0.1 * initial.mean[3:5]
+    centre = START.mean[:2] + 0.1 * START.mean[3:5]
     points[0] = np.concatenate([points[0], centre[None] + [distance, 0.0]])
-    found = track(scans_of(points), initial, prior, parameters)
+    found = track(scans_of(points), START, CAR, TRACKER)
     assert np.isfinite(found.means).all()
     assert np.isfinite(found.covariances).all()
     assert (20 in found.used_points) == (distance >= 1e-3)
@@ -145,14 +144,13 @@ def test_nis_has_one_degree_of_freedom_per_point():
     assert np.mean(found.nis / found.nis_degrees_of_freedom) == pytest.approx(1.0, abs=0.06)
 
 
-def test_contour_and_std_match_the_regression(tracker):
+def test_contour_and_std_match_the_regression():
     """The band is that of the point where a fixed ray meets the contour, to first order."""
-    found = track(scans_of(seen_car(4, 30)), *tracker)
+    found = track(scans_of(seen_car(4, 30)), START, CAR, TRACKER)
     count = found.contours_world.shape[1]
     angles = 2.0 * np.pi * np.arange(count) / count
-    parameters = tracker[2]
-    size = parameters.basis_points, parameters.length_scale
-    process = ContourProcess(*size, 1.0, 0.4, parameters.jitter)
+    size = TRACKER.basis_points, TRACKER.length_scale
+    process = ContourProcess(*size, 1.0, 0.4, TRACKER.jitter)
     matrix, variances = process.at(angles)
     mean, covariance = found.means[-1], found.covariances[-1]
     offsets = found.contours_world[-1] - mean[:2]
@@ -177,13 +175,12 @@ def test_contour_and_std_match_the_regression(tracker):
         assert found.contour_std[-1, i] == pytest.approx(expected, rel=1e-5)
 
 
-def test_unseen_radii_return_to_the_mean_radius_which_is_between_the_half_axes(tracker):
-    initial, prior, parameters = tracker
-    forgetting = dataclasses.replace(parameters, forgetting_rate=100.0)
+def test_unseen_radii_return_to_the_mean_radius_which_is_between_the_half_axes():
+    forgetting = dataclasses.replace(TRACKER, forgetting_rate=100.0)
     nothing = scans_of([np.zeros((0, 2))] * 5)
-    for mean_function, radius in (("zero", 0.0), ("class_radius", mean_radius(prior))):
+    for mean_function, radius in (("zero", 0.0), ("class_radius", mean_radius(CAR))):
         chosen = dataclasses.replace(forgetting, mean_function=mean_function)
-        found = track(nothing, initial, prior, chosen)
+        found = track(nothing, START, CAR, chosen)
         np.testing.assert_allclose(found.means[-1, 6:], radius, atol=1e-9)
         reach = np.linalg.norm(found.contours_world[-1] - found.means[-1, :2], axis=1)
         np.testing.assert_allclose(reach, radius, atol=1e-9)
@@ -257,23 +254,22 @@ def test_contour_is_inside_its_own_gate(size, shape):
     assert len(associate(radii[:, None] * DIRECTIONS, centroid, moments, 0.99)) == len(radii)
 
 
-def test_gate_accepts_target_points_and_rejects_a_wall_behind(tracker):
+def test_gate_accepts_target_points_and_rejects_a_wall_behind():
     scans = seen_car(40, 60)
     behind = np.stack([np.linspace(-4.5, 4.5, 30), np.full(30, 0.9 + 3.0)], axis=-1)
     walls = [world_from_target(behind, pose) for pose in poses_of_turn(40)]
     mixed = [np.concatenate(pair) for pair in zip(scans, walls, strict=True)]
-    found = track(scans_of(mixed), *tracker)
+    found = track(scans_of(mixed), START, CAR, TRACKER)
     for k in range(10, 40):
         used = found.used_points[found.used_offsets[k] : found.used_offsets[k + 1]] - 90 * k
         assert set(range(60)) <= set(used.tolist())
         assert used.max() < 60
 
 
-def test_gate_rotates_with_the_target(tracker):
+def test_gate_rotates_with_the_target():
     """3 m from the centre is inside before the car (2.1 m to its front), outside beside it."""
-    initial, prior, parameters = tracker
-    centre = initial.mean[:2]
-    points = centre + np.array([[3.0, 0.0], [0.0, 3.0]]) @ rotation(initial.mean[2]).T
+    centre = START.mean[:2]
+    points = centre + np.array([[3.0, 0.0], [0.0, 3.0]]) @ rotation(START.mean[2]).T
     # A single scan has no sample time: it is not predicted.
-    found = track(scans_of([points]), initial, prior, parameters)
+    found = track(scans_of([points]), START, CAR, TRACKER)
     assert found.used_points.tolist() == [0]

@@ -116,7 +116,7 @@ def test_a_start_of_no_known_class_is_a_mixture_of_all():
     scans = scans_of([side] * 3)
     start = replace(START, bearing=(-30.0, 30.0))
     unknown = compose(["prior=unknown"]).configuration.prior
-    priors = [replace(PRIOR, length=x, width=y) for x, y in possible_sizes(unknown)]
+    priors = [replace(PRIOR, length=size[0], width=size[1]) for size in possible_sizes(unknown)]
     each = [start_from_scans(scans, start, prior) for prior in priors]
     mixed = start_from_scans(scans, start, unknown)
     means = np.array([one.mean for one in each])
