@@ -36,13 +36,9 @@ def make_folder(folder, seed=0, config=None, metrics=None, series=None, manifest
     known = {name: values for name, values in arrays.items() if values is not None}
     np.savez_compressed(folder / "scores.npz", **known)
     (folder / "config.yaml").write_text(yaml.safe_dump(config or CONFIG, sort_keys=False))
-    summary = {
-        "centre_rmse_m": float(np.sqrt(np.mean(centre**2))),
-        "iou_mean": None if np.isnan(arrays["iou"]).any() else float(arrays["iou"].mean()),
-        "nees_position_mean": 1.07,
-        "nis_mean": None,
-        "scans": scans,
-    } | (metrics or {})
+    iou = None if np.isnan(arrays["iou"]).any() else float(arrays["iou"].mean())
+    summary = {"centre_rmse_m": float(np.sqrt(np.mean(centre**2))), "iou_mean": iou}
+    summary |= {"nees_position_mean": 1.07, "nis_mean": None, "scans": scans} | (metrics or {})
     (folder / "metrics.json").write_text(json.dumps(summary))
     content = {"command": "stixel run seed=0", "seed": seed, "seconds": 12.3, "stages": []}
     content |= {"created": "2026-01-01T00:00:00+00:00"}

@@ -77,12 +77,8 @@ def test_a_wrong_argument_is_named_in_one_line(name, arguments):
 )
 def test_a_wrong_scan_is_named_in_one_line(name, changes):
     tracker = trackers.Contour(start=POSE)
-    scan = {
-        "points": [[0.0, 9.0], [1.0, 9.0]],
-        "covariances": np.tile(0.01 * np.eye(2), (2, 1, 1)),
-        "sensor_pose": [0.0, 0.0, np.pi / 2],
-        "time": 0.0,
-    }
+    scan = {"points": [[0.0, 9.0], [1.0, 9.0]], "covariances": np.tile(0.01 * np.eye(2), (2, 1, 1))}
+    scan |= {"sensor_pose": [0.0, 0.0, np.pi / 2], "time": 0.0}
     tracker.step(**scan)
     with pytest.raises(ArgumentError, match=rf"^{name}: [^\n]+$"):
         tracker.step(**(scan | changes))

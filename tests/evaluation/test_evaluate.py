@@ -120,13 +120,11 @@ def test_contour_errors_match_a_calculation_by_hand():
     still = np.tile([0.0, 10.0, 0.0], (COUNT, 1))
     scenario = dataclasses.replace(SCENARIO, target_poses_world=still)
     sizes = np.array([1.0, 1.1, 1.1, 1.5, 0.5])[:, None, None]
-    track = dataclasses.replace(
-        track_with(np.zeros((COUNT, 3))),
-        means=np.concatenate([still, np.zeros((COUNT, 5))], axis=1),
-        contours_world=sizes * OUTLINE + [0.0, 10.0],
-        contour_directions=np.tile(OUTLINE / np.sqrt(2), (COUNT, 1, 1)),
-        contour_std=np.full((COUNT, 4), 0.07),
-    )
+    means = np.concatenate([still, np.zeros((COUNT, 5))], axis=1)
+    contours = {"contours_world": sizes * OUTLINE + [0.0, 10.0]}
+    contours |= {"contour_directions": np.tile(OUTLINE / np.sqrt(2), (COUNT, 1, 1))}
+    contours |= {"contour_std": np.full((COUNT, 4), 0.07)}
+    track = dataclasses.replace(track_with(np.zeros((COUNT, 3))), means=means, **contours)
     metrics = evaluate(track, scenario, SCANS).metrics
     sides = 2 * np.array([0.0, 0.1, 0.1, 0.5, -0.5])
     assert metrics["length_error_m"] == pytest.approx(np.sqrt(np.mean(sides**2)))

@@ -32,18 +32,11 @@ def stixels(points_of_each, heights=None):
     covariances = np.zeros((len(points), 2, 2))
     covariances[:, 1, 1], covariances[:, 0, 0] = std**2, 1e-4
     base = np.rint(170 + FOCAL * 1.65 / np.maximum(points[:, 1], 1.0)).astype(np.int32)
-    return made_stixels(
-        3,
-        np.cumsum([0, *map(len, points_of_each)], dtype=np.int64),
-        left=middle - WIDTH // 2,
-        right=middle + WIDTH // 2,
-        top=base - 20,
-        base=base,
-        depth=points[:, 1],
-        height=np.ones(len(points)) if heights is None else np.asarray(heights, float),
-        points_ego=points,
-        covariances_ego=covariances,
-    )
+    frames = np.cumsum([0, *map(len, points_of_each)], dtype=np.int64)
+    at = {"left": middle - WIDTH // 2, "right": middle + WIDTH // 2, "top": base - 20, "base": base}
+    at |= {"points_ego": points, "covariances_ego": covariances, "depth": points[:, 1]}
+    heights = np.ones(len(points)) if heights is None else np.asarray(heights, float)
+    return made_stixels(3, frames, height=heights, **at)
 
 
 def test_cars_next_to_each_other_and_in_a_row_are_objects_of_their_own():

@@ -48,10 +48,14 @@ def test_frame_bytes_do_not_depend_on_chunk_or_partial_rendering(target, moving)
     motion = scenario(4, moving)
     chunk = StaticScene(objects(), RIG, RAYCAST)
     frames = [render_frame(chunk, target, motion, k) for k in range(4)]
-    for k in reversed(range(4)):
-        alone = StaticScene(objects(), RIG, RAYCAST)
-        assert same(frames[k], render_frame(alone, target, motion, k))
-        assert same(frames[k], render_frame(chunk, target, motion, k, whole=True))
+    alone = [
+        render_frame(StaticScene(objects(), RIG, RAYCAST), target, motion, k)
+        for k in reversed(range(4))
+    ][::-1]
+    whole = [render_frame(chunk, target, motion, k, whole=True) for k in range(4)]
+    for k in range(4):
+        assert same(frames[k], alone[k])
+        assert same(frames[k], whole[k])
 
 
 def test_render_does_not_depend_on_the_chunks(monkeypatch):

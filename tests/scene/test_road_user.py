@@ -200,9 +200,11 @@ def test_limbs_move_and_the_box_stays(kind):
     assert changed > {"cyclist": 0.01, "pedestrian": 0.2}[kind] * first.area
     # Each time has the contour of its pose, moved to its place.
     for k in (0, 7):
-        found = target_from_world(scenario.contours_world[k], scenario.target_poses_world[k])
-        expected = scenario.contours_target[scenario.limb_poses[k]]
-        np.testing.assert_allclose(found, expected, atol=1e-9)
+        np.testing.assert_allclose(
+            target_from_world(scenario.contours_world[k], scenario.target_poses_world[k]),
+            scenario.contours_target[scenario.limb_poses[k]],
+            atol=1e-9,
+        )
     assert scenario.limb_poses[0] != scenario.limb_poses[7]
 
 

@@ -114,9 +114,12 @@ def test_a_study_with_failed_runs_can_be_resumed(studies, toy, tmp_path, monkeyp
     assert not answer["complete"] and answer["answer"] is None
     assert answer["sweeps"]["first"]["done"] == 4
     # The second sweep's axes depend on the first.
-    none = {"runs": None, "done": 0, "folder": str(folder / "sweeps/second")}
-    none["faults"] = ["its axes depend on the sweeps before"]
-    assert answer["sweeps"]["second"] == none
+    assert answer["sweeps"]["second"] == {
+        "runs": None,
+        "done": 0,
+        "folder": str(folder / "sweeps/second"),
+        "faults": ["its axes depend on the sweeps before"],
+    }
     assert "no statistics yet: runs are missing: first 4 of 8, second 0 of ?" in studies.error
     command = f"stixel study {file} seed=0 --results {studies.results} --trust-code"
     assert studies.error.endswith(f"{command}\n")

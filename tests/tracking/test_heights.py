@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from stixel_cli.config.compose import compose
-from stixel_cli.geometry import pose as geometry
 from stixel_cli.measurements.disturbance import CLUTTER_HEIGHT, disturb_scans
 from stixel_cli.measurements.file import read_scans
 from stixel_cli.measurements.lidar import lidar_scans
@@ -74,7 +73,7 @@ def test_the_heights_are_those_of_the_returns_and_the_nearest_have_none():
 
 
 LOW, HIGH = 0.4, 1.05
-BOX = outline_table(geometry.rectangle(4.0, 1.8))
+BOX = outline_table(np.array([[2.0, -0.9], [2.0, 0.9], [-2.0, 0.9], [-2.0, -0.9]]))
 INSETS = np.zeros((2, 2, len(HEIGHTS)))
 INSETS[0, :, HEIGHTS > 0.9] = 0.8, 0.2
 """A rear window, 0.8 ± 0.2 m inside the rear; the front is upright."""
@@ -94,7 +93,7 @@ INSETS[0, :, HEIGHTS > 0.9] = 0.8, 0.2
     ids=["behind", "oblique", "wrong place", "side", "front"],
 )
 def test_a_high_point_of_the_rear_counts_as_one_of_the_bumper(heading, sensor, points, inside):
-    turn = geometry.rotation(-heading)
+    turn = np.array([[np.cos(heading), np.sin(heading)], [-np.sin(heading), np.cos(heading)]])
     pose = np.array([3.0, 7.0, heading, 0.0, 0.0])
     points, sensor = (np.array(one) @ turn + pose[:2] for one in (points, sensor))
     noise = np.tile(0.01**2 * np.eye(2), (2, 1, 1))

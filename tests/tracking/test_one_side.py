@@ -143,7 +143,12 @@ def test_an_unknown_class_has_the_prior_s_shape_and_its_own_points():
     assert rays.points_world == pytest.approx(points)
 
 
-@given(st.floats(-3.0, 3.0), st.floats(0.0, 20.0), st.floats(-3.0, 3.0), st.floats(0.01, 10.0))
+@given(
+    heading=st.floats(-3.0, 3.0),
+    speed=st.floats(0.0, 20.0),
+    direction=st.floats(-3.0, 3.0),
+    slip=st.floats(0.01, 10.0),
+)
 def test_heading_and_velocity_are_drawn_together(heading, speed, direction, slip):
     mean = np.array([0, 0, heading, speed * np.cos(direction), speed * np.sin(direction), 0.0])
     covariance = np.diag([0.1, 0.1, 0.05, 0.5, 0.5, 0.1])
