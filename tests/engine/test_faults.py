@@ -22,11 +22,6 @@ from stixel_cli.engine.execute import execute
 from stixel_cli.engine.store import VALUE, Store
 
 
-def _computed(execution, stage):
-    (record,) = (one for one in execution.stage_records() if one["name"] == stage)
-    return record["nodes_computed"]
-
-
 def test_a_stage_that_raises(project):
     project.add_line("gather", "raise ValueError('no such thing')")
     with pytest.raises(StageFailure, match=r"^gather: ValueError: no such thing\n") as caught:
@@ -113,7 +108,8 @@ def test_a_damaged_input_is_made_again(project, executor, notes):
     (note,) = notes.notes
     said = "cached result of double[0:4] is unusable (its content has changed)"
     assert note == f"{said}; recomputing it"
-    assert _computed(execution, "double") == 1
+    computed = {one["name"]: one["nodes_computed"] for one in execution.stage_records()}
+    assert computed["double"] == 1
     assert project.store.load(graph.of_stage("show")[0].key) == expected
 
 

@@ -181,14 +181,10 @@ def stixels_of(first, heights_of_each):
     return made_stixels(first, offsets, height=heights, points_ego=points)
 
 
-def scans_with(counts):
-    points = [(np.zeros((count, 2)), np.tile(np.eye(2), (count, 1, 1))) for count in counts]
-    return Scans.of_each(np.arange(len(counts)), np.zeros((len(counts), 3)), points)
-
-
 def test_clutter_and_dropouts_do_not_shift_the_stixels_of_the_target():
     # Frame 2 has two candidates and one clutter point, frame 3 a dropout, frame 4 no clutter.
     chunk = stixels_of(2, [[1.0, 0.1, 1.0], [1.0], [1.0, 1.0]])
-    scans = scans_with([1, 0, 3, 0, 2])
+    points = [(np.zeros((n, 2)), np.tile(np.eye(2), (n, 1, 1))) for n in (1, 0, 3, 0, 2)]
+    scans = Scans.of_each(np.arange(5), np.zeros((5, 3)), points)
     used = np.array([0, 2, 3, 4])  # In frame 2 the second candidate and the clutter.
     assert used_stixels(chunk, GATES, scans, used).tolist() == [0, 0, 1, 0, 1, 0]

@@ -67,13 +67,6 @@ def members(file):
         return {one.filename: archive.read(one) for one in archive.infolist()}
 
 
-def write_pack(place, contents, rng):
-    with zipfile.ZipFile(place / "pack.zip", "w") as archive:
-        for name, content in contents.items():
-            how = rng.choice((zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED))
-            archive.writestr(name, content, compress_type=how)
-
-
 def draw_pack(rng, place, contents):
     """Score or play a pack with a damaged manifest or array."""
     contents = dict(contents)
@@ -84,7 +77,10 @@ def draw_pack(rng, place, contents):
         contents[name] = npy(rng.choice(ARRAYS)(np.load(io.BytesIO(contents[name]))))
         if rng.random() < 0.1:
             del contents[name]
-    write_pack(place, contents, rng)
+    with zipfile.ZipFile(place / "pack.zip", "w") as archive:
+        for name, content in contents.items():
+            how = rng.choice((zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED))
+            archive.writestr(name, content, compress_type=how)
     return rng.choice((["score", "pack.zip"], ["page", "pack.zip"]))
 
 

@@ -51,13 +51,10 @@ def of(folder, *more):
     return [*(one for one in given if one.partition("=")[0] not in typed - {"path"}), *more]
 
 
-def stages_of(folder, *more):
-    return {s.name: s for s in pipeline_stages(compose(of(folder, *more)))}
-
-
 def replayed(folder, *more):
     """The scenario that the stages make."""
-    stages = stages_of(folder, "measurement=fabricated", *more)
+    made = compose(of(folder, "measurement=fabricated", *more))
+    stages = {one.name: one for one in pipeline_stages(made)}
     ego, truth = stages["ego_motion"], stages["scenario"]
     motion = recorded_motion(ego.files, **ego.settings)
     return replayed_scenario(motion, truth.files, **truth.settings)

@@ -187,10 +187,6 @@ def planes():
     return StereoPairs(0, *(ImageStack.from_images([image]) for image in (left, right)))
 
 
-def shrunk(box, pixels):
-    return tuple(slice(side.start + pixels, side.stop - pixels) for side in box)
-
-
 @pytest.mark.parametrize("subpixel", ["parabola", "phase_table"])
 def test_near_and_far_planes_are_found(planes, subpixel):
     stereo = replace(STEREO, subpixel=subpixel)
@@ -199,7 +195,7 @@ def test_near_and_far_planes_are_found(planes, subpixel):
     raw = disparities.raw(0)
     assert raw.shape == (97, 321) and raw.dtype == np.int16
     valid = raw != INVALID
-    box = raw[shrunk(BOX, 6)]
+    box = raw[tuple(slice(side.start + 6, side.stop - 6) for side in BOX)]
     assert np.mean(box != INVALID) > 0.95
     assert np.all(np.abs(box[box != INVALID] - 16 * NEAR) <= 8)
     # Left of the box, the right camera sees the box in front of the far plane. What is matched

@@ -311,12 +311,6 @@ ONE = np.float32(1.0)
 COSTS = (st.sampled_from([0.0, 0.05, 0.3, 5.0]), st.sampled_from([0.5, 3.0, 100.0]))
 
 
-def path_cost(path, costs, depths, cost, limit):
-    z = depths[path]
-    steps = cost * np.minimum(np.abs(np.diff(z)), limit)
-    return costs[np.arange(len(path)), path].sum(dtype=np.float64) + steps.sum(dtype=np.float64)
-
-
 def least_cost(costs, depths, cost, limit):
     """Dynamic programming in O(W R²), straight from the definition."""
     step = cost * np.minimum(np.abs(depths[:, None] - depths[None, :]), limit)
@@ -332,8 +326,9 @@ def test_path_has_the_least_cost(seed, width, rows, cost, limit):
     costs = rng.random((width, rows)).astype(np.float32)
     depths = np.sort(rng.uniform(3.0, 30.0, rows)).astype(np.float32)
     path = cheapest_path(costs, depths, np.float32(cost), np.float32(limit))
-    least = least_cost(costs, depths, cost, limit)
-    assert path_cost(path, costs, depths, cost, limit) == pytest.approx(least, rel=1e-5)
+    steps = cost * np.minimum(np.abs(np.diff(depths[path])), limit)
+    found = costs[np.arange(width), path].sum(dtype=np.float64) + steps.sum(dtype=np.float64)
+    assert found == pytest.approx(least_cost(costs, depths, cost, limit), rel=1e-5)
 
 
 def brute_costs(column, inverse_requirement, bound, free_cost):

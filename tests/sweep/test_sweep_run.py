@@ -20,15 +20,12 @@ FEW = ("measurement=fabricated", "path.duration=0.3")
 STATISTICS = ("summary.csv", "summary.md", "index.html")
 
 
-def stages_of(plan):
-    return {stage["name"]: stage["nodes"] for stage in plan["stages"]}
-
-
 def test_runs_share_what_they_have_in_common(sweeps, told):
     line = [*FEW, "seed=0,1", "tracker.sigma_q=0.5,0.6,0.7"]
     planned = json.loads(told("sweep", "--dry-run", "--json", *line))
     shared = {"ego_motion": 1, "scenario": 1, "scans": 2, "start": 2}
-    assert stages_of(planned) == shared | {"track": 6, "scores": 6}
+    nodes = {stage["name"]: stage["nodes"] for stage in planned["stages"]}
+    assert nodes == shared | {"track": 6, "scores": 6}
     assert planned["runs"] == 6
     assert planned["nodes"] == {"all": 18, "cached": 0, "to_run": 18}
     swept = sweeps.run(*line, "--name", "a")

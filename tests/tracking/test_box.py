@@ -37,14 +37,10 @@ def scans_of_a_rear(count=20):
     return scans_of(points), places
 
 
-def start_at(place, error):
-    mean = np.array([*(place + error), np.pi / 2, 0.0, 5.0, 0.0])
-    return replace(START, mean=mean)
-
-
 def test_the_box_finds_the_centre_from_the_rear_and_predicts_without_scans():
     scans, places = scans_of_a_rear()
-    start = start_at(places[0], [0.2, -0.4])
+    mean = np.array([*np.add(places[0], [0.2, -0.4]), np.pi / 2, 0.0, 5.0, 0.0])
+    start = replace(START, mean=mean)
     found = track(scans, start, CAR, TRACKER)
     np.testing.assert_allclose(found.means[-1, :2], places[-1], atol=0.05)
     np.testing.assert_allclose(found.means[-1, 3:5], [0.0, 5.0], atol=0.2)

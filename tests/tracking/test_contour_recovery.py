@@ -37,19 +37,16 @@ def coming(heading, rate, count=20):
     return np.column_stack([np.array([0.0, 12.0]) + np.cumsum(steps, axis=0), headings])
 
 
-def wrong_side(poses, degrees):
-    """A start whose heading is on the other side of the line of sight, and certain."""
-    initial = start_at(poses, (0.0, 0.0, np.radians(degrees)))
-    return replace(initial, covariance=np.diag([0.04, 0.04, 0.002, 0.1, 0.1, 0.002]))
-
-
 @pytest.mark.parametrize(
     ("heading", "rate", "error"), [(-90, 0.3, 20), (-105, 0.4, -20), (-75, -0.4, 20)]
 )
 def test_a_cyclist_seen_from_its_end_is_found_again_on_the_other_side(heading, rate, error):
     poses = coming(heading, rate)
     scans = scans_seen(SHAPE.outline, poses, noise=0.02)
-    result = track(scans, wrong_side(poses, error), CYCLIST, TRACKER)
+    # The heading is on the other side of the line of sight, and certain.
+    covariance = np.diag([0.04, 0.04, 0.002, 0.1, 0.1, 0.002])
+    initial = replace(start_at(poses, (0.0, 0.0, np.radians(error))), covariance=covariance)
+    result = track(scans, initial, CYCLIST, TRACKER)
     assert np.hypot(*(result.means[10:, :2] - poses[10:, :2]).T).max() < 0.1
     assert np.abs(wrap_angle(result.means[10:, 2] - poses[10:, 2])).max() < np.radians(5)
 
@@ -155,12 +152,6 @@ def test_the_box_has_room_for_the_limbs():
     assert box_sizes(without, shape, residual) == pytest.approx(box_sizes(state, shape))
 
 
-def facing(poses, heading_error):
-    """A start whose heading is wrong by `heading_error` rad, and whose velocity is right."""
-    initial = start_at(poses, (0.1, 0.1, heading_error))
-    return replace(initial, covariance=np.diag([0.04, 0.04, 0.01, 4.0, 4.0, 0.01]))
-
-
 @pytest.mark.parametrize(
     ("speed", "opposite"), [(4.0, True), (4.0, False), (-1.0, False), (-2.5, False), (0.0, False)]
 )
@@ -169,7 +160,10 @@ def test_a_heading_against_a_fast_motion_is_turned_and_no_other(speed, opposite)
     if speed < 0:
         poses = poses[::-1].copy()
     scans = scans_seen(CAR_SHAPE.outline, poses, noise=0.02)
-    result = track(scans, facing(poses, np.pi if opposite else 0.0), KNOWN, TRACKER)
+    # The velocity is right, and only the heading may be wrong.
+    initial = start_at(poses, (0.1, 0.1, np.pi if opposite else 0.0))
+    initial = replace(initial, covariance=np.diag([0.04, 0.04, 0.01, 4.0, 4.0, 0.01]))
+    result = track(scans, initial, KNOWN, TRACKER)
     errors = np.abs(wrap_angle(result.means[:, 2] - poses[:, 2]))
     assert errors[15:].max() < 0.2
     assert (errors[0] > 3.0) == opposite
@@ -207,20 +201,16 @@ PARKED = world_from_target(class_shape("car").outline, np.array([0.0, 8.0, 0.0])
 """A car 8 m in front of the sensor."""
 
 
-def passing(user):
-    """Poses of a road user that goes from the left to the right behind the parked car."""
-    count, speed = {"cyclist": (44, 4.0), "pedestrian": (64, 2.0)}[user]
-    xs = -0.5 * 0.1 * speed * count + 0.1 * speed * np.arange(count)
-    return np.column_stack([xs, np.full(count, 16.0), np.zeros(count)])
-
-
 @pytest.mark.parametrize("tracker", [contour, gp_ekf], ids=["contour", "gp_ekf"])
 @pytest.mark.parametrize("begins_hidden", [False, True], ids=["seen first", "hidden first"])
 @pytest.mark.parametrize("user", ["cyclist", "pedestrian"])
 def test_a_target_that_is_hidden_is_not_the_car_that_hides_it(tracker, user, begins_hidden):
     name = tracker.__name__.rpartition(".")[2]
     p = compose(["measurement=fabricated", f"road_user={user}", f"tracker={name}"]).configuration
-    poses = passing(user)
+    # From the left to the right behind the parked car.
+    count, speed = {"cyclist": (44, 4.0), "pedestrian": (64, 2.0)}[user]
+    xs = 0.1 * speed * (np.arange(count) - 0.5 * count)
+    poses = np.column_stack([xs, np.full(count, 16.0), np.zeros(count)])
     poses = poses[len(poses) // 2 - 5 if begins_hidden else 0 :]
     scans = scans_seen(class_shape(user).outline, poses, noise=0.02, before=PARKED)
     track = tracker.track(scans, start_at(poses), p.prior, p.tracker)

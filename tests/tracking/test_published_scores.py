@@ -125,10 +125,6 @@ def case(request):
         return {name: arrays[name] for name in arrays.files}
 
 
-def points_of(case):
-    return np.split(case["meas"], np.cumsum(case["meas_count"])[:-1])
-
-
 def test_whole_track_matches_the_reference(case):
     """Through `track` itself: the reference starts from radii of zero, so from a point."""
     alike = ("length_scale", "sigma_f", "sigma_r", "jitter", "sigma_q", "sigma_q_psi")
@@ -139,7 +135,7 @@ def test_whole_track_matches_the_reference(case):
     tracker = dataclasses.replace(TRACKER, **values)
     size = {"length": 1e-12, "width": 1e-12, "corner_radius": 0.0}
     point = dataclasses.replace(CAR, shape="ellipse", sigma_r=1.0, **size)
-    points = points_of(case)
+    points = np.split(case["meas"], np.cumsum(case["meas_count"])[:-1])
     scans = scans_of(points, times=float(case["T"]) * np.arange(len(points)))
     initial = InitialState(mean=case["x0"][:6], covariance=case["P0"][:6, :6])
     result = track(scans, initial, point, tracker)
