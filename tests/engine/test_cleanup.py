@@ -206,24 +206,20 @@ def put(file, age=0.0):
     return file
 
 
-@pytest.fixture
-def home(tmp_path, monkeypatch):
-    """A user's folder with names as a cache has them, as the cache."""
-    folder = tmp_path / "home"
-    files = [put(folder / name / "old", 1e6) for name in ("tmp", "sources", "locks", "ab")]
-    monkeypatch.setenv("STIXEL_CACHE", str(folder))
-    return files
-
-
 @pytest.mark.parametrize(
     "words", [("cache", "gc"), ("cache", "clear", "--yes"), ("cache", "ls"), ("run", *SMALL)]
 )
-def test_a_folder_with_other_files_is_refused_and_left_alone(home, words, told, monkeypatch):
-    monkeypatch.chdir(home[0].parents[2])
-    before = sorted(home[0].parents[1].rglob("*"))
+def test_a_folder_with_other_files_is_refused_and_left_alone(tmp_path, words, told, monkeypatch):
+    # A user's folder with names as a cache has them.
+    folder = tmp_path / "home"
+    for name in ("tmp", "sources", "locks", "ab"):
+        put(folder / name / "old", 1e6)
+    monkeypatch.setenv("STIXEL_CACHE", str(folder))
+    monkeypatch.chdir(tmp_path)
+    before = sorted(folder.rglob("*"))
     said = told(*words, code=2)
     assert said.count("\n") == 1 and "not make" in said and "STIXEL_CACHE" in said
-    assert sorted(home[0].parents[1].rglob("*")) == before
+    assert sorted(folder.rglob("*")) == before
 
 
 def test_whoever_creates_the_cache_marks_it(tmp_path):

@@ -214,10 +214,8 @@ def test_stixels_from_a_file_have_the_scores_of_ours(pair, tmp_path, monkeypatch
     assert "written exists and is not overwritten" in told(*given, "--output", "written", code=2)
     given = ["assess", left, right, "--calib", calibration, "--disparity", truth]
     given += ["executor=threads", "--json"]
-    scores = []
-    for more in ([], ["--stixels", "ours.csv"]):
-        scores.append(json.loads(told(*given, *more))["values"])
-    ours, theirs = scores
+    ways = ([], ["--stixels", "ours.csv"])
+    ours, theirs = (json.loads(told(*given, *more))["values"] for more in ways)
     assert theirs["stixels"] == len(found) and theirs["found_share"] > 0.9
     # A file does not state what is unknown.
     of_the_file = {name: value for name, value in theirs.items() if value is not None}

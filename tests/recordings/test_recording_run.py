@@ -299,21 +299,16 @@ def test_no_stage_past_the_images_gets_labels_and_a_start_from_scans_the_first_b
     assert typed.start.bearing == (-3.0, 4.0)
 
 
-@pytest.fixture(scope="module")
-def long_clip(tmp_path_factory):
-    """Eight frames, enough to see that the car moves."""
-    folder = tmp_path_factory.mktemp("long")
-    make_clip(folder, small_scenario(8))
-    return folder
-
-
 def auto(folder, *more):
     words = [one for one in of(folder, *more) if not one.startswith("source.target=")]
     return [*words, "source.target=auto", "road_user=car", "tracker=box"]
 
 
 @pytest.mark.sketched
-def test_all_that_moves_is_tracked(long_clip, tmp_path, capsys, told):
+def test_all_that_moves_is_tracked(tmp_path_factory, tmp_path, capsys, told):
+    # Eight frames are enough to see that the car moves.
+    long_clip = tmp_path_factory.mktemp("long")
+    make_clip(long_clip, small_scenario(8))
     given = auto(long_clip, "pictures.frames=[4]")
     answer = run(capsys, tmp_path, *given, "--name", "auto")
     assert answer["metrics"]["scans"] == 8 and "iou_mean" not in answer["metrics"]

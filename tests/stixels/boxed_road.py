@@ -24,7 +24,7 @@ OWN = {"polar": {}, "column_disparity": {"disparity_step": 0.25}, "cartesian": {
 GRIDS = [OccupancyParameters(kind=kind, nearest=3.0, farthest=50.0) for kind in OWN]
 OCCUPANCIES = {grid.kind: with_constants(grid, **OWN[grid.kind]) for grid in GRIDS}
 FREE_SPACE = with_constants(FreeSpaceParameters(0.3, 0.2, temporal_cost=0.1), spatial_limit=5.0)
-HEIGHT = with_constants(HeightParameters(depth_margin=3.0, hidden_rows=0), smoothness=3.0)
+TOPS = with_constants(HeightParameters(depth_margin=3.0, hidden_rows=0), smoothness=3.0)
 STDS = {"least_std": 0.1, "edge_std": 0.1, "surface_std": 0.05}
 EXTRACTION = ExtractionParameters(width=5, front_margin=0.3, refinement=0.0)
 EXTRACTION = with_constants(EXTRACTION, smoothing=0.35, **STDS)

@@ -3,7 +3,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from boxed_road import BOXES, EXTRACTION, HEIGHT, as_disparities, columns_of, find, render
+from boxed_road import BOXES, EXTRACTION, TOPS, as_disparities, columns_of, find, render
 from constants import with_constants
 from hypothesis import given
 from hypothesis import strategies as st
@@ -40,7 +40,7 @@ from stixel_cli.stixels.road import base_rows, road_line
 from stixel_cli.stixels.types import SAME_OBJECT
 
 
-def pipeline(disparities, rig, extraction=EXTRACTION, height=HEIGHT):
+def pipeline(disparities, rig, extraction=EXTRACTION, height=TOPS):
     frames = range(disparities.first, disparities.first + len(disparities))
     found = find(disparities, rig)
     return extract_stixels(disparities, found, None, rig, height, extraction, frames)
@@ -106,7 +106,7 @@ def test_with_many_layers_columns_have_what_is_visible_behind_the_nearest_obstac
 
 def test_a_surface_less_than_the_depth_margin_behind_is_no_layer_and_road_is_none(rig):
     many = replace(EXTRACTION, layers="many")
-    for further in ([], [(0.0, 8.0 + 0.9 * HEIGHT.depth_margin, 1.0, 1.8)]):
+    for further in ([], [(0.0, 8.0 + 0.9 * TOPS.depth_margin, 1.0, 1.8)]):
         boxes = [(0.0, 8.0, 3.0, 0.8), *further]
         stixels = pipeline(as_disparities(render(rig, boxes=boxes)), rig, many)
         assert len(stixels.left) > 4 and np.all(np.diff(stixels.left) > 0)
@@ -301,7 +301,7 @@ def test_blended_foot_does_not_move_the_stixel(rig):
 def test_hidden_rows_raise_the_tops(rig):
     disparities = as_disparities(render(rig, boxes=BOXES))
     low = pipeline(disparities, rig)
-    high = pipeline(disparities, rig, height=replace(HEIGHT, hidden_rows=2))
+    high = pipeline(disparities, rig, height=replace(TOPS, hidden_rows=2))
     assert np.array_equal(high.top, np.maximum(low.top - 2, 0))
     assert np.array_equal(high.depth, low.depth) and np.array_equal(high.base, low.base)
     # Two rows at that depth; the camera looks along the road.
@@ -362,7 +362,7 @@ def test_smoothness_depends_on_the_depth_difference_of_neighbours(rig, beyond, s
     columns[:, 60:121] = np.rint(16.0 * obstacle)[:, None]
     columns[100, 50:60] = columns[100, 60]
     line = road_line(0.0, rig.camera_height, rig)
-    changed = with_constants(HEIGHT, smoothness=smoothness)
+    changed = with_constants(TOPS, smoothness=smoothness)
     tops = top_rows(Frame(columns, 64, obstacle, base, line, rig), changed)
     assert tops[100] == top
     assert np.all(np.delete(tops, 100) == 60)

@@ -54,13 +54,6 @@ from stixel_cli.stixels.road import (
 from stixel_cli.stixels.types import FreeSpace
 
 
-def driving(count, speed=1.0, turn=0.0):
-    headings = np.pi / 2 + turn * np.arange(count)
-    steps = speed * np.stack([np.cos(headings), np.sin(headings)], axis=1)
-    places = np.cumsum([[0.0, 0.0], *steps[:-1]], axis=0)
-    return EgoMotion(np.arange(count) * 0.1, np.column_stack([places, headings]))
-
-
 def test_the_road_follows_the_pitch_and_the_height_of_each_frame(rig):
     raw = np.full((rig.height, rig.width), -1, dtype=np.int16)
     ego = replace(parked(2), pitches=np.radians([0.0, 1.5]), heights=np.array([0.0, 0.05]))
@@ -116,7 +109,10 @@ def test_smallest_obstacle_depends_on_height_and_pixels(rig, depth, tall, stands
 def test_chunks_give_the_same_free_space_as_one_pass(rig):
     rng = np.random.default_rng(0)
     strong = replace(FREE_SPACE, temporal_cost=1.0)
-    ego = driving(6, speed=0.5, turn=0.02)
+    headings = np.pi / 2 + 0.02 * np.arange(6)
+    steps = 0.5 * np.stack([np.cos(headings), np.sin(headings)], axis=1)
+    places = np.cumsum([[0.0, 0.0], *steps[:-1]], axis=0)
+    ego = EgoMotion(np.arange(6) * 0.1, np.column_stack([places, headings]))
     images = []
     for k in range(6):
         raw = render(rig, boxes=[(-1.0, 14.0 - 0.5 * k, 2.0, 1.5)], wall=40.0 - 0.5 * k)

@@ -2,6 +2,7 @@
 
 import json
 import re
+from itertools import product
 
 import pandas as pd
 import pytest
@@ -26,16 +27,13 @@ IOU = {"contour": 0.9, "gp_ekf": 0.8, "point": 0.5}
 def runs_of(users=("car",), paths=("turn",), seeds=6, trackers=tuple(IOU), lost=()):
     """Runs whose IoU depends on the tracker, and a little on path and seed; `lost` have failed."""
     rows = []
-    for user in users:
-        for tracker in trackers:
-            for i, path in enumerate(paths):
-                for seed in range(seeds):
-                    done = (tracker, seed) not in lost
-                    iou = IOU[tracker] + 0.01 * i + 0.002 * (seed % 3) + 0.001 * len(tracker) * seed
-                    row = {"road_user": user, "tracker": tracker, "path": path, "seed": seed}
-                    row |= {"status": "done" if done else "failed"}
-                    row |= {"iou_box_mean": iou if done else None, "track_lost": 0.0}
-                    rows.append(row | {"centre_rmse_m": 1.0 - iou if done else None})
+    for user, tracker, path, seed in product(users, trackers, paths, range(seeds)):
+        done, base = (tracker, seed) not in lost, IOU[tracker] + 0.01 * paths.index(path)
+        iou = base + 0.002 * (seed % 3) + 0.001 * len(tracker) * seed
+        row = {"road_user": user, "tracker": tracker, "path": path, "seed": seed}
+        row |= {"status": "done" if done else "failed"}
+        row |= {"iou_box_mean": iou if done else None, "track_lost": 0.0}
+        rows.append(row | {"centre_rmse_m": 1.0 - iou if done else None})
     return Runs(pd.DataFrame(rows), ("road_user", "tracker", "path", "seed"))
 
 

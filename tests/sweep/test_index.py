@@ -30,21 +30,18 @@ def make_run(folder, iou, tracker="gp_ekf", created="2026-01-01T00:00:00+00:00")
     make_folder(folder, metrics=metrics, manifest=manifest)
 
 
-def make_sweep(folder):
-    runs = tuple((f"tracker={name}", "seed=0") for name in ("gp_ekf", "contour", "point"))
-    axes = (("tracker",),)
-    SweepFolder(folder).create(SweepRequest("/", False, (), axes, runs, {"command": "x"}))
-    for i, iou in enumerate((0.5, 0.9)):
-        make_folder(folder / f"runs/{i:04d}", metrics={"iou_mean": iou, "track_lost": 1 - i})
-
-
 @pytest.fixture
 def root(tmp_path):
     """Two runs, a sweep of a study, a broken folder and a foreign one."""
     make_run(tmp_path / "a", 0.75)
     (tmp_path / "a/index.html").write_text("a page")
     make_run(tmp_path / "b, <i>", 0.25, "contour", "2026-01-02T00:00:00+00:00")
-    make_sweep(tmp_path / "rq2/sweeps/main")
+    runs = tuple((f"tracker={name}", "seed=0") for name in ("gp_ekf", "contour", "point"))
+    request = SweepRequest("/", False, (), (("tracker",),), runs, {"command": "x"})
+    SweepFolder(tmp_path / "rq2/sweeps/main").create(request)
+    for i, iou in enumerate((0.5, 0.9)):
+        folder = tmp_path / f"rq2/sweeps/main/runs/{i:04d}"
+        make_folder(folder, metrics={"iou_mean": iou, "track_lost": 1 - i})
     (tmp_path / "rq2/report.html").write_text("a report")
     for name in ("broken", "foreign"):
         (tmp_path / name).mkdir()

@@ -27,18 +27,13 @@ def test_two_sides_count_with_the_angles_under_which_they_are_seen():
     np.testing.assert_allclose(visible_centroid(HALF, sensor), expected)
 
 
-def scans_of_a_rear(count=20):
-    """Points on the rear of a car that drives away, and clutter beside it; the true places."""
-    places = np.stack([np.full(count, 0.3), 12.0 + 0.5 * np.arange(count)], axis=1)
-    rear = np.stack([np.full(9, -0.5 * CAR.length), np.linspace(-0.8, 0.8, 9)], axis=1)
-    beside = places + np.array([6.0, 0.0])
-    cars = [world_from_target(rear, [*place, np.pi / 2]) for place in places]
-    points = [np.vstack(both) for both in zip(cars, beside, strict=True)]
-    return scans_of(points), places
-
-
 def test_the_box_finds_the_centre_from_the_rear_and_predicts_without_scans():
-    scans, places = scans_of_a_rear()
+    # Points on the rear of a car that drives away, and clutter beside it.
+    places = np.stack([np.full(20, 0.3), 12.0 + 0.5 * np.arange(20)], axis=1)
+    rear = np.stack([np.full(9, -0.5 * CAR.length), np.linspace(-0.8, 0.8, 9)], axis=1)
+    cars = [world_from_target(rear, [*place, np.pi / 2]) for place in places]
+    beside = places + np.array([6.0, 0.0])
+    scans = scans_of([np.vstack(both) for both in zip(cars, beside, strict=True)])
     mean = np.array([*np.add(places[0], [0.2, -0.4]), np.pi / 2, 0.0, 5.0, 0.0])
     start = replace(START, mean=mean)
     found = track(scans, start, CAR, TRACKER)

@@ -119,14 +119,11 @@ def test_without_pyrecest_the_message_names_the_extra(monkeypatch):
         adapter.track(scans, initial_of(heading), PRIOR, PARAMETERS)
 
 
-@pytest.fixture(params=["car_turn_full", "metu_demo_square"])
-def case(request):
-    with np.load(GOLDEN / f"{request.param}.npz", allow_pickle=False) as arrays:
-        return {name: arrays[name] for name in arrays.files}
-
-
-def test_whole_track_matches_the_reference(case):
+@pytest.mark.parametrize("name", ["car_turn_full", "metu_demo_square"])
+def test_whole_track_matches_the_reference(name):
     """Through `track` itself: the reference starts from radii of zero, so from a point."""
+    with np.load(GOLDEN / f"{name}.npz", allow_pickle=False) as arrays:
+        case = {name: arrays[name] for name in arrays.files}
     alike = ("length_scale", "sigma_f", "sigma_r", "jitter", "sigma_q", "sigma_q_psi")
     names = dict(zip(alike, alike, strict=True))
     names |= {"forgetting_rate": "alpha", "measurement_std": "sigma_meas"}

@@ -22,20 +22,15 @@ WALL = np.array([[-8.0, 14.0], [-7.6, 14.0], [-7.2, 14.0]])
 """A thing that does not move, 30 degrees to the left."""
 
 
-def two_sides(pose):
-    """Points on the front and the right side of a car that comes towards the sensor, (n, 2) m."""
-    along, across = np.linspace(-2.1, 2.1, 15), np.linspace(-0.85, 0.85, 7)
-    front = np.stack([np.full(7, 2.1), across], axis=1)
-    left = np.stack([along, np.full(15, 0.85)], axis=1)
-    return world_from_target(np.concatenate([front, left]), pose)
-
-
 def approaching(first=0, count=12):
     """A car at 5 m/s, heading down and left, with the wall; the first scans are empty."""
     rates = np.array([-1.5, -4.77, 0.0])
     heading = np.arctan2(rates[1], rates[0])
     poses = [np.array([-1.0, 24.0, heading]) + 0.1 * k * rates for k in range(count)]
-    points = [np.concatenate([WALL, two_sides(pose)]) for pose in poses]
+    front = np.stack([np.full(7, 2.1), np.linspace(-0.85, 0.85, 7)], axis=1)
+    left = np.stack([np.linspace(-2.1, 2.1, 15), np.full(15, 0.85)], axis=1)
+    sides = np.concatenate([front, left])
+    points = [np.concatenate([WALL, world_from_target(sides, pose)]) for pose in poses]
     return scans_of([np.zeros((0, 2))] * first + points[first:]), poses[0], rates
 
 
