@@ -99,12 +99,8 @@ def called(node):
 @pytest.fixture(scope="module")
 def nodes():
     """The nodes of the syntax trees of all modules but the border, each with its file."""
-    return [
-        (file, node)
-        for file, tree in trees().items()
-        if file != "border.py"
-        for node in ast.walk(tree)
-    ]
+    others = [(file, tree) for file, tree in trees().items() if file != "border.py"]
+    return [(file, node) for file, tree in others for node in ast.walk(tree)]
 
 
 def test_only_the_border_imports_by_name_unpickles_connects_and_writes(nodes):
@@ -119,12 +115,9 @@ def test_no_reader_of_files_calls_a_name_typed(nodes):
     used |= {(file, node.attr) for file, node in nodes if isinstance(node, ast.Attribute)}
     assert {file for file, name in used if name == "TYPED"} == {*TYPES}
     # Methods of a `Composer` take overrides that have their origin.
-    composing = {
-        file
-        for file, node in nodes
-        if isinstance(node, ast.ImportFrom) and node.module == "stixel_cli.config.compose"
-        if "compose" in [one.name for one in node.names]
-    }
+    imports = [(file, node) for file, node in nodes if isinstance(node, ast.ImportFrom)]
+    imports = [(f, node.names) for f, node in imports if node.module == "stixel_cli.config.compose"]
+    composing = {file for file, names in imports if "compose" in [one.name for one in names]}
     assert composing == {*COMPOSES}
     with pytest.raises(TypeError):
         Override("tracker=evil:track", "tracker")

@@ -1,11 +1,12 @@
 """From overrides and files to runs: the grammar, and what is refused."""
 
 import pytest
+from refusals import refused
 from runs_of import sweep_runs
 
 from stixel_cli.config.compose import compose
 from stixel_cli.config.folders import group_options
-from stixel_cli.errors import ConfigurationError, UserError
+from stixel_cli.errors import ConfigurationError
 from stixel_cli.sweeps.graphs import check_axes, plan_runs
 
 USERS = group_options()["road_user"]
@@ -96,10 +97,8 @@ def test_all_combinations_with_the_seed_running_fastest():
     ],
 )
 def test_an_invalid_line_is_refused(line, said):
-    with pytest.raises(ConfigurationError) as error:
+    with refused(said, error=ConfigurationError):
         sweep_runs(line)
-    assert said in str(error.value)
-    assert "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize(
@@ -192,10 +191,8 @@ def test_a_file_names_axes_seeds_zipped_axes_and_left_out_runs(tmp_path):
 def test_a_wrong_file_is_refused_in_one_line(tmp_path, text, said):
     file = tmp_path / "study.yaml"
     file.write_text(text, encoding="utf-8")
-    with pytest.raises(UserError) as error:
+    with refused(said):
         sweep_runs([], file=str(file))
-    assert said in str(error.value)
-    assert "\n" not in str(error.value)
 
 
 def test_a_key_in_the_file_and_on_the_line_is_refused(tmp_path):
@@ -208,17 +205,15 @@ def test_a_key_in_the_file_and_on_the_line_is_refused(tmp_path):
 
 @pytest.mark.parametrize("name", ["nowhere.yaml", "prior_widht", "", "a\nb"])
 def test_no_such_file(name):
-    with pytest.raises(ConfigurationError, match="no such file") as error:
+    # A study is no sweep: it is not offered.
+    with refused("no such file", match="^(?!.*rq1)", error=ConfigurationError):
         sweep_runs([], file=name)
-    assert "rq1" not in str(error.value), "a study is no sweep"
-    assert "\n" not in str(error.value)
 
 
 def test_a_key_that_some_swept_options_lack_has_no_value_there_and_of_none_is_refused(sweeps):
     runs = sweep_runs(["tracker=gp_ekf,point", "tracker.basis_points=9"])
-    basis_points = [
-        getattr(r.composition.configuration.tracker, "basis_points", None) for r in runs
-    ]
+    trackers = [one.composition.configuration.tracker for one in runs]
+    basis_points = [getattr(one, "basis_points", None) for one in trackers]
     assert basis_points == [9, None]
     with pytest.raises(ConfigurationError, match=r"^tracker\.basis_points: unknown key"):
         sweep_runs(["tracker=box,point", "tracker.basis_points=9"])

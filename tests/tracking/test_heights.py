@@ -63,8 +63,8 @@ def test_the_heights_are_those_of_the_returns_and_the_nearest_have_none():
     assert len(scans.heights) == len(scans.points_world)
     p, _, nearest = seen("nearest")
     assert nearest.heights is None
-    assert (scans.heights >= p.measurement.height_min).all()
-    assert (scans.heights <= p.measurement.height_max).all()
+    assert p.measurement.height_min <= scans.heights.min()
+    assert scans.heights.max() <= p.measurement.height_max
     assert np.ptp(scans.heights) > 0.8
     found, rows = scans.nearest_returns()
     np.testing.assert_array_equal(found.heights, scans.heights[rows])
@@ -139,10 +139,8 @@ def test_a_high_point_counts_as_a_low_one(heading, sensor, points, inside):
     shared[1, axis, axis] = std * np.sign(ahead[1, axis])
     np.testing.assert_allclose(turn @ moved.shared, shared, atol=1e-9)
     assert at_heights(rays, pose, BOX, None) is rays
-    assert (
-        at_heights(rays_of(points, noise, np.append(sensor, 0.0)), pose, BOX, INSETS).stds[1]
-        < 0.011
-    )
+    without = at_heights(rays_of(points, noise, np.append(sensor, 0.0)), pose, BOX, INSETS)
+    assert without.stds[1] < 0.011
 
 
 def test_dropout_and_clutter_keep_the_heights_of_the_points():
