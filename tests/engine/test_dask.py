@@ -255,7 +255,7 @@ def test_a_scheduler_that_is_lost(project, tmp_path):
     killer.start()
     stage = Stage("wait", "lost_steps:wait", "map", {}, {"folder": str(tmp_path)})
     try:
-        with pytest.raises(ExecutorError, match=f"the Dask scheduler at {address} was lost"):
+        with pytest.raises(ExecutorError, match=f"the Dask scheduler at {address} is gone"):
             executor = DaskExecutor("dask", 1, None, address)
             execute(GraphBuilder().build([stage], 2, 1), ["wait"], project.store, executor=executor)
     finally:
