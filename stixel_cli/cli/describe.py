@@ -116,7 +116,7 @@ def _print_keys(group: str, option: str) -> None:
     if rows := [(key.name, key.values.get(option, ""), key.meaning) for key in keys]:
         print_table((f"key of {group}={option}", "value", "meaning"), rows)
     else:
-        say(f"{group}={option} has no keys of its own.")
+        say(f"{group}={option} has no keys.")
 
 
 def _print_key(name: str) -> None:

@@ -124,7 +124,7 @@ def parse(text: str, origin: Origin) -> Override:
     except (HydraException, ValueError, RecursionError):
         raise ConfigurationError(_unreadable(text)) from None
     if read.package is not None or override.key == "hydra" or read.is_hydra_override():
-        fault = "packages (@) and Hydra's own settings have no effect here"
+        fault = "packages (@) and Hydra's settings have no effect here"
         raise ConfigurationError(f"{override.shown}: {fault}: leave it out")
     return override
 

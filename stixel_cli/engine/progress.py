@@ -234,5 +234,5 @@ def crash_note(labels: Sequence[str], retry: bool) -> str:
     )
     if not retry:
         return f"a worker crashed while running {names}"
-    each = f"{names} on its own" if len(labels) == 1 else "each on its own"
-    return f"a worker crashed while running {names}; retrying {each}"
+    again = "it" if len(labels) == 1 else "them one at a time"
+    return f"a worker crashed while running {names}; retrying {again}"

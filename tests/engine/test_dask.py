@@ -232,7 +232,7 @@ def test_a_scheduler_that_is_lost(cluster, project, tmp_path):
     killer = threading.Thread(target=kill)
     killer.start()
     try:
-        with pytest.raises(ExecutorError, match=f"the Dask scheduler at {address} was lost"):
+        with pytest.raises(ExecutorError, match=f"the Dask scheduler at {address} is gone"):
             executed(project, address, graph_of(tmp_path), "slow", None)
     finally:
         killer.join()

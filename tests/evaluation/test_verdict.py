@@ -125,8 +125,10 @@ def test_limits_are_those_of_the_table():
 
 
 def test_runs_without_measurements_or_of_older_folders_have_a_verdict():
-    (sentence,) = verdict(GOOD | {"empty_scans": 50, "nees_position_mean": 50.0})
-    assert sentence.startswith("lost: ") and "never measured" in sentence
+    for lost, begin in ((0, "No verdict: "), (1, "lost: ")):
+        unmeasured = {"empty_scans": 50, "nees_position_mean": 50.0, "track_lost": lost}
+        (sentence,) = verdict(GOOD | unmeasured)
+        assert sentence.startswith(begin) and "empty" in sentence
     assert "older version" in verdict({"iou_mean": 0.5, "scans": 3})[0]
     unknown = ["No verdict: no truth.", "uncertainty: NIS 1.0."]
     assert verdict({"nis_mean": 1.0, "scans": 3}) == unknown
