@@ -120,9 +120,8 @@ def print_answers(result: "SweepResult") -> None:
 
     answers = result.table.answers()
     cells = overview(answers, intervals=1)
-    say_wrapped(answers[0].sentence)
-    for note in answers[0].notes:
-        say_wrapped(note)
+    for text in (answers[0].sentence, *answers[0].notes):
+        say_wrapped(text)
     rows = [
         [f"{text} *" if mark else text for text, mark in zip(*both, strict=True)]
         for both in zip(cells.rows[:_MOST_SHOWN], cells.best, strict=False)

@@ -46,6 +46,8 @@ def test_the_page_is_self_contained_begins_with_the_answer_and_has_its_provenanc
     ordered += ["<h2>Own &amp; only</h2>", ">a_b &lt;i&gt;</th>", "Where the results come from"]
     places = [html.index(text) for text in ordered]
     assert places == sorted(places)
+    # Only the first question's answers are open.
+    assert html.count("<details open>") == 1 < html.count("<summary><h2>")
     # The worst run of each tracker, and of each width.
     assert len(re.findall(r'<a href="sweeps/first/runs/\d+[^"]*">0', html)) == 2
     assert len(re.findall(r'<a href="sweeps/second/runs/\d+[^"]*">0', html)) == 2

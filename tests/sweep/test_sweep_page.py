@@ -86,7 +86,7 @@ def test_without_a_common_unit_there_is_no_figure(folder, tmp_path):
     assert report([folder], tmp_path / "page.html") == 0
     html = (tmp_path / "page.html").read_text(encoding="utf-8")
     assert "no scenario has every unit" in html and "mean over 0 of 4 seeds, which" in html
-    assert "Values and differences:" in html and 'aria-label="Values and diff' not in html
+    assert "<h2>Values and differences</h2>" in html and 'aria-label="Values and diff' not in html
 
 
 def test_runs_of_other_times_are_compared_over_their_share(folder):
@@ -132,7 +132,7 @@ def test_failed_runs_of_a_stored_sweep_count_as_lost(folder, capsys):
     answer = runs.ask(metric="iou_mean")
     assert answer.table.loc["0.4", "lost_share"] == 0.5
     assert report([folder], form="md", metrics="iou_mean") == 0
-    assert "sigma_q=0.4: 2 of 4 runs failed, counted as lost" in capsys.readouterr().out
+    assert "Failed: sigma_q=0.4 2 of 4 runs; counted as lost" in capsys.readouterr().out
 
 
 def test_the_runs_can_be_sorted_filtered_grouped_and_plotted(made, open_page):

@@ -146,7 +146,7 @@ def test_an_unknown_class_has_the_prior_s_shape_and_its_own_points():
 
 def test_what_stands_elsewhere_is_remembered_where_it_was_measured():
     """High points move with the place of the target: as moved, they were new ones each time."""
-    process, side = side_of(configured().prior, "lidar")
+    _, side = side_of(configured().prior, "lidar")
     hedge = np.stack([np.linspace(-1.0, 1.0, 21), np.full(21, 10.0)], axis=-1)
     scan = scan_of(hedge)._replace(heights=np.full(21, 1.2))
     for place in (30.0, 12.0):
