@@ -210,8 +210,7 @@ def test_a_folder_is_loaded_as_the_run_that_wrote_it(tmp_path, settings):
         for column, values in table.items():
             assert np.array_equal(values, stored.arrays[name][column], equal_nan=True), column
     assert stored.configuration == fresh.configuration
-    assert np.array_equal(stored.scenario.boxes_world, fresh.scenario.boxes_world)
-    assert np.array_equal(stored.scenario.contours_target, fresh.scenario.contours_target)
+    assert np.array_equal(stored.scenario.contours_world, fresh.scenario.contours_world)
     assert np.array_equal(stored.plot().axes[1].get_xlim(), fresh.plot().axes[1].get_xlim())
     assert "data:image/png;base64," in stored._repr_html_()
     (tmp_path / "mine" / "track.npz").unlink()

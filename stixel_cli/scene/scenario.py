@@ -78,6 +78,11 @@ class Scenario:
         return world_from_target(self.contour_target(k), self.target_poses_world[k])
 
     @property
+    def contours_world(self) -> np.ndarray:
+        """The true contours (K, M, 2) m at all k, in the world frame."""
+        return np.stack([self.contour_world(k) for k in range(len(self.times))])
+
+    @property
     def box_target(self) -> np.ndarray:
         """The true box, the same at all k: least and greatest x and y, (2, 2) m, in its frame.
 
@@ -94,6 +99,12 @@ class Scenario:
         (left, bottom), (right, top) = self.box_target
         box = np.array([[left, bottom], [right, bottom], [right, top], [left, top]])
         return np.stack([world_from_target(box, pose) for pose in self.target_poses_world])
+
+    @property
+    def radius_target(self) -> float:
+        """Greatest distance of the contours from the target's centre, m; NaN without any truth."""
+        radii = np.linalg.norm(self.contours_target, axis=2)
+        return float(radii.max()) if radii.size else np.nan
 
 
 def is_star_convex(contour: np.ndarray) -> bool:

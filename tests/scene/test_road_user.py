@@ -201,7 +201,7 @@ def test_limbs_move_and_the_box_stays(kind):
     # Each time has the contour of its pose, moved to its place.
     for k in (0, 7):
         np.testing.assert_allclose(
-            target_from_world(scenario.contour_world(k), scenario.target_poses_world[k]),
+            target_from_world(scenario.contours_world[k], scenario.target_poses_world[k]),
             scenario.contours_target[scenario.limb_poses[k]],
             atol=1e-9,
         )
