@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 
 from stixel_cli.config.compose import compose
-from stixel_cli.evaluation.contour_errors import intersections_over_unions
+from stixel_cli.evaluation.contour_errors import areas, overlaps
 from stixel_cli.geometry.pose import rectangle, world_from_target
 from stixel_cli.measurements.file import read_scans
 from stixel_cli.measurements.file_truth import read_truth
@@ -80,7 +80,7 @@ def ious(folder: Path, settings: Any, first_scan: bool, order: int) -> tuple[np.
         world_from_target(rectangle(*state[6:8]), state[:3]) for state in [*states, *track.means]
     ]
     true = [world_from_target(truth.contours_target[0], pose) for pose in truth.target_poses_world]
-    return intersections_over_unions(np.array(estimated), np.array(true)), elapsed
+    return overlaps(areas(np.array(estimated)), areas(np.array(true))), elapsed
 
 
 def authors_start(scans: Scans, prior: PriorShape, kind: str) -> tuple[InitialState, PriorShape]:

@@ -64,7 +64,7 @@ ALLOWED = {
     ("export/mlflow_folder.py", "copyfile"): "names of mlflow, in the partial folder",
     ("export/export.py", "save"): "rerun writes, in the partial folder",
     ("rendering/filament.py", "open"): "a temporary folder",
-    ("rendering/filament.py", "write_bytes"): "a temporary folder",
+    ("rendering/filament.py", "savez"): "a temporary folder",
     ("rendering/filament_process.py", "savez"): "a temporary folder",
     ("rendering/filament_process.py", "touch"): "a temporary folder",
     ("tracking/several/track_each.py", "resolve_name"): "the tracker of a planned stage",

@@ -75,8 +75,10 @@ def compose_options(chosen: tuple[tuple[str, str], ...], state: str) -> Choice:
     if choice.options[folders.EXPERIMENT] == folders.default_option(folders.EXPERIMENT):
         return choice
     # Inner groups that the chosen options lack are left out.
-    inner = (choice.plain.get(INNER) or {}).items()
-    missing = [(g, o) for g, o in inner if g in choice.options and g not in dict(chosen)]
+    inner = choice.plain.get(INNER) or {}
+    if not isinstance(inner, Mapping):
+        raise ConfigurationError(f"{folders.EXPERIMENT}: {INNER}: must be GROUP: OPTION pairs")
+    missing = [(g, o) for g, o in inner.items() if g in choice.options and g not in dict(chosen)]
     if missing:
         return compose_options((*chosen, *missing), state)
     plain = {name: value for name, value in choice.plain.items() if name not in (INNER, SOURCES)}

@@ -1,13 +1,11 @@
 """Open3D's rasteriser, run in a child process with a timeout and a restart after a failure."""
 
 import os
-import pickle
 import subprocess
 import sys
 import tempfile
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -56,36 +54,51 @@ def describe_scene(
     targets: Sequence[Mesh],
     rig: Rig,
     frames: range,
-) -> dict[str, Any]:
-    """What the child reads.
+) -> dict[str, np.ndarray]:
+    """The arrays that the child reads.
 
     `objects` are (id, Mesh) of the world, `targets` the meshes of the target in its own frame, one
-    for each pose of the limbs. `parts` have their id and their pose of the limbs, -1 for those that
-    do not move.
+    for each pose of the limbs.
     """
-    shown = slice(frames.start, frames.stop)
-    limb_poses = scenario.limb_poses[shown]
-    moving = [(TARGET_ID, targets[pose], pose) for pose in np.unique(limb_poses)]
-    meshes = [*((*one, -1) for one in objects), *moving]
-    cameras = [rig_cameras(rig, pose) for pose in scenario.ego_poses_world[shown]]
-    poses = scenario.target_poses_world[shown]
+    arrays: dict[str, np.ndarray] = {}
+    numbers: dict[int, int] = {}  # of textures, by identity
+    texture_of, ids, limb_poses = [], [], []
+    used = np.unique(scenario.limb_poses[frames.start : frames.stop])
+    moving = [(TARGET_ID, targets[pose], pose) for pose in used]
+    for identity, mesh, limb_pose in [*((*one, -1) for one in objects), *moving]:
+        for part in mesh:
+            number = numbers.setdefault(id(part.texture), len(numbers))
+            arrays[f"texture_{number}"] = part.texture
+            arrays[f"corners_{len(ids)}"] = part.vertices[part.triangles]
+            arrays[f"uvs_{len(ids)}"] = part.uvs
+            texture_of.append(number)
+            ids.append(identity)
+            limb_poses.append(limb_pose)
+    poses = [rig_cameras(rig, scenario.ego_poses_world[k]) for k in frames]
     focals = rig.focal, rig.focal_v
-    return {
-        "size": (rig.width, rig.height),
+    return arrays | {
+        "size": np.array([rig.width, rig.height]),
         "intrinsics": np.array([[*focals, u, rig.v0] for u in (rig.u0, rig.u0_right)]),
-        "parts": [(part, number, pose) for number, mesh, pose in meshes for part in mesh],
-        "limb_poses": limb_poses,
+        "parts": np.array(len(ids)),
+        "texture_of": np.array(texture_of),
+        "ids": np.array(ids),
+        "limb_pose_of": np.array(limb_poses),
+        "limb_poses": scenario.limb_poses[frames.start : frames.stop],
         "sun": placement.SUN,
         "sun_colour": placement.SUN_COLOUR,
         "light": placement.EXPOSURE * np.array([placement.SUNLIGHT, placement.AMBIENT]),
-        "frames": frames,
-        "cameras": [[np.column_stack([c.rotation, c.origin]) for c in pair] for pair in cameras],
-        "target_poses": [placement.world_from_target_3d(pose) for pose in poses],
+        "frames": np.array(frames),
+        "cameras": np.array(
+            [[np.column_stack([c.rotation, c.origin]) for c in pair] for pair in poses]
+        ),
+        "target_poses": np.array(
+            [placement.world_from_target_3d(scenario.target_poses_world[k]) for k in frames]
+        ),
     }
 
 
 def rendered(
-    scene: dict[str, Any], renderer: FilamentParameters, command: Sequence[str]
+    scene: dict[str, np.ndarray], renderer: FilamentParameters, command: Sequence[str]
 ) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]:
     """Yield (left, right, depth, ids) of each frame of `scene`, restarting the child as needed.
 
@@ -93,7 +106,7 @@ def rendered(
     """
     with tempfile.TemporaryDirectory(prefix="stixel-filament-") as name:
         folder, timeouts = Path(name), (renderer.start_timeout, renderer.frame_timeout)
-        (folder / "scene").write_bytes(pickle.dumps(scene))
+        np.savez(folder / "scene.npz", **scene)
         for _ in range(renderer.attempts):
             problem = _run("filament", (*command, name), folder, *timeouts)
             if problem is None:
@@ -126,9 +139,10 @@ def _run(
     It hangs if it writes nothing within the first or, after that, the second timeout, s.
     """
     with (folder / "log").open("wb") as log:
-        streams = {"stdin": subprocess.DEVNULL, "stdout": log, "stderr": log}
         environment = {**os.environ, "EGL_PLATFORM": "surfaceless"}
-        child = subprocess.Popen(command, **streams, env=environment)
+        child = subprocess.Popen(
+            command, stdin=subprocess.DEVNULL, stdout=log, stderr=log, env=environment
+        )
     task, timeout, written = "start", start_timeout, len([*folder.iterdir()])
     try:
         while child.returncode is None:

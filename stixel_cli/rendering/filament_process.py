@@ -1,6 +1,6 @@
 """The child process that renders with Filament, run as a module with the folder DIR.
 
-DIR has `scene`, written by `filament.py`; for each frame the child leaves `frame_<k>.npz`
+DIR has `scene.npz`, written by `filament.py`; for each frame the child leaves `frame_<k>.npz`
 there, and `ready` as soon as it has rendered anything. With `--probe` it renders one small picture
 of nothing and ends. It protects its parent: without a driver, Filament aborts in C++ or
 hangs. A known reason goes to stderr in one line that starts with `REASON`.
@@ -12,9 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from stixel_cli.border import unpickled_bytes
 from stixel_cli.rendering.frames import encoded
-from stixel_cli.scene.mesh import Part
 from stixel_cli.scene.open3d_import import import_open3d
 
 REASON = "stixel: "
@@ -49,7 +47,7 @@ class Stage:
         self.scene = scene
         self.open3d = import_open3d()
         self.rendering = self.open3d.visualization.rendering
-        self.width, self.height = scene["size"]
+        self.width, self.height = (int(n) for n in scene["size"])
         self.renderer = self.rendering.OffscreenRenderer(FINER * self.width, FINER * self.height)
         view = self.renderer.scene.view
         # All that follows the picture is random in time, or smears identities.
@@ -61,40 +59,45 @@ class Stage:
         # Of each part, and the pose of the limbs that it belongs to; -1 for those that do not move.
         self.names: list[tuple[str, str, int]] = []
         self.limb_pose = -1
-        for part in scene["parts"]:
-            self._add(*part)
+        for n in range(int(scene["parts"])):
+            self._add(n)
         self._lights(1.0)
 
-    def _add(self, part: Part, identity: int, limb_pose: int) -> None:
-        """Add a part; corners are not shared, so that every triangle is flat."""
-        library, n = self.open3d, len(self.names)
-        corners = part.vertices[part.triangles].reshape(-1, 3)
+    def _add(self, n: int) -> None:
+        """Add part `n`; corners are not shared, so that every triangle is flat."""
+        library, scene = self.open3d, self.scene
+        corners = scene[f"corners_{n}"].reshape(-1, 3)
         mesh = library.geometry.TriangleMesh(
             library.utility.Vector3dVector(corners),
             library.utility.Vector3iVector(np.arange(len(corners), dtype=np.int32).reshape(-1, 3)),
         )
         # Open3D's v goes upwards, from the image's last row.
-        uvs = part.uvs.reshape(-1, 2) * [1.0, -1.0]
+        uvs = scene[f"uvs_{n}"].reshape(-1, 2) * [1.0, -1.0]
         mesh.triangle_uvs = library.utility.Vector2dVector(uvs)
         mesh.compute_triangle_normals()
-        normals = np.repeat(np.asarray(mesh.triangle_normals), 3, axis=0)
-        mesh.vertex_normals = library.utility.Vector3dVector(normals)
+        mesh.vertex_normals = library.utility.Vector3dVector(
+            np.repeat(np.asarray(mesh.triangle_normals), 3, axis=0)
+        )
         looks = self.rendering.MaterialRecord()
         looks.shader = "defaultLit"
         looks.base_roughness, looks.base_reflectance, looks.base_metallic = 1.0, 0.0, 0.0
-        looks.albedo_img = library.geometry.Image(np.ascontiguousarray(part.texture))
+        texture = np.ascontiguousarray(scene[f"texture_{int(scene['texture_of'][n])}"])
+        looks.albedo_img = library.geometry.Image(texture)
         flat = self.rendering.MaterialRecord()
         flat.shader = "unlitSolidColor"
-        flat.base_color = identity_colour(identity)
+        flat.base_color = identity_colour(int(scene["ids"][n]))
         self.renderer.scene.add_geometry(f"looks {n}", mesh, looks)
         self.renderer.scene.add_geometry(f"flat {n}", mesh, flat)
-        self.names.append((f"looks {n}", f"flat {n}", limb_pose))
+        self.names.append((f"looks {n}", f"flat {n}", int(scene["limb_pose_of"][n])))
 
     def _lights(self, gain: float) -> None:
         scene = self.renderer.scene.scene
         light = self.scene["light"] * gain
-        sun = -self.scene["sun"], self.scene["sun_colour"]
-        scene.set_sun_light(*np.array(sun, np.float32), float(SUN_UNIT * light[0]))
+        scene.set_sun_light(
+            (-self.scene["sun"]).astype(np.float32),
+            self.scene["sun_colour"].astype(np.float32),
+            float(SUN_UNIT * light[0]),
+        )
         scene.enable_sun_light(True)
         scene.enable_indirect_light(True)
         scene.set_indirect_light_intensity(float(AMBIENT_UNIT * light[1]))
@@ -156,7 +159,11 @@ class Stage:
         lens = self.renderer.scene.camera
         lens.set_projection(matrix, NEAR, FAR, width, height)
         eye = camera[:3, 3]
-        lens.look_at(*np.array([eye + camera[:3, 2], eye, -camera[:3, 1]], np.float32))
+        lens.look_at(
+            (eye + camera[:3, 2]).astype(np.float32),
+            eye.astype(np.float32),
+            (-camera[:3, 1]).astype(np.float32),
+        )
 
 
 def identity_colour(identity: int) -> list[float]:
@@ -192,9 +199,11 @@ def main(arguments: list[str]) -> int:
         open3d.visualization.rendering.OffscreenRenderer(64, 64).render_to_image()
         return 0
     folder = Path(arguments[0])
-    stage = Stage(unpickled_bytes((folder / "scene").read_bytes()))
+    with np.load(folder / "scene.npz", allow_pickle=False) as file:
+        scene = dict(file)
+    stage = Stage(scene)
     (folder / "ready").touch()
-    for index, k in enumerate(stage.scene["frames"]):
+    for index, k in enumerate(scene["frames"]):
         result = folder / f"frame_{k}.npz"
         if result.exists():
             continue

@@ -236,7 +236,7 @@ def test_a_folder_that_was_made_here_needs_no_trust_while_its_code_is_the_same(
         assert "--trust-code" in told(*line, code=2) and stored.imports() == imports
     # Elsewhere it is anybody's folder.
     there = folder.rename(folder.with_name("moved"))
-    assert "--trust-code" in told(*[word.replace(folder, there) for word in line], code=2)
+    assert "--trust-code" in told(*[word.replace(str(folder), str(there)) for word in line], code=2)
 
 
 def test_functions_of_installed_packages_are_options(own, monkeypatch, capsys):

@@ -172,7 +172,7 @@ def test_a_fabricated_run_imports_neither_open3d_nor_opencv_nor_numba(results, t
         "heavy = {'open3d', 'cv2', 'numba', 'dash'} & sys.modules.keys()\n"
         "sys.exit(f'imported {heavy}' if heavy else code)"
     )
-    command = short_python(str(tmp_path / "script.py"), "sketched")
+    command = short_python(str(tmp_path / "script.py"), "sketched", "workers")
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
 

@@ -15,26 +15,32 @@ from stixel_cli.rendering.filament import (
     probe_filament,
     rendered,
 )
-from stixel_cli.rendering.filament_process import ID_STEPS, identities, identity_colour, main
+from stixel_cli.rendering.filament_process import (
+    ID_STEPS,
+    identities,
+    identity_colour,
+    main,
+)
 from stixel_cli.rendering.frames import SKY_ID, TARGET_ID, encoded
 from stixel_cli.rendering.parameters import FilamentParameters
 from stixel_cli.rendering.raycast import StaticScene, Target, render_frame
 from stixel_cli.rendering.surfaces import linear_from_srgb
 
-PATIENT = {"start_timeout": 600, "frame_timeout": 600, "attempts": 3}
-FILAMENT = with_constants(FilamentParameters("filament"), **PATIENT)
+FILAMENT = with_constants(
+    FilamentParameters("filament"), start_timeout=600, frame_timeout=600, attempts=3
+)
 HASTY = with_constants(FILAMENT, start_timeout=0.1, frame_timeout=0.1, attempts=2)
 HANGS = (sys.executable, "-c", "import signal; signal.pause()")
 DIES = (sys.executable, "-c", "import os, sys; print('no driver', file=sys.stderr); os.abort()")
 SAYS_WHY = (sys.executable, "-c", "import sys; sys.exit('stixel: no EGL: not here')")
 
 STAND_IN = """
-import pickle
 import sys
 from pathlib import Path
 import numpy as np
 folder = Path(sys.argv[-1])
-frames = pickle.loads((folder / "scene").read_bytes())["frames"]
+with np.load(folder / "scene.npz") as scene:
+    frames = scene["frames"]
 (folder / "ready").touch()
 for k in frames:
     result = folder / f"frame_{k}.npz"
@@ -61,8 +67,10 @@ def runs():
             patch.setattr(placement, "numbered_objects", lambda *_: objects())
             patch.setattr(filament, "road_user_meshes", lambda _: [target_mesh()])
             given = {"scenario": scenario(), "road_user": None, "world": None, "rig": RIG}
-            given["renderer"] = FILAMENT
-            return [filament.render(**given, frames=range(first, 2)) for first in (0, 1)]
+            return [
+                filament.render(**given, renderer=FILAMENT, frames=frames)
+                for frames in (range(2), range(1, 2))
+            ]
     except RendererUnavailable:
         problem = probe_filament(60.0)
         if problem is None:
@@ -107,8 +115,10 @@ def test_a_child_that_hangs_crashes_or_lacks_something_gives_one_line():
     with pytest.raises(RendererUnavailable) as caught:
         next(rendered(describe(range(1)), patient, DIES))
     assert isinstance(caught.value, UserError)
-    died = "filament's process died with signal 6: no driver (2 attempts); "
-    assert str(caught.value) == f"{died}renderer=raycast needs no driver"
+    assert str(caught.value) == (
+        "filament's process died with signal 6: no driver (2 attempts); "
+        "renderer=raycast needs no driver"
+    )
     assert probe_filament(60.0, DIES).endswith("signal 6: no driver")
     assert probe_filament(60.0, SAYS_WHY) == "filament cannot start: no EGL: not here"
 
@@ -143,7 +153,9 @@ def test_ids_survive_the_encoding_as_colours():
 @pytest.mark.parametrize(
     ("version", "needs"), [("0.19.0", "EGL: libEGL.so.1"), ("0.20.0", "Vulkan (0.19, ")]
 )
-def test_child_without_a_driver_names_the_version_needing_it(version, needs, monkeypatch, capsys):
+def test_child_without_a_driver_names_the_version_that_needs_it(
+    version, needs, monkeypatch, capsys
+):
     def missing(name):
         raise OSError(f"{name}: cannot open shared object file")
 

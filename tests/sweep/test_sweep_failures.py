@@ -164,14 +164,14 @@ def test_runs_and_nodes_are_counted(capsys, monkeypatch):
     sweep.begin([*tracks, *scores[:2]], cached=7)
     # The scores of the last one are there: it waits for nothing.
     assert [*sweep.runs.values()] == [*before, waiting[2]]
-    assert sweep.text == "about 10 s left; 0/5 nodes; 3/5 runs; 7 nodes cached"
+    assert sweep.text == "0/5 nodes; 3/5 runs; 7 nodes cached"
     sweep.started(tracks[0])
     sweep.finished(tracks[0], 2.0)
     sweep.started(scores[0])
     sweep.finished(scores[0], 1.0)
     assert [*sweep.runs.values()] == [*before, waiting[2], waiting[0]]
     sweep.failed(tracks[1], StageFailure("track", "track", ValueError("a\nb"), ""), [scores[1]])
-    assert sweep.text == "about 1 s left; 2/3 nodes, 1 failed; 4/5 runs, 1 failed; 7 nodes cached"
+    assert sweep.text == "about 2 s left; 2/3 nodes, 1 failed; 4/5 runs, 1 failed; 7 nodes cached"
     assert capsys.readouterr().err == "stixel: failed: run 3 (seed=4): track: ValueError: a b\n"
     sweep.close()
 
