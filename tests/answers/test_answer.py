@@ -139,8 +139,7 @@ def test_a_failed_run_stays_and_counts_as_lost():
     assert answer.notes == [
         "Left out: seed=1 and seed=4, where mine lacks values.",
         "Not compared: broken, without a value.",
-        f"mine: 2 of 6 runs failed, {lost}",
-        f"broken: 6 of 6 runs failed, {lost}",
+        f"Failed: mine 2 of 6 runs and broken 6 of 6 runs; {lost}",
     ]
     assert answer.worst.loc["mine", "status"] == "failed" and answer.order[-1] == "broken"
     rate = of_values(values).ask(metric="track_lost").table["mean"]
