@@ -135,7 +135,7 @@ def _axes(runs: Runs, answer: Answer) -> list[tuple[str, str, dict[str, Any]]]:
     question, found = answer.question, []
     parts = {"over": question.over, "metric": question.metric, "better": question.better}
     for name in runs.axes:
-        if name not in question.over and runs.frame[name].nunique() > 2:
+        if name not in (*question.over, runs.frame.index.name) and runs.frame[name].nunique() > 2:
             one = runs.ask(compare=name, **parts)
             if (drawn := figures.over_axis(one)) is not None:
                 found.append((name, one.sentence, drawing_for_page(drawn, f"a{len(found)}")))

@@ -107,3 +107,11 @@ def test_a_figure_has_a_line_for_each_unit_and_none_for_each_option():
         assert [len(one.collections[0].get_paths()) for one in axes] == [options, options - 1]
         counts.add(tuple(len(one.lines) for one in axes))
     assert counts == {(4 + 1, 2)}
+
+
+@pytest.mark.sketched
+def test_the_names_of_runs_are_no_axis():
+    frame = made({"run": ("1", "2", "3", "4")}).frame
+    assert "Over each axis" in page_of(Runs(frame, ("run",)))
+    runs = Runs(frame.set_index("run", drop=False), ("run",), {"compare": "run"})
+    assert "Over each axis" not in page_of(runs)
