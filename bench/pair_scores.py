@@ -84,12 +84,14 @@ def main() -> None:
         print("|", " | ".join([name, *cells]), "|")
     for key, of in WEIGHTS.items():
         counts = [values[of] for values in scores.values()]
-        shares = [100.0 * values[key] for values in scores.values()]
+        shares = [values[key] for values in scores.values()]
         pooled = sum(n * share for n, share in zip(counts, shares, strict=True)) / sum(counts)
-        (ends,) = mean_interval(pd.DataFrame({key: shares})).itertuples(index=False)
+        (ends,) = mean_interval(pd.DataFrame({key: shares}), (0.0, 1.0)).itertuples(index=False)
+        mean, low, high = (f"{100 * one:.1f}" for one in (np.mean(shares), ends.low, ends.high))
+        (name,) = (name for name, (column, _, _) in COLUMNS.items() if column == key)
         print(
-            f"{key}, %: all together {pooled:.1f} of {sum(counts)}; mean of {len(shares)} pairs "
-            f"{np.mean(shares):.1f}, 95 % interval {ends.low:.1f} to {ends.high:.1f}"
+            f"{name}: {100 * pooled:.1f} of {sum(counts)} in all; mean of {len(shares)} pairs "
+            f"{mean}, 95 % interval {low} to {high}"
         )
 
 

@@ -270,6 +270,21 @@ def test_pages_have_the_answers_and_the_tables(tmp_path):
     assert "0.99" not in text and "Words" not in text
 
 
+def test_a_block_of_real_data_has_what_its_command_prints(tmp_path, monkeypatch):
+    script = load_script("real_data")
+    (tmp_path / "prints.py").write_text(
+        "import sys\nprint('| a |\\n|---|\\nin all', sys.argv[1])\n"
+    )
+    monkeypatch.setenv("STIXEL_DATA", "here")
+    block = f"<!-- from {tmp_path / 'prints.py'} $STIXEL_DATA -->\n{{}}\n<!-- end -->"
+    page = f"Before.\n\n{block}\n\nAfter.\n"
+    new = page.format("\n| a |\n|---|\n\n- in all here\n")
+    assert script.BLOCK.sub(script.written, page.format("old")) == new
+    page = (DOCS / "real-data.md").read_text(encoding="utf-8")
+    assert all((ROOT / block[2].split()[0]).is_file() for block in script.BLOCK.finditer(page))
+    assert len(script.BLOCK.findall(page)) == page.count("<!-- end -->") == 4
+
+
 def test_every_page_has_an_entry():
     settings = load_script("site/conf")
     entries = [page for pages in settings.NAVIGATION.values() for page in pages]
