@@ -37,7 +37,6 @@ setup: .venv/kernels .venv/schemas
 
 # Numba's kernels, compiled where they have changed. Without this, the first run compiles them.
 .venv/kernels: .venv/installed $(shell grep -rl --include='*.py' 'import njit' stixel_cli)
-	@echo "make: compiling the kernels; this takes about a minute"
 	$(BIN)/python -m stixel_cli.machine.kernels
 	@touch $@
 
